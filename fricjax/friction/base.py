@@ -1,0 +1,111 @@
+"""What a friction law is: a force that resists sliding, possibly with a memory of its own.
+
+With the oscillator written as ``m a + c v + drag v|v| + R(x) + F = 0``, a law says what ``F`` is. Three kinds exist, and
+an engine asks only which one it has before it:
+
+* *set-valued* laws (Coulomb, Stribeck) jump at ``v = 0`` and hold the mass at rest while the spring pulls with less than
+  the static friction force;
+* *regularised* laws (Tanh) replace the jump by a steep slope, and therefore creep where the mass would rest;
+* *bristle* laws (LuGre) carry internal states, the deflection of the contact, and stick by means of these.
+"""
+
+import abc
+from collections.abc import Mapping
+from typing import ClassVar, Self
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from equinox import AbstractClassVar, AbstractVar
+from jaxtyping import Array, Float
+
+Scalar = Float[Array | np.ndarray, ""]
+State = Float[Array | np.ndarray, " states"]
+
+
+def scalar(value: object) -> Scalar:
+    """A coefficient as a leaf: numbers become float64 zero-dimensional arrays, arrays and tracers pass unchanged."""
+    if isinstance(value, int | float | np.ndarray | np.generic):
+        return np.asarray(value, dtype=np.float64)
+    return value  # type: ignore[return-value]
+
+
+class AbstractFriction(eqx.Module):
+    """A friction law; `load` is the normal force [N] everywhere, `v` the sliding velocity [m/s]."""
+
+    units: AbstractClassVar[Mapping[str, str]]
+    set_valued: AbstractVar[bool]
+    n_states: AbstractVar[int]
+
+    @abc.abstractmethod
+    def force(self, v: Scalar, state: State, load: Scalar) -> Scalar:
+        """Friction force [N], positive where it opposes a positive velocity."""
+
+    @abc.abstractmethod
+    def rate(self, v: Scalar, state: State, load: Scalar) -> State:
+        """Time derivative of the internal states; empty for a law without memory."""
+
+    @abc.abstractmethod
+    def steady_state(self, v: Scalar, direction: Scalar, load: Scalar) -> State:
+        """Internal states after long sliding at velocity `v` in the given direction (+1 or -1)."""
+
+    @abc.abstractmethod
+    def state_scale(self, load: Scalar) -> State:
+        """Typical size of each internal state, by which an integrator scales it."""
+
+    @abc.abstractmethod
+    def sliding_force(self, speed: Scalar, load: Scalar) -> Scalar:
+        """Force of steady sliding at `speed` >= 0 [N]; at zero the limit from above."""
+
+    @abc.abstractmethod
+    def static_force(self, load: Scalar) -> Scalar:
+        """Largest force that holds the mass at rest [N]."""
+
+    @abc.abstractmethod
+    def dynamic_force(self, load: Scalar) -> Scalar:
+        """Dynamic (kinetic) friction force mu N [N], which sets the dead band."""
+
+    @abc.abstractmethod
+    def sharp(self) -> "AbstractFriction":
+        """The set-valued law that a regularised one tends to; every other law returns itself."""
+
+    def __add__(self, other: "AbstractFriction") -> "AbstractFriction":
+        from .sum import Sum
+
+        return Sum(*(law.laws if isinstance(law, Sum) else (law,) for law in (self, other)))
+
+
+class AbstractMemoryless(AbstractFriction):
+    """A law without internal states: the force is a function of velocity and load alone."""
+
+    n_states: ClassVar[int] = 0
+
+    def rate(self, v: Scalar, state: State, load: Scalar) -> State:
+        return jnp.zeros(0)
+
+    def steady_state(self, v: Scalar, direction: Scalar, load: Scalar) -> State:
+        return jnp.zeros(0)
+
+    def state_scale(self, load: Scalar) -> State:
+        return jnp.zeros(0)
+
+
+class AbstractSetValued(AbstractMemoryless):
+    """A memoryless law with a jump at rest; its zero-velocity limit is at most its static force."""
+
+    set_valued: ClassVar[bool] = True
+
+    def force(self, v: Scalar, state: State, load: Scalar) -> Scalar:
+        return jnp.sign(v) * self.sliding_force(jnp.abs(v), load)
+
+    def sharp(self) -> Self:
+        return self
+
+
+class AbstractSmooth(AbstractMemoryless):
+    """A memoryless law without a jump: it holds nothing at rest."""
+
+    set_valued: ClassVar[bool] = False
+
+    def static_force(self, load: Scalar) -> Scalar:
+        return jnp.zeros_like(load)

@@ -1,0 +1,46 @@
+"""Stribeck friction: the force falls from its static to its dynamic value as sliding begins (Bo and Pavelescu, 1982)."""
+
+from collections.abc import Mapping
+from typing import ClassVar
+
+import equinox as eqx
+import jax.numpy as jnp
+
+from .base import AbstractSetValued, Scalar, scalar
+
+
+def stribeck_decay(speed: Scalar, v_stribeck: Scalar, exponent: Scalar) -> Scalar:
+    """``exp(-(speed/v_stribeck)^exponent)``, with finite derivatives at zero speed."""
+    ratio = speed / v_stribeck
+    positive = ratio > 0
+    power = jnp.exp(exponent * jnp.log(jnp.where(positive, ratio, 1.0)))
+    return jnp.exp(-jnp.where(positive, power, 0.0))
+
+
+class Stribeck(AbstractSetValued):
+    """``F = N [mu + (mu_s - mu) exp(-|v/v_stribeck|^exponent)] sgn(v)``, set-valued at rest up to ``mu_s N``.
+
+    Attributes:
+        mu: dynamic coefficient of friction [1], reached at speeds well above `v_stribeck`.
+        mu_s: static coefficient of friction [1]; None ties it to `mu`, which leaves Coulomb's law.
+        v_stribeck: Stribeck velocity [m/s].
+        exponent: shape of the fall [1]: 2 Gaussian, 1 exponential (Tustin).
+    """
+
+    units: ClassVar[Mapping[str, str]] = {"mu": "", "mu_s": "", "v_stribeck": "m/s", "exponent": ""}
+
+    mu: Scalar = eqx.field(converter=scalar)
+    mu_s: Scalar | None = eqx.field(converter=scalar, default=None)
+    v_stribeck: Scalar = eqx.field(converter=scalar, default=1e-3)
+    exponent: Scalar = eqx.field(converter=scalar, default=2.0)
+
+    def sliding_force(self, speed: Scalar, load: Scalar) -> Scalar:
+        static = self.mu if self.mu_s is None else self.mu_s
+        decay = stribeck_decay(speed, self.v_stribeck, self.exponent)
+        return load * (self.mu + (static - self.mu) * decay)
+
+    def static_force(self, load: Scalar) -> Scalar:
+        return (self.mu if self.mu_s is None else self.mu_s) * load
+
+    def dynamic_force(self, load: Scalar) -> Scalar:
+        return self.mu * load

@@ -1,0 +1,65 @@
+"""Several friction forces that act at once, built by ``+``."""
+
+from collections.abc import Mapping
+from itertools import accumulate
+from typing import ClassVar
+
+import jax.numpy as jnp
+
+from .base import AbstractFriction, Scalar, State
+
+
+class Sum(AbstractFriction):
+    """The sum of laws; it jumps where one of them jumps, and strings their internal states together.
+
+    Attributes:
+        laws: the summands; a fit names their coefficients ``friction.0.mu``, ``friction.1.windage`` and so on.
+    """
+
+    units: ClassVar[Mapping[str, str]] = {}
+
+    laws: tuple[AbstractFriction, ...]
+
+    def __init__(self, *groups: tuple[AbstractFriction, ...]) -> None:
+        self.laws = tuple(law for group in groups for law in group)
+        if self.set_valued and self.n_states:
+            names = " + ".join(type(law).__name__ for law in self.laws)
+            raise ValueError(f"{names} adds a set-valued law to one with internal states; no engine integrates both.")
+
+    @property
+    def set_valued(self) -> bool:  # pyright: ignore[reportIncompatibleVariableOverride]
+        return any(law.set_valued for law in self.laws)
+
+    @property
+    def n_states(self) -> int:  # pyright: ignore[reportIncompatibleVariableOverride]
+        return sum(law.n_states for law in self.laws)
+
+    def _split(self, state: State) -> list[State]:
+        ends = list(accumulate(law.n_states for law in self.laws))
+        return [state[end - law.n_states : end] for law, end in zip(self.laws, ends, strict=True)]
+
+    def force(self, v: Scalar, state: State, load: Scalar) -> Scalar:
+        parts = zip(self.laws, self._split(state), strict=True)
+        return sum((law.force(v, part, load) for law, part in parts), start=jnp.zeros_like(v))
+
+    def rate(self, v: Scalar, state: State, load: Scalar) -> State:
+        parts = zip(self.laws, self._split(state), strict=True)
+        return jnp.concatenate([law.rate(v, part, load) for law, part in parts])
+
+    def steady_state(self, v: Scalar, direction: Scalar, load: Scalar) -> State:
+        return jnp.concatenate([law.steady_state(v, direction, load) for law in self.laws])
+
+    def state_scale(self, load: Scalar) -> State:
+        return jnp.concatenate([law.state_scale(load) for law in self.laws])
+
+    def sliding_force(self, speed: Scalar, load: Scalar) -> Scalar:
+        return sum((law.sliding_force(speed, load) for law in self.laws), start=jnp.zeros_like(speed))
+
+    def static_force(self, load: Scalar) -> Scalar:
+        return sum((law.static_force(load) for law in self.laws), start=jnp.zeros_like(load))
+
+    def dynamic_force(self, load: Scalar) -> Scalar:
+        return sum((law.dynamic_force(load) for law in self.laws), start=jnp.zeros_like(load))
+
+    def sharp(self) -> "Sum":
+        return Sum(tuple(law.sharp() for law in self.laws))

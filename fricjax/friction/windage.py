@@ -1,0 +1,35 @@
+"""Windage: the drag of the surrounding air, quadratic in the velocity."""
+
+from collections.abc import Mapping
+from typing import ClassVar, Self
+
+import equinox as eqx
+import jax.numpy as jnp
+
+from .base import AbstractSmooth, Scalar, State, scalar
+
+
+class Windage(AbstractSmooth):
+    """``F = windage v|v|``, to be added to a contact law: ``Coulomb(0.01) + Windage(7e-3)``.
+
+    The oscillator's own `drag` is the same force; a model has one of the two.
+
+    Attributes:
+        windage: coefficient [N s^2/m^2].
+    """
+
+    units: ClassVar[Mapping[str, str]] = {"windage": "N s^2/m^2"}
+
+    windage: Scalar = eqx.field(converter=scalar)
+
+    def force(self, v: Scalar, state: State, load: Scalar) -> Scalar:
+        return self.windage * v * jnp.abs(v)
+
+    def sliding_force(self, speed: Scalar, load: Scalar) -> Scalar:
+        return self.windage * speed**2
+
+    def dynamic_force(self, load: Scalar) -> Scalar:
+        return jnp.zeros_like(load)
+
+    def sharp(self) -> Self:
+        return self

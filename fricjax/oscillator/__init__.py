@@ -1,0 +1,32 @@
+"""The oscillator and the engines that integrate it."""
+
+from . import restoring
+from .energy import Energy, energy
+from .engines import Exact, Hybrid, Smooth
+from .motion import Motion, Start
+from .oscillator import Oscillator
+from .release import AbstractRelease, ExponentialRelease
+from .results import RESULTS, is_successful
+from .rosenbrock import Rodas5P
+from .simulate import final_displacement, require_x64, simulate, starting_state
+
+__all__ = [
+    "RESULTS",
+    "AbstractRelease",
+    "Energy",
+    "Exact",
+    "ExponentialRelease",
+    "Hybrid",
+    "Motion",
+    "Oscillator",
+    "Rodas5P",
+    "Smooth",
+    "Start",
+    "energy",
+    "final_displacement",
+    "is_successful",
+    "require_x64",
+    "restoring",
+    "simulate",
+    "starting_state",
+]

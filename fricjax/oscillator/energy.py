@@ -1,0 +1,55 @@
+"""Where the energy of a motion is, and where it goes."""
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from .motion import Motion
+from .oscillator import Oscillator
+
+Samples = Float[Array, " samples"]
+
+
+class Energy(eqx.Module):
+    """Energies [J] and powers [W] along a motion; the powers are losses, positive where energy leaves the oscillator.
+
+    Attributes:
+        kinetic: m v^2/2.
+        potential: energy of the restoring force.
+        damping_power: loss to viscous damping, c v^2.
+        drag_power: loss to quadratic drag, drag |v|^3.
+        friction_power: loss to friction, F v.
+    """
+
+    kinetic: Samples
+    potential: Samples
+    damping_power: Samples
+    drag_power: Samples
+    friction_power: Samples
+
+    @property
+    def total(self) -> Samples:
+        """Kinetic and potential energy together [J]."""
+        return self.kinetic + self.potential
+
+    @property
+    def loss_power(self) -> Samples:
+        """All losses together [W]: minus the rate of change of the total energy."""
+        return self.damping_power + self.drag_power + self.friction_power
+
+
+def energy(oscillator: Oscillator, motion: Motion) -> Energy:
+    """Energies and loss rates along a motion.
+
+    Args:
+        oscillator: the machine that moved.
+        motion: what :func:`fricjax.simulate` returned for it.
+    """
+    v = motion.v
+    return Energy(
+        kinetic=oscillator.mass * v**2 / 2,
+        potential=oscillator.restoring.potential(motion.x, oscillator.stiffness),
+        damping_power=oscillator.damping * v**2,
+        drag_power=oscillator.drag * jnp.abs(v) * v**2,
+        friction_power=motion.friction_force * v,
+    )

@@ -1,0 +1,35 @@
+"""The interface of the engines: one oscillator, a start, the times asked for, and out comes the motion."""
+
+import abc
+
+import equinox as eqx
+from jaxtyping import Array, Float, Int
+
+from ..motion import Motion, Start
+from ..oscillator import Oscillator
+
+
+class AbstractEngine(eqx.Module):
+    """A way to integrate the equation of motion.
+
+    Engines are modules without arrays: whatever shapes the computation is static, so that a second call of the same shape
+    compiles nothing.
+    """
+
+    @abc.abstractmethod
+    def refusal(self, oscillator: Oscillator) -> str | None:
+        """Why this engine cannot integrate this oscillator, in a sentence; None where it can."""
+
+    @abc.abstractmethod
+    def solve(
+        self,
+        oscillator: Oscillator,
+        start: Start,
+        ts: Float[Array, " samples"],
+        half_cycles: Int[Array, ""] | None = None,
+    ) -> Motion:
+        """Integrate from time zero and sample at `ts` [s].
+
+        `half_cycles`, where given, is the number of half-cycles after which a set-valued law stops the mass, in place of
+        the rest condition: a fit takes this number from the record, which keeps its residual smooth.
+        """

@@ -1,0 +1,192 @@
+"""Closed-form half-cycles of Coulomb friction with viscous damping and a linear spring.
+
+Between two reversals the mass swings about the centre ``s x_d`` that friction has shifted, and each half-cycle multiplies
+the distance to it by ``-rho = -exp(-pi zeta/sqrt(1 - zeta^2))`` in the time ``pi/omega_d``, whatever the friction (Feeny
+and Liang, J. Sound Vib. 195, 1996). In the alternating amplitude ``a_n = (-1)^n s_0 y_n`` of the turning points the map is
+linear, ``a_n = rho^n a_0 - (1 + rho) x_d S_n`` with ``S_n = (1 - rho^n)/(1 - rho)``, so the state at any time follows
+without a loop.
+"""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, Int
+
+from ...friction import Coulomb
+from ...friction.base import Scalar
+from ..motion import Motion, Start
+from ..oscillator import Oscillator
+from ..restoring import Linear
+from ..results import RESULTS
+from .base import AbstractEngine
+
+
+def _relative_expm1(z: Array) -> Array:
+    """(exp(z) - 1)/z, smooth through z = 0."""
+    small = jnp.abs(z) < 1e-3
+    series = 1 + z / 2 * (1 + z / 3 * (1 + z / 4 * (1 + z / 5)))
+    safe = jnp.where(small, 1.0, z)
+    return jnp.where(small, series, jnp.expm1(safe) / safe)
+
+
+class _HalfCycles(eqx.Module):
+    """The sequence of half-cycles from a (possibly virtual) turning point: all that the closed form needs."""
+
+    damping_ratio: Scalar
+    damped_frequency: Scalar
+    dead_band: Scalar
+    static_band: Scalar
+    log_decrement: Scalar
+    side: Scalar
+    amplitude: Scalar
+    elapsed: Scalar
+
+    @property
+    def half_period(self) -> Scalar:
+        return jnp.pi / self.damped_frequency
+
+    def turning_amplitude(self, n: Array) -> Array:
+        """Alternating amplitude a_n of turning point n [m]."""
+        total = n * _relative_expm1(n * self.log_decrement) / _relative_expm1(self.log_decrement)
+        ratio = jnp.exp(self.log_decrement)
+        return jnp.exp(n * self.log_decrement) * self.amplitude - (1 + ratio) * self.dead_band * total
+
+    def half_cycles_to_rest(self, moving: Array) -> Array:
+        """Number of half-cycles until |a_n| falls into the static band (inf if never); at least one if in motion."""
+        q = self.log_decrement
+        gain = -jnp.expm1(q)
+        width = self.static_band * gain + self.dead_band * (1 + jnp.exp(q))
+        strokes = (self.amplitude - self.static_band) / jnp.where(width > 0, width, jnp.inf)
+        damped = jnp.abs(q) > 1e-9
+        q_safe = jnp.where(damped, q, -1.0)
+        count = jnp.where(damped, jnp.log1p(strokes * gain) / -q_safe, strokes)
+        count = jnp.where((width > 0) & jnp.isfinite(count), jnp.maximum(jnp.ceil(count), 0.0), jnp.inf)
+        finite = jnp.where(jnp.isfinite(count), count, 0.0)
+        early = (finite > 0) & (self.turning_amplitude(finite - 1) <= self.static_band)
+        late = self.turning_amplitude(finite) > self.static_band
+        count = count - early + late
+        return jax.lax.stop_gradient(jnp.where(moving, jnp.maximum(count, 1.0), count))
+
+
+def _begin(oscillator: Oscillator, start: Start) -> tuple[_HalfCycles, Array]:
+    """Extend the motion back to the turning point that it would have come from, and say whether it was under way."""
+    omega, zeta = oscillator.angular_frequency, oscillator.damping_ratio
+    root = jnp.sqrt(1 - zeta**2)
+    moving = start.v0 != 0
+    side = jnp.where(moving, -jnp.sign(start.v0), jnp.where(start.x0 < 0, -1.0, 1.0))
+    offset = side * start.x0 - oscillator.dead_band
+    sine = -side * start.v0 * root / omega
+    cosine = offset + zeta * side * start.v0 / omega
+    guarded = moving | (cosine > 0)
+    phase = jnp.arctan2(jnp.where(guarded, sine, 0.0), jnp.where(guarded, cosine, 1.0))
+    distance = jnp.sqrt(jnp.where(guarded, sine**2 + cosine**2, 1.0))
+    virtual = jnp.where(guarded, distance * jnp.exp(zeta * phase / root), offset)
+    static = oscillator.friction.static_force(oscillator.normal_force) / oscillator.stiffness
+    cycles = _HalfCycles(
+        damping_ratio=zeta,
+        damped_frequency=omega * root,
+        dead_band=oscillator.dead_band,
+        static_band=static,
+        log_decrement=-jnp.pi * zeta / root,
+        side=jax.lax.stop_gradient(side),
+        amplitude=virtual + oscillator.dead_band,
+        elapsed=phase / (omega * root),
+    )
+    return cycles, moving
+
+
+@jax.custom_jvp
+def _without_drag(motion: Array, drag: Scalar) -> Array:
+    """Pass the motion on; its derivative with respect to drag is NaN, for the closed form does not know it."""
+    return motion
+
+
+@_without_drag.defjvp
+def _without_drag_jvp(primals: tuple, tangents: tuple) -> tuple[Array, Array]:
+    motion_dot, drag_dot = tangents
+    return primals[0], motion_dot + jnp.where(drag_dot == 0, 0.0, jnp.nan)
+
+
+class Exact(AbstractEngine):
+    """Closed form for Coulomb friction, viscous damping and a linear spring: no step, no error but rounding.
+
+    Attributes:
+        max_half_cycles: length of the list of turning points; the motion itself has no such limit.
+    """
+
+    max_half_cycles: int = 512
+
+    def refusal(self, oscillator: Oscillator) -> str | None:
+        if not isinstance(oscillator.friction, Coulomb):
+            return f"The exact engine knows Coulomb friction only, not {type(oscillator.friction).__name__}."
+        if not isinstance(oscillator.restoring, Linear):
+            return f"The exact engine knows the linear spring only, not {type(oscillator.restoring).__name__}."
+        if isinstance(oscillator.drag, np.ndarray) and oscillator.drag != 0:
+            return f"The exact engine has no quadratic drag, but drag is {oscillator.drag}."
+        return None
+
+    def solve(
+        self,
+        oscillator: Oscillator,
+        start: Start,
+        ts: Float[Array, " samples"],
+        half_cycles: Int[Array, ""] | None = None,
+    ) -> Motion:
+        cycles, moving = _begin(oscillator, start)
+        last = cycles.half_cycles_to_rest(moving) if half_cycles is None else half_cycles.astype(float)
+        supported = (oscillator.drag == 0) & (oscillator.damping_ratio < 1)
+        last = jnp.where(supported, last, jnp.nan)
+        t = ts + cycles.elapsed
+        n = jax.lax.stop_gradient(jnp.clip(jnp.floor(t / cycles.half_period), 0.0, last))
+        at_rest = n >= last
+        x, v = _sample(cycles, oscillator, n, t - n * cycles.half_period, at_rest)
+        x, v = _without_drag(x, oscillator.drag), _without_drag(v, oscillator.drag)
+        stop = jnp.where(jnp.isfinite(last), last, 0.0) * cycles.half_period - cycles.elapsed
+        return Motion(
+            t=ts,
+            x=x,
+            v=v,
+            friction_force=jnp.where(at_rest, -oscillator.restoring_force(x), _sliding(cycles, oscillator, n)),
+            at_rest=at_rest,
+            t_stop=jnp.where(jnp.isfinite(last), stop, jnp.inf),
+            turning_points=_turning_points(cycles, start, last, self.max_half_cycles),
+            n_half_cycles=jnp.where(jnp.isfinite(last), last, -1).astype(int),
+            regularisation_bias=jnp.zeros(()),
+            engine="exact",
+            result=RESULTS.where(
+                oscillator.damping_ratio < 1,
+                RESULTS.where(supported, RESULTS.successful, RESULTS.drag_unsupported),
+                RESULTS.overdamped,
+            ),
+            stats={},
+        )
+
+
+def _sign(cycles: _HalfCycles, n: Array) -> Array:
+    return cycles.side * jnp.where(n % 2 == 0, 1.0, -1.0)
+
+
+def _sliding(cycles: _HalfCycles, oscillator: Oscillator, n: Array) -> Array:
+    return -_sign(cycles, n) * oscillator.friction.dynamic_force(oscillator.normal_force)
+
+
+def _sample(cycles: _HalfCycles, oscillator: Oscillator, n: Array, tau: Array, at_rest: Array) -> tuple[Array, Array]:
+    """Displacement and velocity a time `tau` after turning point `n`."""
+    zeta, omega_d = cycles.damping_ratio, cycles.damped_frequency
+    root = jnp.sqrt(1 - zeta**2)
+    omega = omega_d / root
+    turning = cycles.turning_amplitude(n)
+    envelope = (turning - cycles.dead_band) * jnp.exp(-zeta * omega * tau)
+    cosine, sine = jnp.cos(omega_d * tau), jnp.sin(omega_d * tau) / root
+    sign = _sign(cycles, n)
+    x = sign * jnp.where(at_rest, turning, cycles.dead_band + envelope * (cosine + zeta * sine))
+    v = sign * jnp.where(at_rest, 0.0, -envelope * omega * sine)
+    return x, v
+
+
+def _turning_points(cycles: _HalfCycles, start: Start, last: Array, capacity: int) -> Array:
+    n = jnp.arange(capacity + 1.0)
+    points = _sign(cycles, n) * cycles.turning_amplitude(n)
+    points = points.at[0].set(start.x0)
+    return jnp.where(n <= last, points, jnp.nan)

@@ -1,0 +1,142 @@
+"""Integration in time, for laws without a jump: bristle laws, regularised laws and the creep after a stop, driven motion.
+
+State and time are scaled by the amplitude, the natural frequency and the law's own deflection, so that one tolerance fits
+every component: with raw bristle deflections of a nanometre beside millimetres none does.
+"""
+
+import diffrax
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float, Int
+
+from ..motion import Motion, Start
+from ..oscillator import Oscillator
+from ..release import AbstractRelease
+from ..results import RESULTS
+from ..rosenbrock import Rodas5P
+from .base import AbstractEngine
+from .turning import turning_points
+
+
+class Drive(eqx.Module):
+    """What moves the mass besides its own spring.
+
+    Attributes:
+        base_acceleration: acceleration of the floor at the sample times [m/s^2]; linear between them.
+        release: law by which the force that held the mass decays.
+    """
+
+    base_acceleration: Float[Array, " samples"] | None = None
+    release: AbstractRelease | None = None
+
+
+class _Scales(eqx.Module):
+    """Units in which the state is integrated."""
+
+    length: Array
+    rate: Array
+    state: Array
+
+    @classmethod
+    def of(cls, oscillator: Oscillator, start: Start) -> "_Scales":
+        rate = oscillator.angular_frequency
+        reach = jnp.maximum(jnp.abs(start.x0), jnp.abs(start.v0) / rate)
+        state = oscillator.friction.state_scale(oscillator.normal_force)
+        tiny = jnp.finfo(float).tiny
+        scales = cls(jnp.maximum(jnp.maximum(reach, oscillator.dead_band), tiny), rate, jnp.maximum(state, tiny))
+        return jax.lax.stop_gradient(scales)
+
+
+def _field(tau: Array, y: tuple, args: tuple) -> tuple:
+    """Rates of the scaled state (x, v, internal states...) in scaled time."""
+    oscillator, scales, floor, release, hold = args
+    x, v, t = y[0] * scales.length, y[1] * scales.length * scales.rate, tau / scales.rate
+    state = jnp.stack(y[2:]) * scales.state if len(y) > 2 else jnp.zeros(0)
+    a = oscillator.acceleration(x, v, state)
+    if floor is not None:
+        a = a - floor.evaluate(tau)
+    if release is not None:
+        a = a + release.force(t, hold) / oscillator.mass
+    rates = oscillator.friction.rate(v, state, oscillator.normal_force) / (scales.state * scales.rate)
+    return (y[1], a / (scales.length * scales.rate**2), *(rates[i] for i in range(len(y) - 2)))
+
+
+class Smooth(AbstractEngine):
+    """Adaptive integration in time with a Rosenbrock solver.
+
+    Attributes:
+        accuracy: largest error of the displacement aimed at [m].
+        max_steps: bound on the number of steps.
+        max_half_cycles: length of the list of turning points.
+    """
+
+    accuracy: float = 1e-10
+    max_steps: int = 1_000_000
+    max_half_cycles: int = 512
+
+    def refusal(self, oscillator: Oscillator) -> str | None:
+        if oscillator.friction.set_valued:
+            return (
+                f"The smooth engine cannot integrate the jump of {type(oscillator.friction).__name__}. Use the exact or "
+                "the hybrid engine, or a regularised law such as Tanh."
+            )
+        return None
+
+    def solve(
+        self,
+        oscillator: Oscillator,
+        start: Start,
+        ts: Float[Array, " samples"],
+        half_cycles: Int[Array, ""] | None = None,
+        drive: Drive = Drive(),
+    ) -> Motion:
+        x, v, state, solution = self._integrate(oscillator, start, ts, drive)
+        load = oscillator.normal_force
+        friction = jax.vmap(lambda speed, z: oscillator.friction.force(speed, z, load))(v, state)
+        points, count = turning_points(ts, x, v, start.x0, self.max_half_cycles)
+        return Motion(
+            t=ts,
+            x=x,
+            v=v,
+            friction_force=friction,
+            at_rest=jnp.zeros(ts.shape, bool),
+            t_stop=jnp.asarray(jnp.inf),
+            turning_points=points,
+            n_half_cycles=count,
+            regularisation_bias=jnp.zeros(()),
+            engine="smooth",
+            result=RESULTS.promote(solution.result),
+            stats={name: solution.stats[name] for name in ("num_steps", "num_rejected_steps")},
+        )
+
+    def _integrate(self, oscillator: Oscillator, start: Start, ts: Array, drive: Drive) -> tuple:
+        """Displacement, velocity and internal states at `ts`; before time zero the motion is continued by a parabola."""
+        scales = _Scales.of(oscillator, start)
+        tau = jnp.maximum(ts, 0.0) * scales.rate
+        floor = drive.base_acceleration
+        path = None if floor is None else diffrax.LinearInterpolation(ts * scales.rate, floor)
+        hold = oscillator.restoring_force(start.x0)
+        args = (oscillator, scales, path, drive.release, hold)
+        y0 = (start.x0 / scales.length, start.v0 / (scales.length * scales.rate), *(start.state / scales.state))
+        y0 = jax.tree.map(jnp.asarray, y0)
+        tolerance = jnp.maximum(0.05 * self.accuracy / scales.length, 1e-13)
+        solution = diffrax.diffeqsolve(
+            diffrax.ODETerm(_field),
+            Rodas5P(),
+            jnp.zeros(()),
+            jnp.maximum(tau[-1], 1e-9),
+            None,
+            y0,
+            args,
+            saveat=diffrax.SaveAt(ts=tau),
+            stepsize_controller=diffrax.PIDController(rtol=tolerance, atol=tolerance),
+            adjoint=diffrax.ForwardMode(),
+            max_steps=self.max_steps,
+            throw=False,
+        )
+        x, v = solution.ys[0] * scales.length, solution.ys[1] * scales.length * scales.rate
+        state = jnp.stack(solution.ys[2:], axis=-1) * scales.state if len(y0) > 2 else jnp.zeros((ts.shape[0], 0))
+        a0 = _field(jnp.zeros(()), y0, args)[1] * scales.length * scales.rate**2
+        early = jnp.minimum(ts, 0.0)
+        return x + early * (start.v0 + early * a0 / 2), v + early * a0, state, solution

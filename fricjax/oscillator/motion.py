@@ -1,0 +1,49 @@
+"""What a simulation returns: the motion, its turning points, and how it was computed."""
+
+from typing import Any, NamedTuple
+
+import equinox as eqx
+from jaxtyping import Array, Bool, Float, Int
+
+from ..friction.base import Scalar, State
+
+
+class Start(NamedTuple):
+    """State of the mass at time zero: position [m], velocity [m/s], internal state of the friction law."""
+
+    x0: Scalar
+    v0: Scalar
+    state: State
+
+
+class Motion(eqx.Module):
+    """A simulated motion, sampled at the times asked for.
+
+    Attributes:
+        t: times [s].
+        x: displacement from the spring's equilibrium [m].
+        v: velocity [m/s].
+        friction_force: friction force [N], positive where it opposes a positive velocity; at rest what balances the spring.
+        at_rest: True where a set-valued law holds the mass.
+        t_stop: time of the final stop [s]; inf where the mass does not stop, as under regularised laws.
+        turning_points: positions of the start and of the reversals in order [m], the last one the final stop; NaN beyond.
+        n_half_cycles: number of completed half-cycles until the stop.
+        regularisation_bias: largest distance to the motion under the set-valued law that a regularised one stands for [m];
+            zero for every other law.
+        engine: name of the engine.
+        result: outcome; its text tells cause and remedy.
+        stats: counts of the integrator.
+    """
+
+    t: Float[Array, " samples"]
+    x: Float[Array, " samples"]
+    v: Float[Array, " samples"]
+    friction_force: Float[Array, " samples"]
+    at_rest: Bool[Array, " samples"]
+    t_stop: Float[Array, ""]
+    turning_points: Float[Array, " turning_points"]
+    n_half_cycles: Int[Array, ""]
+    regularisation_bias: Float[Array, ""]
+    engine: str = eqx.field(static=True)
+    result: Any
+    stats: dict[str, Any]

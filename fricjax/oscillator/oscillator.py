@@ -1,0 +1,91 @@
+"""The equation of motion: a mass on a spring that slides to rest.
+
+``m a + damping v + drag v|v| + R(x) + F = 0``, with the restoring force ``R`` and the friction force ``F`` chosen
+from :mod:`fricjax.oscillator.restoring` and :mod:`fricjax.friction`. A rotary rig uses the same equation with the moment
+of inertia for the mass and angles for displacements.
+"""
+
+from collections.abc import Mapping
+from typing import ClassVar
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+
+from ..friction.base import AbstractFriction, Scalar, State, scalar
+from .restoring import AbstractRestoring, Linear
+
+_POSITIVE = {"mass": "kg", "stiffness": "N/m"}
+
+
+class Oscillator(eqx.Module):
+    """A mass on a spring with viscous damping, quadratic drag and dry friction.
+
+    Attributes:
+        mass: moving mass [kg].
+        stiffness: slope of the restoring force at the equilibrium [N/m].
+        damping: viscous coefficient c [N s/m]; may be negative, the fingerprint of a falling friction law.
+        normal_force: load on the contact [N].
+        friction: friction law.
+        restoring: form of the restoring force.
+        drag: quadratic drag coefficient [N s^2/m^2].
+
+    Raises:
+        ValueError: a mass or stiffness that is not positive, or a negative normal force.
+    """
+
+    units: ClassVar[Mapping[str, str]] = {
+        "mass": "kg",
+        "stiffness": "N/m",
+        "damping": "N s/m",
+        "normal_force": "N",
+        "drag": "N s^2/m^2",
+    }
+
+    mass: Scalar = eqx.field(converter=scalar)
+    stiffness: Scalar = eqx.field(converter=scalar)
+    damping: Scalar = eqx.field(converter=scalar)
+    normal_force: Scalar = eqx.field(converter=scalar)
+    friction: AbstractFriction
+    restoring: AbstractRestoring = eqx.field(default_factory=Linear, kw_only=True)
+    drag: Scalar = eqx.field(converter=scalar, default=0.0, kw_only=True)
+
+    def __check_init__(self) -> None:
+        for name, unit in _POSITIVE.items():
+            value = getattr(self, name)
+            if isinstance(value, np.ndarray) and not np.all(value > 0):
+                raise ValueError(f"{name} must be a positive number of {unit}, got {value}.")
+        if isinstance(self.normal_force, np.ndarray) and not np.all(self.normal_force >= 0):
+            raise ValueError(f"normal_force must not be negative, got {self.normal_force} N.")
+
+    @property
+    def angular_frequency(self) -> Scalar:
+        """Undamped natural angular frequency sqrt(k/m) [rad/s]."""
+        return jnp.sqrt(self.stiffness / self.mass)
+
+    @property
+    def damping_ratio(self) -> Scalar:
+        """Viscous damping ratio c/(2 sqrt(k m)) [1]."""
+        return self.damping / (2 * jnp.sqrt(self.stiffness * self.mass))
+
+    @property
+    def dead_band(self) -> Scalar:
+        """Half-width x_d = mu N/k of the band in which dynamic friction balances the spring [m]."""
+        return self.friction.dynamic_force(self.normal_force) / self.stiffness
+
+    def restoring_force(self, x: Scalar) -> Scalar:
+        """Restoring force R(x) [N]."""
+        return self.restoring.force(x, self.stiffness)
+
+    def dissipation(self, v: Scalar) -> Scalar:
+        """Force of damping and drag together [N], positive where it opposes a positive velocity."""
+        return (self.damping + self.drag * jnp.abs(v)) * v
+
+    def friction_force(self, v: Scalar, state: State) -> Scalar:
+        """Friction force of the sliding mass [N], positive where it opposes a positive velocity."""
+        return self.friction.force(v, state, self.normal_force)
+
+    def acceleration(self, x: Scalar, v: Scalar, state: State) -> Scalar:
+        """Acceleration of the sliding mass [m/s^2]."""
+        resisting = self.dissipation(v) + self.restoring_force(x) + self.friction_force(v, state)
+        return -resisting / self.mass

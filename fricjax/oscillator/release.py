@@ -1,0 +1,29 @@
+"""How the force that held the mass vanishes when it is released."""
+
+import abc
+
+import equinox as eqx
+import jax.numpy as jnp
+
+from ..friction.base import Scalar, scalar
+
+
+class AbstractRelease(eqx.Module):
+    """A holding force that decays from the moment of release."""
+
+    @abc.abstractmethod
+    def force(self, t: Scalar, hold: Scalar) -> Scalar:
+        """Remaining force [N] a time `t` [s] after release, where `hold` [N] balanced the spring before it."""
+
+
+class ExponentialRelease(AbstractRelease):
+    """An electromagnet whose force dies away as ``exp(-t/time_constant)``.
+
+    Attributes:
+        time_constant: decay time of the force [s]; 0.5 to 3 ms for a small holding magnet.
+    """
+
+    time_constant: Scalar = eqx.field(converter=scalar)
+
+    def force(self, t: Scalar, hold: Scalar) -> Scalar:
+        return hold * jnp.exp(-t / self.time_constant)

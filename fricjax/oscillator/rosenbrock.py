@@ -1,0 +1,195 @@
+"""A Rosenbrock method of order five for small stiff systems, as a diffrax solver.
+
+Bristle laws are stiff in full sliding (the deflection settles within microseconds) and mild at the reversals. A Rosenbrock
+method copes with both by one linear solve per stage and no iteration. This is Rodas5P (Steinebach, BIT Numer. Math. 63,
+2023): eight stages, stiffly accurate, an embedded error estimate of order four and a dense output of order four.
+
+The state is a pytree of scalars, two to four of them. Its Jacobian comes from forward mode, and the linear system is
+eliminated in scalar operations, so that a whole integration stays one compiled loop without a call into LAPACK.
+"""
+
+from collections.abc import Callable
+from typing import Any, ClassVar
+
+import diffrax
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array
+
+_GAMMA = 0.21193756319429014
+_A = (
+    (),
+    (3.0,),
+    (2.849394379747939, 0.45842242204463923),
+    (-6.954028509809101, 2.489845061869568, -10.358996098473584),
+    (2.8029986275628964, 0.5072464736228206, -0.3988312541770524, -0.04721187230404641),
+    (-7.502846399306121, 2.561846144803919, -11.627539656261098, -0.18268767659942256, 0.030198172008377946),
+)
+_C = (
+    (),
+    (-14.155112264123755,),
+    (-17.97296035885952, -2.859693295451294),
+    (147.12150275711716, -1.41221402718213, 71.68940251302358),
+    (165.43517024871676, -0.4592823456491126, 42.90938336958603, -5.961986721573306),
+    (24.854864614690072, -3.0009227002832186, 47.4931110020768, 5.5814197821558125, -0.6610691825249471),
+    (
+        30.91273214028599,
+        -3.1208243349937974,
+        77.79954646070892,
+        34.28646028294783,
+        -19.097331116725623,
+        -28.087943162872662,
+    ),
+    (
+        37.80277123390563,
+        -3.2571969029072276,
+        112.26918849496327,
+        66.9347231244047,
+        -40.06618937091002,
+        -54.66780262877968,
+        -9.48861652309627,
+    ),
+)
+_NODES = (0.0, 0.6358126895828704, 0.4095798393397535, 0.9769306725060716, 0.4288403609558664, 1.0, 1.0, 1.0)
+_TIME = (0.21193756319429014, -0.42387512638858027, -0.3384627126235924, 1.8046452872882734, 2.325825639765069)
+_DENSE = (
+    (
+        25.948786856663858,
+        -2.5579724845846235,
+        10.433815404888879,
+        -2.3679251022685204,
+        0.524948541321073,
+        1.1241088310450404,
+        0.4272876194431874,
+        -0.17202221070155493,
+    ),
+    (
+        -9.91568850695171,
+        -0.9689944594115154,
+        3.0438037242978453,
+        -24.495224566215796,
+        20.176138334709044,
+        15.98066361424651,
+        -6.789040303419874,
+        -6.710236069923372,
+    ),
+    (
+        11.419903575922262,
+        2.8879645146136994,
+        72.92137995996029,
+        80.12511834622643,
+        -52.072871366152654,
+        -59.78993625266729,
+        -0.15582684282751913,
+        4.883087185713722,
+    ),
+)
+
+Scalars = list[Array]
+
+
+def _combine(weights: tuple[float, ...], vectors: list[Scalars], n: int) -> Scalars:
+    """Weighted sum of vectors of n scalars."""
+    zero = jnp.zeros(())
+    return [sum((w * k[i] for w, k in zip(weights, vectors, strict=False)), start=zero) for i in range(n)]
+
+
+def _factorise(matrix: list[Scalars]) -> list[Scalars]:
+    """Factors of a small matrix without pivoting, the lower ones in place and the pivots inverted."""
+    a = [list(row) for row in matrix]
+    n = len(a)
+    for k in range(n):
+        a[k][k] = 1 / a[k][k]
+        for i in range(k + 1, n):
+            a[i][k] = a[i][k] * a[k][k]
+            for j in range(k + 1, n):
+                a[i][j] = a[i][j] - a[i][k] * a[k][j]
+    return a
+
+
+def _substitute(factors: list[Scalars], b: Scalars) -> Scalars:
+    n = len(b)
+    y = list(b)
+    for i in range(n):
+        for j in range(i):
+            y[i] = y[i] - factors[i][j] * y[j]
+    for i in reversed(range(n)):
+        for j in range(i + 1, n):
+            y[i] = y[i] - factors[i][j] * y[j]
+        y[i] = y[i] * factors[i][i]
+    return y
+
+
+class _DenseOutput(diffrax.AbstractLocalInterpolation):
+    """The method's own continuous extension, a quartic through both ends of the step."""
+
+    t0: Any
+    t1: Any
+    y0: Any
+    y1: Any
+    k: Any
+
+    def evaluate(self, t0: Any, t1: Any = None, left: bool = True) -> Any:
+        if t1 is not None:
+            return jax.tree.map(jnp.subtract, self.evaluate(t1), self.evaluate(t0))
+        width = self.t1 - self.t0
+        u = (t0 - self.t0) / jnp.where(width == 0, 1.0, width)
+
+        def blend(y0: Array, y1: Array, k: Array) -> Array:
+            return y0 + u * (y1 - y0) + u * (1 - u) * (k[0] + u * (k[1] + u * k[2]))
+
+        return jax.tree.map(blend, self.y0, self.y1, self.k)
+
+
+class Rodas5P(diffrax.AbstractAdaptiveSolver):
+    """Rosenbrock method of order 5(4) for a pytree of a few scalars (Steinebach, 2023)."""
+
+    term_structure: ClassVar = diffrax.AbstractTerm
+    interpolation_cls: ClassVar[Callable[..., _DenseOutput]] = _DenseOutput
+
+    def order(self, terms: Any) -> int:
+        return 5
+
+    def init(self, terms: Any, t0: Any, t1: Any, y0: Any, args: Any) -> None:
+        return None
+
+    def func(self, terms: Any, t0: Any, y0: Any, args: Any) -> Any:
+        return terms.vf(t0, y0, args)
+
+    def step(
+        self, terms: Any, t0: Any, t1: Any, y0: Any, args: Any, solver_state: None, made_jump: Any
+    ) -> tuple[Any, Any, dict, None, diffrax.RESULTS]:
+        """One step from `t0` to `t1`, in the form that needs no product with the Jacobian (Hairer and Wanner, IV.7)."""
+        leaves, structure = jax.tree.flatten(y0)
+        n, h = len(leaves), t1 - t0
+
+        def field(t: Array, y: Scalars) -> Scalars:
+            return jax.tree.leaves(terms.vf(t, jax.tree.unflatten(structure, y), args))
+
+        f0, partial_t, factors = _linearise(field, t0, leaves, h)
+        stages: list[Scalars] = []
+        y = leaves
+        for i, couplings in enumerate(_C):
+            if 0 < i < len(_A):
+                y = [a + b for a, b in zip(leaves, _combine(_A[i], stages, n), strict=True)]
+            elif i >= len(_A):
+                y = [a + b for a, b in zip(y, stages[-1], strict=True)]
+            rate = f0 if i == 0 else field(t0 + _NODES[i] * h, y)
+            drift = [r + h * _TIME[i] * d for r, d in zip(rate, partial_t, strict=True)] if i < len(_TIME) else rate
+            past = _combine(tuple(c / h for c in couplings), stages, n)
+            stages.append(_substitute(factors, [a + b for a, b in zip(drift, past, strict=True)]))
+        y1 = jax.tree.unflatten(structure, [a + b for a, b in zip(y, stages[-1], strict=True)])
+        dense = [jnp.stack([_combine(row, stages, n)[i] for row in _DENSE]) for i in range(n)]
+        info = {"y0": y0, "y1": y1, "k": jax.tree.unflatten(structure, dense)}
+        return y1, jax.tree.unflatten(structure, stages[-1]), info, None, diffrax.RESULTS.successful
+
+
+def _linearise(field: Callable, t: Any, y: Scalars, h: Array) -> tuple[Scalars, Scalars, list[Scalars]]:
+    """Rate, its partial derivative in time, and the factors of ``1/(gamma h) - J`` at (t, y)."""
+    n = len(y)
+    rate, derivative = jax.linearize(field, t, y)
+    flat = [jnp.zeros(())] * n
+    columns = [derivative(jnp.zeros(()), [jnp.ones(()) if i == j else zero for i, zero in enumerate(flat)]) for j in range(n)]
+    matrix = [[(1 / (_GAMMA * h) if i == j else 0.0) - columns[j][i] for j in range(n)] for i in range(n)]
+    return rate, derivative(jnp.ones(()), flat), _factorise(matrix)
+

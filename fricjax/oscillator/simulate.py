@@ -1,0 +1,166 @@
+"""From an oscillator and a start to its motion."""
+
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, ArrayLike, Float
+
+from .engines.base import AbstractEngine
+from .engines.smooth import Drive, Smooth
+from .motion import Motion, Start
+from .oscillator import Oscillator
+from .release import AbstractRelease
+from .select import concrete, half_cycle_capacity, select_engine
+
+
+def require_x64() -> None:
+    """Raise where JAX would compute in single precision, which resolves a millimetre to a tenth of a nanometre at best.
+
+    Raises:
+        RuntimeError: double precision is off; the message says how to switch it on.
+    """
+    if not jax.config.read("jax_enable_x64"):
+        raise RuntimeError(
+            "fricjax computes in double precision, and JAX is set to single. Switch it on before the first array: "
+            'jax.config.update("jax_enable_x64", True), or set the environment variable JAX_ENABLE_X64=1.'
+        )
+
+
+def simulate(
+    oscillator: Oscillator,
+    x0: ArrayLike,
+    ts: ArrayLike,
+    *,
+    v0: ArrayLike = 0.0,
+    state0: ArrayLike | None = None,
+    engine: str | AbstractEngine = "auto",
+    accuracy: float = 1e-10,
+    base_acceleration: ArrayLike | None = None,
+    release: AbstractRelease | None = None,
+) -> Motion:
+    """The motion of an oscillator that starts at `x0` at time zero.
+
+    Every number, and every coefficient of the oscillator, may be differentiated (forward mode) and vmapped.
+
+    Args:
+        oscillator: the machine and its friction law.
+        x0: displacement from the equilibrium at time zero [m].
+        ts: times to sample at, increasing [s], shape (samples,).
+        v0: velocity at time zero [m/s]. The motion has a kink in `v0` at zero, where the mass starts from rest.
+        state0: internal states of the law at time zero, shape (states,); None stands for those after a slow pull to `x0`,
+            or after long sliding where `v0` is not zero.
+        engine: "auto", "exact", "hybrid", "smooth" or an engine.
+        accuracy: largest numerical error of the displacement aimed at [m].
+        base_acceleration: floor acceleration at `ts` [m/s^2], shape (samples,); needs the smooth engine.
+        release: law of the decaying holding force; needs the smooth engine.
+
+    Returns:
+        The motion; its `result` says whether the integration succeeded.
+
+    Raises:
+        RuntimeError: JAX computes in single precision.
+        ValueError: times of the wrong shape or not increasing, or an engine that cannot integrate this oscillator.
+    """
+    require_x64()
+    times = _times(ts)
+    drive = Drive(None if base_acceleration is None else jnp.asarray(base_acceleration, float), release)
+    driven = base_acceleration is not None or release is not None
+    duration = None if isinstance(times, jax.core.Tracer) else float(times[-1])
+    capacity = half_cycle_capacity(oscillator, duration)
+    name = "smooth" if driven and engine == "auto" else engine
+    chosen = select_engine(name, oscillator, accuracy=accuracy, max_half_cycles=capacity)
+    if driven and not isinstance(chosen, Smooth):
+        raise ValueError("Floor motion and a decaying holding force need the smooth engine.")
+    start = starting_state(oscillator, x0, v0, state0)
+    return _solve(chosen, oscillator, start, times, drive if driven else None)
+
+
+def starting_state(oscillator: Oscillator, x0: ArrayLike, v0: ArrayLike, state0: ArrayLike | None = None) -> Start:
+    """Start of a motion; the law's internal states default to those after a slow pull or after long sliding."""
+    x, v = jnp.asarray(x0, float), jnp.asarray(v0, float)
+    if state0 is None:
+        direction = jnp.where(v == 0, jnp.where(x < 0, -1.0, 1.0), jnp.sign(v))
+        speed = jnp.where(v == 0, jnp.inf, jnp.abs(v))
+        state = oscillator.friction.steady_state(speed, direction, oscillator.normal_force)
+    else:
+        state = jnp.reshape(jnp.asarray(state0, float), (oscillator.friction.n_states,))
+    return Start(x, v, state)
+
+
+def _times(ts: ArrayLike) -> Float[Array, " samples"]:
+    times = jnp.asarray(ts, float)
+    if times.ndim != 1 or times.shape[0] == 0:
+        raise ValueError(f"ts must be a list of at least one time [s], got an array of shape {times.shape}.")
+    if not isinstance(times, jax.core.Tracer) and np.any(np.diff(np.asarray(times)) <= 0):
+        raise ValueError("ts must increase from sample to sample.")
+    return times
+
+
+@eqx.filter_jit
+def _solve(engine: AbstractEngine, oscillator: Oscillator, start: Start, ts: Array, drive: Drive | None) -> Motion:
+    if drive is not None and isinstance(engine, Smooth):
+        return engine.solve(oscillator, start, ts, drive=drive)
+    motion = engine.solve(oscillator, start, ts)
+    sharp = oscillator.friction.sharp()
+    if oscillator.friction.set_valued or not sharp.set_valued:
+        return motion
+    return eqx.tree_at(lambda m: m.regularisation_bias, motion, _bias(motion, oscillator, sharp, start))
+
+
+def _bias(motion: Motion, oscillator: Oscillator, sharp: Any, start: Start) -> Array:
+    """Largest distance to the motion under the law without regularisation."""
+    reference = eqx.tree_at(lambda o: o.friction, oscillator, sharp)
+    capacity = motion.turning_points.shape[0] - 1
+    engine = select_engine("hybrid", reference, max_half_cycles=capacity)
+    return jnp.max(jnp.abs(engine.solve(reference, start._replace(state=jnp.zeros(0)), motion.t).x - motion.x))
+
+
+def final_displacement(oscillator: Oscillator, x0: ArrayLike, *, engine: str | AbstractEngine = "auto") -> Array:
+    """Where the mass comes to rest after a release from `x0` [m].
+
+    Vmapped over `x0` it draws the triangle wave of final against initial displacement.
+
+    Args:
+        oscillator: the machine; its friction law must be able to hold the mass.
+        x0: displacement from the equilibrium at release [m].
+        engine: as in :func:`simulate`.
+
+    Returns:
+        The final displacement [m]; NaN where the mass does not come to rest within the half-cycles provided for.
+
+    Raises:
+        RuntimeError: JAX computes in single precision.
+        ValueError: a regularised law, under which the mass never rests.
+    """
+    require_x64()
+    law = oscillator.friction
+    if not law.set_valued and not law.n_states:
+        raise ValueError(
+            f"Under {type(law).__name__} the mass creeps and never rests, so it has no final displacement. Use a law that "
+            "holds the mass, such as Coulomb."
+        )
+    chosen = select_engine(engine, oscillator, max_half_cycles=_strokes_to_rest(oscillator, x0))
+    return _final(chosen, oscillator, starting_state(oscillator, x0, 0.0))
+
+
+@eqx.filter_jit
+def _final(engine: AbstractEngine, oscillator: Oscillator, start: Start) -> Array:
+    if oscillator.friction.set_valued:
+        motion = engine.solve(oscillator, start, jnp.asarray([1e30]))
+        return jnp.where(jnp.isfinite(motion.t_stop), motion.x[0], jnp.nan)
+    strokes = 4 + jnp.abs(start.x0) / (2 * oscillator.dead_band)
+    return engine.solve(oscillator, start, jnp.reshape(jnp.pi * strokes / oscillator.angular_frequency, (1,))).x[0]
+
+
+def _strokes_to_rest(oscillator: Oscillator, x0: ArrayLike) -> int:
+    """A bound on the number of half-cycles to rest without damping, as a power of two; 512 where it is traced."""
+    start, band = concrete(x0), concrete(oscillator.normal_force)
+    if start is None or band is None or concrete(oscillator.stiffness) is None:
+        return 512
+    width = concrete(oscillator.dead_band)
+    if width is None or width <= 0:
+        return 512
+    return max(16, 2 ** int(np.ceil(np.log2(abs(start) / (2 * width) + 4))))
