@@ -1,0 +1,118 @@
+"""Start values from the decay itself: frequency from the half-periods, losses from the energy between turning points.
+
+Each half-cycle loses ``U(a_n) - U(a_{n+1}) = F (a_n + a_{n+1}) + c int v^2 dt + drag int |v|^3 dt``. With the integrals of a
+sinusoid this is linear in the friction force, the damping and the drag, so that non-negative least squares over all
+half-cycles separates them by their dependence on the amplitude.
+"""
+
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from ..data import Segmentation
+from ..oscillator import Oscillator
+from .window import equilibrium
+
+_QUADRATURE = np.cos(np.pi * (np.arange(32) + 0.5) / 32)
+
+
+class _Decay(NamedTuple):
+    """Amplitudes of successive turning points, as pairs, and the angular frequency of each half-cycle."""
+
+    before: np.ndarray
+    after: np.ndarray
+    omega: np.ndarray
+
+    @property
+    def mean(self) -> np.ndarray:
+        return (self.before + self.after) / 2
+
+
+def guess_machine(
+    oscillator: Oscillator, decays: Sequence[Segmentation], free: Sequence[str], values: Mapping[str, float]
+) -> dict[str, float]:
+    """Start values for those of mass, stiffness, damping, drag, mu and normal_force that are free.
+
+    Args:
+        oscillator: the machine, for its restoring force and for what is not free.
+        decays: segmentations of the records.
+        free: kinds of the free parameters (last part of their names).
+        values: value of each coefficient of the oscillator by kind.
+    """
+    parts = [part for part in map(_decay, decays) if part.before.size]
+    if not parts:
+        return {}
+    decay = _Decay(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
+    at = dict(values)
+    ratio = float(np.median(decay.omega**2 / _stiffening(oscillator, decay.mean, at)))
+    if "stiffness" in free:
+        at["stiffness"] = at["mass"] * ratio
+    elif "mass" in free:
+        at["mass"] = at["stiffness"] / ratio
+    at.update(_losses(oscillator, decay, free, at))
+    return {name: at[name] for name in free if name in at}
+
+
+def _decay(found: Segmentation) -> _Decay:
+    points = found.turning_points
+    if points.size < 3:
+        return _short(found)
+    amplitude = np.abs(points - equilibrium(found))
+    return _Decay(amplitude[:-1], amplitude[1:], np.pi / np.diff(found.turning_times))
+
+
+def _short(found: Segmentation) -> _Decay:
+    """With less than three reversals: the whole excursion as one half-cycle about the middle, with a tenth of it lost."""
+    if found.half_period <= 0:
+        return _Decay(*np.zeros((3, 0)))
+    amplitude = np.array([found.amplitude])
+    return _Decay(amplitude, 0.9 * amplitude, np.array([np.pi / found.half_period]))
+
+
+def _stiffening(oscillator: Oscillator, amplitude: np.ndarray, at: Mapping[str, float]) -> np.ndarray:
+    """Effective over small-amplitude stiffness at an amplitude, by harmonic balance (a Chebyshev sum over a cycle)."""
+    x = amplitude[:, None] * _QUADRATURE
+    force = np.asarray(oscillator.restoring.force(x, at["stiffness"]))
+    effective = 2 * np.mean(force * _QUADRATURE, axis=1) / amplitude
+    return np.clip(effective / at["stiffness"], 1e-3, 1e3)
+
+
+def _losses(
+    oscillator: Oscillator, decay: _Decay, free: Sequence[str], at: Mapping[str, float]
+) -> dict[str, float]:
+    from scipy.optimize import nnls
+
+    a = decay.mean
+    lost = np.asarray(
+        oscillator.restoring.potential(decay.before, at["stiffness"])
+        - oscillator.restoring.potential(decay.after, at["stiffness"])
+    )
+    terms = {
+        "friction": 2 * a,
+        "damping": np.pi / 2 * decay.omega * a**2,
+        "drag": 4 / 3 * decay.omega**2 * a**3,
+    }
+    known = {"friction": at.get("mu", 0.0) * at["normal_force"], "damping": at["damping"], "drag": at["drag"]}
+    sought = {"friction": {"mu", "normal_force"} & set(free), "damping": {"damping"} & set(free), "drag": {"drag"} & set(free)}
+    lost = lost - sum(known[name] * term for name, term in terms.items() if not sought[name])
+    names = [name for name in terms if sought[name]]
+    if not names:
+        return {}
+    columns = np.stack([terms[name] for name in names], axis=1)
+    size = np.maximum(np.abs(columns).max(axis=0), 1e-300)
+    solution = nnls(columns / size, lost)[0] / size
+    floor = 1e-3 * max(float(np.mean(lost)), 0.0) / np.mean(columns, axis=0)
+    found = dict(zip(names, np.maximum(solution, floor), strict=True))
+    return _as_coefficients(found, sought, at)
+
+
+def _as_coefficients(found: Mapping[str, float], sought: Mapping[str, set], at: Mapping[str, float]) -> dict[str, float]:
+    result = {name: float(found[name]) for name in ("damping", "drag") if name in found}
+    if "friction" in found:
+        force = float(found["friction"])
+        if "mu" in sought["friction"]:
+            result["mu"] = force / at["normal_force"] if at["normal_force"] > 0 else at["mu"]
+        else:
+            result["normal_force"] = force / at["mu"] if at["mu"] > 0 else at["normal_force"]
+    return result

@@ -1,0 +1,67 @@
+"""What a trace tells without any rig: quantities in which the common scale of mass, stiffness and load drops out."""
+
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from ..oscillator import Oscillator
+from .residual import Residual
+
+
+class Estimate(NamedTuple):
+    """A value with its standard uncertainty and its unit."""
+
+    value: float
+    std: float
+    unit: str
+
+
+UNITS = {
+    "natural_frequency": "Hz",
+    "damping_ratio": "",
+    "dead_band": "m",
+    "friction_deceleration": "m/s^2",
+    "drag_rate": "1/m",
+}
+
+
+def _quantities(oscillator: Oscillator) -> Float[Array, " quantities"]:
+    friction = oscillator.friction.dynamic_force(oscillator.normal_force)
+    return jnp.stack(
+        [
+            oscillator.angular_frequency / (2 * jnp.pi),
+            oscillator.damping_ratio,
+            oscillator.dead_band,
+            friction / oscillator.mass,
+            oscillator.drag / oscillator.mass,
+        ]
+    )
+
+
+@eqx.filter_jit
+def _with_slopes(residual: Residual, values: Float[Array, " p"]) -> tuple[Array, Array]:
+    def of(p: Array) -> Array:
+        return _quantities(residual.space.oscillator(residual.oscillator, p))
+
+    return of(values), jax.jacfwd(of)(values)
+
+
+def kinematics(residual: Residual, values: Float[Array, " p"], covariance: np.ndarray) -> dict[str, Estimate]:
+    """Undamped natural frequency, damping ratio, dead band mu N/k, friction per unit mass mu N/m and drag per unit mass.
+
+    Args:
+        residual: the fitted problem.
+        values: fitted values in their own units, shape (p,).
+        covariance: their statistical covariance, shape (p, p), inf where undetermined.
+    """
+    found, slopes = (np.asarray(a) for a in _with_slopes(residual, values))
+    estimates = {}
+    for (name, unit), value, slope in zip(UNITS.items(), found, slopes, strict=True):
+        used = slope != 0
+        variance = slope[used] @ covariance[np.ix_(used, used)] @ slope[used]
+        estimates[name] = Estimate(float(value), float(np.sqrt(variance)), unit)
+    return estimates

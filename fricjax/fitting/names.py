@@ -1,0 +1,95 @@
+"""Names of coefficients: which leaf of an oscillator is meant, and which of them a trace can tell apart."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from typing import NamedTuple
+
+import jax
+
+from ..data.errors import UsageError, nearest
+from ..oscillator import Oscillator
+
+NUISANCES = {"x0": "m", "v0": "m/s", "offset": "m", "drift": "m/s", "t_release": "s"}
+
+_SAME_FORCE = (
+    ("mass", "stiffness", "a trace tells only their ratio, the natural frequency"),
+    ("mu", "normal_force", "a trace tells only their product, the friction force"),
+    ("drag", "windage", "both are the same force, quadratic in the velocity"),
+    ("damping", "sigma2", "both are the same force, linear in the velocity"),
+)
+
+
+class Leaf(NamedTuple):
+    """A coefficient of an oscillator: its shortest unambiguous name, its place among the leaves, and its unit."""
+
+    name: str
+    dotted: str
+    index: int
+    unit: str
+
+
+def leaves_of(oscillator: Oscillator) -> tuple[Leaf, ...]:
+    """All coefficients of an oscillator in the order of its leaves."""
+    paths = [path for path, _ in jax.tree_util.tree_flatten_with_path(oscillator)[0]]
+    keys = [[str(getattr(key, "name", getattr(key, "idx", key))) for key in path] for path in paths]
+    dotted = [".".join(part for part in parts if part != "laws") for parts in keys]
+    last = [name.rsplit(".", 1)[-1] for name in dotted]
+    names = [short if last.count(short) == 1 else full for short, full in zip(last, dotted, strict=True)]
+    units = [_unit(oscillator, path) for path in paths]
+    return tuple(Leaf(*entry) for entry in zip(names, dotted, range(len(paths)), units, strict=True))
+
+
+def _unit(oscillator: Oscillator, path: Sequence) -> str:
+    owner: object = oscillator
+    for key in path[:-1]:
+        owner = getattr(owner, key.name) if hasattr(key, "name") else owner[key.idx]  # type: ignore[index]
+    return getattr(owner, "units", {}).get(path[-1].name, "")
+
+
+def find_leaf(name: str, leaves: Sequence[Leaf]) -> Leaf:
+    """The leaf of that name, short or dotted.
+
+    Raises:
+        UsageError: no such leaf, or one whose short name is ambiguous.
+    """
+    for leaf in leaves:
+        if name in (leaf.name, leaf.dotted):
+            return leaf
+    twins = [leaf.dotted for leaf in leaves if leaf.dotted.endswith(f".{name}")]
+    if twins:
+        raise UsageError(f"{name!r} is ambiguous here: say which one, {' or '.join(twins)}.")
+    known = [leaf.name for leaf in leaves]
+    raise UsageError(f"This oscillator has no coefficient {name!r}.{nearest(name, known)} It has {', '.join(known)}.")
+
+
+def check_identifiable(free: Iterable[str], leaves: Sequence[Leaf]) -> None:
+    """Refuse sets of free parameters of which no trace can tell one from the other.
+
+    Raises:
+        UsageError: names the pair and says why.
+    """
+    kinds = [name.rsplit(".", 1)[-1] for name in free]
+    present = {leaf.name.rsplit(".", 1)[-1] for leaf in leaves}
+    if "windage" in present and "drag" in kinds:
+        raise UsageError("drag cannot be free beside a law with windage: both are the same force. Leave one of them out.")
+    for first, second, reason in _SAME_FORCE:
+        if first in kinds and second in kinds:
+            raise UsageError(
+                f"{first} and {second} cannot both be free, for they are not identifiable: {reason}. Fix one of them."
+            )
+        for kind in (first, second):
+            if kinds.count(kind) > 1 and kind not in ("mu",):
+                raise UsageError(f"{kind} is free twice, for the same force. Free it once.")
+
+
+def check_names(given: Mapping[str, object], allowed: Sequence[str], role: str) -> None:
+    """Refuse entries for parameters that are not free.
+
+    Raises:
+        UsageError: names the first such entry and the nearest free parameter.
+    """
+    for name in given:
+        if name not in allowed:
+            raise UsageError(
+                f"{role} are given for {name!r}, which is not a free parameter.{nearest(name, allowed)} "
+                f"Free are {', '.join(allowed)}."
+            )

@@ -1,0 +1,162 @@
+"""The result of a fit: values with honest uncertainties, and everything one needs to judge them."""
+
+import dataclasses
+import os
+from pathlib import Path
+from typing import Any
+
+import jax.numpy as jnp
+import numpy as np
+
+from ..oscillator import Oscillator
+from .kinematics import Estimate
+from .residual import Run, displacement
+from .rest import Margin
+from .whiteness import Whiteness
+
+
+class FitError(RuntimeError):
+    """A fit that is not valid; the fit itself, as far as it came, is in the attribute `fit`."""
+
+    def __init__(self, message: str, fit: "Fit") -> None:
+        super().__init__(message)
+        self.fit = fit
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Fit:
+    """A fitted oscillator.
+
+    Attributes:
+        names: free parameters in the order of the covariance; those of a run carry its number in a joint fit, "x0[2]".
+        values, std_errors, combined_std_errors: by name, in SI units. The standard errors come from the scatter of the
+            samples; the combined ones add the uncertainties of the rig's inputs to first order.
+        intervals: 95 % intervals from the statistical standard errors, and for the static coefficient of a Coulomb law
+            the interval between stops and non-stops.
+        covariance, combined_covariance: shape (p, p); inf where a parameter is undetermined or at a bound.
+        units, flags: by name; flags are sentences such as "at bound".
+        converged: converged, finite and of full rank.
+        status: the outcome in words.
+        warnings: what a reader of the numbers must know, in sentences.
+        kinematics: natural frequency, damping ratio, dead band and losses per unit mass, which need no rig.
+        chi2, dof, chi2_reduced: sum of squared weighted residuals, degrees of freedom, and their ratio.
+        residuals: measured minus model in the unit of the record, NaN where not fitted; a tuple of arrays in a joint fit.
+        residual_rms: root mean square of the fitted ones.
+        sigma, sigma_mode, sigma_source: median noise used, how it was used, and where it came from.
+        whiteness: autocorrelation of the residuals; `error_inflation`: factor by which it makes standard errors too small.
+        margins: for each run the distance to one half-cycle more or less, None where it ends in motion.
+        half_cycles: for each run the number of half-cycles from the start of the fit to the stop, None in motion.
+        iterations, passes: stages of the fit and passes over model and Jacobian.
+        engine: name of the engine.
+        aicc, bic: information criteria.
+        oscillator: the fitted oscillator.
+        quantity: "m", or "rad" for a rotary rig.
+        times: times of the samples [s], one array per run.
+        runs, origins: what `predict` needs.
+    """
+
+    names: tuple[str, ...]
+    values: dict[str, float]
+    std_errors: dict[str, float]
+    combined_std_errors: dict[str, float]
+    intervals: dict[str, tuple[float, float]]
+    covariance: np.ndarray
+    combined_covariance: np.ndarray
+    units: dict[str, str]
+    flags: dict[str, tuple[str, ...]]
+    converged: bool
+    status: str
+    warnings: tuple[str, ...]
+    kinematics: dict[str, Estimate]
+    chi2: float
+    dof: int
+    residuals: Any
+    residual_rms: float
+    sigma: float
+    sigma_mode: str
+    sigma_source: str
+    whiteness: Whiteness
+    error_inflation: float
+    margins: tuple[Margin | None, ...]
+    half_cycles: tuple[int | None, ...]
+    iterations: int
+    passes: int
+    engine: str
+    aicc: float
+    bic: float
+    oscillator: Oscillator
+    quantity: str
+    times: tuple[np.ndarray, ...]
+    runs: tuple[Run, ...]
+    origins: tuple[float, ...]
+    engine_used: Any
+
+    @property
+    def chi2_reduced(self) -> float:
+        """Sum of squared weighted residuals per degree of freedom."""
+        return self.chi2 / self.dof
+
+    @property
+    def correlation(self) -> np.ndarray:
+        """Correlation matrix, shape (p, p); NaN where undetermined."""
+        std = np.sqrt(np.diag(self.covariance))
+        with np.errstate(invalid="ignore"):
+            return self.covariance / np.outer(std, std)
+
+    def predict(self, ts: Any, run: int = 0) -> np.ndarray:
+        """What the instrument would read at times `ts` of the record [s]: displacement with offset and drift, shape (n,).
+
+        Times before the start of the fitted motion are extrapolated.
+        """
+        own = {name: jnp.asarray(self._own(name, run)) for name in self.runs[run].fixed}
+        own["t_release"] = own["t_release"] - self.origins[run]
+        t = jnp.asarray(np.asarray(ts, float) - self.origins[run])
+        return np.asarray(displacement(self.engine_used, self.oscillator, self.runs[run], own, t))
+
+    def _own(self, name: str, run: int) -> float:
+        """Value of a parameter of one run, free or fixed, in the record's time."""
+        for key in (name, f"{name}[{run}]"):
+            if key in self.values:
+                return self.values[key]
+        fixed = float(self.runs[run].fixed[name])
+        return fixed + self.origins[run] if name == "t_release" else fixed
+
+    def summary(self) -> str:
+        """The report as plain text."""
+        from .show import summary
+
+        return summary(self)
+
+    def _repr_html_(self) -> str:
+        from .show import html
+
+        return html(self)
+
+    def __repr__(self) -> str:
+        shown = ", ".join(f"{name}={value:.6g}" for name, value in self.values.items())
+        return f"Fit({shown}; {self.status})"
+
+    def plot(self, run: int = 0) -> Any:
+        """Measured and computed trace with residuals, as a matplotlib figure."""
+        from .show import plot
+
+        return plot(self, run)
+
+    def to_dict(self) -> dict[str, Any]:
+        """The fit as plain data, without the samples."""
+        from .store import to_dict
+
+        return to_dict(self)
+
+    def save(self, path: str | os.PathLike[str]) -> Path:
+        """Write the fit with its samples to a JSON file, whole or not at all."""
+        from .store import save
+
+        return save(self, path)
+
+
+def named(names: tuple[str, ...], values: Any) -> dict[str, float]:
+    """Values by name."""
+    return dict(zip(names, (float(v) for v in values), strict=True))
+
+

@@ -1,0 +1,90 @@
+"""What the numbers of a fit are worth: status, flags and warnings in words."""
+
+import numpy as np
+
+from .covariance import Covariance
+from .levenberg_marquardt import NOT_FINITE, STALLED
+from .problem import Problem
+from .rest import Margin
+from .solve import Solved
+from .whiteness import Whiteness
+
+_ADEQUATE = 3.0
+_NOTABLE = 1.5
+
+
+def status_of(solved: Solved, covariance: Covariance, names: tuple[str, ...]) -> str:
+    """The outcome in words."""
+    if solved.status == NOT_FINITE:
+        return "not finite: the model fails at the start values. Check the law's coefficients and the engine."
+    if solved.out_of_steps:
+        return "out of steps: the optimum was not reached. Start nearer, or free fewer parameters."
+    if solved.status == STALLED:
+        return "stalled: no step improves the fit although the gradient asks for one. Check for bounds or kinks of the model."
+    if not covariance.full_rank:
+        lost = ", ".join(n for n, bad in zip(names, covariance.undetermined, strict=True) if bad)
+        return f"undetermined: the record does not determine {lost}. Fix one of them or record more half-cycles."
+    held = [n for n, bound in zip(names, covariance.at_bound, strict=True) if bound]
+    return f"converged with {', '.join(held)} at a bound" if held else "converged"
+
+
+def flags_of(problem: Problem, covariance: Covariance, solved: Solved, inflation: float) -> dict[str, tuple[str, ...]]:
+    """Flags of each parameter."""
+    values = np.asarray(problem.residual.space.values(solved.q))
+    flags: dict[str, tuple[str, ...]] = {}
+    for i, parameter in enumerate(problem.parameters):
+        found = []
+        if covariance.at_bound[i]:
+            found.append("at bound")
+        elif covariance.undetermined[i]:
+            found.append("undetermined")
+        elif values[i] == parameter.start and np.all(np.asarray(solved.jacobian)[:, i] == 0):
+            found.append("at start value")
+        if inflation > _NOTABLE and not found:
+            found.append(f"standard error too small, about x{inflation:.2g}")
+        flags[parameter.name] = tuple(found)
+    return flags
+
+
+def error_inflation(white: Whiteness, chi2_reduced: float, sigma_mode: str) -> float:
+    """Factor by which correlated residuals, and noise larger than stated, make the standard errors too small."""
+    excess = max(chi2_reduced, 1.0) if sigma_mode == "absolute" else 1.0
+    return float(np.sqrt((1.0 if white.white else white.correlation_time) * excess))
+
+
+def warnings_of(
+    problem: Problem,
+    values: dict[str, float],
+    std_errors: dict[str, float],
+    white: Whiteness,
+    inflation: float,
+    rms: float,
+    margins: tuple[Margin | None, ...],
+) -> tuple[str, ...]:
+    """Sentences that a reader of the numbers must know."""
+    sigma = float(np.median(np.concatenate([w.sigma[w.used] for w in problem.windows])))
+    unit = problem.windows[0].quantity
+    found = []
+    if values.get("damping", 0.0) < -2 * std_errors.get("damping", np.inf):
+        found.append(
+            "The damping is negative: no passive machine has that. It is the fingerprint of a friction law that falls with "
+            "velocity or of a missing term such as drag; bound it at zero or choose another law."
+        )
+    if rms > _ADEQUATE * sigma:
+        found.append(
+            f"The model does not describe the run: its residuals of {rms:.2e} {unit} rms are {rms / sigma:.3g} times the noise"
+            f" of {sigma:.2e} {unit}."
+        )
+    if not white.white:
+        found.append(
+            f"The residuals are not white (neighbouring samples correlate by {white.lag_one:.2f}), so the standard errors "
+            f"are too small, by a factor of about {inflation:.2g}."
+        )
+    for i, margin in enumerate(margins):
+        if margin is not None and min(margin) < -_ADEQUATE * sigma:
+            which = "" if len(margins) == 1 else f" of run {i}"
+            found.append(
+                f"The law would stop the mass{which} after another number of half-cycles than the record shows "
+                f"(margins {margin.one_more:.2e} and {margin.one_less:.2e} {unit}): static friction differs, or the model does."
+            )
+    return tuple(found)

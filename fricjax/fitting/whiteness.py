@@ -1,0 +1,41 @@
+"""Are the residuals white? Standard errors assume it, and a wrong model, vibration or drift break it.
+
+The integrated autocorrelation time tau says how many samples in a row carry the same information: standard errors of slowly
+varying parameters are too small by about sqrt(tau), and by the square root of the reduced chi^2 beside it where the noise
+was given (Sokal, 1996).
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+
+class Whiteness(NamedTuple):
+    """Verdict on the residuals.
+
+    Attributes:
+        lag_one: autocorrelation of neighbouring samples.
+        correlation_time: integrated autocorrelation time in samples, one for white residuals.
+        white: whether neighbouring samples are uncorrelated within four standard errors.
+    """
+
+    lag_one: float
+    correlation_time: float
+    white: bool
+
+
+def whiteness(residuals: np.ndarray) -> Whiteness:
+    """Judge a sequence of residuals, in the order of time and in units of their standard deviation."""
+    n = residuals.size
+    centred = residuals - residuals.mean()
+    power = float(centred @ centred)
+    if n < 8 or power == 0:
+        return Whiteness(0.0, 1.0, True)
+    size = 1 << (2 * n - 1).bit_length()
+    spectrum = np.abs(np.fft.rfft(centred, size)) ** 2
+    correlation = np.fft.irfft(spectrum, size)[: n // 2] / power
+    pairs = correlation[1:-1:2] + correlation[2::2] if n >= 16 else correlation[1:2]
+    ends = np.flatnonzero(pairs <= 2 / np.sqrt(n))
+    positive = pairs[: ends[0]] if ends.size else pairs
+    time = 1 + 2 * float(np.sum(np.minimum.accumulate(positive))) if positive.size else 1.0
+    return Whiteness(float(correlation[1]), max(time, 1.0), bool(abs(correlation[1]) < 4 / np.sqrt(n)))

@@ -1,0 +1,173 @@
+"""Which part of a record is fitted, where the motion in it starts, and how its samples are weighted."""
+
+import dataclasses
+from typing import Any
+
+import numpy as np
+
+from ..data import Record, Segmentation, Trace, segment
+from ..data.errors import DataError, UsageError, nearest
+from .names import NUISANCES
+
+STARTS = ("first_reversal", "release")
+NEVER = 10**9
+
+_DEFAULT_NUISANCES = {
+    "first_reversal": ("t_release", "x0", "offset"),
+    "release": ("x0", "offset"),
+    "seconds": ("x0", "v0", "offset"),
+}
+
+
+@dataclasses.dataclass(frozen=True)
+class Window:
+    """The fitted part of one record.
+
+    Attributes:
+        trace: the whole record; `quantity` its unit ("m" or "rad").
+        segmentation: reversals, rest and noise of the record.
+        origin: time that counts as zero for this run [s].
+        t_start: time of the state from which the motion is computed [s].
+        used: True where a sample is fitted; `moving`: the same without the rest.
+        sigma: noise of each sample; `sigma_source` says where it comes from.
+        half_cycles: number of half-cycles from `t_start` to the stop, `NEVER` where the record ends in motion.
+        nuisances: names of this run's own free parameters.
+        guesses: start values of x0, v0, offset, drift and t_release.
+    """
+
+    trace: Trace
+    quantity: str
+    segmentation: Segmentation
+    origin: float
+    t_start: float
+    used: np.ndarray
+    moving: np.ndarray
+    sigma: np.ndarray
+    sigma_source: str
+    half_cycles: int
+    nuisances: tuple[str, ...]
+    guesses: dict[str, float]
+
+    @property
+    def strokes(self) -> int:
+        """Completed half-cycles in the window."""
+        later = int(np.sum(self.segmentation.turning_times > self.t_start + self.segmentation.half_period / 4))
+        return later + (self.segmentation.rest is not None)
+
+
+def open_window(
+    data: Record | Trace, start: str | float, nuisance: tuple[str, ...] | None, *, keeps_memory: bool, creeps: bool
+) -> Window:
+    """Find the fitted part of a record.
+
+    Args:
+        data: a record or a bare trace.
+        start: "first_reversal", "release", or seconds from the first sample.
+        nuisance: names of the run's own free parameters; None for those that belong to `start`.
+        keeps_memory: whether the law has internal states. These are known in mid-stroke only, so the state is then
+            fitted half a half-cycle before the first reversal.
+        creeps: whether the law creeps where the mass rests, so that samples at rest are left out.
+
+    Raises:
+        DataError: a record without the motion that `start` asks for.
+        UsageError: an unknown `start` or nuisance parameter.
+    """
+    trace, quantity = (data.trace, data.quantity) if isinstance(data, Record) else (data, "m")
+    t, x, mask = (np.asarray(a) for a in (trace.t, trace.x, trace.mask))
+    found = segment(t, x, sigma=trace.sigma, mask=mask)
+    mode, t_start, t_first = _start(data, start, found, t)
+    if mode == "first_reversal" and keeps_memory:
+        mode, t_start = "seconds", t_first - found.half_period / 2
+    moving = mask & (t >= t_first) & (t <= (np.inf if found.rest is None else found.rest))
+    used = moving if creeps else mask & (t >= t_first)
+    sigma, source = _noise(trace, found)
+    own = _DEFAULT_NUISANCES[mode] if nuisance is None else tuple(nuisance)
+    _check_nuisances(own)
+    return Window(
+        trace=trace,
+        quantity=quantity,
+        segmentation=found,
+        origin=t_first,
+        t_start=t_start,
+        used=used,
+        moving=moving & used,
+        sigma=sigma,
+        sigma_source=source,
+        half_cycles=_half_cycles(found, t_start),
+        nuisances=own,
+        guesses=_guess_state(t, x, mask, found, t_start, t_first),
+    )
+
+
+def _start(data: Any, start: str | float, found: Segmentation, t: np.ndarray) -> tuple[str, float, float]:
+    """Kind of start, time of the starting state, and time from which samples are used."""
+    if start == "first_reversal":
+        if not found.turning_times.size:
+            raise DataError("The record holds no reversal to start from. Fit from the release: start='release'.")
+        return "first_reversal", float(found.turning_times[0]), float(found.turning_times[0])
+    if start == "release":
+        logged = data.release if isinstance(data, Record) else None
+        at = float(t[0]) if logged is None else float(logged)
+        return "release", at, at
+    if isinstance(start, str):
+        raise UsageError(f"There is no start {start!r}.{nearest(start, STARTS)} Choose first_reversal, release or seconds.")
+    at = float(t[0]) + float(start)
+    if not t[0] <= at < t[-1]:
+        raise UsageError(f"start={start} s lies outside the record, which lasts {t[-1] - t[0]:.6g} s.")
+    return "seconds", at, at
+
+
+def _check_nuisances(names: tuple[str, ...]) -> None:
+    for name in names:
+        if name not in NUISANCES:
+            raise UsageError(
+                f"There is no nuisance parameter {name!r}.{nearest(name, NUISANCES)} Known are {', '.join(NUISANCES)}."
+            )
+    if "v0" in names and "t_release" in names:
+        raise UsageError("v0 and t_release cannot both be free: each shifts the motion in time. Leave one of them out.")
+
+
+def _noise(trace: Trace, found: Segmentation) -> tuple[np.ndarray, str]:
+    if trace.sigma is not None:
+        return np.broadcast_to(np.asarray(trace.sigma, float), trace.t.shape), "given"
+    floor = max(found.noise, 1e-12 * found.amplitude)
+    return np.full(trace.t.shape, floor), "estimated from the record"
+
+
+def _half_cycles(found: Segmentation, t_start: float) -> int:
+    if found.rest is None:
+        return NEVER
+    return int(np.sum(found.turning_times > t_start + found.half_period / 4)) + 1
+
+
+def _guess_state(
+    t: np.ndarray, x: np.ndarray, mask: np.ndarray, found: Segmentation, t_start: float, origin: float
+) -> dict[str, float]:
+    """Start values of the run's own parameters, in times counted from `origin`."""
+    offset = equilibrium(found)
+    first = found.turning_times.size > 0 and abs(found.turning_times[0] - t_start) < 1e-9 * found.half_period
+    if first:
+        x0, v0 = float(found.turning_points[0]), 0.0
+    else:
+        x0, v0 = _local_state(t[mask], x[mask], t_start, found.half_period)
+    return {"x0": x0 - offset, "v0": v0, "offset": offset, "drift": 0.0, "t_release": t_start - origin}
+
+
+def _local_state(t: np.ndarray, x: np.ndarray, at: float, half_period: float) -> tuple[float, float]:
+    """Position and velocity at a time from a cubic through the samples about it."""
+    near = np.abs(t - at) <= half_period / 6
+    if near.sum() < 8:
+        near = np.argsort(np.abs(t - at))[:8]
+    width = half_period / 6
+    cubic = np.polynomial.polynomial.polyfit((t[near] - at) / width, x[near], 3)
+    return float(cubic[0]), float(cubic[1] / width)
+
+
+def equilibrium(found: Segmentation) -> float:
+    """Equilibrium of the spring, from turning points on alternating sides: (X[n-1] + 2 X[n] + X[n+1])/4."""
+    points = found.turning_points
+    if points.size >= 3:
+        return float(np.median((points[:-2] + 2 * points[1:-1] + points[2:]) / 4))
+    if points.size == 2:
+        return float(np.mean(points))
+    return 0.0 if found.rest_position is None else float(found.rest_position)
