@@ -1,25 +1,19 @@
-"""Covariance of a fit: from the Jacobian at the optimum, and from the uncertain inputs of the rig to first order.
+"""Covariance of a fit: from the normal matrix at the optimum, and from the uncertain inputs of the rig to first order.
 
-One singular value decomposition of the Jacobian, its columns scaled to one, gives the covariance, the rank and the
-undetermined directions. An input ``b`` with standard uncertainty ``u(b)`` that is held fixed moves the optimum by
-``dp/db = -(J'J)^-1 J' dr/db``; its share of the covariance is ``(dp/db) u(b)^2 (dp/db)'`` (JCGM 100, 5.1).
+The eigenvalues of ``J'J``, its rows and columns scaled to a unit diagonal, give the covariance, the rank and the undetermined
+directions. An input ``b`` with standard uncertainty ``u(b)`` that is held fixed moves the optimum by ``dp/db = -(J'J)^-1 J'
+dr/db``; its share of the covariance is ``(dp/db) u(b)^2 (dp/db)'`` (JCGM 100, 5.1). The inputs are coordinates of the
+residual like the parameters, so ``J' dr/db`` is a block of the same matrix.
 """
 
-from collections.abc import Mapping
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
-import equinox as eqx
-import jax
-import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array
 
-from ..oscillator import Oscillator
 from .problem import Problem
-from .residual import Residual
 from .solve import Solved
 
-RANK_TOLERANCE = 1e-9
+RANK_TOLERANCE = 1e-13
 
 
 class Covariance(NamedTuple):
@@ -40,19 +34,17 @@ class Covariance(NamedTuple):
     full_rank: bool
 
 
-def covariance(problem: Problem, solved: Solved, variance: float, rig: Any) -> Covariance:
+def covariance(problem: Problem, solved: Solved, variance: float) -> Covariance:
     """Covariance at the optimum; `variance` is the variance of a unit-weight residual."""
-    jacobian = np.asarray(solved.jacobian)
-    q, space = solved.q, problem.residual.space
-    at_bound = np.asarray((q <= problem.lower) | (q >= problem.upper))
-    inverse, undetermined = _pseudo_inverse(jacobian, ~at_bound)
-    slope = np.asarray(space.slope(q))
-    spread = slope[:, None] * inverse
-    statistical = variance * spread @ spread.T
-    combined = statistical.copy()
-    for shift in _input_shifts(problem.residual, q, rig):
-        moved = spread @ shift
-        combined += np.outer(moved, moved)
+    p = problem.residual.n_parameters
+    y = np.asarray(solved.y)[:p]
+    at_bound = (y <= np.asarray(problem.lower)) | (y >= np.asarray(problem.upper))
+    normal = np.asarray(solved.normal)
+    inverse, undetermined = _inverse(normal[:p, :p], ~at_bound)
+    slope = np.asarray(problem.residual.space.slope(solved.y[:p]))
+    statistical = variance * slope[:, None] * inverse * slope
+    moved = slope[:, None] * (inverse @ normal[:p, p:])
+    combined = statistical + moved @ moved.T
     lost = undetermined | at_bound
     for matrix in (statistical, combined):
         matrix[lost, :] = matrix[:, lost] = 0.0
@@ -60,45 +52,18 @@ def covariance(problem: Problem, solved: Solved, variance: float, rig: Any) -> C
     return Covariance(statistical, combined, undetermined, at_bound, not undetermined.any())
 
 
-def _pseudo_inverse(jacobian: np.ndarray, movable: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Least-squares inverse of the Jacobian among the movable parameters, and which of these it does not determine."""
-    p = jacobian.shape[1]
-    norms = np.where(movable, np.linalg.norm(jacobian, axis=0), 0.0)
-    active = norms > 0
-    inverse, undetermined = np.zeros((p, jacobian.shape[0])), movable & ~active
-    if active.any():
-        scaled = jacobian[:, active] / norms[active]
-        u, s, vt = np.linalg.svd(scaled, full_matrices=False)
-        weak = s < RANK_TOLERANCE * s[0]
-        strong = np.where(weak, 0.0, 1 / np.where(weak, 1.0, s))
-        inverse[active] = ((vt.T * strong) @ u.T) / norms[active][:, None]
-        undetermined[active] |= np.any(np.abs(vt[weak]) > 1e-3, axis=0)
+def _inverse(normal: np.ndarray, movable: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Inverse of the normal matrix among the movable parameters, and which of these it does not determine."""
+    p = normal.shape[0]
+    size = np.sqrt(np.where(movable, np.diag(normal), 0.0))
+    active = np.flatnonzero((size > 0) & np.isfinite(size))
+    inverse, undetermined = np.zeros((p, p)), movable.copy()
+    undetermined[active] = False
+    if active.size and np.all(np.isfinite(normal[np.ix_(active, active)])):
+        unit = size[active]
+        eigenvalues, vectors = np.linalg.eigh(normal[np.ix_(active, active)] / np.outer(unit, unit))
+        weak = eigenvalues < RANK_TOLERANCE * eigenvalues[-1]
+        strength = np.where(weak, 0.0, 1 / np.where(weak, 1.0, eigenvalues))
+        inverse[np.ix_(active, active)] = (vectors * strength) @ vectors.T / np.outer(unit, unit)
+        undetermined[active] = np.any(np.abs(vectors[:, weak]) > 1e-3, axis=1)
     return inverse, undetermined
-
-
-def _input_shifts(residual: Residual, q: Array, rig: Any) -> list[np.ndarray]:
-    """Change of the residual for one standard uncertainty of each of the rig's inputs, times -1."""
-    if rig is None:
-        return []
-    inputs: Mapping[str, Any] = rig.inputs()
-    law = residual.oscillator.friction
-    shifts = []
-    for name, measured in inputs.items():
-        value = jnp.asarray(float(measured.value))
-
-        def machine(b: Array, name: str = name) -> Oscillator:
-            return rig.with_inputs({name: b}).oscillator(law)
-
-        _, tangent = jax.jvp(machine, (value,), (jnp.asarray(float(measured.std)),))
-        shifts.append(-np.asarray(_directional(residual, q, tangent)))
-    return shifts
-
-
-@eqx.filter_jit
-def _directional(residual: Residual, q: Array, tangent: Oscillator) -> Array:
-    """Derivative of the residual when the fixed coefficients of the machine move along `tangent`."""
-
-    def moved(oscillator: Oscillator) -> Array:
-        return eqx.tree_at(lambda r: r.oscillator, residual, oscillator)(q)
-
-    return jax.jvp(moved, (residual.oscillator,), (tangent,))[1]

@@ -92,9 +92,10 @@ def fit(
         bounds=bounds or {},
         priors=priors or {},
         tie=tie or {},
+        rig=rig,
     )
     problem, solved = solve_with_rest(_posed(records, request, sigma_mode))
-    result = _report(problem, solved, sigma_mode, rig)
+    result = _report(problem, solved, sigma_mode)
     if throw and not result.converged:
         raise FitError(f"The fit is not valid, {result.status}", result)
     return result
@@ -113,14 +114,14 @@ def _without_sigma(record: Record | Trace) -> Record | Trace:
     return Trace(record.t, record.x, mask=record.mask)
 
 
-def _report(problem: Problem, solved: Solved, sigma_mode: str, rig: Any) -> Fit:
+def _report(problem: Problem, solved: Solved, sigma_mode: str) -> Fit:
     dof = max(problem.n_used - len(problem.parameters), 1)
     variance = 1.0 if sigma_mode == "absolute" else solved.chi2 / dof
-    found = covariance(problem, solved, variance, rig)
+    found = covariance(problem, solved, variance)
     white = _whiteness(problem, solved)
     inflation = error_inflation(white, solved.chi2 / dof, sigma_mode)
-    values = problem.residual.space.values(solved.q)
-    margins = tuple(rest_margin(problem.residual, solved.q, run) for run in range(len(problem.windows)))
+    values = problem.residual.values(solved.y)
+    margins = tuple(rest_margin(problem.residual, solved.y, run) for run in range(len(problem.windows)))
     residuals, rms = _residuals(problem, solved)
     machine, intervals, static = _machine(problem, solved, found)
     shown = _record_time(problem, np.asarray(values))
@@ -141,7 +142,7 @@ def _report(problem: Problem, solved: Solved, sigma_mode: str, rig: Any) -> Fit:
         converged=ok,
         status=status_of(solved, found, problem.names),
         warnings=warnings_of(problem, named(problem.names, shown), std_errors, white, inflation, rms, margins),
-        kinematics=kinematics(problem.residual, values, found.statistical),
+        kinematics=kinematics(problem.residual, solved.y, found.statistical),
         chi2=solved.chi2 / factor**2,
         dof=dof,
         residuals=residuals,
@@ -153,7 +154,7 @@ def _report(problem: Problem, solved: Solved, sigma_mode: str, rig: Any) -> Fit:
         error_inflation=inflation,
         margins=margins,
         half_cycles=tuple(_count(run) for run in problem.residual.runs),
-        iterations=solved.iterations,
+        iterations=solved.stages,
         passes=solved.passes,
         engine=type(problem.residual.engine).__name__.lower(),
         **_criteria(solved, len(problem.parameters), problem.n_used, sigma_mode),
@@ -209,9 +210,8 @@ def _machine(
     problem: Problem, solved: Solved, found: Covariance
 ) -> tuple[Oscillator, dict[str, tuple[float, float]], dict[str, float]]:
     """The fitted oscillator, with a bracketed static coefficient at the middle of its interval."""
-    space = problem.residual.space
-    machine = space.oscillator(problem.residual.oscillator, space.values(solved.q))
-    bracket = bracket_static(problem, solved.q)
+    machine = problem.residual.machine(solved.y)
+    bracket = bracket_static(problem, solved.y)
     if bracket is None:
         return machine, {}, {}
     if problem.bracketed is None:

@@ -43,22 +43,25 @@ def _quantities(oscillator: Oscillator) -> Float[Array, " quantities"]:
 
 
 @eqx.filter_jit
-def _with_slopes(residual: Residual, values: Float[Array, " p"]) -> tuple[Array, Array]:
-    def of(p: Array) -> Array:
-        return _quantities(residual.space.oscillator(residual.oscillator, p))
+def _with_slopes(residual: Residual, y: Float[Array, " coordinates"]) -> tuple[Array, Array]:
+    """The quantities and their derivatives with respect to the values of the parameters."""
 
-    return of(values), jax.jacfwd(of)(values)
+    def of(at: Array) -> Array:
+        return _quantities(residual.machine(at))
+
+    p = residual.n_parameters
+    return of(y), jax.jacfwd(of)(y)[:, :p] / residual.space.slope(y[:p])
 
 
-def kinematics(residual: Residual, values: Float[Array, " p"], covariance: np.ndarray) -> dict[str, Estimate]:
+def kinematics(residual: Residual, y: Float[Array, " coordinates"], covariance: np.ndarray) -> dict[str, Estimate]:
     """Undamped natural frequency, damping ratio, dead band mu N/k, friction per unit mass mu N/m and drag per unit mass.
 
     Args:
         residual: the fitted problem.
-        values: fitted values in their own units, shape (p,).
-        covariance: their statistical covariance, shape (p, p), inf where undetermined.
+        y: coordinates of the optimum.
+        covariance: statistical covariance, shape (p, p), inf where undetermined.
     """
-    found, slopes = (np.asarray(a) for a in _with_slopes(residual, values))
+    found, slopes = (np.asarray(a) for a in _with_slopes(residual, y))
     estimates = {}
     for (name, unit), value, slope in zip(UNITS.items(), found, slopes, strict=True):
         used = slope != 0

@@ -62,7 +62,7 @@ def _measure(fn: Callable, y: Array, args: PyTree) -> tuple[Pass, Any]:
 
 
 def _movable(y: Array, gradient: Array, lower: Array, upper: Array) -> Array:
-    held = ((y <= lower) & (gradient > 0)) | ((y >= upper) & (gradient < 0))
+    held = ((y <= lower) & (gradient > 0)) | ((y >= upper) & (gradient < 0)) | (lower == upper)
     return ~held
 
 
@@ -160,4 +160,10 @@ class LevenbergMarquardt(optx.AbstractLeastSquaresSolver):
         tags: frozenset,
         result: optx.RESULTS,
     ) -> tuple[Array, Any, dict[str, Any]]:
-        return y, aux, {"status": state.status, "cost": state.accepted.cost, "remaining": state.remaining}
+        here = state.accepted
+        return y, aux, {
+            "status": state.status,
+            "cost": here.cost,
+            "normal": here.normal,
+            "remaining": state.remaining,
+        }

@@ -8,6 +8,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array, Float
 
 from ..data import Record, Trace
 from ..data.errors import DataError, UsageError
@@ -65,6 +66,7 @@ class Request:
     bounds: Mapping[str, tuple[float | None, float | None]]
     priors: Mapping[str, Any]
     tie: Mapping[str, Any]
+    rig: Any
 
 
 def pose(records: Sequence[Record | Trace], request: Request) -> Problem:
@@ -89,7 +91,7 @@ def pose(records: Sequence[Record | Trace], request: Request) -> Problem:
     space = ParameterSpace.build(
         parameters, [leaf.index for leaf in shared], ties, [window.nuisances for window in windows]
     )
-    residual = _residual(request, space, windows, parameters, bool(bracketed))
+    residual = _residual(request, space, windows, parameters)
     return Problem(
         residual=residual,
         moving=tuple(_weights(window, window.moving) for window in windows),
@@ -191,13 +193,29 @@ def _residual(
     space: ParameterSpace,
     windows: Sequence[Window],
     parameters: Sequence[Parameter],
-    unknown_rest: bool,
 ) -> Residual:
     engine = _engine(request, windows)
     mean, weight = _priors(request.priors, [parameter.name for parameter in parameters])
     oscillator = jax.tree.map(lambda leaf: jnp.asarray(leaf, float), request.oscillator)
     runs = tuple(_run(window, request, oscillator) for window in windows)
-    return Residual(oscillator, space, engine, runs, jnp.asarray(mean), jnp.asarray(weight))
+    inputs = _inputs(request.rig, oscillator)
+    return Residual(oscillator, space, engine, runs, jnp.asarray(mean), jnp.asarray(weight), inputs)
+
+
+def _inputs(rig: Any, oscillator: Oscillator) -> Float[Array, "inputs leaves"]:
+    """Change of each leaf of the machine for one standard uncertainty of each uncertain input of the rig."""
+    changes = [jnp.zeros((0, len(jax.tree.leaves(oscillator))))]
+    for name, measured in (rig.inputs() if rig is not None else {}).items():
+
+        def machine(b: Array, name: str = name) -> Oscillator:
+            return rig.with_inputs({name: b}).oscillator(oscillator.friction)
+
+        at, by = jnp.asarray(float(measured.value)), jnp.asarray(float(measured.std))
+        change = jax.jvp(machine, (at,), (by,))[1]
+        if jax.tree.structure(change) != jax.tree.structure(oscillator):
+            raise UsageError("The rig describes another machine than the oscillator. Build it with rig.oscillator(friction).")
+        changes.append(jnp.stack(jax.tree.leaves(change))[None])
+    return jnp.concatenate(changes)
 
 
 def _engine(request: Request, windows: Sequence[Window]) -> AbstractEngine:

@@ -1,10 +1,11 @@
 """What a fit makes small: the weighted distance between measured and computed displacement, and between priors and values."""
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
-from ..oscillator import Oscillator, starting_state
+from ..oscillator import Motion, Oscillator, starting_state
 from ..oscillator.engines import AbstractEngine
 from .space import ParameterSpace
 
@@ -30,12 +31,16 @@ class Run(eqx.Module):
 class Residual(eqx.Module):
     """The residual of one or several runs of the same machine, and of the priors, as a function of the coordinates.
 
+    The coordinates are those of the free parameters, followed by one for each uncertain input of the rig in units of its
+    standard uncertainty. The latter stay at zero; their columns of the Jacobian carry the inputs' uncertainty to the result.
+
     Attributes:
         oscillator: template of the machine; its free leaves are replaced.
         space: parameter space.
         engine: engine that computes the motion.
         runs: the records.
         prior_mean, prior_weight: mean and one over the standard deviation of each parameter's prior, weight zero for none.
+        inputs: change of each leaf of the machine for one standard uncertainty of each input.
     """
 
     oscillator: Oscillator
@@ -44,27 +49,53 @@ class Residual(eqx.Module):
     runs: tuple[Run, ...]
     prior_mean: Float[Array, " p"]
     prior_weight: Float[Array, " p"]
+    inputs: Float[Array, "inputs leaves"]
 
-    def __call__(self, q: Float[Array, " p"], args: None = None) -> Float[Array, " residuals"]:
-        values = self.space.values(q)
-        machine = self.space.oscillator(self.oscillator, values)
-        parts = [run.weight * (self.displacement(machine, values, i) - run.x) for i, run in enumerate(self.runs)]
-        return jnp.concatenate([*parts, (values - self.prior_mean) * self.prior_weight])
+    @property
+    def n_parameters(self) -> int:
+        """Number of free parameters."""
+        return self.prior_mean.shape[0]
 
-    def displacement(self, machine: Oscillator, values: Float[Array, " p"], run: int) -> Float[Array, " samples"]:
+    def __call__(self, y: Float[Array, " coordinates"], args: None = None) -> Float[Array, " residuals"]:
+        parts = [run.weight * (self.displacement(y, i) - run.x) for i, run in enumerate(self.runs)]
+        return jnp.concatenate([*parts, (self.values(y) - self.prior_mean) * self.prior_weight])
+
+    def values(self, y: Float[Array, " coordinates"]) -> Float[Array, " p"]:
+        """Values of the free parameters."""
+        return self.space.values(y[: self.n_parameters])
+
+    def machine(self, y: Float[Array, " coordinates"]) -> Oscillator:
+        """The oscillator at coordinates `y`."""
+        shift = y[self.n_parameters :] @ self.inputs
+        leaves, structure = jax.tree.flatten(self.oscillator)
+        moved = jax.tree.unflatten(structure, [leaf + shift[i] for i, leaf in enumerate(leaves)])
+        return self.space.oscillator(moved, self.values(y))
+
+    def own(self, y: Float[Array, " coordinates"], run: int) -> dict[str, Array]:
+        """State and offset of one run, free or fixed, by name."""
+        return {**self.runs[run].fixed, **self.space.run_values(self.values(y), run)}
+
+    def displacement(self, y: Float[Array, " coordinates"], run: int) -> Float[Array, " samples"]:
         """Computed displacement of one run in the coordinate of its record [m]."""
-        return displacement(self.engine, machine, self.runs[run], self.space.run_values(values, run), self.runs[run].t)
+        data = self.runs[run]
+        return displacement(self.engine, self.machine(y), data, self.own(y, run), data.t)
+
+    def motion(self, y: Float[Array, " coordinates"], run: int, half_cycles: Int[Array, ""] | None) -> Motion:
+        """Motion of one run; `half_cycles` None lets the rest condition stop it."""
+        at = self.own(y, run)
+        machine = self.machine(y)
+        start = starting_state(machine, at["x0"], at["v0"])
+        return self.engine.solve(machine, start, self.runs[run].t - at["t_release"], half_cycles)
 
 
 def displacement(
     engine: AbstractEngine,
     machine: Oscillator,
     run: Run,
-    own: dict[str, Array],
+    at: dict[str, Array],
     t: Float[Array, " samples"],
 ) -> Float[Array, " samples"]:
-    """What the instrument would read at times `t` of a run, given the values of its own parameters."""
-    at = {**run.fixed, **own}
+    """What the instrument would read at times `t` of a run, given the machine and the run's own parameters."""
     start = starting_state(machine, at["x0"], at["v0"])
     motion = engine.solve(machine, start, t - at["t_release"], run.half_cycles)
     return motion.x + at["offset"] + at["drift"] * t

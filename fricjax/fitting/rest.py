@@ -10,10 +10,10 @@ from typing import NamedTuple
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array
 
 from ..friction import Coulomb
-from ..oscillator import Motion, Oscillator, starting_state
+from ..oscillator import Motion, Oscillator
 from .problem import Problem
 from .residual import Residual
 from .solve import Solved, solve
@@ -33,15 +33,9 @@ class Margin(NamedTuple):
 
 
 @eqx.filter_jit
-def motion_of(residual: Residual, q: Float[Array, " p"], run: int, forced: bool) -> tuple[Motion, Oscillator]:
-    """Motion of one run at coordinates `q`, stopped as the record says or, unless `forced`, by the rest condition."""
-    values = residual.space.values(q)
-    machine = residual.space.oscillator(residual.oscillator, values)
-    data = residual.runs[run]
-    at = {**data.fixed, **residual.space.run_values(values, run)}
-    start = starting_state(machine, at["x0"], at["v0"])
-    count = data.half_cycles if forced else None
-    return residual.engine.solve(machine, start, data.t - at["t_release"], count), machine
+def _motion(residual: Residual, y: Array, run: int, forced: bool) -> tuple[Motion, Oscillator]:
+    """Motion of one run, stopped as the record says or, unless `forced`, by the rest condition; and the machine."""
+    return residual.motion(y, run, residual.runs[run].half_cycles if forced else None), residual.machine(y)
 
 
 def solve_with_rest(problem: Problem) -> tuple[Problem, Solved]:
@@ -49,7 +43,7 @@ def solve_with_rest(problem: Problem) -> tuple[Problem, Solved]:
     solved = solve(problem)
     if not problem.residual.oscillator.friction.set_valued or problem.bracketed:
         return problem, solved
-    own = [_own_count(problem.residual, solved.q, run) for run in range(len(problem.windows))]
+    own = [_own_count(problem.residual, solved.y, run) for run in range(len(problem.windows))]
     runs = problem.residual.runs
     if all(count == int(run.half_cycles) for count, run in zip(own, runs, strict=True)):
         return problem, solved
@@ -58,38 +52,38 @@ def solve_with_rest(problem: Problem) -> tuple[Problem, Solved]:
     )
     other = Problem(**{**problem.__dict__, "residual": changed})
     second = solve(other)
-    passes, iterations = solved.passes + second.passes, solved.iterations + second.iterations
+    passes, stages = solved.passes + second.passes, solved.stages + second.stages
     better = second.converged and second.chi2 < solved.chi2
     chosen = second if better else solved
-    return (other if better else problem), chosen._replace(passes=passes, iterations=iterations)
+    return (other if better else problem), chosen._replace(passes=passes, stages=stages)
 
 
-def _own_count(residual: Residual, q: Array, run: int) -> int:
+def _own_count(residual: Residual, y: Array, run: int) -> int:
     """Half-cycles until the rest condition holds; the record's count where it ends in motion or the law never stops."""
     recorded = int(residual.runs[run].half_cycles)
-    motion, _ = motion_of(residual, q, run, False)
+    motion, _ = _motion(residual, y, run, False)
     own = int(motion.n_half_cycles)
     return recorded if recorded >= NEVER or own <= 0 else own
 
 
-def rest_margin(residual: Residual, q: Array, run: int) -> Margin | None:
+def rest_margin(residual: Residual, y: Array, run: int) -> Margin | None:
     """Distance to one half-cycle more or less, None where the record ends in motion or nothing holds the mass."""
     count = int(residual.runs[run].half_cycles)
     if not residual.oscillator.friction.set_valued or count >= NEVER or count < 1:
         return None
-    motion, machine = motion_of(residual, q, run, True)
+    motion, machine = _motion(residual, y, run, True)
     points = np.abs(np.asarray(motion.turning_points))
     band = float(machine.friction.static_force(machine.normal_force) / machine.stiffness)
     return Margin(band - float(points[count]), float(points[count - 1]) - band)
 
 
-def bracket_static(problem: Problem, q: Array) -> tuple[float, float] | None:
+def bracket_static(problem: Problem, y: Array) -> tuple[float, float] | None:
     """Interval of the static coefficient of a Coulomb law: above every stop and the dynamic value, below every non-stop."""
     if not isinstance(problem.residual.oscillator.friction, Coulomb):
         return None
     lower, upper = 0.0, np.inf
     for run, window in enumerate(problem.windows):
-        motion, machine = motion_of(problem.residual, q, run, True)
+        motion, machine = _motion(problem.residual, y, run, True)
         pull = np.abs(np.asarray(machine.restoring_force(motion.turning_points))) / float(machine.normal_force)
         count = min(int(problem.residual.runs[run].half_cycles), window.strokes)
         stopped = int(problem.residual.runs[run].half_cycles) < NEVER

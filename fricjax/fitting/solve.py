@@ -3,7 +3,7 @@
 With the number of half-cycles taken from the record the residual has no jumps, but the phase still makes local minima when
 the start value of the frequency is off by more than a part of a cycle over the record. So the window grows: it begins where
 the motion from the start values is still in phase with the record, and doubles until it holds the whole moving part; the
-rest is added last.
+rest is added last. The smooth engine gets a new mesh at each stage, and always a last stage on a mesh made at the optimum.
 """
 
 from typing import Any, NamedTuple
@@ -14,7 +14,9 @@ import numpy as np
 import optimistix as optx
 from jaxtyping import Array, Float
 
-from .levenberg_marquardt import CONVERGED, LevenbergMarquardt, residual_and_jacobian
+from ..oscillator import Smooth
+from .levenberg_marquardt import CONVERGED, LevenbergMarquardt
+from .mesh import with_mesh
 from .problem import Problem
 from .residual import Residual
 
@@ -23,15 +25,15 @@ _IN_PHASE = 0.35
 
 
 class Solved(NamedTuple):
-    """A solved fit: coordinates, residual and Jacobian there, what the solver said, and what it cost."""
+    """A solved fit: coordinates, residual and normal matrix there, what the solver said, and what it cost."""
 
-    q: Float[Array, " p"]
+    y: Float[Array, " coordinates"]
     residual: Float[Array, " n"]
-    jacobian: Float[Array, "n p"]
+    normal: Float[Array, "coordinates coordinates"]
     status: int
     out_of_steps: bool
     passes: int
-    iterations: int
+    stages: int
 
     @property
     def chi2(self) -> float:
@@ -43,37 +45,41 @@ class Solved(NamedTuple):
 
 
 @eqx.filter_jit
-def linearise(residual: Residual, q: Float[Array, " p"]) -> tuple[Array, Array]:
-    """Residual and Jacobian at coordinates `q`."""
-    return residual_and_jacobian(lambda p: residual(p), q)
+def evaluate(residual: Residual, y: Float[Array, " coordinates"]) -> Float[Array, " residuals"]:
+    """The residual at coordinates `y`."""
+    return residual(y)
 
 
 def solve(problem: Problem) -> Solved:
     """Fit in stages, each from the optimum of the one before."""
-    residual = problem.residual
-    q = jnp.clip(jnp.zeros(len(problem.parameters)), problem.lower, problem.upper)
-    passes, iterations = 1, 0
-    first, _ = linearise(with_weights(residual, problem.moving), q)
-    solution = None
-    for weights in _stages(problem, np.asarray(first)):
-        solution = least_squares(with_weights(residual, weights), problem, q)
+    inputs = problem.residual.inputs.shape[0]
+    begin = jnp.clip(jnp.zeros(problem.residual.n_parameters), problem.lower, problem.upper)
+    y, passes, solution = jnp.concatenate([begin, jnp.zeros(inputs)]), 0, None
+    meshed = with_mesh(problem.residual, y)
+    stages = _stages(problem, np.asarray(evaluate(with_weights(meshed, problem.moving), y)))
+    for weights in stages:
+        meshed = with_mesh(problem.residual, y)
+        solution = least_squares(with_weights(meshed, weights), problem, y)
         passes += int(solution.stats["num_steps"])
-        iterations += 1
-        q = solution.value
+        y = solution.value
     assert solution is not None
-    r, jacobian = linearise(residual, q)
-    out = bool(solution.result == optx.RESULTS.nonlinear_max_steps_reached)
-    return Solved(q, r, jacobian, int(solution.stats["status"]), out, passes + 1, iterations)
+    stats, out = solution.stats, bool(solution.result == optx.RESULTS.nonlinear_max_steps_reached)
+    return Solved(y, evaluate(meshed, y), stats["normal"], int(stats["status"]), out, passes, len(stages))
 
 
-def least_squares(residual: Residual, problem: Problem, q: Float[Array, " p"]) -> optx.Solution:
-    """One run of Levenberg-Marquardt from coordinates `q`."""
+def least_squares(residual: Residual, problem: Problem, y: Float[Array, " coordinates"]) -> optx.Solution:
+    """One run of Levenberg-Marquardt from coordinates `y`; the coordinates of the inputs stay at zero."""
     weights = [run.weight for run in residual.runs]
     floor = sum(jnp.sum((1e-12 * w * jnp.max(jnp.abs(run.x))) ** 2) for w, run in zip(weights, residual.runs, strict=True))
-    dof = sum(jnp.sum(w > 0) for w in weights) - q.shape[0]
-    options = {"lower": problem.lower, "upper": problem.upper, "dof": jnp.maximum(dof, 1) * 1.0, "floor": floor}
-    solver = LevenbergMarquardt()
-    return optx.least_squares(residual, solver, q, options=options, max_steps=MAX_PASSES, throw=False)
+    dof = sum(jnp.sum(w > 0) for w in weights) - problem.residual.n_parameters
+    still = jnp.zeros(residual.inputs.shape[0])
+    options = {
+        "lower": jnp.concatenate([problem.lower, still]),
+        "upper": jnp.concatenate([problem.upper, still]),
+        "dof": jnp.maximum(dof, 1) * 1.0,
+        "floor": floor,
+    }
+    return optx.least_squares(residual, LevenbergMarquardt(), y, options=options, max_steps=MAX_PASSES, throw=False)
 
 
 def with_weights(residual: Residual, weights: tuple[Any, ...]) -> Residual:
@@ -89,8 +95,9 @@ def _stages(problem: Problem, residual: np.ndarray) -> list[tuple[Any, ...]]:
     while reach < 1:
         stages.append(tuple(_until(problem, i, reach) for i in range(len(problem.windows))))
         reach *= 2
-    rest = any(np.any(window.used != window.moving) for window in problem.windows)
-    return [*stages, *([problem.moving] if rest else []), everything]
+    two_parts = any(np.any(window.used != window.moving) for window in problem.windows)
+    again = isinstance(problem.residual.engine, Smooth) and not two_parts
+    return [*stages, *([problem.moving] if two_parts or again else []), everything]
 
 
 def _until(problem: Problem, run: int, reach: float) -> np.ndarray:

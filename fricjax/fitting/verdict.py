@@ -30,7 +30,7 @@ def status_of(solved: Solved, covariance: Covariance, names: tuple[str, ...]) ->
 
 def flags_of(problem: Problem, covariance: Covariance, solved: Solved, inflation: float) -> dict[str, tuple[str, ...]]:
     """Flags of each parameter."""
-    values = np.asarray(problem.residual.space.values(solved.q))
+    values = np.asarray(problem.residual.values(solved.y))
     flags: dict[str, tuple[str, ...]] = {}
     for i, parameter in enumerate(problem.parameters):
         found = []
@@ -38,7 +38,7 @@ def flags_of(problem: Problem, covariance: Covariance, solved: Solved, inflation
             found.append("at bound")
         elif covariance.undetermined[i]:
             found.append("undetermined")
-        elif values[i] == parameter.start and np.all(np.asarray(solved.jacobian)[:, i] == 0):
+        elif values[i] == parameter.start and solved.normal[i, i] == 0:
             found.append("at start value")
         if inflation > _NOTABLE and not found:
             found.append(f"standard error too small, about x{inflation:.2g}")

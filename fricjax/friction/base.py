@@ -11,7 +11,7 @@ an engine asks only which one it has before it:
 
 import abc
 from collections.abc import Mapping
-from typing import ClassVar, Self
+from typing import Any, ClassVar
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -19,15 +19,16 @@ import numpy as np
 from equinox import AbstractClassVar, AbstractVar
 from jaxtyping import Array, Float
 
-Scalar = Float[Array | np.ndarray, ""]
+Scalar = Float[Array | np.ndarray, ""] | np.float64  # numpy turns products of its scalar arrays into np.float64
+Values = Float[Array | np.ndarray, "..."] | np.float64  # one number or many: laws of v and x act elementwise
 State = Float[Array | np.ndarray, " states"]
 
 
-def scalar(value: object) -> Scalar:
+def scalar(value: Any) -> Any:
     """A coefficient as a leaf: numbers become float64 zero-dimensional arrays, arrays and tracers pass unchanged."""
     if isinstance(value, int | float | np.ndarray | np.generic):
         return np.asarray(value, dtype=np.float64)
-    return value  # type: ignore[return-value]
+    return value
 
 
 class AbstractFriction(eqx.Module):
@@ -38,7 +39,7 @@ class AbstractFriction(eqx.Module):
     n_states: AbstractVar[int]
 
     @abc.abstractmethod
-    def force(self, v: Scalar, state: State, load: Scalar) -> Scalar:
+    def force(self, v: Values, state: State, load: Scalar) -> Values:
         """Friction force [N], positive where it opposes a positive velocity."""
 
     @abc.abstractmethod
@@ -54,7 +55,7 @@ class AbstractFriction(eqx.Module):
         """Typical size of each internal state, by which an integrator scales it."""
 
     @abc.abstractmethod
-    def sliding_force(self, speed: Scalar, load: Scalar) -> Scalar:
+    def sliding_force(self, speed: Values, load: Scalar) -> Values:
         """Force of steady sliding at `speed` >= 0 [N]; at zero the limit from above."""
 
     @abc.abstractmethod
@@ -95,10 +96,10 @@ class AbstractSetValued(AbstractMemoryless):
 
     set_valued: ClassVar[bool] = True
 
-    def force(self, v: Scalar, state: State, load: Scalar) -> Scalar:
+    def force(self, v: Values, state: State, load: Scalar) -> Values:
         return jnp.sign(v) * self.sliding_force(jnp.abs(v), load)
 
-    def sharp(self) -> Self:
+    def sharp(self) -> "AbstractFriction":
         return self
 
 

@@ -6,7 +6,7 @@ from typing import ClassVar
 import equinox as eqx
 import jax.numpy as jnp
 
-from .base import AbstractSetValued, Scalar, scalar
+from .base import AbstractSetValued, Scalar, Values, scalar
 
 
 class Coulomb(AbstractSetValued):
@@ -17,7 +17,7 @@ class Coulomb(AbstractSetValued):
 
     Attributes:
         mu: dynamic coefficient of friction [1].
-        mu_s: static coefficient of friction [1], at least `mu`; None ties it to `mu`.
+        mu_s: static coefficient of friction [1]; a value below `mu` counts as `mu`, and None ties it to `mu`.
     """
 
     units: ClassVar[Mapping[str, str]] = {"mu": "", "mu_s": ""}
@@ -25,11 +25,11 @@ class Coulomb(AbstractSetValued):
     mu: Scalar = eqx.field(converter=scalar)
     mu_s: Scalar | None = eqx.field(converter=scalar, default=None)
 
-    def sliding_force(self, speed: Scalar, load: Scalar) -> Scalar:
+    def sliding_force(self, speed: Values, load: Scalar) -> Values:
         return self.mu * load * jnp.ones_like(speed)
 
     def static_force(self, load: Scalar) -> Scalar:
-        return (self.mu if self.mu_s is None else self.mu_s) * load
+        return (self.mu if self.mu_s is None else jnp.maximum(self.mu, self.mu_s)) * load
 
     def dynamic_force(self, load: Scalar) -> Scalar:
         return self.mu * load

@@ -6,7 +6,7 @@ from typing import ClassVar
 import equinox as eqx
 import jax.numpy as jnp
 
-from .base import AbstractFriction, Scalar, State, scalar
+from .base import AbstractFriction, Scalar, State, Values, scalar
 from .stribeck import stribeck_decay
 
 
@@ -43,7 +43,7 @@ class LuGre(AbstractFriction):
     sigma1: Scalar = eqx.field(converter=scalar, default=300.0)
     sigma2: Scalar = eqx.field(converter=scalar, default=0.0)
 
-    def _limit(self, speed: Scalar, load: Scalar) -> Scalar:
+    def _limit(self, speed: Values, load: Scalar) -> Values:
         static = self.mu if self.mu_s is None else self.mu_s
         return load * (self.mu + (static - self.mu) * stribeck_decay(speed, self.v_stribeck, jnp.asarray(2.0)))
 
@@ -51,7 +51,7 @@ class LuGre(AbstractFriction):
         speed = jnp.abs(v)
         return v - self.sigma0 * speed * state / self._limit(speed, load)
 
-    def force(self, v: Scalar, state: State, load: Scalar) -> Scalar:
+    def force(self, v: Values, state: State, load: Scalar) -> Values:
         return (self.sigma0 * state + self.sigma1 * self.rate(v, state, load))[0] + self.sigma2 * v
 
     def steady_state(self, v: Scalar, direction: Scalar, load: Scalar) -> State:
@@ -60,7 +60,7 @@ class LuGre(AbstractFriction):
     def state_scale(self, load: Scalar) -> State:
         return jnp.reshape(self.mu * load / self.sigma0, (1,))
 
-    def sliding_force(self, speed: Scalar, load: Scalar) -> Scalar:
+    def sliding_force(self, speed: Values, load: Scalar) -> Values:
         return self._limit(speed, load) + self.sigma2 * speed
 
     def static_force(self, load: Scalar) -> Scalar:

@@ -6,15 +6,16 @@ from typing import ClassVar
 import equinox as eqx
 import jax.numpy as jnp
 
-from .base import AbstractSetValued, Scalar, scalar
+from .base import AbstractSetValued, Scalar, Values, scalar
 
 
-def stribeck_decay(speed: Scalar, v_stribeck: Scalar, exponent: Scalar) -> Scalar:
-    """``exp(-(speed/v_stribeck)^exponent)``, with finite derivatives at zero speed."""
+def stribeck_decay(speed: Values, v_stribeck: Scalar, exponent: Scalar) -> Values:
+    """``exp(-(speed/v_stribeck)^exponent)``, with finite derivatives from zero to infinite speed."""
     ratio = speed / v_stribeck
-    positive = ratio > 0
-    power = jnp.exp(exponent * jnp.log(jnp.where(positive, ratio, 1.0)))
-    return jnp.exp(-jnp.where(positive, power, 0.0))
+    # At either end the power rule multiplies zero by infinity, and the limits are known.
+    regular = (ratio > 0) & (ratio < 1e20)
+    power = jnp.exp(exponent * jnp.log(jnp.where(regular, ratio, 1.0)))
+    return jnp.where(regular, jnp.exp(-power), jnp.where(ratio > 0, 0.0, 1.0))
 
 
 class Stribeck(AbstractSetValued):
@@ -34,7 +35,7 @@ class Stribeck(AbstractSetValued):
     v_stribeck: Scalar = eqx.field(converter=scalar, default=1e-3)
     exponent: Scalar = eqx.field(converter=scalar, default=2.0)
 
-    def sliding_force(self, speed: Scalar, load: Scalar) -> Scalar:
+    def sliding_force(self, speed: Values, load: Scalar) -> Values:
         static = self.mu if self.mu_s is None else self.mu_s
         decay = stribeck_decay(speed, self.v_stribeck, self.exponent)
         return load * (self.mu + (static - self.mu) * decay)

@@ -6,7 +6,7 @@ from typing import ClassVar
 
 import jax.numpy as jnp
 
-from .base import AbstractFriction, Scalar, State
+from .base import AbstractFriction, Scalar, State, Values
 
 
 class Sum(AbstractFriction):
@@ -34,11 +34,11 @@ class Sum(AbstractFriction):
     def n_states(self) -> int:  # pyright: ignore[reportIncompatibleVariableOverride]
         return sum(law.n_states for law in self.laws)
 
-    def _split(self, state: State) -> list[State]:
+    def _split(self, state: State) -> list[Values]:
         ends = list(accumulate(law.n_states for law in self.laws))
         return [state[end - law.n_states : end] for law, end in zip(self.laws, ends, strict=True)]
 
-    def force(self, v: Scalar, state: State, load: Scalar) -> Scalar:
+    def force(self, v: Values, state: State, load: Scalar) -> Values:
         parts = zip(self.laws, self._split(state), strict=True)
         return sum((law.force(v, part, load) for law, part in parts), start=jnp.zeros_like(v))
 
@@ -52,7 +52,7 @@ class Sum(AbstractFriction):
     def state_scale(self, load: Scalar) -> State:
         return jnp.concatenate([law.state_scale(load) for law in self.laws])
 
-    def sliding_force(self, speed: Scalar, load: Scalar) -> Scalar:
+    def sliding_force(self, speed: Values, load: Scalar) -> Values:
         return sum((law.sliding_force(speed, load) for law in self.laws), start=jnp.zeros_like(speed))
 
     def static_force(self, load: Scalar) -> Scalar:

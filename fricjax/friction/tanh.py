@@ -6,7 +6,7 @@ from typing import ClassVar
 import equinox as eqx
 import jax.numpy as jnp
 
-from .base import AbstractSmooth, Scalar, State, scalar
+from .base import AbstractSmooth, Scalar, State, Values, scalar
 from .coulomb import Coulomb
 
 
@@ -26,10 +26,10 @@ class Tanh(AbstractSmooth):
     mu: Scalar = eqx.field(converter=scalar)
     v_s: Scalar = eqx.field(converter=scalar)
 
-    def force(self, v: Scalar, state: State, load: Scalar) -> Scalar:
+    def force(self, v: Values, state: State, load: Scalar) -> Values:
         return self.mu * load * jnp.tanh(v / self.v_s)
 
-    def sliding_force(self, speed: Scalar, load: Scalar) -> Scalar:
+    def sliding_force(self, speed: Values, load: Scalar) -> Values:
         return self.mu * load * jnp.tanh(speed / self.v_s)
 
     def dynamic_force(self, load: Scalar) -> Scalar:

@@ -1,12 +1,12 @@
 """Windage: the drag of the surrounding air, quadratic in the velocity."""
 
 from collections.abc import Mapping
-from typing import ClassVar, Self
+from typing import ClassVar
 
 import equinox as eqx
 import jax.numpy as jnp
 
-from .base import AbstractSmooth, Scalar, State, scalar
+from .base import AbstractSmooth, Scalar, State, Values, scalar
 
 
 class Windage(AbstractSmooth):
@@ -22,14 +22,14 @@ class Windage(AbstractSmooth):
 
     windage: Scalar = eqx.field(converter=scalar)
 
-    def force(self, v: Scalar, state: State, load: Scalar) -> Scalar:
+    def force(self, v: Values, state: State, load: Scalar) -> Values:
         return self.windage * v * jnp.abs(v)
 
-    def sliding_force(self, speed: Scalar, load: Scalar) -> Scalar:
+    def sliding_force(self, speed: Values, load: Scalar) -> Values:
         return self.windage * speed**2
 
     def dynamic_force(self, load: Scalar) -> Scalar:
         return jnp.zeros_like(load)
 
-    def sharp(self) -> Self:
+    def sharp(self) -> "Windage":
         return self

@@ -29,7 +29,7 @@ class Motion(eqx.Module):
         turning_points: positions of the start and of the reversals in order [m], the last one the final stop; NaN beyond.
         n_half_cycles: number of completed half-cycles until the stop.
         regularisation_bias: largest distance to the motion under the set-valued law that a regularised one stands for [m];
-            zero for every other law.
+            zero for every other law, and NaN for a driven motion, whose set-valued twin no engine integrates.
         engine: name of the engine.
         result: outcome; its text tells cause and remedy.
         stats: counts of the integrator.

@@ -12,7 +12,7 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 
-from ..friction.base import AbstractFriction, Scalar, State, scalar
+from ..friction.base import AbstractFriction, Scalar, State, Values, scalar
 from .restoring import AbstractRestoring, Linear
 
 _POSITIVE = {"mass": "kg", "stiffness": "N/m"}
@@ -73,15 +73,15 @@ class Oscillator(eqx.Module):
         """Half-width x_d = mu N/k of the band in which dynamic friction balances the spring [m]."""
         return self.friction.dynamic_force(self.normal_force) / self.stiffness
 
-    def restoring_force(self, x: Scalar) -> Scalar:
+    def restoring_force(self, x: Values) -> Values:
         """Restoring force R(x) [N]."""
         return self.restoring.force(x, self.stiffness)
 
-    def dissipation(self, v: Scalar) -> Scalar:
+    def dissipation(self, v: Values) -> Values:
         """Force of damping and drag together [N], positive where it opposes a positive velocity."""
         return (self.damping + self.drag * jnp.abs(v)) * v
 
-    def friction_force(self, v: Scalar, state: State) -> Scalar:
+    def friction_force(self, v: Values, state: State) -> Values:
         """Friction force of the sliding mass [N], positive where it opposes a positive velocity."""
         return self.friction.force(v, state, self.normal_force)
 

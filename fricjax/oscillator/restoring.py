@@ -11,7 +11,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from equinox import AbstractClassVar
 
-from ..friction.base import Scalar, scalar
+from ..friction.base import Scalar, Values, scalar
 
 
 class AbstractRestoring(eqx.Module):
@@ -20,11 +20,11 @@ class AbstractRestoring(eqx.Module):
     units: AbstractClassVar[Mapping[str, str]]
 
     @abc.abstractmethod
-    def force(self, x: Scalar, stiffness: Scalar) -> Scalar:
+    def force(self, x: Values, stiffness: Scalar) -> Values:
         """Restoring force [N], positive where it pulls towards negative x."""
 
     @abc.abstractmethod
-    def potential(self, x: Scalar, stiffness: Scalar) -> Scalar:
+    def potential(self, x: Values, stiffness: Scalar) -> Values:
         """Potential energy [J], zero at the equilibrium."""
 
 
@@ -33,10 +33,10 @@ class Linear(AbstractRestoring):
 
     units: ClassVar[Mapping[str, str]] = {}
 
-    def force(self, x: Scalar, stiffness: Scalar) -> Scalar:
+    def force(self, x: Values, stiffness: Scalar) -> Values:
         return stiffness * x
 
-    def potential(self, x: Scalar, stiffness: Scalar) -> Scalar:
+    def potential(self, x: Values, stiffness: Scalar) -> Values:
         return stiffness * x**2 / 2
 
 
@@ -51,10 +51,10 @@ class Cubic(AbstractRestoring):
 
     k3: Scalar = eqx.field(converter=scalar)
 
-    def force(self, x: Scalar, stiffness: Scalar) -> Scalar:
+    def force(self, x: Values, stiffness: Scalar) -> Values:
         return (stiffness + self.k3 * x**2) * x
 
-    def potential(self, x: Scalar, stiffness: Scalar) -> Scalar:
+    def potential(self, x: Values, stiffness: Scalar) -> Values:
         return (stiffness / 2 + self.k3 * x**2 / 4) * x**2
 
 
@@ -63,8 +63,8 @@ class Pendulum(AbstractRestoring):
 
     units: ClassVar[Mapping[str, str]] = {}
 
-    def force(self, x: Scalar, stiffness: Scalar) -> Scalar:
+    def force(self, x: Values, stiffness: Scalar) -> Values:
         return stiffness * jnp.sin(x)
 
-    def potential(self, x: Scalar, stiffness: Scalar) -> Scalar:
+    def potential(self, x: Values, stiffness: Scalar) -> Values:
         return 2 * stiffness * jnp.sin(x / 2) ** 2

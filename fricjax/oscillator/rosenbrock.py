@@ -88,7 +88,7 @@ _DENSE = (
 Scalars = list[Array]
 
 
-def _combine(weights: tuple[float, ...], vectors: list[Scalars], n: int) -> Scalars:
+def _combine(weights: tuple[float | Array, ...], vectors: list[Scalars], n: int) -> Scalars:
     """Weighted sum of vectors of n scalars."""
     zero = jnp.zeros(())
     return [sum((w * k[i] for w, k in zip(weights, vectors, strict=False)), start=zero) for i in range(n)]

@@ -68,7 +68,9 @@ def simulate(
     times = _times(ts)
     drive = Drive(None if base_acceleration is None else jnp.asarray(base_acceleration, float), release)
     driven = base_acceleration is not None or release is not None
-    duration = None if isinstance(times, jax.core.Tracer) else float(times[-1])
+    # Inside a jit even constants become tracers when indexed, so the duration is read off by numpy.
+    known = ts if isinstance(ts, np.ndarray) else times
+    duration = None if isinstance(known, jax.core.Tracer) else float(np.asarray(known)[-1])
     capacity = half_cycle_capacity(oscillator, duration)
     name = "smooth" if driven and engine == "auto" else engine
     chosen = select_engine(name, oscillator, accuracy=accuracy, max_half_cycles=capacity)
@@ -81,6 +83,9 @@ def simulate(
 def starting_state(oscillator: Oscillator, x0: ArrayLike, v0: ArrayLike, state0: ArrayLike | None = None) -> Start:
     """Start of a motion; the law's internal states default to those after a slow pull or after long sliding."""
     x, v = jnp.asarray(x0, float), jnp.asarray(v0, float)
+    for name, value in (("x0", x), ("v0", v)):
+        if value.ndim:
+            raise ValueError(f"{name} must be one number, got shape {value.shape}. For several starts use jax.vmap.")
     if state0 is None:
         direction = jnp.where(v == 0, jnp.where(x < 0, -1.0, 1.0), jnp.sign(v))
         speed = jnp.where(v == 0, jnp.inf, jnp.abs(v))
@@ -94,7 +99,7 @@ def _times(ts: ArrayLike) -> Float[Array, " samples"]:
     times = jnp.asarray(ts, float)
     if times.ndim != 1 or times.shape[0] == 0:
         raise ValueError(f"ts must be a list of at least one time [s], got an array of shape {times.shape}.")
-    if not isinstance(times, jax.core.Tracer) and np.any(np.diff(np.asarray(times)) <= 0):
+    if not isinstance(times, jax.core.Tracer) and not np.all(np.diff(np.asarray(times)) > 0):
         raise ValueError("ts must increase from sample to sample.")
     return times
 
@@ -102,7 +107,9 @@ def _times(ts: ArrayLike) -> Float[Array, " samples"]:
 @eqx.filter_jit
 def _solve(engine: AbstractEngine, oscillator: Oscillator, start: Start, ts: Array, drive: Drive | None) -> Motion:
     if drive is not None and isinstance(engine, Smooth):
-        return engine.solve(oscillator, start, ts, drive=drive)
+        motion = engine.solve(oscillator, start, ts, drive=drive)
+        known = oscillator.friction.sharp() is oscillator.friction
+        return motion if known else eqx.tree_at(lambda m: m.regularisation_bias, motion, jnp.asarray(jnp.nan))
     motion = engine.solve(oscillator, start, ts)
     sharp = oscillator.friction.sharp()
     if oscillator.friction.set_valued or not sharp.set_valued:

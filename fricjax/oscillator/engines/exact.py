@@ -62,6 +62,7 @@ class _HalfCycles(eqx.Module):
         q_safe = jnp.where(damped, q, -1.0)
         count = jnp.where(damped, jnp.log1p(strokes * gain) / -q_safe, strokes)
         count = jnp.where((width > 0) & jnp.isfinite(count), jnp.maximum(jnp.ceil(count), 0.0), jnp.inf)
+        count = jnp.where(self.amplitude <= self.static_band, 0.0, count)
         finite = jnp.where(jnp.isfinite(count), count, 0.0)
         early = (finite > 0) & (self.turning_amplitude(finite - 1) <= self.static_band)
         late = self.turning_amplitude(finite) > self.static_band
@@ -122,7 +123,7 @@ class Exact(AbstractEngine):
             return f"The exact engine knows Coulomb friction only, not {type(oscillator.friction).__name__}."
         if not isinstance(oscillator.restoring, Linear):
             return f"The exact engine knows the linear spring only, not {type(oscillator.restoring).__name__}."
-        if isinstance(oscillator.drag, np.ndarray) and oscillator.drag != 0:
+        if isinstance(oscillator.drag, np.ndarray) and np.any(oscillator.drag != 0):
             return f"The exact engine has no quadratic drag, but drag is {oscillator.drag}."
         return None
 
@@ -142,6 +143,7 @@ class Exact(AbstractEngine):
         at_rest = n >= last
         x, v = _sample(cycles, oscillator, n, t - n * cycles.half_period, at_rest)
         x, v = _without_drag(x, oscillator.drag), _without_drag(v, oscillator.drag)
+        points = _turning_points(cycles, start, last, self.max_half_cycles)
         stop = jnp.where(jnp.isfinite(last), last, 0.0) * cycles.half_period - cycles.elapsed
         return Motion(
             t=ts,
@@ -149,8 +151,8 @@ class Exact(AbstractEngine):
             v=v,
             friction_force=jnp.where(at_rest, -oscillator.restoring_force(x), _sliding(cycles, oscillator, n)),
             at_rest=at_rest,
-            t_stop=jnp.where(jnp.isfinite(last), stop, jnp.inf),
-            turning_points=_turning_points(cycles, start, last, self.max_half_cycles),
+            t_stop=_without_drag(jnp.where(jnp.isfinite(last), stop, jnp.inf), oscillator.drag),
+            turning_points=_without_drag(points, oscillator.drag),
             n_half_cycles=jnp.where(jnp.isfinite(last), last, -1).astype(int),
             regularisation_bias=jnp.zeros(()),
             engine="exact",

@@ -11,7 +11,6 @@ of the discrete solution itself. At each reversal the rest condition ``|R(y)| <=
 from typing import NamedTuple
 
 import diffrax
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -107,12 +106,13 @@ class Hybrid(AbstractEngine):
         at_rest = final.finished & (ts >= final.time)
         sliding = oscillator.friction_force(v, jnp.zeros(0))
         t_last = ts[-1] if ts.shape[0] else jnp.asarray(-jnp.inf)
+        reached = final.forward & (final.finished | (ts <= final.time))
         short = ~final.finished & (t_last > final.time)
         failure = RESULTS.where(short, RESULTS.too_many_half_cycles, RESULTS.successful)
         return Motion(
             t=ts,
-            x=jnp.where(final.forward, x, jnp.nan),
-            v=jnp.where(final.forward, v, jnp.nan),
+            x=jnp.where(reached, x, jnp.nan),
+            v=jnp.where(reached, v, jnp.nan),
             friction_force=jnp.where(at_rest, -oscillator.restoring_force(x), sliding),
             at_rest=at_rest,
             t_stop=jnp.where(final.finished, final.time, jnp.inf),

@@ -2,6 +2,10 @@
 
 State and time are scaled by the amplitude, the natural frequency and the law's own deflection, so that one tolerance fits
 every component: with raw bristle deflections of a nanometre beside millimetres none does.
+
+An adaptive integration is a rough function of its parameters, since each choice of steps has its own error. For a fit the
+steps are found once and kept as a mesh in scaled time, that is in the phase of the half-cycles: the motion is then a smooth
+function of every coefficient, and its derivatives are exactly those of the discrete solution.
 """
 
 import diffrax
@@ -44,8 +48,8 @@ class _Scales(eqx.Module):
         reach = jnp.maximum(jnp.abs(start.x0), jnp.abs(start.v0) / rate)
         state = oscillator.friction.state_scale(oscillator.normal_force)
         tiny = jnp.finfo(float).tiny
-        scales = cls(jnp.maximum(jnp.maximum(reach, oscillator.dead_band), tiny), rate, jnp.maximum(state, tiny))
-        return jax.lax.stop_gradient(scales)
+        length = jnp.maximum(jnp.maximum(reach, oscillator.dead_band), tiny)
+        return cls(jax.lax.stop_gradient(length), rate, jax.lax.stop_gradient(jnp.maximum(state, tiny)))
 
 
 def _field(tau: Array, y: tuple, args: tuple) -> tuple:
@@ -63,15 +67,17 @@ def _field(tau: Array, y: tuple, args: tuple) -> tuple:
 
 
 class Smooth(AbstractEngine):
-    """Adaptive integration in time with a Rosenbrock solver.
+    """Integration in time with a Rosenbrock solver.
 
     Attributes:
         accuracy: largest error of the displacement aimed at [m].
+        mesh: ends of the steps in scaled time omega t; None lets the error estimate choose them.
         max_steps: bound on the number of steps.
         max_half_cycles: length of the list of turning points.
     """
 
-    accuracy: float = 1e-10
+    accuracy: float | Float[Array, ""] = 1e-10
+    mesh: Float[Array, " steps"] | None = None
     max_steps: int = 1_000_000
     max_half_cycles: int = 512
 
@@ -116,27 +122,42 @@ class Smooth(AbstractEngine):
         tau = jnp.maximum(ts, 0.0) * scales.rate
         floor = drive.base_acceleration
         path = None if floor is None else diffrax.LinearInterpolation(ts * scales.rate, floor)
-        hold = oscillator.restoring_force(start.x0)
-        args = (oscillator, scales, path, drive.release, hold)
-        y0 = (start.x0 / scales.length, start.v0 / (scales.length * scales.rate), *(start.state / scales.state))
-        y0 = jax.tree.map(jnp.asarray, y0)
-        tolerance = jnp.maximum(0.05 * self.accuracy / scales.length, 1e-13)
-        solution = diffrax.diffeqsolve(
-            diffrax.ODETerm(_field),
-            Rodas5P(),
-            jnp.zeros(()),
-            jnp.maximum(tau[-1], 1e-9),
-            None,
-            y0,
-            args,
-            saveat=diffrax.SaveAt(ts=tau),
-            stepsize_controller=diffrax.PIDController(rtol=tolerance, atol=tolerance),
-            adjoint=diffrax.ForwardMode(),
-            max_steps=self.max_steps,
-            throw=False,
-        )
+        args = (oscillator, scales, path, drive.release, oscillator.restoring_force(start.x0))
+        y0 = _scaled(start, scales)
+        end = jnp.maximum(tau[-1], 1e-9) if self.mesh is None else self.mesh[-1]
+        solution = self._solve(y0, args, end, diffrax.SaveAt(ts=jnp.minimum(tau, end)), self.max_steps)
         x, v = solution.ys[0] * scales.length, solution.ys[1] * scales.length * scales.rate
         state = jnp.stack(solution.ys[2:], axis=-1) * scales.state if len(y0) > 2 else jnp.zeros((ts.shape[0], 0))
         a0 = _field(jnp.zeros(()), y0, args)[1] * scales.length * scales.rate**2
         early = jnp.minimum(ts, 0.0)
         return x + early * (start.v0 + early * a0 / 2), v + early * a0, state, solution
+
+    def _solve(self, y0: tuple, args: tuple, end: Array, saveat: diffrax.SaveAt, max_steps: int) -> diffrax.Solution:
+        tolerance = jnp.maximum(0.05 * self.accuracy / args[1].length, 1e-13)
+        adaptive = diffrax.PIDController(rtol=tolerance, atol=tolerance)
+        return diffrax.diffeqsolve(
+            diffrax.ODETerm(_field),
+            Rodas5P(),
+            jnp.zeros(()),
+            end,
+            None,
+            y0,
+            args,
+            saveat=saveat,
+            stepsize_controller=adaptive if self.mesh is None else diffrax.StepTo(self.mesh),
+            adjoint=diffrax.ForwardMode(),
+            max_steps=max_steps,
+            throw=False,
+        )
+
+    def steps(self, oscillator: Oscillator, start: Start, duration: Array, capacity: int) -> Float[Array, " steps"]:
+        """Ends of the steps that the error estimate chooses, in scaled time, inf beyond the last one."""
+        scales = _Scales.of(oscillator, start)
+        args = (oscillator, scales, None, None, oscillator.restoring_force(start.x0))
+        saveat = diffrax.SaveAt(t0=True, steps=True, fn=lambda t, y, args: None)
+        return self._solve(_scaled(start, scales), args, duration * scales.rate, saveat, capacity).ts
+
+
+def _scaled(start: Start, scales: _Scales) -> tuple:
+    y0 = (start.x0 / scales.length, start.v0 / (scales.length * scales.rate), *(start.state / scales.state))
+    return jax.tree.map(jnp.asarray, y0)

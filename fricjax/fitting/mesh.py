@@ -1,0 +1,63 @@
+"""The steps of the smooth engine during a fit: found once by an adaptive solve, then kept.
+
+The mesh lives in scaled time, so it moves with the natural frequency while the fit runs. Neighbouring steps are made to
+differ little in length and all of them are cut a little finer than the error asks for, so that the mesh still fits when the
+parameters have moved; lengths of the list are rounded up, so that few shapes are compiled.
+"""
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from ..oscillator import Smooth, starting_state
+from .residual import Residual
+
+CAPACITY = 1 << 17
+_REACH = 1.05
+_SAFETY = 0.2
+
+
+def with_mesh(residual: Residual, y: Float[Array, " coordinates"]) -> Residual:
+    """The residual with its engine on a mesh made for coordinates `y`; unchanged for engines that need none.
+
+    Runs of a joint fit share one mesh, the union of what each of them needs.
+    """
+    if not isinstance(residual.engine, Smooth):
+        return residual
+    meshes = [np.asarray(_steps(residual, y, run)) for run in range(len(residual.runs))]
+    merged = np.unique(np.concatenate([mesh[np.isfinite(mesh)] for mesh in meshes]))
+    mesh = jnp.asarray(_padded(_graded(merged)))
+    return eqx.tree_at(lambda r: r.engine.mesh, residual, mesh, is_leaf=lambda x: x is None)
+
+
+@eqx.filter_jit
+def _steps(residual: Residual, y: Array, run: int) -> Array:
+    machine, at = residual.machine(y), residual.own(y, run)
+    start = starting_state(machine, at["x0"], at["v0"])
+    engine = residual.engine
+    free = Smooth(accuracy=_SAFETY * engine.accuracy, max_steps=CAPACITY)  # pyright: ignore[reportAttributeAccessIssue]
+    duration = _REACH * (residual.runs[run].t[-1] - at["t_release"])
+    return free.steps(machine, start, duration, CAPACITY)
+
+
+def _graded(mesh: np.ndarray) -> np.ndarray:
+    """Cut every step that is more than twice as long as its neighbour, until none is."""
+    while True:
+        h = np.diff(mesh)
+        shorter = np.minimum(np.r_[h[1:], np.inf], np.r_[np.inf, h[:-1]])
+        long = np.flatnonzero(h > 2.0 * shorter * (1 + 1e-9))
+        if not long.size:
+            return mesh
+        mesh = np.sort(np.concatenate([mesh, mesh[long] + h[long] / 2]))
+
+
+def _padded(mesh: np.ndarray) -> np.ndarray:
+    """Halve the longest steps until their number is a power of two, or one and a half of it."""
+    power = 2 ** int(np.ceil(np.log2(mesh.size - 1)))
+    target = 3 * power // 4 if mesh.size - 1 <= 3 * power // 4 else power
+    while missing := target - (mesh.size - 1):
+        h = np.diff(mesh)
+        longest = np.argsort(h)[::-1][:missing]
+        mesh = np.sort(np.concatenate([mesh, mesh[longest] + h[longest] / 2]))
+    return mesh
