@@ -1,9 +1,9 @@
 """Covariance of a fit: from the normal matrix at the optimum, and from the uncertain inputs of the rig to first order.
 
-The eigenvalues of ``J'J``, its rows and columns scaled to a unit diagonal, give the covariance, the rank and the undetermined
-directions. An input ``b`` with standard uncertainty ``u(b)`` that is held fixed moves the optimum by ``dp/db = -(J'J)^-1 J'
-dr/db``; its share of the covariance is ``(dp/db) u(b)^2 (dp/db)'`` (JCGM 100, 5.1). The inputs are coordinates of the
-residual like the parameters, so ``J' dr/db`` is a block of the same matrix.
+The eigenvalues of ``J'J``, its rows and columns scaled to a unit diagonal, give the covariance, the rank and the
+undetermined directions. An input ``b`` with standard uncertainty ``u(b)`` that is held fixed moves the optimum by
+``dp/db = -(J'J)^-1 J' dr/db``; its share of the covariance is ``(dp/db) u(b)^2 (dp/db)'`` (JCGM 100, 5.1). The
+inputs are coordinates of the residual like the parameters, so ``J' dr/db`` is a block of the same matrix.
 """
 
 from typing import NamedTuple

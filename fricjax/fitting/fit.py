@@ -51,20 +51,22 @@ def fit(
     Args:
         data: a record, a trace, or a list of either for a joint fit of one machine to several runs.
         oscillator: the machine and its friction law.
-        free: names of the coefficients to fit: "mu", "damping", "stiffness", "sigma0" ...; where two leaves share a name
-            the dotted path, "friction.0.mu". The static coefficient of a Coulomb law is bracketed, not fitted.
-        nuisance: names of each run's own parameters (x0, v0, offset, drift, t_release); None for those that belong to `start`.
+        free: names of the coefficients to fit: "mu", "damping", "stiffness", "sigma0" ...; where two leaves share a
+            name the dotted path, "friction.0.mu". The static coefficient of a Coulomb law is bracketed, not fitted.
+        nuisance: names of each run's own parameters (x0, v0, offset, drift, t_release); None for those that belong
+            to `start`.
         engine: "auto", "exact", "hybrid", "smooth" or an engine.
-        start: "first_reversal" skips the transient of the release and fits time (`t_release`), position (`x0`) and offset of
-            the first turning point; for laws with internal states it fits x0, v0 and offset in the middle of the stroke
-            before it, where these states are known. "release" fits x0 and offset, at rest at the logged release or at the
-            first sample of a bare trace. A number of seconds from the first sample fits x0, v0 and offset there.
+        start: "first_reversal" skips the transient of the release and fits time (`t_release`), position (`x0`) and
+            offset of the first turning point; for laws with internal states it fits x0, v0 and offset in the middle
+            of the stroke before it, where these states are known. "release" fits x0 and offset, at rest at the
+            logged release or at the first sample of a bare trace. A number of seconds from the first sample fits x0,
+            v0 and offset there.
         bounds: lower and upper bound by name, None for none: {"damping": (0, None)}.
         priors: mean and standard deviation by name, as a pair or a `Measured`.
         tie: leaves that follow a free parameter: {"friction.1.mu": "friction.0.mu"} or {...: (name, factor)}.
         sigma_mode: "absolute" takes the noise of the trace at its word (estimated from the record where it gives none);
-            "scale" takes it as relative weights and scales the standard errors by sqrt(chi^2 reduced); "estimate" ignores it
-            and takes the noise from the scatter of the residuals.
+            "scale" takes it as relative weights and scales the standard errors by sqrt(chi^2 reduced); "estimate"
+            ignores it and takes the noise from the scatter of the residuals.
         rig: a `Rig` whose uncertain inputs enter the combined standard errors to first order.
         throw: raise where the fit is not valid; otherwise its status says so.
 
@@ -79,7 +81,9 @@ def fit(
     """
     require_x64()
     if sigma_mode not in SIGMA_MODES:
-        raise UsageError(f"There is no sigma_mode {sigma_mode!r}.{nearest(sigma_mode, SIGMA_MODES)} Choose {SIGMA_MODES}.")
+        raise UsageError(
+            f"There is no sigma_mode {sigma_mode!r}.{nearest(sigma_mode, SIGMA_MODES)} Choose {SIGMA_MODES}."
+        )
     records = (data,) if isinstance(data, Record | Trace) else tuple(data)
     if not records:
         raise UsageError("There is no record to fit: the list is empty.")
@@ -95,6 +99,7 @@ def fit(
         rig=rig,
     )
     problem, solved = solve_with_rest(_posed(records, request, sigma_mode))
+    _check_effect(problem, solved)
     result = _report(problem, solved, sigma_mode)
     if throw and not result.converged:
         raise FitError(f"The fit is not valid, {result.status}", result)
@@ -106,6 +111,20 @@ def _posed(records: Sequence[Record | Trace], request: Request, sigma_mode: str)
     if sigma_mode == "estimate":
         records = [_without_sigma(record) for record in records]
     return pose(records, request)
+
+
+def _check_effect(problem: Problem, solved: Solved) -> None:
+    """Refuse free parameters on which the motion does not depend at all.
+
+    Raises:
+        UsageError: names them.
+    """
+    slopes = np.diag(np.asarray(solved.normal))
+    idle = [p.name for p, slope in zip(problem.parameters, slopes, strict=False) if slope == 0]
+    if idle:
+        raise UsageError(
+            f"{' and '.join(idle)} cannot be fitted: the fitted motion does not depend on it. Take it out of free."
+        )
 
 
 def _without_sigma(record: Record | Trace) -> Record | Trace:

@@ -1,8 +1,8 @@
 """Start values from the decay itself: frequency from the half-periods, losses from the energy between turning points.
 
-Each half-cycle loses ``U(a_n) - U(a_{n+1}) = F (a_n + a_{n+1}) + c int v^2 dt + drag int |v|^3 dt``. With the integrals of a
-sinusoid this is linear in the friction force, the damping and the drag, so that non-negative least squares over all
-half-cycles separates them by their dependence on the amplitude.
+Each half-cycle loses ``U(a_n) - U(a_{n+1}) = F (a_n + a_{n+1}) + c int v^2 dt + drag int |v|^3 dt``. With the
+integrals of a sinusoid this is linear in the friction force, the damping and the drag, so that non-negative least
+squares over all half-cycles separates them by their dependence on the amplitude.
 """
 
 from collections.abc import Mapping, Sequence
@@ -63,7 +63,7 @@ def _decay(found: Segmentation) -> _Decay:
 
 
 def _short(found: Segmentation) -> _Decay:
-    """With less than three reversals: the whole excursion as one half-cycle about the middle, with a tenth of it lost."""
+    """With less than three reversals: the whole excursion as one half-cycle about the middle, a tenth of it lost."""
     if found.half_period <= 0:
         return _Decay(*np.zeros((3, 0)))
     amplitude = np.array([found.amplitude])
@@ -78,9 +78,7 @@ def _stiffening(oscillator: Oscillator, amplitude: np.ndarray, at: Mapping[str, 
     return np.clip(effective / at["stiffness"], 1e-3, 1e3)
 
 
-def _losses(
-    oscillator: Oscillator, decay: _Decay, free: Sequence[str], at: Mapping[str, float]
-) -> dict[str, float]:
+def _losses(oscillator: Oscillator, decay: _Decay, free: Sequence[str], at: Mapping[str, float]) -> dict[str, float]:
     from scipy.optimize import nnls
 
     a = decay.mean
@@ -94,7 +92,11 @@ def _losses(
         "drag": 4 / 3 * decay.omega**2 * a**3,
     }
     known = {"friction": at.get("mu", 0.0) * at["normal_force"], "damping": at["damping"], "drag": at["drag"]}
-    sought = {"friction": {"mu", "normal_force"} & set(free), "damping": {"damping"} & set(free), "drag": {"drag"} & set(free)}
+    sought = {
+        "friction": {"mu", "normal_force"} & set(free),
+        "damping": {"damping"} & set(free),
+        "drag": {"drag"} & set(free),
+    }
     lost = lost - sum(known[name] * term for name, term in terms.items() if not sought[name])
     names = [name for name in terms if sought[name]]
     if not names:
@@ -107,7 +109,9 @@ def _losses(
     return _as_coefficients(found, sought, at)
 
 
-def _as_coefficients(found: Mapping[str, float], sought: Mapping[str, set], at: Mapping[str, float]) -> dict[str, float]:
+def _as_coefficients(
+    found: Mapping[str, float], sought: Mapping[str, set], at: Mapping[str, float]
+) -> dict[str, float]:
     result = {name: float(found[name]) for name in ("damping", "drag") if name in found}
     if "friction" in found:
         force = float(found["friction"])

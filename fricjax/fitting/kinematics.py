@@ -54,7 +54,7 @@ def _with_slopes(residual: Residual, y: Float[Array, " coordinates"]) -> tuple[A
 
 
 def kinematics(residual: Residual, y: Float[Array, " coordinates"], covariance: np.ndarray) -> dict[str, Estimate]:
-    """Undamped natural frequency, damping ratio, dead band mu N/k, friction per unit mass mu N/m and drag per unit mass.
+    """Undamped natural frequency, damping ratio, dead band mu N/k, and friction and drag per unit mass.
 
     Args:
         residual: the fitted problem.

@@ -1,9 +1,10 @@
 """Levenberg-Marquardt as an optimistix solver that knows when a fit is finished.
 
-Residual and Jacobian come from one pass over the model, and only ``J'J`` and ``J'r`` are kept. Damping is Marquardt's: each
-parameter is scaled by the largest diagonal element of ``J'J`` met so far, so that neither the units of the residuals nor
-those of the parameters matter; its strength follows the gain ratio (Nielsen, IMM-REP-1999-05). Bounds are an active set: a
-parameter at its bound that the gradient presses outward is held for the step, and steps are cut off at the box.
+Residual and Jacobian come from one pass over the model, and only ``J'J`` and ``J'r`` are kept. Damping is
+Marquardt's: each parameter is scaled by the largest diagonal element of ``J'J`` met so far, so that neither the
+units of the residuals nor those of the parameters matter; its strength follows the gain ratio (Nielsen,
+IMM-REP-1999-05). Bounds are an active set: a parameter at its bound that the gradient presses outward is held for
+the step, and steps are cut off at the box.
 
 The fit stops by statistics: when the Gauss-Newton step would move the parameters by less than a small part of their
 standard errors, more steps are noise. A trial that is not finite is rejected like one that makes the fit worse.
@@ -61,27 +62,41 @@ def _measure(fn: Callable, y: Array, args: PyTree) -> tuple[Pass, Any]:
     return Pass(residual @ residual / 2, jacobian.T @ residual, jacobian.T @ jacobian), None
 
 
-def _movable(y: Array, gradient: Array, lower: Array, upper: Array) -> Array:
-    held = ((y <= lower) & (gradient > 0)) | ((y >= upper) & (gradient < 0)) | (lower == upper)
-    return ~held
+def _step(here: Pass, damping: Array, scale: Array, y: Array, lower: Array, upper: Array) -> Array:
+    """Least point of the damped model within the box, by an active set.
 
-
-def _step(here: Pass, damping: Array, scale: Array, movable: Array) -> Array:
-    """Solve ``(J'J + damping D) step = -J'r`` among the movable parameters, in units in which D is one."""
+    A parameter at its bound that the gradient presses outward is held there. Where the step of another one would
+    leave the box it ends at the bound, and the remaining ones are solved for again.
+    """
     unit = jnp.sqrt(scale)
-    both = movable[:, None] & movable[None, :]
-    matrix = jnp.where(both, here.normal / (unit[:, None] * unit[None, :]), 0.0)
-    matrix = matrix + jnp.diag(jnp.where(movable, damping, 1.0))
-    target = jnp.where(movable, here.gradient / unit, 0.0)
-    return -jax.scipy.linalg.solve(matrix, target, assume_a="pos") / unit
+    gradient, normal = here.gradient / unit, here.normal / (unit[:, None] * unit[None, :])
+    damped = normal + damping * jnp.eye(y.size)
+    low, high = (lower - y) * unit, (upper - y) * unit
+    held = ((low >= 0) & (gradient > 0)) | ((high <= 0) & (gradient < 0)) | (lower == upper)
+
+    def again(state: tuple[Array, Array, Array]) -> Array:
+        return state[2]
+
+    def solve(state: tuple[Array, Array, Array]) -> tuple[Array, Array, Array]:
+        step, held, _ = state
+        known = jnp.where(held, step, 0.0)
+        matrix = jnp.where(held[:, None] | held[None, :], jnp.eye(y.size), damped)
+        target = jnp.where(held, known, -gradient - damped @ known)
+        step = jax.scipy.linalg.solve(matrix, target, assume_a="pos")
+        outside = ~held & ((step < low) | (step > high))
+        return jnp.clip(step, jnp.minimum(low, 0), jnp.maximum(high, 0)), held | outside, jnp.any(outside)
+
+    begin = (jnp.zeros_like(y), held, jnp.asarray(True))
+    return jax.lax.while_loop(again, solve, begin)[0] / unit
 
 
 class LevenbergMarquardt(optx.AbstractLeastSquaresSolver):
     """Levenberg-Marquardt with Marquardt scaling, Nielsen damping, bounds and a statistical stopping rule.
 
-    Pass ``options={"lower": ..., "upper": ..., "dof": ..., "floor": ...}``: bounds of shape (p,), the degrees of freedom, and
-    the sum of squares that rounding alone would leave. The final state's `status` is one of `CONVERGED`, `STALLED` (no step
-    makes the fit better, yet the gradient asks for one) and `NOT_FINITE` (the model fails at the start).
+    Pass ``options={"lower": ..., "upper": ..., "dof": ..., "floor": ...}``: bounds of shape (p,), the degrees of
+    freedom, and the sum of squares that rounding alone would leave. The final state's `status` is one of
+    `CONVERGED`, `STALLED` (no step makes the fit better, yet the gradient asks for one) and `NOT_FINITE` (the model
+    fails at the start).
 
     Attributes:
         tolerance: largest step left, in standard errors as the scatter of the residuals gives them.
@@ -128,10 +143,9 @@ class LevenbergMarquardt(optx.AbstractLeastSquaresSolver):
     ) -> _State:
         """Choose the next trial, or say why there is none."""
         lower, upper = options["lower"], options["upper"]
-        movable = _movable(y, here.gradient, lower, upper)
         units = jnp.where(scale > 0, scale, 1.0)
-        trial = jnp.clip(y + _step(here, damping, units, movable), lower, upper)
-        full = jnp.clip(y + _step(here, jnp.asarray(1e-14), units, movable), lower, upper) - y
+        trial = jnp.clip(y + _step(here, damping, units, y, lower, upper), lower, upper)
+        full = _step(here, jnp.asarray(1e-14), units, y, lower, upper)
         step = trial - y
         predicted = -(here.gradient @ step + step @ here.normal @ step / 2)
         variance = (2 * here.cost + options["floor"]) / options["dof"]
@@ -161,9 +175,13 @@ class LevenbergMarquardt(optx.AbstractLeastSquaresSolver):
         result: optx.RESULTS,
     ) -> tuple[Array, Any, dict[str, Any]]:
         here = state.accepted
-        return y, aux, {
-            "status": state.status,
-            "cost": here.cost,
-            "normal": here.normal,
-            "remaining": state.remaining,
-        }
+        return (
+            y,
+            aux,
+            {
+                "status": state.status,
+                "cost": here.cost,
+                "normal": here.normal,
+                "remaining": state.remaining,
+            },
+        )

@@ -1,8 +1,8 @@
 """The steps of the smooth engine during a fit: found once by an adaptive solve, then kept.
 
 The mesh lives in scaled time, so it moves with the natural frequency while the fit runs. Neighbouring steps are made to
-differ little in length and all of them are cut a little finer than the error asks for, so that the mesh still fits when the
-parameters have moved; lengths of the list are rounded up, so that few shapes are compiled.
+differ little in length and all of them are cut a little finer than the error asks for, so that the mesh still fits
+when the parameters have moved; lengths of the list are rounded up, so that few shapes are compiled.
 """
 
 import equinox as eqx

@@ -70,7 +70,9 @@ def check_identifiable(free: Iterable[str], leaves: Sequence[Leaf]) -> None:
     kinds = [name.rsplit(".", 1)[-1] for name in free]
     present = {leaf.name.rsplit(".", 1)[-1] for leaf in leaves}
     if "windage" in present and "drag" in kinds:
-        raise UsageError("drag cannot be free beside a law with windage: both are the same force. Leave one of them out.")
+        raise UsageError(
+            "drag cannot be free beside a law with windage: both are the same force. Leave one of them out."
+        )
     for first, second, reason in _SAME_FORCE:
         if first in kinds and second in kinds:
             raise UsageError(

@@ -125,9 +125,9 @@ def _check_windows(windows: Sequence[Window]) -> None:
             raise DataError(f"The fitted window{where} holds only {int(window.used.sum())} samples. Widen it.")
         if "offset" in window.nuisances and window.strokes < 2:
             raise DataError(
-                f"The fitted window{where} holds {window.strokes} complete half-cycle(s), and with the offset free friction "
-                "is undetermined from fewer than two. Release from farther away, start at the release, or fix the offset "
-                "(nuisance without 'offset')."
+                f"The fitted window{where} holds {window.strokes} complete half-cycle(s), and with the offset free "
+                "friction is undetermined from fewer than two. Release from farther away, start at the release, or fix "
+                "the offset (nuisance without 'offset')."
             )
 
 
@@ -197,7 +197,7 @@ def _residual(
     engine = _engine(request, windows)
     mean, weight = _priors(request.priors, [parameter.name for parameter in parameters])
     oscillator = jax.tree.map(lambda leaf: jnp.asarray(leaf, float), request.oscillator)
-    runs = tuple(_run(window, request, oscillator) for window in windows)
+    runs = tuple(_run(window, _stops(request)) for window in windows)
     inputs = _inputs(request.rig, oscillator)
     return Residual(oscillator, space, engine, runs, jnp.asarray(mean), jnp.asarray(weight), inputs)
 
@@ -213,15 +213,17 @@ def _inputs(rig: Any, oscillator: Oscillator) -> Float[Array, "inputs leaves"]:
         at, by = jnp.asarray(float(measured.value)), jnp.asarray(float(measured.std))
         change = jax.jvp(machine, (at,), (by,))[1]
         if jax.tree.structure(change) != jax.tree.structure(oscillator):
-            raise UsageError("The rig describes another machine than the oscillator. Build it with rig.oscillator(friction).")
+            raise UsageError(
+                "The rig describes another machine than the oscillator. Build it with rig.oscillator(friction)."
+            )
         changes.append(jnp.stack(jax.tree.leaves(change))[None])
     return jnp.concatenate(changes)
 
 
 def _engine(request: Request, windows: Sequence[Window]) -> AbstractEngine:
-    """The engine, built for the half-cycles of the longest record and for an error below what its noise leaves visible."""
+    """The engine, built for the longest record and for an error below what its noise leaves visible."""
     machine, drag_free = request.oscillator, any(name.endswith("drag") for name in request.free)
-    strokes = max(_strokes(window) for window in windows)
+    strokes = max(_strokes(window, _stops(request)) for window in windows)
     name = "hybrid" if drag_free and request.engine == "auto" and machine.friction.set_valued else request.engine
     engine = select_engine(name, machine, max_half_cycles=max(16, 2 ** int(np.ceil(np.log2(strokes + 2)))))
     if drag_free and engine.__class__.__name__ == "Exact":
@@ -232,9 +234,16 @@ def _engine(request: Request, windows: Sequence[Window]) -> AbstractEngine:
     return engine
 
 
-def _strokes(window: Window) -> int:
+def _stops(request: Request) -> bool:
+    """Whether the law can hold the mass, with the free coefficients away from zero."""
+    machine, kinds = request.oscillator, {name.rsplit(".", 1)[-1] for name in request.free}
+    holds = float(machine.friction.static_force(machine.normal_force)) > 0
+    return holds or bool(kinds & {"mu", "mu_s", "normal_force"})
+
+
+def _strokes(window: Window, stops: bool) -> int:
     """Half-cycles that the engine must provide for: those until the stop, or as many as the record can hold."""
-    if window.half_cycles < NEVER:
+    if stops and window.half_cycles < NEVER:
         return window.half_cycles
     return int(1.3 * float(window.trace.duration) / window.segmentation.half_period) + 4
 
@@ -250,22 +259,17 @@ def _priors(priors: Mapping[str, Any], names: Sequence[str]) -> tuple[list[float
     return mean, weight
 
 
-def _run(window: Window, request: Request, oscillator: Oscillator) -> Run:
+def _run(window: Window, stops: bool) -> Run:
     used = np.flatnonzero(window.used)
     t = np.clip(window.trace.t - window.origin, *(window.trace.t[used[[0, -1]]] - window.origin))
-    holds = oscillator.friction.static_force(oscillator.normal_force) > 0
-    releases = {"mu", "mu_s", "normal_force"} & {name.rsplit(".", 1)[-1] for name in request.free}
-    rests = bool(holds) or bool(releases)
     return Run(
         t=jnp.asarray(t),
         x=jnp.asarray(window.trace.x),
         weight=jnp.asarray(_weights(window, window.used)),
-        half_cycles=jnp.asarray(window.half_cycles if rests else NEVER),
+        half_cycles=jnp.asarray(window.half_cycles if stops else NEVER),
         fixed={name: jnp.asarray(value) for name, value in window.guesses.items()},
     )
 
 
 def _weights(window: Window, used: np.ndarray) -> np.ndarray:
     return np.where(used, 1 / window.sigma, 0.0)
-
-

@@ -1,4 +1,4 @@
-"""What a fit makes small: the weighted distance between measured and computed displacement, and between priors and values."""
+"""What a fit makes small: the weighted distance of computed from measured displacement, and of values from priors."""
 
 import equinox as eqx
 import jax
@@ -17,7 +17,8 @@ class Run(eqx.Module):
         t: times [s]; those of samples that are not used are moved to the nearest used one.
         x: measured displacement [m].
         weight: one over the noise [1/m], zero where a sample is not used.
-        half_cycles: number of half-cycles from the start to the stop, as the record shows it; huge where it ends in motion.
+        half_cycles: number of half-cycles from the start to the stop, as the record shows it; huge where it ends in
+            motion.
         fixed: x0, v0, offset, drift and t_release where they are not free.
     """
 
@@ -31,15 +32,17 @@ class Run(eqx.Module):
 class Residual(eqx.Module):
     """The residual of one or several runs of the same machine, and of the priors, as a function of the coordinates.
 
-    The coordinates are those of the free parameters, followed by one for each uncertain input of the rig in units of its
-    standard uncertainty. The latter stay at zero; their columns of the Jacobian carry the inputs' uncertainty to the result.
+    The coordinates are those of the free parameters, followed by one for each uncertain input of the rig in units of
+    its standard uncertainty. The latter stay at zero; their columns of the Jacobian carry the inputs' uncertainty to
+    the result.
 
     Attributes:
         oscillator: template of the machine; its free leaves are replaced.
         space: parameter space.
         engine: engine that computes the motion.
         runs: the records.
-        prior_mean, prior_weight: mean and one over the standard deviation of each parameter's prior, weight zero for none.
+        prior_mean, prior_weight: mean and one over the standard deviation of each parameter's prior, weight zero for
+            none.
         inputs: change of each leaf of the machine for one standard uncertainty of each input.
     """
 

@@ -1,10 +1,11 @@
 """The final stop: does the fitted law stop the mass where the record says, and what does that tell of static friction?
 
-The number of half-cycles decides where a set-valued law lets the mass rest, and it is taken from the record. Afterwards the
-fitted law is asked for its own count. Static friction has no gradient in a Coulomb law; it lies between the spring forces
-at the turning points where the mass stopped and those at which it moved on.
+The number of half-cycles decides where a set-valued law lets the mass rest, and it is taken from the record.
+Afterwards the fitted law is asked for its own count. Static friction has no gradient in a Coulomb law; it lies
+between the spring forces at the turning points where the mass stopped and those at which it moved on.
 """
 
+import dataclasses
 from typing import NamedTuple
 
 import equinox as eqx
@@ -19,9 +20,11 @@ from .residual import Residual
 from .solve import Solved, solve
 from .window import NEVER
 
+_ADEQUATE = 2.0
+
 
 class Margin(NamedTuple):
-    """How far the turning points lie from another number of half-cycles [m]; negative where the law would count otherwise.
+    """Distance of the turning points to another number of half-cycles [m]; negative where the law counts otherwise.
 
     Attributes:
         one_more: static band minus the final displacement.
@@ -39,23 +42,51 @@ def _motion(residual: Residual, y: Array, run: int, forced: bool) -> tuple[Motio
 
 
 def solve_with_rest(problem: Problem) -> tuple[Problem, Solved]:
-    """Solve, and where the fitted law stops the mass after another number of half-cycles, try that one too."""
+    """Solve with the record's number of half-cycles, and try others where law or residuals ask for it.
+
+    Another number is tried where the fitted law would stop the mass at another reversal, and where the residuals are
+    larger
+    than the noise: then one more and one less, as long as that makes the fit better.
+    """
     solved = solve(problem)
-    if not problem.residual.oscillator.friction.set_valued or problem.bracketed:
-        return problem, solved
-    own = [_own_count(problem.residual, solved.y, run) for run in range(len(problem.windows))]
-    runs = problem.residual.runs
-    if all(count == int(run.half_cycles) for count, run in zip(own, runs, strict=True)):
-        return problem, solved
-    changed = eqx.tree_at(
-        lambda r: [run.half_cycles for run in r.runs], problem.residual, [jnp.asarray(count) for count in own]
-    )
-    other = Problem(**{**problem.__dict__, "residual": changed})
-    second = solve(other)
-    passes, stages = solved.passes + second.passes, solved.stages + second.stages
-    better = second.converged and second.chi2 < solved.chi2
-    chosen = second if better else solved
-    return (other if better else problem), chosen._replace(passes=passes, stages=stages)
+    tried, counts = set(), _counts(problem)
+    passes, stages = solved.passes, solved.stages
+    while candidates := _candidates(problem, solved) - tried - {counts}:
+        tried |= {counts, *candidates}
+        rivals = [_with_counts(problem, candidate) for candidate in sorted(candidates)]
+        results = [solve(rival, solved.y) for rival in rivals]
+        passes, stages = passes + sum(r.passes for r in results), stages + sum(r.stages for r in results)
+        better = [i for i, r in enumerate(results) if r.converged and r.chi2 < solved.chi2]
+        if not better:
+            break
+        best = min(better, key=lambda i: results[i].chi2)
+        problem, solved, counts = rivals[best], results[best], _counts(rivals[best])
+    return problem, solved._replace(passes=passes, stages=stages)
+
+
+def _counts(problem: Problem) -> tuple[int, ...]:
+    return tuple(int(run.half_cycles) for run in problem.residual.runs)
+
+
+def _with_counts(problem: Problem, counts: tuple[int, ...]) -> Problem:
+    arrays = [jnp.asarray(count) for count in counts]
+    residual = eqx.tree_at(lambda r: [run.half_cycles for run in r.runs], problem.residual, arrays)
+    return dataclasses.replace(problem, residual=residual)
+
+
+def _candidates(problem: Problem, solved: Solved) -> set[tuple[int, ...]]:
+    """Other numbers of half-cycles worth a fit."""
+    counts = _counts(problem)
+    stopping = [run for run, count in enumerate(counts) if count < NEVER]
+    if not problem.residual.oscillator.friction.set_valued or not stopping:
+        return set()
+    found = set()
+    if problem.bracketed is None:
+        found.add(tuple(_own_count(problem.residual, solved.y, run) for run in range(len(counts))))
+    if solved.chi2 > _ADEQUATE * problem.n_used:
+        steps = [(run, step) for run in stopping for step in (-1, 1) if counts[run] + step > 0]
+        found |= {(*counts[:run], counts[run] + step, *counts[run + 1 :]) for run, step in steps}
+    return found - {counts}
 
 
 def _own_count(residual: Residual, y: Array, run: int) -> int:
@@ -78,7 +109,7 @@ def rest_margin(residual: Residual, y: Array, run: int) -> Margin | None:
 
 
 def bracket_static(problem: Problem, y: Array) -> tuple[float, float] | None:
-    """Interval of the static coefficient of a Coulomb law: above every stop and the dynamic value, below every non-stop."""
+    """Interval of a Coulomb law's static coefficient: above every stop and the dynamic value, below every non-stop."""
     if not isinstance(problem.residual.oscillator.friction, Coulomb):
         return None
     lower, upper = 0.0, np.inf

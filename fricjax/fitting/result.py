@@ -40,10 +40,12 @@ class Fit:
         warnings: what a reader of the numbers must know, in sentences.
         kinematics: natural frequency, damping ratio, dead band and losses per unit mass, which need no rig.
         chi2, dof, chi2_reduced: sum of squared weighted residuals, degrees of freedom, and their ratio.
-        residuals: measured minus model in the unit of the record, NaN where not fitted; a tuple of arrays in a joint fit.
+        residuals: measured minus model in the unit of the record, NaN where not fitted; a tuple of arrays in a joint
+            fit.
         residual_rms: root mean square of the fitted ones.
         sigma, sigma_mode, sigma_source: median noise used, how it was used, and where it came from.
-        whiteness: autocorrelation of the residuals; `error_inflation`: factor by which it makes standard errors too small.
+        whiteness: autocorrelation of the residuals; `error_inflation`: factor by which it makes standard errors too
+            small.
         margins: for each run the distance to one half-cycle more or less, None where it ends in motion.
         half_cycles: for each run the number of half-cycles from the start of the fit to the stop, None in motion.
         iterations, passes: stages of the fit and passes over model and Jacobian.
@@ -104,7 +106,7 @@ class Fit:
             return self.covariance / np.outer(std, std)
 
     def predict(self, ts: Any, run: int = 0) -> np.ndarray:
-        """What the instrument would read at times `ts` of the record [s]: displacement with offset and drift, shape (n,).
+        """What the instrument would read at times `ts` of the record [s], with offset and drift, shape (n,).
 
         Times before the start of the fitted motion are extrapolated.
         """
@@ -158,5 +160,3 @@ class Fit:
 def named(names: tuple[str, ...], values: Any) -> dict[str, float]:
     """Values by name."""
     return dict(zip(names, (float(v) for v in values), strict=True))
-
-

@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..show import Table, axis_label, engineering, figure, interval, plain, scaled, uncertain
+from ..show import Table, axis_label, display_unit, engineering, figure, interval, plain, uncertain
 
 if TYPE_CHECKING:
     from .result import Fit
@@ -38,11 +38,11 @@ def kinematics_table(fit: "Fit") -> Table:
 
 def facts(fit: "Fit") -> list[tuple[str, str]]:
     """The remaining lines of the report."""
-    law = type(fit.oscillator.friction).__name__
+    restoring = type(fit.oscillator.restoring).__name__.lower()
     used = sum(int(np.isfinite(r).sum()) for r in _runs(fit))
     lines = [
         ("status", fit.status),
-        ("model", f"{law} friction, {type(fit.oscillator.restoring).__name__.lower()} restoring force, {fit.engine} engine"),
+        ("model", f"{_law(fit)} friction, {restoring} restoring force, {fit.engine} engine"),
         ("samples", f"{used} fitted, {fit.iterations} stages, {fit.passes} passes"),
         ("noise", f"{engineering(fit.sigma, fit.quantity)} ({fit.sigma_source}), mode {fit.sigma_mode}"),
         ("residuals", f"{engineering(fit.residual_rms, fit.quantity)} rms, reduced chi^2 {plain(fit.chi2_reduced, 4)}"),
@@ -60,7 +60,9 @@ def summary(fit: "Fit") -> str:
     """The report as plain text."""
     lines = [f"{name + ':':<13}{text}" for name, text in facts(fit)]
     warned = [f"! {sentence}" for sentence in fit.warnings]
-    return "\n\n".join(filter(None, [parameter_table(fit).text(), kinematics_table(fit).text(), "\n".join([*lines, *warned])]))
+    return "\n\n".join(
+        filter(None, [parameter_table(fit).text(), kinematics_table(fit).text(), "\n".join([*lines, *warned])])
+    )
 
 
 def html(fit: "Fit") -> str:
@@ -74,22 +76,48 @@ def _runs(fit: "Fit") -> tuple[np.ndarray, ...]:
 
 
 def plot(fit: "Fit", run: int = 0) -> Any:
-    """Measured and computed trace above, residuals below."""
-    t, r = fit.times[run], _runs(fit)[run]
-    fitted = np.isfinite(r)
-    measured = np.where(fitted, np.asarray(fit.runs[run].x), np.nan)
-    drawing, axes = figure(2, 1, share_x=True, heights=(3, 1))
+    """Measured and computed trace above, residuals with the band of the noise below.
+
+    Args:
+        fit: the fit.
+        run: which run of a joint fit.
+    """
+    drawing, axes = figure(2, 1, share_x=True, heights=(5, 2))
     top, bottom = axes[:, 0]
-    everything, unit = scaled(np.asarray(fit.runs[run].x), fit.quantity)
-    factor = everything[np.argmax(np.abs(everything))] / np.asarray(fit.runs[run].x)[np.argmax(np.abs(everything))]
-    top.plot(t, everything, color="0.75", label="not fitted")
-    top.plot(t, measured * factor, label="measured")
-    top.plot(t[fitted], (measured - r)[fitted] * factor, linestyle="--", label="model")
-    name = "Displacement" if fit.quantity == "m" else "Angle"
-    top.set_ylabel(axis_label(name, unit))
-    top.legend(loc="upper right")
-    small, unit = scaled(r, fit.quantity)
-    bottom.plot(t, small, linewidth=0.6)
-    bottom.set_ylabel(axis_label("Residual", unit))
+    _draw_trace(top, fit, run)
+    _draw_residuals(bottom, fit, run)
     bottom.set_xlabel(axis_label("Time", "s"))
+    drawing.align_ylabels()
     return drawing
+
+
+def _draw_trace(axes: Any, fit: "Fit", run: int) -> None:
+    """The record as a broad pale line, grey where it is not fitted, and the model as a thin dark one on it."""
+    t, x, r = fit.times[run], np.asarray(fit.runs[run].x), _runs(fit)[run]
+    fitted = np.isfinite(r)
+    factor, unit = display_unit(float(np.max(np.abs(x))), fit.quantity)
+    if not fitted.all():
+        axes.plot(t, factor * x, color="0.8", linewidth=3.0, label="not fitted")
+    axes.plot(t, np.where(fitted, factor * x, np.nan), color="#56B4E9", linewidth=3.5, label="measured")
+    model = np.where(fitted, factor * (x - np.where(fitted, r, 0.0)), np.nan)
+    axes.plot(t, model, color="#8C2D04", linewidth=1.0, label="model")
+    axes.set_ylabel(axis_label("Displacement" if fit.quantity == "m" else "Angle", unit))
+    axes.legend(loc="upper right", fontsize=8, framealpha=0.9)
+    axes.set_title(f"{_law(fit)} friction, {fit.engine} engine: {fit.status.split(':')[0]}", fontsize=9, loc="left")
+
+
+def _draw_residuals(axes: Any, fit: "Fit", run: int) -> None:
+    """Measured minus model; where the model describes the run, 95 of 100 lie within two standard deviations."""
+    residuals = _runs(fit)[run]
+    factor, unit = display_unit(float(np.nanmax(np.abs(residuals))), fit.quantity)
+    axes.axhspan(-2 * factor * fit.sigma, 2 * factor * fit.sigma, color="0.9", zorder=0)
+    axes.plot(fit.times[run], factor * residuals, color="#0072B2", linewidth=0.5)
+    axes.set_ylabel(axis_label("Residual", unit))
+    rms = engineering(float(np.sqrt(np.nanmean(residuals**2))), fit.quantity)
+    noise = engineering(fit.sigma, fit.quantity)
+    axes.set_title(f"measured minus model: {rms} rms; band: twice the noise of {noise}", fontsize=9, loc="left")
+
+
+def _law(fit: "Fit") -> str:
+    law = fit.oscillator.friction
+    return " + ".join(type(part).__name__ for part in getattr(law, "laws", (law,)))

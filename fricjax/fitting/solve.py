@@ -1,9 +1,10 @@
 """Solving a posed fit: the moving part first, then everything.
 
-With the number of half-cycles taken from the record the residual has no jumps, but the phase still makes local minima when
-the start value of the frequency is off by more than a part of a cycle over the record. So the window grows: it begins where
-the motion from the start values is still in phase with the record, and doubles until it holds the whole moving part; the
-rest is added last. The smooth engine gets a new mesh at each stage, and always a last stage on a mesh made at the optimum.
+With the number of half-cycles taken from the record the residual has no jumps, but the phase still makes local
+minima when the start value of the frequency is off by more than a part of a cycle over the record. So the window
+grows: it begins where the motion from the start values is still in phase with the record, and doubles until it holds
+the whole moving part; the rest is added last. The smooth engine gets a new mesh at each stage, and always a last
+stage on a mesh made at the optimum.
 """
 
 from typing import Any, NamedTuple
@@ -50,13 +51,13 @@ def evaluate(residual: Residual, y: Float[Array, " coordinates"]) -> Float[Array
     return residual(y)
 
 
-def solve(problem: Problem) -> Solved:
-    """Fit in stages, each from the optimum of the one before."""
-    inputs = problem.residual.inputs.shape[0]
-    begin = jnp.clip(jnp.zeros(problem.residual.n_parameters), problem.lower, problem.upper)
-    y, passes, solution = jnp.concatenate([begin, jnp.zeros(inputs)]), 0, None
-    meshed = with_mesh(problem.residual, y)
-    stages = _stages(problem, np.asarray(evaluate(with_weights(meshed, problem.moving), y)))
+def solve(problem: Problem, y: Float[Array, " coordinates"] | None = None) -> Solved:
+    """Fit in stages, each from the optimum of the one before; from given coordinates `y` without growing windows."""
+    stages = _parts(problem) if y is not None else None
+    y = _start(problem) if y is None else y
+    passes, solution, meshed = 0, None, with_mesh(problem.residual, y)
+    if stages is None:
+        stages = _stages(problem, np.asarray(evaluate(with_weights(meshed, problem.moving), y)))
     for weights in stages:
         meshed = with_mesh(problem.residual, y)
         solution = least_squares(with_weights(meshed, weights), problem, y)
@@ -67,10 +68,17 @@ def solve(problem: Problem) -> Solved:
     return Solved(y, evaluate(meshed, y), stats["normal"], int(stats["status"]), out, passes, len(stages))
 
 
+def _start(problem: Problem) -> Float[Array, " coordinates"]:
+    begin = jnp.clip(jnp.zeros(problem.residual.n_parameters), problem.lower, problem.upper)
+    return jnp.concatenate([begin, jnp.zeros(problem.residual.inputs.shape[0])])
+
+
 def least_squares(residual: Residual, problem: Problem, y: Float[Array, " coordinates"]) -> optx.Solution:
     """One run of Levenberg-Marquardt from coordinates `y`; the coordinates of the inputs stay at zero."""
     weights = [run.weight for run in residual.runs]
-    floor = sum(jnp.sum((1e-12 * w * jnp.max(jnp.abs(run.x))) ** 2) for w, run in zip(weights, residual.runs, strict=True))
+    floor = sum(
+        jnp.sum((1e-12 * w * jnp.max(jnp.abs(run.x))) ** 2) for w, run in zip(weights, residual.runs, strict=True)
+    )
     dof = sum(jnp.sum(w > 0) for w in weights) - problem.residual.n_parameters
     still = jnp.zeros(residual.inputs.shape[0])
     options = {
@@ -88,16 +96,19 @@ def with_weights(residual: Residual, weights: tuple[Any, ...]) -> Residual:
 
 
 def _stages(problem: Problem, residual: np.ndarray) -> list[tuple[Any, ...]]:
-    """Weights of each stage: growing windows over the moving part, then all samples."""
-    everything = tuple(run.weight for run in problem.residual.runs)
-    fractions, stages = _in_phase(problem, residual), []
-    reach = min(fractions)
+    """Weights of each stage: growing windows over the moving part, then what :func:`_parts` says."""
+    reach, stages = min(_in_phase(problem, residual)), []
     while reach < 1:
         stages.append(tuple(_until(problem, i, reach) for i in range(len(problem.windows))))
         reach *= 2
-    two_parts = any(np.any(window.used != window.moving) for window in problem.windows)
-    again = isinstance(problem.residual.engine, Smooth) and not two_parts
-    return [*stages, *([problem.moving] if two_parts or again else []), everything]
+    return [*stages, *_parts(problem)]
+
+
+def _parts(problem: Problem) -> list[tuple[Any, ...]]:
+    """The moving part, then all samples; once where both are the same, but the smooth engine always gets a new mesh."""
+    everything = tuple(run.weight for run in problem.residual.runs)
+    two = any(np.any(window.used != window.moving) for window in problem.windows)
+    return [problem.moving, everything] if two or isinstance(problem.residual.engine, Smooth) else [everything]
 
 
 def _until(problem: Problem, run: int, reach: float) -> np.ndarray:
@@ -109,16 +120,18 @@ def _until(problem: Problem, run: int, reach: float) -> np.ndarray:
 
 
 def _in_phase(problem: Problem, residual: np.ndarray) -> list[float]:
-    """For each run the part of its moving window over which the start values keep the phase (at least four half-cycles)."""
+    """Per run the part of the moving window over which the start values keep the phase, at least four half-cycles."""
     fractions, first = [], 0
     for window, weight in zip(problem.windows, problem.moving, strict=True):
         r = residual[first : first + weight.size]
         first += weight.size
         t, found = np.asarray(window.trace.t)[window.moving], window.segmentation
         error = np.abs(r[window.moving]) * window.sigma[window.moving]
-        local = np.interp(t, found.turning_times, np.abs(found.turning_points - window.guesses["offset"])) if (
-            found.turning_times.size
-        ) else np.full(t.shape, found.amplitude)
+        local = (
+            np.interp(t, found.turning_times, np.abs(found.turning_points - window.guesses["offset"]))
+            if (found.turning_times.size)
+            else np.full(t.shape, found.amplitude)
+        )
         lost = np.flatnonzero(~(error < _IN_PHASE * np.maximum(local, 0.02 * found.amplitude)))
         span = t[-1] - t[0]
         fractions.append(1.0 if not lost.size else max((t[lost[0]] - t[0]) / span, 4 * found.half_period / span))

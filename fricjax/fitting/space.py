@@ -1,7 +1,7 @@
 """The space in which a fit works, kept apart from the physics: names, transforms, scales and bounds.
 
-Every coordinate is zero at the start value. Quantities that must be positive and may range over decades (mass, stiffness,
-widths) are fitted in their logarithm, all others linearly in units of a typical size.
+Every coordinate is zero at the start value. Quantities that must be positive and may range over decades (mass,
+stiffness, widths) are fitted in their logarithm, all others linearly in units of a typical size.
 """
 
 from collections.abc import Sequence

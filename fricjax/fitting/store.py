@@ -39,7 +39,9 @@ def to_dict(fit: "Fit") -> dict[str, Any]:
     fields = [field.name for field in dataclasses.fields(fit) if field.name not in _SAMPLES]
     plain = {name: _plain(getattr(fit, name)) for name in fields}
     plain["kinematics"] = {name: estimate._asdict() for name, estimate in fit.kinematics.items()}
-    plain["kinematics"] = {name: {k: _plain(v) for k, v in entry.items()} for name, entry in plain["kinematics"].items()}
+    plain["kinematics"] = {
+        name: {k: _plain(v) for k, v in entry.items()} for name, entry in plain["kinematics"].items()
+    }
     return {"schema": SCHEMA, "chi2_reduced": _plain(fit.chi2_reduced), **plain}
 
 
@@ -129,7 +131,9 @@ def _module(cls: type, fields: dict[str, Any]) -> Any:
     if cls is friction_laws.Sum:
         return friction_laws.Sum(tuple(fields["laws"]))
     if cls is Run:
-        fields = {k: {n: jnp.asarray(x) for n, x in v.items()} if k == "fixed" else jnp.asarray(v) for k, v in fields.items()}
+        fields = {
+            k: {n: jnp.asarray(x) for n, x in v.items()} if k == "fixed" else jnp.asarray(v) for k, v in fields.items()
+        }
     return cls(**fields)
 
 

@@ -20,7 +20,7 @@ def status_of(solved: Solved, covariance: Covariance, names: tuple[str, ...]) ->
     if solved.out_of_steps:
         return "out of steps: the optimum was not reached. Start nearer, or free fewer parameters."
     if solved.status == STALLED:
-        return "stalled: no step improves the fit although the gradient asks for one. Check for bounds or kinks of the model."
+        return "stalled: no step improves the fit although the gradient asks for one. Check bounds and the law."
     if not covariance.full_rank:
         lost = ", ".join(n for n, bad in zip(names, covariance.undetermined, strict=True) if bad)
         return f"undetermined: the record does not determine {lost}. Fix one of them or record more half-cycles."
@@ -67,24 +67,24 @@ def warnings_of(
     found = []
     if values.get("damping", 0.0) < -2 * std_errors.get("damping", np.inf):
         found.append(
-            "The damping is negative: no passive machine has that. It is the fingerprint of a friction law that falls with "
-            "velocity or of a missing term such as drag; bound it at zero or choose another law."
+            "The damping is negative: no passive machine has that. It is the fingerprint of a friction law that falls "
+            "with velocity or of a missing term such as drag; bound it at zero or choose another law."
         )
     if rms > _ADEQUATE * sigma:
         found.append(
-            f"The model does not describe the run: its residuals of {rms:.2e} {unit} rms are {rms / sigma:.3g} times the noise"
-            f" of {sigma:.2e} {unit}."
+            f"The model does not describe the run: its residuals of {rms:.2e} {unit} rms are {rms / sigma:.3g} times "
+            f"the noise of {sigma:.2e} {unit}."
         )
     if not white.white:
         found.append(
-            f"The residuals are not white (neighbouring samples correlate by {white.lag_one:.2f}), so the standard errors "
-            f"are too small, by a factor of about {inflation:.2g}."
+            f"The residuals are not white (neighbouring samples correlate by {white.lag_one:.2f}), so the standard "
+            f"errors are too small, by a factor of about {inflation:.2g}."
         )
     for i, margin in enumerate(margins):
         if margin is not None and min(margin) < -_ADEQUATE * sigma:
             which = "" if len(margins) == 1 else f" of run {i}"
             found.append(
                 f"The law would stop the mass{which} after another number of half-cycles than the record shows "
-                f"(margins {margin.one_more:.2e} and {margin.one_less:.2e} {unit}): static friction differs, or the model does."
+                f"(margins {margin.one_more:.2e} and {margin.one_less:.2e} {unit}): static friction or the model is off."
             )
     return tuple(found)

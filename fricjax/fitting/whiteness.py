@@ -1,8 +1,8 @@
 """Are the residuals white? Standard errors assume it, and a wrong model, vibration or drift break it.
 
-The integrated autocorrelation time tau says how many samples in a row carry the same information: standard errors of slowly
-varying parameters are too small by about sqrt(tau), and by the square root of the reduced chi^2 beside it where the noise
-was given (Sokal, 1996).
+The integrated autocorrelation time tau says how many samples in a row carry the same information: standard errors of
+slowly varying parameters are too small by about sqrt(tau), and by the square root of the reduced chi^2 beside it
+where the noise was given (Sokal, 1996).
 """
 
 from typing import NamedTuple

@@ -110,7 +110,9 @@ def _start(data: Any, start: str | float, found: Segmentation, t: np.ndarray) ->
         at = float(t[0]) if logged is None else float(logged)
         return "release", at, at
     if isinstance(start, str):
-        raise UsageError(f"There is no start {start!r}.{nearest(start, STARTS)} Choose first_reversal, release or seconds.")
+        raise UsageError(
+            f"There is no start {start!r}.{nearest(start, STARTS)} Choose first_reversal, release or seconds."
+        )
     at = float(t[0]) + float(start)
     if not t[0] <= at < t[-1]:
         raise UsageError(f"start={start} s lies outside the record, which lasts {t[-1] - t[0]:.6g} s.")

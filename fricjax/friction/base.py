@@ -1,10 +1,10 @@
 """What a friction law is: a force that resists sliding, possibly with a memory of its own.
 
-With the oscillator written as ``m a + c v + drag v|v| + R(x) + F = 0``, a law says what ``F`` is. Three kinds exist, and
-an engine asks only which one it has before it:
+With the oscillator written as ``m a + c v + drag v|v| + R(x) + F = 0``, a law says what ``F`` is. Three kinds exist,
+and an engine asks only which one it has before it:
 
-* *set-valued* laws (Coulomb, Stribeck) jump at ``v = 0`` and hold the mass at rest while the spring pulls with less than
-  the static friction force;
+* *set-valued* laws (Coulomb, Stribeck) jump at ``v = 0`` and hold the mass at rest while the spring pulls with less
+  than the static friction force;
 * *regularised* laws (Tanh) replace the jump by a steep slope, and therefore creep where the mass would rest;
 * *bristle* laws (LuGre) carry internal states, the deflection of the contact, and stick by means of these.
 """

@@ -12,7 +12,8 @@ from .base import AbstractSetValued, Scalar, Values, scalar
 class Coulomb(AbstractSetValued):
     """``F = mu N sgn(v)`` while sliding; at rest anything up to ``mu_s N``.
 
-    The static coefficient decides only whether the mass moves on from a reversal. A trace therefore has no gradient with
+    The static coefficient decides only whether the mass moves on from a reversal. A trace therefore has no gradient
+    with
     respect to it: it is bracketed from stops and non-stops, never fitted.
 
     Attributes:

@@ -13,8 +13,8 @@ from .stribeck import stribeck_decay
 class LuGre(AbstractFriction):
     """``dz/dt = v - sigma0 |v| z/g(v)``, ``F = sigma0 z + sigma1 dz/dt + sigma2 v``.
 
-    ``g(v) = N [mu + (mu_s - mu) exp(-(v/v_stribeck)^2)]`` is a force [N]; the stiffness and damping of the bristles do not
-    scale with the load.
+    ``g(v) = N [mu + (mu_s - mu) exp(-(v/v_stribeck)^2)]`` is a force [N]; the stiffness and damping of the bristles
+    do not scale with the load.
 
     Attributes:
         mu: dynamic coefficient of friction [1].

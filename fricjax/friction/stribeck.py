@@ -1,4 +1,4 @@
-"""Stribeck friction: the force falls from its static to its dynamic value as sliding begins (Bo and Pavelescu, 1982)."""
+"""Stribeck friction: the force falls from its static to its dynamic value as sliding begins (Bo and Pavelescu 1982)."""
 
 from collections.abc import Mapping
 from typing import ClassVar

@@ -23,13 +23,15 @@ class Motion(eqx.Module):
         t: times [s].
         x: displacement from the spring's equilibrium [m].
         v: velocity [m/s].
-        friction_force: friction force [N], positive where it opposes a positive velocity; at rest what balances the spring.
+        friction_force: friction force [N], positive where it opposes a positive velocity; at rest what balances the
+            spring.
         at_rest: True where a set-valued law holds the mass.
         t_stop: time of the final stop [s]; inf where the mass does not stop, as under regularised laws.
-        turning_points: positions of the start and of the reversals in order [m], the last one the final stop; NaN beyond.
+        turning_points: positions of the start and of the reversals in order [m], the last one the final stop; NaN
+            beyond.
         n_half_cycles: number of completed half-cycles until the stop.
-        regularisation_bias: largest distance to the motion under the set-valued law that a regularised one stands for [m];
-            zero for every other law, and NaN for a driven motion, whose set-valued twin no engine integrates.
+        regularisation_bias: largest distance to the motion under the set-valued law that a regularised one stands
+            for [m]; zero for every other law, and NaN for a driven motion, whose set-valued twin no engine integrates.
         engine: name of the engine.
         result: outcome; its text tells cause and remedy.
         stats: counts of the integrator.

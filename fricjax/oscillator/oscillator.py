@@ -1,8 +1,8 @@
 """The equation of motion: a mass on a spring that slides to rest.
 
 ``m a + damping v + drag v|v| + R(x) + F = 0``, with the restoring force ``R`` and the friction force ``F`` chosen
-from :mod:`fricjax.oscillator.restoring` and :mod:`fricjax.friction`. A rotary rig uses the same equation with the moment
-of inertia for the mass and angles for displacements.
+from :mod:`fricjax.oscillator.restoring` and :mod:`fricjax.friction`. A rotary rig uses the same equation with the
+moment of inertia for the mass and angles for displacements.
 """
 
 from collections.abc import Mapping

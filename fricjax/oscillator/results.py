@@ -11,13 +11,13 @@ class RESULTS(diffrax.RESULTS):  # pyright: ignore[reportGeneralTypeIssues]
         "The motion has more half-cycles than the engine was built for. Pass an engine with a larger max_half_cycles."
     )
     overdamped = (
-        "The damping ratio is one or more, so there are no half-cycles. Use the smooth engine with a regularised law, or "
-        "check damping, mass and stiffness."
+        "The damping ratio is one or more, so there are no half-cycles. Use the smooth engine with a regularised law, "
+        "or check damping, mass and stiffness."
     )
     drag_unsupported = "The exact engine has no quadratic drag. Use the hybrid engine."
     phase_reversed = (
-        "The phase of a half-cycle ran backwards: friction or damping outweighs the spring on that stroke. Check the law's "
-        "coefficients against stiffness times amplitude."
+        "The phase of a half-cycle ran backwards: friction or damping outweighs the spring on that stroke. Check the "
+        "law's coefficients against stiffness times amplitude."
     )
 
 

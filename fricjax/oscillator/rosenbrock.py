@@ -1,7 +1,8 @@
 """A Rosenbrock method of order five for small stiff systems, as a diffrax solver.
 
-Bristle laws are stiff in full sliding (the deflection settles within microseconds) and mild at the reversals. A Rosenbrock
-method copes with both by one linear solve per stage and no iteration. This is Rodas5P (Steinebach, BIT Numer. Math. 63,
+Bristle laws are stiff in full sliding (the deflection settles within microseconds) and mild at the reversals. A
+Rosenbrock method copes with both by one linear solve per stage and no iteration. This is Rodas5P (Steinebach,
+BIT Numer. Math. 63,
 2023): eight stages, stiffly accurate, an embedded error estimate of order four and a dense output of order four.
 
 The state is a pytree of scalars, two to four of them. Its Jacobian comes from forward mode, and the linear system is
@@ -189,7 +190,8 @@ def _linearise(field: Callable, t: Any, y: Scalars, h: Array) -> tuple[Scalars, 
     n = len(y)
     rate, derivative = jax.linearize(field, t, y)
     flat = [jnp.zeros(())] * n
-    columns = [derivative(jnp.zeros(()), [jnp.ones(()) if i == j else zero for i, zero in enumerate(flat)]) for j in range(n)]
+    columns = [
+        derivative(jnp.zeros(()), [jnp.ones(()) if i == j else zero for i, zero in enumerate(flat)]) for j in range(n)
+    ]
     matrix = [[(1 / (_GAMMA * h) if i == j else 0.0) - columns[j][i] for j in range(n)] for i in range(n)]
     return rate, derivative(jnp.ones(()), flat), _factorise(matrix)
-

@@ -50,8 +50,8 @@ def simulate(
         x0: displacement from the equilibrium at time zero [m].
         ts: times to sample at, increasing [s], shape (samples,).
         v0: velocity at time zero [m/s]. The motion has a kink in `v0` at zero, where the mass starts from rest.
-        state0: internal states of the law at time zero, shape (states,); None stands for those after a slow pull to `x0`,
-            or after long sliding where `v0` is not zero.
+        state0: internal states of the law at time zero, shape (states,); None stands for those after a slow pull to
+            `x0`, or after long sliding where `v0` is not zero.
         engine: "auto", "exact", "hybrid", "smooth" or an engine.
         accuracy: largest numerical error of the displacement aimed at [m].
         base_acceleration: floor acceleration at `ts` [m/s^2], shape (samples,); needs the smooth engine.
@@ -146,8 +146,8 @@ def final_displacement(oscillator: Oscillator, x0: ArrayLike, *, engine: str | A
     law = oscillator.friction
     if not law.set_valued and not law.n_states:
         raise ValueError(
-            f"Under {type(law).__name__} the mass creeps and never rests, so it has no final displacement. Use a law that "
-            "holds the mass, such as Coulomb."
+            f"Under {type(law).__name__} the mass creeps and never rests, so it has no final displacement. Use a law "
+            "that holds the mass, such as Coulomb."
         )
     chosen = select_engine(engine, oscillator, max_half_cycles=_strokes_to_rest(oscillator, x0))
     return _final(chosen, oscillator, starting_state(oscillator, x0, 0.0))

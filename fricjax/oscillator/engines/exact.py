@@ -1,10 +1,10 @@
 """Closed-form half-cycles of Coulomb friction with viscous damping and a linear spring.
 
-Between two reversals the mass swings about the centre ``s x_d`` that friction has shifted, and each half-cycle multiplies
-the distance to it by ``-rho = -exp(-pi zeta/sqrt(1 - zeta^2))`` in the time ``pi/omega_d``, whatever the friction (Feeny
-and Liang, J. Sound Vib. 195, 1996). In the alternating amplitude ``a_n = (-1)^n s_0 y_n`` of the turning points the map is
-linear, ``a_n = rho^n a_0 - (1 + rho) x_d S_n`` with ``S_n = (1 - rho^n)/(1 - rho)``, so the state at any time follows
-without a loop.
+Between two reversals the mass swings about the centre ``s x_d`` that friction has shifted, and each half-cycle
+multiplies the distance to it by ``-rho = -exp(-pi zeta/sqrt(1 - zeta^2))`` in the time ``pi/omega_d``, whatever the
+friction (Feeny and Liang, J. Sound Vib. 195, 1996). In the alternating amplitude ``a_n = (-1)^n s_0 y_n`` of the
+turning points the map is linear, ``a_n = rho^n a_0 - (1 + rho) x_d S_n`` with ``S_n = (1 - rho^n)/(1 - rho)``, so
+the state at any time follows without a loop.
 """
 
 import equinox as eqx

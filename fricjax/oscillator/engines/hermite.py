@@ -1,4 +1,4 @@
-"""Reading samples off the nodes of half-cycles: quintic Hermite interpolation of position, velocity and acceleration."""
+"""Samples between the nodes of half-cycles: quintic Hermite interpolation of position, velocity and acceleration."""
 
 import jax
 import jax.numpy as jnp
@@ -31,7 +31,7 @@ def sample_nodes(
     rest_position: Float[Array, ""],
     t_stop: Float[Array, ""],
     finished: Bool[Array, ""],
-) -> tuple[Float[Array, " samples"], Float[Array, " samples"], Bool[Array, " samples"]]:
+) -> tuple[Float[Array, " samples"], Float[Array, " samples"]]:
     """Displacement and velocity at `ts`, at rest after `t_stop` where the motion has finished.
 
     Nodes of one half-cycle share their ends in time with the next, where the acceleration jumps; each half-cycle is
@@ -47,4 +47,4 @@ def sample_nodes(
     running = ~(finished & (ts >= t_stop))
     h = jnp.where(running & (end > begin), end - begin, 1.0)
     value, slope = _quintic((ts - begin) / h, h, left, right)
-    return jnp.where(running, value, rest_position), jnp.where(running, slope, 0.0), running
+    return jnp.where(running, value, rest_position), jnp.where(running, slope, 0.0)

@@ -1,11 +1,12 @@
 """Half-cycles in phase angle: set-valued friction with any sliding law, drag and restoring force.
 
 In each half-cycle the motion is written as a swing about the centre that friction has shifted, ``x = s (x_d + A cos
-theta)``, ``v = -s omega A sin theta``, where ``s`` is the side of the turning point, ``x_d = F(0+)/k_ref`` and ``omega^2 =
-k_ref/m`` with the secant stiffness ``k_ref = R(y)/y`` there. Amplitude and time are then slow functions of the phase, driven
-only by what is not the reference spring and the reference friction (variation of parameters), and the next reversal lies at
-``theta = pi`` whatever the parameters. So there is no event to search, no jump to step over, and the derivatives are those
-of the discrete solution itself. At each reversal the rest condition ``|R(y)| <= F_s`` decides whether the mass moves on.
+theta)``, ``v = -s omega A sin theta``, where ``s`` is the side of the turning point, ``x_d = F(0+)/k_ref`` and
+``omega^2 = k_ref/m`` with the secant stiffness ``k_ref = R(y)/y`` there. Amplitude and time are then slow functions
+of the phase, driven only by what is not the reference spring and the reference friction (variation of parameters),
+and the next reversal lies at ``theta = pi`` whatever the parameters. So there is no event to search, no jump to step
+over, and the derivatives are those of the discrete solution itself. At each reversal the rest condition ``|R(y)| <=
+F_s`` decides whether the mass moves on.
 """
 
 from typing import NamedTuple
@@ -88,8 +89,8 @@ class Hybrid(AbstractEngine):
     def refusal(self, oscillator: Oscillator) -> str | None:
         if not oscillator.friction.set_valued:
             return (
-                f"The hybrid engine integrates set-valued laws (Coulomb, Stribeck), and {type(oscillator.friction).__name__}"
-                " is none. Use the smooth engine."
+                "The hybrid engine integrates set-valued laws (Coulomb, Stribeck), and "
+                f"{type(oscillator.friction).__name__} is none. Use the smooth engine."
             )
         return None
 
@@ -102,7 +103,7 @@ class Hybrid(AbstractEngine):
     ) -> Motion:
         first, theta0 = _first_stroke(oscillator, start)
         final, nodes, points = self._strokes(oscillator, start, first, theta0, half_cycles)
-        x, v, running = sample_nodes(ts, *nodes, final.turning_point, final.time, final.finished)
+        x, v = sample_nodes(ts, *nodes, final.turning_point, final.time, final.finished)
         at_rest = final.finished & (ts >= final.time)
         sliding = oscillator.friction_force(v, jnp.zeros(0))
         t_last = ts[-1] if ts.shape[0] else jnp.asarray(-jnp.inf)
@@ -176,10 +177,13 @@ class Hybrid(AbstractEngine):
             turned = side * (frame.dead_band - amplitudes[-1])
             y_next = jnp.where(last, carry.turning_point, turned)
             count = carry.count + jnp.where(last, 0, 1)
-            after = _Carry(
-                y_next, t[-1], last | rests(y_next, count), count, carry.forward & (last | forward)
+            after = _Carry(y_next, t[-1], last | rests(y_next, count), count, carry.forward & (last | forward))
+            nodes = (
+                t,
+                jnp.where(last, carry.turning_point, x),
+                jnp.where(last, 0.0, -side * speed),
+                jnp.where(last, 0.0, a),
             )
-            nodes = (t, jnp.where(last, carry.turning_point, x), jnp.where(last, 0.0, -side * speed), jnp.where(last, 0.0, a))
             return after, (nodes, jnp.where(last, jnp.nan, y_next))
 
         zero = jnp.zeros((), int)

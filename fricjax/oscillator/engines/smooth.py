@@ -1,11 +1,12 @@
-"""Integration in time, for laws without a jump: bristle laws, regularised laws and the creep after a stop, driven motion.
+"""Integration in time, for laws without a jump: bristle laws, regularised laws and their creep, driven motion.
 
-State and time are scaled by the amplitude, the natural frequency and the law's own deflection, so that one tolerance fits
+State and time are scaled by the amplitude, the natural frequency and the law's own deflection, so that one tolerance
+fits
 every component: with raw bristle deflections of a nanometre beside millimetres none does.
 
-An adaptive integration is a rough function of its parameters, since each choice of steps has its own error. For a fit the
-steps are found once and kept as a mesh in scaled time, that is in the phase of the half-cycles: the motion is then a smooth
-function of every coefficient, and its derivatives are exactly those of the discrete solution.
+An adaptive integration is a rough function of its parameters, since each choice of steps has its own error. For a
+fit the steps are found once and kept as a mesh in scaled time, that is in the phase of the half-cycles: the motion
+is then a smooth function of every coefficient, and its derivatives are exactly those of the discrete solution.
 """
 
 import diffrax
@@ -84,8 +85,8 @@ class Smooth(AbstractEngine):
     def refusal(self, oscillator: Oscillator) -> str | None:
         if oscillator.friction.set_valued:
             return (
-                f"The smooth engine cannot integrate the jump of {type(oscillator.friction).__name__}. Use the exact or "
-                "the hybrid engine, or a regularised law such as Tanh."
+                f"The smooth engine cannot integrate the jump of {type(oscillator.friction).__name__}. Use the exact "
+                "or the hybrid engine, or a regularised law such as Tanh."
             )
         return None
 
@@ -95,9 +96,9 @@ class Smooth(AbstractEngine):
         start: Start,
         ts: Float[Array, " samples"],
         half_cycles: Int[Array, ""] | None = None,
-        drive: Drive = Drive(),
+        drive: Drive | None = None,
     ) -> Motion:
-        x, v, state, solution = self._integrate(oscillator, start, ts, drive)
+        x, v, state, solution = self._integrate(oscillator, start, ts, drive or Drive())
         load = oscillator.normal_force
         friction = jax.vmap(lambda speed, z: oscillator.friction.force(speed, z, load))(v, state)
         points, count = turning_points(ts, x, v, start.x0, self.max_half_cycles)
@@ -117,7 +118,7 @@ class Smooth(AbstractEngine):
         )
 
     def _integrate(self, oscillator: Oscillator, start: Start, ts: Array, drive: Drive) -> tuple:
-        """Displacement, velocity and internal states at `ts`; before time zero the motion is continued by a parabola."""
+        """Displacement, velocity and internal states at `ts`; before time zero a parabola continues the motion."""
         scales = _Scales.of(oscillator, start)
         tau = jnp.maximum(ts, 0.0) * scales.rate
         floor = drive.base_acceleration
@@ -133,7 +134,8 @@ class Smooth(AbstractEngine):
         return x + early * (start.v0 + early * a0 / 2), v + early * a0, state, solution
 
     def _solve(self, y0: tuple, args: tuple, end: Array, saveat: diffrax.SaveAt, max_steps: int) -> diffrax.Solution:
-        tolerance = jnp.maximum(0.05 * self.accuracy / args[1].length, 1e-13)
+        # Over fifty half-cycles the errors of the steps add up to some thirty times the tolerance.
+        tolerance = jnp.maximum(0.02 * self.accuracy / args[1].length, 1e-13)
         adaptive = diffrax.PIDController(rtol=tolerance, atol=tolerance)
         return diffrax.diffeqsolve(
             diffrax.ODETerm(_field),

@@ -1,0 +1,58 @@
+"""A calibrated number: its value and its standard uncertainty, as a calibration certificate states them."""
+
+import dataclasses
+import math
+from typing import Any
+
+import numpy as np
+from jax.core import Tracer
+
+from ..data.errors import UsageError
+from ..show.numbers import uncertain
+
+
+@dataclasses.dataclass(frozen=True)
+class Measured:
+    """A measured input with its standard uncertainty (k = 1), both in SI units.
+
+    Attributes:
+        value: best estimate; may be traced where a derivative with respect to it is taken.
+        std: standard uncertainty, finite and not negative; zero: taken as exact.
+
+    Raises:
+        UsageError: a value or uncertainty that is no finite number, or a negative uncertainty.
+    """
+
+    value: Any
+    std: float = 0.0
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "value", _finite("value", self.value))
+        object.__setattr__(self, "std", _finite("std", self.std))
+        if self.std < 0:
+            raise UsageError(f"The standard uncertainty of a Measured must not be negative, got {self.std:g}.")
+
+    @property
+    def relative(self) -> float:
+        """Standard uncertainty as a fraction of the value [1]; infinite for a value of zero."""
+        return self.std / abs(self.value) if self.value else (math.inf if self.std else 0.0)
+
+    def __repr__(self) -> str:
+        if isinstance(self.value, Tracer):
+            return f"Measured({self.value}, {self.std:g})"
+        return uncertain(self.value, self.std) if self.std > 0 else f"{self.value:.10g}"
+
+
+def _finite(field: str, number: Any) -> Any:
+    """A finite float; a tracer passes, for its value is not known yet."""
+    if isinstance(number, Tracer):
+        return number
+    if isinstance(number, bool | np.bool_ | str) or np.ndim(number) != 0:
+        raise UsageError(f"The {field} of a Measured must be one number, got {number!r}.")
+    try:
+        converted = float(number)
+    except (TypeError, ValueError) as error:
+        raise UsageError(f"The {field} of a Measured must be one number, got {number!r}.") from error
+    if not math.isfinite(converted):
+        raise UsageError(f"The {field} of a Measured must be finite, got {converted}.")
+    return converted

@@ -1,0 +1,216 @@
+"""The rig: what is known of the machine before a run, and how well.
+
+A trace alone tells the natural frequency, the damping ratio and the dead band ``x_d = mu N/k``. To turn the dead band
+into a coefficient of friction the load and either the stiffness or the moving mass must come from a calibration, and
+their uncertainties go into that of the coefficient: ``mu = omega^2 x_d m/N``.
+"""
+
+import dataclasses
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from jax.core import Tracer
+
+from ..data.errors import UsageError, nearest
+from ..friction import AbstractFriction
+from ..oscillator import Oscillator
+from ..oscillator.restoring import AbstractRestoring, Cubic, Linear, Pendulum
+from .measured import Measured
+from .quantity import UNITS, quantity
+
+type Number = float | Measured | str | Mapping[str, Any]
+RESTORING = ("linear", "cubic", "pendulum")
+_POSITIVE = ("mass", "stiffness", "frequency")
+_ALTERNATIVES = {
+    "stiffness": "frequency",
+    "frequency": "stiffness",
+    "damping": "damping_ratio",
+    "damping_ratio": "damping",
+}
+
+
+@dataclasses.dataclass(frozen=True, init=False)
+class Rig:
+    """A machine with its calibrated values, each a `Measured`; SI units, for rotary rigs kg m^2, N m/rad, N m.
+
+    Attributes:
+        mass: moving mass [kg].
+        normal_force: load on the contact [N].
+        stiffness: slope of the restoring force at the equilibrium [N/m], or None where the frequency is given.
+        frequency: undamped natural frequency [Hz], or None where the stiffness is given.
+        damping: viscous coefficient [N s/m]; None: not known, zero is the start value.
+        damping_ratio: the same as a fraction of the critical damping [1], or None.
+        restoring: form of the restoring force.
+        k3: cubic coefficient of a cubic spring [N/m^3], else None.
+        drag: quadratic drag coefficient [N s^2/m^2].
+    """
+
+    mass: Measured
+    normal_force: Measured
+    stiffness: Measured | None
+    frequency: Measured | None
+    damping: Measured | None
+    damping_ratio: Measured | None
+    restoring: AbstractRestoring
+    k3: Measured | None
+    drag: Measured
+
+    def __init__(
+        self,
+        *,
+        mass: Number,
+        normal_force: Number,
+        stiffness: Number | None = None,
+        frequency: Number | None = None,
+        damping: Number | None = None,
+        damping_ratio: Number | None = None,
+        restoring: str | AbstractRestoring = "linear",
+        k3: Number | None = None,
+        drag: Number = 0.0,
+    ) -> None:
+        """Describe a rig.
+
+        Each number is a float in SI units, a `Measured`, a text such as ``"410.7(3) g"``, or a mapping with `value`,
+        `std` and `unit`. `restoring` is one of :mod:`fricjax.oscillator.restoring` or its name: linear, cubic (with
+        `k3`), pendulum.
+
+        Raises:
+            UsageError: a value that no rig has, a unit that does not fit, or two values for one thing.
+        """
+        numbers = {
+            "mass": mass,
+            "normal_force": normal_force,
+            "stiffness": stiffness,
+            "frequency": frequency,
+            "damping": damping,
+            "damping_ratio": damping_ratio,
+            "k3": restoring.k3 if isinstance(restoring, Cubic) and k3 is None else k3,
+            "drag": drag,
+        }
+        values = {name: None if number is None else quantity(name, number) for name, number in numbers.items()}
+        _check(values)
+        for name, value in values.items():
+            object.__setattr__(self, name, value)
+        object.__setattr__(self, "restoring", _restoring(restoring, values["k3"]))
+
+    @classmethod
+    def from_toml(cls, path: str | Path) -> "Rig":
+        """The rig described in a TOML file, whose keys are the arguments of `Rig`.
+
+        Raises:
+            UsageError: the file is missing or no TOML, or a key or a value does not fit; the sentence names them.
+        """
+        from .toml import read_rig
+
+        return read_rig(Path(path))
+
+    def to_toml(self, path: str | Path) -> None:
+        """Write the rig to a TOML file in SI units; the file appears complete or not at all.
+
+        Raises:
+            UsageError: the restoring force is not one that a file can name.
+        """
+        from .toml import write_rig
+
+        write_rig(self, Path(path))
+
+    def oscillator(self, friction: AbstractFriction) -> Oscillator:
+        """The rig's oscillator with a friction law; unknown damping starts at zero."""
+        mass = self.mass.value
+        stiffness = mass * (2 * math.pi * self.frequency.value) ** 2 if self.frequency else _value(self.stiffness)
+        ratio = self.damping_ratio
+        damping = 2 * ratio.value * (stiffness * mass) ** 0.5 if ratio else _value(self.damping)
+        restoring = Cubic(self.k3.value) if self.k3 else self.restoring
+        load, drag = self.normal_force.value, self.drag.value
+        return Oscillator(mass, stiffness, damping, load, friction, restoring=restoring, drag=drag)
+
+    def inputs(self) -> dict[str, Measured]:
+        """The values that carry an uncertainty, by name: what a combined standard uncertainty is propagated from."""
+        return {name: value for name, value in self.numbers().items() if value.std > 0}
+
+    def numbers(self) -> dict[str, Measured]:
+        """Every value that was given, by name."""
+        return {name: value for name in UNITS if (value := getattr(self, name)) is not None}
+
+    def with_inputs(self, values: Mapping[str, Any]) -> "Rig":
+        """The rig with other values of its inputs and the same uncertainties.
+
+        Derivatives pass through: ``jax.jvp(lambda b: rig.with_inputs(b).oscillator(law), ...)``.
+
+        Args:
+            values: numbers or tracers by name; each name must be one that the rig holds.
+
+        Raises:
+            UsageError: a name that the rig does not hold.
+        """
+        known = self.numbers()
+        for name in values:
+            if name not in known:
+                raise UsageError(f"The rig has no value '{name}'; it holds {', '.join(known)}.{nearest(name, known)}")
+        changed = {name: Measured(value, known[name].std) for name, value in values.items()}
+        return dataclasses.replace(self, **changed)
+
+    def replace(self, **values: Any) -> "Rig":
+        """The rig with some arguments of `Rig` given anew; a stiffness replaces a frequency and the other way round."""
+        known = tuple(field.name for field in dataclasses.fields(self))
+        for name in values:
+            if name not in known:
+                raise UsageError(f"A rig has no '{name}'; known are {', '.join(known)}.{nearest(name, known)}")
+        displaced = {_ALTERNATIVES[name]: None for name in values if name in _ALTERNATIVES}
+        if values.get("restoring", "cubic") != "cubic":
+            displaced["k3"] = None
+        return dataclasses.replace(self, **{**displaced, **values})
+
+    def summary(self) -> str:
+        """The rig's values as a plain table with units and relative uncertainties."""
+        from .show import table
+
+        return table(self).text()
+
+    def _repr_html_(self) -> str:
+        from .show import table
+
+        return table(self).html()
+
+
+def _value(number: Measured | None) -> Any:
+    return 0.0 if number is None else number.value
+
+
+def _known(number: Measured | None) -> bool:
+    return number is not None and not isinstance(number.value, Tracer)
+
+
+def _check(values: Mapping[str, Measured | None]) -> None:
+    """One sentence for each way in which numbers do not make a rig."""
+    for name in _POSITIVE:
+        number = values[name]
+        if number is not None and _known(number) and not number.value > 0:
+            raise UsageError(f"{name} must be a positive number of {UNITS[name][0]}, got {number.value:g}.")
+    load = values["normal_force"]
+    if load is not None and _known(load) and not load.value >= 0:
+        raise UsageError(f"normal_force must not be negative, got {load.value:g} N.")
+    if (values["stiffness"] is None) == (values["frequency"] is None):
+        got = "neither" if values["stiffness"] is None else "both"
+        raise UsageError(f"A rig needs its stiffness [N/m] or its natural frequency [Hz]: give one of them, got {got}.")
+    if values["damping"] is not None and values["damping_ratio"] is not None:
+        raise UsageError("A rig has a damping [N s/m] or a damping_ratio [1]: give one of them, got both.")
+
+
+def _restoring(given: str | AbstractRestoring, k3: Measured | None) -> AbstractRestoring:
+    """The restoring force by instance or by name."""
+    if isinstance(given, str) and given not in RESTORING:
+        raise UsageError(
+            f"There is no restoring force '{given}'; known are {', '.join(RESTORING)}.{nearest(given, RESTORING)}"
+        )
+    if not isinstance(given, str | AbstractRestoring):
+        raise UsageError(f"restoring must be a restoring force or its name ({', '.join(RESTORING)}), got {given!r}.")
+    if given == "cubic" or isinstance(given, Cubic):
+        if k3 is None:
+            raise UsageError("A cubic spring needs its coefficient: give k3 [N/m^3].")
+        return Cubic(k3.value)
+    if k3 is not None:
+        raise UsageError("k3 belongs to a cubic spring: give restoring = 'cubic' with it, or leave it out.")
+    return {"linear": Linear, "pendulum": Pendulum}[given]() if isinstance(given, str) else given

@@ -1,0 +1,131 @@
+"""``fricjax doctor``: is everything in place, and does it compute what it must?"""
+
+import platform
+import time
+from typing import Any
+
+from .failure import FAULT
+from .options import Output
+from .output import finish, working
+from .runtime import CACHE_VARIABLE, cache_folder, prepare
+
+_PACKAGES = (
+    "jax",
+    "jaxlib",
+    "equinox",
+    "diffrax",
+    "optimistix",
+    "lineax",
+    "numpy",
+    "scipy",
+    "h5py",
+    "pandas",
+    "matplotlib",
+)
+
+
+def doctor(output: Output) -> None:
+    """Check the installation: versions, double precision, devices, cache, a golden motion and a tiny fit."""
+    with working(output, "Checking"):
+        prepare(output)
+        findings = {"versions": versions(), **platform_facts()}
+        checks = {check.__name__: _timed(check) for check in (golden_motion, tiny_fit)}
+    checks["double_precision"] = {"ok": findings["x64"], "detail": "jax computes in 64 bits", "seconds": 0.0}
+    healthy = all(check["ok"] for check in checks.values())
+    verdict = "All is well." if healthy else "Something is wrong: see the failed checks."
+    finish(
+        output, {**findings, "checks": checks, "healthy": healthy, "verdict": verdict}, _text(findings, checks, verdict)
+    )
+    if not healthy:
+        from typer import Exit
+
+        raise Exit(FAULT)
+
+
+def versions() -> dict[str, str]:
+    """Versions of this package, of Python and of what the numbers depend on."""
+    from importlib.metadata import PackageNotFoundError, version
+
+    from .. import __version__
+
+    found = {"fricjax": __version__, "python": platform.python_version()}
+    for name in _PACKAGES:
+        try:
+            found[name] = version(name)
+        except PackageNotFoundError:
+            found[name] = "missing"
+    return found
+
+
+def platform_facts() -> dict[str, Any]:
+    """Precision, devices, cache and file formats."""
+    import jax
+
+    from ..data.read import READERS
+
+    folder = cache_folder()
+    cache = {"folder": None if folder is None else str(folder), "entries": 0 if folder is None else _entries(folder)}
+    return {
+        "x64": bool(jax.config.read("jax_enable_x64")),
+        "devices": [str(device) for device in jax.devices()],
+        "cache": cache,
+        "formats": list(READERS),
+    }
+
+
+def _entries(folder: Any) -> int:
+    return sum(1 for path in folder.iterdir() if path.is_file())
+
+
+def _timed(check: Any) -> dict[str, Any]:
+    """Run a check; whatever it raises counts as failed and is told in one line."""
+    started = time.perf_counter()
+    try:
+        ok, detail = check()
+    except Exception as error:
+        ok, detail = False, f"{type(error).__name__}: {str(error).splitlines()[0] if str(error) else ''}"
+    return {"ok": ok, "detail": detail, "seconds": round(time.perf_counter() - started, 3)}
+
+
+def golden_motion() -> tuple[bool, str]:
+    """A mass of 1 kg on 5000 N/m under mu = 0.1, released at 3 mm: eight half-cycles, and rest at -0.1392 mm."""
+    import numpy as np
+
+    from ..friction import Coulomb
+    from ..oscillator import Oscillator, simulate
+
+    motion = simulate(Oscillator(1.0, 5000.0, 0.0, 9.81, Coulomb(0.1)), 3e-3, np.array([0.5]))
+    x, half_cycles = float(motion.x[0]), int(motion.n_half_cycles)
+    ok = abs(x + 1.392e-4) < 1e-12 and half_cycles == 8 and abs(float(motion.t_stop) - 0.355430635053) < 1e-9
+    return ok, f"{half_cycles} half-cycles, rest at {1e3 * x:.9f} mm (8 and -0.139200000 mm)"
+
+
+def tiny_fit() -> tuple[bool, str]:
+    """A short synthetic run whose friction and damping the fit must find again within five standard errors."""
+    from ..fitting import fit
+    from ..friction import Coulomb
+    from ..instrument import synthetic_run
+    from ..oscillator import Oscillator
+
+    truth = Oscillator(0.41, 2574.0, 0.18, 9.66, Coulomb(0.02))
+    record = synthetic_run(truth, 2e-3, rate=1000.0, duration=0.3, noise=5e-9, seed=1)
+    found = fit(record, truth, ("mu", "damping", "stiffness"), throw=False)
+    miss = abs(found.values["mu"] - 0.02) / found.std_errors["mu"]
+    ok = found.converged and miss < 5 and 0.7 < found.chi2_reduced < 1.3
+    return ok, f"mu = {found.values['mu']:.8f} (0.02), off by {miss:.1f} standard errors, {found.status}"
+
+
+def _text(findings: dict[str, Any], checks: dict[str, Any], verdict: str) -> str:
+    folder, entries = findings["cache"]["folder"], findings["cache"]["entries"]
+    rows = [
+        *findings["versions"].items(),
+        ("precision", "64 bits" if findings["x64"] else "32 bits"),
+        ("devices", ", ".join(findings["devices"])),
+        ("cache", f"{folder}, {entries} files" if folder else f"off: {CACHE_VARIABLE} names no folder to write into"),
+        ("formats", " ".join(findings["formats"])),
+    ]
+    lines = [f"{name:<18}{value}" for name, value in rows] + [""]
+    for name, check in checks.items():
+        mark = "ok" if check["ok"] else "FAILED"
+        lines.append(f"{name.replace('_', ' '):<18}{mark}: {check['detail']} ({check['seconds']:.1f} s)")
+    return "\n".join([*lines, "", verdict])

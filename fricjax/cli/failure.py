@@ -1,0 +1,79 @@
+"""From an exception to what the user is told: one sentence, its kind, and the exit code."""
+
+import dataclasses
+
+DONE, FAULT, USAGE, INVALID, REJECTED, INTERRUPTED = 0, 1, 2, 3, 4, 130
+
+
+@dataclasses.dataclass(frozen=True)
+class Failure:
+    """Why a command ended early.
+
+    Attributes:
+        message: one sentence; empty where there is nothing to say.
+        kind: "usage", "data", "fit", "output", "interrupted" or "internal".
+        exit_code: code that the process ends with.
+        hint: what to do next, on a second line.
+    """
+
+    message: str
+    kind: str
+    exit_code: int
+    hint: str = ""
+
+    @property
+    def text(self) -> str:
+        """The lines for a terminal."""
+        lines = [f"Error: {self.message}", self.hint] if self.message else [self.hint]
+        return "\n".join(line for line in lines if line)
+
+    def to_dict(self) -> dict[str, object]:
+        """The failure as JSON can hold it."""
+        return {"error": self.message, "kind": self.kind, "exit_code": self.exit_code}
+
+
+class InvalidFit(Exception):
+    """A fit that is not valid: not converged, not finite or not of full rank."""
+
+
+def failure_of(error: BaseException) -> Failure:
+    """The failure that an exception stands for."""
+    if isinstance(error, KeyboardInterrupt) or type(error).__name__ == "Abort":
+        return Failure("Interrupted; nothing more was written.", "interrupted", INTERRUPTED)
+    if hasattr(error, "format_message"):
+        return _of_command_line(error)
+    from ..data.errors import DataError, UsageError
+
+    if isinstance(error, InvalidFit):
+        return Failure(_sentence(error), "fit", INVALID)
+    if isinstance(error, UsageError):
+        return Failure(_sentence(error), "usage", USAGE)
+    if isinstance(error, DataError):
+        return Failure(_sentence(error), "data", REJECTED)
+    if isinstance(error, OSError) and error.filename is not None:
+        return Failure(f"'{error.filename}' cannot be used: {error.strerror}.", "output", USAGE)
+    return Failure(
+        f"Unexpected {type(error).__name__}: {_first_line(error)}",
+        "internal",
+        FAULT,
+        "This is a fault of the program or its installation. Add --debug to see where; 'fricjax doctor' checks both.",
+    )
+
+
+def _of_command_line(error: BaseException) -> Failure:
+    """A wrong command, option or argument, as the parser words it; asking for help without a command says nothing."""
+    context = getattr(error, "ctx", None)
+    path = context.command_path if context is not None else "fricjax"
+    message = " ".join(str(error.format_message()).split())  # type: ignore[attr-defined]
+    if type(error).__name__ == "NoArgsIsHelpError":
+        return Failure("", "usage", USAGE, str(error.format_message()))  # type: ignore[attr-defined]
+    return Failure(message, "usage", getattr(error, "exit_code", USAGE), f"Try '{path} --help'.")
+
+
+def _sentence(error: BaseException) -> str:
+    return " ".join(str(error).split())
+
+
+def _first_line(error: BaseException) -> str:
+    lines = str(error).strip().splitlines()
+    return lines[0] if lines else "no further words"

@@ -1,0 +1,182 @@
+"""``fricjax fit``: the main job, from files of displacement over time to friction coefficients with uncertainties."""
+
+import dataclasses
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+from typer import Argument, Option
+
+from .failure import InvalidFit
+from .options import Machine, Output, Plot, Reading, Save
+from .output import PICTURES, RECORDS, RESULTS, check_targets, finish, log, working
+from .runtime import prepare
+
+if TYPE_CHECKING:
+    from ..data import Record
+    from ..fitting import Fit
+    from .machine import Choice
+
+_FIT = "Fit"
+
+
+@dataclasses.dataclass(frozen=True)
+class Fitting:
+    """What is fitted, and how."""
+
+    free: Annotated[
+        str | None,
+        Option(
+            help="Free coefficients, with start values where wanted, as mu,damping or mu,mu_s=0.02. "
+            "Default: mu,damping,stiffness.",
+            rich_help_panel=_FIT,
+        ),
+    ] = None
+    bounds: Annotated[
+        list[str] | None,
+        Option(metavar="NAME=LOW:HIGH", help="Bounds, as damping=0: or mu=0:0.1.", rich_help_panel=_FIT),
+    ] = None
+    prior: Annotated[
+        list[str] | None,
+        Option(
+            metavar="NAME=VALUE",
+            help="Prior knowledge with its standard deviation, as damping=0.175(2).",
+            rich_help_panel=_FIT,
+        ),
+    ] = None
+    tie: Annotated[
+        list[str] | None,
+        Option(metavar="NAME=NAME", help="Coefficient that follows a free one, as mu_s=1.3*mu.", rich_help_panel=_FIT),
+    ] = None
+    nuisance: Annotated[
+        str | None, Option(help="Free parameters of the run: x0,v0,offset,drift,t_release.", rich_help_panel=_FIT)
+    ] = None
+    start: Annotated[
+        str, Option(help="first_reversal, release, or seconds from the first sample.", rich_help_panel=_FIT)
+    ] = "first_reversal"
+    sigma_mode: Annotated[
+        str,
+        Option(help="absolute: believe the noise; scale: rescale it; estimate: from residuals.", rich_help_panel=_FIT),
+    ] = "absolute"
+
+
+def fit(
+    files: Annotated[list[Path], Argument(help="One run, or several for a joint fit.", show_default=False)],
+    fitting: Fitting,
+    machine: Machine,
+    reading: Reading,
+    output: Output,
+    plot: Plot = None,
+    out: Annotated[Path | None, Option(help="Write the fit (.json).", rich_help_panel="Output")] = None,
+    save: Save = None,
+) -> None:
+    """Fit friction and damping to a free decay. Without a rig: natural frequency, damping ratio and dead band."""
+    check_targets(("--plot", plot, PICTURES), ("--out", out, RESULTS), ("--save", save, RECORDS))
+    if save is not None and len(files) > 1:
+        from ..data.errors import UsageError
+
+        raise UsageError(
+            "--save writes one record, but several files were given. Fit them one by one, or leave it out."
+        )
+    with working(output, f"Fitting {', '.join(file.name for file in files)}"):
+        prepare(output)
+        records, choice, found = fitted(files, fitting, machine, reading)
+    data, text = report(found, choice)
+    if not found.converged:
+        finish(output, {**data, "error": found.status, "kind": "fit", "exit_code": 3, "files": {}}, text)
+        raise_invalid(output, found.status)
+    data["files"] = write_outcome(found, records, plot, out, save)
+    finish(output, data, text)
+    for name, path in data["files"].items():
+        log(output, f"{name.capitalize()}: {path}")
+
+
+def raise_invalid(output: Output, status: str) -> None:
+    """End with the code of a fit that is not valid; with JSON the one object has been written already."""
+    if output.json:
+        from typer import Exit
+
+        raise Exit(3)
+    raise InvalidFit(f"The fit is not valid, {status} Nothing was written.")
+
+
+def fitted(
+    files: list[Path], fitting: Fitting, machine: Machine, reading: Reading
+) -> "tuple[list[Record], Choice, Fit]":
+    """Read the files, build the machine, fit."""
+    from ..fitting import fit as fit_records
+    from . import machine as building
+    from .records import read_records
+
+    settings = _settings(fitting)
+    choice = building.choose(machine, fitting.free, tuple(settings["tie"]))
+    building.engine(machine.engine, choice.oscillator)
+    records = read_records(files, reading)
+    data = records[0] if len(records) == 1 else records
+    found = fit_records(
+        data, choice.oscillator, choice.free, engine=machine.engine, rig=choice.rig, throw=False, **settings
+    )
+    return records, choice, found
+
+
+def _settings(fitting: Fitting) -> dict[str, Any]:
+    """The keywords of `fricjax.fit` that the options stand for."""
+    from . import parsing
+
+    bounds = parsing.pairs("--bounds", fitting.bounds, "damping=0:")
+    priors = parsing.pairs("--prior", fitting.prior, "damping=0.175(2)")
+    ties = parsing.pairs("--tie", fitting.tie, "mu_s=mu")
+    named = fitting.start in ("first_reversal", "release") or not _is_number(fitting.start)
+    return {
+        "nuisance": None if fitting.nuisance is None else parsing.words(fitting.nuisance),
+        "start": fitting.start if named else float(fitting.start),
+        "bounds": {name: parsing.span(f"--bounds {name}", text) for name, text in bounds.items()},
+        "priors": {name: parsing.estimate(f"--prior {name}", text) for name, text in priors.items()},
+        "tie": {name: parsing.tied(text) for name, text in ties.items()},
+        "sigma_mode": fitting.sigma_mode,
+    }
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
+
+
+def report(found: "Fit", choice: "Choice") -> tuple[dict[str, Any], str]:
+    """The fit as data and as text; without a rig what is said of it needs none."""
+    data = {**found.to_dict(), "calibrated": choice.rig is not None}
+    if choice.rig is not None:
+        return data, found.summary()
+    from ..fitting.show import facts, kinematics_table
+
+    lines = [f"{name + ':':<13}{text}" for name, text in facts(found) if name != "mu_s"]
+    lines += [f"! {sentence}" for sentence in found.warnings]
+    hint = "Without a rig there is no mu: give --rig rig.toml, or --mass and --normal-force, to get it."
+    return data, "\n\n".join([kinematics_table(found).text(), "\n".join(lines), hint])
+
+
+def write_outcome(
+    found: "Fit", records: "list[Record]", plot: Path | None, out: Path | None, save: Path | None
+) -> dict[str, str]:
+    """Write the files that were asked for and return them by what they are."""
+    from ..data import write
+    from ..show import save as save_picture
+
+    written: dict[str, str] = {}
+    if plot is not None:
+        for i, path in enumerate(_numbered(plot, len(records))):
+            written["picture" if len(records) == 1 else f"picture_{i + 1}"] = str(save_picture(found.plot(i), path))
+    if out is not None:
+        found.save(out)
+        written["fit"] = str(out)
+    if save is not None:
+        write(records[0], save)
+        written["record"] = str(save)
+    return written
+
+
+def _numbered(path: Path, count: int) -> list[Path]:
+    """One path per run: the path itself, or with a number for each of several."""
+    return [path] if count == 1 else [path.with_stem(f"{path.stem}-{i + 1}") for i in range(count)]

@@ -1,0 +1,208 @@
+"""From the options to an oscillator: the rig's values, the friction law by name, and which coefficients are free."""
+
+import dataclasses
+import inspect
+from collections.abc import Collection, Mapping
+from typing import Any
+
+import jax
+import numpy as np
+
+from .. import friction
+from ..calibrate import Rig
+from ..calibrate.quantity import UNITS
+from ..data.errors import UsageError, nearest
+from ..fitting.names import find_leaf, leaves_of
+from ..friction import AbstractFriction, Sum
+from ..oscillator import Oscillator
+from ..oscillator.engines import AbstractEngine
+from ..oscillator.select import select_engine
+from . import parsing
+from .options import Machine
+
+# Where a law asks for a coefficient that nobody gave, a fit begins here; mu and windage are then found from the decay.
+_STARTS = {"mu": 0.01, "v_s": 1e-4, "windage": 0.0}
+
+
+def laws() -> dict[str, type[AbstractFriction]]:
+    """The friction laws by their names on the command line."""
+    members = {name.lower(): getattr(friction, name) for name in friction.__all__}
+    return {name: law for name, law in members.items() if not inspect.isabstract(law) and law is not Sum}
+
+
+@dataclasses.dataclass(frozen=True)
+class Choice:
+    """The machine that the options describe.
+
+    Attributes:
+        oscillator: the machine with its law.
+        rig: its calibrated values; None where none was given and mass and load are one.
+        free: names of the free coefficients.
+    """
+
+    oscillator: Oscillator
+    rig: Rig | None
+    free: tuple[str, ...]
+
+
+def choose(options: Machine, free: str | None = None, tied: Collection[str] = ()) -> Choice:
+    """The machine of a fit.
+
+    Args:
+        options: rig, law and fixed coefficients.
+        free: free coefficients as ``mu,damping,mu_s=0.02`` with optional start values; None for those that a decay
+            determines: mu, damping, and the stiffness (or the mass, where only the stiffness is known).
+        tied: coefficients that follow a free one.
+
+    Raises:
+        UsageError: unknown names or values that do not fit.
+    """
+    fixed = _numbers("--fix", options.fix)
+    named, starts = _free(free)
+    for name in fixed:
+        if name in named:
+            raise UsageError(f"{name} is both fixed and free. Take it out of --fix or of --free.")
+    rig, placeholder = _rig(options, {**fixed, **starts})
+    names = named if free is not None else [n for n in ("mu", "damping", placeholder or "stiffness") if n not in fixed]
+    if placeholder and placeholder not in names:
+        known = "without a rig" if placeholder == "stiffness" else "without its mass"
+        raise UsageError(
+            f"{known.capitalize()} the {placeholder} must be free, for it comes from the trace: add it to --free."
+        )
+    oscillator = assemble(rig, options.friction, {**fixed, **starts}, {*names, *tied})
+    calibrated = options.rig or options.normal_force
+    return Choice(oscillator, rig if calibrated else None, tuple(names))
+
+
+def known(options: Machine) -> Oscillator:
+    """The machine of a simulation, of which every coefficient must be given.
+
+    Raises:
+        UsageError: a coefficient that is missing, unknown, or does not fit.
+    """
+    fixed = _numbers("--fix", options.fix)
+    rig, placeholder = _rig(options, fixed)
+    if placeholder or not (options.rig or options.normal_force):
+        raise UsageError("A simulation needs the machine: give --rig, or --mass, --stiffness and --normal-force.")
+    return assemble(rig, options.friction, fixed, (), complete=True)
+
+
+def assemble(
+    rig: Rig, named: str, values: Mapping[str, float], mentioned: Collection[str], *, complete: bool = False
+) -> Oscillator:
+    """The rig's oscillator with the law of that name and the given coefficients.
+
+    Args:
+        rig: the machine; coefficients that it holds itself are taken from there.
+        named: law, or laws joined by ``+``.
+        values: coefficients by short or dotted name.
+        mentioned: further coefficients that must exist, such as a free mu_s.
+        complete: refuse coefficients without a value instead of starting somewhere.
+    """
+    kinds = [_law(word.strip().lower()) for word in named.split("+")]
+    made = [_instance(kind, i if len(kinds) > 1 else None, values, mentioned, complete) for i, kind in enumerate(kinds)]
+    try:
+        law = made[0] if len(made) == 1 else Sum(tuple(made))
+    except ValueError as error:
+        raise UsageError(str(error)) from error
+    oscillator = rig.oscillator(law)
+    leaves, found = jax.tree.leaves(oscillator), leaves_of(oscillator)
+    for name, value in values.items():
+        if name not in UNITS:
+            leaves[find_leaf(name, found).index] = np.asarray(value, dtype=np.float64)
+    for name in mentioned:
+        find_leaf(name, found)
+    return jax.tree.unflatten(jax.tree.structure(oscillator), leaves)
+
+
+def engine(name: str, oscillator: Oscillator) -> AbstractEngine:
+    """The engine of that name.
+
+    Raises:
+        UsageError: no such engine, or one that cannot integrate this oscillator.
+    """
+    try:
+        return select_engine(name, oscillator)
+    except ValueError as error:
+        raise UsageError(str(error)) from error
+
+
+def _numbers(option: str, given: list[str] | None) -> dict[str, float]:
+    found = parsing.pairs(option, given, "v_s=1e-5")
+    return {name: parsing.number(f"{option} {name}", text) for name, text in found.items()}
+
+
+def _free(text: str | None) -> tuple[list[str], dict[str, float]]:
+    """Names of the free coefficients, and the start values written with them."""
+    entries = [word.partition("=") for word in parsing.words(text)]
+    starts = {
+        name.strip(): parsing.number(f"--free {name.strip()}", value) for name, equals, value in entries if equals
+    }
+    return [name.strip() for name, _, _ in entries], starts
+
+
+def _rig(options: Machine, values: Mapping[str, float]) -> tuple[Rig, str | None]:
+    """The rig, and which of mass and stiffness is only a placeholder until the trace tells it."""
+    own = {name: getattr(options, name) for name in ("mass", "stiffness", "normal_force", "restoring", "drag")}
+    given = {name: value for name, value in own.items() if value is not None}
+    given |= {name: value for name, value in values.items() if name in UNITS}
+    if options.rig is not None:
+        return Rig.from_toml(options.rig).replace(**given), None
+    if options.normal_force is None and options.mass is None and options.stiffness is None:
+        return _normalised(given), "stiffness"
+    if "normal_force" not in given or not {"mass", "stiffness", "frequency"} & set(given):
+        raise UsageError("For mu both the load and the mass (or stiffness) are needed: give --normal-force and --mass.")
+    stiff = {"stiffness", "frequency"} & set(given)
+    if "mass" in given:
+        return Rig(**(given if stiff else {**given, "stiffness": 1.0})), None if stiff else "stiffness"
+    return Rig(**{**given, "mass": 1.0}), "mass"
+
+
+def _normalised(given: Mapping[str, Any]) -> Rig:
+    """A machine of unit mass under unit load: its stiffness is omega^2, its mu the friction per unit mass."""
+    return Rig(mass=1.0, stiffness=1.0, normal_force=1.0).replace(**given)
+
+
+def _law(word: str) -> type[AbstractFriction]:
+    known = laws()
+    if word not in known:
+        raise UsageError(f"There is no friction law '{word}'.{nearest(word, known)} Known are {', '.join(known)}.")
+    return known[word]
+
+
+def _instance(
+    kind: type[AbstractFriction],
+    index: int | None,
+    values: Mapping[str, float],
+    mentioned: Collection[str],
+    complete: bool,
+) -> AbstractFriction:
+    """One law with the coefficients given, and placeholders for those that are free or found from the decay."""
+    arguments: dict[str, Any] = {}
+    for field in dataclasses.fields(kind):
+        names = (field.name, f"friction.{field.name}" if index is None else f"friction.{index}.{field.name}")
+        given = [values[name] for name in names if name in values]
+        named = given or any(name in mentioned for name in names)
+        required = field.default is dataclasses.MISSING
+        if given:
+            arguments[field.name] = given[0]
+        elif required and complete:
+            raise UsageError(f"{kind.__name__} friction needs {field.name}: give it with --fix {field.name}=...")
+        elif required and field.name not in _STARTS:
+            raise UsageError(
+                f"{kind.__name__} friction needs {field.name}: give it with --fix or --free {field.name}=..."
+            )
+        elif required:
+            arguments[field.name] = _STARTS[field.name]
+        elif named and field.default is None:
+            arguments[field.name] = 1.3 * arguments.get("mu", 1.0)
+    _check_stribeck(kind, arguments)
+    return kind(**arguments)
+
+
+def _check_stribeck(kind: type[AbstractFriction], arguments: Mapping[str, float]) -> None:
+    if kind.__name__ == "Stribeck" and "mu_s" not in arguments:
+        raise UsageError(
+            "Stribeck friction without mu_s is Coulomb's law: give it with --fix mu_s=..., or free it with its start "
+            "value, as in --free mu,mu_s=0.02,damping."
+        )

@@ -1,0 +1,96 @@
+"""The entry point of ``fricjax``: the list of commands, and one place where every failure becomes a sentence.
+
+Exit codes: 0 done, 2 wrong usage or configuration, 3 a fit is not valid, 4 data rejected; 1 is left for a fault of the
+program itself. Only the modules of this folder and typer are imported before a command starts to work.
+"""
+
+import sys
+from collections.abc import Sequence
+from typing import NoReturn
+
+import typer
+
+from . import demo, doctor, fit, inspect, models, simulate
+from .failure import Failure, failure_of
+from .groups import grouped
+
+app = typer.Typer(
+    name="fricjax",
+    help="Friction coefficients from a measured free decay.\n\nStart with: fricjax demo",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    rich_markup_mode="rich",
+)
+for _name, _function in {
+    "demo": demo.demo,
+    "inspect": inspect.inspect,
+    "fit": fit.fit,
+    "simulate": simulate.simulate,
+    "models": models.models,
+    "doctor": doctor.doctor,
+}.items():
+    app.command(_name)(grouped(_function))
+
+
+def _version(asked: bool) -> None:
+    if asked:
+        from .. import __version__
+
+        typer.echo(f"fricjax {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def _root(
+    version: bool = typer.Option(
+        False, "--version", callback=_version, is_eager=True, help="Show the version and exit."
+    ),
+) -> None:
+    """Friction coefficients from a measured free decay. Start with: [bold]fricjax demo[/bold]."""
+
+
+def run(arguments: Sequence[str]) -> int:
+    """Run one command line.
+
+    Args:
+        arguments: the words after ``fricjax``.
+
+    Returns:
+        The exit code.
+    """
+    try:
+        code = app(list(arguments), prog_name="fricjax", standalone_mode=False)
+        sys.stdout.flush()
+    except BrokenPipeError:
+        return _stop_writing()
+    except (Exception, KeyboardInterrupt) as error:
+        if "--debug" in arguments and not isinstance(error, KeyboardInterrupt):
+            import traceback
+
+            traceback.print_exc(file=sys.stderr)
+        return _report(failure_of(error), as_json="--json" in arguments)
+    return code if isinstance(code, int) else 0
+
+
+def _report(failure: Failure, *, as_json: bool) -> int:
+    if as_json:
+        from .output import json_text
+
+        sys.stdout.write(json_text(failure.to_dict()) + "\n")
+    elif failure.text:
+        sys.stderr.write(f"{failure.text}\n")
+    return failure.exit_code
+
+
+def _stop_writing() -> int:
+    """The reader of our output has gone, as `head` does; that is no failure of ours, and nothing more can be said."""
+    import os
+
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    return 0
+
+
+def main() -> NoReturn:
+    """Run the command line of this process and end it with the exit code."""
+    sys.exit(run(sys.argv[1:]))

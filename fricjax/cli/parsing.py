@@ -1,0 +1,103 @@
+"""Words of the command line as values: ``a,b``, ``a=1,b=2``, ``a=0:1``, ``a=0.17(1)``, ``1:9``, ``2 mm``."""
+
+import re
+from collections.abc import Iterable
+
+from ..data.errors import UsageError
+
+
+def words(given: Iterable[str] | str | None) -> list[str]:
+    """The comma-separated words of one or several options."""
+    texts = [given] if isinstance(given, str) else list(given or ())
+    return [word.strip() for text in texts for word in text.split(",") if word.strip()]
+
+
+def pairs(option: str, given: Iterable[str] | None, example: str) -> dict[str, str]:
+    """``name=text`` pairs; `option` and `example` word the refusal.
+
+    Raises:
+        UsageError: a word without name or value, or a name given twice.
+    """
+    found: dict[str, str] = {}
+    for word in words(given):
+        name, equals, text = (part.strip() for part in word.partition("="))
+        if not (name and equals and text):
+            raise UsageError(f"{option} '{word}' is not of the form name=value; write for example {option} {example}.")
+        if name in found:
+            raise UsageError(f"{option} gives {name} twice, as {found[name]} and as {text}.")
+        found[name] = text
+    return found
+
+
+def number(what: str, text: str) -> float:
+    """A finite number.
+
+    Raises:
+        UsageError: anything else.
+    """
+    try:
+        value = float(text)
+    except ValueError as error:
+        raise UsageError(f"{what} must be a number, got '{text}'.") from error
+    if not abs(value) < float("inf"):
+        raise UsageError(f"{what} must be finite, got {text}.")
+    return value
+
+
+def span(option: str, text: str) -> tuple[float | None, float | None]:
+    """Two ends as ``low:high``; an end left out is None.
+
+    Raises:
+        UsageError: no colon, or an end that is no number.
+    """
+    low, colon, high = (part.strip() for part in text.partition(":"))
+    if not colon or not (low or high):
+        raise UsageError(f"{option} '{text}' is no span; write low:high, low: or :high.")
+    ends = [number(f"An end of {option}", end) if end else None for end in (low, high)]
+    return ends[0], ends[1]
+
+
+def estimate(what: str, text: str) -> tuple[float, float]:
+    """A value with its standard deviation, as ``0.170(12)`` or ``0.17+/-0.012``.
+
+    Raises:
+        UsageError: no such text.
+    """
+    from ..calibrate.quantity import quantity
+
+    measured = quantity(what, text)
+    if not measured.std > 0:
+        raise UsageError(f"{what} needs its standard deviation: write for example {what}={text}(1) or {text}+/-0.1.")
+    return measured.value, measured.std
+
+
+def tied(text: str) -> tuple[str, float]:
+    """A parameter and a factor, as ``mu`` or ``1.3*mu``.
+
+    Raises:
+        UsageError: no such text.
+    """
+    match = re.fullmatch(r"(?:(?P<factor>[^*]+)\*)?\s*(?P<name>[A-Za-z_][\w.\[\]]*)", text.strip())
+    if match is None:
+        raise UsageError(f"--tie cannot follow '{text}'; write for example --tie mu_s=mu or --tie mu_s=1.3*mu.")
+    return match["name"], number("The factor of a tie", match["factor"]) if match["factor"] else 1.0
+
+
+def displacement(option: str, text: str) -> float:
+    """A displacement with or without a unit, as ``2e-3`` [m or rad], ``2 mm`` or ``5 deg``.
+
+    Raises:
+        UsageError: no number, or a unit of something else.
+    """
+    match = re.fullmatch(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*([^\d\s].*)?", text)
+    if match is None:
+        raise UsageError(f"{option} must be a displacement such as 2e-3 or '2 mm', got '{text}'.")
+    if not match[2]:
+        return float(match[1])
+    from ..data.errors import DataError
+    from ..data.units import DISPLACEMENT, factor
+
+    try:
+        return float(match[1]) * factor(match[2].strip(), DISPLACEMENT, option)[0]
+    except DataError as error:
+        raise UsageError(str(error)) from error

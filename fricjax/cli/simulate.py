@@ -1,0 +1,191 @@
+"""``fricjax simulate``: the motion of a known machine, as the interferometer would record it."""
+
+import dataclasses
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+from typer import Option
+
+from .options import Machine, Output, Plot
+from .output import PICTURES, RECORDS, check_targets, finish, log, working
+from .runtime import prepare
+
+if TYPE_CHECKING:
+    from ..data import Record
+    from ..oscillator import Motion, Oscillator
+
+_RUN, _EYE = "Run", "Instrument"
+_TAIL = 0.05
+
+
+@dataclasses.dataclass(frozen=True)
+class Run:
+    """The release, and how long it is watched."""
+
+    x0: Annotated[
+        str,
+        Option("--x0", help='Displacement at release, as 2e-3 or "2 mm".', rich_help_panel=_RUN, show_default=False),
+    ]
+    rate: Annotated[float, Option(help="Samples per second.", rich_help_panel=_RUN)] = 5000.0
+    duration: Annotated[
+        float | None,
+        Option(help="Length of the record, in s; default: until 50 ms after the stop.", rich_help_panel=_RUN),
+    ] = None
+    v0: Annotated[float, Option("--v0", help="Velocity at release, in m/s.", rich_help_panel=_RUN)] = 0.0
+    hold: Annotated[float, Option(help="Time at rest before the release, in s.", rich_help_panel=_RUN)] = 0.0
+    release_time_constant: Annotated[
+        float, Option(help="Decay time of the holding magnet, in s.", rich_help_panel=_RUN)
+    ] = 0.0
+    floor_acceleration_psd: Annotated[
+        float, Option(help="White floor acceleration, one-sided, in (m/s^2)^2/Hz.", rich_help_panel=_RUN)
+    ] = 0.0
+    accuracy: Annotated[float, Option(help="Largest numerical error, in m.", rich_help_panel=_RUN)] = 1e-10
+
+
+@dataclasses.dataclass(frozen=True)
+class Instrument:
+    """What the interferometer adds."""
+
+    noise: Annotated[float, Option(help="White noise, standard deviation, in m.", rich_help_panel=_EYE)] = 0.0
+    quantisation: Annotated[float, Option(help="Smallest count, in m.", rich_help_panel=_EYE)] = 0.0
+    offset: Annotated[float, Option(help="Reading at equilibrium, in m.", rich_help_panel=_EYE)] = 0.0
+    drift: Annotated[float, Option(help="Drift of the reading, in m/s.", rich_help_panel=_EYE)] = 0.0
+    periodic_nonlinearity: Annotated[
+        float, Option(help="Periodic error of first order, in m.", rich_help_panel=_EYE)
+    ] = 0.0
+    sampling_jitter: Annotated[float, Option(help="Scatter of the sampling instants, in s.", rich_help_panel=_EYE)] = (
+        0.0
+    )
+    seed: Annotated[int, Option(help="Number from which all random numbers follow.", rich_help_panel=_EYE)] = 0
+
+
+def simulate(
+    run: Run,
+    machine: Machine,
+    instrument: Instrument,
+    output: Output,
+    out: Annotated[
+        Path | None, Option("--out", "--save", help="Write the record (.csv, .npz, .h5).", rich_help_panel="Output")
+    ] = None,
+    plot: Plot = None,
+) -> None:
+    """Compute the motion of a machine whose coefficients are known, and write it as a record."""
+    check_targets(("--out", out, RECORDS), ("--plot", plot, PICTURES))
+    with working(output, "Simulating"):
+        prepare(output)
+        motion, record, facts = simulated(run, machine, instrument)
+    facts["files"] = _write(motion, record, out, plot)
+    finish(output, facts, _text(facts, record.quantity))
+    for name, path in facts["files"].items():
+        log(output, f"{name.capitalize()}: {path}")
+
+
+def simulated(run: Run, machine: Machine, instrument: Instrument) -> "tuple[Motion, Record, dict[str, Any]]":
+    """The motion itself, the record of it, and what there is to say about both."""
+    from ..instrument import synthetic_run
+    from . import parsing
+    from .machine import engine, known
+
+    oscillator = known(machine)
+    engine(machine.engine, oscillator)
+    x0 = parsing.displacement("--x0", run.x0)
+    duration = _duration(oscillator, x0, run) if run.duration is None else run.duration
+    record = synthetic_run(
+        oscillator,
+        x0,
+        rate=run.rate,
+        duration=duration,
+        v0=run.v0,
+        hold=run.hold,
+        release_time_constant=run.release_time_constant,
+        floor_acceleration_psd=run.floor_acceleration_psd,
+        **dataclasses.asdict(instrument),
+    )
+    motion = _motion(oscillator, x0, record, run, machine.engine)
+    return motion, record, _facts(motion, record, run)
+
+
+def _motion(oscillator: "Oscillator", x0: float, record: "Record", run: Run, engine: str) -> "Motion":
+    """The motion without the imperfections of instrument, floor and release."""
+    import numpy as np
+
+    from ..data.errors import UsageError
+    from ..oscillator import RESULTS, is_successful
+    from ..oscillator import simulate as integrate
+
+    times = np.asarray(record.trace.t)
+    motion = integrate(
+        oscillator, x0, times[times >= run.hold] - run.hold, v0=run.v0, engine=engine, accuracy=run.accuracy
+    )
+    if not is_successful(motion.result):
+        raise UsageError(f"The motion could not be computed: {RESULTS[motion.result]}")
+    return motion
+
+
+def _duration(oscillator: "Oscillator", x0: float, run: Run) -> float:
+    """Until the mass rests, and a little longer; without damping it rests the latest."""
+    import numpy as np
+
+    from ..data.errors import UsageError
+    from ..oscillator import simulate as integrate
+
+    band, omega = float(oscillator.dead_band), float(oscillator.angular_frequency)
+    stop = math.inf
+    if oscillator.friction.set_valued and band > 0:
+        strokes = math.hypot(x0, run.v0 / omega) / (2 * band) + 4
+        stop = float(integrate(oscillator, x0, np.array([2 * strokes * math.pi / omega]), v0=run.v0).t_stop)
+    if not math.isfinite(stop):
+        raise UsageError(
+            "Under this law the mass does not come to rest by itself: say with --duration how long to watch."
+        )
+    return run.hold + stop + _TAIL
+
+
+def _facts(motion: "Motion", record: "Record", run: Run) -> dict[str, Any]:
+    stop = float(motion.t_stop)
+    rests = bool(motion.at_rest[-1])
+    return {
+        "engine": motion.engine,
+        "samples": record.trace.n,
+        "rate": run.rate,
+        "duration": record.trace.n / run.rate,
+        "n_half_cycles": int(motion.n_half_cycles),
+        "t_stop": stop if rests else None,
+        "final_displacement": float(motion.x[-1]) if rests else None,
+        "regularisation_bias": float(motion.regularisation_bias),
+        "coefficients": record.meta["coefficients"],
+    }
+
+
+def _text(facts: dict[str, Any], unit: str) -> str:
+    from ..show import engineering
+
+    rests = facts["t_stop"] is not None
+    rows = {
+        "engine": facts["engine"],
+        "samples": f"{facts['samples']} at {facts['rate']:g} Hz, {facts['duration']:.6g} s",
+        "half-cycles": f"{facts['n_half_cycles']}" + ("" if rests else ", still moving at the end"),
+    }
+    if rests:
+        rows["stop"] = f"{facts['t_stop']:.9g} s after the release"
+        rows["final position"] = f"{facts['final_displacement']:.9g} {unit}"
+    if facts["regularisation_bias"]:
+        rows["bias"] = f"{engineering(facts['regularisation_bias'], unit)} at most, of the regularised law"
+    return "\n".join(f"{name:<16}{value}" for name, value in rows.items())
+
+
+def _write(motion: "Motion", record: "Record", out: Path | None, plot: Path | None) -> dict[str, str]:
+    written: dict[str, str] = {}
+    if out is not None:
+        from ..data import write
+
+        write(record, out)
+        written["record"] = str(out)
+    if plot is not None:
+        from ..show import save
+        from .pictures import motion_picture
+
+        save(motion_picture(motion, record), plot)
+        written["picture"] = str(plot)
+    return written

@@ -1,0 +1,45 @@
+"""Displacement over time: traces and records, readers and writers, logged preprocessing, the anatomy of a decay.
+
+This folder knows time series and units, and no physics of friction.
+"""
+
+from .errors import DataError, UsageError, nearest
+from .inspect import Inspection, inspect
+from .preprocess import (
+    convert_unit,
+    crop,
+    estimate_noise,
+    find_first_reversal,
+    find_release,
+    find_rest,
+    flip_sign,
+    segment_record,
+)
+from .read import read
+from .record import Record, Step
+from .segmentation import Segmentation, segment
+from .trace import Trace
+from .write import write
+
+__all__ = [
+    "DataError",
+    "Inspection",
+    "Record",
+    "Segmentation",
+    "Step",
+    "Trace",
+    "UsageError",
+    "convert_unit",
+    "crop",
+    "estimate_noise",
+    "find_first_reversal",
+    "find_release",
+    "find_rest",
+    "flip_sign",
+    "inspect",
+    "nearest",
+    "read",
+    "segment",
+    "segment_record",
+    "write",
+]

@@ -1,0 +1,23 @@
+"""The two kinds of refusal on the host side, before any number reaches traced code.
+
+A record can be unusable (`DataError`), or a question can be put wrongly (`UsageError`). Both are plain `ValueError`s
+whose message names what was wrong, what was got, and the remedy; `nearest` adds the guess at what was meant.
+"""
+
+import difflib
+from collections.abc import Iterable
+
+
+class DataError(ValueError):
+    """A file or a record that cannot be used as it is. The command line ends with exit code 4."""
+
+
+class UsageError(ValueError):
+    """A wrong option, name or combination of settings. The command line ends with exit code 2."""
+
+
+def nearest(name: object, options: Iterable[object]) -> str:
+    """Returns `" Did you mean 'x'?"` for the option closest to `name`, or an empty string where none is close."""
+    lowered = {str(option).lower(): str(option) for option in options}
+    close = difflib.get_close_matches(str(name).lower(), list(lowered), n=1, cutoff=0.5)
+    return f" Did you mean '{lowered[close[0]]}'?" if close else ""

@@ -1,0 +1,114 @@
+"""What a record is like, before anything is fitted to it: rate, gaps, noise, amplitude, cycles, release, rest."""
+
+import dataclasses
+import html
+from typing import Any
+
+import numpy as np
+
+from .preprocess import segment_record
+from .record import Record
+
+REGULAR = 1e-3  # largest deviation of an interval from the median one, relative
+GAP = 1.5  # intervals longer than this many median ones
+
+
+@dataclasses.dataclass(frozen=True)
+class Inspection:
+    """The findings of `inspect`: times in s, frequencies in Hz, displacements in `unit` ("m" or "rad")."""
+
+    source: str
+    unit: str
+    samples: int
+    masked: int
+    duration: float
+    rate: float
+    regular: bool
+    gaps: int
+    longest_gap: float
+    noise: float
+    resolution: float
+    amplitude: float
+    cycles: float
+    n_half_cycles: int
+    half_period: float
+    frequency: float
+    release: float
+    first_reversal: float | None
+    rest: float | None
+    rest_position: float | None
+
+    def to_dict(self) -> dict[str, Any]:
+        """The findings as plain values for JSON."""
+        return dataclasses.asdict(self)
+
+    def summary(self) -> str:
+        """The findings as a table of plain text."""
+        return "\n".join(f"{name:<22}{value}" for name, value in _rows(self))
+
+    def __str__(self) -> str:
+        return self.summary()
+
+    def _repr_html_(self) -> str:
+        rows = (f"<tr><th>{html.escape(name)}</th><td>{html.escape(value)}</td></tr>" for name, value in _rows(self))
+        return f"<table>{''.join(rows)}</table>"
+
+
+def inspect(record: Record) -> Inspection:
+    """Inspects a record.
+
+    Raises:
+        DataError: x is constant, or sampled too sparsely to tell its half-cycles.
+    """
+    trace, found = record.trace, segment_record(record)
+    t = np.asarray(trace.t)
+    used = t[np.asarray(trace.mask)]
+    steps = np.diff(t)
+    step = float(np.median(steps))
+    holes = np.diff(used)[np.diff(used) > GAP * step]
+    return Inspection(
+        source=str(record.meta.get("source", "in memory")),
+        unit=record.quantity,
+        samples=trace.n,
+        masked=trace.n - int(trace.n_used),
+        duration=float(trace.duration),
+        rate=1.0 / step,
+        regular=bool(np.all(np.abs(steps - step) <= REGULAR * step)),
+        gaps=int(holes.size),
+        longest_gap=float(holes.max()) if holes.size else 0.0,
+        noise=found.noise,
+        resolution=found.resolution,
+        amplitude=found.amplitude,
+        cycles=found.cycles,
+        n_half_cycles=found.n_half_cycles,
+        half_period=found.half_period,
+        frequency=0.5 / found.half_period,
+        release=found.release,
+        first_reversal=found.first_reversal,
+        rest=found.rest,
+        rest_position=found.rest_position,
+    )
+
+
+def _rows(found: Inspection) -> list[tuple[str, str]]:
+    unit = found.unit
+    spacing = "regular" if found.regular else "irregular"
+    gaps = f"{found.gaps}, the longest {found.longest_gap:.4g} s" if found.gaps else "none"
+    rest = "none: the record ends in motion"
+    if found.rest is not None:
+        rest = f"{found.rest:.6g} s at {found.rest_position:.6g} {unit}"
+    return [
+        ("source", found.source),
+        ("samples", f"{found.samples}, {found.masked} masked"),
+        ("duration", f"{found.duration:.6g} s"),
+        ("rate", f"{found.rate:.6g} Hz, {spacing}"),
+        ("gaps", gaps),
+        ("noise floor", f"{found.noise:.3g} {unit}"),
+        ("resolution", f"{found.resolution:.3g} {unit}" if found.resolution else "no steps seen"),
+        ("amplitude", f"{found.amplitude:.6g} {unit}"),
+        ("half-cycles", f"{found.n_half_cycles} ({found.cycles:g} cycles)"),
+        ("half-period", f"{found.half_period:.6g} s ({found.frequency:.6g} Hz)"),
+        ("release", f"{found.release:.6g} s"),
+        ("first reversal", "none" if found.first_reversal is None else f"{found.first_reversal:.6g} s"),
+        ("rest", rest),
+    ]

@@ -1,0 +1,90 @@
+"""The record as the package itself writes it: arrays beside two texts of JSON, `meta` and `log`, in any of its formats.
+
+`encode` and `decode` are the one description of that; the csv, npz and HDF5 writers and readers only carry it.
+"""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from .errors import DataError
+from .record import Record, Step
+from .trace import Trace
+
+SCHEMA = 1
+MARK = "fricjax_record"
+TEXT_MARK = f"# {MARK}: "
+COLUMNS = {"t": "Time", "x": "Displacement", "sigma": "Sigma", "mask": "Used"}
+
+
+def encode(record: Record) -> tuple[dict[str, np.ndarray], dict[str, str]]:
+    """Arrays (`t`, `x`, `mask` and, where known, `sigma`) and texts (`meta`, `log`) of a record."""
+    trace = record.trace
+    arrays = {"t": np.asarray(trace.t), "x": np.asarray(trace.x), "mask": np.asarray(trace.mask)}
+    if trace.sigma is not None:
+        arrays["sigma"] = np.asarray(trace.sigma)
+    log = [{"name": step.name, "parameters": step.parameters, "effect": step.effect} for step in record.log]
+    try:
+        texts = {"meta": json.dumps(record.meta, allow_nan=True), "log": json.dumps(log, allow_nan=True)}
+    except TypeError as error:
+        raise DataError(f"The meta data or the log of the record cannot be written as JSON: {error}.") from error
+    return arrays, texts
+
+
+def decode(arrays: dict[str, np.ndarray], texts: dict[str, str], source: str) -> Record:
+    """The record that `encode` took apart."""
+    try:
+        meta, log = json.loads(texts["meta"]), json.loads(texts["log"])
+        steps = tuple(Step(entry["name"], entry["parameters"], entry["effect"]) for entry in log)
+        trace = Trace(arrays["t"], arrays["x"], arrays.get("sigma"), arrays["mask"].astype(bool))
+    except (KeyError, TypeError, json.JSONDecodeError) as error:
+        raise DataError(f"{source} claims to be a fricjax record, but it is damaged: {error!r}.") from error
+    return Record(trace, meta, steps)
+
+
+def check_schema(version: Any, source: str) -> None:
+    """Refuses a record that a later version of the package wrote."""
+    if not str(version).strip().isdigit() or int(version) > SCHEMA:
+        raise DataError(
+            f"{source} is a fricjax record of schema {version}, but this version reads up to {SCHEMA}; update."
+        )
+
+
+def to_text(record: Record) -> str:
+    """The record as a table of text with commented meta data: any program reads the table, this one restores all."""
+    arrays, texts = encode(record)
+    head = {MARK: str(SCHEMA), "sigma": "null", **texts}
+    names = ["t", "x", "mask"]
+    if "sigma" in arrays and arrays["sigma"].ndim == 0:
+        head["sigma"] = repr(float(arrays["sigma"]))
+    elif "sigma" in arrays:
+        names = ["t", "x", "sigma", "mask"]
+    units = {"t": "s", "x": record.quantity, "sigma": record.quantity}
+    titles = [f"{COLUMNS[name]} [{units[name]}]" if name in units else COLUMNS[name] for name in names]
+    lines = [f"# {key}: {value}" for key, value in head.items()] + [",".join(titles)]
+    shown = {**arrays, "x": np.where(~arrays["mask"] & (arrays["x"] == 0.0), np.nan, arrays["x"])}
+    shown["mask"] = arrays["mask"].astype(int)
+    rows = zip(*(shown[name].tolist() for name in names), strict=True)
+    return "\n".join([*lines, *(",".join(map(repr, row)) for row in rows)]) + "\n"
+
+
+def restore_text(path: Path, lines: list[str]) -> Record | None:
+    """The record that `to_text` wrote, None for any other text."""
+    if not lines or not lines[0].startswith(TEXT_MARK):
+        return None
+    head = dict(line[2:].split(": ", 1) for line in lines[:8] if line.startswith("# ") and ": " in line)
+    check_schema(head[MARK], path.name)
+    start = next((i for i, line in enumerate(lines) if not line.startswith("#")), len(lines))
+    titles = lines[start].split(",") if start < len(lines) else []
+    by_title = {title: name for name, title in COLUMNS.items()}
+    names = [by_title.get(title.split(" [")[0], title) for title in titles]
+    try:
+        table = np.array([[float(field) for field in line.split(",")] for line in lines[start + 1 :] if line.strip()])
+        arrays = dict(zip(names, table.T, strict=True))
+        if head.get("sigma", "null") != "null":
+            arrays["sigma"] = np.asarray(float(head["sigma"]))
+    except ValueError as error:
+        raise DataError(f"{path.name} claims to be a fricjax record, but its table is damaged: {error}.") from error
+    return decode(arrays, head, path.name)

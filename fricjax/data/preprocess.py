@@ -1,0 +1,133 @@
+"""Preparing a record for a fit: each step returns a new record, and says in its log what it did with which numbers."""
+
+import math
+
+import numpy as np
+
+from .errors import DataError, UsageError
+from .record import Record, Step
+from .segmentation import Segmentation, segment
+from .trace import MINIMUM_SAMPLES, Trace
+from .units import DISPLACEMENT, TIME, factor
+
+
+def segment_record(record: Record) -> Segmentation:
+    """The anatomy of a record's trace: see `segment`."""
+    trace = record.trace
+    return segment(trace.t, trace.x, trace.sigma, trace.mask)
+
+
+def crop(record: Record, start: float | None = None, stop: float | None = None) -> Record:
+    """Keeps the samples from `start` to `stop` (times of the record [s], both included; None: the end of the record).
+
+    Raises:
+        UsageError: `stop` is not after `start`.
+        DataError: fewer than three samples would remain.
+    """
+    trace, t = record.trace, np.asarray(record.trace.t)
+    low, high = (-math.inf if start is None else start), (math.inf if stop is None else stop)
+    if not high > low:
+        raise UsageError(f"stop must come after start, but start={start} s and stop={stop} s were given.")
+    keep = (t >= low) & (t <= high)
+    if keep.sum() < MINIMUM_SAMPLES:
+        raise DataError(
+            f"Only {int(keep.sum())} samples lie between {low:g} s and {high:g} s, but a trace needs "
+            f"{MINIMUM_SAMPLES}; the record runs from {t[0]:g} s to {t[-1]:g} s."
+        )
+    sigma = np.asarray(trace.sigma)[keep] if trace.sigma is not None and np.ndim(trace.sigma) else trace.sigma
+    kept = Trace(t[keep], np.asarray(trace.x)[keep], sigma, np.asarray(trace.mask)[keep])
+    effect = f"kept {kept.n} of {trace.n} samples, from {kept.t[0]:.9g} s to {kept.t[-1]:.9g} s"
+    return record.with_step(Step("crop", {"start": start, "stop": stop}, effect), trace=kept)
+
+
+def convert_unit(record: Record, unit: str, time_unit: str | None = None) -> Record:
+    """Says in which units the numbers of the record are, where the file did not, and converts them to SI.
+
+    Args:
+        record: a record whose numbers are still those of the file.
+        unit: unit of the displacement, such as "um" or "deg"; the noise is converted with it.
+        time_unit: unit of the times, None: seconds.
+
+    Raises:
+        DataError: a unit that does not fit; examples that do are named.
+    """
+    trace = record.trace
+    scale, quantity = factor(unit, DISPLACEMENT, "the displacement")
+    time_scale = 1.0 if time_unit is None else factor(time_unit, TIME, "the time")[0]
+    sigma = None if trace.sigma is None else np.asarray(trace.sigma) * scale
+    converted = Trace(np.asarray(trace.t) * time_scale, np.asarray(trace.x) * scale, sigma, trace.mask)
+    times = {key: _scaled(value, time_scale) for key, value in record.meta.items() if key.endswith("_time")}
+    places = {key: _scaled(value, scale) for key, value in record.meta.items() if key == "rest_position"}
+    step = Step(
+        "convert_unit", {"unit": unit, "time_unit": time_unit}, f"x multiplied by {scale:g}, t by {time_scale:g}"
+    )
+    units = {"t": time_unit or "s", "x": unit}
+    return record.with_step(step, trace=converted, quantity=quantity, units=units, **times, **places)
+
+
+def _scaled(value: float | None, scale: float) -> float | None:
+    return None if value is None else value * scale
+
+
+def flip_sign(record: Record) -> Record:
+    """Turns the direction of the displacement round."""
+    trace = record.trace
+    flipped = Trace(trace.t, -np.asarray(trace.x), trace.sigma, trace.mask)
+    places = {key: -value for key, value in record.meta.items() if key == "rest_position" and value is not None}
+    return record.with_step(Step("flip_sign", {}, "x multiplied by -1"), trace=flipped, **places)
+
+
+def find_release(record: Record) -> Record:
+    """Finds the instant at which the free motion starts and keeps it as `meta["release_time"]` [s].
+
+    Raises:
+        DataError: x is constant, or sampled too sparsely.
+    """
+    release = segment_record(record).release
+    held = release - float(np.asarray(record.trace.t)[0])
+    effect = f"the free motion starts at {release:.9g} s, {held:.6g} s after the first sample"
+    return record.with_step(Step("find_release", {}, effect), release_time=release)
+
+
+def find_first_reversal(record: Record) -> Record:
+    """Finds the first reversal after the release and keeps it as `meta["first_reversal_time"]` [s].
+
+    Raises:
+        DataError: x is constant, sampled too sparsely, or never turns.
+    """
+    found = segment_record(record)
+    if found.first_reversal is None:
+        raise DataError("The motion never turns round: there is no reversal after the release; use start='release'.")
+    effect = (
+        f"the first reversal is at {found.first_reversal:.9g} s, x = {found.turning_points[0]:.9g} {record.quantity}"
+    )
+    return record.with_step(Step("find_first_reversal", {}, effect), first_reversal_time=found.first_reversal)
+
+
+def find_rest(record: Record) -> Record:
+    """Finds the final rest and keeps it as `meta["rest_time"]` [s] and `meta["rest_position"]`, None while moving.
+
+    Raises:
+        DataError: x is constant, or sampled too sparsely.
+    """
+    found = segment_record(record)
+    if found.rest is None:
+        effect = "the record ends while the mass still moves"
+    else:
+        effect = f"at rest from {found.rest:.9g} s on, x = {found.rest_position:.9g} {record.quantity}"
+    step = Step("find_rest", {}, f"{effect}, after {found.n_half_cycles} half-cycles")
+    return record.with_step(step, rest_time=found.rest, rest_position=found.rest_position)
+
+
+def estimate_noise(record: Record) -> Record:
+    """Estimates the white noise from the samples and makes it the trace's `sigma`.
+
+    Raises:
+        DataError: x is constant or sampled too sparsely, or the record is free of noise.
+    """
+    trace, found = record.trace, segment_record(record)
+    if not found.noise > 0:
+        raise DataError("The record shows no noise at all, as a computed one does; give sigma= yourself.")
+    noisy = Trace(trace.t, trace.x, found.noise, trace.mask)
+    effect = f"white noise of {found.noise:.4g} {record.quantity}, resolution {found.resolution:.4g} {record.quantity}"
+    return record.with_step(Step("estimate_noise", {}, effect), trace=noisy, noise=found.noise)

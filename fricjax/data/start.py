@@ -1,0 +1,61 @@
+"""Where a free decay begins: after the hold, after the hand that guides the mass, or with the first sample."""
+
+import numpy as np
+
+from .reversals import refine, window
+from .swing import Swing
+
+SLOW_APPROACH = 1.1
+
+
+def find_start(swing: Swing, pivots: list[int]) -> tuple[float, list[int]]:
+    """Time of the release [s], and the extremes from the one where the free motion starts.
+
+    The first extreme is the pole from which the record starts. If the mass was led to the second one by hand, it came
+    there more slowly than it leaves: friction can only take energy away, so a free mass does the opposite.
+    """
+    t = swing.t
+    guided = len(pivots) >= 3 and _is_guided(swing, pivots)
+    pivots = pivots[1:] if guided else pivots
+    earliest = float(t[pivots[0]]) if guided else float(t[0])
+    onset = _onset(swing, pivots)
+    held = onset > earliest + max(2.5 * swing.interval, 0.02 * swing.half_period)
+    release = onset if held else earliest
+    return release, [int(np.clip(np.searchsorted(t, release), 0, pivots[1] - 1)), *pivots[1:]]
+
+
+def _is_guided(swing: Swing, pivots: list[int]) -> bool:
+    """Whether the mass came to the first turn more slowly than it left, or stayed there."""
+    first, turn, after = pivots[:3]
+    stroke = swing.stroke(turn, after)
+    depth = min(swing.stroke(first, turn), 0.5 * stroke)
+    if depth < max(30.0 * swing.threshold, 0.02 * stroke):
+        return False
+    index = np.arange(first, after + 1)
+    beyond = np.abs(swing.smoothed[first : after + 1] - swing.smoothed[turn]) >= depth
+    inward, outward = index[beyond & (index < turn)], index[beyond & (index > turn)]
+    if not inward.size or not outward.size:
+        return False
+    approach, departure = swing.t[turn] - swing.t[inward[-1]], swing.t[outward[0]] - swing.t[turn]
+    slow = approach > SLOW_APPROACH * departure and approach > 0.1 * swing.half_period
+    free = _time_to_leave(swing, depth / stroke)
+    return bool(slow or approach + departure > 4.0 * free + 0.5 * swing.half_period)
+
+
+def _time_to_leave(swing: Swing, share: float) -> float:
+    """Time in which a free mass covers the first share of a stroke [s]."""
+    return float(swing.half_period / np.pi * np.arccos(np.clip(1.0 - 2.0 * share, -1.0, 1.0)))
+
+
+def _onset(swing: Swing, pivots: list[int]) -> float:
+    """Instant at which the mass leaves a standstill, from the shape of its first stroke."""
+    pole, turn = pivots[:2]
+    stroke = swing.stroke(pole, turn)
+    close = np.abs(swing.smoothed[pole:turn] - swing.smoothed[pole]) <= swing.threshold
+    left = pole + int(np.flatnonzero(close)[-1])
+    guess = float(swing.t[left]) - _time_to_leave(swing, swing.stroke(pole, left) / stroke)
+    if guess <= swing.t[0]:
+        return float(swing.t[0])
+    width = window(swing.half_period, stroke / 2, swing.noise, swing.interval)
+    width = max(2.0 * width, 0.15 * swing.half_period)
+    return refine(swing.t, swing.x, guess, np.pi / swing.half_period, width, order=3, before="still")[0]

@@ -1,0 +1,149 @@
+"""Driven motion under set-valued friction: a floor that shakes, a holding force that dies away.
+
+Half-cycles in closed form or in phase angle need a mass that is left to itself. A driven one is integrated in time, by
+steps that end at every reversal and every slip (:mod:`.stepping`), and with half the step again until both agree to the
+accuracy asked for.
+"""
+
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from ..data.errors import UsageError
+from ..friction.base import Scalar
+from ..oscillator import ExponentialRelease, Oscillator, require_x64
+from .stepping import Floor, Machine, State, advance, direction_at_standstill
+
+_PHASE_PER_STEP = 0.02
+_STEPS_PER_DECAY = 4
+_DECAYS = 40  # after so many time constants the holding force is below rounding
+_HALVINGS = 8
+
+
+class DrivenMotion(NamedTuple):
+    """A driven motion at its sample times.
+
+    Attributes:
+        t: times [s], shape (samples,).
+        x: displacement from the equilibrium of the spring [m], shape (samples,).
+        v: velocity [m/s], shape (samples,).
+        at_rest: True where the mass is held, by friction or before its release, shape (samples,).
+    """
+
+    t: np.ndarray
+    x: np.ndarray
+    v: np.ndarray
+    at_rest: np.ndarray
+
+
+def driven_motion(
+    oscillator: Oscillator,
+    x0: float,
+    ts: np.ndarray,
+    *,
+    v0: float = 0.0,
+    base_acceleration: np.ndarray | None = None,
+    release: ExponentialRelease | None = None,
+    accuracy: float = 1e-10,
+) -> DrivenMotion:
+    """Integrate ``m a + damping v + drag v|v| + R(x) + F = -m a_floor + F_hold(t)`` from time zero.
+
+    Args:
+        oscillator: the machine; its friction law must be set-valued.
+        x0: displacement at time zero [m]; before it the mass is held there.
+        ts: times to sample at, increasing [s], shape (samples,).
+        v0: velocity at time zero [m/s].
+        base_acceleration: floor acceleration at `ts` [m/s^2], linear between them, shape (samples,).
+        release: law by which the force that balanced the spring at `x0` decays from time zero on.
+        accuracy: largest error of the displacement aimed at [m].
+
+    Raises:
+        UsageError: a law that is not set-valued, or an accuracy out of reach.
+        RuntimeError: JAX computes in single precision.
+    """
+    require_x64()
+    if not oscillator.friction.set_valued:
+        name = type(oscillator.friction).__name__
+        raise UsageError(f"{name} has no jump at rest; drive it by simulate(base_acceleration=..., release=...).")
+    times = np.asarray(ts, float)
+    floor = np.zeros(times.shape) if base_acceleration is None else np.asarray(base_acceleration, float)
+    after = np.maximum(times, 0.0)
+    knots = np.concatenate([[0.0], after])
+    x, v, direction = _refined(oscillator, (x0, v0), knots, np.interp(knots, times, floor), release, accuracy)
+    held = times < 0
+    return DrivenMotion(times, np.where(held, x0, x), np.where(held, 0.0, v), held | (direction == 0))
+
+
+def _refined(
+    oscillator: Oscillator,
+    start: tuple[float, float],
+    knots: np.ndarray,
+    floor: np.ndarray,
+    release: ExponentialRelease | None,
+    accuracy: float,
+) -> State:
+    """The motion at all knots but the first, with steps halved until that changes no displacement by `accuracy`."""
+    x0, v0 = (jnp.asarray(value, float) for value in start)
+    machine = Machine(oscillator, oscillator.restoring_force(x0), release)
+    before = _integrate(machine, x0, v0, knots, floor, np.asarray(1.0))
+    change = np.inf
+    for halving in range(1, _HALVINGS + 1):
+        state = _integrate(machine, x0, v0, knots, floor, np.asarray(2.0**halving))
+        change = float(np.max(np.abs(np.asarray(state.x) - np.asarray(before.x))))
+        if change <= accuracy:
+            return State(*(np.asarray(part) for part in state))  # type: ignore[arg-type]
+        before = state
+    raise UsageError(
+        f"The driven motion still changes by {change:.1e} m when its steps are halved, and {accuracy:.1e} m was asked "
+        "for; use a law that changes less abruptly at low speed, or check the coefficients."
+    )
+
+
+@eqx.filter_jit
+def _integrate(
+    machine: Machine,
+    x0: Scalar,
+    v0: Scalar,
+    knots: Float[Array | np.ndarray, " knots"],
+    floor: Float[Array | np.ndarray, " knots"],
+    refinement: Scalar,
+) -> State:
+    """One pass over all intervals between knots; in each as many steps as its length needs."""
+    lengths = jnp.diff(knots)
+    floors = Floor(knots[:-1], floor[:-1], jnp.diff(floor) / jnp.maximum(lengths, jnp.finfo(float).tiny))
+    level = Floor(knots[0], floor[0], jnp.zeros(()))
+    standstill = direction_at_standstill(machine, level, knots[0], x0)
+    start = State(x0, v0, jnp.where(v0 == 0, standstill, jnp.sign(v0)))
+
+    def interval(state: State, inputs: tuple[Floor, Array]) -> tuple[State, State]:
+        line, length = inputs
+        state = _through(machine, line, length, state, refinement)
+        return state, state
+
+    return jax.lax.scan(interval, start, (floors, lengths))[1]
+
+
+def _through(machine: Machine, floor: Floor, length: Scalar, state: State, refinement: Scalar) -> State:
+    """Steps of equal phase through one interval, short ones while the holding force decays."""
+
+    def step(carry: tuple[Scalar, State]) -> tuple[Scalar, State]:
+        done, now = carry
+        left = length - done
+        h = left / jnp.ceil(left / _longest(machine, floor.since + done, refinement))
+        return done + h, advance(machine, floor, floor.since + done, h, now)
+
+    begin = (jnp.zeros(()), state)
+    return jax.lax.while_loop(lambda carry: carry[0] < length * (1 - 1e-12), step, begin)[1]
+
+
+def _longest(machine: Machine, t: Scalar, refinement: Scalar) -> Scalar:
+    """Longest step allowed at time `t` [s]."""
+    swing = jnp.asarray(_PHASE_PER_STEP / machine.oscillator.angular_frequency)
+    if machine.release is not None:
+        decay = machine.release.time_constant
+        swing = jnp.where(t < _DECAYS * decay, jnp.minimum(swing, decay / _STEPS_PER_DECAY), swing)
+    return swing / refinement

@@ -1,0 +1,122 @@
+"""The displacement interferometer: what it makes of a true motion.
+
+The effects act in the order of the light: the instant of sampling, the wavelength, the position of the zero and its
+slow drift, the leakage between the beams, the noise of the electronics, the counter. Each is switched on by a number
+that is not zero and leaves one line in the log of the record.
+"""
+
+import dataclasses
+from collections.abc import Callable, Iterator, Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ..data.errors import UsageError
+from ..data.record import Step
+from . import effects
+from .checks import not_negative, number, pair, positive
+
+
+class _Effect(NamedTuple):
+    step: Step
+    apply: Callable[[np.ndarray], np.ndarray]
+
+
+@dataclasses.dataclass(frozen=True)
+class Interferometer:
+    """An instrument and its imperfections; 0 switches an effect off.
+
+    Attributes:
+        noise: standard deviation of the white noise [m].
+        quantisation: smallest count [m], for example wavelength/2048.
+        offset: reading at the equilibrium of the spring [m].
+        drift: slow change of the reading [m/s], counted from the first sample.
+        periodic_nonlinearity: amplitudes of first and second order [m]; one number is the first.
+        wavelength: vacuum wavelength of the laser [m].
+        passes: 1 for a single-pass interferometer, 2 for a double-pass one.
+        sampling_jitter: standard deviation of the sampling instants [s].
+        scale_error: relative error of the wavelength [1], with that of the cosine.
+
+    Raises:
+        UsageError: a value outside of its range; the message names it.
+    """
+
+    noise: float = 1e-9
+    quantisation: float = 0.0
+    offset: float = 0.0
+    drift: float = 0.0
+    periodic_nonlinearity: float | tuple[float, float] = 0.0
+    wavelength: float = 633e-9
+    passes: int = 1
+    sampling_jitter: float = 0.0
+    scale_error: float = 0.0
+
+    def __post_init__(self) -> None:
+        checked: dict[str, Any] = {
+            "noise": not_negative("noise", self.noise, "m"),
+            "quantisation": not_negative("quantisation", self.quantisation, "m"),
+            "offset": number("offset", self.offset, "m"),
+            "drift": number("drift", self.drift, "m/s"),
+            "periodic_nonlinearity": pair("periodic_nonlinearity", self.periodic_nonlinearity, "m"),
+            "wavelength": positive("wavelength", self.wavelength, "m"),
+            "sampling_jitter": not_negative("sampling_jitter", self.sampling_jitter, "s"),
+            "scale_error": number("scale_error", self.scale_error),
+        }
+        if self.passes not in (1, 2):
+            raise UsageError(f"passes must be 1 (single pass) or 2 (double pass), got {self.passes!r}.")
+        for name, value in checked.items():
+            object.__setattr__(self, name, value)
+
+    @property
+    def sigma(self) -> float:
+        """Standard deviation of the reading [m]: noise together with rounding to whole counts."""
+        return float(np.hypot(self.noise, self.quantisation / np.sqrt(12.0)))
+
+    def observe(
+        self, t: np.ndarray, x: np.ndarray, v: np.ndarray, generators: Mapping[str, np.random.Generator]
+    ) -> tuple[np.ndarray, tuple[Step, ...]]:
+        """What the instrument displays of a motion, and one logged step per effect.
+
+        Args:
+            t: sampling times [s], shape (samples,).
+            x: true displacement [m], shape (samples,).
+            v: true velocity [m/s], shape (samples,).
+            generators: sources of random numbers, `"sampling_jitter"` and `"noise"`.
+        """
+        steps = []
+        for effect in self._effects(t, v, generators):
+            x = effect.apply(x)
+            steps.append(effect.step)
+        return x, tuple(steps)
+
+    def _effects(
+        self, t: np.ndarray, v: np.ndarray, generators: Mapping[str, np.random.Generator]
+    ) -> Iterator[_Effect]:
+        """The effects that are switched on, in the order of the light."""
+        if self.sampling_jitter:
+            step = self._step("sampling_jitter", f"sampling instants scatter by {self.sampling_jitter:g} s")
+            yield _Effect(step, lambda x: effects.jitter(x, v, self.sampling_jitter, generators["sampling_jitter"]))
+        if self.scale_error:
+            step = self._step("scale_error", f"displacements times 1 {self.scale_error:+g}")
+            yield _Effect(step, lambda x: effects.scale(x, self.scale_error))
+        if self.offset:
+            yield _Effect(self._step("offset", f"{self.offset:+g} m"), lambda x: effects.shift(x, self.offset))
+        if self.drift:
+            step = self._step("drift", f"{self.drift:+g} m/s from the first sample on")
+            yield _Effect(step, lambda x: effects.drift(t, x, self.drift))
+        first, second = pair("periodic_nonlinearity", self.periodic_nonlinearity, "m")
+        if first or second:
+            fringe = self.wavelength / (2 * self.passes)
+            text = f"{first:g} m of first and {second:g} m of second order over fringes of {fringe:g} m"
+            step = self._step("periodic_nonlinearity", text, "wavelength", "passes")
+            leak = (first, second, self.wavelength, self.passes)
+            yield _Effect(step, lambda x: effects.periodic_nonlinearity(x, *leak))
+        if self.noise:
+            step = self._step("noise", f"white, standard deviation {self.noise:g} m")
+            yield _Effect(step, lambda x: effects.white_noise(x, self.noise, generators["noise"]))
+        if self.quantisation:
+            step = self._step("quantisation", f"rounded to whole counts of {self.quantisation:g} m")
+            yield _Effect(step, lambda x: effects.quantise(x, self.quantisation))
+
+    def _step(self, name: str, effect: str, *further: str) -> Step:
+        return Step(name, {key: getattr(self, key) for key in (name, *further)}, effect)

@@ -1,0 +1,189 @@
+"""Synthetic runs: the record that an interferometer would bring home from a rig whose coefficients are known.
+
+First the rig moves: the mass is held, released (at once, or as a magnet lets go) and slides to rest on a floor that may
+shake. Then the instrument looks. Every random effect draws from a stream of its own, so that switching one on leaves
+the others as they were, and the same seed gives the same record to the last bit.
+"""
+
+import dataclasses
+from typing import Any
+
+import jax
+import numpy as np
+
+from ..data.errors import UsageError, nearest
+from ..data.record import Record, Step
+from ..data.trace import MINIMUM_SAMPLES, Trace
+from ..oscillator import RESULTS, ExponentialRelease, Oscillator, is_successful, simulate
+from ..oscillator.restoring import Pendulum
+from .checks import not_negative, number, positive
+from .driven import driven_motion
+from .floor import white_acceleration
+from .interferometer import Interferometer
+
+# The order is part of what a seed means: add new streams at the end.
+_STREAMS = ("floor", "sampling_jitter", "noise")
+
+
+@dataclasses.dataclass(frozen=True)
+class _Run:
+    """What happens to the mass before any instrument looks."""
+
+    x0: float
+    v0: float
+    rate: float
+    duration: float
+    hold: float
+    release_time_constant: float
+    floor_acceleration_psd: float
+
+    def __post_init__(self) -> None:
+        for name, unit in (("x0", "m"), ("v0", "m/s")):
+            object.__setattr__(self, name, number(name, getattr(self, name), unit))
+        for name, unit in (("rate", "Hz"), ("duration", "s")):
+            object.__setattr__(self, name, positive(name, getattr(self, name), unit))
+        for name, unit in (("hold", "s"), ("release_time_constant", "s"), ("floor_acceleration_psd", "(m/s^2)^2/Hz")):
+            object.__setattr__(self, name, not_negative(name, getattr(self, name), unit))
+        if self.samples < MINIMUM_SAMPLES:
+            raise UsageError(
+                f"A run of {self.duration:g} s at {self.rate:g} Hz has {self.samples} samples, and at least "
+                f"{MINIMUM_SAMPLES} are needed; make rate or duration larger."
+            )
+        if self.hold >= self.duration:
+            raise UsageError(
+                f"hold is {self.hold:g} s, but the whole run lasts {self.duration:g} s; make duration larger than hold."
+            )
+
+    @property
+    def samples(self) -> int:
+        return int(np.floor(self.rate * self.duration + 1e-6))
+
+
+def synthetic_run(
+    oscillator: Oscillator,
+    x0: float,
+    *,
+    rate: float,
+    duration: float,
+    noise: float = 1e-9,
+    seed: int = 0,
+    v0: float = 0.0,
+    hold: float = 0.0,
+    release_time_constant: float = 0.0,
+    floor_acceleration_psd: float = 0.0,
+    **instrument: Any,
+) -> Record:
+    """A record as a displacement interferometer would take it from this oscillator.
+
+    Args:
+        oscillator: the machine and its friction law: the truth that a fit is to find.
+        x0: displacement at which the mass is held and released [m] ([rad] for a pendulum).
+        rate: sampling rate [Hz].
+        duration: length of the record [s], the hold included: rate times duration samples, from 0 s on.
+        noise: standard deviation of the white noise [m].
+        seed: number from which all random numbers follow.
+        v0: velocity at release [m/s].
+        hold: time at rest at `x0` before the release [s]; the release lies at ``t = hold``.
+        release_time_constant: decay time of the holding magnet's force [s]; 0: it lets go at once.
+        floor_acceleration_psd: one-sided density of the white floor acceleration [(m/s^2)^2/Hz].
+        **instrument: the other fields of :class:`Interferometer`: `quantisation`, `offset`, `drift`,
+            `periodic_nonlinearity`, `wavelength`, `passes`, `sampling_jitter`, `scale_error`.
+
+    Returns:
+        The record. `trace.sigma` is noise and rounding together (None without both); `meta` holds all that is needed to
+        make the record again, and the true coefficients by name under `"coefficients"`; the log has a step per effect.
+
+    Raises:
+        UsageError: an unknown keyword or a value outside of its range.
+        RuntimeError: JAX computes in single precision.
+    """
+    run = _Run(x0, v0, rate, duration, hold, release_time_constant, floor_acceleration_psd)
+    eye = _interferometer(noise, instrument)
+    coefficients = _coefficients(oscillator)
+    generators = _generators(seed)
+    t = np.arange(run.samples) / run.rate
+    x, v, moved = _motion(oscillator, run, t, generators["floor"])
+    x, seen = eye.observe(t, x, v, generators)
+    meta = _meta(oscillator, coefficients, run, eye, int(seed))
+    return Record(Trace(t, x, sigma=eye.sigma or None), meta, (*moved, *seen))
+
+
+def _interferometer(noise: float, instrument: dict[str, Any]) -> Interferometer:
+    names = [field.name for field in (*dataclasses.fields(Interferometer), *dataclasses.fields(_Run))]
+    known = [*names, "seed"]
+    for name in instrument:
+        if name not in known:
+            raise UsageError(f"synthetic_run has no keyword {name!r}.{nearest(name, known)} It has {', '.join(known)}.")
+    return Interferometer(noise=noise, **instrument)
+
+
+def _generators(seed: int) -> dict[str, np.random.Generator]:
+    """One independent stream of random numbers per effect."""
+    if not isinstance(seed, int | np.integer) or isinstance(seed, bool) or seed < 0:
+        raise UsageError(f"seed must be a whole number, zero or more, got {seed!r}.")
+    children = np.random.SeedSequence(int(seed)).spawn(len(_STREAMS))
+    return {name: np.random.default_rng(child) for name, child in zip(_STREAMS, children, strict=True)}
+
+
+def _motion(
+    oscillator: Oscillator, run: _Run, t: np.ndarray, generator: np.random.Generator
+) -> tuple[np.ndarray, np.ndarray, tuple[Step, ...]]:
+    """True displacement and velocity at the times of the record, and the steps that led to them."""
+    given = {"x0": run.x0, "v0": run.v0, "rate": run.rate, "duration": run.duration, "hold": run.hold}
+    steps = [Step("motion", given, f"{t.size} samples of a release from {run.x0:g} at {run.hold:g} s")]
+    floor = release = None
+    if run.release_time_constant:
+        release = ExponentialRelease(run.release_time_constant)
+        text = f"the holding force decays with {run.release_time_constant:g} s"
+        steps.append(Step("release", {"release_time_constant": run.release_time_constant}, text))
+    if run.floor_acceleration_psd:
+        floor = white_acceleration(t.size, run.rate, run.floor_acceleration_psd, generator)
+        text = f"white floor acceleration of {floor.std():.3g} m/s^2 rms up to {run.rate / 2:g} Hz drives the mass"
+        steps.append(Step("floor_motion", {"floor_acceleration_psd": run.floor_acceleration_psd}, text))
+    x, v = _integrate(oscillator, run, t - run.hold, floor, release)
+    held = t < run.hold
+    return np.where(held, run.x0, x), np.where(held, 0.0, v), tuple(steps)
+
+
+def _integrate(
+    oscillator: Oscillator, run: _Run, ts: np.ndarray, floor: np.ndarray | None, release: ExponentialRelease | None
+) -> tuple[np.ndarray, np.ndarray]:
+    """The motion by whichever engine can follow it; times before the release mean nothing here."""
+    if oscillator.friction.set_valued and (floor is not None or release is not None):
+        driven = driven_motion(oscillator, run.x0, ts, v0=run.v0, base_acceleration=floor, release=release)
+        return driven.x, driven.v
+    motion = simulate(oscillator, run.x0, ts, v0=run.v0, base_acceleration=floor, release=release)
+    if not is_successful(motion.result):
+        raise UsageError(f"The motion could not be computed: {RESULTS[motion.result]}")
+    return np.asarray(motion.x), np.asarray(motion.v)
+
+
+def _coefficients(oscillator: Oscillator) -> dict[str, float]:
+    """The true coefficients by their shortest unambiguous name, as a fit names them."""
+    leaves = jax.tree_util.tree_flatten_with_path(oscillator)[0]
+    parts = [[str(getattr(key, "name", getattr(key, "idx", key))) for key in path] for path, _ in leaves]
+    dotted = [".".join(part for part in path if part != "laws") for path in parts]
+    last = [path[-1] for path in parts]
+    names = [short if last.count(short) == 1 else full for short, full in zip(last, dotted, strict=True)]
+    return {name: number(name, value) for name, (_, value) in zip(names, leaves, strict=True)}
+
+
+def _meta(
+    oscillator: Oscillator, coefficients: dict[str, float], run: _Run, eye: Interferometer, seed: int
+) -> dict[str, Any]:
+    quantity = "rad" if isinstance(oscillator.restoring, Pendulum) else "m"
+    laws = getattr(oscillator.friction, "laws", (oscillator.friction,))
+    parameters = {**dataclasses.asdict(run), **dataclasses.asdict(eye), "seed": seed}
+    parameters["periodic_nonlinearity"] = list(parameters["periodic_nonlinearity"])
+    return {
+        "source": "synthetic run",
+        "format": "synthetic",
+        "columns": {"t": "t", "x": "x"},
+        "units": {"t": "s", "x": quantity},
+        "quantity": quantity,
+        "release_time": run.hold,
+        "friction": " + ".join(type(law).__name__ for law in laws),
+        "restoring": type(oscillator.restoring).__name__,
+        "coefficients": coefficients,
+        "parameters": parameters,
+    }

@@ -1,0 +1,120 @@
+"""Axes with units: displacement in mm, residuals in nm, time in s, in one quiet style.
+
+matplotlib is imported when the first figure is asked for. Figures are made through its object interface, so nothing of
+the user's own plotting state is touched and no display is needed.
+"""
+
+import os
+import tempfile
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from fricjax.show.units import display_unit
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+# Okabe and Ito's palette: told apart also by colour-blind readers.
+STYLE: dict[str, Any] = {
+    "colours": ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000"),
+    "line_width": 1.1,
+    "width": 7.0,
+    "row_height": 2.6,
+    "font_size": 9.0,
+    "grid": {"color": "#D9D9D9", "linewidth": 0.6},
+}
+
+
+def figure(
+    rows: int = 1, columns: int = 1, *, share_x: bool = False, heights: tuple[float, ...] | None = None
+) -> tuple["Figure", np.ndarray]:
+    """A figure with a grid of styled axes.
+
+    Args:
+        rows: number of rows of axes.
+        columns: number of columns of axes.
+        share_x: one abscissa for each column.
+        heights: relative heights of the rows; None: equal.
+
+    Returns:
+        The figure and its axes, an object array of shape (rows, columns).
+    """
+    from fricjax.show.canvas import PlainFigure
+
+    size = (STYLE["width"], STYLE["row_height"] * rows)
+    made = PlainFigure(figsize=size, layout="constrained")
+    shared = "col" if share_x else False
+    axes = made.subplots(rows, columns, squeeze=False, sharex=shared, gridspec_kw={"height_ratios": heights})
+    for each in axes.flat:
+        style(each)
+    return made, axes
+
+
+def style(axes: "Axes") -> None:
+    """Gives one axes the common colours, line width, grid and font sizes."""
+    from cycler import cycler
+
+    axes.set_prop_cycle(cycler(linewidth=[STYLE["line_width"]]) * cycler(color=STYLE["colours"]))
+    axes.grid(True, **STYLE["grid"])
+    axes.set_axisbelow(True)
+    axes.spines[["top", "right"]].set_visible(False)
+    axes.tick_params(labelsize=STYLE["font_size"])
+    for text in (axes.xaxis.label, axes.yaxis.label, axes.title):
+        text.set_fontsize(STYLE["font_size"])
+
+
+def axis_label(name: str, unit: str) -> str:
+    """The text beside an axis: `Displacement [mm]`; a bare name where the quantity has no unit."""
+    return f"{name} [{unit}]" if unit else name
+
+
+def scaled(values: Any, unit: str) -> tuple[np.ndarray, str]:
+    """Values in the unit in which they are read most easily.
+
+    Args:
+        values: numbers in `unit`, any shape; those that are not finite are left out of the choice.
+        unit: an SI unit as text, e.g. "m".
+
+    Returns:
+        The values as a float64 array of the same shape, and their unit, e.g. "mm".
+    """
+    array = np.asarray(values, dtype=np.float64)
+    finite = np.abs(array[np.isfinite(array)])
+    factor, shown = display_unit(float(finite.max(initial=0.0)), unit)
+    return array * factor, shown
+
+
+def save(figure: "Figure", path: str | os.PathLike[str]) -> Path:
+    """Writes a figure; the file appears whole or not at all. The suffix chooses the format.
+
+    Args:
+        figure: what to write.
+        path: the file; `.png`, `.svg`, `.pdf` or another format that matplotlib can write.
+
+    Returns:
+        The path written.
+
+    Raises:
+        ValueError: if the suffix names no picture format; nothing is written.
+    """
+    path = Path(path)
+    known = figure.canvas.get_supported_filetypes()
+    if path.suffix[1:].lower() not in known:
+        raise ValueError(f"A plot cannot be written as '{path.name}': give it one of the endings {_endings(known)}.")
+    handle, temporary = tempfile.mkstemp(prefix=f".{path.stem}-", suffix=path.suffix, dir=path.parent)
+    os.close(handle)
+    try:
+        figure.savefig(temporary, dpi=150)
+        Path(temporary).chmod(0o644)
+        os.replace(temporary, path)
+    finally:
+        Path(temporary).unlink(missing_ok=True)
+    return path
+
+
+def _endings(formats: Any) -> str:
+    """`.pdf, .png, .svg` of the formats that a canvas knows."""
+    return ", ".join(f".{name}" for name in sorted(formats))

@@ -1,0 +1,82 @@
+"""A small table: column heads, rows of cells, a title. The same table is printed in a terminal and in a notebook.
+
+Columns whose cells all begin like a number are right-aligned, so that magnitudes can be compared by eye.
+"""
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from html import escape
+
+from fricjax.show.numbers import plain
+
+_NUMERIC = re.compile(r"\s*([-+−±\[]?\.?\d|inf\b|nan\b|undetermined\b|-?$)")
+
+
+@dataclass(frozen=True)
+class Table:
+    """Rows under column heads.
+
+    Attributes:
+        columns: the heads, with units where the cells carry none, e.g. "Displacement [mm]".
+        rows: one sequence of cells per row, each as long as `columns`; text is shown as it is, a float through
+            `plain`, None as an empty cell.
+        title: a line above the table; empty: none.
+    """
+
+    columns: Sequence[str]
+    rows: Sequence[Sequence[object]]
+    title: str = ""
+
+    def __post_init__(self) -> None:
+        """Refuses a row that does not fit the heads."""
+        for index, row in enumerate(self.rows):
+            if len(row) != len(self.columns):
+                raise ValueError(f"Row {index} has {len(row)} cells under {len(self.columns)} columns: {list(row)!r}.")
+
+    def text(self) -> str:
+        """The table as aligned plain text, without a newline at the end."""
+        cells = [list(self.columns), *self._cells()]
+        widths = [max(len(row[i]) for row in cells) for i in range(len(self.columns))]
+        lines = [self._line(row, widths) for row in cells]
+        rule = "  ".join("─" * width for width in widths)
+        return "\n".join(([self.title] if self.title else []) + [lines[0], rule, *lines[1:]])
+
+    def html(self) -> str:
+        """The table as an HTML fragment; every cell is escaped."""
+        styles = ["right" if numeric else "left" for numeric in self._numeric()]
+        caption = f"<caption>{escape(self.title)}</caption>" if self.title else ""
+        head = _html_row("th", self.columns, styles)
+        body = "".join(_html_row("td", row, styles) for row in self._cells())
+        return f"<table>{caption}<thead>{head}</thead><tbody>{body}</tbody></table>"
+
+    def __str__(self) -> str:
+        return self.text()
+
+    def _repr_html_(self) -> str:
+        return self.html()
+
+    def _cells(self) -> list[list[str]]:
+        return [[_cell(value) for value in row] for row in self.rows]
+
+    def _numeric(self) -> list[bool]:
+        cells = self._cells()
+        return [bool(cells) and all(_NUMERIC.match(row[i]) for row in cells) for i in range(len(self.columns))]
+
+    def _line(self, row: Sequence[str], widths: Sequence[int]) -> str:
+        aligned = zip(row, widths, self._numeric(), strict=True)
+        return "  ".join(cell.rjust(width) if right else cell.ljust(width) for cell, width, right in aligned).rstrip()
+
+
+def _cell(value: object) -> str:
+    """The text of one cell."""
+    if value is None:
+        return ""
+    return plain(value) if isinstance(value, float) else str(value)
+
+
+def _html_row(tag: str, cells: Sequence[str], styles: Sequence[str]) -> str:
+    """One row of an HTML table; `tag` is th or td."""
+    pairs = zip(cells, styles, strict=True)
+    inner = "".join(f'<{tag} style="text-align:{align}">{escape(cell)}</{tag}>' for cell, align in pairs)
+    return f"<tr>{inner}</tr>"

@@ -1,0 +1,1 @@
+"""Tests of fricjax; the folders mirror those of the package."""

@@ -1,0 +1,124 @@
+"""What every friction law must do, whatever its formula."""
+
+import inspect
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import fricjax.friction as friction
+from fricjax.friction import AbstractFriction, Coulomb, LuGre, Stribeck, Tanh, Windage
+from tests.helpers import LAWS, LOAD
+
+SPEEDS = np.geomspace(1e-7, 1.0, 40)
+LOAD_ARRAY = jnp.asarray(LOAD)
+
+
+def steady_force(law: AbstractFriction, speed: jax.Array, direction: float) -> jax.Array:
+    state = law.steady_state(speed, jnp.asarray(direction), LOAD_ARRAY)
+    return law.force(direction * speed, state, LOAD_ARRAY)
+
+
+@pytest.fixture(params=LAWS, scope="module")
+def case(request: pytest.FixtureRequest):
+    return LAWS[request.param]
+
+
+def test_every_exported_law_has_a_case():
+    exported = {getattr(friction, name) for name in friction.__all__}
+    laws = {law for law in exported if inspect.isclass(law) and not inspect.isabstract(law)}
+    assert laws == {type(case.law) for case in LAWS.values()}
+
+
+def test_steady_sliding_force_is_the_force_in_the_steady_state(case):
+    forces = jax.vmap(lambda u: steady_force(case.law, u, 1.0))(jnp.asarray(SPEEDS))
+    sliding = jax.vmap(lambda u: case.law.sliding_force(u, LOAD_ARRAY))(jnp.asarray(SPEEDS))
+    np.testing.assert_allclose(forces, sliding, rtol=1e-12)
+
+
+def test_the_force_is_odd_in_velocity(case):
+    forwards = jax.vmap(lambda u: steady_force(case.law, u, 1.0))(jnp.asarray(SPEEDS))
+    backwards = jax.vmap(lambda u: steady_force(case.law, u, -1.0))(jnp.asarray(SPEEDS))
+    np.testing.assert_allclose(forwards, -backwards, rtol=1e-14)
+
+
+def test_states_stand_still_in_the_steady_state_and_are_odd(case):
+    n = case.law.n_states
+    for speed in (1e-4, 0.1):
+        state = case.law.steady_state(jnp.asarray(speed), jnp.asarray(1.0), LOAD_ARRAY)
+        rate = case.law.rate(jnp.asarray(speed), state, LOAD_ARRAY)
+        assert state.shape == rate.shape == case.law.state_scale(LOAD_ARRAY).shape == (n,)
+        np.testing.assert_allclose(rate, 0.0, atol=1e-12 * speed)
+        np.testing.assert_array_equal(case.law.rate(jnp.asarray(-speed), -state, LOAD_ARRAY), -rate)
+
+
+def test_static_and_dynamic_forces(case):
+    assert case.law.static_force(LOAD_ARRAY) == pytest.approx(case.static)
+    assert case.law.dynamic_force(LOAD_ARRAY) == pytest.approx(case.kinetic)
+
+
+def test_coefficients_are_leaves_with_units(case):
+    laws = case.law.laws if isinstance(case.law, friction.Sum) else (case.law,)
+    for law in laws:
+        names = {path[-1].name for path, _ in jax.tree_util.tree_leaves_with_path(law)}
+        assert names <= set(law.units)
+        assert all(leaf.dtype == np.float64 and leaf.shape == () for leaf in jax.tree.leaves(law))
+
+
+def test_derivatives_of_the_force_are_finite_from_rest_to_any_speed(case):
+    leaves, structure = jax.tree.flatten(case.law)
+
+    def force(values, speed):
+        return steady_force(jax.tree.unflatten(structure, values), speed, 1.0)
+
+    for speed in (0.0, 1e-300, 1e-3, 10.0, 1e6):
+        slopes = jax.jacfwd(force)([jnp.asarray(leaf) for leaf in leaves], jnp.asarray(speed))
+        assert np.all(np.isfinite(slopes)), speed
+
+
+def test_states_after_a_slow_pull_have_finite_derivatives(case):
+    leaves, structure = jax.tree.flatten(case.law)
+
+    def state(values):
+        return jax.tree.unflatten(structure, values).steady_state(jnp.inf * jnp.ones(()), jnp.ones(()), LOAD_ARRAY)
+
+    assert all(np.all(np.isfinite(slope)) for slope in jax.jacfwd(state)([jnp.asarray(leaf) for leaf in leaves]))
+
+
+@pytest.mark.parametrize("law", [Coulomb(0.1, 0.15), Stribeck(0.1, 0.15), LuGre(0.1), Windage(0.1)])
+def test_a_law_without_a_jump_to_sharpen_is_its_own_sharp_law(law):
+    assert law.sharp() is law
+
+
+def test_tanh_tends_to_its_sharp_law():
+    v = jnp.asarray([-1e-3, -1e-5, 1e-5, 1e-3])
+    sharp = Tanh(0.1, 1e-9).sharp()
+    assert isinstance(sharp, Coulomb)
+    smooth = Tanh(0.1, 1e-9).force(v, jnp.zeros(0), LOAD_ARRAY)
+    np.testing.assert_allclose(smooth, sharp.force(v, jnp.zeros(0), LOAD_ARRAY), rtol=1e-14)
+
+
+def test_stribeck_without_a_static_coefficient_is_coulomb():
+    v = jnp.asarray([-0.1, -1e-4, 0.0, 1e-4, 0.1])
+    forces = [law.force(v, jnp.zeros(0), LOAD_ARRAY) for law in (Stribeck(0.1, v_stribeck=1e-3), Coulomb(0.1))]
+    np.testing.assert_array_equal(*forces)
+
+
+@pytest.mark.parametrize("exponent", [0.5, 1.0, 2.0])
+def test_stribeck_falls_as_published(exponent):
+    speed = np.array([1e-5, 1e-3, 5e-3, 2e-2])
+    expected = LOAD * (0.1 + 0.05 * np.exp(-((speed / 5e-3) ** exponent)))
+    law = Stribeck(0.1, 0.15, 5e-3, exponent)
+    np.testing.assert_allclose(law.sliding_force(jnp.asarray(speed), LOAD_ARRAY), expected, rtol=1e-14)
+    assert law.sliding_force(jnp.zeros(()), LOAD_ARRAY) == law.static_force(LOAD_ARRAY)
+
+
+def test_a_static_coefficient_below_the_dynamic_one_holds_no_less_than_sliding_friction():
+    assert Coulomb(0.1, 0.02).static_force(LOAD_ARRAY) == pytest.approx(0.1 * LOAD)
+
+
+def test_a_tied_static_coefficient_follows_mu():
+    for build in (Coulomb, Stribeck, LuGre):
+        slope = jax.jacfwd(lambda mu, build=build: build(mu).static_force(LOAD_ARRAY))(jnp.asarray(0.1))
+        assert slope == pytest.approx(LOAD)

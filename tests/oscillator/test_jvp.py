@@ -1,0 +1,117 @@
+"""Forward-mode derivatives of a motion, across reversals and the stop, against central differences."""
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from fricjax.friction import Coulomb, LuGre, Stribeck, Tanh
+from fricjax.oscillator import Exact, Hybrid, Oscillator, Smooth, restoring, simulate
+from fricjax.oscillator.engines import AbstractEngine
+from tests.helpers import PROTOTYPE_DAMPING, PROTOTYPE_MASS, central_differences
+
+M, K, C, N = PROTOTYPE_MASS, 2574.0, PROTOTYPE_DAMPING, 9.66
+
+
+class Case(NamedTuple):
+    """A machine built from named numbers, in a motion of at least eight half-cycles."""
+
+    build: Callable[..., Oscillator]
+    values: dict[str, float]
+    engine: AbstractEngine
+    duration: float
+    zero: tuple[str, ...] = ()
+    at_rest: bool = True  # whether the run includes the stop
+    step: float = 1e-5
+    sharp: AbstractEngine | None = None  # engine of the differences, where another one is quieter
+
+
+def coulomb(mass, stiffness, damping, normal_force, mu, mu_s):
+    return Oscillator(mass, stiffness, damping, normal_force, Coulomb(mu, mu_s))
+
+
+def stribeck(mass, stiffness, damping, normal_force, mu, mu_s, v_stribeck, exponent, drag, k3):
+    law = Stribeck(mu, mu_s, v_stribeck, exponent)
+    return Oscillator(mass, stiffness, damping, normal_force, law, drag=drag, restoring=restoring.Cubic(k3))
+
+
+def pendulum(mass, stiffness, damping, normal_force, mu, drag):
+    return Oscillator(mass, stiffness, damping, normal_force, Coulomb(mu), drag=drag, restoring=restoring.Pendulum())
+
+
+def tanh(mass, stiffness, damping, normal_force, drag, mu, v_s):
+    return Oscillator(mass, stiffness, damping, normal_force, Tanh(mu, v_s), drag=drag)
+
+
+def lugre(mass, stiffness, damping, normal_force, drag, mu, mu_s, v_stribeck, sigma0, sigma1, sigma2):
+    law = LuGre(mu, mu_s, v_stribeck, sigma0, sigma1, sigma2)
+    return Oscillator(mass, stiffness, damping, normal_force, law, drag=drag)
+
+
+RIG = {"mass": M, "stiffness": K, "damping": C, "normal_force": N}
+PENDULUM = {"mass": 0.01, "stiffness": 0.5, "damping": 2e-4, "normal_force": 0.4, "mu": 0.1, "drag": 5e-5}
+STRIBECK = {**RIG, "mu": 0.03, "mu_s": 0.036, "v_stribeck": 0.02, "exponent": 1.7, "drag": 0.3, "k3": 2e7}
+LUGRE = {"mu": 0.03, "mu_s": 0.036, "v_stribeck": 5e-3, "sigma0": 2e4, "sigma1": 60.0, "sigma2": 0.2}
+COULOMB = {**RIG, "mu": 0.025, "mu_s": 0.031}
+CASES = {
+    "exact, released": Case(coulomb, {**COULOMB, "x0": 2e-3}, Exact(64), 0.5, ("mu_s",)),
+    "exact, moving": Case(coulomb, {**COULOMB, "x0": -1e-3, "v0": 0.12}, Exact(64), 0.5, ("mu_s",)),
+    "hybrid, released": Case(coulomb, {**COULOMB, "x0": 2e-3}, Hybrid(max_half_cycles=32), 0.5, ("mu_s",)),
+    "hybrid, Stribeck": Case(stribeck, {**STRIBECK, "x0": 2.4e-3}, Hybrid(max_half_cycles=32), 0.5),
+    "hybrid, moving": Case(stribeck, {**STRIBECK, "x0": -1e-3, "v0": 0.15}, Hybrid(max_half_cycles=32), 0.5),
+    "hybrid, pendulum": Case(pendulum, {**PENDULUM, "x0": 1.6, "v0": -1.5}, Hybrid(max_half_cycles=32), 6.0),
+    "smooth, Tanh": Case(
+        tanh, {**RIG, "drag": 0.3, "mu": 0.025, "v_s": 1e-3, "x0": 2e-3, "v0": 0.05}, Smooth(1e-11), 0.5,
+        at_rest=False, step=1e-4, sharp=Smooth(1e-13),
+    ),
+    "smooth, LuGre": Case(
+        lugre, {**RIG, "drag": 0.3, **LUGRE, "x0": 2.2e-3}, Smooth(1e-13), 0.5,
+        at_rest=False, step=3e-4, sharp=Smooth(1e-13),
+    ),
+}  # fmt: skip
+LOOSE = {"mu_s", "v_stribeck", "exponent", "sigma0", "sigma1", "sigma2", "v_s"}
+
+
+def trace(case: Case, engine: AbstractEngine) -> Callable:
+    """The sampled motion as a function of the named numbers, each in units of its value."""
+    ts = np.linspace(0, case.duration, 251)[1:]
+    scale = jnp.asarray(list(case.values.values()))
+
+    def run(relative: jax.Array):
+        values = dict(zip(case.values, relative * scale, strict=True))
+        x0, v0 = values.pop("x0"), values.pop("v0", 0.0)
+        return simulate(case.build(**values), x0, ts, v0=v0, engine=engine)
+
+    return run
+
+
+@pytest.fixture(scope="module", params=CASES)
+def case(request: pytest.FixtureRequest) -> Case:
+    return CASES[request.param]
+
+
+def test_derivatives_agree_with_differences(case: Case):
+    run = trace(case, case.engine)
+    ones = jnp.ones(len(case.values))
+    # One direction at a time: the Jacobian of a long loop compiles for seconds when its directions are batched.
+    pushed = jax.jit(lambda tangent: jax.jvp(lambda p: run(p), (ones,), (tangent,)))
+    columns = [pushed(tangent) for tangent in jnp.eye(ones.size)]
+    motion, jacobian = columns[0][0], np.array([tangent.x for _, tangent in columns])
+    assert (motion.n_half_cycles >= 8) & (bool(motion.at_rest[-1]) == case.at_rest)
+    reference = case.sharp or case.engine
+    differences, _ = central_differences(jax.jit(lambda p: trace(case, reference)(p).x), ones, case.step)
+    error = np.linalg.norm(jacobian - differences, axis=1) / np.linalg.norm(jacobian, axis=1).clip(1e-300)
+    errors = dict(zip(case.values, error, strict=True))
+    for name in case.zero:
+        column = list(case.values).index(name)
+        assert np.max(np.abs(jacobian[column])) < 1e-12
+        assert np.max(np.abs(differences[column])) < 1e-12
+    wrong = {
+        name: value
+        for name, value in errors.items()
+        if name not in case.zero and not value < (1e-5 if name in LOOSE else 1e-6)
+    }
+    assert not wrong

@@ -1,0 +1,203 @@
+"""The front door: which engine is chosen, what is refused, and in which words."""
+
+import subprocess
+import sys
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from fricjax.friction import Coulomb, LuGre, Stribeck, Tanh, Windage
+from fricjax.oscillator import RESULTS, Exact, Hybrid, Oscillator, Smooth, is_successful, restoring, simulate
+from fricjax.oscillator.select import select_engine
+
+TS = np.linspace(0, 0.3, 31)
+RIG = (1.0, 5000.0, 1.0, 9.81)
+
+
+@pytest.mark.parametrize(
+    ("machine", "engine"),
+    [
+        (Oscillator(*RIG, Coulomb(0.1)), Exact),
+        (Oscillator(*RIG, Coulomb(0.1, 0.2)), Exact),
+        (Oscillator(*RIG, Coulomb(0.1), drag=0.1), Hybrid),
+        (Oscillator(*RIG, Coulomb(0.1), restoring=restoring.Cubic(1e6)), Hybrid),
+        (Oscillator(*RIG, Coulomb(0.1), restoring=restoring.Pendulum()), Hybrid),
+        (Oscillator(*RIG, Stribeck(0.1, 0.2)), Hybrid),
+        (Oscillator(*RIG, Coulomb(0.1) + Windage(0.1)), Hybrid),
+        (Oscillator(*RIG, LuGre(0.1)), Smooth),
+        (Oscillator(*RIG, LuGre(0.1) + Tanh(0.1, 1e-3)), Smooth),
+    ],
+)
+def test_auto_picks_the_fastest_engine_that_can(machine: Oscillator, engine: type):
+    assert type(select_engine("auto", machine)) is engine
+
+
+def test_the_motion_says_which_engine_made_it():
+    for name in ("exact", "hybrid"):
+        motion = simulate(Oscillator(*RIG, Coulomb(0.1)), 1e-3, TS, engine=name)
+        assert motion.engine == name
+        assert is_successful(motion.result)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"ts": np.zeros((2, 2))}, r"ts must be a list of at least one time \[s\], got an array of shape \(2, 2\)"),
+        ({"ts": np.zeros(0)}, r"got an array of shape \(0,\)"),
+        ({"ts": np.array([0.0, 0.2, 0.1])}, "ts must increase from sample to sample"),
+        ({"ts": np.array([0.0, np.nan, 0.1])}, "ts must increase from sample to sample"),
+        ({"engine": "hybird"}, "There is no engine 'hybird'. Choose one of auto, exact, hybrid, smooth"),
+        ({"engine": "smooth"}, "cannot integrate the jump of Coulomb. Use the exact or the hybrid engine"),
+        ({"x0": np.array([1e-3, 2e-3])}, r"x0 must be one number, got shape \(2,\). For several starts use jax.vmap"),
+        ({"v0": np.zeros(1)}, r"v0 must be one number, got shape \(1,\)"),
+    ],
+)
+def test_wrong_arguments_are_named(arguments: dict, message: str):
+    given = {"x0": 1e-3, "ts": TS, **arguments}
+    with pytest.raises(ValueError, match=message):
+        simulate(Oscillator(*RIG, Coulomb(0.1)), **given)
+
+
+@pytest.mark.parametrize(
+    ("machine", "engine", "message"),
+    [
+        (Oscillator(*RIG, Stribeck(0.1)), "exact", "knows Coulomb friction only, not Stribeck"),
+        (Oscillator(*RIG, Coulomb(0.1), drag=0.1), "exact", "has no quadratic drag, but drag is 0.1"),
+        (
+            Oscillator(*RIG, Coulomb(0.1), restoring=restoring.Pendulum()),
+            "exact",
+            "knows the linear spring only, not Pendulum",
+        ),
+        (
+            Oscillator(*RIG, LuGre(0.1)),
+            "hybrid",
+            r"integrates set-valued laws \(Coulomb, Stribeck\), and LuGre is none",
+        ),
+    ],
+)
+def test_an_engine_says_what_it_cannot_do(machine: Oscillator, engine: str, message: str):
+    with pytest.raises(ValueError, match=message):
+        simulate(machine, 1e-3, TS, engine=engine)
+
+
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [
+        ((-1.0, 5000.0, 0.0, 1.0), "mass must be a positive number of kg, got -1.0"),
+        ((0.0, 5000.0, 0.0, 1.0), "mass must be a positive number of kg, got 0.0"),
+        ((1.0, np.nan, 0.0, 1.0), "stiffness must be a positive number of N/m, got nan"),
+        ((1.0, 5000.0, 0.0, -2.0), "normal_force must not be negative, got -2.0 N"),
+    ],
+)
+def test_an_impossible_machine_is_refused(values: tuple, message: str):
+    with pytest.raises(ValueError, match=message):
+        Oscillator(*values, Coulomb(0.1))
+
+
+def test_single_precision_is_refused_with_the_remedy():
+    code = (
+        "import fricjax.oscillator as o, fricjax.friction as f\n"
+        "try: o.simulate(o.Oscillator(1.0, 1.0, 0.0, 1.0, f.Coulomb(0.1)), 1.0, 1.0)\n"
+        "except RuntimeError as error: print(error)\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert "JAX is set to single" in done.stdout
+    assert 'jax.config.update("jax_enable_x64", True)' in done.stdout
+
+
+def test_more_half_cycles_than_provided_for():
+    machine = Oscillator(*RIG, Stribeck(0.01, 0.02))
+    motion = simulate(machine, 3e-3, TS, engine=Hybrid(max_half_cycles=3))
+    assert motion.result == RESULTS.too_many_half_cycles
+    assert "max_half_cycles" in RESULTS[motion.result]
+    reached = TS <= 3 * np.pi / np.sqrt(5000.0) * 0.999
+    assert np.all(np.isfinite(motion.x[reached]))
+    assert np.all(np.isnan(motion.x[TS > 0.14]))
+    assert motion.n_half_cycles == -1
+
+
+def test_overdamped():
+    machine = Oscillator(1.0, 5000.0, 200.0, 9.81, Coulomb(0.1))
+    motion = simulate(machine, 3e-3, TS)
+    assert motion.result == RESULTS.overdamped
+    assert "damping ratio is one or more" in RESULTS[motion.result]
+    assert np.all(np.isnan(motion.x))
+    hybrid = simulate(machine, 3e-3, TS, engine="hybrid")
+    assert not is_successful(hybrid.result)
+    assert np.all(np.isnan(hybrid.x))
+
+
+def test_drag_hidden_from_the_exact_engine_is_told_in_its_result():
+    def run(drag):
+        return simulate(Oscillator(*RIG, Coulomb(0.1), drag=drag), 3e-3, TS, engine="exact")
+
+    motion = jax.vmap(run)(jnp.asarray([0.0, 0.5]))
+    assert [bool(ok) for ok in motion.result == RESULTS.successful] == [True, False]
+    assert np.all(np.isfinite(motion.x[0])) and np.all(np.isnan(motion.x[1]))
+    slope = jax.jvp(run, (jnp.zeros(()),), (jnp.ones(()),))[1]
+    assert np.all(np.isnan(slope.x)) and np.all(np.isnan(slope.turning_points)) and np.isnan(slope.t_stop)
+
+
+def test_a_jitted_call_takes_times_as_constants():
+    for ts in (TS, jnp.asarray(TS)):
+        jitted = jax.jit(lambda x0, ts=ts: simulate(Oscillator(*RIG, Coulomb(0.1)), x0, ts).x)
+        np.testing.assert_allclose(jitted(1e-3), simulate(Oscillator(*RIG, Coulomb(0.1)), 1e-3, TS).x, atol=1e-17)
+
+
+ENGINES = {"exact": Coulomb(0.1, 0.12), "hybrid": Stribeck(0.1, 0.12, 0.02), "smooth": Tanh(0.1, 0.01)}
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_vmap_equals_a_loop(engine: str):
+    machine = Oscillator(*RIG, ENGINES[engine])
+    leaves, structure = jax.tree.flatten(machine)
+    factor = np.array([0.9, 1.0, 1.1])
+    x0 = 2e-3 * factor
+
+    def run(values, x):
+        return simulate(jax.tree.unflatten(structure, values), x, TS, engine=engine)
+
+    by_start = jax.jit(jax.vmap(run, in_axes=(None, 0)))(leaves, x0)
+    used = [i for i, leaf in enumerate(leaves) if leaf != 0]
+    # One lane per leaf and factor: only that leaf differs from the machine.
+    lanes = [[leaf * (f if i == j else 1) for j, leaf in enumerate(leaves)] for i in used for f in factor]
+    stacked = [jnp.stack([lane[j] for lane in lanes]) for j in range(len(leaves))]
+    by_leaf = jax.jit(jax.vmap(run, in_axes=(0, None)))(stacked, 2e-3)
+    tolerance = {"exact": 1e-16, "hybrid": 1e-15, "smooth": 1e-11}[engine]
+    alone = eqx.filter_jit(run)
+    for i, x in enumerate(x0):
+        np.testing.assert_allclose(by_start.x[i], alone(leaves, jnp.asarray(x)).x, rtol=0, atol=tolerance)
+    for i, lane in enumerate(lanes):
+        single = alone([jnp.asarray(value) for value in lane], jnp.asarray(2e-3))
+        np.testing.assert_allclose(by_leaf.x[i], single.x, rtol=0, atol=tolerance)
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_a_second_run_of_the_same_shape_compiles_nothing(engine: str, caplog: pytest.LogCaptureFixture):
+    def run(mu: float, x0: float):
+        law = eqx.tree_at(lambda law: law.mu, ENGINES[engine], np.asarray(mu))
+        return simulate(Oscillator(*RIG, law), x0, TS, engine=engine).x
+
+    run(0.1, 2e-3)
+    with jax.log_compiles(True):
+        run(0.11, 2.1e-3).block_until_ready()
+        quiet = not caplog.records
+        simulate(Oscillator(*RIG, ENGINES[engine]), 2e-3, np.linspace(0, 0.2, 7), engine=engine)
+    assert quiet
+    assert caplog.records  # another shape does compile, and the log shows it
+
+
+def test_a_mesh_of_more_nodes_for_more_accuracy():
+    machine = Oscillator(*RIG, Stribeck(0.1, 0.12))
+    nodes = [select_engine("hybrid", machine, accuracy=a).nodes for a in (1e-8, 1e-10, 1e-12)]
+    assert nodes[0] < nodes[1] < nodes[2]
+
+
+def test_friction_force_opposes_the_motion():
+    for engine, law in ENGINES.items():
+        motion = simulate(Oscillator(*RIG, law), 2e-3, TS, engine=engine)
+        moving = np.asarray(np.abs(motion.v) > 1e-4)
+        assert np.all(np.asarray(motion.friction_force * motion.v)[moving] > 0)

@@ -1,0 +1,143 @@
+"""The folders of the package import in one direction only, and the root costs next to nothing."""
+
+import ast
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import fricjax
+
+PACKAGE = Path(__file__).resolve().parents[1] / "fricjax"
+ORDER = ["show", "data", "friction", "oscillator", "instrument", "fitting", "calibrate", "routes", "uncertainty"]
+ORDER += ["sensitivity", "archive", "report", "cli"]
+TRACED = ("friction", "oscillator")
+HOST_ONLY = {"matplotlib", "pandas", "scipy", "h5py", "pint", "typer", "rich", "pydantic", "uncertainties"}
+HEAVY = ("pandas", "matplotlib", "scipy", "h5py", "pint")
+FILES = sorted(PACKAGE.rglob("*.py"))
+
+
+def module_name(file):
+    parts = file.relative_to(PACKAGE.parent).with_suffix("").parts
+    return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
+
+
+def imported(node, file):
+    """Full names of the modules that one import statement reaches; names imported from a module count as well."""
+    if isinstance(node, ast.Import):
+        return [alias.name for alias in node.names]
+    base = node.module or ""
+    if node.level:
+        package = file.relative_to(PACKAGE.parent).parent.parts
+        base = ".".join((*package[: len(package) - node.level + 1], *([node.module] if node.module else [])))
+    return [f"{base}.{alias.name}" for alias in node.names]
+
+
+def imports(file, *, top_level_only=False):
+    """Every import in a file, or only those that run when the module is loaded."""
+    tree = ast.parse(file.read_text())
+    nodes = list(_loaded(tree.body)) if top_level_only else list(ast.walk(tree))
+    return [name for node in nodes if isinstance(node, ast.Import | ast.ImportFrom) for name in imported(node, file)]
+
+
+def _loaded(body):
+    """Statements that run at import: those of functions and of `if TYPE_CHECKING` do not."""
+    for node in body:
+        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
+            continue
+        if isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test):
+            continue
+        yield node
+        for part in ("body", "orelse", "finalbody"):
+            yield from _loaded(getattr(node, part, []))
+        for handler in getattr(node, "handlers", []):
+            yield from _loaded(handler.body)
+
+
+def modules_of_the_package(names):
+    """The longest prefix of each name that is a module of the package."""
+    known = {module_name(file) for file in FILES}
+    for name in names:
+        parts = name.split(".")
+        found = next((".".join(parts[:n]) for n in range(len(parts), 0, -1) if ".".join(parts[:n]) in known), None)
+        if found:
+            yield found
+
+
+def test_every_folder_has_its_place():
+    folders = {path.parent.name for path in PACKAGE.glob("*/__init__.py")}
+    assert folders <= set(ORDER)
+    assert [path.name for path in PACKAGE.glob("*.py")] == ["__init__.py"]
+
+
+@pytest.mark.parametrize("folder", ORDER)
+def test_a_folder_imports_only_from_those_before_it(folder):
+    allowed = set(ORDER[: ORDER.index(folder) + 1])
+    wrong = [
+        f"{module_name(file)} imports {target}"
+        for file in FILES
+        if folder in file.relative_to(PACKAGE).parts[:1]
+        for target in modules_of_the_package(imports(file))
+        if target.split(".")[1:] and target.split(".")[1] not in allowed
+    ]
+    assert not wrong
+
+
+def test_no_circle_of_modules():
+    graph = {module_name(file): set(modules_of_the_package(imports(file, top_level_only=True))) for file in FILES}
+    graph = {name: targets - {name} for name, targets in graph.items()}
+    while leaves := [name for name, targets in graph.items() if not targets & graph.keys()]:
+        for name in leaves:
+            del graph[name]
+    assert not graph, f"these modules import one another in a circle: {sorted(graph)}"
+
+
+@pytest.mark.parametrize("folder", TRACED)
+def test_traced_folders_import_no_host_code(folder):
+    names = {name.split(".")[0] for file in (PACKAGE / folder).rglob("*.py") for name in imports(file)}
+    assert not names & HOST_ONLY
+
+
+def test_heavy_packages_are_imported_inside_functions():
+    wrong = [
+        f"{module_name(file)} imports {name}"
+        for file in FILES
+        if file.relative_to(PACKAGE).parts[0] not in ("cli", "report") and file.name != "canvas.py"
+        for name in imports(file, top_level_only=True)
+        if name.split(".")[0] in HEAVY
+    ]
+    assert not wrong
+
+
+def loaded_after(statement):
+    """Names of the modules in memory after a statement in a fresh interpreter, in which nothing may be printed."""
+    code = f"import sys, io; out = sys.stdout; sys.stdout = io.StringIO(); {statement}\n"
+    code += "assert not sys.stdout.getvalue(); out.write(' '.join(sys.modules))"
+    done = subprocess.run([sys.executable, "-W", "error", "-c", code], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    return set(done.stdout.split())
+
+
+def test_the_root_is_light():
+    loaded = loaded_after("import fricjax; fricjax.__version__; dir(fricjax)")
+    assert not loaded & {"jax", "numpy", "equinox", "diffrax", *HOST_ONLY}
+
+
+def test_every_public_name_is_there_and_stays_light():
+    loaded = loaded_after("import fricjax; [getattr(fricjax, name) for name in fricjax.__all__]")
+    assert "jax" in loaded
+    assert not loaded & {"pandas", "matplotlib", "h5py", "pint", "typer", "rich", "pydantic"}
+
+
+def test_double_precision_is_left_to_the_user():
+    loaded_after("import fricjax, jax; fricjax.simulate; assert not jax.config.jax_enable_x64")
+
+
+def test_the_stub_names_what_design_promises():
+    assert {"fit", "read", "simulate", "synthetic_run", "Trace", "Rig", "friction"} <= set(fricjax.__all__)
+
+
+def test_an_unknown_name_is_an_attribute_error():
+    with pytest.raises(AttributeError, match="no_such_name"):
+        fricjax.no_such_name  # noqa: B018  # pyright: ignore[reportAttributeAccessIssue]
