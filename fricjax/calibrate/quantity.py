@@ -56,15 +56,23 @@ def _of(name: str) -> str:
     return f" of {UNITS[name][0]}" if UNITS[name][0] else ""
 
 
-def _from_text(name: str, text: str) -> Measured:
+def written(text: str) -> tuple[float, float, str] | None:
+    """Value, standard uncertainty and unit of a text such as ``"410.7(3) g"``; None where it is no quantity."""
     match = _TEXT.fullmatch(text)
     if match is None or (match["digits"] and match["std"]):
+        return None
+    value = float(match["value"] + (match["exponent"] or ""))
+    return value, _written_std(match, value), match["unit"] or ""
+
+
+def _from_text(name: str, text: str) -> Measured:
+    found = written(text)
+    if found is None:
         raise UsageError(
             f'{name} = "{text}" is no quantity; write a number, its uncertainty and its unit, '
             f'such as "410.7(3) g" or "9.66 +/- 0.05 N".'
         )
-    value = float(match["value"] + (match["exponent"] or ""))
-    return _converted(name, value, _written_std(match, value), match["unit"] or "")
+    return _converted(name, *found)
 
 
 def _written_std(match: re.Match[str], value: float) -> float:

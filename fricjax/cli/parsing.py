@@ -58,17 +58,17 @@ def span(option: str, text: str) -> tuple[float | None, float | None]:
 
 
 def estimate(what: str, text: str) -> tuple[float, float]:
-    """A value with its standard deviation, as ``0.170(12)`` or ``0.17+/-0.012``.
+    """A value with its standard deviation in SI units, as ``0.170(12)`` or ``0.17+/-0.012``.
 
     Raises:
         UsageError: no such text.
     """
-    from ..calibrate.quantity import quantity
+    from ..calibrate.quantity import written
 
-    measured = quantity(what, text)
-    if not measured.std > 0:
-        raise UsageError(f"{what} needs its standard deviation: write for example {what}={text}(1) or {text}+/-0.1.")
-    return measured.value, measured.std
+    value, std, unit = written(text) or (0.0, 0.0, "")
+    if not std > 0 or unit:
+        raise UsageError(f"{what} needs a value with its standard deviation, in SI units, as 0.175(2); got '{text}'.")
+    return value, std
 
 
 def tied(text: str) -> tuple[str, float]:

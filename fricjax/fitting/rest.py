@@ -21,6 +21,7 @@ from .solve import Solved, solve
 from .window import NEVER
 
 _ADEQUATE = 2.0
+_STROKE_SHARE = 0.02
 
 
 class Margin(NamedTuple):
@@ -44,9 +45,8 @@ def _motion(residual: Residual, y: Array, run: int, forced: bool) -> tuple[Motio
 def solve_with_rest(problem: Problem) -> tuple[Problem, Solved]:
     """Solve with the record's number of half-cycles, and try others where law or residuals ask for it.
 
-    Another number is tried where the fitted law would stop the mass at another reversal, and where the residuals are
-    larger
-    than the noise: then one more and one less, as long as that makes the fit better.
+    Another number is tried where the fitted law would stop the mass at another reversal, and where the residuals are so
+    large that a wrong number could be the reason: then one more and one less, as long as that makes the fit better.
     """
     solved = solve(problem)
     tried, counts = set(), _counts(problem)
@@ -83,10 +83,18 @@ def _candidates(problem: Problem, solved: Solved) -> set[tuple[int, ...]]:
     found = set()
     if problem.bracketed is None:
         found.add(tuple(_own_count(problem.residual, solved.y, run) for run in range(len(counts))))
-    if solved.chi2 > _ADEQUATE * problem.n_used:
+    if _far_off(problem, solved):
         steps = [(run, step) for run in stopping for step in (-1, 1) if counts[run] + step > 0]
         found |= {(*counts[:run], counts[run] + step, *counts[run + 1 :]) for run, step in steps}
     return found - {counts}
+
+
+def _far_off(problem: Problem, solved: Solved) -> bool:
+    """Whether the residuals are larger than the noise, and so large that a missed or added stroke could be the reason."""
+    excess = solved.chi2 / problem.n_used
+    sigma = float(np.median(np.concatenate([w.sigma[w.used] for w in problem.windows])))
+    stroke = float(problem.residual.machine(solved.y).dead_band)
+    return excess > _ADEQUATE and sigma * np.sqrt(excess) > _STROKE_SHARE * stroke
 
 
 def _own_count(residual: Residual, y: Array, run: int) -> int:

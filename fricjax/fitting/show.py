@@ -51,7 +51,7 @@ def facts(fit: "Fit") -> list[tuple[str, str]]:
         if count is not None and margin is not None:
             more, less = (engineering(value, fit.quantity) for value in margin)
             lines.append(("half-cycles", f"{count} to the stop; margin to one more {more}, to one less {less}"))
-    if "mu_s" in fit.intervals and "mu_s" not in fit.std_errors:
+    if "mu_s" in fit.intervals and "mu_s" not in fit.values:
         lines.append(("mu_s", f"between {interval(*fit.intervals['mu_s'])}, from the last stop and non-stop"))
     return lines
 

@@ -85,6 +85,6 @@ def warnings_of(
             which = "" if len(margins) == 1 else f" of run {i}"
             found.append(
                 f"The law would stop the mass{which} after another number of half-cycles than the record shows "
-                f"(margins {margin.one_more:.2e} and {margin.one_less:.2e} {unit}): static friction or the model is off."
+                f"(margins {margin.one_more:.2e}, {margin.one_less:.2e} {unit}): static friction or the model is off."
             )
     return tuple(found)

@@ -1,0 +1,204 @@
+"""Each command does its job: what it tells, what it writes, and that its JSON is nothing but JSON."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import fricjax as fj
+from fricjax.calibrate import Rig
+from fricjax.data.examples import example_paths
+
+RUN, RIG = example_paths()
+
+
+@pytest.fixture(scope="module")
+def demo(fricjax, tmp_path_factory):
+    """The demonstration, called once."""
+    folder = tmp_path_factory.mktemp("demo") / "made"
+    return fricjax("demo", "--out", folder, "--json"), folder
+
+
+def test_demo_writes_run_rig_fit_and_picture(demo):
+    called, folder = demo
+    assert (called.code, called.err) == (0, "")
+    told = json.loads(called.out)
+    assert sorted(path.name for path in folder.iterdir()) == ["fit.json", "fit.png", "rig.toml", "run.csv"]
+    assert sorted(told["files"].values()) == sorted(str(path) for path in folder.iterdir())
+    assert (folder / "run.csv").read_bytes() == RUN.read_bytes()
+    assert (folder / "fit.png").read_bytes().startswith(b"\x89PNG")
+    assert any(command.startswith("fricjax inspect") for command in told["next"])
+
+
+def test_demo_finds_the_truth_within_its_uncertainties(demo):
+    told = json.loads(demo[0].out)
+    assert told["converged"]
+    for name in ("mu", "damping", "stiffness"):
+        assert abs(told["values"][name] - told["truth"][name]) < 4 * told["std_errors"][name]
+    relative = Rig.from_toml(RIG).normal_force.relative
+    assert told["combined_std_errors"]["mu"] >= relative * told["values"]["mu"]
+    assert 0.9 < told["chi2_reduced"] < 1.1
+
+
+def test_the_fit_that_demo_writes_can_be_loaded(demo):
+    fit = fj.load_fit(demo[1] / "fit.json")
+    assert fit.values["mu"] == json.loads(demo[0].out)["values"]["mu"]
+
+
+def test_demo_refuses_a_folder_that_holds_something(demo, fricjax):
+    called = fricjax("demo", "--out", demo[1])
+    assert called.code == 2
+    assert "is not empty. Name another with --out, or add --force" in called.err
+
+
+def test_demo_says_what_to_type_next(demo, fricjax):
+    called = fricjax("demo", "--out", demo[1], "--force", "--quiet")
+    assert called.code == 0
+    assert f"fricjax fit {demo[1] / 'run.csv'} --rig {demo[1] / 'rig.toml'}" in called.out
+    assert "True" in called.out
+    assert called.err == ""
+
+
+def test_fit_with_a_rig_tells_and_writes(demo, fricjax, tmp_path):
+    files = {"plot": tmp_path / "fit.svg", "out": tmp_path / "fit.json", "save": tmp_path / "record.npz"}
+    words = [word for name, path in files.items() for word in (f"--{name}", path)]
+    called = fricjax("fit", RUN, "--rig", RIG, *words)
+    assert called.code == 0
+    assert "mu " in called.out
+    assert "converged" in called.out
+    assert all(path.stat().st_size > 0 for path in files.values())
+    assert sorted(path.name for path in tmp_path.iterdir()) == sorted(path.name for path in files.values())
+    assert np.array_equal(fj.read(files["save"]).trace.x, fj.read(RUN).trace.x)
+
+
+def test_fit_without_a_rig_tells_the_kinematics(fricjax):
+    called = fricjax("fit", RUN)
+    assert called.code == 0
+    assert "natural frequency" in called.out
+    assert "dead band" in called.out
+    assert "Without a rig there is no mu: give --rig rig.toml" in called.out
+    told = json.loads(fricjax("fit", RUN, "--json").out)
+    assert not told["calibrated"]
+    truth = fj.read(RUN).meta["coefficients"]
+    band = truth["mu"] * truth["normal_force"] / truth["stiffness"]
+    for name, true in (("natural_frequency", 12.6), ("damping_ratio", 0.0027), ("dead_band", band)):
+        found = told["kinematics"][name]
+        assert abs(found["value"] - true) < 4 * found["std"], name
+
+
+def test_gaps_are_masked_counted_and_fitted_around(fricjax, tmp_path):
+    record = fj.read(RUN)
+    x = np.asarray(record.trace.x).copy()
+    x[1000:1040] = np.nan
+    path = tmp_path / "gaps.csv"
+    rows = [f"{float(t)!r},{1e3 * value!r}" for t, value in zip(record.trace.t, x.tolist(), strict=True)]
+    path.write_text("\n".join(["Time [s],Displacement [mm]", *rows]))
+    told = json.loads(fricjax("inspect", path, "--json").out)
+    assert told["masked"] == 40
+    assert "40 samples without a value masked in 1 gap" in told["log"][0]
+    fitted = fricjax("fit", path, "--rig", RIG, "--json")
+    assert fitted.code == 0
+    assert json.loads(fitted.out)["values"]["mu"] == pytest.approx(0.02, rel=1e-5)
+
+
+def test_a_fit_that_is_not_valid_ends_with_three_and_writes_nothing(fricjax, tmp_path, monkeypatch):
+    import dataclasses
+
+    import fricjax.fitting as fitting
+
+    good = fitting.fit
+
+    def spoiled(*arguments, **keywords):
+        return dataclasses.replace(good(*arguments, **keywords), converged=False, status="out of steps: start nearer.")
+
+    monkeypatch.setattr(fitting, "fit", spoiled)
+    words = ("fit", RUN, "--rig", RIG, "--out", tmp_path / "fit.json", "--plot", tmp_path / "fit.png")
+    called = fricjax(*words)
+    assert called.code == 3
+    assert "Error: The fit is not valid, out of steps: start nearer. Nothing was written." in called.err
+    told = fricjax(*words, "--json")
+    assert told.code == 3
+    report = json.loads(told.out)
+    assert (report["kind"], report["exit_code"], report["files"]) == ("fit", 3, {})
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_inspect_tells_and_draws(fricjax, tmp_path):
+    called = fricjax("inspect", RUN, "--plot", tmp_path / "run.png")
+    assert called.code == 0
+    assert "half-cycles           13" in called.out
+    assert (tmp_path / "run.png").stat().st_size > 10_000
+    told = json.loads(fricjax("inspect", RUN, "--json").out)
+    assert told["n_half_cycles"] == 13
+    assert told["noise"] == pytest.approx(5e-9, rel=0.1)
+
+
+def test_simulate_reaches_the_golden_stop(fricjax, tmp_path):
+    machine = ("--mass", "1", "--stiffness", "5000", "--normal-force", "9.81", "--fix", "mu=0.1")
+    called = fricjax(
+        "simulate", *machine, "--x0", "3 mm", "--out", tmp_path / "run.h5", "--plot", tmp_path / "x.pdf", "--json"
+    )
+    told = json.loads(called.out)
+    assert called.code == 0
+    assert told["n_half_cycles"] == 8
+    assert told["t_stop"] == pytest.approx(0.355430635053, rel=1e-9)
+    assert told["final_displacement"] == pytest.approx(-1.392e-4, rel=1e-9)
+    assert fj.read(tmp_path / "run.h5").trace.n == told["samples"] == round(told["duration"] * 5000)
+    assert (tmp_path / "x.pdf").stat().st_size > 0
+
+
+def test_simulate_adds_what_the_instrument_adds(fricjax, tmp_path):
+    words = ("simulate", "--rig", RIG, "--fix", "mu=0.02", "--x0", "2e-3", "--duration", "0.2", "--noise", "5e-9")
+    called = fricjax(*words, "--seed", "7", "--offset", "1e-5", "--out", tmp_path / "run.npz")
+    assert called.code == 0
+    assert "still moving at the end" in called.out
+    record = fj.read(tmp_path / "run.npz")
+    assert float(record.trace.sigma) == 5e-9
+    assert record.meta["coefficients"]["mu"] == 0.02
+    again = fricjax(*words, "--seed", "7", "--offset", "1e-5", "--save", tmp_path / "again.npz")
+    assert again.code == 0
+    assert np.array_equal(record.trace.x, fj.read(tmp_path / "again.npz").trace.x)
+
+
+def test_models_lists_every_law_with_units(fricjax):
+    told = json.loads(fricjax("models", "--json").out)
+    assert {entry["name"] for entry in told["models"]} >= {"coulomb", "tanh", "stribeck", "lugre", "windage"}
+    assert next(e for e in told["models"] if e["name"] == "tanh")["coefficients"] == {"mu": "", "v_s": "m/s"}
+    assert "v_stribeck [m/s]" in fricjax("models").out
+
+
+def test_doctor_is_content_with_a_sound_installation(fricjax):
+    called = fricjax("doctor", "--json")
+    told = json.loads(called.out)
+    assert called.code == 0, called.out
+    assert told["healthy"]
+    assert told["cache"]["folder"] is None
+    assert ".mat" in told["formats"]
+    assert all(check["ok"] for check in told["checks"].values())
+
+
+def test_doctor_says_what_fails(fricjax, monkeypatch):
+    from fricjax.cli import doctor
+
+    def tiny_fit():
+        raise RuntimeError("no luck")
+
+    monkeypatch.setattr(doctor, "tiny_fit", tiny_fit)
+    called = fricjax("doctor")
+    assert called.code == 1
+    assert "FAILED: RuntimeError: no luck" in called.out
+
+
+def test_the_example_is_what_its_facts_say():
+    from fricjax.instrument import synthetic_run
+
+    record, rig = fj.read(RUN), Rig.from_toml(RIG)
+    facts = record.meta["coefficients"]
+    machine = rig.oscillator(fj.friction.Coulomb(facts["mu"]))
+    parameters = record.meta["parameters"]
+    given = ("rate", "duration", "noise", "seed", "offset", "hold", "release_time_constant")
+    again = synthetic_run(machine, parameters["x0"], **{name: parameters[name] for name in given})
+    assert np.max(np.abs(np.asarray(again.trace.x) - np.asarray(record.trace.x))) < 1e-12
+    assert again.meta["coefficients"] == pytest.approx(facts, rel=1e-12)
+    assert Path(RUN).stat().st_size < 300_000

@@ -1,0 +1,66 @@
+"""Asking for help must cost next to nothing, and a process must end with the code that the command gives."""
+
+import json
+import subprocess
+import sys
+import time
+
+import pytest
+
+_HEAVY = ("jax", "numpy", "pandas", "scipy", "matplotlib", "equinox", "pint", "h5py")
+_HELP = """
+import sys
+from fricjax.cli.main import run
+code = run(sys.argv[1:])
+print([name for name in {heavy} if name in sys.modules])
+sys.exit(code)
+"""
+
+
+def python(code: str, *arguments: str) -> subprocess.CompletedProcess:
+    return subprocess.run([sys.executable, "-c", code, *arguments], capture_output=True, text=True, check=False)
+
+
+@pytest.mark.parametrize("words", [("--help",), ("fit", "--help"), ("demo", "--help"), ("--version",)])
+def test_help_imports_nothing_heavy(words):
+    done = python(_HELP.format(heavy=_HEAVY), *words)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.rstrip().endswith("[]")
+
+
+def test_help_answers_within_half_a_second():
+    code = "from fricjax.cli.main import main; main()"
+    taken = []
+    for _ in range(5):
+        started = time.perf_counter()
+        assert "simulate" in python(code, "--help").stdout
+        taken.append(time.perf_counter() - started)
+    assert min(taken) < 0.5
+
+
+def test_a_process_ends_with_the_exit_code_and_pure_json():
+    done = python("from fricjax.cli.main import main; main()", "fit", "no-such-run.csv", "--json")
+    assert done.returncode == 4
+    assert json.loads(done.stdout)["exit_code"] == 4
+    assert done.stderr == ""
+
+
+def test_a_reader_that_goes_away_is_no_failure():
+    command = (
+        f'{sys.executable} -c "from fricjax.cli.main import main; main()" models | head -n 1; echo ${{PIPESTATUS[0]}}'
+    )
+    done = subprocess.run(["bash", "-c", command], capture_output=True, text=True, check=False)
+    assert done.stdout.split()[-1] == "0"
+    assert "Traceback" not in done.stderr
+
+
+def test_every_option_is_explained(fricjax):
+    for command in ("demo", "inspect", "simulate", "fit", "models", "doctor"):
+        text = fricjax(command, "--help").out
+        assert "--json" in text
+        assert "--quiet" in text
+    text = fricjax("fit", "--help").out
+    for option in ("--rig", "--friction", "--free", "--fix", "--bounds", "--prior", "--tie", "--nuisance", "--start"):
+        assert option in text
+    for option in ("--column", "--time", "--unit", "--rate", "--sigma", "--crop", "--restoring", "--drag", "--plot"):
+        assert option in text
