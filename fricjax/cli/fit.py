@@ -152,9 +152,16 @@ def report(found: "Fit", choice: "Choice") -> tuple[dict[str, Any], str]:
     from ..fitting.show import facts, kinematics_table
 
     lines = [f"{name + ':':<13}{text}" for name, text in facts(found) if name != "mu_s"]
-    lines += [f"! {sentence}" for sentence in found.warnings]
+    lines += [f"! {sentence}" for sentence in (*found.warnings, *_doubts(found))]
     hint = "Without a rig there is no mu: give --rig rig.toml, or --mass and --normal-force, to get it."
     return data, "\n\n".join([kinematics_table(found).text(), "\n".join(lines), hint])
+
+
+def _doubts(found: "Fit") -> list[str]:
+    """What a machine that nobody described may have wrong."""
+    if found.quantity == "rad" and type(found.oscillator.restoring).__name__ == "Linear":
+        return ["The record is an angle, but its restoring force was taken as linear: see --restoring pendulum."]
+    return []
 
 
 def write_outcome(

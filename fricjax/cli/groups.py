@@ -34,9 +34,9 @@ def grouped(command: Callable[..., Any]) -> Callable[..., Any]:
 
 def _fields(group: type) -> dict[str, inspect.Parameter]:
     hints = get_type_hints(group, include_extras=True)
-    return {
-        field.name: inspect.Parameter(
-            field.name, inspect.Parameter.KEYWORD_ONLY, default=field.default, annotation=hints[field.name]
-        )
-        for field in dataclasses.fields(group)
-    }
+    return {field.name: _parameter(field, hints[field.name]) for field in dataclasses.fields(group)}
+
+
+def _parameter(field: dataclasses.Field, annotation: Any) -> inspect.Parameter:
+    default = inspect.Parameter.empty if field.default is dataclasses.MISSING else field.default
+    return inspect.Parameter(field.name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=annotation)

@@ -4,6 +4,7 @@ This folder knows time series and units, and no physics of friction.
 """
 
 from .errors import DataError, UsageError, nearest
+from .examples import example_paths
 from .inspect import Inspection, inspect
 from .preprocess import (
     convert_unit,
@@ -32,6 +33,7 @@ __all__ = [
     "convert_unit",
     "crop",
     "estimate_noise",
+    "example_paths",
     "find_first_reversal",
     "find_release",
     "find_rest",

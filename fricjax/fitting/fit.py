@@ -84,9 +84,11 @@ def fit(
         raise UsageError(
             f"There is no sigma_mode {sigma_mode!r}.{nearest(sigma_mode, SIGMA_MODES)} Choose {SIGMA_MODES}."
         )
-    records = (data,) if isinstance(data, Record | Trace) else tuple(data)
-    if not records:
-        raise UsageError("There is no record to fit: the list is empty.")
+    records = _records(data)
+    if not isinstance(oscillator, Oscillator):
+        raise UsageError(
+            f"fit needs an Oscillator, got {type(oscillator).__name__}. Build one, or take rig.oscillator(friction)."
+        )
     request = Request(
         oscillator=oscillator,
         free=(free,) if isinstance(free, str) else tuple(free),
@@ -104,6 +106,20 @@ def fit(
     if throw and not result.converged:
         raise FitError(f"The fit is not valid, {result.status}", result)
     return result
+
+
+def _records(data: Any) -> tuple[Record | Trace, ...]:
+    """The records to fit, also where there is but one."""
+    records = tuple(data) if isinstance(data, list | tuple) else (data,)
+    if not records:
+        raise UsageError("There is no record to fit: the list is empty.")
+    for record in records:
+        if not isinstance(record, Record | Trace):
+            raise UsageError(
+                f"fit takes records or traces, got {type(record).__name__}. Read a file with fricjax.read(path), or "
+                "wrap arrays as fricjax.Trace(t, x)."
+            )
+    return records
 
 
 def _posed(records: Sequence[Record | Trace], request: Request, sigma_mode: str) -> Problem:
@@ -221,7 +237,8 @@ def _residuals(problem: Problem, solved: Solved) -> tuple[Any, float]:
         part = -r[first : first + window.used.size] * window.sigma
         parts.append(np.where(window.used, part, np.nan))
         first += window.used.size
-    rms = float(np.sqrt(np.nanmean(np.concatenate(parts) ** 2)))
+    fitted = np.concatenate([part[window.used] for part, window in zip(parts, problem.windows, strict=True)])
+    rms = float(np.sqrt(np.mean(fitted**2)))
     return (parts[0] if len(parts) == 1 else tuple(parts)), rms
 
 

@@ -6,8 +6,9 @@ squares over all half-cycles separates them by their dependence on the amplitude
 """
 
 from collections.abc import Mapping, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
+import jax.numpy as jnp
 import numpy as np
 
 from ..data import Segmentation
@@ -44,7 +45,7 @@ def guess_machine(
     if not parts:
         return {}
     decay = _Decay(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
-    at = dict(values)
+    at: dict[str, Any] = {name: np.float64(value) for name, value in values.items()}
     ratio = float(np.median(decay.omega**2 / _stiffening(oscillator, decay.mean, at)))
     if "stiffness" in free:
         at["stiffness"] = at["mass"] * ratio
@@ -73,7 +74,7 @@ def _short(found: Segmentation) -> _Decay:
 def _stiffening(oscillator: Oscillator, amplitude: np.ndarray, at: Mapping[str, float]) -> np.ndarray:
     """Effective over small-amplitude stiffness at an amplitude, by harmonic balance (a Chebyshev sum over a cycle)."""
     x = amplitude[:, None] * _QUADRATURE
-    force = np.asarray(oscillator.restoring.force(x, at["stiffness"]))
+    force = np.asarray(oscillator.restoring.force(jnp.asarray(x), jnp.asarray(at["stiffness"])))
     effective = 2 * np.mean(force * _QUADRATURE, axis=1) / amplitude
     return np.clip(effective / at["stiffness"], 1e-3, 1e3)
 
@@ -82,10 +83,9 @@ def _losses(oscillator: Oscillator, decay: _Decay, free: Sequence[str], at: Mapp
     from scipy.optimize import nnls
 
     a = decay.mean
-    lost = np.asarray(
-        oscillator.restoring.potential(decay.before, at["stiffness"])
-        - oscillator.restoring.potential(decay.after, at["stiffness"])
-    )
+    k = jnp.asarray(at["stiffness"])
+    ends = (oscillator.restoring.potential(jnp.asarray(x), k) for x in (decay.before, decay.after))
+    lost = np.subtract(*map(np.asarray, ends))
     terms = {
         "friction": 2 * a,
         "damping": np.pi / 2 * decay.omega * a**2,

@@ -111,7 +111,7 @@ class LevenbergMarquardt(optx.AbstractLeastSquaresSolver):
         self, fn: Callable, y: Array, args: PyTree, options: dict, f_struct: PyTree, aux_struct: PyTree, tags: frozenset
     ) -> _State:
         p = y.shape[0]
-        zero, nothing = jnp.zeros(()), Pass(jnp.asarray(jnp.inf), jnp.zeros(p), jnp.eye(p))
+        zero, nothing = jnp.zeros(()), Pass(jnp.asarray(jnp.inf), jnp.zeros(p), jnp.full((p, p), jnp.nan))
         status = jnp.asarray(RUNNING)
         return _State(y, nothing, zero * y, zero + _FIRST_DAMPING, zero + 2, zero, status, jnp.asarray(True), zero)
 

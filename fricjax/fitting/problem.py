@@ -138,7 +138,7 @@ def _parameters(
     values = {leaf.name.rsplit(".", 1)[-1]: flat[leaf.index] for leaf in reversed(leaves)}
     kinds = [leaf.name.rsplit(".", 1)[-1] for leaf in shared]
     guessed = guess_machine(request.oscillator, [w.segmentation for w in windows], kinds, values)
-    entries = []
+    entries: list[tuple[str, str, float, float]] = []
     for leaf, kind in zip(shared, kinds, strict=True):
         start = guessed.get(kind, flat[leaf.index])
         if kind == "mu_s" and "mu" in guessed and values["mu"] > 0:
@@ -149,7 +149,14 @@ def _parameters(
         sizes = _run_scales(window)
         entries += [(f"{n}{suffix}", NUISANCES[n], window.guesses[n], sizes[n]) for n in window.nuisances]
     check_names(request.bounds, [entry[0] for entry in entries], "Bounds")
-    return tuple(_bounded(*entry, request.bounds) for entry in entries)
+    return tuple(_bounded(*entry, request.bounds, _origin(entry[0], windows)) for entry in entries)
+
+
+def _origin(name: str, windows: Sequence[Window]) -> float:
+    """What separates the time of the record, in which callers speak of release times, from that of the run [s]."""
+    if not name.startswith("t_release"):
+        return 0.0
+    return windows[int(name[len("t_release[") : -1] or 0)].origin
 
 
 def _scale(kind: str, start: float, values: Mapping[str, float]) -> float:
@@ -166,14 +173,24 @@ def _run_scales(window: Window) -> dict[str, float]:
     return {**sizes, "drift": 1e-3 * speed}
 
 
-def _bounded(name: str, unit: str, start: float, scale: float, bounds: Mapping[str, tuple]) -> Parameter:
+def _bounded(name: str, unit: str, start: float, scale: float, bounds: Mapping[str, tuple], origin: float) -> Parameter:
     kind = name.rsplit(".", 1)[-1]
-    low, high = bounds.get(name, (0.0 if kind in NOT_NEGATIVE else None, None))
-    lower, upper = -np.inf if low is None else float(low), np.inf if high is None else float(high)
+    default = (0.0 if kind in NOT_NEGATIVE else None, None)
+    low, high = _pair(bounds.get(name, default), f"The bounds of {name} must be a lower and an upper value or None")
+    lower = -np.inf if low is None else float(low) - origin
+    upper = np.inf if high is None else float(high) - origin
     if not lower < upper:
         raise UsageError(f"The bounds of {name} must be a lower and a larger upper value, got {low} and {high}.")
     start = min(max(start, lower), upper)
     return Parameter(name, unit, start, scale, lower, upper)
+
+
+def _pair(given: Any, demand: str) -> tuple[Any, Any]:
+    try:
+        first, second = given
+    except (TypeError, ValueError) as error:
+        raise UsageError(f"{demand}, got {given!r}.") from error
+    return first, second
 
 
 def _ties(tie: Mapping[str, Any], leaves: Sequence[Leaf], names: Sequence[str]) -> list[Tie]:
@@ -195,7 +212,7 @@ def _residual(
     parameters: Sequence[Parameter],
 ) -> Residual:
     engine = _engine(request, windows)
-    mean, weight = _priors(request.priors, [parameter.name for parameter in parameters])
+    mean, weight = _priors(request.priors, [parameter.name for parameter in parameters], windows)
     oscillator = jax.tree.map(lambda leaf: jnp.asarray(leaf, float), request.oscillator)
     runs = tuple(_run(window, _stops(request)) for window in windows)
     inputs = _inputs(request.rig, oscillator)
@@ -205,7 +222,9 @@ def _residual(
 def _inputs(rig: Any, oscillator: Oscillator) -> Float[Array, "inputs leaves"]:
     """Change of each leaf of the machine for one standard uncertainty of each uncertain input of the rig."""
     changes = [jnp.zeros((0, len(jax.tree.leaves(oscillator))))]
-    for name, measured in (rig.inputs() if rig is not None else {}).items():
+    if rig is None:
+        return changes[0]
+    for name, measured in rig.inputs().items():
 
         def machine(b: Array, name: str = name) -> Oscillator:
             return rig.with_inputs({name: b}).oscillator(oscillator.friction)
@@ -225,7 +244,10 @@ def _engine(request: Request, windows: Sequence[Window]) -> AbstractEngine:
     machine, drag_free = request.oscillator, any(name.endswith("drag") for name in request.free)
     strokes = max(_strokes(window, _stops(request)) for window in windows)
     name = "hybrid" if drag_free and request.engine == "auto" and machine.friction.set_valued else request.engine
-    engine = select_engine(name, machine, max_half_cycles=max(16, 2 ** int(np.ceil(np.log2(strokes + 2)))))
+    try:
+        engine = select_engine(name, machine, max_half_cycles=max(16, 2 ** int(np.ceil(np.log2(strokes + 2)))))
+    except ValueError as error:
+        raise UsageError(str(error)) from error
     if drag_free and engine.__class__.__name__ == "Exact":
         raise UsageError("drag is free, and the exact engine has no drag. Use the hybrid engine.")
     if isinstance(engine, Smooth) and not isinstance(request.engine, AbstractEngine):
@@ -248,20 +270,25 @@ def _strokes(window: Window, stops: bool) -> int:
     return int(1.3 * float(window.trace.duration) / window.segmentation.half_period) + 4
 
 
-def _priors(priors: Mapping[str, Any], names: Sequence[str]) -> tuple[list[float], list[float]]:
+def _priors(
+    priors: Mapping[str, Any], names: Sequence[str], windows: Sequence[Window]
+) -> tuple[list[float], list[float]]:
     check_names(priors, names, "Priors")
     mean, weight = [0.0] * len(names), [0.0] * len(names)
     for name, prior in priors.items():
-        value, std = (prior.value, prior.std) if hasattr(prior, "std") else prior
+        pair = (prior.value, prior.std) if hasattr(prior, "value") and hasattr(prior, "std") else prior
+        value, std = _pair(pair, f"The prior of {name} must be a mean and a standard deviation")
         if not std > 0:
             raise UsageError(f"The prior of {name} needs a positive standard deviation, got {std}.")
-        mean[names.index(name)], weight[names.index(name)] = float(value), 1 / float(std)
+        i = names.index(name)
+        mean[i], weight[i] = float(value) - _origin(name, windows), 1 / float(std)
     return mean, weight
 
 
 def _run(window: Window, stops: bool) -> Run:
     used = np.flatnonzero(window.used)
-    t = np.clip(window.trace.t - window.origin, *(window.trace.t[used[[0, -1]]] - window.origin))
+    t = np.asarray(window.trace.t) - window.origin
+    t = np.clip(t, t[used[0]], t[used[-1]])
     return Run(
         t=jnp.asarray(t),
         x=jnp.asarray(window.trace.x),

@@ -102,3 +102,6 @@ def displacement(
     start = starting_state(machine, at["x0"], at["v0"])
     motion = engine.solve(machine, start, t - at["t_release"], run.half_cycles)
     return motion.x + at["offset"] + at["drift"] * t
+
+
+read_off = eqx.filter_jit(displacement)

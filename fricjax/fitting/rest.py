@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Array
 
 from ..friction import Coulomb
-from ..oscillator import Motion, Oscillator
+from ..oscillator import Oscillator
 from .problem import Problem
 from .residual import Residual
 from .solve import Solved, solve
@@ -37,9 +37,14 @@ class Margin(NamedTuple):
 
 
 @eqx.filter_jit
-def _motion(residual: Residual, y: Array, run: int, forced: bool) -> tuple[Motion, Oscillator]:
-    """Motion of one run, stopped as the record says or, unless `forced`, by the rest condition; and the machine."""
-    return residual.motion(y, run, residual.runs[run].half_cycles if forced else None), residual.machine(y)
+def _reversals(residual: Residual, y: Array, run: int, forced: bool) -> tuple[Array, Array, Oscillator]:
+    """Turning points of one run, stopped as the record says or, unless `forced`, by the rest condition.
+
+    Returns:
+        The turning points, the number of half-cycles, and the machine.
+    """
+    motion = residual.motion(y, run, residual.runs[run].half_cycles if forced else None)
+    return motion.turning_points, motion.n_half_cycles, residual.machine(y)
 
 
 def solve_with_rest(problem: Problem) -> tuple[Problem, Solved]:
@@ -90,7 +95,7 @@ def _candidates(problem: Problem, solved: Solved) -> set[tuple[int, ...]]:
 
 
 def _far_off(problem: Problem, solved: Solved) -> bool:
-    """Whether the residuals are larger than the noise, and so large that a missed or added stroke could be the reason."""
+    """Whether the residuals are larger than the noise, and large enough for a missed or added stroke."""
     excess = solved.chi2 / problem.n_used
     sigma = float(np.median(np.concatenate([w.sigma[w.used] for w in problem.windows])))
     stroke = float(problem.residual.machine(solved.y).dead_band)
@@ -100,8 +105,7 @@ def _far_off(problem: Problem, solved: Solved) -> bool:
 def _own_count(residual: Residual, y: Array, run: int) -> int:
     """Half-cycles until the rest condition holds; the record's count where it ends in motion or the law never stops."""
     recorded = int(residual.runs[run].half_cycles)
-    motion, _ = _motion(residual, y, run, False)
-    own = int(motion.n_half_cycles)
+    own = int(_reversals(residual, y, run, False)[1])
     return recorded if recorded >= NEVER or own <= 0 else own
 
 
@@ -110,10 +114,16 @@ def rest_margin(residual: Residual, y: Array, run: int) -> Margin | None:
     count = int(residual.runs[run].half_cycles)
     if not residual.oscillator.friction.set_valued or count >= NEVER or count < 1:
         return None
-    motion, machine = _motion(residual, y, run, True)
-    points = np.abs(np.asarray(motion.turning_points))
+    reversals, _, machine = _reversals(residual, y, run, True)
+    points = np.abs(np.asarray(reversals))
     band = float(machine.friction.static_force(machine.normal_force) / machine.stiffness)
-    return Margin(band - float(points[count]), float(points[count - 1]) - band)
+    before = np.inf if count == 1 and _starts_moving(residual, y, run) else float(points[count - 1])
+    return Margin(band - float(points[count]), before - band)
+
+
+def _starts_moving(residual: Residual, y: Array, run: int) -> bool:
+    """Whether a run starts in mid-stroke, so that the first of its turning points is none."""
+    return bool(residual.own(y, run)["v0"] != 0)
 
 
 def bracket_static(problem: Problem, y: Array) -> tuple[float, float] | None:
@@ -122,10 +132,11 @@ def bracket_static(problem: Problem, y: Array) -> tuple[float, float] | None:
         return None
     lower, upper = 0.0, np.inf
     for run, window in enumerate(problem.windows):
-        motion, machine = _motion(problem.residual, y, run, True)
-        pull = np.abs(np.asarray(machine.restoring_force(motion.turning_points))) / float(machine.normal_force)
-        count = min(int(problem.residual.runs[run].half_cycles), window.strokes)
-        stopped = int(problem.residual.runs[run].half_cycles) < NEVER
-        upper = min(upper, float(np.min(pull[:count], initial=np.inf)))
+        points, _, machine = _reversals(problem.residual, y, run, True)
+        pull = np.abs(np.asarray(machine.restoring_force(points))) / float(machine.normal_force)
+        count = int(problem.residual.runs[run].half_cycles)
+        stopped = count < NEVER
+        moved_on = pull[int(_starts_moving(problem.residual, y, run)) : count if stopped else window.strokes]
+        upper = min(upper, float(np.min(moved_on, initial=np.inf)))
         lower = max(lower, float(pull[count]) if stopped else 0.0, float(machine.friction.mu))  # pyright: ignore
     return lower, upper

@@ -10,7 +10,7 @@ import numpy as np
 
 from ..oscillator import Oscillator
 from .kinematics import Estimate
-from .residual import Run, displacement
+from .residual import Run, read_off
 from .rest import Margin
 from .whiteness import Whiteness
 
@@ -113,7 +113,7 @@ class Fit:
         own = {name: jnp.asarray(self._own(name, run)) for name in self.runs[run].fixed}
         own["t_release"] = own["t_release"] - self.origins[run]
         t = jnp.asarray(np.asarray(ts, float) - self.origins[run])
-        return np.asarray(displacement(self.engine_used, self.oscillator, self.runs[run], own, t))
+        return np.asarray(read_off(self.engine_used, self.oscillator, self.runs[run], own, t))
 
     def _own(self, name: str, run: int) -> float:
         """Value of a parameter of one run, free or fixed, in the record's time."""

@@ -54,18 +54,18 @@ def evaluate(residual: Residual, y: Float[Array, " coordinates"]) -> Float[Array
 def solve(problem: Problem, y: Float[Array, " coordinates"] | None = None) -> Solved:
     """Fit in stages, each from the optimum of the one before; from given coordinates `y` without growing windows."""
     stages = _parts(problem) if y is not None else None
-    y = _start(problem) if y is None else y
-    passes, solution, meshed = 0, None, with_mesh(problem.residual, y)
+    at = _start(problem) if y is None else y
+    passes, solution, meshed = 0, None, with_mesh(problem.residual, at)
     if stages is None:
-        stages = _stages(problem, np.asarray(evaluate(with_weights(meshed, problem.moving), y)))
+        stages = _stages(problem, np.asarray(evaluate(with_weights(meshed, problem.moving), at)))
     for weights in stages:
-        meshed = with_mesh(problem.residual, y)
-        solution = least_squares(with_weights(meshed, weights), problem, y)
+        meshed = with_mesh(problem.residual, at)
+        solution = least_squares(with_weights(meshed, weights), problem, at)
         passes += int(solution.stats["num_steps"])
-        y = solution.value
+        at = solution.value
     assert solution is not None
     stats, out = solution.stats, bool(solution.result == optx.RESULTS.nonlinear_max_steps_reached)
-    return Solved(y, evaluate(meshed, y), stats["normal"], int(stats["status"]), out, passes, len(stages))
+    return Solved(at, evaluate(meshed, at), stats["normal"], int(stats["status"]), out, passes, len(stages))
 
 
 def _start(problem: Problem) -> Float[Array, " coordinates"]:

@@ -49,7 +49,7 @@ def _plain(value: Any) -> Any:
     if isinstance(value, eqx.Module):
         fields = {field.name: _plain(getattr(value, field.name)) for field in dataclasses.fields(value)}
         return {"type": type(value).__name__, **fields}
-    if isinstance(value, tuple) and hasattr(value, "_asdict"):
+    if type(value).__name__ in _TUPLES:
         return {"type": type(value).__name__, **{k: _plain(v) for k, v in value._asdict().items()}}
     if isinstance(value, dict):
         return {str(k): _plain(v) for k, v in value.items()}

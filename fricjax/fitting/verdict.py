@@ -38,7 +38,7 @@ def flags_of(problem: Problem, covariance: Covariance, solved: Solved, inflation
             found.append("at bound")
         elif covariance.undetermined[i]:
             found.append("undetermined")
-        elif values[i] == parameter.start and solved.normal[i, i] == 0:
+        if values[i] == parameter.start and not covariance.at_bound[i]:
             found.append("at start value")
         if inflation > _NOTABLE and not found:
             found.append(f"standard error too small, about x{inflation:.2g}")

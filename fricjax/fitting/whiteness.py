@@ -29,7 +29,7 @@ def whiteness(residuals: np.ndarray) -> Whiteness:
     n = residuals.size
     centred = residuals - residuals.mean()
     power = float(centred @ centred)
-    if n < 8 or power == 0:
+    if n < 8 or not power > 0:
         return Whiteness(0.0, 1.0, True)
     size = 1 << (2 * n - 1).bit_length()
     spectrum = np.abs(np.fft.rfft(centred, size)) ** 2

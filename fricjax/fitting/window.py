@@ -95,7 +95,7 @@ def open_window(
         sigma_source=source,
         half_cycles=_half_cycles(found, t_start),
         nuisances=own,
-        guesses=_guess_state(t, x, mask, found, t_start, t_first),
+        guesses=_guess_state(t, x, mask, found, t_start, t_first, mode, own),
     )
 
 
@@ -143,15 +143,25 @@ def _half_cycles(found: Segmentation, t_start: float) -> int:
 
 
 def _guess_state(
-    t: np.ndarray, x: np.ndarray, mask: np.ndarray, found: Segmentation, t_start: float, origin: float
+    t: np.ndarray,
+    x: np.ndarray,
+    mask: np.ndarray,
+    found: Segmentation,
+    t_start: float,
+    origin: float,
+    mode: str,
+    own: tuple[str, ...],
 ) -> dict[str, float]:
-    """Start values of the run's own parameters, in times counted from `origin`."""
-    offset = equilibrium(found)
+    """Start values of the run's own parameters, in times counted from `origin`; an offset that is not free is zero."""
+    offset = equilibrium(found) if "offset" in own else 0.0
     first = found.turning_times.size > 0 and abs(found.turning_times[0] - t_start) < 1e-9 * found.half_period
     if first:
         x0, v0 = float(found.turning_points[0]), 0.0
     else:
-        x0, v0 = _local_state(t[mask], x[mask], t_start, found.half_period)
+        near = mask & (t >= t_start) if mode == "release" else mask
+        x0, v0 = _local_state(t[near], x[near], t_start, found.half_period)
+        # A release is from rest; only where v0 is free does its start value stay away from the kink at zero.
+        v0 = 0.0 if mode == "release" and "v0" not in own else v0
     return {"x0": x0 - offset, "v0": v0, "offset": offset, "drift": 0.0, "t_release": t_start - origin}
 
 

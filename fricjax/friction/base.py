@@ -11,7 +11,7 @@ and an engine asks only which one it has before it:
 
 import abc
 from collections.abc import Mapping
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -19,9 +19,14 @@ import numpy as np
 from equinox import AbstractClassVar, AbstractVar
 from jaxtyping import Array, Float
 
-Scalar = Float[Array | np.ndarray, ""] | np.float64  # numpy turns products of its scalar arrays into np.float64
-Values = Float[Array | np.ndarray, "..."] | np.float64  # one number or many: laws of v and x act elementwise
-State = Float[Array | np.ndarray, " states"]
+if TYPE_CHECKING:
+    type Scalar = Array
+    type Values = Array
+    type State = Array
+else:
+    Scalar = Float[Array | np.ndarray, ""] | np.float64  # numpy turns products of its scalar arrays into np.float64
+    Values = Float[Array | np.ndarray, "..."] | np.float64  # one number or many: laws of v and x act elementwise
+    State = Float[Array | np.ndarray, " states"]
 
 
 def scalar(value: Any) -> Any:

@@ -80,12 +80,27 @@ def _slide(machine: Machine, floor: Floor, t: Scalar, step: Scalar, state: State
     end = _runge_kutta(machine, floor, t, step, state)
 
     def turn() -> tuple[State, Scalar]:
-        forward = lambda tau: state.direction * _runge_kutta(machine, floor, t, tau, state).v
-        used = _root(forward, step, state.direction * state.v, state.direction * end.v)
+        used = _time_of_turn(machine, floor, t, step, state)
         x = _runge_kutta(machine, floor, t, used, state).x
-        return State(x, jnp.zeros(()), direction_at_standstill(machine, floor, t + used, x)), used
+        onward = direction_at_standstill(machine, floor, t + used, x)
+        stuck = (used == 0) & (onward == state.direction)
+        return State(x, jnp.zeros(()), jnp.where(stuck, 0.0, onward)), used
 
     return jax.lax.cond(state.direction * end.v < 0, turn, lambda: (end, step))
+
+
+def _time_of_turn(machine: Machine, floor: Floor, t: Scalar, step: Scalar, state: State) -> Scalar:
+    """Time until the velocity vanishes, known to do so within `step`; 0 where the slide does not even begin."""
+    at_start = state.v == 0
+    onset = _acceleration(machine, floor, state.direction, t, state.x, state.v)
+
+    def forward(tau: Scalar) -> Scalar:
+        # From a standstill the mean acceleration is followed instead, for the velocity also vanishes at the start.
+        v = state.direction * _runge_kutta(machine, floor, t, tau, state).v
+        return v / jnp.where(at_start, jnp.maximum(tau, jnp.finfo(float).tiny), 1.0)
+
+    begin = state.direction * jnp.where(at_start, onset, state.v)
+    return jnp.where(begin > 0, _root(forward, step, begin, forward(step)), 0.0)
 
 
 def _rest(machine: Machine, floor: Floor, t: Scalar, step: Scalar, state: State) -> tuple[State, Scalar]:
@@ -100,23 +115,23 @@ def _rest(machine: Machine, floor: Floor, t: Scalar, step: Scalar, state: State)
     return jax.lax.cond(excess(step) > 0, slip, lambda: (state, step))
 
 
+def _acceleration(machine: Machine, floor: Floor, direction: Scalar, t: Scalar, x: Scalar, v: Scalar) -> Scalar:
+    """Acceleration of the mass that slides in this direction [m/s^2]."""
+    oscillator = machine.oscillator
+    friction = direction * oscillator.friction.sliding_force(jnp.maximum(direction * v, 0.0), oscillator.normal_force)
+    return -(pull(machine, floor, t, x) + oscillator.dissipation(v) + friction) / oscillator.mass
+
+
 def _runge_kutta(machine: Machine, floor: Floor, t: Scalar, h: Scalar, state: State) -> State:
     """One classical step of order four with the direction of sliding held."""
-    oscillator, direction = machine.oscillator, state.direction
-
-    def acceleration(after: Scalar, x: Scalar, v: Scalar) -> Scalar:
-        speed = jnp.maximum(direction * v, 0.0)
-        friction = direction * oscillator.friction.sliding_force(speed, oscillator.normal_force)
-        return -(pull(machine, floor, t + after, x) + oscillator.dissipation(v) + friction) / oscillator.mass
-
-    x, v = state.x, state.v
-    a1 = acceleration(jnp.zeros(()), x, v)
+    x, v, direction = state
+    a1 = _acceleration(machine, floor, direction, t, x, v)
     v2 = v + h / 2 * a1
-    a2 = acceleration(h / 2, x + h / 2 * v, v2)
+    a2 = _acceleration(machine, floor, direction, t + h / 2, x + h / 2 * v, v2)
     v3 = v + h / 2 * a2
-    a3 = acceleration(h / 2, x + h / 2 * v2, v3)
+    a3 = _acceleration(machine, floor, direction, t + h / 2, x + h / 2 * v2, v3)
     v4 = v + h * a3
-    a4 = acceleration(h, x + h * v3, v4)
+    a4 = _acceleration(machine, floor, direction, t + h, x + h * v3, v4)
     return State(x + h / 6 * (v + 2 * v2 + 2 * v3 + v4), v + h / 6 * (a1 + 2 * a2 + 2 * a3 + a4), direction)
 
 

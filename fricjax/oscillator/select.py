@@ -3,8 +3,8 @@
 import math
 from typing import Any
 
-import jax
 import numpy as np
+from jax.core import Tracer
 
 from .engines.base import AbstractEngine
 from .engines.exact import Exact
@@ -53,7 +53,7 @@ def _named(name: str, oscillator: Oscillator, accuracy: float, max_half_cycles: 
 
 def concrete(value: Any) -> float | None:
     """A number where the value is known outside of a trace, else None."""
-    return None if isinstance(value, jax.core.Tracer) or np.ndim(value) else float(value)
+    return None if isinstance(value, Tracer) or np.ndim(value) else float(value)
 
 
 def half_cycle_capacity(oscillator: Oscillator, duration: float | None) -> int:

@@ -6,6 +6,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.core import Tracer
 from jaxtyping import Array, ArrayLike, Float
 
 from .engines.base import AbstractEngine
@@ -70,7 +71,7 @@ def simulate(
     driven = base_acceleration is not None or release is not None
     # Inside a jit even constants become tracers when indexed, so the duration is read off by numpy.
     known = ts if isinstance(ts, np.ndarray) else times
-    duration = None if isinstance(known, jax.core.Tracer) else float(np.asarray(known)[-1])
+    duration = None if isinstance(known, Tracer) else float(np.asarray(known)[-1])
     capacity = half_cycle_capacity(oscillator, duration)
     name = "smooth" if driven and engine == "auto" else engine
     chosen = select_engine(name, oscillator, accuracy=accuracy, max_half_cycles=capacity)
@@ -99,7 +100,7 @@ def _times(ts: ArrayLike) -> Float[Array, " samples"]:
     times = jnp.asarray(ts, float)
     if times.ndim != 1 or times.shape[0] == 0:
         raise ValueError(f"ts must be a list of at least one time [s], got an array of shape {times.shape}.")
-    if not isinstance(times, jax.core.Tracer) and not np.all(np.diff(np.asarray(times)) > 0):
+    if not isinstance(times, Tracer) and not np.all(np.diff(np.asarray(times)) > 0):
         raise ValueError("ts must increase from sample to sample.")
     return times
 

@@ -154,6 +154,7 @@ def test_simulate_adds_what_the_instrument_adds(fricjax, tmp_path):
     assert called.code == 0
     assert "still moving at the end" in called.out
     record = fj.read(tmp_path / "run.npz")
+    assert record.trace.sigma is not None
     assert float(record.trace.sigma) == 5e-9
     assert record.meta["coefficients"]["mu"] == 0.02
     again = fricjax(*words, "--seed", "7", "--offset", "1e-5", "--save", tmp_path / "again.npz")

@@ -87,7 +87,7 @@ USAGE = [
     (("--row", "1"), "'row' is no option for .csv files."),
     (("--rate", "-5", "--column", "1"), "rate must be a positive number"),
     (("--frobnicate",), "No such option: --frobnicate"),
-    (("--rate", "fast"), "is not a valid float"),
+    (("--rate", "fast"), "Invalid value for '--rate'"),
 ]
 
 

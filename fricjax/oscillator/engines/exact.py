@@ -7,6 +7,8 @@ turning points the map is linear, ``a_n = rho^n a_0 - (1 + rho) x_d S_n`` with `
 the state at any time follows without a loop.
 """
 
+from typing import Any
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -156,13 +158,15 @@ class Exact(AbstractEngine):
             n_half_cycles=jnp.where(jnp.isfinite(last), last, -1).astype(int),
             regularisation_bias=jnp.zeros(()),
             engine="exact",
-            result=RESULTS.where(
-                oscillator.damping_ratio < 1,
-                RESULTS.where(supported, RESULTS.successful, RESULTS.drag_unsupported),
-                RESULTS.overdamped,
-            ),
+            result=_outcome(oscillator),
             stats={},
         )
+
+
+def _outcome(oscillator: Oscillator) -> Any:
+    outcome: Any = RESULTS.successful
+    outcome = RESULTS.where(oscillator.drag == 0, outcome, RESULTS.drag_unsupported)
+    return RESULTS.where(oscillator.damping_ratio < 1, outcome, RESULTS.overdamped)
 
 
 def _sign(cycles: _HalfCycles, n: Array) -> Array:

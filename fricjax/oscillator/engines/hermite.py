@@ -24,10 +24,7 @@ def _quintic(u: Array, h: Array, left: tuple, right: tuple) -> tuple[Array, Arra
 
 def sample_nodes(
     ts: Float[Array, " samples"],
-    t: Nodes,
-    x: Nodes,
-    v: Nodes,
-    a: Nodes,
+    nodes: tuple[Nodes, Nodes, Nodes, Nodes],
     rest_position: Float[Array, ""],
     t_stop: Float[Array, ""],
     finished: Bool[Array, ""],
@@ -37,6 +34,7 @@ def sample_nodes(
     Nodes of one half-cycle share their ends in time with the next, where the acceleration jumps; each half-cycle is
     interpolated with its own. Times before the first node continue the first step backwards.
     """
+    t, x, v, a = nodes
     count = t.shape[1]
     index = jnp.searchsorted(jax.lax.stop_gradient(t).reshape(-1), ts, side="right") - 1
     index = jnp.clip(index, 0, t.size - 2)

@@ -9,7 +9,7 @@ over, and the derivatives are those of the discrete solution itself. At each rev
 F_s`` decides whether the mass moves on.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import diffrax
 import jax
@@ -63,7 +63,7 @@ def _position(stroke: _Stroke, amplitude: Array, theta: Array) -> tuple[Array, A
     return x, stroke.angular_frequency * amplitude * jnp.sin(theta)
 
 
-def _phase_rates(theta: Array, state: tuple[Array, Array], args: tuple[Oscillator, _Stroke]) -> tuple[Array, Array]:
+def _phase_rates(theta: Any, state: Any, args: tuple[Oscillator, _Stroke]) -> tuple[Array, Array]:
     """dA/dtheta and dt/dtheta."""
     oscillator, stroke = args
     amplitude, _ = state
@@ -103,13 +103,14 @@ class Hybrid(AbstractEngine):
     ) -> Motion:
         first, theta0 = _first_stroke(oscillator, start)
         final, nodes, points = self._strokes(oscillator, start, first, theta0, half_cycles)
-        x, v = sample_nodes(ts, *nodes, final.turning_point, final.time, final.finished)
+        x, v = sample_nodes(ts, nodes, final.turning_point, final.time, final.finished)
         at_rest = final.finished & (ts >= final.time)
         sliding = oscillator.friction_force(v, jnp.zeros(0))
         t_last = ts[-1] if ts.shape[0] else jnp.asarray(-jnp.inf)
         reached = final.forward & (final.finished | (ts <= final.time))
         short = ~final.finished & (t_last > final.time)
-        failure = RESULTS.where(short, RESULTS.too_many_half_cycles, RESULTS.successful)
+        done: Any = RESULTS.successful
+        outcome = RESULTS.where(short, RESULTS.too_many_half_cycles, done)
         return Motion(
             t=ts,
             x=jnp.where(reached, x, jnp.nan),
@@ -121,7 +122,7 @@ class Hybrid(AbstractEngine):
             n_half_cycles=jnp.where(final.finished, final.count, -1),
             regularisation_bias=jnp.zeros(()),
             engine="hybrid",
-            result=RESULTS.where(final.forward, failure, RESULTS.phase_reversed),
+            result=RESULTS.where(final.forward, outcome, RESULTS.phase_reversed),
             stats={"nodes_per_half_cycle": self.nodes},
         )
 
@@ -134,7 +135,7 @@ class Hybrid(AbstractEngine):
     def _integrate(self, oscillator: Oscillator, stroke: _Stroke, amplitude: Array, theta0: Array) -> tuple:
         """Amplitude and time at the nodes of one half-cycle that begins at phase `theta0`."""
         theta = theta0 + (jnp.pi - theta0) * self._mesh()
-        solution = diffrax.diffeqsolve(
+        amplitudes, elapsed = diffrax.diffeqsolve(
             diffrax.ODETerm(_phase_rates),
             diffrax.Dopri8(),
             theta[0],
@@ -146,8 +147,8 @@ class Hybrid(AbstractEngine):
             stepsize_controller=diffrax.StepTo(theta),
             adjoint=diffrax.ForwardMode(),
             max_steps=self.nodes,
-        )
-        return theta, *solution.ys
+        ).ys  # pyright: ignore[reportGeneralTypeIssues, reportOptionalIterable]
+        return theta, amplitudes, elapsed
 
     def _strokes(
         self, oscillator: Oscillator, start: Start, first: _Stroke, theta0: Array, half_cycles: Array | None

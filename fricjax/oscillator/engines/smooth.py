@@ -9,6 +9,8 @@ fit the steps are found once and kept as a mesh in scaled time, that is in the p
 is then a smooth function of every coefficient, and its derivatives are exactly those of the discrete solution.
 """
 
+from typing import Any
+
 import diffrax
 import equinox as eqx
 import jax
@@ -44,16 +46,18 @@ class _Scales(eqx.Module):
     state: Array
 
     @classmethod
-    def of(cls, oscillator: Oscillator, start: Start) -> "_Scales":
+    def of(cls, oscillator: Oscillator, start: Start, floor: Array | None = None) -> "_Scales":
         rate = oscillator.angular_frequency
-        reach = jnp.maximum(jnp.abs(start.x0), jnp.abs(start.v0) / rate)
+        reach = jnp.maximum(jnp.maximum(jnp.abs(start.x0), jnp.abs(start.v0) / rate), oscillator.dead_band)
+        if floor is not None:
+            reach = jnp.maximum(reach, jnp.max(jnp.abs(floor)) / rate**2)
         state = oscillator.friction.state_scale(oscillator.normal_force)
         tiny = jnp.finfo(float).tiny
-        length = jnp.maximum(jnp.maximum(reach, oscillator.dead_band), tiny)
+        length = jnp.where(reach > 0, reach, 1.0)
         return cls(jax.lax.stop_gradient(length), rate, jax.lax.stop_gradient(jnp.maximum(state, tiny)))
 
 
-def _field(tau: Array, y: tuple, args: tuple) -> tuple:
+def _field(tau: Any, y: Any, args: Any) -> tuple:
     """Rates of the scaled state (x, v, internal states...) in scaled time."""
     oscillator, scales, floor, release, hold = args
     x, v, t = y[0] * scales.length, y[1] * scales.length * scales.rate, tau / scales.rate
@@ -119,9 +123,9 @@ class Smooth(AbstractEngine):
 
     def _integrate(self, oscillator: Oscillator, start: Start, ts: Array, drive: Drive) -> tuple:
         """Displacement, velocity and internal states at `ts`; before time zero a parabola continues the motion."""
-        scales = _Scales.of(oscillator, start)
-        tau = jnp.maximum(ts, 0.0) * scales.rate
         floor = drive.base_acceleration
+        scales = _Scales.of(oscillator, start, floor)
+        tau = jnp.maximum(ts, 0.0) * scales.rate
         path = None if floor is None else diffrax.LinearInterpolation(ts * scales.rate, floor)
         args = (oscillator, scales, path, drive.release, oscillator.restoring_force(start.x0))
         y0 = _scaled(start, scales)
@@ -133,7 +137,7 @@ class Smooth(AbstractEngine):
         early = jnp.minimum(ts, 0.0)
         return x + early * (start.v0 + early * a0 / 2), v + early * a0, state, solution
 
-    def _solve(self, y0: tuple, args: tuple, end: Array, saveat: diffrax.SaveAt, max_steps: int) -> diffrax.Solution:
+    def _solve(self, y0: tuple, args: tuple, end: Array, saveat: diffrax.SaveAt, max_steps: int) -> Any:
         # Over fifty half-cycles the errors of the steps add up to some thirty times the tolerance.
         tolerance = jnp.maximum(0.02 * self.accuracy / args[1].length, 1e-13)
         adaptive = diffrax.PIDController(rtol=tolerance, atol=tolerance)

@@ -1,0 +1,33 @@
+"""The command line on runs that others have measured: pendulums read by encoders, with their quirks of format."""
+
+import json
+
+import pytest
+
+
+@pytest.mark.slow
+def test_small_swing_of_a_pendulum(fricjax, measured_data):
+    path = measured_data("multiarm-pendulum/SingleDataFreeSwing_1_Dt_0_0001.mat")
+    called = fricjax("fit", path, "--column", "Theta1", "--unit", "rad", "--restoring", "pendulum", "--json")
+    told = json.loads(called.out)
+    assert called.code == 0
+    assert told["residual_rms"] <= 6.0e-4
+    assert told["kinematics"]["friction_deceleration"]["value"] == pytest.approx(0.152, rel=0.05)
+    assert any("not white" in sentence for sentence in told["warnings"])
+    assert any("standard error too small" in flag for flag in told["flags"]["mu"])
+
+
+def test_degrees_without_a_time_column(fricjax, measured_data):
+    path = measured_data("rotary-pendulum/data03.txt")
+    called = fricjax("fit", path, "--rate", "1000", "--unit", "deg")
+    assert called.code == 0
+    assert "restoring force was taken as linear: see --restoring pendulum" in called.out
+    assert "residuals are not white" in called.out
+
+
+def test_a_held_start_is_found(fricjax, measured_data):
+    path = measured_data("rotary-pendulum/data03.txt")
+    told = json.loads(fricjax("inspect", path, "--rate", "1000", "--unit", "deg", "--json").out)
+    assert told["unit"] == "rad"
+    assert told["release"] > 0.0
+    assert told["rest"] is None

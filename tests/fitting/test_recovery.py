@@ -1,0 +1,90 @@
+"""Synthetic recovery: twenty runs of each law on each rig, of which the truth is known from an oracle."""
+
+import functools
+import warnings
+
+import numpy as np
+import pytest
+from scipy.stats import chi2
+
+from fricjax import Fit, fit
+from tests.fitting.runs import LAWS, MACHINE, RIGS, noisy, oscillator, truth
+
+SEEDS = 20
+
+
+@functools.cache
+def fits(rig: str, law: str) -> list[Fit]:
+    """Fits of twenty runs of a workload from the default start, of which the first compiles."""
+    free = (*MACHINE, "sigma0") if law == "LuGre" else MACHINE
+    return [fit(noisy(rig, law, seed), oscillator(RIGS[rig], law), free) for seed in range(SEEDS)]
+
+
+def pulls(rig: str, law: str) -> np.ndarray:
+    """Error of each free parameter, those of the run included, in standard errors; shape (seeds, parameters)."""
+    rows = []
+    for found in fits(rig, law):
+        true = truth(rig, law, found)
+        rows.append([(found.values[name] - true[name]) / found.std_errors[name] for name in found.names])
+    return np.array(rows)
+
+
+@pytest.fixture(params=[(rig, law) for rig in RIGS for law in LAWS], ids="-".join, scope="module")
+def workload(request):
+    return request.param
+
+
+def test_every_parameter_lies_within_four_standard_errors(workload):
+    found, distance = fits(*workload)[0], pulls(*workload)
+    worst = dict(zip(found.names, np.abs(distance).max(axis=0).round(2).tolist(), strict=True))
+    print(f"\n{'-'.join(workload)}: worst error in standard errors {worst}")
+    assert np.all(np.abs(distance) < 4), worst
+
+
+def test_the_fit_is_valid_and_describes_the_noise(workload):
+    ratios = [found.chi2_reduced for found in fits(*workload)]
+    print(f"\n{'-'.join(workload)}: reduced chi^2 {min(ratios):.3f} to {max(ratios):.3f}")
+    assert 0.9 < min(ratios) and max(ratios) < 1.1
+    for found in fits(*workload):
+        assert found.converged and found.status == "converged"
+        assert found.whiteness.white and not found.warnings, found.warnings
+        assert not any(found.flags.values())
+
+
+def test_standard_errors_are_calibrated(workload):
+    """The scatter of the estimates, whitened by the covariance, is chi^2 distributed."""
+    total = 0.0
+    for found in fits(*workload):
+        true = truth(*workload, found)
+        error = np.array([found.values[name] - true[name] for name in found.names])
+        total += error @ np.linalg.solve(found.covariance, error)
+    dof = SEEDS * len(fits(*workload)[0].names)
+    low, high = chi2.ppf([1e-4, 1 - 1e-4], dof)
+    print(f"\n{'-'.join(workload)}: whitened errors {total:.1f} for {dof} degrees of freedom")
+    assert low < total < high
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_rolling_friction_is_found_to_ten_parts_in_a_million(law):
+    errors = [found.values["mu"] / RIGS["rolling"].mu - 1 for found in fits("rolling", law)]
+    print(f"\nrolling-{law}: relative error of mu up to {np.max(np.abs(errors)):.2e}")
+    assert np.max(np.abs(errors)) <= 1e-5
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_the_bound_of_cramer_and_rao_is_reached_for_sliding_friction(law):
+    """Thirty times as far from rest as the noise: errors of the order that the Fisher matrix of the rig predicts."""
+    relative = [found.std_errors["mu"] / found.values["mu"] for found in fits("sliding", law)]
+    assert 5e-8 < min(relative) and max(relative) < 5e-7
+
+
+def test_it_fits_from_wrong_start_values_all_the_same():
+    """The machine's coefficients are start values that the decay itself replaces."""
+    reference = fits("sliding", "Coulomb")[0]
+    machine = oscillator(RIGS["sliding"], "Coulomb")
+    start = type(machine)(machine.mass, 0.5 * machine.stiffness, 3 * machine.damping, 9.66, type(machine.friction)(0.3))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        found = fit(noisy("sliding", "Coulomb", 0), start, MACHINE)
+    assert found.values["mu"] == pytest.approx(reference.values["mu"], abs=1e-2 * reference.std_errors["mu"])
+    assert found.chi2 == pytest.approx(reference.chi2, abs=1e-3)
