@@ -7,7 +7,6 @@ import equinox as eqx
 import jax.numpy as jnp
 
 from .base import AbstractFriction, Scalar, State, Values, scalar
-from .stribeck import stribeck_decay
 
 
 class LuGre(AbstractFriction):
@@ -44,8 +43,9 @@ class LuGre(AbstractFriction):
     sigma2: Scalar = eqx.field(converter=scalar, default=0.0)
 
     def _limit(self, speed: Values, load: Scalar) -> Values:
-        static = self.mu if self.mu_s is None else self.mu_s
-        return load * (self.mu + (static - self.mu) * stribeck_decay(speed, self.v_stribeck, jnp.asarray(2.0)))
+        if self.mu_s is None:
+            return self.mu * load
+        return load * (self.mu + (self.mu_s - self.mu) * jnp.exp(-((speed / self.v_stribeck) ** 2)))
 
     def rate(self, v: Scalar, state: State, load: Scalar) -> State:
         speed = jnp.abs(v)

@@ -29,7 +29,7 @@ def positive(name: str, value: Any, unit: str) -> float:
     """
     result = number(name, value, unit)
     if result <= 0:
-        raise UsageError(f"{name} must be positive{_in(unit)}, got {result:g}.")
+        raise UsageError(f"{name} must be a positive number{_in(unit)}, got {result:g}.")
     return result
 
 

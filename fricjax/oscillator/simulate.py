@@ -89,7 +89,8 @@ def starting_state(oscillator: Oscillator, x0: ArrayLike, v0: ArrayLike, state0:
             raise ValueError(f"{name} must be one number, got shape {value.shape}. For several starts use jax.vmap.")
     if state0 is None:
         direction = jnp.where(v == 0, jnp.where(x < 0, -1.0, 1.0), jnp.sign(v))
-        speed = jnp.where(v == 0, jnp.inf, jnp.abs(v))
+        # A million metres per second leaves dynamic friction alone; infinity would make the derivatives NaN.
+        speed = jnp.where(v == 0, 1e6, jnp.abs(v))
         state = oscillator.friction.steady_state(speed, direction, oscillator.normal_force)
     else:
         state = jnp.reshape(jnp.asarray(state0, float), (oscillator.friction.n_states,))

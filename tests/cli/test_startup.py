@@ -1,9 +1,9 @@
 """Asking for help must cost next to nothing, and a process must end with the code that the command gives."""
 
 import json
+import resource
 import subprocess
 import sys
-import time
 
 import pytest
 
@@ -28,13 +28,16 @@ def test_help_imports_nothing_heavy(words):
     assert done.stdout.rstrip().endswith("[]")
 
 
-def test_help_answers_within_half_a_second():
+@pytest.mark.parametrize("words", [("--help",), ("fit", "--help")])
+def test_help_answers_within_half_a_second(words):
     code = "from fricjax.cli.main import main; main()"
     taken = []
     for _ in range(5):
-        started = time.perf_counter()
-        assert "simulate" in python(code, "--help").stdout
-        taken.append(time.perf_counter() - started)
+        before = resource.getrusage(resource.RUSAGE_CHILDREN)
+        assert "Usage: fricjax" in python(code, *words).stdout
+        after = resource.getrusage(resource.RUSAGE_CHILDREN)
+        # Processor time: the wall clock would measure the other tests that run beside this one.
+        taken.append(after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime)
     assert min(taken) < 0.5
 
 

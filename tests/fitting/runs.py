@@ -87,6 +87,11 @@ def _start(rig: str, law: str, fit: Fit) -> dict[str, float]:
 
 def turning_point(rig: str, law: str, near: float) -> tuple[float, float]:
     """Instant and position of the true reversal next to a time."""
+    if law == "Coulomb":  # whose acceleration jumps there
+        band = RIGS[rig].mu * RIGS[rig].load / STIFFNESS
+        decay = coulomb_viscous(np.zeros(1), X0, frequency=FREQUENCY, zeta=ZETA, dead_band=band)
+        nearest = int(np.argmin(np.abs(decay.stops - near)))
+        return float(decay.stops[nearest]), float(decay.points[nearest])
     width = 1e-3
     instant = brentq(lambda at: _state(rig, law, at)[1], near - width, near + width, xtol=1e-14)
     return float(instant), _state(rig, law, float(instant))[0]
@@ -102,7 +107,7 @@ def _state(rig: str, law: str, at: float) -> tuple[float, float]:
 
 def coulomb_run(
     x0: float = X0, *, mu: float = 0.05, mu_s: float | None = None, load: float = 9.66, rate: float = 5e3,
-    samples: int = 1500, seed: int = 0, noise: float = 1e-9, zeta: float = ZETA, offset: float = 0.0,
+    samples: int = 2000, seed: int = 0, noise: float = 1e-9, zeta: float = ZETA, offset: float = 0.0,
     drift: float = 0.0, hold: float = 0.0, scale: float = 1.0,
 ) -> Trace:  # fmt: skip
     """A Coulomb decay of the prototype of always the same number of samples, so that its fits share one compilation.

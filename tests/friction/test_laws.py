@@ -77,15 +77,6 @@ def test_derivatives_of_the_force_are_finite_from_rest_to_any_speed(case):
         assert np.all(np.isfinite(slopes)), speed
 
 
-def test_states_after_a_slow_pull_have_finite_derivatives(case):
-    leaves, structure = jax.tree.flatten(case.law)
-
-    def state(values):
-        return jax.tree.unflatten(structure, values).steady_state(jnp.inf * jnp.ones(()), jnp.ones(()), LOAD_ARRAY)
-
-    assert all(np.all(np.isfinite(slope)) for slope in jax.jacfwd(state)([jnp.asarray(leaf) for leaf in leaves]))
-
-
 @pytest.mark.parametrize("law", [Coulomb(0.1, 0.15), Stribeck(0.1, 0.15), LuGre(0.1), Windage(0.1)])
 def test_a_law_without_a_jump_to_sharpen_is_its_own_sharp_law(law):
     assert law.sharp() is law

@@ -129,6 +129,6 @@ def test_more_nodes_bring_the_hybrid_engine_closer():
     expected = slide(plain, *starts[0], ts)
     errors = [
         float(np.max(np.abs(simulate(machine, 2e-3, ts, engine=Hybrid(nodes=n, max_half_cycles=16)).x - expected.x)))
-        for n in (16, 32, 64)
+        for n in (12, 24)
     ]
-    assert errors[0] > 8 * errors[1] > 64 * errors[2] or errors[2] < 2e-13
+    assert errors[0] > 8 * errors[1]

@@ -68,8 +68,8 @@ CASES = {
         at_rest=False, step=1e-4, sharp=Smooth(1e-13),
     ),
     "smooth, LuGre": Case(
-        lugre, {**RIG, "drag": 0.3, **LUGRE, "x0": 2.2e-3}, Smooth(1e-14), 0.5,
-        at_rest=False, step=3e-4, sharp=Smooth(1e-14),
+        lugre, {**RIG, "drag": 0.3, **LUGRE, "x0": 2.2e-3}, Smooth(1e-15), 0.5,
+        at_rest=False, step=3e-4, sharp=Smooth(1e-15),
     ),
 }  # fmt: skip
 LOOSE = {"mu_s", "v_stribeck", "exponent", "sigma0", "sigma1", "sigma2", "v_s"}

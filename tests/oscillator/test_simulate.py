@@ -10,7 +10,17 @@ import numpy as np
 import pytest
 
 from fricjax.friction import Coulomb, LuGre, Stribeck, Tanh, Windage
-from fricjax.oscillator import RESULTS, Exact, Hybrid, Oscillator, Smooth, is_successful, restoring, simulate
+from fricjax.oscillator import (
+    RESULTS,
+    Exact,
+    Hybrid,
+    Oscillator,
+    Smooth,
+    is_successful,
+    restoring,
+    simulate,
+    starting_state,
+)
 from fricjax.oscillator.select import select_engine
 
 TS = np.linspace(0, 0.3, 31)
@@ -188,6 +198,18 @@ def test_another_shape_does_compile_and_the_log_shows_it(caplog: pytest.LogCaptu
     with jax.log_compiles(True):
         simulate(Oscillator(*RIG, Coulomb(0.1)), 2e-3, np.linspace(0, 0.2, 7))
     assert caplog.records
+
+
+def test_bristles_start_bent_by_a_slow_pull_with_finite_derivatives():
+    values, structure = jax.tree.flatten(Oscillator(*RIG, LuGre(0.1, 0.15, 5e-3, sigma0=1e4)))
+
+    def bend(values, x0):
+        return starting_state(jax.tree.unflatten(structure, values), x0, 0.0).state
+
+    for side in (-1.0, 1.0):
+        np.testing.assert_allclose(bend(values, side * 1e-3), [side * 0.1 * 9.81 / 1e4], rtol=1e-14)
+    slopes = jax.jacfwd(bend)([jnp.asarray(value) for value in values], 1e-3)
+    assert np.all(np.isfinite(slopes))
 
 
 def test_a_mesh_of_more_nodes_for_more_accuracy():

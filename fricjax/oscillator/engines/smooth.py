@@ -139,7 +139,7 @@ class Smooth(AbstractEngine):
 
     def _solve(self, y0: tuple, args: tuple, end: Array, saveat: diffrax.SaveAt, max_steps: int) -> Any:
         # Over fifty half-cycles the errors of the steps add up to some thirty times the tolerance.
-        tolerance = jnp.maximum(0.02 * self.accuracy / args[1].length, 1e-13)
+        tolerance = jnp.maximum(0.02 * self.accuracy / args[1].length, 1e-14)
         adaptive = diffrax.PIDController(rtol=tolerance, atol=tolerance)
         return diffrax.diffeqsolve(
             diffrax.ODETerm(_field),
