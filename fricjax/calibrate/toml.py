@@ -6,8 +6,6 @@ normal_force = { value = 9.66, std = "0.5 %" }
 restoring = "linear"
 """
 
-import os
-import tempfile
 import tomllib
 from collections.abc import Mapping
 from pathlib import Path
@@ -15,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from ..data.errors import UsageError, nearest
 from ..oscillator.restoring import Cubic, Linear, Pendulum
+from ..show.files import write_text
 from .measured import Measured
 from .quantity import UNITS
 
@@ -62,17 +61,9 @@ def _table(path: Path) -> Mapping[str, Any]:
 
 
 def write_rig(rig: "Rig", path: Path) -> None:
-    """Write a rig as TOML; a temporary file in the same folder takes the path's place only when it is complete."""
+    """Write a rig as TOML, whole or not at all."""
     lines = [*_HEAD, *(f"{name} = {_entry(value)}" for name, value in rig.numbers().items()), _restoring_line(rig)]
-    handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
-    try:
-        with os.fdopen(handle, "w", encoding="utf-8") as file:
-            file.write("\n".join(lines) + "\n")
-        os.chmod(temporary, 0o644)
-        os.replace(temporary, path)
-    except BaseException:
-        Path(temporary).unlink(missing_ok=True)
-        raise
+    write_text(path, "\n".join(lines) + "\n")
 
 
 def _entry(number: Measured) -> str:

@@ -3,9 +3,7 @@
 import contextlib
 import json
 import math
-import os
 import sys
-import tempfile
 import time
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -109,16 +107,3 @@ def check_targets(*targets: tuple[str, Path | None, tuple[str, ...]]) -> None:
             raise UsageError(f"{option} cannot write '{path}': that is a folder.")
     if len({path.absolute() for _, path, _ in named}) < len(named):
         raise UsageError(f"{' and '.join(option for option, _, _ in named)} name the same file. Give each its own.")
-
-
-def write_text(path: Path, text: str) -> None:
-    """Write a text file; a temporary file beside it takes its place when it is complete."""
-    handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
-    try:
-        with os.fdopen(handle, "w", encoding="utf-8") as file:
-            file.write(text)
-        os.chmod(temporary, 0o644)
-        os.replace(temporary, path)
-    except BaseException:
-        Path(temporary).unlink(missing_ok=True)
-        raise

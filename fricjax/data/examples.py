@@ -1,7 +1,8 @@
 """The example that comes with the package: a synthetic interferometer run and the file of its rig.
 
-A mass of 0.41 kg on leaf springs (12.6 Hz) under a load of 9.66 N, with mu = 0.02, is held at 2 mm by a magnet, released, and
-comes to rest after some thirteen half-cycles; 5 kHz, 5 nm of noise. `meta["coefficients"]` of the record holds the truth.
+A mass of 0.41 kg on leaf springs (12.6 Hz) under a load of 9.66 N, with mu = 0.02, is held at 2 mm by a magnet,
+released, and comes to rest after some thirteen half-cycles; 5 kHz, 5 nm of noise. `meta["coefficients"]` of the record
+holds the truth.
 """
 
 from pathlib import Path

@@ -3,14 +3,11 @@
 The file appears whole or not at all: it is written beside its place under a temporary name and then moved there.
 """
 
-import os
-import tempfile
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
+from ..show.files import whole
 from .errors import UsageError
 from .native import MARK, SCHEMA, encode, to_text
 from .record import Record
@@ -37,22 +34,9 @@ def write(record: Record, path: str | Path) -> Path:
         )
     if not path.parent.is_dir():
         raise UsageError(f"There is no folder {path.parent} to write {path.name} into; make it first.")
-    _atomically(path, lambda temporary: writer(record, temporary))
+    with whole(path) as temporary:
+        writer(record, temporary)
     return path
-
-
-def _atomically(path: Path, fill: Callable[[Path], Any]) -> None:
-    handle, name = tempfile.mkstemp(prefix=f".{path.stem}-", suffix=path.suffix, dir=path.parent)
-    os.close(handle)
-    temporary = Path(name)
-    try:
-        fill(temporary)
-        umask = os.umask(0)
-        os.umask(umask)
-        temporary.chmod(0o666 & ~umask)
-        os.replace(temporary, path)
-    finally:
-        temporary.unlink(missing_ok=True)
 
 
 def _write_csv(record: Record, path: Path) -> None:

@@ -4,7 +4,6 @@ import dataclasses
 import json
 import math
 import os
-import tempfile
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,6 +14,7 @@ import numpy as np
 from .. import friction as friction_laws
 from ..data.errors import DataError
 from ..oscillator import Exact, Hybrid, Oscillator, Smooth, restoring
+from ..show.files import write_text
 from .kinematics import Estimate
 from .residual import Run
 from .rest import Margin
@@ -66,14 +66,7 @@ def save(fit: "Fit", path: str | os.PathLike[str]) -> Path:
     """Write the fit with its samples; the file appears whole or not at all."""
     target = Path(path)
     content = {**to_dict(fit), "samples": {name: _plain(getattr(fit, name)) for name in _SAMPLES}}
-    handle, temporary = tempfile.mkstemp(dir=target.parent, prefix=f".{target.name}.")
-    try:
-        with os.fdopen(handle, "w", encoding="utf-8") as file:
-            json.dump(content, file, allow_nan=False)
-        os.replace(temporary, target)
-    except BaseException:
-        Path(temporary).unlink(missing_ok=True)
-        raise
+    write_text(target, json.dumps(content, allow_nan=False))
     return target
 
 

@@ -73,7 +73,9 @@ def driven_motion(
     floor = np.zeros(times.shape) if base_acceleration is None else np.asarray(base_acceleration, float)
     after = np.maximum(times, 0.0)
     knots = np.concatenate([[0.0], after])
-    x, v, direction = _refined(oscillator, (x0, v0), knots, np.interp(knots, times, floor), release, accuracy)
+    x, v, direction = _refined(
+        oscillator, (x0, v0), jnp.asarray(knots), jnp.interp(knots, times, floor), release, accuracy
+    )
     held = times < 0
     return DrivenMotion(times, np.where(held, x0, x), np.where(held, 0.0, v), held | (direction == 0))
 
@@ -81,18 +83,18 @@ def driven_motion(
 def _refined(
     oscillator: Oscillator,
     start: tuple[float, float],
-    knots: np.ndarray,
-    floor: np.ndarray,
+    knots: Float[Array, " knots"],
+    floor: Float[Array, " knots"],
     release: ExponentialRelease | None,
     accuracy: float,
 ) -> State:
     """The motion at all knots but the first, with steps halved until that changes no displacement by `accuracy`."""
     x0, v0 = (jnp.asarray(value, float) for value in start)
     machine = Machine(oscillator, oscillator.restoring_force(x0), release)
-    before = _integrate(machine, x0, v0, knots, floor, np.asarray(1.0))
+    before = _integrate(machine, x0, v0, knots, floor, jnp.asarray(1.0))
     change = np.inf
     for halving in range(1, _HALVINGS + 1):
-        state = _integrate(machine, x0, v0, knots, floor, np.asarray(2.0**halving))
+        state = _integrate(machine, x0, v0, knots, floor, jnp.asarray(2.0**halving))
         change = float(np.max(np.abs(np.asarray(state.x) - np.asarray(before.x))))
         if change <= accuracy:
             return State(*(np.asarray(part) for part in state))  # type: ignore[arg-type]
@@ -108,8 +110,8 @@ def _integrate(
     machine: Machine,
     x0: Scalar,
     v0: Scalar,
-    knots: Float[Array | np.ndarray, " knots"],
-    floor: Float[Array | np.ndarray, " knots"],
+    knots: Float[Array, " knots"],
+    floor: Float[Array, " knots"],
     refinement: Scalar,
 ) -> State:
     """One pass over all intervals between knots; in each as many steps as its length needs."""

@@ -5,12 +5,12 @@ the user's own plotting state is touched and no display is needed.
 """
 
 import os
-import tempfile
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from fricjax.show.files import whole
 from fricjax.show.units import display_unit
 
 if TYPE_CHECKING:
@@ -104,14 +104,8 @@ def save(figure: "Figure", path: str | os.PathLike[str]) -> Path:
     known = figure.canvas.get_supported_filetypes()
     if path.suffix[1:].lower() not in known:
         raise ValueError(f"A plot cannot be written as '{path.name}': give it one of the endings {_endings(known)}.")
-    handle, temporary = tempfile.mkstemp(prefix=f".{path.stem}-", suffix=path.suffix, dir=path.parent)
-    os.close(handle)
-    try:
+    with whole(path) as temporary:
         figure.savefig(temporary, dpi=150)
-        Path(temporary).chmod(0o644)
-        os.replace(temporary, path)
-    finally:
-        Path(temporary).unlink(missing_ok=True)
     return path
 
 

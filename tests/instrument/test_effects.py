@@ -1,5 +1,7 @@
 """Each effect of the instrument against its formula, and the order in which they act."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -69,7 +71,7 @@ def test_white_noise_is_normal_and_white():
 
 
 def test_the_order_is_that_of_the_light():
-    keywords = {
+    keywords: dict[str, Any] = {
         "sampling_jitter": 1e-8,
         "scale_error": 1e-4,
         "offset": 1e-6,

@@ -3,6 +3,7 @@
 import inspect
 import json
 import time
+from typing import Any
 
 import numpy as np
 import pytest
@@ -119,7 +120,7 @@ def test_names_and_units_of_other_rigs():
 @pytest.mark.parametrize("law", [Tanh(0.01, 1e-3), LuGre(0.01, sigma0=1e5, sigma1=1.0)], ids=["tanh", "lugre"])
 def test_laws_without_a_jump_take_the_same_drive(law):
     oscillator = Oscillator(PROTOTYPE_MASS, 2574.0, PROTOTYPE_DAMPING, 1.89, law)
-    released = {"duration": 0.3, "noise": 0.0, "hold": 0.02, "release_time_constant": 1e-3}
+    released: dict[str, Any] = {"duration": 0.3, "noise": 0.0, "hold": 0.02, "release_time_constant": 1e-3}
     shaken = run(oscillator, floor_acceleration_psd=3.4e-4, **released).trace.x
     sharp, still = (run(floor_acceleration_psd=density, **released).trace.x for density in (3.4e-4, 0.0))
     # The same shaking carries all of them along: they differ by their contact, not by the kicks.
