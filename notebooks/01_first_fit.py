@@ -31,8 +31,8 @@ import fricjax as fj
 # %% [markdown]
 # ## The rig
 #
-# What is known about the machine, each number with its standard uncertainty. The normal force is known to 0.5 %, which will
-# turn out to decide everything.
+# What is known about the machine, each number with its standard uncertainty. The normal force is known to 0.5 %,
+# which will turn out to decide everything.
 
 # %%
 rig = fj.Rig(
@@ -45,9 +45,9 @@ rig
 # %% [markdown]
 # ## The run
 #
-# No interferometer is at hand here, so a run is made up: dynamic friction 0.05, static friction 0.065, 1 nm of white noise,
-# counts of 0.31 nm, a periodic nonlinearity of 2 nm, and a magnet whose force takes a millisecond to vanish. It is written to
-# a file and read back like any other.
+# No interferometer is at hand here, so a run is made up: dynamic friction 0.05, static friction 0.065, 1 nm of white
+# noise, counts of 0.31 nm, a periodic nonlinearity of 2 nm, and a magnet whose force takes a millisecond to vanish.
+# It is written to a file and read back like any other.
 
 # %%
 truth = fj.Oscillator(0.41068, 2574.0, 0.1756, 9.66, fj.friction.Coulomb(mu=0.05, mu_s=0.065))
@@ -81,18 +81,20 @@ print(fj.data.inspect(record).summary())
 # %% [markdown]
 # ## The fit
 #
-# Free are the dynamic coefficient, the viscous damping and the stiffness in contact. The motion before the first reversal is
-# left out: there the magnet still pulls. Static friction has no gradient under Coulomb's law; naming it asks for the bracket
-# between the last stop and the last reversal that was not one.
+# Free are the dynamic coefficient, the viscous damping and the stiffness in contact. The motion before the first
+# reversal is left out: there the magnet still pulls. Static friction has no gradient under Coulomb's law; naming it
+# asks for the bracket between the last stop and the last reversal that was not one.
 
 # %%
-fit = fj.fit(record, rig.oscillator(fj.friction.Coulomb(mu=0.1, mu_s=0.1)), ["mu", "mu_s", "damping", "stiffness"], rig=rig)
+start = rig.oscillator(fj.friction.Coulomb(mu=0.1, mu_s=0.1))
+fit = fj.fit(record, start, ["mu", "mu_s", "damping", "stiffness"], rig=rig)
 fit
 
 # %% [markdown]
-# The scatter of the samples alone would give the coefficient to parts in ten million. The combined uncertainty says what it is
-# worth: the 0.5 % of the normal force, and nothing else, limit it. The report also tells that the residuals are larger than
-# the noise and not white. They show the periodic nonlinearity of the interferometer, two nanometres in two millimetres.
+# The scatter of the samples alone would give the coefficient to parts in ten million. The combined uncertainty says
+# what it is worth: the 0.5 % of the normal force, and nothing else, limit it. The report also tells that the
+# residuals are larger than the noise and not white. They show the periodic nonlinearity of the interferometer, two
+# nanometres in two millimetres.
 
 # %%
 figure = fit.plot()
@@ -111,8 +113,8 @@ assert low <= 0.065 < high
 # %% [markdown]
 # ## Including the release goes wrong
 #
-# The same fit from the release on, as if the magnet had let go at once, with the time of release free. The coefficient is off
-# by thousands of its own standard errors, and the residuals say so.
+# The same fit from the release on, as if the magnet had let go at once, with the time of release free. The
+# coefficient is off by thousands of its own standard errors, and the residuals say so.
 
 # %%
 naive = fj.fit(
@@ -129,8 +131,8 @@ assert abs(naive.values["mu"] / 0.05 - 1) > 10 * error
 # %% [markdown]
 # ## What the model does elsewhere
 #
-# The fitted oscillator is a model like any other. Its final displacement against the initial one draws the sawtooth from which
-# both coefficients can be read.
+# The fitted oscillator is a model like any other. Its final displacement against the initial one draws the sawtooth
+# from which both coefficients can be read.
 
 # %%
 x0 = np.linspace(0.0, 2e-3, 9)
