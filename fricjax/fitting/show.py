@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..show import Table, axis_label, display_unit, engineering, figure, interval, plain, uncertain
+from .verdict import NOTABLE, too_small
 
 if TYPE_CHECKING:
     from .result import Fit
@@ -17,7 +18,7 @@ def parameter_table(fit: "Fit") -> Table:
         unit, value = fit.units[name], fit.values[name]
         if name in fit.std_errors:
             std, combined = fit.std_errors[name], fit.combined_std_errors[name]
-            rows.append([name, uncertain(value, combined, unit), _small(std), "; ".join(fit.flags[name])])
+            rows.append([name, _value(fit, value, combined, unit), _small(std), "; ".join(fit.flags[name])])
         else:
             rows.append([name, interval(*fit.intervals[name], unit), "", "; ".join(fit.flags[name])])
     return Table(["Parameter", "Value (combined uncertainty)", "Statistical", "Remarks"], rows)
@@ -32,8 +33,24 @@ def kinematics_table(fit: "Fit") -> Table:
     rows = []
     for name, estimate in fit.kinematics.items():
         unit = estimate.unit.replace("m", fit.quantity) if fit.quantity != "m" else estimate.unit
-        rows.append([name.replace("_", " "), uncertain(estimate.value, estimate.std, unit)])
-    return Table(["Kinematics", "Value"], rows)
+        rows.append(
+            [name.replace("_", " "), _value(fit, estimate.value, estimate.std, unit), *_mark(fit, estimate.std)]
+        )
+    marked = any(len(row) > 2 for row in rows)
+    columns = ["Kinematics", "Value", "Remarks"] if marked else ["Kinematics", "Value"]
+    return Table(columns, [[*row, ""][: len(columns)] for row in rows])
+
+
+def _value(fit: "Fit", value: float, std: float, unit: str) -> str:
+    """A value with its uncertainty; where it has none because of a bound, that is said."""
+    bounded = any("at bound" in flags for flags in fit.flags.values())
+    text = uncertain(value, std, unit)
+    return text.replace("(undetermined)", "(at bound)") if bounded else text
+
+
+def _mark(fit: "Fit", std: float) -> list[str]:
+    """Remark on a standard error that correlated residuals make too small."""
+    return [too_small(fit.error_inflation)] if 0 < std < np.inf and fit.error_inflation > NOTABLE else []
 
 
 def facts(fit: "Fit") -> list[tuple[str, str]]:

@@ -10,7 +10,12 @@ from .solve import Solved
 from .whiteness import Whiteness
 
 _ADEQUATE = 3.0
-_NOTABLE = 1.5
+NOTABLE = 1.5
+
+
+def too_small(inflation: float) -> str:
+    """Remark on a standard error that white noise would have been needed for."""
+    return f"standard error too small, about x{inflation:.2g}"
 
 
 def status_of(solved: Solved, covariance: Covariance, names: tuple[str, ...]) -> str:
@@ -40,8 +45,8 @@ def flags_of(problem: Problem, covariance: Covariance, solved: Solved, inflation
             found.append("undetermined")
         if values[i] == parameter.start and not covariance.at_bound[i]:
             found.append("at start value")
-        if inflation > _NOTABLE and not found:
-            found.append(f"standard error too small, about x{inflation:.2g}")
+        if inflation > NOTABLE and not found:
+            found.append(too_small(inflation))
         flags[parameter.name] = tuple(found)
     return flags
 

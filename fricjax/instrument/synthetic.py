@@ -149,13 +149,16 @@ def _integrate(
     oscillator: Oscillator, run: _Run, ts: np.ndarray, floor: np.ndarray | None, release: ExponentialRelease | None
 ) -> tuple[np.ndarray, np.ndarray]:
     """The motion by whichever engine can follow it; times before the release mean nothing here."""
-    if oscillator.friction.set_valued and (floor is not None or release is not None):
-        driven = driven_motion(oscillator, run.x0, ts, v0=run.v0, base_acceleration=floor, release=release)
-        return driven.x, driven.v
-    motion = simulate(oscillator, run.x0, ts, v0=run.v0, base_acceleration=floor, release=release)
-    if not is_successful(motion.result):
-        raise UsageError(f"The motion could not be computed: {RESULTS[motion.result]}")
-    return np.asarray(motion.x), np.asarray(motion.v)
+    drive: dict[str, Any] = {"v0": run.v0, "base_acceleration": floor, "release": release}
+    if not oscillator.friction.set_valued or (floor is None and release is None):
+        motion = simulate(oscillator, run.x0, ts, **drive)
+        if is_successful(motion.result):
+            return np.asarray(motion.x), np.asarray(motion.v)
+        if not oscillator.friction.set_valued:
+            raise UsageError(f"The motion could not be computed: {RESULTS[motion.result]}")
+    # Also for what has no half-cycles, such as an overdamped mass.
+    driven = driven_motion(oscillator, run.x0, ts, **drive)
+    return driven.x, driven.v
 
 
 def _coefficients(oscillator: Oscillator) -> dict[str, float]:

@@ -191,7 +191,7 @@ def test_an_optimum_behind_a_wall_is_not_called_converged():
 
 
 def test_a_better_residual_whose_jacobian_is_not_finite_is_never_accepted():
-    """The optimum at 5 lies where the root has no derivative; the fit may go up to 3 and has to say that it is stuck."""
+    """The optimum at 5 lies where the root has no derivative; the fit gets up to 3 and says that it is stuck."""
     root = lambda p: 1e-3 * jnp.sqrt(jnp.maximum(3 - p[0], 0.0))
     found = solve(lambda p, args=None: jnp.stack([p[0] - 5 + root(p), 0.1 + 0 * p[0], 0.1 + 0 * p[0]]), (0.0,))
     assert status(found) == STALLED

@@ -71,6 +71,15 @@ def test_the_hold_moves_the_release():
     np.testing.assert_allclose(record.trace.x[t > 0.1], moving, rtol=0, atol=1e-14)
 
 
+def test_an_overdamped_mass_creeps_to_its_dead_band():
+    slow, fast = 20.0, 500.0
+    machine = Oscillator(1.0, slow * fast, slow + fast, 2.0, Coulomb(0.1))
+    record = synthetic_run(machine, 2e-3, rate=5e3, duration=0.2, noise=0.0)
+    t, band = np.asarray(record.trace.t), 0.2 / (slow * fast)
+    decay = (fast * np.exp(-slow * t) - slow * np.exp(-fast * t)) / (fast - slow)
+    np.testing.assert_allclose(record.trace.x, band + (2e-3 - band) * decay, rtol=0, atol=1e-10)
+
+
 def test_a_kick_at_release():
     t = np.arange(2000) / 5e3
     np.testing.assert_array_equal(run(noise=0.0, v0=-0.05).trace.x, np.asarray(simulate(ROLLING, 2e-3, t, v0=-0.05).x))

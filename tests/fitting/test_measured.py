@@ -1,0 +1,123 @@
+"""Real pendulums, recorded by others with encoders: what any fit of them must reach, and what it must admit."""
+
+import numpy as np
+import pytest
+
+from fricjax import Fit, Oscillator, fit, read
+from fricjax.friction import Coulomb
+from fricjax.oscillator.restoring import Pendulum
+
+SMALL = "multiarm-pendulum/SingleDataFreeSwing_1_Dt_0_0001.mat"
+LARGE = "multiarm-pendulum/SinglePendulumDataForParameterEstimation.mat"
+ROTARY = "rotary-pendulum/data03.txt"
+
+
+def pendulum(mu: float = 0.1, drag: float = 0.0) -> Oscillator:
+    """Per unit of inertia and load: mu is then the deceleration by dry friction [rad/s^2]."""
+    return Oscillator(1.0, 50.0, 0.0, 1.0, Coulomb(mu), restoring=Pendulum(), drag=drag)
+
+
+@pytest.fixture(scope="module")
+def small(measured_data):
+    return read(measured_data(SMALL), column="Theta1", unit="rad")
+
+
+@pytest.fixture(scope="module")
+def large(measured_data):
+    columns = {"column": ["Y_id", "Y_vad"], "time": ["Time_id", "Time_vad"]}
+    return read(measured_data(LARGE), unit="rad", **columns)
+
+
+@pytest.fixture(scope="module")
+def rotary(measured_data):
+    return read(measured_data(ROTARY), unit="deg", rate=1000.0)
+
+
+@pytest.fixture(scope="module")
+def small_both(small) -> Fit:
+    return fit(small, pendulum(), ("mu", "damping", "stiffness"))
+
+
+@pytest.fixture(scope="module")
+def dry_alone(small) -> float:
+    """Deceleration by friction of the small swing, without damping [rad/s^2]."""
+    return fit(small, pendulum(), ("mu", "stiffness")).kinematics["friction_deceleration"].value
+
+
+def assert_honest(found: Fit):
+    """Residuals of an encoder are never white; the fit says so and marks every standard error."""
+    assert not found.whiteness.white and found.error_inflation > 10
+    assert any("residuals are not white" in sentence for sentence in found.warnings)
+    assert any("does not describe the run" in sentence for sentence in found.warnings)
+    for name in found.names:
+        assert any("standard error too small" in flag or flag == "at bound" for flag in found.flags[name]), name
+    assert "not white" in found.summary() and "standard error too small" in found.summary()
+
+
+def test_small_swing_with_dry_and_viscous_friction(small_both):
+    assert small_both.converged and small_both.quantity == "rad"
+    assert small_both.residual_rms <= 6.0e-4
+    assert small_both.residual_rms == pytest.approx(5.3e-4, rel=0.03)
+    assert small_both.values["mu"] == pytest.approx(0.152, rel=0.03)
+    assert small_both.values["damping"] == pytest.approx(0.061, rel=0.1)
+    assert small_both.values["offset"] == pytest.approx(np.pi, abs=1e-3)
+    # The rest belongs to the window: 23 s of record without the first third of a second.
+    assert np.isfinite(small_both.residuals).sum() > 0.95 * small_both.residuals.size
+    assert_honest(small_both)
+
+
+def test_small_swing_with_dry_friction_alone(dry_alone):
+    assert dry_alone == pytest.approx(0.162, rel=0.01)
+
+
+def test_small_swing_with_viscous_friction_alone_is_as_bad_as_it_is(small, small_both):
+    found = fit(small, pendulum(mu=0.0), ("damping", "stiffness"))
+    assert found.residual_rms == pytest.approx(2.4e-3, rel=0.1)
+    assert found.residual_rms > 4 * small_both.residual_rms
+    assert found.aicc > small_both.aicc and found.bic > small_both.bic
+    assert_honest(found)
+    assert f"{found.residual_rms:.2e} rad rms" in found.summary()
+
+
+@pytest.fixture(scope="module")
+def large_bounded(large) -> Fit:
+    free = ("mu", "damping", "stiffness", "drag")
+    return fit(large, pendulum(drag=0.004), free, bounds={"damping": (0, None), "drag": (0, None)})
+
+
+def test_large_swing_with_drag_and_bounded_damping(large_bounded, dry_alone):
+    assert large_bounded.converged and large_bounded.residual_rms <= 8.0e-3
+    assert large_bounded.residual_rms == pytest.approx(7.4e-3, rel=0.03)
+    assert large_bounded.kinematics["friction_deceleration"].value == pytest.approx(dry_alone, rel=0.05)
+    assert large_bounded.kinematics["drag_rate"].value == pytest.approx(0.0040, rel=0.05)
+    assert large_bounded.values["damping"] == 0.0 and large_bounded.flags["damping"] == ("at bound",)
+    assert large_bounded.status == "converged with damping at a bound"
+    assert_honest(large_bounded)
+
+
+def test_large_swing_without_the_bound_warns_of_negative_damping(large, large_bounded):
+    found = fit(large, pendulum(drag=0.004), ("mu", "damping", "stiffness", "drag"))
+    assert found.converged and found.residual_rms == pytest.approx(2.8e-3, rel=0.05)
+    assert found.values["damping"] == pytest.approx(-0.028, rel=0.1)
+    assert found.values["mu"] == pytest.approx(0.234, rel=0.05)
+    assert any("The damping is negative" in sentence for sentence in found.warnings)
+    assert "The damping is negative" in found.summary()
+    assert not any("negative" in sentence for sentence in large_bounded.warnings)
+
+
+def test_large_swing_with_viscous_friction_alone_is_as_bad_as_it_is(large):
+    found = fit(large, pendulum(mu=0.0, drag=0.0), ("damping", "stiffness"), engine="hybrid")
+    assert found.residual_rms == pytest.approx(2.79e-2, rel=0.15)
+    assert_honest(found)
+
+
+def test_rotary_pendulum(rotary):
+    both = fit(rotary, pendulum(mu=2.0), ("mu", "damping", "stiffness"))
+    assert both.converged and both.residual_rms <= 4.6e-3
+    # The hand holds it until 0.4 s, and before the first reversal no sample is used.
+    assert both.origins[0] > 0.4 and np.isnan(both.residuals[: int(1e3 * both.origins[0])]).all()
+    assert_honest(both)
+    viscous = fit(rotary, pendulum(mu=0.0), ("damping", "stiffness"))
+    assert viscous.residual_rms == pytest.approx(2.35e-2, rel=0.1)
+    assert viscous.residual_rms > 5 * both.residual_rms
+    assert_honest(viscous)

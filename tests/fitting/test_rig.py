@@ -1,0 +1,76 @@
+"""The rig's uncertain inputs in the combined standard errors, against fits with a changed input."""
+
+import numpy as np
+import pytest
+
+from fricjax import Measured, Rig, fit
+from fricjax.data import UsageError
+from fricjax.friction import Coulomb
+from fricjax.oscillator.restoring import Pendulum
+from tests.fitting.runs import FREQUENCY, coulomb_run
+from tests.helpers import PROTOTYPE_MASS
+
+FREE = ("mu", "damping")
+INPUTS = {
+    "mass": Measured(PROTOTYPE_MASS, 2e-3 * PROTOTYPE_MASS),
+    "frequency": Measured(FREQUENCY, 1e-5 * FREQUENCY),
+    "normal_force": Measured(9.66, 5e-3 * 9.66),
+}
+
+
+def fitted(**inputs):
+    rig = Rig(**inputs)
+    return fit(coulomb_run(), rig.oscillator(Coulomb(0.05)), FREE, rig=rig)
+
+
+@pytest.fixture(scope="module")
+def found():
+    return fitted(**INPUTS)
+
+
+def test_half_a_percent_of_the_load_shows_in_mu(found):
+    relative = found.combined_std_errors["mu"] / found.values["mu"]
+    assert relative >= 5e-3
+    # mu = omega^2 x_d m/N: load, mass and twice the frequency in quadrature; the samples add nothing to that.
+    assert relative == pytest.approx(np.sqrt(5e-3**2 + 2e-3**2 + (2 * 1e-5) ** 2), rel=1e-3)
+    assert found.std_errors["mu"] / found.values["mu"] < 1e-5
+
+
+def test_the_damping_scales_with_the_mass(found):
+    relative = found.combined_std_errors["damping"] / found.values["damping"]
+    assert relative == pytest.approx(2e-3, rel=0.05)
+
+
+@pytest.mark.parametrize("share", [1e-3])
+def test_first_order_propagation_agrees_with_refits(found, share):
+    """Each input moved by a part of its uncertainty, both ways: the optimum moves by as much as the covariance says."""
+    moved = []
+    for name, value in INPUTS.items():
+        ends = [fitted(**{**INPUTS, name: Measured(value.value + s * share * value.std, value.std)}) for s in (1, -1)]
+        names = found.names
+        moved.append([(ends[0].values[n] - ends[1].values[n]) / (2 * share) for n in names])
+    expected = found.covariance + np.array(moved).T @ np.array(moved)
+    scale = np.sqrt(np.diag(expected))
+    assert found.combined_covariance / np.outer(scale, scale) == pytest.approx(
+        expected / np.outer(scale, scale), abs=2e-3
+    )
+
+
+def test_an_input_that_is_fitted_adds_nothing():
+    rig = Rig(**{**INPUTS, "damping": Measured(0.18, 0.05)})
+    exact = Rig(**{**INPUTS, "damping": Measured(0.18)})
+    with_it = fit(coulomb_run(), rig.oscillator(Coulomb(0.05)), FREE, rig=rig)
+    without = fit(coulomb_run(), exact.oscillator(Coulomb(0.05)), FREE, rig=exact)
+    assert with_it.combined_std_errors["mu"] == pytest.approx(without.combined_std_errors["mu"], rel=1e-6)
+
+
+def test_the_report_shows_the_combined_uncertainty(found):
+    assert "Value (combined uncertainty)" in found.summary()
+    assert "0.05000(27)" in found.summary()
+
+
+def test_a_rig_of_another_machine_is_refused():
+    rig = Rig(**INPUTS, restoring=Pendulum())
+    machine = Rig(**INPUTS).oscillator(Coulomb(0.05))
+    with pytest.raises(UsageError, match=r"The rig describes another machine than the oscillator\. Build it with rig"):
+        fit(coulomb_run(), machine, FREE, rig=rig)
