@@ -5,7 +5,7 @@ integrals of a sinusoid this is linear in the friction force, the damping and th
 squares over all half-cycles separates them by their dependence on the amplitude.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import jax.numpy as jnp
@@ -74,18 +74,24 @@ def _short(found: Segmentation) -> _Decay:
 def _stiffening(oscillator: Oscillator, amplitude: np.ndarray, at: Mapping[str, float]) -> np.ndarray:
     """Effective over small-amplitude stiffness at an amplitude, by harmonic balance (a Chebyshev sum over a cycle)."""
     x = amplitude[:, None] * _QUADRATURE
-    force = np.asarray(oscillator.restoring.force(jnp.asarray(x), jnp.asarray(at["stiffness"])))
+    force = _at_positions(oscillator.restoring.force, x, at["stiffness"])
     effective = 2 * np.mean(force * _QUADRATURE, axis=1) / amplitude
     return np.clip(effective / at["stiffness"], 1e-3, 1e3)
+
+
+def _at_positions(function: Callable[[Any, Any], Any], x: np.ndarray, stiffness: float) -> np.ndarray:
+    """A restoring force or potential at positions of any number, padded so that JAX compiles for one shape."""
+    padded = np.zeros(2 ** max(15, (x.size - 1).bit_length()))
+    padded[: x.size] = x.ravel()
+    return np.asarray(function(jnp.asarray(padded), jnp.asarray(stiffness)))[: x.size].reshape(x.shape)
 
 
 def _losses(oscillator: Oscillator, decay: _Decay, free: Sequence[str], at: Mapping[str, float]) -> dict[str, float]:
     from scipy.optimize import nnls
 
     a = decay.mean
-    k = jnp.asarray(at["stiffness"])
-    ends = (oscillator.restoring.potential(jnp.asarray(x), k) for x in (decay.before, decay.after))
-    lost = np.subtract(*map(np.asarray, ends))
+    ends = (_at_positions(oscillator.restoring.potential, x, at["stiffness"]) for x in (decay.before, decay.after))
+    lost = np.subtract(*ends)
     terms = {
         "friction": 2 * a,
         "damping": np.pi / 2 * decay.omega * a**2,

@@ -108,6 +108,8 @@ def _start(data: Any, start: str | float, found: Segmentation, t: np.ndarray) ->
     if start == "release":
         logged = data.release if isinstance(data, Record) else None
         at = float(t[0]) if logged is None else float(logged)
+        if not at < t[-1]:
+            raise DataError(f"The logged release at {at:.6g} s lies behind the record, which ends at {t[-1]:.6g} s.")
         return "release", at, at
     if isinstance(start, str):
         raise UsageError(

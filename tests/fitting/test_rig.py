@@ -13,7 +13,7 @@ from tests.helpers import PROTOTYPE_MASS
 FREE = ("mu", "damping")
 INPUTS = {
     "mass": Measured(PROTOTYPE_MASS, 2e-3 * PROTOTYPE_MASS),
-    "frequency": Measured(FREQUENCY, 1e-5 * FREQUENCY),
+    "frequency": Measured(FREQUENCY, 1e-7 * FREQUENCY),
     "normal_force": Measured(9.66, 5e-3 * 9.66),
 }
 
@@ -31,8 +31,8 @@ def found():
 def test_half_a_percent_of_the_load_shows_in_mu(found):
     relative = found.combined_std_errors["mu"] / found.values["mu"]
     assert relative >= 5e-3
-    # mu = omega^2 x_d m/N: load, mass and twice the frequency in quadrature; the samples add nothing to that.
-    assert relative == pytest.approx(np.sqrt(5e-3**2 + 2e-3**2 + (2 * 1e-5) ** 2), rel=1e-3)
+    # mu = omega^2 x_d m/N: load and mass in quadrature; frequency and samples add nothing to that.
+    assert relative == pytest.approx(np.hypot(5e-3, 2e-3), rel=1e-3)
     assert found.std_errors["mu"] / found.values["mu"] < 1e-5
 
 
@@ -41,9 +41,9 @@ def test_the_damping_scales_with_the_mass(found):
     assert relative == pytest.approx(2e-3, rel=0.05)
 
 
-@pytest.mark.parametrize("share", [1e-3])
-def test_first_order_propagation_agrees_with_refits(found, share):
+def test_first_order_propagation_agrees_with_refits(found):
     """Each input moved by a part of its uncertainty, both ways: the optimum moves by as much as the covariance says."""
+    share = 0.3
     moved = []
     for name, value in INPUTS.items():
         ends = [fitted(**{**INPUTS, name: Measured(value.value + s * share * value.std, value.std)}) for s in (1, -1)]

@@ -92,8 +92,10 @@ def test_tanh_tends_to_its_sharp_law():
 
 def test_stribeck_without_a_static_coefficient_is_coulomb():
     v = jnp.asarray([-0.1, -1e-4, 0.0, 1e-4, 0.1])
-    forces = [law.force(v, jnp.zeros(0), LOAD_ARRAY) for law in (Stribeck(0.1, v_stribeck=1e-3), Coulomb(0.1))]
-    np.testing.assert_array_equal(*forces)
+    stribeck, coulomb = (
+        law.force(v, jnp.zeros(0), LOAD_ARRAY) for law in (Stribeck(0.1, v_stribeck=1e-3), Coulomb(0.1))
+    )
+    np.testing.assert_array_equal(stribeck, coulomb)
 
 
 @pytest.mark.parametrize("exponent", [0.5, 1.0, 2.0])

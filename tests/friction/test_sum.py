@@ -23,6 +23,7 @@ def test_forces_add():
 
 def test_sums_are_flat():
     law = (Coulomb(0.1) + Windage(0.5)) + (Coulomb(0.2) + Windage(0.1))
+    assert isinstance(law, Sum)
     assert [type(part) for part in law.laws] == [Coulomb, Windage, Coulomb, Windage]
 
 
@@ -39,7 +40,7 @@ def test_internal_states_keep_to_their_law():
 
 def test_a_jump_and_a_bristle_do_not_go_together():
     with pytest.raises(ValueError, match=r"Coulomb \+ LuGre adds a set-valued law to one with internal states"):
-        Coulomb(0.1) + LuGre(0.1)
+        _ = Coulomb(0.1) + LuGre(0.1)
 
 
 def test_the_sharp_sum_sharpens_each_part():

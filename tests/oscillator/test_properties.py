@@ -1,5 +1,7 @@
 """Symmetries and balances that hold for every machine."""
 
+from typing import Any
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -15,7 +17,7 @@ FINE = np.linspace(0, 0.4, 20_001)
 ENGINES = {"exact": Exact(32), "hybrid": Hybrid(max_half_cycles=32)}
 
 
-def run(name: str, p: jax.Array, x0, v0, ts: np.ndarray = TS):
+def run(name: str, p: Any, x0, v0, ts: np.ndarray = TS):
     """Mass, stiffness, damping, load, mu, mu_s/mu."""
     law = Coulomb(p[4], p[4] * p[5]) if name == "exact" else Stribeck(p[4], p[4] * p[5], 0.02)
     machine = Oscillator(p[0], p[1], p[2], p[3], law)
@@ -91,17 +93,17 @@ def test_energy_falls_steadily_and_rest_is_final(name, p, x0, v0):
 @pytest.mark.parametrize("name", ENGINES)
 @pytest.mark.parametrize("v0", [0.0, 0.1])
 def test_losses_balance_the_energy(name: str, v0: float):
-    p = np.array([0.41, 2574.0, 0.3, 9.66, 0.03, 1.2])
+    p: Any = np.array([0.41, 2574.0, 0.3, 9.66, 0.03, 1.2])
     motion = run(name, p, 2e-3, v0, FINE)
-    machine = Oscillator(*p[:4], Coulomb(p[4], p[4] * p[5]))
-    budget = energy(machine, motion)
+    machine = Oscillator(p[0], p[1], p[2], p[3], Coulomb(p[4], p[4] * p[5]))
+    budget: Any = energy(machine, motion)
     lost = np.concatenate([[0], np.cumsum(np.diff(FINE) * (budget.loss_power[1:] + budget.loss_power[:-1]) / 2)])
-    np.testing.assert_allclose(budget.total[0] - budget.total, lost, rtol=0, atol=3e-6 * budget.total[0])
+    np.testing.assert_allclose(budget.total[0] - budget.total, lost, rtol=0, atol=3e-6 * float(budget.total[0]))
     assert budget.total[0] == pytest.approx(p[0] * v0**2 / 2 + p[1] * 2e-3**2 / 2)
 
 
 def test_coulomb_friction_takes_its_force_times_the_path():
-    p = np.array([0.41, 2574.0, 0.3, 9.66, 0.03, 1.2])
+    p: Any = np.array([0.41, 2574.0, 0.3, 9.66, 0.03, 1.2])
     motion = run("exact", p, 2e-3, 0.0, FINE)
     path = float(np.abs(np.diff(motion.turning_points[: int(motion.n_half_cycles) + 1])).sum())
     viscous = float(np.sum(np.diff(FINE) * p[2] * (motion.v[1:] ** 2 + motion.v[:-1] ** 2) / 2))
@@ -110,9 +112,9 @@ def test_coulomb_friction_takes_its_force_times_the_path():
 
 
 def test_powers_are_what_they_are_called():
-    p = np.array([0.41, 2574.0, 0.3, 9.66, 0.03, 1.2])
+    p: Any = np.array([0.41, 2574.0, 0.3, 9.66, 0.03, 1.2])
     motion = run("exact", p, 2e-3, 0.0)
-    budget = energy(Oscillator(*p[:4], Coulomb(p[4]), drag=0.7), motion)
+    budget = energy(Oscillator(p[0], p[1], p[2], p[3], Coulomb(p[4]), drag=0.7), motion)
     np.testing.assert_allclose(budget.damping_power, 0.3 * motion.v**2)
     np.testing.assert_allclose(budget.drag_power, 0.7 * np.abs(motion.v) ** 3)
     sliding = np.asarray(motion.v != 0)

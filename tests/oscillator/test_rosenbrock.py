@@ -1,5 +1,7 @@
 """The Rosenbrock solver on problems with known solutions."""
 
+from typing import Any
+
 import diffrax
 import jax
 import jax.numpy as jnp
@@ -20,7 +22,7 @@ def nonlinear(t, y, _):
     return (2 * t * y[0] * jnp.log(y[1]), -2 * t * y[1] * jnp.log(y[0]))
 
 
-def run(field, y0, args, end: float, steps: int, saveat: diffrax.SaveAt):
+def run(field, y0, args, end: float, steps: int, saveat: diffrax.SaveAt) -> Any:
     return diffrax.diffeqsolve(
         diffrax.ODETerm(field), Rodas5P(), 0.0, end, end / steps, y0, args,
         saveat=saveat, stepsize_controller=diffrax.ConstantStepSize(), adjoint=diffrax.ForwardMode(), max_steps=4096,
@@ -69,7 +71,7 @@ def test_a_step_damps_what_is_infinitely_stiff():
 
 
 def test_error_estimate_chooses_the_steps():
-    def solve(tolerance: float):
+    def solve(tolerance: float) -> Any:
         return diffrax.diffeqsolve(
             diffrax.ODETerm(nonlinear), Rodas5P(), 0.0, 2.0, None, (jnp.ones(()), jnp.exp(jnp.ones(()))),
             stepsize_controller=diffrax.PIDController(rtol=tolerance, atol=tolerance), adjoint=diffrax.ForwardMode(),
@@ -86,6 +88,6 @@ def test_the_loop_calls_no_library():
     def run_for(x0):
         return simulate(machine, x0, np.linspace(0, 0.1, 11)).x
 
-    text = jax.jit(run_for).lower(jnp.asarray(2e-3)).compile().as_text().lower()
+    text = jax.jit(run_for).lower(jnp.asarray(2e-3)).compile().as_text() or ""
     assert "while" in text
-    assert "lapack" not in text
+    assert "lapack" not in text.lower()

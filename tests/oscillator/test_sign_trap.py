@@ -33,7 +33,7 @@ def naive(omega: jax.Array, times: np.ndarray) -> jax.Array:
     return x[np.round(times / STEP).astype(int) - 1]
 
 
-def ours(omega: jax.Array, times: np.ndarray, engine: str) -> jax.Array:
+def ours(omega: jax.Array | float, times: np.ndarray, engine: str) -> jax.Array:
     return simulate(Oscillator(1.0, omega**2, 0.0, FORCE, Coulomb(1.0)), X0, times, engine=engine).x
 
 

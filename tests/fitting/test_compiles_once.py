@@ -1,0 +1,84 @@
+"""A second fit of the same shape compiles nothing, whatever the engine."""
+
+import contextlib
+from collections.abc import Iterator
+
+import jax
+import numpy as np
+import pytest
+
+from fricjax import Oscillator, Trace, fit
+from fricjax.friction import Coulomb
+from tests.fitting.runs import MACHINE, RIGS, STIFFNESS, coulomb_run, noisy, oscillator
+from tests.helpers import PROTOTYPE_DAMPING, PROTOTYPE_MASS
+
+_COMPILED: list[str] = []
+
+
+def _note(event: str, seconds: float, **details: object) -> None:
+    if event == "/jax/core/compile/backend_compile_duration":
+        _COMPILED.append(str(details.get("fun_name", event)))
+
+
+jax.monitoring.register_event_duration_secs_listener(_note)
+
+
+@contextlib.contextmanager
+def compilations() -> Iterator[list[str]]:
+    """The list of what XLA compiles inside of the block."""
+    _COMPILED.clear()
+    seen: list[str] = []
+    yield seen
+    seen += _COMPILED
+
+
+def test_compilations_are_counted():
+    with compilations() as first:
+        jax.jit(lambda x: x * 3.25 + 1)(np.ones(7)).block_until_ready()
+    assert first
+
+
+def machine(friction, **changed):
+    values = {"mass": PROTOTYPE_MASS, "stiffness": STIFFNESS, "damping": PROTOTYPE_DAMPING, "normal_force": 9.66}
+    return Oscillator(*{**values, **changed}.values(), friction)
+
+
+def test_exact():
+    fit(coulomb_run(), machine(Coulomb(0.05)), MACHINE)
+    fit(coulomb_run(mu=0.005), machine(Coulomb(0.05)), MACHINE)
+    with compilations() as seen:
+        other = machine(Coulomb(0.2), damping=0.3, mass=0.5)
+        found = fit(coulomb_run(1.7e-3, seed=4), other, MACHINE, bounds={"mu": (0.0, 1.0)}, priors={"mu": (0.05, 1.0)})
+        in_motion = fit(coulomb_run(mu=0.006, seed=2), machine(Coulomb(0.01)), MACHINE)
+    assert found.converged and in_motion.converged
+    assert not seen
+
+
+def test_hybrid():
+    two = machine(Coulomb(0.02) + Coulomb(0.03))
+    free, tie = ("friction.0.mu", "damping", "stiffness"), {"friction.1.mu": ("friction.0.mu", 0.5)}
+    fit(coulomb_run(), two, free, tie=tie)
+    with compilations() as seen:
+        fit(coulomb_run(1.8e-3, seed=9), machine(Coulomb(0.3) + Coulomb(0.01)), free, tie=tie)
+    assert not seen
+
+
+@pytest.mark.parametrize("law", ["Tanh"])
+def test_smooth(law):
+    machine = oscillator(RIGS["sliding"], law)
+    fit(noisy("sliding", law, 0), machine, MACHINE)
+    with compilations() as seen:
+        fit(noisy("sliding", law, 77), machine, MACHINE)
+        trace = noisy("sliding", law, 78)
+        fit(Trace(trace.t, np.asarray(trace.x) * 0.999, sigma=1.1e-9), machine, MACHINE, throw=False)
+    assert not seen
+
+
+def test_predict_and_report():
+    first = fit(coulomb_run(), machine(Coulomb(0.05)), MACHINE)
+    first.predict(np.arange(2000) / 5e3)
+    second = fit(coulomb_run(seed=3), machine(Coulomb(0.05)), MACHINE)
+    with compilations() as seen:
+        second.predict(np.arange(2000) / 5e3 + 1e-5)
+        second.summary()
+    assert not seen

@@ -1,0 +1,147 @@
+"""Fits on disk, as plain data, and as reports that one reads."""
+
+import json
+
+import numpy as np
+import pytest
+
+from fricjax import Fit, Oscillator, Trace, fit, load_fit
+from fricjax.data import DataError
+from fricjax.friction import Coulomb
+from tests.fitting.runs import MACHINE, coulomb_run
+from tests.helpers import PROTOTYPE_DAMPING, PROTOTYPE_MASS
+
+LOAD = 9.66
+
+
+@pytest.fixture(scope="module")
+def run() -> Trace:
+    return coulomb_run()
+
+
+@pytest.fixture(scope="module")
+def found(run) -> Fit:
+    machine = Oscillator(PROTOTYPE_MASS, 2574.0, PROTOTYPE_DAMPING, LOAD, Coulomb(0.05))
+    return fit(run, machine, MACHINE, bounds={"damping": (0.3, None)}, sigma_mode="scale")
+
+
+@pytest.fixture(scope="module")
+def saved(found, tmp_path_factory):
+    return found.save(tmp_path_factory.mktemp("fits") / "fit.json")
+
+
+def strict(path):
+    def refuse(constant):
+        raise AssertionError(f"{constant} is no JSON")
+
+    return json.loads(path.read_text(encoding="utf-8"), parse_constant=refuse)
+
+
+def test_the_file_is_strict_json_with_a_schema(saved, found):
+    content = strict(saved)
+    assert content["schema"] == "fricjax.fit/1"
+    assert content["values"]["mu"] == found.values["mu"]
+    assert content["std_errors"]["damping"] == "inf"
+    assert not list(saved.parent.glob(".*"))
+
+
+def test_a_fit_comes_back_as_it_was(saved, found, run):
+    back = load_fit(saved)
+    for name in ("names", "values", "std_errors", "combined_std_errors", "intervals", "units", "flags", "status"):
+        assert getattr(back, name) == getattr(found, name), name
+    for name in ("converged", "warnings", "chi2", "dof", "sigma", "sigma_mode", "whiteness", "margins", "half_cycles"):
+        assert getattr(back, name) == getattr(found, name), name
+    for name in ("iterations", "passes", "engine", "aicc", "bic", "quantity", "origins", "kinematics", "engine_used"):
+        assert getattr(back, name) == getattr(found, name), name
+    assert np.array_equal(back.covariance, found.covariance)
+    assert np.array_equal(back.combined_covariance, found.combined_covariance)
+    assert np.array_equal(back.residuals, found.residuals, equal_nan=True)
+    assert np.array_equal(back.times[0], found.times[0])
+    assert back.chi2_reduced == found.chi2_reduced
+    assert back.summary() == found.summary()
+
+
+def test_a_loaded_fit_predicts(saved, found, run):
+    ts = np.asarray(run.t)[250:1500:7] + 3e-5
+    assert np.array_equal(load_fit(saved).predict(ts), found.predict(ts))
+
+
+def test_plain_data_without_the_samples(found):
+    content = found.to_dict()
+    text = json.dumps(content, allow_nan=False)
+    assert len(text) < 10_000 and "residuals" not in content and "residual_rms" in content
+    assert content["chi2_reduced"] == found.chi2_reduced
+    assert content["kinematics"]["natural_frequency"]["unit"] == "Hz"
+    assert content["oscillator"]["friction"]["type"] == "Coulomb"
+
+
+@pytest.mark.parametrize(
+    ("content", "sentence"),
+    [
+        ("no json", r"fit\.json is not a JSON file: .* Write fits with fit\.save\(\)\."),
+        ("[1, 2]", r"fit\.json holds no fit of schema fricjax\.fit/1 but 'list'\. Write it again with fit\.save\(\)\."),
+        ('{"schema": "fricjax.fit/9"}', r"holds no fit of schema fricjax\.fit/1 but 'fricjax\.fit/9'"),
+        (
+            '{"schema": "fricjax.fit/1"}',
+            r"fit\.json lacks names, values, .*: only files written by fit",
+        ),
+    ],
+)
+def test_other_files_are_refused(tmp_path, content, sentence):
+    path = tmp_path / "fit.json"
+    path.write_text(content)
+    with pytest.raises(DataError, match=sentence):
+        load_fit(path)
+
+
+def test_a_missing_file(tmp_path):
+    with pytest.raises(DataError, match=r"There is no file .*absent\.json\. Check the path\."):
+        load_fit(tmp_path / "absent.json")
+
+
+def test_a_save_that_fails_leaves_nothing(found, tmp_path):
+    with pytest.raises(OSError):
+        found.save(tmp_path / "no such folder" / "fit.json")
+    (tmp_path / "taken").mkdir()
+    with pytest.raises(OSError):
+        found.save(tmp_path / "taken")
+    assert [path.name for path in tmp_path.iterdir()] == ["taken"]
+
+
+def test_the_summary_says_what_a_reader_needs(found):
+    text = found.summary()
+    for line in (
+        "Parameter",
+        "natural frequency",
+        "at bound",
+        "status:      converged with damping at a bound",
+        "Coulomb friction, linear restoring force, exact engine",
+        "4 to the stop; margin to one more",
+        "mu_s:        between [",
+        "mode scale",
+    ):
+        assert line in text, line
+    assert repr(found).startswith("Fit(mu=0.0")
+
+
+def test_the_html_report_holds_the_same(found):
+    page = found._repr_html_()
+    assert page.count("<table") == 3
+    for part in ("stiffness", "at bound", "converged with damping at a bound", "dead band"):
+        assert part in page, part
+
+
+def test_the_plot_shows_trace_model_and_residuals(found, run):
+    drawing = found.plot()
+    top, bottom = drawing.axes
+    labels = [line.get_label() for line in top.get_lines()]
+    assert {"measured", "model"} <= set(labels)
+    assert "mm" in top.get_ylabel() and "Residual" in bottom.get_ylabel() and "Time" in bottom.get_xlabel()
+    model = top.get_lines()[labels.index("model")]
+    drawn = np.isfinite(model.get_ydata())
+    assert np.array_equal(drawn, np.isfinite(found.residuals))
+    expected = 1e3 * found.predict(np.asarray(model.get_xdata())[drawn])
+    assert np.asarray(model.get_ydata())[drawn] == pytest.approx(expected, abs=1e-9)
+    curves = [np.asarray(line.get_ydata()) for line in bottom.get_lines()]
+    shown = next(curve for curve in curves if curve.size == found.residuals.size)
+    assert np.corrcoef(shown[drawn], found.residuals[drawn])[0, 1] == pytest.approx(1)
