@@ -56,13 +56,16 @@ def concrete(value: Any) -> float | None:
     return None if isinstance(value, Tracer) or np.ndim(value) else float(value)
 
 
-def half_cycle_capacity(oscillator: Oscillator, duration: float | None) -> int:
+def half_cycle_capacity(oscillator: Oscillator, duration: float | None, reach: Any) -> int:
     """How many half-cycles to provide for in a duration [s]: a power of two, so that few shapes are compiled.
 
-    Where the duration or the oscillator is traced or batched the answer is 512.
+    `reach` is the starting displacement [m], where a stiffening spring is at its fastest. Where the duration or the
+    oscillator is traced or batched the answer is 512.
     """
+    pull, start = concrete(oscillator.restoring_force(reach)), concrete(reach)
     mass, stiffness = concrete(oscillator.mass), concrete(oscillator.stiffness)
-    if mass is None or stiffness is None or duration is None:
+    if None in (mass, stiffness, pull, start, duration):
         return 512
-    strokes = 1.2 * duration * math.sqrt(stiffness / mass) / math.pi + 4
+    secant = max(stiffness, pull / start if start else 0.0)  # pyright: ignore[reportOptionalOperand, reportArgumentType]
+    strokes = 1.2 * duration * math.sqrt(secant / mass) / math.pi + 4  # pyright: ignore[reportOptionalOperand]
     return max(16, 2 ** math.ceil(math.log2(strokes)))

@@ -72,13 +72,18 @@ def simulate(
     # Inside a jit even constants become tracers when indexed, so the duration is read off by numpy.
     known = ts if isinstance(ts, np.ndarray) else times
     duration = None if isinstance(known, Tracer) else float(np.asarray(known)[-1])
-    capacity = half_cycle_capacity(oscillator, duration)
+    capacity = half_cycle_capacity(oscillator, duration, _reach(oscillator, x0, v0))
     name = "smooth" if driven and engine == "auto" else engine
     chosen = select_engine(name, oscillator, accuracy=accuracy, max_half_cycles=capacity)
     if driven and not isinstance(chosen, Smooth):
         raise ValueError("Floor motion and a decaying holding force need the smooth engine.")
     start = starting_state(oscillator, x0, v0, state0)
     return _solve(chosen, oscillator, start, times, drive if driven else None)
+
+
+def _reach(oscillator: Oscillator, x0: ArrayLike, v0: ArrayLike) -> Array:
+    """Bound on the displacement of a motion from its start."""
+    return jnp.abs(jnp.asarray(x0)) + jnp.abs(jnp.asarray(v0)) / oscillator.angular_frequency
 
 
 def starting_state(oscillator: Oscillator, x0: ArrayLike, v0: ArrayLike, state0: ArrayLike | None = None) -> Start:

@@ -93,8 +93,9 @@ def turning_point(rig: str, law: str, near: float) -> tuple[float, float]:
         nearest = int(np.argmin(np.abs(decay.stops - near)))
         return float(decay.stops[nearest]), float(decay.points[nearest])
     width = 1e-3
-    instant = brentq(lambda at: _state(rig, law, at)[1], near - width, near + width, xtol=1e-14)
-    return float(instant), _state(rig, law, float(instant))[0]
+    speed = lambda at: _state(rig, law, at)[1]
+    instant: float = brentq(speed, near - width, near + width, xtol=1e-14)  # type: ignore[assignment]
+    return instant, _state(rig, law, instant)[0]
 
 
 def _state(rig: str, law: str, at: float) -> tuple[float, float]:

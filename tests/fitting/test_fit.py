@@ -109,7 +109,7 @@ class TestResult:
         assert plain.combined_std_errors == plain.std_errors
 
     def test_the_oscillator_is_the_fitted_one(self, plain):
-        assert float(plain.oscillator.friction.mu) == plain.values["mu"]
+        assert float(plain.oscillator.friction.mu) == plain.values["mu"]  # type: ignore[attr-defined]
         assert float(plain.oscillator.stiffness) == plain.values["stiffness"]
 
     def test_the_margins_to_another_number_of_half_cycles(self, plain):
@@ -267,7 +267,7 @@ class TestSums:
         assert tied.names[0] == "friction.0.mu" and tied.engine == "hybrid"
         assert tied.values["friction.0.mu"] == pytest.approx(plain.values["mu"] / 1.5, rel=1e-7)
         assert tied.std_errors["friction.0.mu"] == pytest.approx(plain.std_errors["mu"] / 1.5, rel=1e-4)
-        first, second = tied.oscillator.friction.laws
+        first, second = tied.oscillator.friction.laws  # type: ignore[attr-defined]
         assert float(second.mu) == pytest.approx(0.5 * float(first.mu))
         assert tied.chi2 == pytest.approx(plain.chi2, abs=0.1)
 
@@ -335,7 +335,7 @@ class TestHalfCycles:
             low, high = found.intervals["mu_s"]
             assert low <= mu_s <= high
             assert found.values["mu_s"] == pytest.approx((low + high) / 2)
-            assert float(found.oscillator.friction.mu_s) == found.values["mu_s"]
+            assert float(found.oscillator.friction.mu_s) == found.values["mu_s"]  # type: ignore[attr-defined]
             assert found.flags["mu_s"] == ("bracketed, not fitted",) and "mu_s" not in found.std_errors
             narrow.append((low, high))
         lows, highs = zip(*narrow, strict=True)

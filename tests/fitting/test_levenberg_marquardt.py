@@ -41,11 +41,11 @@ def powell(p, args=None):
     )
 
 
-def solve(fn, start, *, lower=-np.inf, upper=np.inf, floor=0.0, max_steps=200):
+def solve(fn, start, *, lower: object = -np.inf, upper: object = np.inf, floor=0.0, max_steps=200):
     start = jnp.asarray(start, float)
     options = {
-        "lower": jnp.full(start.shape, lower) * 1.0 if np.ndim(lower) == 0 else jnp.asarray(lower, float),
-        "upper": jnp.full(start.shape, upper) * 1.0 if np.ndim(upper) == 0 else jnp.asarray(upper, float),
+        "lower": jnp.broadcast_to(jnp.asarray(lower, float), start.shape),
+        "upper": jnp.broadcast_to(jnp.asarray(upper, float), start.shape),
         "dof": jnp.asarray(float(max(fn(start).size - start.size, 1))),
         "floor": jnp.asarray(floor),
     }

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from fricjax import Fit, fit
+from fricjax import Fit, Oscillator, fit
+from fricjax.friction import Coulomb
 from tests.fitting.runs import LAWS, MACHINE, RIGS, noisy, oscillator, truth
 
 SEEDS = 20
@@ -52,9 +53,9 @@ def test_the_fit_is_valid_and_describes_the_noise(workload):
 
 def test_standard_errors_are_calibrated(workload):
     """The scatter of the estimates, whitened by the covariance, is chi^2 distributed."""
-    total = 0.0
-    for found in fits(*workload):
-        true = truth(*workload, found)
+    (rig, law), total = workload, 0.0
+    for found in fits(rig, law):
+        true = truth(rig, law, found)
         error = np.array([found.values[name] - true[name] for name in found.names])
         total += error @ np.linalg.solve(found.covariance, error)
     dof = SEEDS * len(fits(*workload)[0].names)
@@ -81,7 +82,7 @@ def test_it_fits_from_wrong_start_values_all_the_same():
     """The machine's coefficients are start values that the decay itself replaces."""
     reference = fits("sliding", "Coulomb")[0]
     machine = oscillator(RIGS["sliding"], "Coulomb")
-    start = type(machine)(machine.mass, 0.5 * machine.stiffness, 3 * machine.damping, 9.66, type(machine.friction)(0.3))
+    start = Oscillator(machine.mass, 0.5 * machine.stiffness, 3 * machine.damping, 9.66, Coulomb(0.3))
     found = fit(noisy("sliding", "Coulomb", 0), start, MACHINE)
     assert found.values["mu"] == pytest.approx(reference.values["mu"], abs=1e-2 * reference.std_errors["mu"])
     assert found.chi2 == pytest.approx(reference.chi2, abs=1e-3)

@@ -1,5 +1,7 @@
 """The rig's uncertain inputs in the combined standard errors, against fits with a changed input."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -11,7 +13,7 @@ from tests.fitting.runs import FREQUENCY, coulomb_run
 from tests.helpers import PROTOTYPE_MASS
 
 FREE = ("mu", "damping")
-INPUTS = {
+INPUTS: dict[str, Any] = {
     "mass": Measured(PROTOTYPE_MASS, 2e-3 * PROTOTYPE_MASS),
     "frequency": Measured(FREQUENCY, 1e-7 * FREQUENCY),
     "normal_force": Measured(9.66, 5e-3 * 9.66),

@@ -23,6 +23,7 @@ from ..release import AbstractRelease
 from ..results import RESULTS
 from ..rosenbrock import Rodas5P
 from .base import AbstractEngine
+from .landing import Landing
 from .turning import turning_points
 
 
@@ -143,7 +144,7 @@ class Smooth(AbstractEngine):
         adaptive = diffrax.PIDController(rtol=tolerance, atol=tolerance)
         return diffrax.diffeqsolve(
             diffrax.ODETerm(_field),
-            Rodas5P(),
+            Landing(Rodas5P()) if len(y0) > 2 else Rodas5P(),
             jnp.zeros(()),
             end,
             None,
