@@ -150,7 +150,7 @@ def _without_sigma(record: Record | Trace) -> Record | Trace:
 
 
 def _report(problem: Problem, solved: Solved, sigma_mode: str) -> Fit:
-    dof = max(problem.n_used - len(problem.parameters), 1)
+    dof = max(problem.n_used + problem.n_priors - len(problem.parameters), 1)
     variance = 1.0 if sigma_mode == "absolute" else solved.chi2 / dof
     found = covariance(problem, solved, variance)
     white = _whiteness(problem, solved)

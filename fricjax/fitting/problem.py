@@ -53,6 +53,11 @@ class Problem:
         """Number of fitted samples."""
         return int(sum(window.used.sum() for window in self.windows))
 
+    @property
+    def n_priors(self) -> int:
+        """Number of priors, each as good as one more sample."""
+        return int(np.sum(np.asarray(self.residual.prior_weight) > 0))
+
 
 @dataclasses.dataclass(frozen=True)
 class Request:

@@ -25,7 +25,7 @@ def parameter_table(fit: "Fit") -> Table:
 
 
 def _small(std: float) -> str:
-    return f"{std:.2g}" if np.isfinite(std) else "undetermined"
+    return f"{std:.2g}" if np.isfinite(std) else ""
 
 
 def kinematics_table(fit: "Fit") -> Table:
@@ -42,9 +42,10 @@ def kinematics_table(fit: "Fit") -> Table:
 
 
 def _value(fit: "Fit", value: float, std: float, unit: str) -> str:
-    """A value with its uncertainty; where it has none because of a bound, that is said."""
-    bounded = any("at bound" in flags for flags in fit.flags.values())
+    """A value with its uncertainty; where it has none because of a bound alone, that is said."""
+    raised = {flag for flags in fit.flags.values() for flag in flags}
     text = uncertain(value, std, unit)
+    bounded = "at bound" in raised and "undetermined" not in raised
     return text.replace("(undetermined)", "(at bound)") if bounded else text
 
 

@@ -62,10 +62,10 @@ def half_cycle_capacity(oscillator: Oscillator, duration: float | None, reach: A
     `reach` is the starting displacement [m], where a stiffening spring is at its fastest. Where the duration or the
     oscillator is traced or batched the answer is 512.
     """
-    pull, start = concrete(oscillator.restoring_force(reach)), concrete(reach)
-    mass, stiffness = concrete(oscillator.mass), concrete(oscillator.stiffness)
-    if None in (mass, stiffness, pull, start, duration):
+    known = [concrete(v) for v in (oscillator.mass, oscillator.stiffness, oscillator.restoring_force(reach), reach)]
+    if duration is None or any(value is None for value in known):
         return 512
-    secant = max(stiffness, pull / start if start else 0.0)  # pyright: ignore[reportOptionalOperand, reportArgumentType]
-    strokes = 1.2 * duration * math.sqrt(secant / mass) / math.pi + 4  # pyright: ignore[reportOptionalOperand]
+    mass, stiffness, pull, start = (float(value or 0.0) for value in known)
+    secant = max(stiffness, pull / start if start else 0.0)
+    strokes = 1.2 * duration * math.sqrt(secant / mass) / math.pi + 4
     return max(16, 2 ** math.ceil(math.log2(strokes)))

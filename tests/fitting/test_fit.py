@@ -53,8 +53,8 @@ class TestStart:
         assert_true(found, {**TRUE, "x0": X0, "offset": 1e-4})
         assert np.isnan(found.residuals[: round(0.05 * 5e3)]).all()
 
-    @pytest.mark.parametrize("seconds", [0.05, 0.075, 0.0801])
-    def test_seconds_start_in_mid_stroke_also_next_to_a_reversal(self, run, seconds):
+    @pytest.mark.parametrize("seconds", [0.05, 0.0595, 0.075, 0.0801])
+    def test_seconds_start_in_mid_stroke_also_next_to_the_middle_and_to_a_reversal(self, run, seconds):
         found = fit(run, machine(), MACHINE, start=seconds)
         assert found.names == (*MACHINE, "x0", "v0", "offset")
         assert_true(found)
