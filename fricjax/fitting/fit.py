@@ -54,7 +54,8 @@ def fit(
         free: names of the coefficients to fit: "mu", "damping", "stiffness", "sigma0" ...; where two leaves share a
             name the dotted path, "friction.0.mu". The static coefficient of a Coulomb law is bracketed, not fitted.
         nuisance: names of each run's own parameters (x0, v0, offset, drift, t_release); None for those that belong
-            to `start`.
+            to `start`. An offset or a drift that is not among them is zero, the others keep their start values.
+            Offset and drift are those at the first fitted sample; release times are those of the record.
         engine: "auto", "exact", "hybrid", "smooth" or an engine.
         start: "first_reversal" skips the transient of the release and fits time (`t_release`), position (`x0`) and
             offset of the first turning point; for laws with internal states it fits x0, v0 and offset in the middle

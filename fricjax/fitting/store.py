@@ -116,7 +116,12 @@ def _object(value: Any) -> Any:
         kind = value.get("type")
         if kind in _TUPLES:
             return _TUPLES[kind](**fields)
-        return _module(_MODULES[kind], fields) if kind in _MODULES else fields
+        if kind is not None and kind not in _MODULES:
+            raise DataError(
+                f"The fit holds a {kind}, which fricjax does not know: laws of your own cannot be loaded. Read the "
+                "file as plain JSON."
+            )
+        return fields if kind is None else _module(_MODULES[kind], fields)
     return [_object(v) for v in value] if isinstance(value, list) else _scalar(value)
 
 

@@ -94,6 +94,13 @@ def test_other_files_are_refused(tmp_path, content, sentence):
         load_fit(path)
 
 
+def test_a_law_of_the_users_own_cannot_be_loaded(saved, tmp_path):
+    path = tmp_path / "fit.json"
+    path.write_text(saved.read_text().replace('"type": "Coulomb"', '"type": "Mine"'))
+    with pytest.raises(DataError, match=r"The fit holds a Mine, which fricjax does not know"):
+        load_fit(path)
+
+
 def test_a_missing_file(tmp_path):
     with pytest.raises(DataError, match=r"There is no file .*absent\.json\. Check the path\."):
         load_fit(tmp_path / "absent.json")
