@@ -10,6 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from ..data.errors import UsageError
 from ..oscillator import Smooth, starting_state
 from .residual import Residual
 
@@ -22,10 +23,18 @@ def with_mesh(residual: Residual, y: Float[Array, " coordinates"]) -> Residual:
     """The residual with its engine on a mesh made for coordinates `y`; unchanged for engines that need none.
 
     Runs of a joint fit share one mesh, the union of what each of them needs.
+
+    Raises:
+        UsageError: more steps than the list of them can hold.
     """
     if not isinstance(residual.engine, Smooth):
         return residual
     meshes = [np.asarray(_steps(residual, y, run)) for run in range(len(residual.runs))]
+    if any(np.all(np.isfinite(mesh)) for mesh in meshes):
+        raise UsageError(
+            f"The motion needs more than {CAPACITY} steps of the smooth engine. Check the law's coefficients, or crop "
+            "the record to its moving part."
+        )
     merged = np.unique(np.concatenate([mesh[np.isfinite(mesh)] for mesh in meshes]))
     mesh = jnp.asarray(_padded(_graded(merged)))
     return eqx.tree_at(lambda r: r.engine.mesh, residual, mesh, is_leaf=lambda x: x is None)

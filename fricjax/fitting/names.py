@@ -6,6 +6,7 @@ from typing import NamedTuple
 import jax
 
 from ..data.errors import UsageError, nearest
+from ..friction import AbstractFriction, Coulomb, Sum
 from ..oscillator import Oscillator
 
 NUISANCES = {"x0": "m", "v0": "m/s", "offset": "m", "drift": "m/s", "t_release": "s"}
@@ -58,7 +59,15 @@ def find_leaf(name: str, leaves: Sequence[Leaf]) -> Leaf:
     if twins:
         raise UsageError(f"{name!r} is ambiguous here: say which one, {' or '.join(twins)}.")
     known = [leaf.name for leaf in leaves]
+    if name == "mu_s" and "mu" in known:
+        raise UsageError("This law has no mu_s of its own: it is tied to mu. Give the law one, such as mu_s=0.1.")
     raise UsageError(f"This oscillator has no coefficient {name!r}.{nearest(name, known)} It has {', '.join(known)}.")
+
+
+def sole_coulomb(law: AbstractFriction) -> Coulomb | None:
+    """The Coulomb law that alone holds the mass at rest, if it does: its static coefficient can be bracketed."""
+    holding = [part for part in (law.laws if isinstance(law, Sum) else (law,)) if part.set_valued]
+    return holding[0] if len(holding) == 1 and isinstance(holding[0], Coulomb) else None
 
 
 def check_identifiable(free: Iterable[str], leaves: Sequence[Leaf]) -> None:

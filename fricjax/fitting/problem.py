@@ -12,12 +12,11 @@ from jaxtyping import Array, Float
 
 from ..data import Record, Trace
 from ..data.errors import DataError, UsageError
-from ..friction import Coulomb
 from ..oscillator import Oscillator, Smooth
 from ..oscillator.engines import AbstractEngine
 from ..oscillator.select import select_engine
 from .guess import guess_machine
-from .names import NUISANCES, Leaf, check_identifiable, check_names, find_leaf, leaves_of
+from .names import NUISANCES, Leaf, check_identifiable, check_names, find_leaf, leaves_of, sole_coulomb
 from .residual import Residual, Run
 from .space import NOT_NEGATIVE, Parameter, ParameterSpace, Tie
 from .window import NEVER, Window, open_window
@@ -116,7 +115,8 @@ def _shared(request: Request, leaves: Sequence[Leaf]) -> tuple[list[Leaf], str |
     if len(set(found)) < len(found):
         raise UsageError(f"A parameter is named twice in free={list(request.free)}.")
     check_identifiable([leaf.name for leaf in found], leaves)
-    static = [leaf for leaf in found if leaf.name == "mu_s" and isinstance(request.oscillator.friction, Coulomb)]
+    bracketable = sole_coulomb(request.oscillator.friction) is not None
+    static = [leaf for leaf in found if bracketable and leaf.dotted.endswith("mu_s")]
     kept = [leaf for leaf in found if leaf not in static]
     if not kept:
         raise UsageError("mu_s of a Coulomb law is bracketed from stops, not fitted. Free mu as well.")
@@ -220,11 +220,11 @@ def _residual(
     mean, weight = _priors(request.priors, [parameter.name for parameter in parameters], windows)
     oscillator = jax.tree.map(lambda leaf: jnp.asarray(leaf, float), request.oscillator)
     runs = tuple(_run(window, _stops(request)) for window in windows)
-    inputs = _inputs(request.rig, oscillator)
+    inputs = _inputs(request.rig, oscillator, {*space.leaves, *(tie.leaf for tie in space.ties)})
     return Residual(oscillator, space, engine, runs, jnp.asarray(mean), jnp.asarray(weight), inputs)
 
 
-def _inputs(rig: Any, oscillator: Oscillator) -> Float[Array, "inputs leaves"]:
+def _inputs(rig: Any, oscillator: Oscillator, free: set[int]) -> Float[Array, "inputs leaves"]:
     """Change of each leaf of the machine for one standard uncertainty of each uncertain input of the rig."""
     changes = [jnp.zeros((0, len(jax.tree.leaves(oscillator))))]
     if rig is None:
@@ -235,13 +235,24 @@ def _inputs(rig: Any, oscillator: Oscillator) -> Float[Array, "inputs leaves"]:
             return rig.with_inputs({name: b}).oscillator(oscillator.friction)
 
         at, by = jnp.asarray(float(measured.value)), jnp.asarray(float(measured.std))
-        change = jax.jvp(machine, (at,), (by,))[1]
+        made, change = jax.jvp(machine, (at,), (by,))
         if jax.tree.structure(change) != jax.tree.structure(oscillator):
             raise UsageError(
                 "The rig describes another machine than the oscillator. Build it with rig.oscillator(friction)."
             )
         changes.append(jnp.stack(jax.tree.leaves(change))[None])
+        _check_same(name, made, oscillator, free)
     return jnp.concatenate(changes)
+
+
+def _check_same(name: str, made: Oscillator, oscillator: Oscillator, free: set[int]) -> None:
+    """Refuse a rig whose numbers are not those of the oscillator, where these are not fitted."""
+    for leaf, ours, theirs in zip(leaves_of(oscillator), *map(jax.tree.leaves, (oscillator, made)), strict=True):
+        if leaf.index not in free and not np.isclose(float(ours), float(theirs), rtol=1e-9, atol=0):
+            raise UsageError(
+                f"The rig gives {leaf.name} = {float(theirs):.9g}, but the oscillator has {float(ours):.9g}. Build it "
+                "with rig.oscillator(friction)."
+            )
 
 
 def _engine(request: Request, windows: Sequence[Window]) -> AbstractEngine:

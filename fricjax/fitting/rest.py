@@ -13,8 +13,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from ..friction import Coulomb
 from ..oscillator import Oscillator
+from .names import sole_coulomb
 from .problem import Problem
 from .residual import Residual
 from .solve import Solved, solve
@@ -28,8 +28,8 @@ class Margin(NamedTuple):
     """Distance of the turning points to another number of half-cycles [m]; negative where the law counts otherwise.
 
     Attributes:
-        one_more: static band minus the final displacement.
-        one_less: last amplitude before the stop minus the static band.
+        one_more: what the spring lacks at the stop to overcome static friction, over the stiffness.
+        one_less: its excess at the turning point before, over the stiffness.
     """
 
     one_more: float
@@ -55,18 +55,19 @@ def solve_with_rest(problem: Problem) -> tuple[Problem, Solved]:
     """
     solved = solve(problem)
     tried, counts = set(), _counts(problem)
-    passes, stages = solved.passes, solved.stages
+    spent = [solved]
     while candidates := _candidates(problem, solved) - tried - {counts}:
         tried |= {counts, *candidates}
         rivals = [_with_counts(problem, candidate) for candidate in sorted(candidates)]
         results = [solve(rival, solved.y) for rival in rivals]
-        passes, stages = passes + sum(r.passes for r in results), stages + sum(r.stages for r in results)
+        spent += results
         better = [i for i, r in enumerate(results) if r.converged and r.chi2 < solved.chi2]
         if not better:
             break
         best = min(better, key=lambda i: results[i].chi2)
         problem, solved, counts = rivals[best], results[best], _counts(rivals[best])
-    return problem, solved._replace(passes=passes, stages=stages)
+    totals = {name: sum(getattr(s, name) for s in spent) for name in ("iterations", "passes", "stages")}
+    return problem, solved._replace(**totals)
 
 
 def _counts(problem: Problem) -> tuple[int, ...]:
@@ -115,10 +116,11 @@ def rest_margin(residual: Residual, y: Array, run: int) -> Margin | None:
     if not residual.oscillator.friction.set_valued or count >= NEVER or count < 1:
         return None
     reversals, _, machine = _reversals(residual, y, run, True)
-    points = np.abs(np.asarray(reversals))
-    band = float(machine.friction.static_force(machine.normal_force) / machine.stiffness)
-    before = np.inf if count == 1 and _starts_moving(residual, y, run) else float(points[count - 1])
-    return Margin(band - float(points[count]), before - band)
+    excess = np.abs(np.asarray(machine.restoring_force(reversals))) - machine.friction.static_force(
+        machine.normal_force
+    )
+    stop, before = (float(excess[n] / machine.stiffness) for n in (count, count - 1))
+    return Margin(-stop, np.inf if count == 1 and _starts_moving(residual, y, run) else before)
 
 
 def _starts_moving(residual: Residual, y: Array, run: int) -> bool:
@@ -128,7 +130,7 @@ def _starts_moving(residual: Residual, y: Array, run: int) -> bool:
 
 def bracket_static(problem: Problem, y: Array) -> tuple[float, float] | None:
     """Interval of a Coulomb law's static coefficient: above every stop and the dynamic value, below every non-stop."""
-    if not isinstance(problem.residual.oscillator.friction, Coulomb):
+    if sole_coulomb(problem.residual.oscillator.friction) is None:
         return None
     lower, upper = 0.0, np.inf
     for run, window in enumerate(problem.windows):
@@ -138,5 +140,6 @@ def bracket_static(problem: Problem, y: Array) -> tuple[float, float] | None:
         stopped = count < NEVER
         moved_on = pull[int(_starts_moving(problem.residual, y, run)) : count if stopped else window.strokes]
         upper = min(upper, float(np.min(moved_on, initial=np.inf)))
-        lower = max(lower, float(pull[count]) if stopped else 0.0, float(machine.friction.mu))  # pyright: ignore
+        dynamic = machine.friction.dynamic_force(machine.normal_force) / machine.normal_force
+        lower = max(lower, float(pull[count]) if stopped else 0.0, float(dynamic))
     return lower, upper

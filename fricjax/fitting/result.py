@@ -48,7 +48,8 @@ class Fit:
             small.
         margins: for each run the distance to one half-cycle more or less, None where it ends in motion.
         half_cycles: for each run the number of half-cycles from the start of the fit to the stop, None in motion.
-        iterations, passes: stages of the fit and passes over model and Jacobian.
+        iterations, passes, stages: steps of Levenberg-Marquardt, each a pass over model and Jacobian; passes over the
+            model in all; and stages of growing windows.
         engine: name of the engine.
         aicc, bic: information criteria.
         oscillator: the fitted oscillator.
@@ -82,6 +83,7 @@ class Fit:
     margins: tuple[Margin | None, ...]
     half_cycles: tuple[int | None, ...]
     iterations: int
+    stages: int
     passes: int
     engine: str
     aicc: float

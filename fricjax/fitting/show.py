@@ -61,7 +61,7 @@ def facts(fit: "Fit") -> list[tuple[str, str]]:
     lines = [
         ("status", fit.status),
         ("model", f"{_law(fit)} friction, {restoring} restoring force, {fit.engine} engine"),
-        ("samples", f"{used} fitted, {fit.iterations} stages, {fit.passes} passes"),
+        ("samples", f"{used} fitted, {fit.stages} stages, {fit.iterations} iterations, {fit.passes} passes"),
         ("noise", f"{engineering(fit.sigma, fit.quantity)} ({fit.sigma_source}), mode {fit.sigma_mode}"),
         ("residuals", f"{engineering(fit.residual_rms, fit.quantity)} rms, reduced chi^2 {plain(fit.chi2_reduced, 4)}"),
     ]

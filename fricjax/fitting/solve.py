@@ -33,6 +33,7 @@ class Solved(NamedTuple):
     normal: Float[Array, "coordinates coordinates"]
     status: int
     out_of_steps: bool
+    iterations: int
     passes: int
     stages: int
 
@@ -55,17 +56,26 @@ def solve(problem: Problem, y: Float[Array, " coordinates"] | None = None) -> So
     """Fit in stages, each from the optimum of the one before; from given coordinates `y` without growing windows."""
     stages = _parts(problem) if y is not None else None
     at = _start(problem) if y is None else y
-    passes, solution, meshed = 0, None, with_mesh(problem.residual, at)
+    iterations, checks, solution, meshed = 0, 1, None, with_mesh(problem.residual, at)
     if stages is None:
-        stages = _stages(problem, np.asarray(evaluate(with_weights(meshed, problem.moving), at)))
+        stages, checks = _stages(problem, np.asarray(evaluate(with_weights(meshed, problem.moving), at))), 2
     for weights in stages:
         meshed = with_mesh(problem.residual, at)
         solution = least_squares(with_weights(meshed, weights), problem, at)
-        passes += int(solution.stats["num_steps"])
+        iterations += int(solution.stats["num_steps"])
         at = solution.value
     assert solution is not None
     stats, out = solution.stats, bool(solution.result == optx.RESULTS.nonlinear_max_steps_reached)
-    return Solved(at, evaluate(meshed, at), stats["normal"], int(stats["status"]), out, passes, len(stages))
+    return Solved(
+        y=at,
+        residual=evaluate(meshed, at),
+        normal=stats["normal"],
+        status=int(stats["status"]),
+        out_of_steps=out,
+        iterations=iterations,
+        passes=iterations + checks,
+        stages=len(stages),
+    )
 
 
 def _start(problem: Problem) -> Float[Array, " coordinates"]:

@@ -80,6 +80,8 @@ def warnings_of(
             f"The model does not describe the run: its residuals of {rms:.2e} {unit} rms are {rms / sigma:.3g} times "
             f"the noise of {sigma:.2e} {unit}."
         )
+        if not {"mass", "stiffness"} & {parameter.kind for parameter in problem.parameters}:
+            found.append("The natural frequency is held fixed. Free the stiffness, which a trace knows best.")
     if not white.white:
         found.append(
             f"The residuals are not white (neighbouring samples correlate by {white.lag_one:.2f}), so the standard "

@@ -53,6 +53,10 @@ USAGE = {
         {"free": []},
         r"Nothing is free\. Name at least one of mass, stiffness, damping, normal_force, mu, ",
     ),
+    "mu_s of a tied law": (
+        {"free": ["mu", "mu_s"]},
+        r"This law has no mu_s of its own: it is tied to mu\. Give the law one, such as mu_s=0\.1\.",
+    ),
     "only mu_s": (
         {"oscillator": machine(Coulomb(0.05, 0.06)), "free": ["mu_s"]},
         r"mu_s of a Coulomb law is bracketed from stops, not fitted\. Free mu as well\.",

@@ -76,3 +76,12 @@ def test_a_rig_of_another_machine_is_refused():
     machine = Rig(**INPUTS).oscillator(Coulomb(0.05))
     with pytest.raises(UsageError, match=r"The rig describes another machine than the oscillator\. Build it with rig"):
         fit(coulomb_run(), machine, FREE, rig=rig)
+
+
+def test_a_rig_with_other_numbers_is_refused():
+    machine = Rig(**INPUTS).oscillator(Coulomb(0.05))
+    other = Rig(**{**INPUTS, "normal_force": Measured(5.0, 0.1)})
+    with pytest.raises(
+        UsageError, match=r"The rig gives normal_force = 5, but the oscillator has 9\.66\. Build it with rig"
+    ):
+        fit(coulomb_run(), machine, FREE, rig=other)
