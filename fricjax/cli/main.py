@@ -11,7 +11,7 @@ from typing import NoReturn
 import typer
 
 from . import demo, doctor, fit, inspect, models, simulate
-from .failure import Failure, failure_of
+from .failure import INTERRUPTED, Failure, failure_of
 from .groups import grouped
 
 app = typer.Typer(
@@ -61,6 +61,8 @@ def run(arguments: Sequence[str]) -> int:
     """
     try:
         code = app(list(arguments), prog_name="fricjax", standalone_mode=False)
+        if code == INTERRUPTED:  # typer takes Ctrl-C and leaves only its exit code
+            raise KeyboardInterrupt
         sys.stdout.flush()
     except BrokenPipeError:
         return _stop_writing()

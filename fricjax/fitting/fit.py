@@ -5,7 +5,6 @@ from typing import Any
 
 import equinox as eqx
 import jax
-import jax.numpy as jnp
 import numpy as np
 
 from ..data import Record, Trace
@@ -26,6 +25,17 @@ from .window import NEVER
 
 SIGMA_MODES = ("absolute", "scale", "estimate")
 _COVERAGE = 1.959963984540054
+# On a rotary rig angles stand for displacements, torques for forces and the moment of inertia for the mass.
+_ROTARY = {
+    "m": "rad",
+    "m/s": "rad/s",
+    "kg": "kg m^2",
+    "N": "N m",
+    "N/m": "N m/rad",
+    "N/m^3": "N m/rad^3",
+    "N s/m": "N m s/rad",
+    "N s^2/m^2": "N m s^2/rad^2",
+}
 
 
 def fit(
@@ -209,7 +219,7 @@ def _count(run: Run) -> int | None:
 
 
 def _unit(unit: str, problem: Problem) -> str:
-    return unit.replace("m", problem.windows[0].quantity, 1) if unit in ("m", "m/s") else unit
+    return _ROTARY.get(unit, unit) if problem.windows[0].quantity == "rad" else unit
 
 
 def _record_time(problem: Problem, values: np.ndarray) -> np.ndarray:
@@ -248,7 +258,8 @@ def _machine(
     problem: Problem, solved: Solved, found: Covariance
 ) -> tuple[Oscillator, dict[str, tuple[float, float]], dict[str, float]]:
     """The fitted oscillator, with a bracketed static coefficient at the middle of its interval."""
-    machine = problem.residual.machine(solved.y)
+    # As numpy arrays its values are known outside of jit, so that a simulation may choose the fastest engine.
+    machine = jax.tree.map(np.asarray, problem.residual.machine(solved.y))
     bracket = bracket_static(problem, solved.y)
     if bracket is None:
         return machine, {}, {}
@@ -256,7 +267,7 @@ def _machine(
         return machine, {"mu_s": bracket}, {}
     middle = float(np.mean(bracket))
     index = find_leaf(problem.bracketed, leaves_of(machine)).index
-    machine = eqx.tree_at(lambda o: jax.tree.leaves(o)[index], machine, jnp.asarray(middle))
+    machine = eqx.tree_at(lambda o: jax.tree.leaves(o)[index], machine, np.asarray(middle))
     return machine, {problem.bracketed: bracket}, {problem.bracketed: middle}
 
 

@@ -8,6 +8,7 @@ from typing import Any
 import jax.numpy as jnp
 import numpy as np
 
+from ..data.errors import UsageError
 from ..oscillator import Oscillator
 from .kinematics import Estimate
 from .residual import Run, read_off
@@ -111,11 +112,19 @@ class Fit:
         """What the instrument would read at times `ts` of the record [s], with offset and drift, shape (n,).
 
         Times before the start of the fitted motion are extrapolated.
+
+        Raises:
+            UsageError: no such run.
         """
+        self._check_run(run)
         own = {name: jnp.asarray(self._own(name, run)) for name in self.runs[run].fixed}
         own["t_release"] = own["t_release"] - self.origins[run]
         t = jnp.asarray(np.asarray(ts, float) - self.origins[run])
         return np.asarray(read_off(self.engine_used, self.oscillator, self.runs[run], own, t))
+
+    def _check_run(self, run: int) -> None:
+        if not 0 <= run < len(self.runs):
+            raise UsageError(f"There is no run {run}: this fit has {len(self.runs)}, counted from 0.")
 
     def _own(self, name: str, run: int) -> float:
         """Value of a parameter of one run, free or fixed, in the record's time."""
@@ -141,9 +150,14 @@ class Fit:
         return f"Fit({shown}; {self.status})"
 
     def plot(self, run: int = 0) -> Any:
-        """Measured and computed trace with residuals, as a matplotlib figure."""
+        """Measured and computed trace with residuals, as a matplotlib figure.
+
+        Raises:
+            UsageError: no such run.
+        """
         from .show import plot
 
+        self._check_run(run)
         return plot(self, run)
 
     def to_dict(self) -> dict[str, Any]:

@@ -58,10 +58,11 @@ def facts(fit: "Fit") -> list[tuple[str, str]]:
     """The remaining lines of the report."""
     restoring = type(fit.oscillator.restoring).__name__.lower()
     used = sum(int(np.isfinite(r).sum()) for r in _runs(fit))
+    stages = "1 stage" if fit.stages == 1 else f"{fit.stages} stages"
     lines = [
         ("status", fit.status),
         ("model", f"{_law(fit)} friction, {restoring} restoring force, {fit.engine} engine"),
-        ("samples", f"{used} fitted, {fit.stages} stages, {fit.iterations} iterations, {fit.passes} passes"),
+        ("samples", f"{used} fitted, {stages}, {fit.iterations} iterations, {fit.passes} passes"),
         ("noise", f"{engineering(fit.sigma, fit.quantity)} ({fit.sigma_source}), mode {fit.sigma_mode}"),
         ("residuals", f"{engineering(fit.residual_rms, fit.quantity)} rms, reduced chi^2 {plain(fit.chi2_reduced, 4)}"),
     ]

@@ -113,7 +113,8 @@ def _start(data: Any, start: str | float, found: Segmentation, t: np.ndarray) ->
         return "release", at, at
     if isinstance(start, str):
         raise UsageError(
-            f"There is no start {start!r}.{nearest(start, STARTS)} Choose first_reversal, release or seconds."
+            f"There is no start {start!r}.{nearest(start, STARTS)} Choose first_reversal, release or a number of "
+            "seconds from the first sample."
         )
     at = float(t[0]) + float(start)
     if not t[0] <= at < t[-1]:

@@ -31,6 +31,8 @@ else:
 
 def scalar(value: Any) -> Any:
     """A coefficient as a leaf: numbers become float64 zero-dimensional arrays, arrays and tracers pass unchanged."""
+    if isinstance(value, str):
+        raise ValueError(f"A coefficient must be a number in SI units, got the text {value!r}.")
     if isinstance(value, int | float | np.ndarray | np.generic):
         return np.asarray(value, dtype=np.float64)
     return value

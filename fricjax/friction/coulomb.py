@@ -13,8 +13,7 @@ class Coulomb(AbstractSetValued):
     """``F = mu N sgn(v)`` while sliding; at rest anything up to ``mu_s N``.
 
     The static coefficient decides only whether the mass moves on from a reversal. A trace therefore has no gradient
-    with
-    respect to it: it is bracketed from stops and non-stops, never fitted.
+    with respect to it: it is bracketed from stops and non-stops, never fitted.
 
     Attributes:
         mu: dynamic coefficient of friction [1].

@@ -62,4 +62,5 @@ class Sum(AbstractFriction):
         return sum((law.dynamic_force(load) for law in self.laws), start=jnp.zeros_like(load))
 
     def sharp(self) -> "Sum":
-        return Sum(tuple(law.sharp() for law in self.laws))
+        # A sum with memory has no set-valued twin that an engine could integrate.
+        return self if self.n_states else Sum(tuple(law.sharp() for law in self.laws))

@@ -31,7 +31,7 @@ class Oscillator(eqx.Module):
         drag: quadratic drag coefficient [N s^2/m^2].
 
     Raises:
-        ValueError: a mass or stiffness that is not positive, or a negative normal force.
+        ValueError: a mass or stiffness that is not positive, a negative normal force, or a friction that is no law.
     """
 
     units: ClassVar[Mapping[str, str]] = {
@@ -51,12 +51,19 @@ class Oscillator(eqx.Module):
     drag: Scalar = eqx.field(converter=scalar, default=0.0, kw_only=True)
 
     def __check_init__(self) -> None:
+        if not isinstance(self.friction, AbstractFriction):
+            raise ValueError(
+                f"friction must be a friction law such as fricjax.friction.Coulomb(mu=0.1), got {self.friction!r}."
+            )
         for name, unit in _POSITIVE.items():
             value = getattr(self, name)
             if isinstance(value, np.ndarray) and not np.all(value > 0):
                 raise ValueError(f"{name} must be a positive number of {unit}, got {value}.")
         if isinstance(self.normal_force, np.ndarray) and not np.all(self.normal_force >= 0):
             raise ValueError(f"normal_force must not be negative, got {self.normal_force} N.")
+
+    def __repr__(self) -> str:
+        return eqx.tree_pformat(self, short_arrays=False)
 
     @property
     def angular_frequency(self) -> Scalar:

@@ -115,7 +115,7 @@ def _times(ts: ArrayLike) -> Float[Array, " samples"]:
 def _solve(engine: AbstractEngine, oscillator: Oscillator, start: Start, ts: Array, drive: Drive | None) -> Motion:
     if drive is not None and isinstance(engine, Smooth):
         motion = engine.solve(oscillator, start, ts, drive=drive)
-        known = oscillator.friction.sharp() is oscillator.friction
+        known = not oscillator.friction.sharp().set_valued
         return motion if known else eqx.tree_at(lambda m: m.regularisation_bias, motion, jnp.asarray(jnp.nan))
     motion = engine.solve(oscillator, start, ts)
     sharp = oscillator.friction.sharp()

@@ -184,6 +184,16 @@ def test_an_interrupt_is_no_traceback():
     assert (failure.kind, failure.exit_code) == ("interrupted", 130)
 
 
+def test_an_interrupted_command_says_so_also_in_json(fricjax, monkeypatch):
+    def interrupted(*_, **__):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("fricjax.data.inspect", interrupted)
+    assert fricjax("inspect", RUN) == (130, "", "Error: Interrupted; nothing more was written.\n")
+    told = json.loads(fricjax("inspect", RUN, "--json").out)
+    assert (told["kind"], told["exit_code"]) == ("interrupted", 130)
+
+
 def test_a_file_that_cannot_be_written_is_named():
     failure = failure_of(PermissionError(13, "Permission denied", "/x/fit.json"))
     assert (failure.text, failure.exit_code) == ("Error: '/x/fit.json' cannot be used: Permission denied.", 2)

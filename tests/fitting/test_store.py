@@ -5,8 +5,8 @@ import json
 import numpy as np
 import pytest
 
-from fricjax import Fit, Oscillator, Trace, fit, load_fit
-from fricjax.data import DataError
+from fricjax import Fit, Oscillator, Record, Trace, fit, load_fit, simulate
+from fricjax.data import DataError, UsageError
 from fricjax.friction import Coulomb
 from tests.fitting.runs import MACHINE, coulomb_run
 from tests.helpers import PROTOTYPE_DAMPING, PROTOTYPE_MASS
@@ -152,3 +152,19 @@ def test_the_plot_shows_trace_model_and_residuals(found, run):
     curves = [np.asarray(line.get_ydata()) for line in bottom.get_lines()]
     shown = next(curve for curve in curves if curve.size == found.residuals.size)
     assert np.corrcoef(shown[drawn], found.residuals[drawn])[0, 1] == pytest.approx(1)
+
+
+def test_a_run_that_is_not_there_is_refused(found):
+    for call in (lambda: found.predict([0.1], run=1), lambda: found.plot(-1)):
+        with pytest.raises(UsageError, match=r"There is no run -?1: this fit has 1, counted from 0"):
+            call()
+
+
+def test_the_fitted_machine_is_simulated_by_the_fastest_engine(found):
+    assert simulate(found.oscillator, 1e-3, np.linspace(0, 0.1, 11)).engine == "exact"
+
+
+def test_a_rotary_rig_has_rotary_units(run):
+    machine = Oscillator(PROTOTYPE_MASS, 2574.0, PROTOTYPE_DAMPING, LOAD, Coulomb(0.05))
+    units = fit(Record(run, {"quantity": "rad"}), machine, MACHINE).units
+    assert [units[name] for name in (*MACHINE, "x0")] == ["", "N m s/rad", "N m/rad", "rad"]

@@ -48,3 +48,8 @@ def test_the_sharp_sum_sharpens_each_part():
     assert isinstance(law, Sum)
     assert [type(part) for part in law.laws] == [Coulomb, Windage]
     assert law.set_valued
+
+
+def test_a_sum_with_memory_has_no_sharp_twin():
+    law = Tanh(0.1, 1e-4) + LuGre(0.1)
+    assert law.sharp() is law

@@ -231,3 +231,12 @@ def test_friction_force_opposes_the_motion():
         motion = simulate(Oscillator(*RIG, law), 2e-3, TS, engine=engine)
         moving = np.asarray(np.abs(motion.v) > 1e-4)
         assert np.all(np.asarray(motion.friction_force * motion.v)[moving] > 0)
+
+
+def test_a_text_is_no_coefficient():
+    with pytest.raises(ValueError, match="must be a number in SI units, got the text '1 kg'"):
+        Oscillator("1 kg", *RIG[1:], Coulomb(0.1))  # type: ignore[arg-type]
+
+
+def test_an_oscillator_shows_its_values():
+    assert "friction=Coulomb(mu=array(0.1))" in repr(Oscillator(*RIG, Coulomb(0.1)))

@@ -63,8 +63,8 @@ def _load(path: Path) -> dict[str, np.ndarray]:
         raise
     except (ValueError, OSError, EOFError, zipfile.BadZipFile, AttributeError) as error:
         raise DataError(
-            f"{path.name} cannot be read as .npz ({error}); it is damaged, of another format, or holds pickled "
-            "objects, which are refused."
+            f"{path.name} cannot be read as .npz; it is damaged, of another format, or holds pickled objects, which "
+            "are refused."
         ) from error
 
 

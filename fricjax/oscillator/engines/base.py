@@ -12,9 +12,8 @@ from ..oscillator import Oscillator
 class AbstractEngine(eqx.Module):
     """A way to integrate the equation of motion.
 
-    Engines are modules without arrays: whatever shapes the computation is static, so that a second call of the same
-        shape
-    compiles nothing.
+    What shapes the computation is static, and numbers such as a tolerance or a mesh are arrays, so that a second call
+    of the same shape compiles nothing.
     """
 
     @abc.abstractmethod
@@ -32,6 +31,5 @@ class AbstractEngine(eqx.Module):
         """Integrate from time zero and sample at `ts` [s].
 
         `half_cycles`, where given, is the number of half-cycles after which a set-valued law stops the mass, in
-        place of
-        the rest condition: a fit takes this number from the record, which keeps its residual smooth.
+        place of the rest condition: a fit takes this number from the record, which keeps its residual smooth.
         """

@@ -1,8 +1,7 @@
 """Integration in time, for laws without a jump: bristle laws, regularised laws and their creep, driven motion.
 
 State and time are scaled by the amplitude, the natural frequency and the law's own deflection, so that one tolerance
-fits
-every component: with raw bristle deflections of a nanometre beside millimetres none does.
+fits every component: with raw bristle deflections of a nanometre beside millimetres none does.
 
 An adaptive integration is a rough function of its parameters, since each choice of steps has its own error. For a
 fit the steps are found once and kept as a mesh in scaled time, that is in the phase of the half-cycles: the motion
