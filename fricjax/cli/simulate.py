@@ -154,6 +154,7 @@ def _facts(motion: "Motion", record: "Record", run: Run) -> dict[str, Any]:
         "t_stop": stop if rests else None,
         "final_displacement": float(motion.x[-1]) if rests else None,
         "regularisation_bias": float(motion.regularisation_bias),
+        "undisturbed": run.release_time_constant == 0 and run.floor_acceleration_psd == 0,
         "coefficients": record.meta["coefficients"],
     }
 
@@ -161,15 +162,15 @@ def _facts(motion: "Motion", record: "Record", run: Run) -> dict[str, Any]:
 def _text(facts: dict[str, Any], unit: str) -> str:
     from ..show import engineering
 
-    rests = facts["t_stop"] is not None
+    rests, ideal = facts["t_stop"] is not None, "" if facts["undisturbed"] else " (without release and floor motion)"
     rows = {
         "engine": facts["engine"],
         "samples": f"{facts['samples']} at {facts['rate']:g} Hz, {facts['duration']:.6g} s",
-        "half-cycles": f"{facts['n_half_cycles']}" + ("" if rests else ", still moving at the end"),
+        "half-cycles": f"{facts['n_half_cycles']}" + ("" if rests else ", still moving at the end") + ideal,
     }
     if rests:
-        rows["stop"] = f"{facts['t_stop']:.9g} s after the release"
-        rows["final position"] = f"{facts['final_displacement']:.9g} {unit}"
+        rows["stop"] = f"{facts['t_stop']:.9g} s after the release{ideal}"
+        rows["final position"] = f"{facts['final_displacement']:.9g} {unit}{ideal}"
     if facts["regularisation_bias"]:
         rows["bias"] = f"{engineering(facts['regularisation_bias'], unit)} at most, of the regularised law"
     return "\n".join(f"{name:<16}{value}" for name, value in rows.items())

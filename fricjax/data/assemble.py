@@ -140,6 +140,8 @@ def _check_times(path: Path, t: np.ndarray, columns: Columns) -> None:
 def _effect(trace: Trace, columns: Columns, unit: str | None, quantity: str, choice: Choice) -> str:
     parts = [f"{trace.n} samples of '{columns.x_name}'"]
     parts.append(f"in {unit}" if unit else "no unit found or given, taken as m")
+    if choice.unit and columns.x_unit and choice.unit != columns.x_unit:
+        parts.append(f"although the file says {columns.x_unit}")
     if unit not in (None, quantity):
         parts.append(f"converted to {quantity}")
     if choice.rate is not None:

@@ -89,7 +89,8 @@ def least_squares(residual: Residual, problem: Problem, y: Float[Array, " coordi
     floor = sum(
         jnp.sum((1e-12 * w * jnp.max(jnp.abs(run.x))) ** 2) for w, run in zip(weights, residual.runs, strict=True)
     )
-    dof = sum(jnp.sum(w > 0) for w in weights) - problem.residual.n_parameters
+    informed = sum(jnp.sum(w > 0) for w in weights) + jnp.sum(residual.prior_weight > 0)
+    dof = informed - problem.residual.n_parameters
     still = jnp.zeros(residual.inputs.shape[0])
     options = {
         "lower": jnp.concatenate([problem.lower, still]),

@@ -8,6 +8,7 @@ from .problem import Problem
 from .rest import Margin
 from .solve import Solved
 from .whiteness import Whiteness
+from .window import Window
 
 _ADEQUATE = 3.0
 NOTABLE = 1.5
@@ -51,6 +52,12 @@ def flags_of(problem: Problem, covariance: Covariance, solved: Solved, inflation
     return flags
 
 
+def _holds_release(window: Window) -> bool:
+    """Whether the stroke from the release to the first reversal is fitted."""
+    reversals, stroke = window.segmentation.turning_times, window.segmentation.half_period
+    return reversals.size > 0 and bool(window.origin < reversals[0] - 0.75 * stroke)
+
+
 def error_inflation(white: Whiteness, chi2_reduced: float, sigma_mode: str) -> float:
     """Factor by which correlated residuals, and noise larger than stated, make the standard errors too small."""
     excess = max(chi2_reduced, 1.0) if sigma_mode == "absolute" else 1.0
@@ -80,8 +87,16 @@ def warnings_of(
             f"The model does not describe the run: its residuals of {rms:.2e} {unit} rms are {rms / sigma:.3g} times "
             f"the noise of {sigma:.2e} {unit}."
         )
-        if not {"mass", "stiffness"} & {parameter.kind for parameter in problem.parameters}:
-            found.append("The natural frequency is held fixed. Free the stiffness, which a trace knows best.")
+        if any(_holds_release(window) for window in problem.windows):
+            found.append(
+                "The window includes the release, whose transient biases friction. Start at the first reversal, which "
+                "is the default."
+            )
+    if not {"mass", "stiffness"} & {parameter.kind for parameter in problem.parameters}:
+        found.append(
+            "The natural frequency is held fixed, although the trace knows it far better than any calibration. Free "
+            "the stiffness."
+        )
     if not white.white:
         found.append(
             f"The residuals are not white (neighbouring samples correlate by {white.lag_one:.2f}), so the standard "

@@ -1,0 +1,158 @@
+"""From the solved problem to the fit that the caller gets: values, uncertainties and what they are worth."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import equinox as eqx
+import jax
+import numpy as np
+
+from ..oscillator import Oscillator
+from .covariance import Covariance, covariance
+from .kinematics import kinematics
+from .names import find_leaf, leaves_of
+from .problem import Problem
+from .residual import Run
+from .rest import bracket_static, rest_margin
+from .result import Fit, named
+from .solve import Solved
+from .verdict import error_inflation, flags_of, status_of, warnings_of
+from .whiteness import Whiteness, whiteness
+from .window import NEVER
+
+_COVERAGE = 1.959963984540054
+# On a rotary rig angles stand for displacements, torques for forces and the moment of inertia for the mass.
+_ROTARY = {
+    "m": "rad",
+    "m/s": "rad/s",
+    "kg": "kg m^2",
+    "N": "N m",
+    "N/m": "N m/rad",
+    "N/m^3": "N m/rad^3",
+    "N s/m": "N m s/rad",
+    "N s^2/m^2": "N m s^2/rad^2",
+}
+
+
+def assemble(problem: Problem, solved: Solved, sigma_mode: str) -> Fit:
+    """The fit of a solved problem; `sigma_mode` says what its noise means."""
+    dof = max(problem.n_used + problem.n_priors - len(problem.parameters), 1)
+    variance = 1.0 if sigma_mode == "absolute" else solved.chi2 / dof
+    found = covariance(problem, solved, variance)
+    white = _whiteness(problem, solved)
+    inflation = error_inflation(white, solved.chi2 / dof, sigma_mode)
+    values = problem.residual.values(solved.y)
+    margins = tuple(rest_margin(problem.residual, solved.y, run) for run in range(len(problem.windows)))
+    residuals, rms = _residuals(problem, solved)
+    machine, intervals, static = _machine(problem, solved, found)
+    shown = _record_time(problem, np.asarray(values))
+    std_errors = named(problem.names, np.sqrt(np.diag(found.statistical)))
+    noise = np.concatenate([w.sigma[w.used] for w in problem.windows])
+    factor = np.sqrt(variance) if sigma_mode == "estimate" else 1.0
+    ok = solved.converged and found.full_rank and bool(np.all(np.isfinite(shown)))
+    return Fit(
+        names=problem.names,
+        values={**named(problem.names, shown), **static},
+        std_errors=std_errors,
+        combined_std_errors=named(problem.names, np.sqrt(np.diag(found.combined))),
+        intervals={**_intervals(problem.names, shown, found), **intervals},
+        covariance=found.statistical,
+        combined_covariance=found.combined,
+        units={**{p.name: _unit(p.unit, problem) for p in problem.parameters}, **dict.fromkeys(static, "")},
+        flags={**flags_of(problem, found, solved, inflation), **dict.fromkeys(static, ("bracketed, not fitted",))},
+        converged=ok,
+        status=status_of(solved, found, problem.names),
+        warnings=warnings_of(problem, named(problem.names, shown), std_errors, white, inflation, rms, margins),
+        kinematics=kinematics(problem.residual, solved.y, found.statistical),
+        chi2=solved.chi2 / factor**2,
+        dof=dof,
+        residuals=residuals,
+        residual_rms=rms,
+        sigma=float(np.median(noise) * factor),
+        sigma_mode=sigma_mode,
+        sigma_source="scatter of the residuals" if sigma_mode == "estimate" else problem.windows[0].sigma_source,
+        whiteness=white,
+        error_inflation=inflation,
+        margins=margins,
+        half_cycles=tuple(_count(run) for run in problem.residual.runs),
+        iterations=solved.iterations,
+        stages=solved.stages,
+        passes=solved.passes,
+        engine=type(problem.residual.engine).__name__.lower(),
+        **_criteria(solved, len(problem.parameters), problem.n_used, sigma_mode),
+        oscillator=machine,
+        quantity=problem.windows[0].quantity,
+        times=tuple(np.asarray(w.trace.t) for w in problem.windows),
+        runs=problem.residual.runs,
+        origins=tuple(w.origin for w in problem.windows),
+        engine_used=problem.residual.engine,
+    )
+
+
+def _count(run: Run) -> int | None:
+    return None if int(run.half_cycles) >= NEVER else int(run.half_cycles)
+
+
+def _unit(unit: str, problem: Problem) -> str:
+    return _ROTARY.get(unit, unit) if problem.windows[0].quantity == "rad" else unit
+
+
+def _record_time(problem: Problem, values: np.ndarray) -> np.ndarray:
+    """Values with the release times counted as in the record."""
+    shown = values.copy()
+    first = len(problem.residual.space.leaves)
+    for window, names in zip(problem.windows, problem.residual.space.nuisances, strict=True):
+        for i, name in enumerate(names):
+            shown[first + i] += window.origin if name == "t_release" else 0.0
+        first += len(names)
+    return shown
+
+
+def _whiteness(problem: Problem, solved: Solved) -> Whiteness:
+    """The verdict on the run whose residuals are the least white."""
+    r, first, verdicts = np.asarray(solved.residual), 0, []
+    for window in problem.windows:
+        verdicts.append(whiteness(r[first : first + window.used.size][window.used]))
+        first += window.used.size
+    return max(verdicts, key=lambda verdict: (not verdict.white, verdict.correlation_time))
+
+
+def _residuals(problem: Problem, solved: Solved) -> tuple[Any, float]:
+    """Measured minus model for each run, and the root mean square of all."""
+    r, first, parts = np.asarray(solved.residual), 0, []
+    for window in problem.windows:
+        part = -r[first : first + window.used.size] * window.sigma
+        parts.append(np.where(window.used, part, np.nan))
+        first += window.used.size
+    fitted = np.concatenate([part[window.used] for part, window in zip(parts, problem.windows, strict=True)])
+    rms = float(np.sqrt(np.mean(fitted**2)))
+    return (parts[0] if len(parts) == 1 else tuple(parts)), rms
+
+
+def _machine(
+    problem: Problem, solved: Solved, found: Covariance
+) -> tuple[Oscillator, dict[str, tuple[float, float]], dict[str, float]]:
+    """The fitted oscillator, with a bracketed static coefficient at the middle of its interval."""
+    # As numpy arrays its values are known outside of jit, so that a simulation may choose the fastest engine.
+    machine = jax.tree.map(np.asarray, problem.residual.machine(solved.y))
+    bracket = bracket_static(problem, solved.y)
+    if bracket is None:
+        return machine, {}, {}
+    if problem.bracketed is None:
+        return machine, {"mu_s": bracket}, {}
+    middle = float(np.mean(bracket))
+    index = find_leaf(problem.bracketed, leaves_of(machine)).index
+    machine = eqx.tree_at(lambda o: jax.tree.leaves(o)[index], machine, np.asarray(middle))
+    return machine, {problem.bracketed: bracket}, {problem.bracketed: middle}
+
+
+def _intervals(names: Sequence[str], values: np.ndarray, found: Covariance) -> dict[str, tuple[float, float]]:
+    half = _COVERAGE * np.sqrt(np.diag(found.statistical))
+    return {name: (float(v - h), float(v + h)) for name, v, h in zip(names, values, half, strict=True)}
+
+
+def _criteria(solved: Solved, p: int, n: int, sigma_mode: str) -> dict[str, float]:
+    """Akaike's criterion for small samples and the Bayesian one, up to a constant common to all models of a record."""
+    misfit, k = (solved.chi2, p) if sigma_mode == "absolute" else (n * np.log(solved.chi2 / n), p + 1)
+    aicc = misfit + 2 * k + 2 * k * (k + 1) / max(n - k - 1, 1)
+    return {"aicc": float(aicc), "bic": float(misfit + k * np.log(n))}

@@ -1,0 +1,147 @@
+"""The free parameters of a fit as the caller names them: start values, scales, bounds, ties and priors."""
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import jax
+import numpy as np
+
+from ..data.errors import UsageError
+from ..oscillator import Oscillator
+from ..oscillator.engines import AbstractEngine
+from .guess import guess_machine
+from .names import NUISANCES, Leaf, check_identifiable, check_names, find_leaf, sole_coulomb
+from .space import NOT_NEGATIVE, Parameter, Tie
+from .window import Window
+
+
+@dataclasses.dataclass(frozen=True)
+class Request:
+    """What the caller of a fit asked for, as given."""
+
+    oscillator: Oscillator
+    free: tuple[str, ...]
+    nuisance: tuple[str, ...] | None
+    engine: str | AbstractEngine
+    start: str | float
+    bounds: Mapping[str, tuple[float | None, float | None]]
+    priors: Mapping[str, Any]
+    tie: Mapping[str, Any]
+    rig: Any
+
+
+def shared_leaves(request: Request, leaves: Sequence[Leaf]) -> tuple[list[Leaf], str | None]:
+    """The free leaves, without the static coefficient of a Coulomb law, which has no gradient."""
+    if not request.free:
+        raise UsageError(f"Nothing is free. Name at least one of {', '.join(leaf.name for leaf in leaves)}.")
+    found = [find_leaf(name, leaves) for name in request.free]
+    if len(set(found)) < len(found):
+        raise UsageError(f"A parameter is named twice in free={list(request.free)}.")
+    check_identifiable([leaf.name for leaf in found], leaves)
+    bracketable = sole_coulomb(request.oscillator.friction) is not None
+    static = [leaf for leaf in found if bracketable and leaf.dotted.endswith("mu_s")]
+    kept = [leaf for leaf in found if leaf not in static]
+    if not kept:
+        raise UsageError("mu_s of a Coulomb law is bracketed from stops, not fitted. Free mu as well.")
+    return kept, static[0].name if static else None
+
+
+def free_parameters(
+    request: Request, shared: Sequence[Leaf], leaves: Sequence[Leaf], windows: Sequence[Window]
+) -> tuple[Parameter, ...]:
+    """The free parameters in order: shared coefficients first, then those of each run, each with start and bounds."""
+    flat = [float(value) for value in jax.tree.leaves(request.oscillator)]
+    values = {leaf.name.rsplit(".", 1)[-1]: flat[leaf.index] for leaf in reversed(leaves)}
+    kinds = [leaf.name.rsplit(".", 1)[-1] for leaf in shared]
+    guessed = guess_machine(request.oscillator, [w.segmentation for w in windows], kinds, values)
+    entries: list[tuple[str, str, float, float]] = []
+    for leaf, kind in zip(shared, kinds, strict=True):
+        start = guessed.get(kind, flat[leaf.index])
+        if kind == "mu_s" and "mu" in guessed and values["mu"] > 0:
+            start *= guessed["mu"] / values["mu"]
+        entries.append((leaf.name, leaf.unit, start, _scale(kind, start, {**values, **guessed})))
+    for i, window in enumerate(windows):
+        suffix = "" if len(windows) == 1 else f"[{i}]"
+        sizes = _run_scales(window)
+        entries += [(f"{n}{suffix}", NUISANCES[n], window.guesses[n], sizes[n]) for n in window.nuisances]
+    check_names(request.bounds, [entry[0] for entry in entries], "Bounds")
+    return tuple(_bounded(*entry, request.bounds, _origin(entry[0], windows)) for entry in entries)
+
+
+def _origin(name: str, windows: Sequence[Window]) -> float:
+    """What separates the time of the record, in which callers speak of release times, from that of the run [s]."""
+    if not name.startswith("t_release"):
+        return 0.0
+    return windows[int(name[len("t_release[") : -1] or 0)].origin
+
+
+def _scale(kind: str, start: float, values: Mapping[str, float]) -> float:
+    """Typical size of a shared parameter, for those that may be zero."""
+    critical = 2 * np.sqrt(values["stiffness"] * values["mass"])
+    fallback = {"damping": 1e-3 * critical, "sigma1": 1e-3 * critical, "sigma2": 1e-3 * critical, "mu": 1e-3}
+    return abs(start) if start != 0 else fallback.get(kind, 1.0)
+
+
+def _run_scales(window: Window) -> dict[str, float]:
+    amplitude, half_period = window.segmentation.amplitude, window.segmentation.half_period
+    speed = amplitude * np.pi / half_period
+    sizes = {"x0": amplitude, "offset": amplitude, "v0": speed, "t_release": half_period}
+    return {**sizes, "drift": 1e-3 * speed}
+
+
+def _bounded(name: str, unit: str, start: float, scale: float, bounds: Mapping[str, tuple], origin: float) -> Parameter:
+    kind = name.rsplit(".", 1)[-1]
+    default = (0.0 if kind in NOT_NEGATIVE else None, None)
+    low, high = _pair(bounds.get(name, default), f"The bounds of {name} must be a lower and an upper value or None")
+    lower = -np.inf if low is None else float(low) - origin
+    upper = np.inf if high is None else float(high) - origin
+    if not lower < upper:
+        raise UsageError(f"The bounds of {name} must be a lower and a larger upper value, got {low} and {high}.")
+    start = min(max(start, lower), upper)
+    return Parameter(name, unit, start, scale, lower, upper)
+
+
+def _pair(given: Any, demand: str) -> tuple[Any, Any]:
+    try:
+        first, second = given
+    except (TypeError, ValueError) as error:
+        raise UsageError(f"{demand}, got {given!r}.") from error
+    return first, second
+
+
+def parse_ties(tie: Mapping[str, Any], leaves: Sequence[Leaf], names: Sequence[str]) -> list[Tie]:
+    """Leaves that follow a free parameter, from {leaf: name} or {leaf: (name, factor)}.
+
+    Raises:
+        UsageError: an unknown leaf or parameter, or a leaf that is free itself.
+    """
+    ties = []
+    for target, source in tie.items():
+        leaf = find_leaf(target, leaves)
+        name, factor = source if isinstance(source, tuple | list) else (source, 1.0)
+        if leaf.name in names:
+            raise UsageError(f"{target} is tied to {name} and cannot be free as well. Take it out of free.")
+        check_names({name: None}, names, "Ties")
+        ties.append(Tie(leaf.index, names.index(name), float(factor)))
+    return ties
+
+
+def parse_priors(
+    priors: Mapping[str, Any], names: Sequence[str], windows: Sequence[Window]
+) -> tuple[list[float], list[float]]:
+    """Mean of each parameter's prior and one over its standard deviation, zero for none.
+
+    Raises:
+        UsageError: a prior of what is not free, or without a positive standard deviation.
+    """
+    check_names(priors, names, "Priors")
+    mean, weight = [0.0] * len(names), [0.0] * len(names)
+    for name, prior in priors.items():
+        pair = (prior.value, prior.std) if hasattr(prior, "value") and hasattr(prior, "std") else prior
+        value, std = _pair(pair, f"The prior of {name} must be a mean and a standard deviation")
+        if not std > 0:
+            raise UsageError(f"The prior of {name} needs a positive standard deviation, got {std}.")
+        i = names.index(name)
+        mean[i], weight[i] = float(value) - _origin(name, windows), 1 / float(std)
+    return mean, weight
