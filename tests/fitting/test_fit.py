@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from fricjax import Fit, Measured, Oscillator, Record, Trace, fit
+from fricjax import Fit, Measured, Oscillator, Record, Trace, fit, synthetic_run
 from fricjax.fitting import FitError, window
 from fricjax.friction import Coulomb, Windage
 from tests.fitting.runs import MACHINE, STIFFNESS, X0, coulomb_run
@@ -348,3 +348,18 @@ class TestHalfCycles:
         found = fit(coulomb_run(mu_s=0.065), machine(law), ("mu", "mu_s", "stiffness"))
         assert found.intervals["mu_s"] == pytest.approx(alone.intervals["mu_s"], rel=1e-6)
         assert found.intervals["mu_s"][0] <= 0.065 <= found.intervals["mu_s"][1]
+
+
+def test_a_held_frequency_is_warned_of(run, plain):
+    held = fit(run, machine(), ("mu", "damping"), throw=False)
+    assert any("natural frequency is held fixed" in sentence for sentence in held.warnings)
+    assert not any("natural frequency" in sentence for sentence in plain.warnings)
+
+
+def test_a_fitted_release_transient_is_named():
+    """A magnet that lets go slowly: the fit from the release says why it is bad."""
+    truth = machine()
+    record = synthetic_run(truth, X0, rate=20e3, duration=0.29842, hold=0.01, release_time_constant=1e-3, noise=1e-9)
+    found = fit(record, truth, MACHINE, start="release", throw=False)
+    assert any("The window includes the release" in sentence for sentence in found.warnings)
+    assert not any("release" in sentence for sentence in fit(record, truth, MACHINE).warnings)
