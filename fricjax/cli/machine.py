@@ -12,10 +12,11 @@ from .. import friction
 from ..calibrate import Rig
 from ..calibrate.quantity import UNITS
 from ..data.errors import UsageError, nearest
-from ..fitting.names import find_leaf, leaves_of
+from ..fitting.names import find_leaf
 from ..friction import AbstractFriction, Sum
 from ..oscillator import Oscillator
 from ..oscillator.engines import AbstractEngine
+from ..oscillator.leaves import leaves_of
 from ..oscillator.select import select_engine
 from . import parsing
 from .options import Machine

@@ -8,9 +8,10 @@ import jax
 import numpy as np
 
 from ..oscillator import Oscillator
+from ..oscillator.leaves import leaves_of
 from .covariance import Covariance, covariance
 from .kinematics import kinematics
-from .names import find_leaf, leaves_of
+from .names import find_leaf
 from .problem import Problem
 from .residual import Run
 from .rest import bracket_static, rest_margin
@@ -110,20 +111,15 @@ def _record_time(problem: Problem, values: np.ndarray) -> np.ndarray:
 
 def _whiteness(problem: Problem, solved: Solved) -> Whiteness:
     """The verdict on the run whose residuals are the least white."""
-    r, first, verdicts = np.asarray(solved.residual), 0, []
-    for window in problem.windows:
-        verdicts.append(whiteness(r[first : first + window.used.size][window.used]))
-        first += window.used.size
+    parts = zip(problem.by_run(solved.residual), problem.windows, strict=True)
+    verdicts = [whiteness(part[window.used]) for part, window in parts]
     return max(verdicts, key=lambda verdict: (not verdict.white, verdict.correlation_time))
 
 
 def _residuals(problem: Problem, solved: Solved) -> tuple[Any, float]:
     """Measured minus model for each run, and the root mean square of all."""
-    r, first, parts = np.asarray(solved.residual), 0, []
-    for window in problem.windows:
-        part = -r[first : first + window.used.size] * window.sigma
-        parts.append(np.where(window.used, part, np.nan))
-        first += window.used.size
+    weighted = zip(problem.by_run(solved.residual), problem.windows, strict=True)
+    parts = [np.where(window.used, -part * window.sigma, np.nan) for part, window in weighted]
     fitted = np.concatenate([part[window.used] for part, window in zip(parts, problem.windows, strict=True)])
     rms = float(np.sqrt(np.mean(fitted**2)))
     return (parts[0] if len(parts) == 1 else tuple(parts)), rms

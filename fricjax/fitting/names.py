@@ -1,13 +1,10 @@
 """Names of coefficients: which leaf of an oscillator is meant, and which of them a trace can tell apart."""
 
 from collections.abc import Iterable, Mapping, Sequence
-from typing import NamedTuple
-
-import jax
 
 from ..data.errors import UsageError, nearest
 from ..friction import AbstractFriction, Coulomb, Sum
-from ..oscillator import Oscillator
+from ..oscillator.leaves import Leaf
 
 NUISANCES = {"x0": "m", "v0": "m/s", "offset": "m", "drift": "m/s", "t_release": "s"}
 
@@ -17,33 +14,6 @@ _SAME_FORCE = (
     ("drag", "windage", "both are the same force, quadratic in the velocity"),
     ("damping", "sigma2", "both are the same force, linear in the velocity"),
 )
-
-
-class Leaf(NamedTuple):
-    """A coefficient of an oscillator: its shortest unambiguous name, its place among the leaves, and its unit."""
-
-    name: str
-    dotted: str
-    index: int
-    unit: str
-
-
-def leaves_of(oscillator: Oscillator) -> tuple[Leaf, ...]:
-    """All coefficients of an oscillator in the order of its leaves."""
-    paths = [path for path, _ in jax.tree_util.tree_flatten_with_path(oscillator)[0]]
-    keys = [[str(getattr(key, "name", getattr(key, "idx", key))) for key in path] for path in paths]
-    dotted = [".".join(part for part in parts if part != "laws") for parts in keys]
-    last = [name.rsplit(".", 1)[-1] for name in dotted]
-    names = [short if last.count(short) == 1 else full for short, full in zip(last, dotted, strict=True)]
-    units = [_unit(oscillator, path) for path in paths]
-    return tuple(Leaf(*entry) for entry in zip(names, dotted, range(len(paths)), units, strict=True))
-
-
-def _unit(oscillator: Oscillator, path: Sequence) -> str:
-    owner: object = oscillator
-    for key in path[:-1]:
-        owner = getattr(owner, key.name) if hasattr(key, "name") else owner[key.idx]  # type: ignore[index]
-    return getattr(owner, "units", {}).get(path[-1].name, "")
 
 
 def find_leaf(name: str, leaves: Sequence[Leaf]) -> Leaf:

@@ -10,8 +10,9 @@ import numpy as np
 from ..data.errors import UsageError
 from ..oscillator import Oscillator
 from ..oscillator.engines import AbstractEngine
+from ..oscillator.leaves import Leaf
 from .guess import guess_machine
-from .names import NUISANCES, Leaf, check_identifiable, check_names, find_leaf, sole_coulomb
+from .names import NUISANCES, check_identifiable, check_names, find_leaf, sole_coulomb
 from .space import NOT_NEGATIVE, Parameter, Tie
 from .window import Window
 

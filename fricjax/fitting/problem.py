@@ -14,8 +14,8 @@ from ..data import Record, Trace
 from ..data.errors import DataError, UsageError
 from ..oscillator import Oscillator, Smooth
 from ..oscillator.engines import AbstractEngine
+from ..oscillator.leaves import leaves_of
 from ..oscillator.select import select_engine
-from .names import leaves_of
 from .parameters import Request, free_parameters, parse_priors, parse_ties, shared_leaves
 from .residual import Residual, Run
 from .space import Parameter, ParameterSpace
@@ -46,6 +46,11 @@ class Problem:
     @property
     def names(self) -> tuple[str, ...]:
         return tuple(parameter.name for parameter in self.parameters)
+
+    def by_run(self, residual: Any) -> list[np.ndarray]:
+        """The weighted residual of each run, without those of the priors."""
+        ends = np.cumsum([window.used.size for window in self.windows])
+        return np.split(np.asarray(residual), ends)[:-1]
 
     @property
     def n_used(self) -> int:

@@ -59,8 +59,8 @@ def solve(problem: Problem, y: Float[Array, " coordinates"] | None = None) -> So
     iterations, checks, solution, meshed = 0, 1, None, with_mesh(problem.residual, at)
     if stages is None:
         stages, checks = _stages(problem, np.asarray(evaluate(with_weights(meshed, problem.moving), at))), 2
-    for weights in stages:
-        meshed = with_mesh(problem.residual, at)
+    for number, weights in enumerate(stages):
+        meshed = with_mesh(problem.residual, at) if number else meshed
         solution = least_squares(with_weights(meshed, weights), problem, at)
         iterations += int(solution.stats["num_steps"])
         at = solution.value
@@ -132,10 +132,8 @@ def _until(problem: Problem, run: int, reach: float) -> np.ndarray:
 
 def _in_phase(problem: Problem, residual: np.ndarray) -> list[float]:
     """Per run the part of the moving window over which the start values keep the phase, at least four half-cycles."""
-    fractions, first = [], 0
-    for window, weight in zip(problem.windows, problem.moving, strict=True):
-        r = residual[first : first + weight.size]
-        first += weight.size
+    fractions = []
+    for window, r in zip(problem.windows, problem.by_run(residual), strict=True):
         t, found = np.asarray(window.trace.t)[window.moving], window.segmentation
         error = np.abs(r[window.moving]) * window.sigma[window.moving]
         local = (

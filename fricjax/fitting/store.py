@@ -36,13 +36,9 @@ _SAMPLES = ("residuals", "times", "runs", "origins", "engine_used")
 
 def to_dict(fit: "Fit") -> dict[str, Any]:
     """The fit as plain data that JSON can hold, without the samples."""
-    fields = [field.name for field in dataclasses.fields(fit) if field.name not in _SAMPLES]
-    plain = {name: _plain(getattr(fit, name)) for name in fields}
-    plain["kinematics"] = {name: estimate._asdict() for name, estimate in fit.kinematics.items()}
-    plain["kinematics"] = {
-        name: {k: _plain(v) for k, v in entry.items()} for name, entry in plain["kinematics"].items()
-    }
-    return {"schema": SCHEMA, "chi2_reduced": _plain(fit.chi2_reduced), **plain}
+    fields = {field.name: getattr(fit, field.name) for field in dataclasses.fields(fit) if field.name not in _SAMPLES}
+    fields["kinematics"] = {name: estimate._asdict() for name, estimate in fit.kinematics.items()}
+    return {"schema": SCHEMA, "chi2_reduced": _plain(fit.chi2_reduced), **_plain(fields)}
 
 
 def _plain(value: Any) -> Any:

@@ -15,6 +15,7 @@ from ..data.errors import UsageError, nearest
 from ..data.record import Record, Step
 from ..data.trace import MINIMUM_SAMPLES, Trace
 from ..oscillator import RESULTS, ExponentialRelease, Oscillator, is_successful, simulate
+from ..oscillator.leaves import leaves_of
 from ..oscillator.restoring import Pendulum
 from .checks import not_negative, number, positive
 from .driven import driven_motion
@@ -163,12 +164,8 @@ def _integrate(
 
 def _coefficients(oscillator: Oscillator) -> dict[str, float]:
     """The true coefficients by their shortest unambiguous name, as a fit names them."""
-    leaves = jax.tree_util.tree_flatten_with_path(oscillator)[0]
-    parts = [[str(getattr(key, "name", getattr(key, "idx", key))) for key in path] for path, _ in leaves]
-    dotted = [".".join(part for part in path if part != "laws") for path in parts]
-    last = [path[-1] for path in parts]
-    names = [short if last.count(short) == 1 else full for short, full in zip(last, dotted, strict=True)]
-    return {name: number(name, value) for name, (_, value) in zip(names, leaves, strict=True)}
+    values = zip(leaves_of(oscillator), jax.tree.leaves(oscillator), strict=True)
+    return {leaf.name: number(leaf.name, value) for leaf, value in values}
 
 
 def _meta(
