@@ -70,18 +70,18 @@ def _still_moves(swing: Swing, begin: int, end: int) -> bool:
     """Whether the last stroke is unfinished, or too recently finished to tell a stop from a turn."""
     if swing.t[-1] - swing.t[end] < SHORTEST_REST * swing.half_period:
         return True
-    tail = swing.smoothed[swing.t >= swing.t[-1] - 0.15 * swing.half_period]
+    tail = swing.smoothed[np.searchsorted(swing.t, swing.t[-1] - 0.15 * swing.half_period) :]
     return bool(np.ptp(tail) > max(swing.threshold, 0.1 * swing.stroke(begin, end)))
 
 
 def _stop(swing: Swing, begin: int, end: int) -> tuple[float, float]:
     """Instant and position of the stop: motion before, stillness or a slow creep after it."""
-    t, stroke = swing.t, swing.stroke(begin, end)
-    settled = t > t[end] + 0.1 * swing.half_period
-    creeps = np.ptp(swing.smoothed[settled]) > swing.threshold
+    t, x, stroke = swing.t, swing.x, swing.stroke(begin, end)
+    settled = int(np.searchsorted(t, t[end] + 0.1 * swing.half_period, side="right"))
+    creeps = np.ptp(swing.smoothed[settled:]) > swing.threshold
     width = window(swing.half_period, stroke / 2, swing.noise, swing.interval)
     order = 4 if stroke > 1e3 * swing.noise else 2
     omega, after = np.pi / swing.half_period, "creeping" if creeps else "still"
-    near, _ = refine(t, swing.x, float(t[end]), omega, max(width, 0.25 * swing.half_period), order=order, after=after)
-    instant, position = refine(t, swing.x, near, omega, width, order=order, after=after)
-    return instant, position if creeps else float(swing.x[settled].mean())
+    widths = [np.maximum(width, 0.25 * swing.half_period), width]
+    instant, position = refine(t, x, t[end], omega, widths, order, after=after)
+    return float(instant[0]), float(position[0] if creeps else x[settled:].mean())

@@ -1,118 +1,160 @@
-"""Where a trace turns round: found coarsely by hysteresis, then refined to a fraction of the noise.
+"""Where a trace turns round, refined to a fraction of its noise.
 
 Dry friction makes the acceleration jump at each reversal, so a trace is not symmetric there: before the turn the mass
 is braked by spring and friction together, after it by their difference. The refinement therefore gives each side its
 own curvature, and shares only the instant and the position at which the velocity vanishes.
 """
 
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
 import numpy as np
 
 ITERATIONS = 12
+ENOUGH_FOR_A_GUESS = 0.05  # change, in half-widths of the window
+STRICT = 1e-4
+TOGETHER = 256  # turns refined at once, which bounds the memory
+BINS = 128  # averages to which the samples of a window are condensed
+RIDGE = 1e-13  # of the squared norms, so that a side with fewer samples than terms is solved for too
 
 
-def smooth(x: np.ndarray, width: int) -> np.ndarray:
-    """Moving average over `width` samples (made odd), shorter towards both ends; a lone outlier is taken out before."""
-    if width < 3:
-        return x
-    half = width // 2
-    clean = np.concatenate([x[:1], np.median([x[:-2], x[1:-1], x[2:]], axis=0), x[-1:]])
-    sums = np.concatenate([[0.0], np.cumsum(clean - clean.mean())])
-    index = np.arange(x.size)
-    reach = np.minimum(half, np.minimum(index, x.size - 1 - index))
-    return (sums[index + reach + 1] - sums[index - reach]) / (2 * reach + 1) + clean.mean()
-
-
-def zigzag(x: np.ndarray, threshold: float) -> list[int]:
-    """Indices of alternating extremes between which `x` moves by more than `threshold`.
-
-    The first is the pole from which the motion starts, the last the farthest point of the stroke still open at the end;
-    the ones between are reversals. A trace that never moves by more than `threshold` gives an empty list.
-    """
-    pivots: list[int] = []
-    high = low = 0
-    direction = 0
-    for i in _local_extremes(x):
-        value = x[i]
-        if value > x[high]:
-            high = i
-        if value < x[low]:
-            low = i
-        if direction >= 0 and x[high] - value > threshold:
-            pivots.append(high)
-            direction, low, high = -1, i, i
-        elif direction <= 0 and value - x[low] > threshold:
-            pivots.append(low)
-            direction, low, high = 1, i, i
-    return [*pivots, high if direction > 0 else low] if pivots else []
-
-
-def _local_extremes(x: np.ndarray) -> list[int]:
-    moves = np.flatnonzero(np.diff(x) != 0)
-    signs = np.sign(np.diff(x)[moves])
-    turns = moves[1:][signs[1:] != signs[:-1]]
-    return [0, *turns.tolist(), x.size - 1]
-
-
-def window(half_period: float, amplitude: float, noise: float, interval: float) -> float:
+def window(half_period: Any, amplitude: Any, noise: float, interval: float) -> np.ndarray:
     """Half-width [s] of the fit around an extreme: truncation error and noise in balance, at least eight samples."""
-    angle = (720.0 * 2.0 * noise / amplitude) ** (1.0 / 6.0) if amplitude > 0 else 0.0
-    width = max(angle * half_period / np.pi, 8.0 * interval)
-    return float(np.clip(width, 0.08 * half_period, 0.3 * half_period))
+    share = np.divide(noise, amplitude, out=np.zeros(np.shape(amplitude)), where=np.asarray(amplitude) > 0)
+    width = np.maximum((1440.0 * share) ** (1.0 / 6.0) * half_period / np.pi, 8.0 * interval)
+    return np.clip(width, 0.08 * half_period, 0.3 * half_period)
 
 
 def refine(
-    t: np.ndarray, x: np.ndarray, guess: float, omega: float, width: float, *, order: int = 4, before: str = "moving",
+    t: np.ndarray, x: np.ndarray, guess: Any, omega: Any, widths: Sequence[Any], order: Any, before: str = "moving",
     after: str = "moving",
-) -> tuple[float, float]:  # fmt: skip
-    """Fits the instant and the position of a turn, stop or start near `guess`.
+) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
+    """Fits the instants and the positions of turns, stops or starts near guesses, each on its own.
 
     Args:
         t: times [s], shape `(n,)`.
         x: displacements, shape `(n,)`.
-        guess: time of the extreme, good to about a third of `width` [s].
-        omega: angular frequency of the motion [rad/s].
-        width: half-width of the fitted window [s].
-        order: highest power of time on a moving side: 2, 3 or 4.
+        guess: times of the extremes, good to about a third of the first width [s], shape `(k,)`, or one number.
+        omega: angular frequency of the motion [rad/s], as `guess` or the same for all.
+        widths: half-widths of the fitted windows [s], likewise; each but the last gives the guess for the next.
+        order: highest power of time on a moving side: 2, 3 or 4, likewise.
         before: what the mass does before the turn: `"moving"` or `"still"`.
         after: what it does afterwards: `"moving"`, `"still"` or `"creeping"`.
 
     Returns:
-        Time and position of the turn. Where the window holds too few samples or the fit runs away: the guess.
+        Times and positions, shape `(k,)`. Where a window holds too few samples or its fit runs away: its guess.
     """
-    low, high = np.searchsorted(t, [guess - width, guess + width])
-    near, values = t[low:high], x[low:high]
-    fallback = float(guess), float(np.interp(guess, t, x))
-    if near.size < 4:
-        return fallback
-    order = min(order, 2 if near.size < 12 else order)
-    instant = guess
-    for _ in range(ITERATIONS):
-        basis, slopes = _sides(omega * (near - instant), order, before, after)
-        coefficients = np.linalg.lstsq(basis, values, rcond=None)[0]
-        sensitivity = -omega * slopes @ coefficients
-        joint = np.linalg.lstsq(np.column_stack([basis, sensitivity]), values - basis @ coefficients, rcond=None)[0]
-        change = float(np.clip(joint[-1], -0.25 * width, 0.25 * width))
-        instant += change
-        if abs(instant - guess) > 0.7 * width:
-            return fallback
-        if abs(change) < 1e-10 * width:
+    guess, omega, order = np.broadcast_arrays(*np.atleast_1d(guess, omega, order))
+    time, position = guess.astype(np.float64), np.empty(guess.size)
+    for width, enough in zip(widths, [ENOUGH_FOR_A_GUESS] * (len(widths) - 1) + [0.0], strict=True):
+        width = np.broadcast_to(width, guess.shape)
+        for first in range(0, guess.size, TOGETHER):
+            k = slice(first, first + TOGETHER)
+            near = _windows(t, x, time[k], omega[k], width[k], order[k])
+            shift, position[k] = _gauss_newton(near, enough, before, after)
+            time[k] += shift * width[k]
+    return time, position
+
+
+class _Windows(NamedTuple):
+    """What is seen around several turns, shape `(turns, bins)`, with times from the guess in half-widths of the window.
+
+    A bin is the average of neighbouring samples. Only what the motion does within a bin is lost, and that holds a share
+    of about `1 / bins**2` of what the samples tell of the turn.
+    """
+
+    time: np.ndarray
+    variance: np.ndarray  # of the times within a bin
+    value: np.ndarray  # position from the guessed one, times the weight
+    weight: np.ndarray  # root of the number of samples in a bin
+    phase: np.ndarray  # of a half-width [rad], shape `(turns, 1)`
+    order: np.ndarray  # highest power of time, shape `(turns, 1)`
+    guess: np.ndarray  # position at the guessed instant, shape `(turns,)`
+    size: np.ndarray  # number of samples, shape `(turns,)`
+
+
+def _windows(
+    t: np.ndarray, x: np.ndarray, guess: np.ndarray, omega: np.ndarray, width: np.ndarray, order: np.ndarray
+) -> _Windows:
+    # Sums over bins need one sample behind the last bin.
+    low, high = np.searchsorted(t[:-1], [guess - width, guess + width])
+    size, position = high - low, np.interp(guess, t, x)
+    stride = np.maximum(-(-size // BINS), 1)
+    bins = np.arange(np.max(-(-size // stride)) + 1)
+    edges = low[:, None] + np.minimum(bins * stride[:, None], size[:, None])
+    count, first, last = np.diff(edges), edges[:, :-1], np.maximum(edges[:, 1:] - 1, edges[:, :-1])
+    sums = [np.add.reduceat(values, edges.ravel()).reshape(edges.shape)[:, :-1] for values in (t, x)]
+    means, width, weight = [total / np.maximum(count, 1) for total in sums], width[:, None], np.sqrt(count)
+    return _Windows(
+        time=(means[0] - guess[:, None]) / width,
+        # Exact for evenly spaced samples.
+        variance=((t[last] - t[first]) / width) ** 2 / 12 * (count + 1) / np.maximum(count - 1, 1),
+        value=(means[1] - position[:, None]) * weight,
+        weight=weight,
+        phase=omega[:, None] * width,
+        order=np.where(size < 12, 2, order)[:, None],
+        guess=position,
+        size=size,
+    )
+
+
+def _gauss_newton(near: _Windows, enough: float, before: str, after: str) -> tuple[np.ndarray, np.ndarray]:
+    """Shift of each turn from its guess in half-widths, and its position; zero and the guess where there is no fit."""
+    shift, offset, found = np.zeros(near.size.size), np.zeros(near.size.size), near.size >= 4
+    active = np.flatnonzero(found)
+    for _ in range(ITERATIONS if active.size else 0):
+        part = near if active.size == shift.size else _Windows(*(values[active] for values in near))
+        change, offset[active], settled = _step(part, shift[active], before, after)
+        shift[active] += change
+        found[active] = np.abs(shift[active]) <= 0.7
+        active = active[found[active] & ~(settled | (np.abs(change) < enough))]
+        if not active.size:
             break
-    basis, _ = _sides(omega * (near - instant), order, before, after)
-    return float(instant), float(np.linalg.lstsq(basis, values, rcond=None)[0][0])
+    return np.where(found, shift, 0.0), near.guess + np.where(found, offset, 0.0)
 
 
-def _sides(phase: np.ndarray, order: int, before: str, after: str) -> tuple[np.ndarray, np.ndarray]:
-    """Basis functions that start at the turn with zero velocity, one set per side, and their slopes in phase."""
-    columns, slopes = [np.ones_like(phase)], [np.zeros_like(phase)]
-    for side, state in ((phase < 0, before), (phase >= 0, after)):
-        if state == "creeping":
-            columns.append(np.where(side, phase, 0.0))
-            slopes.append(np.where(side, 1.0, 0.0))
-        if state != "moving":
+def _step(near: _Windows, shift: np.ndarray, before: str, after: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Change of the shift and position of each turn from a joint linear fit, and whether the change is immaterial."""
+    basis, slopes = _sides(near, shift, before, after)
+    gram = basis @ basis.mT
+    norm = np.sqrt(np.diagonal(gram, axis1=1, axis2=2))
+    norm = np.where(norm > 0, norm, 1.0)
+    scale = norm[:, :, None] * norm[:, None, :]
+    inverse = np.linalg.inv(gram / scale + RIDGE * np.eye(norm.shape[1])) / scale
+    values = near.value[:, :, None]
+    coefficients = inverse @ (basis @ values)
+    residual = values - basis.mT @ coefficients
+    sensitivity = -(slopes.mT @ coefficients)
+    own = sensitivity - basis.mT @ (inverse @ (basis @ sensitivity))
+    power = np.sum(own**2, axis=1)
+    change = np.divide(np.sum(own * residual, axis=1), power, out=np.zeros_like(power), where=power > 0)
+    change = np.clip(change, -0.25, 0.25)
+    left = residual - sensitivity * change[:, :, None]
+    offset = coefficients[:, :1] + inverse[:, :1] @ (basis @ left)
+    # The next change would be of the order of this one squared; one far below the standard error is immaterial.
+    error = np.sqrt(np.mean(left**2, axis=1) / np.where(power > 0, power, 1.0))
+    settled = change**2 < np.maximum(STRICT * error, 1e-10)
+    return change[:, 0], offset[:, 0, 0], settled[:, 0]
+
+
+def _sides(near: _Windows, shift: np.ndarray, before: str, after: str) -> tuple[np.ndarray, np.ndarray]:
+    """Weighted functions, shape `(turns, functions, bins)`, that leave the turn at rest, a set per side; their slopes.
+
+    Each is averaged over its bin: half the variance of the times there, times the second derivative, is added.
+    """
+    time, variance, weight = near.time - shift[:, None], near.variance, near.weight
+    sine, cosine = np.sin(0.5 * near.phase * time), np.cos(0.5 * near.phase * time)
+    chord, square = 2.0 * sine / near.phase, time * time
+    terms = [(chord * chord + variance * (cosine * cosine - sine * sine), 2.0 * chord * cosine)]
+    higher = (time * (square + 3.0 * variance), 3.0 * square), (square * (square + 6.0 * variance), 4.0 * square * time)
+    for power, (value, slope) in zip(range(3, int(near.order.max()) + 1), higher, strict=False):
+        terms.append((value * (near.order >= power), slope * (near.order >= power)))
+    columns, slopes = [weight], [np.zeros_like(weight)]
+    for side, state in ((time < 0, before), (time >= 0, after)):
+        if state == "still":
             continue
-        columns.append(np.where(side, 1.0 - np.cos(phase), 0.0))
-        slopes.append(np.where(side, np.sin(phase), 0.0))
-        for power in range(3, order + 1):
-            columns.append(np.where(side, phase**power, 0.0))
-            slopes.append(np.where(side, power * phase ** (power - 1), 0.0))
+        share = weight * side
+        for value, slope in [(time, 1.0)] if state == "creeping" else terms:
+            columns.append(share * value)
+            slopes.append(share * slope)
     return np.stack(columns, axis=1), np.stack(slopes, axis=1)

@@ -14,14 +14,15 @@ from typing import Any
 import numpy as np
 
 from .errors import DataError
-from .noise import resolution, white_noise
+from .noise import interval, resolution, white_noise
 from .rest import find_rest
-from .reversals import refine, smooth, window, zigzag
+from .reversals import refine, window
 from .start import find_start
-from .swing import Swing
+from .swing import Swing, extremes, smooth, zigzag
 from .trace import MINIMUM_SAMPLES
 
 MINIMUM_PER_HALF_CYCLE = 8
+SHARES = (0.3, 0.1, 0.03, 0.01, 0.003)  # of the span: strokes this large are looked for
 RISE_10_TO_90 = 0.5903344706017331  # of a half-cycle of a cosine
 
 
@@ -90,26 +91,27 @@ def segment(t: Any, x: Any, sigma: Any = None, mask: Any = None) -> Segmentation
     step = resolution(x)
     noise = white_noise(t, x, step) or (0.0 if sigma is None else float(np.median(np.asarray(sigma))))
     _require_motion(x, noise, step)
-    half_period = _half_period(t, x, noise, step)
-    per_half_cycle = half_period / float(np.median(np.diff(t)))
+    half_period, between = _half_period(t, x, noise, step), interval(t)
+    per_half_cycle = half_period / between
     _require_density(per_half_cycle)
     width = int(per_half_cycle // 16) | 1 if per_half_cycle >= 48 else 1
     # Noise alone spans ten standard deviations in a long rest, less after smoothing.
     threshold = max(6.0 * noise, 10.0 * noise / width**0.5, 2.0 * step, 1e-7 * float(np.ptp(x)))
-    return _assemble(Swing(t, x, smooth(x, width), noise, threshold, half_period), step)
+    return _assemble(Swing(t, x, smooth(x, width), noise, threshold, half_period, between), step)
 
 
 def _used_samples(t: Any, x: Any, mask: Any) -> tuple[np.ndarray, np.ndarray]:
     t, x = np.asarray(t, dtype=np.float64), np.asarray(x, dtype=np.float64)
     used = np.isfinite(x) if mask is None else np.asarray(mask, dtype=bool) & np.isfinite(x)
-    if used.sum() < MINIMUM_SAMPLES:
-        raise DataError(f"A trace needs at least {MINIMUM_SAMPLES} used samples, but it has {int(used.sum())}.")
-    return t[used], x[used]
+    count = int(np.count_nonzero(used))
+    if count < MINIMUM_SAMPLES:
+        raise DataError(f"A trace needs at least {MINIMUM_SAMPLES} used samples, but it has {count}.")
+    return (t, x) if count == x.size else (t[used], x[used])
 
 
 def _require_motion(x: np.ndarray, noise: float, step: float) -> None:
     span = float(np.ptp(x))
-    if span <= max(12.0 * noise, 2.5 * step, 1e-13 * float(np.abs(x).max())):
+    if span <= max(12.0 * noise, 2.5 * step, 1e-13 * float(max(x.max(), -x.min()))):
         within = "exactly" if span == 0 else f"within its noise: it spans {span:.3g} at a noise of {noise:.3g}"
         raise DataError(
             f"x is constant ({within}, about {float(x.mean()):.6g}); a decay needs a motion: "
@@ -128,11 +130,11 @@ def _require_density(per_half_cycle: float) -> None:
 def _half_period(t: np.ndarray, x: np.ndarray, noise: float, step: float) -> float:
     """Typical duration of a stroke, from the largest strokes that the trace holds at least two of."""
     span = float(np.ptp(x))
-    pivots: list[int] = []
-    for share in (0.3, 0.1, 0.03, 0.01, 0.003):
-        if share < 0.3 and share * span <= max(12.0 * noise, 4.0 * step):
-            break
-        pivots = zigzag(x, share * span)
+    finest = max(12.0 * noise, 4.0 * step)
+    sizes = [share * span for share in SHARES if share == SHARES[0] or share * span > finest]
+    among, pivots = extremes(x, sizes[-1]), []
+    for size in sizes:
+        pivots = zigzag(x, among, size)
         if len(pivots) >= 4:
             return float(np.median(np.diff(t[pivots[1:-1]])))
     return _from_rise_times(t, x, pivots or [int(np.argmin(x)), int(np.argmax(x))])
@@ -150,7 +152,8 @@ def _from_rise_times(t: np.ndarray, x: np.ndarray, pivots: list[int]) -> float:
 
 
 def _assemble(swing: Swing, step: float) -> Segmentation:
-    pivots = zigzag(swing.smoothed, swing.threshold)
+    among = extremes(swing.smoothed, swing.threshold)
+    pivots = zigzag(swing.smoothed, among, swing.threshold)
     if not pivots:
         raise DataError(
             f"x is constant within its noise ({swing.noise:.3g}); a decay needs a motion: check the column."
@@ -158,7 +161,9 @@ def _assemble(swing: Swing, step: float) -> Segmentation:
     release, pivots = find_start(swing, pivots)
     rest, position, pivots = find_rest(swing, pivots)
     times, points = _refined(swing, pivots)
-    moving = swing.x[(swing.t >= release) & (swing.t <= (swing.t[-1] if rest is None else rest))]
+    since = int(np.searchsorted(swing.t, release))
+    until = swing.t.size if rest is None else int(np.searchsorted(swing.t, rest, side="right"))
+    moving = swing.x[since:until]
     ends = times if rest is None else np.append(times, rest)
     return Segmentation(
         noise=swing.noise,
@@ -169,21 +174,19 @@ def _assemble(swing: Swing, step: float) -> Segmentation:
         rest=rest,
         rest_position=position,
         n_half_cycles=ends.size,
-        amplitude=float(np.ptp(np.concatenate([moving, points]))) / 2,
+        amplitude=float(np.ptp([moving.min(), moving.max(), *points])) / 2,
         half_period=float(np.median(np.diff(ends))) if ends.size >= 2 else swing.half_period,
     )
 
 
 def _refined(swing: Swing, pivots: list[int]) -> tuple[np.ndarray, np.ndarray]:
     """Instant and position of each reversal; `pivots` leads with the start and ends with the open or last stroke."""
-    turns = []
-    for before, here, after in zip(pivots[:-2], pivots[1:-1], pivots[2:], strict=True):
-        strokes = swing.stroke(before, here), swing.stroke(here, after)
-        lasted = float(swing.t[here] - swing.t[before])
-        local = float(np.clip(lasted, 0.6 * swing.half_period, 1.5 * swing.half_period))
-        width = window(local, max(strokes) / 2, swing.noise, swing.interval)
-        order = 4 if min(strokes) > 1e3 * swing.noise else 2
-        near, _ = refine(swing.t, swing.x, float(swing.t[here]), np.pi / local, max(width, 0.2 * local), order=order)
-        turns.append(refine(swing.t, swing.x, near, np.pi / local, width, order=order))
-    array = np.array(turns, dtype=np.float64).reshape(-1, 2)
-    return array[:, 0], array[:, 1]
+    if len(pivots) < 3:
+        return np.empty(0), np.empty(0)
+    t, at = swing.t[pivots], swing.smoothed[pivots]
+    sizes = np.abs(np.diff(at))
+    largest, smallest = np.maximum(sizes[:-1], sizes[1:]), np.minimum(sizes[:-1], sizes[1:])
+    local = np.clip(np.diff(t)[:-1], 0.6 * swing.half_period, 1.5 * swing.half_period)
+    width = window(local, largest / 2, swing.noise, swing.interval)
+    order = np.where(smallest > 1e3 * swing.noise, 4, 2)
+    return refine(swing.t, swing.x, t[1:-1], np.pi / local, [np.maximum(width, 0.2 * local), width], order)

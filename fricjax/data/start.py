@@ -31,12 +31,12 @@ def _is_guided(swing: Swing, pivots: list[int]) -> bool:
     depth = min(swing.stroke(first, turn), 0.5 * stroke)
     if depth < max(30.0 * swing.threshold, 0.02 * stroke):
         return False
-    index = np.arange(first, after + 1)
     beyond = np.abs(swing.smoothed[first : after + 1] - swing.smoothed[turn]) >= depth
-    inward, outward = index[beyond & (index < turn)], index[beyond & (index > turn)]
+    inward, outward = np.flatnonzero(beyond[: turn - first]), np.flatnonzero(beyond[turn - first :])
     if not inward.size or not outward.size:
         return False
-    approach, departure = swing.t[turn] - swing.t[inward[-1]], swing.t[outward[0]] - swing.t[turn]
+    approach = swing.t[turn] - swing.t[first + inward[-1]]
+    departure = swing.t[turn + outward[0]] - swing.t[turn]
     slow = approach > SLOW_APPROACH * departure and approach > 0.1 * swing.half_period
     free = _time_to_leave(swing, depth / stroke)
     return bool(slow or approach + departure > 4.0 * free + 0.5 * swing.half_period)
@@ -57,5 +57,6 @@ def _onset(swing: Swing, pivots: list[int]) -> float:
     if guess <= swing.t[0]:
         return float(swing.t[0])
     width = window(swing.half_period, stroke / 2, swing.noise, swing.interval)
-    width = max(2.0 * width, 0.15 * swing.half_period)
-    return refine(swing.t, swing.x, guess, np.pi / swing.half_period, width, order=3, before="still")[0]
+    width = np.maximum(2.0 * width, 0.15 * swing.half_period)
+    onset, _ = refine(swing.t, swing.x, guess, np.pi / swing.half_period, [width], 3, before="still")
+    return float(onset[0])

@@ -79,15 +79,21 @@ def assemble(problem: Problem, solved: Solved, sigma_mode: str) -> Fit:
         iterations=solved.iterations,
         stages=solved.stages,
         passes=solved.passes,
+        numerical_shift=solved.numerical_shift,
         engine=type(problem.residual.engine).__name__.lower(),
         **_criteria(solved, len(problem.parameters), problem.n_used, sigma_mode),
         oscillator=machine,
         quantity=problem.windows[0].quantity,
         times=tuple(np.asarray(w.trace.t) for w in problem.windows),
-        runs=problem.residual.runs,
+        runs=tuple(_cut(run, w.used.size) for run, w in zip(problem.residual.runs, problem.windows, strict=True)),
         origins=tuple(w.origin for w in problem.windows),
         engine_used=problem.residual.engine,
     )
+
+
+def _cut(run: Run, n: int) -> Run:
+    """The run without the samples that only fill it up."""
+    return eqx.tree_at(lambda r: (r.t, r.x, r.weight), run, (run.t[:n], run.x[:n], run.weight[:n]))
 
 
 def _count(run: Run) -> int | None:
@@ -111,14 +117,14 @@ def _record_time(problem: Problem, values: np.ndarray) -> np.ndarray:
 
 def _whiteness(problem: Problem, solved: Solved) -> Whiteness:
     """The verdict on the run whose residuals are the least white."""
-    parts = zip(problem.by_run(solved.residual), problem.windows, strict=True)
+    parts = zip(problem.by_run(solved.survey.residual), problem.windows, strict=True)
     verdicts = [whiteness(part[window.used]) for part, window in parts]
     return max(verdicts, key=lambda verdict: (not verdict.white, verdict.correlation_time))
 
 
 def _residuals(problem: Problem, solved: Solved) -> tuple[Any, float]:
     """Measured minus model for each run, and the root mean square of all."""
-    weighted = zip(problem.by_run(solved.residual), problem.windows, strict=True)
+    weighted = zip(problem.by_run(solved.survey.residual), problem.windows, strict=True)
     parts = [np.where(window.used, -part * window.sigma, np.nan) for part, window in weighted]
     fitted = np.concatenate([part[window.used] for part, window in zip(parts, problem.windows, strict=True)])
     rms = float(np.sqrt(np.mean(fitted**2)))

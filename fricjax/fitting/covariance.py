@@ -13,8 +13,6 @@ import numpy as np
 from .problem import Problem
 from .solve import Solved
 
-RANK_TOLERANCE = 1e-13
-
 
 class Covariance(NamedTuple):
     """Covariances of the free parameters in their own units, shape (p, p).
@@ -36,34 +34,13 @@ class Covariance(NamedTuple):
 
 def covariance(problem: Problem, solved: Solved, variance: float) -> Covariance:
     """Covariance at the optimum; `variance` is the variance of a unit-weight residual."""
-    p = problem.residual.n_parameters
-    y = np.asarray(solved.y)[:p]
-    at_bound = (y <= np.asarray(problem.lower)) | (y >= np.asarray(problem.upper))
-    normal = np.asarray(solved.normal)
-    inverse, undetermined = _inverse(normal[:p, :p], ~at_bound)
+    p, shape = problem.residual.n_parameters, solved.shape
     slope = np.asarray(problem.residual.space.slope(solved.y[:p]))
-    statistical = variance * slope[:, None] * inverse * slope
-    moved = slope[:, None] * (inverse @ normal[:p, p:])
+    statistical = variance * slope[:, None] * shape.inverse * slope
+    moved = slope[:, None] * (shape.inverse @ np.asarray(solved.survey.normal)[:p, p:])
     combined = statistical + moved @ moved.T
-    lost = undetermined | at_bound
+    lost = shape.undetermined | shape.at_bound
     for matrix in (statistical, combined):
         matrix[lost, :] = matrix[:, lost] = 0.0
         matrix[lost, lost] = np.inf
-    return Covariance(statistical, combined, undetermined, at_bound, not undetermined.any())
-
-
-def _inverse(normal: np.ndarray, movable: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Inverse of the normal matrix among the movable parameters, and which of these it does not determine."""
-    p = normal.shape[0]
-    size = np.sqrt(np.where(movable, np.diag(normal), 0.0))
-    active = np.flatnonzero((size > 0) & np.isfinite(size))
-    inverse, undetermined = np.zeros((p, p)), movable.copy()
-    undetermined[active] = False
-    if active.size and np.all(np.isfinite(normal[np.ix_(active, active)])):
-        unit = size[active]
-        eigenvalues, vectors = np.linalg.eigh(normal[np.ix_(active, active)] / np.outer(unit, unit))
-        weak = eigenvalues < RANK_TOLERANCE * eigenvalues[-1]
-        strength = np.where(weak, 0.0, 1 / np.where(weak, 1.0, eigenvalues))
-        inverse[np.ix_(active, active)] = (vectors * strength) @ vectors.T / np.outer(unit, unit)
-        undetermined[active] = np.any(np.abs(vectors[:, weak]) > 1e-3, axis=1)
-    return inverse, undetermined
+    return Covariance(statistical, combined, shape.undetermined, shape.at_bound, not shape.undetermined.any())

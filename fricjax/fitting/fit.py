@@ -128,7 +128,7 @@ def _check_effect(problem: Problem, solved: Solved) -> None:
     Raises:
         UsageError: names them.
     """
-    slopes = np.diag(np.asarray(solved.normal))
+    slopes = np.diag(np.asarray(solved.survey.normal))
     idle = [p.name for p, slope in zip(problem.parameters, slopes, strict=False) if slope == 0]
     if idle:
         raise UsageError(

@@ -3,11 +3,13 @@
 Residual and Jacobian come from one pass over the model, and only ``J'J`` and ``J'r`` are kept. Damping is
 Marquardt's: each parameter is scaled by the largest diagonal element of ``J'J`` met so far, so that neither the
 units of the residuals nor those of the parameters matter; its strength follows the gain ratio (Nielsen,
-IMM-REP-1999-05). Bounds are an active set: a parameter at its bound that the gradient presses outward is held for
-the step, and steps are cut off at the box.
+IMM-REP-1999-05). Bounds are an active set. Coordinates in which the residual is linear are not stepped in but solved
+for after every pass (variable projection).
 
 The fit stops by statistics: when the Gauss-Newton step would move the parameters by less than a small part of their
-standard errors, more steps are noise. A trial that is not finite is rejected like one that makes the fit worse.
+standard errors, more steps are noise. Beside it stand the three rules of MINPACK for data without noise, put to the
+Gauss-Newton step too, so that a step which damping alone made short never looks like success. A trial that is not
+finite is rejected like one that makes the fit worse.
 """
 
 from collections.abc import Callable
@@ -19,30 +21,32 @@ import jax.numpy as jnp
 import optimistix as optx
 from jaxtyping import Array, Bool, Float, Int, PyTree
 
-RUNNING, CONVERGED, STALLED, NOT_FINITE = range(4)
+from .damped_step import WEAKEST, bounded_steps, pressed, project, units
+from .loss import Squares
+from .passes import AbstractPasses, DensePasses, Pass
+from .status import AT_BOUND, CONVERGED, NOT_FINITE, OUT_OF_STEPS, RUNNING, STALLED, UNDETERMINED
 
 _FIRST_DAMPING = 1e-4
 _LARGEST_DAMPING = 1e12
-_NEAR = 1e-2
+# A rejection tells that the residual is rough on this scale; then a hundred times more counts as finished.
+_ROUGH = 100.0
 
 
-class Pass(NamedTuple):
-    """What one pass over the model leaves behind: half the sum of squares, gradient ``J'r`` and ``J'J``."""
+class _Setting(NamedTuple):
+    """The options as arrays."""
 
-    cost: Float[Array, ""]
-    gradient: Float[Array, " p"]
-    normal: Float[Array, "p p"]
+    lower: Float[Array, " p"]
+    upper: Float[Array, " p"]
+    dof: Float[Array, ""]
+    floor: Float[Array, ""]
+    linear: Bool[Array, " p"]
 
-
-def residual_and_jacobian(fn: Callable, y: Float[Array, " p"]) -> tuple[Float[Array, " n"], Float[Array, "n p"]]:
-    """Residual and its Jacobian in one pass of forward mode."""
-
-    def twice(q: Array) -> tuple[Array, Array]:
-        r = fn(q)
-        return r, r
-
-    jacobian, residual = jax.jacfwd(twice, has_aux=True)(y)
-    return residual, jacobian
+    @classmethod
+    def of(cls, options: dict[str, Any]) -> "_Setting":
+        lower, upper = options["lower"], options["upper"]
+        linear = jnp.asarray(options.get("linear", jnp.zeros(lower.shape, bool)))
+        unbounded = (lower == -jnp.inf) & (upper == jnp.inf)
+        return cls(lower, upper, options["dof"], options["floor"], linear & unbounded)
 
 
 class _State(eqx.Module):
@@ -53,56 +57,61 @@ class _State(eqx.Module):
     growth: Float[Array, ""]
     predicted: Float[Array, ""]
     status: Int[Array, ""]
+    steps: Int[Array, ""]
     first: Bool[Array, ""]
     remaining: Float[Array, ""]
 
 
-def _measure(fn: Callable, y: Array, args: PyTree) -> tuple[Pass, Any]:
-    residual, jacobian = residual_and_jacobian(lambda q: fn(q, args)[0], y)
-    return Pass(residual @ residual / 2, jacobian.T @ residual, jacobian.T @ jacobian), None
+class _Ahead(NamedTuple):
+    """What lies ahead of a point: the next trial and the Gauss-Newton step, both within the bounds."""
+
+    trial: Float[Array, " p"]
+    predicted: Float[Array, ""]
+    full: Float[Array, " p"]
+    shortening: Float[Array, ""]
 
 
-def _step(here: Pass, damping: Array, scale: Array, y: Array, lower: Array, upper: Array) -> Array:
-    """Least point of the damped model within the box, by an active set.
-
-    A parameter at its bound that the gradient presses outward is held there. Where the step of another one would
-    leave the box it ends at the bound, and the remaining ones are solved for again.
-    """
-    unit = jnp.sqrt(scale)
-    gradient, normal = here.gradient / unit, here.normal / (unit[:, None] * unit[None, :])
-    damped = normal + damping * jnp.eye(y.size)
-    low, high = (lower - y) * unit, (upper - y) * unit
-    held = ((low >= 0) & (gradient > 0)) | ((high <= 0) & (gradient < 0)) | (lower == upper)
-
-    def again(state: tuple[Array, Array, Array]) -> Array:
-        return state[2]
-
-    def solve(state: tuple[Array, Array, Array]) -> tuple[Array, Array, Array]:
-        step, held, _ = state
-        known = jnp.where(held, step, 0.0)
-        matrix = jnp.where(held[:, None] | held[None, :], jnp.eye(y.size), damped)
-        target = jnp.where(held, known, -gradient - damped @ known)
-        step = jax.scipy.linalg.solve(matrix, target, assume_a="pos")
-        outside = ~held & ((step < low) | (step > high))
-        return jnp.clip(step, jnp.minimum(low, 0), jnp.maximum(high, 0)), held | outside, jnp.any(outside)
-
-    begin = (jnp.zeros_like(y), held, jnp.asarray(True))
-    return jax.lax.while_loop(again, solve, begin)[0] / unit
+def _look(y: Array, here: Pass, scale: Array, damping: Array, setting: _Setting) -> _Ahead:
+    relative = jnp.where(setting.linear, 0.0, damping * scale / units(here.normal) ** 2)
+    lower, upper = setting.lower - y, setting.upper - y
+    dampings = jnp.maximum(jnp.stack([relative, jnp.zeros_like(y)]), WEAKEST)
+    steps = bounded_steps(here, dampings, lower, upper)
+    step, full = steps[0], steps[1]
+    bends = jnp.sum(steps * (steps @ here.normal), axis=1)
+    landed = jnp.where(step <= lower, setting.lower, jnp.where(step >= upper, setting.upper, y + step))
+    return _Ahead(landed, -(here.gradient @ step + bends[0] / 2), full, bends[1])
 
 
 class LevenbergMarquardt(optx.AbstractLeastSquaresSolver):
-    """Levenberg-Marquardt with Marquardt scaling, Nielsen damping, bounds and a statistical stopping rule.
+    """Levenberg-Marquardt with Marquardt scaling, Nielsen damping, bounds, projection and a statistical stopping rule.
 
     Pass ``options={"lower": ..., "upper": ..., "dof": ..., "floor": ...}``: bounds of shape (p,), the degrees of
-    freedom, and the sum of squares that rounding alone would leave. The final state's `status` is one of
-    `CONVERGED`, `STALLED` (no step makes the fit better, yet the gradient asks for one) and `NOT_FINITE` (the model
-    fails at the start).
+    freedom, and the sum of squares that rounding alone would leave; optionally ``"linear"``: a mask of shape (p,) of
+    coordinates in which the residual is linear while the other columns of the Jacobian do not depend on them. Only
+    unbounded ones are projected.
+
+    The solution's `stats` hold `status` (see :mod:`fricjax.fitting.status`), `cost` and `normal` at the answer, and
+    `remaining`, the square of the Gauss-Newton step left in standard errors. Auxiliary output of the function is
+    dropped.
 
     Attributes:
+        passes: how a pass over the model is made.
+        max_steps: largest number of passes.
         tolerance: largest step left, in standard errors as the scatter of the residuals gives them.
+        ftol: largest relative change of the sum of squares, actual and to come.
+        xtol: largest step left relative to the parameters, in the scaled norm.
+        gtol: largest cosine between the residual and a column of the Jacobian.
+
+    Raises:
+        ValueError: linear coordinates under a loss other than squares.
     """
 
+    passes: AbstractPasses = DensePasses()
+    max_steps: int = 60
     tolerance: float = 1e-3
+    ftol: float = 1e-15
+    xtol: float = 1e-14
+    gtol: float = 1e-15
     rtol: float = 0.0
     atol: float = 0.0
     norm: Callable = optx.max_norm
@@ -110,58 +119,82 @@ class LevenbergMarquardt(optx.AbstractLeastSquaresSolver):
     def init(
         self, fn: Callable, y: Array, args: PyTree, options: dict, f_struct: PyTree, aux_struct: PyTree, tags: frozenset
     ) -> _State:
-        p = y.shape[0]
-        zero, nothing = jnp.zeros(()), Pass(jnp.asarray(jnp.inf), jnp.zeros(p), jnp.full((p, p), jnp.nan))
-        status = jnp.asarray(RUNNING)
-        return _State(y, nothing, zero * y, zero + _FIRST_DAMPING, zero + 2, zero, status, jnp.asarray(True), zero)
+        if "linear" in options and not isinstance(self.passes.loss, Squares):
+            raise ValueError(
+                f"Linear coordinates are solved for by least squares, but the loss is {type(self.passes.loss).__name__}. "
+                "Leave out the option 'linear'."
+            )
+        p, zero, none = y.shape[0], jnp.zeros(()), jnp.asarray(0)
+        nothing = Pass(jnp.asarray(jnp.inf), jnp.zeros(p), jnp.full((p, p), jnp.nan))
+        damping, status = zero + _FIRST_DAMPING, jnp.asarray(RUNNING)
+        return _State(y, nothing, jnp.zeros(p), damping, zero + 2, zero, status, none, jnp.asarray(True), zero)
 
     def step(
         self, fn: Callable, y: Array, args: PyTree, options: dict, state: _State, tags: frozenset
-    ) -> tuple[Array, _State, Any]:
-        there, aux = _measure(fn, state.trial, args)
-        finite = jnp.isfinite(there.cost) & jnp.all(jnp.isfinite(there.normal))
-        gain = (state.accepted.cost - there.cost) / jnp.where(state.predicted > 0, state.predicted, 1.0)
+    ) -> tuple[Array, _State, None]:
+        setting = _Setting.of(options)
+        there, move, blurred = project(self.passes(fn, state.trial, args), setting.linear)
+        reached, finite = state.trial + move, there.finite
+        reduction = state.accepted.cost - there.cost
+        gain = reduction / jnp.where(state.predicted > 0, state.predicted, 1.0)
         accept = finite & (state.first | (gain > 0))
-        y = jnp.where(accept, state.trial, y)
         here = jax.tree.map(lambda new, old: jnp.where(accept, new, old), there, state.accepted)
+        at = jnp.where(accept, reached, y)
         eased = state.damping * jnp.maximum(1 / 3, 1 - (2 * jnp.clip(gain, 0.0, 1.0) - 1) ** 3)
         damping = jnp.where(state.first, state.damping, jnp.where(accept, eased, state.damping * state.growth))
         growth = jnp.where(accept, 2.0, state.growth * 2)
-        scale = jnp.maximum(state.scale, jnp.diag(here.normal))
-        return y, self._next(y, here, scale, damping, growth, accept, state, options), aux
+        scale = jnp.maximum(state.scale, jnp.diagonal(here.normal))
+        ahead = _look(at, here, scale, damping, setting)
+        status, remaining = self._judge(at, here, ahead, damping, accept, reduction, state, setting)
+        steps, no = state.steps + 1, jnp.asarray(False)
+        after = _State(ahead.trial, here, scale, damping, growth, ahead.predicted, status, steps, no, remaining)
+        again = eqx.tree_at(lambda s: (s.trial, s.steps, s.status), state, (reached, steps, self._running(steps)))
+        repeat = blurred & finite
+        chosen = jax.tree.map(lambda a, b: jnp.where(repeat, a, b), again, after)
+        return jnp.where(repeat, y, at), chosen, None
 
-    def _next(
+    def _running(self, steps: Array) -> Array:
+        return jnp.where(steps < self.max_steps, RUNNING, OUT_OF_STEPS)
+
+    def _judge(
         self,
         y: Array,
         here: Pass,
-        scale: Array,
+        ahead: _Ahead,
         damping: Array,
-        growth: Array,
         accept: Array,
+        reduction: Array,
         state: _State,
-        options: dict,
-    ) -> _State:
-        """Choose the next trial, or say why there is none."""
-        lower, upper = options["lower"], options["upper"]
-        units = jnp.where(scale > 0, scale, 1.0)
-        trial = jnp.clip(y + _step(here, damping, units, y, lower, upper), lower, upper)
-        full = _step(here, jnp.asarray(1e-14), units, y, lower, upper)
-        step = trial - y
-        predicted = -(here.gradient @ step + step @ here.normal @ step / 2)
-        variance = (2 * here.cost + options["floor"]) / options["dof"]
-        remaining = full @ here.normal @ full / variance
-        near = ~accept & (remaining < _NEAR)
-        done = accept & (remaining < self.tolerance**2)
-        stuck = (damping > _LARGEST_DAMPING) | jnp.all(trial == y) | ~(predicted > 0)
-        status = jnp.where(stuck, STALLED, RUNNING)
-        status = jnp.where(done | near | (stuck & (remaining < _NEAR)), CONVERGED, status)
+        setting: _Setting,
+    ) -> tuple[Array, Array]:
+        """Status after a pass, and the square of the Gauss-Newton step in standard errors."""
+        loose, unit = jnp.where(accept, 1.0, _ROUGH), units(here.normal)
+        variance = (2 * here.cost + setting.floor) / setting.dof
+        movable = ~pressed(here, setting.lower - y, setting.upper - y)
+        cosine = jnp.max(jnp.where(movable, jnp.abs(here.gradient) / unit, 0.0))
+        done = (
+            (ahead.shortening < (loose * self.tolerance) ** 2 * variance)
+            | (jnp.linalg.norm(unit * ahead.full) <= loose * self.xtol * jnp.linalg.norm(unit * y))
+            | (cosine <= loose * self.gtol * jnp.sqrt(2 * here.cost))
+            | ((jnp.abs(reduction) <= self.ftol * here.cost) & (ahead.shortening <= 2 * self.ftol * here.cost))
+        )
+        stuck = (damping > _LARGEST_DAMPING) | jnp.all(ahead.trial == y) | ~(ahead.predicted > 0)
+        status = jnp.where(done, CONVERGED, jnp.where(stuck, STALLED, self._running(state.steps + 1)))
         status = jnp.where(state.first & ~accept, NOT_FINITE, status)
-        return _State(trial, here, scale, damping, growth, predicted, status, jnp.asarray(False), remaining)
+        return status, ahead.shortening / jnp.where(variance > 0, variance, 1.0)
 
     def terminate(
         self, fn: Callable, y: Array, args: PyTree, options: dict, state: _State, tags: frozenset
     ) -> tuple[Array, optx.RESULTS]:
-        return state.status != RUNNING, optx.RESULTS.successful
+        results = {
+            STALLED: optx.RESULTS.nonlinear_divergence,
+            NOT_FINITE: optx.RESULTS.nonfinite,
+            OUT_OF_STEPS: optx.RESULTS.nonlinear_max_steps_reached,
+        }
+        result = optx.RESULTS.successful
+        for status, told in results.items():
+            result = optx.RESULTS.where(state.status == status, told, result)
+        return state.status != RUNNING, result
 
     def postprocess(
         self,
@@ -173,15 +206,26 @@ class LevenbergMarquardt(optx.AbstractLeastSquaresSolver):
         state: _State,
         tags: frozenset,
         result: optx.RESULTS,
-    ) -> tuple[Array, Any, dict[str, Any]]:
+    ) -> tuple[Array, None, dict[str, Any]]:
         here = state.accepted
-        return (
-            y,
-            aux,
-            {
-                "status": state.status,
-                "cost": here.cost,
-                "normal": here.normal,
-                "remaining": state.remaining,
-            },
-        )
+        status = _refine(state, y, _Setting.of(options))
+        return y, None, {"status": status, "cost": here.cost, "normal": here.normal, "remaining": state.remaining}
+
+
+def _refine(state: _State, y: Array, setting: _Setting) -> Array:
+    """Final status: what ended the loop from outside, and what a converged fit must still admit."""
+    cut_short = jnp.where(jnp.all(jnp.isfinite(y)), OUT_OF_STEPS, NOT_FINITE)
+    status = jnp.where(state.status == RUNNING, cut_short, state.status)
+    movable = setting.lower < setting.upper
+    inside = (setting.lower < y) & (y < setting.upper)
+    bound = jnp.any(movable & ~inside)
+    admitted = jnp.where(bound, AT_BOUND, CONVERGED)
+    admitted = jnp.where(_determined(state.accepted.normal, inside), admitted, UNDETERMINED)
+    return jnp.where(status == CONVERGED, admitted, status)
+
+
+def _determined(normal: Array, free: Array) -> Array:
+    """Whether every direction among the free parameters shows in the normal matrix."""
+    unit, identity = units(normal), jnp.eye(free.size)
+    matrix = jnp.where(free[:, None] & free & jnp.isfinite(normal), normal / (unit[:, None] * unit), identity)
+    return jnp.linalg.eigvalsh(matrix)[0] > WEAKEST

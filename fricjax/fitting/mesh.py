@@ -11,12 +11,12 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ..data.errors import UsageError
-from ..oscillator import Smooth, starting_state
+from ..oscillator import Oscillator, Smooth, starting_state
 from .residual import Residual
 
 CAPACITY = 1 << 17
 _REACH = 1.05
-_SAFETY = 0.2
+_GROWTH = 4.0
 
 
 def with_mesh(residual: Residual, y: Float[Array, " coordinates"]) -> Residual:
@@ -29,7 +29,9 @@ def with_mesh(residual: Residual, y: Float[Array, " coordinates"]) -> Residual:
     """
     if not isinstance(residual.engine, Smooth):
         return residual
-    meshes = [np.asarray(_steps(residual, y, run)) for run in range(len(residual.runs))]
+    machine = residual.machine(y)
+    engine, runs = residual.engine, residual.runs
+    meshes = [np.asarray(_steps(engine, machine, residual.own(y, i), run.t[-1])) for i, run in enumerate(runs)]
     if any(np.all(np.isfinite(mesh)) for mesh in meshes):
         raise UsageError(
             f"The motion needs more than {CAPACITY} steps of the smooth engine. Check the law's coefficients, or crop "
@@ -41,30 +43,28 @@ def with_mesh(residual: Residual, y: Float[Array, " coordinates"]) -> Residual:
 
 
 @eqx.filter_jit
-def _steps(residual: Residual, y: Array, run: int) -> Array:
-    machine, at = residual.machine(y), residual.own(y, run)
+def _steps(engine: Smooth, machine: Oscillator, at: dict[str, Array], end: Array) -> Array:
     start = starting_state(machine, at["x0"], at["v0"])
-    engine = residual.engine
-    free = Smooth(accuracy=_SAFETY * engine.accuracy, max_steps=CAPACITY)  # pyright: ignore[reportAttributeAccessIssue]
-    duration = _REACH * (residual.runs[run].t[-1] - at["t_release"])
-    return free.steps(machine, start, duration, CAPACITY)
+    free = Smooth(accuracy=engine.accuracy, max_steps=CAPACITY)
+    return free.steps(machine, start, _REACH * (end - at["t_release"]), CAPACITY)
 
 
 def _graded(mesh: np.ndarray) -> np.ndarray:
-    """Cut every step that is more than twice as long as its neighbour, until none is."""
+    """Cut every step that is more than four times as long as its neighbour, until none is."""
     while True:
         h = np.diff(mesh)
         shorter = np.minimum(np.r_[h[1:], np.inf], np.r_[np.inf, h[:-1]])
-        long = np.flatnonzero(h > 2.0 * shorter * (1 + 1e-9))
+        long = np.flatnonzero(h > _GROWTH * shorter * (1 + 1e-9))
         if not long.size:
             return mesh
         mesh = np.sort(np.concatenate([mesh, mesh[long] + h[long] / 2]))
 
 
 def _padded(mesh: np.ndarray) -> np.ndarray:
-    """Halve the longest steps until their number is a power of two, or one and a half of it."""
-    power = 2 ** int(np.ceil(np.log2(mesh.size - 1)))
-    target = 3 * power // 4 if mesh.size - 1 <= 3 * power // 4 else power
+    """Halve the longest steps until their number is a power of two or a whole number of eighths of it."""
+    steps = mesh.size - 1
+    unit = max(2 ** int(np.ceil(np.log2(steps))) // 8, 1)
+    target = -(-steps // unit) * unit
     while missing := target - (mesh.size - 1):
         h = np.diff(mesh)
         longest = np.argsort(h)[::-1][:missing]

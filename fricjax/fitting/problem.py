@@ -12,14 +12,20 @@ from jaxtyping import Array, Float
 
 from ..data import Record, Trace
 from ..data.errors import DataError, UsageError
-from ..oscillator import Oscillator, Smooth
-from ..oscillator.engines import AbstractEngine
+from ..oscillator import Hybrid, Oscillator, Smooth
+from ..oscillator.engines import AbstractEngine, Span
 from ..oscillator.leaves import leaves_of
 from ..oscillator.select import select_engine
+from .breaks import condensed
+from .condense import Samples
 from .parameters import Request, free_parameters, parse_priors, parse_ties, shared_leaves
 from .residual import Residual, Run
 from .space import Parameter, ParameterSpace
-from .window import NEVER, Window, open_window
+from .window import NEVER, Window, equilibrium, open_window
+
+# The error of the smooth engine is some thirty times smaller than the accuracy that it is asked for.
+_SLACK = 10.0
+_FEW = 8
 
 
 @dataclasses.dataclass(frozen=True)
@@ -27,8 +33,9 @@ class Problem:
     """A fit before it is solved.
 
     Attributes:
-        residual: residual with all used samples in its weights.
-        moving: for each run the weights without the rest.
+        residual: residual of all samples, with the inputs of the rig.
+        condensed: the same of far fewer samples that say the same, without the inputs; what is solved.
+        moving: for each run the weights of the condensed samples without the rest.
         parameters: the free parameters in order.
         windows: the fitted part of each record.
         lower, upper: bounds in coordinates.
@@ -36,6 +43,7 @@ class Problem:
     """
 
     residual: Residual
+    condensed: Residual
     moving: tuple[Any, ...]
     parameters: tuple[Parameter, ...]
     windows: tuple[Window, ...]
@@ -48,9 +56,10 @@ class Problem:
         return tuple(parameter.name for parameter in self.parameters)
 
     def by_run(self, residual: Any) -> list[np.ndarray]:
-        """The weighted residual of each run, without those of the priors."""
-        ends = np.cumsum([window.used.size for window in self.windows])
-        return np.split(np.asarray(residual), ends)[:-1]
+        """The weighted residual of each run at the samples of its record, without those of the priors."""
+        ends = np.cumsum([run.t.shape[0] for run in self.residual.runs])
+        parts = np.split(np.asarray(residual), ends)[:-1]
+        return [part[: window.used.size] for part, window in zip(parts, self.windows, strict=True)]
 
     @property
     def n_used(self) -> int:
@@ -86,9 +95,11 @@ def pose(records: Sequence[Record | Trace], request: Request) -> Problem:
         parameters, [leaf.index for leaf in shared], ties, [window.nuisances for window in windows]
     )
     residual = _residual(request, space, windows, parameters)
+    condensed = _condensed(residual, windows)
     return Problem(
         residual=residual,
-        moving=tuple(_weights(window, window.moving) for window in windows),
+        condensed=condensed,
+        moving=tuple(_moving(window, run) for window, run in zip(windows, condensed.runs, strict=True)),
         parameters=parameters,
         windows=windows,
         lower=space.coordinates(jnp.asarray([p.lower for p in parameters])),
@@ -166,10 +177,22 @@ def _engine(request: Request, windows: Sequence[Window]) -> AbstractEngine:
         raise UsageError(str(error)) from error
     if drag_free and engine.__class__.__name__ == "Exact":
         raise UsageError("drag is free, and the exact engine has no drag. Use the hybrid engine.")
-    if isinstance(engine, Smooth) and not isinstance(request.engine, AbstractEngine):
-        accuracy = min(float(np.median(w.sigma)) / np.sqrt(w.used.sum()) for w in windows)
-        engine = eqx.tree_at(lambda e: e.accuracy, engine, jnp.asarray(accuracy))
-    return engine
+    return engine if isinstance(request.engine, AbstractEngine) else _tuned(engine, windows)
+
+
+def _tuned(engine: AbstractEngine, windows: Sequence[Window]) -> AbstractEngine:
+    """The engine with what the records tell: the accuracy that their noise asks for, or their range of amplitudes."""
+    if isinstance(engine, Smooth):
+        accuracy = _SLACK * min(float(np.median(w.sigma)) / np.sqrt(w.used.sum()) for w in windows)
+        return eqx.tree_at(lambda e: e.accuracy, engine, np.asarray(accuracy))
+    turning = [np.abs(w.segmentation.turning_points - equilibrium(w.segmentation)) for w in windows]
+    if not isinstance(engine, Hybrid) or any(points.size < _FEW for points in turning):
+        return engine
+    lowest = 0.8 * min(float(points[:-1].min()) for points in turning)
+    highest = 1.1 * max(max(abs(w.guesses["x0"]), float(p.max())) for w, p in zip(windows, turning, strict=True))
+    amplitudes = 4 * int(np.ceil(1.5 + 1.5 * np.log(highest / lowest)))
+    span = Span(np.asarray(lowest), np.asarray(highest))
+    return Hybrid(engine.nodes, engine.max_half_cycles, span, int(np.clip(amplitudes, 8, 32)))
 
 
 def _stops(request: Request) -> bool:
@@ -189,15 +212,37 @@ def _strokes(window: Window, stops: bool) -> int:
 def _run(window: Window, stops: bool) -> Run:
     used = np.flatnonzero(window.used)
     t = np.asarray(window.trace.t) - window.origin
-    t = np.clip(t, t[used[0]], t[used[-1]])
+    samples = Samples(
+        t=np.clip(t, t[used[0]], t[used[-1]]),
+        x=np.asarray(window.trace.x),
+        weight=np.where(window.used, 1 / window.sigma, 0.0),
+    )
     return Run(
-        t=jnp.asarray(t),
-        x=jnp.asarray(window.trace.x),
-        weight=jnp.asarray(_weights(window, window.used)),
-        half_cycles=jnp.asarray(window.half_cycles if stops else NEVER),
-        fixed={name: jnp.asarray(value) for name, value in window.guesses.items()},
+        *_filled(samples),
+        half_cycles=np.asarray(window.half_cycles if stops else NEVER),
+        fixed={name: np.asarray(value) for name, value in window.guesses.items()},
     )
 
 
-def _weights(window: Window, used: np.ndarray) -> np.ndarray:
-    return np.where(used, 1 / window.sigma, 0.0)
+def _condensed(residual: Residual, windows: Sequence[Window]) -> Residual:
+    """The residual of the condensed records, without the inputs of the rig."""
+    runs = []
+    for window, run in zip(windows, residual.runs, strict=True):
+        few = _filled(condensed(window, Samples(run.t, run.x, run.weight), residual.oscillator))
+        runs.append(eqx.tree_at(lambda r: (r.t, r.x, r.weight), run, tuple(few)))
+    return eqx.tree_at(lambda r: (r.runs, r.inputs), residual, (tuple(runs), residual.inputs[:0]))
+
+
+def _filled(samples: Samples) -> Samples:
+    """Samples without weight added at the end, so that records of similar length share one compilation."""
+    n = samples.t.size
+    unit = max(2 ** (n - 1).bit_length() // 8, 1)
+    missing = -n % unit
+    t, x = (np.pad(values, (0, missing), mode="edge") for values in (samples.t, samples.x))
+    return Samples(t, x, np.pad(samples.weight, (0, missing)))
+
+
+def _moving(window: Window, run: Run) -> np.ndarray:
+    """Weights of the samples of a run without its rest."""
+    rest = np.inf if window.segmentation.rest is None else window.segmentation.rest - window.origin
+    return np.where(run.t <= rest, run.weight, 0.0)

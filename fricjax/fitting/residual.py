@@ -6,7 +6,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
 from ..oscillator import Motion, Oscillator, starting_state
-from ..oscillator.engines import AbstractEngine
+from ..oscillator.engines import AbstractEngine, AbstractPath
 from .space import ParameterSpace
 
 
@@ -27,6 +27,19 @@ class Run(eqx.Module):
     weight: Float[Array, " samples"]
     half_cycles: Int[Array, ""]
     fixed: dict[str, Array]
+
+
+class Course(eqx.Module):
+    """The motion of one run as its instrument sees it: a path that starts at `t_release`, with offset and drift."""
+
+    path: AbstractPath
+    t_release: Float[Array, ""]
+    offset: Float[Array, ""]
+    drift: Float[Array, ""]
+
+    def read(self, t: Float[Array, " samples"]) -> Float[Array, " samples"]:
+        """Reading at times `t` of the run [m]."""
+        return self.path.sample(t - self.t_release)[0] + self.offset + self.drift * t
 
 
 class Residual(eqx.Module):
@@ -60,8 +73,12 @@ class Residual(eqx.Module):
         return self.prior_mean.shape[0]
 
     def __call__(self, y: Float[Array, " coordinates"], args: None = None) -> Float[Array, " residuals"]:
-        parts = [run.weight * (self.displacement(y, i) - run.x) for i, run in enumerate(self.runs)]
-        return jnp.concatenate([*parts, (self.values(y) - self.prior_mean) * self.prior_weight])
+        parts = [run.weight * (self.course(y, i).read(run.t) - run.x) for i, run in enumerate(self.runs)]
+        return jnp.concatenate([*parts, self.priors(y)])
+
+    def priors(self, y: Float[Array, " coordinates"]) -> Float[Array, " p"]:
+        """Distance of the values to the means of their priors, in standard deviations."""
+        return (self.values(y) - self.prior_mean) * self.prior_weight
 
     def values(self, y: Float[Array, " coordinates"]) -> Float[Array, " p"]:
         """Values of the free parameters."""
@@ -78,30 +95,21 @@ class Residual(eqx.Module):
         """State and offset of one run, free or fixed, by name."""
         return {**self.runs[run].fixed, **self.space.run_values(self.values(y), run)}
 
-    def displacement(self, y: Float[Array, " coordinates"], run: int) -> Float[Array, " samples"]:
-        """Computed displacement of one run in the coordinate of its record [m]."""
-        data = self.runs[run]
-        return displacement(self.engine, self.machine(y), data, self.own(y, run), data.t)
-
-    def motion(self, y: Float[Array, " coordinates"], run: int, half_cycles: Int[Array, ""] | None) -> Motion:
-        """Motion of one run; `half_cycles` None lets the rest condition stop it."""
-        at = self.own(y, run)
-        machine = self.machine(y)
+    def course(self, y: Float[Array, " coordinates"], run: int) -> Course:
+        """Computed motion of one run."""
+        at, machine = self.own(y, run), self.machine(y)
         start = starting_state(machine, at["x0"], at["v0"])
-        return self.engine.solve(machine, start, self.runs[run].t - at["t_release"], half_cycles)
+        path = self.engine.path(machine, start, self.runs[run].half_cycles)
+        return Course(path, at["t_release"], at["offset"], at["drift"])
 
 
-def displacement(
+@eqx.filter_jit
+def motion(
     engine: AbstractEngine,
     machine: Oscillator,
-    run: Run,
     at: dict[str, Array],
     t: Float[Array, " samples"],
-) -> Float[Array, " samples"]:
-    """What the instrument would read at times `t` of a run, given the machine and the run's own parameters."""
-    start = starting_state(machine, at["x0"], at["v0"])
-    motion = engine.solve(machine, start, t - at["t_release"], run.half_cycles)
-    return motion.x + at["offset"] + at["drift"] * t
-
-
-read_off = eqx.filter_jit(displacement)
+    half_cycles: Int[Array, ""] | None,
+) -> Motion:
+    """Motion of one run at its times `t`, from its own parameters; `half_cycles` None lets the rest condition stop it."""
+    return engine.solve(machine, starting_state(machine, at["x0"], at["v0"]), t - at["t_release"], half_cycles)

@@ -16,7 +16,7 @@ from jaxtyping import Array
 from ..oscillator import Oscillator
 from .names import sole_coulomb
 from .problem import Problem
-from .residual import Residual
+from .residual import Residual, motion
 from .solve import Solved, solve
 from .window import NEVER
 
@@ -36,15 +36,15 @@ class Margin(NamedTuple):
     one_less: float
 
 
-@eqx.filter_jit
-def _reversals(residual: Residual, y: Array, run: int, forced: bool) -> tuple[Array, Array, Oscillator]:
+def _reversals(residual: Residual, y: Array, run: int, forced: bool) -> tuple[np.ndarray, int, Oscillator]:
     """Turning points of one run, stopped as the record says or, unless `forced`, by the rest condition.
 
     Returns:
         The turning points, the number of half-cycles, and the machine.
     """
-    motion = residual.motion(y, run, residual.runs[run].half_cycles if forced else None)
-    return motion.turning_points, motion.n_half_cycles, residual.machine(y)
+    machine, own, data = residual.machine(y), residual.own(y, run), residual.runs[run]
+    found = motion(residual.engine, machine, own, data.t, data.half_cycles if forced else None)
+    return np.asarray(found.turning_points), int(found.n_half_cycles), machine
 
 
 def solve_with_rest(problem: Problem) -> tuple[Problem, Solved]:

@@ -11,7 +11,7 @@ import numpy as np
 from ..data.errors import UsageError
 from ..oscillator import Oscillator
 from .kinematics import Estimate
-from .residual import Run, read_off
+from .residual import Run, motion
 from .rest import Margin
 from .whiteness import Whiteness
 
@@ -51,6 +51,8 @@ class Fit:
         half_cycles: for each run the number of half-cycles from the start of the fit to the stop, None in motion.
         iterations, passes, stages: steps of Levenberg-Marquardt, each a pass over model and Jacobian; passes over the
             model in all; and stages of growing windows.
+        numerical_shift: how far numerical errors can have moved any parameter, in its standard errors: the step that a
+            finer solution of all samples would still make.
         engine: name of the engine.
         aicc, bic: information criteria.
         oscillator: the fitted oscillator.
@@ -86,6 +88,7 @@ class Fit:
     iterations: int
     stages: int
     passes: int
+    numerical_shift: float
     engine: str
     aicc: float
     bic: float
@@ -120,7 +123,8 @@ class Fit:
         own = {name: jnp.asarray(self._own(name, run)) for name in self.runs[run].fixed}
         own["t_release"] = own["t_release"] - self.origins[run]
         t = jnp.asarray(np.asarray(ts, float) - self.origins[run])
-        return np.asarray(read_off(self.engine_used, self.oscillator, self.runs[run], own, t))
+        found = motion(self.engine_used, self.oscillator, own, t, self.runs[run].half_cycles)
+        return np.asarray(found.x + own["offset"] + own["drift"] * t)
 
     def _check_run(self, run: int) -> None:
         if not 0 <= run < len(self.runs):

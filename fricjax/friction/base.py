@@ -74,6 +74,10 @@ class AbstractFriction(eqx.Module):
         """Dynamic (kinetic) friction force mu N [N], which sets the dead band."""
 
     @abc.abstractmethod
+    def velocity_scale(self) -> Scalar:
+        """Speed over which the sliding force changes fast near rest [m/s]; inf for a law without such a range."""
+
+    @abc.abstractmethod
     def sharp(self) -> "AbstractFriction":
         """The set-valued law that a regularised one tends to; every other law returns itself."""
 

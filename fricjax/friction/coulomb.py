@@ -33,3 +33,6 @@ class Coulomb(AbstractSetValued):
 
     def dynamic_force(self, load: Scalar) -> Scalar:
         return self.mu * load
+
+    def velocity_scale(self) -> Scalar:
+        return jnp.asarray(jnp.inf)

@@ -69,5 +69,8 @@ class LuGre(AbstractFriction):
     def dynamic_force(self, load: Scalar) -> Scalar:
         return self.mu * load
 
+    def velocity_scale(self) -> Scalar:
+        return jnp.asarray(jnp.inf) if self.mu_s is None else self.v_stribeck
+
     def sharp(self) -> "LuGre":
         return self

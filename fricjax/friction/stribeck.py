@@ -45,3 +45,6 @@ class Stribeck(AbstractSetValued):
 
     def dynamic_force(self, load: Scalar) -> Scalar:
         return self.mu * load
+
+    def velocity_scale(self) -> Scalar:
+        return self.v_stribeck

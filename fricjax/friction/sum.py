@@ -1,5 +1,6 @@
 """Several friction forces that act at once, built by ``+``."""
 
+import functools
 from collections.abc import Mapping
 from itertools import accumulate
 from typing import ClassVar
@@ -60,6 +61,9 @@ class Sum(AbstractFriction):
 
     def dynamic_force(self, load: Scalar) -> Scalar:
         return sum((law.dynamic_force(load) for law in self.laws), start=jnp.zeros_like(load))
+
+    def velocity_scale(self) -> Scalar:
+        return functools.reduce(jnp.minimum, (law.velocity_scale() for law in self.laws))
 
     def sharp(self) -> "Sum":
         # A sum with memory has no set-valued twin that an engine could integrate.

@@ -35,5 +35,8 @@ class Tanh(AbstractSmooth):
     def dynamic_force(self, load: Scalar) -> Scalar:
         return self.mu * load
 
+    def velocity_scale(self) -> Scalar:
+        return self.v_s
+
     def sharp(self) -> Coulomb:
         return Coulomb(self.mu)

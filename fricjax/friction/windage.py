@@ -31,5 +31,8 @@ class Windage(AbstractSmooth):
     def dynamic_force(self, load: Scalar) -> Scalar:
         return jnp.zeros_like(load)
 
+    def velocity_scale(self) -> Scalar:
+        return jnp.asarray(jnp.inf)
+
     def sharp(self) -> "Windage":
         return self

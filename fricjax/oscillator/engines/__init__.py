@@ -1,8 +1,10 @@
 """Three ways to integrate one oscillator, with one interface."""
 
+from .amplitudes import Span
 from .base import AbstractEngine
 from .exact import Exact
 from .hybrid import Hybrid
+from .path import AbstractPath
 from .smooth import Drive, Smooth
 
-__all__ = ["AbstractEngine", "Drive", "Exact", "Hybrid", "Smooth"]
+__all__ = ["AbstractEngine", "AbstractPath", "Drive", "Exact", "Hybrid", "Smooth", "Span"]

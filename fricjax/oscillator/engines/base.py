@@ -7,6 +7,7 @@ from jaxtyping import Array, Float, Int
 
 from ..motion import Motion, Start
 from ..oscillator import Oscillator
+from .path import AbstractPath
 
 
 class AbstractEngine(eqx.Module):
@@ -19,6 +20,14 @@ class AbstractEngine(eqx.Module):
     @abc.abstractmethod
     def refusal(self, oscillator: Oscillator) -> str | None:
         """Why this engine cannot integrate this oscillator, in a sentence; None where it can."""
+
+    @abc.abstractmethod
+    def finer(self) -> "AbstractEngine":
+        """An engine of the same kind whose numerical error is clearly smaller, to check this one against."""
+
+    @abc.abstractmethod
+    def path(self, oscillator: Oscillator, start: Start, half_cycles: Int[Array, ""] | None = None) -> AbstractPath:
+        """The motion from time zero, before it is sampled; `half_cycles` as in :meth:`solve`."""
 
     @abc.abstractmethod
     def solve(

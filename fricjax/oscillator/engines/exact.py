@@ -22,6 +22,7 @@ from ..oscillator import Oscillator
 from ..restoring import Linear
 from ..results import RESULTS
 from .base import AbstractEngine
+from .path import AbstractPath
 
 
 def _relative_expm1(z: Array) -> Array:
@@ -30,73 +31,6 @@ def _relative_expm1(z: Array) -> Array:
     series = 1 + z / 2 * (1 + z / 3 * (1 + z / 4 * (1 + z / 5)))
     safe = jnp.where(small, 1.0, z)
     return jnp.where(small, series, jnp.expm1(safe) / safe)
-
-
-class _HalfCycles(eqx.Module):
-    """The sequence of half-cycles from a (possibly virtual) turning point: all that the closed form needs."""
-
-    damping_ratio: Scalar
-    damped_frequency: Scalar
-    dead_band: Scalar
-    static_band: Scalar
-    log_decrement: Scalar
-    side: Scalar
-    amplitude: Scalar
-    elapsed: Scalar
-
-    @property
-    def half_period(self) -> Scalar:
-        return jnp.pi / self.damped_frequency
-
-    def turning_amplitude(self, n: Array) -> Array:
-        """Alternating amplitude a_n of turning point n [m]."""
-        total = n * _relative_expm1(n * self.log_decrement) / _relative_expm1(self.log_decrement)
-        ratio = jnp.exp(self.log_decrement)
-        return jnp.exp(n * self.log_decrement) * self.amplitude - (1 + ratio) * self.dead_band * total
-
-    def half_cycles_to_rest(self, moving: Array) -> Array:
-        """Number of half-cycles until |a_n| falls into the static band (inf if never); at least one if in motion."""
-        q = self.log_decrement
-        gain = -jnp.expm1(q)
-        width = self.static_band * gain + self.dead_band * (1 + jnp.exp(q))
-        strokes = (self.amplitude - self.static_band) / jnp.where(width > 0, width, jnp.inf)
-        damped = jnp.abs(q) > 1e-9
-        q_safe = jnp.where(damped, q, -1.0)
-        count = jnp.where(damped, jnp.log1p(strokes * gain) / -q_safe, strokes)
-        count = jnp.where((width > 0) & jnp.isfinite(count), jnp.maximum(jnp.ceil(count), 0.0), jnp.inf)
-        count = jnp.where(self.amplitude <= self.static_band, 0.0, count)
-        finite = jnp.where(jnp.isfinite(count), count, 0.0)
-        early = (finite > 0) & (self.turning_amplitude(finite - 1) <= self.static_band)
-        late = self.turning_amplitude(finite) > self.static_band
-        count = count - early + late
-        return jax.lax.stop_gradient(jnp.where(moving, jnp.maximum(count, 1.0), count))
-
-
-def _begin(oscillator: Oscillator, start: Start) -> tuple[_HalfCycles, Array]:
-    """Extend the motion back to the turning point that it would have come from, and say whether it was under way."""
-    omega, zeta = oscillator.angular_frequency, oscillator.damping_ratio
-    root = jnp.sqrt(1 - zeta**2)
-    moving = start.v0 != 0
-    side = jnp.where(moving, -jnp.sign(start.v0), jnp.where(start.x0 < 0, -1.0, 1.0))
-    offset = side * start.x0 - oscillator.dead_band
-    sine = -side * start.v0 * root / omega
-    cosine = offset + zeta * side * start.v0 / omega
-    guarded = moving | (cosine > 0)
-    phase = jnp.arctan2(jnp.where(guarded, sine, 0.0), jnp.where(guarded, cosine, 1.0))
-    distance = jnp.sqrt(jnp.where(guarded, sine**2 + cosine**2, 1.0))
-    virtual = jnp.where(guarded, distance * jnp.exp(zeta * phase / root), offset)
-    static = oscillator.friction.static_force(oscillator.normal_force) / oscillator.stiffness
-    cycles = _HalfCycles(
-        damping_ratio=zeta,
-        damped_frequency=omega * root,
-        dead_band=oscillator.dead_band,
-        static_band=static,
-        log_decrement=-jnp.pi * zeta / root,
-        side=jax.lax.stop_gradient(side),
-        amplitude=virtual + oscillator.dead_band,
-        elapsed=phase / (omega * root),
-    )
-    return cycles, moving
 
 
 @jax.custom_jvp
@@ -109,6 +43,113 @@ def _without_drag(motion: Array, drag: Scalar) -> Array:
 def _without_drag_jvp(primals: tuple, tangents: tuple) -> tuple[Array, Array]:
     motion_dot, drag_dot = tangents
     return primals[0], motion_dot + jnp.where(drag_dot == 0, 0.0, jnp.nan)
+
+
+class HalfCycles(AbstractPath):
+    """The sequence of half-cycles from a (possibly virtual) turning point: all that the closed form needs.
+
+    Attributes:
+        damping_ratio, damped_frequency: zeta [1] and omega_d [rad/s].
+        dead_band: half-width x_d of the band in which dynamic friction balances the spring [m].
+        log_decrement: logarithm of the ratio of successive distances to the shifted centre.
+        side, amplitude: sign and alternating amplitude of the first turning point [m].
+        elapsed: time from that turning point to the start [s].
+        last: number of half-cycles from it to the rest; inf for none, NaN where the closed form does not hold.
+        drag: quadratic drag of the oscillator, of which the closed form knows no derivative.
+    """
+
+    damping_ratio: Scalar
+    damped_frequency: Scalar
+    dead_band: Scalar
+    log_decrement: Scalar
+    side: Scalar
+    amplitude: Scalar
+    elapsed: Scalar
+    last: Scalar
+    drag: Scalar
+
+    def sample(self, ts: Float[Array, " samples"]) -> tuple[Float[Array, " samples"], Float[Array, " samples"]]:
+        n = self.count_at(ts)
+        tau = ts + self.elapsed - n * self.half_period
+        zeta, omega_d = self.damping_ratio, self.damped_frequency
+        root = jnp.sqrt(1 - zeta**2)
+        omega, turning, sign = omega_d / root, self.turning_amplitude(n), self.side_of(n)
+        envelope = (turning - self.dead_band) * jnp.exp(-zeta * omega * tau)
+        cosine, sine = jnp.cos(omega_d * tau), jnp.sin(omega_d * tau) / root
+        at_rest = n >= self.last
+        x = sign * jnp.where(at_rest, turning, self.dead_band + envelope * (cosine + zeta * sine))
+        v = sign * jnp.where(at_rest, 0.0, -envelope * omega * sine)
+        return _without_drag(x, self.drag), _without_drag(v, self.drag)
+
+    def count_at(self, ts: Array) -> Array:
+        """Number of half-cycles completed at `ts`."""
+        n = jnp.floor((ts + self.elapsed) / self.half_period)
+        return jax.lax.stop_gradient(jnp.clip(n, 0.0, self.last))
+
+    def side_of(self, n: Array) -> Array:
+        """Sign of turning point n."""
+        return self.side * jnp.where(n % 2 == 0, 1.0, -1.0)
+
+    @property
+    def t_stop(self) -> Scalar:
+        """Time of the stop [s], inf for none."""
+        finite = jnp.isfinite(self.last)
+        stop = jnp.where(finite, self.last, 0.0) * self.half_period - self.elapsed
+        return jnp.where(finite, stop, jnp.inf)
+
+    @property
+    def half_period(self) -> Scalar:
+        return jnp.pi / self.damped_frequency
+
+    def turning_amplitude(self, n: Array) -> Array:
+        """Alternating amplitude a_n of turning point n [m]."""
+        total = n * _relative_expm1(n * self.log_decrement) / _relative_expm1(self.log_decrement)
+        ratio = jnp.exp(self.log_decrement)
+        return jnp.exp(n * self.log_decrement) * self.amplitude - (1 + ratio) * self.dead_band * total
+
+    def half_cycles_to_rest(self, static_band: Scalar, moving: Array) -> Array:
+        """Number of half-cycles until |a_n| falls into the static band (inf if never); at least one if in motion."""
+        q = self.log_decrement
+        gain = -jnp.expm1(q)
+        width = static_band * gain + self.dead_band * (1 + jnp.exp(q))
+        strokes = (self.amplitude - static_band) / jnp.where(width > 0, width, jnp.inf)
+        damped = jnp.abs(q) > 1e-9
+        q_safe = jnp.where(damped, q, -1.0)
+        count = jnp.where(damped, jnp.log1p(strokes * gain) / -q_safe, strokes)
+        count = jnp.where((width > 0) & jnp.isfinite(count), jnp.maximum(jnp.ceil(count), 0.0), jnp.inf)
+        count = jnp.where(self.amplitude <= static_band, 0.0, count)
+        finite = jnp.where(jnp.isfinite(count), count, 0.0)
+        early = (finite > 0) & (self.turning_amplitude(finite - 1) <= static_band)
+        late = self.turning_amplitude(finite) > static_band
+        count = count - early + late
+        return jax.lax.stop_gradient(jnp.where(moving, jnp.maximum(count, 1.0), count))
+
+
+def _begin(oscillator: Oscillator, start: Start) -> tuple[HalfCycles, Array]:
+    """Extend the motion back to the turning point that it would have come from, and say whether it was under way."""
+    omega, zeta = oscillator.angular_frequency, oscillator.damping_ratio
+    root = jnp.sqrt(1 - zeta**2)
+    moving = start.v0 != 0
+    side = jnp.where(moving, -jnp.sign(start.v0), jnp.where(start.x0 < 0, -1.0, 1.0))
+    offset = side * start.x0 - oscillator.dead_band
+    sine = -side * start.v0 * root / omega
+    cosine = offset + zeta * side * start.v0 / omega
+    guarded = moving | (cosine > 0)
+    phase = jnp.arctan2(jnp.where(guarded, sine, 0.0), jnp.where(guarded, cosine, 1.0))
+    distance = jnp.sqrt(jnp.where(guarded, sine**2 + cosine**2, 1.0))
+    virtual = jnp.where(guarded, distance * jnp.exp(zeta * phase / root), offset)
+    cycles = HalfCycles(
+        damping_ratio=zeta,
+        damped_frequency=omega * root,
+        dead_band=oscillator.dead_band,
+        log_decrement=-jnp.pi * zeta / root,
+        side=jax.lax.stop_gradient(side),
+        amplitude=virtual + oscillator.dead_band,
+        elapsed=phase / (omega * root),
+        last=jnp.asarray(jnp.inf),
+        drag=oscillator.drag,
+    )
+    return cycles, moving
 
 
 class Exact(AbstractEngine):
@@ -129,6 +170,16 @@ class Exact(AbstractEngine):
             return f"The exact engine has no quadratic drag, but drag is {oscillator.drag}."
         return None
 
+    def finer(self) -> "Exact":
+        return self
+
+    def path(self, oscillator: Oscillator, start: Start, half_cycles: Int[Array, ""] | None = None) -> HalfCycles:
+        cycles, moving = _begin(oscillator, start)
+        static = oscillator.friction.static_force(oscillator.normal_force) / oscillator.stiffness
+        last = cycles.half_cycles_to_rest(static, moving) if half_cycles is None else half_cycles.astype(float)
+        supported = (oscillator.drag == 0) & (oscillator.damping_ratio < 1)
+        return eqx.tree_at(lambda c: c.last, cycles, jnp.where(supported, last, jnp.nan))
+
     def solve(
         self,
         oscillator: Oscillator,
@@ -136,26 +187,21 @@ class Exact(AbstractEngine):
         ts: Float[Array, " samples"],
         half_cycles: Int[Array, ""] | None = None,
     ) -> Motion:
-        cycles, moving = _begin(oscillator, start)
-        last = cycles.half_cycles_to_rest(moving) if half_cycles is None else half_cycles.astype(float)
-        supported = (oscillator.drag == 0) & (oscillator.damping_ratio < 1)
-        last = jnp.where(supported, last, jnp.nan)
-        t = ts + cycles.elapsed
-        n = jax.lax.stop_gradient(jnp.clip(jnp.floor(t / cycles.half_period), 0.0, last))
-        at_rest = n >= last
-        x, v = _sample(cycles, oscillator, n, t - n * cycles.half_period, at_rest)
-        x, v = _without_drag(x, oscillator.drag), _without_drag(v, oscillator.drag)
-        points = _turning_points(cycles, start, last, self.max_half_cycles)
-        stop = jnp.where(jnp.isfinite(last), last, 0.0) * cycles.half_period - cycles.elapsed
+        cycles = self.path(oscillator, start, half_cycles)
+        x, v = cycles.sample(ts)
+        n = cycles.count_at(ts)
+        at_rest = n >= cycles.last
+        sliding = -cycles.side_of(n) * oscillator.friction.dynamic_force(oscillator.normal_force)
+        points = _turning_points(cycles, start, self.max_half_cycles)
         return Motion(
             t=ts,
             x=x,
             v=v,
-            friction_force=jnp.where(at_rest, -oscillator.restoring_force(x), _sliding(cycles, oscillator, n)),
+            friction_force=jnp.where(at_rest, -oscillator.restoring_force(x), sliding),
             at_rest=at_rest,
-            t_stop=_without_drag(jnp.where(jnp.isfinite(last), stop, jnp.inf), oscillator.drag),
+            t_stop=_without_drag(cycles.t_stop, oscillator.drag),
             turning_points=_without_drag(points, oscillator.drag),
-            n_half_cycles=jnp.where(jnp.isfinite(last), last, -1).astype(int),
+            n_half_cycles=jnp.where(jnp.isfinite(cycles.last), cycles.last, -1).astype(int),
             regularisation_bias=jnp.zeros(()),
             engine="exact",
             result=_outcome(oscillator),
@@ -169,30 +215,8 @@ def _outcome(oscillator: Oscillator) -> Any:
     return RESULTS.where(oscillator.damping_ratio < 1, outcome, RESULTS.overdamped)
 
 
-def _sign(cycles: _HalfCycles, n: Array) -> Array:
-    return cycles.side * jnp.where(n % 2 == 0, 1.0, -1.0)
-
-
-def _sliding(cycles: _HalfCycles, oscillator: Oscillator, n: Array) -> Array:
-    return -_sign(cycles, n) * oscillator.friction.dynamic_force(oscillator.normal_force)
-
-
-def _sample(cycles: _HalfCycles, oscillator: Oscillator, n: Array, tau: Array, at_rest: Array) -> tuple[Array, Array]:
-    """Displacement and velocity a time `tau` after turning point `n`."""
-    zeta, omega_d = cycles.damping_ratio, cycles.damped_frequency
-    root = jnp.sqrt(1 - zeta**2)
-    omega = omega_d / root
-    turning = cycles.turning_amplitude(n)
-    envelope = (turning - cycles.dead_band) * jnp.exp(-zeta * omega * tau)
-    cosine, sine = jnp.cos(omega_d * tau), jnp.sin(omega_d * tau) / root
-    sign = _sign(cycles, n)
-    x = sign * jnp.where(at_rest, turning, cycles.dead_band + envelope * (cosine + zeta * sine))
-    v = sign * jnp.where(at_rest, 0.0, -envelope * omega * sine)
-    return x, v
-
-
-def _turning_points(cycles: _HalfCycles, start: Start, last: Array, capacity: int) -> Array:
+def _turning_points(cycles: HalfCycles, start: Start, capacity: int) -> Array:
     n = jnp.arange(capacity + 1.0)
-    points = _sign(cycles, n) * cycles.turning_amplitude(n)
+    points = cycles.side_of(n) * cycles.turning_amplitude(n)
     points = points.at[0].set(start.x0)
-    return jnp.where(n <= last, points, jnp.nan)
+    return jnp.where(n <= cycles.last, points, jnp.nan)

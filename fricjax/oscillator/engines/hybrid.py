@@ -1,98 +1,69 @@
-"""Half-cycles in phase angle: set-valued friction with any sliding law, drag and restoring force.
+"""Half-cycles in phase angle: any memoryless sliding law, drag and restoring force.
 
-In each half-cycle the motion is written as a swing about the centre that friction has shifted, ``x = s (x_d + A cos
-theta)``, ``v = -s omega A sin theta``, where ``s`` is the side of the turning point, ``x_d = F(0+)/k_ref`` and
-``omega^2 = k_ref/m`` with the secant stiffness ``k_ref = R(y)/y`` there. Amplitude and time are then slow functions
-of the phase, driven only by what is not the reference spring and the reference friction (variation of parameters),
-and the next reversal lies at ``theta = pi`` whatever the parameters. So there is no event to search, no jump to step
-over, and the derivatives are those of the discrete solution itself. At each reversal the rest condition ``|R(y)| <=
-F_s`` decides whether the mass moves on.
+Amplitude and time are integrated over the phase of each half-cycle (:mod:`.frame`), on a mesh that is the same for all
+of them. So there is no event to search, no jump to step over, and the derivatives are those of the discrete solution
+itself. At each reversal the rest condition ``|R(y)| <= F_s`` decides whether the mass moves on.
+
+Half-cycles of one law differ only in their amplitude. A fit, which knows the range of amplitudes from its record,
+therefore integrates a dozen amplitudes side by side and reads the half-cycles off that table (:mod:`.amplitudes`).
 """
 
 from typing import Any, NamedTuple
 
-import diffrax
 import jax
 import jax.numpy as jnp
-import numpy as np
 from jaxtyping import Array, Float, Int
 
 from ..motion import Motion, Start
 from ..oscillator import Oscillator
 from ..results import RESULTS
+from .amplitudes import Span, Table, make_table, strokes_from_table
 from .base import AbstractEngine
-from .hermite import sample_nodes
+from .frame import layer_width, mesh_fractions
+from .nodes import Nodes
+from .strokes import Standstill, Stroke, advance, enter, stroke_from
 
 
-class _Stroke(NamedTuple):
-    """The frame of one half-cycle."""
-
-    side: Array
-    angular_frequency: Array
-    stiffness: Array
-    dead_band: Array
+_LAST = 2
 
 
-class _Carry(NamedTuple):
-    turning_point: Array
-    time: Array
-    finished: Array
-    count: Array
-    forward: Array
+class _Course(NamedTuple):
+    """All half-cycles: their nodes, their turning points (NaN after the stop), and where they end."""
 
-
-def _frame(oscillator: Oscillator, side: Array, x: Array) -> _Stroke:
-    away = jnp.abs(x) > 0
-    x_safe = jnp.where(away, x, 1.0)
-    stiffness = jnp.where(away, oscillator.restoring_force(x_safe) / x_safe, oscillator.stiffness)
-    reference = oscillator.friction.sliding_force(jnp.zeros(()), oscillator.normal_force)
-    return _Stroke(side, jnp.sqrt(stiffness / oscillator.mass), stiffness, reference / stiffness)
-
-
-def _disturbance(oscillator: Oscillator, stroke: _Stroke, x: Array, speed: Array) -> Array:
-    """What is neither the reference spring nor the reference friction, per unit mass [m/s^2]."""
-    friction = oscillator.friction.sliding_force(speed, oscillator.normal_force)
-    spring = oscillator.restoring_force(x) - stroke.stiffness * x
-    rest = oscillator.dissipation(speed) + friction - stroke.stiffness * stroke.dead_band
-    return (rest - stroke.side * spring) / oscillator.mass
-
-
-def _position(stroke: _Stroke, amplitude: Array, theta: Array) -> tuple[Array, Array]:
-    """Displacement and speed at a phase."""
-    x = stroke.side * (stroke.dead_band + amplitude * jnp.cos(theta))
-    return x, stroke.angular_frequency * amplitude * jnp.sin(theta)
-
-
-def _phase_rates(theta: Any, state: Any, args: tuple[Oscillator, _Stroke]) -> tuple[Array, Array]:
-    """dA/dtheta and dt/dtheta."""
-    oscillator, stroke = args
-    amplitude, _ = state
-    x, speed = _position(stroke, amplitude, theta)
-    push = _disturbance(oscillator, stroke, x, speed) / stroke.angular_frequency
-    rate = stroke.angular_frequency - push * jnp.cos(theta) / amplitude
-    return -push * jnp.sin(theta) / rate, 1 / rate
+    strokes: Stroke
+    turning_points: Array
+    end: Standstill
 
 
 class Hybrid(AbstractEngine):
-    """Half-cycles in phase angle for set-valued laws.
+    """Half-cycles in phase angle for laws without internal states.
 
     Attributes:
-        nodes: steps per half-cycle; 32 keep the error below 0.15 nm on a 2 mm motion.
-        grading: how strongly the steps crowd at the reversals (0: uniform), for laws that change fast at low speed.
+        nodes: steps per half-cycle, an even number; 32 keep the error below 0.01 nm on a 2 mm motion.
         max_half_cycles: bound on the number of half-cycles; a motion with more ends with a code of its own.
+        span: range of turning points for the table of amplitudes, used where the number of half-cycles is given; None
+            integrates each half-cycle for itself.
+        amplitudes: number of amplitudes in the table.
     """
 
     nodes: int = 32
-    grading: float = 2.0
     max_half_cycles: int = 512
+    span: Span | None = None
+    amplitudes: int = 12
 
     def refusal(self, oscillator: Oscillator) -> str | None:
-        if not oscillator.friction.set_valued:
+        if oscillator.friction.n_states:
             return (
-                "The hybrid engine integrates set-valued laws (Coulomb, Stribeck), and "
-                f"{type(oscillator.friction).__name__} is none. Use the smooth engine."
+                "The hybrid engine integrates laws without internal states, and "
+                f"{type(oscillator.friction).__name__} has some. Use the smooth engine."
             )
         return None
+
+    def finer(self) -> "Hybrid":
+        return Hybrid(nodes=self.nodes * 3 // 4 * 2, max_half_cycles=self.max_half_cycles)
+
+    def path(self, oscillator: Oscillator, start: Start, half_cycles: Int[Array, ""] | None = None) -> Nodes:
+        return _path(self._course(oscillator, start, half_cycles))
 
     def solve(
         self,
@@ -101,103 +72,72 @@ class Hybrid(AbstractEngine):
         ts: Float[Array, " samples"],
         half_cycles: Int[Array, ""] | None = None,
     ) -> Motion:
-        first, theta0 = _first_stroke(oscillator, start)
-        final, nodes, points = self._strokes(oscillator, start, first, theta0, half_cycles)
-        x, v = sample_nodes(ts, nodes, final.turning_point, final.time, final.finished)
-        at_rest = final.finished & (ts >= final.time)
-        sliding = oscillator.friction_force(v, jnp.zeros(0))
+        course = self._course(oscillator, start, half_cycles)
+        end = course.end
+        x, v = _path(course).sample(ts)
+        at_rest = end.finished & (ts >= end.time)
         t_last = ts[-1] if ts.shape[0] else jnp.asarray(-jnp.inf)
-        reached = final.forward & (final.finished | (ts <= final.time))
-        short = ~final.finished & (t_last > final.time)
+        reached = end.forward & (end.finished | (ts <= end.time))
+        short = ~end.finished & (t_last > end.time)
         done: Any = RESULTS.successful
         outcome = RESULTS.where(short, RESULTS.too_many_half_cycles, done)
+        sliding = oscillator.friction_force(v, jnp.zeros(0))
         return Motion(
             t=ts,
             x=jnp.where(reached, x, jnp.nan),
             v=jnp.where(reached, v, jnp.nan),
             friction_force=jnp.where(at_rest, -oscillator.restoring_force(x), sliding),
             at_rest=at_rest,
-            t_stop=jnp.where(final.finished, final.time, jnp.inf),
-            turning_points=jnp.concatenate([jnp.reshape(start.x0, (1,)), points]),
-            n_half_cycles=jnp.where(final.finished, final.count, -1),
+            t_stop=jnp.where(end.finished, end.time, jnp.inf),
+            turning_points=jnp.concatenate([jnp.reshape(start.x0, (1,)), course.turning_points]),
+            n_half_cycles=jnp.where(end.finished, end.count, -1),
             regularisation_bias=jnp.zeros(()),
             engine="hybrid",
-            result=RESULTS.where(final.forward, outcome, RESULTS.phase_reversed),
+            result=RESULTS.where(end.forward, outcome, RESULTS.phase_reversed),
             stats={"nodes_per_half_cycle": self.nodes},
         )
 
-    def _mesh(self) -> np.ndarray:
-        """Fractions of a half-cycle at which the steps end, crowded at both ends."""
-        z = np.linspace(-1, 1, self.nodes + 1)
-        graded = np.tanh(self.grading * z) / np.tanh(self.grading) if self.grading else z
-        return (1 + graded) / 2
-
-    def _integrate(self, oscillator: Oscillator, stroke: _Stroke, amplitude: Array, theta0: Array) -> tuple:
-        """Amplitude and time at the nodes of one half-cycle that begins at phase `theta0`."""
-        theta = theta0 + (jnp.pi - theta0) * self._mesh()
-        amplitudes, elapsed = diffrax.diffeqsolve(
-            diffrax.ODETerm(_phase_rates),
-            diffrax.Dopri8(),
-            theta[0],
-            theta[-1],
-            None,
-            (amplitude, jnp.zeros(())),
-            (oscillator, stroke),
-            saveat=diffrax.SaveAt(t0=True, steps=True),
-            stepsize_controller=diffrax.StepTo(theta),
-            adjoint=diffrax.ForwardMode(),
-            max_steps=self.nodes,
-        ).ys  # pyright: ignore[reportGeneralTypeIssues, reportOptionalIterable]
-        return theta, amplitudes, elapsed
-
-    def _strokes(
-        self, oscillator: Oscillator, start: Start, first: _Stroke, theta0: Array, half_cycles: Array | None
-    ) -> tuple:
+    def _course(self, oscillator: Oscillator, start: Start, half_cycles: Array | None) -> _Course:
+        entry = enter(oscillator, start)
+        reach = jnp.abs(start.x0) + jnp.abs(start.v0) / entry.frame.angular_frequency
+        fractions = mesh_fractions(self.nodes, layer_width(oscillator, entry.frame, reach))
         static = oscillator.friction.static_force(oscillator.normal_force)
-        moving = start.v0 != 0
-        spare = jnp.abs(start.x0) + 2 * first.dead_band + jnp.abs(start.v0) / first.angular_frequency
 
         def rests(y: Array, count: Array) -> Array:
             held = jnp.abs(oscillator.restoring_force(y)) <= static
-            return jnp.where(moving & (count == 0), False, held) if half_cycles is None else count >= half_cycles
+            return jnp.where(entry.moving & (count == 0), False, held) if half_cycles is None else count >= half_cycles
 
-        def stroke(carry: _Carry, index: Array) -> tuple[_Carry, tuple]:
-            inside = moving & (index == 0)
-            y = jnp.where(carry.finished, spare, carry.turning_point)
-            side = jnp.where(inside, first.side, jnp.where(y < 0, -1.0, 1.0))
-            frame = _frame(oscillator, side, jnp.where(inside, start.x0, y))
-            offset, lag = side * y - frame.dead_band, start.v0 / frame.angular_frequency
-            amplitude = jnp.where(inside, jnp.sqrt(jnp.where(inside, offset**2 + lag**2, 1.0)), offset)
-            theta, amplitudes, elapsed = self._integrate(oscillator, frame, amplitude, jnp.where(inside, theta0, 0.0))
-            x, speed = _position(frame, amplitudes, theta)
-            push = _disturbance(oscillator, frame, x, speed)
-            forward = jnp.all(jnp.diff(elapsed) > 0)
-            a = side * push - frame.angular_frequency**2 * (x - side * frame.dead_band)
-            last = carry.finished
-            t = carry.time + jnp.where(last, 0.0, elapsed)
-            turned = side * (frame.dead_band - amplitudes[-1])
-            y_next = jnp.where(last, carry.turning_point, turned)
-            count = carry.count + jnp.where(last, 0, 1)
-            after = _Carry(y_next, t[-1], last | rests(y_next, count), count, carry.forward & (last | forward))
-            nodes = (
-                t,
-                jnp.where(last, carry.turning_point, x),
-                jnp.where(last, 0.0, -side * speed),
-                jnp.where(last, 0.0, a),
-            )
-            return after, (nodes, jnp.where(last, jnp.nan, y_next))
+        def step(at: Standstill, index: Array) -> tuple[Standstill, tuple[Stroke, Array]]:
+            inside = entry.moving & (index == 0)
+            stroke, turned, forward = stroke_from(oscillator, start, entry, fractions, inside, at)
+            after, stroke = advance(at, stroke, turned, forward, rests)
+            return after, (stroke, jnp.where(at.finished, jnp.nan, after.turning_point))
 
         zero = jnp.zeros((), int)
-        begin = _Carry(jnp.asarray(start.x0), jnp.zeros(()), rests(start.x0, zero), zero, jnp.asarray(True))
-        final, (nodes, points) = jax.lax.scan(stroke, begin, jnp.arange(self.max_half_cycles))
-        return final, nodes, points
+        begin = Standstill(jnp.asarray(start.x0), jnp.zeros(()), zero, rests(start.x0, zero), jnp.asarray(True))
+        if self.span is None or half_cycles is None:
+            end, nodes = jax.lax.scan(step, begin, jnp.arange(self.max_half_cycles))
+        else:
+            table = make_table(oscillator, self.span, self.amplitudes, fractions)
+            end, nodes = self._by_table(oscillator, table, begin, step, half_cycles)
+        return _Course(*nodes, end)
+
+    def _by_table(self, oscillator: Oscillator, table: Table, begin: Standstill, step: Any, half_cycles: Array) -> tuple:
+        """The first half-cycle and the last ones each for itself, those between them from the table."""
+
+        def leaves_the_last(y: Array, count: Array) -> Array:
+            return count >= half_cycles - _LAST
+
+        entered, first = jax.lax.scan(step, begin, jnp.arange(1))
+        entered = entered._replace(finished=leaves_the_last(entered.turning_point, entered.count))
+        capacity = max(self.max_half_cycles - 1 - _LAST, 1)
+        reached, middle = strokes_from_table(oscillator, table, entered, leaves_the_last, capacity)
+        # A record that ends in motion has no last half-cycles.
+        over = (reached.count >= half_cycles) | (half_cycles > self.max_half_cycles)
+        end, last = jax.lax.scan(step, reached._replace(finished=over), 1 + jnp.arange(_LAST))
+        return end, jax.tree.map(lambda *parts: jnp.concatenate(parts), first, middle, last)
 
 
-def _first_stroke(oscillator: Oscillator, start: Start) -> tuple[_Stroke, Array]:
-    """Frame and phase of a start inside a half-cycle; the phase is unused for a start from rest."""
-    moving = start.v0 != 0
-    side = jax.lax.stop_gradient(jnp.where(moving, -jnp.sign(start.v0), jnp.where(start.x0 < 0, -1.0, 1.0)))
-    frame = _frame(oscillator, side, start.x0)
-    offset = side * start.x0 - frame.dead_band
-    lag = jnp.where(moving, -side * start.v0, 1.0) / frame.angular_frequency
-    return frame, jnp.arctan2(lag, offset)
+def _path(course: _Course) -> Nodes:
+    end = course.end
+    return Nodes(*course.strokes, rest_position=end.turning_point, t_stop=end.time, finished=end.finished)

@@ -23,6 +23,7 @@ from ..results import RESULTS
 from ..rosenbrock import Rodas5P
 from .base import AbstractEngine
 from .landing import Landing
+from .nodes import Nodes
 from .turning import turning_points
 
 
@@ -93,6 +94,28 @@ class Smooth(AbstractEngine):
                 "or the hybrid engine, or a regularised law such as Tanh."
             )
         return None
+
+    def finer(self) -> "Smooth":
+        return Smooth(self.accuracy / 10, None, self.max_steps, self.max_half_cycles)
+
+    def path(self, oscillator: Oscillator, start: Start, half_cycles: Int[Array, ""] | None = None) -> Nodes:
+        """The motion from time zero to the end of the mesh.
+
+        Raises:
+            ValueError: an engine without a mesh, whose steps depend on the parameters.
+        """
+        if self.mesh is None:
+            raise ValueError("A path of the smooth engine needs a mesh: make one with Smooth.steps.")
+        scales = _Scales.of(oscillator, start)
+        args = (oscillator, scales, None, None, oscillator.restoring_force(start.x0))
+        y0, saveat = _scaled(start, scales), diffrax.SaveAt(t0=True, steps=True)
+        solution = self._solve(y0, args, self.mesh[-1], saveat, self.mesh.size - 1)
+        ys, speed = solution.ys, scales.length * scales.rate
+        a = jax.vmap(lambda tau, y: _field(tau, y, args)[1])(self.mesh, ys) * speed * scales.rate
+        t = self.mesh / scales.rate
+        x, v = ys[0] * scales.length, ys[1] * speed
+        nodes = tuple(values[None] for values in (t, x, v, a))
+        return Nodes(*nodes, rest_position=x[-1], t_stop=t[-1], finished=jnp.asarray(False))
 
     def solve(
         self,

@@ -1,0 +1,110 @@
+"""Steps on the quadratic model of a pass: damped, within bounds, and free of the coordinates that need no step.
+
+All systems have the normal matrix scaled to a unit diagonal, so that units of parameters and residuals drop out.
+Small ones are eliminated in elementwise operations (see :mod:`fricjax.oscillator.elimination`), several of them side
+by side along the leading axis.
+"""
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float
+
+from ..oscillator.elimination import factorise, substitute
+from .passes import Pass
+
+WEAKEST = 1e-13
+"""Eigenvalue of the scaled normal matrix below which rounding hides a direction; the least damping ever used."""
+
+_LARGEST_SMALL = 8
+_DIGITS_LOST = 1e-8
+
+Systems = Float[Array, "k p"]
+
+
+def units(normal: Float[Array, "p p"]) -> Float[Array, " p"]:
+    """Length of each column of the Jacobian, one for a column of zeros."""
+    diagonal = jnp.diagonal(normal)
+    return jnp.sqrt(jnp.where(diagonal > 0, diagonal, 1.0))
+
+
+def restricted_solve(normal: Array, damping: Systems, free: Bool[Array, "k p"], right: Systems) -> Systems:
+    """Solve ``(S^-1 H S^-1 + diag(damping)) S x = S^-1 right`` among the free unknowns, with the units S of H.
+
+    Args:
+        normal: H, shape (p, p).
+        damping: added to the unit diagonal, shape (k, p); at least `WEAKEST`.
+        free: unknowns of each system, shape (k, p).
+        right: right-hand sides, shape (k, p).
+
+    Returns:
+        x, shape (k, p), zero where it is not free.
+    """
+    unit, p = units(normal), normal.shape[0]
+    identity = jnp.eye(p)
+    damped = normal / (unit[:, None] * unit) + damping[:, :, None] * identity
+    matrix = jnp.where(free[:, :, None] & free[:, None, :], damped, identity)
+    target = jnp.where(free, right / unit, 0.0)
+    if p > _LARGEST_SMALL:
+        return jax.scipy.linalg.solve(matrix, target[:, :, None], assume_a="pos")[:, :, 0] / unit
+    factors = factorise([[matrix[:, i, j] for j in range(p)] for i in range(p)])
+    return jnp.stack(substitute(factors, [target[:, i] for i in range(p)]), axis=1) / unit
+
+
+def bounded_steps(
+    here: Pass, damping: Systems, lower: Float[Array, " p"], upper: Float[Array, " p"]
+) -> Float[Array, "k p"]:
+    """Low points of damped models within a box, by an active set.
+
+    A parameter at its bound that the gradient presses outward is held there. The step goes straight to the lowest
+    point of the others; where it meets a bound, that parameter is held at it and the rest goes on from there. So the
+    model only falls along the way.
+
+    Args:
+        here: cost, gradient and normal matrix at the present point.
+        damping: added to the unit diagonal of the normal matrix, one row for each model, shape (k, p).
+        lower: distance to the lower bounds, not positive, shape (p,).
+        upper: distance to the upper bounds, not negative, shape (p,).
+
+    Returns:
+        Steps, shape (k, p); one that ends at a bound equals its distance exactly.
+    """
+
+    def again(state: tuple[Array, Array, Array]) -> Array:
+        return state[2]
+
+    def advance(state: tuple[Array, Array, Array]) -> tuple[Array, Array, Array]:
+        step, held, _ = state
+        right = -here.gradient - jnp.where(held, step, 0.0) @ here.normal
+        target = jnp.where(held, step, restricted_solve(here.normal, damping, ~held, right))
+        beyond = ~held & ((target < lower) | (target > upper))
+        bound = jnp.where(target > upper, upper, lower)
+        reach = jnp.where(beyond, (bound - step) / jnp.where(beyond, target - step, 1.0), 1.0)
+        nearest = jnp.min(reach, axis=1, keepdims=True)
+        hit = beyond & (reach <= nearest)
+        partway = jnp.where(nearest < 1, step + nearest * (target - step), target)
+        return jnp.where(hit, bound, jnp.clip(partway, lower, upper)), held | hit, jnp.any(hit)
+
+    held = pressed(here, lower, upper) | jnp.zeros(damping.shape, bool)
+    return jax.lax.while_loop(again, advance, (jnp.zeros_like(damping), held, jnp.asarray(True)))[0]
+
+
+def pressed(here: Pass, lower: Float[Array, " p"], upper: Float[Array, " p"]) -> Bool[Array, " p"]:
+    """Parameters that cannot move: at a bound with the gradient pressing outward, or between equal bounds."""
+    return ((lower >= 0) & (here.gradient > 0)) | ((upper <= 0) & (here.gradient < 0)) | (lower == upper)
+
+
+def project(there: Pass, linear: Bool[Array, " p"]) -> tuple[Pass, Float[Array, " p"], Bool[Array, ""]]:
+    """Move the coordinates in which the residual is linear to their optimum (Golub and Pereyra, 1973).
+
+    In them the pass is the exact quadratic model as long as the other columns of the Jacobian do not depend on them,
+    so the pass at the moved point follows in closed form.
+
+    Returns:
+        The pass at the moved point; the move, shape (p,); and whether the cost fell so far that its difference has
+        lost digits which only another pass brings back.
+    """
+    weakest = jnp.full((1, linear.size), WEAKEST)
+    move = restricted_solve(there.normal, weakest, linear[None], -there.gradient[None])[0]
+    pull = there.normal @ move
+    cost = jnp.maximum(there.cost + move @ (there.gradient + pull / 2), 0.0)
+    return Pass(cost, there.gradient + pull, there.normal), move, cost < _DIGITS_LOST * there.cost

@@ -1,0 +1,82 @@
+"""One pass over all samples at the optimum: residual, gradient and normal matrix, in bounded memory.
+
+The motion and its derivatives along all coordinates are computed once, as a path with tangents; the samples are then
+read off it in chunks, each of which adds its share to ``J'J`` and ``J'r``. So ten million samples need no more memory
+for derivatives than ten thousand.
+"""
+
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from .residual import Course, Residual, Run
+
+CHUNK = 16384
+
+
+class Survey(NamedTuple):
+    """What a pass over all samples leaves behind.
+
+    Attributes:
+        residual: weighted residual of all samples and priors, shape (residuals,).
+        gradient: J'r, shape (coordinates,).
+        normal: J'J, shape (coordinates, coordinates).
+    """
+
+    residual: Float[Array, " residuals"]
+    gradient: Float[Array, " coordinates"]
+    normal: Float[Array, "coordinates coordinates"]
+
+    @property
+    def chi2(self) -> Float[Array, ""]:
+        return self.residual @ self.residual
+
+
+@eqx.filter_jit
+def survey(residual: Residual, y: Float[Array, " coordinates"]) -> Survey:
+    """Residual, gradient and normal matrix at coordinates `y`, from every sample."""
+    parts = [_run(residual, y, i) for i in range(len(residual.runs))]
+    priors, slopes = residual.priors(y), jax.jacfwd(residual.priors)(y)
+    parts.append(Survey(priors, slopes.T @ priors, slopes.T @ slopes))
+    joined = jnp.concatenate([part.residual for part in parts])
+    return Survey(joined, sum(part.gradient for part in parts), sum(part.normal for part in parts))
+
+
+def _run(residual: Residual, y: Array, run: int) -> Survey:
+    data = residual.runs[run]
+    n = data.t.shape[0]
+    pieces = -(-n // CHUNK)
+    size = -(-n // pieces)
+    chunks = (
+        _split(data.t, pieces, size, "edge"),
+        _split(data.x, pieces, size, "edge"),
+        _split(data.weight, pieces, size, "constant"),
+    )
+
+    def course(at: Array) -> tuple[Course, Course]:
+        return eqx.partition(residual.course(at, run), eqx.is_inexact_array)
+
+    moving, fixed = course(y)
+    tangents = jax.jacfwd(course, has_aux=True)(y)[0]
+
+    def chunk(total: tuple[Array, Array], part: tuple) -> tuple[tuple[Array, Array], Array]:
+        t, x, weight = part
+
+        def read(at: Course) -> Array:
+            return weight * (eqx.combine(at, fixed).read(t) - x)
+
+        r, along = jax.linearize(read, moving)
+        columns = jax.vmap(along, in_axes=-1, out_axes=-1)(tangents)
+        return (total[0] + columns.T @ r, total[1] + columns.T @ columns), r
+
+    zero = jnp.zeros(y.shape)
+    (gradient, normal), r = jax.lax.scan(chunk, (zero, zero[:, None] * zero), chunks)
+    return Survey(r.reshape(-1)[:n], gradient, normal)
+
+
+def _split(values: Array, pieces: int, size: int, mode: str) -> Array:
+    """Samples in chunks of equal size; the last one is filled up with samples of no weight."""
+    return jnp.pad(values, (0, pieces * size - values.shape[0]), mode=mode).reshape(pieces, size)

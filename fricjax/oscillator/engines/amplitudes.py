@@ -1,0 +1,112 @@
+"""Half-cycles read off a table over their amplitude.
+
+Half-cycles of one law differ only in the turning point from which they start, and they change smoothly with it. So a
+few amplitudes are integrated side by side, at Chebyshev points in the logarithm of the distance between turning point
+and dead band, and every half-cycle of a long decay is interpolated between them: what was a loop over all of them
+becomes one over the steps of a single one. Interpolated are the ratios to the undisturbed swing of its frame, which
+change little.
+"""
+
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from ..oscillator import Oscillator
+from .frame import frame_at, motion_at, reference_force
+from .strokes import Rests, Standstill, Stroke, advance, integrate_phase
+
+
+class Span(NamedTuple):
+    """Range of turning points for which a table is made [m], as distances from the equilibrium."""
+
+    lowest: Array
+    highest: Array
+
+
+class Table(NamedTuple):
+    """Ratio of amplitude to its start, and phase of the undisturbed swing, at the nodes of the half-cycle.
+
+    Both as Chebyshev coefficients in the logarithmic amplitude, shape (degree + 1, nodes).
+    """
+
+    theta: Array
+    amplitude: Array
+    phase: Array
+    centre: Array
+    reach: Array
+
+
+def _chebyshev(count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Points of the second kind in [-1, 1], and the matrix from values there to coefficients."""
+    rank = np.arange(count)
+    points = np.cos(np.pi * rank / (count - 1))
+    weight = np.where((rank == 0) | (rank == count - 1), 0.5, 1.0)
+    cosines = np.cos(np.pi * np.outer(rank, rank) / (count - 1))
+    return points, 2.0 / (count - 1) * weight[:, None] * cosines * weight[None, :]
+
+
+def _polynomials(at: Array, count: int) -> Array:
+    """Chebyshev polynomials T_0 ... T_{count-1}, stacked along a last axis; by recurrence, so also outside [-1, 1]."""
+    terms = [jnp.ones_like(at), at]
+    for _ in range(count - 2):
+        terms.append(2 * at * terms[-1] - terms[-2])
+    return jnp.stack(terms, axis=-1)
+
+
+def _place(oscillator: Oscillator, centre: Array, reach: Array, turning: Array) -> Array:
+    """Place of a turning point in the table."""
+    excess = turning - reference_force(oscillator) / oscillator.stiffness
+    # Beyond the end of a record the amplitudes no longer matter, but must not end in a logarithm of zero.
+    return (jnp.log(jnp.maximum(excess, jnp.exp(centre - 1.5 * reach))) - centre) / reach
+
+
+def make_table(oscillator: Oscillator, span: Span, count: int, fractions: Float[Array, " nodes"]) -> Table:
+    """Integrate `count` amplitudes side by side."""
+    band = reference_force(oscillator) / oscillator.stiffness
+    ends = jax.lax.stop_gradient(jnp.log(jnp.stack([span.lowest, span.highest]) - band))
+    centre, reach = (ends[0] + ends[1]) / 2, (ends[1] - ends[0]) / 2
+    points, transform = _chebyshev(count)
+    turning = band + jnp.exp(centre + reach * points)
+    frame = frame_at(oscillator, jnp.ones(count), turning)
+    start = turning - frame.dead_band
+    theta = jnp.pi * fractions
+    amplitudes, elapsed = integrate_phase(oscillator, frame, start, theta)
+    ratio, phase = amplitudes / start, elapsed * frame.angular_frequency
+    return Table(theta, transform @ ratio.T, transform @ phase.T, centre, reach)
+
+
+def strokes_from_table(
+    oscillator: Oscillator, table: Table, begin: Standstill, rests: Rests, capacity: int
+) -> tuple[Standstill, tuple[Stroke, Array]]:
+    """Half-cycles from a standstill on; their nodes, shape (capacity, nodes), and their next turning points."""
+    count = table.amplitude.shape[0]
+
+    def at(turning: Array) -> Array:
+        return _polynomials(_place(oscillator, table.centre, table.reach, turning), count)
+
+    def step(now: Standstill, _: Any) -> tuple[Standstill, Standstill]:
+        turning = jnp.abs(now.turning_point)
+        frame = frame_at(oscillator, jnp.where(now.turning_point < 0, -1.0, 1.0), turning)
+        weights = at(turning)
+        amplitude = (turning - frame.dead_band) * (weights @ table.amplitude[:, -1])
+        elapsed = weights @ table.phase[:, -1] / frame.angular_frequency
+        turned = frame.side * (frame.dead_band - amplitude)
+        ends = Stroke(elapsed[None] + now.time, turned[None], jnp.zeros(1), jnp.zeros(1))
+        return advance(now, ends, turned, jnp.asarray(True), rests)[0], now
+
+    end, starts = jax.lax.scan(step, begin, length=capacity)
+    turning = jnp.abs(starts.turning_point)
+    frame = frame_at(oscillator, jnp.where(starts.turning_point < 0, -1.0, 1.0), turning)
+    weights = at(turning)
+    start = (turning - frame.dead_band)[:, None]
+    columns = frame._replace(**{name: value[:, None] for name, value in frame._asdict().items()})
+    motion = motion_at(oscillator, columns, start * (weights @ table.amplitude), table.theta[None, :])
+    strokes = Stroke(starts.time[:, None] + weights @ table.phase / columns.angular_frequency, *motion)
+    held = starts.finished[:, None]
+    still = Stroke(starts.time[:, None], starts.turning_point[:, None], jnp.zeros((1, 1)), jnp.zeros((1, 1)))
+    kept = Stroke(*(jnp.where(held, rest, value) for rest, value in zip(still, strokes, strict=True)))
+    points = jnp.concatenate([starts.turning_point[1:], end.turning_point[None]])
+    return end, (kept, jnp.where(starts.finished, jnp.nan, points))

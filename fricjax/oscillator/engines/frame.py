@@ -1,0 +1,107 @@
+"""The half-cycle in phase angle: its frame, its equation of motion, and the mesh on which that is integrated.
+
+In each half-cycle the motion is written as a swing about the centre that friction has shifted, ``x = s (x_d + A cos
+theta)``, ``v = -s omega A sin theta``, where ``s`` is the side of the turning point, ``x_d = F_ref/k_ref`` and
+``omega^2 = k_ref/m`` with the secant stiffness ``k_ref = R(y)/y`` there. Amplitude and time are then slow functions
+of the phase, driven only by what is not the reference spring and the reference friction (variation of parameters),
+and the next reversal lies at ``theta = pi`` whatever the parameters. The reference friction is the force as sliding
+begins; for a regularised law that of the set-valued law that it stands for.
+"""
+
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from ..oscillator import Oscillator
+
+_LOGARITHMIC_SHARE = 0.6
+_NEWTON_STEPS = 24
+
+
+class Frame(NamedTuple):
+    """Side of the turning point, angular frequency and stiffness of the reference spring, and the dead band."""
+
+    side: Array
+    angular_frequency: Array
+    stiffness: Array
+    dead_band: Array
+
+
+def frame_at(oscillator: Oscillator, side: Array, x: Array) -> Frame:
+    """The frame of a half-cycle whose largest deflection is `x` [m]."""
+    away = jnp.abs(x) > 0
+    x_safe = jnp.where(away, x, 1.0)
+    stiffness = jnp.where(away, oscillator.restoring_force(x_safe) / x_safe, oscillator.stiffness)
+    return Frame(side, jnp.sqrt(stiffness / oscillator.mass), stiffness, reference_force(oscillator) / stiffness)
+
+
+def reference_force(oscillator: Oscillator) -> Array:
+    """Friction force as sliding begins [N], without the regularisation."""
+    return oscillator.friction.sharp().sliding_force(jnp.zeros(()), oscillator.normal_force)  # pyright: ignore[reportReturnType]
+
+
+def disturbance(oscillator: Oscillator, frame: Frame, x: Array, speed: Array) -> Array:
+    """What is neither the reference spring nor the reference friction, per unit mass [m/s^2]."""
+    friction = oscillator.friction.sliding_force(speed, oscillator.normal_force)
+    spring = oscillator.restoring_force(x) - frame.stiffness * x
+    rest = oscillator.dissipation(speed) + friction - frame.stiffness * frame.dead_band
+    return (rest - frame.side * spring) / oscillator.mass
+
+
+def position(frame: Frame, amplitude: Array, theta: Array) -> tuple[Array, Array]:
+    """Displacement [m] and speed [m/s] at a phase."""
+    x = frame.side * (frame.dead_band + amplitude * jnp.cos(theta))
+    return x, frame.angular_frequency * amplitude * jnp.sin(theta)
+
+
+def phase_rates(theta: Any, state: Any, args: tuple[Oscillator, Frame]) -> tuple[Array, Array]:
+    """dA/dtheta and dt/dtheta."""
+    oscillator, frame = args
+    amplitude, _ = state
+    x, speed = position(frame, amplitude, theta)
+    push = disturbance(oscillator, frame, x, speed) / frame.angular_frequency
+    rate = frame.angular_frequency - push * jnp.cos(theta) / amplitude
+    return -push * jnp.sin(theta) / rate, 1 / rate
+
+
+def motion_at(
+    oscillator: Oscillator, frame: Frame, amplitude: Array, theta: Array
+) -> tuple[Array, Array, Array]:
+    """Displacement, velocity and acceleration at a phase, the acceleration from the equation of motion."""
+    x, speed = position(frame, amplitude, theta)
+    push = disturbance(oscillator, frame, x, speed)
+    a = frame.side * push - frame.angular_frequency**2 * (x - frame.side * frame.dead_band)
+    return x, -frame.side * speed, a
+
+
+def mesh_fractions(steps: int, layer: Array) -> Float[Array, " nodes"]:
+    """Fractions of a half-cycle at which its steps end, crowded at both ends where the law changes fast.
+
+    Args:
+        steps: number of steps, even.
+        layer: width of the layer at the reversals [rad], inf for none.
+
+    The mesh has steps proportional to the distance from the layer near the reversals, and even ones in the middle: in
+    ``share ln(1 + theta/layer)/ln(1 + pi/(2 layer)) + (1 - share) 2 theta/pi`` its points are equidistant.
+    """
+    half, rank = jnp.pi / 2, jnp.linspace(0.0, 1.0, steps // 2 + 1)
+    width = jax.lax.stop_gradient(jnp.clip(layer, 1e-9, 1e3))
+    span = jnp.log1p(half / width)
+
+    def closer(_: Any, theta: Array) -> Array:
+        # The rank is concave in theta, so that Newton's steps approach from below without overshooting.
+        rise = _LOGARITHMIC_SHARE / (span * (width + theta)) + (1 - _LOGARITHMIC_SHARE) / half
+        value = _LOGARITHMIC_SHARE * jnp.log1p(theta / width) / span + (1 - _LOGARITHMIC_SHARE) * theta / half
+        return theta + (rank - value) / rise
+
+    theta = jax.lax.fori_loop(0, _NEWTON_STEPS, closer, jnp.zeros_like(rank))
+    first = jnp.clip(theta / jnp.pi, 0.0, 0.5).at[-1].set(0.5)
+    return jnp.concatenate([first, 1 - first[-2::-1]])
+
+
+def layer_width(oscillator: Oscillator, frame: Frame, amplitude: Array) -> Array:
+    """Phase in which the velocity leaves the range where the friction force changes fast [rad]."""
+    speed = oscillator.friction.velocity_scale()
+    return speed / (frame.angular_frequency * jnp.maximum(amplitude, jnp.finfo(float).tiny))

@@ -1,0 +1,108 @@
+"""Half-cycles one after the other, each integrated over its phase from turning point to turning point."""
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import diffrax
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from ..motion import Start
+from ..oscillator import Oscillator
+from .frame import Frame, frame_at, motion_at, phase_rates
+
+
+class Standstill(NamedTuple):
+    """Between two half-cycles: turning point [m], time [s], their number so far, rest, and whether all went forwards."""
+
+    turning_point: Array
+    time: Array
+    count: Array
+    finished: Array
+    forward: Array
+
+
+class Stroke(NamedTuple):
+    """Nodes of a half-cycle: time [s], displacement [m], velocity [m/s], acceleration [m/s^2]."""
+
+    t: Array
+    x: Array
+    v: Array
+    a: Array
+
+
+Rests = Callable[[Array, Array], Array]
+
+
+def integrate_phase(
+    oscillator: Oscillator, frame: Frame, amplitude: Array, theta: Float[Array, " nodes"]
+) -> tuple[Array, Array]:
+    """Amplitude and elapsed time at the phases `theta` of a half-cycle, shape (nodes, *amplitude.shape)."""
+    amplitudes, elapsed = diffrax.diffeqsolve(
+        diffrax.ODETerm(phase_rates),
+        diffrax.Dopri8(),
+        theta[0],
+        theta[-1],
+        None,
+        (amplitude, jnp.zeros_like(amplitude)),
+        (oscillator, frame),
+        saveat=diffrax.SaveAt(t0=True, steps=True),
+        stepsize_controller=diffrax.StepTo(theta),
+        adjoint=diffrax.ForwardMode(),
+        max_steps=theta.size - 1,
+    ).ys  # pyright: ignore[reportGeneralTypeIssues, reportOptionalIterable]
+    return amplitudes, elapsed
+
+
+class Entry(NamedTuple):
+    """A start inside a half-cycle: its side, frame and phase, and whether the mass moves at all at the start."""
+
+    frame: Frame
+    theta: Array
+    moving: Array
+
+
+def enter(oscillator: Oscillator, start: Start) -> Entry:
+    """Frame and phase of a start; the phase is unused for a start from rest."""
+    moving = start.v0 != 0
+    side = jax.lax.stop_gradient(jnp.where(moving, -jnp.sign(start.v0), jnp.where(start.x0 < 0, -1.0, 1.0)))
+    frame = frame_at(oscillator, side, start.x0)
+    offset = side * start.x0 - frame.dead_band
+    lag = jnp.where(moving, -side * start.v0, 1.0) / frame.angular_frequency
+    return Entry(frame, jnp.arctan2(lag, offset), moving)
+
+
+def stroke_from(
+    oscillator: Oscillator, start: Start, entry: Entry, fractions: Float[Array, " nodes"], inside: Any, at: Standstill
+) -> tuple[Stroke, Array, Array]:
+    """The half-cycle from a standstill or, where `inside` holds, from a start in motion.
+
+    Returns:
+        Its nodes, its next turning point, and whether its phase ran forwards.
+    """
+    # A mass at rest is integrated all the same, from a place where that is harmless.
+    spare = jnp.abs(start.x0) + 2 * entry.frame.dead_band + jnp.abs(start.v0) / entry.frame.angular_frequency
+    y = jnp.where(at.finished, spare, at.turning_point)
+    side = jnp.where(inside, entry.frame.side, jnp.where(y < 0, -1.0, 1.0))
+    frame = frame_at(oscillator, side, jnp.where(inside, start.x0, y))
+    offset, lag = side * y - frame.dead_band, start.v0 / frame.angular_frequency
+    amplitude = jnp.where(inside, jnp.sqrt(jnp.where(inside, offset**2 + lag**2, 1.0)), offset)
+    begin = jnp.where(inside, entry.theta, 0.0)
+    theta = begin + (jnp.pi - begin) * fractions
+    amplitudes, elapsed = integrate_phase(oscillator, frame, amplitude, theta)
+    nodes = Stroke(at.time + elapsed, *motion_at(oscillator, frame, amplitudes, theta))
+    return nodes, side * (frame.dead_band - amplitudes[-1]), jnp.all(jnp.diff(elapsed) > 0)
+
+
+def advance(at: Standstill, stroke: Stroke, turned: Array, forward: Array, rests: Rests) -> tuple[Standstill, Stroke]:
+    """The standstill after a half-cycle, and the half-cycle itself; both stand still where the mass rests already."""
+    last = at.finished
+    kept = Stroke(
+        jnp.where(last, at.time, stroke.t),
+        jnp.where(last, at.turning_point, stroke.x),
+        jnp.where(last, 0.0, stroke.v),
+        jnp.where(last, 0.0, stroke.a),
+    )
+    y, count = jnp.where(last, at.turning_point, turned), at.count + jnp.where(last, 0, 1)
+    return Standstill(y, kept.t[-1], count, last | rests(y, count), at.forward & (last | forward)), kept
