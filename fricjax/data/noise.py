@@ -85,10 +85,10 @@ def _estimates(t: np.ndarray, x: np.ndarray) -> list[float]:
     weights = np.ones((1, *places.shape))
     for order in range(1, min(ORDERS[-1], x.shape[-1] - 4) + 1):
         differences = np.diff(differences) / (t[:, order:] - t[:, :-order])
-        # Each weight is a difference of two with opposite signs, so that nothing cancels.
+        # Neighbouring weights have opposite signs: in their difference the sizes, all that is needed here, add up.
         grown = np.zeros((order + 1, places.shape[0], places.shape[1] - order))
         grown[1:] += weights[..., 1:]
-        grown[:-1] -= weights[..., :-1]
+        grown[:-1] += weights[..., :-1]
         weights = grown / (places[:, order:] - places[:, :-order])
         if order in ORDERS:
             norm = np.sqrt(np.einsum("kbm,kbm->bm", weights, weights))

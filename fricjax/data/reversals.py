@@ -11,8 +11,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 ITERATIONS = 12
-ENOUGH_FOR_A_GUESS = 0.05  # change, in half-widths of the window
-STRICT = 1e-4
+ROUGHLY = 0.05  # change, in half-widths of the window, at which a fit is good enough to start the next
+IMMATERIAL = 1e-4  # share of the standard error
 TOGETHER = 256  # turns refined at once, which bounds the memory
 BINS = 128  # averages to which the samples of a window are condensed
 RIDGE = 1e-13  # of the squared norms, so that a side with fewer samples than terms is solved for too
@@ -46,7 +46,7 @@ def refine(
     """
     guess, omega, order = np.broadcast_arrays(*np.atleast_1d(guess, omega, order))
     time, position = guess.astype(np.float64), np.empty(guess.size)
-    for width, enough in zip(widths, [ENOUGH_FOR_A_GUESS] * (len(widths) - 1) + [0.0], strict=True):
+    for width, enough in zip(widths, [ROUGHLY] * (len(widths) - 1) + [0.0], strict=True):
         width = np.broadcast_to(width, guess.shape)
         for first in range(0, guess.size, TOGETHER):
             k = slice(first, first + TOGETHER)
@@ -59,8 +59,8 @@ def refine(
 class _Windows(NamedTuple):
     """What is seen around several turns, shape `(turns, bins)`, with times from the guess in half-widths of the window.
 
-    A bin is the average of neighbouring samples. Only what the motion does within a bin is lost, and that holds a share
-    of about `1 / bins**2` of what the samples tell of the turn.
+    A bin is the average of neighbouring samples. Only what the motion does within a bin is lost, and with it less than
+    one percent of what the samples tell of the turn.
     """
 
     time: np.ndarray
@@ -76,14 +76,16 @@ class _Windows(NamedTuple):
 def _windows(
     t: np.ndarray, x: np.ndarray, guess: np.ndarray, omega: np.ndarray, width: np.ndarray, order: np.ndarray
 ) -> _Windows:
-    # Sums over bins need one sample behind the last bin.
+    """Averages over the samples within `width` of each guess, as even in number as the samples allow."""
+    # The sum over a bin is taken up to the first sample behind it, which the last sample of a record does not have.
     low, high = np.searchsorted(t[:-1], [guess - width, guess + width])
     size, position = high - low, np.interp(guess, t, x)
     stride = np.maximum(-(-size // BINS), 1)
     bins = np.arange(np.max(-(-size // stride)) + 1)
     edges = low[:, None] + np.minimum(bins * stride[:, None], size[:, None])
     count, first, last = np.diff(edges), edges[:, :-1], np.maximum(edges[:, 1:] - 1, edges[:, :-1])
-    sums = [np.add.reduceat(values, edges.ravel()).reshape(edges.shape)[:, :-1] for values in (t, x)]
+    used = slice(0, int(edges.max()) + 1)  # the last of the sums goes on to the end
+    sums = [np.add.reduceat(values[used], edges.ravel()).reshape(edges.shape)[:, :-1] for values in (t, x)]
     means, width, weight = [total / np.maximum(count, 1) for total in sums], width[:, None], np.sqrt(count)
     return _Windows(
         time=(means[0] - guess[:, None]) / width,
@@ -133,7 +135,7 @@ def _step(near: _Windows, shift: np.ndarray, before: str, after: str) -> tuple[n
     offset = coefficients[:, :1] + inverse[:, :1] @ (basis @ left)
     # The next change would be of the order of this one squared; one far below the standard error is immaterial.
     error = np.sqrt(np.mean(left**2, axis=1) / np.where(power > 0, power, 1.0))
-    settled = change**2 < np.maximum(STRICT * error, 1e-10)
+    settled = change**2 < np.maximum(IMMATERIAL * error, 1e-10)
     return change[:, 0], offset[:, 0, 0], settled[:, 0]
 
 

@@ -10,12 +10,12 @@ import numpy as np
 from ..oscillator import Oscillator
 from ..oscillator.leaves import leaves_of
 from .covariance import Covariance, covariance
-from .kinematics import kinematics
 from .names import find_leaf
 from .problem import Problem
 from .residual import Run
 from .rest import bracket_static, rest_margin
 from .result import Fit, named
+from .settled import kinematics
 from .solve import Solved
 from .verdict import error_inflation, flags_of, status_of, warnings_of
 from .whiteness import Whiteness, whiteness
@@ -37,16 +37,15 @@ _ROTARY = {
 
 def assemble(problem: Problem, solved: Solved, sigma_mode: str) -> Fit:
     """The fit of a solved problem; `sigma_mode` says what its noise means."""
-    dof = max(problem.n_used + problem.n_priors - len(problem.parameters), 1)
+    dof = problem.dof
     variance = 1.0 if sigma_mode == "absolute" else solved.chi2 / dof
-    found = covariance(problem, solved, variance)
+    found = covariance(solved, variance)
     white = _whiteness(problem, solved)
     inflation = error_inflation(white, solved.chi2 / dof, sigma_mode)
-    values = problem.residual.values(solved.y)
-    margins = tuple(rest_margin(problem.residual, solved.y, run) for run in range(len(problem.windows)))
+    margins = tuple(rest_margin(problem, solved, run) for run in range(len(problem.windows)))
     residuals, rms = _residuals(problem, solved)
     machine, intervals, static = _machine(problem, solved, found)
-    shown = _record_time(problem, np.asarray(values))
+    shown = _record_time(problem, solved.settled.values)
     std_errors = named(problem.names, np.sqrt(np.diag(found.statistical)))
     noise = np.concatenate([w.sigma[w.used] for w in problem.windows])
     factor = np.sqrt(variance) if sigma_mode == "estimate" else 1.0
@@ -63,8 +62,10 @@ def assemble(problem: Problem, solved: Solved, sigma_mode: str) -> Fit:
         flags={**flags_of(problem, found, solved, inflation), **dict.fromkeys(static, ("bracketed, not fitted",))},
         converged=ok,
         status=status_of(solved, found, problem.names),
-        warnings=warnings_of(problem, named(problem.names, shown), std_errors, white, inflation, rms, margins),
-        kinematics=kinematics(problem.residual, solved.y, found.statistical),
+        warnings=warnings_of(
+            problem, named(problem.names, shown), std_errors, white, inflation, rms, margins, solved.numerical_shift
+        ),
+        kinematics=kinematics(solved.settled, found.statistical),
         chi2=solved.chi2 / factor**2,
         dof=dof,
         residuals=residuals,
@@ -136,8 +137,8 @@ def _machine(
 ) -> tuple[Oscillator, dict[str, tuple[float, float]], dict[str, float]]:
     """The fitted oscillator, with a bracketed static coefficient at the middle of its interval."""
     # As numpy arrays its values are known outside of jit, so that a simulation may choose the fastest engine.
-    machine = jax.tree.map(np.asarray, problem.residual.machine(solved.y))
-    bracket = bracket_static(problem, solved.y)
+    machine = solved.settled.machine
+    bracket = bracket_static(problem, solved)
     if bracket is None:
         return machine, {}, {}
     if problem.bracketed is None:

@@ -10,7 +10,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .problem import Problem
 from .solve import Solved
 
 
@@ -32,12 +31,12 @@ class Covariance(NamedTuple):
     full_rank: bool
 
 
-def covariance(problem: Problem, solved: Solved, variance: float) -> Covariance:
+def covariance(solved: Solved, variance: float) -> Covariance:
     """Covariance at the optimum; `variance` is the variance of a unit-weight residual."""
-    p, shape = problem.residual.n_parameters, solved.shape
-    slope = np.asarray(problem.residual.space.slope(solved.y[:p]))
+    shape, slope = solved.shape, solved.settled.slope
+    p = slope.size
     statistical = variance * slope[:, None] * shape.inverse * slope
-    moved = slope[:, None] * (shape.inverse @ np.asarray(solved.survey.normal)[:p, p:])
+    moved = slope[:, None] * (shape.inverse @ solved.survey.normal[:p, p:])
     combined = statistical + moved @ moved.T
     lost = shape.undetermined | shape.at_bound
     for matrix in (statistical, combined):

@@ -9,13 +9,13 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
-from ..oscillator.elimination import factorise, substitute
+from ..oscillator.elimination import solve
 from .passes import Pass
 
 WEAKEST = 1e-13
 """Eigenvalue of the scaled normal matrix below which rounding hides a direction; the least damping ever used."""
 
-_LARGEST_SMALL = 8
+_LARGEST_SMALL = 32
 _DIGITS_LOST = 1e-8
 
 Systems = Float[Array, "k p"]
@@ -46,8 +46,7 @@ def restricted_solve(normal: Array, damping: Systems, free: Bool[Array, "k p"], 
     target = jnp.where(free, right / unit, 0.0)
     if p > _LARGEST_SMALL:
         return jax.scipy.linalg.solve(matrix, target[:, :, None], assume_a="pos")[:, :, 0] / unit
-    factors = factorise([[matrix[:, i, j] for j in range(p)] for i in range(p)])
-    return jnp.stack(substitute(factors, [target[:, i] for i in range(p)]), axis=1) / unit
+    return solve(matrix, target) / unit
 
 
 def bounded_steps(

@@ -10,6 +10,7 @@ from ..data.errors import UsageError, nearest
 from ..oscillator import Oscillator, require_x64
 from ..oscillator.engines import AbstractEngine
 from .assemble import assemble
+from .loss import AbstractLoss, named_loss
 from .parameters import Request
 from .problem import Problem, pose
 from .rest import solve_with_rest
@@ -32,6 +33,8 @@ def fit(
     tie: Mapping[str, Any] | None = None,
     sigma_mode: str = "absolute",
     rig: Any = None,
+    guess: Mapping[str, float] | None = None,
+    loss: str | AbstractLoss = "squares",
     throw: bool = True,
 ) -> Fit:
     """Fit an oscillator with friction to a free decay.
@@ -61,6 +64,9 @@ def fit(
             "scale" takes it as relative weights and scales the standard errors by sqrt(chi^2 reduced); "estimate"
             ignores it and takes the noise from the scatter of the residuals.
         rig: a `Rig` whose uncertain inputs enter the combined standard errors to first order.
+        guess: start values by name, in place of those found in the record.
+        loss: "squares", or "huber", "soft_l1" or "cauchy", which count outliers for less, or a loss of
+            :mod:`fricjax.fitting.loss`; in units of the noise. The covariance is then that of the weighted samples.
         throw: raise where the fit is not valid; otherwise its status says so.
 
     Returns:
@@ -92,6 +98,8 @@ def fit(
         priors=priors or {},
         tie=tie or {},
         rig=rig,
+        guess=guess or {},
+        loss=named_loss(loss),
     )
     problem, solved = solve_with_rest(_posed(records, request, sigma_mode))
     _check_effect(problem, solved)

@@ -28,6 +28,7 @@ from .status import AT_BOUND, CONVERGED, NOT_FINITE, OUT_OF_STEPS, RUNNING, STAL
 
 _FIRST_DAMPING = 1e-4
 _LARGEST_DAMPING = 1e12
+_EASE = 0.1
 # A rejection tells that the residual is rough on this scale; then a hundred times more counts as finished.
 _ROUGH = 100.0
 
@@ -59,6 +60,7 @@ class _State(eqx.Module):
     status: Int[Array, ""]
     steps: Int[Array, ""]
     first: Bool[Array, ""]
+    start_cost: Float[Array, ""]
     remaining: Float[Array, ""]
 
 
@@ -98,7 +100,8 @@ class LevenbergMarquardt(optx.AbstractLeastSquaresSolver):
         passes: how a pass over the model is made.
         max_steps: largest number of passes.
         tolerance: largest step left, in standard errors as the scatter of the residuals gives them.
-        ftol: largest relative change of the sum of squares, actual and to come.
+        ftol: largest relative change of the sum of squares, actual and to come; also largest size of the residual
+            relative to that at the start, where rounding has it.
         xtol: largest step left relative to the parameters, in the scaled norm.
         gtol: largest cosine between the residual and a column of the Jacobian.
 
@@ -127,7 +130,7 @@ class LevenbergMarquardt(optx.AbstractLeastSquaresSolver):
         p, zero, none = y.shape[0], jnp.zeros(()), jnp.asarray(0)
         nothing = Pass(jnp.asarray(jnp.inf), jnp.zeros(p), jnp.full((p, p), jnp.nan))
         damping, status = zero + _FIRST_DAMPING, jnp.asarray(RUNNING)
-        return _State(y, nothing, jnp.zeros(p), damping, zero + 2, zero, status, none, jnp.asarray(True), zero)
+        return _State(y, nothing, jnp.zeros(p), damping, zero + 2, zero, status, none, jnp.asarray(True), zero, zero)
 
     def step(
         self, fn: Callable, y: Array, args: PyTree, options: dict, state: _State, tags: frozenset
@@ -140,14 +143,15 @@ class LevenbergMarquardt(optx.AbstractLeastSquaresSolver):
         accept = finite & (state.first | (gain > 0))
         here = jax.tree.map(lambda new, old: jnp.where(accept, new, old), there, state.accepted)
         at = jnp.where(accept, reached, y)
-        eased = state.damping * jnp.maximum(1 / 3, 1 - (2 * jnp.clip(gain, 0.0, 1.0) - 1) ** 3)
+        eased = state.damping * jnp.maximum(_EASE, 1 - (2 * jnp.clip(gain, 0.0, 1.0) - 1) ** 3)
         damping = jnp.where(state.first, state.damping, jnp.where(accept, eased, state.damping * state.growth))
         growth = jnp.where(accept, 2.0, state.growth * 2)
         scale = jnp.maximum(state.scale, jnp.diagonal(here.normal))
         ahead = _look(at, here, scale, damping, setting)
         status, remaining = self._judge(at, here, ahead, damping, accept, reduction, state, setting)
         steps, no = state.steps + 1, jnp.asarray(False)
-        after = _State(ahead.trial, here, scale, damping, growth, ahead.predicted, status, steps, no, remaining)
+        begun = jnp.where(state.first, here.cost, state.start_cost)
+        after = _State(ahead.trial, here, scale, damping, growth, ahead.predicted, status, steps, no, begun, remaining)
         again = eqx.tree_at(lambda s: (s.trial, s.steps, s.status), state, (reached, steps, self._running(steps)))
         repeat = blurred & finite
         chosen = jax.tree.map(lambda a, b: jnp.where(repeat, a, b), again, after)
@@ -176,6 +180,7 @@ class LevenbergMarquardt(optx.AbstractLeastSquaresSolver):
             (ahead.shortening < (loose * self.tolerance) ** 2 * variance)
             | (jnp.linalg.norm(unit * ahead.full) <= loose * self.xtol * jnp.linalg.norm(unit * y))
             | (cosine <= loose * self.gtol * jnp.sqrt(2 * here.cost))
+            | (here.cost <= self.ftol**2 * state.start_cost)
             | ((jnp.abs(reduction) <= self.ftol * here.cost) & (ahead.shortening <= 2 * self.ftol * here.cost))
         )
         stuck = (damping > _LARGEST_DAMPING) | jnp.all(ahead.trial == y) | ~(ahead.predicted > 0)

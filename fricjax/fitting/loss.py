@@ -12,6 +12,8 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from ..data.errors import UsageError, nearest
+
 _LEAST_CURVATURE = 0.1
 
 Residuals = Float[Array, " n"]
@@ -79,3 +81,19 @@ class Cauchy(AbstractLoss):
         z = (residual / self.delta) ** 2
         weight = 1 / (1 + z)
         return self.delta**2 * jnp.log1p(z), weight, weight * jnp.maximum((1 - z) * weight, _LEAST_CURVATURE)
+
+
+LOSSES = {"squares": Squares, "huber": Huber, "soft_l1": SoftL1, "cauchy": Cauchy}
+
+
+def named_loss(loss: str | AbstractLoss) -> AbstractLoss:
+    """The loss of that name with its usual constant; a loss is returned as it is.
+
+    Raises:
+        UsageError: no such loss.
+    """
+    if isinstance(loss, AbstractLoss):
+        return loss
+    if loss not in LOSSES:
+        raise UsageError(f"There is no loss {loss!r}.{nearest(loss, LOSSES)} Choose one of {', '.join(LOSSES)}.")
+    return LOSSES[loss]()

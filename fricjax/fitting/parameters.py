@@ -12,6 +12,7 @@ from ..oscillator import Oscillator
 from ..oscillator.engines import AbstractEngine
 from ..oscillator.leaves import Leaf
 from .guess import guess_machine
+from .loss import AbstractLoss
 from .names import NUISANCES, check_identifiable, check_names, find_leaf, sole_coulomb
 from .space import NOT_NEGATIVE, Parameter, Tie
 from .window import Window
@@ -30,6 +31,8 @@ class Request:
     priors: Mapping[str, Any]
     tie: Mapping[str, Any]
     rig: Any
+    guess: Mapping[str, float]
+    loss: AbstractLoss
 
 
 def shared_leaves(request: Request, leaves: Sequence[Leaf]) -> tuple[list[Leaf], str | None]:
@@ -66,8 +69,16 @@ def free_parameters(
         suffix = "" if len(windows) == 1 else f"[{i}]"
         sizes = _run_scales(window)
         entries += [(f"{n}{suffix}", NUISANCES[n], window.guesses[n], sizes[n]) for n in window.nuisances]
-    check_names(request.bounds, [entry[0] for entry in entries], "Bounds")
+    names = [entry[0] for entry in entries]
+    check_names(request.bounds, names, "Bounds")
+    check_names(request.guess, names, "Start values")
+    entries = [(name, unit, _given(request, name, start, windows), scale) for name, unit, start, scale in entries]
     return tuple(_bounded(*entry, request.bounds, _origin(entry[0], windows)) for entry in entries)
+
+
+def _given(request: Request, name: str, start: float, windows: Sequence[Window]) -> float:
+    """The caller's start value where there is one, in the time of the run."""
+    return float(request.guess[name]) - _origin(name, windows) if name in request.guess else start
 
 
 def _origin(name: str, windows: Sequence[Window]) -> float:

@@ -17,15 +17,18 @@ from ..oscillator.engines import AbstractEngine, Span
 from ..oscillator.leaves import leaves_of
 from ..oscillator.select import select_engine
 from .breaks import condensed
+from .climb import Limits, Terrain
 from .condense import Samples
+from .loss import AbstractLoss, Squares
 from .parameters import Request, free_parameters, parse_priors, parse_ties, shared_leaves
 from .residual import Residual, Run
-from .space import Parameter, ParameterSpace
+from .space import LINEAR, Parameter, ParameterSpace
 from .window import NEVER, Window, equilibrium, open_window
 
 # The error of the smooth engine is some thirty times smaller than the accuracy that it is asked for.
 _SLACK = 10.0
 _FEW = 8
+_IN_PHASE, _SMALLEST, _SHORTEST = 0.35, 0.02, 4.0
 
 
 @dataclasses.dataclass(frozen=True)
@@ -35,20 +38,21 @@ class Problem:
     Attributes:
         residual: residual of all samples, with the inputs of the rig.
         condensed: the same of far fewer samples that say the same, without the inputs; what is solved.
-        moving: for each run the weights of the condensed samples without the rest.
+        terrain: for each run what its windows need to know, at the condensed samples.
+        limits: bounds in coordinates.
+        loss: loss of the residuals.
         parameters: the free parameters in order.
         windows: the fitted part of each record.
-        lower, upper: bounds in coordinates.
         bracketed: name of a static coefficient that the user freed and that is bracketed instead of fitted.
     """
 
     residual: Residual
     condensed: Residual
-    moving: tuple[Any, ...]
+    terrain: tuple[Terrain, ...]
+    limits: Limits
+    loss: AbstractLoss
     parameters: tuple[Parameter, ...]
     windows: tuple[Window, ...]
-    lower: Any
-    upper: Any
     bracketed: str | None
 
     @property
@@ -65,6 +69,11 @@ class Problem:
     def n_used(self) -> int:
         """Number of fitted samples."""
         return int(sum(window.used.sum() for window in self.windows))
+
+    @property
+    def dof(self) -> int:
+        """Degrees of freedom."""
+        return max(self.n_used + self.n_priors - len(self.parameters), 1)
 
     @property
     def n_priors(self) -> int:
@@ -95,15 +104,15 @@ def pose(records: Sequence[Record | Trace], request: Request) -> Problem:
         parameters, [leaf.index for leaf in shared], ties, [window.nuisances for window in windows]
     )
     residual = _residual(request, space, windows, parameters)
-    condensed = _condensed(residual, windows)
+    condensed = _condensed(residual, windows, request.loss)
     return Problem(
         residual=residual,
         condensed=condensed,
-        moving=tuple(_moving(window, run) for window, run in zip(windows, condensed.runs, strict=True)),
+        terrain=tuple(_terrain(window, run) for window, run in zip(windows, condensed.runs, strict=True)),
+        limits=_limits(space, parameters),
+        loss=request.loss,
         parameters=parameters,
         windows=windows,
-        lower=space.coordinates(jnp.asarray([p.lower for p in parameters])),
-        upper=space.coordinates(jnp.asarray([p.upper for p in parameters])),
         bracketed=bracketed,
     )
 
@@ -224,13 +233,19 @@ def _run(window: Window, stops: bool) -> Run:
     )
 
 
-def _condensed(residual: Residual, windows: Sequence[Window]) -> Residual:
-    """The residual of the condensed records, without the inputs of the rig."""
+def _condensed(residual: Residual, windows: Sequence[Window], loss: AbstractLoss) -> Residual:
+    """The residual of the condensed records, without the inputs of the rig.
+
+    Only squares can be condensed: another loss has to see each sample.
+    """
+    bare = eqx.tree_at(lambda r: r.inputs, residual, residual.inputs[:0])
+    if not isinstance(loss, Squares):
+        return bare
     runs = []
     for window, run in zip(windows, residual.runs, strict=True):
         few = _filled(condensed(window, Samples(run.t, run.x, run.weight), residual.oscillator))
         runs.append(eqx.tree_at(lambda r: (r.t, r.x, r.weight), run, tuple(few)))
-    return eqx.tree_at(lambda r: (r.runs, r.inputs), residual, (tuple(runs), residual.inputs[:0]))
+    return eqx.tree_at(lambda r: r.runs, bare, tuple(runs))
 
 
 def _filled(samples: Samples) -> Samples:
@@ -242,7 +257,21 @@ def _filled(samples: Samples) -> Samples:
     return Samples(t, x, np.pad(samples.weight, (0, missing)))
 
 
-def _moving(window: Window, run: Run) -> np.ndarray:
-    """Weights of the samples of a run without its rest."""
-    rest = np.inf if window.segmentation.rest is None else window.segmentation.rest - window.origin
-    return np.where(run.t <= rest, run.weight, 0.0)
+def _terrain(window: Window, run: Run) -> Terrain:
+    """Weights of a run without its rest, and how far from the record its motion may be to count as in phase."""
+    found, t = window.segmentation, np.asarray(run.t)
+    rest = np.inf if found.rest is None else found.rest - window.origin
+    moving = np.where(t <= rest, run.weight, 0.0)
+    local = np.full(t.shape, found.amplitude)
+    if found.turning_times.size:
+        swing = np.abs(found.turning_points - window.guesses["offset"])
+        local = np.interp(t, found.turning_times - window.origin, swing)
+    tolerance = _IN_PHASE * run.weight * np.maximum(local, _SMALLEST * found.amplitude)
+    span = np.ptp(t[moving > 0])
+    return Terrain(moving, tolerance, np.asarray(_SHORTEST * found.half_period / span))
+
+
+def _limits(space: ParameterSpace, parameters: Sequence[Parameter]) -> Limits:
+    lower, upper = (space.coordinates(np.array([getattr(p, end) for p in parameters])) for end in ("lower", "upper"))
+    kinds = np.array([parameter.kind in LINEAR for parameter in parameters])
+    return Limits(lower, upper, kinds & np.isneginf(lower) & np.isposinf(upper))

@@ -3,6 +3,7 @@
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float, Int
 
 from ..oscillator import Motion, Oscillator, starting_state
@@ -93,7 +94,11 @@ class Residual(eqx.Module):
 
     def own(self, y: Float[Array, " coordinates"], run: int) -> dict[str, Array]:
         """State and offset of one run, free or fixed, by name."""
-        return {**self.runs[run].fixed, **self.space.run_values(self.values(y), run)}
+        return self.own_at(self.values(y), run)
+
+    def own_at(self, values: Float[Array | np.ndarray, " p"], run: int) -> dict[str, Array]:
+        """The same from the values of the parameters."""
+        return {**self.runs[run].fixed, **self.space.run_values(values, run)}
 
     def course(self, y: Float[Array, " coordinates"], run: int) -> Course:
         """Computed motion of one run."""
@@ -111,5 +116,5 @@ def motion(
     t: Float[Array, " samples"],
     half_cycles: Int[Array, ""] | None,
 ) -> Motion:
-    """Motion of one run at its times `t`, from its own parameters; `half_cycles` None lets the rest condition stop it."""
+    """Motion of one run at its times `t`; `half_cycles` None lets the rest condition stop it."""
     return engine.solve(machine, starting_state(machine, at["x0"], at["v0"]), t - at["t_release"], half_cycles)

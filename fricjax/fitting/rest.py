@@ -9,14 +9,11 @@ import dataclasses
 from typing import NamedTuple
 
 import equinox as eqx
-import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array
-
 from ..oscillator import Oscillator
 from .names import sole_coulomb
 from .problem import Problem
-from .residual import Residual, motion
+from .residual import motion
 from .solve import Solved, solve
 from .window import NEVER
 
@@ -36,15 +33,12 @@ class Margin(NamedTuple):
     one_less: float
 
 
-def _reversals(residual: Residual, y: Array, run: int, forced: bool) -> tuple[np.ndarray, int, Oscillator]:
-    """Turning points of one run, stopped as the record says or, unless `forced`, by the rest condition.
-
-    Returns:
-        The turning points, the number of half-cycles, and the machine.
-    """
-    machine, own, data = residual.machine(y), residual.own(y, run), residual.runs[run]
-    found = motion(residual.engine, machine, own, data.t, data.half_cycles if forced else None)
-    return np.asarray(found.turning_points), int(found.n_half_cycles), machine
+def _reversals(problem: Problem, solved: Solved, run: int, forced: bool) -> tuple[np.ndarray, int]:
+    """Turning points of one run and their number, stopped as the record says or, unless `forced`, by the law."""
+    residual, half_cycles = problem.residual, problem.residual.runs[run].half_cycles
+    own, instant = residual.own_at(solved.settled.values, run), np.zeros(1)
+    found = motion(residual.engine, solved.settled.machine, own, instant, half_cycles if forced else None)
+    return np.asarray(found.turning_points), int(found.n_half_cycles)
 
 
 def solve_with_rest(problem: Problem) -> tuple[Problem, Solved]:
@@ -75,9 +69,10 @@ def _counts(problem: Problem) -> tuple[int, ...]:
 
 
 def _with_counts(problem: Problem, counts: tuple[int, ...]) -> Problem:
-    arrays = [jnp.asarray(count) for count in counts]
-    residual = eqx.tree_at(lambda r: [run.half_cycles for run in r.runs], problem.residual, arrays)
-    return dataclasses.replace(problem, residual=residual)
+    arrays = [np.asarray(count) for count in counts]
+    both = (problem.residual, problem.condensed)
+    residual, condensed = (eqx.tree_at(lambda r: [run.half_cycles for run in r.runs], r, arrays) for r in both)
+    return dataclasses.replace(problem, residual=residual, condensed=condensed)
 
 
 def _candidates(problem: Problem, solved: Solved) -> set[tuple[int, ...]]:
@@ -88,7 +83,7 @@ def _candidates(problem: Problem, solved: Solved) -> set[tuple[int, ...]]:
         return set()
     found = set()
     if problem.bracketed is None:
-        found.add(tuple(_own_count(problem.residual, solved.y, run) for run in range(len(counts))))
+        found.add(tuple(_own_count(problem, solved, run) for run in range(len(counts))))
     if _far_off(problem, solved):
         steps = [(run, step) for run in stopping for step in (-1, 1) if counts[run] + step > 0]
         found |= {(*counts[:run], counts[run] + step, *counts[run + 1 :]) for run, step in steps}
@@ -99,47 +94,52 @@ def _far_off(problem: Problem, solved: Solved) -> bool:
     """Whether the residuals are larger than the noise, and large enough for a missed or added stroke."""
     excess = solved.chi2 / problem.n_used
     sigma = float(np.median(np.concatenate([w.sigma[w.used] for w in problem.windows])))
-    stroke = float(problem.residual.machine(solved.y).dead_band)
+    stroke = float(solved.settled.machine.dead_band)
     return excess > _ADEQUATE and sigma * np.sqrt(excess) > _STROKE_SHARE * stroke
 
 
-def _own_count(residual: Residual, y: Array, run: int) -> int:
+def _own_count(problem: Problem, solved: Solved, run: int) -> int:
     """Half-cycles until the rest condition holds; the record's count where it ends in motion or the law never stops."""
-    recorded = int(residual.runs[run].half_cycles)
-    own = int(_reversals(residual, y, run, False)[1])
-    return recorded if recorded >= NEVER or own <= 0 else own
+    recorded = int(problem.residual.runs[run].half_cycles)
+    if recorded >= NEVER:
+        return recorded
+    own = _reversals(problem, solved, run, False)[1]
+    return recorded if own <= 0 else own
 
 
-def rest_margin(residual: Residual, y: Array, run: int) -> Margin | None:
+def rest_margin(problem: Problem, solved: Solved, run: int) -> Margin | None:
     """Distance to one half-cycle more or less, None where the record ends in motion or nothing holds the mass."""
-    count = int(residual.runs[run].half_cycles)
-    if not residual.oscillator.friction.set_valued or count >= NEVER or count < 1:
+    count, machine = int(problem.residual.runs[run].half_cycles), solved.settled.machine
+    if not machine.friction.set_valued or count >= NEVER or count < 1:
         return None
-    reversals, _, machine = _reversals(residual, y, run, True)
-    excess = np.abs(np.asarray(machine.restoring_force(reversals))) - machine.friction.static_force(
-        machine.normal_force
-    )
+    reversals, _ = _reversals(problem, solved, run, True)
+    excess = _pull(machine, reversals) - float(machine.friction.static_force(machine.normal_force))
     stop, before = (float(excess[n] / machine.stiffness) for n in (count, count - 1))
-    return Margin(-stop, np.inf if count == 1 and _starts_moving(residual, y, run) else before)
+    return Margin(-stop, np.inf if count == 1 and _starts_moving(problem, solved, run) else before)
 
 
-def _starts_moving(residual: Residual, y: Array, run: int) -> bool:
+def _pull(machine: Oscillator, points: np.ndarray) -> np.ndarray:
+    """Size of the spring's force at turning points [N]."""
+    return np.abs(np.asarray(machine.restoring_force(points)))
+
+
+def _starts_moving(problem: Problem, solved: Solved, run: int) -> bool:
     """Whether a run starts in mid-stroke, so that the first of its turning points is none."""
-    return bool(residual.own(y, run)["v0"] != 0)
+    return bool(problem.residual.own_at(solved.settled.values, run)["v0"] != 0)
 
 
-def bracket_static(problem: Problem, y: Array) -> tuple[float, float] | None:
+def bracket_static(problem: Problem, solved: Solved) -> tuple[float, float] | None:
     """Interval of a Coulomb law's static coefficient: above every stop and the dynamic value, below every non-stop."""
-    if sole_coulomb(problem.residual.oscillator.friction) is None:
+    machine = solved.settled.machine
+    if sole_coulomb(machine.friction) is None:
         return None
-    lower, upper = 0.0, np.inf
+    load = float(machine.normal_force)
+    lower, upper = float(machine.friction.dynamic_force(machine.normal_force)) / load, np.inf
     for run, window in enumerate(problem.windows):
-        points, _, machine = _reversals(problem.residual, y, run, True)
-        pull = np.abs(np.asarray(machine.restoring_force(points))) / float(machine.normal_force)
+        pull = _pull(machine, _reversals(problem, solved, run, True)[0]) / load
         count = int(problem.residual.runs[run].half_cycles)
         stopped = count < NEVER
-        moved_on = pull[int(_starts_moving(problem.residual, y, run)) : count if stopped else window.strokes]
+        moved_on = pull[int(_starts_moving(problem, solved, run)) : count if stopped else window.strokes]
         upper = min(upper, float(np.min(moved_on, initial=np.inf)))
-        dynamic = machine.friction.dynamic_force(machine.normal_force) / machine.normal_force
-        lower = max(lower, float(pull[count]) if stopped else 0.0, float(dynamic))
+        lower = max(lower, float(pull[count]) if stopped else 0.0)
     return lower, upper

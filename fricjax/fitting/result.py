@@ -10,7 +10,7 @@ import numpy as np
 
 from ..data.errors import UsageError
 from ..oscillator import Oscillator
-from .kinematics import Estimate
+from .settled import Estimate
 from .residual import Run, motion
 from .rest import Margin
 from .whiteness import Whiteness

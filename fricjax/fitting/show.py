@@ -66,6 +66,10 @@ def facts(fit: "Fit") -> list[tuple[str, str]]:
         ("noise", f"{engineering(fit.sigma, fit.quantity)} ({fit.sigma_source}), mode {fit.sigma_mode}"),
         ("residuals", f"{engineering(fit.residual_rms, fit.quantity)} rms, reduced chi^2 {plain(fit.chi2_reduced, 4)}"),
     ]
+    if np.isfinite(fit.numerical_shift):
+        lines.append(
+            ("numerics", f"numerical errors move no parameter by more than {fit.numerical_shift:.2g} standard errors")
+        )
     for count, margin in zip(fit.half_cycles, fit.margins, strict=True):
         if count is not None and margin is not None:
             more, less = (engineering(value, fit.quantity) for value in margin)

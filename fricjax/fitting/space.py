@@ -16,6 +16,7 @@ from jaxtyping import Array, Float
 from ..oscillator import Oscillator
 
 LOGARITHMIC = frozenset({"mass", "stiffness", "normal_force", "v_s", "v_stribeck", "exponent", "sigma0"})
+LINEAR = frozenset({"offset", "drift"})
 NOT_NEGATIVE = frozenset({"mu", "mu_s", "sigma1"})
 
 
@@ -59,8 +60,8 @@ class ParameterSpace(eqx.Module):
         nuisances: for each run the names of its own parameters, in order after the shared ones.
     """
 
-    start: Float[Array, " p"]
-    scale: Float[Array, " p"]
+    start: Float[Array | np.ndarray, " p"]
+    scale: Float[Array | np.ndarray, " p"]
     logarithmic: tuple[bool, ...] = eqx.field(static=True)
     leaves: tuple[int, ...] = eqx.field(static=True)
     ties: tuple[Tie, ...] = eqx.field(static=True)
@@ -75,8 +76,8 @@ class ParameterSpace(eqx.Module):
         nuisances: Sequence[Sequence[str]],
     ) -> "ParameterSpace":
         return cls(
-            start=jnp.asarray([p.start for p in parameters]),
-            scale=jnp.asarray([p.scale for p in parameters]),
+            start=np.array([p.start for p in parameters]),
+            scale=np.array([p.scale for p in parameters]),
             logarithmic=tuple(p.logarithmic for p in parameters),
             leaves=tuple(leaves),
             ties=tuple(ties),
@@ -88,11 +89,12 @@ class ParameterSpace(eqx.Module):
         log = jnp.asarray(self.logarithmic)
         return jnp.where(log, self.start * jnp.exp(jnp.where(log, q, 0.0)), self.start + self.scale * q)
 
-    def coordinates(self, values: Float[Array, " p"]) -> Float[Array, " p"]:
+    def coordinates(self, values: np.ndarray) -> np.ndarray:
         """Coordinates of given values; minus infinity for a zero that is fitted in its logarithm."""
-        log = jnp.asarray(self.logarithmic)
-        ratio = jnp.where(log, values / jnp.where(log, self.start, 1.0), 1.0)
-        return jnp.where(log, jnp.log(jnp.maximum(ratio, 0.0)), (values - self.start) / self.scale)
+        log = np.asarray(self.logarithmic)
+        ratio = np.where(log, values / np.where(log, self.start, 1.0), 1.0)
+        with np.errstate(divide="ignore"):
+            return np.where(log, np.log(np.maximum(ratio, 0.0)), (values - self.start) / self.scale)
 
     def slope(self, q: Float[Array, " p"]) -> Float[Array, " p"]:
         """Derivative of each value with respect to its coordinate."""
@@ -107,7 +109,7 @@ class ParameterSpace(eqx.Module):
             leaves[tie.leaf] = tie.factor * values[tie.parameter]
         return jax.tree.unflatten(structure, leaves)
 
-    def run_values(self, values: Float[Array, " p"], run: int) -> dict[str, Array]:
+    def run_values(self, values: Float[Array | np.ndarray, " p"], run: int) -> dict[str, Array]:
         """The own parameters of one run by name."""
         first = len(self.leaves) + sum(len(names) for names in self.nuisances[:run])
         return {name: values[first + i] for i, name in enumerate(self.nuisances[run])}

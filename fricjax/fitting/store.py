@@ -8,14 +8,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 
 from .. import friction as friction_laws
 from ..data.errors import DataError
 from ..oscillator import Exact, Hybrid, Oscillator, Smooth, restoring
+from ..oscillator.engines import AbstractEngine, Span
 from ..show.files import write_text
-from .kinematics import Estimate
+from .settled import Estimate
 from .residual import Run
 from .rest import Margin
 from .whiteness import Whiteness
@@ -23,14 +25,14 @@ from .whiteness import Whiteness
 if TYPE_CHECKING:
     from .result import Fit
 
-SCHEMA = "fricjax.fit/1"
+SCHEMA = "fricjax.fit/2"
 
 _MODULES: dict[str, type] = {
     **{name: getattr(friction_laws, name) for name in friction_laws.__all__ if name != "AbstractFriction"},
     **{cls.__name__: cls for cls in (restoring.Linear, restoring.Cubic, restoring.Pendulum)},
     **{cls.__name__: cls for cls in (Oscillator, Exact, Hybrid, Smooth, Run)},
 }
-_TUPLES: dict[str, type] = {cls.__name__: cls for cls in (Estimate, Margin, Whiteness)}
+_TUPLES: dict[str, type] = {cls.__name__: cls for cls in (Estimate, Margin, Span, Whiteness)}
 _SAMPLES = ("residuals", "times", "runs", "origins", "engine_used")
 
 
@@ -128,6 +130,9 @@ def _module(cls: type, fields: dict[str, Any]) -> Any:
         fields = {
             k: {n: jnp.asarray(x) for n, x in v.items()} if k == "fixed" else jnp.asarray(v) for k, v in fields.items()
         }
+    if issubclass(cls, AbstractEngine):
+        # As arrays its numbers are traced, as they were in the fit, and a second prediction compiles nothing.
+        fields = jax.tree.map(lambda value: np.asarray(value) if isinstance(value, float) else value, fields)
     return cls(**fields)
 
 

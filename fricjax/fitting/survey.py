@@ -12,7 +12,9 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from .residual import Course, Residual, Run
+from .loss import AbstractLoss
+from .passes import gather, residual_and_jacobian
+from .residual import Course, Residual
 
 CHUNK = 16384
 
@@ -22,8 +24,8 @@ class Survey(NamedTuple):
 
     Attributes:
         residual: weighted residual of all samples and priors, shape (residuals,).
-        gradient: J'r, shape (coordinates,).
-        normal: J'J, shape (coordinates, coordinates).
+        gradient: J'r, shape (coordinates,), each sample weighted as its loss says.
+        normal: J'J, shape (coordinates, coordinates), likewise.
     """
 
     residual: Float[Array, " residuals"]
@@ -36,16 +38,16 @@ class Survey(NamedTuple):
 
 
 @eqx.filter_jit
-def survey(residual: Residual, y: Float[Array, " coordinates"]) -> Survey:
+def survey(residual: Residual, y: Float[Array, " coordinates"], loss: AbstractLoss) -> Survey:
     """Residual, gradient and normal matrix at coordinates `y`, from every sample."""
-    parts = [_run(residual, y, i) for i in range(len(residual.runs))]
-    priors, slopes = residual.priors(y), jax.jacfwd(residual.priors)(y)
+    parts = [_run(residual, y, i, loss) for i in range(len(residual.runs))]
+    priors, slopes = residual_and_jacobian(residual.priors, y)
     parts.append(Survey(priors, slopes.T @ priors, slopes.T @ slopes))
     joined = jnp.concatenate([part.residual for part in parts])
     return Survey(joined, sum(part.gradient for part in parts), sum(part.normal for part in parts))
 
 
-def _run(residual: Residual, y: Array, run: int) -> Survey:
+def _run(residual: Residual, y: Array, run: int, loss: AbstractLoss) -> Survey:
     data = residual.runs[run]
     n = data.t.shape[0]
     pieces = -(-n // CHUNK)
@@ -70,7 +72,8 @@ def _run(residual: Residual, y: Array, run: int) -> Survey:
 
         r, along = jax.linearize(read, moving)
         columns = jax.vmap(along, in_axes=-1, out_axes=-1)(tangents)
-        return (total[0] + columns.T @ r, total[1] + columns.T @ columns), r
+        found = gather(r, columns, loss)
+        return (total[0] + found.gradient, total[1] + found.normal), r
 
     zero = jnp.zeros(y.shape)
     (gradient, normal), r = jax.lax.scan(chunk, (zero, zero[:, None] * zero), chunks)

@@ -3,14 +3,15 @@
 import numpy as np
 
 from .covariance import Covariance
-from .levenberg_marquardt import NOT_FINITE, STALLED
 from .problem import Problem
 from .rest import Margin
 from .solve import Solved
+from .status import NOT_FINITE, OUT_OF_STEPS, STALLED
 from .whiteness import Whiteness
 from .window import Window
 
 _ADEQUATE = 3.0
+_VISIBLE = 0.1
 NOTABLE = 1.5
 
 
@@ -23,7 +24,7 @@ def status_of(solved: Solved, covariance: Covariance, names: tuple[str, ...]) ->
     """The outcome in words."""
     if solved.status == NOT_FINITE:
         return "not finite: the model fails at the start values. Check the law's coefficients and the engine."
-    if solved.out_of_steps:
+    if solved.status == OUT_OF_STEPS:
         return "out of steps: the optimum was not reached. Start nearer, or free fewer parameters."
     if solved.status == STALLED:
         return "stalled: no step improves the fit although the gradient asks for one. Check bounds and the law."
@@ -36,7 +37,7 @@ def status_of(solved: Solved, covariance: Covariance, names: tuple[str, ...]) ->
 
 def flags_of(problem: Problem, covariance: Covariance, solved: Solved, inflation: float) -> dict[str, tuple[str, ...]]:
     """Flags of each parameter."""
-    values = np.asarray(problem.residual.values(solved.y))
+    values = solved.settled.values
     flags: dict[str, tuple[str, ...]] = {}
     for i, parameter in enumerate(problem.parameters):
         found = []
@@ -72,6 +73,7 @@ def warnings_of(
     inflation: float,
     rms: float,
     margins: tuple[Margin | None, ...],
+    numerical_shift: float,
 ) -> tuple[str, ...]:
     """Sentences that a reader of the numbers must know."""
     sigma = float(np.median(np.concatenate([w.sigma[w.used] for w in problem.windows])))
@@ -101,6 +103,11 @@ def warnings_of(
         found.append(
             f"The residuals are not white (neighbouring samples correlate by {white.lag_one:.2f}), so the standard "
             f"errors are too small, by a factor of about {inflation:.2g}."
+        )
+    if numerical_shift > _VISIBLE:
+        found.append(
+            f"The numerical error of the computed motion may move a parameter by {numerical_shift:.2g} standard errors. "
+            "Ask the engine for more accuracy, or choose another engine."
         )
     for i, margin in enumerate(margins):
         if margin is not None and min(margin) < -_ADEQUATE * sigma:

@@ -1,12 +1,17 @@
 """The anatomy of a decay against closed forms, integrated creep, and measured runs."""
 
+import tracemalloc
+
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
+from scipy.optimize import least_squares
 
 from fricjax.data import DataError, read, segment, segment_record
+from fricjax.data.reversals import refine
+from fricjax.data.swing import extremes, smooth, zigzag
 from tests.oracles import coulomb_viscous
 
 FREQUENCY = 12.6
@@ -155,6 +160,145 @@ def test_sparse_sampling_is_refused():
 def test_too_few_used_samples_are_refused():
     with pytest.raises(DataError, match="at least 3 used samples, but it has 2"):
         segment([0.0, 1.0, 2.0], [0.0, 1.0, 0.0], mask=[True, True, False])
+
+
+def swinging(samples, *, noise=5e-9, seed=0, duration=2.0):
+    """Fifty strokes from 2 mm to 0.6 mm, still moving at the end."""
+    t = np.arange(samples) * (duration / samples)
+    exact = coulomb_viscous(t, 2e-3, frequency=FREQUENCY, zeta=0.0, dead_band=1.4e-5)
+    return exact, exact.x + noise * np.random.default_rng(seed).standard_normal(samples)
+
+
+# What the samples tell at 5 nm: 0.6 us and 1.8 nm a reversal at 198 samples per half-cycle, and 1/sqrt(n) from there.
+@pytest.mark.parametrize(("samples", "runs"), [(10_000, 8), (100_000, 4), (1_000_000, 1)])
+def test_reversals_are_as_exact_as_the_noise_allows(samples, runs):
+    times, points = [], []
+    for seed in range(runs):
+        exact, x = swinging(samples, seed=seed)
+        found = segment(exact.t, x)
+        assert found.n_half_cycles == found.turning_times.size == 50
+        times.append(found.turning_times - exact.stops[:50])
+        points.append(found.turning_points - exact.points[:50])
+    gain = np.sqrt(samples / 10_000)
+    assert np.sqrt(np.mean(np.square(times))) < 6.6e-7 / gain
+    assert np.sqrt(np.mean(np.square(points))) < 2.2e-9 / gain
+    assert abs(np.mean(points)) < 4 * 2.2e-9 / gain / np.sqrt(50 * runs)
+
+
+def test_a_long_record_is_read_as_one_of_fewer_samples():
+    exact, x = decay(20, rate=1e6, noise=5e-9, hold=0.1)
+    every, some = segment(exact.t, x), segment(exact.t[::100], x[::100])
+    assert every.n_half_cycles == some.n_half_cycles == exact.n_half_cycles
+    assert every.turning_times == pytest.approx(some.turning_times, abs=3e-3 * exact.half_period)
+    assert every.turning_points == pytest.approx(some.turning_points, abs=15e-9)
+    assert every.turning_points == pytest.approx(exact.points[:-1], abs=2e-9)
+    assert every.rest == pytest.approx(exact.stops[-1], abs=1e-3 * exact.half_period)
+    assert every.release == pytest.approx(some.release, abs=1e-3 * exact.half_period)
+
+
+def test_memory_grows_with_the_samples_only():
+    peaks = []
+    for samples in (250_000, 1_000_000):
+        exact, x = swinging(samples)
+        tracemalloc.start()
+        segment(exact.t, x)
+        peaks.append(tracemalloc.get_traced_memory()[1])
+        tracemalloc.stop()
+    assert (peaks[1] - peaks[0]) / 750_000 < 50  # bytes a sample
+
+
+def plain_zigzag(x, threshold):
+    """Hysteresis by its definition, sample after sample."""
+    pivots, high, low, direction = [], 0, 0, 0
+    for i in range(x.size):
+        high, low = (i if x[i] > x[high] else high), (i if x[i] < x[low] else low)
+        if direction >= 0 and x[high] - x[i] > threshold:
+            pivots, direction, high, low = [*pivots, high], -1, i, i
+        elif direction <= 0 and x[i] - x[low] > threshold:
+            pivots, direction, high, low = [*pivots, low], 1, i, i
+    return [*pivots, high if direction > 0 else low] if pivots else []
+
+
+@given(
+    seed=st.integers(0, 10**6), size=st.integers(3, 3000), kind=st.sampled_from(["noise", "walk", "decay"]),
+    share=st.sampled_from([0.001, 0.03, 0.1, 0.3, 0.6]),
+)  # fmt: skip
+def test_thinned_extremes_swing_like_all_samples(seed, size, kind, share):
+    rng = np.random.default_rng(seed)
+    noise, phase = rng.standard_normal(size), rng.uniform(0.001, 0.3) * np.arange(size)
+    x = {"noise": noise, "walk": np.cumsum(noise), "decay": np.exp(-phase / 20) * np.sin(phase) + 0.01 * noise}[kind]
+    threshold = share * float(np.ptp(x))
+    exact = plain_zigzag(x, threshold)
+    found = zigzag(x, extremes(x, threshold), threshold)
+    finer = zigzag(x, extremes(x, 0.2 * threshold), threshold)
+    assert found == finer == exact
+
+
+def test_few_extremes_of_noise_are_left():
+    x = np.random.default_rng(0).standard_normal(300_000)
+    assert extremes(x, 12.0).size < 300
+    assert extremes(x, 0.0).size > 100_000
+
+
+@pytest.mark.parametrize("width", [3, 7, 101])
+def test_smoothing_is_a_moving_average_without_outliers(width):
+    x = 1e3 + np.cumsum(np.random.default_rng(0).standard_normal(300))
+    clean = x.copy()
+    clean[1:-1] = np.median([x[:-2], x[1:-1], x[2:]], axis=0)
+    reach = [min(width // 2, i, 299 - i) for i in range(300)]
+    exact = [clean[i - r : i + r + 1].mean() for i, r in enumerate(reach)]
+    assert smooth(x, width) == pytest.approx(exact, abs=1e-10)
+
+
+def turns(samples=20_000):
+    exact, x = swinging(samples)
+    k = np.arange(49)
+    width = np.linspace(0.08, 0.3, 49) * exact.half_period
+    guess = exact.stops[:49] + 0.1 * np.sin(k) * width
+    return exact, x, guess, np.where(k % 3, 4, 2), width
+
+
+def test_turns_refined_together_are_those_refined_alone():
+    exact, x, guess, order, width = turns()
+    omega = np.full(49, np.pi / exact.half_period)
+    guess[5] += 0.5  # far from any turn
+    together = refine(exact.t, x, guess, omega, [2 * width, width], order)
+    alone = [refine(exact.t, x, guess[k], omega[k], [2 * width[k], width[k]], order[k]) for k in range(49)]
+    assert together[0] == pytest.approx(np.ravel([time for time, _ in alone]), rel=0, abs=1e-10)
+    assert together[1] == pytest.approx(np.ravel([point for _, point in alone]), rel=0, abs=1e-13)
+
+
+def piecewise(parameters, phase, order):
+    """Curves that leave the turn at rest, a set of coefficients on either side."""
+    shift, position, *coefficients = parameters
+    tau = phase - shift
+    terms = np.array([1 - np.cos(tau), tau**3, tau**4][: order - 1])
+    before, after = np.reshape(coefficients, (2, -1))
+    return position + np.where(tau < 0, before @ terms, after @ terms)
+
+
+@pytest.mark.parametrize("order", [2, 4])
+@pytest.mark.parametrize("samples", [10_000, 200_000])
+def test_a_refined_turn_is_the_least_squares_fit(order, samples):
+    exact, x, guess, _, width = turns(samples)
+    k, omega = 20, np.pi / exact.half_period
+    near = np.abs(exact.t - guess[k]) < width[k]
+    phase, values = omega * (exact.t[near] - exact.stops[k]), x[near] - exact.points[k]
+    start = [0.0, 0.0, *np.tile([(-1) ** k * 1e-3, 0.0, 0.0][: order - 1], 2)]
+    fit = least_squares(
+        lambda p: (piecewise(p, phase, order) - values) / 5e-9, start, x_scale="jac", xtol=1e-15, ftol=1e-15, gtol=1e-15
+    )
+    error = np.sqrt(np.diag(np.linalg.inv(fit.jac.T @ fit.jac)))
+    (time,), (point,) = refine(exact.t, x, guess[k], omega, [width[k]], order)
+    assert time == pytest.approx(exact.stops[k] + fit.x[0] / omega, abs=0.1 * error[0] / omega)
+    assert point == pytest.approx(exact.points[k] + fit.x[1], abs=0.1 * error[1])
+
+
+def test_a_window_without_samples_gives_the_guess():
+    exact, x = swinging(10_000)
+    time, point = refine(exact.t, x, [-1.0, 0.5, 3.0], 80.0, [1e-5], 4)
+    assert time == pytest.approx([-1.0, 0.5, 3.0], abs=0)
+    assert point == pytest.approx(np.interp([-1.0, 0.5, 3.0], exact.t, x), abs=0)
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,54 @@
+"""Peer: Coulomb and viscous friction in closed form, written by hand in numba, with SciPy's Levenberg-Marquardt.
+
+The number of half-cycles to the rest is given to it as found in the record: left to itself it sticks in local minima.
+"""
+
+import math
+
+import numba
+import numpy as np
+from peers.least_squares import Outcome, minimise
+from rig import LOAD, MASS, NOISE
+from record import Record
+
+
+@numba.njit(fastmath=True)
+def displacement(t, mu, damping, stiffness, x0, offset, half_cycles):
+    """Half-cycles of equal duration, found from the time: one cosine and one exponential per sample."""
+    rate, band = damping / (2 * MASS), mu * LOAD / stiffness
+    omega = math.sqrt(stiffness / MASS - rate * rate)
+    lag, half = math.atan(rate / omega), math.pi / omega
+    strokes = min(half_cycles, int(t[-1] / half) + 1)
+    centre, factor = np.empty(strokes), np.empty(strokes)
+    y, side, sign = x0, math.copysign(1.0, x0), 1.0
+    for n in range(strokes):
+        centre[n] = side * band + offset
+        # The cosine runs on from stroke to stroke and the exponential decays from the release: undo both.
+        factor[n] = sign * (y - side * band) / math.cos(lag) * math.exp(rate * half * n)
+        y = side * band - math.exp(-rate * half) * (y - side * band)
+        side, sign = -side, -sign
+    x = np.empty(t.size)
+    for i in range(t.size):
+        n = int(t[i] / half)
+        if n < strokes:
+            x[i] = centre[n] + factor[n] * math.exp(-rate * t[i]) * math.cos(omega * t[i] - lag)
+        else:
+            x[i] = y + offset
+    return x
+
+
+@numba.njit(fastmath=True)
+def residual(t, measured, mu, damping, stiffness, x0, offset, half_cycles):
+    x = displacement(t, mu, damping, stiffness, x0, offset, half_cycles)
+    return (x - measured) / NOISE
+
+
+def simulate(record: Record) -> np.ndarray:
+    """Displacement [m] with the true values."""
+    p = record.truth
+    return displacement(record.t, *(p[name] for name in record.names), record.half_cycles)
+
+
+def fit(record: Record) -> Outcome:
+    """Fit mu, damping, stiffness, x0 and offset; the model is smooth to rounding, so small differences do."""
+    return minimise(lambda p: residual(record.t, record.x, *p, record.half_cycles), record, difference=1e-7)

@@ -1,0 +1,129 @@
+"""The way from the start values to the optimum: windows that grow, then the moving part, then everything.
+
+With the number of half-cycles taken from the record the residual has no jumps, but the phase still makes local
+minima when the start value of the frequency is off by more than a part of a cycle over the record. So the window
+begins where the motion from the start values is still in phase with the record, and doubles until it holds the whole
+moving part; the rest is added last. All of it is traced, so that many fits can be mapped over.
+"""
+
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import optimistix as optx
+from jaxtyping import Array, Float, Int
+
+from .levenberg_marquardt import LevenbergMarquardt
+from .loss import AbstractLoss, Squares
+from .passes import DensePasses
+from .residual import Residual
+
+ROUNDING = 1e-12
+_MOVING, _EVERYTHING = 1.0, 2.0
+
+
+class Terrain(eqx.Module):
+    """What the windows of a run need to know.
+
+    Attributes:
+        moving: weights of the samples without the rest [1/m].
+        tolerance: weighted residual up to which a sample counts as in phase.
+        shortest: shortest window, as a part of the moving one.
+    """
+
+    moving: Float[Array, " samples"]
+    tolerance: Float[Array, " samples"]
+    shortest: Float[Array, ""]
+
+
+class Limits(eqx.Module):
+    """Bounds of the coordinates, and those in which the residual is linear, each of shape (p,)."""
+
+    lower: Float[Array, " p"]
+    upper: Float[Array, " p"]
+    linear: Array
+
+
+class Climbed(NamedTuple):
+    """Where the way ended: coordinates, status of the solver, steps and stages."""
+
+    y: Float[Array, " p"]
+    status: Int[Array, ""]
+    iterations: Int[Array, ""]
+    stages: Int[Array, ""]
+
+
+class _State(NamedTuple):
+    at: Climbed
+    reach: Array
+
+
+def climb(
+    residual: Residual, terrain: tuple[Terrain, ...], limits: Limits, loss: AbstractLoss, y: Float[Array, " p"]
+) -> Climbed:
+    """Fit from coordinates `y`, in as many stages as its phase asks for."""
+    whole = [run.weight for run in residual.runs]
+    ends_at_rest = jnp.any(jnp.stack([jnp.any(w != part.moving) for w, part in zip(whole, terrain, strict=True)]))
+    full = jnp.where(ends_at_rest, _MOVING, _EVERYTHING)
+
+    def weights(reach: Array) -> list[Array]:
+        windows = [_until(run.t, part.moving, reach) for run, part in zip(residual.runs, terrain, strict=True)]
+        return [jnp.where(reach >= _EVERYTHING, w, window) for w, window in zip(whole, windows, strict=True)]
+
+    def stage(state: _State) -> _State:
+        at, reach = state
+        found = least_squares(with_weights(residual, weights(reach)), limits, loss, at.y)
+        steps = at.iterations + found.stats["num_steps"]
+        further = jnp.where(2 * reach < 1, 2 * reach, full)
+        further = jnp.where(reach >= _MOVING, 2 * reach, further)
+        return _State(Climbed(found.value, found.stats["status"], steps, at.stages + 1), further)
+
+    begin = jnp.min(jnp.stack(_in_phase(residual, terrain, y)))
+    none = jnp.asarray(0)
+    first = _State(Climbed(y, none, none, none), jnp.where(begin < 1, begin, full))
+    return jax.lax.while_loop(lambda state: state.reach <= _EVERYTHING, stage, first).at
+
+
+def least_squares(residual: Residual, limits: Limits, loss: AbstractLoss, y: Float[Array, " p"]) -> optx.Solution:
+    """One run of Levenberg-Marquardt from coordinates `y`."""
+    informed = sum(jnp.sum(run.weight > 0) for run in residual.runs) + jnp.sum(residual.prior_weight > 0)
+    options = {
+        "lower": limits.lower,
+        "upper": limits.upper,
+        "dof": jnp.maximum(informed - residual.n_parameters, 1) * 1.0,
+        "floor": sum(jnp.sum((ROUNDING * run.weight * jnp.max(jnp.abs(run.x))) ** 2) for run in residual.runs),
+    }
+    if isinstance(loss, Squares):
+        options["linear"] = limits.linear
+    solver = LevenbergMarquardt(DensePasses(loss, residual.n_parameters))
+    return optx.least_squares(residual, solver, y, options=options, max_steps=solver.max_steps + 1, throw=False)
+
+
+def with_weights(residual: Residual, weights: list[Array]) -> Residual:
+    """The same residual with other weights of the samples."""
+    return eqx.tree_at(lambda r: [run.weight for run in r.runs], residual, weights)
+
+
+def _until(t: Array, moving: Array, reach: Array) -> Array:
+    """Weights of the first part of the moving window of a run."""
+    begin, end = _ends(t, moving)
+    return jnp.where(t <= begin + jnp.minimum(reach, 1.0) * (end - begin), moving, 0.0)
+
+
+def _ends(t: Array, moving: Array) -> tuple[Array, Array]:
+    used = moving > 0
+    return jnp.min(jnp.where(used, t, jnp.inf)), jnp.max(jnp.where(used, t, -jnp.inf))
+
+
+def _in_phase(residual: Residual, terrain: tuple[Terrain, ...], y: Array) -> list[Array]:
+    """Per run the part of the moving window over which the start values keep the phase."""
+    parts = []
+    for i, (run, part) in enumerate(zip(residual.runs, terrain, strict=True)):
+        error = jnp.abs(run.weight * (residual.course(y, i).read(run.t) - run.x))
+        lost = (part.moving > 0) & ~(error < part.tolerance)
+        begin, end = _ends(run.t, part.moving)
+        first = jnp.min(jnp.where(lost, run.t, jnp.inf))
+        share = jnp.maximum((first - begin) / (end - begin), part.shortest)
+        parts.append(jnp.where(jnp.any(lost), share, 1.0))
+    return parts

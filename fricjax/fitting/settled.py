@@ -1,0 +1,86 @@
+"""A solved fit in the terms of its user: values of the parameters, the machine, and what a trace tells without any rig.
+
+The latter are quantities in which the common scale of mass, stiffness and load drops out.
+"""
+
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from ..oscillator import Oscillator
+from .residual import Residual
+
+
+class Settled(NamedTuple):
+    """What the coordinates of a fit stand for.
+
+    Attributes:
+        values: values of the parameters in their own units, shape (p,); `slope`: derivative of each with respect to
+            its coordinate.
+        machine: the oscillator.
+        kinematics: the quantities of `UNITS` in order, shape (q,); `by_value`: their derivatives with respect to the
+            values, shape (q, p).
+    """
+
+    values: Float[Array | np.ndarray, " p"]
+    slope: Float[Array | np.ndarray, " p"]
+    machine: Oscillator
+    kinematics: Float[Array | np.ndarray, " q"]
+    by_value: Float[Array | np.ndarray, "q p"]
+
+
+class Estimate(NamedTuple):
+    """A value with its standard uncertainty and its unit."""
+
+    value: float
+    std: float
+    unit: str
+
+
+UNITS = {
+    "natural_frequency": "Hz",
+    "damping_ratio": "",
+    "dead_band": "m",
+    "friction_deceleration": "m/s^2",
+    "drag_rate": "1/m",
+}
+
+
+def settle(residual: Residual, y: Float[Array, " coordinates"]) -> Settled:
+    """What coordinates `y` stand for; traced."""
+    p = residual.n_parameters
+    slope = residual.space.slope(y[:p])
+    by_coordinate = jax.jacfwd(lambda at: _quantities(residual.machine(at)))(y)[:, :p]
+    machine = residual.machine(y)
+    return Settled(residual.values(y), slope, machine, _quantities(machine), by_coordinate / slope)
+
+
+def _quantities(oscillator: Oscillator) -> Float[Array, " quantities"]:
+    friction = oscillator.friction.dynamic_force(oscillator.normal_force)
+    return jnp.stack(
+        [
+            oscillator.angular_frequency / (2 * jnp.pi),
+            oscillator.damping_ratio,
+            oscillator.dead_band,
+            friction / oscillator.mass,
+            oscillator.drag / oscillator.mass,
+        ]
+    )
+
+
+def kinematics(settled: Settled, covariance: np.ndarray) -> dict[str, Estimate]:
+    """Undamped natural frequency, damping ratio, dead band mu N/k, and friction and drag per unit mass.
+
+    Args:
+        settled: the solved fit.
+        covariance: statistical covariance, shape (p, p), inf where undetermined.
+    """
+    estimates = {}
+    for (name, unit), value, slope in zip(UNITS.items(), settled.kinematics, settled.by_value, strict=True):
+        used = slope != 0
+        variance = slope[used] @ covariance[np.ix_(used, used)] @ slope[used]
+        estimates[name] = Estimate(float(value), float(np.sqrt(variance)), unit)
+    return estimates

@@ -1,0 +1,63 @@
+"""The noise and the step of a record against those it was made with."""
+
+import numpy as np
+import pytest
+
+from fricjax.data.noise import blocks, interval, resolution, white_noise
+
+
+def motion(samples, *, noise=0.0, rate=5e3, uneven=False):
+    rng = np.random.default_rng(1)
+    t = np.arange(samples) / rate
+    t = np.sort(t + 0.3 / rate * rng.uniform(-1, 1, samples)) if uneven else t
+    return t, 2e-3 * np.cos(80 * t) + noise * rng.standard_normal(samples)
+
+
+@pytest.mark.parametrize("uneven", [False, True])
+@pytest.mark.parametrize(("samples", "accuracy"), [(3000, 0.08), (100_000, 0.02), (500_000, 0.02)])
+def test_white_noise_of_a_motion(samples, accuracy, uneven):
+    t, x = motion(samples, noise=5e-9, uneven=uneven)
+    assert white_noise(t, x) == pytest.approx(5e-9, rel=accuracy)
+
+
+def test_a_motion_without_noise_has_none():
+    assert white_noise(*motion(3000)) < 1e-15
+
+
+def test_rounding_is_noise():
+    t, x = motion(3000)
+    assert white_noise(t, np.round(x / 1e-6) * 1e-6, 1e-6) == pytest.approx(1e-6 / np.sqrt(12), rel=0.05)
+
+
+def test_noise_that_comes_and_goes_is_seen_in_all_of_a_long_record():
+    t, x = motion(1_000_000)
+    noise = np.where(np.arange(t.size) < t.size // 10, 1e-6, 5e-9)
+    assert white_noise(t, x + noise * np.random.default_rng(0).standard_normal(t.size)) == pytest.approx(5e-9, rel=0.2)
+
+
+@pytest.mark.parametrize("samples", [3000, 400_000])
+@pytest.mark.parametrize("step", [1e-6, 0.309e-9])
+def test_the_step_of_an_encoder(samples, step):
+    _, x = motion(samples, rate=samples / 2)
+    assert resolution(np.round(x / step) * step) == pytest.approx(step, rel=1e-6)
+
+
+@pytest.mark.parametrize("samples", [3000, 400_000])
+def test_continuous_values_have_no_step(samples):
+    t, x = motion(samples, noise=5e-9, rate=samples / 2)
+    assert resolution(x) == 0.0
+    assert resolution(np.where(t < 1, x, x[t < 1][-1] + (x - motion(samples, rate=samples / 2)[1]))) == 0.0
+
+
+def test_blocks_are_spread_over_a_long_record():
+    short, long = np.arange(1000.0), np.arange(1_000_000.0)
+    assert np.array_equal(blocks(short), [short])
+    parts = blocks(long)
+    assert parts.size == 2**17 and parts[0, 0] == 0 and parts[-1, -1] == long[-1]
+    assert np.all(np.diff(parts) == 1)
+    assert np.ptp(np.diff(parts[:, 0])) <= 1
+
+
+def test_the_interval_is_that_of_most_samples():
+    t = np.cumsum(np.tile([1e-3, 1e-3, 1e-3, 7e-3], 1000))
+    assert interval(t) == pytest.approx(1e-3, rel=1e-9)
