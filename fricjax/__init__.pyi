@@ -1,13 +1,14 @@
 from . import calibrate, data, fitting, friction, instrument, oscillator, show
 from .calibrate import Measured, Rig
 from .data import Record, Trace, read, write
-from .fitting import Fit, fit, load_fit
+from .fitting import BatchFit, Fit, fit, fit_batch, load_fit
 from .instrument import synthetic_run
 from .oscillator import Motion, Oscillator, energy, final_displacement, restoring, simulate
 
 __version__: str
 
 __all__ = [
+    "BatchFit",
     "Fit",
     "Measured",
     "Motion",
@@ -20,6 +21,7 @@ __all__ = [
     "energy",
     "final_displacement",
     "fit",
+    "fit_batch",
     "fitting",
     "friction",
     "instrument",

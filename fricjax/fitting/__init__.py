@@ -1,7 +1,9 @@
 """Fitting oscillators to records."""
 
+from .batch import fit_batch
+from .batch_result import BatchFit
 from .fit import fit
 from .result import Fit, FitError
 from .store import load_fit
 
-__all__ = ["Fit", "FitError", "fit", "load_fit"]
+__all__ = ["BatchFit", "Fit", "FitError", "fit", "fit_batch", "load_fit"]

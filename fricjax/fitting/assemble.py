@@ -45,7 +45,7 @@ def assemble(problem: Problem, solved: Solved, sigma_mode: str) -> Fit:
     margins = tuple(rest_margin(problem, solved, run) for run in range(len(problem.windows)))
     residuals, rms = _residuals(problem, solved)
     machine, intervals, static = _machine(problem, solved, found)
-    shown = _record_time(problem, solved.settled.values)
+    shown = record_time(problem, solved.settled.values)
     std_errors = named(problem.names, np.sqrt(np.diag(found.statistical)))
     noise = np.concatenate([w.sigma[w.used] for w in problem.windows])
     factor = np.sqrt(variance) if sigma_mode == "estimate" else 1.0
@@ -58,7 +58,7 @@ def assemble(problem: Problem, solved: Solved, sigma_mode: str) -> Fit:
         intervals={**_intervals(problem.names, shown, found), **intervals},
         covariance=found.statistical,
         combined_covariance=found.combined,
-        units={**{p.name: _unit(p.unit, problem) for p in problem.parameters}, **dict.fromkeys(static, "")},
+        units={**{p.name: unit_of(p.unit, problem) for p in problem.parameters}, **dict.fromkeys(static, "")},
         flags={**flags_of(problem, found, solved, inflation), **dict.fromkeys(static, ("bracketed, not fitted",))},
         converged=ok,
         status=status_of(solved, found, problem.names),
@@ -101,11 +101,12 @@ def _count(run: Run) -> int | None:
     return None if int(run.half_cycles) >= NEVER else int(run.half_cycles)
 
 
-def _unit(unit: str, problem: Problem) -> str:
+def unit_of(unit: str, problem: Problem) -> str:
+    """The unit of a parameter, on a rotary rig that of the rotary quantity."""
     return _ROTARY.get(unit, unit) if problem.windows[0].quantity == "rad" else unit
 
 
-def _record_time(problem: Problem, values: np.ndarray) -> np.ndarray:
+def record_time(problem: Problem, values: np.ndarray) -> np.ndarray:
     """Values with the release times counted as in the record."""
     shown = values.copy()
     first = len(problem.residual.space.leaves)

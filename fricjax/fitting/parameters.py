@@ -34,6 +34,10 @@ class Request:
     guess: Mapping[str, float]
     loss: AbstractLoss
 
+    def with_guess(self, guess: Mapping[str, float]) -> "Request":
+        """The same request with other start values."""
+        return dataclasses.replace(self, guess=guess)
+
 
 def shared_leaves(request: Request, leaves: Sequence[Leaf]) -> tuple[list[Leaf], str | None]:
     """The free leaves, without the static coefficient of a Coulomb law, which has no gradient."""

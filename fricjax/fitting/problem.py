@@ -227,7 +227,7 @@ def _run(window: Window, stops: bool) -> Run:
         weight=np.where(window.used, 1 / window.sigma, 0.0),
     )
     return Run(
-        *_filled(samples),
+        *_filled(samples, 8),
         half_cycles=np.asarray(window.half_cycles if stops else NEVER),
         fixed={name: np.asarray(value) for name, value in window.guesses.items()},
     )
@@ -243,15 +243,18 @@ def _condensed(residual: Residual, windows: Sequence[Window], loss: AbstractLoss
         return bare
     runs = []
     for window, run in zip(windows, residual.runs, strict=True):
-        few = _filled(condensed(window, Samples(run.t, run.x, run.weight), residual.oscillator))
+        few = _filled(condensed(window, Samples(run.t, run.x, run.weight), residual.oscillator), 4)
         runs.append(eqx.tree_at(lambda r: (r.t, r.x, r.weight), run, tuple(few)))
     return eqx.tree_at(lambda r: r.runs, bare, tuple(runs))
 
 
-def _filled(samples: Samples) -> Samples:
-    """Samples without weight added at the end, so that records of similar length share one compilation."""
+def _filled(samples: Samples, parts: int) -> Samples:
+    """Samples without weight added at the end, up to a multiple of the last power of two over `parts`.
+
+    So records of similar length share one compilation.
+    """
     n = samples.t.size
-    unit = max(2 ** (n - 1).bit_length() // 8, 1)
+    unit = max(2 ** (n - 1).bit_length() // parts, 1)
     missing = -n % unit
     t, x = (np.pad(values, (0, missing), mode="edge") for values in (samples.t, samples.x))
     return Samples(t, x, np.pad(samples.weight, (0, missing)))

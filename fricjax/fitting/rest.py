@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import equinox as eqx
 import numpy as np
+
 from ..oscillator import Oscillator
 from .names import sole_coulomb
 from .problem import Problem
@@ -84,13 +85,13 @@ def _candidates(problem: Problem, solved: Solved) -> set[tuple[int, ...]]:
     found = set()
     if problem.bracketed is None:
         found.add(tuple(_own_count(problem, solved, run) for run in range(len(counts))))
-    if _far_off(problem, solved):
+    if far_off(problem, solved):
         steps = [(run, step) for run in stopping for step in (-1, 1) if counts[run] + step > 0]
         found |= {(*counts[:run], counts[run] + step, *counts[run + 1 :]) for run, step in steps}
     return found - {counts}
 
 
-def _far_off(problem: Problem, solved: Solved) -> bool:
+def far_off(problem: Problem, solved: Solved) -> bool:
     """Whether the residuals are larger than the noise, and large enough for a missed or added stroke."""
     excess = solved.chi2 / problem.n_used
     sigma = float(np.median(np.concatenate([w.sigma[w.used] for w in problem.windows])))

@@ -10,9 +10,9 @@ import numpy as np
 
 from ..data.errors import UsageError
 from ..oscillator import Oscillator
-from .settled import Estimate
 from .residual import Run, motion
 from .rest import Margin
+from .settled import Estimate
 from .whiteness import Whiteness
 
 

@@ -57,6 +57,11 @@ class Solved(NamedTuple):
         return float(self.survey.chi2)
 
     @property
+    def accurate(self) -> bool:
+        """Whether numerical errors are small against the standard errors."""
+        return self.numerical_shift <= _ACCURATE
+
+    @property
     def converged(self) -> bool:
         return self.status in (CONVERGED, AT_BOUND, UNDETERMINED)
 
@@ -79,7 +84,7 @@ def solve(problem: Problem, y: Float[np.ndarray, " coordinates"] | None = None) 
     if isinstance(few.engine, Smooth):
         at = _onwards(with_mesh(few, at.y), problem.limits, problem.loss, at)
     solved = _checked(problem, problem.residual, at)
-    return _refined(problem, at) if solved.converged and solved.numerical_shift > _ACCURATE else solved
+    return _refined(problem, at) if solved.converged and not solved.accurate else solved
 
 
 def _refined(problem: Problem, at: Climbed) -> Solved:

@@ -17,9 +17,9 @@ from ..data.errors import DataError
 from ..oscillator import Exact, Hybrid, Oscillator, Smooth, restoring
 from ..oscillator.engines import AbstractEngine, Span
 from ..show.files import write_text
-from .settled import Estimate
 from .residual import Run
 from .rest import Margin
+from .settled import Estimate
 from .whiteness import Whiteness
 
 if TYPE_CHECKING:

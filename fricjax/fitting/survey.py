@@ -10,6 +10,7 @@ from typing import NamedTuple
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
 from .loss import AbstractLoss
@@ -24,17 +25,15 @@ class Survey(NamedTuple):
 
     Attributes:
         residual: weighted residual of all samples and priors, shape (residuals,).
+        chi2: its sum of squares.
         gradient: J'r, shape (coordinates,), each sample weighted as its loss says.
         normal: J'J, shape (coordinates, coordinates), likewise.
     """
 
-    residual: Float[Array, " residuals"]
-    gradient: Float[Array, " coordinates"]
-    normal: Float[Array, "coordinates coordinates"]
-
-    @property
-    def chi2(self) -> Float[Array, ""]:
-        return self.residual @ self.residual
+    residual: Float[Array | np.ndarray, " residuals"]
+    chi2: Float[Array | np.ndarray, ""]
+    gradient: Float[Array | np.ndarray, " coordinates"]
+    normal: Float[Array | np.ndarray, "coordinates coordinates"]
 
 
 @eqx.filter_jit
@@ -42,9 +41,10 @@ def survey(residual: Residual, y: Float[Array, " coordinates"], loss: AbstractLo
     """Residual, gradient and normal matrix at coordinates `y`, from every sample."""
     parts = [_run(residual, y, i, loss) for i in range(len(residual.runs))]
     priors, slopes = residual_and_jacobian(residual.priors, y)
-    parts.append(Survey(priors, slopes.T @ priors, slopes.T @ slopes))
+    parts.append(Survey(priors, priors @ priors, slopes.T @ priors, slopes.T @ slopes))
     joined = jnp.concatenate([part.residual for part in parts])
-    return Survey(joined, sum(part.gradient for part in parts), sum(part.normal for part in parts))
+    sums = (sum(values) for values in zip(*(part[1:] for part in parts), strict=True))
+    return Survey(joined, *sums)
 
 
 def _run(residual: Residual, y: Array, run: int, loss: AbstractLoss) -> Survey:
@@ -77,7 +77,7 @@ def _run(residual: Residual, y: Array, run: int, loss: AbstractLoss) -> Survey:
 
     zero = jnp.zeros(y.shape)
     (gradient, normal), r = jax.lax.scan(chunk, (zero, zero[:, None] * zero), chunks)
-    return Survey(r.reshape(-1)[:n], gradient, normal)
+    return Survey(r.reshape(-1)[:n], jnp.sum(r**2), gradient, normal)
 
 
 def _split(values: Array, pieces: int, size: int, mode: str) -> Array:

@@ -39,3 +39,10 @@ def whiteness(residuals: np.ndarray) -> Whiteness:
     positive = pairs[: ends[0]] if ends.size else pairs
     time = 1 + 2 * float(np.sum(np.minimum.accumulate(positive))) if positive.size else 1.0
     return Whiteness(float(correlation[1]), max(time, 1.0), bool(abs(correlation[1]) < 4 / np.sqrt(n)))
+
+
+def from_neighbours(lag_one: float, n: int) -> Whiteness:
+    """Judge `n` residuals of which only the autocorrelation of neighbours is known, as if it fell off geometrically."""
+    white = abs(lag_one) < 4 / np.sqrt(n)
+    time = 1.0 if white else max((1 + lag_one) / max(1 - lag_one, 1 / n), 1.0)
+    return Whiteness(lag_one, time, bool(white))

@@ -52,7 +52,7 @@ def solve(matrix: Float[Array, "... n n"], right: Float[Array, "... n"]) -> Floa
     n = right.shape[-1]
     index = jnp.arange(n)[:, None]
 
-    def eliminate(k: int, rows: Array) -> Array:
+    def eliminate(k: Array, rows: Array) -> Array:
         row, column = (jax.lax.dynamic_slice_in_dim(rows, k, 1, axis=axis) for axis in (-2, -1))
         row = row / jax.lax.dynamic_slice_in_dim(row, k, 1, axis=-1)
         return jnp.where(index == k, row, rows - column * row)

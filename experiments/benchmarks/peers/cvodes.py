@@ -12,7 +12,7 @@ from peers.least_squares import Outcome, minimise
 from record import Record
 from rig import LOAD, MASS, NOISE, SIGMA1, V_S
 
-TOLERANCE = {"tanh": 3e-10, "lugre": 3e-10}
+TOLERANCE = 3e-12
 STEERING = 1e-6
 
 
@@ -42,7 +42,7 @@ def integrators(law: str, samples: int, step: float) -> tuple[Any, Any]:
         grid = step * np.arange(samples)
         return ca.integrator("flow", "cvodes", {"x": y, "p": p, "ode": rates}, 0.0, grid, options | tolerances)
 
-    return made(TOLERANCE[law]), made(STEERING).forward(5)
+    return made(TOLERANCE), made(STEERING).forward(5)
 
 
 def prepared(record: Record) -> tuple[Any, Any, np.ndarray]:

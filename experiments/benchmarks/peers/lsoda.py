@@ -13,7 +13,7 @@ from record import Record
 from rig import LOAD, MASS, NOISE, SIGMA1, V_S
 from scipy.integrate import odeint
 
-TOLERANCE = {"tanh": 3e-10, "lugre": 3e-10}
+TOLERANCE = {"tanh": 1e-11, "lugre": 1e-12}
 DIFFERENCE = 1e-4
 
 

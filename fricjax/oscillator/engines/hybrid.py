@@ -23,7 +23,6 @@ from .frame import layer_width, mesh_fractions
 from .nodes import Nodes
 from .strokes import Standstill, Stroke, advance, enter, stroke_from
 
-
 _LAST = 2
 
 

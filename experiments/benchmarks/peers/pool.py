@@ -1,0 +1,46 @@
+"""Fits of an archive by one peer in one process per core, kept alive so that only the fits are timed."""
+
+import importlib
+import os
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
+from pathlib import Path
+
+from peers.least_squares import Outcome
+from record import Record, load
+
+CORES = os.process_cpu_count() or 1
+CHUNK = 5
+_records: list[Record] = []
+
+
+def _open(path: Path, peer: str) -> None:
+    """Load the records in a worker, and compile the peer there."""
+    _records.extend(load(path))
+    _fit_some(peer, [0])
+
+
+def _fit_some(peer: str, runs: list[int]) -> list[Outcome]:
+    module = importlib.import_module(f"peers.{peer}")
+    return [module.fit(_records[run]) for run in runs]
+
+
+class Pool:
+    """Workers that hold the records of a file.
+
+    Fresh interpreters, because a fork of a process that runs JAX may hang; one thread each, so that they do not fight.
+    """
+
+    def __init__(self, path: Path, peer: str, runs: int) -> None:
+        os.environ |= {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
+        self.peer = peer
+        self.chunks = [list(range(i, min(i + CHUNK, runs))) for i in range(0, runs, CHUNK)]
+        self.workers = ProcessPoolExecutor(CORES, get_context("spawn"), _open, (path, peer))
+        self()
+
+    def __call__(self) -> list[Outcome]:
+        found = self.workers.map(_fit_some, [self.peer] * len(self.chunks), self.chunks)
+        return [outcome for some in found for outcome in some]
+
+    def close(self) -> None:
+        self.workers.shutdown()

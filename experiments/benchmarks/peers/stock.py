@@ -1,0 +1,87 @@
+"""Peer: optimistix's Levenberg-Marquardt over diffrax's Tsit5, both as they come, alone or under vmap.
+
+The parameters are in units of their start values, since the stock solver damps all of them alike.
+"""
+
+from typing import Any
+
+import diffrax
+import jax
+import jax.numpy as jnp
+import numpy as np
+import optimistix as optx
+from peers.least_squares import TYPICAL, Outcome
+from record import Record
+from rig import LOAD, MASS, NOISE, V_S
+
+TOLERANCE = 1e-8
+
+
+def rates(_t: Any, y: jax.Array, p: jax.Array) -> jax.Array:
+    """Rates of displacement and velocity under the regularised law."""
+    mu, damping, stiffness = p[:3]
+    return jnp.stack([y[1], -(stiffness * y[0] + damping * y[1] + mu * LOAD * jnp.tanh(y[1] / V_S)) / MASS])
+
+
+def displacement(t: jax.Array, p: jax.Array) -> jax.Array:
+    """Displacement with offset [m], shape (n,)."""
+    control = diffrax.PIDController(rtol=TOLERANCE, atol=jnp.array([1e-3, 1e-1]) * TOLERANCE)
+    found = diffrax.diffeqsolve(
+        diffrax.ODETerm(rates), # pyright: ignore[reportArgumentType]
+        diffrax.Tsit5(),
+        t0=t[0],
+        t1=t[-1],
+        dt0=None,
+        y0=jnp.stack([p[3], jnp.zeros(())]),
+        args=p,
+        saveat=diffrax.SaveAt(ts=t),
+        stepsize_controller=control,
+        adjoint=diffrax.ForwardMode(),
+        max_steps=100_000,
+    )
+    return found.ys[:, 0] + p[4]
+
+
+def residual(q: jax.Array, args: tuple[jax.Array, ...]) -> jax.Array:
+    t, x, scale = args
+    return (displacement(t, q * scale) - x) / NOISE
+
+
+def solve(t: jax.Array, x: jax.Array, start: jax.Array, scale: jax.Array) -> tuple[jax.Array, jax.Array]:
+    """Fitted parameters, and the number of steps."""
+    solver = optx.LevenbergMarquardt(rtol=1e-8, atol=1e-8)
+    found = optx.least_squares(residual, solver, start / scale, (t, x, scale), max_steps=200, throw=False)
+    return found.value * scale, found.stats["num_steps"]
+
+
+one = jax.jit(solve)
+many = jax.jit(jax.vmap(solve, in_axes=(None, 0, 0, 0)))
+
+
+def simulate(record: Record) -> np.ndarray:
+    """Displacement [m] with the true values."""
+    p = jnp.array([record.truth[name] for name in record.names])
+    return np.asarray(jax.jit(displacement)(jnp.asarray(record.t), p))
+
+
+def fit(record: Record) -> Outcome:
+    """Fit one record."""
+    start, scale = coordinates(record)
+    return outcome(record, *one(record.t, record.x, start, scale))
+
+
+def fit_all(records: list[Record]) -> list[Outcome]:
+    """Fit all records at once."""
+    start, scale = map(np.array, zip(*map(coordinates, records), strict=True))
+    found, steps = many(records[0].t, np.array([r.x for r in records]), start, scale)
+    return [outcome(*row) for row in zip(records, found, steps, strict=True)]
+
+
+def coordinates(record: Record) -> tuple[np.ndarray, np.ndarray]:
+    """Start and typical size of the parameters."""
+    start = np.array([record.start[name] for name in record.names])
+    return start, np.array([record.start[name] or TYPICAL[name] for name in record.names])
+
+
+def outcome(record: Record, values: Any, steps: Any) -> Outcome:
+    return Outcome(dict(zip(record.names, map(float, values), strict=True)), int(steps))

@@ -1,0 +1,250 @@
+"""Independent fits of many runs, on all cores, each with its own outcome."""
+
+import os
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ..data import Record, Trace
+from ..data.errors import DataError, UsageError
+from ..oscillator import Oscillator, Smooth, require_x64
+from ..oscillator.engines import AbstractEngine
+from ..show.progress import progressing
+from .assemble import record_time, unit_of
+from .batch_result import BatchFit
+from .covariance import Covariance, covariance
+from .lanes import WIDTH, Landed, solve_lanes
+from .loss import AbstractLoss, named_loss
+from .parameters import Request
+from .problem import Problem, pose
+from .rest import far_off, solve_with_rest
+from .settled import UNITS, kinematics
+from .solve import Solved, judged
+from .verdict import error_inflation, flags_of, status_of
+from .whiteness import from_neighbours
+from .window import NEVER
+
+
+class _Row(NamedTuple):
+    """One fitted run; a run that was rejected has a status only."""
+
+    status: str
+    problem: Problem | None = None
+    solved: Solved | None = None
+    found: Covariance | None = None
+    inflation: float = np.nan
+
+    @property
+    def converged(self) -> bool:
+        return self.solved is not None and self.found is not None and self.solved.converged and self.found.full_rank
+
+    @property
+    def half_cycles(self) -> int:
+        count = NEVER if self.problem is None else int(self.problem.residual.runs[0].half_cycles)
+        return -1 if count >= NEVER else count
+
+    @property
+    def flags(self) -> dict[str, tuple[str, ...]]:
+        if self.problem is None or self.found is None or self.solved is None:
+            return {}
+        return flags_of(self.problem, self.found, self.solved, self.inflation)
+
+
+def fit_batch(
+    data: Sequence[Record | Trace],
+    oscillator: Oscillator,
+    free: Sequence[str],
+    *,
+    nuisance: Sequence[str] | None = None,
+    engine: str | AbstractEngine = "auto",
+    start: str | float = "first_reversal",
+    bounds: Mapping[str, tuple[float | None, float | None]] | None = None,
+    priors: Mapping[str, Any] | None = None,
+    tie: Mapping[str, Any] | None = None,
+    guess: Mapping[str, Any] | None = None,
+    loss: str | AbstractLoss = "squares",
+    progress: bool = False,
+) -> BatchFit:
+    """Fit the same oscillator to each of many runs independently.
+
+    A run that cannot be fitted never stops the others: its row says why. All cores are used, by threads, so that no
+    guard or setting is needed; memory is bounded by the runs that are at work.
+
+    Args:
+        data: records or traces, of any lengths.
+        oscillator: the machine and its friction law, the same for every run.
+        free: names of the coefficients to fit.
+        nuisance: names of each run's own parameters; None for those that belong to `start`.
+        engine: "auto", "exact", "hybrid", "smooth" or an engine.
+        start: "first_reversal", "release" or a number of seconds, as in :func:`fit`.
+        bounds: lower and upper bound by name.
+        priors: mean and standard deviation by name.
+        tie: leaves that follow a free parameter.
+        guess: start values by name, one number for all runs or an array of shape (runs,).
+        loss: loss of the residuals, as in :func:`fit`.
+        progress: show a progress bar on stderr.
+
+    Returns:
+        The fits, in the order of the runs.
+
+    Raises:
+        RuntimeError: JAX computes in single precision.
+        UsageError: names or settings that fit no run at all.
+    """
+    require_x64()
+    if not len(data):
+        raise UsageError("There is no run to fit: the list is empty.")
+    common = Request(
+        oscillator=oscillator,
+        free=(free,) if isinstance(free, str) else tuple(free),
+        nuisance=None if nuisance is None else tuple(nuisance),
+        engine=engine,
+        start=start,
+        bounds=bounds or {},
+        priors=priors or {},
+        tie=tie or {},
+        rig=None,
+        guess={},
+        loss=named_loss(loss),
+    )
+    guesses = _per_run(guess or {}, len(data))
+    order = sorted(range(len(data)), key=lambda i: _length(data[i]))
+    blocks = [order[first : first + WIDTH] for first in range(0, len(order), WIDTH)]
+
+    def work(block: list[int]) -> list[_Row]:
+        return _fit_block([data[i] for i in block], [common.with_guess(guesses[i]) for i in block])
+
+    rows: dict[int, _Row] = {}
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        results = progressing(pool.map(work, blocks), len(blocks), "fitting", shown=progress)
+        for block, found in zip(blocks, results, strict=True):
+            rows |= dict(zip(block, found, strict=True))
+    return _collected([rows[i] for i in range(len(data))])
+
+
+def _per_run(guess: Mapping[str, Any], runs: int) -> list[dict[str, float]]:
+    columns = {}
+    for name, values in guess.items():
+        if np.ndim(values) and np.shape(values) != (runs,):
+            raise UsageError(
+                f"Start values of {name} must be one number or one per run ({runs}), got shape {np.shape(values)}."
+            )
+        columns[name] = np.broadcast_to(np.asarray(values, float), (runs,))
+    return [{name: float(values[i]) for name, values in columns.items()} for i in range(runs)]
+
+
+def _length(data: Any) -> int:
+    trace = data.trace if isinstance(data, Record) else data
+    return trace.n if isinstance(trace, Trace) else 0
+
+
+def _fit_block(records: Sequence[Any], requests: Sequence[Request]) -> list[_Row]:
+    posed = [_posed(record, request) for record, request in zip(records, requests, strict=True)]
+    problems = [problem for problem in posed if isinstance(problem, Problem)]
+    solved = iter(_solved(problems))
+    return [_row(next(solved)) if isinstance(p, Problem) else _Row(f"rejected: {p}") for p in posed]
+
+
+def _posed(record: Any, request: Request) -> Problem | Exception:
+    """The problem of one run, or why there is none."""
+    if not isinstance(record, Record | Trace):
+        return UsageError(f"a run must be a record or a trace, not {type(record).__name__}.")
+    try:
+        return pose((record,), request)
+    except (DataError, UsageError) as error:
+        return error
+
+
+class _Finished(NamedTuple):
+    """A solved problem and the autocorrelation of its neighbouring residuals."""
+
+    problem: Problem
+    solved: Solved
+    lag_one: float
+
+
+def _solved(problems: Sequence[Problem]) -> list[_Finished]:
+    if any(isinstance(problem.residual.engine, Smooth) for problem in problems):
+        return [_alone(problem) for problem in problems]
+    return [_finished(problem, landed) for problem, landed in zip(problems, solve_lanes(problems), strict=True)]
+
+
+def _alone(problem: Problem) -> _Finished:
+    problem, solved = solve_with_rest(problem)
+    samples = problem.by_run(solved.survey.residual)[0]
+    return _Finished(problem, solved, float(samples[1:] @ samples[:-1] / max(solved.chi2, np.finfo(float).tiny)))
+
+
+def _finished(problem: Problem, landed: Landed) -> _Finished:
+    """A lane as a solved fit; where its number of half-cycles is in doubt or it is not accurate, fitted for itself."""
+    solved = judged(problem, landed.at, landed.survey, landed.settled)
+    recorded = int(problem.residual.runs[0].half_cycles)
+    other = recorded < NEVER and 0 < int(landed.half_cycles) != recorded
+    doubtful = solved.converged and (other or far_off(problem, solved) or not solved.accurate)
+    return _alone(problem) if doubtful else _Finished(problem, solved, float(landed.lag_one))
+
+
+def _row(finished: _Finished) -> _Row:
+    problem, solved, lag_one = finished
+    found = covariance(solved, 1.0)
+    inflation = error_inflation(from_neighbours(lag_one, problem.n_used), solved.chi2 / problem.dof, "absolute")
+    return _Row(status_of(solved, found, problem.names), problem, solved, found, inflation)
+
+
+def _collected(rows: Sequence[_Row]) -> BatchFit:
+    """The rows as columns.
+
+    Raises:
+        UsageError: no run could be fitted.
+    """
+    fitted = [row for row in rows if row.problem is not None]
+    if not fitted:
+        raise UsageError(f"No run could be fitted. The first was {rows[0].status}")
+    names, problem = fitted[0].problem.names, fitted[0].problem
+    covariances = _column(rows, lambda row: row.found.statistical, (len(names), len(names)))
+    values = _column(rows, _values, (len(names),))
+    deviations = np.sqrt(np.diagonal(covariances, axis1=1, axis2=2))
+    told = [kinematics(row.solved.settled, row.found.statistical) if row.solved else {} for row in rows]
+    return BatchFit(
+        names=names,
+        values=dict(zip(names, values.T, strict=True)),
+        std_errors=dict(zip(names, deviations.T, strict=True)),
+        covariance=covariances,
+        units={p.name: unit_of(p.unit, problem) for p in problem.parameters},
+        converged=np.array([row.converged for row in rows]),
+        status=tuple(row.status for row in rows),
+        flags=tuple(row.flags for row in rows),
+        kinematics={name: np.array([t[name].value if t else np.nan for t in told]) for name in UNITS},
+        kinematics_std={name: np.array([t[name].std if t else np.nan for t in told]) for name in UNITS},
+        chi2=_column(rows, lambda row: row.solved.chi2),
+        dof=_column(rows, lambda row: row.problem.dof),
+        residual_rms=_column(rows, _rms),
+        sigma=_column(rows, _sigma),
+        error_inflation=np.array([row.inflation for row in rows]),
+        numerical_shift=_column(rows, lambda row: row.solved.numerical_shift),
+        half_cycles=np.array([row.half_cycles for row in rows]),
+        iterations=np.array([row.solved.iterations if row.solved else 0 for row in rows]),
+        passes=np.array([row.solved.passes if row.solved else 0 for row in rows]),
+        engine=type(problem.residual.engine).__name__.lower(),
+    )
+
+
+def _column(rows: Sequence[_Row], of: Callable[[Any], Any], shape: tuple[int, ...] = ()) -> np.ndarray:
+    """One quantity of all runs, NaN for those that were rejected."""
+    return np.array([np.full(shape, np.nan) if row.problem is None else of(row) for row in rows])
+
+
+def _values(row: Any) -> np.ndarray:
+    return record_time(row.problem, row.solved.settled.values)
+
+
+def _sigma(row: Any) -> float:
+    window = row.problem.windows[0]
+    return float(np.median(window.sigma[window.used]))
+
+
+def _rms(row: Any) -> float:
+    """Root mean square of the residuals, exact where all samples have the same noise."""
+    return _sigma(row) * float(np.sqrt(row.solved.chi2 / row.problem.n_used))

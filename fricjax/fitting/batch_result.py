@@ -1,0 +1,86 @@
+"""The result of many independent fits: the fields of a fit with a leading axis over runs."""
+
+import dataclasses
+from typing import Any
+
+import numpy as np
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class BatchFit:
+    """Independent fits of many runs; rows of runs that could not be fitted hold NaN and say why in `status`.
+
+    Attributes:
+        names: free parameters in the order of the covariances.
+        values, std_errors: by name, shape (runs,), in SI units.
+        covariance: shape (runs, p, p); inf where a parameter is undetermined or at a bound.
+        units: by name.
+        converged: converged, finite and of full rank, shape (runs,).
+        status: the outcome of each run in words.
+        flags: for each run, by name, sentences such as "at bound".
+        kinematics, kinematics_std: natural frequency, damping ratio, dead band and losses per unit mass, which need no
+            rig, and their standard errors; by name, shape (runs,).
+        chi2, dof: sum of squared weighted residuals and degrees of freedom, shape (runs,).
+        residual_rms, sigma: root mean square of the residuals and median noise used, in the unit of the records.
+        error_inflation: factor by which correlated or too large residuals make the standard errors too small.
+        numerical_shift: how far numerical errors can have moved any parameter, in its standard errors.
+        half_cycles: number of half-cycles from the start of the fit to the stop, -1 where a record ends in motion.
+        iterations, passes: steps of Levenberg-Marquardt, and passes over the model in all.
+        engine: name of the engine.
+    """
+
+    names: tuple[str, ...]
+    values: dict[str, np.ndarray]
+    std_errors: dict[str, np.ndarray]
+    covariance: np.ndarray
+    units: dict[str, str]
+    converged: np.ndarray
+    status: tuple[str, ...]
+    flags: tuple[dict[str, tuple[str, ...]], ...]
+    kinematics: dict[str, np.ndarray]
+    kinematics_std: dict[str, np.ndarray]
+    chi2: np.ndarray
+    dof: np.ndarray
+    residual_rms: np.ndarray
+    sigma: np.ndarray
+    error_inflation: np.ndarray
+    numerical_shift: np.ndarray
+    half_cycles: np.ndarray
+    iterations: np.ndarray
+    passes: np.ndarray
+    engine: str
+
+    def __len__(self) -> int:
+        return len(self.status)
+
+    @property
+    def chi2_reduced(self) -> np.ndarray:
+        """Sum of squared weighted residuals per degree of freedom, shape (runs,)."""
+        return self.chi2 / self.dof
+
+    def to_dataframe(self) -> Any:
+        """One row per run: values, their standard errors as `<name>_std`, and what tells how good they are."""
+        import pandas as pd
+
+        columns: dict[str, Any] = {}
+        for name in self.names:
+            columns |= {name: self.values[name], f"{name}_std": self.std_errors[name]}
+        for name, values in self.kinematics.items():
+            columns |= {name: values, f"{name}_std": self.kinematics_std[name]}
+        for name in _JUDGEMENT:
+            columns[name] = getattr(self, name)
+        return pd.DataFrame({**columns, "status": self.status}).rename_axis("run")
+
+    def __repr__(self) -> str:
+        return f"BatchFit({len(self)} runs of {', '.join(self.names)}; {int(self.converged.sum())} converged)"
+
+
+_JUDGEMENT = (
+    "chi2_reduced",
+    "residual_rms",
+    "error_inflation",
+    "numerical_shift",
+    "half_cycles",
+    "passes",
+    "converged",
+)
