@@ -27,7 +27,8 @@ from .passes import AbstractPasses, DensePasses, Pass
 from .status import AT_BOUND, CONVERGED, NOT_FINITE, OUT_OF_STEPS, RUNNING, STALLED, UNDETERMINED
 
 _FIRST_DAMPING = 1e-4
-_LARGEST_DAMPING = 1e12
+# Part of the Gauss-Newton step's gain below which a trial, after rejections, is not worth a pass.
+_HOPELESS = 1e-6
 _EASE = 0.1
 # A rejection tells that the residual is rough on this scale; then a hundred times more counts as finished.
 _ROUGH = 100.0
@@ -183,7 +184,8 @@ class LevenbergMarquardt(optx.AbstractLeastSquaresSolver):
             | (here.cost <= self.ftol**2 * state.start_cost)
             | ((jnp.abs(reduction) <= self.ftol * here.cost) & (ahead.shortening <= 2 * self.ftol * here.cost))
         )
-        stuck = (damping > _LARGEST_DAMPING) | jnp.all(ahead.trial == y) | ~(ahead.predicted > 0)
+        damped_away = ~accept & (ahead.predicted < _HOPELESS * ahead.shortening)
+        stuck = damped_away | jnp.all(ahead.trial == y) | ~(ahead.predicted > 0)
         status = jnp.where(done, CONVERGED, jnp.where(stuck, STALLED, self._running(state.steps + 1)))
         status = jnp.where(state.first & ~accept, NOT_FINITE, status)
         return status, ahead.shortening / jnp.where(variance > 0, variance, 1.0)

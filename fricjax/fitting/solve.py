@@ -131,7 +131,8 @@ def judged(problem: Problem, at: Climbed, found: Survey, settled: Settled) -> So
 
 def _rounding(problem: Problem) -> float:
     """The chi^2 that rounding alone would leave."""
-    return sum(float(np.sum((ROUNDING * run.weight * np.max(np.abs(run.x))) ** 2)) for run in problem.residual.runs)
+    runs = problem.residual.runs
+    return sum(float(run.weight @ run.weight) * (ROUNDING * max(run.x.max(), -run.x.min())) ** 2 for run in runs)
 
 
 def start_coordinates(problem: Problem) -> Float[np.ndarray, " p"]:

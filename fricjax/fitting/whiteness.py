@@ -10,6 +10,9 @@ from typing import NamedTuple
 import numpy as np
 
 
+_BLOCK = 1 << 17
+
+
 class Whiteness(NamedTuple):
     """Verdict on the residuals.
 
@@ -31,14 +34,24 @@ def whiteness(residuals: np.ndarray) -> Whiteness:
     power = float(centred @ centred)
     if n < 8 or not power > 0:
         return Whiteness(0.0, 1.0, True)
-    size = 1 << (2 * n - 1).bit_length()
-    spectrum = np.abs(np.fft.rfft(centred, size)) ** 2
-    correlation = np.fft.irfft(spectrum, size)[: n // 2] / power
+    correlation = _autocorrelation(centred) / power
     pairs = correlation[1:-1:2] + correlation[2::2] if n >= 16 else correlation[1:2]
     ends = np.flatnonzero(pairs <= 2 / np.sqrt(n))
     positive = pairs[: ends[0]] if ends.size else pairs
     time = 1 + 2 * float(np.sum(np.minimum.accumulate(positive))) if positive.size else 1.0
     return Whiteness(float(correlation[1]), max(time, 1.0), bool(abs(correlation[1]) < 4 / np.sqrt(n)))
+
+
+def _autocorrelation(centred: np.ndarray) -> np.ndarray:
+    """Sums of products of samples some lag apart, for lags up to half the record or half a block of a long one.
+
+    A long record is cut into blocks, so that the cost stays linear; products across their borders are left out.
+    """
+    length = min(centred.size, _BLOCK)
+    blocks = np.pad(centred, (0, -centred.size % length)).reshape(-1, length)
+    size = 1 << (2 * length - 1).bit_length()
+    spectrum = sum(np.abs(np.fft.rfft(block, size)) ** 2 for block in blocks)
+    return np.fft.irfft(spectrum, size)[: length // 2]
 
 
 def from_neighbours(lag_one: float, n: int) -> Whiteness:

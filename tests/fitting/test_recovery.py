@@ -51,6 +51,12 @@ def test_the_fit_is_valid_and_describes_the_noise(workload):
         assert not any(found.flags.values())
 
 
+def test_numerical_errors_move_no_parameter_by_a_tenth_of_its_standard_error(workload):
+    shifts = [found.numerical_shift for found in fits(*workload)]
+    print(f"\n{'-'.join(workload)}: moved by numerical errors by up to {max(shifts):.1e} standard errors")
+    assert max(shifts) <= 0.1
+
+
 def test_standard_errors_are_calibrated(workload):
     """The scatter of the estimates, whitened by the covariance, is chi^2 distributed."""
     (rig, law), total = workload, 0.0

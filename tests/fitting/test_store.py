@@ -1,5 +1,7 @@
 """Fits on disk, as plain data, and as reports that one reads."""
 
+import dataclasses
+import functools
 import json
 
 import numpy as np
@@ -7,7 +9,11 @@ import pytest
 
 from fricjax import Fit, Oscillator, Record, Trace, fit, load_fit, simulate
 from fricjax.data import DataError, UsageError
+from fricjax.fitting.verdict import warnings_of
 from fricjax.friction import Coulomb
+from fricjax.oscillator import Exact, Hybrid, Smooth
+from fricjax.oscillator.engines import Span
+from tests.fitting.posed import posed
 from tests.fitting.runs import MACHINE, coulomb_run
 from tests.helpers import PROTOTYPE_DAMPING, PROTOTYPE_MASS
 
@@ -39,7 +45,7 @@ def strict(path):
 
 def test_the_file_is_strict_json_with_a_schema(saved, found):
     content = strict(saved)
-    assert content["schema"] == "fricjax.fit/1"
+    assert content["schema"] == "fricjax.fit/2"
     assert content["values"]["mu"] == found.values["mu"]
     assert content["std_errors"]["damping"] == "inf"
     assert not list(saved.parent.glob(".*"))
@@ -53,6 +59,7 @@ def test_a_fit_comes_back_as_it_was(saved, found, run):
         assert getattr(back, name) == getattr(found, name), name
     for name in ("iterations", "passes", "engine", "aicc", "bic", "quantity", "origins", "kinematics", "engine_used"):
         assert getattr(back, name) == getattr(found, name), name
+    assert back.numerical_shift == found.numerical_shift
     assert np.array_equal(back.covariance, found.covariance)
     assert np.array_equal(back.combined_covariance, found.combined_covariance)
     assert np.array_equal(back.residuals, found.residuals, equal_nan=True)
@@ -71,18 +78,43 @@ def test_plain_data_without_the_samples(found):
     text = json.dumps(content, allow_nan=False)
     assert len(text) < 10_000 and "residuals" not in content and "residual_rms" in content
     assert content["chi2_reduced"] == found.chi2_reduced
+    assert content["numerical_shift"] == found.numerical_shift
     assert content["kinematics"]["natural_frequency"]["unit"] == "Hz"
     assert content["oscillator"]["friction"]["type"] == "Coulomb"
+
+
+@pytest.mark.parametrize(
+    "engine",
+    [Exact(16), Hybrid(nodes=16, span=Span(np.asarray(1e-5), np.asarray(2e-3))), Smooth(np.asarray(1e-10))],
+    ids=lambda engine: type(engine).__name__,
+)
+def test_the_engine_of_a_fit_comes_back_as_it_was(found, tmp_path, engine):
+    back = load_fit(dataclasses.replace(found, engine_used=engine).save(tmp_path / "fit.json"))
+    assert back.engine_used == engine
+
+
+def test_a_numerical_error_that_shows_is_warned_of(found):
+    told = functools.partial(warnings_of, posed(coulomb_run(), found.oscillator, MACHINE), found.values)
+    sentences = [
+        told(found.std_errors, found.whiteness, 1.0, found.residual_rms, found.margins, shift) for shift in (0.09, 0.32)
+    ]
+    assert not any("numerical error" in sentence for sentence in sentences[0])
+    assert any("may move a parameter by 0.32 standard errors. Ask the engine" in sentence for sentence in sentences[1])
+
+
+def test_a_fit_that_is_not_finite_claims_no_numerical_accuracy(found):
+    assert "numerics" not in dataclasses.replace(found, numerical_shift=np.nan).summary()
 
 
 @pytest.mark.parametrize(
     ("content", "sentence"),
     [
         ("no json", r"fit\.json is not a JSON file: .* Write fits with fit\.save\(\)\."),
-        ("[1, 2]", r"fit\.json holds no fit of schema fricjax\.fit/1 but 'list'\. Write it again with fit\.save\(\)\."),
-        ('{"schema": "fricjax.fit/9"}', r"holds no fit of schema fricjax\.fit/1 but 'fricjax\.fit/9'"),
+        ("[1, 2]", r"fit\.json holds no fit of schema fricjax\.fit/2 but 'list'\. Write it again with fit\.save\(\)\."),
+        ('{"schema": "fricjax.fit/1"}', r"holds no fit of schema fricjax\.fit/2 but 'fricjax\.fit/1'\. Write it again"),
+        ('{"schema": "fricjax.fit/9"}', r"holds no fit of schema fricjax\.fit/2 but 'fricjax\.fit/9'"),
         (
-            '{"schema": "fricjax.fit/1"}',
+            '{"schema": "fricjax.fit/2"}',
             r"fit\.json lacks names, values, .*: only files written by fit",
         ),
     ],
@@ -126,6 +158,7 @@ def test_the_summary_says_what_a_reader_needs(found):
         "4 to the stop; margin to one more",
         "mu_s:        between [",
         "mode scale",
+        f"numerics:    numerical errors move no parameter by more than {found.numerical_shift:.2g} standard errors",
     ):
         assert line in text, line
     assert repr(found).startswith("Fit(mu=0.0")
@@ -134,7 +167,7 @@ def test_the_summary_says_what_a_reader_needs(found):
 def test_the_html_report_holds_the_same(found):
     page = found._repr_html_()
     assert page.count("<table") == 3
-    for part in ("stiffness", "at bound", "converged with damping at a bound", "dead band"):
+    for part in ("stiffness", "at bound", "converged with damping at a bound", "dead band", "numerical errors move no"):
         assert part in page, part
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 from peers.least_squares import Outcome
 from record import Record, load
 
-CORES = os.process_cpu_count() or 1
+CORES = os.cpu_count() or 1
 CHUNK = 5
 _records: list[Record] = []
 
