@@ -81,7 +81,7 @@ def _stiffening(oscillator: Oscillator, amplitude: np.ndarray, at: Mapping[str, 
 
 def _at_positions(function: Callable[[Any, Any], Any], x: np.ndarray, stiffness: float) -> np.ndarray:
     """A restoring force or potential at positions of any number, padded so that JAX compiles for one shape."""
-    padded = np.zeros(2 ** max(15, (x.size - 1).bit_length()))
+    padded = np.zeros(2 ** max(11, (x.size - 1).bit_length()))
     padded[: x.size] = x.ravel()
     return np.asarray(function(jnp.asarray(padded), jnp.asarray(stiffness)))[: x.size].reshape(x.shape)
 

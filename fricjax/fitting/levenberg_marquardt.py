@@ -29,7 +29,8 @@ from .status import AT_BOUND, CONVERGED, NOT_FINITE, OUT_OF_STEPS, RUNNING, STAL
 _FIRST_DAMPING = 1e-4
 # Part of the Gauss-Newton step's gain below which a trial, after rejections, is not worth a pass.
 _HOPELESS = 1e-6
-_EASE = 0.1
+# Least factors of the damping after a good step; easing fast just after a rejection runs into the same wall again.
+_EASE, _EASE_AFTER_REJECTION = 0.1, 0.5
 # A rejection tells that the residual is rough on this scale; then a hundred times more counts as finished.
 _ROUGH = 100.0
 
@@ -144,7 +145,8 @@ class LevenbergMarquardt(optx.AbstractLeastSquaresSolver):
         accept = finite & (state.first | (gain > 0))
         here = jax.tree.map(lambda new, old: jnp.where(accept, new, old), there, state.accepted)
         at = jnp.where(accept, reached, y)
-        eased = state.damping * jnp.maximum(_EASE, 1 - (2 * jnp.clip(gain, 0.0, 1.0) - 1) ** 3)
+        least = jnp.where(state.growth > 2, _EASE_AFTER_REJECTION, _EASE)
+        eased = state.damping * jnp.maximum(least, 1 - (2 * jnp.clip(gain, 0.0, 1.0) - 1) ** 3)
         damping = jnp.where(state.first, state.damping, jnp.where(accept, eased, state.damping * state.growth))
         growth = jnp.where(accept, 2.0, state.growth * 2)
         scale = jnp.maximum(state.scale, jnp.diagonal(here.normal))

@@ -132,7 +132,7 @@ def judged(problem: Problem, at: Climbed, found: Survey, settled: Settled) -> So
 def _rounding(problem: Problem) -> float:
     """The chi^2 that rounding alone would leave."""
     runs = problem.residual.runs
-    return sum(float(run.weight @ run.weight) * (ROUNDING * max(run.x.max(), -run.x.min())) ** 2 for run in runs)
+    return sum(float(np.square(run.weight).sum()) * (ROUNDING * max(run.x.max(), -run.x.min())) ** 2 for run in runs)
 
 
 def start_coordinates(problem: Problem) -> Float[np.ndarray, " p"]:

@@ -132,7 +132,7 @@ def _module(cls: type, fields: dict[str, Any]) -> Any:
         }
     if issubclass(cls, AbstractEngine):
         # As arrays its numbers are traced, as they were in the fit, and a second prediction compiles nothing.
-        fields = jax.tree.map(lambda value: np.asarray(value) if isinstance(value, float) else value, fields)
+        fields = jax.tree.map(lambda value: jnp.asarray(value) if isinstance(value, float) else value, fields)
     return cls(**fields)
 
 

@@ -1,6 +1,8 @@
 """Choosing an engine for an oscillator."""
 
+import functools
 import math
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
@@ -37,18 +39,38 @@ def select_engine(
 
 
 def _named(name: str, oscillator: Oscillator, accuracy: float, max_half_cycles: int) -> AbstractEngine:
-    nodes = max(16, math.ceil(32 * (1e-10 / accuracy) ** (1 / 6)))
-    exact = Exact(max_half_cycles)
-    hybrid = Hybrid(nodes=nodes, max_half_cycles=max_half_cycles)
-    smooth = Smooth(accuracy=accuracy, max_half_cycles=max_half_cycles)
-    named = {"exact": exact, "hybrid": hybrid, "smooth": smooth}
-    if name in named:
-        return named[name]
+    if name in _MAKERS:
+        return _MAKERS[name](accuracy, max_half_cycles)
     if name != "auto":
         raise ValueError(f"There is no engine {name!r}. Choose one of {', '.join(ENGINES)}.")
+    # A drag that is being differentiated counts as present, whatever its value.
     without_drag = isinstance(oscillator.drag, np.ndarray)
-    candidates = (exact, hybrid, smooth) if without_drag else (hybrid, smooth)
-    return next((e for e in candidates if e.refusal(oscillator) is None), smooth)
+    candidates = ("exact", "hybrid") if without_drag else ("hybrid",)
+    engines = (_MAKERS[candidate](accuracy, max_half_cycles) for candidate in candidates)
+    return next((e for e in engines if e.refusal(oscillator) is None), _MAKERS["smooth"](accuracy, max_half_cycles))
+
+
+@functools.cache
+def _exact(accuracy: float, max_half_cycles: int) -> AbstractEngine:
+    return Exact(max_half_cycles)
+
+
+@functools.cache
+def _hybrid(accuracy: float, max_half_cycles: int) -> AbstractEngine:
+    return Hybrid(nodes=nodes_for(accuracy), max_half_cycles=max_half_cycles)
+
+
+@functools.cache
+def _smooth(accuracy: float, max_half_cycles: int) -> AbstractEngine:
+    return Smooth(accuracy=accuracy, max_half_cycles=max_half_cycles)
+
+
+_MAKERS: Mapping[str, Callable[[float, int], AbstractEngine]] = {"exact": _exact, "hybrid": _hybrid, "smooth": _smooth}
+
+
+def nodes_for(accuracy: float) -> int:
+    """Steps per half-cycle of the hybrid engine for that accuracy [m] of a motion of a few millimetres, even."""
+    return 2 * max(8, math.ceil(12 * (1e-10 / accuracy) ** (1 / 6)))
 
 
 def concrete(value: Any) -> float | None:
@@ -56,16 +78,20 @@ def concrete(value: Any) -> float | None:
     return None if isinstance(value, Tracer) or np.ndim(value) else float(value)
 
 
-def half_cycle_capacity(oscillator: Oscillator, duration: float | None, reach: Any) -> int:
+def half_cycle_capacity(oscillator: Oscillator, duration: float | None, x0: Any, v0: Any) -> int:
     """How many half-cycles to provide for in a duration [s]: a power of two, so that few shapes are compiled.
 
-    `reach` is the starting displacement [m], where a stiffening spring is at its fastest. Where the duration or the
-    oscillator is traced or batched the answer is 512.
+    A stiffening spring is at its fastest where the motion from `x0` [m] and `v0` [m/s] may reach. Where the duration or
+    the oscillator is traced or batched the answer is 512.
     """
-    known = [concrete(v) for v in (oscillator.mass, oscillator.stiffness, oscillator.restoring_force(reach), reach)]
+    known = [concrete(v) for v in (oscillator.mass, oscillator.stiffness, x0, v0)]
     if duration is None or any(value is None for value in known):
         return 512
-    mass, stiffness, pull, start = (float(value or 0.0) for value in known)
-    secant = max(stiffness, pull / start if start else 0.0)
+    mass, stiffness, x, v = (float(value or 0.0) for value in known)
+    reach = abs(x) + abs(v) * math.sqrt(mass / stiffness)
+    pull = concrete(oscillator.restoring_force(np.asarray(reach)))
+    if pull is None:
+        return 512
+    secant = max(stiffness, pull / reach if reach else 0.0)
     strokes = 1.2 * duration * math.sqrt(secant / mass) / math.pi + 4
     return max(16, 2 ** math.ceil(math.log2(strokes)))

@@ -69,29 +69,32 @@ def simulate(
     times = _times(ts)
     drive = Drive(None if base_acceleration is None else jnp.asarray(base_acceleration, float), release)
     driven = base_acceleration is not None or release is not None
-    # Inside a jit even constants become tracers when indexed, so the duration is read off by numpy.
-    known = ts if isinstance(ts, np.ndarray) else times
-    duration = None if isinstance(known, Tracer) else float(np.asarray(known)[-1])
-    capacity = half_cycle_capacity(oscillator, duration, _reach(oscillator, x0, v0))
+    duration = None if isinstance(times, Tracer) else float(np.asarray(times)[-1])
+    x, v = _number("x0", x0), _number("v0", v0)
+    capacity = half_cycle_capacity(oscillator, duration, x, v)
     name = "smooth" if driven and engine == "auto" else engine
     chosen = select_engine(name, oscillator, accuracy=accuracy, max_half_cycles=capacity)
     if driven and not isinstance(chosen, Smooth):
         raise ValueError("Floor motion and a decaying holding force need the smooth engine.")
-    start = starting_state(oscillator, x0, v0, state0)
-    return _solve(chosen, oscillator, start, times, drive if driven else None)
+    given = None if state0 is None else _floats(state0)
+    return _solve(chosen, oscillator, x, v, given, times, drive if driven else None)
 
 
-def _reach(oscillator: Oscillator, x0: ArrayLike, v0: ArrayLike) -> Array:
-    """Bound on the displacement of a motion from its start."""
-    return jnp.abs(jnp.asarray(x0)) + jnp.abs(jnp.asarray(v0)) / oscillator.angular_frequency
+def _floats(value: ArrayLike) -> Array | np.ndarray:
+    """Double precision; what is not yet an array stays on the host, where a compiled call takes it up at less cost."""
+    return jnp.asarray(value, float) if isinstance(value, jax.Array) else np.asarray(value, float)
+
+
+def _number(name: str, value: ArrayLike) -> Any:
+    number = _floats(value)
+    if number.ndim:
+        raise ValueError(f"{name} must be one number, got shape {number.shape}. For several starts use jax.vmap.")
+    return number
 
 
 def starting_state(oscillator: Oscillator, x0: ArrayLike, v0: ArrayLike, state0: ArrayLike | None = None) -> Start:
     """Start of a motion; the law's internal states default to those after a slow pull or after long sliding."""
-    x, v = jnp.asarray(x0, float), jnp.asarray(v0, float)
-    for name, value in (("x0", x), ("v0", v)):
-        if value.ndim:
-            raise ValueError(f"{name} must be one number, got shape {value.shape}. For several starts use jax.vmap.")
+    x, v = jnp.asarray(_number("x0", x0)), jnp.asarray(_number("v0", v0))
     if state0 is None:
         direction = jnp.where(v == 0, jnp.where(x < 0, -1.0, 1.0), jnp.sign(v))
         # A million metres per second leaves dynamic friction alone; infinity would make the derivatives NaN.
@@ -102,17 +105,27 @@ def starting_state(oscillator: Oscillator, x0: ArrayLike, v0: ArrayLike, state0:
     return Start(x, v, state)
 
 
-def _times(ts: ArrayLike) -> Float[Array, " samples"]:
-    times = jnp.asarray(ts, float)
+def _times(ts: ArrayLike) -> Any:
+    times = _floats(ts)
     if times.ndim != 1 or times.shape[0] == 0:
         raise ValueError(f"ts must be a list of at least one time [s], got an array of shape {times.shape}.")
-    if not isinstance(times, Tracer) and not np.all(np.diff(np.asarray(times)) > 0):
+    known = None if isinstance(times, Tracer) else np.asarray(times)
+    if known is not None and not np.all(known[1:] > known[:-1]):
         raise ValueError("ts must increase from sample to sample.")
     return times
 
 
-@eqx.filter_jit
-def _solve(engine: AbstractEngine, oscillator: Oscillator, start: Start, ts: Array, drive: Drive | None) -> Motion:
+@jax.jit
+def _solve(
+    engine: AbstractEngine,
+    oscillator: Oscillator,
+    x0: Array,
+    v0: Array,
+    state0: Array | None,
+    ts: Float[Array, " samples"],
+    drive: Drive | None,
+) -> Motion:
+    start = starting_state(oscillator, x0, v0, state0)
     if drive is not None and isinstance(engine, Smooth):
         motion = engine.solve(oscillator, start, ts, drive=drive)
         known = not oscillator.friction.sharp().set_valued
@@ -157,11 +170,12 @@ def final_displacement(oscillator: Oscillator, x0: ArrayLike, *, engine: str | A
             "that holds the mass, such as Coulomb."
         )
     chosen = select_engine(engine, oscillator, max_half_cycles=_strokes_to_rest(oscillator, x0))
-    return _final(chosen, oscillator, starting_state(oscillator, x0, 0.0))
+    return _final(chosen, oscillator, _number("x0", x0))
 
 
-@eqx.filter_jit
-def _final(engine: AbstractEngine, oscillator: Oscillator, start: Start) -> Array:
+@jax.jit
+def _final(engine: AbstractEngine, oscillator: Oscillator, x0: Array) -> Array:
+    start = starting_state(oscillator, x0, 0.0)
     if oscillator.friction.set_valued:
         motion = engine.solve(oscillator, start, jnp.asarray([1e30]))
         return jnp.where(jnp.isfinite(motion.t_stop), motion.x[0], jnp.nan)

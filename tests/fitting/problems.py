@@ -41,9 +41,7 @@ def noisy_rosenbrock(p, args=None):
 
 def powell(p, args=None):
     """Powell's singular function: two directions fade out at the optimum."""
-    return jnp.stack(
-        [p[0] + 10 * p[1], 5**0.5 * (p[2] - p[3]), (p[1] - 2 * p[2]) ** 2, 10**0.5 * (p[0] - p[3]) ** 2]
-    )
+    return jnp.stack([p[0] + 10 * p[1], 5**0.5 * (p[2] - p[3]), (p[1] - 2 * p[2]) ** 2, 10**0.5 * (p[0] - p[3]) ** 2])
 
 
 def beale(p, args=None):

@@ -5,7 +5,7 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
-from rig import DAMPING, MASS, STIFFNESS
+from rig import DAMPING, MASS, STIFFNESS, X0
 from scipy.integrate import solve_ivp
 
 # The loosest tolerances that reach 1e-10 m; errors.py measures them.
@@ -46,6 +46,16 @@ def final_displacement(machine: Slider, x0: float, rtol: float) -> float:
     while machine.stiffness * abs(y) > machine.static:
         y = _stroke(machine, y, rtol, dense=False).y[0, -1]
     return y
+
+
+def final_displacements(x0: np.ndarray) -> np.ndarray:
+    """The triangle wave of the `map` workload [m]."""
+    return np.array([final_displacement(PAPER, x, RTOL["map"]) for x in x0.tolist()])
+
+
+def sliding(ts: np.ndarray) -> np.ndarray:
+    """Displacement [m] of the `sliding` workload."""
+    return displacement(SLIDING, X0, ts, RTOL["sliding"])
 
 
 def _stroke(machine: Slider, y: float, rtol: float, *, dense: bool):

@@ -21,7 +21,7 @@ def _open(path: Path, peer: str) -> None:
 
 
 def _fit_some(peer: str, runs: list[int]) -> list[Outcome]:
-    module = importlib.import_module(f"peers.{peer}")
+    module = importlib.import_module(peer)
     return [module.fit(_records[run]) for run in runs]
 
 
@@ -32,6 +32,7 @@ class Pool:
     """
 
     def __init__(self, path: Path, peer: str, runs: int) -> None:
+        # The workers' environment, since numpy reads it when it is imported.
         os.environ |= {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
         self.peer = peer
         self.chunks = [list(range(i, min(i + CHUNK, runs))) for i in range(0, runs, CHUNK)]

@@ -1,0 +1,47 @@
+"""What each method is to do for each workload, as a function that is called again and again."""
+
+import importlib
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from record import load
+
+# Name of each method in the table, and its module.
+METHODS = {
+    "fricjax": "ours",
+    "fricjax, solve only": "ours",
+    "numba closed form": "peers.closed_form",
+    "numba RK4": "peers.rk4",
+    "CVODES": "peers.cvodes",
+    "odeint": "peers.lsoda",
+    "stock optimistix": "peers.stock",
+    "DOP853": "peers.dop853",
+}
+SLIDING_TIMES = np.arange(round(0.29842 * 20e3)) / 20e3
+Job = Callable[[], Any]
+
+
+def fits(method: str, path: Path) -> Job:
+    """Fits of all records in a file; returns a list of outcomes. A pool of processes is to be closed by its user."""
+    from peers.pool import Pool
+
+    module, records = importlib.import_module(METHODS[method]), load(path)
+    if method.endswith("solve only"):
+        solve = module.solver(records[0])
+        return lambda: [solve()]
+    if len(records) == 1:
+        return lambda: [module.fit(records[0])]
+    if hasattr(module, "fit_all"):
+        return lambda: module.fit_all(records)
+    return Pool(path, METHODS[method], len(records))
+
+
+def displacements(workload: str, method: str, count: int) -> Job:
+    """The map of `count` final displacements, or one forward solve of `sliding`; returns an array [m]."""
+    module = importlib.import_module(METHODS[method])
+    if workload == "map":
+        x0 = np.linspace(0.01e-3, 3e-3, count)
+        return lambda: module.final_displacements(x0)
+    return lambda: module.sliding(SLIDING_TIMES)

@@ -1,0 +1,59 @@
+"""Times in turns, and fresh processes for cold times and peak memory."""
+
+import json
+import statistics
+import subprocess
+import sys
+import time
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from jobs import Job
+
+WORKER = Path(__file__).with_name("worker.py")
+# A method that has taken this long [s] is not asked again.
+PATIENCE = 60.0
+
+
+class Timed(NamedTuple):
+    """Median time of one call [s] and what the last one returned."""
+
+    seconds: float
+    result: Any
+
+
+class Fresh(NamedTuple):
+    """A process of its own: time to the first result [s], times of the calls after it [s], peak memory [MB]."""
+
+    cold: float
+    warm: list[float]
+    peak: float
+
+
+def race(jobs: Mapping[str, Job], repeats: int) -> dict[str, Timed]:
+    """Call the jobs in turns, A B A B ..., so that all see the same machine; the first round only warms them."""
+    times: dict[str, list[float]] = {name: [] for name in jobs}
+    results = {name: job() for name, job in jobs.items()}
+    for _ in range(repeats):
+        for name, job in jobs.items():
+            if sum(times[name]) < PATIENCE:
+                begin = time.perf_counter()
+                results[name] = job()
+                times[name].append(time.perf_counter() - begin)
+    return {name: Timed(statistics.median(times[name]), results[name]) for name in jobs}
+
+
+def fresh(workload: str, method: str, path: Path, calls: int = 1) -> Fresh:
+    """One job in a new interpreter.
+
+    Raises:
+        RuntimeError: it failed; the message is what it said.
+    """
+    begin = time.monotonic()
+    command = [sys.executable, str(WORKER), workload, method, str(path), str(calls)]
+    done = subprocess.run(command, capture_output=True, text=True)
+    if done.returncode:
+        raise RuntimeError(f"{method} failed on {workload}: {done.stderr[-2000:]}")
+    told = json.loads(done.stdout.splitlines()[-1])
+    return Fresh(told["first"] - begin, told["warm"], told["peak"])

@@ -1,0 +1,93 @@
+"""Our side: the same jobs by the package, each as a user would call it."""
+
+from collections.abc import Callable
+from typing import Any
+
+import jax
+
+jax.config.update("jax_enable_x64", True)
+
+import jax.numpy as jnp  # noqa: E402
+import numpy as np  # noqa: E402
+from peers.least_squares import Outcome  # noqa: E402
+from record import Record  # noqa: E402
+from rig import DAMPING, LOAD, MASS, NOISE, SIGMA1, STIFFNESS, V_S, X0  # noqa: E402
+
+import fricjax as fj  # noqa: E402
+from fricjax.fitting.loss import named_loss  # noqa: E402
+from fricjax.fitting.parameters import Request  # noqa: E402
+from fricjax.fitting.problem import pose  # noqa: E402
+from fricjax.fitting.rest import solve_with_rest  # noqa: E402
+
+PAPER = fj.Oscillator(1.0, 5000.0, 0.0, 9.81, fj.friction.Coulomb(0.1))
+SLIDING = fj.Oscillator(MASS, STIFFNESS, DAMPING, 9.66, fj.friction.Stribeck(0.05, 0.065, v_stribeck=5e-3))
+
+
+def machine(law: str, p: dict[str, float]) -> fj.Oscillator:
+    """The prototype rig with given values."""
+    friction = {
+        "coulomb": lambda: fj.friction.Coulomb(p["mu"]),
+        "tanh": lambda: fj.friction.Tanh(p["mu"], V_S),
+        "lugre": lambda: fj.friction.LuGre(p["mu"], sigma0=p["sigma0"], sigma1=SIGMA1),
+    }[law]()
+    return fj.Oscillator(MASS, p["stiffness"], p["damping"], LOAD, friction)
+
+
+def parts(record: Record) -> tuple[fj.Trace, dict[str, Any]]:
+    """A bare trace, and what is to be fitted to it from where."""
+    run = [name for name in record.names if name in ("x0", "offset")]
+    free = [name for name in record.names if name not in run]
+    guess = {name: record.start[name] for name in record.names}
+    how = {"oscillator": machine(record.law, record.start), "free": free, "nuisance": run}
+    return fj.Trace(record.t, record.x, sigma=NOISE), how | {"start": "release", "guess": guess}
+
+
+def fit(record: Record) -> Outcome:
+    """The whole call: checks, noise, segmentation, fit, check by a finer solution, covariance and report."""
+    measured, how = parts(record)
+    found = fj.fit(measured, **how, throw=False)
+    return Outcome({name: found.values[name] for name in record.names}, found.passes)
+
+
+def solver(record: Record) -> Callable[[], Outcome]:
+    """Levenberg-Marquardt from the standard start, and the check by a finer solution, on a posed problem."""
+    measured, how = parts(record)
+    empty: dict[str, Any] = {"engine": "auto", "bounds": {}, "priors": {}, "tie": {}, "rig": None}
+    problem = pose((measured,), Request(**(empty | how), loss=named_loss("squares")))
+
+    def solve() -> Outcome:
+        _, solved = solve_with_rest(problem)
+        values = dict(zip(problem.names, map(float, np.asarray(solved.settled.values)), strict=True))
+        return Outcome({name: values[name] for name in record.names}, solved.passes)
+
+    return solve
+
+
+def fit_all(records: list[Record]) -> list[Outcome]:
+    """An archive in one call, each run from its own start."""
+    measured, how = zip(*map(parts, records), strict=True)
+    names = records[0].names
+    guess = {name: np.array([each["guess"][name] for each in how]) for name in names}
+    found = fj.fit_batch(measured, **(how[0] | {"guess": guess}))
+    return [
+        Outcome({name: float(found.values[name][i]) for name in names}, int(found.passes[i]))
+        for i in range(len(records))
+    ]
+
+
+def simulate(record: Record, engine: str = "auto") -> np.ndarray:
+    """Displacement [m] with the true values, at the default accuracy."""
+    return np.asarray(fj.simulate(machine(record.law, record.truth), record.x0, record.t, engine=engine).x)
+
+
+def sliding(ts: np.ndarray) -> np.ndarray:
+    """Displacement [m] of the `sliding` workload, to 1e-10 m."""
+    return np.asarray(fj.simulate(SLIDING, X0, ts, engine="hybrid", accuracy=1e-10).x)
+
+
+_final = jax.jit(jax.vmap(lambda x0: fj.final_displacement(PAPER, x0)))
+
+
+def final_displacements(x0: np.ndarray) -> np.ndarray:
+    """The triangle wave of final against initial displacement [m]."""
+    return np.asarray(_final(jnp.asarray(x0)))
