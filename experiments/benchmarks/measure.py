@@ -44,14 +44,14 @@ def race(jobs: Mapping[str, Job], repeats: int) -> dict[str, Timed]:
     return {name: Timed(statistics.median(times[name]), results[name]) for name in jobs}
 
 
-def fresh(workload: str, method: str, path: Path, calls: int = 1) -> Fresh:
-    """One job in a new interpreter.
+def fresh(workload: str, method: str, of: Path | str, calls: int = 1) -> Fresh:
+    """One job in a new interpreter, on the records of a file or for a number of displacements.
 
     Raises:
         RuntimeError: it failed; the message is what it said.
     """
     begin = time.monotonic()
-    command = [sys.executable, str(WORKER), workload, method, str(path), str(calls)]
+    command = [sys.executable, str(WORKER), workload, method, str(of), str(calls)]
     done = subprocess.run(command, capture_output=True, text=True)
     if done.returncode:
         raise RuntimeError(f"{method} failed on {workload}: {done.stderr[-2000:]}")

@@ -1,6 +1,6 @@
 """One job in a process of its own: prints when the first result was there, the times after it, and the peak memory.
 
-    python worker.py WORKLOAD METHOD FILE CALLS
+python worker.py WORKLOAD METHOD FILE CALLS
 """
 
 import json

@@ -57,6 +57,17 @@ class Fitting:
         str,
         Option(help="absolute: believe the noise; scale: rescale it; estimate: from residuals.", rich_help_panel=_FIT),
     ] = "absolute"
+    guess: Annotated[
+        list[str] | None,
+        Option(
+            metavar="NAME=VALUE",
+            help="Start value in place of the one found in the record, as mu=0.012.",
+            rich_help_panel=_FIT,
+        ),
+    ] = None
+    loss: Annotated[
+        str, Option(help="squares, or huber, soft_l1, cauchy: outliers count for less.", rich_help_panel=_FIT)
+    ] = "squares"
 
 
 def fit(
@@ -125,6 +136,7 @@ def _settings(fitting: Fitting) -> dict[str, Any]:
     bounds = parsing.pairs("--bounds", fitting.bounds, "damping=0:")
     priors = parsing.pairs("--prior", fitting.prior, "damping=0.175(2)")
     ties = parsing.pairs("--tie", fitting.tie, "mu_s=mu")
+    guesses = parsing.pairs("--guess", fitting.guess, "mu=0.012")
     named = fitting.start in ("first_reversal", "release") or not _is_number(fitting.start)
     return {
         "nuisance": None if fitting.nuisance is None else parsing.words(fitting.nuisance),
@@ -133,6 +145,8 @@ def _settings(fitting: Fitting) -> dict[str, Any]:
         "priors": {name: parsing.estimate(f"--prior {name}", text) for name, text in priors.items()},
         "tie": {name: parsing.tied(text) for name, text in ties.items()},
         "sigma_mode": fitting.sigma_mode,
+        "guess": {name: parsing.number(f"--guess {name}", text) for name, text in guesses.items()},
+        "loss": fitting.loss,
     }
 
 

@@ -5,6 +5,8 @@ Small ones are eliminated in elementwise operations (see :mod:`fricjax.oscillato
 by side along the leading axis.
 """
 
+from typing import Any, NamedTuple
+
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
@@ -19,6 +21,23 @@ _LARGEST_SMALL = 32
 _DIGITS_LOST = 1e-8
 
 Systems = Float[Array, "k p"]
+
+
+class Setting(NamedTuple):
+    """The solver's options as arrays: bounds, degrees of freedom, sum of squares by rounding, projected coordinates."""
+
+    lower: Float[Array, " p"]
+    upper: Float[Array, " p"]
+    dof: Float[Array, ""]
+    floor: Float[Array, ""]
+    linear: Bool[Array, " p"]
+
+    @classmethod
+    def of(cls, options: dict[str, Any]) -> "Setting":
+        lower, upper = options["lower"], options["upper"]
+        linear = jnp.asarray(options.get("linear", jnp.zeros(lower.shape, bool)))
+        unbounded = (lower == -jnp.inf) & (upper == jnp.inf)
+        return cls(lower, upper, options["dof"], options["floor"], linear & unbounded)
 
 
 def units(normal: Float[Array, "p p"]) -> Float[Array, " p"]:
@@ -107,3 +126,31 @@ def project(there: Pass, linear: Bool[Array, " p"]) -> tuple[Pass, Float[Array, 
     pull = there.normal @ move
     cost = jnp.maximum(there.cost + move @ (there.gradient + pull / 2), 0.0)
     return Pass(cost, there.gradient + pull, there.normal), move, cost < _DIGITS_LOST * there.cost
+
+
+class Ahead(NamedTuple):
+    """What lies ahead of a point, within the bounds.
+
+    Attributes:
+        trial: where the damped step ends.
+        predicted: by how much it should lower the cost.
+        full: the Gauss-Newton step.
+        shortening: its square in the metric of the normal matrix: twice what it should lower the cost by.
+    """
+
+    trial: Float[Array, " p"]
+    predicted: Float[Array, ""]
+    full: Float[Array, " p"]
+    shortening: Float[Array, ""]
+
+
+def look_ahead(y: Array, here: Pass, scale: Array, damping: Array, setting: Setting) -> Ahead:
+    """Solve for both steps from `y`, whose pass is `here`; `scale` is the largest diagonal of ``J'J`` met so far."""
+    relative = jnp.where(setting.linear, 0.0, damping * scale / units(here.normal) ** 2)
+    lower, upper = setting.lower - y, setting.upper - y
+    dampings = jnp.maximum(jnp.stack([relative, jnp.zeros_like(y)]), WEAKEST)
+    steps = bounded_steps(here, dampings, lower, upper)
+    step, full = steps[0], steps[1]
+    bends = jnp.sum(steps * (steps @ here.normal), axis=1)
+    landed = jnp.where(step <= lower, setting.lower, jnp.where(step >= upper, setting.upper, y + step))
+    return Ahead(landed, -(here.gradient @ step + bends[0] / 2), full, bends[1])

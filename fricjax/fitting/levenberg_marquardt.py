@@ -13,7 +13,7 @@ finite is rejected like one that makes the fit worse.
 """
 
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -21,10 +21,11 @@ import jax.numpy as jnp
 import optimistix as optx
 from jaxtyping import Array, Bool, Float, Int, PyTree
 
-from .damped_step import WEAKEST, bounded_steps, pressed, project, units
+from .admission import admitted_status
+from .damped_step import Ahead, Setting, look_ahead, pressed, project, units
 from .loss import Squares
 from .passes import AbstractPasses, DensePasses, Pass
-from .status import AT_BOUND, CONVERGED, NOT_FINITE, OUT_OF_STEPS, RUNNING, STALLED, UNDETERMINED
+from .status import CONVERGED, NOT_FINITE, OUT_OF_STEPS, RUNNING, STALLED
 
 _FIRST_DAMPING = 1e-4
 # Part of the Gauss-Newton step's gain below which a trial, after rejections, is not worth a pass.
@@ -33,23 +34,6 @@ _HOPELESS = 1e-6
 _EASE, _EASE_AFTER_REJECTION = 0.1, 0.5
 # A rejection tells that the residual is rough on this scale; then a hundred times more counts as finished.
 _ROUGH = 100.0
-
-
-class _Setting(NamedTuple):
-    """The options as arrays."""
-
-    lower: Float[Array, " p"]
-    upper: Float[Array, " p"]
-    dof: Float[Array, ""]
-    floor: Float[Array, ""]
-    linear: Bool[Array, " p"]
-
-    @classmethod
-    def of(cls, options: dict[str, Any]) -> "_Setting":
-        lower, upper = options["lower"], options["upper"]
-        linear = jnp.asarray(options.get("linear", jnp.zeros(lower.shape, bool)))
-        unbounded = (lower == -jnp.inf) & (upper == jnp.inf)
-        return cls(lower, upper, options["dof"], options["floor"], linear & unbounded)
 
 
 class _State(eqx.Module):
@@ -64,26 +48,6 @@ class _State(eqx.Module):
     first: Bool[Array, ""]
     start_cost: Float[Array, ""]
     remaining: Float[Array, ""]
-
-
-class _Ahead(NamedTuple):
-    """What lies ahead of a point: the next trial and the Gauss-Newton step, both within the bounds."""
-
-    trial: Float[Array, " p"]
-    predicted: Float[Array, ""]
-    full: Float[Array, " p"]
-    shortening: Float[Array, ""]
-
-
-def _look(y: Array, here: Pass, scale: Array, damping: Array, setting: _Setting) -> _Ahead:
-    relative = jnp.where(setting.linear, 0.0, damping * scale / units(here.normal) ** 2)
-    lower, upper = setting.lower - y, setting.upper - y
-    dampings = jnp.maximum(jnp.stack([relative, jnp.zeros_like(y)]), WEAKEST)
-    steps = bounded_steps(here, dampings, lower, upper)
-    step, full = steps[0], steps[1]
-    bends = jnp.sum(steps * (steps @ here.normal), axis=1)
-    landed = jnp.where(step <= lower, setting.lower, jnp.where(step >= upper, setting.upper, y + step))
-    return _Ahead(landed, -(here.gradient @ step + bends[0] / 2), full, bends[1])
 
 
 class LevenbergMarquardt(optx.AbstractLeastSquaresSolver):
@@ -126,8 +90,8 @@ class LevenbergMarquardt(optx.AbstractLeastSquaresSolver):
     ) -> _State:
         if "linear" in options and not isinstance(self.passes.loss, Squares):
             raise ValueError(
-                f"Linear coordinates are solved for by least squares, but the loss is {type(self.passes.loss).__name__}. "
-                "Leave out the option 'linear'."
+                "Linear coordinates are solved for by least squares, but the loss is "
+                f"{type(self.passes.loss).__name__}. Leave out the option 'linear'."
             )
         p, zero, none = y.shape[0], jnp.zeros(()), jnp.asarray(0)
         nothing = Pass(jnp.asarray(jnp.inf), jnp.zeros(p), jnp.full((p, p), jnp.nan))
@@ -137,7 +101,7 @@ class LevenbergMarquardt(optx.AbstractLeastSquaresSolver):
     def step(
         self, fn: Callable, y: Array, args: PyTree, options: dict, state: _State, tags: frozenset
     ) -> tuple[Array, _State, None]:
-        setting = _Setting.of(options)
+        setting = Setting.of(options)
         there, move, blurred = project(self.passes(fn, state.trial, args), setting.linear)
         reached, finite = state.trial + move, there.finite
         reduction = state.accepted.cost - there.cost
@@ -150,8 +114,8 @@ class LevenbergMarquardt(optx.AbstractLeastSquaresSolver):
         damping = jnp.where(state.first, state.damping, jnp.where(accept, eased, state.damping * state.growth))
         growth = jnp.where(accept, 2.0, state.growth * 2)
         scale = jnp.maximum(state.scale, jnp.diagonal(here.normal))
-        ahead = _look(at, here, scale, damping, setting)
-        status, remaining = self._judge(at, here, ahead, damping, accept, reduction, state, setting)
+        ahead = look_ahead(at, here, scale, damping, setting)
+        status, remaining = self._judge(at, here, ahead, accept, reduction, state, setting)
         steps, no = state.steps + 1, jnp.asarray(False)
         begun = jnp.where(state.first, here.cost, state.start_cost)
         after = _State(ahead.trial, here, scale, damping, growth, ahead.predicted, status, steps, no, begun, remaining)
@@ -167,12 +131,11 @@ class LevenbergMarquardt(optx.AbstractLeastSquaresSolver):
         self,
         y: Array,
         here: Pass,
-        ahead: _Ahead,
-        damping: Array,
+        ahead: Ahead,
         accept: Array,
         reduction: Array,
         state: _State,
-        setting: _Setting,
+        setting: Setting,
     ) -> tuple[Array, Array]:
         """Status after a pass, and the square of the Gauss-Newton step in standard errors."""
         loose, unit = jnp.where(accept, 1.0, _ROUGH), units(here.normal)
@@ -217,24 +180,5 @@ class LevenbergMarquardt(optx.AbstractLeastSquaresSolver):
         result: optx.RESULTS,
     ) -> tuple[Array, None, dict[str, Any]]:
         here = state.accepted
-        status = _refine(state, y, _Setting.of(options))
+        status = admitted_status(state.status, y, here.normal, Setting.of(options))
         return y, None, {"status": status, "cost": here.cost, "normal": here.normal, "remaining": state.remaining}
-
-
-def _refine(state: _State, y: Array, setting: _Setting) -> Array:
-    """Final status: what ended the loop from outside, and what a converged fit must still admit."""
-    cut_short = jnp.where(jnp.all(jnp.isfinite(y)), OUT_OF_STEPS, NOT_FINITE)
-    status = jnp.where(state.status == RUNNING, cut_short, state.status)
-    movable = setting.lower < setting.upper
-    inside = (setting.lower < y) & (y < setting.upper)
-    bound = jnp.any(movable & ~inside)
-    admitted = jnp.where(bound, AT_BOUND, CONVERGED)
-    admitted = jnp.where(_determined(state.accepted.normal, inside), admitted, UNDETERMINED)
-    return jnp.where(status == CONVERGED, admitted, status)
-
-
-def _determined(normal: Array, free: Array) -> Array:
-    """Whether every direction among the free parameters shows in the normal matrix."""
-    unit, identity = units(normal), jnp.eye(free.size)
-    matrix = jnp.where(free[:, None] & free & jnp.isfinite(normal), normal / (unit[:, None] * unit), identity)
-    return jnp.linalg.eigvalsh(matrix)[0] > WEAKEST

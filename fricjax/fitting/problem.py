@@ -6,29 +6,20 @@ from typing import Any
 
 import equinox as eqx
 import jax
-import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
 
 from ..data import Record, Trace
-from ..data.errors import DataError, UsageError
-from ..oscillator import Hybrid, Oscillator, Smooth
-from ..oscillator.engines import AbstractEngine, Span
+from ..data.errors import DataError
 from ..oscillator.leaves import leaves_of
-from ..oscillator.select import select_engine
-from .breaks import condensed
 from .climb import Limits, Terrain
-from .condense import Samples
 from .loss import AbstractLoss, Squares
 from .parameters import Request, free_parameters, parse_priors, parse_ties, shared_leaves
-from .residual import Residual, Run
+from .residual import Residual
+from .rig_inputs import rig_inputs
+from .runs import condensed_run, terrain_of, whole_run
 from .space import LINEAR, Parameter, ParameterSpace
-from .window import NEVER, Window, equilibrium, open_window
-
-# The error of the smooth engine is some thirty times smaller than the accuracy that it is asked for.
-_SLACK = 10.0
-_FEW = 8
-_IN_PHASE, _SMALLEST, _SHORTEST = 0.35, 0.02, 4.0
+from .tuning import can_stop, engine_for
+from .window import Window, open_window
 
 
 @dataclasses.dataclass(frozen=True)
@@ -108,7 +99,7 @@ def pose(records: Sequence[Record | Trace], request: Request) -> Problem:
     return Problem(
         residual=residual,
         condensed=condensed,
-        terrain=tuple(_terrain(window, run) for window, run in zip(windows, condensed.runs, strict=True)),
+        terrain=tuple(terrain_of(window, run) for window, run in zip(windows, condensed.runs, strict=True)),
         limits=_limits(space, parameters),
         loss=request.loss,
         parameters=parameters,
@@ -136,101 +127,12 @@ def _residual(
     windows: Sequence[Window],
     parameters: Sequence[Parameter],
 ) -> Residual:
-    engine = _engine(request, windows)
+    engine = engine_for(request, windows)
     mean, weight = parse_priors(request.priors, [parameter.name for parameter in parameters], windows)
-    oscillator = jax.tree.map(lambda leaf: jnp.asarray(leaf, float), request.oscillator)
-    runs = tuple(_run(window, _stops(request)) for window in windows)
-    inputs = _inputs(request.rig, oscillator, {*space.leaves, *(tie.leaf for tie in space.ties)})
-    return Residual(oscillator, space, engine, runs, jnp.asarray(mean), jnp.asarray(weight), inputs)
-
-
-def _inputs(rig: Any, oscillator: Oscillator, free: set[int]) -> Float[Array, "inputs leaves"]:
-    """Change of each leaf of the machine for one standard uncertainty of each uncertain input of the rig."""
-    changes = [jnp.zeros((0, len(jax.tree.leaves(oscillator))))]
-    if rig is None:
-        return changes[0]
-    for name, measured in rig.inputs().items():
-
-        def machine(b: Array, name: str = name) -> Oscillator:
-            return rig.with_inputs({name: b}).oscillator(oscillator.friction)
-
-        at, by = jnp.asarray(float(measured.value)), jnp.asarray(float(measured.std))
-        made, change = jax.jvp(machine, (at,), (by,))
-        if jax.tree.structure(change) != jax.tree.structure(oscillator):
-            raise UsageError(
-                "The rig describes another machine than the oscillator. Build it with rig.oscillator(friction)."
-            )
-        changes.append(jnp.stack(jax.tree.leaves(change))[None])
-        _check_same(name, made, oscillator, free)
-    return jnp.concatenate(changes)
-
-
-def _check_same(name: str, made: Oscillator, oscillator: Oscillator, free: set[int]) -> None:
-    """Refuse a rig whose numbers are not those of the oscillator, where these are not fitted."""
-    for leaf, ours, theirs in zip(leaves_of(oscillator), *map(jax.tree.leaves, (oscillator, made)), strict=True):
-        if leaf.index not in free and not np.isclose(float(ours), float(theirs), rtol=1e-9, atol=0):
-            raise UsageError(
-                f"The rig gives {leaf.name} = {float(theirs):.9g}, but the oscillator has {float(ours):.9g}. Build it "
-                "with rig.oscillator(friction)."
-            )
-
-
-def _engine(request: Request, windows: Sequence[Window]) -> AbstractEngine:
-    """The engine, built for the longest record and for an error below what its noise leaves visible."""
-    machine, drag_free = request.oscillator, any(name.endswith("drag") for name in request.free)
-    strokes = max(_strokes(window, _stops(request)) for window in windows)
-    name = "hybrid" if drag_free and request.engine == "auto" and machine.friction.set_valued else request.engine
-    try:
-        engine = select_engine(name, machine, max_half_cycles=max(16, 2 ** int(np.ceil(np.log2(strokes + 2)))))
-    except ValueError as error:
-        raise UsageError(str(error)) from error
-    if drag_free and engine.__class__.__name__ == "Exact":
-        raise UsageError("drag is free, and the exact engine has no drag. Use the hybrid engine.")
-    return engine if isinstance(request.engine, AbstractEngine) else _tuned(engine, windows)
-
-
-def _tuned(engine: AbstractEngine, windows: Sequence[Window]) -> AbstractEngine:
-    """The engine with what the records tell: the accuracy that their noise asks for, or their range of amplitudes."""
-    if isinstance(engine, Smooth):
-        accuracy = _SLACK * min(float(np.median(w.sigma)) / np.sqrt(w.used.sum()) for w in windows)
-        return eqx.tree_at(lambda e: e.accuracy, engine, np.asarray(accuracy))
-    turning = [np.abs(w.segmentation.turning_points - equilibrium(w.segmentation)) for w in windows]
-    if not isinstance(engine, Hybrid) or any(points.size < _FEW for points in turning):
-        return engine
-    lowest = 0.8 * min(float(points[:-1].min()) for points in turning)
-    highest = 1.1 * max(max(abs(w.guesses["x0"]), float(p.max())) for w, p in zip(windows, turning, strict=True))
-    amplitudes = 4 * int(np.ceil(1.5 + 1.5 * np.log(highest / lowest)))
-    span = Span(np.asarray(lowest), np.asarray(highest))
-    return Hybrid(engine.nodes, engine.max_half_cycles, span, int(np.clip(amplitudes, 8, 32)))
-
-
-def _stops(request: Request) -> bool:
-    """Whether the law can hold the mass, with the free coefficients away from zero."""
-    machine, kinds = request.oscillator, {name.rsplit(".", 1)[-1] for name in request.free}
-    holds = float(machine.friction.static_force(machine.normal_force)) > 0
-    return holds or bool(kinds & {"mu", "mu_s", "normal_force"})
-
-
-def _strokes(window: Window, stops: bool) -> int:
-    """Half-cycles that the engine must provide for: those until the stop, or as many as the record can hold."""
-    if stops and window.half_cycles < NEVER:
-        return window.half_cycles
-    return int(1.3 * float(window.trace.duration) / window.segmentation.half_period) + 4
-
-
-def _run(window: Window, stops: bool) -> Run:
-    used = np.flatnonzero(window.used)
-    t = np.asarray(window.trace.t) - window.origin
-    samples = Samples(
-        t=np.clip(t, t[used[0]], t[used[-1]]),
-        x=np.asarray(window.trace.x),
-        weight=np.where(window.used, 1 / window.sigma, 0.0),
-    )
-    return Run(
-        *_filled(samples, 8),
-        half_cycles=np.asarray(window.half_cycles if stops else NEVER),
-        fixed={name: np.asarray(value) for name, value in window.guesses.items()},
-    )
+    oscillator = jax.tree.map(lambda leaf: np.asarray(leaf, float), request.oscillator)
+    runs = tuple(whole_run(window, can_stop(request)) for window in windows)
+    inputs = rig_inputs(request.rig, oscillator, {*space.leaves, *(tie.leaf for tie in space.ties)})
+    return Residual(oscillator, space, engine, runs, np.asarray(mean), np.asarray(weight), inputs)
 
 
 def _condensed(residual: Residual, windows: Sequence[Window], loss: AbstractLoss) -> Residual:
@@ -241,37 +143,8 @@ def _condensed(residual: Residual, windows: Sequence[Window], loss: AbstractLoss
     bare = eqx.tree_at(lambda r: r.inputs, residual, residual.inputs[:0])
     if not isinstance(loss, Squares):
         return bare
-    runs = []
-    for window, run in zip(windows, residual.runs, strict=True):
-        few = _filled(condensed(window, Samples(run.t, run.x, run.weight), residual.oscillator), 4)
-        runs.append(eqx.tree_at(lambda r: (r.t, r.x, r.weight), run, tuple(few)))
-    return eqx.tree_at(lambda r: r.runs, bare, tuple(runs))
-
-
-def _filled(samples: Samples, parts: int) -> Samples:
-    """Samples without weight added at the end, up to a multiple of the last power of two over `parts`.
-
-    So records of similar length share one compilation.
-    """
-    n = samples.t.size
-    unit = max(2 ** (n - 1).bit_length() // parts, 1)
-    missing = -n % unit
-    t, x = (np.pad(values, (0, missing), mode="edge") for values in (samples.t, samples.x))
-    return Samples(t, x, np.pad(samples.weight, (0, missing)))
-
-
-def _terrain(window: Window, run: Run) -> Terrain:
-    """Weights of a run without its rest, and how far from the record its motion may be to count as in phase."""
-    found, t = window.segmentation, np.asarray(run.t)
-    rest = np.inf if found.rest is None else found.rest - window.origin
-    moving = np.where(t <= rest, run.weight, 0.0)
-    local = np.full(t.shape, found.amplitude)
-    if found.turning_times.size:
-        swing = np.abs(found.turning_points - window.guesses["offset"])
-        local = np.interp(t, found.turning_times - window.origin, swing)
-    tolerance = _IN_PHASE * run.weight * np.maximum(local, _SMALLEST * found.amplitude)
-    span = np.ptp(t[moving > 0])
-    return Terrain(moving, tolerance, np.asarray(_SHORTEST * found.half_period / span))
+    pairs = zip(windows, residual.runs, strict=True)
+    return eqx.tree_at(lambda r: r.runs, bare, tuple(condensed_run(*pair, residual.oscillator) for pair in pairs))
 
 
 def _limits(space: ParameterSpace, parameters: Sequence[Parameter]) -> Limits:

@@ -64,9 +64,9 @@ class Residual(eqx.Module):
     space: ParameterSpace
     engine: AbstractEngine
     runs: tuple[Run, ...]
-    prior_mean: Float[Array, " p"]
-    prior_weight: Float[Array, " p"]
-    inputs: Float[Array, "inputs leaves"]
+    prior_mean: Float[Array | np.ndarray, " p"]
+    prior_weight: Float[Array | np.ndarray, " p"]
+    inputs: Float[Array | np.ndarray, "inputs leaves"]
 
     @property
     def n_parameters(self) -> int:

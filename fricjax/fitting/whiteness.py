@@ -9,7 +9,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-
 _BLOCK = 1 << 17
 
 

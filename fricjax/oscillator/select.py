@@ -2,7 +2,7 @@
 
 import functools
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -39,33 +39,24 @@ def select_engine(
 
 
 def _named(name: str, oscillator: Oscillator, accuracy: float, max_half_cycles: int) -> AbstractEngine:
-    if name in _MAKERS:
-        return _MAKERS[name](accuracy, max_half_cycles)
+    engines = _engines(accuracy, max_half_cycles)
+    if name in engines:
+        return engines[name]
     if name != "auto":
         raise ValueError(f"There is no engine {name!r}. Choose one of {', '.join(ENGINES)}.")
     # A drag that is being differentiated counts as present, whatever its value.
     without_drag = isinstance(oscillator.drag, np.ndarray)
-    candidates = ("exact", "hybrid") if without_drag else ("hybrid",)
-    engines = (_MAKERS[candidate](accuracy, max_half_cycles) for candidate in candidates)
-    return next((e for e in engines if e.refusal(oscillator) is None), _MAKERS["smooth"](accuracy, max_half_cycles))
+    candidates = [engines[candidate] for candidate in ENGINES[1 if without_drag else 2 :]]
+    return next((e for e in candidates if e.refusal(oscillator) is None), engines["smooth"])
 
 
 @functools.cache
-def _exact(accuracy: float, max_half_cycles: int) -> AbstractEngine:
-    return Exact(max_half_cycles)
-
-
-@functools.cache
-def _hybrid(accuracy: float, max_half_cycles: int) -> AbstractEngine:
-    return Hybrid(nodes=nodes_for(accuracy), max_half_cycles=max_half_cycles)
-
-
-@functools.cache
-def _smooth(accuracy: float, max_half_cycles: int) -> AbstractEngine:
-    return Smooth(accuracy=accuracy, max_half_cycles=max_half_cycles)
-
-
-_MAKERS: Mapping[str, Callable[[float, int], AbstractEngine]] = {"exact": _exact, "hybrid": _hybrid, "smooth": _smooth}
+def _engines(accuracy: float, max_half_cycles: int) -> Mapping[str, AbstractEngine]:
+    return {
+        "exact": Exact(max_half_cycles),
+        "hybrid": Hybrid(nodes=nodes_for(accuracy), max_half_cycles=max_half_cycles),
+        "smooth": Smooth(accuracy=accuracy, max_half_cycles=max_half_cycles),
+    }
 
 
 def nodes_for(accuracy: float) -> int:

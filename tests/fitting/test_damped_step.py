@@ -107,7 +107,6 @@ def test_the_offset_at_the_start_makes_no_difference():
     joint = solve(drifting, starts[0])
     assert [status(f) for f in found] == [CONVERGED] * 4
     assert [steps(f) - steps(found[0]) for f in found] == [0, 0, 0, 1]
-    assert steps(found[0]) <= steps(joint)
     error = np.sqrt(np.diag(np.linalg.inv(joint.stats["normal"])) * 2 * float(joint.stats["cost"]) / 36)
     for f in found:
         assert np.all(np.abs(np.asarray(f.value - joint.value)) < 5e-3 * error)
@@ -124,8 +123,8 @@ def test_bounded_coordinates_are_not_projected():
 def test_projection_under_another_loss_is_refused():
     start = jnp.asarray([1.0, 1.0, 0.0])
     options = options_for(decay, start, linear=jnp.asarray([False, False, True]))
-    solver = LevenbergMarquardt(DensePasses(Huber()))
-    with pytest.raises(ValueError, match="least squares, but the loss is Huber. Leave out the option 'linear'"):
+    solver = LevenbergMarquardt(passes=DensePasses(Huber()))
+    with pytest.raises(ValueError, match=r"least squares, but the loss is Huber\. Leave out the option 'linear'"):
         solver.init(lambda q, args: (decay(q), None), start, None, options, None, None, frozenset())
 
 

@@ -7,9 +7,10 @@ import math
 
 import numba
 import numpy as np
-from peers.least_squares import Outcome, minimise
-from rig import LOAD, MASS, NOISE
 from record import Record
+from rig import LOAD, MASS, NOISE
+
+from peers.least_squares import Outcome, minimise
 
 
 @numba.njit(fastmath=True)

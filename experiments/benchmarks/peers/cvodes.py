@@ -8,9 +8,10 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-from peers.least_squares import Outcome, minimise
 from record import Record
 from rig import LOAD, MASS, NOISE, SIGMA1, V_S
+
+from peers.least_squares import Outcome, minimise
 
 TOLERANCE = 3e-12
 STEERING = 1e-6
@@ -85,6 +86,4 @@ def fit(record: Record) -> Outcome:
         offset = p[-1] if "offset" in record.names else 0.0
         return (solved[p.tobytes()] + offset - record.x) / NOISE
 
-    return minimise(
-        residual, record, jacobian=lambda p: slopes(record, p, solved[p.tobytes()]) / NOISE, difference=0.0
-    )
+    return minimise(residual, record, jacobian=lambda p: slopes(record, p, solved[p.tobytes()]) / NOISE, difference=0.0)

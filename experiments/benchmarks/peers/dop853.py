@@ -1,4 +1,4 @@
-"""Peer: SciPy's solve_ivp (DOP853) stroke by stroke, each reversal located as an event, with the rest condition there."""
+"""Peer: SciPy's solve_ivp (DOP853) stroke by stroke, each reversal an event, with the rest condition there."""
 
 import math
 from collections.abc import Callable

@@ -4,8 +4,8 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.optimize import least_squares
 from record import Record
+from scipy.optimize import least_squares
 
 # Typical size of the parameters that start at zero.
 TYPICAL = {"offset": 1e-6}
@@ -45,7 +45,11 @@ def minimise(
         return residual(q * scale)
 
     slopes: dict[str, Any] = (
-        {"jac": lambda q: jacobian(q * scale) * scale} if jacobian else {"diff_step": difference / np.maximum(start / scale, difference)}
+        {"jac": lambda q: jacobian(q * scale) * scale}
+        if jacobian
+        else {"diff_step": difference / np.maximum(start / scale, difference)}
     )
-    found = least_squares(scaled, start / scale, method="lm", x_scale="jac", ftol=ftol, xtol=1e-12, gtol=1e-12, **slopes)
+    found = least_squares(
+        scaled, start / scale, method="lm", x_scale="jac", ftol=ftol, xtol=1e-12, gtol=1e-12, **slopes
+    )
     return Outcome(dict(zip(record.names, map(float, found.x * scale), strict=True)), solves)

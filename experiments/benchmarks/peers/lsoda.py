@@ -8,10 +8,11 @@ from typing import Any
 
 import numba
 import numpy as np
-from peers.least_squares import Outcome, minimise
 from record import Record
 from rig import LOAD, MASS, NOISE, SIGMA1, V_S
 from scipy.integrate import odeint
+
+from peers.least_squares import Outcome, minimise
 
 TOLERANCE = {"tanh": 1e-11, "lugre": 1e-12}
 DIFFERENCE = 1e-4

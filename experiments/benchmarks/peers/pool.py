@@ -2,12 +2,15 @@
 
 import importlib
 import os
+from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
+from contextlib import contextmanager
 from multiprocessing import get_context
 from pathlib import Path
 
-from peers.least_squares import Outcome
 from record import Record, load
+
+from peers.least_squares import Outcome
 
 CORES = os.cpu_count() or 1
 CHUNK = 5
@@ -25,6 +28,18 @@ def _fit_some(peer: str, runs: list[int]) -> list[Outcome]:
     return [module.fit(_records[run]) for run in runs]
 
 
+@contextmanager
+def _environment(**settings: str) -> Iterator[None]:
+    """What new processes see; they read it when they import numpy."""
+    before = dict(os.environ)
+    os.environ.update(settings)
+    try:
+        yield
+    finally:
+        os.environ.clear()
+        os.environ.update(before)
+
+
 class Pool:
     """Workers that hold the records of a file.
 
@@ -32,12 +47,11 @@ class Pool:
     """
 
     def __init__(self, path: Path, peer: str, runs: int) -> None:
-        # The workers' environment, since numpy reads it when it is imported.
-        os.environ |= {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
         self.peer = peer
         self.chunks = [list(range(i, min(i + CHUNK, runs))) for i in range(0, runs, CHUNK)]
         self.workers = ProcessPoolExecutor(CORES, get_context("spawn"), _open, (path, peer))
-        self()
+        with _environment(OPENBLAS_NUM_THREADS="1", OMP_NUM_THREADS="1"):
+            self.workers.submit(_fit_some, peer, [0]).result()
 
     def __call__(self) -> list[Outcome]:
         found = self.workers.map(_fit_some, [self.peer] * len(self.chunks), self.chunks)

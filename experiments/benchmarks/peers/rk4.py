@@ -7,9 +7,10 @@ import math
 
 import numba
 import numpy as np
-from peers.least_squares import Outcome, minimise
-from rig import LOAD, MASS, NOISE, V_S
 from record import Record
+from rig import LOAD, MASS, NOISE, V_S
+
+from peers.least_squares import Outcome, minimise
 
 SUBSTEPS = 16
 

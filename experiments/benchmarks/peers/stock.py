@@ -10,11 +10,14 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import optimistix as optx
-from peers.least_squares import TYPICAL, Outcome
 from record import Record
 from rig import LOAD, MASS, NOISE, V_S
 
-TOLERANCE = 1e-8
+from peers.least_squares import TYPICAL, Outcome
+
+# diffrax at rtol 1e-8 misses the optimum by half a unit of chi^2 or more: its steps chatter with the parameters.
+RTOL, ATOL = 1e-9, 1e-12
+FIT_TOLERANCE = 1e-4
 
 
 def rates(_t: Any, y: jax.Array, p: jax.Array) -> jax.Array:
@@ -25,9 +28,8 @@ def rates(_t: Any, y: jax.Array, p: jax.Array) -> jax.Array:
 
 def displacement(t: jax.Array, p: jax.Array) -> jax.Array:
     """Displacement with offset [m], shape (n,)."""
-    control = diffrax.PIDController(rtol=TOLERANCE, atol=jnp.array([1e-3, 1e-1]) * TOLERANCE)
     found = diffrax.diffeqsolve(
-        diffrax.ODETerm(rates), # pyright: ignore[reportArgumentType]
+        diffrax.ODETerm(rates),  # pyright: ignore[reportArgumentType]
         diffrax.Tsit5(),
         t0=t[0],
         t1=t[-1],
@@ -35,7 +37,7 @@ def displacement(t: jax.Array, p: jax.Array) -> jax.Array:
         y0=jnp.stack([p[3], jnp.zeros(())]),
         args=p,
         saveat=diffrax.SaveAt(ts=t),
-        stepsize_controller=control,
+        stepsize_controller=diffrax.PIDController(rtol=RTOL, atol=ATOL),
         adjoint=diffrax.ForwardMode(),
         max_steps=100_000,
     )
@@ -49,7 +51,7 @@ def residual(q: jax.Array, args: tuple[jax.Array, ...]) -> jax.Array:
 
 def solve(t: jax.Array, x: jax.Array, start: jax.Array, scale: jax.Array) -> tuple[jax.Array, jax.Array]:
     """Fitted parameters, and the number of steps."""
-    solver = optx.LevenbergMarquardt(rtol=1e-8, atol=1e-8)
+    solver = optx.LevenbergMarquardt(rtol=FIT_TOLERANCE, atol=FIT_TOLERANCE)
     found = optx.least_squares(residual, solver, start / scale, (t, x, scale), max_steps=200, throw=False)
     return found.value * scale, found.stats["num_steps"]
 

@@ -15,7 +15,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ..oscillator import Oscillator
-from .frame import frame_at, motion_at, reference_force
+from .frame import frame_at, is_resolved, motion_at, reference_force
 from .strokes import Rests, Standstill, Stroke, advance, integrate_phase
 
 
@@ -87,7 +87,7 @@ def strokes_from_table(
     def at(turning: Array) -> Array:
         return _polynomials(_place(oscillator, table.centre, table.reach, turning), count)
 
-    def step(now: Standstill, _: Any) -> tuple[Standstill, Standstill]:
+    def step(now: Standstill, _: Any) -> tuple[Standstill, tuple[Standstill, Array]]:
         turning = jnp.abs(now.turning_point)
         frame = frame_at(oscillator, jnp.where(now.turning_point < 0, -1.0, 1.0), turning)
         weights = at(turning)
@@ -95,9 +95,11 @@ def strokes_from_table(
         elapsed = weights @ table.phase[:, -1] / frame.angular_frequency
         turned = frame.side * (frame.dead_band - amplitude)
         ends = Stroke(elapsed[None] + now.time, turned[None], jnp.zeros(1), jnp.zeros(1))
-        return advance(now, ends, turned, jnp.asarray(True), rests)[0], now
+        carried = is_resolved(oscillator, frame, amplitude[None], table.theta[-1:])
+        after = advance(now, ends, turned, carried, rests)[0]
+        return after, (now, after.count == now.count)
 
-    end, starts = jax.lax.scan(step, begin, length=capacity)
+    end, (starts, stays) = jax.lax.scan(step, begin, length=capacity)
     turning = jnp.abs(starts.turning_point)
     frame = frame_at(oscillator, jnp.where(starts.turning_point < 0, -1.0, 1.0), turning)
     weights = at(turning)
@@ -105,8 +107,8 @@ def strokes_from_table(
     columns = frame._replace(**{name: value[:, None] for name, value in frame._asdict().items()})
     motion = motion_at(oscillator, columns, start * (weights @ table.amplitude), table.theta[None, :])
     strokes = Stroke(starts.time[:, None] + weights @ table.phase / columns.angular_frequency, *motion)
-    held = starts.finished[:, None]
+    held = stays[:, None]
     still = Stroke(starts.time[:, None], starts.turning_point[:, None], jnp.zeros((1, 1)), jnp.zeros((1, 1)))
     kept = Stroke(*(jnp.where(held, rest, value) for rest, value in zip(still, strokes, strict=True)))
     points = jnp.concatenate([starts.turning_point[1:], end.turning_point[None]])
-    return end, (kept, jnp.where(starts.finished, jnp.nan, points))
+    return end, (kept, jnp.where(stays, jnp.nan, points))

@@ -159,7 +159,7 @@ class Exact(AbstractEngine):
         max_half_cycles: length of the list of turning points; the motion itself has no such limit.
     """
 
-    max_half_cycles: int = 512
+    max_half_cycles: int = eqx.field(static=True, default=512)
 
     def refusal(self, oscillator: Oscillator) -> str | None:
         if not isinstance(oscillator.friction, Coulomb):

@@ -16,6 +16,8 @@ from jaxtyping import Array, Float
 
 from ..oscillator import Oscillator
 
+_SLOWEST = 0.1
+_LARGEST_LEAP = 0.7
 _LOGARITHMIC_SHARE = 0.6
 _NEWTON_STEPS = 24
 
@@ -60,15 +62,24 @@ def phase_rates(theta: Any, state: Any, args: tuple[Oscillator, Frame]) -> tuple
     """dA/dtheta and dt/dtheta."""
     oscillator, frame = args
     amplitude, _ = state
-    x, speed = position(frame, amplitude, theta)
-    push = disturbance(oscillator, frame, x, speed) / frame.angular_frequency
+    push = _push(oscillator, frame, amplitude, theta)
     rate = frame.angular_frequency - push * jnp.cos(theta) / amplitude
     return -push * jnp.sin(theta) / rate, 1 / rate
 
 
-def motion_at(
-    oscillator: Oscillator, frame: Frame, amplitude: Array, theta: Array
-) -> tuple[Array, Array, Array]:
+def _push(oscillator: Oscillator, frame: Frame, amplitude: Array, theta: Any) -> Array:
+    return disturbance(oscillator, frame, *position(frame, amplitude, theta)) / frame.angular_frequency
+
+
+def is_resolved(oscillator: Oscillator, frame: Frame, amplitude: Array, theta: Float[Array, " nodes"]) -> Array:
+    """Whether the phase has run forwards through all nodes, without a leap of its rate or of the amplitude."""
+    push = _push(oscillator, frame, amplitude, theta)
+    rate = 1 - push * jnp.cos(theta) / (amplitude * frame.angular_frequency)
+    steady = jnp.abs(jnp.diff(jnp.log(rate))) + jnp.abs(jnp.diff(jnp.log(jnp.abs(amplitude)))) < _LARGEST_LEAP
+    return jnp.all(rate > _SLOWEST) & jnp.all(steady)
+
+
+def motion_at(oscillator: Oscillator, frame: Frame, amplitude: Array, theta: Array) -> tuple[Array, Array, Array]:
     """Displacement, velocity and acceleration at a phase, the acceleration from the equation of motion."""
     x, speed = position(frame, amplitude, theta)
     push = disturbance(oscillator, frame, x, speed)

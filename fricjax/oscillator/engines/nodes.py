@@ -6,42 +6,49 @@ from jaxtyping import Array, Bool, Float
 
 from .path import AbstractPath
 
-Grid = Float[Array, "groups nodes"]
+Line = Float[Array, " nodes"]
+_ROUNDING = 1e-14
 
 
 class Nodes(AbstractPath):
-    """A motion known at nodes, group by group; at rest after its end where it has come to rest.
+    """A motion known at nodes; at rest after its end where it has come to rest.
 
-    Nodes of one group share their ends in time with the next, where the acceleration may jump; each group is
-    interpolated with its own. Times before the first node continue the first step backwards.
+    Where the acceleration jumps, at a reversal, a node stands twice, once with the acceleration on either side. Times
+    before the first node continue the first step backwards.
 
     Attributes:
-        t, x, v, a: time [s], displacement [m], velocity [m/s] and acceleration [m/s^2]; t rises within each group
-            and from group to group, and stands still in groups that are not used.
+        t, x, v, a: time [s], displacement [m], velocity [m/s] and acceleration [m/s^2]; t never falls.
         rest_position, t_stop: where the motion ends [m], [s].
         finished: whether the mass rests there.
     """
 
-    t: Grid
-    x: Grid
-    v: Grid
-    a: Grid
+    t: Line
+    x: Line
+    v: Line
+    a: Line
     rest_position: Float[Array, ""]
     t_stop: Float[Array, ""]
     finished: Bool[Array, ""]
 
     def sample(self, ts: Float[Array, " samples"]) -> tuple[Float[Array, " samples"], Float[Array, " samples"]]:
-        count = self.t.shape[1]
-        index = jnp.searchsorted(jax.lax.stop_gradient(self.t).reshape(-1), ts, side="right") - 1
+        index = jnp.searchsorted(jax.lax.stop_gradient(self.t), ts, side="right") - 1
         index = jnp.clip(index, 0, self.t.size - 2)
-        index = jnp.where(index % count == count - 1, index - 1, index)
-        left = tuple(values.reshape(-1)[index] for values in (self.x, self.v, self.a))
-        right = tuple(values.reshape(-1)[index + 1] for values in (self.x, self.v, self.a))
-        begin, end = self.t.reshape(-1)[index], self.t.reshape(-1)[index + 1]
+        # Twins may differ by rounding.
+        index = jnp.where((jnp.diff(self.t) > _ROUNDING * self.t[1:])[index], index, index - 1)
+        left = tuple(values[index] for values in (self.x, self.v, self.a))
+        right = tuple(values[index + 1] for values in (self.x, self.v, self.a))
+        begin, end = self.t[index], self.t[index + 1]
         running = ~(self.finished & (ts >= self.t_stop))
         h = jnp.where(running & (end > begin), end - begin, 1.0)
         value, slope = _quintic((ts - begin) / h, h, left, right)
         return jnp.where(running, value, self.rest_position), jnp.where(running, slope, 0.0)
+
+    def joined(self, *others: "Nodes") -> "Nodes":
+        """This motion continued by others; the last one says where it ends."""
+        parts = (self, *others)
+        columns = (jnp.concatenate([getattr(part, name) for part in parts]) for name in ("t", "x", "v", "a"))
+        last = parts[-1]
+        return Nodes(*columns, last.rest_position, last.t_stop, last.finished)
 
 
 def _quintic(u: Array, h: Array, left: tuple, right: tuple) -> tuple[Array, Array]:

@@ -84,8 +84,8 @@ class Smooth(AbstractEngine):
 
     accuracy: float | Float[Array, ""] = 1e-10
     mesh: Float[Array, " steps"] | None = None
-    max_steps: int = 1_000_000
-    max_half_cycles: int = 512
+    max_steps: int = eqx.field(static=True, default=1_000_000)
+    max_half_cycles: int = eqx.field(static=True, default=512)
 
     def refusal(self, oscillator: Oscillator) -> str | None:
         if oscillator.friction.set_valued:
@@ -106,16 +106,22 @@ class Smooth(AbstractEngine):
         """
         if self.mesh is None:
             raise ValueError("A path of the smooth engine needs a mesh: make one with Smooth.steps.")
-        scales = _Scales.of(oscillator, start)
-        args = (oscillator, scales, None, None, oscillator.restoring_force(start.x0))
-        y0, saveat = _scaled(start, scales), diffrax.SaveAt(t0=True, steps=True)
-        solution = self._solve(y0, args, self.mesh[-1], saveat, self.mesh.size - 1)
-        ys, speed = solution.ys, scales.length * scales.rate
-        a = jax.vmap(lambda tau, y: _field(tau, y, args)[1])(self.mesh, ys) * speed * scales.rate
-        t = self.mesh / scales.rate
-        x, v = ys[0] * scales.length, ys[1] * speed
-        nodes = tuple(values[None] for values in (t, x, v, a))
-        return Nodes(*nodes, rest_position=x[-1], t_stop=t[-1], finished=jnp.asarray(False))
+        args = _undriven(oscillator, start)
+        saveat = diffrax.SaveAt(t0=True, steps=True)
+        solution = self._solve(_scaled(start, args[1]), args, self.mesh[-1], saveat, self.mesh.size - 1)
+        return _nodes(self.mesh, solution.ys, args)
+
+    def trail(self, oscillator: Oscillator, start: Start, duration: Float[Array, ""]) -> Nodes:
+        """The motion at the ends of the steps that the error estimate chooses, up to `duration` [s].
+
+        It ends earlier where `max_steps` are not enough; unused nodes repeat the last one.
+        """
+        args = _undriven(oscillator, start)
+        saveat = diffrax.SaveAt(t0=True, steps=True)
+        solution = self._solve(_scaled(start, args[1]), args, duration * args[1].rate, saveat, self.max_steps)
+        made = jnp.sum(jnp.isfinite(solution.ts)) - 1
+        kept = jnp.minimum(jnp.arange(self.max_steps + 1), made)
+        return _nodes(solution.ts[kept], jax.tree.map(lambda values: values[kept], solution.ys), args)
 
     def solve(
         self,
@@ -181,10 +187,22 @@ class Smooth(AbstractEngine):
 
     def steps(self, oscillator: Oscillator, start: Start, duration: Array, capacity: int) -> Float[Array, " steps"]:
         """Ends of the steps that the error estimate chooses, in scaled time, inf beyond the last one."""
-        scales = _Scales.of(oscillator, start)
-        args = (oscillator, scales, None, None, oscillator.restoring_force(start.x0))
+        args = _undriven(oscillator, start)
         saveat = diffrax.SaveAt(t0=True, steps=True, fn=lambda t, y, args: None)
-        return self._solve(_scaled(start, scales), args, duration * scales.rate, saveat, capacity).ts
+        return self._solve(_scaled(start, args[1]), args, duration * args[1].rate, saveat, capacity).ts
+
+
+def _undriven(oscillator: Oscillator, start: Start) -> tuple:
+    return oscillator, _Scales.of(oscillator, start), None, None, oscillator.restoring_force(start.x0)
+
+
+def _nodes(tau: Array, ys: tuple, args: tuple) -> Nodes:
+    """Nodes at scaled times `tau` from the scaled states there; the motion goes on behind the last one."""
+    scales: _Scales = args[1]
+    speed = scales.length * scales.rate
+    a = jax.vmap(lambda at, y: _field(at, y, args)[1])(tau, ys) * speed * scales.rate
+    t, x, v = tau / scales.rate, ys[0] * scales.length, ys[1] * speed
+    return Nodes(t, x, v, a, rest_position=x[-1], t_stop=t[-1], finished=jnp.asarray(False))
 
 
 def _scaled(start: Start, scales: _Scales) -> tuple:

@@ -10,17 +10,29 @@ from jaxtyping import Array, Float
 
 from ..motion import Start
 from ..oscillator import Oscillator
-from .frame import Frame, frame_at, motion_at, phase_rates
+from .frame import Frame, frame_at, is_resolved, motion_at, phase_rates
 
 
 class Standstill(NamedTuple):
-    """Between two half-cycles: turning point [m], time [s], their number so far, rest, and whether all went forwards."""
+    """Between two half-cycles.
+
+    Attributes:
+        turning_point, time: where the mass stands still [m], [s].
+        count: number of half-cycles so far.
+        finished: whether no further one is to be made from here.
+        carried: False where the next one has been tried and its phase would not carry it.
+    """
 
     turning_point: Array
     time: Array
     count: Array
     finished: Array
-    forward: Array
+    carried: Array
+
+    @property
+    def at_rest(self) -> Array:
+        """Whether the motion ends here."""
+        return self.finished & self.carried
 
 
 class Stroke(NamedTuple):
@@ -79,11 +91,9 @@ def stroke_from(
     """The half-cycle from a standstill or, where `inside` holds, from a start in motion.
 
     Returns:
-        Its nodes, its next turning point, and whether its phase ran forwards.
+        Its nodes, its next turning point, and whether its phase carried it there.
     """
-    # A mass at rest is integrated all the same, from a place where that is harmless.
-    spare = jnp.abs(start.x0) + 2 * entry.frame.dead_band + jnp.abs(start.v0) / entry.frame.angular_frequency
-    y = jnp.where(at.finished, spare, at.turning_point)
+    y = at.turning_point
     side = jnp.where(inside, entry.frame.side, jnp.where(y < 0, -1.0, 1.0))
     frame = frame_at(oscillator, side, jnp.where(inside, start.x0, y))
     offset, lag = side * y - frame.dead_band, start.v0 / frame.angular_frequency
@@ -92,17 +102,21 @@ def stroke_from(
     theta = begin + (jnp.pi - begin) * fractions
     amplitudes, elapsed = integrate_phase(oscillator, frame, amplitude, theta)
     nodes = Stroke(at.time + elapsed, *motion_at(oscillator, frame, amplitudes, theta))
-    return nodes, side * (frame.dead_band - amplitudes[-1]), jnp.all(jnp.diff(elapsed) > 0)
+    # A half-cycle that a record asks for where friction would hold the mass exists in phase only.
+    forced = oscillator.friction.set_valued & (amplitude <= 0)
+    carried = forced | is_resolved(oscillator, frame, amplitudes, theta)
+    return nodes, side * (frame.dead_band - amplitudes[-1]), carried
 
 
-def advance(at: Standstill, stroke: Stroke, turned: Array, forward: Array, rests: Rests) -> tuple[Standstill, Stroke]:
-    """The standstill after a half-cycle, and the half-cycle itself; both stand still where the mass rests already."""
-    last = at.finished
+def advance(at: Standstill, stroke: Stroke, turned: Array, carried: Any, rests: Rests) -> tuple[Standstill, Stroke]:
+    """The standstill after a half-cycle, and its nodes; both stay where they are if it is not to be, or cannot be."""
+    carried = at.carried & (at.finished | carried)
+    stays = at.finished | ~carried
     kept = Stroke(
-        jnp.where(last, at.time, stroke.t),
-        jnp.where(last, at.turning_point, stroke.x),
-        jnp.where(last, 0.0, stroke.v),
-        jnp.where(last, 0.0, stroke.a),
+        jnp.where(stays, at.time, stroke.t),
+        jnp.where(stays, at.turning_point, stroke.x),
+        jnp.where(stays, 0.0, stroke.v),
+        jnp.where(stays, 0.0, stroke.a),
     )
-    y, count = jnp.where(last, at.turning_point, turned), at.count + jnp.where(last, 0, 1)
-    return Standstill(y, kept.t[-1], count, last | rests(y, count), at.forward & (last | forward)), kept
+    y, count = jnp.where(stays, at.turning_point, turned), at.count + jnp.where(stays, 0, 1)
+    return Standstill(y, kept.t[-1], count, stays | rests(y, count), carried), kept

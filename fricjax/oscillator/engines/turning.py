@@ -1,4 +1,4 @@
-"""Turning points of a motion that is known at its samples only."""
+"""Lists of turning points."""
 
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
@@ -27,3 +27,10 @@ def turning_points(
     extremum = x[where] + u * (h * v0 + u * (bend + u * twist))
     points = jnp.where(jnp.arange(capacity) < count, extremum, jnp.nan)
     return jnp.concatenate([jnp.reshape(x0, (1,)), points]), count
+
+
+def spliced(points: Float[Array, " many"], more: Float[Array, " few"], at: Int[Array, ""]) -> Float[Array, " many"]:
+    """A list of turning points with others put into it from index `at` on."""
+    index = jnp.arange(points.size) - at
+    inside = (index >= 0) & (index < more.size)
+    return jnp.where(inside, more[jnp.clip(index, 0, more.size - 1)], points)

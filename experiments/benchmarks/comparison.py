@@ -1,0 +1,159 @@
+"""Each workload run by us and by its peers in turns, and judged: time, passes, optimum, memory."""
+
+import dataclasses
+from collections.abc import Iterator
+from pathlib import Path
+
+import jobs
+import measure
+import numpy as np
+import workloads
+from peers.least_squares import Outcome
+from peers.pool import Pool
+from record import Record, save
+
+# At least so many times faster than that peer.
+TARGETS = {
+    ("rolling", "numba RK4"): 8.0,
+    ("rolling-exact", "numba closed form"): 2.0,
+    ("rolling-lugre", "CVODES"): 20.0,
+    ("rolling-lugre", "odeint"): 20.0,
+    ("archive (Coulomb)", "numba closed form"): 4.0,
+    ("archive (Tanh)", "numba RK4"): 8.0,
+    ("archive (Tanh)", "stock optimistix"): 100.0,
+    ("map", "DOP853"): 1e4,
+    ("sliding", "DOP853"): 40.0,
+}
+OURS = ("fricjax", "fricjax, solve only")
+FITS = {
+    "rolling": ("tanh", (*OURS, "numba RK4", "CVODES", "odeint", "stock optimistix")),
+    "rolling-exact": ("coulomb", (*OURS, "numba closed form")),
+    "rolling-lugre": ("lugre", (*OURS, "CVODES", "odeint")),
+    "archive (Coulomb)": ("coulomb", ("fricjax", "numba closed form")),
+    "archive (Tanh)": ("tanh", ("fricjax", "numba RK4", "stock optimistix")),
+}
+FORWARD = ("map", "sliding")
+# A fit reaches the optimum when its chi^2 lies no further than this above the lowest that anyone found.
+OPTIMUM = 0.1
+
+
+@dataclasses.dataclass(frozen=True)
+class Scale:
+    """How much of everything.
+
+    Attributes:
+        duration: of the records [s].
+        runs, stock_runs: of an archive, and those of them that the stock peer gets.
+        displacements, event_displacements: of the map, and those of them that the event-driven peer gets.
+        samples: of the long records.
+        repeats: rounds of timing.
+        fresh: whether to measure cold times and memory, each in a process of its own.
+    """
+
+    duration: float = 2.0
+    runs: int = 1000
+    stock_runs: int = 100
+    displacements: int = 100_000
+    event_displacements: int = 100
+    samples: tuple[int, ...] = (10**6, 10**7)
+    repeats: int = 11
+    fresh: bool = True
+
+
+QUICK = Scale(
+    0.5, runs=4, stock_runs=2, displacements=1000, event_displacements=5, samples=(10**5,), repeats=1, fresh=False
+)
+
+
+@dataclasses.dataclass(frozen=True)
+class Row:
+    """One method on one workload.
+
+    Attributes:
+        seconds: median warm time, scaled to the whole workload.
+        passes: model solves of a fit, the mean over runs; of ours passes over model and Jacobian.
+        excess: how far chi^2 lies above the lowest found, the largest over runs.
+        reached: share of the runs that reach the optimum.
+        peak: memory [MB]; cold: process start to first result [s]; None where not measured.
+    """
+
+    workload: str
+    method: str
+    seconds: float
+    passes: float | None = None
+    excess: float | None = None
+    reached: float | None = None
+    peak: float | None = None
+    cold: float | None = None
+
+
+def compare(workload: str, scale: Scale, folder: Path) -> list[Row]:
+    """All methods on one workload."""
+    rows = forward(workload, scale) if workload in FORWARD else fits(workload, scale, folder)
+    return list(rows)
+
+
+def fits(workload: str, scale: Scale, folder: Path) -> Iterator[Row]:
+    """Fits of one record or of an archive."""
+    law, methods = FITS[workload]
+    records = _records(workload, law, scale)
+    few = records[: scale.stock_runs]
+    given = {name: few if name == "stock optimistix" else records for name in methods}
+    files = {name: save(given[name], folder / f"{law}-{len(given[name])}.npz") for name in methods}
+    todo = {name: jobs.fits(name, files[name]) for name in methods}
+    timed = measure.race(todo, scale.repeats)
+    for pool in todo.values():
+        if isinstance(pool, Pool):
+            pool.close()
+    chi2 = {name: _chi2(given[name], timed[name].result) for name in methods}
+    for name in methods:
+        n = len(given[name])
+        excess = chi2[name] - np.min([found[:n] for found in chi2.values() if found.size >= n], axis=0)
+        fresh = measure.fresh(workload, name, files[name]) if scale.fresh else None
+        yield Row(
+            workload,
+            name,
+            timed[name].seconds * len(records) / n,
+            passes=float(np.mean([outcome.solves for outcome in timed[name].result])),
+            excess=float(np.max(excess)),
+            reached=float(np.mean(excess <= OPTIMUM)),
+            peak=fresh and fresh.peak,
+            cold=fresh and fresh.cold,
+        )
+
+
+def _records(workload: str, law: str, scale: Scale) -> list[Record]:
+    if workload.startswith("archive"):
+        return workloads.archive(law, scale.runs, duration=scale.duration)
+    return [workloads.record(law, duration=scale.duration)]
+
+
+def _chi2(records: list[Record], found: list[Outcome]) -> np.ndarray:
+    """By the reference solution; infinite where a fit returned no number."""
+    judged = [workloads.chi2(record, outcome.values) for record, outcome in zip(records, found, strict=True)]
+    return np.nan_to_num(np.array(judged), nan=np.inf)
+
+
+def forward(workload: str, scale: Scale) -> Iterator[Row]:
+    """Simulations: the map of final displacements, and one solve of `sliding`."""
+    counts = {"fricjax": scale.displacements, "DOP853": scale.event_displacements}
+    timed = measure.race({name: jobs.displacements(workload, name, n) for name, n in counts.items()}, scale.repeats)
+    for name, n in counts.items():
+        share = scale.displacements / n if workload == "map" else 1.0
+        fresh = measure.fresh(workload, name, str(n)) if scale.fresh else None
+        yield Row(workload, name, timed[name].seconds * share, peak=fresh and fresh.peak, cold=fresh and fresh.cold)
+
+
+def long(scale: Scale, folder: Path) -> list[Row]:
+    """Our fit of ever longer records of the same motion."""
+    rows = []
+    for n in scale.samples:
+        record = workloads.record("coulomb", rate=n / scale.duration, duration=scale.duration)
+        file = save([record], folder / f"long-{n}.npz")
+        if scale.fresh:
+            alone = measure.fresh("long", "fricjax", file, calls=4)
+            rows.append(Row(f"{n:.0e}", "fricjax", float(np.median(alone.warm)), peak=alone.peak, cold=alone.cold))
+        else:
+            timed = measure.race({"fricjax": jobs.fits("fricjax", file)}, 1)["fricjax"]
+            rows.append(Row(f"{n:.0e}", "fricjax", timed.seconds, passes=timed.result[0].solves))
+    return rows

@@ -1,0 +1,65 @@
+"""Our engines against five peers in one run: ratios, passes, optimum, numerical errors, peak memory, cold and warm.
+
+    python experiments/benchmarks/run.py [--quick] [--only NAME] [--json out.json] [--plot out.png] [--repeats N]
+
+Needs the extra "peers" (numba, casadi). Workloads: rolling, rolling-exact, rolling-lugre, archive (Coulomb), archive
+(Tanh), map, sliding, long, errors. The whole takes about a quarter of an hour on two cores, --quick less than a minute.
+"""
+
+import argparse
+import dataclasses
+import json
+import sys
+import tempfile
+from pathlib import Path
+from typing import Any
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--quick", action="store_true", help="short records, few runs and repeats, nothing cold")
+    parser.add_argument("--only", default="", help="part of the names of the workloads to run")
+    parser.add_argument("--json", type=Path, help="write all figures here")
+    parser.add_argument("--plot", type=Path, help="write a picture of the ratios here")
+    parser.add_argument("--repeats", type=int, help="rounds of timing")
+    options = parser.parse_args()
+    found = measured(options)
+    if options.json:
+        options.json.write_text(json.dumps(found, indent=1))
+
+
+def measured(options: argparse.Namespace) -> dict[str, Any]:
+    """Run, print each table as soon as it is complete, and return all figures as plain data."""
+    # Worker processes import this file: what is heavy is imported only here.
+    import errors
+    import report
+    from comparison import FITS, FORWARD, QUICK, TARGETS, Scale, compare, long
+
+    scale = QUICK if options.quick else Scale()
+    if options.repeats:
+        scale = dataclasses.replace(scale, repeats=options.repeats)
+    rows, longs, numerical = [], [], []
+    with tempfile.TemporaryDirectory() as folder:
+        for workload in (*FITS, *FORWARD):
+            if options.only in workload:
+                print(f"{workload} ...", file=sys.stderr, flush=True)
+                rows += compare(workload, scale, Path(folder))
+        if options.only in "long":
+            longs = long(scale, Path(folder))
+    if options.only in "errors":
+        numerical = list(errors.table(scale.duration))
+    for table in (report.ratios(rows), report.long(longs), report.errors(numerical)):
+        if table.rows:
+            print(table, end="\n\n")
+    if options.plot and rows:
+        report.plot(rows, options.plot)
+    return {
+        "rows": [dataclasses.asdict(row) for row in rows],
+        "long": [dataclasses.asdict(row) for row in longs],
+        "errors_nm": [dict(zip(("workload", "method", "error"), row, strict=True)) for row in numerical],
+        "targets": [{"workload": w, "peer": p, "at_least": least} for (w, p), least in TARGETS.items()],
+    }
+
+
+if __name__ == "__main__":
+    main()

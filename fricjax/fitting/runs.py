@@ -1,0 +1,61 @@
+"""A record as the residual sees it: whole, condensed, and with what its windows need to know."""
+
+import equinox as eqx
+import numpy as np
+
+from ..oscillator import Oscillator
+from .breaks import condensed
+from .climb import Terrain
+from .condense import Samples
+from .residual import Run
+from .window import NEVER, Window
+
+_IN_PHASE, _SMALLEST, _SHORTEST = 0.35, 0.02, 4.0
+
+
+def whole_run(window: Window, stops: bool) -> Run:
+    """The run with all samples of its record; `stops` tells whether the law can hold the mass."""
+    used = np.flatnonzero(window.used)
+    t = np.asarray(window.trace.t) - window.origin
+    samples = Samples(
+        t=np.clip(t, t[used[0]], t[used[-1]]),
+        x=np.asarray(window.trace.x),
+        weight=np.where(window.used, 1 / window.sigma, 0.0),
+    )
+    return Run(
+        *_filled(samples, 8),
+        half_cycles=np.asarray(window.half_cycles if stops else NEVER),
+        fixed={name: np.asarray(value) for name, value in window.guesses.items()},
+    )
+
+
+def condensed_run(window: Window, run: Run, oscillator: Oscillator) -> Run:
+    """The run with few samples that say the same."""
+    few = _filled(condensed(window, Samples(run.t, run.x, run.weight), oscillator), 4)
+    return eqx.tree_at(lambda r: (r.t, r.x, r.weight), run, tuple(few))
+
+
+def _filled(samples: Samples, parts: int) -> Samples:
+    """Samples without weight added at the end, up to a multiple of the last power of two over `parts`.
+
+    So records of similar length share one compilation.
+    """
+    n = samples.t.size
+    unit = max(2 ** (n - 1).bit_length() // parts, 1)
+    missing = -n % unit
+    t, x = (np.pad(values, (0, missing), mode="edge") for values in (samples.t, samples.x))
+    return Samples(t, x, np.pad(samples.weight, (0, missing)))
+
+
+def terrain_of(window: Window, run: Run) -> Terrain:
+    """Weights of a run without its rest, and how far from the record its motion may be to count as in phase."""
+    found, t = window.segmentation, np.asarray(run.t)
+    rest = np.inf if found.rest is None else found.rest - window.origin
+    moving = np.where(t <= rest, run.weight, 0.0)
+    local = np.full(t.shape, found.amplitude)
+    if found.turning_times.size:
+        swing = np.abs(found.turning_points - window.guesses["offset"])
+        local = np.interp(t, found.turning_times - window.origin, swing)
+    tolerance = _IN_PHASE * run.weight * np.maximum(local, _SMALLEST * found.amplitude)
+    span = np.ptp(t[moving > 0])
+    return Terrain(moving, tolerance, np.asarray(_SHORTEST * found.half_period / span))

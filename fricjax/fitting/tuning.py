@@ -1,0 +1,62 @@
+"""The engine of a fit: built for its records, and for an error below what their noise leaves visible."""
+
+from collections.abc import Sequence
+
+import equinox as eqx
+import numpy as np
+
+from ..data.errors import UsageError
+from ..oscillator import Hybrid, Oscillator, Smooth
+from ..oscillator.engines import AbstractEngine, Span
+from ..oscillator.select import select_engine
+from .parameters import Request
+from .window import NEVER, Window, equilibrium
+
+# The error of the smooth engine is some thirty times smaller than the accuracy that it is asked for.
+_SLACK = 10.0
+# Half-cycles from which a table over amplitude pays, and its entries per e-fold of amplitude for 1e-3 nm on 2 mm.
+_FEW, _PER_E_FOLD = 8, 6.0
+
+
+def engine_for(request: Request, windows: Sequence[Window]) -> AbstractEngine:
+    """The engine, built for the longest record and for an error below what its noise leaves visible."""
+    machine, drag_free = request.oscillator, any(name.endswith("drag") for name in request.free)
+    strokes = max(_strokes(window, can_stop(request)) for window in windows)
+    name = "hybrid" if drag_free and request.engine == "auto" and machine.friction.set_valued else request.engine
+    try:
+        engine = select_engine(name, machine, max_half_cycles=max(16, 2 ** int(np.ceil(np.log2(strokes + 2)))))
+    except ValueError as error:
+        raise UsageError(str(error)) from error
+    if drag_free and engine.__class__.__name__ == "Exact":
+        raise UsageError("drag is free, and the exact engine has no drag. Use the hybrid engine.")
+    return engine if isinstance(request.engine, AbstractEngine) else _tuned(engine, machine, windows)
+
+
+def _tuned(engine: AbstractEngine, machine: Oscillator, windows: Sequence[Window]) -> AbstractEngine:
+    """The engine with what the records tell: the accuracy that their noise asks for, or their range of amplitudes."""
+    if isinstance(engine, Smooth):
+        accuracy = _SLACK * min(float(np.median(w.sigma)) / np.sqrt(w.used.sum()) for w in windows)
+        return eqx.tree_at(lambda e: e.accuracy, engine, np.asarray(accuracy))
+    turning = [np.abs(w.segmentation.turning_points - equilibrium(w.segmentation)) for w in windows]
+    if not isinstance(engine, Hybrid) or any(points.size < _FEW for points in turning):
+        return engine
+    lowest = 0.8 * min(float(points[:-1].min()) for points in turning)
+    highest = 1.1 * max(max(abs(w.guesses["x0"]), float(p.max())) for w, p in zip(windows, turning, strict=True))
+    excess = max(lowest - float(machine.dead_band), 0.1 * lowest)
+    amplitudes = 4 * int(np.ceil(_PER_E_FOLD / 4 * np.log(highest / excess)))
+    span = Span(np.asarray(lowest), np.asarray(highest))
+    return Hybrid(engine.nodes, engine.max_half_cycles, span, int(np.clip(amplitudes, 8, 32)))
+
+
+def can_stop(request: Request) -> bool:
+    """Whether the law can hold the mass, with the free coefficients away from zero."""
+    machine, kinds = request.oscillator, {name.rsplit(".", 1)[-1] for name in request.free}
+    holds = float(machine.friction.static_force(machine.normal_force)) > 0
+    return holds or bool(kinds & {"mu", "mu_s", "normal_force"})
+
+
+def _strokes(window: Window, stops: bool) -> int:
+    """Half-cycles that the engine must provide for: those until the stop, or as many as the record can hold."""
+    if stops and window.half_cycles < NEVER:
+        return window.half_cycles
+    return int(1.3 * float(window.trace.duration) / window.segmentation.half_period) + 4

@@ -1,0 +1,125 @@
+"""Half-cycles that start so close to the rest that their phase about the static centre leaps.
+
+Where the static force lets the mass go by a hair, the motion first creeps out of the dead band and then, as friction
+falls, runs through the greater part of it. Such a half-cycle is integrated in time until the mass begins to slow
+down, and from there in phase again, about the place where it was fastest. From that place on the phase always runs
+forwards, so the reversal lies at ``theta = pi`` here too and no event has to be searched.
+"""
+
+from typing import Any, NamedTuple
+
+import diffrax
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from ..motion import Start
+from ..oscillator import Oscillator
+from .frame import frame_at, is_resolved, motion_at
+from .nodes import Nodes
+from .strokes import Rests, Standstill, Stroke, advance, integrate_phase
+
+STROKES = 4
+_STEPS = 160
+_TOLERANCE = 1e-9
+_ROUNDING = 1e-15
+_FOREVER = 1e9
+
+
+class _Climb(NamedTuple):
+    """A start on the side `side`, from which the mass moves with growing speed; units are `length` and 1/`rate`."""
+
+    oscillator: Oscillator
+    side: Array
+    start: Array
+    length: Array
+    rate: Array
+
+    def field(self, _: Any, y: tuple[Array, Array]) -> tuple[Array, Array]:
+        """Rates of the way from the start and of the speed."""
+        return y[1], self.acceleration(*y)
+
+    def acceleration(self, way: Array, speed: Array) -> Array:
+        """Growth of the speed."""
+        u = jnp.maximum(speed, 0.0) * self.length * self.rate
+        pull = self.side * self.oscillator.restoring_force(self.side * (self.start - way * self.length))
+        friction = self.oscillator.friction.sliding_force(u, self.oscillator.normal_force)
+        force = pull - friction - self.oscillator.dissipation(u)
+        return force / (self.oscillator.mass * self.length * self.rate**2)
+
+
+def _climb(climb: _Climb, speed: Array, needed: Array) -> tuple[Array, Array, Array, Array]:
+    """Time, way and speed at the ends of the steps until the mass slows down, and whether it does within them."""
+    slowing = diffrax.Event(lambda t, y, args, **_: args.acceleration(*y) < 0)
+    begin = (jnp.zeros_like(speed), speed)
+    end = jnp.where(needed & (climb.acceleration(*begin) > 0), _FOREVER, 0.0)
+    solution = diffrax.diffeqsolve(
+        diffrax.ODETerm(lambda t, y, args: args.field(t, y)),
+        diffrax.Tsit5(),
+        jnp.zeros_like(end),
+        end,
+        None,
+        begin,
+        climb,
+        saveat=diffrax.SaveAt(t0=True, steps=True),
+        stepsize_controller=diffrax.PIDController(rtol=_TOLERANCE, atol=_ROUNDING),
+        adjoint=diffrax.ForwardMode(),
+        event=slowing,
+        max_steps=_STEPS,
+        throw=False,
+    )
+    made = jnp.sum(jnp.isfinite(solution.ts)) - 1  # pyright: ignore[reportArgumentType]
+    kept = jnp.minimum(jnp.arange(_STEPS + 1), made)
+    t, way, speed = (values[kept] for values in (solution.ts, *solution.ys))  # pyright: ignore
+    return t, way, speed, climb.acceleration(way[-1], speed[-1]) <= 0
+
+
+def _stroke(
+    oscillator: Oscillator, x: Array, v: Array, reach: Array, fractions: Float[Array, " nodes"], at: Standstill
+) -> tuple[Stroke, Array, Array]:
+    """As :func:`.strokes.stroke_from`, from displacement `x` and velocity `v`."""
+    side = jax.lax.stop_gradient(jnp.where(v == 0, jnp.where(x < 0, -1.0, 1.0), -jnp.sign(v)))
+    frame = frame_at(oscillator, side, x)
+    climb = _Climb(oscillator, side, side * x, reach, frame.angular_frequency)
+    t, way, speed, slows = _climb(climb, -side * v / (reach * frame.angular_frequency), ~at.finished)
+    growth = jax.vmap(climb.acceleration)(way, speed) * reach * frame.angular_frequency**2
+    first = Stroke(
+        at.time + t / frame.angular_frequency,
+        side * (climb.start - way * reach),
+        -side * speed * reach * frame.angular_frequency,
+        -side * growth,
+    )
+    frame = frame._replace(dead_band=side * first.x[-1])
+    theta = jnp.pi * fractions[fractions.size // 2 :]
+    amplitudes, elapsed = integrate_phase(oscillator, frame, speed[-1] * reach, theta)
+    second = Stroke(first.t[-1] + elapsed, *motion_at(oscillator, frame, amplitudes, theta))
+    nodes = Stroke(*(jnp.concatenate(parts) for parts in zip(first, second, strict=True)))
+    return nodes, side * (frame.dead_band - amplitudes[-1]), slows & is_resolved(oscillator, frame, amplitudes, theta)
+
+
+def grazing_strokes(
+    oscillator: Oscillator, start: Start, fractions: Float[Array, " nodes"], rests: Rests, begin: Standstill
+) -> tuple[Nodes, Array, Standstill]:
+    """The motion from a half-cycle that its phase would not carry.
+
+    Args:
+        oscillator: with a set-valued law.
+        start: state at time zero, whose velocity counts if the first half-cycle is the one.
+        fractions: mesh of a half-cycle.
+        rests: whether the mass stays at a turning point.
+        begin: standstill before that half-cycle; nothing is done if its next half-cycle was carried.
+
+    Returns:
+        Its nodes, its turning points, shape (STROKES,), NaN beyond the last one, and where it ends.
+    """
+    reach = jax.lax.stop_gradient(jnp.abs(start.x0) + jnp.abs(start.v0) / oscillator.angular_frequency)
+
+    def step(at: Standstill, _: None) -> tuple[Standstill, tuple[Stroke, Array]]:
+        v = jnp.where(at.count == 0, start.v0, 0.0)
+        after, stroke = advance(at, *_stroke(oscillator, at.turning_point, v, reach, fractions, at), rests)
+        return after, (stroke, jnp.where(after.count == at.count, jnp.nan, after.turning_point))
+
+    opened = begin._replace(finished=begin.carried, carried=jnp.asarray(True))
+    end, (strokes, points) = jax.lax.scan(step, opened, length=STROKES)
+    columns = (values.reshape(-1) for values in strokes)
+    return Nodes(*columns, end.turning_point, end.time, end.at_rest), points, end
