@@ -33,15 +33,15 @@ RIGS = {
     "sliding": Rig(load=9.66, mu=0.05, rate=20e3, duration=0.29842, noise=1e-9),  # to 0.1 s after the stop
 }
 LAWS = ("Coulomb", "Tanh", "LuGre")
-_V_S, _SIGMA0 = 1e-4, 1e5
-_SIGMA1 = 1.4 * np.sqrt(_SIGMA0 * PROTOTYPE_MASS)
+V_S, SIGMA0 = 1e-4, 1e5
+SIGMA1 = 1.4 * np.sqrt(SIGMA0 * PROTOTYPE_MASS)
 
 
 def oscillator(rig: Rig, law: str) -> Oscillator:
     friction = {
         "Coulomb": Coulomb(rig.mu),
-        "Tanh": Tanh(rig.mu, _V_S),
-        "LuGre": LuGre(rig.mu, sigma0=_SIGMA0, sigma1=_SIGMA1),
+        "Tanh": Tanh(rig.mu, V_S),
+        "LuGre": LuGre(rig.mu, sigma0=SIGMA0, sigma1=SIGMA1),
     }[law]
     return Oscillator(PROTOTYPE_MASS, STIFFNESS, PROTOTYPE_DAMPING, rig.load, friction)
 
@@ -53,8 +53,8 @@ def displacement(rig: Rig, law: str, t: np.ndarray) -> np.ndarray:
     if law == "Coulomb":
         return coulomb_viscous(t, X0, frequency=FREQUENCY, zeta=ZETA, dead_band=force / STIFFNESS).x
     if law == "Tanh":
-        return tanh_motion(t, X0, v_s=_V_S, **machine)
-    return lugre_motion(t, X0, static=force, v_stribeck=1e-3, sigma=(_SIGMA0, _SIGMA1, 0.0), **machine)
+        return tanh_motion(t, X0, v_s=V_S, **machine)
+    return lugre_motion(t, X0, static=force, v_stribeck=1e-3, sigma=(SIGMA0, SIGMA1, 0.0), **machine)
 
 
 @functools.cache
@@ -72,7 +72,7 @@ def noisy(rig: str, law: str, seed: int) -> Trace:
 
 def truth(rig: str, law: str, fit: Fit) -> dict[str, float]:
     """True values of all that `fit` has fitted, its start included."""
-    values = {"mu": RIGS[rig].mu, "damping": PROTOTYPE_DAMPING, "stiffness": STIFFNESS, "sigma0": _SIGMA0}
+    values = {"mu": RIGS[rig].mu, "damping": PROTOTYPE_DAMPING, "stiffness": STIFFNESS, "sigma0": SIGMA0}
     return {**values, **_start(rig, law, fit), "offset": 0.0}
 
 

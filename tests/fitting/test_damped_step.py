@@ -13,12 +13,14 @@ from fricjax.fitting.passes import DensePasses, Pass, gather
 from fricjax.fitting.status import CONVERGED
 from tests.fitting.problems import DECAY, T, decay, options_for, solve, status, steps
 
+step_of, gathered = jax.jit(bounded_steps), jax.jit(gather)
+
 
 def a_pass(seed, p, units=1.0):
     generator = np.random.default_rng(seed)
     jacobian = generator.standard_normal((3 * p, p)) @ generator.standard_normal((p, p)) * units
     residual = generator.standard_normal(3 * p)
-    return residual, jacobian, gather(jnp.asarray(residual), jnp.asarray(jacobian), Squares())
+    return residual, jacobian, gathered(jnp.asarray(residual), jnp.asarray(jacobian), Squares())
 
 
 @pytest.mark.parametrize("p", [1, 2, 5, 8, 40])
@@ -42,7 +44,7 @@ def test_damped_systems_like_dense_ones(p):
 def test_without_bounds_in_reach_the_step_is_that_of_gauss_and_newton(seed):
     residual, jacobian, here = a_pass(seed, 4)
     far = jnp.full(4, 1e9)
-    step = bounded_steps(here, jnp.full((1, 4), WEAKEST), -far, far)[0]
+    step = step_of(here, jnp.full((1, 4), WEAKEST), -far, far)[0]
     np.testing.assert_allclose(step, np.linalg.lstsq(jacobian, -residual, rcond=None)[0], rtol=1e-6, atol=1e-9)
 
 
@@ -53,10 +55,10 @@ def test_within_a_box_the_model_falls_and_reaches_the_bounded_optimum_in_a_few_s
     expected = lsq_linear(jacobian, -residual, (lower, upper), tol=1e-14).x
     at, cost = jnp.zeros(4), float(here.cost)
     for _ in range(6):
-        there = gather(jnp.asarray(residual) + jnp.asarray(jacobian) @ at, jnp.asarray(jacobian), Squares())
+        there = gathered(jnp.asarray(residual) + jnp.asarray(jacobian) @ at, jnp.asarray(jacobian), Squares())
         assert float(there.cost) <= cost * (1 + 1e-12)
         cost = float(there.cost)
-        at = at + bounded_steps(there, jnp.full((1, 4), WEAKEST), jnp.asarray(lower) - at, jnp.asarray(upper) - at)[0]
+        at = at + step_of(there, jnp.full((1, 4), WEAKEST), jnp.asarray(lower) - at, jnp.asarray(upper) - at)[0]
         assert np.all((np.asarray(at) >= lower - 1e-15) & (np.asarray(at) <= upper + 1e-15))
     np.testing.assert_allclose(at, expected, atol=1e-6)
 
@@ -66,7 +68,7 @@ def test_meeting_two_bounds_at_once_never_raises_the_model():
     across = np.array([1.1, -2.0])
     normal = np.outer(across, across) + 1e-3 * np.eye(2)
     here = Pass(jnp.asarray(1.0), jnp.asarray(-normal @ [2.0, 1.1]), jnp.asarray(normal))
-    step = np.asarray(bounded_steps(here, jnp.full((1, 2), WEAKEST), -jnp.ones(2), jnp.ones(2))[0])
+    step = np.asarray(step_of(here, jnp.full((1, 2), WEAKEST), -jnp.ones(2), jnp.ones(2))[0])
     model = lambda s: float(here.gradient @ s + s @ normal @ s / 2)
     assert model(np.ones(2)) > 0 > model(step)
     assert step[0] == 1.0 and step[1] < 1.0
@@ -74,7 +76,7 @@ def test_meeting_two_bounds_at_once_never_raises_the_model():
 
 def test_a_parameter_pressed_outward_stays_and_one_pulled_inward_leaves():
     here = Pass(jnp.asarray(1.0), jnp.asarray([1.0, -1.0]), jnp.eye(2))
-    step = bounded_steps(here, jnp.full((1, 2), WEAKEST), jnp.zeros(2), jnp.full(2, 9.0))[0]
+    step = step_of(here, jnp.full((1, 2), WEAKEST), jnp.zeros(2), jnp.full(2, 9.0))[0]
     np.testing.assert_allclose(step, [0.0, 1.0], rtol=1e-12)
 
 

@@ -22,6 +22,7 @@ from ..oscillator import Oscillator
 from ..restoring import Linear
 from ..results import RESULTS
 from .base import AbstractEngine
+from .elementary import exponential, rotation
 from .path import AbstractPath
 
 
@@ -74,8 +75,9 @@ class HalfCycles(AbstractPath):
         zeta, omega_d = self.damping_ratio, self.damped_frequency
         root = jnp.sqrt(1 - zeta**2)
         omega, turning, sign = omega_d / root, self.turning_amplitude(n), self.side_of(n)
-        envelope = (turning - self.dead_band) * jnp.exp(-zeta * omega * tau)
-        cosine, sine = jnp.cos(omega_d * tau), jnp.sin(omega_d * tau) / root
+        envelope = (turning - self.dead_band) * exponential(-zeta * omega * tau)
+        cosine, sine = rotation(omega_d * tau)
+        sine = sine / root
         at_rest = n >= self.last
         x = sign * jnp.where(at_rest, turning, self.dead_band + envelope * (cosine + zeta * sine))
         v = sign * jnp.where(at_rest, 0.0, -envelope * omega * sine)

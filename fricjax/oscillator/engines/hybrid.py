@@ -70,7 +70,7 @@ class Hybrid(AbstractEngine):
         return None
 
     def finer(self) -> "Hybrid":
-        return Hybrid(nodes=self.nodes * 3 // 4 * 2, max_half_cycles=self.max_half_cycles)
+        return Hybrid(self.nodes * 3 // 4 * 2, self.max_half_cycles, self.span, self.amplitudes * 3 // 2)
 
     def path(self, oscillator: Oscillator, start: Start, half_cycles: Int[Array, ""] | None = None) -> AbstractPath:
         course = self._course(oscillator, start, half_cycles)
