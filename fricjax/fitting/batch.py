@@ -20,7 +20,7 @@ from .loss import AbstractLoss, named_loss
 from .parameters import Request
 from .problem import Problem, pose
 from .rest import far_off, solve_with_rest
-from .settled import UNITS, kinematics
+from .settled import UNITS, Estimate, kinematics
 from .solve import Solved, judged
 from .verdict import error_inflation, flags_of, status_of
 from .whiteness import from_neighbours
@@ -39,6 +39,12 @@ class _Row(NamedTuple):
     @property
     def converged(self) -> bool:
         return self.solved is not None and self.found is not None and self.solved.converged and self.found.full_rank
+
+    @property
+    def kinematics(self) -> dict[str, Estimate]:
+        if self.solved is None or self.found is None:
+            return {}
+        return kinematics(self.solved.settled, self.found.statistical)
 
     @property
     def half_cycles(self) -> int:
@@ -202,11 +208,12 @@ def _collected(rows: Sequence[_Row]) -> BatchFit:
     fitted = [row for row in rows if row.problem is not None]
     if not fitted:
         raise UsageError(f"No run could be fitted. The first was {rows[0].status}")
-    names, problem = fitted[0].problem.names, fitted[0].problem
+    problem: Any = fitted[0].problem
+    names = problem.names
     covariances = _column(rows, lambda row: row.found.statistical, (len(names), len(names)))
     values = _column(rows, _values, (len(names),))
     deviations = np.sqrt(np.diagonal(covariances, axis1=1, axis2=2))
-    told = [kinematics(row.solved.settled, row.found.statistical) if row.solved else {} for row in rows]
+    told = [row.kinematics for row in rows]
     return BatchFit(
         names=names,
         values=dict(zip(names, values.T, strict=True)),

@@ -6,13 +6,13 @@ begins where the motion from the start values is still in phase with the record,
 moving part; the rest is added last. All of it is traced, so that many fits can be mapped over.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import optimistix as optx
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Float
 
 from .levenberg_marquardt import LevenbergMarquardt
 from .loss import AbstractLoss, Squares
@@ -27,31 +27,31 @@ class Terrain(eqx.Module):
     """What the windows of a run need to know.
 
     Attributes:
-        moving: weights of the samples without the rest [1/m].
-        tolerance: weighted residual up to which a sample counts as in phase.
+        moving: weights of the samples without the rest [1/m], shape (samples,).
+        tolerance: weighted residual up to which a sample counts as in phase, shape (samples,).
         shortest: shortest window, as a part of the moving one.
     """
 
-    moving: Float[Array, " samples"]
-    tolerance: Float[Array, " samples"]
-    shortest: Float[Array, ""]
+    moving: Any
+    tolerance: Any
+    shortest: Any
 
 
 class Limits(eqx.Module):
     """Bounds of the coordinates, and those in which the residual is linear, each of shape (p,)."""
 
-    lower: Float[Array, " p"]
-    upper: Float[Array, " p"]
-    linear: Array
+    lower: Any
+    upper: Any
+    linear: Any
 
 
 class Climbed(NamedTuple):
-    """Where the way ended: coordinates, status of the solver, steps and stages."""
+    """Where the way ended: coordinates, shape (p,), status of the solver, steps and stages."""
 
-    y: Float[Array, " p"]
-    status: Int[Array, ""]
-    iterations: Int[Array, ""]
-    stages: Int[Array, ""]
+    y: Any
+    status: Any
+    iterations: Any
+    stages: Any
 
 
 class _State(NamedTuple):
@@ -96,7 +96,7 @@ def least_squares(residual: Residual, limits: Limits, loss: AbstractLoss, y: Flo
     }
     if isinstance(loss, Squares):
         options["linear"] = limits.linear
-    solver = LevenbergMarquardt(DensePasses(loss, residual.n_parameters))
+    solver = LevenbergMarquardt(passes=DensePasses(loss=loss, exempt=residual.n_parameters))
     return optx.least_squares(residual, solver, y, options=options, max_steps=solver.max_steps + 1, throw=False)
 
 

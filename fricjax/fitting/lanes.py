@@ -7,7 +7,7 @@ run abreast, and those that have finished stand still until the others have.
 
 import threading
 from collections.abc import Hashable, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -47,8 +47,8 @@ class Landed(NamedTuple):
     at: Climbed
     survey: Survey
     settled: Settled
-    lag_one: Array
-    half_cycles: Array
+    lag_one: Any
+    half_cycles: Any
 
 
 def solve_lanes(problems: Sequence[Problem]) -> list[Landed]:
@@ -94,7 +94,7 @@ def _abreast(lanes: list[Lane], shape: Hashable, loss: AbstractLoss) -> Landed:
 
 
 @eqx.filter_jit
-def _solve(stacked: Lane, settings: Lane, loss: AbstractLoss, count: Array) -> Landed:
+def _solve(stacked: Lane, settings: Lane, loss: AbstractLoss, count: Any) -> Landed:
     def one(arrays: Lane) -> Landed:
         return _land(eqx.combine(arrays, settings), loss)
 

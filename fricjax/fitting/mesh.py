@@ -5,10 +5,12 @@ differ little in length and all of them are cut a little finer than the error as
 when the parameters have moved; lengths of the list are rounded up, so that few shapes are compiled.
 """
 
+from typing import Any
+
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array
 
 from ..data.errors import UsageError
 from ..oscillator import Oscillator, Smooth, starting_state
@@ -19,7 +21,7 @@ _REACH = 1.05
 _GROWTH = 4.0
 
 
-def with_mesh(residual: Residual, y: Float[Array, " coordinates"]) -> Residual:
+def with_mesh(residual: Residual, y: Any) -> Residual:
     """The residual with its engine on a mesh made for coordinates `y`; unchanged for engines that need none.
 
     Runs of a joint fit share one mesh, the union of what each of them needs.

@@ -62,7 +62,9 @@ def free_parameters(
     flat = [float(value) for value in jax.tree.leaves(request.oscillator)]
     values = {leaf.name.rsplit(".", 1)[-1]: flat[leaf.index] for leaf in reversed(leaves)}
     kinds = [leaf.name.rsplit(".", 1)[-1] for leaf in shared]
-    guessed = guess_machine(request.oscillator, [w.segmentation for w in windows], kinds, values)
+    sought = any(leaf.name not in request.guess for leaf in shared)
+    decays = [window.segmentation for window in windows] if sought else []
+    guessed = guess_machine(request.oscillator, decays, kinds, values)
     entries: list[tuple[str, str, float, float]] = []
     for leaf, kind in zip(shared, kinds, strict=True):
         start = guessed.get(kind, flat[leaf.index])

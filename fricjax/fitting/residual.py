@@ -1,10 +1,12 @@
 """What a fit makes small: the weighted distance of computed from measured displacement, and of values from priors."""
 
+from typing import Any
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Float
 
 from ..oscillator import Motion, Oscillator, starting_state
 from ..oscillator.engines import AbstractEngine, AbstractPath
@@ -12,22 +14,22 @@ from .space import ParameterSpace
 
 
 class Run(eqx.Module):
-    """One record as the residual sees it; times count from the run's own origin.
+    """One record as the residual sees it, in numpy arrays until it is traced; times count from the run's own origin.
 
     Attributes:
-        t: times [s]; those of samples that are not used are moved to the nearest used one.
-        x: measured displacement [m].
-        weight: one over the noise [1/m], zero where a sample is not used.
+        t: times [s], shape (samples,); those of samples that are not used are moved to the nearest used one.
+        x: measured displacement [m], shape (samples,).
+        weight: one over the noise [1/m], shape (samples,), zero where a sample is not used.
         half_cycles: number of half-cycles from the start to the stop, as the record shows it; huge where it ends in
             motion.
         fixed: x0, v0, offset, drift and t_release where they are not free.
     """
 
-    t: Float[Array, " samples"]
-    x: Float[Array, " samples"]
-    weight: Float[Array, " samples"]
-    half_cycles: Int[Array, ""]
-    fixed: dict[str, Array]
+    t: Any
+    x: Any
+    weight: Any
+    half_cycles: Any
+    fixed: dict[str, Any]
 
 
 class Course(eqx.Module):
@@ -112,9 +114,9 @@ class Residual(eqx.Module):
 def motion(
     engine: AbstractEngine,
     machine: Oscillator,
-    at: dict[str, Array],
-    t: Float[Array, " samples"],
-    half_cycles: Int[Array, ""] | None,
+    at: dict[str, Any],
+    t: Float[Array | np.ndarray, " samples"],
+    half_cycles: Any,
 ) -> Motion:
     """Motion of one run at its times `t`; `half_cycles` None lets the rest condition stop it."""
     return engine.solve(machine, starting_state(machine, at["x0"], at["v0"]), t - at["t_release"], half_cycles)

@@ -9,6 +9,7 @@ import dataclasses
 from typing import NamedTuple
 
 import equinox as eqx
+import jax.numpy as jnp
 import numpy as np
 
 from ..oscillator import Oscillator
@@ -121,7 +122,7 @@ def rest_margin(problem: Problem, solved: Solved, run: int) -> Margin | None:
 
 def _pull(machine: Oscillator, points: np.ndarray) -> np.ndarray:
     """Size of the spring's force at turning points [N]."""
-    return np.abs(np.asarray(machine.restoring_force(points)))
+    return np.abs(np.asarray(machine.restoring_force(jnp.asarray(points))))
 
 
 def _starts_moving(problem: Problem, solved: Solved, run: int) -> bool:

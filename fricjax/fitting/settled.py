@@ -3,7 +3,7 @@
 The latter are quantities in which the common scale of mass, stiffness and load drops out.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -25,11 +25,11 @@ class Settled(NamedTuple):
             values, shape (q, p).
     """
 
-    values: Float[Array | np.ndarray, " p"]
-    slope: Float[Array | np.ndarray, " p"]
+    values: Any
+    slope: Any
     machine: Oscillator
-    kinematics: Float[Array | np.ndarray, " q"]
-    by_value: Float[Array | np.ndarray, "q p"]
+    kinematics: Any
+    by_value: Any
 
 
 class Estimate(NamedTuple):

@@ -6,7 +6,7 @@ parameters by. Where that is not small against the standard errors, the fit goes
 engine. The smooth engine, whose mesh is made for one set of coordinates, gets a new one at the optimum.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -76,7 +76,7 @@ def _onwards(residual: Residual, limits: Limits, loss: AbstractLoss, at: Climbed
     return Climbed(found.value, found.stats["status"], at.iterations + found.stats["num_steps"], at.stages + 1)
 
 
-def solve(problem: Problem, y: Float[np.ndarray, " coordinates"] | None = None) -> Solved:
+def solve(problem: Problem, y: Any = None) -> Solved:
     """Fit from the start values, or from given coordinates `y`, and check the result."""
     few = problem.condensed
     begin = start_coordinates(problem) if y is None else y[: few.n_parameters]
@@ -132,9 +132,9 @@ def judged(problem: Problem, at: Climbed, found: Survey, settled: Settled) -> So
 def _rounding(problem: Problem) -> float:
     """The chi^2 that rounding alone would leave."""
     runs = problem.residual.runs
-    return sum(float(np.square(run.weight).sum()) * (ROUNDING * max(run.x.max(), -run.x.min())) ** 2 for run in runs)
+    return sum(float(np.square(run.weight).sum() * (ROUNDING * max(run.x.max(), -run.x.min())) ** 2) for run in runs)
 
 
-def start_coordinates(problem: Problem) -> Float[np.ndarray, " p"]:
+def start_coordinates(problem: Problem) -> Any:
     """The start values in coordinates, within the bounds."""
     return np.clip(np.zeros(problem.residual.n_parameters), problem.limits.lower, problem.limits.upper)

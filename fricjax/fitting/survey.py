@@ -5,12 +5,11 @@ read off it in chunks, each of which adds its share to ``J'J`` and ``J'r``. So t
 for derivatives than ten thousand.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-import numpy as np
 from jaxtyping import Array, Float
 
 from .loss import AbstractLoss
@@ -30,10 +29,10 @@ class Survey(NamedTuple):
         normal: J'J, shape (coordinates, coordinates), likewise.
     """
 
-    residual: Float[Array | np.ndarray, " residuals"]
-    chi2: Float[Array | np.ndarray, ""]
-    gradient: Float[Array | np.ndarray, " coordinates"]
-    normal: Float[Array | np.ndarray, "coordinates coordinates"]
+    residual: Any
+    chi2: Any
+    gradient: Any
+    normal: Any
 
 
 @eqx.filter_jit

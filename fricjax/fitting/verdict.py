@@ -106,8 +106,8 @@ def warnings_of(
         )
     if numerical_shift > _VISIBLE:
         found.append(
-            f"The numerical error of the computed motion may move a parameter by {numerical_shift:.2g} standard errors. "
-            "Ask the engine for more accuracy, or choose another engine."
+            f"The numerical error of the computed motion may move a parameter by {numerical_shift:.2g} standard "
+            "errors. Ask the engine for more accuracy, or choose another engine."
         )
     for i, margin in enumerate(margins):
         if margin is not None and min(margin) < -_ADEQUATE * sigma:

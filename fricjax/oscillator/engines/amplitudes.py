@@ -22,8 +22,8 @@ from .strokes import Rests, Standstill, Stroke, advance, integrate_phase
 class Span(NamedTuple):
     """Range of turning points for which a table is made [m], as distances from the equilibrium."""
 
-    lowest: Array
-    highest: Array
+    lowest: Array | np.ndarray
+    highest: Array | np.ndarray
 
 
 class Table(NamedTuple):
@@ -33,8 +33,8 @@ class Table(NamedTuple):
     """
 
     theta: Array
-    amplitude: Array
-    phase: Array
+    amplitude: Array | np.ndarray
+    phase: Array | np.ndarray
     centre: Array
     reach: Array
 

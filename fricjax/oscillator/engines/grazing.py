@@ -19,9 +19,9 @@ from .frame import frame_at, is_resolved, motion_at
 from .nodes import Nodes
 from .strokes import Rests, Standstill, Stroke, advance, integrate_phase
 
-STROKES = 4
+STROKES = 3
 _STEPS = 160
-_TOLERANCE = 1e-9
+_TOLERANCE = 3e-8
 _ROUNDING = 1e-15
 _FOREVER = 1e9
 

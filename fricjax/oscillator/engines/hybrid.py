@@ -165,7 +165,9 @@ class Hybrid(AbstractEngine):
             end, nodes = self._by_table(oscillator, table, begin, step, half_cycles)
         return _Course(*nodes, end)
 
-    def _by_table(self, oscillator: Oscillator, table: Table, begin: Standstill, step: Any, half_cycles: Array) -> tuple:
+    def _by_table(
+        self, oscillator: Oscillator, table: Table, begin: Standstill, step: Any, half_cycles: Array
+    ) -> tuple:
         """The first half-cycle and the last ones each for itself, those between them from the table."""
 
         def leaves_the_last(y: Array, count: Array) -> Array:
