@@ -69,11 +69,10 @@ def plot(rows: Sequence[Row], path: Path) -> Path:
     picture.set_figheight(1.0 + 0.3 * len(shown))
     only = axes[0, 0]
     places = np.arange(len(shown))
-    whole = [a.method == OURS[0] for a, _ in shown]
-    for kind, colour, label in ((True, "#0072B2", "whole call"), (False, "#56B4E9", "solve only")):
-        chosen = [i for i in places if whole[i] is kind]
-        values = [shown[i][1].seconds / shown[i][0].seconds for i in chosen]
-        only.barh(chosen, values, color=colour, label=label)
+    for method, colour, label in zip(OURS, ("#0072B2", "#56B4E9"), ("whole call", "solve only"), strict=True):
+        chosen = [(i, b.seconds / a.seconds) for i, (a, b) in enumerate(shown) if a.method == method]
+        if chosen:
+            only.barh(*zip(*chosen, strict=True), color=colour, label=label)
     marks = [(i, TARGETS.get((a.workload, b.method))) for i, (a, b) in enumerate(shown)]
     asked = [(i, least) for i, least in marks if least]
     only.plot([v for _, v in asked], [i for i, _ in asked], "|", color="#D55E00", markersize=12, label="at least")

@@ -2,8 +2,7 @@
 
     python experiments/benchmarks/run.py [--quick] [--only NAME] [--json out.json] [--plot out.png] [--repeats N]
 
-Needs the extra "peers" (numba, casadi). Workloads: rolling, rolling-exact, rolling-lugre, archive (Coulomb), archive
-(Tanh), map, sliding, long, errors. The whole takes about a quarter of an hour on two cores, --quick less than a minute.
+Needs the extra "peers" (numba, casadi). The whole takes about a quarter of an hour on two cores.
 """
 
 import argparse
@@ -14,6 +13,9 @@ import tempfile
 from pathlib import Path
 from typing import Any
 
+WORKLOADS = ("rolling", "rolling-exact", "rolling-lugre", "archive (Coulomb)", "archive (Tanh)", "map", "sliding")
+WORKLOADS += ("long", "errors")
+
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -23,24 +25,26 @@ def main() -> None:
     parser.add_argument("--plot", type=Path, help="write a picture of the ratios here")
     parser.add_argument("--repeats", type=int, help="rounds of timing")
     options = parser.parse_args()
+    if not any(options.only in name for name in WORKLOADS):
+        parser.error(f"No workload is called {options.only!r}. Choose from {', '.join(WORKLOADS)}.")
     found = measured(options)
     if options.json:
         options.json.write_text(json.dumps(found, indent=1))
 
 
 def measured(options: argparse.Namespace) -> dict[str, Any]:
-    """Run, print each table as soon as it is complete, and return all figures as plain data."""
+    """Run, print the tables, and return all figures as plain data."""
     # Worker processes import this file: what is heavy is imported only here.
     import errors
     import report
-    from comparison import FITS, FORWARD, QUICK, TARGETS, Scale, compare, long
+    from comparison import QUICK, TARGETS, Scale, compare, long
 
     scale = QUICK if options.quick else Scale()
     if options.repeats:
         scale = dataclasses.replace(scale, repeats=options.repeats)
     rows, longs, numerical = [], [], []
     with tempfile.TemporaryDirectory() as folder:
-        for workload in (*FITS, *FORWARD):
+        for workload in WORKLOADS[:-2]:
             if options.only in workload:
                 print(f"{workload} ...", file=sys.stderr, flush=True)
                 rows += compare(workload, scale, Path(folder))

@@ -4,13 +4,13 @@ python worker.py WORKLOAD METHOD FILE CALLS
 """
 
 import json
-import resource
 import sys
 import time
+from multiprocessing import active_children
 from pathlib import Path
 
 from jobs import displacements, fits
-from peers.pool import CORES, Pool
+from peers.pool import Pool
 
 
 def main(workload: str, method: str, path: str, calls: str) -> None:
@@ -22,11 +22,17 @@ def main(workload: str, method: str, path: str, calls: str) -> None:
         begin = time.perf_counter()
         job()
         warm.append(time.perf_counter() - begin)
+    # Read before the pool closes: a process that has ended tells nothing.
+    peak = sum(peak_memory(pid) for pid in ("self", *(str(child.pid) for child in active_children())))
     if isinstance(job, Pool):
         job.close()
-    # Linux tells it in kB; for children only that of the largest.
-    own, child = (resource.getrusage(who).ru_maxrss for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
-    print(json.dumps({"first": first, "warm": warm, "peak": (own + CORES * child) / 1e3}))
+    print(json.dumps({"first": first, "warm": warm, "peak": peak}))
+
+
+def peak_memory(pid: str) -> float:
+    """Largest resident memory of a process so far [MB]; getrusage would count that of its parent before it began."""
+    status = Path(f"/proc/{pid}/status").read_text()
+    return int(status.split("VmHWM:")[1].split()[0]) / 1e3
 
 
 if __name__ == "__main__":

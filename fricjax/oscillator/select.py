@@ -61,7 +61,7 @@ def _engines(accuracy: float, max_half_cycles: int) -> Mapping[str, AbstractEngi
 
 def nodes_for(accuracy: float) -> int:
     """Steps per half-cycle of the hybrid engine for that accuracy [m] of a motion of a few millimetres, even."""
-    return 2 * max(8, math.ceil(12 * (1e-10 / accuracy) ** (1 / 6)))
+    return 2 * max(8, math.ceil(14 * (1e-10 / accuracy) ** (1 / 6)))
 
 
 def concrete(value: Any) -> float | None:

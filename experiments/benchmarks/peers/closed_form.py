@@ -14,7 +14,7 @@ from peers.least_squares import Outcome, minimise
 
 
 @numba.njit(fastmath=True)
-def displacement(t, mu, damping, stiffness, x0, offset, half_cycles):
+def displacement(t, half_cycles, mu, damping, stiffness, x0, offset):
     """Half-cycles of equal duration, found from the time: one cosine and one exponential per sample."""
     rate, band = damping / (2 * MASS), mu * LOAD / stiffness
     omega = math.sqrt(stiffness / MASS - rate * rate)
@@ -39,17 +39,17 @@ def displacement(t, mu, damping, stiffness, x0, offset, half_cycles):
 
 
 @numba.njit(fastmath=True)
-def residual(t, measured, mu, damping, stiffness, x0, offset, half_cycles):
-    x = displacement(t, mu, damping, stiffness, x0, offset, half_cycles)
+def residual(t, measured, half_cycles, mu, damping, stiffness, x0, offset):
+    x = displacement(t, half_cycles, mu, damping, stiffness, x0, offset)
     return (x - measured) / NOISE
 
 
 def simulate(record: Record) -> np.ndarray:
     """Displacement [m] with the true values."""
     p = record.truth
-    return displacement(record.t, *(p[name] for name in record.names), record.half_cycles)
+    return displacement(record.t, record.half_cycles, *(p[name] for name in record.names))
 
 
 def fit(record: Record) -> Outcome:
     """Fit mu, damping, stiffness, x0 and offset; the model is smooth to rounding, so small differences do."""
-    return minimise(lambda p: residual(record.t, record.x, *p, record.half_cycles), record, difference=1e-7)
+    return minimise(lambda p: residual(record.t, record.x, record.half_cycles, *p), record, difference=1e-7)

@@ -21,7 +21,7 @@ def acceleration(x, v, spring, viscous, friction):
 
 
 @numba.njit(fastmath=True)
-def displacement(t, mu, damping, stiffness, x0, offset, substeps):
+def displacement(t, substeps, mu, damping, stiffness, x0, offset):
     """Classical fourth order with equal steps; the samples must be evenly spaced."""
     spring, viscous, friction = stiffness / MASS, damping / MASS, mu * LOAD / MASS
     h = (t[1] - t[0]) / substeps
@@ -44,13 +44,13 @@ def displacement(t, mu, damping, stiffness, x0, offset, substeps):
 
 @numba.njit(fastmath=True)
 def residual(t, measured, mu, damping, stiffness, x0, offset):
-    return (displacement(t, mu, damping, stiffness, x0, offset, SUBSTEPS) - measured) / NOISE
+    return (displacement(t, SUBSTEPS, mu, damping, stiffness, x0, offset) - measured) / NOISE
 
 
 def simulate(record: Record) -> np.ndarray:
     """Displacement [m] with the true values."""
     p = record.truth
-    return displacement(record.t, *(p[name] for name in record.names), SUBSTEPS)
+    return displacement(record.t, SUBSTEPS, *(p[name] for name in record.names))
 
 
 def fit(record: Record) -> Outcome:

@@ -41,7 +41,7 @@ def displacement(t: jax.Array, p: jax.Array) -> jax.Array:
         adjoint=diffrax.ForwardMode(),
         max_steps=100_000,
     )
-    return found.ys[:, 0] + p[4]
+    return found.ys[:, 0] + p[4]  # pyright: ignore[reportOptionalSubscript]
 
 
 def residual(q: jax.Array, args: tuple[jax.Array, ...]) -> jax.Array:

@@ -51,19 +51,17 @@ def integrate_phase(
     oscillator: Oscillator, frame: Frame, amplitude: Array, theta: Float[Array, " nodes"]
 ) -> tuple[Array, Array]:
     """Amplitude and elapsed time at the phases `theta` of a half-cycle, shape (nodes, *amplitude.shape)."""
-    amplitudes, elapsed = diffrax.diffeqsolve(
-        diffrax.ODETerm(phase_rates),
-        diffrax.Dopri8(),
-        theta[0],
-        theta[-1],
-        None,
-        (amplitude, jnp.zeros_like(amplitude)),
-        (oscillator, frame),
-        saveat=diffrax.SaveAt(t0=True, steps=True),
-        stepsize_controller=diffrax.StepTo(theta),
-        adjoint=diffrax.ForwardMode(),
-        max_steps=theta.size - 1,
-    ).ys  # pyright: ignore[reportGeneralTypeIssues, reportOptionalIterable]
+    solver, terms, args = diffrax.Dopri8(scan_kind="lax"), diffrax.ODETerm(phase_rates), (oscillator, frame)
+    begin = (amplitude, jnp.zeros_like(amplitude))
+
+    def step(carry: tuple, ends: tuple[Array, Array]) -> tuple[tuple, tuple[Array, Array]]:
+        at, state = carry
+        after, _, _, state, _ = solver.step(terms, *ends, at, args, state, made_jump=False)
+        return (after, state), after
+
+    state = solver.init(terms, theta[0], theta[1], begin, args)
+    _, rest = jax.lax.scan(step, (begin, state), (theta[:-1], theta[1:]))
+    amplitudes, elapsed = (jnp.concatenate([y[None], ys]) for y, ys in zip(begin, rest, strict=True))
     return amplitudes, elapsed
 
 

@@ -1,0 +1,125 @@
+"""The half-cycles of a whole motion, one after the other or most of them off a table."""
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from ..motion import Start
+from ..oscillator import Oscillator
+from .amplitudes import Table, strokes_from_table
+from .grazing import STROKES, grazing_strokes
+from .nodes import Nodes
+from .strokes import Rests, Standstill, Stroke, advance, enter, stroke_from
+from .turning import spliced
+
+_LAST = 2
+
+Step = Callable[[Standstill, Array], tuple[Standstill, tuple[Stroke, Array]]]
+
+
+class Course(NamedTuple):
+    """Half-cycles in phase: their nodes, their turning points (NaN behind the last), and where they end."""
+
+    strokes: Stroke
+    turning_points: Array
+    end: Standstill
+
+    @property
+    def nodes(self) -> Nodes:
+        """The motion so far."""
+        columns = (values.reshape(-1) for values in self.strokes)
+        return Nodes(*columns, self.end.turning_point, self.end.time, self.end.at_rest)
+
+
+def rest_condition(oscillator: Oscillator, start: Start, half_cycles: Array | None) -> Rests:
+    """Whether the mass stays at a turning point: by its law, or because the record says so."""
+    static, moving = oscillator.friction.static_force(oscillator.normal_force), start.v0 != 0
+
+    def by_law(y: Array, count: Array) -> Array:
+        return (jnp.abs(oscillator.restoring_force(y)) <= static) & ~(moving & (count == 0))
+
+    return by_law if half_cycles is None else lambda y, count: count >= half_cycles
+
+
+def one_by_one(
+    oscillator: Oscillator, start: Start, fractions: Float[Array, " nodes"], rests: Rests, capacity: int
+) -> Course:
+    """Each half-cycle integrated for itself, at most `capacity` of them."""
+    step = _stepper(oscillator, start, fractions, rests)
+    end, made = jax.lax.scan(step, _begin(start, rests), jnp.arange(capacity))
+    return Course(*made, end)
+
+
+def by_table(
+    oscillator: Oscillator,
+    start: Start,
+    table: Table,
+    fractions: Float[Array, " nodes"],
+    half_cycles: Array,
+    capacity: int,
+) -> Course:
+    """The first half-cycle and the last ones each for itself, those between them from the table."""
+    rests = rest_condition(oscillator, start, half_cycles)
+    step = _stepper(oscillator, start, fractions, rests)
+
+    def leaves_the_last(y: Array, count: Array) -> Array:
+        return count >= half_cycles - _LAST
+
+    entered, first = jax.lax.scan(step, _begin(start, rests), jnp.arange(1))
+    entered = entered._replace(finished=~entered.carried | leaves_the_last(entered.turning_point, entered.count))
+    between = max(capacity - 1 - _LAST, 1)
+    reached, middle = strokes_from_table(oscillator, table, entered, leaves_the_last, between)
+    # A record that ends in motion has no last half-cycles.
+    over = ~reached.carried | (reached.count >= half_cycles) | (half_cycles > capacity)
+    end, last = jax.lax.scan(step, reached._replace(finished=over), 1 + jnp.arange(_LAST))
+    return Course(*jax.tree.map(lambda *parts: jnp.concatenate(parts), first, middle, last), end)
+
+
+def to_rest(
+    course: Course, oscillator: Oscillator, start: Start, fractions: Float[Array, " nodes"], rests: Rests
+) -> tuple[Nodes, Array, Standstill]:
+    """The motion under a set-valued law, with the half-cycles that had to be integrated in time at its end.
+
+    Returns:
+        Its nodes, its turning points, NaN behind the last one, and where it ends.
+    """
+    held = course.nodes
+
+    def grazing() -> tuple[Nodes, Array, Standstill]:
+        return grazing_strokes(oscillator, start, fractions, rests, course.end)
+
+    def none() -> tuple[Nodes, Array, Standstill]:
+        shape = jax.eval_shape(grazing)[0].t.shape
+        columns = (jnp.broadcast_to(last, shape) for last in (held.t[-1], held.x[-1], 0.0, 0.0))
+        nodes = Nodes(*columns, held.rest_position, held.t_stop, held.finished)
+        return nodes, jnp.full(STROKES, jnp.nan), course.end
+
+    nodes, points, end = jax.lax.cond(course.end.carried, none, grazing)
+    return held.joined(nodes), spliced(course.turning_points, points, course.end.count), end
+
+
+def _begin(start: Start, rests: Rests) -> Standstill:
+    zero, x = jnp.zeros((), int), jnp.asarray(start.x0)
+    return Standstill(x, jnp.zeros(()), zero, rests(x, zero), jnp.asarray(True))
+
+
+def _stepper(oscillator: Oscillator, start: Start, fractions: Float[Array, " nodes"], rests: Rests) -> Step:
+    """One half-cycle after a standstill, with its next turning point; nothing where the motion is finished."""
+    entry = enter(oscillator, start)
+
+    def step(at: Standstill, index: Array) -> tuple[Standstill, tuple[Stroke, Array]]:
+        def made() -> tuple[Standstill, tuple[Stroke, Array]]:
+            inside = entry.moving & (index == 0)
+            after, stroke = advance(at, *stroke_from(oscillator, start, entry, fractions, inside, at), rests)
+            return after, (stroke, jnp.where(after.count == at.count, jnp.nan, after.turning_point))
+
+        def none() -> tuple[Standstill, tuple[Stroke, Array]]:
+            still = (jnp.broadcast_to(value, fractions.shape) for value in (at.time, at.turning_point, 0.0, 0.0))
+            return at, (Stroke(*still), jnp.asarray(jnp.nan))
+
+        return jax.lax.cond(at.finished, none, made)
+
+    return step

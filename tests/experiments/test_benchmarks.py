@@ -1,0 +1,65 @@
+"""The benchmark command in its quick mode: every row comes out, every fit reaches the optimum. Nothing is timed."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("numba")
+pytest.importorskip("casadi")
+
+COMMAND = Path(__file__).resolve().parents[2] / "experiments" / "benchmarks" / "run.py"
+# What fixes the ratios asked for: each must have a row.
+ASKED = 9
+# [nm]: a tenth of the noise for the peers, less for the engines.
+PEER_ERROR, ENGINE_ERROR = 0.5, 0.1
+ENGINES = ("exact", "hybrid", "smooth")
+
+
+def run(*arguments):
+    return subprocess.run([sys.executable, str(COMMAND), *arguments], capture_output=True, text=True)
+
+
+@pytest.fixture(scope="module")
+def found(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("benchmarks")
+    done = run("--quick", "--json", str(folder / "out.json"), "--plot", str(folder / "out.png"))
+    assert done.returncode == 0, done.stderr
+    assert (folder / "out.png").stat().st_size > 10_000
+    return json.loads((folder / "out.json").read_text()) | {"text": done.stdout}
+
+
+@pytest.mark.slow
+def test_every_ratio_that_is_asked_for_has_both_sides(found):
+    methods = {(row["workload"], row["method"]) for row in found["rows"]}
+    asked = {(target["workload"], target["peer"]) for target in found["targets"]}
+    assert len(asked) == ASKED
+    assert asked | {(workload, "fricjax") for workload, _ in asked} <= methods
+    assert all(f"{workload}  " in found["text"] for workload, _ in asked)
+
+
+@pytest.mark.slow
+def test_every_fit_reaches_the_optimum(found):
+    fits = [row for row in found["rows"] if row["excess"] is not None]
+    assert len(fits) == 18
+    assert not [row for row in fits if row["reached"] < 1]
+
+
+@pytest.mark.slow
+def test_numerical_errors_are_below_the_noise(found):
+    limits = {row["method"]: ENGINE_ERROR if row["method"] in ENGINES else PEER_ERROR for row in found["errors_nm"]}
+    assert set(ENGINES) < set(limits)
+    assert not [row for row in found["errors_nm"] if row["error"] > limits[row["method"]]]
+
+
+@pytest.mark.slow
+def test_the_long_record_is_fitted(found):
+    assert [row["workload"] for row in found["long"]] == ["1e+05"]
+
+
+def test_an_unknown_workload_is_refused():
+    done = run("--quick", "--only", "rowling")
+    assert done.returncode == 2
+    assert "No workload is called 'rowling'" in done.stderr

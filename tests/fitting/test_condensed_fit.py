@@ -1,0 +1,86 @@
+"""Fits of condensed records against fits of all their samples, by SciPy and by the package itself."""
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy.optimize import least_squares
+
+from fricjax import Fit, Oscillator, Trace, fit
+from fricjax.fitting import problem
+from fricjax.fitting.passes import residual_and_jacobian
+from fricjax.friction import Coulomb
+from tests.fitting.posed import posed
+from tests.fitting.runs import MACHINE, STIFFNESS, coulomb_run
+from tests.helpers import PROTOTYPE_DAMPING, PROTOTYPE_MASS
+
+OSCILLATOR = Oscillator(PROTOTYPE_MASS, STIFFNESS, PROTOTYPE_DAMPING, 9.66, Coulomb(0.05))
+
+
+def values_of(found: Fit) -> np.ndarray:
+    return np.array([found.values[name] for name in found.names])
+
+
+whole = eqx.filter_jit(residual_and_jacobian)
+
+
+def dense(residual) -> tuple[np.ndarray, np.ndarray]:
+    """Values and covariance by SciPy's Gauss-Newton on a residual with its Jacobian, to the last digit."""
+    solution = least_squares(
+        lambda y: np.asarray(whole(residual, jnp.asarray(y))[0]), np.zeros(residual.n_parameters), method="lm", x_scale="jac",
+        jac=lambda y: np.asarray(whole(residual, jnp.asarray(y))[1]), xtol=1e-15, ftol=1e-15, gtol=1e-15,
+    )  # fmt: skip
+    slope = np.asarray(residual.space.slope(jnp.asarray(solution.x)))
+    unit = np.linalg.norm(solution.jac, axis=0)
+    inverse = np.linalg.inv((solution.jac / unit).T @ (solution.jac / unit)) / np.outer(unit, unit)
+    return np.asarray(residual.values(jnp.asarray(solution.x))), slope[:, None] * inverse * slope
+
+
+RUN = coulomb_run()
+
+
+def masked(run: Trace) -> Trace:
+    mask = np.random.default_rng(2).uniform(size=run.n) < 0.8
+    return Trace(run.t, np.where(mask, run.x, 1.0), sigma=run.sigma, mask=mask)
+
+
+def weighted(run: Trace) -> Trace:
+    """The second half of the record twice as noisy."""
+    sigma = np.where(np.arange(run.n) < run.n // 2, 1e-9, 2e-9)
+    return Trace(run.t, run.x + 1.7e-9 * np.random.default_rng(3).standard_normal(run.n) * (sigma > 1.5e-9), sigma)
+
+
+RUNS = {"plain": RUN, "masked": masked(RUN), "weighted": weighted(RUN), "in motion": coulomb_run(mu=0.005)}
+
+
+@pytest.mark.parametrize("run", RUNS.values(), ids=RUNS.keys())
+def test_estimate_and_covariance_are_those_of_all_samples(run):
+    posing = posed(run, OSCILLATOR, MACHINE)
+    assert np.sum(posing.condensed.runs[0].weight > 0) < 0.5 * posing.n_used
+    few, every = (dense(residual) for residual in (posing.condensed, posing.residual))
+    std = np.sqrt(np.diag(every[1]))
+    print(f"\ncondensed samples move the optimum by {np.max(np.abs(few[0] - every[0]) / std):.1e} standard errors")
+    assert few[0] / std == pytest.approx(every[0] / std, rel=1e-9, abs=1e-6)
+    assert few[1] / np.outer(std, std) == pytest.approx(every[1] / np.outer(std, std), abs=1e-9)
+    found = fit(run, OSCILLATOR, MACHINE)
+    shown = values_of(found) - [found.origins[0] * (name == "t_release") for name in found.names]
+    assert np.max(np.abs(shown - every[0]) / std) < 1e-3  # the fit stops at a thousandth of a standard error
+    machine = slice(0, len(MACHINE))
+    assert shown[machine] == pytest.approx(every[0][machine], rel=1e-9)
+    assert found.covariance / np.outer(std, std) == pytest.approx(every[1] / np.outer(std, std), abs=1e-8)
+
+
+def test_a_record_of_high_rate_gives_the_same_with_and_without_condensation(monkeypatch):
+    run = coulomb_run(samples=300_000, rate=7.5e5)
+    found = fit(run, OSCILLATOR, MACHINE)
+    assert np.sum(posed(run, OSCILLATOR, MACHINE).condensed.runs[0].weight > 0) < 10_000
+    monkeypatch.setattr(problem, "condensed", lambda window, samples, oscillator: samples)
+    assert posed(run, OSCILLATOR, MACHINE).condensed.runs[0].t.size >= 2.5e5
+    every = fit(run, OSCILLATOR, MACHINE)
+    std = np.sqrt(np.diag(every.covariance))
+    shift = np.max(np.abs(values_of(found) - values_of(every)) / std)
+    print(f"\n3e5 samples: condensation moves the optimum by {shift:.1e} standard errors")
+    assert shift < 1e-3 and found.numerical_shift < 1e-3
+    assert found.covariance / np.outer(std, std) == pytest.approx(every.covariance / np.outer(std, std), abs=1e-8)
+    assert found.chi2 == pytest.approx(every.chi2, abs=1e-3)
+    assert found.status == every.status == "converged"

@@ -1,0 +1,93 @@
+"""The streamed pass over all samples against the dense Jacobian of the residual."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from fricjax import Measured, Oscillator, Rig
+from fricjax.fitting import survey as module
+from fricjax.fitting.loss import Cauchy, Huber, Squares
+from fricjax.fitting.mesh import with_mesh
+from fricjax.fitting.survey import Survey
+from fricjax.friction import Coulomb, Tanh
+from tests.fitting.posed import posed
+from tests.fitting.runs import FREQUENCY, MACHINE, STIFFNESS, coulomb_run
+from tests.helpers import PROTOTYPE_DAMPING, PROTOTYPE_MASS
+
+PRIORS = {"damping": (0.18, 1e-3), "offset": (1e-6, 1e-7)}
+RIG = Rig(mass=Measured(PROTOTYPE_MASS, 1e-3), frequency=Measured(FREQUENCY, 1e-5), normal_force=Measured(9.66, 0.05))
+
+
+def machine(law):
+    return Oscillator(PROTOTYPE_MASS, STIFFNESS, PROTOTYPE_DAMPING, 9.66, law)
+
+
+def problem(engine: str):
+    """A run each, with priors; the exact one with a rig."""
+    if engine == "exact":
+        return posed(coulomb_run(), RIG.oscillator(Coulomb(0.05)), ("mu", "damping"), priors=PRIORS, rig=RIG)
+    law = Coulomb(0.05) if engine == "hybrid" else Tanh(0.05, 1e-2)
+    return posed(coulomb_run(), machine(law), MACHINE, priors=PRIORS, engine=engine)
+
+
+@eqx.filter_jit
+def whole(residual, y):
+    return residual(y), jax.jacfwd(residual)(y)
+
+
+def dense(residual, y, loss) -> Survey:
+    """The same from the whole Jacobian; priors count with their squares whatever the loss."""
+    r, jacobian = (np.asarray(part) for part in whole(residual, y))
+    rows = r.size - residual.n_parameters
+    _, weight, curvature = (np.r_[np.asarray(part), np.ones(r.size - rows)] for part in loss.parts(r[:rows]))
+    return Survey(r, r @ r, jacobian.T @ (weight * r), jacobian.T @ (curvature[:, None] * jacobian))
+
+
+def streamed(residual, y, loss, monkeypatch, chunk) -> Survey:
+    """The pass in chunks of a given length; compiled afresh, since this length is not one of its arguments."""
+    monkeypatch.setattr(module, "CHUNK", chunk)
+    return eqx.filter_jit(module.survey.__wrapped__)(residual, y, loss)
+
+
+def assert_same(found: Survey, expected: Survey):
+    unit = np.sqrt(np.diag(expected.normal))
+    assert found.residual == pytest.approx(expected.residual, rel=1e-12, abs=1e-9)
+    assert float(found.chi2) == pytest.approx(float(expected.chi2), rel=1e-12)
+    assert found.gradient / unit == pytest.approx(expected.gradient / unit, abs=1e-10 * np.sqrt(expected.chi2))
+    scale = np.outer(unit, unit)
+    assert found.normal / scale == pytest.approx(expected.normal / scale, abs=1e-10)
+
+
+@pytest.mark.parametrize("engine", ["exact", "hybrid", "smooth"])
+def test_the_sums_are_those_of_the_dense_jacobian(engine, monkeypatch):
+    """In seven chunks, the last of them not full; away from the optimum, where no part of the gradient cancels."""
+    residual = problem(engine).residual
+    p, inputs = residual.n_parameters, residual.inputs.shape[0]
+    assert inputs == (3 if engine == "exact" else 0)
+    y = jnp.asarray(np.r_[1e-4 * (1 + np.arange(p)), np.zeros(inputs)])
+    residual = with_mesh(residual, y)
+    expected = dense(residual, y, Squares())
+    assert np.all(np.diag(expected.normal) > 0)
+    assert_same(streamed(residual, y, Squares(), monkeypatch, 300), expected)
+
+
+@pytest.mark.parametrize("loss", [Squares(), Huber(), Cauchy()], ids=lambda loss: type(loss).__name__)
+def test_each_sample_is_weighted_as_its_loss_says_and_priors_are_not(loss, monkeypatch):
+    residual = problem("exact").residual
+    y = jnp.asarray(np.r_[1e-7 * np.ones(residual.n_parameters), np.zeros(3)])
+    assert_same(streamed(residual, y, loss, monkeypatch, 16384), dense(residual, y, loss))
+
+
+def test_several_runs_add_up(monkeypatch):
+    both = posed([coulomb_run(), coulomb_run(2.5e-3, seed=5)], machine(Coulomb(0.05)), MACHINE).residual
+    y = 1e-5 * jnp.ones(both.n_parameters)
+    assert_same(streamed(both, y, Squares(), monkeypatch, 900), dense(both, y, Squares()))
+
+
+def test_more_samples_than_one_chunk_holds():
+    residual = posed(coulomb_run(samples=20_000, rate=5e4), machine(Coulomb(0.05)), MACHINE).residual
+    assert residual.runs[0].t.size > module.CHUNK
+    y = 1e-5 * jnp.ones(residual.n_parameters)
+    assert_same(module.survey(residual, y, Squares()), dense(residual, y, Squares()))
