@@ -29,8 +29,8 @@ FITS = {
     "rolling": ("tanh", (*OURS, "numba RK4", "CVODES", "odeint", "stock optimistix")),
     "rolling-exact": ("coulomb", (*OURS, "numba closed form")),
     "rolling-lugre": ("lugre", (*OURS, "CVODES", "odeint")),
-    "archive (Coulomb)": ("coulomb", ("fricjax", "numba closed form")),
-    "archive (Tanh)": ("tanh", ("fricjax", "numba RK4", "stock optimistix")),
+    "archive (Coulomb)": ("coulomb", (*OURS, "numba closed form")),
+    "archive (Tanh)": ("tanh", (*OURS, "numba RK4", "stock optimistix")),
 }
 FORWARD = ("map", "sliding")
 # A fit reaches the optimum when its chi^2 lies no further than this above the lowest that anyone found.

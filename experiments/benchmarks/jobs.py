@@ -29,8 +29,7 @@ def fits(method: str, path: Path) -> Job:
 
     module, records = importlib.import_module(METHODS[method]), load(path)
     if method.endswith("solve only"):
-        solve = module.solver(records[0])
-        return lambda: [solve()]
+        return module.solver(records)
     if len(records) == 1:
         return lambda: [module.fit(records[0])]
     if hasattr(module, "fit_all"):

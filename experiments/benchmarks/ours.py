@@ -1,6 +1,8 @@
 """Our side: the same jobs by the package, each as a user would call it."""
 
+import os
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import jax
@@ -14,10 +16,12 @@ from record import Record  # noqa: E402
 from rig import DAMPING, LOAD, MASS, NOISE, SIGMA1, STIFFNESS, V_S, X0  # noqa: E402
 
 import fricjax as fj  # noqa: E402
+from fricjax.fitting.lanes import WIDTH, solve_lanes  # noqa: E402
 from fricjax.fitting.loss import named_loss  # noqa: E402
 from fricjax.fitting.parameters import Request  # noqa: E402
-from fricjax.fitting.problem import pose  # noqa: E402
+from fricjax.fitting.problem import Problem, pose  # noqa: E402
 from fricjax.fitting.rest import solve_with_rest  # noqa: E402
+from fricjax.fitting.solve import Solved, judged  # noqa: E402
 
 PAPER = fj.Oscillator(1.0, 5000.0, 0.0, 9.81, fj.friction.Coulomb(0.1))
 SLIDING = fj.Oscillator(MASS, STIFFNESS, DAMPING, 9.66, fj.friction.Stribeck(0.05, 0.065, v_stribeck=5e-3))
@@ -49,18 +53,33 @@ def fit(record: Record) -> Outcome:
     return Outcome({name: found.values[name] for name in record.names}, found.passes)
 
 
-def solver(record: Record) -> Callable[[], Outcome]:
-    """Levenberg-Marquardt from the standard start, and the check by a finer solution, on a posed problem."""
-    measured, how = parts(record)
-    empty: dict[str, Any] = {"engine": "auto", "bounds": {}, "priors": {}, "tie": {}, "rig": None}
-    problem = pose((measured,), Request(**(empty | how), loss=named_loss("squares")))
+def solver(records: list[Record]) -> Callable[[], list[Outcome]]:
+    """Levenberg-Marquardt from the standard start, and the check by a finer solution, on posed problems."""
+    problems = [_posed(record) for record in records]
+    if len(problems) == 1:
+        return lambda: [_outcome(records[0], *solve_with_rest(problems[0]))]
+    blocks = [slice(first, first + WIDTH) for first in range(0, len(problems), WIDTH)]
 
-    def solve() -> Outcome:
-        _, solved = solve_with_rest(problem)
-        values = dict(zip(problem.names, map(float, np.asarray(solved.settled.values)), strict=True))
-        return Outcome({name: values[name] for name in record.names}, solved.passes)
+    def block(part: slice) -> list[Outcome]:
+        landed = zip(records[part], problems[part], solve_lanes(problems[part]), strict=True)
+        return [_outcome(r, p, judged(p, lane.at, lane.survey, lane.settled)) for r, p, lane in landed]
+
+    def solve() -> list[Outcome]:
+        with ThreadPoolExecutor(os.cpu_count()) as pool:
+            return [outcome for some in pool.map(block, blocks) for outcome in some]
 
     return solve
+
+
+def _posed(record: Record) -> Problem:
+    measured, how = parts(record)
+    empty: dict[str, Any] = {"engine": "auto", "bounds": {}, "priors": {}, "tie": {}, "rig": None}
+    return pose((measured,), Request(**(empty | how), loss=named_loss("squares")))
+
+
+def _outcome(record: Record, problem: Problem, solved: Solved) -> Outcome:
+    values = dict(zip(problem.names, map(float, solved.settled.values), strict=True))
+    return Outcome({name: values[name] for name in record.names}, solved.passes)
 
 
 def fit_all(records: list[Record]) -> list[Outcome]:

@@ -15,14 +15,27 @@ _SAMPLES = 2.5
 def condensed(window: Window, samples: Samples, oscillator: Oscillator) -> Samples:
     """The used samples of a record, condensed between its reversals; times count from the window's origin.
 
-    Around each reversal samples are kept as long as the law's force still changes: until the velocity has passed its
-    own scale ten times, and the sliding distance the deflection of the bristles twenty times. Beyond that, what is not
-    yet smooth has decayed to e^-20. Instants are known to a few samples or a thousandth of a half-period.
+    Around the start and each reversal samples are kept as long as the law's force still changes: until the velocity
+    has passed its own scale ten times, and the sliding distance the deflection of the bristles twenty times. Beyond
+    that, what is not yet smooth has decayed to e^-20. Instants are known to a few samples or a thousandth of a
+    half-period.
     """
+    times, deflections = _standstills(window)
+    margins = _known_to(window) + _settling(window, oscillator, deflections)
+    return condense(samples, (times - window.origin).tolist(), margins.tolist())
+
+
+def _standstills(window: Window) -> tuple[np.ndarray, np.ndarray]:
+    """Instants of the start, the reversals and the stop [s], and the deflection that drives the mass there [m]."""
     found = window.segmentation
-    stop = () if found.rest is None else (found.rest,)
-    breaks = np.concatenate([found.turning_times, stop]) - window.origin
-    return condense(samples, breaks.tolist(), (_known_to(window) + _layers(window, oscillator)).tolist())
+    swings = np.abs(found.turning_points - equilibrium(found))
+    later = found.turning_times > window.t_start
+    times = np.concatenate([[window.t_start], found.turning_times[later]])
+    deflections = np.concatenate([[abs(window.guesses["x0"])], swings[later]])
+    if found.rest is None:
+        return times, deflections
+    # The mass comes to the stop with the deflection of the reversal before it.
+    return np.append(times, found.rest), np.append(deflections, deflections[-1])
 
 
 def _known_to(window: Window) -> float:
@@ -32,14 +45,11 @@ def _known_to(window: Window) -> float:
     return max(_SAMPLES * interval, _SHARE * window.segmentation.half_period)
 
 
-def _layers(window: Window, oscillator: Oscillator) -> np.ndarray:
-    """Time that the law needs to settle after each reversal [s]; at the stop that of the last one."""
-    found, load, law = window.segmentation, oscillator.normal_force, oscillator.friction
-    distance = np.abs(found.turning_points - equilibrium(found))
-    if found.rest is not None:
-        distance = np.append(distance, distance[-1:] if distance.size else found.amplitude)
-    acceleration = np.maximum(distance, 1e-3 * found.amplitude) * (np.pi / found.half_period) ** 2
+def _settling(window: Window, oscillator: Oscillator, deflections: np.ndarray) -> np.ndarray:
+    """Time that the law needs to settle after a standstill [s]."""
+    found, law = window.segmentation, oscillator.friction
+    acceleration = np.maximum(deflections, 1e-3 * found.amplitude) * (np.pi / found.half_period) ** 2
     speed = float(law.velocity_scale())
-    deflection = float(np.max(np.asarray(law.state_scale(load)), initial=0.0))
+    bristles = float(np.max(np.asarray(law.state_scale(oscillator.normal_force)), initial=0.0))
     by_speed = _LAYERS * speed / acceleration if np.isfinite(speed) else 0.0
-    return by_speed + np.sqrt(2 * _RELAXATIONS * deflection / acceleration)
+    return by_speed + np.sqrt(2 * _RELAXATIONS * bristles / acceleration)

@@ -20,6 +20,7 @@ from .passes import DensePasses
 from .residual import Residual
 
 ROUNDING = 1e-12
+FINE = 1e-3
 _MOVING, _EVERYTHING = 1.0, 2.0
 
 
@@ -60,9 +61,14 @@ class _State(NamedTuple):
 
 
 def climb(
-    residual: Residual, terrain: tuple[Terrain, ...], limits: Limits, loss: AbstractLoss, y: Float[Array, " p"]
+    residual: Residual,
+    terrain: tuple[Terrain, ...],
+    limits: Limits,
+    loss: AbstractLoss,
+    y: Float[Array, " p"],
+    tolerance: float = FINE,
 ) -> Climbed:
-    """Fit from coordinates `y`, in as many stages as its phase asks for."""
+    """Fit from coordinates `y` to within `tolerance` standard errors, in as many stages as its phase asks for."""
     whole = [run.weight for run in residual.runs]
     ends_at_rest = jnp.any(jnp.stack([jnp.any(w != part.moving) for w, part in zip(whole, terrain, strict=True)]))
     full = jnp.where(ends_at_rest, _MOVING, _EVERYTHING)
@@ -73,7 +79,7 @@ def climb(
 
     def stage(state: _State) -> _State:
         at, reach = state
-        found = least_squares(with_weights(residual, weights(reach)), limits, loss, at.y)
+        found = least_squares(with_weights(residual, weights(reach)), limits, loss, at.y, tolerance)
         steps = at.iterations + found.stats["num_steps"]
         further = jnp.where(2 * reach < 1, 2 * reach, full)
         further = jnp.where(reach >= _MOVING, 2 * reach, further)
@@ -85,7 +91,9 @@ def climb(
     return jax.lax.while_loop(lambda state: state.reach <= _EVERYTHING, stage, first).at
 
 
-def least_squares(residual: Residual, limits: Limits, loss: AbstractLoss, y: Float[Array, " p"]) -> optx.Solution:
+def least_squares(
+    residual: Residual, limits: Limits, loss: AbstractLoss, y: Float[Array, " p"], tolerance: float = FINE
+) -> optx.Solution:
     """One run of Levenberg-Marquardt from coordinates `y`."""
     informed = sum(jnp.sum(run.weight > 0) for run in residual.runs) + jnp.sum(residual.prior_weight > 0)
     options = {
@@ -96,7 +104,7 @@ def least_squares(residual: Residual, limits: Limits, loss: AbstractLoss, y: Flo
     }
     if isinstance(loss, Squares):
         options["linear"] = limits.linear
-    solver = LevenbergMarquardt(passes=DensePasses(loss=loss, exempt=residual.n_parameters))
+    solver = LevenbergMarquardt(passes=DensePasses(loss=loss, exempt=residual.n_parameters), tolerance=tolerance)
     return optx.least_squares(residual, solver, y, options=options, max_steps=solver.max_steps + 1, throw=False)
 
 

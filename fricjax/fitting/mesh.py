@@ -21,10 +21,10 @@ _REACH = 1.05
 _GROWTH = 4.0
 
 
-def with_mesh(residual: Residual, y: Any) -> Residual:
+def with_mesh(residual: Residual, y: Any, slack: float = 1.0) -> Residual:
     """The residual with its engine on a mesh made for coordinates `y`; unchanged for engines that need none.
 
-    Runs of a joint fit share one mesh, the union of what each of them needs.
+    `slack` is the factor by which the error of the mesh may be larger than the engine's. Runs of a joint fit share one mesh, the union of what each of them needs.
 
     Raises:
         UsageError: more steps than the list of them can hold.
@@ -33,7 +33,7 @@ def with_mesh(residual: Residual, y: Any) -> Residual:
         return residual
     machine = residual.machine(y)
     engine, runs = residual.engine, residual.runs
-    meshes = [np.asarray(_steps(engine, machine, residual.own(y, i), run.t[-1])) for i, run in enumerate(runs)]
+    meshes = [np.asarray(_steps(slack * engine.accuracy, machine, residual.own(y, i), run.t[-1])) for i, run in enumerate(runs)]
     if any(np.all(np.isfinite(mesh)) for mesh in meshes):
         raise UsageError(
             f"The motion needs more than {CAPACITY} steps of the smooth engine. Check the law's coefficients, or crop "
@@ -45,9 +45,9 @@ def with_mesh(residual: Residual, y: Any) -> Residual:
 
 
 @eqx.filter_jit
-def _steps(engine: Smooth, machine: Oscillator, at: dict[str, Array], end: Array) -> Array:
+def _steps(accuracy: Any, machine: Oscillator, at: dict[str, Array], end: Array) -> Array:
     start = starting_state(machine, at["x0"], at["v0"])
-    free = Smooth(accuracy=engine.accuracy, max_steps=CAPACITY)
+    free = Smooth(accuracy=accuracy, max_steps=CAPACITY)
     return free.steps(machine, start, _REACH * (end - at["t_release"]), CAPACITY)
 
 

@@ -10,7 +10,7 @@ from .condense import Samples
 from .residual import Run
 from .window import NEVER, Window
 
-_IN_PHASE, _SMALLEST, _SHORTEST = 0.35, 0.02, 4.0
+_IN_PHASE, _SMALLEST, _SHORTEST = 0.5, 0.02, 4.0
 
 
 def whole_run(window: Window, stops: bool) -> Run:

@@ -1,5 +1,6 @@
 """How a fit looks: the report in text and HTML, and the plot of trace and residuals."""
 
+from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -55,28 +56,38 @@ def _mark(fit: "Fit", std: float) -> list[str]:
 
 
 def facts(fit: "Fit") -> list[tuple[str, str]]:
-    """The remaining lines of the report."""
+    """The remaining lines of the report; of a fit that is not finite only what is."""
     restoring = type(fit.oscillator.restoring).__name__.lower()
     used = sum(int(np.isfinite(r).sum()) for r in _runs(fit))
     stages = "1 stage" if fit.stages == 1 else f"{fit.stages} stages"
-    lines = [
+    return [
         ("status", fit.status),
         ("model", f"{_law(fit)} friction, {restoring} restoring force, {fit.engine} engine"),
         ("samples", f"{used} fitted, {stages}, {fit.iterations} iterations, {fit.passes} passes"),
         ("noise", f"{engineering(fit.sigma, fit.quantity)} ({fit.sigma_source}), mode {fit.sigma_mode}"),
-        ("residuals", f"{engineering(fit.residual_rms, fit.quantity)} rms, reduced chi^2 {plain(fit.chi2_reduced, 4)}"),
+        *_accuracy(fit),
+        *_stop(fit),
     ]
+
+
+def _accuracy(fit: "Fit") -> Iterator[tuple[str, str]]:
+    """How well the model describes the run, and how much of that is numerics."""
+    if np.isfinite(fit.chi2):
+        rms, reduced = engineering(fit.residual_rms, fit.quantity), plain(fit.chi2_reduced, 4)
+        yield "residuals", f"{rms} rms, reduced chi^2 {reduced}"
     if np.isfinite(fit.numerical_shift):
-        lines.append(
-            ("numerics", f"numerical errors move no parameter by more than {fit.numerical_shift:.2g} standard errors")
-        )
+        yield "numerics", f"numerical errors move no parameter by more than {fit.numerical_shift:.2g} standard errors"
+
+
+def _stop(fit: "Fit") -> Iterator[tuple[str, str]]:
+    """What the stops tell of the number of half-cycles and of static friction."""
     for count, margin in zip(fit.half_cycles, fit.margins, strict=True):
-        if count is not None and margin is not None:
+        if count is not None and margin is not None and not np.any(np.isnan(margin)):
             more, less = (engineering(value, fit.quantity) for value in margin)
-            lines.append(("half-cycles", f"{count} to the stop; margin to one more {more}, to one less {less}"))
-    if "mu_s" in fit.intervals and "mu_s" not in fit.values:
-        lines.append(("mu_s", f"between {interval(*fit.intervals['mu_s'])}, from the last stop and non-stop"))
-    return lines
+            yield "half-cycles", f"{count} to the stop; margin to one more {more}, to one less {less}"
+    bracket = fit.intervals.get("mu_s")
+    if bracket is not None and "mu_s" not in fit.values and not np.any(np.isnan(bracket)):
+        yield "mu_s", f"between {interval(*bracket)}, from the last stop and non-stop"
 
 
 def summary(fit: "Fit") -> str:

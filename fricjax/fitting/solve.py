@@ -15,7 +15,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ..oscillator import Smooth
-from .climb import ROUNDING, Climbed, Limits, climb, least_squares
+from .climb import FINE, ROUNDING, Climbed, Limits, climb, least_squares
 from .loss import AbstractLoss
 from .mesh import with_mesh
 from .problem import Problem
@@ -26,6 +26,7 @@ from .status import AT_BOUND, CONVERGED, UNDETERMINED
 from .survey import Survey, survey
 
 _ACCURATE = 0.1
+_ROUGH, _NEAR = 10.0, 0.3
 
 
 class Solved(NamedTuple):
@@ -80,8 +81,11 @@ def solve(problem: Problem, y: Any = None) -> Solved:
     """Fit from the start values, or from given coordinates `y`, and check the result."""
     few = problem.condensed
     begin = start_coordinates(problem) if y is None else y[: few.n_parameters]
-    at = _climb(with_mesh(few, begin), problem.terrain, problem.limits, problem.loss, begin)
-    if isinstance(few.engine, Smooth):
+    meshed = isinstance(few.engine, Smooth)
+    # The first mesh only leads to where the second one is made.
+    rough, tolerance = (_ROUGH, _NEAR) if meshed else (1.0, FINE)
+    at = _climb(with_mesh(few, begin, rough), problem.terrain, problem.limits, problem.loss, begin, tolerance)
+    if meshed:
         at = _onwards(with_mesh(few, at.y), problem.limits, problem.loss, at)
     solved = _checked(problem, problem.residual, at)
     return _refined(problem, at) if solved.converged and not solved.accurate else solved

@@ -13,7 +13,7 @@ from .parameters import Request
 from .window import NEVER, Window, equilibrium
 
 # The error of the smooth engine is some thirty times smaller than the accuracy that it is asked for.
-_SLACK = 10.0
+_SLACK = 3.0
 # Half-cycles from which a table over amplitude pays, and its entries per e-fold of amplitude for 1e-3 nm on 2 mm.
 _FEW, _PER_E_FOLD = 8, 6.0
 

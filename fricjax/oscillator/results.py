@@ -16,7 +16,7 @@ class RESULTS(diffrax.RESULTS):  # pyright: ignore[reportGeneralTypeIssues]
     )
     drag_unsupported = "The exact engine has no quadratic drag. Use the hybrid engine."
     phase_reversed = (
-        "The phase of a half-cycle ran backwards: friction or damping outweighs the spring on that stroke. Check the "
+        "A half-cycle does not reach its reversal: friction or damping outweighs the spring on that stroke. Check the "
         "law's coefficients against stiffness times amplitude."
     )
 

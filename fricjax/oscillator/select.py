@@ -80,7 +80,7 @@ def half_cycle_capacity(oscillator: Oscillator, duration: float | None, x0: Any,
         return 512
     mass, stiffness, x, v = (float(value or 0.0) for value in known)
     reach = abs(x) + abs(v) * math.sqrt(mass / stiffness)
-    pull = concrete(oscillator.restoring_force(np.asarray(reach)))
+    pull = concrete(oscillator.restoring_force(np.asarray(reach)))  # pyright: ignore[reportArgumentType]
     if pull is None:
         return 512
     secant = max(stiffness, pull / reach if reach else 0.0)

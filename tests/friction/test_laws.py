@@ -115,3 +115,26 @@ def test_a_tied_static_coefficient_follows_mu():
     for build in (Coulomb, Stribeck, LuGre):
         slope = jax.jacfwd(lambda mu, build=build: build(mu).static_force(LOAD_ARRAY))(jnp.asarray(0.1))
         assert slope == pytest.approx(LOAD)
+
+
+@pytest.mark.parametrize(
+    ("law", "scale"),
+    [
+        (Coulomb(0.1, 0.15), np.inf),
+        (Windage(0.5), np.inf),
+        (Stribeck(0.1, 0.15, 5e-3), 5e-3),
+        (Tanh(0.1, 1e-3), 1e-3),
+        (LuGre(0.1), np.inf),
+        (LuGre(0.1, 0.15, 5e-3), 5e-3),
+        (Windage(0.5) + Tanh(0.1, 1e-3) + Tanh(0.1, 1e-4), 1e-4),
+    ],
+)
+def test_velocity_scale(law: AbstractFriction, scale: float):
+    assert law.velocity_scale() == scale
+
+
+@pytest.mark.parametrize("law", [Tanh(0.1, 1e-3), Stribeck(0.1, 0.15, 5e-3), Stribeck(0.1, 0.15, 5e-3, 1.0)])
+def test_most_of_the_change_of_a_force_lies_within_a_few_velocity_scales(law: AbstractFriction):
+    scale = float(law.velocity_scale())
+    rest, near, far = (float(law.sliding_force(jnp.asarray(n * scale), LOAD_ARRAY)) for n in (0.0, 3.0, 1e3))
+    assert abs(near - far) < 0.06 * abs(rest - far)

@@ -31,7 +31,7 @@ class Course(NamedTuple):
     def nodes(self) -> Nodes:
         """The motion so far."""
         columns = (values.reshape(-1) for values in self.strokes)
-        return Nodes(*columns, self.end.turning_point, self.end.time, self.end.at_rest)
+        return Nodes.of(columns, self.end.turning_point, self.end.time, self.end.at_rest)
 
 
 def rest_condition(oscillator: Oscillator, start: Start, half_cycles: Array | None) -> Rests:
@@ -75,7 +75,8 @@ def by_table(
     # A record that ends in motion has no last half-cycles.
     over = ~reached.carried | (reached.count >= half_cycles) | (half_cycles > capacity)
     end, last = jax.lax.scan(step, reached._replace(finished=over), 1 + jnp.arange(_LAST))
-    return Course(*jax.tree.map(lambda *parts: jnp.concatenate(parts), first, middle, last), end)
+    strokes, points = jax.tree.map(lambda *parts: jnp.concatenate(parts), first, middle, last)
+    return Course(strokes, points, end)
 
 
 def to_rest(
@@ -94,7 +95,7 @@ def to_rest(
     def none() -> tuple[Nodes, Array, Standstill]:
         shape = jax.eval_shape(grazing)[0].t.shape
         columns = (jnp.broadcast_to(last, shape) for last in (held.t[-1], held.x[-1], 0.0, 0.0))
-        nodes = Nodes(*columns, held.rest_position, held.t_stop, held.finished)
+        nodes = Nodes.of(columns, held.rest_position, held.t_stop, held.finished)
         return nodes, jnp.full(STROKES, jnp.nan), course.end
 
     nodes, points, end = jax.lax.cond(course.end.carried, none, grazing)

@@ -43,7 +43,7 @@ class Creeping(AbstractPath):
         def none() -> Nodes:
             columns = (jnp.broadcast_to(values[-1], (_STEPS + 1,)) for values in (strokes.t, strokes.x))
             zero = jnp.zeros(_STEPS + 1)
-            return Nodes(*columns, zero, zero, strokes.rest_position, strokes.t_stop, never)
+            return Nodes.of((*columns, zero, zero), strokes.rest_position, strokes.t_stop, never)
 
         never = jnp.asarray(False)
         return jax.lax.cond(self.handed & (limit > self.time), integrated, none)

@@ -122,4 +122,4 @@ def grazing_strokes(
     opened = begin._replace(finished=begin.carried, carried=jnp.asarray(True))
     end, (strokes, points) = jax.lax.scan(step, opened, length=STROKES)
     columns = (values.reshape(-1) for values in strokes)
-    return Nodes(*columns, end.turning_point, end.time, end.at_rest), points, end
+    return Nodes.of(columns, end.turning_point, end.time, end.at_rest), points, end

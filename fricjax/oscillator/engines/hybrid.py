@@ -4,6 +4,9 @@ Amplitude and time are integrated over the phase of each half-cycle (:mod:`.fram
 of them. So there is no event to search, no jump to step over, and the derivatives are those of the discrete solution
 itself. At each reversal the rest condition ``|R(y)| <= F_s`` decides whether the mass moves on.
 
+A half-cycle whose phase does not run evenly forwards is integrated in time: under a set-valued law one that starts by
+a hair (:mod:`.grazing`), under a regularised law all that is left once the mass creeps (:mod:`.creep`).
+
 Half-cycles of one law differ only in their amplitude. A fit, which knows the range of amplitudes from its record,
 therefore integrates a dozen amplitudes side by side and reads the half-cycles off that table (:mod:`.amplitudes`).
 """
@@ -27,7 +30,7 @@ from .path import AbstractPath
 from .strokes import Rests, enter
 from .turning import spliced, turning_points
 
-_TOO_MANY: Any = RESULTS.too_many_half_cycles
+_CODES: Any = RESULTS  # an equinox enumeration, whose members pyright does not know
 
 
 class Hybrid(AbstractEngine):
@@ -73,13 +76,13 @@ class Hybrid(AbstractEngine):
         course, fractions, rests = self._course(oscillator, start, half_cycles)
         if oscillator.friction.set_valued:
             nodes, points, end = to_rest(course, oscillator, start, fractions, rests)
-            lost, stopped = RESULTS.where(end.carried, _TOO_MANY, RESULTS.phase_reversed), end.at_rest
+            lost, stopped = _CODES.where(end.carried, _CODES.too_many_half_cycles, _CODES.phase_reversed), end.at_rest
             count = jnp.where(stopped, end.count, -1)
         else:
             creep = _creeping(course, oscillator, start).creep(ts[-1])
             nodes, stopped = course.nodes.joined(creep), jnp.asarray(False)
             points, count = _reversals(course, creep, ts[-1])
-            lost = RESULTS.where(course.end.carried, _TOO_MANY, RESULTS.max_steps_reached)
+            lost = _CODES.where(course.end.carried, _CODES.too_many_half_cycles, _CODES.max_steps_reached)
         x, v = nodes.sample(ts)
         at_rest, reached = stopped & (ts >= nodes.t_stop), stopped | (ts <= nodes.t[-1])
         sliding = oscillator.friction_force(v, jnp.zeros(0))
@@ -94,10 +97,10 @@ class Hybrid(AbstractEngine):
             n_half_cycles=count,
             regularisation_bias=jnp.zeros(()),
             engine="hybrid",
-            result=RESULTS.where(jnp.all(reached), RESULTS.successful, lost),
+            result=_CODES.where(jnp.all(reached), _CODES.successful, lost),
             stats={
                 "nodes_per_half_cycle": self.nodes,
-                "handover": jnp.where(course.end.carried, jnp.inf, course.end.time),
+                "t_handover": jnp.where(course.end.carried, jnp.inf, course.end.time),
             },
         )
 

@@ -1,5 +1,7 @@
 """Motion between nodes: quintic Hermite interpolation of position, velocity and acceleration."""
 
+from collections.abc import Iterable
+
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
@@ -30,6 +32,12 @@ class Nodes(AbstractPath):
     t_stop: Float[Array, ""]
     finished: Bool[Array, ""]
 
+    @classmethod
+    def of(cls, columns: Iterable[Array], rest_position: Array, t_stop: Array, finished: Array) -> "Nodes":
+        """Nodes from t, x, v and a in this order."""
+        t, x, v, a = columns
+        return cls(t, x, v, a, rest_position, t_stop, finished)
+
     def sample(self, ts: Float[Array, " samples"]) -> tuple[Float[Array, " samples"], Float[Array, " samples"]]:
         index = jnp.searchsorted(jax.lax.stop_gradient(self.t), ts, side="right") - 1
         index = jnp.clip(index, 0, self.t.size - 2)
@@ -48,7 +56,7 @@ class Nodes(AbstractPath):
         parts = (self, *others)
         columns = (jnp.concatenate([getattr(part, name) for part in parts]) for name in ("t", "x", "v", "a"))
         last = parts[-1]
-        return Nodes(*columns, last.rest_position, last.t_stop, last.finished)
+        return Nodes.of(columns, last.rest_position, last.t_stop, last.finished)
 
 
 def _quintic(u: Array, h: Array, left: tuple, right: tuple) -> tuple[Array, Array]:
