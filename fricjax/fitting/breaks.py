@@ -22,7 +22,7 @@ def condensed(window: Window, samples: Samples, oscillator: Oscillator) -> Sampl
     """
     times, deflections = _standstills(window)
     margins = _known_to(window) + _settling(window, oscillator, deflections)
-    return condense(samples, (times - window.origin).tolist(), margins.tolist())
+    return condense(samples, times - window.origin, margins)
 
 
 def _standstills(window: Window) -> tuple[np.ndarray, np.ndarray]:

@@ -16,10 +16,11 @@ Samples near the reversals, where the acceleration jumps or a law changes fast, 
 
 import functools
 import itertools
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 DEGREE = 14
 _WORTHWHILE = 2 * DEGREE
@@ -43,7 +44,7 @@ class Rule(NamedTuple):
     project: np.ndarray
 
 
-def condense(samples: Samples, breaks: Sequence[float], margins: Sequence[float]) -> Samples:
+def condense(samples: Samples, breaks: ArrayLike, margins: ArrayLike) -> Samples:
     """Condense the used samples between the breaks.
 
     Args:
@@ -62,7 +63,7 @@ def condense(samples: Samples, breaks: Sequence[float], margins: Sequence[float]
     return Samples(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
 
 
-def _panels(t: np.ndarray, breaks: Sequence[float], margins: Sequence[float]) -> Iterator[tuple[int, int, bool]]:
+def _panels(t: np.ndarray, breaks: ArrayLike, margins: ArrayLike) -> Iterator[tuple[int, int, bool]]:
     """Index ranges of all samples in order, and whether each is to be condensed."""
     below = np.searchsorted(t, np.subtract(breaks, margins))
     above = np.searchsorted(t, np.add(breaks, margins), side="right")

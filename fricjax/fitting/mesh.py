@@ -24,7 +24,8 @@ _GROWTH = 4.0
 def with_mesh(residual: Residual, y: Any, slack: float = 1.0) -> Residual:
     """The residual with its engine on a mesh made for coordinates `y`; unchanged for engines that need none.
 
-    `slack` is the factor by which the error of the mesh may be larger than the engine's. Runs of a joint fit share one mesh, the union of what each of them needs.
+    Runs of a joint fit share one mesh, the union of what each of them needs. `slack` is the factor by which its error
+    may be larger than the engine's.
 
     Raises:
         UsageError: more steps than the list of them can hold.
@@ -33,7 +34,8 @@ def with_mesh(residual: Residual, y: Any, slack: float = 1.0) -> Residual:
         return residual
     machine = residual.machine(y)
     engine, runs = residual.engine, residual.runs
-    meshes = [np.asarray(_steps(slack * engine.accuracy, machine, residual.own(y, i), run.t[-1])) for i, run in enumerate(runs)]
+    accuracy = slack * engine.accuracy
+    meshes = [np.asarray(_steps(accuracy, machine, residual.own(y, i), run.t[-1])) for i, run in enumerate(runs)]
     if any(np.all(np.isfinite(mesh)) for mesh in meshes):
         raise UsageError(
             f"The motion needs more than {CAPACITY} steps of the smooth engine. Check the law's coefficients, or crop "

@@ -29,7 +29,7 @@ class Whiteness(NamedTuple):
 def whiteness(residuals: np.ndarray) -> Whiteness:
     """Judge a sequence of residuals, in the order of time and in units of their standard deviation."""
     n = residuals.size
-    centred = residuals - residuals.mean()
+    centred = residuals - residuals.mean() if np.all(np.isfinite(residuals)) else np.zeros(n)
     power = float(centred @ centred)
     if n < 8 or not power > 0:
         return Whiteness(0.0, 1.0, True)

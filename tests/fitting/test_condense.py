@@ -10,8 +10,9 @@ from fricjax.fitting.condense import DEGREE, Samples, condense, gauss_rule
 
 TRUE = np.array([2e-3, 1.0, 2 * np.pi, 0.3, 1e-5])
 NOISE = 5e-9
-REVERSALS = np.arange(1, 6) / 2
-MARGINS = np.full(5, 0.02)
+REVERSALS = [0.5, 1.0, 1.5, 2.0, 2.5]
+MARGIN = 0.02
+MARGINS = [MARGIN] * 5
 RNG = np.random.default_rng(4)
 
 
@@ -65,7 +66,7 @@ RECORDS = {
 }
 
 
-@pytest.fixture(params=RECORDS.values(), ids=RECORDS.keys(), scope="module")
+@pytest.fixture(params=RECORDS.values(), ids=list(RECORDS), scope="module")
 def pair(request) -> tuple[Samples, Samples]:
     return request.param, condense(request.param, REVERSALS, MARGINS)
 
@@ -103,7 +104,8 @@ def test_samples_around_the_reversals_are_kept_as_they_are(pair):
 
 
 def near_a_reversal(t):
-    return np.any((t[:, None] >= REVERSALS - MARGINS) & (t[:, None] <= REVERSALS + MARGINS), axis=1)
+    low, high = np.subtract(REVERSALS, MARGIN), np.add(REVERSALS, MARGIN)
+    return np.any((t[:, None] >= low) & (t[:, None] <= high), axis=1)
 
 
 def test_each_panel_between_reversals_shrinks_to_its_nodes():

@@ -1,5 +1,7 @@
 """Fits of condensed records against fits of all their samples, by SciPy and by the package itself."""
 
+from typing import Any, cast
+
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
@@ -26,10 +28,12 @@ whole = eqx.filter_jit(residual_and_jacobian)
 
 def dense(residual) -> tuple[np.ndarray, np.ndarray]:
     """Values and covariance by SciPy's Gauss-Newton on a residual with its Jacobian, to the last digit."""
-    solution = least_squares(
-        lambda y: np.asarray(whole(residual, jnp.asarray(y))[0]), np.zeros(residual.n_parameters), method="lm", x_scale="jac",
-        jac=lambda y: np.asarray(whole(residual, jnp.asarray(y))[1]), xtol=1e-15, ftol=1e-15, gtol=1e-15,
-    )  # fmt: skip
+
+    def model(part):
+        return lambda y: np.asarray(whole(residual, jnp.asarray(y))[part])
+
+    start, jacobian = np.zeros(residual.n_parameters), cast(Any, model(1))
+    solution = least_squares(model(0), start, jacobian, method="lm", x_scale="jac", xtol=1e-15, ftol=1e-15, gtol=1e-15)
     slope = np.asarray(residual.space.slope(jnp.asarray(solution.x)))
     unit = np.linalg.norm(solution.jac, axis=0)
     inverse = np.linalg.inv((solution.jac / unit).T @ (solution.jac / unit)) / np.outer(unit, unit)

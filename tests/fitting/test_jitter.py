@@ -1,4 +1,4 @@
-"""The residual is smooth in the parameters: chi^2 along mu is a curve without jitter, and its derivative is its slope."""
+"""The residual is smooth: chi^2 along mu is a curve without jitter, and its derivative is its slope."""
 
 from typing import NamedTuple
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from fricjax.fitting.whiteness import whiteness
+from fricjax.fitting.whiteness import Whiteness, whiteness
 
 
 def autoregressive(phi: float, n: int, seed: int) -> np.ndarray:
@@ -51,3 +51,8 @@ def test_what_tells_nothing_is_no_reason_for_a_warning(residuals):
 def test_a_slow_wave_correlates_over_its_period():
     verdict = whiteness(np.sin(np.linspace(0, 20 * np.pi, 10_000)) + 0.1 * autoregressive(0.0, 10_000, 2))
     assert not verdict.white and 100 < verdict.correlation_time < 1000
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf])
+def test_residuals_that_are_not_finite_tell_nothing(value):
+    assert whiteness(np.r_[np.ones(50), value]) == Whiteness(0.0, 1.0, True)

@@ -16,26 +16,29 @@ M, K, C, N = PROTOTYPE_MASS, 2574.0, PROTOTYPE_DAMPING, 9.66
 TENTH_OF_A_NANOMETRE = 1e-10
 
 
+TS = np.linspace(0, 0.5, 1001)
+
+
+@pytest.fixture(scope="module", params=[1e-2, 1e-3, 1e-4])
+def v_s(request: pytest.FixtureRequest) -> float:
+    return request.param
+
+
+@pytest.fixture(scope="module")
+def motion(v_s: float) -> Motion:
+    return simulate(Oscillator(M, K, C, N, Tanh(0.05, v_s)), 2e-3, TS)
+
+
 class TestCreep:
-    TS = np.linspace(0, 0.5, 1001)
-
-    @pytest.fixture(scope="class", params=[1e-2, 1e-3, 1e-4])
-    def v_s(self, request: pytest.FixtureRequest) -> float:
-        return request.param
-
-    @pytest.fixture(scope="class")
-    def motion(self, v_s: float) -> Motion:
-        return simulate(Oscillator(M, K, C, N, Tanh(0.05, v_s)), 2e-3, self.TS)
-
     def test_through_the_stop(self, v_s: float, motion: Motion):
         assert motion.engine == "hybrid" and is_successful(motion.result)
         assert motion.stats["t_handover"] < 0.3
-        expected = tanh_motion(self.TS, 2e-3, mass=M, stiffness=K, damping=C, kinetic=0.05 * N, v_s=v_s)
+        expected = tanh_motion(TS, 2e-3, mass=M, stiffness=K, damping=C, kinetic=0.05 * N, v_s=v_s)
         np.testing.assert_allclose(motion.x, expected, rtol=0, atol=TENTH_OF_A_NANOMETRE)
 
     def test_as_the_smooth_engine_tells_it(self, v_s: float, motion: Motion):
         machine = Oscillator(M, K, C, N, Tanh(0.05, v_s))
-        smooth = simulate(machine, 2e-3, self.TS, engine="smooth")
+        smooth = simulate(machine, 2e-3, TS, engine="smooth")
         visible = np.abs(np.asarray(smooth.turning_points)) > 1e-9
         n = int(np.sum(visible))
         np.testing.assert_allclose(motion.turning_points[:n], smooth.turning_points[:n], rtol=0, atol=2e-8)
@@ -45,7 +48,7 @@ class TestCreep:
 
     def test_reversals_after_the_last_sample_do_not_count(self):
         machine = Oscillator(M, K, C, N, Tanh(0.05, 1e-3))
-        motion = simulate(machine, 2e-3, self.TS[self.TS < 0.1])
+        motion = simulate(machine, 2e-3, TS[TS < 0.1])
         assert motion.n_half_cycles == 2
         assert np.isfinite(motion.turning_points).sum() == 3
         assert is_successful(motion.result)
@@ -61,13 +64,13 @@ class TestCreep:
             return tanh_motion(ts, p[2], mass=p[5], stiffness=p[4], damping=p[3], kinetic=p[0] * N, v_s=p[1])
 
         jacobian = jax.jit(jax.jacfwd(run))(jnp.asarray(point)).T * point[:, None]
-        assert_equal_slopes(jacobian, differences(plain, point, 1e-4), 2e-6)
+        assert_equal_slopes(jacobian, differences(plain, point, np.full(6, 1e-4)), 2e-6)
 
     def test_lanes_hand_over_each_for_itself(self):
         x0 = jnp.asarray([5e-6, 5e-4, 2e-3])
 
         def run(x: jax.Array) -> Motion:
-            return simulate(Oscillator(M, K, C, N, Tanh(0.05, 1e-3)), x, self.TS[::20], engine=Hybrid(28, 16))
+            return simulate(Oscillator(M, K, C, N, Tanh(0.05, 1e-3)), x, TS[::20], engine=Hybrid(28, 16))
 
         together, alone = jax.jit(jax.vmap(run))(x0), [jax.jit(run)(x) for x in x0]
         assert np.all(np.diff(together.stats["t_handover"]) > 0)
@@ -77,12 +80,12 @@ class TestCreep:
     def test_a_path_gives_the_same_samples_for_any_part_of_them(self):
         machine = Oscillator(M, K, C, N, Tanh(0.05, 1e-3))
         path = Hybrid(28, 16).path(machine, starting_state(machine, 2e-3, 0.0))
-        whole = path.sample(jnp.asarray(self.TS))[0]
-        np.testing.assert_allclose(path.sample(jnp.asarray(self.TS[:500]))[0], whole[:500], rtol=0, atol=1e-12)
+        whole = path.sample(jnp.asarray(TS))[0]
+        np.testing.assert_allclose(path.sample(jnp.asarray(TS[:500]))[0], whole[:500], rtol=0, atol=1e-12)
 
     def test_a_start_that_creeps_from_the_first(self):
-        motion = simulate(Oscillator(M, K, C, N, Tanh(0.05, 1e-4)), 1e-4, self.TS)
-        expected = tanh_motion(self.TS, 1e-4, mass=M, stiffness=K, damping=C, kinetic=0.05 * N, v_s=1e-4)
+        motion = simulate(Oscillator(M, K, C, N, Tanh(0.05, 1e-4)), 1e-4, TS)
+        expected = tanh_motion(TS, 1e-4, mass=M, stiffness=K, damping=C, kinetic=0.05 * N, v_s=1e-4)
         np.testing.assert_allclose(motion.x, expected, rtol=0, atol=TENTH_OF_A_NANOMETRE)
         assert motion.stats["t_handover"] == 0 and motion.n_half_cycles == 0
 
@@ -122,7 +125,7 @@ HAIRS = [
         (1.0, 2e-4, 1.3, 1e-2, True),
         (1.0, 2e-4, 2.0, 1e-4, True),
         (1.0, 1e-3, 2.0, 1e-9, True),
-        (2.0, 5e-3, 2.0, 1e-1, True),
+        (2.0, 5e-3, 2.0, 2e-2, True),
         (2.0, 1e-3, 2.0, 1e-2, True),
         (2.0, 2e-4, 2.0, 1e-4, True),
         (2.0, 2e-4, 2.0, 1e-9, False),
@@ -137,7 +140,7 @@ def test_a_start_by_a_hair(hair: Hair):
     assert np.isfinite(motion.stats["t_handover"]) == hair.in_time
     np.testing.assert_allclose(motion.x, expected.x, rtol=0, atol=TENTH_OF_A_NANOMETRE)
     assert int(motion.n_half_cycles) == expected.times.size
-    assert motion.t_stop == pytest.approx(expected.t_stop, abs=1e-8)
+    assert motion.t_stop == pytest.approx(expected.t_stop, abs=1e-7)
     n = expected.times.size
     np.testing.assert_allclose(motion.turning_points[1 : n + 1], expected.points, rtol=0, atol=1e-11)
     assert np.all(np.isnan(motion.turning_points[n + 1 :]))
@@ -157,7 +160,7 @@ def test_derivatives_of_a_start_by_a_hair(hair: Hair):
     point = hair.values()
     assert np.isfinite(hair.motion(point, ts, Hybrid(48, 16)).stats["t_handover"])
     jacobian = jax.jit(jax.jacfwd(lambda p: hair.motion(p, ts, Hybrid(48, 16)).x))(jnp.asarray(point)).T
-    steps = differences(lambda p: hair.slide(p, ts).x, point, 2e-6)
+    steps = differences(lambda p: hair.slide(p, ts).x, point, np.array([2e-6, 2e-6, 2e-6, 2e-6, 1e-3, 2e-6, 2e-6]))
     assert_equal_slopes(jacobian * point[:, None], steps, 1e-5)
 
 
@@ -191,13 +194,13 @@ def test_heavy_drag_takes_the_first_half_cycle_in_time():
     np.testing.assert_allclose(motion.x, expected.x, rtol=0, atol=TENTH_OF_A_NANOMETRE)
 
 
-def differences(f: Any, point: np.ndarray, step: float) -> np.ndarray:
-    """Derivatives along each component in units of its value, to fourth order in the relative step."""
+def differences(f: Any, point: np.ndarray, steps: np.ndarray) -> np.ndarray:
+    """Derivatives along each component in units of its value, to fourth order in the relative steps."""
 
     def along(direction: np.ndarray, h: float) -> np.ndarray:
         return (f(point * (1 + h * direction)) - f(point * (1 - h * direction))) / (2 * h)
 
-    return np.array([(4 * along(d, step) - along(d, 2 * step)) / 3 for d in np.eye(point.size)])
+    return np.array([(4 * along(d, h) - along(d, 2 * h)) / 3 for d, h in zip(np.eye(point.size), steps, strict=True)])
 
 
 def assert_equal_slopes(jacobian: Any, expected: np.ndarray, tolerance: float) -> None:

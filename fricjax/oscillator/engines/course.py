@@ -79,9 +79,7 @@ def by_table(
     return Course(strokes, points, end)
 
 
-def to_rest(
-    course: Course, oscillator: Oscillator, start: Start, fractions: Float[Array, " nodes"], rests: Rests
-) -> tuple[Nodes, Array, Standstill]:
+def to_rest(course: Course, oscillator: Oscillator, start: Start, rests: Rests) -> tuple[Nodes, Array, Standstill]:
     """The motion under a set-valued law, with the half-cycles that had to be integrated in time at its end.
 
     Returns:
@@ -90,7 +88,7 @@ def to_rest(
     held = course.nodes
 
     def grazing() -> tuple[Nodes, Array, Standstill]:
-        return grazing_strokes(oscillator, start, fractions, rests, course.end)
+        return grazing_strokes(oscillator, start, rests, course.end)
 
     def none() -> tuple[Nodes, Array, Standstill]:
         shape = jax.eval_shape(grazing)[0].t.shape

@@ -11,6 +11,7 @@ from .path import AbstractPath
 from .smooth import Smooth
 
 _STEPS = 1024
+_ROUNDING = 1e-12
 
 
 class Creeping(AbstractPath):
@@ -37,7 +38,9 @@ class Creeping(AbstractPath):
         strokes = self.strokes
 
         def integrated() -> Nodes:
-            nodes = Smooth(max_steps=_STEPS).trail(self.oscillator, self.start, limit - self.time)
+            # A little further, so that rounding cannot leave the last sample out.
+            duration = limit * (1 + _ROUNDING) - self.time
+            nodes = Smooth(max_steps=_STEPS).trail(self.oscillator, self.start, duration)
             return Nodes(nodes.t + self.time, nodes.x, nodes.v, nodes.a, strokes.rest_position, strokes.t_stop, never)
 
         def none() -> Nodes:

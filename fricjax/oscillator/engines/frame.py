@@ -16,8 +16,7 @@ from jaxtyping import Array, Float
 
 from ..oscillator import Oscillator
 
-_SLOWEST = 0.1
-_LARGEST_LEAP = 0.7
+_LARGEST_LEAP = 0.6
 _LOGARITHMIC_SHARE = 0.6
 _NEWTON_STEPS = 24
 
@@ -71,12 +70,17 @@ def _push(oscillator: Oscillator, frame: Frame, amplitude: Array, theta: Any) ->
     return disturbance(oscillator, frame, *position(frame, amplitude, theta)) / frame.angular_frequency
 
 
-def is_resolved(oscillator: Oscillator, frame: Frame, amplitude: Array, theta: Float[Array, " nodes"]) -> Array:
-    """Whether the phase has run forwards through all nodes, without a leap of its rate or of the amplitude."""
+def is_resolved(
+    oscillator: Oscillator, frame: Frame, amplitude: Array, theta: Float[Array, " nodes"], slowest: float = 0.1
+) -> Array:
+    """Whether the phase has run forwards through all nodes, without a leap of its rate or of the amplitude.
+
+    `slowest` is the smallest rate of the phase that will do, as a fraction of the angular frequency.
+    """
     push = _push(oscillator, frame, amplitude, theta)
     rate = 1 - push * jnp.cos(theta) / (amplitude * frame.angular_frequency)
     steady = jnp.abs(jnp.diff(jnp.log(rate))) + jnp.abs(jnp.diff(jnp.log(jnp.abs(amplitude)))) < _LARGEST_LEAP
-    return jnp.all(rate > _SLOWEST) & jnp.all(steady)
+    return jnp.all(rate > slowest) & jnp.all(steady)
 
 
 def motion_at(oscillator: Oscillator, frame: Frame, amplitude: Array, theta: Array) -> tuple[Array, Array, Array]:

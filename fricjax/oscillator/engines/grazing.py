@@ -15,12 +15,14 @@ from jaxtyping import Array, Float
 
 from ..motion import Start
 from ..oscillator import Oscillator
-from .frame import frame_at, is_resolved, motion_at
+from .frame import frame_at, is_resolved, layer_width, mesh_fractions, motion_at
 from .nodes import Nodes
 from .strokes import Rests, Standstill, Stroke, advance, integrate_phase
 
 STROKES = 3
 _STEPS = 160
+_PHASES = 32
+_THINNEST = 1e-3
 _TOLERANCE = 3e-8
 _ROUNDING = 1e-15
 _FOREVER = 1e9
@@ -75,9 +77,9 @@ def _climb(climb: _Climb, speed: Array, needed: Array) -> tuple[Array, Array, Ar
 
 
 def _stroke(
-    oscillator: Oscillator, x: Array, v: Array, reach: Array, fractions: Float[Array, " nodes"], at: Standstill
+    oscillator: Oscillator, x: Array, v: Array, reach: Array, theta: Float[Array, " nodes"], at: Standstill
 ) -> tuple[Stroke, Array, Array]:
-    """As :func:`.strokes.stroke_from`, from displacement `x` and velocity `v`."""
+    """As :func:`.strokes.stroke_from`, from displacement `x` and velocity `v`; `theta` is the second part of a mesh."""
     side = jax.lax.stop_gradient(jnp.where(v == 0, jnp.where(x < 0, -1.0, 1.0), -jnp.sign(v)))
     frame = frame_at(oscillator, side, x)
     climb = _Climb(oscillator, side, side * x, reach, frame.angular_frequency)
@@ -90,22 +92,21 @@ def _stroke(
         -side * growth,
     )
     frame = frame._replace(dead_band=side * first.x[-1])
-    theta = jnp.pi * fractions[fractions.size // 2 :]
     amplitudes, elapsed = integrate_phase(oscillator, frame, speed[-1] * reach, theta)
     second = Stroke(first.t[-1] + elapsed, *motion_at(oscillator, frame, amplitudes, theta))
     nodes = Stroke(*(jnp.concatenate(parts) for parts in zip(first, second, strict=True)))
-    return nodes, side * (frame.dead_band - amplitudes[-1]), slows & is_resolved(oscillator, frame, amplitudes, theta)
+    carried = slows & is_resolved(oscillator, frame, amplitudes, theta, slowest=0.0)
+    return nodes, side * (frame.dead_band - amplitudes[-1]), carried
 
 
 def grazing_strokes(
-    oscillator: Oscillator, start: Start, fractions: Float[Array, " nodes"], rests: Rests, begin: Standstill
+    oscillator: Oscillator, start: Start, rests: Rests, begin: Standstill
 ) -> tuple[Nodes, Array, Standstill]:
     """The motion from a half-cycle that its phase would not carry.
 
     Args:
         oscillator: with a set-valued law.
         start: state at time zero, whose velocity counts if the first half-cycle is the one.
-        fractions: mesh of a half-cycle.
         rests: whether the mass stays at a turning point.
         begin: standstill before that half-cycle; nothing is done if its next half-cycle was carried.
 
@@ -113,10 +114,13 @@ def grazing_strokes(
         Its nodes, its turning points, shape (STROKES,), NaN beyond the last one, and where it ends.
     """
     reach = jax.lax.stop_gradient(jnp.abs(start.x0) + jnp.abs(start.v0) / oscillator.angular_frequency)
+    # Where damping is strong the phase about the fastest place comes to its end slowly.
+    layer = jnp.minimum(layer_width(oscillator, frame_at(oscillator, jnp.ones(()), reach), reach), _THINNEST)
+    theta = jnp.pi * mesh_fractions(2 * _PHASES, layer)[_PHASES:]
 
     def step(at: Standstill, _: None) -> tuple[Standstill, tuple[Stroke, Array]]:
         v = jnp.where(at.count == 0, start.v0, 0.0)
-        after, stroke = advance(at, *_stroke(oscillator, at.turning_point, v, reach, fractions, at), rests)
+        after, stroke = advance(at, *_stroke(oscillator, at.turning_point, v, reach, theta, at), rests)
         return after, (stroke, jnp.where(after.count == at.count, jnp.nan, after.turning_point))
 
     opened = begin._replace(finished=begin.carried, carried=jnp.asarray(True))

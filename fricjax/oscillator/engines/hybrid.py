@@ -61,9 +61,9 @@ class Hybrid(AbstractEngine):
         return Hybrid(self.nodes * 3 // 4 * 2, self.max_half_cycles, self.span, self.amplitudes * 3 // 2)
 
     def path(self, oscillator: Oscillator, start: Start, half_cycles: Int[Array, ""] | None = None) -> AbstractPath:
-        course, fractions, rests = self._course(oscillator, start, half_cycles)
+        course, rests = self._course(oscillator, start, half_cycles)
         if oscillator.friction.set_valued:
-            return to_rest(course, oscillator, start, fractions, rests)[0]
+            return to_rest(course, oscillator, start, rests)[0]
         return _creeping(course, oscillator, start)
 
     def solve(
@@ -73,9 +73,9 @@ class Hybrid(AbstractEngine):
         ts: Float[Array, " samples"],
         half_cycles: Int[Array, ""] | None = None,
     ) -> Motion:
-        course, fractions, rests = self._course(oscillator, start, half_cycles)
+        course, rests = self._course(oscillator, start, half_cycles)
         if oscillator.friction.set_valued:
-            nodes, points, end = to_rest(course, oscillator, start, fractions, rests)
+            nodes, points, end = to_rest(course, oscillator, start, rests)
             lost, stopped = _CODES.where(end.carried, _CODES.too_many_half_cycles, _CODES.phase_reversed), end.at_rest
             count = jnp.where(stopped, end.count, -1)
         else:
@@ -104,18 +104,16 @@ class Hybrid(AbstractEngine):
             },
         )
 
-    def _course(
-        self, oscillator: Oscillator, start: Start, half_cycles: Array | None
-    ) -> tuple[Course, Float[Array, " nodes"], Rests]:
-        """The half-cycles in phase, the mesh of each, and the condition of rest."""
+    def _course(self, oscillator: Oscillator, start: Start, half_cycles: Array | None) -> tuple[Course, Rests]:
+        """The half-cycles in phase, and their condition of rest."""
         frame = enter(oscillator, start).frame
         reach = jnp.abs(start.x0) + jnp.abs(start.v0) / frame.angular_frequency
         fractions = mesh_fractions(self.nodes, layer_width(oscillator, frame, reach))
         rests, capacity = rest_condition(oscillator, start, half_cycles), self.max_half_cycles
         if self.span is None or half_cycles is None:
-            return one_by_one(oscillator, start, fractions, rests, capacity), fractions, rests
+            return one_by_one(oscillator, start, fractions, rests, capacity), rests
         table = make_table(oscillator, self.span, self.amplitudes, fractions)
-        return by_table(oscillator, start, table, fractions, half_cycles, capacity), fractions, rests
+        return by_table(oscillator, start, table, fractions, half_cycles, capacity), rests
 
 
 def _creeping(course: Course, oscillator: Oscillator, start: Start) -> Creeping:
