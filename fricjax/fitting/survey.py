@@ -57,11 +57,11 @@ def _run(residual: Residual, y: Array, run: int, loss: AbstractLoss) -> Survey:
         _split(data.weight, pieces, size, "constant"),
     )
 
-    def course(at: Array) -> tuple[Course, Course]:
-        return eqx.partition(residual.course(at, run), eqx.is_inexact_array)
+    def course(at: Array) -> tuple[Course, tuple[Course, Course]]:
+        moving, fixed = eqx.partition(residual.course(at, run), eqx.is_inexact_array)
+        return moving, (moving, fixed)
 
-    moving, fixed = course(y)
-    tangents = jax.jacfwd(course, has_aux=True)(y)[0]
+    tangents, (moving, fixed) = jax.jacfwd(course, has_aux=True)(y)
 
     def chunk(total: tuple[Array, Array], part: tuple) -> tuple[tuple[Array, Array], Array]:
         t, x, weight = part

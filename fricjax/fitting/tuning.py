@@ -38,7 +38,8 @@ def _tuned(engine: AbstractEngine, machine: Oscillator, windows: Sequence[Window
         accuracy = _SLACK * min(float(np.median(w.sigma)) / np.sqrt(w.used.sum()) for w in windows)
         return eqx.tree_at(lambda e: e.accuracy, engine, np.asarray(accuracy))
     turning = [np.abs(w.segmentation.turning_points - equilibrium(w.segmentation)) for w in windows]
-    if not isinstance(engine, Hybrid) or any(points.size < _FEW for points in turning):
+    moving = any("v0" in w.nuisances or w.guesses["v0"] != 0 for w in windows)
+    if not isinstance(engine, Hybrid) or moving or any(points.size < _FEW for points in turning):
         return engine
     lowest = 0.8 * min(float(points[:-1].min()) for points in turning)
     highest = 1.1 * max(max(abs(w.guesses["x0"]), float(p.max())) for w, p in zip(windows, turning, strict=True))

@@ -32,6 +32,13 @@ def problem(engine: str):
     return posed(coulomb_run(), machine(law), MACHINE, priors=PRIORS, engine=engine)
 
 
+def cut(residual):
+    """Without the samples of no weight that fill up a record."""
+    run = residual.runs[0]
+    columns = tuple(values[run.weight > 0] for values in (run.t, run.x, run.weight))
+    return eqx.tree_at(lambda r: (r.runs[0].t, r.runs[0].x, r.runs[0].weight), residual, columns)
+
+
 @eqx.filter_jit
 def whole(residual, y):
     return residual(y), jax.jacfwd(residual)(y)
@@ -62,8 +69,10 @@ def assert_same(found: Survey, expected: Survey):
 
 @pytest.mark.parametrize("engine", ["exact", "hybrid", "smooth"])
 def test_the_sums_are_those_of_the_dense_jacobian(engine, monkeypatch):
-    """In seven chunks, the last of them not full; away from the optimum, where no part of the gradient cancels."""
-    residual = problem(engine).residual
+    """In chunks, the last of them not full; away from the optimum, where no part of the gradient cancels."""
+    residual = cut(problem(engine).residual)
+    samples = residual.runs[0].t.size
+    assert samples % -(-samples // 300) > 0
     p, inputs = residual.n_parameters, residual.inputs.shape[0]
     assert inputs == (3 if engine == "exact" else 0)
     y = jnp.asarray(np.r_[1e-4 * (1 + np.arange(p)), np.zeros(inputs)])

@@ -33,6 +33,14 @@ class Course(NamedTuple):
         columns = (values.reshape(-1) for values in self.strokes)
         return Nodes.of(columns, self.end.turning_point, self.end.time, self.end.at_rest)
 
+    @property
+    def only_carried(self) -> Nodes:
+        """The motion of a fit, which knows its number of half-cycles; NaN from where the phase does not carry it."""
+        nodes, carried = self.nodes, self.end.carried
+        rest = jnp.where(carried, nodes.rest_position, jnp.nan)
+        columns = (nodes.t, nodes.x, nodes.v, nodes.a)
+        return Nodes.of(columns, rest, nodes.t_stop, nodes.finished | ~carried)
+
 
 def rest_condition(oscillator: Oscillator, start: Start, half_cycles: Array | None) -> Rests:
     """Whether the mass stays at a turning point: by its law, or because the record says so."""
@@ -61,21 +69,19 @@ def by_table(
     half_cycles: Array,
     capacity: int,
 ) -> Course:
-    """The first half-cycle and the last ones each for itself, those between them from the table."""
+    """The last half-cycles each for itself, those before them from the table; not carried from a start in motion."""
     rests = rest_condition(oscillator, start, half_cycles)
     step = _stepper(oscillator, start, fractions, rests)
 
     def leaves_the_last(y: Array, count: Array) -> Array:
         return count >= half_cycles - _LAST
 
-    entered, first = jax.lax.scan(step, _begin(start, rests), jnp.arange(1))
-    entered = entered._replace(finished=~entered.carried | leaves_the_last(entered.turning_point, entered.count))
-    between = max(capacity - 1 - _LAST, 1)
-    reached, middle = strokes_from_table(oscillator, table, entered, leaves_the_last, between)
+    begin = _begin(start, leaves_the_last)._replace(carried=start.v0 == 0)
+    reached, first = strokes_from_table(oscillator, table, begin, leaves_the_last, max(capacity - _LAST, 1))
     # A record that ends in motion has no last half-cycles.
     over = ~reached.carried | (reached.count >= half_cycles) | (half_cycles > capacity)
     end, last = jax.lax.scan(step, reached._replace(finished=over), 1 + jnp.arange(_LAST))
-    strokes, points = jax.tree.map(lambda *parts: jnp.concatenate(parts), first, middle, last)
+    strokes, points = jax.tree.map(lambda *parts: jnp.concatenate(parts), first, last)
     return Course(strokes, points, end)
 
 

@@ -39,8 +39,8 @@ class Hybrid(AbstractEngine):
     Attributes:
         nodes: steps per half-cycle, an even number; 28 keep the error below 0.1 nm on a motion of 2 mm.
         max_half_cycles: bound on the number of half-cycles; a motion with more ends with a code of its own.
-        span: range of turning points for the table of amplitudes, used where the number of half-cycles is given; None
-            integrates each half-cycle for itself.
+        span: range of turning points for the table of amplitudes, used where the number of half-cycles is given and
+            the motion starts at a standstill; None integrates each half-cycle for itself.
         amplitudes: number of amplitudes in the table.
     """
 
@@ -62,6 +62,8 @@ class Hybrid(AbstractEngine):
 
     def path(self, oscillator: Oscillator, start: Start, half_cycles: Int[Array, ""] | None = None) -> AbstractPath:
         course, rests = self._course(oscillator, start, half_cycles)
+        if half_cycles is not None:
+            return course.only_carried
         if oscillator.friction.set_valued:
             return to_rest(course, oscillator, start, rests)[0]
         return _creeping(course, oscillator, start)
