@@ -14,7 +14,7 @@ from ..oscillator.leaves import Leaf
 from .guess import guess_machine
 from .loss import AbstractLoss
 from .names import NUISANCES, check_identifiable, check_names, find_leaf, sole_coulomb
-from .space import NOT_NEGATIVE, Parameter, Tie
+from .space import LOGARITHMIC, NOT_NEGATIVE, Parameter, Tie
 from .window import Window
 
 
@@ -83,8 +83,20 @@ def free_parameters(
 
 
 def _given(request: Request, name: str, start: float, windows: Sequence[Window]) -> float:
-    """The caller's start value where there is one, in the time of the run."""
-    return float(request.guess[name]) - _origin(name, windows) if name in request.guess else start
+    """The caller's start value where there is one, in the time of the run.
+
+    Raises:
+        UsageError: one that is not finite, or not positive where the fit works in the logarithm.
+    """
+    if name not in request.guess:
+        return start
+    value = float(request.guess[name])
+    logarithmic = name.rsplit(".", 1)[-1] in LOGARITHMIC
+    if not np.isfinite(value) or (logarithmic and value <= 0):
+        raise UsageError(
+            f"The start value of {name} must be a finite {'positive ' if logarithmic else ''}number, got {value:g}."
+        )
+    return value - _origin(name, windows)
 
 
 def _origin(name: str, windows: Sequence[Window]) -> float:

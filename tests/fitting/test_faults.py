@@ -122,7 +122,6 @@ def test_the_smooth_engine_at_a_start_that_grows_without_bound():
     assert_failed(found, FAILS_AT_START)
 
 
-@pytest.mark.xfail(strict=True, reason="start values are not checked")
 @pytest.mark.parametrize("value", [np.nan, np.inf, -2574.0])
 def test_a_start_value_that_cannot_be_is_refused(value):
     """The stiffness is fitted in its logarithm."""
