@@ -1,6 +1,6 @@
 """Our engines against five peers in one run: ratios, passes, optimum, numerical errors, peak memory, cold and warm.
 
-    python experiments/benchmarks/run.py [--quick] [--only NAME] [--json out.json] [--plot out.png] [--repeats N]
+    python experiments/benchmarks/run.py [--quick] [--only NAME] [--json FILE] [--plot FILE] [--repeats N] [--warm]
 
 Needs the extra "peers" (numba, casadi). The whole takes about a quarter of an hour on two cores.
 """
@@ -24,6 +24,7 @@ def main() -> None:
     parser.add_argument("--json", type=Path, help="write all figures here")
     parser.add_argument("--plot", type=Path, help="write a picture of the ratios here")
     parser.add_argument("--repeats", type=int, help="rounds of timing")
+    parser.add_argument("--warm", action="store_true", help="no cold times and no memory, which need fresh processes")
     options = parser.parse_args()
     if not any(options.only in name for name in WORKLOADS):
         parser.error(f"No workload is called {options.only!r}. Choose from {', '.join(WORKLOADS)}.")
@@ -42,6 +43,7 @@ def measured(options: argparse.Namespace) -> dict[str, Any]:
     scale = QUICK if options.quick else Scale()
     if options.repeats:
         scale = dataclasses.replace(scale, repeats=options.repeats)
+    scale = dataclasses.replace(scale, fresh=scale.fresh and not options.warm)
     rows, longs, numerical = [], [], []
     with tempfile.TemporaryDirectory() as folder:
         for workload in WORKLOADS[:-2]:

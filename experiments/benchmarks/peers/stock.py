@@ -7,13 +7,16 @@ from typing import Any
 
 import diffrax
 import jax
-import jax.numpy as jnp
-import numpy as np
-import optimistix as optx
-from record import Record
-from rig import LOAD, MASS, NOISE, V_S
 
-from peers.least_squares import TYPICAL, Outcome
+jax.config.update("jax_enable_x64", True)
+
+import jax.numpy as jnp  # noqa: E402
+import numpy as np  # noqa: E402
+import optimistix as optx  # noqa: E402
+from record import Record  # noqa: E402
+from rig import LOAD, MASS, NOISE, V_S  # noqa: E402
+
+from peers.least_squares import TYPICAL, Outcome  # noqa: E402
 
 # With rtol 1e-8 most fits of the archive miss the optimum: the steps chatter with the parameters.
 RTOL, ATOL = 1e-9, 1e-13
