@@ -16,7 +16,7 @@ from .assemble import record_time, unit_of
 from .batch_result import BatchFit
 from .covariance import Covariance, covariance
 from .lanes import WIDTH, Landed, solve_lanes
-from .loss import AbstractLoss, named_loss
+from .loss import AbstractLoss
 from .parameters import Request
 from .problem import Problem, pose
 from .rest import far_off, solve_with_rest
@@ -102,19 +102,8 @@ def fit_batch(
     require_x64()
     if not len(data):
         raise UsageError("There is no run to fit: the list is empty.")
-    common = Request(
-        oscillator=oscillator,
-        free=(free,) if isinstance(free, str) else tuple(free),
-        nuisance=None if nuisance is None else tuple(nuisance),
-        engine=engine,
-        start=start,
-        bounds=bounds or {},
-        priors=priors or {},
-        tie=tie or {},
-        rig=None,
-        guess={},
-        loss=named_loss(loss),
-    )
+    settings = {"nuisance": nuisance, "engine": engine, "start": start, "bounds": bounds, "priors": priors}
+    common = Request.of(oscillator, free, tie=tie, rig=None, guess=None, loss=loss, **settings)
     guesses = _per_run(guess or {}, len(data))
     order = sorted(range(len(data)), key=lambda i: _length(data[i]))
     blocks = [order[first : first + WIDTH] for first in range(0, len(order), WIDTH)]

@@ -10,7 +10,7 @@ from ..data.errors import UsageError, nearest
 from ..oscillator import Oscillator, require_x64
 from ..oscillator.engines import AbstractEngine
 from .assemble import assemble
-from .loss import AbstractLoss, named_loss
+from .loss import AbstractLoss
 from .parameters import Request
 from .problem import Problem, pose
 from .rest import solve_with_rest
@@ -88,19 +88,8 @@ def fit(
         raise UsageError(
             f"fit needs an Oscillator, got {type(oscillator).__name__}. Build one, or take rig.oscillator(friction)."
         )
-    request = Request(
-        oscillator=oscillator,
-        free=(free,) if isinstance(free, str) else tuple(free),
-        nuisance=None if nuisance is None else tuple(nuisance),
-        engine=engine,
-        start=start,
-        bounds=bounds or {},
-        priors=priors or {},
-        tie=tie or {},
-        rig=rig,
-        guess=guess or {},
-        loss=named_loss(loss),
-    )
+    settings = {"nuisance": nuisance, "engine": engine, "start": start, "bounds": bounds, "priors": priors}
+    request = Request.of(oscillator, free, tie=tie, rig=rig, guess=guess, loss=loss, **settings)
     problem, solved = solve_with_rest(_posed(records, request, sigma_mode))
     _check_effect(problem, solved)
     result = assemble(problem, solved, sigma_mode)

@@ -21,6 +21,7 @@ from .loss import AbstractLoss
 from .problem import Problem
 from .residual import Residual
 from .settled import Settled, settle
+from .solve import finer
 from .survey import Survey, survey
 
 WIDTH = 32
@@ -112,7 +113,7 @@ def _land(lane: Lane, loss: AbstractLoss) -> Landed:
     """Solve one lane and look at all of its samples."""
     lower, upper = lane.limits.lower, lane.limits.upper
     at = climb(lane.condensed, lane.terrain, lane.limits, loss, jnp.clip(jnp.zeros_like(lower), lower, upper))
-    fine = eqx.tree_at(lambda r: r.engine, lane.residual, lane.residual.engine.finer())
+    fine = finer(lane.residual)
     y = jnp.concatenate([at.y, jnp.zeros(fine.inputs.shape[0])])
     found, settled = survey(fine, y, loss), settle(fine, y)
     samples = found.residual[: found.residual.size - at.y.size]

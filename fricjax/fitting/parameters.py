@@ -12,7 +12,7 @@ from ..oscillator import Oscillator
 from ..oscillator.engines import AbstractEngine
 from ..oscillator.leaves import Leaf
 from .guess import guess_machine
-from .loss import AbstractLoss
+from .loss import AbstractLoss, named_loss
 from .names import NUISANCES, check_identifiable, check_names, find_leaf, sole_coulomb
 from .space import LOGARITHMIC, NOT_NEGATIVE, Parameter, Tie
 from .window import Window
@@ -33,6 +33,20 @@ class Request:
     rig: Any
     guess: Mapping[str, float]
     loss: AbstractLoss
+
+    @classmethod
+    def of(cls, oscillator: Oscillator, free: str | Sequence[str], **settings: Any) -> "Request":
+        """The request from the keywords of a fit, of which any but the engine and the start may be None."""
+        nuisance = settings.pop("nuisance")
+        tables = {name: settings.pop(name) or {} for name in ("bounds", "priors", "tie", "guess")}
+        return cls(
+            oscillator=oscillator,
+            free=(free,) if isinstance(free, str) else tuple(free),
+            nuisance=None if nuisance is None else tuple(nuisance),
+            loss=named_loss(settings.pop("loss")),
+            **tables,
+            **settings,
+        )
 
     def with_guess(self, guess: Mapping[str, float]) -> "Request":
         """The same request with other start values."""

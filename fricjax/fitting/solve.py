@@ -93,19 +93,20 @@ def solve(problem: Problem, y: Any = None) -> Solved:
 
 def _refined(problem: Problem, at: Climbed) -> Solved:
     """The fit carried on with all samples and the engine of the check, checked against one finer still."""
-    finer = _finer(problem.residual)
-    bare = eqx.tree_at(lambda r: r.inputs, finer, finer.inputs[:0])
-    return _checked(problem, finer, _onwards(with_mesh(bare, at.y), problem.limits, problem.loss, at))
+    fine = finer(problem.residual)
+    bare = eqx.tree_at(lambda r: r.inputs, fine, fine.inputs[:0])
+    return _checked(problem, fine, _onwards(with_mesh(bare, at.y), problem.limits, problem.loss, at))
 
 
-def _finer(residual: Residual) -> Residual:
+def finer(residual: Residual) -> Residual:
+    """The residual with an engine of clearly smaller error."""
     return eqx.tree_at(lambda r: r.engine, residual, residual.engine.finer())
 
 
 def _checked(problem: Problem, residual: Residual, at: Climbed) -> Solved:
     """Look at all samples at the optimum, with an engine finer than that of `residual`."""
     y = jnp.concatenate([at.y, jnp.zeros(residual.inputs.shape[0])])
-    found, settled = _look(with_mesh(_finer(residual), y), y, problem.loss)
+    found, settled = _look(with_mesh(finer(residual), y), y, problem.loss)
     return judged(problem, *jax.tree.map(np.asarray, (at, found, settled)))
 
 
