@@ -1,9 +1,10 @@
-"""The way from the start values to the optimum: windows that grow, then the moving part, then everything.
+"""The way from the start values to the optimum: windows that grow until they hold everything.
 
 With the number of half-cycles taken from the record the residual has no jumps, but the phase still makes local
 minima when the start value of the frequency is off by more than a part of a cycle over the record. So the window
 begins where the motion from the start values is still in phase with the record, and doubles until it holds the whole
-moving part; the rest is added last. All of it is traced, so that many fits can be mapped over.
+moving part and the rest. A robust loss, nearly flat far from its optimum, is led there from that of squares. All of it
+is traced, so that many fits can be mapped over.
 """
 
 from typing import Any, NamedTuple
@@ -21,7 +22,10 @@ from .residual import Residual
 
 ROUNDING = 1e-12
 FINE = 1e-3
-_MOVING, _EVERYTHING = 1.0, 2.0
+# Part of the moving window from which on there is no next one but all samples.
+_EVERYTHING = 1.0
+# How near the optimum of a window is to be met, in standard errors, before the next one.
+_ON_THE_WAY = 1.0
 
 
 class Terrain(eqx.Module):
@@ -64,35 +68,38 @@ def climb(
     residual: Residual,
     terrain: tuple[Terrain, ...],
     limits: Limits,
-    loss: AbstractLoss,
     y: Float[Array, " p"],
     tolerance: float = FINE,
 ) -> Climbed:
-    """Fit from coordinates `y` to within `tolerance` standard errors, in as many stages as its phase asks for."""
-    whole = [run.weight for run in residual.runs]
-    ends_at_rest = jnp.any(jnp.stack([jnp.any(w != part.moving) for w, part in zip(whole, terrain, strict=True)]))
-    full = jnp.where(ends_at_rest, _MOVING, _EVERYTHING)
+    """Least squares from coordinates `y` to within `tolerance` standard errors, in as many stages as it needs."""
 
     def weights(reach: Array) -> list[Array]:
         windows = [_until(run.t, part.moving, reach) for run, part in zip(residual.runs, terrain, strict=True)]
-        return [jnp.where(reach >= _EVERYTHING, w, window) for w, window in zip(whole, windows, strict=True)]
+        pairs = zip(residual.runs, windows, strict=True)
+        return [jnp.where(reach >= _EVERYTHING, run.weight, window) for run, window in pairs]
 
     def stage(state: _State) -> _State:
         at, reach = state
-        found = least_squares(with_weights(residual, weights(reach)), limits, loss, at.y, tolerance)
+        near = jnp.where(reach < _EVERYTHING, jnp.maximum(tolerance, _ON_THE_WAY), tolerance)
+        found = least_squares(with_weights(residual, weights(reach)), limits, Squares(), at.y, near)
         steps = at.iterations + found.stats["num_steps"]
-        further = jnp.where(2 * reach < 1, 2 * reach, full)
-        further = jnp.where(reach >= _MOVING, 2 * reach, further)
+        further = jnp.where(reach < _EVERYTHING, jnp.minimum(2 * reach, _EVERYTHING), jnp.inf)
         return _State(Climbed(found.value, found.stats["status"], steps, at.stages + 1), further)
 
-    begin = jnp.min(jnp.stack(_in_phase(residual, terrain, y)))
+    begin = jnp.min(jnp.stack([*_in_phase(residual, terrain, y), jnp.asarray(_EVERYTHING)]))
     none = jnp.asarray(0)
-    first = _State(Climbed(y, none, none, none), jnp.where(begin < 1, begin, full))
-    return jax.lax.while_loop(lambda state: state.reach <= _EVERYTHING, stage, first).at
+    first = _State(Climbed(y, none, none, none), begin)
+    return jax.lax.while_loop(lambda state: jnp.isfinite(state.reach), stage, first).at
+
+
+def onwards(residual: Residual, limits: Limits, loss: AbstractLoss, at: Climbed) -> Climbed:
+    """Levenberg-Marquardt from where another residual, or another loss of it, has its optimum."""
+    found = least_squares(residual, limits, loss, at.y)
+    return Climbed(found.value, found.stats["status"], at.iterations + found.stats["num_steps"], at.stages + 1)
 
 
 def least_squares(
-    residual: Residual, limits: Limits, loss: AbstractLoss, y: Float[Array, " p"], tolerance: float = FINE
+    residual: Residual, limits: Limits, loss: AbstractLoss, y: Float[Array, " p"], tolerance: Any = FINE
 ) -> optx.Solution:
     """One run of Levenberg-Marquardt from coordinates `y`."""
     informed = sum(jnp.sum(run.weight > 0) for run in residual.runs) + jnp.sum(residual.prior_weight > 0)
@@ -116,7 +123,7 @@ def with_weights(residual: Residual, weights: list[Array]) -> Residual:
 def _until(t: Array, moving: Array, reach: Array) -> Array:
     """Weights of the first part of the moving window of a run."""
     begin, end = _ends(t, moving)
-    return jnp.where(t <= begin + jnp.minimum(reach, 1.0) * (end - begin), moving, 0.0)
+    return jnp.where(t <= begin + reach * (end - begin), moving, 0.0)
 
 
 def _ends(t: Array, moving: Array) -> tuple[Array, Array]:

@@ -5,6 +5,7 @@ several such loops run side by side in threads, for a compiled computation holds
 run abreast, and those that have finished stand still until the others have.
 """
 
+import functools
 import threading
 from collections.abc import Hashable, Sequence
 from typing import Any, NamedTuple
@@ -16,10 +17,11 @@ import numpy as np
 from jaxtyping import Array
 
 from ..oscillator import starting_state
-from .climb import Climbed, Limits, Terrain, climb
-from .loss import AbstractLoss
+from .climb import Climbed, Limits, Terrain, climb, onwards
+from .loss import AbstractLoss, Squares
 from .problem import Problem
-from .residual import Residual
+from .residual import Residual, Run, without_inputs
+from .runs import filled_to
 from .settled import Settled, settle
 from .solve import finer
 from .survey import Survey, survey
@@ -28,10 +30,10 @@ WIDTH = 32
 
 
 class Lane(NamedTuple):
-    """The traced part of a problem."""
+    """The traced part of a problem; the condensed residual is given by its runs, for it shares the rest."""
 
-    condensed: Residual
     residual: Residual
+    condensed: tuple[Run, ...]
     terrain: tuple[Terrain, ...]
     limits: Limits
 
@@ -54,53 +56,68 @@ class Landed(NamedTuple):
 
 def solve_lanes(problems: Sequence[Problem]) -> list[Landed]:
     """Solve problems for engines that need no mesh; at most `WIDTH` of one shape share a computation."""
-    lanes = [Lane(p.condensed, p.residual, p.terrain, p.limits) for p in problems]
+    longest = max((run.t.size for p in problems for run in p.condensed.runs), default=0)
+    lanes = [_Flat.of(Lane(p.residual, *filled_to(longest, p.condensed.runs, p.terrain), p.limits)) for p in problems]
     groups: dict[Hashable, list[int]] = {}
     for i, lane in enumerate(lanes):
-        groups.setdefault(_shape(lane), []).append(i)
+        groups.setdefault(lane.shape, []).append(i)
     landed: dict[int, Landed] = {}
-    for shape, members in groups.items():
+    for members in groups.values():
         for first in range(0, len(members), WIDTH):
             chosen = members[first : first + WIDTH]
-            found = _abreast([lanes[i] for i in chosen], shape, problems[chosen[0]].loss)
-            landed |= {i: jax.tree.map(lambda values, k=k: values[k], found) for k, i in enumerate(chosen)}
+            found = _abreast([lanes[i] for i in chosen], problems[chosen[0]].loss)
+            landed |= dict(zip(chosen, found, strict=True))
     return [landed[i] for i in range(len(problems))]
+
+
+class _Flat(NamedTuple):
+    """A lane taken apart: its arrays, and the shape that it must share with another to share a computation."""
+
+    arrays: list[Any]
+    shape: Hashable
+
+    @classmethod
+    def of(cls, lane: Lane) -> "_Flat":
+        leaves, structure = jax.tree.flatten(lane)
+        arrays = [leaf for leaf in leaves if _is_array(leaf)]
+        settings = tuple(None if _is_array(leaf) else leaf for leaf in leaves)
+        return cls(arrays, (structure, settings, tuple(np.shape(array) for array in arrays)))
 
 
 def _is_array(leaf: object) -> bool:
     return isinstance(leaf, jax.Array | np.ndarray | np.generic)
 
 
-def _shape(lane: Lane) -> Hashable:
-    """What two lanes must have in common to share a computation: structure, settings and shapes of the arrays."""
-    leaves, structure = jax.tree.flatten(lane)
-    return structure, tuple(np.shape(leaf) if _is_array(leaf) else leaf for leaf in leaves)
-
-
 _known: set[Hashable] = set()
 _compiling = threading.Lock()
 
 
-def _abreast(lanes: list[Lane], shape: Hashable, loss: AbstractLoss) -> Landed:
+def _abreast(lanes: list[_Flat], loss: AbstractLoss) -> list[Landed]:
     """Solve lanes of one shape; missing ones up to `WIDTH` are copies that are never looked at."""
+    structure, settings, _ = shape = lanes[0].shape
     filled = lanes + lanes[:1] * (WIDTH - len(lanes))
-    arrays, settings = zip(*(eqx.partition(lane, _is_array) for lane in filled), strict=True)
-    stacked = jax.tree.map(lambda *values: np.stack(values), *arrays)
+    rows = [lane.arrays for lane in filled]
     with _compiling:
         # Else several threads would compile the same at once; a run of no lane only compiles.
         if (shape, loss) not in _known:
-            jax.block_until_ready(_solve(stacked, settings[0], loss, np.asarray(0)))
+            jax.block_until_ready(_solve(rows, structure, settings, loss, np.asarray(0)))
             _known.add((shape, loss))
-    return jax.tree.map(np.asarray, _solve(stacked, settings[0], loss, np.asarray(len(lanes))))
+    found = _solve(rows, structure, settings, loss, np.asarray(len(lanes)))
+    columns, whole = jax.tree.flatten(jax.tree.map(np.asarray, found))
+    return [jax.tree.unflatten(whole, [column[i] for column in columns]) for i in range(len(lanes))]
 
 
-@eqx.filter_jit
-def _solve(stacked: Lane, settings: Lane, loss: AbstractLoss, count: Any) -> Landed:
-    def one(arrays: Lane) -> Landed:
-        return _land(eqx.combine(arrays, settings), loss)
+@functools.partial(jax.jit, static_argnums=(1, 2, 3))
+def _solve(rows: list[list[Any]], structure: Any, settings: tuple[Any, ...], loss: AbstractLoss, count: Any) -> Landed:
+    def one(arrays: list[Any]) -> Landed:
+        rest = iter(arrays)
+        leaves = [next(rest) if setting is None else setting for setting in settings]
+        return _land(jax.tree.unflatten(structure, leaves), loss)
 
-    def lane(i: Array | int) -> Lane:
-        return jax.tree.map(lambda values: values[i], stacked)
+    stacked = [jnp.stack(column) for column in zip(*rows, strict=True)]
+
+    def lane(i: Array | int) -> list[Any]:
+        return [values[i] for values in stacked]
 
     if jax.default_backend() != "cpu":
         return jax.vmap(one)(stacked)
@@ -111,15 +128,19 @@ def _solve(stacked: Lane, settings: Lane, loss: AbstractLoss, count: Any) -> Lan
 
 def _land(lane: Lane, loss: AbstractLoss) -> Landed:
     """Solve one lane and look at all of its samples."""
-    lower, upper = lane.limits.lower, lane.limits.upper
-    at = climb(lane.condensed, lane.terrain, lane.limits, loss, jnp.clip(jnp.zeros_like(lower), lower, upper))
-    fine = finer(lane.residual)
+    residual, limits = lane.residual, lane.limits
+    bare = without_inputs(residual)
+    begin = jnp.clip(jnp.zeros_like(limits.lower), limits.lower, limits.upper)
+    at = climb(eqx.tree_at(lambda r: r.runs, bare, lane.condensed), lane.terrain, limits, begin)
+    if not isinstance(loss, Squares):
+        at = onwards(bare, limits, loss, at)
+    fine = finer(residual)
     y = jnp.concatenate([at.y, jnp.zeros(fine.inputs.shape[0])])
     found, settled = survey(fine, y, loss), settle(fine, y)
     samples = found.residual[: found.residual.size - at.y.size]
     lag = samples[1:] @ samples[:-1] / jnp.where(found.chi2 > 0, found.chi2, 1.0)
     short = found._replace(residual=jnp.zeros(0))
-    return Landed(at, short, settled, lag, _own_count(lane.residual, settled))
+    return Landed(at, short, settled, lag, _own_count(residual, settled))
 
 
 def _own_count(residual: Residual, settled: Settled) -> Array:

@@ -42,6 +42,9 @@ def with_mesh(residual: Residual, y: Any, slack: float = 1.0) -> Residual:
             "the record to its moving part."
         )
     merged = np.unique(np.concatenate([mesh[np.isfinite(mesh)] for mesh in meshes]))
+    if merged.size == 1:
+        # A motion that is not finite from its first step on gets one step, over which it is not finite either.
+        merged = np.append(merged, merged + 1.0)
     mesh = jnp.asarray(_padded(_graded(merged)))
     return eqx.tree_at(lambda r: r.engine.mesh, residual, mesh, is_leaf=lambda x: x is None)
 

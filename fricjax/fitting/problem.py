@@ -12,9 +12,9 @@ from ..data import Record, Trace
 from ..data.errors import DataError
 from ..oscillator.leaves import leaves_of
 from .climb import Limits, Terrain
-from .loss import AbstractLoss, Squares
+from .loss import AbstractLoss
 from .parameters import Request, free_parameters, parse_priors, parse_ties, shared_leaves
-from .residual import Residual
+from .residual import Residual, without_inputs
 from .rig_inputs import rig_inputs
 from .runs import condensed_run, terrain_of, whole_run
 from .space import LINEAR, Parameter, ParameterSpace
@@ -28,7 +28,7 @@ class Problem:
 
     Attributes:
         residual: residual of all samples, with the inputs of the rig.
-        condensed: the same of far fewer samples that say the same, without the inputs; what is solved.
+        condensed: the same of far fewer samples that have the same squares, without the inputs; what is solved.
         terrain: for each run what its windows need to know, at the condensed samples.
         limits: bounds in coordinates.
         loss: loss of the residuals.
@@ -95,7 +95,7 @@ def pose(records: Sequence[Record | Trace], request: Request) -> Problem:
         parameters, [leaf.index for leaf in shared], ties, [window.nuisances for window in windows]
     )
     residual = _residual(request, space, windows, parameters)
-    condensed = _condensed(residual, windows, request.loss)
+    condensed = _condensed(residual, windows)
     return Problem(
         residual=residual,
         condensed=condensed,
@@ -135,16 +135,11 @@ def _residual(
     return Residual(oscillator, space, engine, runs, np.asarray(mean), np.asarray(weight), inputs)
 
 
-def _condensed(residual: Residual, windows: Sequence[Window], loss: AbstractLoss) -> Residual:
-    """The residual of the condensed records, without the inputs of the rig.
-
-    Only squares can be condensed: another loss has to see each sample.
-    """
-    bare = eqx.tree_at(lambda r: r.inputs, residual, residual.inputs[:0])
-    if not isinstance(loss, Squares):
-        return bare
+def _condensed(residual: Residual, windows: Sequence[Window]) -> Residual:
+    """The residual of the condensed records, without the inputs of the rig."""
     pairs = zip(windows, residual.runs, strict=True)
-    return eqx.tree_at(lambda r: r.runs, bare, tuple(condensed_run(*pair, residual.oscillator) for pair in pairs))
+    runs = tuple(condensed_run(*pair, residual.oscillator) for pair in pairs)
+    return eqx.tree_at(lambda r: r.runs, without_inputs(residual), runs)
 
 
 def _limits(space: ParameterSpace, parameters: Sequence[Parameter]) -> Limits:

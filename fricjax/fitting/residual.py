@@ -110,6 +110,11 @@ class Residual(eqx.Module):
         return Course(path, at["t_release"], at["offset"], at["drift"])
 
 
+def without_inputs(residual: Residual) -> Residual:
+    """The residual as a function of the coordinates of the free parameters alone."""
+    return eqx.tree_at(lambda r: r.inputs, residual, residual.inputs[:0])
+
+
 @eqx.filter_jit
 def motion(
     engine: AbstractEngine,

@@ -1,5 +1,7 @@
 """A record as the residual sees it: whole, condensed, and with what its windows need to know."""
 
+from typing import Any
+
 import equinox as eqx
 import numpy as np
 
@@ -10,7 +12,7 @@ from .condense import Samples
 from .residual import Run
 from .window import NEVER, Window
 
-_IN_PHASE, _SMALLEST, _SHORTEST = 0.5, 0.02, 4.0
+_IN_PHASE, _SMALLEST, _SHORTEST = 0.5, 0.5, 4.0
 
 
 def whole_run(window: Window, stops: bool) -> Run:
@@ -33,6 +35,24 @@ def condensed_run(window: Window, run: Run, oscillator: Oscillator) -> Run:
     """The run with few samples that say the same."""
     few = _filled(condensed(window, Samples(run.t, run.x, run.weight), oscillator), 4)
     return eqx.tree_at(lambda r: (r.t, r.x, r.weight), run, tuple(few))
+
+
+def filled_to(
+    n: int, runs: tuple[Run, ...], terrain: tuple[Terrain, ...]
+) -> tuple[tuple[Run, ...], tuple[Terrain, ...]]:
+    """Condensed runs and their terrain with samples without weight added to each, up to `n` of them."""
+
+    def longer(values: np.ndarray, end: Any = 0.0) -> np.ndarray:
+        filled = np.full(n, end)
+        filled[: values.size] = values
+        return filled
+
+    return (
+        tuple(
+            Run(longer(run.t, run.t[-1]), longer(run.x), longer(run.weight), run.half_cycles, run.fixed) for run in runs
+        ),
+        tuple(Terrain(longer(part.moving), longer(part.tolerance), part.shortest) for part in terrain),
+    )
 
 
 def _filled(samples: Samples, parts: int) -> Samples:

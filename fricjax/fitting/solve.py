@@ -15,12 +15,12 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ..oscillator import Smooth
-from .climb import FINE, ROUNDING, Climbed, Limits, climb, least_squares
-from .loss import AbstractLoss
+from .climb import FINE, ROUNDING, Climbed, climb, onwards
+from .loss import AbstractLoss, Squares
 from .mesh import with_mesh
 from .problem import Problem
 from .quadratic import Quadratic, quadratic
-from .residual import Residual
+from .residual import Residual, without_inputs
 from .settled import Settled, settle
 from .status import AT_BOUND, CONVERGED, UNDETERMINED
 from .survey import Survey, survey
@@ -70,23 +70,20 @@ class Solved(NamedTuple):
 _climb = eqx.filter_jit(climb)
 
 
-@eqx.filter_jit
-def _onwards(residual: Residual, limits: Limits, loss: AbstractLoss, at: Climbed) -> Climbed:
-    """Levenberg-Marquardt from where another residual has its optimum."""
-    found = least_squares(residual, limits, loss, at.y)
-    return Climbed(found.value, found.stats["status"], at.iterations + found.stats["num_steps"], at.stages + 1)
+_onwards = eqx.filter_jit(onwards)
 
 
 def solve(problem: Problem, y: Any = None) -> Solved:
     """Fit from the start values, or from given coordinates `y`, and check the result."""
     few = problem.condensed
     begin = start_coordinates(problem) if y is None else y[: few.n_parameters]
-    meshed = isinstance(few.engine, Smooth)
-    # The first mesh only leads to where the second one is made.
-    rough, tolerance = (_ROUGH, _NEAR) if meshed else (1.0, FINE)
-    at = _climb(with_mesh(few, begin, rough), problem.terrain, problem.limits, problem.loss, begin, tolerance)
-    if meshed:
-        at = _onwards(with_mesh(few, at.y), problem.limits, problem.loss, at)
+    meshed, robust = isinstance(few.engine, Smooth), not isinstance(problem.loss, Squares)
+    # The first mesh, and the squares of a robust fit, only lead to where it goes on from.
+    rough, tolerance = (_ROUGH if meshed else 1.0), (_NEAR if meshed or robust else FINE)
+    at = _climb(with_mesh(few, begin, rough), problem.terrain, problem.limits, begin, tolerance)
+    if meshed or robust:
+        target = without_inputs(problem.residual) if robust else few
+        at = _onwards(with_mesh(target, at.y), problem.limits, problem.loss, at)
     solved = _checked(problem, problem.residual, at)
     return _refined(problem, at) if solved.converged and not solved.accurate else solved
 
@@ -94,8 +91,7 @@ def solve(problem: Problem, y: Any = None) -> Solved:
 def _refined(problem: Problem, at: Climbed) -> Solved:
     """The fit carried on with all samples and the engine of the check, checked against one finer still."""
     fine = finer(problem.residual)
-    bare = eqx.tree_at(lambda r: r.inputs, fine, fine.inputs[:0])
-    return _checked(problem, fine, _onwards(with_mesh(bare, at.y), problem.limits, problem.loss, at))
+    return _checked(problem, fine, _onwards(with_mesh(without_inputs(fine), at.y), problem.limits, problem.loss, at))
 
 
 def finer(residual: Residual) -> Residual:

@@ -6,7 +6,7 @@ import equinox as eqx
 import numpy as np
 
 from ..data.errors import UsageError
-from ..oscillator import Hybrid, Oscillator, Smooth
+from ..oscillator import Exact, Hybrid, Oscillator, Smooth
 from ..oscillator.engines import AbstractEngine, Span
 from ..oscillator.select import select_engine
 from .parameters import Request
@@ -27,13 +27,16 @@ def engine_for(request: Request, windows: Sequence[Window]) -> AbstractEngine:
         engine = select_engine(name, machine, max_half_cycles=max(16, 2 ** int(np.ceil(np.log2(strokes + 2)))))
     except ValueError as error:
         raise UsageError(str(error)) from error
-    if drag_free and engine.__class__.__name__ == "Exact":
+    if drag_free and isinstance(engine, Exact):
         raise UsageError("drag is free, and the exact engine has no drag. Use the hybrid engine.")
     return engine if isinstance(request.engine, AbstractEngine) else _tuned(engine, machine, windows)
 
 
 def _tuned(engine: AbstractEngine, machine: Oscillator, windows: Sequence[Window]) -> AbstractEngine:
     """The engine with what the records tell: the accuracy that their noise asks for, or their range of amplitudes."""
+    if isinstance(engine, Exact):
+        # It computes no half-cycle that is not asked for, so that all records may share one capacity.
+        return Exact(max(Exact().max_half_cycles, engine.max_half_cycles))
     if isinstance(engine, Smooth):
         accuracy = _SLACK * min(float(np.median(w.sigma)) / np.sqrt(w.used.sum()) for w in windows)
         return eqx.tree_at(lambda e: e.accuracy, engine, np.asarray(accuracy))

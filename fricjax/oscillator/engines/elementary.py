@@ -1,34 +1,79 @@
-"""Elementary functions whose derivatives reuse their values.
+"""Elementary functions for many samples at once, whose derivatives reuse their values.
 
 A Jacobian along several directions needs the sine, cosine and exponential of each sample once. Left to itself the
-compiler computes them again for every direction, which costs more than all the rest; a barrier keeps the values.
+compiler computes them again for every direction, which costs more than all the rest; barriers keep values and slopes.
 """
+
+import math
 
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
+# Taylor coefficients in the square of the angle; on a quarter turn either way the first one left out is below 1e-16.
+_COSINE = [(-1) ** k / math.factorial(2 * k) for k in range(12)]
+_SINE = [(-1) ** k / math.factorial(2 * k + 1) for k in range(12)]
+# What the double nearest to pi lacks.
+_PI_REST = 1.2246467991473532e-16
 
-@jax.custom_jvp
+
 def rotation(angle: Array) -> tuple[Array, Array]:
-    """Cosine and sine."""
-    return jax.lax.optimization_barrier((jnp.cos(angle), jnp.sin(angle)))
+    """Cosine and sine, to rounding for up to some thousand turns.
+
+    Polynomials about the nearest half-turn: the processor runs them several samples at a time, unlike the functions
+    of the mathematical library.
+    """
+    half_turns = jnp.round(angle / jnp.pi)
+    rest = (angle - half_turns * jnp.pi) - half_turns * _PI_REST
+    square = rest * rest
+    sign = 1 - 2 * (half_turns - 2 * jnp.floor(half_turns / 2))
+    return sign * _polynomial(_COSINE, square), sign * rest * _polynomial(_SINE, square)
 
 
-@rotation.defjvp
-def _rotation_jvp(primals: tuple, tangents: tuple) -> tuple:
-    cosine, sine = rotation(*primals)
-    (turn,) = tangents
-    return (cosine, sine), (-sine * turn, cosine * turn)
+def _polynomial(coefficients: list[float], x: Array) -> Array:
+    value = jnp.full_like(x, coefficients[-1])
+    for coefficient in reversed(coefficients[:-1]):
+        value = value * x + coefficient
+    return value
 
 
 @jax.custom_jvp
-def exponential(exponent: Array) -> Array:
-    """The exponential."""
-    return jax.lax.optimization_barrier(jnp.exp(exponent))
+def swing(phase: Array, loss: Array) -> tuple[Array, Array]:
+    """Free swing from one at rest: deflection ``D = exp(-loss*phase) (cos + loss*sin)``, and ``-dD/dphase``.
+
+    Args:
+        phase: damped frequency times time [rad].
+        loss: decay rate over damped frequency.
+    """
+    cosine, sine = rotation(phase)
+    envelope = jnp.exp(-loss * phase)
+    return jax.lax.optimization_barrier((envelope * (cosine + loss * sine), envelope * (1 + loss**2) * sine))
 
 
-@exponential.defjvp
-def _exponential_jvp(primals: tuple, tangents: tuple) -> tuple:
-    value = exponential(*primals)
-    return value, value * tangents[0]
+@swing.defjvp
+def _swing_jvp(primals: tuple, tangents: tuple) -> tuple:
+    (phase, loss), (turn, change) = primals, tangents
+    deflection, rate = swing(phase, loss)
+    sine = rate / (1 + loss**2)
+    by_loss = jax.lax.optimization_barrier((sine - phase * deflection, 2 * loss * sine - phase * rate))
+    bend = deflection * (1 + loss**2) - 2 * loss * rate
+    return (deflection, rate), (by_loss[0] * change - rate * turn, by_loss[1] * change + bend * turn)
+
+
+@jax.custom_jvp
+def relative_expm1(z: Array) -> Array:
+    """(exp(z) - 1)/z, smooth through z = 0."""
+    small = jnp.abs(z) < 1e-3
+    series = 1 + z / 2 * (1 + z / 3 * (1 + z / 4 * (1 + z / 5)))
+    safe = jnp.where(small, 1.0, z)
+    return jax.lax.optimization_barrier(jnp.where(small, series, jnp.expm1(safe) / safe))
+
+
+@relative_expm1.defjvp
+def _relative_expm1_jvp(primals: tuple, tangents: tuple) -> tuple:
+    (z,) = primals
+    value = relative_expm1(z)
+    small = jnp.abs(z) < 1e-3
+    series = 1 / 2 + z / 3 * (1 + z * 3 / 8 * (1 + z * 4 / 15 * (1 + z * 5 / 24)))
+    slope = jnp.where(small, series, (1 + z * value - value) / jnp.where(small, 1.0, z))
+    return value, jax.lax.optimization_barrier(slope) * tangents[0]

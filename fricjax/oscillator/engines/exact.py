@@ -22,16 +22,8 @@ from ..oscillator import Oscillator
 from ..restoring import Linear
 from ..results import RESULTS
 from .base import AbstractEngine
-from .elementary import exponential, rotation
+from .elementary import relative_expm1, swing
 from .path import AbstractPath
-
-
-def _relative_expm1(z: Array) -> Array:
-    """(exp(z) - 1)/z, smooth through z = 0."""
-    small = jnp.abs(z) < 1e-3
-    series = 1 + z / 2 * (1 + z / 3 * (1 + z / 4 * (1 + z / 5)))
-    safe = jnp.where(small, 1.0, z)
-    return jnp.where(small, series, jnp.expm1(safe) / safe)
 
 
 @jax.custom_jvp
@@ -50,7 +42,7 @@ class HalfCycles(AbstractPath):
     """The sequence of half-cycles from a (possibly virtual) turning point: all that the closed form needs.
 
     Attributes:
-        damping_ratio, damped_frequency: zeta [1] and omega_d [rad/s].
+        damped_frequency: omega_d [rad/s].
         dead_band: half-width x_d of the band in which dynamic friction balances the spring [m].
         log_decrement: logarithm of the ratio of successive distances to the shifted centre.
         side, amplitude: sign and alternating amplitude of the first turning point [m].
@@ -59,7 +51,6 @@ class HalfCycles(AbstractPath):
         drag: quadratic drag of the oscillator, of which the closed form knows no derivative.
     """
 
-    damping_ratio: Scalar
     damped_frequency: Scalar
     dead_band: Scalar
     log_decrement: Scalar
@@ -71,16 +62,13 @@ class HalfCycles(AbstractPath):
 
     def sample(self, ts: Float[Array, " samples"]) -> tuple[Float[Array, " samples"], Float[Array, " samples"]]:
         n = self.count_at(ts)
-        tau = ts + self.elapsed - n * self.half_period
-        zeta, omega_d = self.damping_ratio, self.damped_frequency
-        root = jnp.sqrt(1 - zeta**2)
-        omega, turning, sign = omega_d / root, self.turning_amplitude(n), self.side_of(n)
-        envelope = (turning - self.dead_band) * exponential(-zeta * omega * tau)
-        cosine, sine = rotation(omega_d * tau)
-        sine = sine / root
-        at_rest = n >= self.last
-        x = sign * jnp.where(at_rest, turning, self.dead_band + envelope * (cosine + zeta * sine))
-        v = sign * jnp.where(at_rest, 0.0, -envelope * omega * sine)
+        phase = self.damped_frequency * (ts + self.elapsed) - n * jnp.pi
+        n, side = jax.lax.optimization_barrier((n, self.side_of(n)))
+        turning, at_rest = self.turning_amplitude(n), n >= self.last
+        deflection, rate = swing(phase, -self.log_decrement / jnp.pi)
+        distance = turning - self.dead_band
+        x = side * jnp.where(at_rest, turning, self.dead_band + distance * deflection)
+        v = side * jnp.where(at_rest, 0.0, -distance * self.damped_frequency * rate)
         return _without_drag(x, self.drag), _without_drag(v, self.drag)
 
     def count_at(self, ts: Array) -> Array:
@@ -105,9 +93,10 @@ class HalfCycles(AbstractPath):
 
     def turning_amplitude(self, n: Array) -> Array:
         """Alternating amplitude a_n of turning point n [m]."""
-        total = n * _relative_expm1(n * self.log_decrement) / _relative_expm1(self.log_decrement)
-        ratio = jnp.exp(self.log_decrement)
-        return jnp.exp(n * self.log_decrement) * self.amplitude - (1 + ratio) * self.dead_band * total
+        q = self.log_decrement
+        growth = relative_expm1(n * q)
+        total = n * growth / relative_expm1(q)
+        return (1 + n * q * growth) * self.amplitude - (1 + jnp.exp(q)) * self.dead_band * total
 
     def half_cycles_to_rest(self, static_band: Scalar, moving: Array) -> Array:
         """Number of half-cycles until |a_n| falls into the static band (inf if never); at least one if in motion."""
@@ -141,7 +130,6 @@ def _begin(oscillator: Oscillator, start: Start) -> tuple[HalfCycles, Array]:
     distance = jnp.sqrt(jnp.where(guarded, sine**2 + cosine**2, 1.0))
     virtual = jnp.where(guarded, distance * jnp.exp(zeta * phase / root), offset)
     cycles = HalfCycles(
-        damping_ratio=zeta,
         damped_frequency=omega * root,
         dead_band=oscillator.dead_band,
         log_decrement=-jnp.pi * zeta / root,
