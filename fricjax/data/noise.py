@@ -10,21 +10,22 @@ import numpy as np
 ORDERS = (2, 3, 4, 5, 6, 8)
 NORMAL_MAD = 0.6744897501960817
 ENOUGH = 2**17  # samples, which give the noise to about 1 %
+SOME = 2**11  # which tell the typical time between them
 BLOCKS = 32
 
 
-def blocks(values: np.ndarray) -> np.ndarray:
-    """Contiguous blocks of a record, shape `(b, m)`: all of a short one as one block, else `ENOUGH` samples of it."""
-    if values.size <= ENOUGH:
+def blocks(values: np.ndarray, enough: int = ENOUGH) -> np.ndarray:
+    """Contiguous blocks of a record, shape `(b, m)`: all of a short one as one block, else `enough` samples of it."""
+    if values.size <= enough:
         return values[None]
-    length = ENOUGH // BLOCKS
+    length = enough // BLOCKS
     starts = np.linspace(0, values.size - length, BLOCKS).astype(int)
     return np.lib.stride_tricks.sliding_window_view(values, length)[starts]
 
 
 def interval(t: np.ndarray) -> float:
     """Typical time between samples [s]."""
-    return _middle(np.diff(blocks(t)))
+    return _middle(np.diff(blocks(t, SOME)))
 
 
 def _middle(values: np.ndarray) -> float:
