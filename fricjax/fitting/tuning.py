@@ -7,7 +7,7 @@ import numpy as np
 
 from ..data.errors import UsageError
 from ..oscillator import Exact, Hybrid, Oscillator, Smooth
-from ..oscillator.engines import AbstractEngine, Span
+from ..oscillator.engines import UNTABLED, AbstractEngine, Span
 from ..oscillator.select import select_engine
 from .parameters import Request
 from .window import NEVER, Window, equilibrium
@@ -16,6 +16,8 @@ from .window import NEVER, Window, equilibrium
 _SLACK = 3.0
 # Half-cycles from which a table over amplitude pays, and its entries per e-fold of amplitude for 1e-3 nm on 2 mm.
 _FEW, _PER_E_FOLD = 8, 6.0
+# Least number of half-cycles to provide for with a table, so that records of an archive share their compilation.
+_CAPACITY = 64
 
 
 def engine_for(request: Request, windows: Sequence[Window]) -> AbstractEngine:
@@ -40,16 +42,27 @@ def _tuned(engine: AbstractEngine, machine: Oscillator, windows: Sequence[Window
     if isinstance(engine, Smooth):
         accuracy = _SLACK * min(float(np.median(w.sigma)) / np.sqrt(w.used.sum()) for w in windows)
         return eqx.tree_at(lambda e: e.accuracy, engine, np.asarray(accuracy))
-    turning = [np.abs(w.segmentation.turning_points - equilibrium(w.segmentation)) for w in windows]
     moving = any("v0" in w.nuisances or w.guesses["v0"] != 0 for w in windows)
-    if not isinstance(engine, Hybrid) or moving or any(points.size < _FEW for points in turning):
+    if not isinstance(engine, Hybrid) or moving:
         return engine
-    lowest = 0.8 * min(float(points[:-1].min()) for points in turning)
-    highest = 1.1 * max(max(abs(w.guesses["x0"]), float(p.max())) for w, p in zip(windows, turning, strict=True))
+    spans = [_swings(window) for window in windows]
+    if any(swings.size < _FEW for swings in spans):
+        return engine
+    lowest = 0.8 * min(float(swings.min()) for swings in spans)
+    highest = 1.1 * max(float(swings.max()) for swings in spans)
     excess = max(lowest - float(machine.dead_band), 0.1 * lowest)
-    amplitudes = 4 * int(np.ceil(_PER_E_FOLD / 4 * np.log(highest / excess)))
+    amplitudes = 2 ** int(np.ceil(np.log2(_PER_E_FOLD * np.log(highest / excess))))
     span = Span(np.asarray(lowest), np.asarray(highest))
-    return Hybrid(engine.nodes, engine.max_half_cycles, span, int(np.clip(amplitudes, 8, 32)))
+    return Hybrid(engine.nodes, max(engine.max_half_cycles, _CAPACITY), span, int(np.clip(amplitudes, 8, 32)))
+
+
+def _swings(window: Window) -> np.ndarray:
+    """Deflections from which the half-cycles start that a table is to give, all but the last ones before a stop."""
+    found = window.segmentation
+    later = found.turning_times > window.t_start + found.half_period / 4
+    swings = np.abs(found.turning_points[later] - equilibrium(found))
+    by_table = window.half_cycles - UNTABLED if window.half_cycles < NEVER else swings.size + 1
+    return np.append(abs(window.guesses["x0"]), swings)[: max(by_table, 0)]
 
 
 def can_stop(request: Request) -> bool:

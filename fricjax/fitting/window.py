@@ -11,6 +11,9 @@ from .names import NUISANCES
 
 STARTS = ("first_reversal", "release")
 NEVER = 10**9
+# Deflection at the end of a stroke, as a part of that at its start, below which it may creep in; least number of
+# reversals that show the decay.
+_CROSSED, _DECAY = 0.35, 3
 
 _DEFAULT_NUISANCES = {
     "first_reversal": ("t_release", "x0", "offset"),
@@ -30,7 +33,8 @@ class Window:
         t_start: time of the state from which the motion is computed [s].
         used: True where a sample is fitted; `moving`: the same without the rest.
         sigma: noise of each sample; `sigma_source` says where it comes from.
-        half_cycles: number of half-cycles from `t_start` to the stop, `NEVER` where the record ends in motion.
+        half_cycles: number of half-cycles from `t_start` to the stop, or to the reversal at which the window ends;
+            `NEVER` where the record ends in motion.
         nuisances: names of this run's own free parameters.
         guesses: start values of x0, v0, offset, drift and t_release.
     """
@@ -66,7 +70,8 @@ def open_window(
         nuisance: names of the run's own free parameters; None for those that belong to `start`.
         keeps_memory: whether the law has internal states. These are known in mid-stroke only, so the state is then
             fitted half a half-cycle before the first reversal.
-        creeps: whether the law creeps where the mass rests, so that samples at rest are left out.
+        creeps: whether the law creeps where the mass rests, so that samples there are left out, and with them a last
+            stroke that creeps in before it has turned.
 
     Raises:
         DataError: a record without the motion that `start` asks for.
@@ -78,7 +83,9 @@ def open_window(
     mode, t_start, t_first = _start(data, start, found, t)
     if mode == "first_reversal" and keeps_memory:
         mode, t_start = "seconds", t_first - found.half_period / 2
-    moving = mask & (t >= t_first) & (t <= (np.inf if found.rest is None else found.rest))
+    turned = _turned(found) if creeps else None
+    end = found.rest if turned is None else float(found.turning_times[turned])
+    moving = mask & (t >= t_first) & (t <= (np.inf if end is None else end))
     used = moving if creeps else mask & (t >= t_first)
     sigma, source = _noise(trace, found)
     own = _DEFAULT_NUISANCES[mode] if nuisance is None else tuple(nuisance)
@@ -93,7 +100,7 @@ def open_window(
         moving=moving & used,
         sigma=sigma,
         sigma_source=source,
-        half_cycles=_half_cycles(found, t_start),
+        half_cycles=_half_cycles(found, t_start, turned),
         nuisances=own,
         guesses=_guess_state(t, x, mask, found, t_start, t_first, mode, own),
     )
@@ -139,10 +146,26 @@ def _noise(trace: Trace, found: Segmentation) -> tuple[np.ndarray, str]:
     return np.full(trace.t.shape, floor), "estimated from the record"
 
 
-def _half_cycles(found: Segmentation, t_start: float) -> int:
-    if found.rest is None:
+def _turned(found: Segmentation) -> int | None:
+    """Index of the last reversal before a stroke that hardly crosses the equilibrium; None where all strokes do.
+
+    Friction of half the deflection takes such a stroke to a creep. The end of the last stroke, which is no reversal,
+    is where the decay so far leads.
+    """
+    swing = np.abs(found.turning_points - equilibrium(found))
+    if swing.size < _DECAY:
+        return None
+    after = np.append(swing[1:], 2 * swing[-1] - swing[-2])
+    short = np.flatnonzero(after < _CROSSED * swing)
+    return int(short[0]) if short.size and short[0] >= _DECAY - 1 else None
+
+
+def _half_cycles(found: Segmentation, t_start: float, turned: int | None) -> int:
+    """Half-cycles from the start until the mass stops, or to where the fitted window ends, at reversal `turned`."""
+    later = found.turning_times[: None if turned is None else turned + 1] > t_start + found.half_period / 4
+    if turned is None and found.rest is None:
         return NEVER
-    return int(np.sum(found.turning_times > t_start + found.half_period / 4)) + 1
+    return int(np.sum(later)) + (turned is None)
 
 
 def _guess_state(

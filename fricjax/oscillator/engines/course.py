@@ -15,7 +15,8 @@ from .nodes import Nodes
 from .strokes import Rests, Standstill, Stroke, advance, enter, stroke_from
 from .turning import spliced
 
-_LAST = 2
+UNTABLED = 2
+"""Half-cycles before a stop that are integrated each for itself, not read off a table."""
 
 Step = Callable[[Standstill, Array], tuple[Standstill, tuple[Stroke, Array]]]
 
@@ -74,13 +75,13 @@ def by_table(
     step = _stepper(oscillator, start, fractions, rests)
 
     def leaves_the_last(y: Array, count: Array) -> Array:
-        return count >= half_cycles - _LAST
+        return count >= half_cycles - UNTABLED
 
     begin = _begin(start, leaves_the_last)._replace(carried=start.v0 == 0)
-    reached, first = strokes_from_table(oscillator, table, begin, leaves_the_last, max(capacity - _LAST, 1))
+    reached, first = strokes_from_table(oscillator, table, begin, leaves_the_last, max(capacity - UNTABLED, 1))
     # A record that ends in motion has no last half-cycles.
     over = ~reached.carried | (reached.count >= half_cycles) | (half_cycles > capacity)
-    end, last = jax.lax.scan(step, reached._replace(finished=over), 1 + jnp.arange(_LAST))
+    end, last = jax.lax.scan(step, reached._replace(finished=over), jnp.arange(1, UNTABLED + 1))
     strokes, points = jax.tree.map(lambda *parts: jnp.concatenate(parts), first, last)
     return Course(strokes, points, end)
 
