@@ -91,7 +91,8 @@ def fit(
     settings = {"nuisance": nuisance, "engine": engine, "start": start, "bounds": bounds, "priors": priors}
     request = Request.of(oscillator, free, tie=tie, rig=rig, guess=guess, loss=loss, **settings)
     problem, solved = solve_with_rest(_posed(records, request, sigma_mode))
-    _check_effect(problem, solved)
+    if solved.converged:
+        _check_effect(problem, solved)
     result = assemble(problem, solved, sigma_mode)
     if throw and not result.converged:
         raise FitError(f"The fit is not valid, {result.status}", result)

@@ -109,7 +109,6 @@ def test_an_optimum_behind_a_wall_of_bounds_is_at_the_bound():
     assert found.values["mu"] == 0.06
 
 
-@pytest.mark.xfail(strict=True, reason="the path of the hybrid engine is at rest where its motion is not finite")
 def test_the_hybrid_engine_at_a_start_without_half_cycles():
     machine = Oscillator(PROTOTYPE_MASS, STIFFNESS, PROTOTYPE_DAMPING, 9.66, Coulomb(0.02) + Coulomb(0.03))
     free, tie = ("friction.0.mu", "damping", "stiffness"), {"friction.1.mu": ("friction.0.mu", 0.5)}
