@@ -1,0 +1,29 @@
+"""What is lost without friction: damping and windage, from the rig's calibration or from a run without contact."""
+
+from ..calibrate import Rig
+from ..data import Record, Trace
+from ..data.errors import UsageError
+from ..fitting import fit
+from ..oscillator import Oscillator
+from .strokes import machine
+
+
+def contactless(rig: Rig, no_contact: Record | Trace | None = None) -> Oscillator:
+    """The rig without friction, with the losses that are not friction.
+
+    Args:
+        rig: mass, restoring force and load; without a `no_contact` run damping and drag as well.
+        no_contact: a free decay without contact, from which damping and drag are fitted; the stiffness, which the load
+            on the springs may change, is fitted beside them but not taken over.
+
+    Raises:
+        UsageError: no rig, a rig without damping where no run is given, or a `no_contact` that is no record.
+        FitError: a run without contact that cannot be fitted.
+    """
+    oscillator = machine(rig, damping_known=no_contact is None)
+    if no_contact is None:
+        return oscillator
+    if not isinstance(no_contact, Record | Trace):
+        raise UsageError(f"no_contact must be a record or a trace, got {type(no_contact).__name__}.")
+    found = fit(no_contact, oscillator, ["damping", "drag", "stiffness"]).values
+    return rig.replace(damping=found["damping"], drag=found["drag"]).oscillator(oscillator.friction)

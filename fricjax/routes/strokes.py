@@ -1,0 +1,209 @@
+"""The half-cycles of a record, each by itself: the samples between one reversal and the next.
+
+Friction jumps at every reversal, and the holding magnet may still pull before the first one. What an evaluation by
+energy or force may use are therefore the strokes from the first reversal on, none of which knows of its neighbours.
+"""
+
+import dataclasses
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from ..calibrate import Rig
+from ..data import Record, Segmentation, Trace, segment
+from ..data.errors import DataError, UsageError
+from ..data.reversals import window
+from ..friction import Coulomb
+from ..oscillator import Oscillator
+
+EVEN = 1e-3  # largest deviation of a sampling interval from the mean one, relative
+DENSE = 2000  # samples per half-cycle; denser ones are averaged in blocks, which loses nothing that friction tells
+MINIMUM = 16  # samples in a stroke
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Stroke:
+    """One half-cycle.
+
+    Attributes:
+        t: times of its samples [s], shape (n,), all within the stroke.
+        x: positions [m], shape (n,).
+        step: sampling interval [s].
+        noise: standard deviation of x [m].
+        direction: +1 or -1, the sign of the velocity.
+        begin, end: times of the reversals at either end [s].
+    """
+
+    t: np.ndarray
+    x: np.ndarray
+    step: float
+    noise: float
+    direction: int
+    begin: float
+    end: float
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Decay:
+    """A record as its strokes since the first reversal.
+
+    Attributes:
+        strokes: the half-cycles, the last one ends in the stop where there is one.
+        times, points: reversals and stop, where a stroke begins or ends: times [s] and positions [m], shape (r,).
+        point_std: standard uncertainty of `points` from the noise [m], shape (r,).
+        found: the anatomy of the whole record.
+    """
+
+    strokes: tuple[Stroke, ...]
+    times: np.ndarray
+    points: np.ndarray
+    point_std: np.ndarray
+    found: Segmentation
+
+
+def machine(rig: Rig, *, damping_known: bool = True) -> Oscillator:
+    """The rig without friction: mass, restoring force, damping and drag.
+
+    Args:
+        rig: the rig.
+        damping_known: whether its damping is needed as well.
+
+    Raises:
+        UsageError: no rig, or one without damping although its loss must be told from that of friction.
+    """
+    if not isinstance(rig, Rig):
+        raise UsageError(f"rig must be a fricjax.Rig, got {type(rig).__name__}. Read one with Rig.from_toml(path).")
+    if damping_known and rig.damping is None and rig.damping_ratio is None:
+        raise UsageError(
+            "The rig has no damping, so that its viscous loss would count as friction. Give the rig damping= or "
+            "damping_ratio= (0 for none), or a no-contact run."
+        )
+    return rig.oscillator(Coulomb(0.0))
+
+
+def decays(records: Any, least: int = 2) -> tuple[list[Decay], tuple[str, ...]]:
+    """The decays of one record or of several; those of several that cannot be used are left out and named.
+
+    Args:
+        records: a record, a trace, or a sequence of them.
+        least: half-cycles needed after the first reversal.
+
+    Returns:
+        The decays, and a sentence for each record left out.
+
+    Raises:
+        UsageError: no record at all, or something else than records.
+        DataError: a single record that cannot be used, or none of several.
+    """
+    many = isinstance(records, Sequence)
+    if not many:
+        return [decay(records, least)], ()
+    if not records:
+        raise UsageError("There is no record to evaluate: the list is empty.")
+    found, notes = [], []
+    for i, record in enumerate(records):
+        try:
+            found.append(decay(record, least))
+        except DataError as error:
+            notes.append(f"Record {i} was left out: {error}")
+    if not found:
+        raise DataError(f"None of the {len(records)} records can be used. {notes[0]}")
+    return found, tuple(notes)
+
+
+def decay(record: Record | Trace, least: int = 2) -> Decay:
+    """The strokes of a record from its first reversal on.
+
+    Raises:
+        UsageError: something else than a record or a trace.
+        DataError: uneven sampling, no reversal, or fewer than `least` half-cycles after the first reversal.
+    """
+    trace = record.trace if isinstance(record, Record) else record
+    if not isinstance(trace, Trace):
+        raise UsageError(
+            f"A record or trace is needed, got {type(trace).__name__}. Read a file with fricjax.read(path)."
+        )
+    t, x = np.asarray(trace.t, float), np.asarray(trace.x, float)
+    step = _even_step(t, np.asarray(trace.mask))
+    found = segment(t, x, trace.sigma, trace.mask)
+    times, points = _ends(found, least)
+    noise = _noise(trace, found)
+    pairs = zip(times[:-1], times[1:], np.sign(np.diff(points)).astype(int), strict=True)
+    strokes = tuple(_stroke(t, x, begin, end, direction, step, noise) for begin, end, direction in pairs)
+    return Decay(strokes, times, points, _point_std(times, points, noise, step), found)
+
+
+def _even_step(t: np.ndarray, mask: np.ndarray) -> float:
+    """The sampling interval [s].
+
+    Raises:
+        DataError: intervals that differ, or samples left out.
+    """
+    steps = np.diff(t)
+    step, worst = float(np.mean(steps)), float(np.max(np.abs(steps - np.mean(steps))))
+    if worst > EVEN * step:
+        raise DataError(
+            f"Velocities need even sampling, but intervals differ by up to {100 * worst / step:.2g} % of {step:.4g} s; "
+            "resample the record, or use fricjax.fit, which takes any times."
+        )
+    if not mask.all():
+        raise DataError(
+            f"Velocities need even sampling without gaps, but {int((~mask).sum())} samples are masked out; fill or "
+            "crop them, or use fricjax.fit, which fits around gaps."
+        )
+    return step
+
+
+def _ends(found: Segmentation, least: int) -> tuple[np.ndarray, np.ndarray]:
+    """Times and positions at which strokes begin and end: the reversals, and the stop."""
+    times, points = found.turning_times, found.turning_points
+    if not times.size:
+        raise DataError(
+            "The motion never turns round, so that there is no half-cycle between two reversals; release the mass "
+            "from farther away."
+        )
+    if found.rest is not None and found.rest_position is not None:
+        times, points = np.append(times, found.rest), np.append(points, found.rest_position)
+    if times.size <= least:
+        raise DataError(
+            f"Half-cycles after the first reversal: {times.size - 1}. At least {least} are needed, one in either "
+            "direction tells friction from the equilibrium; release the mass from farther away."
+        )
+    return times, points
+
+
+def _noise(trace: Trace, found: Segmentation) -> float:
+    """Standard deviation of a sample [m]: the stated one, else the one found; never zero."""
+    stated = found.noise if trace.sigma is None else float(np.median(np.asarray(trace.sigma)))
+    return max(stated, 1e-12 * found.amplitude)
+
+
+def _stroke(
+    t: np.ndarray, x: np.ndarray, begin: float, end: float, direction: int, step: float, noise: float
+) -> Stroke:
+    """The samples between two reversals; where they are many, as averages of blocks."""
+    first, last = np.searchsorted(t, [begin, end])
+    size = last - first
+    if size < MINIMUM:
+        raise DataError(
+            f"The half-cycle at {begin:.6g} s has only {size} samples, but {MINIMUM} are needed for velocities; "
+            "sample faster."
+        )
+    block = max(1, size // DENSE)
+    kept = first + size // block * block
+    means = [values[first:kept].reshape(-1, block).mean(axis=1) for values in (t, x)]
+    return Stroke(*means, step * block, noise / block**0.5, direction, float(begin), float(end))
+
+
+def _point_std(times: np.ndarray, points: np.ndarray, noise: float, step: float) -> np.ndarray:
+    """Standard uncertainty of reversals refined by `fricjax.data.reversals`: an intercept of a local fit.
+
+    There the position is fitted with the instant and three powers of time on either side, so that among n samples
+    its standard uncertainty is 2.6 times that of one sample, over the square root of n.
+    """
+    durations = np.diff(times)
+    local = np.append(durations, durations[-1])
+    sizes = np.abs(np.diff(points))
+    width = window(local, np.append(sizes, sizes[-1]) / 2, noise, step)
+    return 2.6 * noise / np.sqrt(2 * width / step)
