@@ -68,7 +68,7 @@ def study() -> Study:
     }
     note = (
         "Releases with and without static friction and damping. The picture shows the sizes of all turning points: "
-        "each mass reverses until one falls below mu_s N/k."
+        "each mass reverses until one is at most mu_s N/k."
     )
     return Study("Half-cycles and stops", note, numbers, columns, _picture(motions))
 
@@ -97,5 +97,5 @@ def _picture(motions: list[fj.Motion]) -> Any:
     only.set_xscale("log")
     only.set_xlabel("Size of the turning points [mm]")
     only.set_ylabel("Release: number of half-cycles")
-    only.legend(loc="lower left", fontsize=8)
+    only.legend(loc="upper left", fontsize=8)
     return picture
