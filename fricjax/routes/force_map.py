@@ -6,7 +6,7 @@ between the branches is frictional lag, one between the directions is tilt or an
 """
 
 import dataclasses
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -19,6 +19,9 @@ from .sampled import Sampled, sampled
 from .strokes import decays
 
 DECADES_BELOW = 2.5  # of the largest speed: where the lowest range of speeds ends
+ENOUGH = 12  # samples in a cell for a parabola
+LONGER = 1.5  # windows for the bias of smoothing, which grows with the fourth power of their length
+BIAS_SHARE = 0.5  # of what the longer windows change; twice what the fourth power leaves for the shorter ones
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -28,7 +31,7 @@ class ForceMap:
     Attributes:
         velocity: mean velocity [m/s], with its sign.
         force: friction force [N], positive where it opposes a positive velocity.
-        std: standard deviation of the force from the noise of the records and from the equilibrium found [N].
+        std: standard deviation of the force by the noise of the records, the equilibrium found and the bias of smoothing [N].
         count: number of samples.
         direction: +1 or -1, the sign of the velocity.
         branch: +1 where the speed grows, -1 where it falls.
@@ -119,10 +122,13 @@ def friction_force_map(
     oscillator = contactless(rig, no_contact)
     found, notes = decays(records, 2 if offset is None else 1)
     forces = [sampled(decay, oscillator, offset, window) for decay in found]
+    longer = [
+        sampled(decay, oscillator, force.offset, window, LONGER) for decay, force in zip(found, forces, strict=True)
+    ]
     edges = _edges(bins, max(float(np.max(force.speed)) for force in forces))
     first = records[0] if isinstance(records, list | tuple) else records
     return ForceMap(
-        **_binned(forces, edges),
+        **_binned([_cells(*pair, edges) for pair in zip(forces, longer, strict=True)], edges),
         edges=edges,
         mean=mean_force(forces),
         normal_force=float(oscillator.normal_force),
@@ -146,42 +152,72 @@ def _edges(bins: Any, fastest: float) -> np.ndarray:
     return edges
 
 
-def _binned(forces: list[Sampled], edges: np.ndarray) -> dict[str, np.ndarray]:
-    """Weighted means over all ranges, directions and branches that hold samples."""
-    values = np.array([_of_one(force, edges) for force in forces])
-    mean, speed, variance, count = np.moveaxis(values, 1, 0)
-    weight = np.where(count > 0, 1 / variance, 0.0)
+def _binned(cells: list["_Cells"], edges: np.ndarray) -> dict[str, np.ndarray]:
+    """Weighted means over all records of ranges, directions and branches that hold samples."""
+    force, speed, variance, count = (np.array([getattr(each, name) for each in cells]) for name in _Cells._fields)
     filled = np.flatnonzero(count.sum(axis=0))
-    total = weight.sum(axis=0)[filled]
-    mean, speed = ((weight * each).sum(axis=0)[filled] / total for each in (mean, speed))
-    side, rest = np.divmod(filled, 2 * (edges.size - 1))
-    direction, branch = 1 - 2 * side, 1 - 2 * (rest // (edges.size - 1))
+    weight = 1 / variance[:, filled]
+    total = weight.sum(axis=0)
+    side, branch = np.divmod(filled // (edges.size - 1), 2)
     return {
-        "velocity": direction * speed,
-        "force": mean,
+        "velocity": (1 - 2 * side) * (weight * speed[:, filled]).sum(axis=0) / total,
+        "force": (weight * force[:, filled]).sum(axis=0) / total,
         "std": total**-0.5,
-        "count": count.sum(axis=0)[filled].astype(int),
-        "direction": direction,
-        "branch": branch,
+        "count": count[:, filled].sum(axis=0),
+        "direction": 1 - 2 * side,
+        "branch": 1 - 2 * branch,
     }
 
 
-def _of_one(found: Sampled, edges: np.ndarray) -> tuple[np.ndarray, ...]:
-    """Mean force, mean speed, variance and number of samples in each cell of one record; infinite where there are none."""
+class _Cells(NamedTuple):
+    """Force at the mean speed, mean speed, variance of the force and number of samples in each cell of one record.
+
+    A cell is a range of speeds in one direction and one branch, shape (4 ranges,); without samples its variance is
+    infinite.
+    """
+
+    force: np.ndarray
+    speed: np.ndarray
+    variance: np.ndarray
+    count: np.ndarray
+
+
+def _cells(found: Sampled, longer: Sampled, edges: np.ndarray) -> _Cells:
+    """The cells of one record; what longer windows change shows how much of the force the windows smooth away."""
+    place, ranges = np.searchsorted(edges, found.speed, side="right") - 1, edges.size - 1
+    cell = place + ranges * (2 * (found.direction < 0) + ~found.accelerating)
+    cell = np.where((place >= 0) & (place < ranges), cell, 4 * ranges)
+    means, shares = _shares(found, cell, 4 * ranges)
+    bias = BIAS_SHARE * (means.T @ (longer.force - found.force))
+    equilibrium = means.T @ found.weights[0] * found.offset_std
+    count = np.bincount(cell, minlength=4 * ranges)[: 4 * ranges]
+    variance = np.diag(found.covariance(means)) + equilibrium**2 + bias**2
+    return _Cells(means.T @ found.force, shares.T @ found.speed, np.where(count > 0, variance, np.inf), count)
+
+
+def _shares(found: Sampled, cell: np.ndarray, cells: int) -> tuple[Any, Any]:
+    """What the samples weigh in the force and in the mean speed of each cell: two sparse matrices, shape (n, cells)."""
     from scipy.sparse import csr_array
 
-    ranges = edges.size - 1
-    place = np.searchsorted(edges, found.speed, side="right") - 1
-    used = np.flatnonzero((place >= 0) & (place < ranges))
-    cell = place + ranges * (2 * (found.direction < 0) + ~found.accelerating)
-    weight = 1 / found.std() ** 2
-    total = np.bincount(cell[used], weight[used], 4 * ranges)
-    filled = np.where(total > 0, total, 1.0)
-    share = csr_array((weight[used] / filled[cell[used]], (used, cell[used])), shape=(weight.size, 4 * ranges))
-    shifted = share.T @ found.weights[0] * found.offset_std
-    variance = np.diag(found.covariance(share)) + shifted**2
-    count = np.bincount(cell[used], minlength=4 * ranges)
-    return share.T @ found.force, share.T @ found.speed, np.where(count > 0, variance, np.inf), count
+    order = np.argsort(cell, kind="stable")
+    groups = np.split(order, np.searchsorted(cell[order], np.arange(1, cells + 1)))[:-1]
+    precision = 1 / found.std() ** 2
+    weights = [_weights(found.speed[group], precision[group]) for group in groups]
+    rows, columns = np.concatenate(groups), np.repeat(np.arange(cells), [group.size for group in groups])
+    force, speed = (np.concatenate([pair[i] for pair in weights]) for i in range(2))
+    shape = (cell.size, cells)
+    return csr_array((force, (rows, columns)), shape), csr_array((speed, (rows, columns)), shape)
+
+
+def _weights(speed: np.ndarray, precision: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Weights of samples for the force at their mean speed, from a parabola through them, and for that mean speed."""
+    mean = precision / precision.sum()
+    if speed.size < ENOUGH:
+        return mean, mean
+    from_mean = speed - mean @ speed
+    root = np.sqrt(precision)
+    powers = (from_mean / np.ptp(speed))[:, None] ** np.arange(3)
+    return np.linalg.pinv(powers * root[:, None])[0] * root, mean
 
 
 def mean_force(forces: list[Sampled]) -> Measured:

@@ -84,7 +84,13 @@ def _scaled(weights: np.ndarray, rows: Any) -> Any:
     return diags_array(weights) @ rows
 
 
-def sampled(decay: Decay, oscillator: Oscillator, offset: float | None = None, window: float | None = None) -> Sampled:
+def sampled(
+    decay: Decay,
+    oscillator: Oscillator,
+    offset: float | None = None,
+    window: float | None = None,
+    lengthened: float = 1.0,
+) -> Sampled:
     """Friction force along a decay.
 
     Args:
@@ -93,15 +99,15 @@ def sampled(decay: Decay, oscillator: Oscillator, offset: float | None = None, w
         offset: equilibrium position in the record [m]; None: found where friction is equally large in both directions,
             for a constant force acts like a shifted equilibrium and no record tells one from the other.
         window: length of the shortest smoothing window [s]; None: as the noise asks for.
+        lengthened: factor on the lengths of all windows.
     """
     centre, band = _centre(decay.points)
     rate = float(oscillator.angular_frequency) ** 2
-    motions = tuple(smooth(stroke, window, acceleration=rate * band) for stroke in decay.strokes)
-    known = 0.0 if offset is None else offset - centre
-    found = _at(motions, oscillator, centre + known, 0.0)
+    settings = {"acceleration": rate * band, "lengthened": lengthened}
+    motions = tuple(smooth(stroke, window, **settings) for stroke in decay.strokes)
     if offset is not None:
-        return found
-    shift, std = _asymmetry(found)
+        return _at(motions, oscillator, offset, 0.0)
+    shift, std = _asymmetry(_at(motions, oscillator, centre, 0.0))
     return _at(motions, oscillator, centre + shift, std)
 
 

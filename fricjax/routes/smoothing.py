@@ -50,21 +50,26 @@ class Motion:
         return sum(operator.T @ w for w, operator in zip(weights, self.operators, strict=True))
 
 
-def smooth(stroke: Stroke, shortest: float | None = None, *, acceleration: float = 0.0) -> Motion:
+def smooth(
+    stroke: Stroke, shortest: float | None = None, *, acceleration: float = 0.0, lengthened: float = 1.0
+) -> Motion:
     """Position, velocity and acceleration of one stroke.
 
     Args:
         stroke: its samples, evenly spaced.
         shortest: length of the shortest window [s]; None: the noise of its acceleration is a fiftieth of `acceleration`.
         acceleration: deceleration by friction alone [m/s^2].
+        lengthened: factor on the lengths of all windows.
     """
-    narrow, wide = _half_widths(stroke, shortest, acceleration)
-    operators = _operators(stroke.t.size, narrow, wide)
+    narrow, wide = _half_widths(stroke, shortest, acceleration, lengthened)
+    operators = _operators(stroke.t.size, narrow, wide, lengthened * REACH)
     scaled = tuple(operator / stroke.step**k for k, operator in enumerate(operators))
     return Motion(stroke, *(operator @ stroke.x for operator in scaled), scaled)  # type: ignore[arg-type]
 
 
-def _half_widths(stroke: Stroke, shortest: float | None, acceleration: float) -> tuple[int, int]:
+def _half_widths(
+    stroke: Stroke, shortest: float | None, acceleration: float, lengthened: float
+) -> tuple[int, int]:
     """Half-widths of the shortest and the longest window in samples."""
     phase = np.pi * stroke.step / (stroke.end - stroke.begin)
     relative = stroke.noise / (np.ptp(stroke.x) / 2)
@@ -73,17 +78,17 @@ def _half_widths(stroke: Stroke, shortest: float | None, acceleration: float) ->
     wanted = 0.02 * acceleration * stroke.step**2 / stroke.noise
     narrow = (NOISE_FACTOR / wanted) ** 0.4 if shortest is None else shortest / stroke.step / 2
     largest = (stroke.t.size - 1) // 4
-    narrow = int(np.clip(round(narrow), SHORTEST - 1, largest))
-    return narrow, int(np.clip(round(wide), narrow, largest))
+    narrow = int(np.clip(round(lengthened * narrow), SHORTEST, largest))
+    return narrow, int(np.clip(round(lengthened * wide), narrow, largest))
 
 
 @functools.lru_cache(maxsize=64)
-def _operators(n: int, narrow: int, wide: int) -> tuple[Any, Any, Any]:
+def _operators(n: int, narrow: int, wide: int, reach: float) -> tuple[Any, Any, Any]:
     """Sparse matrices, shape (n, n), for the value and the first two derivatives at unit spacing."""
     from scipy.signal import savgol_coeffs
     from scipy.sparse import csr_array
 
-    half, first = _windows(n, narrow, wide)
+    half, first = _windows(n, narrow, wide, reach)
     columns = np.concatenate([np.arange(a, a + 2 * h + 1) for a, h in zip(first, half, strict=True)])
     starts = np.concatenate([[0], np.cumsum(2 * half + 1)])
     place = np.arange(n) - first
@@ -93,12 +98,12 @@ def _operators(n: int, narrow: int, wide: int) -> tuple[Any, Any, Any]:
     return tuple(csr_array((v, columns, starts), shape=(n, n)) for v in values)  # type: ignore[return-value]
 
 
-def _windows(n: int, narrow: int, wide: int) -> tuple[np.ndarray, np.ndarray]:
+def _windows(n: int, narrow: int, wide: int, reach: float) -> tuple[np.ndarray, np.ndarray]:
     """Half-width and first sample of the window of each sample."""
     index = np.arange(n)
     distance = np.minimum(index, n - 1 - index)
     levels = np.unique(np.append(np.geomspace(narrow, wide, _levels(narrow, wide)).astype(int), narrow))
-    half = levels[np.searchsorted(levels, np.clip(REACH * distance, narrow, wide), side="right") - 1]
+    half = levels[np.searchsorted(levels, np.clip(reach * distance, narrow, wide), side="right") - 1]
     return half, np.clip(index - half, 0, n - 1 - 2 * half)
 
 
