@@ -1,8 +1,8 @@
 """The moving mass from two natural frequencies, without and with a known mass on top.
 
-The same spring swings both, ``k = m w1^2 = (m + dm) w2^2``, so that ``m = dm/(w1^2/w2^2 - 1)``. Frequencies are known to
-1e-6 from a ring-down and masses to 1e-5 from a balance: this is the best way to the mass, and with it to the stiffness.
-Leaf springs that carry load change their stiffness with it: put the mass where it loads them as before.
+The same spring swings both, ``k = m w1^2 = (m + dm) w2^2``, so that ``m = dm/(w1^2/w2^2 - 1)``. Frequencies are known
+to 1e-6 from a ring-down and masses to 1e-5 from a balance: this is the best way to the mass, and with it to the
+stiffness. Leaf springs that carry load change their stiffness with it: put the mass where it loads them as before.
 """
 
 from ..data.errors import UsageError

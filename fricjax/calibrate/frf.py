@@ -47,9 +47,9 @@ def calibrate_frf(
     scale = Measured(1.0, scale_std).std
     picked = pick(f, response)
     fitted = fit_mode(f, response, picked)
-    best = {name: fitted.measured(name, scale) for name in NAMES}
+    best: dict[str, Measured] = {name: fitted.measured(name, scale) for name in NAMES}
     errors = picking_error(f, fitted.fitted, fitted.line_noise, fitted.numbers)
-    peaks = dict(zip(NAMES, map(Measured, picked.numbers(), errors), strict=True))
+    peaks: dict[str, Measured] = dict(zip(NAMES, map(Measured, picked.numbers(), errors), strict=True))
     return ModalCalibration(
         **best,
         peak_picking=peaks,
@@ -68,14 +68,14 @@ def _lines(frequency: Any, receptance: Any) -> tuple[np.ndarray, np.ndarray]:
         raise DataError(f"frequency and receptance must hold numbers, but could not be converted: {error}.") from error
     if f.ndim != 1 or f.shape != response.shape or f.size < _LEAST_LINES:
         raise DataError(
-            f"frequency and receptance must be equally long rows of at least {_LEAST_LINES} lines, got shapes {f.shape} "
-            f"and {response.shape}."
+            f"frequency and receptance must be equally long rows of at least {_LEAST_LINES} lines, got shapes "
+            f"{f.shape} and {response.shape}."
         )
     if not (np.all(np.isfinite(f)) and np.all(np.isfinite(response))):
         raise DataError("frequency and receptance must be finite. Leave out the lines that are not.")
     if not (f[0] >= 0 and np.all(np.diff(f) > 0)):
         raise DataError("frequency must increase from line to line, from zero or more on. Sort the lines.")
-    if not np.any(response.imag):
+    if not np.any(np.imag(response)):
         raise DataError("The receptance is real. Give the complex ratio X/F, not its magnitude.")
     return f, response
 

@@ -64,8 +64,9 @@ def impact_test(
     Raises:
         UsageError: a value that is not positive, or a damping that lets nothing swing.
     """
-    positive("mass", "kg", mass), positive("stiffness", "N/m", stiffness)
-    positive("duration", "s", duration), positive("rate", "Hz", rate), positive("pulse", "s", pulse)
+    units = {"mass": "kg", "stiffness": "N/m", "duration": "s", "rate": "Hz", "pulse": "s"}
+    for name, value in zip(units, (mass, stiffness, duration, rate, pulse), strict=True):
+        positive(name, units[name], value)
     if not 0 <= damping < 2 * math.sqrt(stiffness * mass):
         raise UsageError(f"damping must lie between zero and the critical 2 sqrt(k m), got {damping:g} N s/m.")
     t = np.arange(round(duration * rate)) / rate
@@ -97,8 +98,8 @@ def _ramped_sine(t: np.ndarray, drive: float, mass: float, stiffness: float, dam
 def receptance(test: ImpactTest, band: tuple[float, float]) -> tuple[np.ndarray, np.ndarray]:
     """The receptance X/F by Fourier transform, averaged over the blows for least error from noise of displacement.
 
-    ``H1 = sum conj(F) X / sum |F|^2`` (Bendat and Piersol, Random Data). Before, the force is set to zero outside of the
-    blow, where it is nothing but noise.
+    ``H1 = sum conj(F) X / sum |F|^2`` (Bendat and Piersol, Random Data). Before, the force is set to zero outside of
+    the blow, where it is nothing but noise.
 
     Args:
         test: the records; each must begin with the mass at rest and last until the motion has died out.

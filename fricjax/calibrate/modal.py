@@ -112,7 +112,7 @@ def fit_mode(frequency: np.ndarray, receptance: np.ndarray, start: Picked) -> Mo
 def _residual(at: np.ndarray, frequency: np.ndarray, receptance: np.ndarray, variance: np.ndarray) -> np.ndarray:
     """Real and imaginary parts of the residual, each in units of its standard deviation."""
     weighted = (mode(frequency, at) - receptance) * np.sqrt(2 / variance)
-    return np.concatenate([weighted.real, weighted.imag])
+    return np.concatenate([np.real(weighted), np.imag(weighted)])
 
 
 def _noise(power: np.ndarray, size: np.ndarray) -> tuple[float, float]:

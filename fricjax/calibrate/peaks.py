@@ -50,17 +50,18 @@ def pick(frequency: np.ndarray, receptance: np.ndarray) -> Picked:
     Raises:
         DataError: no resonance within the band, or a receptance of the wrong sign.
     """
-    lowest = int(np.argmin(receptance.imag))
+    real, imaginary = np.real(receptance), np.imag(receptance)
+    lowest = int(np.argmin(imaginary))
     if not 1 < lowest < frequency.size - 2:
         raise DataError(
-            f"The imaginary part of the receptance has its minimum at {frequency[lowest]:.6g} Hz, the edge of the band. "
-            "Take a band with the resonance well inside, and X/F with the sign that makes it negative there."
+            f"The imaginary part of the receptance has its minimum at {frequency[lowest]:.6g} Hz, the edge of the band."
+            " Take a band with the resonance well inside, and X/F with the sign that makes it negative there."
         )
-    natural, depth = _top(frequency, -receptance.imag, lowest)
-    rise = int(np.argmax(receptance.real[: lowest + 1]))
-    fall = lowest + int(np.argmin(receptance.real[lowest:]))
-    below, _ = _top(frequency, receptance.real, rise)
-    above, _ = _top(frequency, -receptance.real, fall)
+    natural, depth = _top(frequency, -imaginary, lowest)
+    rise = int(np.argmax(real[: lowest + 1]))
+    fall = lowest + int(np.argmin(real[lowest:]))
+    below, _ = _top(frequency, real, rise)
+    above, _ = _top(frequency, -real, fall)
     if not (depth > 0 and above > below):
         raise DataError("The receptance shows no resonance: its real part does not fall through zero. Check X/F.")
     ratio = (above - below) / (2 * natural)

@@ -1,0 +1,121 @@
+"""Ring-down calibration: natural frequency, damping and what else the rig itself dissipates, without contact.
+
+The rig swings freely with the sample lifted off. Beside the viscous damping of air film and springs there may be
+windage, quadratic in the velocity, the friction of guides, seen as a residual dead band, and a spring that stiffens. A
+trace knows no mass, so that all of them are found per unit mass.
+"""
+
+from collections.abc import Sequence
+
+from ..data import Record, Trace
+from ..data.errors import UsageError, nearest
+from ..fitting import Fit, fit
+from ..fitting.result import FitError
+from ..friction import Coulomb
+from ..oscillator import Oscillator
+from ..oscillator.restoring import AbstractRestoring, Cubic, Linear, Pendulum
+from .measured import Measured
+from .ringdown_calibration import TERMS, RingdownCalibration, Term
+
+_RESTORING = {"linear": Linear(), "cubic": Cubic(0.0), "pendulum": Pendulum()}
+_SIGNIFICANT = 3.0
+
+
+def calibrate_ringdown(
+    record: Record | Trace,
+    *,
+    restoring: str | AbstractRestoring | None = None,
+    drag: bool = True,
+    friction: bool = True,
+) -> RingdownCalibration:
+    """Frequency and damping of a rig from a free decay without contact.
+
+    The decay is fitted with viscous damping alone, with all further terms, and with those of the further terms that
+    exceed three standard uncertainties. Akaike's criterion chooses between the fits. The noise is taken from the
+    scatter of the residuals, and standard uncertainties are enlarged where the residuals are not white.
+
+    Args:
+        record: the run; its decay should span a factor of ten or more in amplitude.
+        restoring: restoring force or its name: linear (None), cubic, of which the coefficient is fitted as well, or
+            pendulum.
+        drag: whether to look for windage.
+        friction: whether to look for a residual dead band.
+
+    Returns:
+        The calibration, with a note for each term that is not significant.
+
+    Raises:
+        RuntimeError: JAX computes in single precision.
+        UsageError: an unknown restoring force.
+        DataError: a record that cannot be fitted.
+        FitError: the decay is not that of a free oscillator.
+    """
+    spring = _spring(restoring)
+    wanted = {"mu": friction, "drag": drag, "k3": isinstance(spring, Cubic)}
+    asked = tuple(name for name in TERMS if wanted[name])
+    fits = _fits(record, spring, asked)
+    kept = min(fits, key=lambda terms: fits[terms].aicc)
+    return RingdownCalibration(
+        frequency=_measured(fits[kept], "natural_frequency"),
+        damping_ratio=_measured(fits[kept], "damping_ratio"),
+        terms=tuple(_term(name, fits[kept if name in kept else asked], name in kept) for name in asked),
+        warnings=fits[kept].warnings,
+        aicc={_label(terms): found.aicc - fits[kept].aicc for terms, found in fits.items()},
+        fit=fits[kept],
+    )
+
+
+def _spring(restoring: str | AbstractRestoring | None) -> AbstractRestoring:
+    """The restoring force by name or instance; a cubic one starts without its cubic term."""
+    if isinstance(restoring, Linear | Cubic | Pendulum):
+        return _RESTORING[type(restoring).__name__.lower()]
+    name = "linear" if restoring is None else str(restoring)
+    if name not in _RESTORING:
+        raise UsageError(
+            f"There is no restoring force {name!r}; known are {', '.join(_RESTORING)}.{nearest(name, _RESTORING)}"
+        )
+    return _RESTORING[name]
+
+
+def _fits(record: Record | Trace, spring: AbstractRestoring, asked: tuple[str, ...]) -> dict[tuple[str, ...], Fit]:
+    """The valid fits by their further terms: none of those asked for, all, and the significant ones."""
+    fits = {terms: _fitted(record, spring, terms) for terms in dict.fromkeys(((), asked))}
+    full = fits[asked]
+    if full.converged:
+        terms = tuple(name for name in asked if abs(_score(full, name)) > _SIGNIFICANT)
+        fits |= {} if terms in fits else {terms: _fitted(record, spring, terms)}
+    valid = {terms: found for terms, found in fits.items() if found.converged}
+    if asked not in valid:
+        raise FitError(f"The decay is not that of a free oscillator: {full.status}", full)
+    return valid
+
+
+def _fitted(record: Record | Trace, spring: AbstractRestoring, terms: Sequence[str]) -> Fit:
+    """The fit of a machine of unit mass under unit load. A dead band may come out negative, by its noise."""
+    shape = Linear() if isinstance(spring, Cubic) and "k3" not in terms else spring
+    machine = Oscillator(1.0, 1.0, 0.0, 1.0, Coulomb(0.0), restoring=shape)
+    bounds = {"mu": (None, None)} if "mu" in terms else {}
+    free = ("damping", "stiffness", *terms)
+    return fit(record, machine, free, bounds=bounds, sigma_mode="estimate", throw=False)
+
+
+def _score(found: Fit, name: str) -> float:
+    return found.values[name] / (found.std_errors[name] * found.error_inflation)
+
+
+def _measured(found: Fit, name: str) -> Measured:
+    """A kinematic quantity of a fit."""
+    estimate = found.kinematics[name]
+    return Measured(estimate.value, estimate.std * found.error_inflation)
+
+
+def _term(name: str, found: Fit, kept: bool) -> Term:
+    """A further term as a fit tells it, per unit mass."""
+    kinematic = {"mu": "dead_band", "drag": "drag_rate"}
+    if name in kinematic:
+        return Term(name, _measured(found, kinematic[name]), kept)
+    return Term(name, Measured(found.values[name], found.std_errors[name] * found.error_inflation), kept)
+
+
+def _label(terms: Sequence[str]) -> str:
+    return " + ".join(["damping", *(TERMS[name].title for name in terms)])

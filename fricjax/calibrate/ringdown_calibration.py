@@ -1,0 +1,168 @@
+"""The result of a ring-down calibration, and the rig that it makes together with a mass."""
+
+import dataclasses
+import math
+from collections.abc import Mapping
+from html import escape
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ..fitting import Fit
+from ..show.numbers import uncertain
+from ..show.tables import Table
+from .measured import Measured
+from .propagate import positive, propagated
+from .quantity import quantity
+from .rig import Number, Rig
+
+_SIGNIFICANT = 3.0
+
+
+class Kind(NamedTuple):
+    """A further term of the motion: its title, its field in a rig, and its units on a linear and a rotary rig."""
+
+    title: str
+    field: str
+    unit: str
+    rotary: str
+
+
+TERMS: Mapping[str, Kind] = {
+    "mu": Kind("dead band", "dead_band", "m", "rad"),
+    "drag": Kind("windage", "windage", "1/m", ""),
+    "k3": Kind("cubic term", "cubic", "N/(m^3 kg)", "1/(rad^2 s^2)"),
+}
+
+
+class Term(NamedTuple):
+    """A further term: its name in a fit, its value per unit mass (the dead band as it is), and whether it was kept."""
+
+    name: str
+    number: Measured
+    kept: bool
+
+    @property
+    def score(self) -> float:
+        """Value over its standard uncertainty."""
+        return self.number.value / self.number.std
+
+    def note(self) -> str:
+        """A sentence where the term is not significant, or has the wrong sign; else nothing."""
+        title, found = TERMS[self.name].title, f"{abs(self.score):.2g} standard uncertainties"
+        fate = "kept" if self.kept else "left out"
+        if abs(self.score) < _SIGNIFICANT:
+            return f"The {title} is not significant, {found} from zero; it was {fate}."
+        if self.score < 0 and self.name != "k3":
+            return (
+                f"The {title} is negative by {found}, as in no passive rig: the model lacks something. It was {fate}."
+            )
+        return ""
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class RingdownCalibration:
+    """A calibrated decay without contact; standard uncertainties allow for residuals that are not white.
+
+    Attributes:
+        frequency: undamped natural frequency at small amplitude [Hz].
+        damping_ratio: viscous damping as a fraction of the critical one [1].
+        terms: the further terms that were looked for, those that were left out as the fullest fit gives them.
+        warnings: what a reader of the numbers must know, in sentences.
+        aicc: Akaike's criterion of each fit, less that of the chosen one.
+        fit: the chosen fit, of a machine of unit mass under unit load.
+    """
+
+    frequency: Measured
+    damping_ratio: Measured
+    terms: tuple[Term, ...]
+    warnings: tuple[str, ...]
+    aicc: Mapping[str, float]
+    fit: Fit
+
+    @property
+    def dead_band(self) -> Measured | None:
+        """Residual dead band F/k of the guides' friction [m]; None: not looked for."""
+        return self._number("mu")
+
+    @property
+    def windage(self) -> Measured | None:
+        """Quadratic drag per unit mass [1/m]; None: not looked for."""
+        return self._number("drag")
+
+    @property
+    def cubic(self) -> Measured | None:
+        """Cubic coefficient k3 of the spring per unit mass [N/(m^3 kg)]; None: not looked for."""
+        return self._number("k3")
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """A sentence for each term that is not significant or has the wrong sign."""
+        return tuple(note for term in self.terms if (note := term.note()))
+
+    def damping_ratio_at(self, amplitude: Any) -> np.ndarray:
+        """Equivalent viscous damping ratio at an amplitude [m], with windage and residual friction where kept.
+
+        Averaged over a cycle, ``zeta + 4 d A/(3 pi) + 2 x_d/(pi A)`` with the windage d and the dead band x_d.
+        """
+        kept = {term.name: term.number.value for term in self.terms if term.kept}
+        a = np.asarray(amplitude, dtype=float)
+        quadratic = 4 / (3 * math.pi) * kept.get("drag", 0.0) * a
+        return self.damping_ratio.value + quadratic + 2 / math.pi * kept.get("mu", 0.0) / a
+
+    def rig(self, mass: Number, normal_force: Number, **others: Any) -> Rig:
+        """The rig with the calibrated frequency and damping ratio, and with windage and cubic spring where kept.
+
+        Args:
+            mass: moving mass [kg].
+            normal_force: load on the contact [N].
+            **others: further arguments of `Rig`.
+
+        Raises:
+            UsageError: a value that no rig has.
+        """
+        moving = positive("mass", "kg", quantity("mass", mass))
+        kept = {term.name: term.number for term in self.terms if term.kept and term.name != "mu"}
+        scaled = {name: propagated(lambda m, per_mass: m * per_mass, moving, number) for name, number in kept.items()}
+        form = type(self.fit.oscillator.restoring).__name__.lower()
+        known = {"frequency": self.frequency, "damping_ratio": self.damping_ratio, "restoring": form, **scaled}
+        return Rig(**{**known, "mass": moving, "normal_force": normal_force, **others})
+
+    def summary(self) -> str:
+        """The values as a plain table, with notes and warnings below."""
+        return "\n".join([self._table().text(), *self.notes, *(f"! {sentence}" for sentence in self.warnings)])
+
+    def to_dict(self) -> dict[str, Any]:
+        """The calibration as plain data."""
+        numbers = {"frequency": self.frequency, "damping_ratio": self.damping_ratio}
+        numbers |= {TERMS[term.name].field: term.number for term in self.terms}
+        return {
+            **{name: dataclasses.asdict(number) for name, number in numbers.items()},
+            "kept": [TERMS[term.name].field for term in self.terms if term.kept],
+            "notes": list(self.notes),
+            "warnings": list(self.warnings),
+            "aicc": dict(self.aicc),
+        }
+
+    def _number(self, name: str) -> Measured | None:
+        return next((term.number for term in self.terms if term.name == name), None)
+
+    def _table(self) -> Table:
+        rotary = self.fit.quantity == "rad"
+        rows = [
+            ("natural frequency", _shown(self.frequency), "Hz", ""),
+            ("damping ratio", _shown(self.damping_ratio), "", ""),
+        ]
+        for name, number, kept in self.terms:
+            kind = TERMS[name]
+            rows.append((kind.title, _shown(number), kind.rotary if rotary else kind.unit, "" if kept else "left out"))
+        title = "Ring-down calibration; windage and cubic term per unit mass"
+        return Table(("quantity", "value", "unit", "remark"), rows, title)
+
+    def _repr_html_(self) -> str:
+        sentences = "".join(f"<p>{escape(sentence)}</p>" for sentence in (*self.notes, *self.warnings))
+        return self._table().html() + sentences
+
+
+def _shown(number: Measured) -> str:
+    return uncertain(number.value, number.std)
