@@ -7,7 +7,9 @@ trace knows no mass, so that all of them are found per unit mass.
 
 from collections.abc import Sequence
 
-from ..data import Record, Trace
+import numpy as np
+
+from ..data import Record, Trace, segment
 from ..data.errors import UsageError, nearest
 from ..fitting import Fit, fit
 from ..fitting.result import FitError
@@ -95,8 +97,18 @@ def _fitted(record: Record | Trace, spring: AbstractRestoring, terms: Sequence[s
     shape = Linear() if isinstance(spring, Cubic) and "k3" not in terms else spring
     machine = Oscillator(1.0, 1.0, 0.0, 1.0, Coulomb(0.0), restoring=shape)
     bounds = {"mu": (None, None)} if "mu" in terms else {}
+    guess = _stiffening(record) if "k3" in terms else {}
     free = ("damping", "stiffness", *terms)
-    return fit(record, machine, free, bounds=bounds, sigma_mode="estimate", throw=False)
+    return fit(record, machine, free, bounds=bounds, guess=guess, sigma_mode="estimate", throw=False)
+
+
+def _stiffening(record: Record | Trace) -> dict[str, float]:
+    """Start values of a cubic spring: the line ``w^2 = k + (3/4) k3 a^2`` through the half-cycles (Duffing, 1918)."""
+    trace = record.trace if isinstance(record, Record) else record
+    found = segment(trace.t, trace.x, trace.sigma, trace.mask)
+    squares = (np.diff(found.turning_points) / 2) ** 2
+    slope, stiffness = np.polyfit(squares, (np.pi / np.diff(found.turning_times)) ** 2, 1)
+    return {"stiffness": float(stiffness), "k3": float(slope) / 0.75}
 
 
 def _score(found: Fit, name: str) -> float:
