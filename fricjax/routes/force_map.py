@@ -6,7 +6,7 @@ between the branches is frictional lag, one between the directions is tilt or an
 """
 
 import dataclasses
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -14,29 +14,30 @@ from ..calibrate import Measured, Rig
 from ..data import Record, Trace
 from ..data.errors import UsageError
 from ..oscillator import require_x64
+from .cells import cells, pooled
 from .no_contact import contactless
 from .sampled import Sampled, sampled
 from .strokes import decays
 
 DECADES_BELOW = 2.5  # of the largest speed: where the lowest range of speeds ends
-ENOUGH = 12  # samples in a cell for a parabola
 LONGER = 1.5  # windows for the bias of smoothing, which grows with the fourth power of their length
-BIAS_SHARE = 0.5  # of what the longer windows change; twice what the fourth power leaves for the shorter ones
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class ForceMap:
-    """Friction force against velocity; arrays of shape (n,), one entry for each range, direction and branch with samples.
+    """Friction force against velocity; arrays of shape (n,), one entry per range, direction and branch.
 
     Attributes:
         velocity: mean velocity [m/s], with its sign.
         force: friction force [N], positive where it opposes a positive velocity.
-        std: standard deviation of the force by the noise of the records, the equilibrium found and the bias of smoothing [N].
+        std: standard deviation of the force [N], by the noise of the records, the equilibrium found and the bias of
+            smoothing.
         count: number of samples.
         direction: +1 or -1, the sign of the velocity.
         branch: +1 where the speed grows, -1 where it falls.
         edges: limits of the ranges of speed [m/s], shape (bins + 1,).
-        mean: friction work divided by path [N], over all samples.
+        mean: friction work divided by path [N], the weighted mean over the records; its uncertainty is that of the
+            noise.
         normal_force: load on the contact [N].
         damping, drag: viscous [N s/m] and quadratic [N s^2/m^2] coefficients of the losses that were subtracted.
         offsets: equilibrium position in each record used [m].
@@ -128,9 +129,9 @@ def friction_force_map(
     edges = _edges(bins, max(float(np.max(force.speed)) for force in forces))
     first = records[0] if isinstance(records, list | tuple) else records
     return ForceMap(
-        **_binned([_cells(*pair, edges) for pair in zip(forces, longer, strict=True)], edges),
+        **pooled([cells(*pair, edges) for pair in zip(forces, longer, strict=True)], edges),
         edges=edges,
-        mean=mean_force(forces),
+        mean=_mean(forces),
         normal_force=float(oscillator.normal_force),
         damping=float(oscillator.damping),
         drag=float(oscillator.drag),
@@ -152,83 +153,16 @@ def _edges(bins: Any, fastest: float) -> np.ndarray:
     return edges
 
 
-def _binned(cells: list["_Cells"], edges: np.ndarray) -> dict[str, np.ndarray]:
-    """Weighted means over all records of ranges, directions and branches that hold samples."""
-    force, speed, variance, count = (np.array([getattr(each, name) for each in cells]) for name in _Cells._fields)
-    filled = np.flatnonzero(count.sum(axis=0))
-    weight = 1 / variance[:, filled]
-    total = weight.sum(axis=0)
-    side, branch = np.divmod(filled // (edges.size - 1), 2)
-    return {
-        "velocity": (1 - 2 * side) * (weight * speed[:, filled]).sum(axis=0) / total,
-        "force": (weight * force[:, filled]).sum(axis=0) / total,
-        "std": total**-0.5,
-        "count": count[:, filled].sum(axis=0),
-        "direction": 1 - 2 * side,
-        "branch": 1 - 2 * branch,
-    }
+def _mean(forces: list[Sampled]) -> Measured:
+    """Friction work divided by the path of each record, and of these the weighted mean [N]."""
+    means = [_work_over_path(found) for found in forces]
+    weight = np.array([mean.std**-2 for mean in means])
+    values = np.array([mean.value for mean in means])
+    return Measured(float(weight @ values / weight.sum()), float(weight.sum() ** -0.5))
 
 
-class _Cells(NamedTuple):
-    """Force at the mean speed, mean speed, variance of the force and number of samples in each cell of one record.
-
-    A cell is a range of speeds in one direction and one branch, shape (4 ranges,); without samples its variance is
-    infinite.
-    """
-
-    force: np.ndarray
-    speed: np.ndarray
-    variance: np.ndarray
-    count: np.ndarray
-
-
-def _cells(found: Sampled, longer: Sampled, edges: np.ndarray) -> _Cells:
-    """The cells of one record; what longer windows change shows how much of the force the windows smooth away."""
-    place, ranges = np.searchsorted(edges, found.speed, side="right") - 1, edges.size - 1
-    cell = place + ranges * (2 * (found.direction < 0) + ~found.accelerating)
-    cell = np.where((place >= 0) & (place < ranges), cell, 4 * ranges)
-    means, shares = _shares(found, cell, 4 * ranges)
-    bias = BIAS_SHARE * (means.T @ (longer.force - found.force))
-    equilibrium = means.T @ found.weights[0] * found.offset_std
-    count = np.bincount(cell, minlength=4 * ranges)[: 4 * ranges]
-    variance = np.diag(found.covariance(means)) + equilibrium**2 + bias**2
-    return _Cells(means.T @ found.force, shares.T @ found.speed, np.where(count > 0, variance, np.inf), count)
-
-
-def _shares(found: Sampled, cell: np.ndarray, cells: int) -> tuple[Any, Any]:
-    """What the samples weigh in the force and in the mean speed of each cell: two sparse matrices, shape (n, cells)."""
-    from scipy.sparse import csr_array
-
-    order = np.argsort(cell, kind="stable")
-    groups = np.split(order, np.searchsorted(cell[order], np.arange(1, cells + 1)))[:-1]
-    precision = 1 / found.std() ** 2
-    weights = [_weights(found.speed[group], precision[group]) for group in groups]
-    rows, columns = np.concatenate(groups), np.repeat(np.arange(cells), [group.size for group in groups])
-    force, speed = (np.concatenate([pair[i] for pair in weights]) for i in range(2))
-    shape = (cell.size, cells)
-    return csr_array((force, (rows, columns)), shape), csr_array((speed, (rows, columns)), shape)
-
-
-def _weights(speed: np.ndarray, precision: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Weights of samples for the force at their mean speed, from a parabola through them, and for that mean speed."""
-    mean = precision / precision.sum()
-    if speed.size < ENOUGH:
-        return mean, mean
-    from_mean = speed - mean @ speed
-    root = np.sqrt(precision)
-    powers = (from_mean / np.ptp(speed))[:, None] ** np.arange(3)
-    return np.linalg.pinv(powers * root[:, None])[0] * root, mean
-
-
-def mean_force(forces: list[Sampled]) -> Measured:
-    """Friction work divided by the path, over all samples of all records [N]."""
-    path = sum(float(np.sum(found.speed)) for found in forces)
-    value, variance = 0.0, 0.0
-    for found in forces:
-        share = found.v / path
-        shifted = float(share @ found.weights[0]) * found.offset_std
-        value += float(share @ found.force)
-        variance += found.covariance(share[:, None])[0, 0] + shifted**2
-    return Measured(value, float(variance**0.5))
-
-
+def _work_over_path(found: Sampled) -> Measured:
+    """Friction work divided by the path of one record [N]."""
+    share = found.v / np.sum(found.speed)
+    variance = found.covariance(share[:, None])[0, 0] + (share @ found.weights[0] * found.offset_std) ** 2
+    return Measured(float(share @ found.force), float(variance**0.5))

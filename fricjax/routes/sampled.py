@@ -1,8 +1,8 @@
 """Friction force at every sample of a decay: what the equation of motion leaves over.
 
-With E the energy of the oscillator, ``dE/dt = v (m a + R(x))``, so that the rate of energy loss less the viscous and the
-windage loss, divided by the speed, is ``-(m a + R(x) + c v + drag v|v|)`` along the motion. The residual is the same
-estimator as the rate of energy loss, without a division that fails near zero velocity.
+With E the energy of the oscillator, ``dE/dt = v (m a + R(x))``, so that the rate of energy loss less the viscous and
+the windage loss, divided by the speed, is ``-(m a + R(x) + c v + drag v|v|)`` along the motion. The residual is the
+same estimator as the rate of energy loss, without a division that fails near zero velocity.
 """
 
 import dataclasses
@@ -70,7 +70,7 @@ class Sampled:
             first += motion.x.size
         return total.toarray() if hasattr(total, "toarray") else np.asarray(total)  # type: ignore[union-attr]
 
-    def _split(self, weights: Any) -> list[tuple[np.ndarray, ...]]:
+    def _split(self, weights: Any) -> list[Any]:
         ends = np.cumsum([motion.x.size for motion in self.motions])[:-1]
         return list(zip(*(np.split(w, ends) for w in weights), strict=True))
 

@@ -42,12 +42,14 @@ class Motion:
 
     def std(self, weights: tuple[Any, Any, Any]) -> np.ndarray:
         """Standard deviation of the sum of x, v and a with the given weights at each sample, shape (n,)."""
-        combined = sum(_rows(w) @ operator for w, operator in zip(weights, self.operators, strict=True))
+        x, v, a = (_rows(w) @ operator for w, operator in zip(weights, self.operators, strict=True))
+        combined = x + v + a
         return self.stroke.noise * np.sqrt(np.asarray(combined.multiply(combined).sum(axis=1)).ravel())
 
-    def response(self, weights: tuple[Any, Any, Any]) -> np.ndarray:
+    def response(self, weights: tuple[Any, Any, Any]) -> Any:
         """What weights of x, v and a, each of shape (n, ...), weigh the samples with: sums of both are the same."""
-        return sum(operator.T @ w for w, operator in zip(weights, self.operators, strict=True))
+        x, v, a = (operator.T @ w for w, operator in zip(weights, self.operators, strict=True))
+        return x + v + a
 
 
 def smooth(
@@ -57,7 +59,7 @@ def smooth(
 
     Args:
         stroke: its samples, evenly spaced.
-        shortest: length of the shortest window [s]; None: the noise of its acceleration is a fiftieth of `acceleration`.
+        shortest: length of the shortest window [s]; None: the noise of acceleration is a fiftieth of `acceleration`.
         acceleration: deceleration by friction alone [m/s^2].
         lengthened: factor on the lengths of all windows.
     """
@@ -67,9 +69,7 @@ def smooth(
     return Motion(stroke, *(operator @ stroke.x for operator in scaled), scaled)  # type: ignore[arg-type]
 
 
-def _half_widths(
-    stroke: Stroke, shortest: float | None, acceleration: float, lengthened: float
-) -> tuple[int, int]:
+def _half_widths(stroke: Stroke, shortest: float | None, acceleration: float, lengthened: float) -> tuple[int, int]:
     """Half-widths of the shortest and the longest window in samples."""
     phase = np.pi * stroke.step / (stroke.end - stroke.begin)
     relative = stroke.noise / (np.ptp(stroke.x) / 2)
@@ -112,7 +112,7 @@ def _levels(narrow: int, wide: int) -> int:
 
 
 def _rows(weights: Any) -> Any:
-    """A diagonal matrix of weights, or the number itself."""
+    """A diagonal matrix of weights."""
     from scipy.sparse import diags_array
 
-    return diags_array(weights) if np.ndim(weights) else weights
+    return diags_array(weights)

@@ -192,8 +192,8 @@ def _stroke(
         )
     block = max(1, size // DENSE)
     kept = first + size // block * block
-    means = [values[first:kept].reshape(-1, block).mean(axis=1) for values in (t, x)]
-    return Stroke(*means, step * block, noise / block**0.5, direction, float(begin), float(end))
+    times, positions = (values[first:kept].reshape(-1, block).mean(axis=1) for values in (t, x))
+    return Stroke(times, positions, step * block, noise / block**0.5, direction, float(begin), float(end))
 
 
 def _point_std(times: np.ndarray, points: np.ndarray, noise: float, step: float) -> np.ndarray:
