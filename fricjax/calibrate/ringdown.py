@@ -19,7 +19,7 @@ from ..oscillator.restoring import AbstractRestoring, Cubic, Linear, Pendulum
 from .measured import Measured
 from .ringdown_calibration import TERMS, RingdownCalibration, Term
 
-_RESTORING = {"linear": Linear(), "cubic": Cubic(0.0), "pendulum": Pendulum()}
+_SPRINGS = {"linear": Linear, "cubic": Cubic, "pendulum": Pendulum}
 _SIGNIFICANT = 3.0
 
 
@@ -69,14 +69,14 @@ def calibrate_ringdown(
 
 def _spring(restoring: str | AbstractRestoring | None) -> AbstractRestoring:
     """The restoring force by name or instance; a cubic one starts without its cubic term."""
-    if isinstance(restoring, Linear | Cubic | Pendulum):
-        return _RESTORING[type(restoring).__name__.lower()]
+    if isinstance(restoring, AbstractRestoring):
+        return Cubic(0.0) if isinstance(restoring, Cubic) else restoring
     name = "linear" if restoring is None else str(restoring)
-    if name not in _RESTORING:
+    if name not in _SPRINGS:
         raise UsageError(
-            f"There is no restoring force {name!r}; known are {', '.join(_RESTORING)}.{nearest(name, _RESTORING)}"
+            f"There is no restoring force {name!r}; known are {', '.join(_SPRINGS)}.{nearest(name, _SPRINGS)}"
         )
-    return _RESTORING[name]
+    return Cubic(0.0) if name == "cubic" else _SPRINGS[name]()
 
 
 def _fits(record: Record | Trace, spring: AbstractRestoring, asked: tuple[str, ...]) -> dict[tuple[str, ...], Fit]:

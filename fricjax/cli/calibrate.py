@@ -1,0 +1,108 @@
+"""``fricjax calibrate``: the numbers of the rig, from a ring-down without contact or from an impact test."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+from typer import Argument, Option
+
+from .failure import InvalidFit
+from .groups import grouped
+from .options import Output, Reading
+from .output import check_targets, finish, log, working
+from .runtime import prepare
+
+if TYPE_CHECKING:
+    from ..calibrate import Rig
+
+_RIG = "Rig"
+
+Out = Annotated[
+    Path | None, Option("--out", help="Write the rig file (.toml); needs --normal-force.", rich_help_panel="Output")
+]
+NormalForce = Annotated[
+    str | None,
+    Option(help='Load on the contact for the rig file, as 9.66 or "9.66 +/- 0.05 N".', rich_help_panel=_RIG),
+]
+
+
+def ringdown(
+    file: Annotated[Path, Argument(help="Free decay without contact.", show_default=False)],
+    reading: Reading,
+    output: Output,
+    restoring: Annotated[
+        str, Option(help="Restoring force: linear, cubic or pendulum.", rich_help_panel=_RIG)
+    ] = "linear",
+    mass: Annotated[
+        str | None, Option(help='Moving mass for the rig file, as 0.41 or "410.7(3) g".', rich_help_panel=_RIG)
+    ] = None,
+    normal_force: NormalForce = None,
+    out: Out = None,
+) -> None:
+    """Frequency, damping, windage and residual friction of a rig that swings without contact."""
+    _check_out(out, {"--normal-force": normal_force, "--mass": mass})
+    with working(output, f"Calibrating from {file.name}"):
+        prepare(output)
+        from ..calibrate.ringdown import calibrate_ringdown
+        from ..fitting.result import FitError
+        from .records import read_record
+
+        try:
+            found = calibrate_ringdown(read_record(file, reading), restoring=restoring)
+        except FitError as error:
+            raise InvalidFit(str(error)) from error
+    rig = found.rig(mass, normal_force) if out is not None and mass and normal_force else None
+    _tell(output, found.to_dict(), found.summary(), rig, out)
+
+
+def frf(
+    file: Annotated[
+        Path, Argument(help="Table of frequency, real and imaginary part of X/F, in Hz and m/N.", show_default=False)
+    ],
+    output: Output,
+    duration: Annotated[
+        float | None,
+        Option(help="Length of the record in s; default: one over the line spacing.", rich_help_panel=_RIG),
+    ] = None,
+    scale_std: Annotated[
+        float, Option(help="Relative standard uncertainty of the force sensor.", rich_help_panel=_RIG)
+    ] = 0.0,
+    normal_force: NormalForce = None,
+    out: Out = None,
+) -> None:
+    """Mass, stiffness and damping from a receptance, displacement over force."""
+    _check_out(out, {"--normal-force": normal_force})
+    with working(output, f"Calibrating from {file.name}"):
+        prepare(output)
+        from ..calibrate.frf import calibrate_frf
+        from ..calibrate.frf_file import read_frf
+
+        found = calibrate_frf(*read_frf(file), duration=duration, scale_std=scale_std)
+    rig = found.rig(normal_force) if out is not None and normal_force else None
+    _tell(output, found.to_dict(), found.summary(), rig, out)
+
+
+def _check_out(out: Path | None, needed: dict[str, str | None]) -> None:
+    """Refuse a rig file of which numbers are missing, before any work is done."""
+    check_targets(("--out", out, (".toml",)))
+    missing = [name for name, value in needed.items() if value is None]
+    if out is not None and missing:
+        from ..data.errors import UsageError
+
+        raise UsageError(f"A rig file needs numbers that this calibration does not give: add {' and '.join(missing)}.")
+
+
+def _tell(output: Output, data: dict[str, Any], text: str, rig: "Rig | None", out: Path | None) -> None:
+    """Write the rig where it was asked for, and tell the outcome."""
+    if rig is not None and out is not None:
+        rig.to_toml(out)
+    finish(output, {**data, "files": {} if out is None else {"rig": str(out)}}, text)
+    if out is not None:
+        log(output, f"Rig: {out}")
+
+
+app = typer.Typer(
+    name="calibrate", help="Calibrate the rig, from a ring-down or from an impact test.", no_args_is_help=True
+)
+app.command("ringdown")(grouped(ringdown))
+app.command("frf")(grouped(frf))
