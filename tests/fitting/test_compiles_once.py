@@ -1,35 +1,14 @@
 """A second fit of the same shape compiles nothing, whatever the engine."""
 
-import contextlib
-from collections.abc import Iterator
-
 import jax
 import numpy as np
 import pytest
 
 from fricjax import Oscillator, Trace, fit
 from fricjax.friction import Coulomb
+from tests.compilations import compilations
 from tests.fitting.runs import MACHINE, RIGS, STIFFNESS, coulomb_run, noisy, oscillator
 from tests.helpers import PROTOTYPE_DAMPING, PROTOTYPE_MASS
-
-_COMPILED: list[str] = []
-
-
-def _note(event: str, duration_secs: float, **kwargs: str | int) -> None:
-    if event == "/jax/core/compile/backend_compile_duration":
-        _COMPILED.append(str(kwargs.get("fun_name", event)))
-
-
-jax.monitoring.register_event_duration_secs_listener(_note)
-
-
-@contextlib.contextmanager
-def compilations() -> Iterator[list[str]]:
-    """The list of what XLA compiles inside of the block."""
-    _COMPILED.clear()
-    seen: list[str] = []
-    yield seen
-    seen += _COMPILED
 
 
 def test_compilations_are_counted():

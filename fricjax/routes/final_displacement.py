@@ -1,0 +1,328 @@
+"""Route 2: coefficients from initial and final displacements, without a trace.
+
+With the numbers of half-cycles as data the final displacement is a smooth, nearly linear function of the dynamic
+coefficient. The static coefficient has no gradient there; it lies between the turning points at which the mass stopped
+and those at which it moved on.
+"""
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from ..data.errors import DataError, UsageError
+from ..fitting.names import check_identifiable, find_leaf, sole_coulomb
+from ..fitting.space import Parameter, ParameterSpace
+from ..oscillator import Oscillator, require_x64, starting_state
+from ..oscillator.engines import AbstractEngine
+from ..oscillator.leaves import leaves_of
+from ..oscillator.select import select_engine
+from .half_cycles import Unwrapped, linear_fit, unwrap
+from .pairs import Pairs, checked_pairs
+from .result import RouteFit
+from .solve import Solution, flags_of, minimise, status_of
+from .static import Bracket, bracket
+
+_FAR = 1e30
+_COVERAGE = 1.959963984540054
+_AMBIGUOUS = 5.0
+_ROUNDING = 1e-13
+_ROUNDS = 5
+
+
+class _Model(eqx.Module):
+    """Computed final displacements as a function of the coordinates of the parameters."""
+
+    oscillator: Oscillator
+    space: ParameterSpace
+    engine: AbstractEngine
+    x0: Float[np.ndarray, " pairs"]
+    half_cycles: Any
+    offset: Any
+
+    def __call__(self, q: Float[Array, " p"]) -> Float[Array, " pairs"]:
+        values = self.space.values(q)
+        machine = self.space.oscillator(self.oscillator, values)
+        offset = self.space.run_values(values, 0).get("offset", jnp.asarray(self.offset))
+
+        def final(x0: Array, count: Array) -> Array:
+            path = self.engine.path(machine, starting_state(machine, x0 - offset, 0.0), count)
+            return path.sample(jnp.asarray([_FAR]))[0][0] + offset
+
+        return jax.vmap(final)(jnp.asarray(self.x0), self.half_cycles)
+
+
+class _Residual(eqx.Module):
+    """Computed minus measured final displacements, in standard deviations."""
+
+    model: _Model
+    xf: Float[np.ndarray, " pairs"]
+    sigma: Float[np.ndarray, " pairs"]
+
+    def __call__(self, q: Float[Array, " p"]) -> Float[Array, " pairs"]:
+        return (self.model(q) - self.xf) / self.sigma
+
+
+def fit_final_displacements(
+    x0: Any,
+    xf: Any,
+    oscillator: Oscillator,
+    free: Sequence[str] = ("mu",),
+    *,
+    nuisance: Sequence[str] = ("offset",),
+    half_cycles: Any = None,
+    sigma: Any = None,
+    mu_scatter: float = 0.0,
+) -> RouteFit:
+    """Fit coefficients to pairs of initial and final displacement.
+
+    Args:
+        x0: initial displacements in the reading of the instrument [m], shape (pairs,), of any sign and in any order.
+            Those of a slow release are biased; :func:`pairs_of` takes the first reversal instead.
+        xf: final displacements [m], shape (pairs,).
+        oscillator: the machine; its coefficients that are not free are taken as exact. Its static coefficient is never
+            used.
+        free: names of the coefficients to fit; "mu_s" asks for the bracket of the static coefficient.
+        nuisance: "offset" where the equilibrium of the instrument is not known; it then needs runs of different
+            numbers of half-cycles or of both signs.
+        half_cycles: number of half-cycles of each pair, shape (pairs,); None: found from the pairs, for a law that is
+            nearly Coulomb's.
+        sigma: standard deviation of each final displacement [m], one number or shape (pairs,); None: from the scatter.
+        mu_scatter: relative standard deviation of mu from run to run, which scatters a final displacement in
+            proportion to its number of half-cycles.
+
+    Returns:
+        The fit; in Coulomb laws ``intervals["mu_s"]`` is the bracket of the static coefficient and ``values["mu_s"]``
+        its middle, the upper end infinite where no reversal passed it.
+
+    Raises:
+        UsageError: names or arrays that do not fit.
+        DataError: pairs that are not finite, or from which nothing can be determined.
+        RuntimeError: JAX computes in single precision.
+    """
+    require_x64()
+    pairs = checked_pairs(x0, xf, half_cycles, sigma)
+    names = [name for name in free if not _bracketed(name, oscillator)]
+    _check(names, nuisance, mu_scatter)
+    found = _counted(pairs, oscillator, "offset" in nuisance)
+    _check_motion(found, pairs, len(names) + len(nuisance))
+    model, parameters = _model(pairs, oscillator, names, tuple(nuisance), found)
+    weight = _sigma(pairs, found, oscillator, mu_scatter)
+    scaled = pairs.sigma is None and mu_scatter == 0
+    model, solution = _solved(pairs, model, weight, len(parameters), scaled)
+    found = found._replace(half_cycles=np.asarray(model.half_cycles))
+    return _assembled(pairs, model, parameters, solution, found, weight, scaled)
+
+
+def _solved(pairs: Pairs, model: _Model, weight: np.ndarray, parameters: int, scaled: bool) -> tuple[_Model, Solution]:
+    """The fit; numbers of half-cycles that were not given are corrected by one where the fitted law says so."""
+    floor = float(np.sum((_ROUNDING * np.max(np.abs(pairs.x0)) / weight) ** 2))
+    for _ in range(_ROUNDS):
+        solution = minimise(_Residual(model, pairs.xf, weight), parameters, scaled=scaled, floor=floor)
+        nearest = model.half_cycles if pairs.half_cycles is not None else _nearest(model, solution.q, pairs.xf)
+        if np.array_equal(nearest, model.half_cycles):
+            break
+        model = eqx.tree_at(lambda m: m.half_cycles, model, nearest)
+    return model, solution
+
+
+def _nearest(model: _Model, q: np.ndarray, xf: np.ndarray) -> np.ndarray:
+    """For each pair its number of half-cycles, one less or one more: whichever ends nearest to its displacement."""
+    rivals = [np.maximum(model.half_cycles + step, 0) for step in (0, -1, 1)]
+    ends = [_predicted(eqx.tree_at(lambda m: m.half_cycles, model, n), jnp.asarray(q)) for n in rivals]
+    away = np.nan_to_num(np.abs(np.asarray(ends) - xf), nan=np.inf)
+    return np.stack(rivals)[np.argmin(away, axis=0), np.arange(xf.size)]
+
+
+def _bracketed(name: str, oscillator: Oscillator) -> bool:
+    return name.rsplit(".", 1)[-1] == "mu_s" and sole_coulomb(oscillator.friction) is not None
+
+
+def _check(names: Sequence[str], nuisance: Sequence[str], mu_scatter: float) -> None:
+    if not names:
+        raise UsageError(
+            "mu_s alone cannot be fitted: it is bracketed by the reversals that a fitted mu gives. Free mu as well."
+        )
+    unknown = [name for name in nuisance if name != "offset"]
+    if unknown:
+        raise UsageError(f"Pairs have no nuisance parameter {unknown[0]!r}; the only one is 'offset'.")
+    if not 0 <= mu_scatter < 1:
+        raise UsageError(f"mu_scatter is a relative standard deviation, zero or more and below 1, got {mu_scatter:g}.")
+
+
+def _counted(pairs: Pairs, oscillator: Oscillator, offset_free: bool) -> Unwrapped:
+    """Numbers of half-cycles, and the dead band and offset that start the fit."""
+    zeta = float(oscillator.damping_ratio)
+    if not 0 <= zeta < 1:
+        raise UsageError(f"Pairs need an oscillator that swings: its damping ratio must be in [0, 1), got {zeta:g}.")
+    rho = float(np.exp(-np.pi * zeta / np.sqrt(1 - zeta**2)))
+    free_offset = offset_free and pairs.x0.size > 1
+    found = unwrap(pairs.x0, pairs.xf, rho, None if free_offset else 0.0)
+    if pairs.half_cycles is None:
+        return found
+    band, offset, _ = linear_fit(pairs.x0, pairs.xf, pairs.half_cycles, rho, None if free_offset else 0.0)
+    return Unwrapped(pairs.half_cycles, float(band) if band > 0 else found.dead_band, float(offset))
+
+
+def _check_motion(found: Unwrapped, pairs: Pairs, parameters: int) -> None:
+    if not np.any(found.half_cycles > 0):
+        raise DataError(
+            "In none of the pairs did the mass complete a half-cycle: the initial displacements lie in the dead band, "
+            "which gives only a lower bound of the static coefficient. Release from farther away."
+        )
+    distinct = np.unique(np.stack([pairs.x0, pairs.xf]), axis=1).shape[1]
+    if distinct < parameters:
+        raise DataError(
+            f"{distinct} different pair(s) cannot determine {parameters} parameters. Record more runs from different "
+            "initial displacements, or fix the offset (nuisance=())."
+        )
+
+
+def _model(
+    pairs: Pairs, oscillator: Oscillator, names: Sequence[str], nuisance: tuple[str, ...], found: Unwrapped
+) -> tuple[_Model, tuple[Parameter, ...]]:
+    leaves = leaves_of(oscillator)
+    chosen = [find_leaf(name, leaves) for name in names]
+    check_identifiable([leaf.name for leaf in chosen], leaves)
+    flat = [float(value) for value in jax.tree.leaves(oscillator)]
+    starts = [_start(leaf.name, flat[leaf.index], oscillator, found) for leaf in chosen]
+    entries = [Parameter(leaf.name, leaf.unit, s, abs(s) or 1.0) for leaf, s in zip(chosen, starts, strict=True)]
+    entries += [Parameter(name, "m", found.offset, found.dead_band) for name in nuisance]
+    space = ParameterSpace.build(entries, [leaf.index for leaf in chosen], [], [nuisance])
+    capacity = max(64, 2 ** int(np.ceil(np.log2(found.half_cycles.max() + 2))))
+    engine = select_engine("auto", oscillator, max_half_cycles=capacity)
+    if not hasattr(engine, "path") or not oscillator.friction.set_valued:
+        raise UsageError(
+            f"Under {type(oscillator.friction).__name__} the mass does not rest where a stroke ends. Use a law that "
+            "holds the mass and has no internal states, such as Coulomb or Stribeck."
+        )
+    machine = jax.tree.map(lambda leaf: np.asarray(leaf, float), oscillator)
+    offset = np.asarray(found.offset)
+    return _Model(machine, space, engine, pairs.x0, found.half_cycles, offset), tuple(entries)
+
+
+def _start(name: str, value: float, oscillator: Oscillator, found: Unwrapped) -> float:
+    """Start value of a coefficient: a mu that is free from the dead band of the pairs, others as they are."""
+    if name.rsplit(".", 1)[-1] != "mu":
+        return value
+    return found.dead_band * float(oscillator.stiffness) / float(oscillator.normal_force)
+
+
+def _sigma(pairs: Pairs, found: Unwrapped, oscillator: Oscillator, mu_scatter: float) -> np.ndarray:
+    """Standard deviation of each final displacement; equal ones where only their scatter can tell [m]."""
+    own = np.full(pairs.x0.shape, 1e-3 * found.dead_band) if pairs.sigma is None else pairs.sigma
+    own = np.zeros(pairs.x0.shape) if pairs.sigma is None and mu_scatter else own
+    scattered = 2 * np.maximum(found.half_cycles, 0.5) * found.dead_band * mu_scatter
+    return np.hypot(own, scattered)
+
+
+@eqx.filter_jit
+def _predicted(model: _Model, q: Array) -> Array:
+    return model(q)
+
+
+def _assembled(
+    pairs: Pairs,
+    model: _Model,
+    parameters: tuple[Parameter, ...],
+    solution: Solution,
+    found: Unwrapped,
+    weight: np.ndarray,
+    scaled: bool,
+) -> RouteFit:
+    values = np.asarray(model.space.values(jnp.asarray(solution.q)))
+    slope = np.asarray(model.space.slope(jnp.asarray(solution.q)))
+    covariance = solution.covariance * np.outer(slope, slope)
+    std = np.sqrt(np.diag(covariance))
+    names = tuple(parameter.name for parameter in parameters)
+    machine = model.space.oscillator(model.oscillator, jnp.asarray(values))
+    predicted = np.asarray(_predicted(model, jnp.asarray(solution.q)))
+    static = _static(pairs, model, values, found, machine)
+    scale = np.sqrt(solution.chi2 / solution.dof) if scaled else 1.0
+    warnings = (*_warnings(pairs, found, predicted, weight * scale, machine), *solution.warnings)
+    return RouteFit(
+        route="final displacements",
+        names=names,
+        values=dict(zip(names, map(float, values), strict=True)) | static.value,
+        std_errors=dict(zip(names, map(float, std), strict=True)),
+        units={p.name: p.unit for p in parameters} | dict.fromkeys(static.value, ""),
+        intervals={n: (v - _COVERAGE * s, v + _COVERAGE * s) for n, v, s in zip(names, values, std, strict=True)}
+        | static.interval,
+        covariance=covariance,
+        flags=flags_of(names, solution) | dict.fromkeys(static.value, ("bracketed, not fitted",)),
+        converged=solution.converged,
+        status=status_of(names, solution),
+        warnings=warnings,
+        x0=pairs.x0,
+        xf=pairs.xf,
+        predicted=predicted,
+        half_cycles=found.half_cycles,
+        sigma=weight * scale,
+        sigma_source="scatter of the residuals" if scaled else "given",
+        chi2=float(solution.dof) if scaled else solution.chi2,
+        dof=solution.dof,
+        extras={"dead_band": _dead_band(model, solution)},
+    )
+
+
+class _Static(NamedTuple):
+    value: dict[str, float]
+    interval: dict[str, tuple[float, float]]
+
+
+def _static(pairs: Pairs, model: _Model, values: np.ndarray, found: Unwrapped, machine: Oscillator) -> _Static:
+    """The static coefficient between the stops and the reversals that did not stop."""
+    if sole_coulomb(machine.friction) is None:
+        return _Static({}, {})
+    offset = float(model.space.run_values(values, 0).get("offset", found.offset))
+    between: Bracket = bracket(machine, pairs.x0 - offset, pairs.xf - offset, found.half_cycles)
+    return _Static({"mu_s": between.middle}, {"mu_s": (between.lower, between.upper)})
+
+
+def _dead_band(model: _Model, solution: Solution) -> tuple[float, float, str]:
+    """Dead band x_d = mu N/k of the fitted machine [m], with its standard error."""
+
+    def band(q: Array) -> Array:
+        return model.space.oscillator(model.oscillator, model.space.values(q)).dead_band
+
+    q = jnp.asarray(solution.q)
+    slope = np.asarray(jax.jacfwd(band)(q))
+    used = slope != 0
+    variance = slope[used] @ solution.covariance[np.ix_(used, used)] @ slope[used]
+    return float(band(q)), float(np.sqrt(variance)), "m"
+
+
+def _warnings(
+    pairs: Pairs, found: Unwrapped, predicted: np.ndarray, sigma: np.ndarray, machine: Oscillator
+) -> list[str]:
+    said = []
+    residual, band = np.abs(pairs.xf - predicted), float(machine.dead_band)
+    few = int(np.sum(found.half_cycles < 2))
+    if few and np.all(found.half_cycles < 2):
+        said.append(
+            "No pair has two half-cycles or more: an offset of the equilibrium then looks like friction. Release from "
+            "farther away, or from both sides."
+        )
+    if np.any(found.half_cycles == 0):
+        said.append(f"In {int(np.sum(found.half_cycles == 0))} pair(s) the mass did not move: they tell nothing of mu.")
+    unsure = _AMBIGUOUS * sigma > band
+    if pairs.half_cycles is None and np.any(unsure):
+        said.append(
+            f"The scatter of {float(np.max(sigma)):.2g} m is not small against the dead band of {band:.2g} m, so some "
+            "numbers of half-cycles are in doubt. Give them as half_cycles."
+        )
+    duplicates = pairs.x0.size - np.unique(np.stack([pairs.x0, pairs.xf]), axis=1).shape[1]
+    if duplicates:
+        said.append(
+            f"{duplicates} pair(s) occur more than once; if they are copies, the standard errors are too small."
+        )
+    if np.max(residual) > 0.5 * band:
+        said.append(
+            f"A final displacement lies {float(np.max(residual)):.2g} m from the computed one, half a dead band or "
+            "more: a number of half-cycles is wrong, or the law does not hold."
+        )
+    return said

@@ -1,0 +1,134 @@
+"""How many half-cycles lie between the initial and the final displacement of each pair.
+
+Under Coulomb and viscous friction the alternating amplitude after n half-cycles is ``a_n = rho^n a_0 - (1 + rho) x_d
+S_n`` with ``S_n = (1 - rho^n)/(1 - rho)``, and the mass stops with ``-x_d < a_n <= x_s``. Without the number n the
+sum of squares over the dead band x_d has as many minima as there are half-cycles, like a periodogram; with it the
+problem is linear. So all dead bands are tried on a grid fine enough to miss no minimum, each with the best n for each
+pair, and judged by the residuals relative to the dead band: the wrong ones scatter evenly, whatever their size.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+_STEP = 0.1
+_SMALLEST = 1 / 400
+# A static coefficient above the dynamic one stops the mass up to so many half-cycles earlier.
+_EARLIER = 3
+_ROUNDS = 8
+
+
+class Unwrapped(NamedTuple):
+    """Number of half-cycles of each pair, shape (pairs,); dead band x_d and offset [m] that they were found with."""
+
+    half_cycles: np.ndarray
+    dead_band: float
+    offset: float
+
+
+def amplitude_after(n: np.ndarray, a0: np.ndarray, dead_band: float | np.ndarray, rho: float) -> np.ndarray:
+    """Alternating amplitude after `n` half-cycles from `a0` [m]."""
+    return rho**n * a0 - (1 + rho) * dead_band * _sum(n, rho)
+
+
+def _sum(n: np.ndarray, rho: float) -> np.ndarray:
+    """(1 - rho^n)/(1 - rho), also for rho = 1."""
+    loss = -np.log(rho)
+    return np.where(loss < 1e-12, n, np.expm1(-n * loss) / np.expm1(-max(loss, 1e-12)))
+
+
+def strokes_to_rest(a0: np.ndarray, dead_band: np.ndarray, rho: float) -> np.ndarray:
+    """Half-cycles until the amplitude falls into the dead band."""
+    loss = -np.log(rho)
+    if loss < 1e-12:
+        count = (a0 / dead_band - 1) / 2
+    else:
+        centre = dead_band * (1 + rho) / (1 - rho)
+        count = np.log((a0 + centre) / (dead_band + centre)) / loss
+    return np.maximum(np.ceil(count - 1e-9), 0.0)
+
+
+def unwrap(x0: np.ndarray, xf: np.ndarray, rho: float, offset: float | None = None) -> Unwrapped:
+    """Find dead band, offset and numbers of half-cycles from pairs [m].
+
+    Args:
+        x0: initial displacements, shape (pairs,).
+        xf: final displacements, shape (pairs,).
+        rho: ratio of successive amplitudes under damping alone.
+        offset: of the equilibrium where it is known; None: it is found as well.
+    """
+    grid = _dead_bands(np.abs(x0 - (offset or 0.0)))
+    scores, found = _judged(x0, xf, rho, grid, np.full(grid.shape, offset or 0.0), offset)
+    best = _at(found, int(np.argmin(scores)))
+    for _ in range(_ROUNDS):
+        _, again = _judged(x0, xf, rho, np.array([best.dead_band]), np.array([best.offset]), offset)
+        before, best = best, _at(again, 0)
+        if np.array_equal(before.half_cycles, best.half_cycles):
+            break
+    return best
+
+
+def _dead_bands(a0: np.ndarray) -> np.ndarray:
+    """Dead bands whose neighbours differ by a small part of the width of a minimum, ``x_d^2/max(a0)``."""
+    largest, bands = float(a0.max()), []
+    band = largest
+    while band > _SMALLEST * largest:
+        bands.append(band)
+        band -= _STEP * band * min(band / largest, 1.0)
+    return np.array(bands)
+
+
+def _at(found: tuple[np.ndarray, np.ndarray, np.ndarray], place: int) -> Unwrapped:
+    counts, bands, offsets = found
+    return Unwrapped(counts[place].astype(int), float(bands[place]), float(offsets[place]))
+
+
+def _judged(
+    x0: np.ndarray, xf: np.ndarray, rho: float, bands: np.ndarray, offsets: np.ndarray, held: float | None
+) -> tuple[np.ndarray, tuple[np.ndarray, np.ndarray, np.ndarray]]:
+    """Mean squared residuals in dead bands, shape (bands,); counts, dead bands and offsets refined for them."""
+    n = _best_counts(x0 - offsets[:, None], xf - offsets[:, None], bands[:, None], rho)
+    refined, shift, residual = linear_fit(x0, xf, n, rho, held)
+    usable = (refined > 0) & (refined < 2 * bands)
+    band = np.where(usable, refined, bands)
+    score = np.where(usable, np.mean((residual / band[:, None]) ** 2, axis=1), 1.0)
+    return score, (n, band, np.where(usable, shift, offsets))
+
+
+def _best_counts(y0: np.ndarray, yf: np.ndarray, band: np.ndarray, rho: float) -> np.ndarray:
+    """For each dead band and pair the possible number of half-cycles that leads nearest to the final displacement."""
+    a0, side = np.abs(y0), np.sign(y0)
+    candidates = np.maximum(strokes_to_rest(a0, band, rho) - np.arange(_EARLIER)[:, None, None], 0.0)
+    ends = (-1.0) ** candidates * side * amplitude_after(candidates, a0, band, rho)
+    nearest = np.argmin(np.abs(ends - yf), axis=0)
+    return np.take_along_axis(candidates, nearest[None], axis=0)[0]
+
+
+def linear_fit(
+    x0: np.ndarray, xf: np.ndarray, n: np.ndarray, rho: float, held: float | None
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Dead bands and offsets for given numbers of half-cycles by linear least squares, and the residuals [m].
+
+    Args:
+        x0: initial displacements, shape (pairs,).
+        xf: final displacements, shape (pairs,).
+        n: numbers of half-cycles, shape (..., pairs).
+        rho: ratio of successive amplitudes under damping alone.
+        held: offset where it is known.
+
+    Returns:
+        Dead bands and offsets, shape (...,); zero where the pairs do not determine one. Residuals, shape (..., pairs).
+    """
+    side, sign = np.sign(x0 - (held or 0.0)), (-1.0) ** n
+    by_band, by_offset = -sign * side * (1 + rho) * _sum(n, rho), 1 - sign * rho**n
+    left = xf - sign * rho**n * x0 - by_offset * (held or 0.0)
+    aa, ab, bb = (np.sum(u * v, -1) for u, v in ((by_band, by_band), (by_band, by_offset), (by_offset, by_offset)))
+    al, bl = np.sum(by_band * left, -1), np.sum(by_offset * left, -1)
+    if held is not None:
+        band = np.divide(al, aa, out=np.zeros_like(aa), where=aa > 0)
+        return band, np.full(band.shape, held), left - band[..., None] * by_band
+    rest = aa * bb - ab**2
+    known = rest > 1e-9 * aa * bb
+    band = np.divide(al * bb - bl * ab, rest, out=np.zeros_like(rest), where=known)
+    offset = np.divide(bl * aa - al * ab, rest, out=np.zeros_like(rest), where=known)
+    return band, offset, left - band[..., None] * by_band - offset[..., None] * by_offset
