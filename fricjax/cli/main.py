@@ -10,7 +10,7 @@ from typing import NoReturn
 
 import typer
 
-from . import demo, doctor, fit, inspect, models, simulate
+from . import calibrate, demo, doctor, fit, inspect, map, models, simulate
 from .failure import INTERRUPTED, Failure, failure_of
 from .groups import grouped
 
@@ -26,11 +26,13 @@ for _name, _function in {
     "demo": demo.demo,
     "inspect": inspect.inspect,
     "fit": fit.fit,
+    "map": map.map_,
     "simulate": simulate.simulate,
     "models": models.models,
     "doctor": doctor.doctor,
 }.items():
     app.command(_name)(grouped(_function))
+app.add_typer(calibrate.app, name="calibrate")
 
 
 def _version(asked: bool) -> None:

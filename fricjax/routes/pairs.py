@@ -6,12 +6,14 @@ release: ``a_1`` and the rest position are a pair with one half-cycle less.
 """
 
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from ..data import Record, Trace, segment
 from ..data.errors import DataError, UsageError, nearest
+from ..data.table import read_table
 
 STARTS = ("first_reversal", "release")
 
@@ -106,3 +108,16 @@ def _checked_sigma(sigma: Any, pairs: int) -> np.ndarray | None:
     if given.shape not in ((), (pairs,)) or not np.all(given > 0) or not np.all(np.isfinite(given)):
         raise UsageError(f"sigma must be a positive number of metres, or one per pair ({pairs}), got {sigma!r}.")
     return np.broadcast_to(given, (pairs,)).copy()
+
+
+def read_pairs(path: str | Path) -> Pairs:
+    """Pairs from a text table whose first two columns are initial and final displacement.
+
+    Args:
+        path: the file; delimiter and header are found, and units stand in the header as in ``x0 [um]``, else metres.
+
+    Raises:
+        DataError: no such file, no such table, a row that is no number, or a unit that does not fit.
+    """
+    table = read_table(path, {"x0": "m", "xf": "m"}, what="a table of pairs")
+    return Pairs(table["x0"], table["xf"], None, None)

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 def parameter_table(fit: "RouteFit") -> Table:
     """One row per parameter, bracketed coefficient and further estimate."""
     rows = [[name, _shown(fit, name), "; ".join(fit.flags[name])] for name in fit.values]
-    rows += [[name.replace("_", " "), uncertain(*estimate), ""] for name, estimate in fit.extras.items()]
+    rows += [[name.replace("_", " "), _estimate(*estimate), ""] for name, estimate in fit.extras.items()]
     return Table(["Parameter", "Value (standard error)", "Remarks"], rows)
 
 
@@ -21,6 +21,10 @@ def _shown(fit: "RouteFit", name: str) -> str:
     if name in fit.std_errors:
         return uncertain(fit.values[name], fit.std_errors[name], fit.units[name])
     return interval(*fit.intervals[name], fit.units[name])
+
+
+def _estimate(value: float, std: float | None, unit: str) -> str:
+    return f"{plain(value, 4)} {unit}".strip() if std is None else uncertain(value, std, unit)
 
 
 def facts(fit: "RouteFit") -> list[tuple[str, str]]:

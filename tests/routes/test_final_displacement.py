@@ -79,6 +79,7 @@ def test_a_scatter_of_mu_weighs_long_runs_less():
     assert 0.5 < found.chi2_reduced < 1.6
 
 
+@pytest.mark.slow
 def test_a_stribeck_law_is_fitted_too():
     law = fj.friction.Stribeck(MU, 0.06, v_stribeck=5e-3)
     truth = fj.Oscillator(MASS, STIFFNESS, DAMPING, LOAD, law)

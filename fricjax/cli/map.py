@@ -1,0 +1,83 @@
+"""``fricjax map``: coefficients from initial and final displacements, by routes 2 and 3."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+from typer import Argument, Option
+
+from .failure import InvalidFit
+from .options import Machine, Output, Plot, Reading
+from .output import PICTURES, check_targets, finish, log, working
+from .runtime import prepare
+
+if TYPE_CHECKING:
+    from ..routes import Pairs, RouteFit
+
+_MAP = "Map"
+
+
+def map_(
+    files: Annotated[
+        list[Path],
+        Argument(
+            help="A table of initial and final displacements (x0, xf), or the records of two or more runs.",
+            show_default=False,
+        ),
+    ],
+    reading: Reading,
+    machine: Machine,
+    output: Output,
+    free: Annotated[str, Option(help="Free coefficients, as mu or mu,damping.", rich_help_panel=_MAP)] = "mu",
+    start: Annotated[
+        str, Option(help="Of records: first_reversal, which no release biases, or release.", rich_help_panel=_MAP)
+    ] = "first_reversal",
+    mu_scatter: Annotated[
+        float, Option(help="Relative scatter of mu from run to run, as 0.02.", rich_help_panel=_MAP)
+    ] = 0.0,
+    plot: Plot = None,
+) -> None:
+    """Friction from final against initial displacements: mu by route 2 and 3, mu_s between stops and non-stops."""
+    check_targets(("--plot", plot, PICTURES))
+    with working(output, "Fitting the map"):
+        prepare(output)
+        from ..routes import fit_final_displacements, fit_triangle_map
+        from .machine import choose
+
+        _check_rig(machine)
+        chosen = choose(machine, free)
+        pairs = _pairs(files, reading, start)
+        how = {"half_cycles": pairs.half_cycles, "sigma": pairs.sigma, "mu_scatter": mu_scatter}
+        found = fit_final_displacements(pairs.x0, pairs.xf, chosen.oscillator, chosen.free, **how)
+        shape = fit_triangle_map(pairs.x0, pairs.xf, chosen.rig)
+    _tell(output, found, shape, plot)
+    if not found.converged:
+        raise InvalidFit(f"The fit is not valid, {found.status}")
+
+
+def _check_rig(machine: Machine) -> None:
+    """Refuse a map without the numbers that turn its period into a coefficient."""
+    from ..data.errors import UsageError
+
+    stiff = machine.stiffness or (machine.mass and any("frequency" in text for text in machine.fix or []))
+    if machine.rig is None and not (machine.normal_force and machine.mass and stiff):
+        raise UsageError("A map tells mu only with its rig: give --rig, or --mass, --stiffness and --normal-force.")
+
+
+def _pairs(files: list[Path], reading: Reading, start: str) -> "Pairs":
+    """Pairs from one table, or from several records."""
+    from ..routes import pairs_of, read_pairs
+    from .records import read_records
+
+    return read_pairs(files[0]) if len(files) == 1 else pairs_of(read_records(files, reading), start=start)
+
+
+def _tell(output: Output, found: "RouteFit", shape: "RouteFit", plot: Path | None) -> None:
+    files: dict[str, Any] = {}
+    if plot is not None:
+        from ..show import save
+
+        save(found.plot(), plot)
+        files["plot"] = str(plot)
+        log(output, f"Picture: {plot}")
+    data = {"final_displacements": found.to_dict(), "triangle_map": shape.to_dict(), "files": files}
+    finish(output, data, f"{found.summary()}\n\n{shape.summary()}")
