@@ -103,7 +103,8 @@ class RingdownCalibration:
     def damping_ratio_at(self, amplitude: Any) -> np.ndarray:
         """Equivalent viscous damping ratio at an amplitude [m], with windage and residual friction where kept.
 
-        Averaged over a cycle, ``zeta + 4 d A/(3 pi) + 2 x_d/(pi A)`` with the windage d and the dead band x_d.
+        Averaged over a cycle of a linear spring, ``zeta + 4 d A/(3 pi) + 2 x_d/(pi A)`` with the windage d and the dead
+        band x_d, from the same loss per cycle (Jacobsen, 1930).
         """
         kept = {term.name: term.number.value for term in self.terms if term.kept}
         a = np.asarray(amplitude, dtype=float)
