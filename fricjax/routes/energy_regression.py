@@ -19,6 +19,7 @@ from .sampled import Sampled, sampled
 from .strokes import decays
 
 NODES = 32  # energies looked at per stroke
+SHORTENED = 0.5  # windows: energy needs no acceleration, and shorter ones bias the velocity less
 UNITS = {"coulomb": "N", "stribeck": "N", "viscous": "N s/m", "quadratic": "N s^2/m^2"}
 
 
@@ -46,16 +47,14 @@ def integral_friction(
     shapes = _shapes(v_stribeck)
     oscillator = contactless(rig, no_contact)
     found, notes = decays(records)
-    equations = [_equations(sampled(decay, oscillator), oscillator, shapes) for decay in found]
-    weighted = [_weighted(*equation) for equation in equations]
-    normal = sum(basis.T @ basis for basis, _, _ in weighted)
-    inverse = np.linalg.inv(normal)
-    values = inverse @ sum(basis.T @ right for basis, right, _ in weighted)
-    middle = sum(basis.T @ covariance @ basis for basis, _, covariance in weighted)
-    chi2 = sum(float(np.sum((right - basis @ values) ** 2)) for basis, right, _ in weighted)
-    freedom = sum(right.size for _, right, _ in weighted) - values.size
+    equations = [_equations(sampled(decay, oscillator, lengthened=SHORTENED), oscillator, shapes) for decay in found]
+    inverse = np.linalg.inv(sum(work.T @ work for work, _, _ in equations))
+    values = inverse @ sum(work.T @ lost for work, lost, _ in equations)
+    middle = sum(work.T @ covariance @ work for work, _, covariance in equations)
+    chi2 = sum(float(np.sum((lost - work @ values) ** 2)) for work, lost, _ in equations)
+    expected = sum(float(np.trace(covariance)) for _, _, covariance in equations)
     units = {name: UNITS[name] for name in shapes}
-    return Estimates.of(units, values, inverse @ middle @ inverse, chi2 / freedom, notes)
+    return Estimates.of(units, values, inverse @ middle @ inverse, chi2 / expected, notes)
 
 
 def _shapes(v_stribeck: float | None) -> dict[str, Callable[[np.ndarray], np.ndarray]]:
@@ -70,36 +69,40 @@ def _shapes(v_stribeck: float | None) -> dict[str, Callable[[np.ndarray], np.nda
 
 def _equations(
     found: Sampled, oscillator: Oscillator, shapes: dict[str, Callable[[np.ndarray], np.ndarray]]
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Work done by the candidates up to each node, energy lost there, covariance of the energies, and the strokes."""
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Work of the candidates up to each node, energy lost there, and the covariance of the energies.
+
+    All in units of the noise, and without what belongs to the record alone: the energy at the start of each stroke, and
+    the equilibrium, which changes the energy by the restoring force.
+    """
     mass, damping, drag = (float(getattr(oscillator, name)) for name in ("mass", "damping", "drag"))
-    slope = np.asarray(oscillator.restoring_force(found.x))  # pyright: ignore[reportArgumentType]
-    potential = np.asarray(oscillator.restoring.potential(found.x, oscillator.stiffness))  # pyright: ignore[reportArgumentType]
-    energy = mass * found.v**2 / 2 + potential
+    restoring = np.asarray(oscillator.restoring_force(found.x))  # pyright: ignore[reportArgumentType]
+    potential = oscillator.restoring.potential(found.x, oscillator.stiffness)  # pyright: ignore[reportArgumentType]
+    energy = mass * found.v**2 / 2 + np.asarray(potential)
     known = (damping + drag * np.abs(found.v)) * found.v**2
     powers = np.column_stack([*(shape(found.speed) * found.speed for shape in shapes.values()), known])
-    works, nodes, strokes, first = [], [], [], 0
+    nodes, strokes, work = _at_nodes(found, powers)
+    picked = np.zeros((energy.size, nodes.size))
+    picked[nodes, np.arange(nodes.size)] = 1.0
+    covariance = found.covariance(picked, (restoring, mass * found.v, np.zeros_like(energy)))
+    std = np.sqrt(np.diag(covariance))
+    own = np.column_stack([strokes[:, None] == np.unique(strokes), restoring[nodes]]) / std[:, None]
+    ortho = np.linalg.qr(own / np.linalg.norm(own, axis=0))[0]
+    keep = (np.eye(std.size) - ortho @ ortho.T) / std
+    return keep @ work[:, :-1], keep @ (-energy[nodes] - work[:, -1]), keep @ covariance @ keep.T
+
+
+def _at_nodes(found: Sampled, powers: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Samples at the nodes, the number of their stroke, and the integrals of the powers from its start."""
+    from scipy.integrate import cumulative_simpson
+
+    nodes, strokes, works, first = [], [], [], 0
     for i, motion in enumerate(found.motions):
-        own = slice(first, first + motion.x.size)
-        steps = motion.stroke.step * (powers[own][1:] + powers[own][:-1]) / 2
-        chosen = np.unique(np.linspace(0, motion.x.size - 1, NODES).astype(int))
-        works.append(np.vstack([np.zeros(powers.shape[1]), np.cumsum(steps, axis=0)])[chosen])
+        size = motion.x.size
+        chosen = np.unique(np.linspace(0, size - 1, NODES).astype(int))
+        work = cumulative_simpson(powers[first : first + size], dx=motion.stroke.step, axis=0, initial=0.0)
         nodes.append(first + chosen)
         strokes.append(np.full(chosen.size, i))
-        first += motion.x.size
-    at, work = np.concatenate(nodes), np.concatenate(works)
-    picked = np.zeros((energy.size, at.size))
-    picked[at, np.arange(at.size)] = 1.0
-    covariance = found.covariance(picked, (slope, mass * found.v, np.zeros_like(energy)))
-    return work[:, :-1], -energy[at] - work[:, -1], covariance, np.concatenate(strokes)
-
-
-def _weighted(
-    work: np.ndarray, lost: np.ndarray, covariance: np.ndarray, strokes: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Basis, right-hand side and covariance in units of the noise, without the unknown energy at each stroke's start."""
-    std = np.sqrt(np.diag(covariance))
-    starts = (strokes[:, None] == np.unique(strokes)) / std[:, None]
-    ortho = np.linalg.qr(starts)[0]
-    keep = np.eye(std.size) - ortho @ ortho.T
-    return keep @ (work / std[:, None]), keep @ (lost / std), keep @ (covariance / np.outer(std, std)) @ keep
+        works.append(work[chosen])
+        first += size
+    return np.concatenate(nodes), np.concatenate(strokes), np.concatenate(works)

@@ -41,8 +41,8 @@ class Estimates:
         """Estimates of the names in `units`, in their order; the covariance given is that of the noise alone."""
         covariance = covariance * max(chi2_reduced, 1.0)
         std = np.sqrt(np.diag(covariance))
-        by_name = [dict(zip(units, map(float, each), strict=True)) for each in (values, std)]
-        return cls(*by_name, units, covariance, chi2_reduced, notes)
+        by_name, errors = (dict(zip(units, map(float, each), strict=True)) for each in (values, std))
+        return cls(by_name, errors, units, covariance, chi2_reduced, notes)
 
     def table(self) -> Table:
         """One row per coefficient."""

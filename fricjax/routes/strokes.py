@@ -5,7 +5,6 @@ energy or force may use are therefore the strokes from the first reversal on, no
 """
 
 import dataclasses
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -86,7 +85,7 @@ def decays(records: Any, least: int = 2) -> tuple[list[Decay], tuple[str, ...]]:
     """The decays of one record or of several; those of several that cannot be used are left out and named.
 
     Args:
-        records: a record, a trace, or a sequence of them.
+        records: a record, a trace, or a list of them.
         least: half-cycles needed after the first reversal.
 
     Returns:
@@ -96,8 +95,7 @@ def decays(records: Any, least: int = 2) -> tuple[list[Decay], tuple[str, ...]]:
         UsageError: no record at all, or something else than records.
         DataError: a single record that cannot be used, or none of several.
     """
-    many = isinstance(records, Sequence)
-    if not many:
+    if not isinstance(records, list | tuple):
         return [decay(records, least)], ()
     if not records:
         raise UsageError("There is no record to evaluate: the list is empty.")

@@ -5,7 +5,8 @@ Coulomb and viscous friction on a linear spring obeys
 
     int phi'' x - 2 zeta omega int phi' x + omega^2 int phi x - omega^2 b int phi + (F/m) int phi sgn(v) = 0.
 
-The last integral jumps at the reversals: it is split there and known in closed form (modulating functions: Shinbrot 1957).
+The integrand of the last jumps at the reversals: it is split there, and each part is known in closed form (modulating
+functions: Shinbrot 1957).
 """
 
 from typing import Any, NamedTuple
@@ -34,7 +35,7 @@ class _Rows(NamedTuple):
 
 
 def weak_form(records: Any, rig: Rig) -> Estimates:
-    """Natural frequency, damping ratio, coefficient of friction and equilibrium from records alone, by linear equations.
+    """Natural frequency, damping ratio, coefficient of friction and equilibrium, all by linear equations.
 
     Good as a start for any fit: nothing has to be guessed.
 
@@ -95,10 +96,9 @@ def _integrals(decay: Decay, middles: np.ndarray, width: float) -> tuple[np.ndar
 
 def _stacked(rows: list[_Rows]) -> tuple[np.ndarray, np.ndarray]:
     """All equations: the shared coefficients, then one column of omega^2 b for each record."""
-    from scipy.linalg import block_diag
-
-    basis = np.hstack([np.vstack([row.shared for row in rows]), block_diag(*(row.own for row in rows))])
-    return basis, np.concatenate([row.right for row in rows])
+    record = np.repeat(np.arange(len(rows)), [row.right.size for row in rows])
+    own = np.concatenate([row.own for row in rows]) * (record[:, None] == np.arange(len(rows)))
+    return np.hstack([np.concatenate([row.shared for row in rows]), own]), np.concatenate([row.right for row in rows])
 
 
 def _noise(row: _Rows, values: np.ndarray) -> np.ndarray:

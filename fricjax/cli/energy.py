@@ -1,0 +1,79 @@
+"""``fricjax energy``: friction from the rate of energy loss, against velocity and in each half-cycle."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+from typer import Argument, Option
+
+from .options import Output, Plot, Reading
+from .output import PICTURES, RESULTS, check_targets, finish, json_text, log, working
+from .runtime import prepare
+
+if TYPE_CHECKING:
+    from ..routes.energy_balance import HalfCycleFriction
+    from ..routes.force_map import ForceMap
+
+
+def energy(
+    files: Annotated[list[Path], Argument(help="One run, or several that are pooled.", show_default=False)],
+    reading: Reading,
+    output: Output,
+    rig: Annotated[Path | None, Option(help="Rig file (TOML): mass, stiffness, normal force, damping.")] = None,
+    no_contact: Annotated[
+        Path | None, Option(help="Run without contact, from which damping and drag are fitted.")
+    ] = None,
+    bins: Annotated[int, Option(help="Number of ranges of speed.")] = 24,
+    plot: Plot = None,
+    out: Annotated[Path | None, Option(help="Write the result (.json).", rich_help_panel="Output")] = None,
+) -> None:
+    """Find friction from the rate of energy loss: the force against velocity, and its mean in each half-cycle."""
+    check_targets(("--plot", plot, PICTURES), ("--out", out, RESULTS))
+    with working(output, f"Evaluating {', '.join(file.name for file in files)}"):
+        prepare(output)
+        force_map, balance = evaluated(files, reading, rig, no_contact, bins)
+    data = {"force_map": force_map.to_dict(), "half_cycles": balance.to_dict()}
+    written = write_outcome(force_map, data, plot, out)
+    finish(output, {**data, "files": written}, _text(force_map, balance))
+    for name, path in written.items():
+        log(output, f"{name.capitalize()}: {path}")
+
+
+def evaluated(
+    files: list[Path], reading: Reading, rig: Path | None, no_contact: Path | None, bins: int
+) -> "tuple[ForceMap, HalfCycleFriction]":
+    """Read the files; force map and balance of the half-cycles."""
+    from ..calibrate import Rig
+    from ..data.errors import UsageError
+    from ..routes.energy_balance import half_cycle_friction
+    from ..routes.force_map import friction_force_map
+    from .records import read_record, read_records
+
+    if rig is None:
+        raise UsageError("The energy of a run needs mass, stiffness, normal force and damping: give --rig rig.toml.")
+    machine, records = Rig.from_toml(rig), read_records(files, reading)
+    data: Any = records[0] if len(records) == 1 else records
+    free = None if no_contact is None else read_record(no_contact, reading)
+    force_map = friction_force_map(data, machine, free, bins=bins)
+    calibrated = machine if free is None else machine.replace(damping=force_map.damping, drag=force_map.drag)
+    return force_map, half_cycle_friction(data, calibrated)
+
+
+def write_outcome(force_map: "ForceMap", data: dict[str, Any], plot: Path | None, out: Path | None) -> dict[str, str]:
+    """Write the files that were asked for and return them by what they are."""
+    written: dict[str, str] = {}
+    if plot is not None:
+        from ..show import save
+
+        written["picture"] = str(save(force_map.plot(), plot))
+    if out is not None:
+        from ..show.files import write_text
+
+        write_text(out, json_text(data))
+        written["result"] = str(out)
+    return written
+
+
+def _text(force_map: "ForceMap", balance: "HalfCycleFriction") -> str:
+    return "\n\n".join(
+        ["Friction force against velocity", force_map.summary(), "Half-cycles, from their reversals", balance.summary()]
+    )
