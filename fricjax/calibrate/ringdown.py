@@ -5,7 +5,7 @@ windage, quadratic in the velocity, the friction of guides, seen as a residual d
 trace knows no mass, so that all of them are found per unit mass.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -17,10 +17,9 @@ from ..friction import Coulomb
 from ..oscillator import Oscillator
 from ..oscillator.restoring import AbstractRestoring, Cubic, Linear, Pendulum
 from .measured import Measured
-from .ringdown_calibration import TERMS, RingdownCalibration, Term
+from .ringdown_calibration import SIGNIFICANT, TERMS, RingdownCalibration, Term
 
 _SPRINGS = {"linear": Linear, "cubic": Cubic, "pendulum": Pendulum}
-_SIGNIFICANT = 3.0
 
 
 def calibrate_ringdown(
@@ -33,8 +32,9 @@ def calibrate_ringdown(
     """Frequency and damping of a rig from a free decay without contact.
 
     The decay is fitted with viscous damping alone, with all further terms, and with those of the further terms that
-    exceed three standard uncertainties. Akaike's criterion chooses between the fits. The noise is taken from the
-    scatter of the residuals, and standard uncertainties are enlarged where the residuals are not white.
+    exceed three standard uncertainties. Akaike's criterion chooses between the fits in which neither windage nor dead
+    band are negative. The noise is taken from the scatter of the residuals, and standard uncertainties are enlarged
+    where the residuals are not white.
 
     Args:
         record: the run; its decay should span a factor of ten or more in amplitude.
@@ -56,7 +56,7 @@ def calibrate_ringdown(
     wanted = {"mu": friction, "drag": drag, "k3": isinstance(spring, Cubic)}
     asked = tuple(name for name in TERMS if wanted[name])
     fits = _fits(record, spring, asked)
-    kept = min(fits, key=lambda terms: fits[terms].aicc)
+    kept = _best(fits)
     return RingdownCalibration(
         frequency=_measured(fits[kept], "natural_frequency"),
         damping_ratio=_measured(fits[kept], "damping_ratio"),
@@ -80,16 +80,35 @@ def _spring(restoring: str | AbstractRestoring | None) -> AbstractRestoring:
 
 
 def _fits(record: Record | Trace, spring: AbstractRestoring, asked: tuple[str, ...]) -> dict[tuple[str, ...], Fit]:
-    """The valid fits by their further terms: none of those asked for, all, and the significant ones."""
+    """The fits by their further terms: none of those asked for, all, and the significant ones.
+
+    Raises:
+        FitError: that with all terms is not valid.
+    """
     fits = {terms: _fitted(record, spring, terms) for terms in dict.fromkeys(((), asked))}
     full = fits[asked]
-    if full.converged:
-        terms = tuple(name for name in asked if abs(_score(full, name)) > _SIGNIFICANT)
-        fits |= {} if terms in fits else {terms: _fitted(record, spring, terms)}
-    valid = {terms: found for terms, found in fits.items() if found.converged}
-    if asked not in valid:
+    if not full.converged:
         raise FitError(f"The decay is not that of a free oscillator: {full.status}", full)
-    return valid
+    terms = tuple(name for name in asked if _score(full, name) > SIGNIFICANT)
+    return fits if terms in fits else {**fits, terms: _fitted(record, spring, terms)}
+
+
+def _best(fits: Mapping[tuple[str, ...], Fit]) -> tuple[str, ...]:
+    """Terms of the fit with the lowest criterion among the valid ones in which no term feeds the motion.
+
+    Raises:
+        FitError: there is none.
+    """
+    passive = [
+        terms
+        for terms, found in fits.items()
+        if found.converged and all(_score(found, name) > -SIGNIFICANT for name in terms)
+    ]
+    if not passive:
+        raise FitError(
+            "The decay is not that of a free oscillator: friction or drag would feed it.", fits[max(fits, key=len)]
+        )
+    return min(passive, key=lambda terms: fits[terms].aicc)
 
 
 def _fitted(record: Record | Trace, spring: AbstractRestoring, terms: Sequence[str]) -> Fit:
@@ -112,7 +131,9 @@ def _stiffening(record: Record | Trace) -> dict[str, float]:
 
 
 def _score(found: Fit, name: str) -> float:
-    return found.values[name] / (found.std_errors[name] * found.error_inflation)
+    """A term in standard uncertainties; positive where it dissipates, and always for the spring, that may do either."""
+    score = found.values[name] / (found.std_errors[name] * found.error_inflation)
+    return abs(score) if name == "k3" else score
 
 
 def _measured(found: Fit, name: str) -> Measured:

@@ -16,7 +16,7 @@ from .propagate import positive, propagated
 from .quantity import quantity
 from .rig import Number, Rig
 
-_SIGNIFICANT = 3.0
+SIGNIFICANT = 3.0  # standard uncertainties
 
 
 class Kind(NamedTuple):
@@ -51,7 +51,7 @@ class Term(NamedTuple):
         """A sentence where the term is not significant, or has the wrong sign; else nothing."""
         title, found = TERMS[self.name].title, f"{abs(self.score):.2g} standard uncertainties"
         fate = "kept" if self.kept else "left out"
-        if abs(self.score) < _SIGNIFICANT:
+        if abs(self.score) < SIGNIFICANT:
             return f"The {title} is not significant, {found} from zero; it was {fate}."
         if self.score < 0 and self.name != "k3":
             return (

@@ -2,13 +2,15 @@
 
 import dataclasses
 import math
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 
 import fricjax as fj
 from fricjax.calibrate import Measured
-from fricjax.calibrate.ringdown import calibrate_ringdown
+from fricjax.calibrate.ringdown import _best, calibrate_ringdown
 from fricjax.calibrate.ringdown_calibration import Term
 from fricjax.data.errors import UsageError
 from fricjax.oscillator.restoring import Cubic
@@ -118,6 +120,22 @@ def test_a_term_of_the_wrong_sign_is_told():
     assert Term("mu", Measured(1.0, 0.5), True).note() == (
         "The dead band is not significant, 2 standard uncertainties from zero; it was kept."
     )
+
+
+def stub(aicc, **terms):
+    """What the choice between fits looks at, every standard error being one."""
+    return SimpleNamespace(
+        values=terms, std_errors=dict.fromkeys(terms, 1.0), error_inflation=1.0, converged=True, aicc=aicc
+    )
+
+
+def test_a_fit_in_which_a_term_feeds_the_motion_is_not_chosen():
+    fits: Any = {(): stub(100.0), ("mu", "drag"): stub(0.0, mu=5.0, drag=-5.0), ("mu",): stub(10.0, mu=5.0)}
+    assert _best(fits) == ("mu",)
+    fits["mu", "drag"].values["drag"] = -2.0
+    assert _best(fits) == ("mu", "drag")
+    softening: Any = {(): stub(1.0), ("k3",): stub(0.0, k3=-9.0)}
+    assert _best(softening) == ("k3",)
 
 
 def test_an_unknown_restoring_force_offers_the_nearest():
