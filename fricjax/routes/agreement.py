@@ -1,0 +1,218 @@
+"""The routes side by side on the same runs: where they disagree, the model does not hold.
+
+Each route sees something else of a run: the trace all of it, the pairs only where it starts and ends, the energy its
+losses half-cycle by half-cycle or sample by sample. Under the right law all give the same coefficient.
+"""
+
+import dataclasses
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ..calibrate import Rig
+from ..data import Record, Trace
+from ..data.errors import DataError, UsageError
+from ..fitting import BatchFit, fit_batch
+from ..friction import Coulomb
+from ..show import Table, plain, uncertain
+from .energy_balance import half_cycle_friction
+from .final_displacement import fit_final_displacements
+from .force_map import friction_force_map
+from .pairs import Pairs, pairs_of
+from .triangle_map import fit_triangle_map
+
+_START = 0.01
+_DISTANT = 3.0
+
+
+class Route(NamedTuple):
+    """One route's dynamic coefficient, its standard error from the runs alone, and from how many runs it comes."""
+
+    name: str
+    mu: float
+    std: float
+    runs: int
+
+
+@dataclasses.dataclass(frozen=True)
+class Agreement:
+    """The routes on the same runs.
+
+    Attributes:
+        routes: what each route found; a route that found nothing is in `failures`, with the reason.
+        failures: sentences by name of the route.
+        mu, std: weighted mean and its standard error, by the scatter between the routes where that is larger.
+        chi2: sum of squared distances from the mean in standard errors; `dof`: number of routes less one.
+        spread: largest relative distance between two routes.
+        tolerance: relative distance that counts as agreement whatever the standard errors.
+    """
+
+    routes: tuple[Route, ...]
+    failures: dict[str, str]
+    mu: float
+    std: float
+    chi2: float
+    dof: int
+    spread: float
+    tolerance: float
+
+    @property
+    def agree(self) -> bool:
+        """Whether all routes lie together, by their standard errors or by the tolerance."""
+        near = all(abs(route.mu - self.mu) <= _DISTANT * np.hypot(route.std, self.std) for route in self.routes)
+        return near or self.spread <= self.tolerance
+
+    @property
+    def verdict(self) -> str:
+        """What that says of the model, in one sentence."""
+        if len(self.routes) < 2:
+            return "Fewer than two routes gave a number, so the model is not tested."
+        told = f"{len(self.routes)} routes lie within {self.spread:.2g} of each other"
+        if self.agree:
+            return f"{told}: one coefficient of Coulomb friction describes the runs."
+        off = max(self.routes, key=lambda route: abs(route.mu - self.mu))
+        return (
+            f"{told}, more than their standard errors and the tolerance of {self.tolerance:g} allow; farthest is "
+            f"{off.name}. The law, the damping or the release is not what it was taken for: look at the force map."
+        )
+
+    def table(self) -> Table:
+        """One row per route."""
+        rows = [[r.name, uncertain(r.mu, r.std), plain(r.mu / self.mu - 1, 2), str(r.runs)] for r in self.routes]
+        rows += [[name, "", "", reason] for name, reason in self.failures.items()]
+        return Table(["Route", "mu", "From the mean (relative)", "Runs"], rows)
+
+    def summary(self) -> str:
+        """The comparison as plain text."""
+        return f"{self.table().text()}\n\nmean: {uncertain(self.mu, self.std)}\n{self.verdict}"
+
+    def _repr_html_(self) -> str:
+        return f"{self.table().html()}<p>mean: {uncertain(self.mu, self.std)}. {self.verdict}</p>"
+
+    def to_dict(self) -> dict[str, Any]:
+        """The comparison as plain data."""
+        return {
+            **{name: getattr(self, name) for name in ("mu", "std", "chi2", "dof", "spread", "tolerance", "failures")},
+            "routes": [route._asdict() for route in self.routes],
+            "agree": self.agree,
+            "verdict": self.verdict,
+        }
+
+
+def compare_routes(records: Sequence[Record | Trace], rig: Rig, *, tolerance: float = 1e-3) -> Agreement:
+    """The dynamic coefficient of Coulomb friction by every route from the same runs.
+
+    The uncertainties of the rig move all routes together and are left out.
+
+    Args:
+        records: runs that come to rest, better with several half-cycles each.
+        rig: the machine, with its damping.
+        tolerance: relative distance that counts as agreement whatever the standard errors.
+
+    Raises:
+        UsageError: no records, or no route that gave a number; the sentence names why the first one failed.
+        RuntimeError: JAX computes in single precision.
+    """
+    if not records:
+        raise UsageError("There is no run to compare the routes on: the list is empty.")
+    routes, failures = [], {}
+    for name, route in _ROUTES.items():
+        try:
+            found = route(records, rig)
+        except (DataError, UsageError) as error:
+            failures[name] = str(error)
+        else:
+            routes.append(Route(name, *found))
+    if not routes:
+        raise UsageError(f"No route gave a number. {next(iter(failures))}: {next(iter(failures.values()))}")
+    return _joined(tuple(routes), failures, tolerance)
+
+
+def _joined(routes: tuple[Route, ...], failures: dict[str, str], tolerance: float) -> Agreement:
+    values, stds = (np.array([getattr(route, name) for route in routes]) for name in ("mu", "std"))
+    mean, std, chi2 = weighted_mean(values, stds)
+    return Agreement(routes, failures, mean, std, chi2, len(routes) - 1, float(np.ptp(values) / abs(mean)), tolerance)
+
+
+def weighted_mean(values: np.ndarray, stds: np.ndarray) -> tuple[float, float, float]:
+    """Mean by inverse variance, its standard error, not below what the scatter says, and chi^2 of the scatter."""
+    known = np.isfinite(values) & np.isfinite(stds) & (stds > 0)
+    values, weights = values[known], 1 / stds[known] ** 2
+    mean = float(values @ weights / weights.sum())
+    chi2 = float(((values - mean) ** 2) @ weights)
+    scatter = max(chi2 / max(values.size - 1, 1), 1.0)
+    return mean, float(np.sqrt(scatter / weights.sum())), chi2
+
+
+def _by_trace(records: Sequence[Record | Trace], rig: Rig) -> tuple[float, float, int]:
+    """Route 1: every trace by itself, from its first reversal."""
+    found: BatchFit = fit_batch(records, rig.oscillator(Coulomb(_START)), ("mu", "stiffness"))
+    good = found.converged & np.isfinite(found.std_errors["mu"])
+    if not good.any():
+        raise DataError(f"No trace could be fitted. The first: {found.status[0]}")
+    mean, std, _ = weighted_mean(*(values[good] for values in _coefficients(found, rig)))
+    return mean, std, int(good.sum())
+
+
+def _coefficients(found: BatchFit, rig: Rig) -> tuple[np.ndarray, np.ndarray]:
+    """Values and standard errors of ``k x_d/N`` with the rig's stiffness; the fitted one only gives the frequency."""
+    machine = rig.oscillator(Coulomb(_START))
+    scale = float(machine.stiffness) / float(machine.normal_force)
+    return found.kinematics["dead_band"] * scale, found.kinematics_std["dead_band"] * scale
+
+
+def _by_pairs(records: Sequence[Record | Trace], rig: Rig) -> tuple[float, float, int]:
+    pairs = _moved(records)
+    machine = rig.oscillator(Coulomb(_START))
+    found = fit_final_displacements(pairs.x0, pairs.xf, machine, half_cycles=pairs.half_cycles)
+    if not found.converged:
+        raise DataError(f"The fit is not valid, {found.status}")
+    return found.values["mu"], found.std_errors["mu"], pairs.x0.size
+
+
+def _by_map(records: Sequence[Record | Trace], rig: Rig) -> tuple[float, float, int]:
+    pairs = _moved(records)
+    found = fit_triangle_map(pairs.x0, pairs.xf, _exact(rig))
+    return found.values["mu"], found.std_errors["mu"], pairs.x0.size
+
+
+def _by_half_cycles(records: Sequence[Record | Trace], rig: Rig) -> tuple[float, float, int]:
+    found = half_cycle_friction(list(records), _exact(rig))
+    return found.mu.value, found.mu.std, len(found.offsets)
+
+
+def _by_samples(records: Sequence[Record | Trace], rig: Rig) -> tuple[float, float, int]:
+    found = friction_force_map(list(records), _exact(rig))
+    return found.mu.value, found.mu.std, len(found.offsets)
+
+
+_ROUTES: dict[str, Callable[[Sequence[Record | Trace], Rig], tuple[float, float, int]]] = {
+    "1 traces": _by_trace,
+    "2 final displacements": _by_pairs,
+    "3 triangle map": _by_map,
+    "4 energy, half-cycles": _by_half_cycles,
+    "4 energy, samples": _by_samples,
+}
+
+
+def _moved(records: Sequence[Record | Trace]) -> Pairs:
+    """Pairs from the first reversal of those runs in which the mass moves on after it."""
+    usable = [pair for record in records if (pair := _pair(record)) is not None]
+    if not usable:
+        raise DataError("No run moves on after its first reversal and comes to rest. Release from farther away.")
+    columns = (np.concatenate(column) for column in zip(*usable, strict=True))
+    return Pairs(*columns)
+
+
+def _pair(record: Record | Trace) -> Pairs | None:
+    try:
+        pair = pairs_of([record])
+    except DataError:
+        return None
+    return pair if pair.half_cycles is not None and pair.half_cycles[0] > 0 else None
+
+
+def _exact(rig: Rig) -> Rig:
+    """The rig without its uncertainties, which all routes share."""
+    return rig.replace(**{name: value.value for name, value in rig.numbers().items() if value.std > 0 and name != "k3"})
