@@ -104,5 +104,5 @@ def _apart(best: Mapping[str, Measured], peaks: Mapping[str, Measured]) -> list[
         return []
     return [
         f"Least squares and peak picking disagree on {', '.join(apart)}: the receptance is not that of one mode. "
-        "Look for leakage, a second mode in the band, or an exponential window."
+        "Look for leakage, an exponential window, or a band with a second mode or lines that the hammer did not excite."
     ]

@@ -13,7 +13,7 @@ import numpy as np
 from ..data.errors import DataError, UsageError
 from .propagate import positive
 
-_STRONG = 0.1
+_STRONG = 0.5
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -123,8 +123,11 @@ def receptance(test: ImpactTest, band: tuple[float, float]) -> tuple[np.ndarray,
 
 
 def _blow(force: np.ndarray) -> np.ndarray:
-    """Samples of the blow: those between the first and the last strong force, and a tenth more at either end."""
+    """Samples of the blow: those between the first and the last strong force, and a third of them at either end.
+
+    Half a sine exceeds half of its height during two thirds of its length.
+    """
     strong = np.flatnonzero(np.abs(force).max(axis=0) > _STRONG * np.abs(force).max())
-    margin = (strong[-1] - strong[0]) // 10 + 1
+    margin = (strong[-1] - strong[0]) // 3 + 1
     samples = np.arange(force.shape[1])
     return (samples >= strong[0] - margin) & (samples <= strong[-1] + margin)

@@ -13,7 +13,7 @@ import numpy as np
 from ..data.errors import DataError
 
 NAMES = ("mass", "stiffness", "damping", "frequency", "damping_ratio")
-_AROUND = 0.8
+_AROUND = 0.7
 _FINE = 2001
 _REPEATS = 50
 
@@ -72,7 +72,7 @@ def _top(frequency: np.ndarray, values: np.ndarray, peak: int) -> tuple[float, f
     """Place and height of a maximum near line `peak`: a polynomial through the lines around it."""
     first, last = _around(values, peak)
     f, y = frequency[first : last + 1] - frequency[peak], values[first : last + 1]
-    polynomial = np.polynomial.Polynomial.fit(f, y, min(3, f.size - 1))
+    polynomial = np.polynomial.Polynomial.fit(f, y, min(4, f.size - 1))
     fine = np.linspace(f[0], f[-1], _FINE)
     heights = polynomial(fine)
     best = int(np.argmax(heights))
