@@ -5,6 +5,7 @@ receptance ``X/F = 1/(k - m w^2 + i w c)``. Two methods evaluate it: least squar
 result, and peak picking, its check.
 """
 
+import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -14,7 +15,7 @@ from ..data.errors import DataError
 from .measured import Measured
 from .modal import Modal, fit_mode
 from .modal_calibration import ModalCalibration
-from .peaks import NAMES, pick, picking_error
+from .peaks import NAMES, SCALED, pick, picking_error
 from .propagate import positive
 
 _LEAST_LINES = 8
@@ -50,13 +51,14 @@ def calibrate_frf(
     best: dict[str, Measured] = {name: fitted.measured(name, scale) for name in NAMES}
     errors = picking_error(f, fitted.fitted, fitted.line_noise, fitted.numbers)
     peaks: dict[str, Measured] = dict(zip(NAMES, map(Measured, picked.numbers(), errors), strict=True))
+    apart = _apart(best, peaks)
     return ModalCalibration(
         **best,
-        peak_picking=peaks,
+        peak_picking={name: _with_scale(name, number, scale) for name, number in peaks.items()},
         residual_compliance=fitted.residual_compliance,
         noise=_noise_at_resonance(fitted),
         duration=length,
-        warnings=(*_short(length, best), *_apart(best, peaks)),
+        warnings=(*_short(length, best), *apart),
     )
 
 
@@ -78,6 +80,12 @@ def _lines(frequency: Any, receptance: Any) -> tuple[np.ndarray, np.ndarray]:
     if not np.any(np.imag(response)):
         raise DataError("The receptance is real. Give the complex ratio X/F, not its magnitude.")
     return f, response
+
+
+def _with_scale(name: str, number: Measured, scale_std: float) -> Measured:
+    """A picked number with the uncertainty of the receptance's scale, where it depends on that."""
+    share = scale_std * number.value if name in SCALED else 0.0
+    return Measured(number.value, math.hypot(number.std, share))
 
 
 def _noise_at_resonance(fitted: Modal) -> float:

@@ -122,6 +122,21 @@ def receptance(test: ImpactTest, band: tuple[float, float]) -> tuple[np.ndarray,
     return frequency[inside], np.sum(force.conj() * motion, axis=0) / np.sum(np.abs(force) ** 2, axis=0)
 
 
+def force_noise(test: ImpactTest) -> float:
+    """Relative standard uncertainty that noise of the force gives the receptance's scale, alike at all lines.
+
+    Below the corner of the pulse's spectrum every line of the force is about the momentum of the blow. Its noise is
+    read from the force outside of the blow. For `scale_std` of the calibration, with that of the sensor itself.
+
+    Args:
+        test: the records.
+    """
+    inside = _blow(test.force)
+    noise = float(np.std(test.force[:, ~inside]))
+    momentum = np.abs(test.force[:, inside].sum(axis=1))
+    return noise * math.sqrt(np.count_nonzero(inside) / np.sum(momentum**2))
+
+
 def _blow(force: np.ndarray) -> np.ndarray:
     """Samples of the blow: those between the first and the last strong force, and a third of them at either end.
 

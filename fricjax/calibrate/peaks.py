@@ -13,6 +13,7 @@ import numpy as np
 from ..data.errors import DataError
 
 NAMES = ("mass", "stiffness", "damping", "frequency", "damping_ratio")
+SCALED = ("mass", "stiffness", "damping")  # these go with one over the scale of the receptance
 _AROUND = 0.7
 _FINE = 2001
 _REPEATS = 50

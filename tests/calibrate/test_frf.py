@@ -9,7 +9,7 @@ from scipy.integrate import solve_ivp
 from fricjax.calibrate import Measured
 from fricjax.calibrate.frf import calibrate_frf
 from fricjax.calibrate.frf_file import read_frf
-from fricjax.calibrate.impact import ImpactTest, impact_test, receptance
+from fricjax.calibrate.impact import ImpactTest, force_noise, impact_test, receptance
 from fricjax.data.errors import DataError, UsageError
 
 MASS, STIFFNESS, RATIO = 0.41068, 2574.0, 0.0027
@@ -100,8 +100,10 @@ def test_the_scale_of_the_force_sensor_enters_mass_stiffness_and_damping():
     found = calibrate_frf(LINES, noisy(3, 1e-4), scale_std=0.01)
     for name in ("mass", "stiffness", "damping"):
         assert found.numbers()[name].relative == pytest.approx(0.01, rel=1e-2), name
+        assert found.peak_picking[name].relative >= 0.01, name
     assert found.frequency.relative < 1e-6
     assert found.damping_ratio.relative < 1e-3
+    assert found.peak_picking["frequency"].relative < 1e-4
 
 
 def test_two_modes_in_the_band_are_noticed():
@@ -160,6 +162,16 @@ def test_simulated_impact_is_the_solution_of_the_equation_of_motion():
     found = solve_ivp(rates, (0, 0.1), [0, 0], t_eval=test.t, rtol=1e-10, atol=1e-14, max_step=1e-3)
     np.testing.assert_allclose(test.displacement[0], found.y[0], atol=1e-9)
     assert np.abs(test.displacement).max() > 5e-4
+
+
+def test_noise_of_the_force_explains_the_scatter_of_the_stiffness():
+    pulls = []
+    for seed in range(30):
+        test = impact_test(MASS, STIFFNESS, 20 * DAMPING, duration=5.0, rate=1e4, noise=0.02, seed=seed)
+        found = calibrate_frf(*receptance(test, (5.0, 25.0)), scale_std=force_noise(test))
+        pulls.append((found.stiffness.value - STIFFNESS) / found.stiffness.std)
+    # 30 pulls scatter by 1 within 13 %.
+    assert 0.55 < math.sqrt(np.mean(np.square(pulls))) < 1.45
 
 
 def test_averaging_blows_lowers_the_noise():
