@@ -20,7 +20,7 @@ from ..data import Record, Trace
 from ..oscillator import Oscillator, require_x64
 from ..show import Table, uncertain
 from .no_contact import contactless
-from .strokes import Decay, decays
+from .strokes import Decay, decay, each_of
 
 ROUNDS = 4  # the equilibrium enters linearly but for the restoring force's curvature and windage
 STEP = 1e-4  # of the largest swing, for the derivative with respect to the equilibrium
@@ -34,8 +34,8 @@ class HalfCycleFriction:
         force: mean friction force over the path of the half-cycle [N].
         std: its standard uncertainty from the noise [N].
         swing: length of the path [m].
-        record: number of the record that it belongs to.
-        mean: weighted mean of the forces [N]; its uncertainty is that of the noise.
+        record: number of the record that it belongs to, among those used.
+        mean: weighted mean of the forces [N], with the uncertainty of the noise or of their scatter, the larger one.
         mu: coefficient of friction: mean over load, with the uncertainties of the rig to first order [1].
         chi2_reduced: scatter of the forces about their weighted means, over what the noise explains; above one the
             friction changes with amplitude, as it does where it depends on velocity.
@@ -104,14 +104,16 @@ def half_cycle_friction(records: Any, rig: Rig, no_contact: Record | Trace | Non
     """
     require_x64()
     oscillator = contactless(rig, no_contact)
-    found, notes = decays(records)
-    balances = [_balanced(decay, oscillator) for decay in found]
-    mean = _pooled(balances)
+    found, notes = each_of(records, decay)
+    balances = [_balanced(each, oscillator) for each in found]
+    pooled = _pooled(balances)
     force, std, swing = (
         np.concatenate([getattr(each, name) for each in balances]) for name in ("force", "std", "swing")
     )
     freedom = max(sum(each.force.size - 2 for each in balances) + len(balances) - 1, 1)
-    chi2 = sum(each.chi2 + ((each.mean.value - mean.value) / each.mean.std) ** 2 for each in balances)
+    chi2 = sum(each.chi2 + ((each.mean.value - pooled.value) / each.mean.std) ** 2 for each in balances)
+    reduced = float(chi2) / freedom
+    mean = Measured(pooled.value, pooled.std * max(reduced, 1.0) ** 0.5)
     return HalfCycleFriction(
         force=force,
         std=std,
@@ -119,7 +121,7 @@ def half_cycle_friction(records: Any, rig: Rig, no_contact: Record | Trace | Non
         record=np.repeat(np.arange(len(found)), [each.force.size for each in balances]),
         mean=mean,
         mu=_coefficient(found, rig, oscillator, mean),
-        chi2_reduced=float(chi2) / freedom,
+        chi2_reduced=reduced,
         offsets=tuple(each.offset for each in balances),
         notes=notes,
     )
@@ -204,6 +206,6 @@ def _coefficient(found: list[Decay], rig: Rig, oscillator: Oscillator, mean: Mea
     value, variance = mean.value / load, (mean.std / load) ** 2
     for name, given in rig.inputs().items():
         moved = rig.with_inputs({name: given.value + given.std}).oscillator(oscillator.friction)
-        force = _pooled([_balanced(decay, moved) for decay in found]).value
+        force = _pooled([_balanced(each, moved) for each in found]).value
         variance += (force / float(moved.normal_force) - value) ** 2
     return Measured(value, float(variance**0.5))

@@ -15,8 +15,9 @@ from ..data.errors import UsageError
 from ..oscillator import Oscillator, require_x64
 from .estimates import Estimates
 from .no_contact import contactless
-from .sampled import Sampled, sampled
-from .strokes import decays
+from .sampled import sampled
+from .smoothing import Motion
+from .strokes import decay, each_of
 
 NODES = 32  # energies looked at per stroke
 SHORTENED = 0.5  # windows: energy needs no acceleration, and shorter ones bias the velocity less
@@ -46,15 +47,20 @@ def integral_friction(
     require_x64()
     shapes = _shapes(v_stribeck)
     oscillator = contactless(rig, no_contact)
-    found, notes = decays(records)
-    equations = [_equations(sampled(decay, oscillator, lengthened=SHORTENED), oscillator, shapes) for decay in found]
+    found, notes = each_of(records, lambda record: sampled(decay(record), oscillator, lengthened=SHORTENED))
+    equations = []
+    for i, forces in enumerate(found):
+        own = np.arange(len(found)) == i
+        equations += [_equation(motion, forces.offset, oscillator, shapes, own) for motion in forces.motions]
+    size = len(shapes)
     inverse = np.linalg.inv(sum(work.T @ work for work, _, _ in equations))
     values = inverse @ sum(work.T @ lost for work, lost, _ in equations)
     middle = sum(work.T @ covariance @ work for work, _, covariance in equations)
     chi2 = sum(float(np.sum((lost - work @ values) ** 2)) for work, lost, _ in equations)
     expected = sum(float(np.trace(covariance)) for _, _, covariance in equations)
     units = {name: UNITS[name] for name in shapes}
-    return Estimates.of(units, values, inverse @ middle @ inverse, chi2 / expected, notes)
+    spread = (inverse @ middle @ inverse)[:size, :size]
+    return Estimates.of(units, values[:size], spread, chi2 / expected, notes)
 
 
 def _shapes(v_stribeck: float | None) -> dict[str, Callable[[np.ndarray], np.ndarray]]:
@@ -67,42 +73,34 @@ def _shapes(v_stribeck: float | None) -> dict[str, Callable[[np.ndarray], np.nda
     return {"coulomb": np.ones_like, "stribeck": lambda speed: np.exp(-((speed / v_stribeck) ** 2)), **shapes}
 
 
-def _equations(
-    found: Sampled, oscillator: Oscillator, shapes: dict[str, Callable[[np.ndarray], np.ndarray]]
+def _equation(
+    motion: Motion,
+    offset: float,
+    oscillator: Oscillator,
+    shapes: dict[str, Callable[[np.ndarray], np.ndarray]],
+    own: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Work of the candidates up to each node, energy lost there, and the covariance of the energies.
+    """Work of the candidates up to each node of a stroke, energy lost there, and the covariance of the energies.
 
-    All in units of the noise, and without what belongs to the record alone: the energy at the start of each stroke, and
-    the equilibrium, which changes the energy by the restoring force.
+    All in units of the noise, and without the energy at the start. The last columns are what a shift of the equilibrium
+    of each record changes: the restoring force times the shift, in the record that `own` marks.
     """
-    mass, damping, drag = (float(getattr(oscillator, name)) for name in ("mass", "damping", "drag"))
-    restoring = np.asarray(oscillator.restoring_force(found.x))  # pyright: ignore[reportArgumentType]
-    potential = oscillator.restoring.potential(found.x, oscillator.stiffness)  # pyright: ignore[reportArgumentType]
-    energy = mass * found.v**2 / 2 + np.asarray(potential)
-    known = (damping + drag * np.abs(found.v)) * found.v**2
-    powers = np.column_stack([*(shape(found.speed) * found.speed for shape in shapes.values()), known])
-    nodes, strokes, work = _at_nodes(found, powers)
-    picked = np.zeros((energy.size, nodes.size))
-    picked[nodes, np.arange(nodes.size)] = 1.0
-    covariance = found.covariance(picked, (restoring, mass * found.v, np.zeros_like(energy)))
-    std = np.sqrt(np.diag(covariance))
-    own = np.column_stack([strokes[:, None] == np.unique(strokes), restoring[nodes]]) / std[:, None]
-    ortho = np.linalg.qr(own / np.linalg.norm(own, axis=0))[0]
-    keep = (np.eye(std.size) - ortho @ ortho.T) / std
-    return keep @ work[:, :-1], keep @ (-energy[nodes] - work[:, -1]), keep @ covariance @ keep.T
-
-
-def _at_nodes(found: Sampled, powers: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Samples at the nodes, the number of their stroke, and the integrals of the powers from its start."""
     from scipy.integrate import cumulative_simpson
 
-    nodes, strokes, works, first = [], [], [], 0
-    for i, motion in enumerate(found.motions):
-        size = motion.x.size
-        chosen = np.unique(np.linspace(0, size - 1, NODES).astype(int))
-        work = cumulative_simpson(powers[first : first + size], dx=motion.stroke.step, axis=0, initial=0.0)
-        nodes.append(first + chosen)
-        strokes.append(np.full(chosen.size, i))
-        works.append(work[chosen])
-        first += size
-    return np.concatenate(nodes), np.concatenate(strokes), np.concatenate(works)
+    mass, damping, drag = (float(getattr(oscillator, name)) for name in ("mass", "damping", "drag"))
+    x, v, speed = motion.x - offset, motion.v, motion.stroke.direction * motion.v
+    restoring = np.asarray(oscillator.restoring_force(x))  # pyright: ignore[reportArgumentType]
+    potential = np.asarray(oscillator.restoring.potential(x, oscillator.stiffness))  # pyright: ignore[reportArgumentType]
+    known = (damping + drag * np.abs(v)) * v**2
+    powers = np.column_stack([*(shape(speed) * speed for shape in shapes.values()), known])
+    nodes = np.unique(np.linspace(0, x.size - 1, NODES).astype(int))
+    work = cumulative_simpson(powers, dx=motion.stroke.step, axis=0, initial=0.0)[nodes]
+    lost = -(mass * v**2 / 2 + potential)[nodes] - work[:, -1]
+    picked = np.eye(x.size)[:, nodes]
+    weights = restoring[:, None] * picked, (mass * v)[:, None] * picked, 0 * picked
+    covariance = motion.stroke.noise**2 * (seen := motion.response(weights)).T @ seen
+    std = np.sqrt(np.diag(covariance))
+    start = (1 / std) / np.linalg.norm(1 / std)
+    keep = (np.eye(std.size) - np.outer(start, start)) / std
+    columns = np.column_stack([work[:, :-1], restoring[nodes, None] * own])
+    return keep @ columns, keep @ lost, keep @ covariance @ keep.T

@@ -13,11 +13,11 @@ import numpy as np
 from ..calibrate import Measured, Rig
 from ..data import Record, Trace
 from ..data.errors import UsageError
-from ..oscillator import require_x64
-from .cells import cells, pooled
+from ..oscillator import Oscillator, require_x64
+from .cells import BIAS_SHARE, cells, pooled
 from .no_contact import contactless
 from .sampled import Sampled, sampled
-from .strokes import decays
+from .strokes import decay, each_of
 
 DECADES_BELOW = 2.5  # of the largest speed: where the lowest range of speeds ends
 LONGER = 1.5  # windows for the bias of smoothing, which grows with the fourth power of their length
@@ -36,8 +36,8 @@ class ForceMap:
         direction: +1 or -1, the sign of the velocity.
         branch: +1 where the speed grows, -1 where it falls.
         edges: limits of the ranges of speed [m/s], shape (bins + 1,).
-        mean: friction work divided by path [N], the weighted mean over the records; its uncertainty is that of the
-            noise.
+        mean: friction work divided by path [N], the weighted mean over the records; its uncertainty as
+            that of the forces.
         normal_force: load on the contact [N].
         damping, drag: viscous [N s/m] and quadratic [N s^2/m^2] coefficients of the losses that were subtracted.
         offsets: equilibrium position in each record used [m].
@@ -121,17 +121,14 @@ def friction_force_map(
     """
     require_x64()
     oscillator = contactless(rig, no_contact)
-    found, notes = decays(records, 2 if offset is None else 1)
-    forces = [sampled(decay, oscillator, offset, window) for decay in found]
-    longer = [
-        sampled(decay, oscillator, force.offset, window, LONGER) for decay, force in zip(found, forces, strict=True)
-    ]
+    pairs, notes = each_of(records, lambda record: _forces(record, oscillator, offset, window))
+    forces = [found for found, _ in pairs]
     edges = _edges(bins, max(float(np.max(force.speed)) for force in forces))
     first = records[0] if isinstance(records, list | tuple) else records
     return ForceMap(
-        **pooled([cells(*pair, edges) for pair in zip(forces, longer, strict=True)], edges),
+        **pooled([cells(*pair, edges) for pair in pairs], edges),
         edges=edges,
-        mean=_mean(forces),
+        mean=_mean(pairs),
         normal_force=float(oscillator.normal_force),
         damping=float(oscillator.damping),
         drag=float(oscillator.drag),
@@ -139,6 +136,13 @@ def friction_force_map(
         quantity=getattr(first, "quantity", "m"),
         notes=notes,
     )
+
+
+def _forces(record: Any, oscillator: Oscillator, offset: float | None, window: float | None) -> tuple[Sampled, Sampled]:
+    """Forces at every sample, with smoothing windows as they should be and with longer ones."""
+    found = decay(record, 2 if offset is None else 1)
+    forces = sampled(found, oscillator, offset, window)
+    return forces, sampled(found, oscillator, forces.offset, window, LONGER)
 
 
 def _edges(bins: Any, fastest: float) -> np.ndarray:
@@ -153,16 +157,18 @@ def _edges(bins: Any, fastest: float) -> np.ndarray:
     return edges
 
 
-def _mean(forces: list[Sampled]) -> Measured:
+def _mean(pairs: list[tuple[Sampled, Sampled]]) -> Measured:
     """Friction work divided by the path of each record, and of these the weighted mean [N]."""
-    means = [_work_over_path(found) for found in forces]
+    means = [_work_over_path(*pair) for pair in pairs]
     weight = np.array([mean.std**-2 for mean in means])
     values = np.array([mean.value for mean in means])
     return Measured(float(weight @ values / weight.sum()), float(weight.sum() ** -0.5))
 
 
-def _work_over_path(found: Sampled) -> Measured:
+def _work_over_path(found: Sampled, longer: Sampled) -> Measured:
     """Friction work divided by the path of one record [N]."""
     share = found.v / np.sum(found.speed)
-    variance = found.covariance(share[:, None])[0, 0] + (share @ found.weights[0] * found.offset_std) ** 2
+    equilibrium = share @ found.weights[0] * found.offset_std
+    bias = BIAS_SHARE * (share @ (longer.force - found.force))
+    variance = found.covariance(share[:, None])[0, 0] + equilibrium**2 + bias**2
     return Measured(float(share @ found.force), float(variance**0.5))

@@ -11,6 +11,7 @@ from typing import Any
 import jax
 import numpy as np
 
+from ..data.errors import DataError
 from ..oscillator import Oscillator
 from .smoothing import Motion, smooth
 from .strokes import Decay
@@ -148,25 +149,34 @@ def _asymmetry(found: Sampled) -> tuple[float, float]:
     Each stroke is compared with the next over the upper part of the speeds that both reach.
     """
     ends = np.cumsum([0, *(motion.x.size for motion in found.motions)])
-    std, speed = found.std(), found.speed
-    estimators, precision = [], []
-    for first, middle, last in zip(ends[:-2], ends[1:-1], ends[2:], strict=True):
-        common = min(speed[first:middle].max(), speed[middle:last].max())
-        pair = np.arange(first, last)
-        pair = pair[(speed[pair] > FAST * common) & (speed[pair] <= common)]
-        estimator = _comparison(found, pair, std, common)
-        estimators.append(estimator)
-        precision.append(1 / np.sum((estimator * std) ** 2))
+    std = found.std()
+    pairs = [_common(found, *three) for three in zip(ends[:-2], ends[1:-1], ends[2:], strict=True)]
+    estimators = [_comparison(found, pair, std) for pair in pairs if pair.size]
+    if not estimators:
+        raise DataError(
+            "No two half-cycles have enough samples at the same speed to tell friction from the equilibrium; sample "
+            "faster, release the mass from farther away, or give the equilibrium as offset."
+        )
+    precision = [1 / np.sum((estimator * std) ** 2) for estimator in estimators]
     joint = np.average(estimators, axis=0, weights=precision)
     return float(joint @ found.force), float(found.covariance(joint[:, None])[0, 0] ** 0.5)
 
 
-def _comparison(found: Sampled, pair: np.ndarray, std: np.ndarray, common: float) -> np.ndarray:
+def _common(found: Sampled, first: int, middle: int, last: int) -> np.ndarray:
+    """Samples of two strokes at the upper part of the speeds that both reach; none where a branch of either has few."""
+    speed, index = found.speed, np.arange(first, last)
+    common = min(speed[first:middle].max(), speed[middle:last].max())
+    pair = index[(speed[index] > FAST * common) & (speed[index] <= common)]
+    counts = np.bincount(2 * (pair >= middle) + found.accelerating[pair], minlength=4)
+    return pair if counts.min() > POWERS else pair[:0]
+
+
+def _comparison(found: Sampled, pair: np.ndarray, std: np.ndarray) -> np.ndarray:
     """What to weigh the forces with, shape (n,), to get the shift of the equilibrium from some samples of two strokes.
 
     There the force is fitted with powers of the speed, for each branch its own, times the direction, and the shift.
     """
-    share = found.speed[pair] / common
+    share = found.speed[pair] / np.max(found.speed[pair])
     powers = found.direction[pair, None] * share[:, None] ** np.arange(POWERS)
     rising = found.accelerating[pair, None]
     basis = np.column_stack([powers * rising, powers * ~rising, -found.weights[0][pair]])

@@ -85,17 +85,26 @@ def _half_widths(stroke: Stroke, shortest: float | None, acceleration: float, le
 @functools.lru_cache(maxsize=64)
 def _operators(n: int, narrow: int, wide: int, reach: float) -> tuple[Any, Any, Any]:
     """Sparse matrices, shape (n, n), for the value and the first two derivatives at unit spacing."""
-    from scipy.signal import savgol_coeffs
     from scipy.sparse import csr_array
 
     half, first = _windows(n, narrow, wide, reach)
     columns = np.concatenate([np.arange(a, a + 2 * h + 1) for a, h in zip(first, half, strict=True)])
     starts = np.concatenate([[0], np.cumsum(2 * half + 1)])
     place = np.arange(n) - first
-    weights = functools.cache(lambda h, at, k: savgol_coeffs(2 * h + 1, DEGREE, k, pos=at, use="dot"))
+    kernels = {int(h): _kernels(int(h), np.unique(place[half == h])) for h in np.unique(half)}
     rows = list(zip(half.tolist(), place.tolist(), strict=True))
-    values = [np.concatenate([weights(h, at, k) for h, at in rows]) for k in range(3)]
+    values = [np.concatenate([kernels[h][at][k] for h, at in rows]) for k in range(3)]
     return tuple(csr_array((v, columns, starts), shape=(n, n)) for v in values)  # type: ignore[return-value]
+
+
+def _kernels(half: int, places: np.ndarray) -> dict[int, np.ndarray]:
+    """Coefficients for value and derivatives at some places of a window, each of shape (3, 2 half + 1), by place."""
+    from scipy.signal import savgol_coeffs
+
+    size = 2 * half + 1
+    return {
+        int(at): np.array([savgol_coeffs(size, DEGREE, k, pos=int(at), use="dot") for k in range(3)]) for at in places
+    }
 
 
 def _windows(n: int, narrow: int, wide: int, reach: float) -> tuple[np.ndarray, np.ndarray]:

@@ -5,6 +5,7 @@ energy or force may use are therefore the strokes from the first reversal on, no
 """
 
 import dataclasses
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -81,28 +82,28 @@ def machine(rig: Rig, *, damping_known: bool = True) -> Oscillator:
     return rig.oscillator(Coulomb(0.0))
 
 
-def decays(records: Any, least: int = 2) -> tuple[list[Decay], tuple[str, ...]]:
-    """The decays of one record or of several; those of several that cannot be used are left out and named.
+def each_of[T](records: Any, evaluate: Callable[[Any], T]) -> tuple[list[T], tuple[str, ...]]:
+    """What `evaluate` makes of one record or of several; those of several that cannot be used are left out and named.
 
     Args:
         records: a record, a trace, or a list of them.
-        least: half-cycles needed after the first reversal.
+        evaluate: raises a `DataError` for a record that cannot be used.
 
     Returns:
-        The decays, and a sentence for each record left out.
+        The results, and a sentence for each record left out.
 
     Raises:
         UsageError: no record at all, or something else than records.
         DataError: a single record that cannot be used, or none of several.
     """
     if not isinstance(records, list | tuple):
-        return [decay(records, least)], ()
+        return [evaluate(records)], ()
     if not records:
         raise UsageError("There is no record to evaluate: the list is empty.")
     found, notes = [], []
     for i, record in enumerate(records):
         try:
-            found.append(decay(record, least))
+            found.append(evaluate(record))
         except DataError as error:
             notes.append(f"Record {i} was left out: {error}")
     if not found:

@@ -16,7 +16,7 @@ import numpy as np
 from ..calibrate import Rig
 from ..oscillator import require_x64
 from .estimates import Estimates
-from .strokes import Decay, decays, machine
+from .strokes import Decay, decay, each_of, machine
 
 SUPPORT = 1.25  # length of phi in half-cycles
 SHIFT = 1 / 8  # from one phi to the next, likewise
@@ -29,7 +29,7 @@ class _Rows(NamedTuple):
     shared: np.ndarray
     own: np.ndarray
     right: np.ndarray
-    operators: tuple[np.ndarray, np.ndarray, np.ndarray]
+    operators: tuple[Any, Any, Any]
     noise: np.ndarray
     centre: float
 
@@ -53,16 +53,16 @@ def weak_form(records: Any, rig: Rig) -> Estimates:
     """
     require_x64()
     oscillator = machine(rig, damping_known=False)
-    found, notes = decays(records)
-    rows = [_rows(decay) for decay in found]
+    found, notes = each_of(records, decay)
+    rows = [_rows(each) for each in found]
     basis, right = _stacked(rows)
     inverse = np.linalg.pinv(basis)
     values = inverse @ right
-    seen = [_noise(row, values) for row in rows]
+    covariances = [_covariance(row, values) for row in rows]
     ends = np.cumsum([row.right.size for row in rows])[:-1]
-    parts = [part @ each for part, each in zip(np.split(inverse, ends, axis=1), seen, strict=True)]
-    covariance = sum(part @ part.T for part in parts)
-    left, expected = right - basis @ values, sum(float(np.sum(each**2)) for each in seen)
+    parts = zip(np.split(inverse, ends, axis=1), covariances, strict=True)
+    covariance = sum(part @ each @ part.T for part, each in parts)
+    left, expected = right - basis @ values, sum(float(np.trace(each)) for each in covariances)
     ratio = float(oscillator.mass) / float(oscillator.normal_force)
     slopes, named = _named(values, ratio, [row.centre for row in rows])
     offsets = ["offset"] if len(rows) == 1 else [f"offset[{i}]" for i in range(len(rows))]
@@ -78,13 +78,25 @@ def _rows(decay: Decay) -> _Rows:
     half, centre = float(np.median(np.diff(decay.times))), float(np.mean(decay.points))
     width = SUPPORT * half / 2
     middles = np.arange(decay.times[0] + width, decay.times[-1] - width + 1e-9 * half, SHIFT * half)
-    u = (t - middles[:, None]) / width
-    share = np.gradient(t) * (np.abs(u) < 1)
-    operators = tuple(share * PHI.deriv(k)(u) / width**k if k else share * PHI(u) for k in range(3))
+    operators = _operators(t, middles, width)
     area, signed = _integrals(decay, middles, width)
     plain, slope, curvature = (operator @ (x - centre) for operator in operators)
     shared = np.column_stack([-slope, plain, signed])
     return _Rows(shared, -area[:, None], -curvature, operators, noise, centre)  # type: ignore[arg-type]
+
+
+def _operators(t: np.ndarray, middles: np.ndarray, width: float) -> tuple[Any, Any, Any]:
+    """Sparse matrices, shape (rows, n), that integrate the samples times phi and its first two derivatives."""
+    from scipy.sparse import csr_array
+
+    first, last = np.searchsorted(t, [middles - width, middles + width])
+    columns = np.concatenate([np.arange(a, b) for a, b in zip(first, last, strict=True)])
+    starts = np.concatenate([[0], np.cumsum(last - first)])
+    u = (t[columns] - np.repeat(middles, last - first)) / width
+    steps = np.gradient(t)[columns]
+    shape = (middles.size, t.size)
+    values = (steps * (PHI.deriv(k)(u) if k else PHI(u)) / width**k for k in range(3))
+    return tuple(csr_array((each, columns, starts), shape) for each in values)  # type: ignore[return-value]
 
 
 def _integrals(decay: Decay, middles: np.ndarray, width: float) -> tuple[np.ndarray, np.ndarray]:
@@ -101,10 +113,13 @@ def _stacked(rows: list[_Rows]) -> tuple[np.ndarray, np.ndarray]:
     return np.hstack([np.concatenate([row.shared for row in rows]), own]), np.concatenate([row.right for row in rows])
 
 
-def _noise(row: _Rows, values: np.ndarray) -> np.ndarray:
-    """What each sample's noise of one standard deviation adds to each equation, shape (rows, n)."""
+def _covariance(row: _Rows, values: np.ndarray) -> np.ndarray:
+    """Covariance of the equations of one record by the noise of its samples, shape (rows, rows)."""
+    from scipy.sparse import diags_array
+
     plain, slope, curvature = row.operators
-    return (curvature - values[0] * slope + values[1] * plain) * row.noise
+    seen = (curvature - values[0] * slope + values[1] * plain) @ diags_array(row.noise)
+    return (seen @ seen.T).toarray()
 
 
 def _named(values: np.ndarray, ratio: float, centres: list[float]) -> tuple[np.ndarray, np.ndarray]:

@@ -58,7 +58,8 @@ def test_a_campaign_gives_the_stribeck_law():
         assert abs(found.values[name] - true) < 3.5 * found.std_errors[name], name
         assert found.values[name] == pytest.approx(true, rel=2e-3)
     assert found.chi2_reduced < 1.5
-    assert float(found.friction.dynamic_force(np.asarray(1.0))) == found.values["mu"]
+    load = np.asarray(1.0)
+    assert float(found.friction.dynamic_force(load)) == found.values["mu"]  # pyright: ignore[reportArgumentType]
 
 
 def test_a_wrong_law_shows_in_chi2():
