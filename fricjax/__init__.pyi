@@ -1,9 +1,19 @@
-from . import calibrate, data, fitting, friction, instrument, oscillator, show
+from . import calibrate, data, fitting, friction, instrument, oscillator, routes, show
 from .calibrate import Measured, Rig
+from .calibrate.added_mass import calibrate_added_mass
+from .calibrate.frf import calibrate_frf
+from .calibrate.ringdown import calibrate_ringdown
 from .data import Record, Trace, read, write
 from .fitting import BatchFit, Fit, fit, fit_batch, load_fit
 from .instrument import synthetic_run
 from .oscillator import Motion, Oscillator, energy, final_displacement, restoring, simulate
+from .routes.agreement import compare_routes
+from .routes.energy_balance import half_cycle_friction
+from .routes.final_displacement import fit_final_displacements
+from .routes.force_fit import fit_force_map
+from .routes.force_map import friction_force_map
+from .routes.pairs import pairs_of
+from .routes.triangle_map import fit_triangle_map
 
 __version__: str
 
@@ -17,18 +27,29 @@ __all__ = [
     "Rig",
     "Trace",
     "calibrate",
+    "calibrate_added_mass",
+    "calibrate_frf",
+    "calibrate_ringdown",
+    "compare_routes",
     "data",
     "energy",
     "final_displacement",
     "fit",
     "fit_batch",
+    "fit_final_displacements",
+    "fit_force_map",
+    "fit_triangle_map",
     "fitting",
     "friction",
+    "friction_force_map",
+    "half_cycle_friction",
     "instrument",
     "load_fit",
     "oscillator",
+    "pairs_of",
     "read",
     "restoring",
+    "routes",
     "show",
     "simulate",
     "synthetic_run",

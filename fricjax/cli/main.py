@@ -10,7 +10,7 @@ from typing import NoReturn
 
 import typer
 
-from . import calibrate, demo, doctor, fit, inspect, map, models, simulate
+from . import calibrate, demo, doctor, energy, fit, inspect, map, models, simulate
 from .failure import INTERRUPTED, Failure, failure_of
 from .groups import grouped
 
@@ -27,6 +27,7 @@ for _name, _function in {
     "inspect": inspect.inspect,
     "fit": fit.fit,
     "map": map.map_,
+    "energy": energy.energy,
     "simulate": simulate.simulate,
     "models": models.models,
     "doctor": doctor.doctor,

@@ -11,7 +11,9 @@ from .output import PICTURES, check_targets, finish, log, working
 from .runtime import prepare
 
 if TYPE_CHECKING:
+    from ..calibrate import Rig
     from ..routes import Pairs, RouteFit
+    from .machine import Choice
 
 _MAP = "Map"
 
@@ -41,26 +43,27 @@ def map_(
     with working(output, "Fitting the map"):
         prepare(output)
         from ..routes import fit_final_displacements, fit_triangle_map
-        from .machine import choose
 
-        _check_rig(machine)
-        chosen = choose(machine, free)
+        chosen, rig = _chosen(machine, free)
         pairs = _pairs(files, reading, start)
         how = {"half_cycles": pairs.half_cycles, "sigma": pairs.sigma, "mu_scatter": mu_scatter}
         found = fit_final_displacements(pairs.x0, pairs.xf, chosen.oscillator, chosen.free, **how)
-        shape = fit_triangle_map(pairs.x0, pairs.xf, chosen.rig)
+        shape = fit_triangle_map(pairs.x0, pairs.xf, rig)
     _tell(output, found, shape, plot)
     if not found.converged:
         raise InvalidFit(f"The fit is not valid, {found.status}")
 
 
-def _check_rig(machine: Machine) -> None:
-    """Refuse a map without the numbers that turn its period into a coefficient."""
+def _chosen(machine: Machine, free: str) -> "tuple[Choice, Rig]":
+    """The machine and its rig, without whose numbers the period of a map tells no coefficient."""
     from ..data.errors import UsageError
+    from .machine import choose
 
-    stiff = machine.stiffness or (machine.mass and any("frequency" in text for text in machine.fix or []))
-    if machine.rig is None and not (machine.normal_force and machine.mass and stiff):
+    numbers = (machine.normal_force, machine.mass, machine.stiffness)
+    rig = choose(machine, free).rig if machine.rig is not None or None not in numbers else None
+    if rig is None:
         raise UsageError("A map tells mu only with its rig: give --rig, or --mass, --stiffness and --normal-force.")
+    return choose(machine, free), rig
 
 
 def _pairs(files: list[Path], reading: Reading, start: str) -> "Pairs":

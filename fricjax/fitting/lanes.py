@@ -74,7 +74,7 @@ class _Flat(NamedTuple):
     """A lane taken apart: its arrays, and the shape that it must share with another to share a computation."""
 
     arrays: list[Any]
-    shape: Hashable
+    shape: tuple[Any, tuple[Any, ...], tuple[Any, ...]]
 
     @classmethod
     def of(cls, lane: Lane) -> "_Flat":

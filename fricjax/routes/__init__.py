@@ -4,6 +4,7 @@ from .agreement import Agreement, Route, compare_routes
 from .energy import EnergyLoss, energy_of
 from .energy_balance import HalfCycleFriction, half_cycle_friction
 from .energy_regression import integral_friction
+from .estimates import Estimates
 from .final_displacement import fit_final_displacements
 from .force_fit import ForceFit, fit_force_map
 from .force_map import ForceMap, friction_force_map
@@ -18,6 +19,7 @@ __all__ = [
     "Attempts",
     "Bracket",
     "EnergyLoss",
+    "Estimates",
     "ForceFit",
     "ForceMap",
     "HalfCycleFriction",

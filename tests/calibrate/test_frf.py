@@ -215,9 +215,9 @@ def test_tables_are_read_with_their_units(tmp_path):
 @pytest.mark.parametrize(
     ("text", "sentence"),
     [
-        ("1,2\n2,3\n3,4\n", "frf.csv has 2 column(s); a receptance needs three"),
+        ("1,2\n2,3\n3,4\n", "frf.csv has 2 column(s); a receptance needs 3"),
         ("f [Hz],Re [m],Im [m]\n1,2,3\n2,3,4\n", "frf.csv: the unit 'm' does not fit the real part of a receptance"),
-        ("1,2,3\n2,3,4\n3,x,5\n4,5,6\n", "frf.csv, row 3: '3,x,5' does not hold three numbers; repair the row."),
+        ("1,2,3\n2,3,4\n3,x,5\n4,5,6\n", "frf.csv, row 3: '3,x,5' does not hold 3 numbers; repair the row."),
     ],
 )
 def test_tables_refused_by_their_text(tmp_path, text, sentence):

@@ -95,7 +95,7 @@ def test_a_table_that_is_none_is_rejected(fricjax, tmp_path):
     (tmp_path / "frf.csv").write_text("1,2\n2,3\n3,4\n")
     called = fricjax("calibrate", "frf", tmp_path / "frf.csv")
     assert called.code == 4
-    assert "a receptance needs three: frequency, real part, imaginary part" in called.err
+    assert "a receptance needs 3: frequency, real part, imaginary part" in called.err
 
 
 def test_help_explains_every_option(fricjax):
