@@ -59,11 +59,11 @@ def _chosen(machine: Machine, free: str) -> "tuple[Choice, Rig]":
     from ..data.errors import UsageError
     from .machine import choose
 
-    numbers = (machine.normal_force, machine.mass, machine.stiffness)
-    rig = choose(machine, free).rig if machine.rig is not None or None not in numbers else None
-    if rig is None:
+    given = machine.rig is not None or None not in (machine.normal_force, machine.mass, machine.stiffness)
+    chosen = choose(machine, free) if given else None
+    if chosen is None or chosen.rig is None:
         raise UsageError("A map tells mu only with its rig: give --rig, or --mass, --stiffness and --normal-force.")
-    return choose(machine, free), rig
+    return chosen, chosen.rig
 
 
 def _pairs(files: list[Path], reading: Reading, start: str) -> "Pairs":

@@ -5,6 +5,9 @@ from typing import Any
 
 import numpy as np
 
+from ..data.errors import UsageError, nearest
+from .population import Population, population
+
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class BatchFit:
@@ -57,6 +60,22 @@ class BatchFit:
     def chi2_reduced(self) -> np.ndarray:
         """Sum of squared weighted residuals per degree of freedom, shape (runs,)."""
         return self.chi2 / self.dof
+
+    def population(self, name: str) -> Population:
+        """Mean of a coefficient over the converged runs and its scatter from run to run, ``mu_i ~ N(mu, s^2)``.
+
+        Args:
+            name: a free parameter, or one of the kinematics.
+
+        Raises:
+            UsageError: no such name.
+            DataError: fewer than three converged runs.
+        """
+        known = {**self.kinematics, **self.values}
+        if name not in known:
+            raise UsageError(f"This batch has no {name!r}.{nearest(name, known)} It has {', '.join(known)}.")
+        errors = {**self.kinematics_std, **self.std_errors}[name]
+        return population(np.where(self.converged, known[name], np.nan), errors)
 
     def to_dataframe(self) -> Any:
         """One row per run: values, their standard errors as `<name>_std`, and what tells how good they are."""
