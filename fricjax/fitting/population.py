@@ -7,7 +7,7 @@ Med. 26, 37, 2007). The mean's standard error takes the scatter as estimated (Kn
 2003).
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -76,7 +76,7 @@ def _most_likely(z: np.ndarray, u: np.ndarray) -> float:
 
     if unit == 0:
         return 0.0
-    found = minimize_scalar(lambda s: loss(s * unit), bounds=(0, 5), method="bounded", options={"xatol": 1e-9})
+    found: Any = minimize_scalar(lambda s: loss(s * unit), bounds=(0, 5), method="bounded", options={"xatol": 1e-9})
     return 0.0 if loss(0.0) <= found.fun else float(found.x) * unit
 
 
