@@ -48,7 +48,7 @@ def map_(
         pairs = _pairs(files, reading, start)
         how = {"half_cycles": pairs.half_cycles, "sigma": pairs.sigma, "mu_scatter": mu_scatter}
         found = fit_final_displacements(pairs.x0, pairs.xf, chosen.oscillator, chosen.free, **how)
-        shape = fit_triangle_map(pairs.x0, pairs.xf, rig)
+        shape = fit_triangle_map(pairs.x0, pairs.xf, rig, half_cycles=pairs.half_cycles)
     _tell(output, found, shape, plot)
     if not found.converged:
         raise InvalidFit(f"The fit is not valid, {found.status}")

@@ -173,7 +173,7 @@ def _by_pairs(records: Sequence[Record | Trace], rig: Rig) -> tuple[float, float
 
 def _by_map(records: Sequence[Record | Trace], rig: Rig) -> tuple[float, float, int]:
     pairs = _moved(records)
-    found = fit_triangle_map(pairs.x0, pairs.xf, _exact(rig))
+    found = fit_triangle_map(pairs.x0, pairs.xf, _exact(rig), half_cycles=pairs.half_cycles)
     return found.values["mu"], found.std_errors["mu"], pairs.x0.size
 
 

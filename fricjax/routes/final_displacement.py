@@ -21,7 +21,7 @@ from ..oscillator import Oscillator, require_x64, starting_state
 from ..oscillator.engines import AbstractEngine
 from ..oscillator.leaves import leaves_of
 from ..oscillator.select import select_engine
-from .half_cycles import Unwrapped, linear_fit, unwrap
+from .half_cycles import Unwrapped, counted
 from .pairs import Pairs, checked_pairs
 from .result import RouteFit
 from .solve import Solution, flags_of, minimise, status_of
@@ -29,7 +29,7 @@ from .static import Bracket, bracket
 
 _FAR = 1e30
 _COVERAGE = 1.959963984540054
-_AMBIGUOUS = 5.0
+_AMBIGUOUS, _ADEQUATE = 5.0, 3.0
 _ROUNDING = 1e-13
 _ROUNDS = 5
 
@@ -161,11 +161,7 @@ def _counted(pairs: Pairs, oscillator: Oscillator, offset_free: bool) -> Unwrapp
         raise UsageError(f"Pairs need an oscillator that swings: its damping ratio must be in [0, 1), got {zeta:g}.")
     rho = float(np.exp(-np.pi * zeta / np.sqrt(1 - zeta**2)))
     free_offset = offset_free and pairs.x0.size > 1
-    found = unwrap(pairs.x0, pairs.xf, rho, None if free_offset else 0.0)
-    if pairs.half_cycles is None:
-        return found
-    band, offset, _ = linear_fit(pairs.x0, pairs.xf, pairs.half_cycles, rho, None if free_offset else 0.0)
-    return Unwrapped(pairs.half_cycles, float(band) if band > 0 else found.dead_band, float(offset))
+    return counted(pairs.x0, pairs.xf, pairs.half_cycles, rho, None if free_offset else 0.0)
 
 
 def _check_motion(found: Unwrapped, pairs: Pairs, parameters: int) -> None:
@@ -319,6 +315,12 @@ def _warnings(
     if duplicates:
         said.append(
             f"{duplicates} pair(s) occur more than once; if they are copies, the standard errors are too small."
+        )
+    excess = float(np.sqrt(np.mean((residual / sigma) ** 2)))
+    if excess > _ADEQUATE:
+        said.append(
+            f"The model does not describe the pairs: their residuals are {excess:.3g} times the noise, so the standard "
+            "errors are too small. Give the scatter of mu from run to run (mu_scatter), or choose another law."
         )
     if np.max(residual) > 0.5 * band:
         said.append(

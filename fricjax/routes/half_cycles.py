@@ -68,6 +68,17 @@ def unwrap(x0: np.ndarray, xf: np.ndarray, rho: float, offset: float | None = No
     return best
 
 
+def counted(
+    x0: np.ndarray, xf: np.ndarray, half_cycles: np.ndarray | None, rho: float, offset: float | None = None
+) -> Unwrapped:
+    """Dead band, offset and numbers of half-cycles, the latter as given or, for None, from the pairs; see `unwrap`."""
+    if half_cycles is None:
+        return unwrap(x0, xf, rho, offset)
+    band, shift, _ = linear_fit(x0, xf, half_cycles, rho, offset)
+    start = float(band) if band > 0 else float(np.max(np.abs(x0))) / (2 * max(int(half_cycles.max()), 1) + 1)
+    return Unwrapped(half_cycles, start, float(shift))
+
+
 def _dead_bands(a0: np.ndarray) -> np.ndarray:
     """Dead bands whose neighbours differ by a small part of the width of a minimum, ``x_d^2/max(a0)``."""
     largest, bands = float(a0.max()), []

@@ -15,8 +15,8 @@ import numpy as np
 from ..calibrate import Rig
 from ..data.errors import DataError
 from ..friction import Coulomb
-from .half_cycles import Unwrapped, amplitude_after, unwrap
-from .pairs import checked_pairs
+from .half_cycles import Unwrapped, amplitude_after, counted
+from .pairs import Pairs, checked_pairs
 from .result import Estimate, RouteFit
 
 _COVERAGE = 1.959963984540054
@@ -40,13 +40,14 @@ class _Line(NamedTuple):
     std: float
 
 
-def fit_triangle_map(x0: Any, xf: Any, rig: Rig) -> RouteFit:
+def fit_triangle_map(x0: Any, xf: Any, rig: Rig, *, half_cycles: Any = None) -> RouteFit:
     """Fit mu to the period of the triangle map, and bracket mu_s by its edges.
 
     Args:
         x0: initial displacements in the reading of the instrument [m], shape (pairs,), of any sign and in any order.
         xf: final displacements [m], shape (pairs,).
         rig: the machine: stiffness or mass and frequency, damping and load, with their uncertainties.
+        half_cycles: number of half-cycles of each pair, shape (pairs,); None: found from the pairs.
 
     Returns:
         The fit. Its `extras` hold the dead band, the height at which neighbouring lines meet (x_d again), the jump of
@@ -57,8 +58,8 @@ def fit_triangle_map(x0: Any, xf: Any, rig: Rig) -> RouteFit:
         UsageError: arrays that do not fit each other.
         DataError: pairs that are not finite, or that reach no segment behind the first.
     """
-    pairs = checked_pairs(x0, xf, None, None)
-    found, fold = _folded(pairs.x0, pairs.xf, rig)
+    pairs = checked_pairs(x0, xf, half_cycles, None)
+    found, fold = _folded(pairs, rig)
     lines = [_line(fold, int(n)) for n in np.unique(fold.segment) if n > 0]
     if not lines:
         raise DataError(
@@ -67,7 +68,7 @@ def fit_triangle_map(x0: Any, xf: Any, rig: Rig) -> RouteFit:
         )
     band, std = _dead_band(lines, fold)
     mu = band * _per_band(rig)
-    combined = float(np.hypot(std * _per_band(rig), _by_rig(pairs.x0, pairs.xf, rig, mu)))
+    combined = float(np.hypot(std * _per_band(rig), _by_rig(pairs, rig, mu)))
     static = _static(fold, band)
     predicted = _predicted(pairs.x0, found, fold, band)
     residual = pairs.xf - predicted
@@ -124,10 +125,10 @@ def _per_band(rig: Rig) -> float:
     return float(machine.stiffness) / float(machine.normal_force)
 
 
-def _folded(x0: np.ndarray, xf: np.ndarray, rig: Rig) -> tuple[Unwrapped, _Fold]:
+def _folded(pairs: Pairs, rig: Rig) -> tuple[Unwrapped, _Fold]:
     rho = _rho(rig)
-    found = unwrap(x0, xf, rho, None if x0.size > 1 else 0.0)
-    y0, yf = x0 - found.offset, xf - found.offset
+    found = counted(pairs.x0, pairs.xf, pairs.half_cycles, rho, None if pairs.x0.size > 1 else 0.0)
+    y0, yf = pairs.x0 - found.offset, pairs.xf - found.offset
     return found, _Fold(np.abs(y0), np.sign(y0) * yf, found.half_cycles, rho)
 
 
@@ -166,12 +167,12 @@ def _dead_band(lines: list[_Line], fold: _Fold) -> tuple[float, float]:
     return mean, max(spread, float(weights.sum() ** -0.5)) if known.any() else spread
 
 
-def _by_rig(x0: np.ndarray, xf: np.ndarray, rig: Rig, mu: float) -> float:
+def _by_rig(pairs: Pairs, rig: Rig, mu: float) -> float:
     """Standard uncertainty of mu by the rig's inputs, each shifted by its own (JCGM 100, 5.1)."""
     shifts = []
     for name, value in rig.inputs().items():
         other = rig.with_inputs({name: value.value + value.std})
-        _, fold = _folded(x0, xf, other)
+        _, fold = _folded(pairs, other)
         lines = [_line(fold, int(n)) for n in np.unique(fold.segment) if n > 0]
         shifts.append(_dead_band(lines, fold)[0] * _per_band(other) - mu)
     return float(np.linalg.norm(shifts))
