@@ -4,7 +4,7 @@ from .calibrate.added_mass import calibrate_added_mass
 from .calibrate.frf import calibrate_frf
 from .calibrate.ringdown import calibrate_ringdown
 from .data import Record, Trace, read, write
-from .fitting import BatchFit, Fit, fit, fit_batch, load_fit
+from .fitting import BatchFit, Fit, fit, fit_batch, fit_on_moving_floor, load_fit
 from .instrument import synthetic_run
 from .oscillator import Motion, Oscillator, energy, final_displacement, restoring, simulate
 from .routes.agreement import compare_routes
@@ -38,6 +38,7 @@ __all__ = [
     "fit_batch",
     "fit_final_displacements",
     "fit_force_map",
+    "fit_on_moving_floor",
     "fit_triangle_map",
     "fitting",
     "friction",

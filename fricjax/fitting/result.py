@@ -120,7 +120,7 @@ class Fit:
             UsageError: no such run.
         """
         self._check_run(run)
-        own = {name: jnp.asarray(self._own(name, run)) for name in self.runs[run].fixed}
+        own = {name: jnp.asarray(self.own(name, run)) for name in self.runs[run].fixed}
         own["t_release"] = own["t_release"] - self.origins[run]
         t = jnp.asarray(np.asarray(ts, float) - self.origins[run])
         found = motion(self.engine_used, self.oscillator, own, t, self.runs[run].half_cycles)
@@ -130,7 +130,7 @@ class Fit:
         if not 0 <= run < len(self.runs):
             raise UsageError(f"There is no run {run}: this fit has {len(self.runs)}, counted from 0.")
 
-    def _own(self, name: str, run: int) -> float:
+    def own(self, name: str, run: int = 0) -> float:
         """Value of a parameter of one run, free or fixed, in the record's time."""
         for key in (name, f"{name}[{run}]"):
             if key in self.values:

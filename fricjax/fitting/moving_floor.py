@@ -1,0 +1,94 @@
+"""Fitting a run on a floor that moves, where its acceleration was recorded.
+
+The floor drives the mass like a force ``-m a_floor``, and what it does at one instant is carried through all later
+samples, so it is no noise that a fit could weigh down. But it is known: the fitted machine is moved once with the floor
+and once without, the difference is taken from the record, and the rest is fitted as if the floor had been still. As the
+difference hardly depends on the coefficients, two or three rounds settle it.
+"""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from ..data import Record, Trace
+from ..data.errors import DataError, UsageError
+from ..instrument import driven_motion
+from ..oscillator import Oscillator, simulate
+from .fit import fit
+from .result import Fit
+
+_ROUNDS = 6
+_SETTLED = 1e-2
+
+
+def fit_on_moving_floor(
+    data: Record | Trace, base_acceleration: Any, oscillator: Oscillator, free: Sequence[str], **settings: Any
+) -> Fit:
+    """Fit one run whose floor acceleration was recorded with it.
+
+    Args:
+        data: the run, relative to the floor, as an interferometer on that floor sees it.
+        base_acceleration: acceleration of the floor at the samples of the record [m/s^2], shape (samples,).
+        oscillator: the machine.
+        free: names of the coefficients to fit.
+        **settings: as for :func:`fricjax.fit`.
+
+    Returns:
+        The fit of the run without what the floor did; its residuals are those of that run.
+
+    Raises:
+        UsageError: an acceleration of another shape; as in :func:`fricjax.fit`.
+        DataError: an acceleration that is not finite; as in :func:`fricjax.fit`.
+        FitError: a fit that is not valid.
+    """
+    trace = data.trace if isinstance(data, Record) else data
+    floor = _checked(base_acceleration, trace)
+    found = fit(data, oscillator, free, **settings)
+    for _ in range(_ROUNDS):
+        before = found
+        found = fit(_without(data, _response(found, np.asarray(trace.t), floor)), oscillator, free, **settings)
+        if _moved(before, found) < _SETTLED:
+            break
+    return found
+
+
+def _checked(base_acceleration: Any, trace: Trace) -> np.ndarray:
+    floor = np.asarray(base_acceleration, float)
+    if floor.shape != trace.t.shape:
+        raise UsageError(
+            f"base_acceleration needs one number per sample, {trace.n} of them, got an array of shape {floor.shape}."
+        )
+    lost = np.flatnonzero(~np.isfinite(floor))
+    if lost.size:
+        raise DataError(f"base_acceleration[{lost[0]}] is {floor[lost[0]]}. Fill its gaps before the fit.")
+    return floor
+
+
+def _response(found: Fit, t: np.ndarray, floor: np.ndarray) -> np.ndarray:
+    """Displacement that the floor adds, zero before the fitted motion starts [m]."""
+    start = found.own("t_release")
+    later = t > start
+    ts, x0, v0 = t[later] - start, found.own("x0"), found.own("v0")
+    response = np.zeros(t.shape)
+    response[later] = np.subtract(*(_moved_by(found.oscillator, x0, v0, ts, a) for a in (floor[later], 0 * ts)))
+    return response
+
+
+def _moved_by(oscillator: Oscillator, x0: float, v0: float, ts: np.ndarray, floor: np.ndarray) -> np.ndarray:
+    """Motion on a floor with that acceleration [m]."""
+    if oscillator.friction.set_valued:
+        return driven_motion(oscillator, x0, ts, v0=v0, base_acceleration=floor).x
+    return np.asarray(simulate(oscillator, x0, ts, v0=v0, base_acceleration=floor).x)
+
+
+def _without(data: Record | Trace, response: np.ndarray) -> Record | Trace:
+    """The run without what the floor added to it."""
+    if isinstance(data, Record):
+        return Record(_without(data.trace, response), data.meta, data.log)  # pyright: ignore[reportArgumentType]
+    return Trace(data.t, np.asarray(data.x) - response, sigma=data.sigma, mask=data.mask)
+
+
+def _moved(before: Fit, after: Fit) -> float:
+    """Largest change of a fitted value between two rounds, in standard errors."""
+    return max(abs(after.values[name] - before.values[name]) / after.std_errors[name] for name in after.names)

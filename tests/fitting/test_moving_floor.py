@@ -1,0 +1,46 @@
+"""A floor that moves and was recorded no longer biases the fit."""
+
+import numpy as np
+import pytest
+
+import fricjax as fj
+from fricjax.data.errors import DataError, UsageError
+from fricjax.fitting import fit_on_moving_floor
+from fricjax.instrument import driven_motion
+from tests.fitting.runs import MACHINE, RIGS, oscillator
+
+SLIDING = oscillator(RIGS["sliding"], "Coulomb")
+RATE, NOISE = 5e3, 1e-9
+
+
+@pytest.fixture(scope="module")
+def shaken() -> tuple[fj.Trace, np.ndarray]:
+    """A run on a floor of the vibration class C at 12.6 Hz."""
+    random, t = np.random.default_rng(0), np.arange(round(0.45 * RATE)) / RATE
+    floor = np.sqrt(3.4e-7 * RATE / 2) * random.standard_normal(t.size)
+    x = driven_motion(SLIDING, 2e-3, t, base_acceleration=floor).x
+    return fj.Trace(t, x + NOISE * random.standard_normal(t.size), sigma=NOISE), floor
+
+
+def test_what_the_floor_did_is_taken_out(shaken: tuple[fj.Trace, np.ndarray]):
+    trace, floor = shaken
+    plain = fj.fit(trace, SLIDING, MACHINE, throw=False)
+    found = fit_on_moving_floor(trace, floor, SLIDING, MACHINE)
+    assert abs(plain.values["mu"] / 0.05 - 1) > 1e-4 and plain.chi2_reduced > 1e3
+    assert abs(found.values["mu"] - 0.05) < 5 * found.std_errors["mu"]
+    assert found.values["mu"] == pytest.approx(0.05, rel=1e-6)
+    assert found.chi2_reduced == pytest.approx(1, abs=0.15)
+
+
+def test_a_still_floor_changes_nothing(shaken: tuple[fj.Trace, np.ndarray]):
+    run = fj.synthetic_run(SLIDING, 2e-3, rate=RATE, duration=0.45, noise=NOISE)
+    still = fit_on_moving_floor(run, np.zeros(run.trace.n), SLIDING, MACHINE)
+    assert still.values["mu"] == pytest.approx(fj.fit(run, SLIDING, MACHINE).values["mu"], abs=1e-13)
+
+
+def test_an_acceleration_that_does_not_fit(shaken: tuple[fj.Trace, np.ndarray]):
+    trace, floor = shaken
+    with pytest.raises(UsageError, match=r"one number per sample, 2250 of them, got an array of shape \(3,\)"):
+        fit_on_moving_floor(trace, floor[:3], SLIDING, MACHINE)
+    with pytest.raises(DataError, match=r"base_acceleration\[7\] is nan"):
+        fit_on_moving_floor(trace, np.where(np.arange(floor.size) == 7, np.nan, floor), SLIDING, MACHINE)
