@@ -3,8 +3,9 @@
 With the number of half-cycles taken from the record the residual has no jumps, but the phase still makes local
 minima when the start value of the frequency is off by more than a part of a cycle over the record. So the window
 begins where the motion from the start values is still in phase with the record, and doubles until it holds the whole
-moving part and the rest. A robust loss, nearly flat far from its optimum, is led there from that of squares. All of it
-is traced, so that many fits can be mapped over.
+moving part; the rest is added last. Start values that keep the phase need one stage with everything. A robust loss,
+nearly flat far from its optimum, is led there from that of squares. All of it is traced, so that many fits can be
+mapped over.
 """
 
 from typing import Any, NamedTuple
@@ -22,8 +23,8 @@ from .residual import Residual
 
 ROUNDING = 1e-12
 FINE = 1e-3
-# Part of the moving window from which on there is no next one but all samples.
-_EVERYTHING = 1.0
+# Part of the moving window at which it is whole, and what stands for the rest as well.
+_MOVING, _EVERYTHING = 1.0, 2.0
 # How near the optimum of a window is to be met, in standard errors, before the next one.
 _ON_THE_WAY = 1.0
 
@@ -72,24 +73,27 @@ def climb(
     tolerance: float = FINE,
 ) -> Climbed:
     """Least squares from coordinates `y` to within `tolerance` standard errors, in as many stages as it needs."""
+    whole = [run.weight for run in residual.runs]
+    ends_at_rest = jnp.any(jnp.stack([jnp.any(w != part.moving) for w, part in zip(whole, terrain, strict=True)]))
+    full = jnp.where(ends_at_rest, _MOVING, _EVERYTHING)
 
     def weights(reach: Array) -> list[Array]:
         windows = [_until(run.t, part.moving, reach) for run, part in zip(residual.runs, terrain, strict=True)]
-        pairs = zip(residual.runs, windows, strict=True)
-        return [jnp.where(reach >= _EVERYTHING, run.weight, window) for run, window in pairs]
+        return [jnp.where(reach >= _EVERYTHING, w, window) for w, window in zip(whole, windows, strict=True)]
 
     def stage(state: _State) -> _State:
         at, reach = state
         near = jnp.where(reach < _EVERYTHING, jnp.maximum(tolerance, _ON_THE_WAY), tolerance)
         found = least_squares(with_weights(residual, weights(reach)), limits, Squares(), at.y, near)
         steps = at.iterations + found.stats["num_steps"]
-        further = jnp.where(reach < _EVERYTHING, jnp.minimum(2 * reach, _EVERYTHING), jnp.inf)
+        further = jnp.where(2 * reach < _MOVING, 2 * reach, full)
+        further = jnp.where(reach >= _MOVING, 2 * reach, further)
         return _State(Climbed(found.value, found.stats["status"], steps, at.stages + 1), further)
 
-    begin = jnp.min(jnp.stack([*_in_phase(residual, terrain, y), jnp.asarray(_EVERYTHING)]))
+    begin = jnp.min(jnp.stack(_in_phase(residual, terrain, y)))
     none = jnp.asarray(0)
-    first = _State(Climbed(y, none, none, none), begin)
-    return jax.lax.while_loop(lambda state: jnp.isfinite(state.reach), stage, first).at
+    first = _State(Climbed(y, none, none, none), jnp.where((begin >= _MOVING) & (begin < _EVERYTHING), full, begin))
+    return jax.lax.while_loop(lambda state: state.reach <= _EVERYTHING, stage, first).at
 
 
 def onwards(residual: Residual, limits: Limits, loss: AbstractLoss, at: Climbed) -> Climbed:
@@ -123,7 +127,7 @@ def with_weights(residual: Residual, weights: list[Array]) -> Residual:
 def _until(t: Array, moving: Array, reach: Array) -> Array:
     """Weights of the first part of the moving window of a run."""
     begin, end = _ends(t, moving)
-    return jnp.where(t <= begin + reach * (end - begin), moving, 0.0)
+    return jnp.where(t <= begin + jnp.minimum(reach, _MOVING) * (end - begin), moving, 0.0)
 
 
 def _ends(t: Array, moving: Array) -> tuple[Array, Array]:
@@ -132,13 +136,13 @@ def _ends(t: Array, moving: Array) -> tuple[Array, Array]:
 
 
 def _in_phase(residual: Residual, terrain: tuple[Terrain, ...], y: Array) -> list[Array]:
-    """Per run the part of the moving window over which the start values keep the phase."""
+    """Per run the part of the moving window over which the start values keep the phase; `_EVERYTHING` where all do."""
     parts = []
     for i, (run, part) in enumerate(zip(residual.runs, terrain, strict=True)):
         error = jnp.abs(run.weight * (residual.course(y, i).read(run.t) - run.x))
         lost = (part.moving > 0) & ~(error < part.tolerance)
         begin, end = _ends(run.t, part.moving)
         first = jnp.min(jnp.where(lost, run.t, jnp.inf))
-        share = jnp.maximum((first - begin) / (end - begin), part.shortest)
-        parts.append(jnp.where(jnp.any(lost), share, 1.0))
+        share = jnp.clip((first - begin) / (end - begin), part.shortest, _MOVING)
+        parts.append(jnp.where(jnp.any(lost), share, _EVERYTHING))
     return parts

@@ -13,7 +13,7 @@ STARTS = ("first_reversal", "release")
 NEVER = 10**9
 # Deflection at the end of a stroke, as a part of that at its start, below which it may creep in; least number of
 # reversals that show the decay.
-_CROSSED, _DECAY = 0.35, 3
+_CROSSED, _DECAY = 0.16, 3
 
 _DEFAULT_NUISANCES = {
     "first_reversal": ("t_release", "x0", "offset"),

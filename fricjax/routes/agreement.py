@@ -45,7 +45,7 @@ class Agreement:
         mu, std: weighted mean and its standard error, by the scatter between the routes where that is larger.
         chi2: sum of squared distances from the mean in standard errors; `dof`: number of routes less one.
         spread: largest relative distance between two routes.
-        tolerance: relative distance that counts as agreement whatever the standard errors.
+        tolerance: relative distance that counts as agreement.
     """
 
     routes: tuple[Route, ...]
@@ -59,9 +59,8 @@ class Agreement:
 
     @property
     def agree(self) -> bool:
-        """Whether all routes lie together, by their standard errors or by the tolerance."""
-        near = all(abs(route.mu - self.mu) <= _DISTANT * np.hypot(route.std, self.std) for route in self.routes)
-        return near or self.spread <= self.tolerance
+        """Whether all routes lie within the tolerance."""
+        return len(self.routes) > 1 and self.spread <= self.tolerance
 
     @property
     def verdict(self) -> str:
@@ -72,6 +71,12 @@ class Agreement:
         if self.agree:
             return f"{told}: one coefficient of Coulomb friction describes the runs."
         off = max(self.routes, key=lambda route: abs(route.mu - self.mu))
+        near = all(abs(route.mu - self.mu) <= _DISTANT * np.hypot(route.std, self.std) for route in self.routes)
+        if near:
+            return (
+                f"{told}, more than the tolerance of {self.tolerance:g}, if no more than their own scatter allows: the "
+                "runs do not have one coefficient in common. Look at the force map, and record more runs."
+            )
         return (
             f"{told}, more than their standard errors and the tolerance of {self.tolerance:g} allow; farthest is "
             f"{off.name}. The law, the damping or the release is not what it was taken for: look at the force map."
@@ -108,7 +113,7 @@ def compare_routes(records: Sequence[Record | Trace], rig: Rig, *, tolerance: fl
     Args:
         records: runs that come to rest, better with several half-cycles each.
         rig: the machine, with its damping.
-        tolerance: relative distance that counts as agreement whatever the standard errors.
+        tolerance: relative distance that counts as agreement.
 
     Raises:
         UsageError: no records, or no route that gave a number; the sentence names why the first one failed.

@@ -179,7 +179,7 @@ def _profile_end(z: np.ndarray, sign: np.ndarray, best: _Best, side: float) -> f
     centre, spread = best.slope_form
 
     def drop(place: float) -> float:
-        held = minimize_scalar(lambda log_beta: -_terms(z, sign, np.exp(log_beta) * place, np.exp(log_beta))[0])
+        held: Any = minimize_scalar(lambda log_beta: -_terms(z, sign, np.exp(log_beta) * place, np.exp(log_beta))[0])
         return 2 * (best.log_likelihood + held.fun) - _LIKELIHOOD_DROP
 
     reach = spread
