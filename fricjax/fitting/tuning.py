@@ -14,10 +14,12 @@ from .window import NEVER, Window, equilibrium
 
 # The error of the smooth engine is some thirty times smaller than the accuracy that it is asked for.
 _SLACK = 3.0
-# Half-cycles from which a table over amplitude pays, and its entries per e-fold of amplitude for 1e-3 nm on 2 mm.
-_FEW, _PER_E_FOLD = 8, 6.0
+# Half-cycles from which a table over amplitude pays, and its entries per e-fold of amplitude for 1e-2 nm on 2 mm.
+_FEW, _PER_E_FOLD = 8, 5.0
 # Least number of half-cycles to provide for with a table, so that records of an archive share their compilation.
 _CAPACITY = 64
+# Sizes of a table; few, for each is compiled for itself.
+_SIZES = (8, 12, 16, 24, 32)
 
 
 def engine_for(request: Request, windows: Sequence[Window]) -> AbstractEngine:
@@ -51,9 +53,10 @@ def _tuned(engine: AbstractEngine, machine: Oscillator, windows: Sequence[Window
     lowest = 0.8 * min(float(swings.min()) for swings in spans)
     highest = 1.1 * max(float(swings.max()) for swings in spans)
     excess = max(lowest - float(machine.dead_band), 0.1 * lowest)
-    amplitudes = 2 ** int(np.ceil(np.log2(_PER_E_FOLD * np.log(highest / excess))))
+    needed = _PER_E_FOLD * np.log(highest / excess)
+    amplitudes = next((size for size in _SIZES if size >= needed), _SIZES[-1])
     span = Span(np.asarray(lowest), np.asarray(highest))
-    return Hybrid(engine.nodes, max(engine.max_half_cycles, _CAPACITY), span, int(np.clip(amplitudes, 8, 32)))
+    return Hybrid(engine.nodes, max(engine.max_half_cycles, _CAPACITY), span, amplitudes)
 
 
 def _swings(window: Window) -> np.ndarray:
