@@ -9,7 +9,7 @@ import numpy as np
 
 from ..oscillator import Oscillator
 from ..oscillator.leaves import leaves_of
-from .covariance import Covariance, covariance
+from .covariance import COVERAGE, Covariance, covariance
 from .names import find_leaf
 from .problem import Problem
 from .residual import Run
@@ -21,7 +21,6 @@ from .verdict import error_inflation, flags_of, status_of, warnings_of
 from .whiteness import Whiteness, whiteness
 from .window import NEVER
 
-_COVERAGE = 1.959963984540054
 # On a rotary rig angles stand for displacements, torques for forces and the moment of inertia for the mass.
 _ROTARY = {
     "m": "rad",
@@ -151,7 +150,7 @@ def _machine(
 
 
 def _intervals(names: Sequence[str], values: np.ndarray, found: Covariance) -> dict[str, tuple[float, float]]:
-    half = _COVERAGE * np.sqrt(np.diag(found.statistical))
+    half = COVERAGE * np.sqrt(np.diag(found.statistical))
     return {name: (float(v - h), float(v + h)) for name, v, h in zip(names, values, half, strict=True)}
 
 

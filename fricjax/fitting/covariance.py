@@ -12,6 +12,9 @@ import numpy as np
 
 from .solve import Solved
 
+COVERAGE = 1.959963984540054
+"""Half-width of a 95 % interval in standard errors."""
+
 
 class Covariance(NamedTuple):
     """Covariances of the free parameters in their own units, shape (p, p).
@@ -43,3 +46,10 @@ def covariance(solved: Solved, variance: float) -> Covariance:
         matrix[lost, :] = matrix[:, lost] = 0.0
         matrix[lost, lost] = np.inf
     return Covariance(statistical, combined, shape.undetermined, shape.at_bound, not shape.undetermined.any())
+
+
+def correlation(matrix: np.ndarray) -> np.ndarray:
+    """Correlation matrix of a covariance, shape (p, p); NaN where a parameter is undetermined."""
+    std = np.sqrt(np.diag(matrix))
+    with np.errstate(invalid="ignore"):
+        return matrix / np.outer(std, std)

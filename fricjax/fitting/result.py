@@ -10,6 +10,7 @@ import numpy as np
 
 from ..data.errors import UsageError
 from ..oscillator import Oscillator
+from .covariance import correlation
 from .residual import Run, motion
 from .rest import Margin
 from .settled import Estimate
@@ -107,9 +108,7 @@ class Fit:
     @property
     def correlation(self) -> np.ndarray:
         """Correlation matrix, shape (p, p); NaN where undetermined."""
-        std = np.sqrt(np.diag(self.covariance))
-        with np.errstate(invalid="ignore"):
-            return self.covariance / np.outer(std, std)
+        return correlation(self.covariance)
 
     def predict(self, ts: Any, run: int = 0) -> np.ndarray:
         """What the instrument would read at times `ts` of the record [s], with offset and drift, shape (n,).

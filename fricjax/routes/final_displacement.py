@@ -15,20 +15,20 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ..data.errors import DataError, UsageError
+from ..fitting.covariance import COVERAGE
 from ..fitting.names import check_identifiable, find_leaf, sole_coulomb
 from ..fitting.space import Parameter, ParameterSpace
 from ..oscillator import Oscillator, require_x64, starting_state
 from ..oscillator.engines import AbstractEngine
 from ..oscillator.leaves import leaves_of
 from ..oscillator.select import select_engine
-from .half_cycles import Unwrapped, counted
+from .half_cycles import Unwrapped, capacity_for, counted, decay_ratio
 from .pairs import Pairs, checked_pairs
 from .result import RouteFit
 from .solve import Solution, flags_of, minimise, status_of
 from .static import Bracket, bracket
 
 _FAR = 1e30
-_COVERAGE = 1.959963984540054
 _AMBIGUOUS, _ADEQUATE = 5.0, 3.0
 _ROUNDING = 1e-13
 _ROUNDS = 5
@@ -111,7 +111,7 @@ def fit_final_displacements(
     found = _counted(pairs, oscillator, "offset" in nuisance)
     _check_motion(found, pairs, len(names) + len(nuisance))
     model, parameters = _model(pairs, oscillator, names, tuple(nuisance), found)
-    weight = _sigma(pairs, found, oscillator, mu_scatter)
+    weight = _sigma(pairs, found, mu_scatter)
     scaled = pairs.sigma is None and mu_scatter == 0
     model, solution = _solved(pairs, model, weight, len(parameters), scaled)
     found = found._replace(half_cycles=np.asarray(model.half_cycles))
@@ -156,11 +156,8 @@ def _check(names: Sequence[str], nuisance: Sequence[str], mu_scatter: float) -> 
 
 def _counted(pairs: Pairs, oscillator: Oscillator, offset_free: bool) -> Unwrapped:
     """Numbers of half-cycles, and the dead band and offset that start the fit."""
-    zeta = float(oscillator.damping_ratio)
-    if not 0 <= zeta < 1:
-        raise UsageError(f"Pairs need an oscillator that swings: its damping ratio must be in [0, 1), got {zeta:g}.")
-    rho = float(np.exp(-np.pi * zeta / np.sqrt(1 - zeta**2)))
     free_offset = offset_free and pairs.x0.size > 1
+    rho = decay_ratio(oscillator)
     return counted(pairs.x0, pairs.xf, pairs.half_cycles, rho, None if free_offset else 0.0)
 
 
@@ -189,9 +186,8 @@ def _model(
     entries = [Parameter(leaf.name, leaf.unit, s, abs(s) or 1.0) for leaf, s in zip(chosen, starts, strict=True)]
     entries += [Parameter(name, "m", found.offset, found.dead_band) for name in nuisance]
     space = ParameterSpace.build(entries, [leaf.index for leaf in chosen], [], [nuisance])
-    capacity = max(64, 2 ** int(np.ceil(np.log2(found.half_cycles.max() + 2))))
-    engine = select_engine("auto", oscillator, max_half_cycles=capacity)
-    if not hasattr(engine, "path") or not oscillator.friction.set_valued:
+    engine = select_engine("auto", oscillator, max_half_cycles=capacity_for(found.half_cycles))
+    if not oscillator.friction.set_valued:
         raise UsageError(
             f"Under {type(oscillator.friction).__name__} the mass does not rest where a stroke ends. Use a law that "
             "holds the mass and has no internal states, such as Coulomb or Stribeck."
@@ -208,10 +204,10 @@ def _start(name: str, value: float, oscillator: Oscillator, found: Unwrapped) ->
     return found.dead_band * float(oscillator.stiffness) / float(oscillator.normal_force)
 
 
-def _sigma(pairs: Pairs, found: Unwrapped, oscillator: Oscillator, mu_scatter: float) -> np.ndarray:
+def _sigma(pairs: Pairs, found: Unwrapped, mu_scatter: float) -> np.ndarray:
     """Standard deviation of each final displacement; equal ones where only their scatter can tell [m]."""
-    own = np.full(pairs.x0.shape, 1e-3 * found.dead_band) if pairs.sigma is None else pairs.sigma
-    own = np.zeros(pairs.x0.shape) if pairs.sigma is None and mu_scatter else own
+    unknown = 0.0 if mu_scatter else 1e-3 * found.dead_band
+    own = np.full(pairs.x0.shape, unknown) if pairs.sigma is None else pairs.sigma
     scattered = 2 * np.maximum(found.half_cycles, 0.5) * found.dead_band * mu_scatter
     return np.hypot(own, scattered)
 
@@ -246,7 +242,7 @@ def _assembled(
         values=dict(zip(names, map(float, values), strict=True)) | static.value,
         std_errors=dict(zip(names, map(float, std), strict=True)),
         units={p.name: p.unit for p in parameters} | dict.fromkeys(static.value, ""),
-        intervals={n: (v - _COVERAGE * s, v + _COVERAGE * s) for n, v, s in zip(names, values, std, strict=True)}
+        intervals={n: (v - COVERAGE * s, v + COVERAGE * s) for n, v, s in zip(names, values, std, strict=True)}
         | static.interval,
         covariance=covariance,
         flags=flags_of(names, solution) | dict.fromkeys(static.value, ("bracketed, not fitted",)),

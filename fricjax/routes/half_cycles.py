@@ -11,6 +11,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..data.errors import UsageError
+from ..oscillator import Oscillator
+
 _STEP = 0.1
 _SMALLEST = 1 / 400
 # A static coefficient above the dynamic one stops the mass up to so many half-cycles earlier.
@@ -24,6 +27,23 @@ class Unwrapped(NamedTuple):
     half_cycles: np.ndarray
     dead_band: float
     offset: float
+
+
+def decay_ratio(oscillator: Oscillator) -> float:
+    """Ratio of successive amplitudes under damping alone, ``exp(-pi zeta/sqrt(1 - zeta^2))``.
+
+    Raises:
+        UsageError: an oscillator that does not swing.
+    """
+    zeta = float(oscillator.damping_ratio)
+    if not 0 <= zeta < 1:
+        raise UsageError(f"Pairs need an oscillator that swings: its damping ratio must be in [0, 1), got {zeta:g}.")
+    return float(np.exp(-np.pi * zeta / np.sqrt(1 - zeta**2)))
+
+
+def capacity_for(half_cycles: np.ndarray) -> int:
+    """How many half-cycles an engine is to provide for: a power of two, so that few shapes are compiled."""
+    return max(64, 2 ** int(np.ceil(np.log2(half_cycles.max() + 2))))
 
 
 def amplitude_after(n: np.ndarray, a0: np.ndarray, dead_band: float | np.ndarray, rho: float) -> np.ndarray:

@@ -5,6 +5,8 @@ from typing import Any
 
 import numpy as np
 
+from ..fitting.covariance import correlation
+
 type Estimate = tuple[float, float | None, str]
 
 
@@ -63,9 +65,7 @@ class RouteFit:
     @property
     def correlation(self) -> np.ndarray:
         """Correlation matrix, shape (p, p); NaN where undetermined."""
-        std = np.sqrt(np.diag(self.covariance))
-        with np.errstate(invalid="ignore"):
-            return self.covariance / np.outer(std, std)
+        return correlation(self.covariance)
 
     def summary(self) -> str:
         """The report as plain text."""

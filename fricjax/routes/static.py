@@ -15,8 +15,8 @@ from ..data.errors import DataError, UsageError
 from ..oscillator import Oscillator, starting_state
 from ..oscillator.engines import AbstractEngine
 from ..oscillator.select import select_engine
+from .half_cycles import capacity_for
 
-_COVERAGE = 1.959963984540054
 _LIKELIHOOD_DROP = 3.841458820694124
 
 
@@ -50,9 +50,8 @@ def attempts(machine: Oscillator, y0: np.ndarray, yf: np.ndarray, half_cycles: n
         yf: final displacement from the equilibrium [m], shape (pairs,).
         half_cycles: number of half-cycles, shape (pairs,).
     """
-    capacity = max(64, 2 ** int(np.ceil(np.log2(half_cycles.max() + 2))))
     held = jax.tree.map(lambda leaf: np.asarray(leaf, float), machine)
-    engine = select_engine("auto", held, max_half_cycles=capacity)
+    engine = select_engine("auto", held, max_half_cycles=capacity_for(half_cycles))
     reversals = np.abs(np.asarray(_turning_points(engine, held, y0, half_cycles)))
     moved = np.arange(reversals.shape[1]) < half_cycles[:, None]
     sizes = np.concatenate([reversals[moved], np.abs(yf)])

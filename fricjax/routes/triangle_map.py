@@ -14,12 +14,11 @@ import numpy as np
 
 from ..calibrate import Rig
 from ..data.errors import DataError
+from ..fitting.covariance import COVERAGE
 from ..friction import Coulomb
-from .half_cycles import Unwrapped, amplitude_after, counted
+from .half_cycles import Unwrapped, amplitude_after, counted, decay_ratio
 from .pairs import Pairs, checked_pairs
 from .result import Estimate, RouteFit
-
-_COVERAGE = 1.959963984540054
 
 
 class _Fold(NamedTuple):
@@ -84,7 +83,7 @@ def fit_triangle_map(x0: Any, xf: Any, rig: Rig, *, half_cycles: Any = None) -> 
         std_errors={"mu": combined},
         units={"mu": "", "mu_s": ""},
         intervals={
-            "mu": (mu - _COVERAGE * combined, mu + _COVERAGE * combined),
+            "mu": (mu - COVERAGE * combined, mu + COVERAGE * combined),
             "mu_s": (static[0] * _per_band(rig), static[1] * _per_band(rig)),
         },
         covariance=np.array([[combined**2]]),
@@ -113,12 +112,6 @@ def fit_triangle_map(x0: Any, xf: Any, rig: Rig, *, half_cycles: Any = None) -> 
     )
 
 
-def _rho(rig: Rig) -> float:
-    """Ratio of successive amplitudes under damping alone."""
-    zeta = float(rig.oscillator(Coulomb(0.0)).damping_ratio)
-    return float(np.exp(-np.pi * zeta / np.sqrt(1 - zeta**2)))
-
-
 def _per_band(rig: Rig) -> float:
     """Coefficient of friction per dead band, k/N [1/m]."""
     machine = rig.oscillator(Coulomb(0.0))
@@ -126,7 +119,7 @@ def _per_band(rig: Rig) -> float:
 
 
 def _folded(pairs: Pairs, rig: Rig) -> tuple[Unwrapped, _Fold]:
-    rho = _rho(rig)
+    rho = decay_ratio(rig.oscillator(Coulomb(0.0)))
     found = counted(pairs.x0, pairs.xf, pairs.half_cycles, rho, None if pairs.x0.size > 1 else 0.0)
     y0, yf = pairs.x0 - found.offset, pairs.xf - found.offset
     return found, _Fold(np.abs(y0), np.sign(y0) * yf, found.half_cycles, rho)
