@@ -47,12 +47,12 @@ def minimise(residual: Callable, parameters: int, *, scaled: bool, floor: float)
         residual: a module, so that another one with arrays of the same shapes needs no new compilation; it maps
             coordinates of shape (p,) to residuals of shape (n,).
         parameters: number of coordinates.
-        scaled: whether the scale of the residuals is taken from their scatter.
+        scaled: whether the scale of the residuals is taken from their scatter, which is never below rounding.
         floor: sum of squares that rounding alone would leave.
     """
     found = _least_squares(residual, jnp.zeros(parameters), np.asarray(floor))
     q, r, jacobian, status = (np.asarray(value) for value in found)
-    dof, chi2 = max(r.size - parameters, 1), float(r @ r)
+    dof, chi2 = max(r.size - parameters, 1), max(float(r @ r), floor if scaled else 0.0)
     shape = quadratic(jacobian.T @ r, jacobian.T @ jacobian, np.zeros(parameters, bool))
     covariance = (chi2 / dof if scaled else 1.0) * shape.inverse
     covariance[shape.undetermined, :] = covariance[:, shape.undetermined] = 0.0
