@@ -13,6 +13,7 @@ from .routes.final_displacement import fit_final_displacements
 from .routes.force_fit import fit_force_map
 from .routes.force_map import friction_force_map
 from .routes.pairs import pairs_of
+from .routes.release import fit_release
 from .routes.triangle_map import fit_triangle_map
 
 __version__: str
@@ -39,6 +40,7 @@ __all__ = [
     "fit_final_displacements",
     "fit_force_map",
     "fit_on_moving_floor",
+    "fit_release",
     "fit_triangle_map",
     "fitting",
     "friction",

@@ -9,6 +9,7 @@ from .final_displacement import fit_final_displacements
 from .force_fit import ForceFit, fit_force_map
 from .force_map import ForceMap, friction_force_map
 from .pairs import Pairs, pairs_of, read_pairs
+from .release import fit_release
 from .result import RouteFit
 from .static import Attempts, Bracket, Probit, attempts, bracket, probit
 from .triangle_map import fit_triangle_map
@@ -33,6 +34,7 @@ __all__ = [
     "energy_of",
     "fit_final_displacements",
     "fit_force_map",
+    "fit_release",
     "fit_triangle_map",
     "friction_force_map",
     "half_cycle_friction",
