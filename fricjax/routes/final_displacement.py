@@ -8,63 +8,24 @@ and those at which it moved on.
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
 
 from ..data.errors import DataError, UsageError
 from ..fitting.covariance import COVERAGE
 from ..fitting.names import check_identifiable, find_leaf, sole_coulomb
 from ..fitting.space import Parameter, ParameterSpace
-from ..oscillator import Oscillator, require_x64, starting_state
-from ..oscillator.engines import AbstractEngine
+from ..oscillator import Oscillator, require_x64
 from ..oscillator.leaves import leaves_of
 from ..oscillator.select import select_engine
 from .half_cycles import Unwrapped, capacity_for, counted, decay_ratio
+from .pair_model import PairModel, fitted_dead_band, predicted, solve_pairs
+from .pair_remarks import remarks
 from .pairs import Pairs, checked_pairs
 from .result import RouteFit
-from .solve import Solution, flags_of, minimise, status_of
+from .solve import Solution, flags_of, status_of
 from .static import Bracket, bracket
-
-_FAR = 1e30
-_AMBIGUOUS, _ADEQUATE = 5.0, 3.0
-_ROUNDING = 1e-13
-_ROUNDS = 5
-
-
-class _Model(eqx.Module):
-    """Computed final displacements as a function of the coordinates of the parameters."""
-
-    oscillator: Oscillator
-    space: ParameterSpace
-    engine: AbstractEngine
-    x0: Float[np.ndarray, " pairs"]
-    half_cycles: Any
-    offset: Any
-
-    def __call__(self, q: Float[Array, " p"]) -> Float[Array, " pairs"]:
-        values = self.space.values(q)
-        machine = self.space.oscillator(self.oscillator, values)
-        offset = self.space.run_values(values, 0).get("offset", jnp.asarray(self.offset))
-
-        def final(x0: Array, count: Array) -> Array:
-            path = self.engine.path(machine, starting_state(machine, x0 - offset, 0.0), count)
-            return path.sample(jnp.asarray([_FAR]))[0][0] + offset
-
-        return jax.vmap(final)(jnp.asarray(self.x0), self.half_cycles)
-
-
-class _Residual(eqx.Module):
-    """Computed minus measured final displacements, in standard deviations."""
-
-    model: _Model
-    xf: Float[np.ndarray, " pairs"]
-    sigma: Float[np.ndarray, " pairs"]
-
-    def __call__(self, q: Float[Array, " p"]) -> Float[Array, " pairs"]:
-        return (self.model(q) - self.xf) / self.sigma
 
 
 def fit_final_displacements(
@@ -113,29 +74,9 @@ def fit_final_displacements(
     model, parameters = _model(pairs, oscillator, names, tuple(nuisance), found)
     weight = _sigma(pairs, found, mu_scatter)
     scaled = pairs.sigma is None and mu_scatter == 0
-    model, solution = _solved(pairs, model, weight, len(parameters), scaled)
+    model, solution = solve_pairs(pairs, model, weight, len(parameters), scaled)
     found = found._replace(half_cycles=np.asarray(model.half_cycles))
     return _assembled(pairs, model, parameters, solution, found, weight, scaled)
-
-
-def _solved(pairs: Pairs, model: _Model, weight: np.ndarray, parameters: int, scaled: bool) -> tuple[_Model, Solution]:
-    """The fit; numbers of half-cycles that were not given are corrected by one where the fitted law says so."""
-    floor = float(np.sum((_ROUNDING * np.max(np.abs(pairs.x0)) / weight) ** 2))
-    for _ in range(_ROUNDS):
-        solution = minimise(_Residual(model, pairs.xf, weight), parameters, scaled=scaled, floor=floor)
-        nearest = model.half_cycles if pairs.half_cycles is not None else _nearest(model, solution.q, pairs.xf)
-        if np.array_equal(nearest, model.half_cycles):
-            break
-        model = eqx.tree_at(lambda m: m.half_cycles, model, nearest)
-    return model, solution
-
-
-def _nearest(model: _Model, q: np.ndarray, xf: np.ndarray) -> np.ndarray:
-    """For each pair its number of half-cycles, one less or one more: whichever ends nearest to its displacement."""
-    rivals = [np.maximum(model.half_cycles + step, 0) for step in (0, -1, 1)]
-    ends = [_predicted(eqx.tree_at(lambda m: m.half_cycles, model, n), jnp.asarray(q)) for n in rivals]
-    away = np.nan_to_num(np.abs(np.asarray(ends) - xf), nan=np.inf)
-    return np.stack(rivals)[np.argmin(away, axis=0), np.arange(xf.size)]
 
 
 def _bracketed(name: str, oscillator: Oscillator) -> bool:
@@ -177,7 +118,7 @@ def _check_motion(found: Unwrapped, pairs: Pairs, parameters: int) -> None:
 
 def _model(
     pairs: Pairs, oscillator: Oscillator, names: Sequence[str], nuisance: tuple[str, ...], found: Unwrapped
-) -> tuple[_Model, tuple[Parameter, ...]]:
+) -> tuple[PairModel, tuple[Parameter, ...]]:
     leaves = leaves_of(oscillator)
     chosen = [find_leaf(name, leaves) for name in names]
     check_identifiable([leaf.name for leaf in chosen], leaves)
@@ -194,7 +135,7 @@ def _model(
         )
     machine = jax.tree.map(lambda leaf: np.asarray(leaf, float), oscillator)
     offset = np.asarray(found.offset)
-    return _Model(machine, space, engine, pairs.x0, found.half_cycles, offset), tuple(entries)
+    return PairModel(machine, space, engine, pairs.x0, found.half_cycles, offset), tuple(entries)
 
 
 def _start(name: str, value: float, oscillator: Oscillator, found: Unwrapped) -> float:
@@ -212,14 +153,9 @@ def _sigma(pairs: Pairs, found: Unwrapped, mu_scatter: float) -> np.ndarray:
     return np.hypot(own, scattered)
 
 
-@eqx.filter_jit
-def _predicted(model: _Model, q: Array) -> Array:
-    return model(q)
-
-
 def _assembled(
     pairs: Pairs,
-    model: _Model,
+    model: PairModel,
     parameters: tuple[Parameter, ...],
     solution: Solution,
     found: Unwrapped,
@@ -232,10 +168,10 @@ def _assembled(
     std = np.sqrt(np.diag(covariance))
     names = tuple(parameter.name for parameter in parameters)
     machine = model.space.oscillator(model.oscillator, jnp.asarray(values))
-    predicted = np.asarray(_predicted(model, jnp.asarray(solution.q)))
+    computed = np.asarray(predicted(model, jnp.asarray(solution.q)))
     static = _static(pairs, model, values, found, machine)
     scale = np.sqrt(solution.chi2 / solution.dof) if scaled else 1.0
-    warnings = (*_warnings(pairs, found, predicted, weight * scale, machine), *solution.warnings)
+    warnings = (*remarks(pairs, found, computed, weight * scale, machine), *solution.warnings)
     return RouteFit(
         route="final displacements",
         names=names,
@@ -251,13 +187,13 @@ def _assembled(
         warnings=warnings,
         x0=pairs.x0,
         xf=pairs.xf,
-        predicted=predicted,
+        predicted=computed,
         half_cycles=found.half_cycles,
         sigma=weight * scale,
         sigma_source="scatter of the residuals" if scaled else "given",
         chi2=float(solution.dof) if scaled else solution.chi2,
         dof=solution.dof,
-        extras={"dead_band": _dead_band(model, solution)},
+        extras={"dead_band": fitted_dead_band(model, solution)},
     )
 
 
@@ -266,61 +202,10 @@ class _Static(NamedTuple):
     interval: dict[str, tuple[float, float]]
 
 
-def _static(pairs: Pairs, model: _Model, values: np.ndarray, found: Unwrapped, machine: Oscillator) -> _Static:
+def _static(pairs: Pairs, model: PairModel, values: np.ndarray, found: Unwrapped, machine: Oscillator) -> _Static:
     """The static coefficient between the stops and the reversals that did not stop."""
     if sole_coulomb(machine.friction) is None:
         return _Static({}, {})
     offset = float(model.space.run_values(values, 0).get("offset", found.offset))
     between: Bracket = bracket(machine, pairs.x0 - offset, pairs.xf - offset, found.half_cycles)
     return _Static({"mu_s": between.middle}, {"mu_s": (between.lower, between.upper)})
-
-
-def _dead_band(model: _Model, solution: Solution) -> tuple[float, float, str]:
-    """Dead band x_d = mu N/k of the fitted machine [m], with its standard error."""
-
-    def band(q: Array) -> Array:
-        return model.space.oscillator(model.oscillator, model.space.values(q)).dead_band
-
-    q = jnp.asarray(solution.q)
-    slope = np.asarray(jax.jacfwd(band)(q))
-    used = slope != 0
-    variance = slope[used] @ solution.covariance[np.ix_(used, used)] @ slope[used]
-    return float(band(q)), float(np.sqrt(variance)), "m"
-
-
-def _warnings(
-    pairs: Pairs, found: Unwrapped, predicted: np.ndarray, sigma: np.ndarray, machine: Oscillator
-) -> list[str]:
-    said = []
-    residual, band = np.abs(pairs.xf - predicted), float(machine.dead_band)
-    few = int(np.sum(found.half_cycles < 2))
-    if few and np.all(found.half_cycles < 2):
-        said.append(
-            "No pair has two half-cycles or more: an offset of the equilibrium then looks like friction. Release from "
-            "farther away, or from both sides."
-        )
-    if np.any(found.half_cycles == 0):
-        said.append(f"In {int(np.sum(found.half_cycles == 0))} pair(s) the mass did not move: they tell nothing of mu.")
-    unsure = _AMBIGUOUS * sigma > band
-    if pairs.half_cycles is None and np.any(unsure):
-        said.append(
-            f"The scatter of {float(np.max(sigma)):.2g} m is not small against the dead band of {band:.2g} m, so some "
-            "numbers of half-cycles are in doubt. Give them as half_cycles."
-        )
-    duplicates = pairs.x0.size - np.unique(np.stack([pairs.x0, pairs.xf]), axis=1).shape[1]
-    if duplicates:
-        said.append(
-            f"{duplicates} pair(s) occur more than once; if they are copies, the standard errors are too small."
-        )
-    excess = float(np.sqrt(np.mean((residual / sigma) ** 2)))
-    if excess > _ADEQUATE:
-        said.append(
-            f"The model does not describe the pairs: their residuals are {excess:.3g} times the noise, so the standard "
-            "errors are too small. Give the scatter of mu from run to run (mu_scatter), or choose another law."
-        )
-    if np.max(residual) > 0.5 * band:
-        said.append(
-            f"A final displacement lies {float(np.max(residual)):.2g} m from the computed one, half a dead band or "
-            "more: a number of half-cycles is wrong, or the law does not hold."
-        )
-    return said
