@@ -76,6 +76,7 @@ def _nearest(model: PairModel, q: np.ndarray, xf: np.ndarray) -> np.ndarray:
 
 @eqx.filter_jit
 def predicted(model: PairModel, q: Array) -> Array:
+    """Computed final displacements at the coordinates `q` [m], shape (pairs,)."""
     return model(q)
 
 

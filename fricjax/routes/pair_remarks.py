@@ -10,6 +10,7 @@ _AMBIGUOUS, _ADEQUATE = 5.0, 3.0
 
 
 def remarks(pairs: Pairs, found: Unwrapped, predicted: np.ndarray, sigma: np.ndarray, machine: Oscillator) -> list[str]:
+    """Sentences on the pairs of a fit; `sigma` is the standard deviation of each final displacement [m]."""
     said = []
     residual, band = np.abs(pairs.xf - predicted), float(machine.dead_band)
     few = int(np.sum(found.half_cycles < 2))

@@ -1,8 +1,8 @@
 """How the mass was let go: the decay of the holding force, from the samples before the first reversal.
 
-A magnet takes a few milliseconds to let go. That lowers the first amplitude and delays the motion, by 0.3 % and about 1 ms
-for a time constant of 1 ms at 12.6 Hz, and biases whatever starts from the initial displacement. A fit from the first
-reversal on does not see it; with the machine known from there, the samples before tell how the release went.
+A magnet takes a few milliseconds to let go. That lowers the first amplitude and delays the motion, by 0.3 % and about
+1 ms for a time constant of 1 ms at 12.6 Hz, and biases whatever starts from the initial displacement. A fit from the
+first reversal on does not see it; with the machine known from there, the samples before tell how the release went.
 """
 
 from typing import Any
@@ -30,8 +30,8 @@ def fit_release(data: Record | Trace, found: Fit) -> Estimates:
         found: its fit from the first reversal on, whose machine and offset are taken as exact.
 
     Returns:
-        ``time_constant`` [s] of ``exp(-t/time_constant)``, ``t_release`` [s] in the time of the record and ``x0`` [m], the
-        displacement from the equilibrium at which the mass was held.
+        ``time_constant`` [s] of ``exp(-t/time_constant)``, ``t_release`` [s] in the time of the record, and ``x0`` [m],
+        the displacement from the equilibrium at which the mass was held.
 
     Raises:
         UsageError: a law without a jump at rest.
@@ -53,11 +53,12 @@ def fit_release(data: Record | Trace, found: Fit) -> Estimates:
         ends = ((residual(p + step) - residual(p - step)) / (2 * np.sum(step)) for step in np.diag(_STEPS))
         return np.stack(list(ends), axis=1)
 
-    solved = least_squares(residual, begin, jac=jacobian, x_scale=np.array([1.0, 1e-3, abs(begin[2])]), method="lm")
+    scale = np.array([1.0, 1e-3, abs(begin[2])])
+    solved = least_squares(residual, begin, jac=jacobian, x_scale=scale, method="lm")  # pyright: ignore
     if not np.all(np.isfinite(solved.jac)) or np.linalg.matrix_rank(solved.jac) < begin.size:
         raise DataError(
-            "The samples before the first reversal do not tell the release. Record the run from before it, and check the "
-            "fit that was given."
+            "The samples before the first reversal do not tell the release. Record the run from before it, and check "
+            "the fit that was given."
         )
     values, slope = solved.x.copy(), np.array([np.exp(solved.x[0]), 1.0, 1.0])
     values[0] = slope[0]
@@ -82,8 +83,8 @@ def _first_stroke(data: Record | Trace, found: Fit) -> tuple[Any, ...]:
     used = mask & (t < turned)
     if used.sum() < _LEAST:
         raise DataError(
-            f"Only {int(used.sum())} samples lie before the first reversal, and at least {_LEAST} are needed. Record the "
-            "run from before its release."
+            f"Only {int(used.sum())} samples lie before the first reversal, and at least {_LEAST} are needed. Record "
+            "the run from before its release."
         )
     noise = np.broadcast_to(shape.noise if trace.sigma is None else np.asarray(trace.sigma, float), t.shape)
     return t[used], x[used], np.maximum(noise[used], 1e-13), turned
