@@ -138,6 +138,8 @@ def test_synthetic_trials_spread_as_the_scatter_of_mu_says(found):
         )
     np.testing.assert_allclose(final, sign * amplitude, rtol=0, atol=1e-15)
     expected = np.hypot(3e-6, 4 * 0.02 * PROTOTYPE_BAND)
+    for trial in (1, 2, 3):
+        assert found.ours("figure_6", f"mu of trial {trial} by route 2") == pytest.approx(0.05, rel=0.015)
     assert found.ours("figure_6", "spread of xf after two half-cycles") == pytest.approx(expected, rel=0.25)
 
 
