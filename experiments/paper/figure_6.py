@@ -36,7 +36,7 @@ def study() -> Study:
         f"({100 * MU_SCATTER:g} % standard deviation) and its own effective start ({1e6 * X0_SCATTER:g} um). After n "
         "half-cycles mu scatters the final displacement by 2 n xd times its relative scatter: what spreads the repeats "
         "of Fig. 6 is the repeatability of mu. The spread is a statistic of 45 releases, good to about 10 %, and its "
-        "closed form is of first order and leaves out the folds at the peaks. The coefficient of each trial is fitted to "
+        "closed form is of first order and leaves out the folds at the peaks. The mu of each trial is fitted to "
         "its 31 pairs, whose scatter leaves it uncertain by about 0.4 %."
     )
     title = "Figure 6: synthetic experiment, sliding UHMWPE on anodized aluminium"
