@@ -24,7 +24,12 @@ def models(output: Output) -> None:
 def describe(name: str, law: Any) -> dict[str, Any]:
     """A law as data: its name, kind, coefficients with units, and the first line of its description."""
     text = " ".join((law.__doc__ or "").split("\n\n")[0].replace("``", "").split())
-    return {"name": name, "kind": _kind(law), "coefficients": dict(law.units), "about": text}
+    return {
+        "name": name,
+        "kind": _kind(law),
+        "coefficients": {name: known.unit for name, known in law.coefficients.items()},
+        "about": text,
+    }
 
 
 def _kind(law: Any) -> str:

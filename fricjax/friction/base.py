@@ -19,6 +19,8 @@ import numpy as np
 from equinox import AbstractClassVar, AbstractVar
 from jaxtyping import Array, Float
 
+from .coefficient import Coefficient, check_coefficients
+
 if TYPE_CHECKING:
     type Scalar = Array
     type Values = Array
@@ -39,11 +41,27 @@ def scalar(value: Any) -> Any:
 
 
 class AbstractFriction(eqx.Module):
-    """A friction law; `load` is the normal force [N] everywhere, `v` the sliding velocity [m/s]."""
+    """A friction law; `load` is the normal force [N] everywhere, `v` the sliding velocity [m/s].
 
-    units: AbstractClassVar[Mapping[str, str]]
+    Attributes:
+        coefficients: what is known of each coefficient: unit, meaning, bounds.
+        source: where the law was published.
+        identifies: what a free decay can and cannot tell of the coefficients, in a sentence or two.
+        set_valued: whether the force jumps at rest, where it holds the mass.
+        n_states: number of internal states.
+
+    Raises:
+        ValueError: a coefficient outside of its bounds; names it with its value and the bound.
+    """
+
+    coefficients: AbstractClassVar[Mapping[str, Coefficient]]
+    source: AbstractClassVar[str]
+    identifies: AbstractClassVar[str]
     set_valued: AbstractVar[bool]
     n_states: AbstractVar[int]
+
+    def __check_init__(self) -> None:
+        check_coefficients(self, self.coefficients, f" of {type(self).__name__}")
 
     @abc.abstractmethod
     def force(self, v: Values, state: State, load: Scalar) -> Values:
@@ -81,6 +99,15 @@ class AbstractFriction(eqx.Module):
     def sharp(self) -> "AbstractFriction":
         """The set-valued law that a regularised one tends to; every other law returns itself."""
 
+    @property
+    def stiff(self) -> bool:
+        """Whether an explicit integration in time would have to take far smaller steps than the motion asks for."""
+        return True
+
+    def switches(self, v: Scalar, state: State, load: Scalar) -> Values:
+        """Quantities besides the velocity at whose changes of sign the rates of the states have a kink or a jump."""
+        return jnp.zeros(0)
+
     def __add__(self, other: "AbstractFriction") -> "AbstractFriction":
         from .sum import Sum
 
@@ -100,6 +127,15 @@ class AbstractMemoryless(AbstractFriction):
 
     def state_scale(self, load: Scalar) -> State:
         return jnp.zeros(0)
+
+
+class AbstractBristle(AbstractFriction):
+    """A law with internal states, by whose deflection it holds the mass at rest."""
+
+    set_valued: ClassVar[bool] = False
+
+    def sharp(self) -> "AbstractFriction":
+        return self
 
 
 class AbstractSetValued(AbstractMemoryless):

@@ -6,10 +6,11 @@ from typing import ClassVar
 import equinox as eqx
 import jax.numpy as jnp
 
-from .base import AbstractFriction, Scalar, State, Values, scalar
+from .base import AbstractBristle, Scalar, State, Values, scalar
+from .coefficient import MU, MU_S, SIGMA0, SIGMA1, SIGMA2, V_STRIBECK, Coefficient, check_order
 
 
-class LuGre(AbstractFriction):
+class LuGre(AbstractBristle):
     """``dz/dt = v - sigma0 |v| z/g(v)``, ``F = sigma0 z + sigma1 dz/dt + sigma2 v``.
 
     ``g(v) = N [mu + (mu_s - mu) exp(-(v/v_stribeck)^2)]`` is a force [N]; the stiffness and damping of the bristles
@@ -24,15 +25,19 @@ class LuGre(AbstractFriction):
         sigma2: viscous coefficient of the contact [N s/m].
     """
 
-    units: ClassVar[Mapping[str, str]] = {
-        "mu": "",
-        "mu_s": "",
-        "v_stribeck": "m/s",
-        "sigma0": "N/m",
-        "sigma1": "N s/m",
-        "sigma2": "N s/m",
+    coefficients: ClassVar[Mapping[str, Coefficient]] = {
+        "mu": MU,
+        "mu_s": MU_S,
+        "v_stribeck": V_STRIBECK,
+        "sigma0": SIGMA0,
+        "sigma1": SIGMA1,
+        "sigma2": SIGMA2,
     }
-    set_valued: ClassVar[bool] = False
+    source: ClassVar[str] = "C. Canudas de Wit et al., IEEE Trans. Autom. Control 40 (1995)"
+    identifies: ClassVar[str] = (
+        "mu, sigma0 from the loss of each reversal and the ringing at rest, sigma1 from its decay; mu_s and v_stribeck "
+        "as in Stribeck's law; sigma2 only apart from damping, so fix one."
+    )
     n_states: ClassVar[int] = 1
 
     mu: Scalar = eqx.field(converter=scalar)
@@ -41,6 +46,9 @@ class LuGre(AbstractFriction):
     sigma0: Scalar = eqx.field(converter=scalar, default=1e5)
     sigma1: Scalar = eqx.field(converter=scalar, default=300.0)
     sigma2: Scalar = eqx.field(converter=scalar, default=0.0)
+
+    def __check_init__(self) -> None:
+        check_order(self, "mu", "mu_s")
 
     def _limit(self, speed: Values, load: Scalar) -> Values:
         if self.mu_s is None:
@@ -71,6 +79,3 @@ class LuGre(AbstractFriction):
 
     def velocity_scale(self) -> Scalar:
         return jnp.asarray(jnp.inf) if self.mu_s is None else self.v_stribeck
-
-    def sharp(self) -> "LuGre":
-        return self

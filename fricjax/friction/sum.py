@@ -8,6 +8,7 @@ from typing import ClassVar
 import jax.numpy as jnp
 
 from .base import AbstractFriction, Scalar, State, Values
+from .coefficient import Coefficient
 
 
 class Sum(AbstractFriction):
@@ -17,7 +18,9 @@ class Sum(AbstractFriction):
         laws: the summands; a fit names their coefficients ``friction.0.mu``, ``friction.1.windage`` and so on.
     """
 
-    units: ClassVar[Mapping[str, str]] = {}
+    coefficients: ClassVar[Mapping[str, Coefficient]] = {}
+    source: ClassVar[str] = "Superposition of forces"
+    identifies: ClassVar[str] = "What its laws tell, as far as their forces depend on velocity in different ways."
 
     laws: tuple[AbstractFriction, ...]
 
@@ -61,6 +64,14 @@ class Sum(AbstractFriction):
 
     def dynamic_force(self, load: Scalar) -> Scalar:
         return sum((law.dynamic_force(load) for law in self.laws), start=jnp.zeros_like(load))
+
+    @property
+    def stiff(self) -> bool:
+        return any(law.stiff for law in self.laws)
+
+    def switches(self, v: Scalar, state: State, load: Scalar) -> Values:
+        parts = zip(self.laws, self._split(state), strict=True)
+        return jnp.concatenate([law.switches(v, part, load) for law, part in parts])
 
     def velocity_scale(self) -> Scalar:
         return functools.reduce(jnp.minimum, (law.velocity_scale() for law in self.laws))

@@ -5,7 +5,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from tests.helpers import LAWS, LOAD
+from tests.cases.case import LOAD
+from tests.helpers import LAWS
 
 
 def extracted_work(law, v: np.ndarray, dt: float, z0: jax.Array) -> float:

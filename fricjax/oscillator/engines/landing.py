@@ -1,28 +1,34 @@
-"""Steps that land on the reversals of a bristle law.
+"""Steps that land on the reversals of a bristle law, and wherever else its rates have a kink or a jump.
 
 The rate of a bristle contains ``|v|``, which has a kink where the velocity changes sign. A step across the kink costs
 the motion little, for its error is of second order in the step; but the derivatives of the motion lose one order
-more, and no error estimate of the motion sees that. So the estimate is raised for steps in which the velocity changes
-sign: the controller then closes in on the reversal, at the price of a few short steps.
+more, and no error estimate of the motion sees that. So the estimate is raised for steps in which the velocity, or
+another quantity that a law switches by, changes sign: the controller then closes in on the switch, at the price of a
+few short steps.
 """
 
+from collections.abc import Callable
 from typing import Any
 
 import diffrax
+import equinox as eqx
 import jax
 import jax.numpy as jnp
+from jaxtyping import Array
 
 _RAISE = 1e6
 
 
 class Landing(diffrax.AbstractAdaptiveSolver, diffrax.AbstractWrappedSolver):
-    """A solver for states whose second component is a velocity, with its error raised where that changes sign.
+    """A solver with its error raised where a watched quantity changes sign.
 
     Attributes:
         solver: the solver that makes the steps.
+        watched: from a state and the arguments of the vector field to the quantities, shape (switches,).
     """
 
     solver: Any
+    watched: Callable[[Any, Any], Array] = eqx.field(static=True)
 
     @property
     def term_structure(self) -> Any:  # pyright: ignore[reportIncompatibleVariableOverride]
@@ -43,5 +49,6 @@ class Landing(diffrax.AbstractAdaptiveSolver, diffrax.AbstractWrappedSolver):
 
     def step(self, terms: Any, t0: Any, t1: Any, y0: Any, args: Any, solver_state: Any, made_jump: Any) -> Any:
         y1, error, dense, state, result = self.solver.step(terms, t0, t1, y0, args, solver_state, made_jump)
-        raised = jnp.where(y0[1] * y1[1] < 0, _RAISE, 1.0)
+        switched = jnp.any(self.watched(y0, args) * self.watched(y1, args) < 0)
+        raised = jnp.where(switched, _RAISE, 1.0)
         return y1, jax.tree.map(lambda e: e * raised, error), dense, state, result

@@ -172,7 +172,7 @@ class Smooth(AbstractEngine):
         adaptive = diffrax.PIDController(rtol=tolerance, atol=tolerance)
         return diffrax.diffeqsolve(
             diffrax.ODETerm(_field),
-            Landing(Rodas5P()) if len(y0) > 2 else Rodas5P(),
+            _solver(args[0]),
             jnp.zeros(()),
             end,
             None,
@@ -190,6 +190,21 @@ class Smooth(AbstractEngine):
         args = _undriven(oscillator, start)
         saveat = diffrax.SaveAt(t0=True, steps=True, fn=lambda t, y, args: None)
         return self._solve(_scaled(start, args[1]), args, duration * args[1].rate, saveat, capacity).ts
+
+
+def _solver(oscillator: Oscillator) -> diffrax.AbstractAdaptiveSolver:
+    """The method that suits a law: implicit where it is stiff, and with steps that end where its rates have a kink."""
+    law = oscillator.friction
+    plain = Rodas5P() if law.stiff else diffrax.Dopri8(scan_kind="lax")
+    return Landing(plain, _watched) if law.n_states else plain
+
+
+def _watched(y: tuple, args: tuple) -> Array:
+    """The velocity, and what else the law switches by."""
+    oscillator, scales = args[:2]
+    v = y[1] * scales.length * scales.rate
+    switches = oscillator.friction.switches(v, jnp.stack(y[2:]) * scales.state, oscillator.normal_force)
+    return jnp.concatenate([jnp.reshape(y[1], (1,)), switches])
 
 
 def _undriven(oscillator: Oscillator, start: Start) -> tuple:
