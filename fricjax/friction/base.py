@@ -10,7 +10,7 @@ and an engine asks only which one it has before it:
 """
 
 import abc
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import equinox as eqx
@@ -38,6 +38,11 @@ def scalar(value: Any) -> Any:
     if isinstance(value, int | float | np.ndarray | np.generic):
         return np.asarray(value, dtype=np.float64)
     return value
+
+
+def scalars(values: Iterable[Any]) -> tuple[Any, ...]:
+    """A list of coefficients as leaves."""
+    return tuple(scalar(value) for value in values)
 
 
 class AbstractFriction(eqx.Module):
@@ -85,7 +90,7 @@ class AbstractFriction(eqx.Module):
 
     @abc.abstractmethod
     def static_force(self, load: Scalar) -> Scalar:
-        """Largest force that holds the mass at rest [N]."""
+        """Largest force that holds the mass at rest between two half-cycles [N]."""
 
     @abc.abstractmethod
     def dynamic_force(self, load: Scalar) -> Scalar:
@@ -104,9 +109,29 @@ class AbstractFriction(eqx.Module):
         """Whether an explicit integration in time would have to take far smaller steps than the motion asks for."""
         return True
 
+    def breakaway_force(self, load: Scalar) -> Scalar:
+        """Largest force that holds the mass before its release, after it has stood [N]; no less than the static one."""
+        return self.static_force(load)
+
+    def pulled_state(self, direction: Scalar, load: Scalar) -> State:
+        """Internal states after a slow pull in the given direction (+1 or -1), with which a motion from rest begins."""
+        # A million metres per second leaves dynamic friction alone; infinity would make the derivatives NaN.
+        return self.steady_state(jnp.asarray(1e6), direction, load)
+
+    def remarks(self, load: float) -> tuple[str, ...]:
+        """What a user should know of these coefficients at this load [N], a sentence or two each; outside of traces."""
+        return ()
+
     def switches(self, v: Scalar, state: State, load: Scalar) -> Values:
         """Quantities besides the velocity at whose changes of sign the rates of the states have a kink or a jump."""
         return jnp.zeros(0)
+
+    def return_map(self, v: Scalar, state: State, load: Scalar) -> State:
+        """Internal states after a step of an integration: what the integrated ones stand for as the motion goes on.
+
+        Elements that stick or slip change their mode here, between two steps; other states are what they are.
+        """
+        return state
 
     def __add__(self, other: "AbstractFriction") -> "AbstractFriction":
         from .sum import Sum
@@ -148,6 +173,16 @@ class AbstractSetValued(AbstractMemoryless):
 
     def sharp(self) -> "AbstractFriction":
         return self
+
+
+class AbstractConstant(AbstractSetValued):
+    """A set-valued law whose force does not depend on how fast the mass slides."""
+
+    def sliding_force(self, speed: Values, load: Scalar) -> Values:
+        return self.dynamic_force(load) * jnp.ones_like(speed)
+
+    def velocity_scale(self) -> Scalar:
+        return jnp.asarray(jnp.inf)
 
 
 class AbstractSmooth(AbstractMemoryless):

@@ -38,7 +38,11 @@ class Coefficient(NamedTuple):
             return f"must lie between {self.lower:g} and {self.upper:g}{' ' * bool(self.unit)}{self.unit}"
         if self.open:
             return f"must be a positive number{of_unit}"
-        return "must not be negative" if self.lower == 0 else f"must be a number{of_unit}"
+        if self.lower == 0:
+            return "must not be negative"
+        return (
+            f"must be at least {self.lower:g}{of_unit}" if math.isfinite(self.lower) else f"must be a number{of_unit}"
+        )
 
 
 def positive(unit: str, about: str) -> Coefficient:
@@ -56,7 +60,13 @@ def within(lower: float, upper: float, unit: str, about: str) -> Coefficient:
     return Coefficient(unit, about, lower, upper)
 
 
+def fraction(about: str) -> Coefficient:
+    """A share between zero and one, of which it reaches neither."""
+    return Coefficient("", about, 0.0, math.nextafter(1.0, 0.0), open=True)
+
+
 MU = not_negative("", "dynamic coefficient of friction")
+MU_BRISTLE = MU._replace(open=True)  # bristles of no strength have no deflection to settle at
 MU_S = not_negative("", "static coefficient of friction")
 V_STRIBECK = positive("m/s", "speed over which friction falls from static to dynamic")
 SIGMA0 = positive("N/m", "stiffness of the contact before it slides")
@@ -73,18 +83,23 @@ def check_coefficients(owner: Any, coefficients: Mapping[str, Coefficient], whos
     """Refuse coefficients outside of their bounds; those that are absent or traced are not looked at.
 
     Args:
-        owner: what has the coefficients as attributes.
+        owner: what has the coefficients as attributes, each a number or a tuple of numbers.
         coefficients: what is known of each.
         whose: put behind the name of a coefficient, such as " of Stribeck".
 
     Raises:
         ValueError: names the coefficient, its value and its bound.
     """
-    for name, coefficient in coefficients.items():
-        value = getattr(owner, name)
-        if is_known(value) and not coefficient.admits(value):
-            unit = f" {coefficient.unit}" if coefficient.unit and not coefficient.open else ""
-            raise ValueError(f"{name}{whose} {coefficient.demand}, got {value}{unit}.")
+    for listed, coefficient in coefficients.items():
+        for name, value in _named(listed, getattr(owner, listed)):
+            if is_known(value) and not coefficient.admits(value):
+                unit = f" {coefficient.unit}" if coefficient.unit and not coefficient.open else ""
+                raise ValueError(f"{name}{whose} {coefficient.demand}, got {value}{unit}.")
+
+
+def _named(name: str, value: Any) -> list[tuple[str, Any]]:
+    """A coefficient with its name, or each number of a list with its own, as in ``forces_3``."""
+    return [(f"{name}_{i}", v) for i, v in enumerate(value)] if isinstance(value, tuple) else [(name, value)]
 
 
 def check_order(owner: Any, lesser: str, greater: str, *, strict: bool = False) -> None:

@@ -6,11 +6,11 @@ from typing import ClassVar
 import equinox as eqx
 import jax.numpy as jnp
 
-from .base import AbstractSetValued, Scalar, Values, scalar
+from .base import AbstractConstant, Scalar, scalar
 from .coefficient import MU, MU_S, Coefficient, check_order
 
 
-class Coulomb(AbstractSetValued):
+class Coulomb(AbstractConstant):
     """``F = mu N sgn(v)`` while sliding; at rest anything up to ``mu_s N``.
 
     The static coefficient decides only whether the mass moves on from a reversal. A trace therefore has no gradient
@@ -34,15 +34,9 @@ class Coulomb(AbstractSetValued):
     def __check_init__(self) -> None:
         check_order(self, "mu", "mu_s")
 
-    def sliding_force(self, speed: Values, load: Scalar) -> Values:
-        return self.mu * load * jnp.ones_like(speed)
-
     def static_force(self, load: Scalar) -> Scalar:
         # A fit may carry mu past a mu_s that stays where it is.
         return (self.mu if self.mu_s is None else jnp.maximum(self.mu, self.mu_s)) * load
 
     def dynamic_force(self, load: Scalar) -> Scalar:
         return self.mu * load
-
-    def velocity_scale(self) -> Scalar:
-        return jnp.asarray(jnp.inf)

@@ -53,6 +53,12 @@ class Sum(AbstractFriction):
     def steady_state(self, v: Scalar, direction: Scalar, load: Scalar) -> State:
         return jnp.concatenate([law.steady_state(v, direction, load) for law in self.laws])
 
+    def pulled_state(self, direction: Scalar, load: Scalar) -> State:
+        return jnp.concatenate([law.pulled_state(direction, load) for law in self.laws])
+
+    def remarks(self, load: float) -> tuple[str, ...]:
+        return tuple(remark for law in self.laws for remark in law.remarks(load))
+
     def state_scale(self, load: Scalar) -> State:
         return jnp.concatenate([law.state_scale(load) for law in self.laws])
 
@@ -61,6 +67,9 @@ class Sum(AbstractFriction):
 
     def static_force(self, load: Scalar) -> Scalar:
         return sum((law.static_force(load) for law in self.laws), start=jnp.zeros_like(load))
+
+    def breakaway_force(self, load: Scalar) -> Scalar:
+        return sum((law.breakaway_force(load) for law in self.laws), start=jnp.zeros_like(load))
 
     def dynamic_force(self, load: Scalar) -> Scalar:
         return sum((law.dynamic_force(load) for law in self.laws), start=jnp.zeros_like(load))
@@ -72,6 +81,10 @@ class Sum(AbstractFriction):
     def switches(self, v: Scalar, state: State, load: Scalar) -> Values:
         parts = zip(self.laws, self._split(state), strict=True)
         return jnp.concatenate([law.switches(v, part, load) for law, part in parts])
+
+    def return_map(self, v: Scalar, state: State, load: Scalar) -> State:
+        parts = zip(self.laws, self._split(state), strict=True)
+        return jnp.concatenate([law.return_map(v, part, load) for law, part in parts])
 
     def velocity_scale(self) -> Scalar:
         return functools.reduce(jnp.minimum, (law.velocity_scale() for law in self.laws))
