@@ -2,11 +2,17 @@
 
 from .ageing import Ageing
 from .base import AbstractFriction
+from .bliman_sorine import BlimanSorine
+from .bouc_wen import BoucWen
 from .coulomb import Coulomb
+from .dahl import Dahl
+from .elasto_plastic import ElastoPlastic
 from .load_dependent import LoadDependent
 from .lorentzian import Lorentzian
 from .lugre import LuGre
 from .makkar import Makkar
+from .rate_state import RateState, RateStateSlip
+from .rolling import Rolling
 from .spline import MonotoneSpline, Spline
 from .stribeck import Stribeck
 from .sum import Sum
@@ -17,12 +23,19 @@ from .windage import Windage
 __all__ = [
     "AbstractFriction",
     "Ageing",
+    "BlimanSorine",
+    "BoucWen",
     "Coulomb",
+    "Dahl",
+    "ElastoPlastic",
     "LoadDependent",
     "Lorentzian",
     "LuGre",
     "Makkar",
     "MonotoneSpline",
+    "RateState",
+    "RateStateSlip",
+    "Rolling",
     "Spline",
     "Stribeck",
     "Sum",

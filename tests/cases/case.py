@@ -14,3 +14,4 @@ class LawCase(NamedTuple):
     static: float  # largest force at rest
     kinetic: float  # force of fast sliding without its viscous and quadratic parts
     passive: bool = True  # whether it takes out energy along every path
+    parity: float = -1.0  # factor of the internal states where the motion is mirrored
