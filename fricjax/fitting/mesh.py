@@ -13,8 +13,8 @@ import numpy as np
 from jaxtyping import Array
 
 from ..data.errors import UsageError
-from ..oscillator import Oscillator, Smooth, starting_state
-from .residual import Residual
+from ..oscillator import Oscillator, Smooth
+from .residual import Residual, start_of
 
 CAPACITY = 1 << 17
 _REACH = 1.05
@@ -51,7 +51,7 @@ def with_mesh(residual: Residual, y: Any, slack: float = 1.0) -> Residual:
 
 @eqx.filter_jit
 def _steps(accuracy: Any, machine: Oscillator, at: dict[str, Array], end: Array) -> Array:
-    start = starting_state(machine, at["x0"], at["v0"])
+    start = start_of(machine, at)
     free = Smooth(accuracy=accuracy, max_steps=CAPACITY)
     return free.steps(machine, start, _REACH * (end - at["t_release"]), CAPACITY)
 

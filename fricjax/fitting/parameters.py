@@ -13,6 +13,7 @@ from ..oscillator import Oscillator
 from ..oscillator.engines import AbstractEngine
 from ..oscillator.leaves import Leaf
 from .guess import guess_machine
+from .law_start import guess_law, terms_of
 from .loss import AbstractLoss, named_loss
 from .names import NUISANCES, check_identifiable, check_names, find_leaf, sole_coulomb
 from .space import Parameter, Tie
@@ -78,12 +79,14 @@ def free_parameters(
     values = {leaf.kind: flat[leaf.index] for leaf in reversed(leaves)}
     kinds = [leaf.kind for leaf in shared]
     sought = any(leaf.name not in request.guess for leaf in shared)
-    decays = [window.segmentation for window in windows] if sought else []
-    guessed = guess_machine(request.oscillator, decays, kinds, values)
+    seen = windows if sought else []
+    decays = [window.segmentation for window in seen]
+    guessed = guess_machine(request.oscillator, decays, [*kinds, *terms_of(request.oscillator, leaves, shared)], values)
+    of_law = guess_law(request.oscillator, leaves, shared, seen, {**values, **guessed})
     entries: list[tuple[str, Coefficient, float, float]] = []
     for leaf, kind in zip(shared, kinds, strict=True):
-        start = guessed.get(kind, flat[leaf.index])
-        if kind == "mu_s" and "mu" in guessed and values["mu"] > 0:
+        start = of_law.get(leaf.name, guessed.get(kind, flat[leaf.index]))
+        if leaf.name not in of_law and kind == "mu_s" and "mu" in guessed and values["mu"] > 0:
             start *= guessed["mu"] / values["mu"]
         entries.append((leaf.name, leaf.coefficient, start, _scale(kind, start, {**values, **guessed})))
     for i, window in enumerate(windows):
@@ -136,7 +139,7 @@ def _run_scales(window: Window) -> dict[str, float]:
     amplitude, half_period = window.segmentation.amplitude, window.segmentation.half_period
     speed = amplitude * np.pi / half_period
     sizes = {"x0": amplitude, "offset": amplitude, "v0": speed, "t_release": half_period}
-    return {**sizes, "drift": 1e-3 * speed}
+    return {**sizes, "drift": 1e-3 * speed, "z0": 1.0}
 
 
 def _bounded(
