@@ -11,6 +11,7 @@ from .load_dependent import LoadDependent
 from .lorentzian import Lorentzian
 from .lugre import LuGre
 from .makkar import Makkar
+from .maxwell_slip import Jenkins, MaxwellSlip
 from .rate_state import RateState, RateStateSlip
 from .rolling import Rolling
 from .spline import MonotoneSpline, Spline
@@ -28,10 +29,12 @@ __all__ = [
     "Coulomb",
     "Dahl",
     "ElastoPlastic",
+    "Jenkins",
     "LoadDependent",
     "Lorentzian",
     "LuGre",
     "Makkar",
+    "MaxwellSlip",
     "MonotoneSpline",
     "RateState",
     "RateStateSlip",

@@ -196,7 +196,7 @@ def _solver(oscillator: Oscillator) -> diffrax.AbstractAdaptiveSolver:
     """The method that suits a law: implicit where it is stiff, and with steps that end where its rates have a kink."""
     law = oscillator.friction
     plain = Rodas5P() if law.stiff else diffrax.Dopri8(scan_kind="lax")
-    return Landing(plain, _watched) if law.n_states else plain
+    return Landing(plain, _watched, _returned) if law.n_states else plain
 
 
 def _watched(y: tuple, args: tuple) -> Array:
@@ -205,6 +205,14 @@ def _watched(y: tuple, args: tuple) -> Array:
     v = y[1] * scales.length * scales.rate
     switches = oscillator.friction.switches(v, jnp.stack(y[2:]) * scales.state, oscillator.normal_force)
     return jnp.concatenate([jnp.reshape(y[1], (1,)), switches])
+
+
+def _returned(y: tuple, args: tuple) -> tuple:
+    """The scaled state from which the next step begins."""
+    oscillator, scales = args[:2]
+    v, state = y[1] * scales.length * scales.rate, jnp.stack(y[2:]) * scales.state
+    kept = oscillator.friction.return_map(v, state, oscillator.normal_force) / scales.state
+    return (y[0], y[1], *kept)
 
 
 def _undriven(oscillator: Oscillator, start: Start) -> tuple:
