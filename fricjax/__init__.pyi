@@ -4,7 +4,7 @@ from .calibrate.added_mass import calibrate_added_mass
 from .calibrate.frf import calibrate_frf
 from .calibrate.ringdown import calibrate_ringdown
 from .data import Record, Trace, read, write
-from .fitting import BatchFit, Fit, fit, fit_batch, fit_on_moving_floor, load_fit
+from .fitting import BatchFit, Comparison, Fit, compare, fit, fit_batch, fit_on_moving_floor, load_fit
 from .instrument import synthetic_run
 from .oscillator import Motion, Oscillator, energy, final_displacement, restoring, simulate
 from .routes.agreement import compare_routes
@@ -19,6 +19,7 @@ __version__: str
 
 __all__ = [
     "BatchFit",
+    "Comparison",
     "Fit",
     "Measured",
     "Motion",
@@ -30,6 +31,7 @@ __all__ = [
     "calibrate_added_mass",
     "calibrate_frf",
     "calibrate_ringdown",
+    "compare",
     "compare_routes",
     "data",
     "energy",

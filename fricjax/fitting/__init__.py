@@ -2,9 +2,20 @@
 
 from .batch import fit_batch
 from .batch_result import BatchFit
+from .compare import Comparison, compare
 from .fit import fit
 from .moving_floor import fit_on_moving_floor
 from .result import Fit, FitError
 from .store import load_fit
 
-__all__ = ["BatchFit", "Fit", "FitError", "fit", "fit_batch", "fit_on_moving_floor", "load_fit"]
+__all__ = [
+    "BatchFit",
+    "Comparison",
+    "Fit",
+    "FitError",
+    "compare",
+    "fit",
+    "fit_batch",
+    "fit_on_moving_floor",
+    "load_fit",
+]

@@ -43,13 +43,17 @@ def _reversals(problem: Problem, solved: Solved, run: int, forced: bool) -> tupl
     return np.asarray(found.turning_points), int(found.n_half_cycles)
 
 
-def solve_with_rest(problem: Problem) -> tuple[Problem, Solved]:
+def solve_with_rest(problem: Problem, y: np.ndarray | None = None) -> tuple[Problem, Solved]:
     """Solve with the record's number of half-cycles, and try others where law or residuals ask for it.
 
     Another number is tried where the fitted law would stop the mass at another reversal, and where the residuals are so
     large that a wrong number could be the reason: then one more and one less, as long as that makes the fit better.
+
+    Args:
+        problem: the problem.
+        y: coordinates to start from; None for the start values.
     """
-    solved = solve(problem)
+    solved = solve(problem, y)
     tried, counts = set(), _counts(problem)
     spent = [solved]
     while candidates := _candidates(problem, solved) - tried - {counts}:
