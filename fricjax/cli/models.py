@@ -35,8 +35,9 @@ def describe(name: str, law: Any) -> dict[str, Any]:
 def _kind(law: Any) -> str:
     if law.n_states:
         return "bristle law with internal states, smooth engine"
+    from ..friction.base import AbstractConstant
+
     if law.set_valued:
-        return "set-valued law: holds the mass at rest, " + (
-            "exact engine" if law.__name__ == "Coulomb" else "hybrid engine"
-        )
+        engine = "exact" if issubclass(law, AbstractConstant) else "hybrid"
+        return f"set-valued law: holds the mass at rest, {engine} engine"
     return "smooth law: holds nothing at rest"

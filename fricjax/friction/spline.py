@@ -7,7 +7,7 @@ constant.
 
 import abc
 import functools
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from typing import Any, ClassVar
 
 import equinox as eqx
@@ -56,7 +56,7 @@ class AbstractSpline(AbstractSetValued):
             )
 
     @classmethod
-    def like(cls, law: AbstractFriction, knots: Sequence[float], load: float) -> "AbstractSpline":
+    def like(cls, law: AbstractFriction, knots: Iterable[float], load: float) -> "AbstractSpline":
         """The spline through the forces of another law, as a start for a fit.
 
         Args:
@@ -64,8 +64,9 @@ class AbstractSpline(AbstractSetValued):
             knots: speeds [m/s], increasing from zero.
             load: normal force at which the law is evaluated [N].
         """
-        forces = law.sharp().sliding_force(jnp.asarray(_speeds(knots)), jnp.asarray(float(load)))
-        return cls(knots, np.asarray(forces) / load)  # pyright: ignore[reportCallIssue]
+        speeds = _speeds(knots)
+        forces = law.sharp().sliding_force(jnp.asarray(speeds), jnp.asarray(float(load)))
+        return cls(speeds, np.asarray(forces) / load)  # pyright: ignore[reportCallIssue]
 
     @abc.abstractmethod
     def _slopes(self, widths: np.ndarray, rises: Array) -> Array:
@@ -83,9 +84,9 @@ class AbstractSpline(AbstractSetValued):
         slopes = self._slopes(widths, rises)
         # What an interval adds is constant beyond its ends, so that none has to be searched for. A speed just below
         # zero, as rounding makes it at a reversal, still belongs to the first one.
-        begin = np.full(widths.size, 0.0)
-        begin[0] = -1.0
-        way = jnp.clip((jnp.log1p(speed / self.knots[1])[..., None] - ends[:-1]) / widths, begin, 1.0)
+        at = jnp.log1p(speed / self.knots[1])[..., None]
+        before, behind = at < np.append(-np.inf, ends[1:-1]), at >= ends[1:]
+        way = jnp.where(behind, 1.0, jnp.where(before, 0.0, (at - ends[:-1]) / widths))
         turn = slopes[:-1] * (1 - way) - slopes[1:] * way
         added = widths * way * (rises * way * (3 - 2 * way) + turn * (1 - way))
         return load * (forces[0] + jnp.sum(added, axis=-1))
@@ -144,7 +145,7 @@ class MonotoneSpline(AbstractSpline):
         before, after = rises[:-1], rises[1:]
         alike = before * after > 0
         left, right = widths[:-1] + 2 * widths[1:], 2 * widths[:-1] + widths[1:]
-        weighted = jnp.where(alike, right * after + left * before, 1.0)
+        weighted = jnp.where(alike, left * after + right * before, 1.0)
         inner = jnp.where(alike, (left + right) * before * after / weighted, 0.0)
         last = jnp.concatenate([inner, jnp.zeros(1)])
         return jnp.concatenate([(3 * rises[:1] - last[:1]) / 2, last])
