@@ -1,4 +1,4 @@
-from . import calibrate, data, fitting, friction, instrument, oscillator, routes, show
+from . import calibrate, data, fitting, friction, instrument, oscillator, routes, sensitivity, show
 from .calibrate import Measured, Rig
 from .calibrate.added_mass import calibrate_added_mass
 from .calibrate.frf import calibrate_frf
@@ -53,6 +53,7 @@ __all__ = [
     "read",
     "restoring",
     "routes",
+    "sensitivity",
     "show",
     "simulate",
     "synthetic_run",

@@ -10,7 +10,7 @@ from typing import NoReturn
 
 import typer
 
-from . import calibrate, demo, doctor, energy, fit, inspect, map, models, simulate
+from . import calibrate, check, demo, doctor, energy, fit, inspect, map, models, simulate
 from .failure import INTERRUPTED, Failure, failure_of
 from .groups import grouped
 
@@ -25,6 +25,7 @@ app = typer.Typer(
 for _name, _function in {
     "demo": demo.demo,
     "inspect": inspect.inspect,
+    "check": check.check,
     "fit": fit.fit,
     "map": map.map_,
     "energy": energy.energy,
