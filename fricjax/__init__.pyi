@@ -4,7 +4,18 @@ from .calibrate.added_mass import calibrate_added_mass
 from .calibrate.frf import calibrate_frf
 from .calibrate.ringdown import calibrate_ringdown
 from .data import Record, Trace, read, write
-from .fitting import BatchFit, Comparison, Fit, compare, fit, fit_batch, fit_on_moving_floor, load_fit
+from .fitting import (
+    BatchFit,
+    Comparison,
+    Fit,
+    Multistart,
+    compare,
+    fit,
+    fit_batch,
+    fit_on_moving_floor,
+    load_fit,
+    multistart,
+)
 from .instrument import synthetic_run
 from .oscillator import Motion, Oscillator, energy, final_displacement, restoring, simulate
 from .routes.agreement import compare_routes
@@ -23,6 +34,7 @@ __all__ = [
     "Fit",
     "Measured",
     "Motion",
+    "Multistart",
     "Oscillator",
     "Record",
     "Rig",
@@ -48,6 +60,7 @@ __all__ = [
     "half_cycle_friction",
     "instrument",
     "load_fit",
+    "multistart",
     "oscillator",
     "pairs_of",
     "read",

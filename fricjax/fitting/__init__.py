@@ -5,6 +5,7 @@ from .batch_result import BatchFit
 from .compare import Comparison, compare
 from .fit import fit
 from .moving_floor import fit_on_moving_floor
+from .multistart import Multistart, multistart
 from .result import Fit, FitError
 from .store import load_fit
 
@@ -13,9 +14,11 @@ __all__ = [
     "Comparison",
     "Fit",
     "FitError",
+    "Multistart",
     "compare",
     "fit",
     "fit_batch",
     "fit_on_moving_floor",
     "load_fit",
+    "multistart",
 ]
