@@ -7,7 +7,8 @@ from .base import Scalar, Values
 
 def power(base: Values, exponent: Scalar) -> Values:
     """``|base|^exponent`` for an exponent of zero or more, with finite derivatives also where the base is zero."""
-    return jnp.exp(exponent * jnp.log(jnp.maximum(jnp.abs(base), 1e-300)))
+    # The stiff solver takes second derivatives, in which the inverse square of a lower floor would overflow.
+    return jnp.exp(exponent * jnp.log(jnp.maximum(jnp.abs(base), 1e-150)))
 
 
 def signed_power(base: Values, exponent: Scalar) -> Values:

@@ -2,12 +2,14 @@
 
 import functools
 
+import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
 from fricjax import Fit, Oscillator, Trace, fit
 from fricjax.data.errors import UsageError
-from fricjax.friction import Coulomb, LuGre
+from fricjax.friction import Coulomb, Dahl, LuGre
 from tests.fitting.runs import MACHINE, RIGS, SIGMA0, SIGMA1, STIFFNESS, coulomb_run, noisy, truth
 from tests.helpers import PROTOTYPE_DAMPING, PROTOTYPE_MASS
 from tests.oracles import lugre_motion
@@ -65,3 +67,15 @@ def test_a_law_without_a_state_has_no_state_at_the_release():
     machine = Oscillator(PROTOTYPE_MASS, STIFFNESS, PROTOTYPE_DAMPING, RIG.load, Coulomb(RIG.mu))
     with pytest.raises(UsageError, match="z0 is the start of a law's internal state, and this law has none"):
         fit(coulomb_run(), machine, MACHINE, start="release", nuisance=("x0", "z0"))
+
+
+@pytest.mark.parametrize("exponent", [1.0, 1.5])
+def test_second_derivatives_are_finite_at_full_sliding(exponent):
+    """Where a fit of Dahl's law starts, and what a Rosenbrock solver needs for the derivatives of the motion."""
+    limit = jnp.asarray([-RIG.mu * RIG.load / SIGMA0])
+
+    def slope(sigma0):
+        law = Dahl(RIG.mu, sigma0, exponent)
+        return jax.jvp(lambda z: law.rate(jnp.asarray(-0.1), z, RIG.load), (limit,), (jnp.ones(1),))[1]
+
+    assert np.all(np.isfinite(jax.jacfwd(slope)(jnp.asarray(SIGMA0))))
