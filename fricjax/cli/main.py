@@ -10,7 +10,7 @@ from typing import NoReturn
 
 import typer
 
-from . import calibrate, check, demo, doctor, energy, fit, inspect, map, models, simulate
+from . import calibrate, check, compare, demo, doctor, energy, fit, inspect, map, models, simulate
 from .failure import INTERRUPTED, Failure, failure_of
 from .groups import grouped
 
@@ -27,6 +27,7 @@ for _name, _function in {
     "inspect": inspect.inspect,
     "check": check.check,
     "fit": fit.fit,
+    "compare": compare.compare,
     "map": map.map_,
     "energy": energy.energy,
     "simulate": simulate.simulate,
