@@ -76,6 +76,6 @@ def test_second_derivatives_are_finite_at_full_sliding(exponent):
 
     def slope(sigma0):
         law = Dahl(RIG.mu, sigma0, exponent)
-        return jax.jvp(lambda z: law.rate(jnp.asarray(-0.1), z, RIG.load), (limit,), (jnp.ones(1),))[1]
+        return jax.jvp(lambda z: law.rate(jnp.asarray(-0.1), z, jnp.asarray(RIG.load)), (limit,), (jnp.ones(1),))[1]
 
     assert np.all(np.isfinite(jax.jacfwd(slope)(jnp.asarray(SIGMA0))))
