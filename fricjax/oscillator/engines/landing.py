@@ -60,4 +60,8 @@ class Landing(diffrax.AbstractAdaptiveSolver, diffrax.AbstractWrappedSolver):
         y1, error, dense, state, result = self.solver.step(terms, t0, t1, y0, args, solver_state, True)
         switched = jnp.any(self.watched(y0, args) * self.watched(y1, args) < 0)
         raised = jax.tree.map(lambda e: jnp.where(switched, _RAISE * (jnp.abs(e) + (t1 - t0) ** 2), e), error)
+        # A controller compares errors with the size of the state, and infinity with infinity is no number.
+        finite = jnp.all(jnp.isfinite(jnp.stack(jax.tree.leaves((y1, raised)))))
+        y1 = jax.tree.map(lambda end, begin: jnp.where(finite, end, begin), y1, y0)
+        raised = jax.tree.map(lambda e: jnp.where(finite, e, jnp.inf), raised)
         return self.returned(y1, args), raised, dense, state, result

@@ -22,6 +22,7 @@ from ..release import AbstractRelease
 from ..results import RESULTS
 from ..rosenbrock import Rodas5P
 from .base import AbstractEngine
+from .from_rest import FromRest
 from .landing import Landing
 from .nodes import Nodes
 from .turning import turning_points
@@ -169,7 +170,8 @@ class Smooth(AbstractEngine):
     def _solve(self, y0: tuple, args: tuple, end: Array, saveat: diffrax.SaveAt, max_steps: int) -> Any:
         # Over fifty half-cycles the errors of the steps add up to some thirty times the tolerance.
         tolerance = jnp.maximum(0.02 * self.accuracy / args[1].length, 1e-14)
-        adaptive = diffrax.PIDController(rtol=tolerance, atol=tolerance)
+        chosen = diffrax.PIDController(rtol=tolerance, atol=tolerance)
+        adaptive = FromRest(chosen) if args[0].friction.n_states else chosen
         return diffrax.diffeqsolve(
             diffrax.ODETerm(_field),
             _solver(args[0]),
