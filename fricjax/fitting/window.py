@@ -15,7 +15,7 @@ NEVER = 10**9
 # reversals that show the decay.
 _CROSSED, _DECAY = 0.16, 3
 # Duration of a stroke, as a part of that of the one before, below which the contact swings and not the spring.
-_ABRUPT = 0.6
+_ABRUPT = 0.75
 
 _DEFAULT_NUISANCES = {
     "first_reversal": ("t_release", "x0", "offset"),

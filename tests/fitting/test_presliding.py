@@ -91,7 +91,7 @@ def test_the_energy_returned_at_each_reversal_tells_the_stiffness():
 
 def test_swings_of_the_contact_are_no_half_cycles():
     found = settled(np.zeros_like).segmentation
-    ringing = np.array([0.0, 0.007, 0.013, 0.02])
+    ringing = np.array([0.0, 0.007, 0.013, 0.02])  # s
     mixed = dataclasses.replace(
         found, turning_times=np.append(found.turning_times, ringing), rest=None, half_period=0.007,
         turning_points=np.append(found.turning_points, 1e-7 * ringing),
