@@ -25,6 +25,9 @@ from .information import Information
 from .local import checked_times
 from .plan import Plan, course_of, creep_start, plan, planned_times
 
+# Least number of samples to provide for.
+_FEWEST = 4096
+
 
 def fisher(
     oscillator: Oscillator,
@@ -92,7 +95,7 @@ def _information(made: Plan, noise: float) -> Information:
         rate=float((ts.size - 1) / (ts[-1] - ts[0])),
         duration=float(ts[-1] - ts[0]),
         noise=noise,
-        engine=type(made.residual.engine).__name__.lower(),
+        engine=engine_name(made),
         oscillator=made.oscillator,
     )
 
@@ -101,14 +104,26 @@ def _normal(made: Plan) -> np.ndarray:
     """The information matrix in coordinates, shape (p, p)."""
     residual, run = made.residual, made.residual.runs[0]
     count = int(np.sum(made.ts <= creep_start(made)))
-    # Samples without weight fill up to a power of two, so that runs of similar length share one compilation.
-    filler = 2 ** (count - 1).bit_length() - count
+    # Samples without weight fill up to a power of two, so that most runs share one compilation.
+    filler = max(_FEWEST, 2 ** (count - 1).bit_length()) - count
     t, x, weight = (
         np.pad(np.asarray(values)[:count], (0, filler), mode="edge") for values in (run.t, run.x, run.weight)
     )
     weight[count:] = 0.0
     residual = dataclasses.replace(residual, runs=(dataclasses.replace(run, t=t, x=x, weight=weight),))
-    return np.asarray(survey(residual, jnp.zeros(len(made.parameters)), Squares()).normal)
+    normal = np.asarray(survey(residual, jnp.zeros(len(made.parameters)), Squares()).normal)
+    lost = [name for name, size in zip(made.names, np.diag(normal), strict=True) if not np.isfinite(size)]
+    if lost:
+        raise UsageError(
+            f"The derivatives of the motion with respect to {', '.join(lost)} are not finite under the "
+            f"{engine_name(made)} engine. Check the law's coefficients, or choose another engine."
+        )
+    return normal
+
+
+def engine_name(made: Plan) -> str:
+    """The engine as its users name it."""
+    return type(made.residual.engine).__name__.lower()
 
 
 def _slopes(made: Plan) -> dict[str, tuple[float, str, dict[str, float]]]:

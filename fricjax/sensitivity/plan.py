@@ -29,7 +29,7 @@ TAIL = 0.05
 """Time at rest that a record should hold behind the stop [s]."""
 
 # Least number of half-cycles to provide for, so that most runs share their compilation.
-_CAPACITY = 64
+_CAPACITY = 512
 
 
 @dataclasses.dataclass(frozen=True)

@@ -112,22 +112,23 @@ def to_dict(found: "Information") -> dict[str, Any]:
 
 
 def plot(found: "Information") -> Any:
-    """Relative standard errors as bars on the left, correlations as a map on the right; undetermined ones are left out.
+    """Relative standard errors as bars on the left, correlations as a map on the right; undetermined ones stay empty.
 
     Nuisances in metres are taken relative to the release.
     """
-    kept = [i for i, name in enumerate(found.names) if name not in found.undetermined]
-    names = [found.names[i] for i in kept]
     drawing, axes = figure(1, 2)
     left, right = axes[0]
+    names, rows = found.names, range(len(found.names))
     sizes = [abs(found.values[name]) or (abs(found.x0) if found.units[name] == "m" else 1.0) for name in names]
-    left.barh(range(len(names)), [found.std_errors[n] / size for n, size in zip(names, sizes, strict=True)])
-    left.set_xscale("log")
+    shares = np.array([found.std_errors[name] / size for name, size in zip(names, sizes, strict=True)])
+    left.barh(rows, np.where(np.isfinite(shares), shares, 0.0))
+    if np.any(np.isfinite(shares)):
+        left.set_xscale("log")
     left.set_xlabel(axis_label("Standard error over size", "1"))
-    shown = right.imshow(found.correlation[np.ix_(kept, kept)], vmin=-1, vmax=1, cmap="RdBu_r")
-    right.set_xticks(range(len(names)), names, rotation=90)
+    shown = right.imshow(found.correlation, vmin=-1, vmax=1, cmap="RdBu_r")
+    right.set_xticks(rows, names, rotation=90)
     for axis in (left, right):
-        axis.set_yticks(range(len(names)), names)
+        axis.set_yticks(rows, names)
     left.invert_yaxis()
     right.grid(False)
     drawing.colorbar(shown, ax=right, label=axis_label("Correlation", "1"))
