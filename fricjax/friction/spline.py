@@ -126,29 +126,27 @@ class Spline(AbstractSpline):
 
 
 class MonotoneSpline(AbstractSpline):
-    """As :class:`Spline`, but monotone between neighbouring speeds: no overshoot, at the price of jumps of curvature.
+    """As :class:`Spline`, but monotone between neighbouring speeds: its slopes are cut down where it would overshoot.
 
-    Its derivatives with respect to the values jump where two neighbouring values cross.
+    Where they are cut its curvature jumps, and a motion under it is computed less accurately, by up to a nanometre on
+    two millimetres; its derivatives with respect to the values jump where a cut begins.
 
     Attributes:
         knots: speeds [m/s], increasing from zero.
         forces: friction force over load at each of them [1]; at zero that with which sliding begins.
     """
 
-    source: ClassVar[str] = "F. N. Fritsch and J. Butland, SIAM J. Sci. Stat. Comput. 5 (1984)"
+    source: ClassVar[str] = "J. M. Hyman, SIAM J. Sci. Stat. Comput. 4 (1983)"
     identifies: ClassVar[str] = Spline.identifies
 
     knots: tuple[float, ...] = eqx.field(static=True, converter=_speeds)
     forces: tuple[Scalar, ...] = eqx.field(converter=scalars)
 
     def _slopes(self, widths: np.ndarray, rises: Array) -> Array:
-        before, after = rises[:-1], rises[1:]
-        alike = before * after > 0
-        left, right = widths[:-1] + 2 * widths[1:], 2 * widths[:-1] + widths[1:]
-        weighted = jnp.where(alike, left * after + right * before, 1.0)
-        inner = jnp.where(alike, (left + right) * before * after / weighted, 0.0)
-        last = jnp.concatenate([inner, jnp.zeros(1)])
-        return jnp.concatenate([(3 * rises[:1] - last[:1]) / 2, last])
+        beside = jnp.stack([jnp.append(rises[:1], rises), jnp.append(rises, rises[-1:])])
+        # A cubic is monotone if its slopes at both ends are at most three times that of the line between them.
+        lowest, highest = jnp.minimum(jnp.max(beside, axis=0), 0.0), jnp.maximum(jnp.min(beside, axis=0), 0.0)
+        return jnp.clip(_smoothest(tuple(widths.tolist())) @ rises, 3 * lowest, 3 * highest)
 
 
 @functools.cache

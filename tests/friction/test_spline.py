@@ -6,7 +6,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from scipy.interpolate import CubicHermiteSpline, CubicSpline, PchipInterpolator
+from scipy.interpolate import CubicHermiteSpline, CubicSpline
 
 from fricjax import Oscillator, Trace, fit
 from fricjax.calibrate import Measured
@@ -36,11 +36,13 @@ def smoothest(forces: np.ndarray) -> CubicSpline:
 
 
 def monotone(forces: np.ndarray) -> CubicHermiteSpline:
-    """With SciPy's slopes between the ends, and those of a friction law at them."""
+    """With the slopes of the smoothest one, those between 0 and 3 times that of both neighbouring lines."""
     knots = stretched(KNOTS)
-    slopes = PchipInterpolator(knots, forces).derivative()(knots)
-    slopes[-1] = 0.0
-    slopes[0] = (3 * (forces[1] - forces[0]) / (knots[1] - knots[0]) - slopes[1]) / 2
+    slopes, lines = smoothest(forces).derivative()(knots), np.diff(forces) / np.diff(knots)
+    for i, slope in enumerate(slopes):
+        near = lines[max(i - 1, 0) : i + 1]
+        steepest = 3 * np.min(np.abs(near)) if np.all(near > 0) or np.all(near < 0) else 0.0
+        slopes[i] = np.sign(near[0]) * np.clip(np.sign(near[0]) * slope, 0.0, steepest)
     return CubicHermiteSpline(knots, forces, slopes)
 
 
