@@ -7,6 +7,8 @@ from .bouc_wen import BoucWen
 from .coulomb import Coulomb
 from .dahl import Dahl
 from .elasto_plastic import ElastoPlastic
+from .generalised_maxwell_slip import GeneralisedMaxwellSlip
+from .leuven import Leuven
 from .load_dependent import LoadDependent
 from .lorentzian import Lorentzian
 from .lugre import LuGre
@@ -29,7 +31,9 @@ __all__ = [
     "Coulomb",
     "Dahl",
     "ElastoPlastic",
+    "GeneralisedMaxwellSlip",
     "Jenkins",
+    "Leuven",
     "LoadDependent",
     "Lorentzian",
     "LuGre",

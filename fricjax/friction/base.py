@@ -126,10 +126,11 @@ class AbstractFriction(eqx.Module):
         """Quantities besides the velocity at whose changes of sign the rates of the states have a kink or a jump."""
         return jnp.zeros(0)
 
-    def return_map(self, v: Scalar, state: State, load: Scalar) -> State:
+    def return_map(self, v: Scalar, a: Scalar, state: State, load: Scalar) -> State:
         """Internal states after a step of an integration: what the integrated ones stand for as the motion goes on.
 
-        Elements that stick or slip change their mode here, between two steps; other states are what they are.
+        Elements that stick or slip change their mode here, between two steps; other states are what they are. The
+        acceleration `a` [m/s^2] tells how long ago in the step that was.
         """
         return state
 

@@ -13,8 +13,13 @@ import jax.numpy as jnp
 
 from .base import AbstractBristle, Scalar, State, Values
 
-# A deflection at its limit must not seem to stick again by rounding.
-MARGIN = 1e-9
+# A slipping element is left this much beyond its limit, so that it does not seem to stick again by rounding.
+BEYOND = 1 + 1e-9
+
+
+def held(trial: Values, limits: Values) -> Values:
+    """Deflections that the sliders allow, from trial ones."""
+    return jnp.clip(trial, -limits, limits)
 
 
 class AbstractElements(AbstractBristle):
@@ -35,18 +40,17 @@ class AbstractElements(AbstractBristle):
     def rate(self, v: Scalar, state: State, load: Scalar) -> State:
         return v * jnp.ones_like(state)
 
-    def return_map(self, v: Scalar, state: State, load: Scalar) -> State:
-        limits = self.limits_of_deflection(load)
-        return jnp.clip(state, -limits, limits)
+    def return_map(self, v: Scalar, a: Scalar, state: State, load: Scalar) -> State:
+        return held(state, BEYOND * self.limits_of_deflection(load))
 
     def force(self, v: Values, state: State, load: Scalar) -> Values:
-        return jnp.sum(self.springs() * self.return_map(v, state, load)) + jnp.zeros_like(v)
+        return jnp.sum(self.springs() * held(state, self.limits_of_deflection(load))) + jnp.zeros_like(v)
 
     def switches(self, v: Scalar, state: State, load: Scalar) -> Values:
-        return self.limits_of_deflection(load) * (1 - MARGIN) - jnp.sign(v) * state
+        return self.limits_of_deflection(load) - jnp.sign(v) * state
 
     def steady_state(self, v: Scalar, direction: Scalar, load: Scalar) -> State:
-        return direction * self.limits_of_deflection(load)
+        return BEYOND * direction * self.limits_of_deflection(load)
 
     def state_scale(self, load: Scalar) -> State:
         return self.limits_of_deflection(load)

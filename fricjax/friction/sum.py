@@ -82,9 +82,9 @@ class Sum(AbstractFriction):
         parts = zip(self.laws, self._split(state), strict=True)
         return jnp.concatenate([law.switches(v, part, load) for law, part in parts])
 
-    def return_map(self, v: Scalar, state: State, load: Scalar) -> State:
+    def return_map(self, v: Scalar, a: Scalar, state: State, load: Scalar) -> State:
         parts = zip(self.laws, self._split(state), strict=True)
-        return jnp.concatenate([law.return_map(v, part, load) for law, part in parts])
+        return jnp.concatenate([law.return_map(v, a, part, load) for law, part in parts])
 
     def velocity_scale(self) -> Scalar:
         return functools.reduce(jnp.minimum, (law.velocity_scale() for law in self.laws))

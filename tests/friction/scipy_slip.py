@@ -7,6 +7,7 @@ every piece of the motion is a damped wave in closed form, and the events are it
 import dataclasses
 
 import numpy as np
+from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
 
@@ -74,3 +75,112 @@ def maxwell_slip(
         else:
             sticking[event], held[event] = False, direction * forces[event]
     return found
+
+
+def event_driven(ts: np.ndarray, y: np.ndarray, law: "GMSContact | LeuvenContact", rtol: float) -> np.ndarray:
+    """First component at `ts` of a motion whose rates change where one of the law's watched quantities falls to zero.
+
+    The law gives ``rates(y)``, ``watched(y)`` (positive between two events) and ``change(y)``, which takes up the new
+    mode of the elements at an event. Components are scaled by ``law.scale``.
+    """
+    found, t = np.full(ts.shape, y[0]), 0.0
+    while t < ts[-1]:
+        events = [_falling(law, i) for i in range(law.watched(y).size)]
+        piece = solve_ivp(
+            lambda _t, u: law.rates(u * law.scale) / law.scale, (t, ts[-1] + 1e-3), y / law.scale, method="DOP853",
+            rtol=rtol, atol=rtol, events=events, dense_output=True,
+        )  # fmt: skip
+        inside = (ts >= t) & (ts < piece.t[-1])
+        found[inside] = piece.sol(ts[inside])[0] * law.scale[0] if inside.any() else ()
+        t, y = piece.t[-1], piece.y[:, -1] * law.scale
+        which = int(np.argmax([np.size(at) for at in piece.t_events]))
+        y = law.change(y, which)
+    return found
+
+
+def _falling(law: "GMSContact | LeuvenContact", i: int):
+    def event(_t: float, u: np.ndarray) -> float:
+        return law.watched(u * law.scale)[i]
+
+    event.terminal, event.direction = True, -1  # type: ignore[attr-defined]
+    return event
+
+
+class GMSContact:
+    """Elements after Lampaert (2003) on a mass with a spring: y holds x, v and the force of each element."""
+
+    def __init__(
+        self, x0: float, *, mass: float, stiffness: float, damping: float, kinetic: float, static: float,
+        v_stribeck: float, stiffnesses: np.ndarray, shares: np.ndarray, attraction: float,
+    ) -> None:  # fmt: skip
+        self.mass, self.stiffness, self.damping = mass, stiffness, damping
+        self.kinetic, self.static, self.v_stribeck = kinetic, static, v_stribeck
+        self.stiffnesses, self.shares, self.attraction = stiffnesses, shares, attraction
+        self.start = np.concatenate([[x0, 0.0], np.sign(x0) * shares * kinetic])
+        self.scale = np.concatenate([[abs(x0), abs(x0) * np.sqrt(stiffness / mass)], shares * kinetic])
+        self.direction, self.slips = -np.sign(x0), np.zeros(shares.size, bool)
+
+    def steady(self, v: float) -> float:
+        return self.kinetic + (self.static - self.kinetic) * np.exp(-((v / self.v_stribeck) ** 2))
+
+    def rates(self, y: np.ndarray) -> np.ndarray:
+        x, v, forces = y[0], y[1], y[2:]
+        pull = self.attraction * (self.direction * self.shares - forces / self.steady(v))
+        a = -(self.stiffness * x + self.damping * v + forces.sum()) / self.mass
+        return np.concatenate([[v, a], np.where(self.slips, pull, self.stiffnesses * v)])
+
+    def watched(self, y: np.ndarray) -> np.ndarray:
+        room = self.shares * self.steady(y[1]) - self.direction * y[2:]
+        return np.concatenate([[self.direction * y[1]], np.where(self.slips, 1.0, room)])
+
+    def change(self, y: np.ndarray, which: int) -> np.ndarray:
+        y = y.copy()
+        if which == 0:
+            y[1], self.direction, self.slips = 0.0, -self.direction, np.zeros(self.shares.size, bool)
+        else:
+            self.slips[which - 1] = True
+            y[1 + which] = self.direction * self.shares[which - 1] * self.steady(y[1])
+        return y
+
+
+class LeuvenContact:
+    """The modified Leuven model (Lampaert 2002): y holds x, v and the force of each element of the hysteresis."""
+
+    def __init__(
+        self, x0: float, *, mass: float, stiffness: float, damping: float, kinetic: float, static: float,
+        v_stribeck: float, stiffnesses: np.ndarray, shares: np.ndarray, exponent: float, sigma1: float,
+    ) -> None:  # fmt: skip
+        self.mass, self.stiffness, self.damping = mass, stiffness, damping
+        self.kinetic, self.static, self.v_stribeck = kinetic, static, v_stribeck
+        self.stiffnesses, self.forces, self.exponent, self.sigma1 = stiffnesses, shares * static, exponent, sigma1
+        self.start = np.concatenate([[x0, 0.0], np.sign(x0) * shares * kinetic])
+        self.scale = np.concatenate([[abs(x0), abs(x0) * np.sqrt(stiffness / mass)], self.forces])
+        self.direction, self.yielded = -np.sign(x0), np.zeros(shares.size, bool)
+        self.reversal = float(np.sign(x0) * kinetic)
+
+    def creep(self, y: np.ndarray) -> float:
+        steady = self.kinetic + (self.static - self.kinetic) * np.exp(-((y[1] / self.v_stribeck) ** 2))
+        ratio = (self.direction * (y[2:].sum() - self.reversal)) / (steady - self.direction * self.reversal)
+        return y[1] * (1 - np.sign(ratio) * np.abs(ratio) ** self.exponent)
+
+    def rates(self, y: np.ndarray) -> np.ndarray:
+        creep = self.creep(y)
+        resisting = self.stiffness * y[0] + self.damping * y[1] + y[2:].sum() + self.sigma1 * creep
+        return np.concatenate([[y[1], -resisting / self.mass], np.where(self.yielded, 0.0, self.stiffnesses * creep)])
+
+    def watched(self, y: np.ndarray) -> np.ndarray:
+        # In steady sliding the bristles stand still up to rounding, and the elements stay where they are.
+        onwards = self.direction * self.creep(y) + 1e-9 * self.scale[1] if self.yielded.any() else 1.0
+        room = np.where(self.yielded, 1.0, self.forces - self.direction * y[2:])
+        return np.concatenate([[self.direction * y[1], onwards], room])
+
+    def change(self, y: np.ndarray, which: int) -> np.ndarray:
+        y = y.copy()
+        if which == 0:
+            y[1], self.direction, self.reversal = 0.0, -self.direction, float(y[2:].sum())
+        if which < 2:
+            self.yielded = np.zeros(self.forces.size, bool)
+        else:
+            self.yielded[which - 2] = True
+            y[which] = self.direction * self.forces[which - 2]
+        return y

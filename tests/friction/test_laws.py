@@ -52,7 +52,8 @@ def test_states_stand_still_in_the_steady_state_and_follow_a_mirrored_motion(cas
         rate = case.law.rate(jnp.asarray(speed), state, LOAD_ARRAY)
         assert state.shape == rate.shape == case.law.state_scale(LOAD_ARRAY).shape == (n,)
         # Elements that slip are integrated as if they stuck; what they do next is told by the return map.
-        now, later = (case.law.return_map(jnp.asarray(speed), z, LOAD_ARRAY) for z in (state, state + rate))
+        v, a = jnp.asarray(speed), jnp.zeros(())
+        now, later = (case.law.return_map(v, a, z, LOAD_ARRAY) for z in (state, state + rate))
         np.testing.assert_allclose(later - now, 0.0, atol=1e-12 * speed)
         mirrored = case.law.rate(jnp.asarray(-speed), case.parity * state, LOAD_ARRAY)
         np.testing.assert_array_equal(mirrored, case.parity * rate)

@@ -21,7 +21,7 @@ def extracted_work(law, v: np.ndarray, dt: float, z0: jax.Array) -> float:
         k2 = law.rate(middle, z + dt / 2 * k1, load)
         k3 = law.rate(middle, z + dt / 2 * k2, load)
         k4 = law.rate(b, z + dt * k3, load)
-        after = law.return_map(b, z + dt / 6 * (k1 + 2 * k2 + 2 * k3 + k4), load)
+        after = law.return_map(b, (b - a) / dt, z + dt / 6 * (k1 + 2 * k2 + 2 * k3 + k4), load)
         power = (law.force(a, z, load) * a + law.force(b, after, load) * b) / 2
         return (after, work - dt * power), work - dt * power
 

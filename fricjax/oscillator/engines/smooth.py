@@ -209,11 +209,12 @@ def _watched(y: tuple, args: tuple) -> Array:
     return jnp.concatenate([jnp.reshape(y[1], (1,)), switches])
 
 
-def _returned(y: tuple, args: tuple) -> tuple:
+def _returned(tau: Any, y: tuple, args: tuple) -> tuple:
     """The scaled state from which the next step begins."""
     oscillator, scales = args[:2]
-    v, state = y[1] * scales.length * scales.rate, jnp.stack(y[2:]) * scales.state
-    kept = oscillator.friction.return_map(v, state, oscillator.normal_force) / scales.state
+    speed, state = scales.length * scales.rate, jnp.stack(y[2:]) * scales.state
+    v, a = y[1] * speed, _field(tau, y, args)[1] * speed * scales.rate
+    kept = oscillator.friction.return_map(v, a, state, oscillator.normal_force) / scales.state
     return (y[0], y[1], *kept)
 
 
