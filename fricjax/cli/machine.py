@@ -29,9 +29,17 @@ _STARTS = {"mu": 0.01, "v_s": 1e-4, "windage": 0.0}
 
 def laws() -> dict[str, type[AbstractFriction]]:
     """The friction laws by their names on the command line: those that a few numbers describe."""
+    return {name: law for name, law in catalogue().items() if not _has_lists(law)}
+
+
+def catalogue() -> dict[str, type[AbstractFriction]]:
+    """All friction laws by their names in small letters, without their sums."""
     members = {name.lower(): getattr(friction, name) for name in friction.__all__}
-    concrete = {name: law for name, law in members.items() if not inspect.isabstract(law)}
-    return {name: law for name, law in concrete.items() if not _has_lists(law)}
+    return {
+        name: law
+        for name, law in members.items()
+        if inspect.isclass(law) and not inspect.isabstract(law) and law is not Sum
+    }
 
 
 def _has_lists(law: type[AbstractFriction]) -> bool:

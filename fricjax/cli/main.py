@@ -31,11 +31,11 @@ for _name, _function in {
     "map": map.map_,
     "energy": energy.energy,
     "simulate": simulate.simulate,
-    "models": models.models,
     "doctor": doctor.doctor,
 }.items():
     app.command(_name)(grouped(_function))
 app.add_typer(calibrate.app, name="calibrate")
+app.add_typer(models.app, name="models")
 
 
 def _version(asked: bool) -> None:
