@@ -104,11 +104,10 @@ def _record(found: "Information") -> Iterator[str]:
 def _ridge(found: "Information") -> Iterator[str]:
     """On static coefficients and Stribeck velocities that are determined only together."""
     for ridge in ridges_of(found):
-        related = found.correlation_of(ridge.mu_s, ridge.v_stribeck)
-        if related > -_STRONG:
+        related, best = found.correlation_of(ridge.mu_s, ridge.v_stribeck), ridge.best_power(found)
+        if related > -_STRONG or not np.isfinite(ridge.estimate(found, best).std):
             continue
-        best, power = ridge.best_power(found), WORK
-        told = [f"{ridge.text(p)} to {_relative(ridge.estimate(found, p)):.2g}" for p in (best, power)]
+        told = [f"{ridge.text(p)} to {_relative(ridge.estimate(found, p)):.2g}" for p in (best, WORK)]
         alone = found.std_errors[ridge.v_stribeck] / ridge.speed
         seen = f"correlate by {related:.4f}" if np.isfinite(related) else "cannot be told apart"
         yield (

@@ -79,10 +79,14 @@ class Information:
         return tuple(name for name in self.names if not np.isfinite(self.std_errors[name]))
 
     @property
+    def _lost(self) -> np.ndarray:
+        """Where a parameter is undetermined, shape (p,)."""
+        return np.array([name in self.undetermined for name in self.names])
+
+    @property
     def covariance(self) -> np.ndarray:
         """Expected covariance, inf where undetermined, shape (p, p)."""
-        found = self.inverse.copy()
-        lost = np.array([name in self.undetermined for name in self.names])
+        found, lost = self.inverse.copy(), self._lost
         found[lost, :] = found[:, lost] = 0.0
         found[lost, lost] = np.inf
         return found
@@ -90,7 +94,9 @@ class Information:
     @property
     def correlation(self) -> np.ndarray:
         """Expected correlation matrix, shape (p, p); NaN where undetermined."""
-        return correlation(self.covariance)
+        found, lost = correlation(self.covariance), self._lost
+        found[lost, :] = found[:, lost] = np.nan
+        return found
 
     def correlation_of(self, first: str, second: str) -> float:
         """Expected correlation of two parameters; NaN where one is undetermined."""
