@@ -33,6 +33,7 @@ def forces_along(law, x: np.ndarray, state: jax.Array) -> np.ndarray:
     return np.asarray(jax.lax.scan(move, state, jnp.diff(jnp.asarray(x)))[1])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("n", [1, 4, 10])
 def test_motion_below_a_tenth_of_a_nanometre(n: int):
     for mu, load in (ROLLING, SLIDING):
@@ -44,6 +45,7 @@ def test_motion_below_a_tenth_of_a_nanometre(n: int):
         np.testing.assert_allclose(motion.x, expected, rtol=0, atol=1e-11)
 
 
+@pytest.mark.slow
 def test_derivatives_agree_with_differences_of_the_event_driven_motion():
     stiffnesses, limits = elements(4, SLIDING[0])
     ts, values = TS[20::20], np.concatenate([stiffnesses, limits])
