@@ -2,7 +2,8 @@
 
 from .batch import fit_batch
 from .batch_result import BatchFit
-from .compare import Comparison, compare
+from .compare import compare
+from .comparison import Comparison
 from .fit import fit
 from .moving_floor import fit_on_moving_floor
 from .multistart import Multistart, multistart

@@ -2,7 +2,7 @@
 
 import dataclasses
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -10,114 +10,18 @@ from ..data import Record, Trace
 from ..data.errors import DataError, UsageError, nearest
 from ..oscillator import Oscillator, require_x64
 from .candidates import Candidate, candidates, law_name
+from .comparison import Comparison, Row
 from .cross_validation import held_out_score
 from .fingerprints import fingerprints
 from .fit import concluded, records_of
-from .problem import posed_on
-from .residual_tests import ResidualTests, judge
+from .problem import Problem, posed_on
+from .residual_tests import judge
 from .rest import solve_with_rest
 from .result import Fit
+from .solve import Solved
 
 CRITERIA = ("bic", "aicc", "held_out")
-
-
-@dataclasses.dataclass(frozen=True)
-class Row:
-    """What one law came to.
-
-    Attributes:
-        name, law: what the comparison calls it, and the names of its laws.
-        free: coefficients of the machine that were free.
-        status: the outcome of its fit in words; `valid`: converged, finite and of full rank; `ended`: at an optimum,
-            which a law that contains a better one reaches with coefficients that nothing determines.
-        chi2, n_parameters: sum of squared residuals in units of the noise, and number of free parameters, those of
-            the runs included.
-        chi2_reduced: chi2 per degree of freedom.
-        aicc, bic: criteria of the comparison; smaller is better.
-        held_out: mean square of the held-out residuals in units of the noise; one for the right law, NaN where
-            nothing was held out.
-        tests: tests of the residuals, None without a fit.
-    """
-
-    name: str
-    law: str
-    free: tuple[str, ...]
-    status: str
-    valid: bool = False
-    ended: bool = False
-    chi2: float = np.inf
-    n_parameters: int = 0
-    chi2_reduced: float = np.inf
-    aicc: float = np.inf
-    bic: float = np.inf
-    held_out: float = np.nan
-    tests: ResidualTests | None = None
-
-
-@dataclasses.dataclass(frozen=True, eq=False)
-class Comparison:
-    """Laws side by side on the same samples.
-
-    Attributes:
-        rows: what each law came to, in the order in which they were given.
-        criterion: what they are ranked by: "bic", "aicc" or "held_out".
-        ranking: their names, best first; laws whose fit found no optimum come last.
-        fits: fits by name; without those that were refused.
-        n_samples: number of fitted samples, the same for all; `n_effective`: how many independent ones they are worth.
-        inflation: variance of the residuals that counts as noise, in units of the stated one (see `compare`).
-        fingerprints: what the decay itself says of friction, in sentences.
-    """
-
-    rows: tuple[Row, ...]
-    criterion: str
-    ranking: tuple[str, ...]
-    fits: dict[str, Fit]
-    n_samples: int
-    n_effective: float
-    inflation: float
-    fingerprints: tuple[str, ...]
-
-    @property
-    def best(self) -> Fit:
-        """The fit of the law that comes first."""
-        return self.fits[self.ranking[0]]
-
-    def row(self, name: str) -> Row:
-        """What the law of that name came to.
-
-        Raises:
-            UsageError: no such law.
-        """
-        for row in self.rows:
-            if row.name == name:
-                return row
-        raise UsageError(f"This comparison has no {name!r}.{nearest(name, self.ranking)} It has {self.ranking}.")
-
-    def summary(self) -> str:
-        """The comparison as plain text."""
-        from .comparison_show import summary
-
-        return summary(self)
-
-    def _repr_html_(self) -> str:
-        from .comparison_show import html
-
-        return html(self)
-
-    def __repr__(self) -> str:
-        return f"Comparison({' < '.join(self.ranking)} by {self.criterion})"
-
-    def plot(self, run: int = 0) -> Any:
-        """Residuals of all laws over time and their distance from the best, as a matplotlib figure."""
-        from .comparison_show import plot
-
-        return plot(self, run)
-
-    def to_dict(self) -> dict[str, Any]:
-        """The comparison as plain data, without the samples."""
-        from .comparison_show import to_dict
-
-        return to_dict(self)
+_BEHIND = 1.5
 
 
 def compare(
@@ -142,8 +46,9 @@ def compare(
     """Fit several laws to the same runs and say which describes them best.
 
     All laws are fitted to the same samples, those that each of them can be fitted to: beside a law that creeps (Tanh)
-    the rest is left out for all. The criteria are those for overdispersed data (Burnham and Anderson, Model Selection
-    and Multimodel Inference, 2002, section 2.5),
+    the rest is left out for all. A law that is far behind is fitted once more, from the coefficients of the best one.
+    The criteria are those for overdispersed data (Burnham and Anderson, Model Selection and Multimodel Inference, 2002,
+    section 2.5),
 
         AICc = chi2/c + 2 k + 2 k (k + 1)/(n/tau - k - 1),      BIC = chi2/c + k ln(n/tau),
 
@@ -188,42 +93,81 @@ def compare(
     tables = {"bounds": bounds, "priors": priors, "tie": tie, "guess": guess}
     settings = {"nuisance": nuisance, "engine": engine, "start": start, "rig": rig, "loss": loss, **tables}
     entered = candidates(records, machines, free, names, settings)
-    found = [_fitted(candidate, sigma_mode, held_out) for candidate in entered]
-    rows, fits = [row for row, _ in found], {row.name: fit for row, fit in found if fit is not None}
+    entries = _again([_fitted(candidate, sigma_mode) for candidate in entered], sigma_mode)
+    rows = [_row(entry, held_out) for entry in entries]
+    fits = {entry.candidate.name: entry.fit for entry in entries if entry.fit is not None}
     if not fits:
         raise UsageError(f"No law could be fitted. The first was {rows[0].status}")
     windows = next(candidate.windows for candidate in entered if isinstance(candidate.windows, tuple))
     return _ranked(rows, fits, criterion, sigma_mode, fingerprints(windows, machines[0]))
 
 
-def _fitted(candidate: Candidate, sigma_mode: str, held_out: bool) -> tuple[Row, Fit | None]:
-    """The row of one law, without criteria, and its fit."""
-    request = candidate.request
-    row = Row(candidate.name, law_name(request.oscillator), request.free, "")
+class _Entry(NamedTuple):
+    """A candidate with its fit, or with the reason why there is none."""
+
+    candidate: Candidate
+    status: str
+    problem: Problem | None = None
+    solved: Solved | None = None
+    fit: Fit | None = None
+
+    @property
+    def chi2(self) -> float:
+        """Sum of squares; inf without a fit that ended at an optimum."""
+        ended = self.solved is not None and self.solved.converged and np.isfinite(self.solved.chi2)
+        return self.solved.chi2 if ended and self.solved is not None else np.inf
+
+
+def _fitted(candidate: Candidate, sigma_mode: str) -> _Entry:
     try:
         if not isinstance(candidate.windows, tuple):
             raise candidate.windows
-        problem, solved = solve_with_rest(posed_on(candidate.windows, request))
+        problem, solved = solve_with_rest(posed_on(candidate.windows, candidate.request))
         fit = concluded(problem, solved, sigma_mode, throw=False)
-        score = held_out_score(problem, solved) if held_out and solved.converged else np.nan
     except (DataError, UsageError, RuntimeError) as error:
-        return dataclasses.replace(row, status=f"rejected: {' '.join(str(error).split())}"), None
+        return _Entry(candidate, f"rejected: {' '.join(str(error).split())}")
+    return _Entry(candidate, fit.status, problem, solved, fit)
+
+
+def _again(entries: Sequence[_Entry], sigma_mode: str) -> list[_Entry]:
+    """The entries, those far behind after a second fit from the coefficients of the best one where that is better.
+
+    So a law is not judged by a poor start.
+    """
+    best = min(entries, key=lambda entry: entry.chi2)
+    known = {} if best.fit is None else best.fit.values
+    tried = []
+    for entry in entries:
+        request = entry.candidate.request
+        guess = {name: known[name] for name in request.free if name in known} | dict(request.guess)
+        behind = best.chi2 * _BEHIND < entry.chi2
+        if behind and isinstance(entry.candidate.windows, tuple) and guess != request.guess:
+            second = dataclasses.replace(entry.candidate, request=request.with_guess(guess))
+            entry = min(entry, _fitted(second, sigma_mode), key=lambda one: one.chi2)
+        tried.append(entry)
+    return tried
+
+
+def _row(entry: _Entry, held_out: bool) -> Row:
+    """The row of one law, without criteria."""
+    request, problem, solved = entry.candidate.request, entry.problem, entry.solved
+    row = Row(entry.candidate.name, law_name(request.oscillator), request.free, entry.status)
+    if problem is None or solved is None or entry.fit is None:
+        return row
     chi2 = solved.chi2 if np.isfinite(solved.chi2) else np.inf
     times = [np.asarray(window.trace.t)[window.used] for window in problem.windows]
     parts = zip(problem.by_run(solved.survey.residual), problem.windows, strict=True)
-    tests = judge(times, [part[window.used] for part, window in parts], fit.kinematics["natural_frequency"].value)
-    row = dataclasses.replace(
+    frequency = entry.fit.kinematics["natural_frequency"].value
+    return dataclasses.replace(
         row,
-        status=fit.status,
-        valid=fit.converged,
-        ended=solved.converged and bool(np.isfinite(chi2)),
+        valid=entry.fit.converged,
+        ended=np.isfinite(entry.chi2),
         chi2=chi2,
         n_parameters=len(problem.parameters),
         chi2_reduced=chi2 / problem.dof,
-        held_out=score,
-        tests=tests,
+        held_out=held_out_score(problem, solved) if held_out and solved.converged else np.nan,
+        tests=judge(times, [part[window.used] for part, window in parts], frequency),
     )
-    return row, fit
 
 
 def _ranked(

@@ -7,7 +7,7 @@ import numpy as np
 from ..show import Table, axis_label, display_unit, figure, plain
 
 if TYPE_CHECKING:
-    from .compare import Comparison, Row
+    from .comparison import Comparison, Row
 
 # Differences of twice the logarithm of the evidence: Kass and Raftery, J. Am. Stat. Assoc. 90 (1995).
 _WEAK = 2.0
