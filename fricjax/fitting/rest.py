@@ -84,15 +84,19 @@ def _with_counts(problem: Problem, counts: tuple[int, ...]) -> Problem:
 def _candidates(problem: Problem, solved: Solved) -> set[tuple[int, ...]]:
     """Other numbers of half-cycles worth a fit."""
     counts = _counts(problem)
-    stopping = [run for run, count in enumerate(counts) if count < NEVER]
-    if not problem.residual.oscillator.friction.set_valued or not stopping:
+    if not problem.residual.oscillator.friction.set_valued:
         return set()
+    stopping = [run for run, count in enumerate(counts) if count < NEVER]
     found = set()
-    if problem.bracketed is None:
+    if stopping and problem.bracketed is None:
         found.add(tuple(_own_count(problem, solved, run) for run in range(len(counts))))
+    others: list[tuple[int, int]] = []
     if far_off(problem, solved):
-        steps = [(run, step) for run in stopping for step in (-1, 1) if counts[run] + step > 0]
-        found |= {(*counts[:run], counts[run] + step, *counts[run + 1 :]) for run, step in steps}
+        others += [(run, counts[run] + step) for run in stopping for step in (-1, 1) if counts[run] + step > 0]
+    if solved.chi2 / problem.n_used > _ADEQUATE:
+        # A mass that stopped just before its record ends seems to move to the end.
+        others += [(run, problem.windows[run].strokes + 1) for run in range(len(counts)) if run not in stopping]
+    found |= {(*counts[:run], count, *counts[run + 1 :]) for run, count in others}
     return found - {counts}
 
 
