@@ -1,10 +1,21 @@
-from . import calibrate, data, fitting, friction, instrument, oscillator, routes, show
+from . import calibrate, data, fitting, friction, instrument, oscillator, routes, sensitivity, show
 from .calibrate import Measured, Rig
 from .calibrate.added_mass import calibrate_added_mass
 from .calibrate.frf import calibrate_frf
 from .calibrate.ringdown import calibrate_ringdown
 from .data import Record, Trace, read, write
-from .fitting import BatchFit, Fit, fit, fit_batch, fit_on_moving_floor, load_fit
+from .fitting import (
+    BatchFit,
+    Comparison,
+    Fit,
+    Multistart,
+    compare,
+    fit,
+    fit_batch,
+    fit_on_moving_floor,
+    load_fit,
+    multistart,
+)
 from .instrument import synthetic_run
 from .oscillator import Motion, Oscillator, energy, final_displacement, restoring, simulate
 from .routes.agreement import compare_routes
@@ -20,9 +31,11 @@ __version__: str
 
 __all__ = [
     "BatchFit",
+    "Comparison",
     "Fit",
     "Measured",
     "Motion",
+    "Multistart",
     "Oscillator",
     "Record",
     "Rig",
@@ -31,6 +44,7 @@ __all__ = [
     "calibrate_added_mass",
     "calibrate_frf",
     "calibrate_ringdown",
+    "compare",
     "compare_routes",
     "data",
     "energy",
@@ -48,11 +62,13 @@ __all__ = [
     "half_cycle_friction",
     "instrument",
     "load_fit",
+    "multistart",
     "oscillator",
     "pairs_of",
     "read",
     "restoring",
     "routes",
+    "sensitivity",
     "show",
     "simulate",
     "synthetic_run",

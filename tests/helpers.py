@@ -7,8 +7,11 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from fricjax.friction import AbstractFriction, Coulomb, LuGre, Stribeck, Tanh, Windage
+from fricjax.friction import Coulomb
 from fricjax.oscillator import Oscillator
+from tests.cases.bristle import BRISTLE
+from tests.cases.memoryless import MEMORYLESS
+from tests.cases.slip import SLIP
 
 PROTOTYPE_MASS = 2574.0 / (2 * np.pi * 12.6) ** 2
 PROTOTYPE_DAMPING = 2 * 0.0027 * np.sqrt(2574.0 * PROTOTYPE_MASS)
@@ -67,29 +70,7 @@ FIG_9_X = np.array(
 FIG_2_TURNING_POINTS = 1e-3 * np.array([3, -2.6076, 2.2152, -1.8228, 1.4304, -1.038, 0.6456, -0.2532, -0.1392])
 
 
-class LawCase(NamedTuple):
-    """A law, and how it behaves at 2 N load."""
-
-    law: AbstractFriction
-    static: float  # largest force at rest
-    kinetic: float  # force of fast sliding without its viscous and quadratic parts
-    passive: bool = True  # whether it takes out energy along every path
-
-
-LOAD = 2.0
-LAWS = {
-    "Coulomb": LawCase(Coulomb(0.1), 0.2, 0.2),
-    "Coulomb static": LawCase(Coulomb(0.1, 0.15), 0.3, 0.2),
-    "Stribeck": LawCase(Stribeck(0.1, 0.15, 5e-3), 0.3, 0.2),
-    "Stribeck exponential": LawCase(Stribeck(0.1, 0.15, 5e-3, 1.0), 0.3, 0.2),
-    "Tanh": LawCase(Tanh(0.1, 1e-3), 0.0, 0.2),
-    "Windage": LawCase(Windage(0.5), 0.0, 0.0),
-    "LuGre": LawCase(LuGre(0.1, sigma0=1e4, sigma1=50.0, sigma2=0.3), 0.2, 0.2),
-    "LuGre static": LawCase(LuGre(0.1, 0.15, 5e-3, sigma0=1e4, sigma1=1e2, sigma2=60.0), 0.3, 0.2),
-    "LuGre not passive": LawCase(LuGre(0.5, 0.75, 1e-3, sigma0=1e5, sigma1=316.2, sigma2=0.4), 1.5, 1.0, passive=False),
-    "Sum": LawCase(Stribeck(0.1, 0.15, 5e-3) + Windage(0.5), 0.3, 0.2),
-    "Sum smooth": LawCase(Tanh(0.1, 1e-3) + LuGre(0.1) + Windage(0.5), 0.2, 0.4),
-}
+LAWS = MEMORYLESS | BRISTLE | SLIP
 
 
 def central_differences(f: Callable[[jax.Array], jax.Array], p: jax.Array, step: float) -> tuple[jax.Array, jax.Array]:

@@ -108,9 +108,12 @@ def _stroke(machine: Machine, direction: float, t: float, y0: tuple, t_end: floa
 
 def lugre_motion(
     t: np.ndarray, x0: float, *, mass: float, stiffness: float, damping: float, kinetic: float, static: float,
-    v_stribeck: float, sigma: tuple[float, float, float], rtol: float = 1e-11,
+    v_stribeck: float, sigma: tuple[float, float, float], rtol: float = 1e-11, bent: float = 1.0,
 ) -> np.ndarray:  # fmt: skip
-    """Displacement under LuGre friction (forces `kinetic` and `static` [N]) after a slow pull to `x0`, by LSODA."""
+    """Displacement under LuGre friction (forces `kinetic` and `static` [N]) from rest at `x0`, by LSODA.
+
+    The bristles start at `bent` times their deflection after a slow pull.
+    """
     scale = np.array([abs(x0), abs(x0) * np.sqrt(stiffness / mass), kinetic / sigma[0]])
 
     def rates(_t: float, y: np.ndarray) -> np.ndarray:
@@ -120,7 +123,7 @@ def lugre_motion(
         force = sigma[0] * z + sigma[1] * creep + sigma[2] * v
         return np.array([v, -(stiffness * x + damping * v + force) / mass, creep]) / scale
 
-    start = np.array([x0, 0.0, np.sign(x0) * kinetic / sigma[0]]) / scale
+    start = np.array([x0, 0.0, bent * np.sign(x0) * kinetic / sigma[0]]) / scale
     solution = solve_ivp(rates, (0.0, t[-1]), start, method="LSODA", t_eval=t, rtol=rtol, atol=rtol)
     return solution.y[0] * scale[0]
 

@@ -2,8 +2,8 @@
 
 import dataclasses
 import inspect
-from collections.abc import Collection, Mapping
-from typing import Any
+from collections.abc import Collection, Mapping, Sequence
+from typing import Any, get_origin
 
 import jax
 import numpy as np
@@ -12,23 +12,34 @@ from .. import friction
 from ..calibrate import Rig
 from ..calibrate.quantity import UNITS
 from ..data.errors import UsageError, nearest
+from ..fitting.candidates import telling
 from ..fitting.names import find_leaf
-from ..friction import AbstractFriction, Sum
+from ..friction import AbstractFriction, Lorentzian, Stribeck, Sum
+from ..friction.base import AbstractSetValued
 from ..oscillator import Oscillator
 from ..oscillator.engines import AbstractEngine
 from ..oscillator.leaves import leaves_of
 from ..oscillator.select import select_engine
 from . import parsing
-from .options import Machine
+from .options import Bench, Machine
 
 # Where a law asks for a coefficient that nobody gave, a fit begins here; mu and windage are then found from the decay.
 _STARTS = {"mu": 0.01, "v_s": 1e-4, "windage": 0.0}
 
 
 def laws() -> dict[str, type[AbstractFriction]]:
-    """The friction laws by their names on the command line."""
-    members = {name.lower(): getattr(friction, name) for name in friction.__all__}
+    """The friction laws by their names on the command line: those that a few numbers describe."""
+    return {name: law for name, law in catalogue().items() if not _has_lists(law)}
+
+
+def catalogue() -> dict[str, type[AbstractFriction]]:
+    """All friction laws by their names in small letters, without their sums."""
+    members: dict[str, Any] = {name.lower(): getattr(friction, name) for name in friction.__all__}
     return {name: law for name, law in members.items() if not inspect.isabstract(law) and law is not Sum}
+
+
+def _has_lists(law: type[AbstractFriction]) -> bool:
+    return any(get_origin(field.type) is tuple for field in dataclasses.fields(law))
 
 
 @dataclasses.dataclass(frozen=True)
@@ -73,6 +84,37 @@ def choose(options: Machine, free: str | None = None, tied: Collection[str] = ()
     oscillator = assemble(rig, options.friction, {**fixed, **starts}, {*names, *tied})
     calibrated = options.rig or options.normal_force
     return Choice(oscillator, rig if calibrated else None, tuple(names))
+
+
+def contenders(options: Bench, laws: Sequence[str], guess: list[str] | None = None) -> list[Choice]:
+    """The same machine with one law after the other; free is all that a decay can tell and that is not fixed.
+
+    Args:
+        options: rig and fixed coefficients; those of a law count for the laws that have them.
+        laws: laws, or sums of them joined by ``+``.
+        guess: start values as ``name=value``, likewise.
+
+    Raises:
+        UsageError: unknown names or values that do not fit.
+    """
+    fixed, starts = _numbers("--fix", options.fix), _numbers("--guess", guess)
+    for name in fixed:
+        if name in starts:
+            raise UsageError(f"{name} is fixed and has a start value. Take it out of --fix or of --guess.")
+    values = {**fixed, **starts}
+    rig, placeholder = _rig(options, values)
+    calibrated = rig if options.rig or options.normal_force else None
+    kinds = [[_law(word.strip().lower()) for word in named.split("+")] for named in laws]
+    of_laws = [{name for kind in parts for name in kind.coefficients} for parts in kinds]
+    choices = []
+    for named, parts, own in zip(laws, kinds, of_laws, strict=True):
+        others = set().union(*of_laws) - own
+        mine = {name: value for name, value in values.items() if name.rsplit(".", 1)[-1] not in others}
+        falls = any(issubclass(kind, AbstractSetValued) and "v_stribeck" in kind.coefficients for kind in parts)
+        oscillator = assemble(rig, named, mine, {"mu_s"} if falls else ())
+        free = ["mass" if name == "stiffness" and placeholder == "mass" else name for name in telling(oscillator)]
+        choices.append(Choice(oscillator, calibrated, tuple(name for name in free if name not in fixed)))
+    return choices
 
 
 def known(options: Machine) -> Oscillator:
@@ -142,7 +184,7 @@ def _free(text: str | None) -> tuple[list[str], dict[str, float]]:
     return [name.strip() for name, _, _ in entries], starts
 
 
-def _rig(options: Machine, values: Mapping[str, float]) -> tuple[Rig, str | None]:
+def _rig(options: Bench, values: Mapping[str, float]) -> tuple[Rig, str | None]:
     """The rig, and which of mass and stiffness is only a placeholder until the trace tells it."""
     own = {name: getattr(options, name) for name in ("mass", "stiffness", "normal_force", "restoring", "drag")}
     given = {name: value for name, value in own.items() if value is not None}
@@ -197,13 +239,13 @@ def _instance(
             arguments[field.name] = _STARTS[field.name]
         elif named and field.default is None:
             arguments[field.name] = 1.3 * arguments.get("mu", 1.0)
-    _check_stribeck(kind, arguments)
+    _check_fall(kind, arguments)
     return kind(**arguments)
 
 
-def _check_stribeck(kind: type[AbstractFriction], arguments: Mapping[str, float]) -> None:
-    if kind.__name__ == "Stribeck" and "mu_s" not in arguments:
+def _check_fall(kind: type[AbstractFriction], arguments: Mapping[str, float]) -> None:
+    if kind in (Lorentzian, Stribeck) and "mu_s" not in arguments:
         raise UsageError(
-            "Stribeck friction without mu_s is Coulomb's law: give it with --fix mu_s=..., or free it with its start "
-            "value, as in --free mu,mu_s=0.02,damping."
+            f"{kind.__name__} friction without mu_s is Coulomb's law: give it with --fix mu_s=..., or free it with its "
+            "start value, as in --free mu,mu_s=0.02,damping."
         )

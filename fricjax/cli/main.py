@@ -10,7 +10,7 @@ from typing import NoReturn
 
 import typer
 
-from . import calibrate, demo, doctor, energy, fit, inspect, map, models, simulate
+from . import calibrate, check, compare, demo, doctor, energy, fit, inspect, map, models, simulate
 from .failure import INTERRUPTED, Failure, failure_of
 from .groups import grouped
 
@@ -25,15 +25,17 @@ app = typer.Typer(
 for _name, _function in {
     "demo": demo.demo,
     "inspect": inspect.inspect,
+    "check": check.check,
     "fit": fit.fit,
+    "compare": compare.compare,
     "map": map.map_,
     "energy": energy.energy,
     "simulate": simulate.simulate,
-    "models": models.models,
     "doctor": doctor.doctor,
 }.items():
     app.command(_name)(grouped(_function))
 app.add_typer(calibrate.app, name="calibrate")
+app.add_typer(models.app, name="models")
 
 
 def _version(asked: bool) -> None:

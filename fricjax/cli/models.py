@@ -1,37 +1,137 @@
-"""``fricjax models``: the friction laws with their coefficients and units."""
+"""``fricjax models``: the catalogue of friction laws, made from the laws themselves."""
 
-from typing import Any
+import dataclasses
+import math
+import re
+from typing import Annotated, Any
 
+import typer
+from typer import Argument
+
+from .groups import grouped
 from .options import Output
 from .output import finish
 from .runtime import prepare
 
+_MARKUP = re.compile(r":\w+:`([^`]+)`")
 
-def models(output: Output) -> None:
-    """List the friction laws with their coefficients, units and engines."""
+
+def models(context: typer.Context, output: Output) -> None:
+    """List the friction laws with their coefficients and units; `models show NAME` tells all of one."""
+    if context.invoked_subcommand is not None:
+        return
     prepare(output)
-    from .machine import laws
+    from .machine import catalogue
 
-    found = [describe(name, law) for name, law in laws().items()]
+    found = [describe(name, law) for name, law in catalogue().items()]
     lines = ["Friction laws for --friction; join them with +, as coulomb+windage.", ""]
     for entry in found:
-        units = [f"{name} [{unit or '1'}]" for name, unit in entry["coefficients"].items()]
-        lines += [f"{entry['name']:<10}{entry['kind']}", f"{'':<10}{', '.join(units)}", f"{'':<10}{entry['about']}", ""]
+        units = [f"{c['name']} [{c['unit'] or '1'}]" for c in entry["coefficients"]]
+        only = "" if entry["on_command_line"] else "; from Python only, for its coefficients are lists"
+        lines += [f"{entry['name']}: {entry['kind']}{only}", f"    {', '.join(units)}", f"    {entry['about']}", ""]
     lines.append("Of the machine: mass, stiffness, damping, normal_force, drag, and k3 of a cubic spring.")
+    lines.append("All of one law: fricjax models show NAME")
     finish(output, {"models": found}, "\n".join(lines))
 
 
+def show(
+    name: Annotated[str, Argument(help="Name of a law, as in the list of fricjax models.", show_default=False)],
+    output: Output,
+) -> None:
+    """All of one law: equation, coefficients with bounds, source, engine, and what a decay tells of it."""
+    prepare(output)
+    from ..data.errors import UsageError, nearest
+    from .machine import catalogue
+
+    known, asked = catalogue(), name.strip().lower()
+    if asked not in known:
+        raise UsageError(f"There is no friction law '{name}'.{nearest(asked, known)} Known are {', '.join(known)}.")
+    entry = describe(asked, known[asked])
+    finish(output, entry, _page(entry))
+
+
+app = typer.Typer(rich_markup_mode="rich")
+app.callback(invoke_without_command=True)(grouped(models))
+app.command("show")(grouped(show))
+
+
 def describe(name: str, law: Any) -> dict[str, Any]:
-    """A law as data: its name, kind, coefficients with units, and the first line of its description."""
-    text = " ".join((law.__doc__ or "").split("\n\n")[0].replace("``", "").split())
-    return {"name": name, "kind": _kind(law), "coefficients": dict(law.units), "about": text}
+    """A law as data."""
+    from .machine import laws
+
+    paragraphs = (law.__doc__ or "").split("Attributes:")[0].strip().split("\n\n")
+    about, *details = (" ".join(_MARKUP.sub(r"\1", part).replace("`", "").split()) for part in paragraphs)
+    return {
+        "name": name,
+        "kind": _kind(law),
+        "on_command_line": name in laws(),
+        "engine": _engine(law),
+        "about": about,
+        "details": details,
+        "coefficients": [_coefficient(law, key, known) for key, known in law.coefficients.items()],
+        "identifies": law.identifies,
+        "source": law.source,
+    }
+
+
+def _coefficient(law: Any, name: str, known: Any) -> dict[str, Any]:
+    fields = {field.name: field for field in dataclasses.fields(law)}
+    default = fields[name].default if name in fields else dataclasses.MISSING
+    bounds = [end if math.isfinite(end) else None for end in (known.lower, known.upper)]
+    return {
+        "name": name,
+        "unit": known.unit,
+        "about": known.about,
+        "bounds": bounds,
+        "default": None if default is dataclasses.MISSING else default,
+        "required": default is dataclasses.MISSING,
+        "fitted_as": "logarithm" if known.logarithmic else "value",
+    }
+
+
+def _page(entry: dict[str, Any]) -> str:
+    from ..show import Table
+
+    rows = [
+        [c["name"], c["unit"] or "1", _range(c["bounds"]), _default(c), c["fitted_as"], c["about"]]
+        for c in entry["coefficients"]
+    ]
+    table = Table(["Coefficient", "Unit", "Bounds", "Default", "Fitted as", "Meaning"], rows)
+    return "\n".join(
+        [
+            f"{entry['name']}: {entry['kind']}; {entry['engine']} engine",
+            "",
+            entry["about"],
+            *(f"\n{text}" for text in entry["details"]),
+            "",
+            table.text(),
+            "",
+            f"A free decay tells: {entry['identifies']}",
+            f"Source: {entry['source']}",
+        ]
+    )
+
+
+def _range(bounds: list[float | None]) -> str:
+    low, high = ("" if end is None else f"{end:g}" for end in bounds)
+    return f"{low} .. {high}".strip() if low or high else "any"
+
+
+def _default(coefficient: dict[str, Any]) -> str:
+    if coefficient["required"]:
+        return "to be given"
+    return "none" if coefficient["default"] is None else f"{coefficient['default']:g}"
 
 
 def _kind(law: Any) -> str:
     if law.n_states:
-        return "bristle law with internal states, smooth engine"
-    if law.set_valued:
-        return "set-valued law: holds the mass at rest, " + (
-            "exact engine" if law.__name__ == "Coulomb" else "hybrid engine"
-        )
-    return "smooth law: holds nothing at rest"
+        return "law with internal states that hold the mass"
+    return "set-valued law that holds the mass at rest" if law.set_valued else "smooth law that holds nothing at rest"
+
+
+def _engine(law: Any) -> str:
+    from ..friction.base import AbstractConstant
+
+    if law.n_states:
+        return "smooth"
+    return "exact" if law.set_valued and issubclass(law, AbstractConstant) else "hybrid"

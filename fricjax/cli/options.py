@@ -49,13 +49,10 @@ class Reading:
 
 
 @dataclasses.dataclass(frozen=True)
-class Machine:
-    """The rig and its friction law."""
+class Bench:
+    """The rig, whatever its friction law."""
 
     rig: Annotated[Path | None, Option(help="Rig file (TOML).", rich_help_panel=_MODEL)] = None
-    friction: Annotated[
-        str, Option(help="Law: coulomb, tanh, stribeck or lugre; + adds, as coulomb+windage.", rich_help_panel=_MODEL)
-    ] = "coulomb"
     fix: Annotated[
         list[str] | None,
         Option(
@@ -77,6 +74,15 @@ class Machine:
         Option(help="Quadratic drag in N s^2/m^2; a start value where it is free.", rich_help_panel=_MODEL),
     ] = None
     engine: Annotated[str, Option(help="Engine: auto, exact, hybrid or smooth.", rich_help_panel=_MODEL)] = "auto"
+
+
+@dataclasses.dataclass(frozen=True)
+class Machine(Bench):
+    """The rig and its friction law."""
+
+    friction: Annotated[
+        str, Option(help="Law: coulomb, tanh, stribeck or lugre; + adds, as coulomb+windage.", rich_help_panel=_MODEL)
+    ] = "coulomb"
 
 
 @dataclasses.dataclass(frozen=True)

@@ -101,3 +101,13 @@ def displacement(option: str, text: str) -> float:
         return float(match[1]) * factor(match[2].strip(), DISPLACEMENT, option)[0]
     except DataError as error:
         raise UsageError(str(error)) from error
+
+
+def per_second(option: str, text: str) -> float:
+    """A number per second, also in thousands or millions, as ``10000``, ``10k`` or ``1.25M``.
+
+    Raises:
+        UsageError: no number.
+    """
+    factor = {"k": 1e3, "M": 1e6}.get(text.strip()[-1:], 1.0)
+    return factor * number(option, text.strip().rstrip("kM") if factor > 1 else text)

@@ -47,9 +47,11 @@ def fit(
         oscillator: the machine and its friction law.
         free: names of the coefficients to fit: "mu", "damping", "stiffness", "sigma0" ...; where two leaves share a
             name the dotted path, "friction.0.mu". The static coefficient of a Coulomb law is bracketed, not fitted.
-        nuisance: names of each run's own parameters (x0, v0, offset, drift, t_release); None for those that belong
-            to `start`. An offset or a drift that is not among them is zero, the others keep their start values.
-            Offset and drift are those at the first fitted sample; release times are those of the record.
+        nuisance: names of each run's own parameters (x0, v0, offset, drift, t_release, z0); None for those that
+            belong to `start`. z0 is the internal state of a bristle law at a start from rest, in units of that after a
+            slow pull: 1 for a pull, 0 for a relaxed contact. An offset or a drift that is not among them is zero, the
+            others keep their start values. Offset and drift are those at the first fitted sample; release times are
+            those of the record.
         engine: "auto", "exact", "hybrid", "smooth" or an engine.
         start: "first_reversal" skips the transient of the release and fits time (`t_release`), position (`x0`) and
             offset of the first turning point; for laws with internal states it fits x0, v0 and offset in the middle
@@ -79,28 +81,43 @@ def fit(
         FitError: a fit that is not valid, unless `throw` is False.
     """
     require_x64()
-    if sigma_mode not in SIGMA_MODES:
-        raise UsageError(
-            f"There is no sigma_mode {sigma_mode!r}.{nearest(sigma_mode, SIGMA_MODES)} Choose {SIGMA_MODES}."
-        )
-    records = _records(data)
+    records = records_of(data, sigma_mode)
     if not isinstance(oscillator, Oscillator):
         raise UsageError(
             f"fit needs an Oscillator, got {type(oscillator).__name__}. Build one, or take rig.oscillator(friction)."
         )
     settings = {"nuisance": nuisance, "engine": engine, "start": start, "bounds": bounds, "priors": priors}
     request = Request.of(oscillator, free, tie=tie, rig=rig, guess=guess, loss=loss, **settings)
-    problem, solved = solve_with_rest(_posed(records, request, sigma_mode))
+    return concluded(*solve_with_rest(pose(records, request)), sigma_mode, throw)
+
+
+def concluded(problem: Problem, solved: Solved, sigma_mode: str, throw: bool) -> Fit:
+    """The fit of a solved problem.
+
+    Raises:
+        UsageError: free parameters on which the motion does not depend.
+        FitError: the fit is not valid, and `throw` is set.
+    """
     if solved.converged:
-        _check_effect(problem, solved)
+        check_effect(problem, solved)
     result = assemble(problem, solved, sigma_mode)
     if throw and not result.converged:
         raise FitError(f"The fit is not valid, {result.status}", result)
     return result
 
 
-def _records(data: Any) -> tuple[Record | Trace, ...]:
-    """The records to fit, also where there is but one."""
+def records_of(data: Any, sigma_mode: str) -> tuple[Record | Trace, ...]:
+    """The records to fit, also where there is but one.
+
+    With the noise to be estimated, stated noise is left out so that all samples weigh the same.
+
+    Raises:
+        UsageError: no records, something else than records, or an unknown `sigma_mode`.
+    """
+    if sigma_mode not in SIGMA_MODES:
+        raise UsageError(
+            f"There is no sigma_mode {sigma_mode!r}.{nearest(sigma_mode, SIGMA_MODES)} Choose {SIGMA_MODES}."
+        )
     records = tuple(data) if isinstance(data, list | tuple) else (data,)
     if not records:
         raise UsageError("There is no record to fit: the list is empty.")
@@ -110,17 +127,10 @@ def _records(data: Any) -> tuple[Record | Trace, ...]:
                 f"fit takes records or traces, got {type(record).__name__}. Read a file with fricjax.read(path), or "
                 "wrap arrays as fricjax.Trace(t, x)."
             )
-    return records
+    return tuple(map(_without_sigma, records)) if sigma_mode == "estimate" else records
 
 
-def _posed(records: Sequence[Record | Trace], request: Request, sigma_mode: str) -> Problem:
-    """The problem; with the noise to be estimated, stated noise is left out so that all samples weigh the same."""
-    if sigma_mode == "estimate":
-        records = [_without_sigma(record) for record in records]
-    return pose(records, request)
-
-
-def _check_effect(problem: Problem, solved: Solved) -> None:
+def check_effect(problem: Problem, solved: Solved) -> None:
     """Refuse free parameters on which the motion does not depend at all.
 
     Raises:

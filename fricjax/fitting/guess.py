@@ -35,6 +35,9 @@ def guess_machine(
 ) -> dict[str, float]:
     """Start values for those of mass, stiffness, damping, drag, mu and normal_force that are free.
 
+    Of a law whose coefficients have other names, mu stands for the dynamic force over the load. Beside them
+    "returned" can be asked for, the energy that a contact gives back at each reversal [J].
+
     Args:
         oscillator: the machine, for its restoring force and for what is not free.
         decays: segmentations of the records.
@@ -52,7 +55,7 @@ def guess_machine(
     elif "mass" in free:
         at["mass"] = at["stiffness"] / ratio
     at.update(_losses(oscillator, decay, free, at))
-    return {name: at[name] for name in free if name in at}
+    return {name: float(at[name]) for name in free if name in at}
 
 
 def _decay(found: Segmentation) -> _Decay:
@@ -96,15 +99,17 @@ def _losses(oscillator: Oscillator, decay: _Decay, free: Sequence[str], at: Mapp
         "friction": 2 * a,
         "damping": np.pi / 2 * decay.omega * a**2,
         "drag": 4 / 3 * decay.omega**2 * a**3,
+        "returned": -np.ones_like(a),
     }
-    known = {"friction": at.get("mu", 0.0) * at["normal_force"], "damping": at["damping"], "drag": at["drag"]}
-    sought = {
-        "friction": {"mu", "normal_force"} & set(free),
-        "damping": {"damping"} & set(free),
-        "drag": {"drag"} & set(free),
-    }
+    friction = float(oscillator.friction.dynamic_force(oscillator.normal_force))
+    known = {"friction": friction, "damping": at["damping"], "drag": at["drag"], "returned": 0.0}
+    sought = {name: {name} & set(free) for name in terms}
+    sought["friction"] = {"mu", "normal_force"} & set(free)
     lost = lost - sum(known[name] * term for name, term in terms.items() if not sought[name])
     names = [name for name in terms if sought[name]]
+    if a.size <= len(names):
+        # A line through every half-cycle tells nothing of a term this small.
+        names = [name for name in names if name != "returned"]
     if not names:
         return {}
     columns = np.stack([terms[name] for name in names], axis=1)
@@ -118,7 +123,7 @@ def _losses(oscillator: Oscillator, decay: _Decay, free: Sequence[str], at: Mapp
 def _as_coefficients(
     found: Mapping[str, float], sought: Mapping[str, set], at: Mapping[str, float]
 ) -> dict[str, float]:
-    result = {name: float(found[name]) for name in ("damping", "drag") if name in found}
+    result = {name: float(found[name]) for name in ("damping", "drag", "returned") if name in found}
     if "friction" in found:
         force = float(found["friction"])
         if "mu" in sought["friction"]:

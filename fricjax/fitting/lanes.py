@@ -16,11 +16,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from ..oscillator import starting_state
 from .climb import Climbed, Limits, Terrain, climb, onwards
 from .loss import AbstractLoss, Squares
 from .problem import Problem
-from .residual import Residual, Run, without_inputs
+from .residual import Residual, Run, start_of, without_inputs
 from .runs import filled_to
 from .settled import Settled, settle
 from .solve import finer
@@ -148,5 +147,5 @@ def _own_count(residual: Residual, settled: Settled) -> Array:
     if not residual.oscillator.friction.set_valued:
         return jnp.asarray(-1)
     own = residual.own_at(settled.values, 0)
-    start = starting_state(settled.machine, own["x0"], own["v0"])
+    start = start_of(settled.machine, own)
     return residual.engine.solve(settled.machine, start, jnp.zeros(1)).n_half_cycles

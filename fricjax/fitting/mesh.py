@@ -13,8 +13,8 @@ import numpy as np
 from jaxtyping import Array
 
 from ..data.errors import UsageError
-from ..oscillator import Oscillator, Smooth, starting_state
-from .residual import Residual
+from ..oscillator import Oscillator, Smooth
+from .residual import Residual, start_of
 
 CAPACITY = 1 << 17
 _REACH = 1.05
@@ -51,7 +51,7 @@ def with_mesh(residual: Residual, y: Any, slack: float = 1.0) -> Residual:
 
 @eqx.filter_jit
 def _steps(accuracy: Any, machine: Oscillator, at: dict[str, Array], end: Array) -> Array:
-    start = starting_state(machine, at["x0"], at["v0"])
+    start = start_of(machine, at)
     free = Smooth(accuracy=accuracy, max_steps=CAPACITY)
     return free.steps(machine, start, _REACH * (end - at["t_release"]), CAPACITY)
 
@@ -67,12 +67,24 @@ def _graded(mesh: np.ndarray) -> np.ndarray:
         mesh = np.sort(np.concatenate([mesh, mesh[long] + h[long] / 2]))
 
 
+def lengthened(residual: Residual, steps: int) -> Residual:
+    """The same residual with its mesh cut into `steps` steps, that it may share a compilation with a longer one."""
+    if not isinstance(residual.engine, Smooth):
+        return residual
+    mesh = jnp.asarray(_filled(np.asarray(residual.engine.mesh), steps))
+    return eqx.tree_at(lambda r: r.engine.mesh, residual, mesh)
+
+
 def _padded(mesh: np.ndarray) -> np.ndarray:
-    """Halve the longest steps until their number is a power of two or a whole number of eighths of it."""
+    """Cut steps until their number is a power of two or a whole number of eighths of it."""
     steps = mesh.size - 1
     unit = max(2 ** int(np.ceil(np.log2(steps))) // 8, 1)
-    target = -(-steps // unit) * unit
-    while missing := target - (mesh.size - 1):
+    return _filled(mesh, -(-steps // unit) * unit)
+
+
+def _filled(mesh: np.ndarray, steps: int) -> np.ndarray:
+    """Halve the longest steps until there are as many as asked for."""
+    while missing := steps - (mesh.size - 1):
         h = np.diff(mesh)
         longest = np.argsort(h)[::-1][:missing]
         mesh = np.sort(np.concatenate([mesh, mesh[longest] + h[longest] / 2]))

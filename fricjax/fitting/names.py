@@ -6,7 +6,7 @@ from ..data.errors import UsageError, nearest
 from ..friction import AbstractFriction, Coulomb, Sum
 from ..oscillator.leaves import Leaf
 
-NUISANCES = {"x0": "m", "v0": "m/s", "offset": "m", "drift": "m/s", "t_release": "s"}
+NUISANCES = {"x0": "m", "v0": "m/s", "offset": "m", "drift": "m/s", "t_release": "s", "z0": ""}
 
 _SAME_FORCE = (
     ("mass", "stiffness", "a trace tells only their ratio, the natural frequency"),

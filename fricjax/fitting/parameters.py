@@ -8,13 +8,15 @@ import jax
 import numpy as np
 
 from ..data.errors import UsageError
+from ..friction.coefficient import Coefficient
 from ..oscillator import Oscillator
 from ..oscillator.engines import AbstractEngine
 from ..oscillator.leaves import Leaf
 from .guess import guess_machine
+from .law_start import guess_law, terms_of
 from .loss import AbstractLoss, named_loss
 from .names import NUISANCES, check_identifiable, check_names, find_leaf, sole_coulomb
-from .space import LOGARITHMIC, NOT_NEGATIVE, Parameter, Tie
+from .space import Parameter, Tie
 from .window import Window
 
 
@@ -74,29 +76,36 @@ def free_parameters(
 ) -> tuple[Parameter, ...]:
     """The free parameters in order: shared coefficients first, then those of each run, each with start and bounds."""
     flat = [float(value) for value in jax.tree.leaves(request.oscillator)]
-    values = {leaf.name.rsplit(".", 1)[-1]: flat[leaf.index] for leaf in reversed(leaves)}
-    kinds = [leaf.name.rsplit(".", 1)[-1] for leaf in shared]
+    values = {leaf.kind: flat[leaf.index] for leaf in reversed(leaves)}
+    kinds = [leaf.kind for leaf in shared]
     sought = any(leaf.name not in request.guess for leaf in shared)
-    decays = [window.segmentation for window in windows] if sought else []
-    guessed = guess_machine(request.oscillator, decays, kinds, values)
-    entries: list[tuple[str, str, float, float]] = []
+    seen = windows if sought else []
+    decays = [window.segmentation for window in seen]
+    guessed = guess_machine(request.oscillator, decays, [*kinds, *terms_of(request.oscillator, leaves, shared)], values)
+    of_law = guess_law(request.oscillator, leaves, shared, seen, {**values, **guessed})
+    entries: list[tuple[str, Coefficient, float, float]] = []
     for leaf, kind in zip(shared, kinds, strict=True):
-        start = guessed.get(kind, flat[leaf.index])
-        if kind == "mu_s" and "mu" in guessed and values["mu"] > 0:
+        start = of_law.get(leaf.name, guessed.get(kind, flat[leaf.index]))
+        if leaf.name not in of_law and kind == "mu_s" and "mu" in guessed and values["mu"] > 0:
             start *= guessed["mu"] / values["mu"]
-        entries.append((leaf.name, leaf.unit, start, _scale(kind, start, {**values, **guessed})))
+        entries.append((leaf.name, leaf.coefficient, start, _scale(kind, start, {**values, **guessed})))
     for i, window in enumerate(windows):
         suffix = "" if len(windows) == 1 else f"[{i}]"
         sizes = _run_scales(window)
-        entries += [(f"{n}{suffix}", NUISANCES[n], window.guesses[n], sizes[n]) for n in window.nuisances]
+        entries += [
+            (f"{n}{suffix}", Coefficient(NUISANCES[n], ""), window.guesses[n], sizes[n]) for n in window.nuisances
+        ]
     names = [entry[0] for entry in entries]
     check_names(request.bounds, names, "Bounds")
     check_names(request.guess, names, "Start values")
-    entries = [(name, unit, _given(request, name, start, windows), scale) for name, unit, start, scale in entries]
+    entries = [
+        (name, known, _given(request, name, known.logarithmic, start, windows), scale)
+        for name, known, start, scale in entries
+    ]
     return tuple(_bounded(*entry, request.bounds, _origin(entry[0], windows)) for entry in entries)
 
 
-def _given(request: Request, name: str, start: float, windows: Sequence[Window]) -> float:
+def _given(request: Request, name: str, logarithmic: bool, start: float, windows: Sequence[Window]) -> float:
     """The caller's start value where there is one, in the time of the run.
 
     Raises:
@@ -105,7 +114,6 @@ def _given(request: Request, name: str, start: float, windows: Sequence[Window])
     if name not in request.guess:
         return start
     value = float(request.guess[name])
-    logarithmic = name.rsplit(".", 1)[-1] in LOGARITHMIC
     if not np.isfinite(value) or (logarithmic and value <= 0):
         raise UsageError(
             f"The start value of {name} must be a finite {'positive ' if logarithmic else ''}number, got {value:g}."
@@ -131,19 +139,21 @@ def _run_scales(window: Window) -> dict[str, float]:
     amplitude, half_period = window.segmentation.amplitude, window.segmentation.half_period
     speed = amplitude * np.pi / half_period
     sizes = {"x0": amplitude, "offset": amplitude, "v0": speed, "t_release": half_period}
-    return {**sizes, "drift": 1e-3 * speed}
+    return {**sizes, "drift": 1e-3 * speed, "z0": 1.0}
 
 
-def _bounded(name: str, unit: str, start: float, scale: float, bounds: Mapping[str, tuple], origin: float) -> Parameter:
-    kind = name.rsplit(".", 1)[-1]
-    default = (0.0 if kind in NOT_NEGATIVE else None, None)
+def _bounded(
+    name: str, known: Coefficient, start: float, scale: float, bounds: Mapping[str, tuple], origin: float
+) -> Parameter:
+    # In its logarithm a coefficient never reaches zero.
+    default = (None if known.logarithmic else known.lower, known.upper)
     low, high = _pair(bounds.get(name, default), f"The bounds of {name} must be a lower and an upper value or None")
     lower = -np.inf if low is None else float(low) - origin
     upper = np.inf if high is None else float(high) - origin
     if not lower < upper:
         raise UsageError(f"The bounds of {name} must be a lower and a larger upper value, got {low} and {high}.")
     start = min(max(start, lower), upper)
-    return Parameter(name, unit, start, scale, lower, upper)
+    return Parameter(name, known.unit, start, scale, lower, upper, known.logarithmic)
 
 
 def _pair(given: Any, demand: str) -> tuple[Any, Any]:

@@ -79,14 +79,28 @@ def pose(records: Sequence[Record | Trace], request: Request) -> Problem:
         UsageError: names, bounds, priors or ties that do not fit, or parameters that no trace can tell apart.
         DataError: a record from which the free parameters cannot be determined.
     """
-    leaves = leaves_of(request.oscillator)
-    shared, bracketed = shared_leaves(request, leaves)
+    return posed_on(windows_of(records, request), request)
+
+
+def windows_of(records: Sequence[Record | Trace], request: Request) -> tuple[Window, ...]:
+    """The part of each record that the law of the request can be fitted to.
+
+    Raises:
+        UsageError: an unknown start or nuisance parameter.
+        DataError: a record without the motion that the start asks for.
+    """
     law = request.oscillator.friction
     creeps = not law.set_valued and not law.n_states
-    windows = tuple(
+    return tuple(
         open_window(record, request.start, request.nuisance, keeps_memory=law.n_states > 0, creeps=creeps)
         for record in records
     )
+
+
+def posed_on(windows: tuple[Window, ...], request: Request) -> Problem:
+    """The problem of fitting these parts of records; raises as `pose` does."""
+    leaves = leaves_of(request.oscillator)
+    shared, bracketed = shared_leaves(request, leaves)
     _check_windows(windows)
     parameters = free_parameters(request, shared, leaves, windows)
     names = [parameter.name for parameter in parameters]

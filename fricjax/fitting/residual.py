@@ -1,5 +1,6 @@
 """What a fit makes small: the weighted distance of computed from measured displacement, and of values from priors."""
 
+from collections.abc import Mapping
 from typing import Any
 
 import equinox as eqx
@@ -10,6 +11,7 @@ from jaxtyping import Array, Float
 
 from ..oscillator import Motion, Oscillator, starting_state
 from ..oscillator.engines import AbstractEngine, AbstractPath
+from ..oscillator.motion import Start
 from .space import ParameterSpace
 
 
@@ -22,7 +24,7 @@ class Run(eqx.Module):
         weight: one over the noise [1/m], shape (samples,), zero where a sample is not used.
         half_cycles: number of half-cycles from the start to the stop, as the record shows it; huge where it ends in
             motion.
-        fixed: x0, v0, offset, drift and t_release where they are not free.
+        fixed: x0, v0, offset, drift, t_release and z0 where they are not free.
     """
 
     t: Any
@@ -105,9 +107,14 @@ class Residual(eqx.Module):
     def course(self, y: Float[Array, " coordinates"], run: int) -> Course:
         """Computed motion of one run."""
         at, machine = self.own(y, run), self.machine(y)
-        start = starting_state(machine, at["x0"], at["v0"])
-        path = self.engine.path(machine, start, self.runs[run].half_cycles)
+        path = self.engine.path(machine, start_of(machine, at), self.runs[run].half_cycles)
         return Course(path, at["t_release"], at["offset"], at["drift"])
+
+
+def start_of(machine: Oscillator, at: Mapping[str, Any]) -> Start:
+    """Start of a run: its internal states are `z0` times those after a slow pull, or after long sliding."""
+    start = starting_state(machine, at["x0"], at["v0"])
+    return start._replace(state=at.get("z0", 1.0) * start.state)
 
 
 def without_inputs(residual: Residual) -> Residual:
@@ -124,4 +131,4 @@ def motion(
     half_cycles: Any,
 ) -> Motion:
     """Motion of one run at its times `t`; `half_cycles` None lets the rest condition stop it."""
-    return engine.solve(machine, starting_state(machine, at["x0"], at["v0"]), t - at["t_release"], half_cycles)
+    return engine.solve(machine, start_of(machine, at), t - at["t_release"], half_cycles)

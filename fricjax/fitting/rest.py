@@ -43,13 +43,17 @@ def _reversals(problem: Problem, solved: Solved, run: int, forced: bool) -> tupl
     return np.asarray(found.turning_points), int(found.n_half_cycles)
 
 
-def solve_with_rest(problem: Problem) -> tuple[Problem, Solved]:
+def solve_with_rest(problem: Problem, y: np.ndarray | None = None) -> tuple[Problem, Solved]:
     """Solve with the record's number of half-cycles, and try others where law or residuals ask for it.
 
     Another number is tried where the fitted law would stop the mass at another reversal, and where the residuals are so
     large that a wrong number could be the reason: then one more and one less, as long as that makes the fit better.
+
+    Args:
+        problem: the problem.
+        y: coordinates to start from; None for the start values.
     """
-    solved = solve(problem)
+    solved = solve(problem, y)
     tried, counts = set(), _counts(problem)
     spent = [solved]
     while candidates := _candidates(problem, solved) - tried - {counts}:
@@ -80,15 +84,19 @@ def _with_counts(problem: Problem, counts: tuple[int, ...]) -> Problem:
 def _candidates(problem: Problem, solved: Solved) -> set[tuple[int, ...]]:
     """Other numbers of half-cycles worth a fit."""
     counts = _counts(problem)
-    stopping = [run for run, count in enumerate(counts) if count < NEVER]
-    if not problem.residual.oscillator.friction.set_valued or not stopping:
+    if not problem.residual.oscillator.friction.set_valued:
         return set()
+    stopping = [run for run, count in enumerate(counts) if count < NEVER]
     found = set()
-    if problem.bracketed is None:
+    if stopping and problem.bracketed is None:
         found.add(tuple(_own_count(problem, solved, run) for run in range(len(counts))))
+    others: list[tuple[int, int]] = []
     if far_off(problem, solved):
-        steps = [(run, step) for run in stopping for step in (-1, 1) if counts[run] + step > 0]
-        found |= {(*counts[:run], counts[run] + step, *counts[run + 1 :]) for run, step in steps}
+        others += [(run, counts[run] + step) for run in stopping for step in (-1, 1) if counts[run] + step > 0]
+    if solved.chi2 / problem.n_used > _ADEQUATE:
+        # A mass that stopped just before its record ends seems to move to the end.
+        others += [(run, problem.windows[run].strokes + 1) for run in range(len(counts)) if run not in stopping]
+    found |= {(*counts[:run], count, *counts[run + 1 :]) for run, count in others}
     return found - {counts}
 
 

@@ -26,7 +26,7 @@ from .status import AT_BOUND, CONVERGED, UNDETERMINED
 from .survey import Survey, survey
 
 _ACCURATE = 0.1
-_ROUGH, _NEAR = 10.0, 0.3
+ROUGH, NEAR = 10.0, 0.3
 
 
 class Solved(NamedTuple):
@@ -67,10 +67,10 @@ class Solved(NamedTuple):
         return self.status in (CONVERGED, AT_BOUND, UNDETERMINED)
 
 
-_climb = eqx.filter_jit(climb)
+climb_on = eqx.filter_jit(climb)
 
 
-_onwards = eqx.filter_jit(onwards)
+climb_onwards = eqx.filter_jit(onwards)
 
 
 def solve(problem: Problem, y: Any = None) -> Solved:
@@ -79,11 +79,11 @@ def solve(problem: Problem, y: Any = None) -> Solved:
     begin = start_coordinates(problem) if y is None else y[: few.n_parameters]
     meshed, robust = isinstance(few.engine, Smooth), not isinstance(problem.loss, Squares)
     # The first mesh, and the squares of a robust fit, only lead to where it goes on from.
-    rough, tolerance = (_ROUGH if meshed else 1.0), (_NEAR if meshed or robust else FINE)
-    at = _climb(with_mesh(few, begin, rough), problem.terrain, problem.limits, begin, tolerance)
+    rough, tolerance = (ROUGH if meshed else 1.0), (NEAR if meshed or robust else FINE)
+    at = climb_on(with_mesh(few, begin, rough), problem.terrain, problem.limits, begin, tolerance)
     if meshed or robust:
         target = without_inputs(problem.residual) if robust else few
-        at = _onwards(with_mesh(target, at.y), problem.limits, problem.loss, at)
+        at = climb_onwards(with_mesh(target, at.y), problem.limits, problem.loss, at)
     solved = _checked(problem, problem.residual, at)
     return _refined(problem, at) if solved.converged and not solved.accurate else solved
 
@@ -91,7 +91,9 @@ def solve(problem: Problem, y: Any = None) -> Solved:
 def _refined(problem: Problem, at: Climbed) -> Solved:
     """The fit carried on with all samples and the engine of the check, checked against one finer still."""
     fine = finer(problem.residual)
-    return _checked(problem, fine, _onwards(with_mesh(without_inputs(fine), at.y), problem.limits, problem.loss, at))
+    return _checked(
+        problem, fine, climb_onwards(with_mesh(without_inputs(fine), at.y), problem.limits, problem.loss, at)
+    )
 
 
 def finer(residual: Residual) -> Residual:
@@ -102,12 +104,13 @@ def finer(residual: Residual) -> Residual:
 def _checked(problem: Problem, residual: Residual, at: Climbed) -> Solved:
     """Look at all samples at the optimum, with an engine finer than that of `residual`."""
     y = jnp.concatenate([at.y, jnp.zeros(residual.inputs.shape[0])])
-    found, settled = _look(with_mesh(finer(residual), y), y, problem.loss)
+    found, settled = look(with_mesh(finer(residual), y), y, problem.loss)
     return judged(problem, *jax.tree.map(np.asarray, (at, found, settled)))
 
 
 @eqx.filter_jit
-def _look(residual: Residual, y: Array, loss: AbstractLoss) -> tuple[Survey, Settled]:
+def look(residual: Residual, y: Array, loss: AbstractLoss) -> tuple[Survey, Settled]:
+    """What all samples say at coordinates `y`, and what these stand for."""
     return survey(residual, y, loss), settle(residual, y)
 
 

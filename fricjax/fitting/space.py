@@ -15,13 +15,14 @@ from jaxtyping import Array, Float
 
 from ..oscillator import Oscillator
 
-LOGARITHMIC = frozenset({"mass", "stiffness", "normal_force", "v_s", "v_stribeck", "exponent", "sigma0"})
 LINEAR = frozenset({"offset", "drift"})
-NOT_NEGATIVE = frozenset({"mu", "mu_s", "sigma1"})
 
 
 class Parameter(NamedTuple):
-    """One free parameter: where it starts, its typical size, and its bounds, all in its own unit."""
+    """One free parameter: where it starts, its typical size, and its bounds, all in its own unit.
+
+    `logarithmic` says whether the fit works in its logarithm.
+    """
 
     name: str
     unit: str
@@ -29,16 +30,12 @@ class Parameter(NamedTuple):
     scale: float
     lower: float = -np.inf
     upper: float = np.inf
+    logarithmic: bool = False
 
     @property
     def kind(self) -> str:
         """Last part of the name, without the number of a run."""
         return self.name.rsplit(".", 1)[-1].split("[", 1)[0]
-
-    @property
-    def logarithmic(self) -> bool:
-        """Whether the fit works in the logarithm of this parameter."""
-        return self.kind in LOGARITHMIC
 
 
 class Tie(NamedTuple):

@@ -14,6 +14,8 @@ NEVER = 10**9
 # Deflection at the end of a stroke, as a part of that at its start, below which it may creep in; least number of
 # reversals that show the decay.
 _CROSSED, _DECAY = 0.16, 3
+# Duration of a stroke, as a part of that of the one before, below which the contact swings and not the spring.
+_ABRUPT = 0.75
 
 _DEFAULT_NUISANCES = {
     "first_reversal": ("t_release", "x0", "offset"),
@@ -36,7 +38,7 @@ class Window:
         half_cycles: number of half-cycles from `t_start` to the stop, or to the reversal at which the window ends;
             `NEVER` where the record ends in motion.
         nuisances: names of this run's own free parameters.
-        guesses: start values of x0, v0, offset, drift and t_release.
+        guesses: start values of x0, v0, offset, drift, t_release and z0.
     """
 
     trace: Trace
@@ -80,6 +82,7 @@ def open_window(
     trace, quantity = (data.trace, data.quantity) if isinstance(data, Record) else (data, "m")
     t, x, mask = (np.asarray(a) for a in (trace.t, trace.x, trace.mask))
     found = segment(t, x, sigma=trace.sigma, mask=mask)
+    found = without_ringing(found) if keeps_memory else found
     mode, t_start, t_first = _start(data, start, found, t)
     if mode == "first_reversal" and keeps_memory:
         mode, t_start = "seconds", t_first - found.half_period / 2
@@ -89,7 +92,7 @@ def open_window(
     used = moving if creeps else mask & (t >= t_first)
     sigma, source = _noise(trace, found)
     own = _DEFAULT_NUISANCES[mode] if nuisance is None else tuple(nuisance)
-    _check_nuisances(own)
+    _check_nuisances(own, keeps_memory)
     return Window(
         trace=trace,
         quantity=quantity,
@@ -103,6 +106,28 @@ def open_window(
         half_cycles=_half_cycles(found, t_start, turned),
         nuisances=own,
         guesses=_guess_state(t, x, mask, found, t_start, t_first, mode, own),
+    )
+
+
+def without_ringing(found: Segmentation) -> Segmentation:
+    """The same without the swings of a contact that holds the mass: far shorter strokes than those of the spring.
+
+    The first of them begins at the reversal at which the mass has come to rest.
+    """
+    lasts = np.diff(found.turning_times)
+    abrupt = np.flatnonzero(lasts[1:] < _ABRUPT * lasts[:-1])
+    if not abrupt.size:
+        return found
+    last = int(abrupt[0]) + 1
+    times = found.turning_times[: last + 1]
+    return dataclasses.replace(
+        found,
+        turning_times=times[:-1],
+        turning_points=found.turning_points[:last],
+        rest=float(times[-1]),
+        rest_position=float(found.turning_points[-1]),
+        n_half_cycles=last + 1,
+        half_period=float(np.median(np.diff(times))),
     )
 
 
@@ -129,7 +154,7 @@ def _start(data: Any, start: str | float, found: Segmentation, t: np.ndarray) ->
     return "seconds", at, at
 
 
-def _check_nuisances(names: tuple[str, ...]) -> None:
+def _check_nuisances(names: tuple[str, ...], keeps_memory: bool) -> None:
     for name in names:
         if name not in NUISANCES:
             raise UsageError(
@@ -137,6 +162,8 @@ def _check_nuisances(names: tuple[str, ...]) -> None:
             )
     if "v0" in names and "t_release" in names:
         raise UsageError("v0 and t_release cannot both be free: each shifts the motion in time. Leave one of them out.")
+    if "z0" in names and not keeps_memory:
+        raise UsageError("z0 is the start of a law's internal state, and this law has none. Leave it out of nuisance.")
 
 
 def _noise(trace: Trace, found: Segmentation) -> tuple[np.ndarray, str]:
@@ -188,7 +215,7 @@ def _guess_state(
         x0, v0 = _local_state(t[near], x[near], t_start, found.half_period)
         # A release is from rest; only where v0 is free does its start value stay away from the kink at zero.
         v0 = 0.0 if mode == "release" and "v0" not in own else v0
-    return {"x0": x0 - offset, "v0": v0, "offset": offset, "drift": 0.0, "t_release": t_start - origin}
+    return {"x0": x0 - offset, "v0": v0, "offset": offset, "drift": 0.0, "t_release": t_start - origin, "z0": 1.0}
 
 
 def _local_state(t: np.ndarray, x: np.ndarray, at: float, half_period: float) -> tuple[float, float]:

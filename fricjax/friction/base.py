@@ -10,7 +10,7 @@ and an engine asks only which one it has before it:
 """
 
 import abc
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import equinox as eqx
@@ -18,6 +18,8 @@ import jax.numpy as jnp
 import numpy as np
 from equinox import AbstractClassVar, AbstractVar
 from jaxtyping import Array, Float
+
+from .coefficient import Coefficient, check_coefficients
 
 if TYPE_CHECKING:
     type Scalar = Array
@@ -38,12 +40,33 @@ def scalar(value: Any) -> Any:
     return value
 
 
-class AbstractFriction(eqx.Module):
-    """A friction law; `load` is the normal force [N] everywhere, `v` the sliding velocity [m/s]."""
+def scalars(values: Iterable[Any]) -> tuple[Any, ...]:
+    """A list of coefficients as leaves."""
+    return tuple(scalar(value) for value in values)
 
-    units: AbstractClassVar[Mapping[str, str]]
+
+class AbstractFriction(eqx.Module):
+    """A friction law; `load` is the normal force [N] everywhere, `v` the sliding velocity [m/s].
+
+    Attributes:
+        coefficients: what is known of each coefficient: unit, meaning, bounds.
+        source: where the law was published.
+        identifies: what a free decay can and cannot tell of the coefficients, in a sentence or two.
+        set_valued: whether the force jumps at rest, where it holds the mass.
+        n_states: number of internal states.
+
+    Raises:
+        ValueError: a coefficient outside of its bounds; names it with its value and the bound.
+    """
+
+    coefficients: AbstractClassVar[Mapping[str, Coefficient]]
+    source: AbstractClassVar[str]
+    identifies: AbstractClassVar[str]
     set_valued: AbstractVar[bool]
     n_states: AbstractVar[int]
+
+    def __check_init__(self) -> None:
+        check_coefficients(self, self.coefficients, f" of {type(self).__name__}")
 
     @abc.abstractmethod
     def force(self, v: Values, state: State, load: Scalar) -> Values:
@@ -67,7 +90,7 @@ class AbstractFriction(eqx.Module):
 
     @abc.abstractmethod
     def static_force(self, load: Scalar) -> Scalar:
-        """Largest force that holds the mass at rest [N]."""
+        """Largest force that holds the mass at rest between two half-cycles [N]."""
 
     @abc.abstractmethod
     def dynamic_force(self, load: Scalar) -> Scalar:
@@ -80,6 +103,36 @@ class AbstractFriction(eqx.Module):
     @abc.abstractmethod
     def sharp(self) -> "AbstractFriction":
         """The set-valued law that a regularised one tends to; every other law returns itself."""
+
+    @property
+    def stiff(self) -> bool:
+        """Whether an explicit integration in time would have to take far smaller steps than the motion asks for."""
+        return True
+
+    def breakaway_force(self, load: Scalar) -> Scalar:
+        """Largest force that holds the mass before its release, after it has stood [N]; no less than the static one."""
+        return self.static_force(load)
+
+    def pulled_state(self, direction: Scalar, load: Scalar) -> State:
+        """Internal states after a slow pull in the given direction (+1 or -1), with which a motion from rest begins."""
+        # A million metres per second leaves dynamic friction alone; infinity would make the derivatives NaN.
+        return self.steady_state(jnp.asarray(1e6), direction, load)
+
+    def remarks(self, load: float) -> tuple[str, ...]:
+        """What a user should know of these coefficients at this load [N], a sentence or two each; outside of traces."""
+        return ()
+
+    def switches(self, v: Scalar, state: State, load: Scalar) -> Values:
+        """Quantities besides the velocity at whose changes of sign the rates of the states have a kink or a jump."""
+        return jnp.zeros(0)
+
+    def return_map(self, v: Scalar, a: Scalar, state: State, load: Scalar) -> State:
+        """Internal states after a step of an integration: what the integrated ones stand for as the motion goes on.
+
+        Elements that stick or slip change their mode here, between two steps; other states are what they are. The
+        acceleration `a` [m/s^2] tells how long ago in the step that was.
+        """
+        return state
 
     def __add__(self, other: "AbstractFriction") -> "AbstractFriction":
         from .sum import Sum
@@ -102,6 +155,15 @@ class AbstractMemoryless(AbstractFriction):
         return jnp.zeros(0)
 
 
+class AbstractBristle(AbstractFriction):
+    """A law with internal states, by whose deflection it holds the mass at rest."""
+
+    set_valued: ClassVar[bool] = False
+
+    def sharp(self) -> "AbstractFriction":
+        return self
+
+
 class AbstractSetValued(AbstractMemoryless):
     """A memoryless law with a jump at rest; its zero-velocity limit is at most its static force."""
 
@@ -112,6 +174,16 @@ class AbstractSetValued(AbstractMemoryless):
 
     def sharp(self) -> "AbstractFriction":
         return self
+
+
+class AbstractConstant(AbstractSetValued):
+    """A set-valued law whose force does not depend on how fast the mass slides."""
+
+    def sliding_force(self, speed: Values, load: Scalar) -> Values:
+        return self.dynamic_force(load) * jnp.ones_like(speed)
+
+    def velocity_scale(self) -> Scalar:
+        return jnp.asarray(jnp.inf)
 
 
 class AbstractSmooth(AbstractMemoryless):

@@ -7,6 +7,7 @@ import equinox as eqx
 import jax.numpy as jnp
 
 from .base import AbstractSetValued, Scalar, Values, scalar
+from .coefficient import MU, MU_S, V_STRIBECK, Coefficient, check_order, positive
 
 
 def stribeck_decay(speed: Values, v_stribeck: Scalar, exponent: Scalar) -> Values:
@@ -28,12 +29,25 @@ class Stribeck(AbstractSetValued):
         exponent: shape of the fall [1]: 2 Gaussian, 1 exponential (Tustin).
     """
 
-    units: ClassVar[Mapping[str, str]] = {"mu": "", "mu_s": "", "v_stribeck": "m/s", "exponent": ""}
+    coefficients: ClassVar[Mapping[str, Coefficient]] = {
+        "mu": MU,
+        "mu_s": MU_S,
+        "v_stribeck": V_STRIBECK,
+        "exponent": positive("", "shape of the fall: 2 Gaussian, 1 exponential"),
+    }
+    source: ClassVar[str] = "L. C. Bo and D. Pavelescu, Wear 82 (1982); B. Armstrong-Helouvry (1991)"
+    identifies: ClassVar[str] = (
+        "mu to parts in 10^8; mu_s and v_stribeck only as (mu_s - mu) v_stribeck^2 where v_stribeck is far below the "
+        "speeds of the run, one by one where it is not; exponent hardly ever."
+    )
 
     mu: Scalar = eqx.field(converter=scalar)
     mu_s: Scalar | None = eqx.field(converter=scalar, default=None)
     v_stribeck: Scalar = eqx.field(converter=scalar, default=1e-3)
     exponent: Scalar = eqx.field(converter=scalar, default=2.0)
+
+    def __check_init__(self) -> None:
+        check_order(self, "mu", "mu_s")
 
     def sliding_force(self, speed: Values, load: Scalar) -> Values:
         static = self.mu if self.mu_s is None else self.mu_s

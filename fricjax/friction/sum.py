@@ -8,6 +8,7 @@ from typing import ClassVar
 import jax.numpy as jnp
 
 from .base import AbstractFriction, Scalar, State, Values
+from .coefficient import Coefficient
 
 
 class Sum(AbstractFriction):
@@ -17,7 +18,9 @@ class Sum(AbstractFriction):
         laws: the summands; a fit names their coefficients ``friction.0.mu``, ``friction.1.windage`` and so on.
     """
 
-    units: ClassVar[Mapping[str, str]] = {}
+    coefficients: ClassVar[Mapping[str, Coefficient]] = {}
+    source: ClassVar[str] = "Superposition of forces"
+    identifies: ClassVar[str] = "What its laws tell, as far as their forces depend on velocity in different ways."
 
     laws: tuple[AbstractFriction, ...]
 
@@ -50,6 +53,12 @@ class Sum(AbstractFriction):
     def steady_state(self, v: Scalar, direction: Scalar, load: Scalar) -> State:
         return jnp.concatenate([law.steady_state(v, direction, load) for law in self.laws])
 
+    def pulled_state(self, direction: Scalar, load: Scalar) -> State:
+        return jnp.concatenate([law.pulled_state(direction, load) for law in self.laws])
+
+    def remarks(self, load: float) -> tuple[str, ...]:
+        return tuple(remark for law in self.laws for remark in law.remarks(load))
+
     def state_scale(self, load: Scalar) -> State:
         return jnp.concatenate([law.state_scale(load) for law in self.laws])
 
@@ -59,8 +68,23 @@ class Sum(AbstractFriction):
     def static_force(self, load: Scalar) -> Scalar:
         return sum((law.static_force(load) for law in self.laws), start=jnp.zeros_like(load))
 
+    def breakaway_force(self, load: Scalar) -> Scalar:
+        return sum((law.breakaway_force(load) for law in self.laws), start=jnp.zeros_like(load))
+
     def dynamic_force(self, load: Scalar) -> Scalar:
         return sum((law.dynamic_force(load) for law in self.laws), start=jnp.zeros_like(load))
+
+    @property
+    def stiff(self) -> bool:
+        return any(law.stiff for law in self.laws)
+
+    def switches(self, v: Scalar, state: State, load: Scalar) -> Values:
+        parts = zip(self.laws, self._split(state), strict=True)
+        return jnp.concatenate([law.switches(v, part, load) for law, part in parts])
+
+    def return_map(self, v: Scalar, a: Scalar, state: State, load: Scalar) -> State:
+        parts = zip(self.laws, self._split(state), strict=True)
+        return jnp.concatenate([law.return_map(v, a, part, load) for law, part in parts])
 
     def velocity_scale(self) -> Scalar:
         return functools.reduce(jnp.minimum, (law.velocity_scale() for law in self.laws))

@@ -7,6 +7,7 @@ import equinox as eqx
 import jax.numpy as jnp
 
 from .base import AbstractSmooth, Scalar, State, Values, scalar
+from .coefficient import MU, Coefficient, positive
 from .coulomb import Coulomb
 
 
@@ -21,7 +22,14 @@ class Tanh(AbstractSmooth):
         v_s: regularisation width [m/s].
     """
 
-    units: ClassVar[Mapping[str, str]] = {"mu": "", "v_s": "m/s"}
+    coefficients: ClassVar[Mapping[str, Coefficient]] = {
+        "mu": MU,
+        "v_s": positive("m/s", "width of the regularisation"),
+    }
+    source: ClassVar[str] = "Regularisation of Coulomb's law, after S. Andersson et al., Tribol. Int. 40 (2007)"
+    identifies: ClassVar[str] = (
+        "mu as Coulomb's law; v_s only where it is no artefact, from the creep after the last reversal."
+    )
 
     mu: Scalar = eqx.field(converter=scalar)
     v_s: Scalar = eqx.field(converter=scalar)

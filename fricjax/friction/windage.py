@@ -7,6 +7,7 @@ import equinox as eqx
 import jax.numpy as jnp
 
 from .base import AbstractSmooth, Scalar, State, Values, scalar
+from .coefficient import Coefficient
 
 
 class Windage(AbstractSmooth):
@@ -18,7 +19,9 @@ class Windage(AbstractSmooth):
         windage: coefficient [N s^2/m^2].
     """
 
-    units: ClassVar[Mapping[str, str]] = {"windage": "N s^2/m^2"}
+    coefficients: ClassVar[Mapping[str, Coefficient]] = {"windage": Coefficient("N s^2/m^2", "quadratic drag")}
+    source: ClassVar[str] = "Newton's law of resistance, c = rho C_d A/2"
+    identifies: ClassVar[str] = "windage apart from mu and damping by its growth with the square of the amplitude."
 
     windage: Scalar = eqx.field(converter=scalar)
 
@@ -30,6 +33,10 @@ class Windage(AbstractSmooth):
 
     def dynamic_force(self, load: Scalar) -> Scalar:
         return jnp.zeros_like(load)
+
+    @property
+    def stiff(self) -> bool:
+        return False
 
     def velocity_scale(self) -> Scalar:
         return jnp.asarray(jnp.inf)

@@ -73,7 +73,7 @@ def driven_motion(
     floor = np.zeros(times.shape) if base_acceleration is None else np.asarray(base_acceleration, float)
     after = np.maximum(times, 0.0)
     knots = np.concatenate([[0.0], after])
-    x, v, direction = _refined(
+    x, v, direction, _ = _refined(
         oscillator, (x0, v0), jnp.asarray(knots), jnp.interp(knots, times, floor), release, accuracy
     )
     held = times < 0
@@ -118,8 +118,9 @@ def _integrate(
     lengths = jnp.diff(knots)
     floors = Floor(knots[:-1], floor[:-1], jnp.diff(floor) / jnp.maximum(lengths, jnp.finfo(float).tiny))
     level = Floor(knots[0], floor[0], jnp.zeros(()))
-    standstill = direction_at_standstill(machine, level, knots[0], x0)
-    start = State(x0, v0, jnp.where(v0 == 0, standstill, jnp.sign(v0)))
+    standstill = direction_at_standstill(machine, level, knots[0], x0, jnp.asarray(False))
+    direction = jnp.where(v0 == 0, standstill, jnp.sign(v0))
+    start = State(x0, v0, direction, direction != 0)
 
     def interval(state: State, inputs: tuple[Floor, Array]) -> tuple[State, State]:
         line, length = inputs

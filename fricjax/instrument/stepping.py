@@ -22,11 +22,12 @@ _ROOT_ITERATIONS = 12
 
 
 class State(NamedTuple):
-    """Displacement [m], velocity [m/s], and direction of sliding: +1, -1, or 0 at rest."""
+    """Displacement [m], velocity [m/s], direction of sliding (+1, -1, or 0 at rest), and whether it has slid yet."""
 
     x: Scalar
     v: Scalar
     direction: Scalar
+    slid: Array
 
 
 class Machine(eqx.Module):
@@ -53,11 +54,16 @@ def pull(machine: Machine, floor: Floor, t: Scalar, x: Scalar) -> Scalar:
     return oscillator.restoring_force(x) + shaking - held
 
 
-def direction_at_standstill(machine: Machine, floor: Floor, t: Scalar, x: Scalar) -> Scalar:
+def holding_force(machine: Machine, slid: Array) -> Scalar:
+    """Largest force that holds the mass at rest [N]; before it has slid that of a contact that has stood."""
+    law, load = machine.oscillator.friction, machine.oscillator.normal_force
+    return jnp.where(slid, law.static_force(load), law.breakaway_force(load))
+
+
+def direction_at_standstill(machine: Machine, floor: Floor, t: Scalar, x: Scalar, slid: Array) -> Scalar:
     """Where a mass of zero velocity goes: 0 if static friction holds it."""
     force = pull(machine, floor, t, x)
-    static = machine.oscillator.friction.static_force(machine.oscillator.normal_force)
-    return jnp.where(jnp.abs(force) > static, -jnp.sign(force), 0.0)
+    return jnp.where(jnp.abs(force) > holding_force(machine, slid), -jnp.sign(force), 0.0)
 
 
 def advance(machine: Machine, floor: Floor, t: Scalar, step: Scalar, state: State) -> State:
@@ -82,9 +88,9 @@ def _slide(machine: Machine, floor: Floor, t: Scalar, step: Scalar, state: State
     def turn() -> tuple[State, Scalar]:
         used = _time_of_turn(machine, floor, t, step, state)
         x = _runge_kutta(machine, floor, t, used, state).x
-        onward = direction_at_standstill(machine, floor, t + used, x)
+        onward = direction_at_standstill(machine, floor, t + used, x, jnp.asarray(True))
         stuck = (used == 0) & (onward == state.direction)
-        return State(x, jnp.zeros(()), jnp.where(stuck, 0.0, onward)), used
+        return State(x, jnp.zeros(()), jnp.where(stuck, 0.0, onward), jnp.asarray(True)), used
 
     return jax.lax.cond(state.direction * end.v < 0, turn, lambda: (end, step))
 
@@ -105,12 +111,14 @@ def _time_of_turn(machine: Machine, floor: Floor, t: Scalar, step: Scalar, state
 
 def _rest(machine: Machine, floor: Floor, t: Scalar, step: Scalar, state: State) -> tuple[State, Scalar]:
     """Rest for `step`, or up to the instant at which the pull outgrows static friction; and the time used."""
-    static = machine.oscillator.friction.static_force(machine.oscillator.normal_force)
+    static = holding_force(machine, state.slid)
     excess = lambda tau: jnp.abs(pull(machine, floor, t + tau, state.x)) - static
 
     def slip() -> tuple[State, Scalar]:
         used = _root(excess, step, jnp.minimum(excess(jnp.zeros(())), 0.0), excess(step))
-        return State(state.x, jnp.zeros(()), -jnp.sign(pull(machine, floor, t + step, state.x))), used
+        return State(
+            state.x, jnp.zeros(()), -jnp.sign(pull(machine, floor, t + step, state.x)), jnp.asarray(True)
+        ), used
 
     return jax.lax.cond(excess(step) > 0, slip, lambda: (state, step))
 
@@ -124,7 +132,7 @@ def _acceleration(machine: Machine, floor: Floor, direction: Scalar, t: Scalar, 
 
 def _runge_kutta(machine: Machine, floor: Floor, t: Scalar, h: Scalar, state: State) -> State:
     """One classical step of order four with the direction of sliding held."""
-    x, v, direction = state
+    x, v, direction, slid = state
     a1 = _acceleration(machine, floor, direction, t, x, v)
     v2 = v + h / 2 * a1
     a2 = _acceleration(machine, floor, direction, t + h / 2, x + h / 2 * v, v2)
@@ -132,7 +140,7 @@ def _runge_kutta(machine: Machine, floor: Floor, t: Scalar, h: Scalar, state: St
     a3 = _acceleration(machine, floor, direction, t + h / 2, x + h / 2 * v2, v3)
     v4 = v + h * a3
     a4 = _acceleration(machine, floor, direction, t + h, x + h * v3, v4)
-    return State(x + h / 6 * (v + 2 * v2 + 2 * v3 + v4), v + h / 6 * (a1 + 2 * a2 + 2 * a3 + a4), direction)
+    return State(x + h / 6 * (v + 2 * v2 + 2 * v3 + v4), v + h / 6 * (a1 + 2 * a2 + 2 * a3 + a4), direction, slid)
 
 
 def _root(f: Callable[[Scalar], Scalar], end: Scalar, f_begin: Scalar, f_end: Scalar) -> Scalar:

@@ -1,35 +1,60 @@
 """Names of the coefficients of an oscillator: its leaves, each by the shortest name that tells it from the others."""
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 
+from ..friction.coefficient import Coefficient
 from .oscillator import Oscillator
 
 
 class Leaf(NamedTuple):
-    """A coefficient of an oscillator: its shortest unambiguous name, its place among the leaves, and its unit."""
+    """A coefficient of an oscillator: its shortest unambiguous name, its place among the leaves, and what it is."""
 
     name: str
     dotted: str
     index: int
-    unit: str
+    coefficient: Coefficient
+
+    @property
+    def kind(self) -> str:
+        """Last part of the name."""
+        return self.name.rsplit(".", 1)[-1]
+
+    @property
+    def unit(self) -> str:
+        """SI unit."""
+        return self.coefficient.unit
 
 
 def leaves_of(oscillator: Oscillator) -> tuple[Leaf, ...]:
     """All coefficients of an oscillator in the order of its leaves."""
     paths = [path for path, _ in jax.tree_util.tree_flatten_with_path(oscillator)[0]]
-    keys = [[str(getattr(key, "name", getattr(key, "idx", key))) for key in path] for path in paths]
-    dotted = [".".join(part for part in parts if part != "laws") for parts in keys]
+    dotted = [".".join(_parts(path)) for path in paths]
     last = [name.rsplit(".", 1)[-1] for name in dotted]
     names = [short if last.count(short) == 1 else full for short, full in zip(last, dotted, strict=True)]
-    units = [_unit(oscillator, path) for path in paths]
-    return tuple(Leaf(*entry) for entry in zip(names, dotted, range(len(paths)), units, strict=True))
+    known = [_coefficient(oscillator, path) for path in paths]
+    return tuple(Leaf(*entry) for entry in zip(names, dotted, range(len(paths)), known, strict=True))
 
 
-def _unit(oscillator: Oscillator, path: Sequence) -> str:
-    owner: object = oscillator
-    for key in path[:-1]:
-        owner = getattr(owner, key.name) if hasattr(key, "name") else owner[key.idx]  # type: ignore[index]
-    return getattr(owner, "units", {}).get(path[-1].name, "")
+def _parts(path: Sequence) -> list[str]:
+    """The names along a path: laws of a sum are numbered, and so are numbers of a list, as in ``forces_3``."""
+    parts: list[str] = []
+    inside_sum = False
+    for key in path:
+        if not hasattr(key, "name"):
+            parts = [*parts, str(key.idx)] if inside_sum else [*parts[:-1], f"{parts[-1]}_{key.idx}"]
+        elif key.name != "laws":
+            parts.append(key.name)
+        inside_sum = getattr(key, "name", None) == "laws"
+    return parts
+
+
+def _coefficient(oscillator: Oscillator, path: Sequence) -> Coefficient:
+    """What the model knows of a leaf: the owner of a list of numbers knows it by the name of the list."""
+    named = max(i for i, key in enumerate(path) if hasattr(key, "name"))
+    owner: Any = oscillator
+    for key in path[:named]:
+        owner = getattr(owner, key.name) if hasattr(key, "name") else owner[key.idx]
+    return owner.coefficients[path[named].name]

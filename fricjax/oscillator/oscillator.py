@@ -10,12 +10,10 @@ from typing import ClassVar
 
 import equinox as eqx
 import jax.numpy as jnp
-import numpy as np
 
 from ..friction.base import AbstractFriction, Scalar, State, Values, scalar
+from ..friction.coefficient import Coefficient, check_coefficients, not_negative, positive
 from .restoring import AbstractRestoring, Linear
-
-_POSITIVE = {"mass": "kg", "stiffness": "N/m"}
 
 
 class Oscillator(eqx.Module):
@@ -34,12 +32,12 @@ class Oscillator(eqx.Module):
         ValueError: a mass or stiffness that is not positive, a negative normal force, or a friction that is no law.
     """
 
-    units: ClassVar[Mapping[str, str]] = {
-        "mass": "kg",
-        "stiffness": "N/m",
-        "damping": "N s/m",
-        "normal_force": "N",
-        "drag": "N s^2/m^2",
+    coefficients: ClassVar[Mapping[str, Coefficient]] = {
+        "mass": positive("kg", "moving mass"),
+        "stiffness": positive("N/m", "slope of the restoring force at the equilibrium"),
+        "damping": Coefficient("N s/m", "viscous coefficient"),
+        "normal_force": not_negative("N", "load on the contact")._replace(logarithmic=True),
+        "drag": Coefficient("N s^2/m^2", "quadratic drag"),
     }
 
     mass: Scalar = eqx.field(converter=scalar)
@@ -55,12 +53,7 @@ class Oscillator(eqx.Module):
             raise ValueError(
                 f"friction must be a friction law such as fricjax.friction.Coulomb(mu=0.1), got {self.friction!r}."
             )
-        for name, unit in _POSITIVE.items():
-            value = getattr(self, name)
-            if isinstance(value, np.ndarray) and not np.all(value > 0):
-                raise ValueError(f"{name} must be a positive number of {unit}, got {value}.")
-        if isinstance(self.normal_force, np.ndarray) and not np.all(self.normal_force >= 0):
-            raise ValueError(f"normal_force must not be negative, got {self.normal_force} N.")
+        check_coefficients(self, self.coefficients)
 
     def __repr__(self) -> str:
         return eqx.tree_pformat(self, short_arrays=False)

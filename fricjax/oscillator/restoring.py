@@ -12,12 +12,13 @@ import jax.numpy as jnp
 from equinox import AbstractClassVar
 
 from ..friction.base import Scalar, Values, scalar
+from ..friction.coefficient import Coefficient
 
 
 class AbstractRestoring(eqx.Module):
     """A conservative force ``R(x)`` [N] with its potential energy [J]; `stiffness` is the slope at ``x = 0`` [N/m]."""
 
-    units: AbstractClassVar[Mapping[str, str]]
+    coefficients: AbstractClassVar[Mapping[str, Coefficient]]
 
     @abc.abstractmethod
     def force(self, x: Values, stiffness: Scalar) -> Values:
@@ -31,7 +32,7 @@ class AbstractRestoring(eqx.Module):
 class Linear(AbstractRestoring):
     """A linear spring, ``R = k x``."""
 
-    units: ClassVar[Mapping[str, str]] = {}
+    coefficients: ClassVar[Mapping[str, Coefficient]] = {}
 
     def force(self, x: Values, stiffness: Scalar) -> Values:
         return stiffness * x
@@ -47,7 +48,7 @@ class Cubic(AbstractRestoring):
         k3: cubic coefficient [N/m^3].
     """
 
-    units: ClassVar[Mapping[str, str]] = {"k3": "N/m^3"}
+    coefficients: ClassVar[Mapping[str, Coefficient]] = {"k3": Coefficient("N/m^3", "cubic coefficient of the spring")}
 
     k3: Scalar = eqx.field(converter=scalar)
 
@@ -61,7 +62,7 @@ class Cubic(AbstractRestoring):
 class Pendulum(AbstractRestoring):
     """A physical pendulum, ``R = k sin x``: x is the angle from hanging [rad] and k the product m g l [N m/rad]."""
 
-    units: ClassVar[Mapping[str, str]] = {}
+    coefficients: ClassVar[Mapping[str, Coefficient]] = {}
 
     def force(self, x: Values, stiffness: Scalar) -> Values:
         return stiffness * jnp.sin(x)

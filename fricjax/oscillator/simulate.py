@@ -96,10 +96,10 @@ def starting_state(oscillator: Oscillator, x0: ArrayLike, v0: ArrayLike, state0:
     """Start of a motion; the law's internal states default to those after a slow pull or after long sliding."""
     x, v = jnp.asarray(_number("x0", x0)), jnp.asarray(_number("v0", v0))
     if state0 is None:
-        direction = jnp.where(v == 0, jnp.where(x < 0, -1.0, 1.0), jnp.sign(v))
-        # A million metres per second leaves dynamic friction alone; infinity would make the derivatives NaN.
-        speed = jnp.where(v == 0, 1e6, jnp.abs(v))
-        state = oscillator.friction.steady_state(speed, direction, oscillator.normal_force)
+        law, load = oscillator.friction, oscillator.normal_force
+        speed = jnp.where(v == 0, 1.0, jnp.abs(v))
+        pulled = law.pulled_state(jnp.where(x < 0, -1.0, 1.0), load)
+        state = jnp.where(v == 0, pulled, law.steady_state(speed, jnp.sign(v), load))
     else:
         state = jnp.reshape(jnp.asarray(state0, float), (oscillator.friction.n_states,))
     return Start(x, v, state)

@@ -124,7 +124,10 @@ def _model(
     check_identifiable([leaf.name for leaf in chosen], leaves)
     flat = [float(value) for value in jax.tree.leaves(oscillator)]
     starts = [_start(leaf.name, flat[leaf.index], oscillator, found) for leaf in chosen]
-    entries = [Parameter(leaf.name, leaf.unit, s, abs(s) or 1.0) for leaf, s in zip(chosen, starts, strict=True)]
+    entries = [
+        Parameter(leaf.name, leaf.unit, s, abs(s) or 1.0, logarithmic=leaf.coefficient.logarithmic)
+        for leaf, s in zip(chosen, starts, strict=True)
+    ]
     entries += [Parameter(name, "m", found.offset, found.dead_band) for name in nuisance]
     space = ParameterSpace.build(entries, [leaf.index for leaf in chosen], [], [nuisance])
     engine = select_engine("auto", oscillator, max_half_cycles=capacity_for(found.half_cycles))

@@ -15,7 +15,6 @@ from jaxtyping import Array, Float
 from ..data.errors import UsageError
 from ..fitting.levenberg_marquardt import LevenbergMarquardt
 from ..fitting.names import find_leaf
-from ..fitting.space import LOGARITHMIC
 from ..fitting.status import AT_BOUND, CONVERGED, SENTENCES
 from ..friction import AbstractFriction
 from ..oscillator import Oscillator, require_x64
@@ -91,7 +90,7 @@ def fit_force_map(force_map: ForceMap, friction: AbstractFriction, free: Sequenc
     require_x64()
     leaves = _free(friction, force_map, free)
     start = np.array([float(jax.tree.leaves(friction)[leaf.index]) for leaf in leaves])
-    logarithmic = np.array([leaf.name.rsplit(".", 1)[-1] in LOGARITHMIC for leaf in leaves])
+    logarithmic = np.array([leaf.coefficient.logarithmic for leaf in leaves])
     data = [jnp.asarray(getattr(force_map, name)) for name in ("velocity", "force", "std")]
     indices = tuple(leaf.index for leaf in leaves)
     residual = _Residual(friction, indices, jnp.asarray(logarithmic), jnp.asarray(force_map.normal_force), *data)

@@ -56,7 +56,8 @@ def engineering(value: float, unit: str, digits: int = 3) -> str:
         return _with_unit(str(value), unit)
     rounded = float(f"{value:.{digits - 1}e}")
     factor, shown = display_unit(rounded, unit)
-    return _with_unit(f"{rounded * factor:.{digits}g}", shown)
+    # Three digits before the point need no exponent, however few of them count.
+    return _with_unit(f"{rounded * factor:.{max(digits, 3)}g}", shown)
 
 
 def interval(low: float, high: float, unit: str = "") -> str:

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from fricjax import Fit, Measured, Oscillator, Record, Trace, fit, synthetic_run
+from fricjax.data import segment_record
 from fricjax.fitting import FitError, window
 from fricjax.friction import Coulomb, Windage
 from tests.fitting.runs import MACHINE, STIFFNESS, X0, coulomb_run
@@ -363,3 +364,12 @@ def test_a_fitted_release_transient_is_named():
     found = fit(record, truth, MACHINE, start="release", throw=False)
     assert any("The window includes the release" in sentence for sentence in found.warnings)
     assert not any("release" in sentence for sentence in fit(record, truth, MACHINE).warnings)
+
+
+def test_a_stop_just_before_the_end_of_the_record_is_found():
+    mu = 0.026692
+    record = synthetic_run(machine(Coulomb(mu)), X0, rate=5e3, duration=0.4, noise=1e-9)
+    assert segment_record(record).rest is None
+    found = fit(record, machine(), MACHINE)
+    assert found.chi2_reduced == pytest.approx(1, abs=0.15)
+    assert_true(found, {**TRUE, "mu": mu})

@@ -5,7 +5,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from tests.helpers import LAWS, LOAD
+from tests.cases.case import LOAD
+from tests.helpers import LAWS
 
 
 def extracted_work(law, v: np.ndarray, dt: float, z0: jax.Array) -> float:
@@ -20,7 +21,7 @@ def extracted_work(law, v: np.ndarray, dt: float, z0: jax.Array) -> float:
         k2 = law.rate(middle, z + dt / 2 * k1, load)
         k3 = law.rate(middle, z + dt / 2 * k2, load)
         k4 = law.rate(b, z + dt * k3, load)
-        after = z + dt / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
+        after = law.return_map(b, (b - a) / dt, z + dt / 6 * (k1 + 2 * k2 + 2 * k3 + k4), load)
         power = (law.force(a, z, load) * a + law.force(b, after, load) * b) / 2
         return (after, work - dt * power), work - dt * power
 

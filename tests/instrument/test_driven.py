@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fricjax.data.errors import UsageError
-from fricjax.friction import Coulomb, Stribeck, Tanh
+from fricjax.friction import Ageing, Coulomb, Stribeck, Tanh
 from fricjax.instrument import driven_motion, white_acceleration
 from fricjax.oscillator import ExponentialRelease, Oscillator, restoring, simulate
 from tests.helpers import PROTOTYPE_DAMPING, PROTOTYPE_MASS
@@ -74,6 +74,20 @@ def test_friction_delays_the_onset_of_slip(mu_s, tau, sign):
     first = np.flatnonzero(~motion.at_rest)[0]
     assert ts[first - 1] <= onset + 1e-12 <= ts[first] + 2e-12
     assert np.all(motion.x[:first] == x0)
+
+
+def test_an_aged_contact_slips_late_and_only_once():
+    tau, x0, law = 3e-3, 2e-3, Ageing(0.02, 0.002, 100.0, 0.05)
+    ts, aged = np.arange(4000) / 2e4, 0.05 + 0.002 * np.log(101)
+    found = driven_motion(rig(law, 9.66), x0, ts, release=ExponentialRelease(tau))
+    slip = -tau * np.log(1 - aged * 9.66 / STIFFNESS / x0)
+    assert abs(ts[~found.at_rest][0] - slip) <= 1 / 2e4
+    still = driven_motion(rig(law, 9.66), 0.99 * aged * 9.66 / STIFFNESS, ts, release=ExponentialRelease(tau))
+    assert np.all(still.at_rest)
+    start = 0.095 * 9.66 / STIFFNESS  # its first reversal lies between the static and the breakaway force
+    young, old = (driven_motion(rig(each, 9.66), start, ts) for each in (Coulomb(0.02, 0.05), law))
+    assert 0.05 < -young.x.min() * STIFFNESS / 9.66 < aged
+    np.testing.assert_allclose(old.x, young.x, rtol=0, atol=1e-12)
 
 
 def test_before_the_release_the_mass_is_held():

@@ -45,10 +45,12 @@ class Course(NamedTuple):
 
 def rest_condition(oscillator: Oscillator, start: Start, half_cycles: Array | None) -> Rests:
     """Whether the mass stays at a turning point: by its law, or because the record says so."""
-    static, moving = oscillator.friction.static_force(oscillator.normal_force), start.v0 != 0
+    law, load, moving = oscillator.friction, oscillator.normal_force, start.v0 != 0
+    static, breakaway = law.static_force(load), law.breakaway_force(load)
 
     def by_law(y: Array, count: Array) -> Array:
-        return (jnp.abs(oscillator.restoring_force(y)) <= static) & ~(moving & (count == 0))
+        holds = jnp.where(count == 0, breakaway, static)
+        return (jnp.abs(oscillator.restoring_force(y)) <= holds) & ~(moving & (count == 0))
 
     return by_law if half_cycles is None else lambda y, count: count >= half_cycles
 

@@ -15,8 +15,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from ...friction import Coulomb
-from ...friction.base import Scalar
+from ...friction.base import AbstractConstant, Scalar
 from ..motion import Motion, Start
 from ..oscillator import Oscillator
 from ..restoring import Linear
@@ -98,8 +97,11 @@ class HalfCycles(AbstractPath):
         total = n * growth / relative_expm1(q)
         return (1 + n * q * growth) * self.amplitude - (1 + jnp.exp(q)) * self.dead_band * total
 
-    def half_cycles_to_rest(self, static_band: Scalar, moving: Array) -> Array:
-        """Number of half-cycles until |a_n| falls into the static band (inf if never); at least one if in motion."""
+    def half_cycles_to_rest(self, static_band: Scalar, breakaway_band: Scalar, moving: Array) -> Array:
+        """Number of half-cycles until |a_n| falls into the static band (inf if never); at least one if in motion.
+
+        From a standstill it takes a deflection beyond the breakaway band for a first one.
+        """
         q = self.log_decrement
         gain = -jnp.expm1(q)
         width = static_band * gain + self.dead_band * (1 + jnp.exp(q))
@@ -113,7 +115,8 @@ class HalfCycles(AbstractPath):
         early = (finite > 0) & (self.turning_amplitude(finite - 1) <= static_band)
         late = self.turning_amplitude(finite) > static_band
         count = count - early + late
-        return jax.lax.stop_gradient(jnp.where(moving, jnp.maximum(count, 1.0), count))
+        held = self.amplitude <= breakaway_band
+        return jax.lax.stop_gradient(jnp.where(moving, jnp.maximum(count, 1.0), jnp.where(held, 0.0, count)))
 
 
 def _begin(oscillator: Oscillator, start: Start) -> tuple[HalfCycles, Array]:
@@ -152,7 +155,7 @@ class Exact(AbstractEngine):
     max_half_cycles: int = eqx.field(static=True, default=512)
 
     def refusal(self, oscillator: Oscillator) -> str | None:
-        if not isinstance(oscillator.friction, Coulomb):
+        if not isinstance(oscillator.friction, AbstractConstant):
             return f"The exact engine knows Coulomb friction only, not {type(oscillator.friction).__name__}."
         if not isinstance(oscillator.restoring, Linear):
             return f"The exact engine knows the linear spring only, not {type(oscillator.restoring).__name__}."
@@ -165,8 +168,10 @@ class Exact(AbstractEngine):
 
     def path(self, oscillator: Oscillator, start: Start, half_cycles: Int[Array, ""] | None = None) -> HalfCycles:
         cycles, moving = _begin(oscillator, start)
-        static = oscillator.friction.static_force(oscillator.normal_force) / oscillator.stiffness
-        last = cycles.half_cycles_to_rest(static, moving) if half_cycles is None else half_cycles.astype(float)
+        law, load, stiffness = oscillator.friction, oscillator.normal_force, oscillator.stiffness
+        static, breakaway = law.static_force(load) / stiffness, law.breakaway_force(load) / stiffness
+        own = cycles.half_cycles_to_rest(static, breakaway, moving)
+        last = own if half_cycles is None else half_cycles.astype(float)
         supported = (oscillator.drag == 0) & (oscillator.damping_ratio < 1)
         return eqx.tree_at(lambda c: c.last, cycles, jnp.where(supported, last, jnp.nan))
 

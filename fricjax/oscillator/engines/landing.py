@@ -1,28 +1,37 @@
-"""Steps that land on the reversals of a bristle law.
+"""Steps that land on the reversals of a bristle law, and wherever else its rates have a kink or a jump.
 
 The rate of a bristle contains ``|v|``, which has a kink where the velocity changes sign. A step across the kink costs
 the motion little, for its error is of second order in the step; but the derivatives of the motion lose one order
-more, and no error estimate of the motion sees that. So the estimate is raised for steps in which the velocity changes
-sign: the controller then closes in on the reversal, at the price of a few short steps.
+more, and no error estimate of the motion sees that. So the estimate is raised for steps in which the velocity, or
+another quantity that a law switches by, changes sign: the controller then closes in on the switch, at the price of a
+few short steps. Elements that stick and slip change their mode only between two steps, so that within a step no stage
+shows the switch; the square of the step, in scaled time, stands for its error then.
 """
 
+from collections.abc import Callable
 from typing import Any
 
 import diffrax
+import equinox as eqx
 import jax
 import jax.numpy as jnp
+from jaxtyping import Array
 
 _RAISE = 1e6
 
 
 class Landing(diffrax.AbstractAdaptiveSolver, diffrax.AbstractWrappedSolver):
-    """A solver for states whose second component is a velocity, with its error raised where that changes sign.
+    """A solver with its error raised where a watched quantity changes sign.
 
     Attributes:
         solver: the solver that makes the steps.
+        watched: from a state and the arguments of the vector field to the quantities, shape (switches,).
+        returned: from time and state at the end of a step and the arguments to the one from which the next step begins.
     """
 
     solver: Any
+    watched: Callable[[Any, Any], Array] = eqx.field(static=True)
+    returned: Callable[[Any, Any, Any], Any] = eqx.field(static=True)
 
     @property
     def term_structure(self) -> Any:  # pyright: ignore[reportIncompatibleVariableOverride]
@@ -31,6 +40,11 @@ class Landing(diffrax.AbstractAdaptiveSolver, diffrax.AbstractWrappedSolver):
     @property
     def interpolation_cls(self) -> Any:  # pyright: ignore[reportIncompatibleVariableOverride]
         return self.solver.interpolation_cls
+
+    @property
+    def scan_kind(self) -> Any:
+        """How a wrapped Runge-Kutta solver loops over its stages: diffrax asks for it."""
+        return self.solver.scan_kind
 
     def order(self, terms: Any) -> int | None:
         return self.solver.order(terms)
@@ -42,6 +56,12 @@ class Landing(diffrax.AbstractAdaptiveSolver, diffrax.AbstractWrappedSolver):
         return self.solver.func(terms, t0, y0, args)
 
     def step(self, terms: Any, t0: Any, t1: Any, y0: Any, args: Any, solver_state: Any, made_jump: Any) -> Any:
-        y1, error, dense, state, result = self.solver.step(terms, t0, t1, y0, args, solver_state, made_jump)
-        raised = jnp.where(y0[1] * y1[1] < 0, _RAISE, 1.0)
-        return y1, jax.tree.map(lambda e: e * raised, error), dense, state, result
+        # The return map may have changed the rates since the last stage of the step before.
+        y1, error, dense, state, result = self.solver.step(terms, t0, t1, y0, args, solver_state, True)
+        switched = jnp.any(self.watched(y0, args) * self.watched(y1, args) < 0)
+        raised = jax.tree.map(lambda e: jnp.where(switched, _RAISE * (jnp.abs(e) + (t1 - t0) ** 2), e), error)
+        # A controller compares errors with the size of the state, and infinity with infinity is no number.
+        finite = jnp.all(jnp.isfinite(jnp.stack(jax.tree.leaves((y1, raised)))))
+        y1 = jax.tree.map(lambda end, begin: jnp.where(finite, end, begin), y1, y0)
+        raised = jax.tree.map(lambda e: jnp.where(finite, e, jnp.inf), raised)
+        return self.returned(t1, y1, args), raised, dense, state, result

@@ -22,6 +22,7 @@ from ..release import AbstractRelease
 from ..results import RESULTS
 from ..rosenbrock import Rodas5P
 from .base import AbstractEngine
+from .from_rest import FromRest
 from .landing import Landing
 from .nodes import Nodes
 from .turning import turning_points
@@ -169,10 +170,11 @@ class Smooth(AbstractEngine):
     def _solve(self, y0: tuple, args: tuple, end: Array, saveat: diffrax.SaveAt, max_steps: int) -> Any:
         # Over fifty half-cycles the errors of the steps add up to some thirty times the tolerance.
         tolerance = jnp.maximum(0.02 * self.accuracy / args[1].length, 1e-14)
-        adaptive = diffrax.PIDController(rtol=tolerance, atol=tolerance)
+        chosen = diffrax.PIDController(rtol=tolerance, atol=tolerance)
+        adaptive = FromRest(chosen) if args[0].friction.n_states else chosen
         return diffrax.diffeqsolve(
             diffrax.ODETerm(_field),
-            Landing(Rodas5P()) if len(y0) > 2 else Rodas5P(),
+            _solver(args[0]),
             jnp.zeros(()),
             end,
             None,
@@ -190,6 +192,30 @@ class Smooth(AbstractEngine):
         args = _undriven(oscillator, start)
         saveat = diffrax.SaveAt(t0=True, steps=True, fn=lambda t, y, args: None)
         return self._solve(_scaled(start, args[1]), args, duration * args[1].rate, saveat, capacity).ts
+
+
+def _solver(oscillator: Oscillator) -> diffrax.AbstractAdaptiveSolver:
+    """The method that suits a law: implicit where it is stiff, and with steps that end where its rates have a kink."""
+    law = oscillator.friction
+    plain = Rodas5P() if law.stiff else diffrax.Dopri8(scan_kind="lax")
+    return Landing(plain, _watched, _returned) if law.n_states else plain
+
+
+def _watched(y: tuple, args: tuple) -> Array:
+    """The velocity, and what else the law switches by."""
+    oscillator, scales = args[:2]
+    v = y[1] * scales.length * scales.rate
+    switches = oscillator.friction.switches(v, jnp.stack(y[2:]) * scales.state, oscillator.normal_force)
+    return jnp.concatenate([jnp.reshape(y[1], (1,)), switches])
+
+
+def _returned(tau: Any, y: tuple, args: tuple) -> tuple:
+    """The scaled state from which the next step begins."""
+    oscillator, scales = args[:2]
+    speed, state = scales.length * scales.rate, jnp.stack(y[2:]) * scales.state
+    v, a = y[1] * speed, _field(tau, y, args)[1] * speed * scales.rate
+    kept = oscillator.friction.return_map(v, a, state, oscillator.normal_force) / scales.state
+    return (y[0], y[1], *kept)
 
 
 def _undriven(oscillator: Oscillator, start: Start) -> tuple:

@@ -1,0 +1,159 @@
+"""Recovery of the coefficients of every law from its own noisy runs, from the automatic start.
+
+Each law slides on the prototype: 0.41 kg on 2574 N/m, 20 kHz, 1 nm. The start values that it is given are off by a
+factor of three in all that a record must tell by itself. Prints for each coefficient its truth, the mean and the worst
+error of the runs in standard errors, and what the fit says of it.
+
+    python experiments/laws/recover.py [--seeds 5] [--only Dahl LuGre]
+"""
+
+import argparse
+import math
+import time
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import jax
+
+jax.config.update("jax_enable_x64", True)
+
+import numpy as np  # noqa: E402
+
+import fricjax as fj  # noqa: E402
+
+MASS, STIFFNESS, DAMPING = 0.41068, 2574.0, 0.17557
+MACHINE = ("mu", "damping", "stiffness")
+WRONG = 3.0
+
+
+class Run(NamedTuple):
+    """Load [N], release [m], duration [s], sampling rate [1/s] and noise [m]."""
+
+    load: float
+    x0: float
+    duration: float
+    rate: float = 20e3
+    noise: float = 1e-9
+
+
+class Workload(NamedTuple):
+    """A law with its coefficients, those that are free, and those of them that are given wrongly."""
+
+    law: Callable[..., Any]
+    truth: dict[str, Any]
+    free: tuple[str, ...]
+    run: Run
+
+
+SLIDING = Run(load=9.66, x0=2e-3, duration=0.32)
+ROLLING = Run(load=1.89, x0=2e-4, duration=0.6)
+SIGMA0 = 1e6
+SIGMA1 = 0.6 * math.sqrt(SIGMA0 * MASS)
+
+WORKLOADS = {
+    "Coulomb": Workload(fj.friction.Coulomb, {"mu": 0.05}, MACHINE, SLIDING),
+    "Tanh": Workload(fj.friction.Tanh, {"mu": 0.05, "v_s": 1e-4}, (*MACHINE, "v_s"), SLIDING),
+    "Stribeck": Workload(
+        fj.friction.Stribeck, {"mu": 0.05, "mu_s": 0.06, "v_stribeck": 0.02}, (*MACHINE, "mu_s", "v_stribeck"), SLIDING
+    ),
+    "Lorentzian": Workload(
+        fj.friction.Lorentzian,
+        {"mu": 0.05, "mu_s": 0.06, "v_stribeck": 0.02},
+        (*MACHINE, "mu_s", "v_stribeck"),
+        SLIDING,
+    ),
+    "LuGre": Workload(
+        fj.friction.LuGre, {"mu": 0.05, "sigma0": SIGMA0, "sigma1": SIGMA1}, (*MACHINE, "sigma0", "sigma1"), SLIDING
+    ),
+    "LuGre, soft": Workload(
+        fj.friction.LuGre, {"mu": 0.01, "sigma0": 1e5, "sigma1": 120.0}, (*MACHINE, "sigma0", "sigma1"), ROLLING
+    ),
+    "LuGre, falling": Workload(
+        fj.friction.LuGre,
+        {"mu": 0.05, "mu_s": 0.06, "v_stribeck": 0.02, "sigma0": SIGMA0, "sigma1": SIGMA1},
+        (*MACHINE, "mu_s", "v_stribeck", "sigma0", "sigma1"),
+        SLIDING,
+    ),
+    "Dahl": Workload(fj.friction.Dahl, {"mu": 0.05, "sigma0": SIGMA0}, (*MACHINE, "sigma0"), SLIDING),
+    "ElastoPlastic": Workload(
+        fj.friction.ElastoPlastic,
+        {"mu": 0.05, "sigma0": SIGMA0, "sigma1": SIGMA1, "breakaway_fraction": 0.6},
+        (*MACHINE, "sigma0", "sigma1", "breakaway_fraction"),
+        SLIDING,
+    ),
+    "BoucWen": Workload(
+        fj.friction.BoucWen, {"mu": 0.05, "sigma0": SIGMA0, "n": 2.0, "beta": 0.7}, (*MACHINE, "sigma0"), SLIDING
+    ),
+    "BoucWen, shape": Workload(
+        fj.friction.BoucWen,
+        {"mu": 0.05, "sigma0": 1e5, "n": 2.0, "beta": 0.7},
+        (*MACHINE, "sigma0", "n", "beta"),
+        SLIDING,
+    ),
+    "Rolling": Workload(fj.friction.Rolling, {"mu": 0.05, "length": 5e-5}, (*MACHINE, "length"), SLIDING),
+}
+# What a record must tell by itself, and is therefore given wrongly; the rest is given as it is.
+TOLD = ("mu", "mu_s", "damping", "sigma0", "sigma1", "length", "epsilon", "mu1")
+
+
+class Row(NamedTuple):
+    """What became of one coefficient over the seeds."""
+
+    name: str
+    truth: float
+    mean: float
+    worst: float
+    flags: str
+
+
+def oscillator(work: Workload, wrong: float = 1.0) -> fj.Oscillator:
+    """The machine with the law, with what the record tells off by a factor."""
+    given = {name: value * (wrong if name in TOLD else 1.0) for name, value in work.truth.items()}
+    return fj.Oscillator(MASS, STIFFNESS, wrong * DAMPING, work.run.load, work.law(**given))
+
+
+def traces(work: Workload, seeds: int) -> list[fj.Trace]:
+    """Noisy records of one motion."""
+    run = work.run
+    t = np.arange(round(run.duration * run.rate)) / run.rate
+    clean = np.asarray(fj.simulate(oscillator(work), run.x0, t, accuracy=1e-12).x)
+    noise = [np.random.default_rng(seed).standard_normal(t.size) for seed in range(seeds)]
+    return [fj.Trace(t, clean + run.noise * each, sigma=run.noise) for each in noise]
+
+
+def rows_of(work: Workload, fits: list[fj.Fit]) -> list[Row]:
+    truth = {"damping": DAMPING, "stiffness": STIFFNESS, **work.truth}
+    rows = []
+    for name in work.free:
+        pulls = np.array([(f.values[name] - truth[name]) / f.std_errors[name] for f in fits])
+        flags = sorted({flag for f in fits for flag in f.flags[name]})
+        rows.append(Row(name, truth[name], float(pulls.mean()), float(np.abs(pulls).max()), "; ".join(flags)))
+    return rows
+
+
+def report(name: str, work: Workload, seeds: int) -> None:
+    begin = time.perf_counter()
+    fits = [fj.fit(trace, oscillator(work, WRONG), work.free, throw=False) for trace in traces(work, seeds)]
+    states = sorted({f.status.split(":")[0] for f in fits})
+    good = sum(f.converged for f in fits)
+    ratio = max(f.chi2_reduced for f in fits)
+    print(
+        f"\n{name}: {good} of {seeds} converged ({'; '.join(states)}), reduced chi^2 up to {ratio:.3g}, "
+        f"{np.median([f.passes for f in fits]):.0f} passes, {time.perf_counter() - begin:.0f} s"
+    )
+    for row in rows_of(work, fits):
+        print(f"  {row.name:<20}{row.truth:>12.6g}{row.mean:>10.2f}{row.worst:>10.2f}   {row.flags}", flush=True)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--seeds", type=int, default=5, help="runs of each law")
+    parser.add_argument("--only", nargs="+", default=list(WORKLOADS), help="names of the laws to recover, all without")
+    options = parser.parse_args()
+    print("law, coefficient           truth      mean     worst   flags (errors in standard errors)")
+    for name in options.only:
+        report(name, WORKLOADS[name], options.seeds)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,171 @@
+"""The laws of a comparison: what is free in each, and the part of the records on which all of them can be fitted."""
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from ..data import Record, Trace
+from ..data.errors import DataError, UsageError, nearest
+from ..oscillator import Oscillator
+from ..oscillator.leaves import Leaf, leaves_of
+from .names import NUISANCES, check_identifiable
+from .parameters import Request
+from .problem import windows_of
+from .window import Window
+
+_TABLES = ("bounds", "priors", "tie", "guess")
+_SPEEDS = (1e-5, 1e-4, 1e-3, 1e-2, 1e-1, -3e-3)
+
+
+@dataclasses.dataclass(frozen=True)
+class Candidate:
+    """A law of a comparison.
+
+    Attributes:
+        name: what the rows of the comparison call it.
+        request: its fit as asked for.
+        windows: the fitted part of each record, or why there is none.
+    """
+
+    name: str
+    request: Request
+    windows: tuple[Window, ...] | DataError | UsageError
+
+
+def candidates(
+    records: Sequence[Record | Trace],
+    oscillators: Sequence[Oscillator],
+    free: Sequence[Sequence[str]] | None,
+    names: Sequence[str] | None,
+    settings: Mapping[str, Any],
+) -> list[Candidate]:
+    """The candidates, all of them on the samples that every one of them can be fitted to.
+
+    Raises:
+        UsageError: lists that do not fit to each other, or entries that belong to no candidate.
+        DataError: records to which no candidate can be fitted.
+    """
+    lists = [telling(machine) for machine in oscillators] if free is None else [tuple(entry) for entry in free]
+    names = _names(oscillators) if names is None else tuple(names)
+    _check_lengths(oscillators, lists, names)
+    _check_tables(settings, oscillators, lists)
+    requests = [_request(*pair, settings) for pair in zip(oscillators, lists, strict=True)]
+    opened = [_opened(records, request) for request in requests]
+    found = [windows for windows in opened if isinstance(windows, tuple)]
+    if not found:
+        raise next(windows for windows in opened if isinstance(windows, Exception))
+    common = [np.logical_and.reduce([windows[i].used for windows in found]) for i in range(len(records))]
+    made = zip(names, requests, (_restricted(windows, common) for windows in opened), strict=True)
+    return [Candidate(*entry) for entry in made]
+
+
+def _opened(records: Sequence[Record | Trace], request: Request) -> tuple[Window, ...] | DataError | UsageError:
+    try:
+        return windows_of(records, request)
+    except (DataError, UsageError) as error:
+        return error
+
+
+def _restricted(
+    windows: tuple[Window, ...] | DataError | UsageError, common: Sequence[np.ndarray]
+) -> tuple[Window, ...] | DataError | UsageError:
+    if not isinstance(windows, tuple):
+        return windows
+    pairs = zip(windows, common, strict=True)
+    return tuple(dataclasses.replace(window, used=used, moving=window.moving & used) for window, used in pairs)
+
+
+def telling(oscillator: Oscillator) -> tuple[str, ...]:
+    """The coefficients that a comparison frees by default.
+
+    Those are damping, stiffness, and what the law's force depends on while it slides: without a static coefficient of
+    Coulomb's law, without shapes (numbers without a unit that are no coefficients of friction, such as exponents) and
+    without the width of a regularisation, and without what acts like a coefficient that is free already.
+    """
+    acting = [leaf for leaf in _acting(oscillator) if _is_coefficient(leaf)]
+    kept: list[str] = ["damping", "stiffness"]
+    for leaf in acting:
+        try:
+            check_identifiable([*kept, leaf.name], leaves_of(oscillator))
+        except UsageError:
+            continue
+        kept.append(leaf.name)
+    return (*kept[2:], *kept[:2])
+
+
+def _is_coefficient(leaf: Leaf) -> bool:
+    return leaf.kind != "v_s" and (leaf.unit != "" or leaf.kind.startswith("mu"))
+
+
+def _acting(oscillator: Oscillator) -> list[Leaf]:
+    """Coefficients of the law on which its force or the rate of its states depends while it slides."""
+    leaves, structure = jax.tree.flatten(oscillator)
+    own = [leaf for leaf in leaves_of(oscillator) if leaf.dotted.startswith("friction.")]
+    # A little away from the given values, which may be special: a law may not depend on v_stribeck where mu_s is mu.
+    at = jnp.stack([jnp.asarray(leaf, float) * (1 + 0.01 * i) for i, leaf in enumerate(leaves)])
+
+    def forces(values: Any) -> Any:
+        machine = jax.tree.unflatten(structure, list(values))
+        law, load = machine.friction, machine.normal_force
+        parts = []
+        for speed in _SPEEDS:
+            v = jnp.asarray(speed)
+            state = 0.4 * law.state_scale(load)
+            parts += [jnp.reshape(law.force(v, state, load), (1,)), law.rate(v, state, load)]
+        return jnp.concatenate(parts)
+
+    slopes = np.asarray(jax.jacfwd(forces)(at))
+    return [leaf for leaf in own if np.any(slopes[:, leaf.index] != 0)]
+
+
+def law_name(oscillator: Oscillator) -> str:
+    """The laws of an oscillator by their names, joined by +."""
+    law = oscillator.friction
+    return " + ".join(type(part).__name__ for part in getattr(law, "laws", (law,)))
+
+
+def _names(oscillators: Sequence[Oscillator]) -> tuple[str, ...]:
+    """The names of the laws, those that occur again with a number."""
+    laws = [law_name(machine) for machine in oscillators]
+    return tuple(law if laws.count(law) == 1 else f"{law} {laws[: i + 1].count(law)}" for i, law in enumerate(laws))
+
+
+def _check_lengths(oscillators: Sequence[Oscillator], free: Sequence[Sequence[str]], names: Sequence[str]) -> None:
+    for given, what in ((free, "lists of free coefficients"), (names, "names")):
+        if len(given) != len(oscillators):
+            raise UsageError(f"There are {len(oscillators)} oscillators but {len(given)} {what}. Give one for each.")
+    if len(set(names)) < len(names):
+        raise UsageError(f"The names {', '.join(names)} are not all different. Give each candidate its own.")
+
+
+def _check_tables(
+    settings: Mapping[str, Any], oscillators: Sequence[Oscillator], free: Sequence[Sequence[str]]
+) -> None:
+    """Refuse entries that belong to no candidate."""
+    known = {name for machine, names in zip(oscillators, free, strict=True) for name in (*_leaf_names(machine), *names)}
+    for table in _TABLES:
+        for name in settings.get(table) or {}:
+            if name not in known and name.split("[")[0] not in NUISANCES:
+                raise UsageError(
+                    f"{table} names {name!r}, which no candidate has.{nearest(name, known)} "
+                    f"There are {', '.join(sorted(known))}."
+                )
+
+
+def _leaf_names(oscillator: Oscillator) -> list[str]:
+    return [name for leaf in leaves_of(oscillator) for name in (leaf.name, leaf.dotted)]
+
+
+def _request(oscillator: Oscillator, free: tuple[str, ...], settings: Mapping[str, Any]) -> Request:
+    """The fit of one candidate, with those entries of the tables that it knows."""
+    given = {"nuisance": None, "engine": "auto", "start": "first_reversal", "rig": None, "loss": "squares", **settings}
+    known = {"tie": set(_leaf_names(oscillator))}
+    for table in _TABLES:
+        names = known.get(table, set(free))
+        entries = (given.get(table) or {}).items()
+        given[table] = {name: entry for name, entry in entries if name in names or name.split("[")[0] in NUISANCES}
+    return Request.of(oscillator, free, **given)

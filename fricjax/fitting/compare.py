@@ -1,0 +1,202 @@
+"""Which law describes the runs: several laws fitted to the same samples and judged side by side."""
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ..data import Record, Trace
+from ..data.errors import DataError, UsageError, nearest
+from ..oscillator import Oscillator, require_x64
+from .candidates import Candidate, candidates, law_name
+from .comparison import Comparison, Row
+from .cross_validation import held_out_score
+from .fingerprints import fingerprints
+from .fit import concluded, records_of
+from .problem import Problem, posed_on
+from .residual_tests import judge
+from .rest import solve_with_rest
+from .result import Fit
+from .solve import Solved
+
+CRITERIA = ("bic", "aicc", "held_out")
+_BEHIND = 1.5
+
+
+def compare(
+    data: Record | Trace | Sequence[Record | Trace],
+    oscillators: Sequence[Oscillator],
+    free: Sequence[Sequence[str]] | None = None,
+    *,
+    names: Sequence[str] | None = None,
+    held_out: bool = True,
+    criterion: str = "bic",
+    sigma_mode: str = "absolute",
+    nuisance: Sequence[str] | None = None,
+    engine: Any = "auto",
+    start: str | float = "first_reversal",
+    bounds: Mapping[str, tuple[float | None, float | None]] | None = None,
+    priors: Mapping[str, Any] | None = None,
+    tie: Mapping[str, Any] | None = None,
+    rig: Any = None,
+    guess: Mapping[str, float] | None = None,
+    loss: Any = "squares",
+) -> Comparison:
+    """Fit several laws to the same runs and say which describes them best.
+
+    All laws are fitted to the same samples, those that each of them can be fitted to: beside a law that creeps (Tanh)
+    the rest is left out for all. A law that is far behind is fitted once more, from the coefficients of the best one.
+    The criteria are those for overdispersed data (Burnham and Anderson, Model Selection and Multimodel Inference, 2002,
+    section 2.5),
+
+        AICc = chi2/c + 2 k + 2 k (k + 1)/(n/tau - k - 1),      BIC = chi2/c + k ln(n/tau),
+
+    with k free parameters, n samples, and the residuals of the fit of least chi2: their correlation time tau in
+    samples, and c = tau times their reduced chi2 (at least one where the noise is taken at its word). For white noise
+    as large as stated c and tau are one. Where no law describes the runs, its misfit counts as coloured noise.
+
+    Args:
+        data: a record, a trace, or a list of either; several runs are fitted jointly.
+        oscillators: the machine with one law after the other.
+        free: for each oscillator the names of its free coefficients; None for damping, stiffness and all that a decay
+            can tell of the law.
+        names: for each oscillator a name; None for that of its law.
+        held_out: whether to compute the score of held-out samples (see `fricjax.fitting.cross_validation`).
+        criterion: what to rank by: "bic", "aicc" or "held_out".
+        sigma_mode: as for `fit`, and so are the following.
+        nuisance: each run's own parameters.
+        engine: name of the engine, or an engine.
+        start: where the motion starts.
+        bounds: an entry of this and of the other tables counts for those laws that have its coefficient.
+        priors: prior knowledge by name.
+        tie: leaves that follow a free parameter.
+        rig: the rig whose uncertain inputs enter the combined standard errors.
+        guess: start values by name.
+        loss: loss of the residuals.
+
+    Returns:
+        The comparison. A fit that fails is a row that says so.
+
+    Raises:
+        RuntimeError: JAX computes in single precision.
+        UsageError: arguments that do not fit, or no law that could be fitted.
+        DataError: records that cannot be fitted by any law.
+    """
+    require_x64()
+    if criterion not in CRITERIA or (criterion == "held_out" and not held_out):
+        raise UsageError(f"There is no ranking by {criterion!r}.{nearest(criterion, CRITERIA)} Choose of {CRITERIA}.")
+    machines: tuple[Oscillator, ...] = tuple(oscillators) if isinstance(oscillators, list | tuple) else ()
+    if not machines or not all(isinstance(machine, Oscillator) for machine in machines):
+        raise UsageError("compare needs a list of oscillators, each the machine with one of the laws.")
+    records = records_of(data, sigma_mode)
+    tables = {"bounds": bounds, "priors": priors, "tie": tie, "guess": guess}
+    settings = {"nuisance": nuisance, "engine": engine, "start": start, "rig": rig, "loss": loss, **tables}
+    entered = candidates(records, machines, free, names, settings)
+    entries = _again([_fitted(candidate, sigma_mode) for candidate in entered], sigma_mode)
+    rows = [_row(entry, held_out) for entry in entries]
+    fits = {entry.candidate.name: entry.fit for entry in entries if entry.fit is not None}
+    if not fits:
+        raise UsageError(f"No law could be fitted. The first was {rows[0].status}")
+    windows = next(candidate.windows for candidate in entered if isinstance(candidate.windows, tuple))
+    return _ranked(rows, fits, criterion, sigma_mode, fingerprints(windows, machines[0]))
+
+
+class _Entry(NamedTuple):
+    """A candidate with its fit, or with the reason why there is none."""
+
+    candidate: Candidate
+    status: str
+    problem: Problem | None = None
+    solved: Solved | None = None
+    fit: Fit | None = None
+
+    @property
+    def chi2(self) -> float:
+        """Sum of squares; inf without a fit that ended at an optimum."""
+        ended = self.solved is not None and self.solved.converged and np.isfinite(self.solved.chi2)
+        return self.solved.chi2 if ended and self.solved is not None else np.inf
+
+
+def _fitted(candidate: Candidate, sigma_mode: str) -> _Entry:
+    try:
+        if not isinstance(candidate.windows, tuple):
+            raise candidate.windows
+        problem, solved = solve_with_rest(posed_on(candidate.windows, candidate.request))
+        fit = concluded(problem, solved, sigma_mode, throw=False)
+    except (DataError, UsageError, RuntimeError) as error:
+        return _Entry(candidate, f"rejected: {' '.join(str(error).split())}")
+    return _Entry(candidate, fit.status, problem, solved, fit)
+
+
+def _again(entries: Sequence[_Entry], sigma_mode: str) -> list[_Entry]:
+    """The entries, those far behind after a second fit from the coefficients of the best one where that is better.
+
+    So a law is not judged by a poor start.
+    """
+    best = min(entries, key=lambda entry: entry.chi2)
+    known = {} if best.fit is None else best.fit.values
+    tried = []
+    for entry in entries:
+        request = entry.candidate.request
+        guess = {name: known[name] for name in request.free if name in known} | dict(request.guess)
+        behind = best.chi2 * _BEHIND < entry.chi2
+        if behind and isinstance(entry.candidate.windows, tuple) and guess != request.guess:
+            second = dataclasses.replace(entry.candidate, request=request.with_guess(guess))
+            entry = min(entry, _fitted(second, sigma_mode), key=lambda one: one.chi2)
+        tried.append(entry)
+    return tried
+
+
+def _row(entry: _Entry, held_out: bool) -> Row:
+    """The row of one law, without criteria."""
+    request, problem, solved = entry.candidate.request, entry.problem, entry.solved
+    row = Row(entry.candidate.name, law_name(request.oscillator), request.free, entry.status)
+    if problem is None or solved is None or entry.fit is None:
+        return row
+    chi2 = solved.chi2 if np.isfinite(solved.chi2) else np.inf
+    times = [np.asarray(window.trace.t)[window.used] for window in problem.windows]
+    parts = zip(problem.by_run(solved.survey.residual), problem.windows, strict=True)
+    frequency = entry.fit.kinematics["natural_frequency"].value
+    return dataclasses.replace(
+        row,
+        valid=entry.fit.converged,
+        ended=np.isfinite(entry.chi2),
+        chi2=chi2,
+        n_parameters=len(problem.parameters),
+        chi2_reduced=chi2 / problem.dof,
+        held_out=held_out_score(problem, solved) if held_out and solved.converged else np.nan,
+        tests=judge(times, [part[window.used] for part, window in parts], frequency),
+    )
+
+
+def _ranked(
+    rows: Sequence[Row], fits: dict[str, Fit], criterion: str, sigma_mode: str, told: tuple[str, ...]
+) -> Comparison:
+    """The comparison of fitted rows: their criteria, and their order."""
+    n = next(int(np.isfinite(_joined(fit)).sum()) for fit in fits.values())
+    reference = min((row for row in rows if row.name in fits), key=lambda row: (not row.ended, row.chi2))
+    white = reference.tests.whiteness if reference.tests is not None else None
+    time = 1.0 if white is None or white.white else white.correlation_time
+    scatter = max(reference.chi2_reduced, 1.0) if sigma_mode == "absolute" else reference.chi2_reduced
+    effective, inflation = n / time, max(time * scatter, np.finfo(float).tiny)
+    judged = tuple(_judged(row, inflation, effective) for row in rows)
+    order = sorted(
+        judged, key=lambda row: (row.tests is None, not row.ended, _place(getattr(row, criterion)), row.chi2)
+    )
+    ranking = tuple(row.name for row in order)
+    return Comparison(judged, criterion, ranking, fits, n, effective, inflation, told)
+
+
+def _joined(fit: Fit) -> np.ndarray:
+    return np.concatenate(fit.residuals) if isinstance(fit.residuals, tuple) else fit.residuals
+
+
+def _place(value: float) -> float:
+    return np.inf if np.isnan(value) else value
+
+
+def _judged(row: Row, inflation: float, n: float) -> Row:
+    k, misfit = row.n_parameters, row.chi2 / inflation
+    aicc = misfit + 2 * k + 2 * k * (k + 1) / max(n - k - 1, 1)
+    return dataclasses.replace(row, aicc=float(aicc), bic=float(misfit + k * np.log(n)))

@@ -1,0 +1,129 @@
+"""How well a fitted law predicts what it was not fitted to: the held-out score.
+
+Of several runs each is left out in turn: the coefficients of the machine come from the others, and only the start and
+the offset of the run itself are fitted to it. Of a single run the first part is fitted and the rest is predicted; only
+the number of half-cycles to the stop is that of the record. The score is the mean square of the residuals of the
+held-out samples in units of their noise: one for the right law.
+
+Every such fit starts at the optimum of all samples and takes Gauss-Newton steps with other weights, so that nothing
+is compiled anew.
+"""
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+
+from .loss import AbstractLoss
+from .mesh import with_mesh
+from .problem import Problem
+from .quadratic import quadratic
+from .residual import Residual
+from .solve import Solved, finer, look
+from .survey import Survey
+
+_SHARE = 2 / 3
+_STEPS, _HALVINGS = 8, 4
+_NEAR = 0.1
+
+
+class _Fold(NamedTuple):
+    """Which samples of each run are fitted and which predicted, and the run whose own parameters are fitted to them."""
+
+    fitted: list[np.ndarray]
+    predicted: list[np.ndarray]
+    refitted: int | None
+
+
+def held_out_score(problem: Problem, solved: Solved) -> float:
+    """Mean square of the held-out residuals in units of their noise; NaN where nothing can be held out."""
+    residual = with_mesh(finer(problem.residual), solved.y)
+    chi2, count = 0.0, 0
+    for fold in _folds(problem):
+        y = _fitted(_weighing(residual, fold.fitted), solved.y, problem, None)
+        seen = _weighing(residual, fold.predicted)
+        if fold.refitted is not None:
+            y = _fitted(seen, y, problem, fold.refitted)
+        found = _look(seen, y, problem.loss)
+        chi2 += sum(float(part @ part) for part in problem.by_run(found.residual))
+        count += int(sum(part.sum() for part in fold.predicted))
+    return chi2 / count if count else float("nan")
+
+
+def _folds(problem: Problem) -> Iterator[_Fold]:
+    used = [window.used for window in problem.windows]
+    if len(used) > 1:
+        for run in range(len(used)):
+            others = [part & (i != run) for i, part in enumerate(used)]
+            yield _Fold(others, [part & (i == run) for i, part in enumerate(used)], run)
+        return
+    window = problem.windows[0]
+    t, found = np.asarray(window.trace.t), window.segmentation
+    end = t[-1] if found.rest is None else found.rest
+    split = t <= window.origin + _SHARE * (end - window.origin)
+    later = window.used & ~split
+    # Fewer than two half-cycles determine no friction.
+    if later.any() and np.sum((found.turning_times > window.t_start) & (found.turning_times <= t[split][-1])) >= 2:
+        yield _Fold([window.used & split], [later], None)
+
+
+def _weighing(residual: Residual, samples: list[np.ndarray]) -> Residual:
+    """The residual of these samples alone."""
+    weights = [
+        np.where(np.pad(part, (0, run.weight.size - part.size)), run.weight, 0.0)
+        for part, run in zip(samples, residual.runs, strict=True)
+    ]
+    return eqx.tree_at(lambda r: [run.weight for run in r.runs], residual, weights)
+
+
+def _fitted(residual: Residual, y: np.ndarray, problem: Problem, run: int | None) -> np.ndarray:
+    """Coordinates that fit `residual`, of all parameters or of those of one run, by Gauss-Newton steps from `y`."""
+    p = residual.n_parameters
+    held = np.zeros(p, bool) if run is None else ~_own(residual, run)
+    found = _look(residual, y, problem.loss)
+    for _ in range(_STEPS):
+        at_bound = (y[:p] <= problem.limits.lower) | (y[:p] >= problem.limits.upper)
+        shape = quadratic(np.asarray(found.gradient)[:p], np.asarray(found.normal)[:p, :p], held | at_bound)
+        scatter = max(float(found.chi2) / max(problem.n_used, 1), 1.0)
+        if shape.distance < _NEAR * np.sqrt(scatter):
+            break
+        step = np.concatenate([shape.step, np.zeros(y.size - p)])
+        trial, better = _descended(residual, y, step, found, problem)
+        if trial is None or better is None:
+            break
+        y, found = trial, better
+    return y
+
+
+def _descended(
+    residual: Residual, y: np.ndarray, step: np.ndarray, found: Survey, problem: Problem
+) -> tuple[np.ndarray | None, Survey | None]:
+    """The longest of the halved steps that makes the fit better, and what is found there."""
+    p, cost = residual.n_parameters, _cost(found, problem.loss)
+    for halving in range(_HALVINGS):
+        trial = y + step / 2**halving
+        trial[:p] = np.clip(trial[:p], problem.limits.lower, problem.limits.upper)
+        tried = _look(residual, trial, problem.loss)
+        if _cost(tried, problem.loss) < cost:
+            return trial, tried
+    return None, None
+
+
+def _look(residual: Residual, y: np.ndarray, loss: AbstractLoss) -> Survey:
+    return look(residual, jnp.asarray(y), loss)[0]
+
+
+def _cost(found: Survey, loss: AbstractLoss) -> float:
+    total = float(np.sum(np.asarray(loss.parts(found.residual)[0])))
+    return total if np.isfinite(total) else np.inf
+
+
+def _own(residual: Residual, run: int) -> np.ndarray:
+    """Which parameters are those of one run."""
+    space = residual.space
+    first = len(space.leaves) + sum(len(names) for names in space.nuisances[:run])
+    own = np.zeros(residual.n_parameters, bool)
+    own[first : first + len(space.nuisances[run])] = True
+    return own

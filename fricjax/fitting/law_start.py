@@ -1,0 +1,100 @@
+"""Start values of a law's own coefficients: its friction force from the decay, its contact from the last reversal."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import jax
+import numpy as np
+
+from ..oscillator import Oscillator
+from ..oscillator.leaves import Leaf
+from .presliding import Machine, contact_of
+from .roles import contact_members, force_of, scaled
+from .window import Window
+
+_FRICTION = "friction."
+
+
+def terms_of(oscillator: Oscillator, leaves: Sequence[Leaf], free: Sequence[Leaf]) -> tuple[str, ...]:
+    """What else the decay must tell for the start values of a law, as kinds for :func:`guess_machine`."""
+    if not _is_needed(oscillator, leaves, free):
+        return ()
+    return ("mu", "returned") if oscillator.friction.n_states else ("mu",)
+
+
+def _is_needed(oscillator: Oscillator, leaves: Sequence[Leaf], free: Sequence[Leaf]) -> bool:
+    """Whether a free coefficient of the law is more than the one mu of a law without memory, or what follows it."""
+    own = [leaf for leaf in leaves if leaf.dotted.startswith(_FRICTION)]
+    single = [leaf.kind for leaf in own].count("mu") == 1
+    return bool(set(own) & set(free)) and (oscillator.friction.n_states > 0 or not single)
+
+
+def guess_law(
+    oscillator: Oscillator,
+    leaves: Sequence[Leaf],
+    free: Sequence[Leaf],
+    windows: Sequence[Window],
+    known: Mapping[str, float],
+) -> dict[str, float]:
+    """Start values of the free coefficients of a law, by their names; those that no record tells are left out.
+
+    Args:
+        oscillator: the machine with the law as given.
+        leaves: all coefficients of the oscillator.
+        free: those that are fitted.
+        windows: the records.
+        known: the machine as the decay shows it, by kind, with the `terms_of` this law.
+    """
+    if not (windows and _is_needed(oscillator, leaves, free)):
+        return {}
+    own = [leaf for leaf in leaves if leaf.dotted.startswith(_FRICTION)]
+    movable = {i: leaf for i, leaf in enumerate(own) if leaf in free}
+    start = _Start(oscillator, own, windows)
+    start.meet_friction(movable, known["mu"] * known["normal_force"])
+    if oscillator.friction.n_states:
+        start.meet_contact(movable, known)
+    return {leaf.name: start.values[i] for i, leaf in movable.items() if i in start.changed}
+
+
+class _Start:
+    """Values of all coefficients of a law while they are brought to what the records show."""
+
+    def __init__(self, oscillator: Oscillator, own: Sequence[Leaf], windows: Sequence[Window]) -> None:
+        self.oscillator, self.own, self.windows = oscillator, own, windows
+        self.leaves, self.structure = jax.tree.flatten(oscillator.friction)
+        self.values = [float(leaf) for leaf in self.leaves]
+        self.changed: set[int] = set()
+        found = windows[0].segmentation
+        self.speed = found.amplitude * np.pi / found.half_period
+
+    def forces(self) -> Any:
+        law = jax.tree.unflatten(self.structure, [np.asarray(value) for value in self.values])
+        return force_of(law, float(self.oscillator.normal_force), self.speed)
+
+    def change(self, values: Mapping[int, float]) -> None:
+        for i, value in values.items():
+            self.values[i] = value
+            self.changed.add(i)
+
+    def meet_friction(self, movable: Mapping[int, Leaf], force: float) -> None:
+        """Scale the coefficients that carry the dynamic force, and a static one along with them."""
+        now, slopes = self.forces()
+        carriers = [i in movable and slopes.dynamic[i] != 0 for i in range(len(self.own))]
+        self.change(scaled(self.values, slopes.dynamic, now.dynamic, force, carriers))
+        static = {i: leaf for i, leaf in movable.items() if leaf.kind == "mu_s"}
+        if self.changed and now.dynamic > 0:
+            self.change({i: self.values[i] * force / now.dynamic for i in static})
+
+    def meet_contact(self, movable: Mapping[int, Leaf], known: Mapping[str, float]) -> None:
+        """Scale the coefficients that make the contact stiff, and set the one that damps it."""
+        now, slopes = self.forces()
+        stiff, damping = contact_members(slopes, [leaf.coefficient for leaf in self.own], movable)
+        if not (any(stiff) or damping >= 0):
+            return
+        machine = Machine(known["mass"], known["stiffness"], known["damping"], now.dynamic)
+        contact = contact_of(self.windows, machine, known.get("returned", 0.0))
+        if contact.stiffness is not None:
+            self.change(scaled(self.values, slopes.stiffness, now.stiffness, contact.stiffness, stiff))
+        if contact.damping is not None and damping >= 0:
+            more = (contact.damping - now.damping) / slopes.damping[damping]
+            self.change({damping: max(self.values[damping] + float(more), 0.0)})

@@ -1,0 +1,180 @@
+"""One fit from many start values: whether its optimum is the only one, and the best of those that there are.
+
+Least squares finds the optimum of the valley in which it starts. The ringing of a contact, for one, makes a valley
+for every cycle by which its frequency may be off. So the fit starts from points spread about the automatic start, and
+the sums of squares at which it ends, in ascending order, make the waterfall: a long flat step at its foot says that
+most starts found the same optimum.
+
+The starts take their way one after the other, in one compiled computation for all of them: each needs another number
+of steps, for which the others would wait if they went abreast.
+"""
+
+import dataclasses
+import inspect
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from ..data import Record, Trace
+from ..data.errors import UsageError
+from ..oscillator import Oscillator, require_x64
+from .fit import concluded, fit, records_of
+from .many_climbs import Ended, ended
+from .parameters import Request
+from .problem import Problem, posed_on, windows_of
+from .rest import solve_with_rest
+from .result import Fit
+from .space import Parameter
+
+# How far the logarithm of a start value is spread, as a part of that of `spread`: the decay tells these far better.
+_TOLD = {"mass": 2e-3, "stiffness": 2e-3, "mu": 0.05, "normal_force": 0.05, "mu_s": 0.1, "damping": 0.2, "drag": 0.2}
+# Largest difference of chi^2, in units of its reduced value, between fits that have met in one optimum.
+_SAME = 4.0
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Multistart:
+    """Fits of one record from many starts, in ascending order of their chi^2.
+
+    Attributes:
+        best: the fit from the best start, with all that belongs to a fit.
+        excess: chi^2 of each start over that of the best one, shape (starts,); inf where the model failed.
+        starts: start values of each coefficient by name, shape (starts,), in the same order.
+        ends: values at which each start ended, likewise.
+        automatic: place of the automatic start in this order.
+        at_bounds: names of the parameters that ended at a bound, for each start.
+    """
+
+    best: Fit
+    excess: np.ndarray
+    starts: dict[str, np.ndarray]
+    ends: dict[str, np.ndarray]
+    automatic: int
+    at_bounds: tuple[tuple[str, ...], ...]
+
+    @property
+    def reached(self) -> np.ndarray:
+        """Which starts ended in the best optimum, shape (starts,)."""
+        return self.excess <= _SAME * max(self.best.chi2_reduced, 1.0)
+
+    @property
+    def share(self) -> float:
+        """Part of the starts that ended in the best optimum."""
+        return float(np.mean(self.reached))
+
+    def summary(self) -> str:
+        """The report of the best fit, and what the starts say of it."""
+        from .multistart_show import summary
+
+        return summary(self)
+
+    def plot(self) -> Any:
+        """The waterfall, as a matplotlib figure."""
+        from .multistart_show import plot
+
+        return plot(self)
+
+    def __repr__(self) -> str:
+        return f"Multistart({int(self.reached.sum())} of {self.excess.size} starts reached {self.best!r})"
+
+
+def multistart(
+    data: Record | Trace | Sequence[Record | Trace],
+    oscillator: Oscillator,
+    free: Sequence[str],
+    *,
+    starts: int = 16,
+    spread: float = 10.0,
+    seed: int = 0,
+    **settings: Any,
+) -> Multistart:
+    """Fit from many start values, and keep the best fit.
+
+    Args:
+        data: a record, a trace, or a list of either for a joint fit.
+        oscillator: the machine and its friction law.
+        free: names of the coefficients to fit.
+        starts: number of starts; the first is the automatic one, the others are a Latin hypercube about it.
+        spread: factor by which coefficients of the law may start off, in both directions; those that the decay tells
+            (mu, damping, stiffness) are spread less. One with two finite bounds starts anywhere between these.
+        seed: of the Latin hypercube.
+        settings: of :func:`fit`, by their names.
+
+    Returns:
+        The best fit with the waterfall.
+
+    Raises:
+        RuntimeError: JAX computes in single precision.
+        UsageError: names or settings that do not fit.
+        DataError: a record that cannot be fitted.
+        FitError: the best fit is not valid, unless `throw=False` is among the settings.
+    """
+    require_x64()
+    if starts < 1 or not spread > 1:
+        raise UsageError(f"multistart needs at least one start and a spread above 1, got {starts} and {spread:g}.")
+    given = _settings(data, oscillator, free, settings)
+    sigma_mode, throw = given.pop("sigma_mode"), given.pop("throw")
+    request = Request.of(oscillator, free, **given)
+    windows = windows_of(records_of(data, sigma_mode), request)
+    first = posed_on(windows, request)
+    points = _points(first, starts, spread, seed)
+    problems = [first, *(posed_on(windows, request.with_guess({**request.guess, **at})) for at in points)]
+    ends = ended(problems)
+    order = np.argsort([end.cost for end in ends], kind="stable")
+    problem, solved = solve_with_rest(problems[order[0]], ends[order[0]].y)
+    best = concluded(problem, solved, sigma_mode, throw)
+    return _ordered(best, problems, ends, order)
+
+
+def _settings(data: Any, oscillator: Any, free: Any, settings: Mapping[str, Any]) -> dict[str, Any]:
+    """The settings of a fit, with its defaults.
+
+    Raises:
+        UsageError: a setting that a fit does not have.
+    """
+    try:
+        bound = inspect.signature(fit).bind(data, oscillator, free, **settings)
+    except TypeError as error:
+        raise UsageError(f"multistart takes the settings of fit: {error}.") from error
+    bound.apply_defaults()
+    return {name: value for name, value in bound.arguments.items() if name not in ("data", "oscillator", "free")}
+
+
+def _points(problem: Problem, starts: int, spread: float, seed: int) -> list[dict[str, float]]:
+    """Start values of the shared parameters, a Latin hypercube about those of the problem."""
+    from scipy.stats import qmc
+
+    shared = problem.parameters[: len(problem.residual.space.leaves)]
+    if starts == 1:
+        return []
+    cube = qmc.LatinHypercube(len(shared), rng=np.random.default_rng(seed)).random(starts - 1)
+    return [{p.name: _start(p, float(u), spread) for p, u in zip(shared, row, strict=True)} for row in cube]
+
+
+def _start(parameter: Parameter, u: float, spread: float) -> float:
+    """A start value from a random number between 0 and 1."""
+    if np.isfinite(parameter.lower) and np.isfinite(parameter.upper):
+        return parameter.lower + u * (parameter.upper - parameter.lower)
+    factor = spread ** (_TOLD.get(parameter.kind, 1.0) * (2 * u - 1))
+    return float(np.clip((parameter.start or parameter.scale) * factor, parameter.lower, parameter.upper))
+
+
+def _ordered(best: Fit, problems: Sequence[Problem], ends: Sequence[Ended], order: np.ndarray) -> Multistart:
+    costs = np.array([ends[i].cost for i in order])
+    names = problems[0].names
+    starts = np.array([[p.start for p in problems[i].parameters] for i in order])
+    values = np.array([ends[i].values for i in order])
+    at_bounds = tuple(
+        tuple(name for name, low, high, y in zip(names, limits.lower, limits.upper, ends[i].y, strict=True)
+              if y <= low or y >= high)
+        for i, limits in ((i, problems[i].limits) for i in order)
+    )  # fmt: skip
+    return Multistart(
+        best=best,
+        excess=np.where(np.isfinite(costs), costs - costs[0], np.inf),
+        starts=dict(zip(names, starts.T, strict=True)),
+        ends=dict(zip(names, values.T, strict=True)),
+        automatic=int(np.flatnonzero(order == 0)[0]),
+        at_bounds=at_bounds,
+    )

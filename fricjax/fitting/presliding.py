@@ -1,0 +1,158 @@
+"""What the last reversal tells of a contact that yields before it slides: its stiffness and its damping.
+
+At the last reversal the contact is bent as far as it goes. It springs back by ``l ln(2/(1 - a/x_d))``, where
+``l = F_d/sigma0`` is its deflection in sliding and ``a`` the deflection of the spring there, and rings at the Dahl
+resonance ``sqrt((k + sigma0)/m)/2pi`` with the contact's own damping beside that of the machine (Dahl, 1968; Yoon and
+Trumper, Mechatronics 24, 2014). Where the record shows no rest, the energy that the contact returns at each reversal,
+``2 F_d l``, tells the stiffness instead.
+"""
+
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from ..data import Segmentation
+from .window import Window, equilibrium
+
+# The settling is looked at over this many half-periods, 50 ms on the prototype, and at about this many samples.
+_REACH, _SAMPLES = 1.25, 1000
+# Ratios of the Dahl resonance to the natural frequency that are tried, and damping ratios of a ringing.
+_RESONANCES = np.geomspace(1.3, 300.0, 110)
+_RATIOS = np.geomspace(0.01, 0.6, 9)
+# Damping ratios of a contact that springs back without ringing.
+_SLUGGISH = np.geomspace(0.2, 20.0, 40)
+# A ringing is there where it explains this part of what a creep leaves, and a motion at all beyond these deviations.
+_EXPLAINS, _SEEN = 0.5, 7.0
+
+
+class Contact(NamedTuple):
+    """Stiffness [N/m] and damping [N s/m] of a contact before it slides, None where the record does not show it."""
+
+    stiffness: float | None
+    damping: float | None
+
+
+class Machine(NamedTuple):
+    """What is known of the machine: mass [kg], stiffness [N/m], damping [N s/m] and dynamic friction force [N]."""
+
+    mass: float
+    stiffness: float
+    damping: float
+    friction: float
+
+
+class _Settling(NamedTuple):
+    """The motion after a last reversal, in the direction of the last stroke.
+
+    Attributes:
+        t: time since the reversal [s]; `x`: displacement [m]; `noise`: its standard deviation.
+        turned: where the mass turned, from the equilibrium of the spring [m].
+        returned: how far it sprang back [m].
+    """
+
+    t: np.ndarray
+    x: np.ndarray
+    noise: float
+    turned: float
+    returned: float
+
+
+def contact_of(windows: Sequence[Window], machine: Machine, returned: float) -> Contact:
+    """The contact as the records show it.
+
+    Args:
+        windows: the records; of several the middle one counts.
+        machine: the machine as the decay shows it.
+        returned: energy that the contact returns at each reversal, from the decay [J]; zero for unknown.
+    """
+    found = [_at_rest(settling, machine) for settling in _settlings(windows)]
+    stiffnesses = [contact.stiffness for contact in found if contact.stiffness is not None]
+    dampings = [contact.damping for contact in found if contact.damping is not None]
+    if stiffnesses:
+        return Contact(_middle(stiffnesses), _middle(dampings) if dampings else None)
+    return Contact(2 * machine.friction**2 / returned if returned > 0 else None, None)
+
+
+def _middle(values: Sequence[float]) -> float:
+    return float(np.median(values))
+
+
+def _settlings(windows: Sequence[Window]) -> Iterator[_Settling]:
+    for window in windows:
+        found = window.segmentation
+        if found.rest is not None and found.turning_times.size >= 1:
+            settling = _settling(window, found)
+            if settling is not None:
+                yield settling
+
+
+def _settling(window: Window, found: Segmentation) -> _Settling | None:
+    """The motion after the last reversal, None where the mass does not spring back or the record ends too soon."""
+    used = np.asarray(window.trace.mask)
+    t, x = np.asarray(window.trace.t)[used], np.asarray(window.trace.x)[used]
+    begin, h = float(found.turning_times[-1]), found.half_period
+    last = slice(*np.searchsorted(t, [begin + 0.6 * h, begin + 1.4 * h]))
+    width = max((last.stop - last.start) // 128, 1)
+    if last.stop - last.start < 8 * width or t[-1] < begin + 1.5 * h:
+        return None
+    side = float(np.sign(x[last].mean() - found.turning_points[-1]))
+    smooth = np.convolve(side * x[last], np.ones(width) / width, mode="valid")
+    turn = last.start + width // 2 + int(np.argmax(smooth))
+    after = slice(turn, int(np.searchsorted(t, t[turn] + _REACH * h)))
+    turned, rest = float(smooth.max()), float(side * x[(after.start + 3 * after.stop) // 4 : after.stop].mean())
+    noise, every = float(np.median(window.sigma)), -(-(after.stop - after.start) // _SAMPLES)
+    if turned - rest < _SEEN * noise / np.sqrt(width):
+        return None
+    seen = slice(after.start, after.stop, every)
+    return _Settling(t[seen] - t[turn], side * x[seen], noise, turned - side * equilibrium(found), turned - rest)
+
+
+def _at_rest(seen: _Settling, machine: Machine) -> Contact:
+    """The contact from the settling: by its ringing where it rings, by its spring-back where it creeps home."""
+    return _by_ringing(seen, machine) or _by_spring_back(seen, machine)
+
+
+def _by_ringing(seen: _Settling, machine: Machine) -> Contact | None:
+    """Least squares of a damped swing beside a creep, over frequencies and damping ratios; None where none rings."""
+    natural = np.sqrt(machine.stiffness / machine.mass)
+    fastest = np.pi / 2 / float(np.median(np.diff(seen.t)))
+    omega, ratio = np.meshgrid(natural * _RESONANCES[_RESONANCES * natural < fastest], _RATIOS, indexing="ij")
+    creep = np.exp(-np.multiply.outer(seen.t / seen.t[-1], [0.0, 1.0, 4.0, 16.0]))
+    basis = np.linalg.qr(creep)[0]
+    x = seen.x - basis @ (basis.T @ seen.x)
+    best, found = 0.0, None
+    for w, z in zip(omega.ravel(), ratio.ravel(), strict=True):
+        swing = np.exp((-z + 1j) * w * seen.t)
+        columns = np.stack([swing.real, swing.imag], axis=1)
+        columns -= basis @ (basis.T @ columns)
+        explained = float(np.sum((np.linalg.qr(columns)[0].T @ x) ** 2))
+        if explained > best:
+            best, found = explained, (w, z)
+    if found is None or best < max(_EXPLAINS * float(x @ x), (_SEEN * seen.noise) ** 2):
+        return None
+    w, z = found
+    if z == _RATIOS[-1]:
+        return None
+    return Contact(machine.mass * w**2 - machine.stiffness, max(2 * z * w * machine.mass - machine.damping, 0.0))
+
+
+def _by_spring_back(seen: _Settling, machine: Machine) -> Contact:
+    """Stiffness from how far the mass springs back, damping from how fast."""
+    band = machine.friction / machine.stiffness
+    if not seen.returned < band:
+        return Contact(None, None)
+    pulled = np.clip(seen.turned / band, -0.98, 0.98)
+    stiffness = machine.friction * float(np.log(2 / (1 - pulled))) / seen.returned
+    omega = np.sqrt((machine.stiffness + stiffness) / machine.mass)
+    ratio = _SLUGGISH[np.argmin([_misfit(seen, omega, ratio) for ratio in _SLUGGISH])]
+    return Contact(stiffness, max(float(2 * ratio * omega * machine.mass - machine.damping), 0.0))
+
+
+def _misfit(seen: _Settling, omega: float, ratio: float) -> float:
+    """Sum of squares that a damped swing from standstill, about a place of its own, leaves of the settling [m^2]."""
+    root = np.sqrt(complex(ratio**2 - 1))
+    poles = omega * np.array([-ratio + root, -ratio - root])
+    swing = ((poles[1] * np.exp(poles[0] * seen.t) - poles[0] * np.exp(poles[1] * seen.t)) / (poles[1] - poles[0])).real
+    swing, x = swing - swing.mean(), seen.x - seen.x.mean()
+    return float(x @ x - (swing @ x) ** 2 / (swing @ swing))

@@ -1,0 +1,56 @@
+"""The Bouc-Wen model of hysteresis, in the form without redundant coefficients (Bouc 1967, Wen 1976)."""
+
+from collections.abc import Mapping
+from typing import ClassVar
+
+import equinox as eqx
+import jax.numpy as jnp
+
+from .base import Scalar, State, Values, scalar
+from .coefficient import MU_BRISTLE, SIGMA0, Coefficient, within
+from .deflection import AbstractDeflection
+from .powers import power
+
+
+class BoucWen(AbstractDeflection):
+    """``F = mu N zeta``, ``l dzeta/dt = v - |zeta|^n (beta |v| sgn(zeta) + (1 - beta) v)``, ``l = mu N/sigma0``.
+
+    The original coefficients A, beta, gamma, F_c and l are redundant; here A = 1 and beta + gamma = 1. With n = 1 and
+    beta = 1 it is Dahl's law. Small loops under a load below mu N do not close: the contact creeps towards that load.
+
+    Attributes:
+        mu: dynamic coefficient of friction [1].
+        sigma0: stiffness of the contact before it slides [N/m], whatever the load.
+        n: how suddenly the contact yields [1], 1 or more; large for a bilinear one.
+        beta: share of the loss on the way back [1], between 0.5 and 1: 0.5 unloads along a straight line.
+    """
+
+    coefficients: ClassVar[Mapping[str, Coefficient]] = {
+        "mu": MU_BRISTLE,
+        "sigma0": SIGMA0,
+        "n": Coefficient("", "how suddenly the contact yields", 1.0),
+        "beta": within(0.5, 1.0, "", "share of the loss on the way back; 0.5 unloads along a straight line"),
+    }
+    source: ClassVar[str] = "R. Bouc (1967); Y.-K. Wen, J. Eng. Mech. Div. ASCE 102 (1976)"
+    identifies: ClassVar[str] = (
+        "mu from the strokes; sigma0 from the work that each reversal gives back and from the ringing at rest; "
+        "n and beta only where the length mu N/sigma0 is no small part of the strokes."
+    )
+
+    mu: Scalar = eqx.field(converter=scalar)
+    sigma0: Scalar = eqx.field(converter=scalar)
+    n: Scalar = eqx.field(converter=scalar, default=1.0)
+    beta: Scalar = eqx.field(converter=scalar, default=1.0)
+
+    def rate(self, v: Scalar, state: State, load: Scalar) -> State:
+        zeta = state / self.settling_length(load)
+        return v - power(zeta, self.n) * (self.beta * jnp.abs(v) * jnp.sign(zeta) + (1 - self.beta) * v)
+
+    def switches(self, v: Scalar, state: State, load: Scalar) -> Values:
+        return state
+
+    def settling_length(self, load: Scalar) -> Scalar:
+        return self.mu * load / self.sigma0
+
+    def dynamic_force(self, load: Scalar) -> Scalar:
+        return self.mu * load

@@ -1,0 +1,49 @@
+"""Dahl's model: friction as the stress-strain curve of a material that yields (Dahl, 1968)."""
+
+from collections.abc import Mapping
+from typing import ClassVar
+
+import equinox as eqx
+import jax.numpy as jnp
+
+from .base import Scalar, State, scalar
+from .coefficient import MU_BRISTLE, SIGMA0, Coefficient, within
+from .deflection import AbstractDeflection
+from .powers import signed_power
+
+
+class Dahl(AbstractDeflection):
+    """``dF/dt = sigma0 |w|^exponent sgn(w) v`` with ``w = 1 - sgn(v) F/(mu N)``.
+
+    With the exponent 1 the deflection z = F/sigma0 follows ``dz/dt = v - sigma0 |v| z/(mu N)``, and the force changes
+    exponentially over the length mu N/sigma0. An exponent below 1 has no bounded slope at full sliding.
+
+    Attributes:
+        mu: dynamic coefficient of friction [1].
+        sigma0: stiffness of the contact before it slides [N/m], whatever the load.
+        exponent: how the contact yields [1], between 1 and 2: 1 like a ductile material.
+    """
+
+    coefficients: ClassVar[Mapping[str, Coefficient]] = {
+        "mu": MU_BRISTLE,
+        "sigma0": SIGMA0,
+        "exponent": within(1.0, 2.0, "", "how the contact yields; 1 exponentially"),
+    }
+    source: ClassVar[str] = "P. R. Dahl, Aerospace Corporation TOR-0158 (1968); AIAA J. 14 (1976)"
+    identifies: ClassVar[str] = (
+        "mu from the strokes; sigma0 from the work that each reversal gives back and from the ringing at rest; "
+        "exponent only where the length mu N/sigma0 is no small part of the strokes."
+    )
+
+    mu: Scalar = eqx.field(converter=scalar)
+    sigma0: Scalar = eqx.field(converter=scalar)
+    exponent: Scalar = eqx.field(converter=scalar, default=1.0)
+
+    def rate(self, v: Scalar, state: State, load: Scalar) -> State:
+        return v * signed_power(1 - jnp.sign(v) * state / self.settling_length(load), self.exponent)
+
+    def settling_length(self, load: Scalar) -> Scalar:
+        return self.mu * load / self.sigma0
+
+    def dynamic_force(self, load: Scalar) -> Scalar:
+        return self.mu * load

@@ -1,0 +1,72 @@
+"""Elements that stick and slip: springs in parallel, each of them held by a slider that yields at a force of its own.
+
+The internal state of an element is the deflection of its spring. While it sticks, the deflection follows the
+displacement of the mass; once its slider yields, the deflection stays at its limit. Such a play operator is a return
+map: over a movement in one direction the deflection is the trial ``z + displacement``, cut off at the limit. So the
+trial deflections are what is integrated, whose rate is just the velocity; the force is read off the cut ones, and at
+the end of each step the trial is returned to what the slider holds. No step can carry a deflection past its limit.
+"""
+
+import abc
+
+import jax.numpy as jnp
+
+from .base import AbstractBristle, Scalar, State, Values
+
+# A slipping element is left this much beyond its limit, so that it does not seem to stick again by rounding.
+BEYOND = 1 + 1e-9
+
+
+def held(trial: Values, limits: Values) -> Values:
+    """Deflections that the sliders allow, from trial ones."""
+    return jnp.clip(trial, -limits, limits)
+
+
+class AbstractElements(AbstractBristle):
+    """Elements that yield at fixed deflections, whatever the speed: rate-independent friction (Iwan 1966)."""
+
+    @abc.abstractmethod
+    def springs(self) -> Values:
+        """Stiffness of each element [N/m], shape (elements,)."""
+
+    @abc.abstractmethod
+    def sliders(self) -> Values:
+        """Force at which each element yields, per newton of load [1], shape (elements,)."""
+
+    def limits_of_deflection(self, load: Scalar) -> Values:
+        """Deflection at which each element yields [m], shape (elements,)."""
+        return self.sliders() * load / self.springs()
+
+    def rate(self, v: Scalar, state: State, load: Scalar) -> State:
+        return v * jnp.ones_like(state)
+
+    def return_map(self, v: Scalar, a: Scalar, state: State, load: Scalar) -> State:
+        return held(state, BEYOND * self.limits_of_deflection(load))
+
+    def force(self, v: Values, state: State, load: Scalar) -> Values:
+        return jnp.sum(self.springs() * held(state, self.limits_of_deflection(load))) + jnp.zeros_like(v)
+
+    def switches(self, v: Scalar, state: State, load: Scalar) -> Values:
+        return self.limits_of_deflection(load) - jnp.sign(v) * state
+
+    def steady_state(self, v: Scalar, direction: Scalar, load: Scalar) -> State:
+        return BEYOND * direction * self.limits_of_deflection(load)
+
+    def state_scale(self, load: Scalar) -> State:
+        return self.limits_of_deflection(load)
+
+    def sliding_force(self, speed: Values, load: Scalar) -> Values:
+        return self.dynamic_force(load) * jnp.ones_like(speed)
+
+    def static_force(self, load: Scalar) -> Scalar:
+        return self.dynamic_force(load)
+
+    def dynamic_force(self, load: Scalar) -> Scalar:
+        return jnp.sum(self.sliders()) * load
+
+    def velocity_scale(self) -> Scalar:
+        return jnp.asarray(jnp.inf)
+
+    @property
+    def stiff(self) -> bool:
+        return False

@@ -1,0 +1,123 @@
+"""Generalised Maxwell-slip: elements that stick as springs and slip towards Stribeck's curve (Lampaert 2003)."""
+
+from collections.abc import Iterable, Mapping
+from typing import Any, ClassVar
+
+import jax
+import jax.numpy as jnp
+
+from .base import Scalar, State, Values, scalar, scalars
+from .coefficient import Coefficient, not_negative
+from .stribeck_elements import STRIBECK_ELEMENTS, AbstractStribeckElements
+
+
+class GeneralisedMaxwellSlip(AbstractStribeckElements):
+    """``F = sum F_i + sigma2 v``; each element sticks, ``dF_i/dt = k_i v``, or slips, ``= sgn(v) C (a_i - F_i/s(v))``.
+
+    An element slips from where ``F_i sgn(v)`` reaches ``a_i g(v)`` until the velocity changes its sign; then all
+    elements stick at once. Here ``s(v) = sgn(v) g(v)``, and ``g(v)`` is the force of steady sliding
+    ``N [mu + (mu_s - mu) exp(-(v/v_stribeck)^2)]``. While they slip, the elements follow it with a lag ``g/C``.
+    Stiffnesses and attraction do not scale with the load.
+
+    The states are the deflections of the springs [m], and the deflections at which they began to slip [m], zero for
+    an element that sticks: whether it does cannot be told from its force, for that falls below ``a_i g(v)`` as the
+    mass slows down. Modes change between two steps of the integration, and steps end where they change.
+
+    Attributes:
+        mu: dynamic coefficient of friction [1].
+        mu_s: static coefficient of friction [1]; None ties it to `mu`.
+        v_stribeck: Stribeck velocity [m/s].
+        stiffnesses: stiffness of each element [N/m].
+        shares: shares a_i of all elements but the last, which has the rest [1].
+        attraction: C [N/s], how fast the force of a slipping element tends to its steady value.
+        sigma2: viscous coefficient of the contact [N s/m].
+
+    Raises:
+        ValueError: not one share less than stiffnesses, or shares that leave nothing to the last element.
+    """
+
+    coefficients: ClassVar[Mapping[str, Coefficient]] = {
+        **STRIBECK_ELEMENTS,
+        "attraction": not_negative("N/s", "how fast slipping elements tend to the force of steady sliding"),
+    }
+    source: ClassVar[str] = (
+        "V. Lampaert, F. Al-Bender and J. Swevers, Physcon (2003); F. Al-Bender et al., IEEE Trans. Autom. Control 50 "
+        "(2005)"
+    )
+    identifies: ClassVar[str] = (
+        "mu, mu_s and v_stribeck as in Stribeck's law; stiffnesses and shares as in MaxwellSlip; attraction hardly "
+        "where g/C is short against the half-period, and not at all without mu_s; sigma2 only apart from damping."
+    )
+
+    mu: Scalar
+    mu_s: Scalar | None
+    v_stribeck: Scalar
+    stiffnesses: tuple[Scalar, ...]
+    shares: tuple[Scalar, ...]
+    attraction: Scalar
+    sigma2: Scalar
+
+    def __init__(
+        self, mu: Any, mu_s: Any = None, v_stribeck: Any = 1e-3, stiffnesses: Iterable[Any] = (1e5,),
+        shares: Iterable[Any] = (), attraction: Any = 100.0, sigma2: Any = 0.0,
+    ) -> None:  # fmt: skip
+        self.mu, self.mu_s, self.v_stribeck = scalar(mu), scalar(mu_s), scalar(v_stribeck)
+        self.stiffnesses, self.shares = scalars(stiffnesses), scalars(shares)
+        self.attraction, self.sigma2 = scalar(attraction), scalar(sigma2)
+
+    @property
+    def n_states(self) -> int:  # pyright: ignore[reportIncompatibleVariableOverride]
+        return 2 * len(self.stiffnesses)
+
+    def _capacity(self, v: Values, load: Scalar) -> Values:
+        """Force of each element in steady sliding [N]."""
+        return self.all_shares() * self.limit(jnp.abs(v), load)
+
+    def _attracted(self, v: Scalar, z: Values, slip: Values, load: Scalar) -> Values:
+        """Rate of the deflection of elements that slip [m/s]."""
+        pull = jnp.sign(slip) * self.all_shares() - self.springs() * z / self.limit(jnp.abs(v), load)
+        return self.attraction * pull / self.springs()
+
+    def rate(self, v: Scalar, state: State, load: Scalar) -> State:
+        z, slip = jnp.split(state, 2)
+        moving = jnp.where(slip != 0, self._attracted(v, z, slip, load), v)
+        return jnp.concatenate([moving, jnp.zeros_like(slip)])
+
+    def force(self, v: Values, state: State, load: Scalar) -> Values:
+        z, slip = jnp.split(state, 2)
+        trial, capacity = self.springs() * z, self._capacity(v, load)
+        stuck = jnp.where(v >= 0, jnp.minimum(trial, capacity), jnp.maximum(trial, -capacity))
+        return jnp.sum(jnp.where(slip != 0, trial, stuck)) + self.sigma2 * v
+
+    def return_map(self, v: Scalar, a: Scalar, state: State, load: Scalar) -> State:
+        z, slip = jnp.split(state, 2)
+        # An element whose slip the reversal has ended stays where it was then.
+        since_reversal = jnp.where(a * v > 0, v / jnp.where(a == 0, 1.0, a), 0.0)
+        ends = slip * v < 0
+        z = jnp.where(ends, z - since_reversal * self._attracted(v, z, slip, load), z)
+        # The deflection at which an element slips now, and how fast it changes with the speed.
+        limit, change = jax.jvp(lambda w: jnp.sign(v) * self._capacity(w, load) / self.springs(), (v,), (a,))
+        excess, closing = jnp.sign(v) * (z - limit), jnp.abs(v) - jnp.sign(v) * change
+        begins = ((slip == 0) | ends) & (excess >= 0) & (v != 0)
+        # One that begins to slip did so when the excess was zero, and has stayed where it was then.
+        since = jnp.where(closing > 0, excess / jnp.where(closing > 0, closing, 1.0), 0.0)
+        yielded = limit - change * since
+        kept = jnp.where(ends, 0.0, slip)
+        return jnp.concatenate([jnp.where(begins, yielded, z), jnp.where(begins, yielded, kept)])
+
+    def switches(self, v: Scalar, state: State, load: Scalar) -> Values:
+        z, slip = jnp.split(state, 2)
+        capacity = self._capacity(v, load)
+        return jnp.where(slip * v > 0, -capacity, capacity - jnp.sign(v) * self.springs() * z)
+
+    def pulled_state(self, direction: Scalar, load: Scalar) -> State:
+        z, _ = jnp.split(self.state_scale(load), 2)
+        return direction * jnp.concatenate([z, jnp.zeros_like(z)])
+
+    def steady_state(self, v: Scalar, direction: Scalar, load: Scalar) -> State:
+        z = direction * self._capacity(v, load) / self.springs()
+        return jnp.concatenate([z, z])
+
+    def state_scale(self, load: Scalar) -> State:
+        z = self.all_shares() * self.dynamic_force(load) / self.springs()
+        return jnp.concatenate([z, z])

@@ -1,0 +1,119 @@
+"""The modified Leuven model: bristles that slip, on a hysteresis of Maxwell-slip elements (Lampaert et al. 2002)."""
+
+from collections.abc import Iterable, Mapping
+from typing import Any, ClassVar
+
+import jax.numpy as jnp
+
+from .base import Scalar, State, Values, scalar, scalars
+from .coefficient import SIGMA1, Coefficient, within
+from .elements import BEYOND, held
+from .powers import signed_power
+from .stribeck_elements import STRIBECK_ELEMENTS, AbstractStribeckElements
+
+# Least part of the force of steady sliding that is taken to lie between the last reversal and steady sliding.
+_ROOM = 0.01
+
+
+class Leuven(AbstractStribeckElements):
+    """``F = F_h(z) + sigma1 dz/dt + sigma2 v``, ``dz/dt = v [1 - r |r|^(n-1)]``, ``r = (F_h - F_b)/(s(v) - F_b)``.
+
+    ``F_h`` is the hysteresis of Maxwell-slip elements that follow the mean deflection z of the bristles, ``F_b`` its
+    value at the last reversal of the velocity, and ``s(v) = sgn(v) g(v)`` the force of steady sliding,
+    ``g(v) = N [mu + (mu_s - mu) exp(-(v/v_stribeck)^2)]``. The elements yield at their shares of the static force.
+    Where sliding friction has meanwhile fallen to ``F_b``, the published ratio has no meaning; so ``F_b`` counts up to
+    99 % of ``g(v)`` only.
+
+    The states are the deflections of the elements [m], and of the last reversal its force over the stiffness of all
+    elements [m] and the direction of the motion since, as a signed deflection [m].
+
+    Attributes:
+        mu: dynamic coefficient of friction [1].
+        mu_s: static coefficient of friction [1]; None ties it to `mu`.
+        v_stribeck: Stribeck velocity [m/s].
+        stiffnesses: stiffness of each element [N/m].
+        shares: shares of all elements but the last, which has the rest, in the static force [1].
+        exponent: n [1], at least one: how suddenly sliding begins.
+        sigma1: damping of the bristles [N s/m].
+        sigma2: viscous coefficient of the contact [N s/m].
+
+    Raises:
+        ValueError: not one share less than stiffnesses, or shares that leave nothing to the last element.
+    """
+
+    coefficients: ClassVar[Mapping[str, Coefficient]] = {
+        **STRIBECK_ELEMENTS,
+        "exponent": within(1.0, 100.0, "", "how suddenly sliding begins"),
+        "sigma1": SIGMA1,
+    }
+    source: ClassVar[str] = (
+        "V. Lampaert, J. Swevers and F. Al-Bender, IEEE Trans. Autom. Control 47 (2002); J. Swevers et al., ibid. 45 "
+        "(2000)"
+    )
+    identifies: ClassVar[str] = (
+        "mu, mu_s and v_stribeck as in Stribeck's law; stiffnesses, shares and exponent as far as the last strokes lie "
+        "within the range of the elements; sigma1 from the ringing at rest; sigma2 only apart from damping."
+    )
+
+    mu: Scalar
+    mu_s: Scalar | None
+    v_stribeck: Scalar
+    stiffnesses: tuple[Scalar, ...]
+    shares: tuple[Scalar, ...]
+    exponent: Scalar
+    sigma1: Scalar
+    sigma2: Scalar
+
+    def __init__(
+        self, mu: Any, mu_s: Any = None, v_stribeck: Any = 1e-3, stiffnesses: Iterable[Any] = (1e5,),
+        shares: Iterable[Any] = (), exponent: Any = 1.0, sigma1: Any = 0.0, sigma2: Any = 0.0,
+    ) -> None:  # fmt: skip
+        self.mu, self.mu_s, self.v_stribeck = scalar(mu), scalar(mu_s), scalar(v_stribeck)
+        self.stiffnesses, self.shares = scalars(stiffnesses), scalars(shares)
+        self.exponent, self.sigma1, self.sigma2 = scalar(exponent), scalar(sigma1), scalar(sigma2)
+
+    @property
+    def n_states(self) -> int:  # pyright: ignore[reportIncompatibleVariableOverride]
+        return len(self.stiffnesses) + 2
+
+    def _limits(self, load: Scalar) -> Values:
+        """Deflection at which each element yields [m]."""
+        return self.all_shares() * self.static_force(load) / self.springs()
+
+    def _hysteresis(self, state: State, load: Scalar) -> Values:
+        """Force F_h of the elements [N]."""
+        return jnp.sum(self.springs() * held(state[:-2], self._limits(load)))
+
+    def _creep(self, v: Scalar, state: State, load: Scalar) -> Values:
+        """Rate dz/dt of the deflection [m/s]."""
+        force = self._hysteresis(state, load)
+        # Within the step in which the velocity changes its sign the reversal is where the motion is now.
+        reversal = jnp.where(state[-1] * v > 0, jnp.sum(self.springs()) * state[-2], force)
+        steady = self.limit(jnp.abs(v), load)
+        since = jnp.minimum(jnp.sign(v) * reversal, (1 - _ROOM) * steady)
+        ratio = (jnp.sign(v) * force - since) / (steady - since)
+        return v * (1 - signed_power(ratio, self.exponent))
+
+    def rate(self, v: Scalar, state: State, load: Scalar) -> State:
+        return jnp.append(self._creep(v, state, load) * jnp.ones(len(self.stiffnesses)), jnp.zeros(2))
+
+    def force(self, v: Values, state: State, load: Scalar) -> Values:
+        return self._hysteresis(state, load) + self.sigma1 * self._creep(v, state, load) + self.sigma2 * v
+
+    def return_map(self, v: Scalar, a: Scalar, state: State, load: Scalar) -> State:
+        now = self._hysteresis(state, load) / jnp.sum(self.springs())
+        reversal = jnp.where(state[-1] * v < 0, now, state[-2])
+        direction = jnp.where(v == 0, state[-1], jnp.sign(v) * self.state_scale(load)[-1])
+        return jnp.append(held(state[:-2], BEYOND * self._limits(load)), jnp.stack([reversal, direction]))
+
+    def switches(self, v: Scalar, state: State, load: Scalar) -> Values:
+        return self._limits(load) - jnp.sign(v) * state[:-2]
+
+    def steady_state(self, v: Scalar, direction: Scalar, load: Scalar) -> State:
+        strained = self._limits(load) * self.limit(jnp.abs(v), load) / self.static_force(load)
+        since = jnp.stack([jnp.zeros(()), self.state_scale(load)[-1]])
+        return direction * jnp.append(strained, since)
+
+    def state_scale(self, load: Scalar) -> State:
+        whole = self.static_force(load) / jnp.sum(self.springs())
+        return jnp.append(self._limits(load), jnp.stack([whole, whole]))

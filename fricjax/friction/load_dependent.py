@@ -1,0 +1,46 @@
+"""Coulomb friction whose coefficient changes with the load, and contacts that stick to one another."""
+
+from collections.abc import Mapping
+from typing import ClassVar
+
+import equinox as eqx
+
+from .base import AbstractConstant, Scalar, scalar
+from .coefficient import MU, Coefficient, not_negative, positive
+
+
+class LoadDependent(AbstractConstant):
+    """``F = [mu N (N/reference_load)^(exponent - 1) + adhesion] sgn(v)``.
+
+    The exponent is 1 where the true area of contact grows with the load (Archard's many asperities), and 2/3 for one
+    elastic contact after Hertz, such as a ball on a polymer.
+
+    Attributes:
+        mu: coefficient of friction at the reference load [1], without adhesion.
+        exponent: power with which the friction force grows with the load [1].
+        reference_load: load at which `mu` holds [N].
+        adhesion: friction force without load [N].
+    """
+
+    coefficients: ClassVar[Mapping[str, Coefficient]] = {
+        "mu": MU,
+        "exponent": positive("", "power of the load: 1 many asperities, 2/3 one elastic contact"),
+        "reference_load": positive("N", "load at which mu holds"),
+        "adhesion": not_negative("N", "friction force without load"),
+    }
+    source: ClassVar[str] = "J. F. Archard, Proc. R. Soc. A 243 (1957); F. P. Bowden and D. Tabor (1950)"
+    identifies: ClassVar[str] = (
+        "mu as Coulomb's law; exponent and adhesion only from runs under several loads, for one load tells no more "
+        "than one force."
+    )
+
+    mu: Scalar = eqx.field(converter=scalar)
+    exponent: Scalar = eqx.field(converter=scalar, default=1.0)
+    reference_load: Scalar = eqx.field(converter=scalar, default=1.0)
+    adhesion: Scalar = eqx.field(converter=scalar, default=0.0)
+
+    def static_force(self, load: Scalar) -> Scalar:
+        return self.dynamic_force(load)
+
+    def dynamic_force(self, load: Scalar) -> Scalar:
+        return self.mu * self.reference_load * (load / self.reference_load) ** self.exponent + self.adhesion

@@ -1,0 +1,68 @@
+"""Stribeck friction that falls as a Lorentzian of the speed (Hess and Soom, 1990)."""
+
+from collections.abc import Mapping
+from typing import ClassVar
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+
+from .base import AbstractSetValued, Scalar, Values, scalar
+from .coefficient import MU, MU_S, V_STRIBECK, Coefficient, check_order, positive
+
+
+def lorentzian_decay(speed: Values, v_stribeck: Scalar, exponent: Scalar) -> Values:
+    """``1/(1 + (speed/v_stribeck)^exponent)``, with finite derivatives from zero to infinite speed."""
+    ratio = speed / v_stribeck
+    # At either end the power rule multiplies zero by infinity, and the limits are known.
+    regular = (ratio > 0) & (ratio < 1e20)
+    fall = jax.nn.sigmoid(-exponent * jnp.log(jnp.where(regular, ratio, 1.0)))
+    return jnp.where(regular, fall, jnp.where(ratio > 0, 0.0, 1.0))
+
+
+class Lorentzian(AbstractSetValued):
+    """``F = N [mu + (mu_s - mu)/(1 + |v/v_stribeck|^exponent)] sgn(v)``, set-valued at rest up to ``mu_s N``.
+
+    It falls to the dynamic value far more slowly than :class:`Stribeck`: with the exponent 2 one per cent of the
+    difference is left at ten times the Stribeck velocity.
+
+    Attributes:
+        mu: dynamic coefficient of friction [1], reached at speeds far above `v_stribeck`.
+        mu_s: static coefficient of friction [1]; None ties it to `mu`, which leaves Coulomb's law.
+        v_stribeck: Stribeck velocity [m/s], at which half of the difference is gone.
+        exponent: shape of the fall [1].
+    """
+
+    coefficients: ClassVar[Mapping[str, Coefficient]] = {
+        "mu": MU,
+        "mu_s": MU_S,
+        "v_stribeck": V_STRIBECK,
+        "exponent": positive("", "shape of the fall: 2 Lorentzian"),
+    }
+    source: ClassVar[str] = "D. P. Hess and A. Soom, J. Tribol. 112 (1990)"
+    identifies: ClassVar[str] = (
+        "mu less well than Stribeck's law, for the fall has a long tail; mu_s and v_stribeck mostly as (mu_s - mu) "
+        "v_stribeck^2, one by one where v_stribeck is not far below the speeds of the run; exponent hardly ever."
+    )
+
+    mu: Scalar = eqx.field(converter=scalar)
+    mu_s: Scalar | None = eqx.field(converter=scalar, default=None)
+    v_stribeck: Scalar = eqx.field(converter=scalar, default=1e-3)
+    exponent: Scalar = eqx.field(converter=scalar, default=2.0)
+
+    def __check_init__(self) -> None:
+        check_order(self, "mu", "mu_s")
+
+    def sliding_force(self, speed: Values, load: Scalar) -> Values:
+        static = self.mu if self.mu_s is None else self.mu_s
+        decay = lorentzian_decay(speed, self.v_stribeck, self.exponent)
+        return load * (self.mu + (static - self.mu) * decay)
+
+    def static_force(self, load: Scalar) -> Scalar:
+        return (self.mu if self.mu_s is None else self.mu_s) * load
+
+    def dynamic_force(self, load: Scalar) -> Scalar:
+        return self.mu * load
+
+    def velocity_scale(self) -> Scalar:
+        return self.v_stribeck

@@ -1,0 +1,88 @@
+"""Maxwell-slip friction: rate-independent hysteresis with a memory of every reversal (Iwan 1966)."""
+
+from collections.abc import Iterable, Mapping
+from typing import Any, ClassVar
+
+import equinox as eqx
+import jax.numpy as jnp
+
+from .base import Scalar, Values, scalar, scalars
+from .coefficient import MU_BRISTLE, SIGMA0, Coefficient, positive
+from .elements import AbstractElements
+
+
+class MaxwellSlip(AbstractElements):
+    """``F = sum F_i``, ``dF_i/dt = stiffnesses_i v`` while ``|F_i| < limits_i N``, and zero beyond.
+
+    From a virgin contact the force rises along a broken line, whose slope falls by ``stiffnesses_i`` at the
+    displacement ``limits_i N/stiffnesses_i``; after a reversal it follows the same line at twice its size (Masing's
+    rule), and an inner loop closes where it began. With ever more elements the line becomes any curve of falling
+    slope. Stiffnesses do not scale with the load.
+
+    Attributes:
+        stiffnesses: stiffness of each element [N/m].
+        limits: force at which each element slips, per newton of load [1]; their sum is the coefficient of friction.
+
+    Raises:
+        ValueError: no elements, or not as many limits as stiffnesses.
+    """
+
+    coefficients: ClassVar[Mapping[str, Coefficient]] = {
+        "stiffnesses": positive("N/m", "stiffness of an element"),
+        "limits": positive("", "force at which an element slips, per load"),
+    }
+    source: ClassVar[str] = (
+        "W. D. Iwan, J. Appl. Mech. 33 (1966); F. Al-Bender and J. Swevers, IEEE Control Syst. 28 (2008)"
+    )
+    identifies: ClassVar[str] = (
+        "The sum of the limits as well as Coulomb's mu; stiffnesses and limits one by one where the elements yield at "
+        "displacements between the resolution and the last strokes, else the sums of neighbours."
+    )
+
+    stiffnesses: tuple[Scalar, ...]
+    limits: tuple[Scalar, ...]
+
+    def __init__(self, stiffnesses: Iterable[Any], limits: Iterable[Any]) -> None:
+        self.stiffnesses, self.limits = scalars(stiffnesses), scalars(limits)
+
+    def __check_init__(self) -> None:
+        if not self.limits or len(self.limits) != len(self.stiffnesses):
+            raise ValueError(
+                "MaxwellSlip needs one limit for each stiffness, and at least one of both, got "
+                f"{len(self.stiffnesses)} stiffnesses and {len(self.limits)} limits."
+            )
+
+    @property
+    def n_states(self) -> int:  # pyright: ignore[reportIncompatibleVariableOverride]
+        return len(self.limits)
+
+    def springs(self) -> Values:
+        return jnp.stack(self.stiffnesses)
+
+    def sliders(self) -> Values:
+        return jnp.stack(self.limits)
+
+
+class Jenkins(AbstractElements):
+    """``dF/dt = sigma0 v`` while ``|F| < mu N``, and zero beyond: Coulomb's law in series with one spring.
+
+    Attributes:
+        mu: dynamic coefficient of friction [1].
+        sigma0: stiffness of the contact before it slides [N/m], whatever the load.
+    """
+
+    coefficients: ClassVar[Mapping[str, Coefficient]] = {"mu": MU_BRISTLE, "sigma0": SIGMA0}
+    source: ClassVar[str] = "G. M. Jenkins, Brit. J. Appl. Phys. 13 (1962)"
+    identifies: ClassVar[str] = (
+        "mu as in Coulomb's law; sigma0 from the energy that each reversal gives back and from the ringing at rest."
+    )
+    n_states: ClassVar[int] = 1
+
+    mu: Scalar = eqx.field(converter=scalar)
+    sigma0: Scalar = eqx.field(converter=scalar, default=1e5)
+
+    def springs(self) -> Values:
+        return jnp.reshape(self.sigma0, (1,))
+
+    def sliders(self) -> Values:
+        return jnp.reshape(self.mu, (1,))

@@ -1,0 +1,149 @@
+"""Rate-and-state friction: a contact that is stronger the slower it slides and the longer it has been made.
+
+Laws of rock mechanics (Dieterich 1979, Ruina 1983), in the form that is regular at rest (Rice, Lapusta and
+Ranjith, 2001). They have no static friction: under any force the contact creeps, by a factor e more slowly for each
+``a N`` that the force lies below ``mu N``.
+"""
+
+import abc
+from collections.abc import Mapping
+from typing import ClassVar
+
+import equinox as eqx
+import jax.numpy as jnp
+from equinox import AbstractVar
+
+from .base import AbstractBristle, Scalar, State, Values, scalar
+from .coefficient import MU, Coefficient, not_negative, positive
+
+_SLOWEST = 2e-9  # slowest steady sliding, in reference velocities: with 1 um/s and 10 um a contact of 150 years
+
+RATE_STATE: Mapping[str, Coefficient] = {
+    "mu": MU._replace(about="coefficient of friction of steady sliding at v_reference"),
+    "a": positive("", "direct effect: rise of the coefficient per e-fold of velocity"),
+    "b": not_negative("", "evolution effect: rise of the coefficient per e-fold of age"),
+    "slip_distance": positive("m", "travel over which contacts renew"),
+    "v_reference": positive("m/s", "velocity to which mu refers"),
+}
+REGULAR = "regular at rest: J. R. Rice et al., J. Mech. Phys. Solids 49 (2001)"
+IDENTIFIES = (
+    "mu and a - b from strokes over a wide range of speeds; a and slip_distance apart from b only by the reversals; "
+    "v_reference never, it only says to which speed mu refers."
+)
+
+
+def arsinh_of_product(ratio: Values, exponent: Scalar) -> Values:
+    """``arsinh(ratio exp(exponent))`` for exponents that overflow the exponential."""
+    moving = jnp.abs(ratio) > 0
+    logarithm = jnp.log(jnp.where(moving, jnp.abs(ratio), 1.0)) + exponent
+    large = moving & (logarithm > 1)
+    far = jnp.where(large, logarithm, 1.0)
+    beyond = jnp.sign(ratio) * (far + jnp.log1p(jnp.sqrt(1 + jnp.exp(-2 * far))))
+    return jnp.where(large, beyond, jnp.arcsinh(jnp.where(large, 0.0, ratio) * jnp.exp(jnp.minimum(exponent, 600.0))))
+
+
+class AbstractRateState(AbstractBristle):
+    """``F = a N arsinh{v/(2 v_reference) exp[(mu + b psi)/a]}`` with the age of the contact ``psi``.
+
+    The age ``psi = ln(v_reference theta/slip_distance)`` belongs to the mean life theta [s] of the contacts. The
+    internal state is ``slip_distance psi`` [m]: like the deflection of a bristle it settles over the length by which it
+    is scaled. It does not change its sign with the direction of motion.
+    """
+
+    mu: AbstractVar[Scalar]
+    a: AbstractVar[Scalar]
+    b: AbstractVar[Scalar]
+    slip_distance: AbstractVar[Scalar]
+    v_reference: AbstractVar[Scalar]
+
+    n_states: ClassVar[int] = 1
+
+    @abc.abstractmethod
+    def ageing(self, speed: Scalar, age: Values) -> Values:
+        """Rate of the internal state [m/s] at that speed [m/s] and age psi."""
+
+    def rate(self, v: Scalar, state: State, load: Scalar) -> State:
+        return self.ageing(jnp.abs(v), state / self.slip_distance)
+
+    def force(self, v: Values, state: State, load: Scalar) -> Values:
+        strength = (self.mu + self.b * (state[0] / self.slip_distance)) / self.a
+        return self.a * load * arsinh_of_product(v / (2 * self.v_reference), strength)
+
+    def steady_state(self, v: Scalar, direction: Scalar, load: Scalar) -> State:
+        ratio = jnp.maximum(jnp.abs(v) / self.v_reference, _SLOWEST)
+        return jnp.reshape(-self.slip_distance * jnp.log(ratio), (1,))
+
+    def pulled_state(self, direction: Scalar, load: Scalar) -> State:
+        return jnp.zeros(1)  # a pull at the reference velocity
+
+    def state_scale(self, load: Scalar) -> State:
+        return jnp.reshape(self.slip_distance, (1,))
+
+    def sliding_force(self, speed: Values, load: Scalar) -> Values:
+        age = -jnp.log(jnp.maximum(speed / self.v_reference, _SLOWEST))
+        return self.a * load * arsinh_of_product(speed / (2 * self.v_reference), (self.mu + self.b * age) / self.a)
+
+    def static_force(self, load: Scalar) -> Scalar:
+        return self.mu * load  # under which it creeps at the reference velocity
+
+    def dynamic_force(self, load: Scalar) -> Scalar:
+        return self.mu * load
+
+    def velocity_scale(self) -> Scalar:
+        return self.v_reference
+
+
+class RateState(AbstractRateState):
+    """``F = a N arsinh{v/(2 v_reference) exp[(mu + b psi)/a]}``, ageing ``dtheta/dt = 1 - |v| theta/slip_distance``.
+
+    Here ``psi = ln(v_reference theta/slip_distance)``; the internal state is ``slip_distance psi`` [m]. At rest a
+    contact grows older (Dieterich's law). It holds nothing for ever: a mass at rest creeps.
+
+    Attributes:
+        mu: coefficient of friction of steady sliding at `v_reference` [1]; it changes by a - b per e-fold of velocity.
+        a: direct effect [1], typically 0.002 to 0.02.
+        b: evolution effect [1]; friction falls with velocity where b > a.
+        slip_distance: travel D_c over which contacts renew [m], typically 0.5 to 20 um.
+        v_reference: velocity to which mu refers [m/s]; keep it fixed in fits.
+    """
+
+    coefficients: ClassVar[Mapping[str, Coefficient]] = RATE_STATE
+    source: ClassVar[str] = "J. H. Dieterich, J. Geophys. Res. 84 (1979); " + REGULAR
+    identifies: ClassVar[str] = IDENTIFIES
+
+    mu: Scalar = eqx.field(converter=scalar)
+    a: Scalar = eqx.field(converter=scalar)
+    b: Scalar = eqx.field(converter=scalar)
+    slip_distance: Scalar = eqx.field(converter=scalar)
+    v_reference: Scalar = eqx.field(converter=scalar, default=1e-6)
+
+    def ageing(self, speed: Scalar, age: Values) -> Values:
+        return self.v_reference * jnp.exp(-age) - speed
+
+
+class RateStateSlip(AbstractRateState):
+    """``F`` as :class:`RateState`, slip law ``dtheta/dt = -(|v| theta/slip_distance) ln(|v| theta/slip_distance)``.
+
+    A contact changes only while it slides (Ruina's law).
+
+    Attributes:
+        mu: coefficient of friction of steady sliding at `v_reference` [1]; it changes by a - b per e-fold of velocity.
+        a: direct effect [1], typically 0.002 to 0.02.
+        b: evolution effect [1]; friction falls with velocity where b > a.
+        slip_distance: travel D_c over which contacts renew [m], typically 0.5 to 20 um.
+        v_reference: velocity to which mu refers [m/s]; keep it fixed in fits.
+    """
+
+    coefficients: ClassVar[Mapping[str, Coefficient]] = RATE_STATE
+    source: ClassVar[str] = "A. Ruina, J. Geophys. Res. 88 (1983); " + REGULAR
+    identifies: ClassVar[str] = IDENTIFIES
+
+    mu: Scalar = eqx.field(converter=scalar)
+    a: Scalar = eqx.field(converter=scalar)
+    b: Scalar = eqx.field(converter=scalar)
+    slip_distance: Scalar = eqx.field(converter=scalar)
+    v_reference: Scalar = eqx.field(converter=scalar, default=1e-6)
+
+    def ageing(self, speed: Scalar, age: Values) -> Values:
+        ratio = speed / self.v_reference
+        return -speed * (jnp.log(jnp.where(ratio > 0, ratio, 1.0)) + age)

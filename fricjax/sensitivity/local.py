@@ -1,0 +1,71 @@
+"""Derivatives of a motion with respect to the coefficients of its machine and to the nuisances of its run."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, ArrayLike, Float
+
+from ..data.errors import UsageError
+from ..fitting.names import NUISANCES
+from ..fitting.residual import Residual
+from ..oscillator import Oscillator
+from ..oscillator.engines import AbstractEngine
+from .plan import plan
+
+
+def local(
+    oscillator: Oscillator,
+    x0: float,
+    ts: ArrayLike,
+    names: Sequence[str],
+    *,
+    engine: str | AbstractEngine = "auto",
+) -> np.ndarray:
+    """Derivatives of the reading at `ts` of a mass released from rest at `x0`.
+
+    The number of half-cycles until the stop stays at its value, so these are the derivatives that a fit works with. The
+    static coefficient of a Coulomb law acts through that number alone, and its derivative is zero.
+
+    Args:
+        oscillator: the machine.
+        x0: displacement at release [m].
+        ts: times to sample at, increasing [s], shape (samples,).
+        names: coefficients, by their short or dotted names, and nuisances of the run: x0, v0 (of which the motion has
+            a kink at zero), offset, drift, t_release.
+        engine: "auto", "exact", "hybrid", "smooth" or an engine.
+
+    Returns:
+        dx/d(name) in metres per SI unit of each, in the order of `names`, shape (samples, p).
+
+    Raises:
+        RuntimeError: JAX computes in single precision.
+        UsageError: unknown names, times that do not increase, or an engine that cannot integrate this oscillator.
+    """
+    times = checked_times(ts)
+    machine = [name for name in names if name not in NUISANCES]
+    own = [name for name in names if name in NUISANCES]
+    made = plan(oscillator, x0, times, machine, own, engine=engine)
+    columns = np.asarray(_columns(made.residual, jnp.zeros(len(names)))) / made.scales
+    order = [*machine, *own]
+    return columns[:, [order.index(name) for name in names]]
+
+
+@eqx.filter_jit
+def _columns(residual: Residual, y: Float[Array, " p"]) -> Any:
+    return jax.jacfwd(lambda at: residual.course(at, 0).read(residual.runs[0].t))(y)
+
+
+def checked_times(ts: ArrayLike) -> np.ndarray:
+    """Sample times as an array.
+
+    Raises:
+        UsageError: no list of increasing times.
+    """
+    times = np.asarray(ts, float)
+    if times.ndim != 1 or times.size < 2 or not np.all(np.diff(times) > 0):
+        raise UsageError(f"ts must be a list of increasing times [s], at least two, got shape {times.shape}.")
+    return times

@@ -1,0 +1,242 @@
+"""A run that has not been made yet: its machine, its samples, its half-cycles, and its residual as a fit would have it.
+
+The derivatives of a planned run are those of the fit to come, so the residual, the engines and the frozen mesh of
+:mod:`fricjax.fitting` are taken as they are. The number of half-cycles stays at its value: the motion is smooth on that
+branch, and where a law stops the mass after another number the motion jumps to another one.
+"""
+
+import dataclasses
+import math
+from collections.abc import Sequence
+
+import equinox as eqx
+import jax
+import numpy as np
+
+from ..data.errors import UsageError, nearest
+from ..fitting.mesh import with_mesh
+from ..fitting.names import NUISANCES, find_leaf
+from ..fitting.residual import Residual, Run
+from ..fitting.space import Parameter, ParameterSpace
+from ..fitting.window import NEVER
+from ..friction import Coulomb
+from ..oscillator import Motion, Oscillator, require_x64, simulate
+from ..oscillator.engines import AbstractEngine, Hybrid
+from ..oscillator.leaves import Leaf, leaves_of
+from ..oscillator.select import half_cycle_capacity, select_engine
+
+TAIL = 0.05
+"""Time at rest that a record should hold behind the stop [s]."""
+
+# Least number of half-cycles to provide for, so that most runs share their compilation.
+_CAPACITY = 512
+
+
+@dataclasses.dataclass(frozen=True)
+class Course:
+    """Where the planned motion turns and stops.
+
+    Attributes:
+        half_cycles: their number until the stop; None where the mass does not stop by itself.
+        t_stop: time of the stop [s], inf for none.
+        turning_points: the start and the reversals in order, the last one the stop [m], shape (half_cycles + 1,).
+        like_coulomb: whether all this is that of a Coulomb law with the same dynamic friction, since the law itself
+            stops the mass only gradually.
+    """
+
+    half_cycles: int | None
+    t_stop: float
+    turning_points: np.ndarray
+    like_coulomb: bool
+
+
+@dataclasses.dataclass(frozen=True)
+class Plan:
+    """A planned run.
+
+    Attributes:
+        oscillator: the machine, its coefficients as numpy arrays.
+        x0: displacement at release [m].
+        course: its turning points and its stop.
+        parameters: the coefficients and then the nuisances, in order.
+        residual: what a fit would make small, at its start values; the measured displacements are zero.
+    """
+
+    oscillator: Oscillator
+    x0: float
+    course: Course
+    parameters: tuple[Parameter, ...]
+    residual: Residual
+
+    @property
+    def ts(self) -> np.ndarray:
+        """Sample times [s]."""
+        return np.asarray(self.residual.runs[0].t)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the parameters."""
+        return tuple(parameter.name for parameter in self.parameters)
+
+    @property
+    def values(self) -> np.ndarray:
+        """Their values, shape (p,)."""
+        return np.array([parameter.start for parameter in self.parameters])
+
+    @property
+    def scales(self) -> np.ndarray:
+        """What one unit of each coordinate is: the size of the value, shape (p,)."""
+        return np.array([parameter.scale for parameter in self.parameters])
+
+
+def course_of(oscillator: Oscillator, x0: float) -> Course:
+    """The turning points of a release from `x0` [m], those of Coulomb's law for a law that is not set-valued."""
+    law, load = oscillator.friction, oscillator.normal_force
+    band, omega = float(oscillator.dead_band), float(oscillator.angular_frequency)
+    if not (band > 0 and x0 != 0):
+        return Course(None, math.inf, np.array([x0]), not law.set_valued)
+    twin = oscillator
+    if not law.set_valued:
+        mu = np.asarray(law.dynamic_force(load)) / np.asarray(load)
+        twin = eqx.tree_at(lambda o: o.friction, oscillator, Coulomb(mu))
+    # Without damping it takes the longest.
+    longest = math.pi / omega * (abs(x0) / (2 * band) + 4)
+    motion: Motion = simulate(twin, x0, np.array([2 * longest]))
+    stops = math.isfinite(float(motion.t_stop))
+    points = np.asarray(motion.turning_points)
+    return Course(
+        half_cycles=int(motion.n_half_cycles) if stops else None,
+        t_stop=float(motion.t_stop),
+        turning_points=points[np.isfinite(points)],
+        like_coulomb=not law.set_valued,
+    )
+
+
+def planned_times(course: Course, rate: float, duration: float | None) -> np.ndarray:
+    """Samples at `rate` [1/s] for a `duration` [s]; None: until 50 ms after the stop.
+
+    Raises:
+        UsageError: a rate or duration that is no positive number, or a mass that never stops.
+    """
+    if not (math.isfinite(rate) and rate > 0):
+        raise UsageError(f"The rate must be a positive number of samples per second, got {rate}.")
+    if duration is None and not math.isfinite(course.t_stop):
+        raise UsageError("The mass does not come to rest by itself here: say with the duration how long to record.")
+    length = course.t_stop + TAIL if duration is None else float(duration)
+    if not (math.isfinite(length) and length > 0):
+        raise UsageError(f"The duration must be a positive number of seconds, got {duration}.")
+    return np.arange(max(round(length * rate), 2)) / rate
+
+
+def plan(
+    oscillator: Oscillator,
+    x0: float,
+    ts: np.ndarray,
+    names: Sequence[str] | None,
+    nuisance: Sequence[str],
+    *,
+    noise: np.ndarray | float = 1.0,
+    engine: str | AbstractEngine = "auto",
+    course: Course | None = None,
+) -> Plan:
+    """The planned run.
+
+    Args:
+        oscillator: the machine at the values that are expected.
+        x0: displacement at release [m]; the mass starts from rest at time zero.
+        ts: sample times [s], increasing, shape (samples,).
+        names: coefficients; None for all that the model has, see `terms`.
+        nuisance: free parameters of the run.
+        noise: standard deviation of each sample [m].
+        engine: as in a simulation.
+        course: turning points, where they are known already.
+
+    Raises:
+        UsageError: names that do not exist or appear twice, or an engine that cannot integrate this oscillator.
+    """
+    require_x64()
+    oscillator = jax.tree.map(lambda leaf: np.asarray(leaf, float), oscillator)
+    leaves = leaves_of(oscillator)
+    shared = terms(oscillator, leaves) if names is None else [find_leaf(name, leaves) for name in names]
+    parameters = _parameters(oscillator, float(x0), shared, tuple(nuisance))
+    found = course_of(oscillator, float(x0)) if course is None else course
+    space = ParameterSpace.build(parameters, [leaf.index for leaf in shared], (), (tuple(nuisance),))
+    zeros = np.zeros(len(parameters))
+    residual = Residual(
+        oscillator=oscillator,
+        space=space,
+        engine=_engine(engine, oscillator, [leaf.kind for leaf in shared], found, float(ts[-1]), float(x0)),
+        runs=(_run(ts, noise, oscillator, found, float(x0)),),
+        prior_mean=zeros,
+        prior_weight=zeros,
+        inputs=np.zeros((0, len(leaves))),
+    )
+    return Plan(oscillator, float(x0), found, parameters, with_mesh(residual, zeros))
+
+
+def terms(oscillator: Oscillator, leaves: Sequence[Leaf]) -> list[Leaf]:
+    """The coefficients of all terms that a model has: a coefficient of zero is a term left out.
+
+    Damping counts always, since a rig may not know it before the run.
+    """
+    values = jax.tree.leaves(oscillator)
+    return [leaf for leaf in leaves if leaf.name == "damping" or float(values[leaf.index]) != 0]
+
+
+def _parameters(
+    oscillator: Oscillator, x0: float, shared: Sequence[Leaf], nuisance: tuple[str, ...]
+) -> tuple[Parameter, ...]:
+    for name in nuisance:
+        if name not in NUISANCES:
+            known = ", ".join(NUISANCES)
+            raise UsageError(f"There is no nuisance parameter {name!r}.{nearest(name, NUISANCES)} Known are {known}.")
+    names = [*(leaf.name for leaf in shared), *nuisance]
+    twice = [name for name in names if names.count(name) > 1]
+    if twice:
+        raise UsageError(f"{twice[0]} is named twice. Name it once.")
+    if not names:
+        raise UsageError("No parameter is named: name at least one coefficient or nuisance parameter.")
+    flat = jax.tree.leaves(oscillator)
+    found = [(leaf.name, leaf.unit, float(flat[leaf.index])) for leaf in shared]
+    machine = [Parameter(name, unit, value, abs(value) if value else 1.0) for name, unit, value in found]
+    own, lengths = _own(x0), {"m": abs(x0) or 1.0}
+    return (*machine, *(Parameter(n, NUISANCES[n], own[n], lengths.get(NUISANCES[n], 1.0)) for n in nuisance))
+
+
+def _own(x0: float) -> dict[str, float]:
+    """What belongs to the run, at its planned values: from rest after a slow pull, released at time zero."""
+    return {**dict.fromkeys(NUISANCES, 0.0), "x0": x0, "z0": 1.0}
+
+
+def _engine(
+    engine: str | AbstractEngine, oscillator: Oscillator, kinds: list[str], course: Course, end: float, x0: float
+) -> AbstractEngine:
+    """The engine; with room for the half-cycles until the stop, or for as many as the record can hold."""
+    capacity = half_cycle_capacity(oscillator, end, x0, 0.0)
+    if course.half_cycles is not None and not course.like_coulomb:
+        capacity = max(_CAPACITY, 2 ** math.ceil(math.log2(course.half_cycles + 2)))
+    named = "hybrid" if engine == "auto" and "drag" in kinds and oscillator.friction.set_valued else engine
+    try:
+        return select_engine(named, oscillator, max_half_cycles=capacity)
+    except ValueError as error:
+        raise UsageError(str(error)) from error
+
+
+def _run(ts: np.ndarray, noise: np.ndarray | float, oscillator: Oscillator, course: Course, x0: float) -> Run:
+    count = NEVER if course.half_cycles is None else course.half_cycles
+    return Run(
+        t=ts,
+        x=np.zeros(ts.shape),
+        weight=np.broadcast_to(1 / np.asarray(noise, float), ts.shape),
+        half_cycles=np.asarray(count) if oscillator.friction.set_valued else None,
+        fixed={name: np.asarray(value) for name, value in _own(x0).items()},
+    )
+
+
+def creep_start(made: Plan) -> float:
+    """Time from which a regularised law lets the mass creep, where a fit leaves the samples out [s]; inf for none."""
+    law = made.oscillator.friction
+    if law.set_valued or law.n_states or not isinstance(made.residual.engine, Hybrid):
+        return math.inf
+    motion = simulate(made.oscillator, made.x0, made.ts[-1:], engine=made.residual.engine)
+    return float(motion.stats["t_handover"])

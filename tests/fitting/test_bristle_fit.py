@@ -1,0 +1,81 @@
+"""Laws with internal states recover their coefficients from the automatic start; their first state is a nuisance."""
+
+import functools
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from fricjax import Fit, Oscillator, Trace, fit
+from fricjax.data.errors import UsageError
+from fricjax.friction import Coulomb, Dahl, LuGre
+from tests.fitting.runs import MACHINE, RIGS, SIGMA0, SIGMA1, STIFFNESS, coulomb_run, noisy, truth
+from tests.helpers import PROTOTYPE_DAMPING, PROTOTYPE_MASS
+from tests.oracles import lugre_motion
+
+SEEDS, RIG = 5, RIGS["sliding"]
+FREE = (*MACHINE, "sigma0", "sigma1")
+
+
+def far_off() -> Oscillator:
+    """A machine of which only the mass and the load are right."""
+    law = LuGre(3 * RIG.mu, sigma0=20 * SIGMA0, sigma1=SIGMA1 / 30)
+    return Oscillator(PROTOTYPE_MASS, 0.8 * STIFFNESS, 4 * PROTOTYPE_DAMPING, RIG.load, law)
+
+
+@functools.cache
+def fits() -> list[Fit]:
+    return [fit(noisy("sliding", "LuGre", seed), far_off(), FREE) for seed in range(SEEDS)]
+
+
+@pytest.mark.slow
+def test_lugre_recovers_its_coefficients_from_the_automatic_start():
+    for found in fits():
+        true = {**truth("sliding", "LuGre", found), "sigma1": SIGMA1}
+        pulls = {name: (found.values[name] - true[name]) / found.std_errors[name] for name in found.names}
+        assert max(map(abs, pulls.values())) < 4, pulls
+        assert found.status == "converged" and found.chi2_reduced == pytest.approx(1.0, abs=0.1)
+        assert not any(found.flags.values())
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("z0", [0.0, 1.0])
+def test_the_state_at_the_release_is_found(z0):
+    """A relaxed contact, and one that was pulled."""
+    t = np.arange(1600) / 20e3
+    x = released(t, z0)
+    trace = Trace(t, x + 1e-9 * np.random.default_rng(7).standard_normal(t.size), sigma=1e-9)
+    law = LuGre(RIG.mu, sigma0=SIGMA0, sigma1=SIGMA1)
+    start = Oscillator(PROTOTYPE_MASS, STIFFNESS, PROTOTYPE_DAMPING, RIG.load, law)
+    found = fit(trace, start, ("mu", "sigma0"), start="release", nuisance=("x0", "z0"))
+    assert found.values["z0"] == pytest.approx(z0, abs=4 * found.std_errors["z0"])
+    assert found.values["sigma0"] == pytest.approx(SIGMA0, abs=4 * found.std_errors["sigma0"])
+    assert found.std_errors["z0"] < 0.01
+
+
+def released(t: np.ndarray, z0: float) -> np.ndarray:
+    """The motion from rest of a contact whose bristles are bent by `z0` of their steady deflection."""
+    force = RIG.mu * RIG.load
+    return lugre_motion(
+        t, 2e-3, mass=PROTOTYPE_MASS, stiffness=STIFFNESS, damping=PROTOTYPE_DAMPING, kinetic=force, static=force,
+        v_stribeck=1e-3, sigma=(SIGMA0, SIGMA1, 0.0), bent=z0,
+    )  # fmt: skip
+
+
+def test_a_law_without_a_state_has_no_state_at_the_release():
+    machine = Oscillator(PROTOTYPE_MASS, STIFFNESS, PROTOTYPE_DAMPING, RIG.load, Coulomb(RIG.mu))
+    with pytest.raises(UsageError, match="z0 is the start of a law's internal state, and this law has none"):
+        fit(coulomb_run(), machine, MACHINE, start="release", nuisance=("x0", "z0"))
+
+
+@pytest.mark.parametrize("exponent", [1.0, 1.5])
+def test_second_derivatives_are_finite_at_full_sliding(exponent):
+    """Where a fit of Dahl's law starts, and what a Rosenbrock solver needs for the derivatives of the motion."""
+    limit = jnp.asarray([-RIG.mu * RIG.load / SIGMA0])
+
+    def slope(sigma0):
+        law = Dahl(RIG.mu, sigma0, exponent)
+        return jax.jvp(lambda z: law.rate(jnp.asarray(-0.1), z, jnp.asarray(RIG.load)), (limit,), (jnp.ones(1),))[1]
+
+    assert np.all(np.isfinite(jax.jacfwd(slope)(jnp.asarray(SIGMA0))))

@@ -1,0 +1,140 @@
+"""Expected standard errors against the golden Cramer-Rao bounds of the prototype, and the advice that follows."""
+
+import numpy as np
+import pytest
+
+from fricjax.data.errors import UsageError
+from fricjax.friction import Coulomb, Stribeck
+from fricjax.oscillator import Oscillator
+from fricjax.sensitivity import fisher
+from tests.sensitivity.machines import ROLLING, STATE, prototype
+
+# Relative standard errors of mu with 1 nm at 10 kHz until 50 ms after the stop: mu alone, with frequency, x0 and
+# release time, with the offset, with the damping. Printed with two digits, computed from another program.
+SLIDING_BOUNDS = [
+    (0.02, 0.25e-3, 2, (1.3e-7, 3.4e-7, 5.6e-7, 1.3e-5)),
+    (0.05, 0.50e-3, 1, (1.1e-7, 4.9e-7, np.inf, np.inf)),
+    (0.05, 1.00e-3, 3, (3.3e-8, 7.9e-8, 8.7e-8, 2.3e-7)),
+    (0.20, 1.00e-3, 1, (2.6e-8, 1.2e-7, np.inf, np.inf)),
+]
+ROLLING_BOUNDS = [
+    (0.005, 141, (1.5e-8, 2.1e-8, 6.3e-8), -0.94),
+    (0.010, 91, (1.2e-8, 1.9e-8, 6.2e-8), -0.95),
+]
+DAMPING = ["mu", "mass", "damping"]
+PRINTED = 0.05
+"""Half a unit of the second digit, at worst."""
+
+
+def relative(found):
+    return found.std_errors["mu"] / found.values["mu"]
+
+
+def among(found, names):
+    """Relative standard error of mu where these parameters alone are free: a part of the information matrix."""
+    index = [found.names.index(name) for name in names]
+    part = found.matrix[np.ix_(index, index)]
+    return np.sqrt(np.linalg.inv(part)[0, 0]) / found.values["mu"]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("mu, x0, half_cycles, bounds", SLIDING_BOUNDS)
+def test_bounds_of_sliding(mu, x0, half_cycles, bounds):
+    found = fisher(prototype(Coulomb(mu)), x0, names=DAMPING, nuisance=STATE)
+    assert found.course.half_cycles == half_cycles
+    alone, moving = among(found, ["mu"]), among(found, ["mu", "mass", "x0", "t_release"])
+    np.testing.assert_allclose([alone, moving, relative(found)], [bounds[0], bounds[1], bounds[3]], rtol=PRINTED)
+    if half_cycles > 1:
+        assert among(found, ["mu", "mass", *STATE]) == pytest.approx(bounds[2], rel=PRINTED)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("mu, half_cycles, bounds, related", ROLLING_BOUNDS)
+def test_bounds_of_rolling(mu, half_cycles, bounds, related):
+    found = fisher(prototype(Coulomb(mu), ROLLING), 2e-3, names=DAMPING, nuisance=STATE)
+    assert found.course.half_cycles == half_cycles
+    errors = [among(found, ["mu"]), among(found, ["mu", "mass", *STATE]), relative(found)]
+    np.testing.assert_allclose(errors, bounds, rtol=PRINTED)
+    assert found.correlation_of("mu", "damping") == pytest.approx(related, abs=0.006)
+    assert any("prior on damping from a ring-down" in text for text in found.remarks)
+
+
+def test_the_error_of_one_coefficient_is_that_of_its_column():
+    """With mu alone it is noise/|dx/dmu|, in closed form (1 - cos) N/k in the first half-cycle, undamped."""
+    machine = prototype(Coulomb(0.05))
+    omega = float(machine.angular_frequency)
+    ts = np.linspace(0.0, 0.9 * np.pi / omega, 200)
+    found = fisher(machine, 1e-3, ts, ["mu"], noise=3e-9, nuisance=())
+    column = (1 - np.cos(omega * ts)) * 9.66 / 2574.0
+    assert found.std_errors["mu"] == pytest.approx(3e-9 / np.sqrt(column @ column), rel=0.01)
+    assert found.samples == 200 and found.rate == pytest.approx(199 / ts[-1])
+    assert any("ends before the mass stops" in text for text in found.remarks)
+
+
+def test_one_half_cycle_tells_only_its_centre():
+    found = fisher(prototype(Coulomb(0.1)), 1e-3, names=["mu", "mass"], nuisance=("x0", "offset"))
+    assert found.undetermined == ("mu", "x0", "offset")
+    # The centre offset + x_d and the release offset + x0 stay: x_d = mu N/k = 375.29 um, of which 1 % is 3.75 um.
+    text = "mu, x0 and offset only together: +3.75 um of x0 and -3.75 um of offset go unseen with +1 % of mu"
+    assert [direction.text for direction in found.singular] == [text]
+    assert "1 half-cycle, and from fewer than 2" in found.remarks[0]
+    assert "Release from 2.25 mm to 3.75 mm, 6 to 10 dead bands" in found.remarks[0]
+
+
+def test_no_motion():
+    found = fisher(prototype(Coulomb(0.3)), 1e-3, names=["mu", "mass"], duration=0.2)
+    assert found.idle == ("mu", "mass") and found.rank == 1
+    assert "mu has no effect, for the mass does not move" in found.errors[0]
+    assert "static friction holds it" in found.remarks[0]
+
+
+# D.1: 2 mm, mu = 0.05, mu_s = 0.065, all nuisances free: sd(mu_s), sd(v_stribeck)/v_stribeck, their correlation.
+RIDGE = [(1e-3, 1.5e-5, 1.2e-3, -1.000), (5e-3, 6e-7, 5e-5, -0.989), (20e-3, 5e-8, 5e-6, -0.90)]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("speed, static, stribeck, related", RIDGE)
+def test_the_stribeck_ridge(speed, static, stribeck, related):
+    names = ["mu", "mu_s", "v_stribeck", "mass", "damping"]
+    found = fisher(prototype(Stribeck(0.05, 0.065, speed)), 2e-3, names=names, nuisance=STATE)
+    assert found.std_errors["mu_s"] == pytest.approx(static, rel=0.06)
+    assert found.std_errors["v_stribeck"] / speed == pytest.approx(stribeck, rel=0.06)
+    assert found.correlation_of("mu_s", "v_stribeck") == pytest.approx(related, abs=2e-3)
+    assert 2e-8 < found.std_errors["mu"] < 4e-8
+    work = found.combinations["(mu_s - mu) v_stribeck^2"]
+    assert work.value == pytest.approx(0.015 * speed**2)
+    # The best combination is better known than that with any other power, in particular than the fall alone.
+    best = min(each.std / each.value for each in found.combinations.values())
+    assert best <= min(work.std / work.value, found.std_of({"mu_s": 1.0, "mu": -1.0}) / 0.015)
+    assert any("mu_s and v_stribeck correlate" in text for text in found.remarks) == (related < -0.95)
+
+
+def test_a_stop_that_hangs_by_a_hair():
+    """Undamped, a_n = x0 - 2 n x_d: after two half-cycles 2 % of x_d are left above the static band of 1.3 x_d."""
+    machine = Oscillator(1.0, 1000.0, 0.0, 10.0, Coulomb(0.05, 0.065))
+    found = fisher(machine, 5.32 * 0.5e-3, names=["mu", "mass"], rate=200.0)
+    assert found.course.half_cycles == 3
+    assert any("may also stop after 2 half-cycles: 10 um, 2.0% of the dead band" in text for text in found.remarks)
+    assert any("only 5.3 dead bands away (3 half-cycles)" in text for text in found.remarks)
+    assert any("only 19.9 samples in a half-cycle" in text for text in found.remarks)
+
+
+@pytest.mark.parametrize(
+    "settings, message",
+    [
+        ({"noise": 0.0}, "The noise must be a positive standard deviation"),
+        ({"rate": -1.0}, "The rate must be a positive number"),
+        ({"duration": -1.0}, "The duration must be a positive number"),
+        ({"nuisance": ("x1",)}, "There is no nuisance parameter 'x1'"),
+        ({"names": ["mu", "drag"], "engine": "exact"}, "with respect to drag are not finite under the exact engine"),
+        ({"names": ["drag"], "engine": "smooth"}, "smooth engine cannot integrate the jump"),
+    ],
+)
+def test_what_is_refused(settings, message):
+    with pytest.raises(UsageError, match=message):
+        fisher(prototype(Coulomb(0.05)), 1e-3, **settings)
+
+
+def test_without_friction_a_duration_is_needed():
+    with pytest.raises(UsageError, match="does not come to rest by itself here"):
+        fisher(prototype(Coulomb(0.0)), 1e-3)
