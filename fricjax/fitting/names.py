@@ -12,6 +12,7 @@ _SAME_FORCE = (
     ("mass", "stiffness", "a trace tells only their ratio, the natural frequency"),
     ("mu", "normal_force", "a trace tells only their product, the friction force"),
     ("drag", "windage", "both are the same force, quadratic in the velocity"),
+    ("damping", "eta_h", "at one frequency both take the same share of the energy in each half-cycle"),
     ("damping", "sigma2", "both are the same force, linear in the velocity"),
 )
 

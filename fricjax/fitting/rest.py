@@ -130,7 +130,8 @@ def rest_margin(problem: Problem, solved: Solved, run: int) -> Margin | None:
 
 def _pull(machine: Oscillator, points: np.ndarray) -> np.ndarray:
     """Size of the spring's force at turning points [N]."""
-    return np.abs(np.asarray(machine.restoring_force(jnp.asarray(points))))
+    y = jnp.asarray(points)
+    return np.asarray(jnp.abs(machine.restoring_force(y)) - machine.hysteresis(y))
 
 
 def _starts_moving(problem: Problem, solved: Solved, run: int) -> bool:

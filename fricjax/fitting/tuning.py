@@ -45,7 +45,8 @@ def _tuned(engine: AbstractEngine, machine: Oscillator, windows: Sequence[Window
         accuracy = _SLACK * min(float(np.median(w.sigma)) / np.sqrt(w.used.sum()) for w in windows)
         return eqx.tree_at(lambda e: e.accuracy, engine, np.asarray(accuracy))
     moving = any("v0" in w.nuisances or w.guesses["v0"] != 0 for w in windows)
-    if not isinstance(engine, Hybrid) or moving:
+    # A table has one mesh for all amplitudes, and the kink of a hysteretic spring lies elsewhere at each.
+    if not isinstance(engine, Hybrid) or moving or machine.restoring.hysteretic:
         return engine
     spans = [_swings(window) for window in windows]
     if any(swings.size < _FEW for swings in spans):

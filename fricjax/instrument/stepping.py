@@ -54,16 +54,17 @@ def pull(machine: Machine, floor: Floor, t: Scalar, x: Scalar) -> Scalar:
     return oscillator.restoring_force(x) + shaking - held
 
 
-def holding_force(machine: Machine, slid: Array) -> Scalar:
+def holding_force(machine: Machine, x: Scalar, slid: Array) -> Scalar:
     """Largest force that holds the mass at rest [N]; before it has slid that of a contact that has stood."""
     law, load = machine.oscillator.friction, machine.oscillator.normal_force
-    return jnp.where(slid, law.static_force(load), law.breakaway_force(load))
+    contact = jnp.where(slid, law.static_force(load), law.breakaway_force(load))
+    return contact + machine.oscillator.hysteresis(x)
 
 
 def direction_at_standstill(machine: Machine, floor: Floor, t: Scalar, x: Scalar, slid: Array) -> Scalar:
     """Where a mass of zero velocity goes: 0 if static friction holds it."""
     force = pull(machine, floor, t, x)
-    return jnp.where(jnp.abs(force) > holding_force(machine, slid), -jnp.sign(force), 0.0)
+    return jnp.where(jnp.abs(force) > holding_force(machine, x, slid), -jnp.sign(force), 0.0)
 
 
 def advance(machine: Machine, floor: Floor, t: Scalar, step: Scalar, state: State) -> State:
@@ -111,7 +112,7 @@ def _time_of_turn(machine: Machine, floor: Floor, t: Scalar, step: Scalar, state
 
 def _rest(machine: Machine, floor: Floor, t: Scalar, step: Scalar, state: State) -> tuple[State, Scalar]:
     """Rest for `step`, or up to the instant at which the pull outgrows static friction; and the time used."""
-    static = holding_force(machine, state.slid)
+    static = holding_force(machine, state.x, state.slid)
     excess = lambda tau: jnp.abs(pull(machine, floor, t + tau, state.x)) - static
 
     def slip() -> tuple[State, Scalar]:
@@ -126,8 +127,9 @@ def _rest(machine: Machine, floor: Floor, t: Scalar, step: Scalar, state: State)
 def _acceleration(machine: Machine, floor: Floor, direction: Scalar, t: Scalar, x: Scalar, v: Scalar) -> Scalar:
     """Acceleration of the mass that slides in this direction [m/s^2]."""
     oscillator = machine.oscillator
-    friction = direction * oscillator.friction.sliding_force(jnp.maximum(direction * v, 0.0), oscillator.normal_force)
-    return -(pull(machine, floor, t, x) + oscillator.dissipation(v) + friction) / oscillator.mass
+    friction = oscillator.friction.sliding_force(jnp.maximum(direction * v, 0.0), oscillator.normal_force)
+    resisting = oscillator.dissipation(v) + direction * (friction + oscillator.hysteresis(x))
+    return -(pull(machine, floor, t, x) + resisting) / oscillator.mass
 
 
 def _runge_kutta(machine: Machine, floor: Floor, t: Scalar, h: Scalar, state: State) -> State:

@@ -19,6 +19,7 @@ class Energy(eqx.Module):
         damping_power: loss to viscous damping, c v^2.
         drag_power: loss to quadratic drag, drag |v|^3.
         friction_power: loss to friction, F v.
+        hysteresis_power: loss to the internal friction of the spring.
     """
 
     kinetic: Samples
@@ -26,6 +27,7 @@ class Energy(eqx.Module):
     damping_power: Samples
     drag_power: Samples
     friction_power: Samples
+    hysteresis_power: Samples
 
     @property
     def total(self) -> Samples:
@@ -35,7 +37,7 @@ class Energy(eqx.Module):
     @property
     def loss_power(self) -> Samples:
         """All losses together [W]: minus the rate of change of the total energy."""
-        return self.damping_power + self.drag_power + self.friction_power
+        return self.damping_power + self.drag_power + self.friction_power + self.hysteresis_power
 
 
 def energy(oscillator: Oscillator, motion: Motion) -> Energy:
@@ -52,4 +54,5 @@ def energy(oscillator: Oscillator, motion: Motion) -> Energy:
         damping_power=oscillator.damping * v**2,
         drag_power=oscillator.drag * jnp.abs(v) * v**2,
         friction_power=motion.friction_force * v,
+        hysteresis_power=oscillator.hysteresis(motion.x) * jnp.abs(v),
     )

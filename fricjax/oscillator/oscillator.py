@@ -77,6 +77,10 @@ class Oscillator(eqx.Module):
         """Restoring force R(x) [N]."""
         return self.restoring.force(x, self.stiffness)
 
+    def hysteresis(self, x: Values) -> Values:
+        """Force of internal friction of the spring [N], which opposes the motion."""
+        return self.restoring.hysteresis(x, self.stiffness)
+
     def dissipation(self, v: Values) -> Values:
         """Force of damping and drag together [N], positive where it opposes a positive velocity."""
         return (self.damping + self.drag * jnp.abs(v)) * v

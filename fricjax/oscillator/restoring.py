@@ -1,6 +1,7 @@
 """Restoring forces: what pulls the mass back to its equilibrium.
 
-Each is an odd function ``R(x)`` that rises through zero with the slope of the oscillator's stiffness ``k``.
+Each is an odd function ``R(x)`` that rises through zero with the slope of the oscillator's stiffness ``k``. A spring
+may also resist every motion by an internal friction that grows with its deflection.
 """
 
 import abc
@@ -12,13 +13,18 @@ import jax.numpy as jnp
 from equinox import AbstractClassVar
 
 from ..friction.base import Scalar, Values, scalar
-from ..friction.coefficient import Coefficient
+from ..friction.coefficient import Coefficient, check_coefficients, within
 
 
 class AbstractRestoring(eqx.Module):
-    """A conservative force ``R(x)`` [N] with its potential energy [J]; `stiffness` is the slope at ``x = 0`` [N/m]."""
+    """A conservative force ``R(x)`` [N] with its potential energy [J]; `stiffness` is the slope at ``x = 0`` [N/m].
+
+    Attributes:
+        hysteretic: whether the spring resists motion besides; that force has a kink at the equilibrium.
+    """
 
     coefficients: AbstractClassVar[Mapping[str, Coefficient]]
+    hysteretic: ClassVar[bool] = False
 
     @abc.abstractmethod
     def force(self, x: Values, stiffness: Scalar) -> Values:
@@ -27,6 +33,10 @@ class AbstractRestoring(eqx.Module):
     @abc.abstractmethod
     def potential(self, x: Values, stiffness: Scalar) -> Values:
         """Potential energy [J], zero at the equilibrium."""
+
+    def hysteresis(self, x: Values, stiffness: Scalar) -> Values:
+        """Force of internal friction [N], not negative; it opposes the motion whatever its direction."""
+        return jnp.zeros_like(x)
 
 
 class Linear(AbstractRestoring):
@@ -69,3 +79,34 @@ class Pendulum(AbstractRestoring):
 
     def potential(self, x: Values, stiffness: Scalar) -> Values:
         return 2 * stiffness * jnp.sin(x / 2) ** 2
+
+
+class Structural(AbstractRestoring):
+    """A linear spring whose material loses energy at any speed, ``R = k x + eta_h k |x| sgn(v)`` (Reid, 1956).
+
+    The stiffness is ``k (1 + eta_h)`` on the way out and ``k (1 - eta_h)`` on the way in, so that without any other loss
+    successive turning points have the ratio ``sqrt((1 - eta_h)/(1 + eta_h))``: a constant logarithmic decrement, which
+    in a decay at one frequency cannot be told from viscous damping. The loss factor is ``2 eta_h/pi``.
+
+    Attributes:
+        eta_h: ratio of the hysteretic to the elastic force [1].
+    """
+
+    coefficients: ClassVar[Mapping[str, Coefficient]] = {
+        "eta_h": within(0.0, 0.5, "", "ratio of the hysteretic to the elastic force")
+    }
+    hysteretic: ClassVar[bool] = True
+
+    eta_h: Scalar = eqx.field(converter=scalar)
+
+    def __check_init__(self) -> None:
+        check_coefficients(self, self.coefficients, " of Structural")
+
+    def force(self, x: Values, stiffness: Scalar) -> Values:
+        return stiffness * x
+
+    def potential(self, x: Values, stiffness: Scalar) -> Values:
+        return stiffness * x**2 / 2
+
+    def hysteresis(self, x: Values, stiffness: Scalar) -> Values:
+        return self.eta_h * stiffness * jnp.abs(x)

@@ -50,7 +50,8 @@ def rest_condition(oscillator: Oscillator, start: Start, half_cycles: Array | No
 
     def by_law(y: Array, count: Array) -> Array:
         holds = jnp.where(count == 0, breakaway, static)
-        return (jnp.abs(oscillator.restoring_force(y)) <= holds) & ~(moving & (count == 0))
+        pull = jnp.abs(oscillator.restoring_force(y)) - oscillator.hysteresis(y)
+        return (pull <= holds) & ~(moving & (count == 0))
 
     return by_law if half_cycles is None else lambda y, count: count >= half_cycles
 

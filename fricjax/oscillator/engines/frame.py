@@ -47,7 +47,8 @@ def disturbance(oscillator: Oscillator, frame: Frame, x: Array, speed: Array) ->
     """What is neither the reference spring nor the reference friction, per unit mass [m/s^2]."""
     friction = oscillator.friction.sliding_force(speed, oscillator.normal_force)
     spring = oscillator.restoring_force(x) - frame.stiffness * x
-    rest = oscillator.dissipation(speed) + friction - frame.stiffness * frame.dead_band
+    resisting = oscillator.dissipation(speed) + oscillator.hysteresis(x) + friction
+    rest = resisting - frame.stiffness * frame.dead_band
     return (rest - frame.side * spring) / oscillator.mass
 
 
@@ -89,6 +90,20 @@ def motion_at(oscillator: Oscillator, frame: Frame, amplitude: Array, theta: Arr
     push = disturbance(oscillator, frame, x, speed)
     a = frame.side * push - frame.angular_frequency**2 * (x - frame.side * frame.dead_band)
     return x, -frame.side * speed, a
+
+
+def phases(frame: Frame, passing: Array | None, begin: Array, fractions: Array) -> Array:
+    """Phases of the nodes of a half-cycle from the phase `begin` on, shape (nodes,).
+
+    The middle node lies in the middle. Where the internal friction of a spring has a kink at the equilibrium, it lies
+    there; `passing` is the amplitude with which the mass passes it.
+    """
+    middle = (begin + jnp.pi) / 2
+    if passing is not None:
+        there = jnp.arccos(jnp.clip(-frame.dead_band / passing, -1.0, 1.0))
+        middle = jnp.where((begin < there) & (passing > frame.dead_band), there, middle)
+    late = jnp.maximum(2 * fractions - 1, 0.0)
+    return begin + (middle - begin) * jnp.minimum(2 * fractions, 1.0) + (jnp.pi - middle) * late
 
 
 def mesh_fractions(steps: int, layer: Array) -> Float[Array, " nodes"]:

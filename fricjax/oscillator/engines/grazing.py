@@ -44,7 +44,8 @@ class _Climb(NamedTuple):
     def acceleration(self, way: Array, speed: Array) -> Array:
         """Growth of the speed."""
         u = jnp.maximum(speed, 0.0) * self.length * self.rate
-        pull = self.side * self.oscillator.restoring_force(self.side * (self.start - way * self.length))
+        x = self.side * (self.start - way * self.length)
+        pull = self.side * self.oscillator.restoring_force(x) - self.oscillator.hysteresis(x)
         friction = self.oscillator.friction.sliding_force(u, self.oscillator.normal_force)
         force = pull - friction - self.oscillator.dissipation(u)
         return force / (self.oscillator.mass * self.length * self.rate**2)

@@ -94,6 +94,11 @@ class Smooth(AbstractEngine):
                 f"The smooth engine cannot integrate the jump of {type(oscillator.friction).__name__}. Use the exact "
                 "or the hybrid engine, or a regularised law such as Tanh."
             )
+        if oscillator.restoring.hysteretic:
+            return (
+                "The smooth engine cannot integrate the internal friction of a structural spring, which jumps at each "
+                "reversal. Use the hybrid engine with a law without internal states."
+            )
         return None
 
     def finer(self) -> "Smooth":

@@ -10,7 +10,7 @@ from jaxtyping import Array, Float
 
 from ..motion import Start
 from ..oscillator import Oscillator
-from .frame import Frame, frame_at, is_resolved, motion_at, phase_rates
+from .frame import Frame, frame_at, is_resolved, motion_at, phase_rates, phases
 
 
 class Standstill(NamedTuple):
@@ -97,13 +97,21 @@ def stroke_from(
     offset, lag = side * y - frame.dead_band, start.v0 / frame.angular_frequency
     amplitude = jnp.where(inside, jnp.sqrt(jnp.where(inside, offset**2 + lag**2, 1.0)), offset)
     begin = jnp.where(inside, entry.theta, 0.0)
-    theta = begin + (jnp.pi - begin) * fractions
+    theta = phases(frame, _passing(oscillator, frame, amplitude, begin, fractions), begin, fractions)
     amplitudes, elapsed = integrate_phase(oscillator, frame, amplitude, theta)
     nodes = Stroke(at.time + elapsed, *motion_at(oscillator, frame, amplitudes, theta))
     # A half-cycle that a record asks for where friction would hold the mass exists in phase only.
     forced = oscillator.friction.set_valued & (amplitude <= 0)
     carried = forced | is_resolved(oscillator, frame, amplitudes, theta)
     return nodes, side * (frame.dead_band - amplitudes[-1]), carried
+
+
+def _passing(oscillator: Oscillator, frame: Frame, amplitude: Array, begin: Array, fractions: Array) -> Array | None:
+    """Amplitude with which the mass passes the kink of a hysteretic spring; None for a spring without."""
+    if not oscillator.restoring.hysteretic:
+        return None
+    first = integrate_phase(oscillator, frame, amplitude, phases(frame, amplitude, begin, fractions))[0]
+    return jax.lax.stop_gradient(first[fractions.size // 2])
 
 
 def advance(at: Standstill, stroke: Stroke, turned: Array, carried: Any, rests: Rests) -> tuple[Standstill, Stroke]:
