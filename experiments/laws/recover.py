@@ -90,6 +90,7 @@ WORKLOADS = {
         (*MACHINE, "sigma0", "n", "beta"),
         SLIDING,
     ),
+    "Jenkins": Workload(fj.friction.Jenkins, {"mu": 0.05, "sigma0": SIGMA0}, (*MACHINE, "sigma0"), SLIDING),
     "Rolling": Workload(fj.friction.Rolling, {"mu": 0.05, "length": 5e-5}, (*MACHINE, "length"), SLIDING),
 }
 # What a record must tell by itself, and is therefore given wrongly; the rest is given as it is.
