@@ -82,7 +82,7 @@ class Pendulum(AbstractRestoring):
 
 
 class Structural(AbstractRestoring):
-    """A linear spring whose material loses energy at any speed, ``R = k x + eta_h k |x| sgn(v)`` (Reid, 1956).
+    """A linear spring whose material loses energy at any speed, ``k x + eta_h k |x| sgn(v)`` (Reid, 1956).
 
     The stiffness is ``k (1 + eta_h)`` on the way out and ``k (1 - eta_h)`` on the way in, so that without any other loss
     successive turning points have the ratio ``sqrt((1 - eta_h)/(1 + eta_h))``: a constant logarithmic decrement, which
