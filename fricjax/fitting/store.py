@@ -14,6 +14,7 @@ import numpy as np
 
 from .. import friction as friction_laws
 from ..data.errors import DataError
+from ..friction import AbstractFriction
 from ..oscillator import Exact, Hybrid, Oscillator, Smooth, restoring
 from ..oscillator.engines import AbstractEngine, Span
 from ..show.files import write_text
@@ -29,7 +30,7 @@ SCHEMA = "fricjax.fit/2"
 
 _MODULES: dict[str, type] = {
     **{name: getattr(friction_laws, name) for name in friction_laws.__all__ if name != "AbstractFriction"},
-    **{cls.__name__: cls for cls in (restoring.Linear, restoring.Cubic, restoring.Pendulum)},
+    **{cls.__name__: cls for cls in (restoring.Linear, restoring.Cubic, restoring.Pendulum, restoring.Structural)},
     **{cls.__name__: cls for cls in (Oscillator, Exact, Hybrid, Smooth, Run)},
 }
 _TUPLES: dict[str, type] = {cls.__name__: cls for cls in (Estimate, Margin, Span, Whiteness)}
@@ -126,6 +127,8 @@ def _object(value: Any) -> Any:
 def _module(cls: type, fields: dict[str, Any]) -> Any:
     if cls is friction_laws.Sum:
         return friction_laws.Sum(tuple(fields["laws"]))
+    if issubclass(cls, AbstractFriction):
+        return _law(cls, fields)
     if cls is Run:
         fields = {
             k: {n: jnp.asarray(x) for n, x in v.items()} if k == "fixed" else jnp.asarray(v) for k, v in fields.items()
@@ -134,6 +137,17 @@ def _module(cls: type, fields: dict[str, Any]) -> Any:
         # As arrays its numbers are traced, as they were in the fit, and a second prediction compiles nothing.
         fields = jax.tree.map(lambda value: jnp.asarray(value) if isinstance(value, float) else value, fields)
     return cls(**fields)
+
+
+def _law(cls: type[AbstractFriction], fields: dict[str, Any]) -> AbstractFriction:
+    """A law with these coefficients, unchecked: a fit may end where its user would not be let begin."""
+    law = object.__new__(cls)
+    for field in dataclasses.fields(cls):
+        value = fields[field.name]
+        listed = tuple(value) if isinstance(value, list) else value
+        known = listed if field.metadata.get("static") else jax.tree.map(lambda v: np.asarray(v, float), listed)
+        object.__setattr__(law, field.name, known)
+    return law
 
 
 def _scalar(value: Any) -> Any:

@@ -6,20 +6,12 @@ from typing import ClassVar
 import equinox as eqx
 import jax.numpy as jnp
 
-from .base import AbstractSetValued, Scalar, Values, scalar
-from .coefficient import MU, MU_S, V_STRIBECK, Coefficient, check_order, positive
+from .base import Scalar, Values, scalar
+from .coefficient import MU, MU_S, V_STRIBECK, Coefficient, positive
+from .falling import AbstractFalling
 
 
-def stribeck_decay(speed: Values, v_stribeck: Scalar, exponent: Scalar) -> Values:
-    """``exp(-(speed/v_stribeck)^exponent)``, with finite derivatives from zero to infinite speed."""
-    ratio = speed / v_stribeck
-    # At either end the power rule multiplies zero by infinity, and the limits are known.
-    regular = (ratio > 0) & (ratio < 1e20)
-    power = jnp.exp(exponent * jnp.log(jnp.where(regular, ratio, 1.0)))
-    return jnp.where(regular, jnp.exp(-power), jnp.where(ratio > 0, 0.0, 1.0))
-
-
-class Stribeck(AbstractSetValued):
+class Stribeck(AbstractFalling):
     """``F = N [mu + (mu_s - mu) exp(-|v/v_stribeck|^exponent)] sgn(v)``, set-valued at rest up to ``mu_s N``.
 
     Attributes:
@@ -46,19 +38,9 @@ class Stribeck(AbstractSetValued):
     v_stribeck: Scalar = eqx.field(converter=scalar, default=1e-3)
     exponent: Scalar = eqx.field(converter=scalar, default=2.0)
 
-    def __check_init__(self) -> None:
-        check_order(self, "mu", "mu_s")
-
-    def sliding_force(self, speed: Values, load: Scalar) -> Values:
-        static = self.mu if self.mu_s is None else self.mu_s
-        decay = stribeck_decay(speed, self.v_stribeck, self.exponent)
-        return load * (self.mu + (static - self.mu) * decay)
-
-    def static_force(self, load: Scalar) -> Scalar:
-        return (self.mu if self.mu_s is None else self.mu_s) * load
-
-    def dynamic_force(self, load: Scalar) -> Scalar:
-        return self.mu * load
-
-    def velocity_scale(self) -> Scalar:
-        return self.v_stribeck
+    def remaining(self, speed: Values) -> Values:
+        ratio = speed / self.v_stribeck
+        # At either end the power rule multiplies zero by infinity, and the limits are known.
+        regular = (ratio > 0) & (ratio < 1e20)
+        power = jnp.exp(self.exponent * jnp.log(jnp.where(regular, ratio, 1.0)))
+        return jnp.where(regular, jnp.exp(-power), jnp.where(ratio > 0, 0.0, 1.0))

@@ -82,9 +82,9 @@ class Pendulum(AbstractRestoring):
 
 
 class Structural(AbstractRestoring):
-    """A linear spring whose material loses energy at any speed, ``k x + eta_h k |x| sgn(v)`` (Reid, 1956).
+    """A linear spring whose material loses energy at any speed: ``k x + eta_h k |x| sgn(v)`` (Reid, 1956).
 
-    The stiffness is ``k (1 + eta_h)`` on the way out and ``k (1 - eta_h)`` on the way in, so that without any other loss
+    The stiffness is ``k (1 + eta_h)`` on the way out and ``k (1 - eta_h)`` on the way in, so that without other losses
     successive turning points have the ratio ``sqrt((1 - eta_h)/(1 + eta_h))``: a constant logarithmic decrement, which
     in a decay at one frequency cannot be told from viscous damping. The loss factor is ``2 eta_h/pi``.
 

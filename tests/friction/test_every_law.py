@@ -1,0 +1,97 @@
+"""What every law must do in a motion: move, be differentiated, lose energy, be vectorised, be stored, be catalogued."""
+
+import functools
+import json
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from fricjax.cli.models import describe
+from fricjax.fitting import store
+from fricjax.friction import AbstractFriction, Sum
+from fricjax.oscillator import Oscillator, energy, is_successful, simulate
+from tests.cases.case import LOAD
+from tests.helpers import LAWS
+
+TS = np.linspace(0.0, 0.12, 241)
+STARTS = jnp.asarray([2e-3, -1.3e-3])
+H = 1e-5
+
+pytestmark = pytest.mark.slow
+
+
+@eqx.filter_jit
+def look(law: AbstractFriction, along: AbstractFriction):
+    """Motions from all starts, their energies, and their derivatives along a direction of the coefficients."""
+
+    def moved(law: AbstractFriction, x0):
+        machine = Oscillator(0.41068, 2574.0, 0.17557, LOAD, law)
+        motion = simulate(machine, x0, TS)
+        return motion, energy(machine, motion)
+
+    def one(x0):
+        (motion, energies), (slope, _) = eqx.filter_jvp(moved, (law, x0), (along, jnp.zeros_like(x0)))
+        return motion, energies, slope.x
+
+    return jax.vmap(one)(STARTS)
+
+
+@functools.cache
+def looked(name: str):
+    law = jax.tree.map(jnp.asarray, LAWS[name].law)
+    return look(law, law)
+
+
+@pytest.mark.parametrize("name", LAWS)
+def test_it_moves_for_several_starts_at_once(name: str):
+    motion, _, _ = looked(name)
+    assert bool(jnp.all(is_successful(motion.result)))
+    x = np.asarray(motion.x)
+    assert np.all(np.isfinite(x))
+    np.testing.assert_allclose(x[:, 0], STARTS, atol=1e-12)
+    assert np.all(np.abs(x) <= np.abs(STARTS)[:, None] * (1 + 1e-9))
+    assert np.all(np.min(x * np.sign(STARTS)[:, None], axis=1) < 0)
+
+
+@pytest.mark.parametrize("name", LAWS)
+def test_its_derivative_along_all_coefficients_is_the_difference(name: str):
+    law = jax.tree.map(jnp.asarray, LAWS[name].law)
+    ends = [look(jax.tree.map(lambda c, s=s: c * (1 + s * H), law), law)[0].x for s in (1, -1)]
+    expected = (np.asarray(ends[0]) - np.asarray(ends[1])) / (2 * H)
+    size = np.max(np.abs(expected))
+    np.testing.assert_allclose(looked(name)[2], expected, atol=2e-3 * size)
+
+
+@pytest.mark.parametrize("name", LAWS)
+def test_energy_is_only_lost(name: str):
+    _, found, _ = looked(name)
+    case = LAWS[name]
+    total = np.asarray(found.total)
+    load, x0 = jnp.asarray(LOAD), STARTS[0]
+    pulled = case.law.pulled_state(jnp.sign(x0), load)
+    stored = case.static * float(jnp.sum(jnp.abs(pulled)) if case.law.n_states else 0.0)
+    if case.passive:
+        assert np.all(total <= total[:, :1] + stored + 1e-12)
+        assert np.all(total[:, -1] < 0.99 * total[:, 0])
+    lost = np.trapezoid(np.asarray(found.loss_power), TS, axis=1)
+    np.testing.assert_allclose(lost, total[:, 0] - total[:, -1], rtol=3e-2)
+
+
+@pytest.mark.parametrize("name", LAWS)
+def test_it_is_stored_and_restored(name: str):
+    law = LAWS[name].law
+    back = store._object(json.loads(json.dumps(store._plain(law))))
+    assert jax.tree.structure(back) == jax.tree.structure(law)
+    assert jax.tree.leaves(back) == jax.tree.leaves(law)
+
+
+@pytest.mark.parametrize("name", LAWS)
+def test_it_is_in_the_catalogue(name: str):
+    law = LAWS[name].law
+    for part in law.laws if isinstance(law, Sum) else (law,):
+        entry = describe(type(part).__name__.lower(), type(part))
+        assert [c["name"] for c in entry["coefficients"]] == list(part.coefficients)
+        assert entry["about"] and entry["source"] and entry["identifies"]
