@@ -25,6 +25,8 @@ from .options import Bench, Machine
 
 # Where a law asks for a coefficient that nobody gave, a fit begins here; mu and windage are then found from the decay.
 _STARTS = {"mu": 0.01, "v_s": 1e-4, "windage": 0.0}
+# The same for what bends before it slides, where it is free: the record then tells where to begin.
+_CONTACT = {"sigma0": 1e6, "length": 1e-5}
 
 
 def laws() -> dict[str, type[AbstractFriction]]:
@@ -111,7 +113,7 @@ def contenders(options: Bench, laws: Sequence[str], guess: list[str] | None = No
         others = set().union(*of_laws) - own
         mine = {name: value for name, value in values.items() if name.rsplit(".", 1)[-1] not in others}
         falls = any(issubclass(kind, AbstractSetValued) and "v_stribeck" in kind.coefficients for kind in parts)
-        oscillator = assemble(rig, named, mine, {"mu_s"} if falls else ())
+        oscillator = assemble(rig, named, mine, {*({"mu_s"} if falls else ()), *(own & set(_CONTACT))})
         free = ["mass" if name == "stiffness" and placeholder == "mass" else name for name in telling(oscillator)]
         choices.append(Choice(oscillator, calibrated, tuple(name for name in free if name not in fixed)))
     return choices
@@ -143,8 +145,9 @@ def assemble(
         complete: refuse coefficients without a value instead of starting somewhere.
     """
     kinds = [_law(word.strip().lower()) for word in named.split("+")]
-    made = [_instance(kind, i if len(kinds) > 1 else None, values, mentioned, complete) for i, kind in enumerate(kinds)]
+    places = [None] if len(kinds) == 1 else range(len(kinds))
     try:
+        made = [_instance(kind, i, values, mentioned, complete) for i, kind in zip(places, kinds, strict=True)]
         law = made[0] if len(made) == 1 else Sum(tuple(made))
     except ValueError as error:
         raise UsageError(str(error)) from error
@@ -231,14 +234,18 @@ def _instance(
             arguments[field.name] = given[0]
         elif required and complete:
             raise UsageError(f"{kind.__name__} friction needs {field.name}: give it with --fix {field.name}=...")
+        elif required and named and field.name in _CONTACT:
+            arguments[field.name] = _CONTACT[field.name]
         elif required and field.name not in _STARTS:
             raise UsageError(
                 f"{kind.__name__} friction needs {field.name}: give it with --fix or --free {field.name}=..."
             )
         elif required:
             arguments[field.name] = _STARTS[field.name]
-        elif named and field.default is None:
+        elif named and field.name == "mu_s":
             arguments[field.name] = 1.3 * arguments.get("mu", 1.0)
+        elif named and field.default is None:
+            raise UsageError(f"{field.name} is free: give its start value, as in --free {field.name}=...")
     _check_fall(kind, arguments)
     return kind(**arguments)
 

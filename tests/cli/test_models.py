@@ -38,3 +38,23 @@ def test_an_unknown_law_is_named_with_its_neighbour(fricjax):
     done = fricjax("models", "show", "lugr")
     assert done.code == 2
     assert "There is no friction law 'lugr'. Did you mean 'lugre'?" in done.err
+
+
+@pytest.mark.parametrize(
+    ("law", "given", "said"),
+    [
+        ("elastoplastic", "mu=0.1,sigma0=-3", "sigma0 of ElastoPlastic must be a positive number of N/m, got -3.0."),
+        ("stribeck", "mu=0.1,mu_s=0.05", "mu_s of Stribeck must be at least mu = 0.1, got 0.05."),
+        (
+            "stribeck",
+            "mu=0.1,mu_s=0.2,v_stribeck=0",
+            "v_stribeck of Stribeck must be a positive number of m/s, got 0.0.",
+        ),
+        ("makkar", "gamma1=0.1,gamma2=1,gamma3=2,gamma4=0.1,gamma5=10", "gamma2 of Makkar must be above gamma3"),
+    ],
+)
+def test_a_coefficient_out_of_its_bounds_is_one_sentence(fricjax, law, given, said):
+    words = ("--mass", "1", "--stiffness", "100", "--normal-force", "1", "--fix", f"damping=0,{given}")
+    done = fricjax("simulate", "--friction", law, *words, "--x0", "1e-3", "--rate", "1000", "--duration", "1")
+    assert done.code == 2
+    assert f"Error: {said}" in done.err.replace("\n", " ")

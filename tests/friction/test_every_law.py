@@ -19,6 +19,10 @@ from tests.helpers import LAWS
 TS = np.linspace(0.0, 0.12, 241)
 STARTS = jnp.asarray([2e-3, -1.3e-3])
 H = 1e-5
+# One case of each law: the variants of a law differ in numbers, and each law is compiled for itself.
+MOVING = list(
+    {type(case.law).__name__ + str(case.law.n_states): name for name, case in reversed(LAWS.items())}.values()
+)
 
 pytestmark = pytest.mark.slow
 
@@ -45,7 +49,7 @@ def looked(name: str):
     return look(law, law)
 
 
-@pytest.mark.parametrize("name", LAWS)
+@pytest.mark.parametrize("name", MOVING)
 def test_it_moves_for_several_starts_at_once(name: str):
     motion, _, _ = looked(name)
     assert bool(jnp.all(is_successful(motion.result)))
@@ -56,7 +60,7 @@ def test_it_moves_for_several_starts_at_once(name: str):
     assert np.all(np.min(x * np.sign(STARTS)[:, None], axis=1) < 0)
 
 
-@pytest.mark.parametrize("name", LAWS)
+@pytest.mark.parametrize("name", MOVING)
 def test_its_derivative_along_all_coefficients_is_the_difference(name: str):
     law = jax.tree.map(jnp.asarray, LAWS[name].law)
     ends = [look(jax.tree.map(lambda c, s=s: c * (1 + s * H), law), law)[0].x for s in (1, -1)]
@@ -65,7 +69,7 @@ def test_its_derivative_along_all_coefficients_is_the_difference(name: str):
     np.testing.assert_allclose(looked(name)[2], expected, atol=2e-3 * size)
 
 
-@pytest.mark.parametrize("name", LAWS)
+@pytest.mark.parametrize("name", MOVING)
 def test_energy_is_only_lost(name: str):
     _, found, _ = looked(name)
     case = LAWS[name]
