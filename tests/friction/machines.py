@@ -5,8 +5,8 @@ from collections.abc import Mapping
 import numpy as np
 
 import fricjax.friction as friction
+from experiments.laws.scipy_motion import Machine
 from fricjax.oscillator import Motion, Oscillator, simulate
-from tests.friction.scipy_laws import Machine
 
 ROLLING = Machine(0.41068, 2574.0, 0.17557, 1.89)  # seven strokes in 0.3 s, still far from rest
 SLIDING = Machine(0.41068, 2574.0, 0.17557, 9.66)  # five strokes, then rest with a ringing contact

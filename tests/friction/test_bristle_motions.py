@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 import fricjax.friction as friction
+from experiments.laws.scipy_laws import reference
 from fricjax.oscillator import Oscillator, simulate
 from tests.friction.machines import ROLLING, SLIDING, TENTH_OF_A_NANOMETRE, TS, X0, motion
-from tests.friction.scipy_laws import reference
 
 pytestmark = pytest.mark.slow
 _BRUSH = {"mu": 0.05, "mu_s": 0.065, "v_stribeck": 5e-3, "sigma0": 1e5, "sigma1": 284.0, "sigma2": 0.0}

@@ -5,9 +5,9 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from experiments.laws.scipy_slip import GMSContact, event_driven, maxwell_slip
 from fricjax.friction import GeneralisedMaxwellSlip
 from fricjax.oscillator import Oscillator, simulate
-from tests.friction.scipy_slip import GMSContact, event_driven, maxwell_slip
 from tests.oracles import coulomb_viscous
 
 M, K, C, N = 0.41068, 2574.0, 0.17557, 9.66

@@ -5,9 +5,9 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from experiments.laws.scipy_slip import LeuvenContact, event_driven
 from fricjax.friction import Leuven
 from fricjax.oscillator import Oscillator, simulate
-from tests.friction.scipy_slip import LeuvenContact, event_driven
 
 M, K, C, N = 0.41068, 2574.0, 0.17557, 9.66
 RIG = {"mass": M, "stiffness": K, "damping": C}

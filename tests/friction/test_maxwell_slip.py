@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 import fricjax as fj
+from experiments.laws.scipy_slip import maxwell_slip
 from fricjax.friction import Jenkins, MaxwellSlip
 from fricjax.oscillator import Oscillator, simulate
-from tests.friction.scipy_slip import maxwell_slip
 
 M, K, C = 0.41068, 2574.0, 0.17557
 RIG = {"mass": M, "stiffness": K, "damping": C}
