@@ -1,7 +1,8 @@
 """Shared ground of the tests: double precision, run-time shape checks of the traced folders, keys, measured files."""
 
+import gc
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import jax
@@ -22,6 +23,20 @@ settings.register_profile(
     "fricjax", deadline=None, max_examples=30, derandomize=True, suppress_health_check=[HealthCheck.too_slow]
 )
 settings.load_profile("fricjax")
+
+
+# Each compiled function maps memory, a process may have 65,530 mappings on Linux, and XLA crashes beyond that.
+_MAPPINGS = Path("/proc/self/maps")
+_MANY_MAPPINGS = 20_000
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _few_mappings() -> Iterator[None]:
+    """Compiled functions are let go at the end of a module once they hold many mappings of memory."""
+    yield
+    if _MAPPINGS.is_file() and _MAPPINGS.read_bytes().count(b"\n") > _MANY_MAPPINGS:
+        jax.clear_caches()
+        gc.collect()
 
 
 @pytest.fixture
