@@ -56,7 +56,7 @@ def test_without_a_stiffness_the_mass_is_known():
     [
         (["mu=0.1"], ["mu=0.2"], ["coulomb"], "mu is fixed and has a start value"),
         (["sigma7=1"], None, ["coulomb"], "no coefficient 'sigma7'"),
-        (None, None, ["coulomb", "dahl"], "Dahl friction needs sigma0"),
+        (None, None, ["coulomb", "ratestate"], "RateState friction needs a"),
         (None, None, ["coulomb", "strybeck"], "no friction law 'strybeck'. Did you mean 'stribeck'?"),
     ],
 )
