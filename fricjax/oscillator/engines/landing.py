@@ -20,6 +20,11 @@ from jaxtyping import Array
 _RAISE = 1e6
 
 
+def last_step(tolerance: Array) -> Array:
+    """A step across a switch that a controller with this tolerance accepts, in scaled time."""
+    return 0.3 * jnp.sqrt(tolerance / _RAISE)
+
+
 class Landing(diffrax.AbstractAdaptiveSolver, diffrax.AbstractWrappedSolver):
     """A solver with its error raised where a watched quantity changes sign.
 

@@ -22,8 +22,9 @@ from ..release import AbstractRelease
 from ..results import RESULTS
 from ..rosenbrock import Rodas5P
 from .base import AbstractEngine
+from .closing import Closing
 from .from_rest import FromRest
-from .landing import Landing
+from .landing import Landing, last_step
 from .nodes import Nodes
 from .turning import turning_points
 
@@ -176,7 +177,8 @@ class Smooth(AbstractEngine):
         # Over fifty half-cycles the errors of the steps add up to some thirty times the tolerance.
         tolerance = jnp.maximum(0.02 * self.accuracy / args[1].length, 1e-14)
         chosen = diffrax.PIDController(rtol=tolerance, atol=tolerance)
-        adaptive = FromRest(chosen) if args[0].friction.n_states else chosen
+        closing = Closing(chosen, last_step(tolerance))
+        adaptive = FromRest(closing) if args[0].friction.n_states else chosen
         return diffrax.diffeqsolve(
             diffrax.ODETerm(_field),
             _solver(args[0]),
