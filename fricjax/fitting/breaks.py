@@ -10,7 +10,6 @@ _LAYERS = 10.0
 _RELAXATIONS = 20.0
 _SHARE = 1e-3
 _SAMPLES = 2.5
-_RESTLESS = 5.0
 
 
 def condensed(window: Window, samples: Samples, oscillator: Oscillator) -> Samples:
@@ -19,13 +18,10 @@ def condensed(window: Window, samples: Samples, oscillator: Oscillator) -> Sampl
     Around the start and each reversal samples are kept as long as the law's force still changes: until the velocity
     has passed its own scale ten times, and the sliding distance the deflection of the bristles twenty times. Beyond
     that, what is not yet smooth has decayed to e^-20. Instants are known to a few samples or a thousandth of a
-    half-period. While a contact that holds the mass still rings or creeps, samples are kept as well.
+    half-period.
     """
     times, deflections = _standstills(window)
     margins = _known_to(window) + _settling(window, oscillator, deflections)
-    if oscillator.friction.n_states and window.segmentation.rest is not None:
-        begin, end = window.segmentation.rest, _quiet_from(window)
-        times, margins = np.append(times, (begin + end) / 2), np.append(margins, (end - begin) / 2)
     return condense(samples, times - window.origin, margins)
 
 
@@ -40,18 +36,6 @@ def _standstills(window: Window) -> tuple[np.ndarray, np.ndarray]:
         return times, deflections
     # The mass comes to the stop with the deflection of the reversal before it.
     return np.append(times, found.rest), np.append(deflections, deflections[-1])
-
-
-def _quiet_from(window: Window) -> float:
-    """Time from which on the record at rest stays within its noise of where it ends [s]."""
-    rest = float(window.segmentation.rest or 0.0)
-    t, x = np.asarray(window.trace.t), np.asarray(window.trace.x)
-    later = np.flatnonzero(window.used & (t >= rest))
-    if not later.size:
-        return rest
-    last = later[-max(later.size // 8, 1) :]
-    restless = later[np.abs(x[later] - np.median(x[last])) > _RESTLESS * window.sigma[later]]
-    return float(t[restless[-1]]) if restless.size else rest
 
 
 def _known_to(window: Window) -> float:

@@ -16,11 +16,10 @@ import jax.numpy as jnp
 import optimistix as optx
 from jaxtyping import Array, Float
 
-from .alike import for_each
 from .levenberg_marquardt import LevenbergMarquardt
 from .loss import AbstractLoss, Squares
 from .passes import DensePasses
-from .residual import Place, Residual
+from .residual import Residual
 
 ROUNDING = 1e-12
 FINE = 1e-3
@@ -138,15 +137,12 @@ def _ends(t: Array, moving: Array) -> tuple[Array, Array]:
 
 def _in_phase(residual: Residual, terrain: tuple[Terrain, ...], y: Array) -> list[Array]:
     """Per run the part of the moving window over which the start values keep the phase; `_EVERYTHING` where all do."""
-
-    def share_of(item: tuple[Place, Terrain]) -> Array:
-        place, part = item
-        run = place.run
-        error = jnp.abs(run.weight * (residual.course_of(y, place).read(run.t) - run.x))
-        lost = (run.weight > 0) & ~(error < part.tolerance)
+    parts = []
+    for i, (run, part) in enumerate(zip(residual.runs, terrain, strict=True)):
+        error = jnp.abs(run.weight * (residual.course(y, i).read(run.t) - run.x))
+        lost = (part.moving > 0) & ~(error < part.tolerance)
         begin, end = _ends(run.t, part.moving)
         first = jnp.min(jnp.where(lost, run.t, jnp.inf))
         share = jnp.clip((first - begin) / (end - begin), part.shortest, _MOVING)
-        return jnp.where(jnp.any(lost), share, _EVERYTHING)
-
-    return for_each(share_of, list(zip(residual.places, terrain, strict=True)))
+        parts.append(jnp.where(jnp.any(lost), share, _EVERYTHING))
+    return parts

@@ -76,9 +76,9 @@ def lengthened(residual: Residual, steps: int) -> Residual:
 
 
 def _padded(mesh: np.ndarray) -> np.ndarray:
-    """Cut steps until their number is a power of two or one and a half times one, so that campaigns share lengths."""
+    """Cut steps until their number is a power of two or a whole number of eighths of it."""
     steps = mesh.size - 1
-    unit = max(2 ** int(np.ceil(np.log2(steps))) // 4, 1)
+    unit = max(2 ** int(np.ceil(np.log2(steps))) // 8, 1)
     return _filled(mesh, -(-steps // unit) * unit)
 
 

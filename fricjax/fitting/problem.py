@@ -16,7 +16,7 @@ from .loss import AbstractLoss
 from .parameters import Request, free_parameters, parse_priors, parse_ties, shared_leaves
 from .residual import Residual, without_inputs
 from .rig_inputs import rig_inputs
-from .runs import condensed_run, level, terrain_of, whole_run
+from .runs import condensed_run, terrain_of, whole_run
 from .space import LINEAR, Parameter, ParameterSpace
 from .tuning import can_stop, engine_for
 from .window import Window, open_window
@@ -110,11 +110,10 @@ def posed_on(windows: tuple[Window, ...], request: Request) -> Problem:
     )
     residual = _residual(request, space, windows, parameters)
     condensed = _condensed(residual, windows)
-    rings = request.oscillator.friction.n_states > 0
     return Problem(
         residual=residual,
         condensed=condensed,
-        terrain=tuple(terrain_of(window, run, rings) for window, run in zip(windows, condensed.runs, strict=True)),
+        terrain=tuple(terrain_of(window, run) for window, run in zip(windows, condensed.runs, strict=True)),
         limits=_limits(space, parameters),
         loss=request.loss,
         parameters=parameters,
@@ -153,7 +152,7 @@ def _residual(
 def _condensed(residual: Residual, windows: Sequence[Window]) -> Residual:
     """The residual of the condensed records, without the inputs of the rig."""
     pairs = zip(windows, residual.runs, strict=True)
-    runs = level(condensed_run(*pair, residual.oscillator) for pair in pairs)
+    runs = tuple(condensed_run(*pair, residual.oscillator) for pair in pairs)
     return eqx.tree_at(lambda r: r.runs, without_inputs(residual), runs)
 
 

@@ -12,7 +12,6 @@ from jaxtyping import Array, Float
 from ..oscillator import Motion, Oscillator, starting_state
 from ..oscillator.engines import AbstractEngine, AbstractPath
 from ..oscillator.motion import Start
-from .alike import for_each
 from .space import ParameterSpace
 
 
@@ -33,17 +32,6 @@ class Run(eqx.Module):
     weight: Any
     half_cycles: Any
     fixed: dict[str, Any]
-
-
-class Place(eqx.Module):
-    """A run, and the positions of its own free parameters among all of them, by name."""
-
-    run: Run
-    positions: dict[str, Any]
-
-    def own(self, values: Float[Array | np.ndarray, " p"]) -> dict[str, Any]:
-        """State and offset of the run, free or fixed, by name."""
-        return {**self.run.fixed, **{name: values[position] for name, position in self.positions.items()}}
 
 
 class Course(eqx.Module):
@@ -90,10 +78,8 @@ class Residual(eqx.Module):
         return self.prior_mean.shape[0]
 
     def __call__(self, y: Float[Array, " coordinates"], args: None = None) -> Float[Array, " residuals"]:
-        def part(place: Place) -> Array:
-            return place.run.weight * (self.course_of(y, place).read(place.run.t) - place.run.x)
-
-        return jnp.concatenate([*for_each(part, self.places), self.priors(y)])
+        parts = [run.weight * (self.course(y, i).read(run.t) - run.x) for i, run in enumerate(self.runs)]
+        return jnp.concatenate([*parts, self.priors(y)])
 
     def priors(self, y: Float[Array, " coordinates"]) -> Float[Array, " p"]:
         """Distance of the values to the means of their priors, in standard deviations."""
@@ -110,27 +96,18 @@ class Residual(eqx.Module):
         moved = jax.tree.unflatten(structure, [leaf + shift[i] for i, leaf in enumerate(leaves)])
         return self.space.oscillator(moved, self.values(y))
 
-    @property
-    def places(self) -> list[Place]:
-        """The runs and where their own parameters are."""
-        return [Place(run, self.space.positions(i)) for i, run in enumerate(self.runs)]
-
     def own(self, y: Float[Array, " coordinates"], run: int) -> dict[str, Array]:
         """State and offset of one run, free or fixed, by name."""
         return self.own_at(self.values(y), run)
 
     def own_at(self, values: Float[Array | np.ndarray, " p"], run: int) -> dict[str, Array]:
         """The same from the values of the parameters."""
-        return self.places[run].own(values)
+        return {**self.runs[run].fixed, **self.space.run_values(values, run)}
 
     def course(self, y: Float[Array, " coordinates"], run: int) -> Course:
         """Computed motion of one run."""
-        return self.course_of(y, self.places[run])
-
-    def course_of(self, y: Float[Array, " coordinates"], place: Place) -> Course:
-        """Computed motion of the run of a place."""
-        at, machine = place.own(self.values(y)), self.machine(y)
-        path = self.engine.path(machine, start_of(machine, at), place.run.half_cycles)
+        at, machine = self.own(y, run), self.machine(y)
+        path = self.engine.path(machine, start_of(machine, at), self.runs[run].half_cycles)
         return Course(path, at["t_release"], at["offset"], at["drift"])
 
 

@@ -1,6 +1,5 @@
 """A record as the residual sees it: whole, condensed, and with what its windows need to know."""
 
-from collections.abc import Iterable
 from typing import Any
 
 import equinox as eqx
@@ -42,27 +41,18 @@ def filled_to(
     n: int, runs: tuple[Run, ...], terrain: tuple[Terrain, ...]
 ) -> tuple[tuple[Run, ...], tuple[Terrain, ...]]:
     """Condensed runs and their terrain with samples without weight added to each, up to `n` of them."""
+
+    def longer(values: np.ndarray, end: Any = 0.0) -> np.ndarray:
+        filled = np.full(n, end)
+        filled[: values.size] = values
+        return filled
+
     return (
-        tuple(_longer_run(run, n) for run in runs),
-        tuple(Terrain(_longer(part.moving, n), _longer(part.tolerance, n), part.shortest) for part in terrain),
+        tuple(
+            Run(longer(run.t, run.t[-1]), longer(run.x), longer(run.weight), run.half_cycles, run.fixed) for run in runs
+        ),
+        tuple(Terrain(longer(part.moving), longer(part.tolerance), part.shortest) for part in terrain),
     )
-
-
-def level(runs: Iterable[Run]) -> tuple[Run, ...]:
-    """Condensed runs with samples without weight added, so that all are as long as the longest."""
-    runs = tuple(runs)
-    longest = max(run.t.size for run in runs)
-    return tuple(_longer_run(run, longest) for run in runs)
-
-
-def _longer_run(run: Run, n: int) -> Run:
-    return Run(_longer(run.t, n, run.t[-1]), _longer(run.x, n), _longer(run.weight, n), run.half_cycles, run.fixed)
-
-
-def _longer(values: np.ndarray, n: int, end: Any = 0.0) -> np.ndarray:
-    filled = np.full(n, end)
-    filled[: values.size] = values
-    return filled
 
 
 def _filled(samples: Samples, parts: int) -> Samples:
@@ -77,12 +67,8 @@ def _filled(samples: Samples, parts: int) -> Samples:
     return Samples(t, x, np.pad(samples.weight, (0, missing)))
 
 
-def terrain_of(window: Window, run: Run, rings: bool) -> Terrain:
-    """Weights of a run without its rest, and how far from the record its motion may be to count as in phase.
-
-    Where the contact rings at rest, no start value counts as in phase there: only the moving part tells the contact
-    well enough to follow the ringing.
-    """
+def terrain_of(window: Window, run: Run) -> Terrain:
+    """Weights of a run without its rest, and how far from the record its motion may be to count as in phase."""
     found, t = window.segmentation, np.asarray(run.t)
     rest = np.inf if found.rest is None else found.rest - window.origin
     moving = np.where(t <= rest, run.weight, 0.0)
@@ -91,7 +77,5 @@ def terrain_of(window: Window, run: Run, rings: bool) -> Terrain:
         swing = np.abs(found.turning_points - window.guesses["offset"])
         local = np.interp(t, found.turning_times - window.origin, swing)
     tolerance = _IN_PHASE * run.weight * np.maximum(local, _SMALLEST * found.amplitude)
-    at_rest = 0.0 if rings else np.inf
     span = np.ptp(t[moving > 0])
-    shortest = np.asarray(_SHORTEST * found.half_period / span)
-    return Terrain(moving, np.where(t <= rest, tolerance, at_rest), shortest)
+    return Terrain(moving, tolerance, np.asarray(_SHORTEST * found.half_period / span))

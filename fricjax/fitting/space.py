@@ -106,11 +106,7 @@ class ParameterSpace(eqx.Module):
             leaves[tie.leaf] = tie.factor * values[tie.parameter]
         return jax.tree.unflatten(structure, leaves)
 
-    def positions(self, run: int) -> dict[str, int]:
-        """Where the own parameters of one run are among all values, by name."""
-        first = len(self.leaves) + sum(len(names) for names in self.nuisances[:run])
-        return {name: first + i for i, name in enumerate(self.nuisances[run])}
-
     def run_values(self, values: Float[Array | np.ndarray, " p"], run: int) -> dict[str, Array]:
         """The own parameters of one run by name."""
-        return {name: values[position] for name, position in self.positions(run).items()}
+        first = len(self.leaves) + sum(len(names) for names in self.nuisances[:run])
+        return {name: values[first + i] for i, name in enumerate(self.nuisances[run])}

@@ -12,10 +12,9 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from .alike import for_each
 from .loss import AbstractLoss
 from .passes import gather, residual_and_jacobian
-from .residual import Course, Place, Residual
+from .residual import Course, Residual
 
 CHUNK = 16384
 
@@ -39,7 +38,7 @@ class Survey(NamedTuple):
 @eqx.filter_jit
 def survey(residual: Residual, y: Float[Array, " coordinates"], loss: AbstractLoss) -> Survey:
     """Residual, gradient and normal matrix at coordinates `y`, from every sample."""
-    parts = for_each(lambda place: _run(residual, y, place, loss), residual.places)
+    parts = [_run(residual, y, i, loss) for i in range(len(residual.runs))]
     priors, slopes = residual_and_jacobian(residual.priors, y)
     parts.append(Survey(priors, priors @ priors, slopes.T @ priors, slopes.T @ slopes))
     joined = jnp.concatenate([part.residual for part in parts])
@@ -47,8 +46,8 @@ def survey(residual: Residual, y: Float[Array, " coordinates"], loss: AbstractLo
     return Survey(joined, *sums)
 
 
-def _run(residual: Residual, y: Array, place: Place, loss: AbstractLoss) -> Survey:
-    data = place.run
+def _run(residual: Residual, y: Array, run: int, loss: AbstractLoss) -> Survey:
+    data = residual.runs[run]
     n = data.t.shape[0]
     pieces = -(-n // CHUNK)
     size = -(-n // pieces)
@@ -59,7 +58,7 @@ def _run(residual: Residual, y: Array, place: Place, loss: AbstractLoss) -> Surv
     )
 
     def course(at: Array) -> tuple[Course, tuple[Course, Course]]:
-        moving, fixed = eqx.partition(residual.course_of(at, place), eqx.is_inexact_array)
+        moving, fixed = eqx.partition(residual.course(at, run), eqx.is_inexact_array)
         return moving, (moving, fixed)
 
     tangents, (moving, fixed) = jax.jacfwd(course, has_aux=True)(y)

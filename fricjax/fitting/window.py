@@ -81,7 +81,8 @@ def open_window(
     """
     trace, quantity = (data.trace, data.quantity) if isinstance(data, Record) else (data, "m")
     t, x, mask = (np.asarray(a) for a in (trace.t, trace.x, trace.mask))
-    found = without_ringing(segment(t, x, sigma=trace.sigma, mask=mask))
+    found = segment(t, x, sigma=trace.sigma, mask=mask)
+    found = without_ringing(found) if keeps_memory else found
     mode, t_start, t_first = _start(data, start, found, t)
     if mode == "first_reversal" and keeps_memory:
         mode, t_start = "seconds", t_first - found.half_period / 2

@@ -9,10 +9,7 @@ from scipy.optimize import least_squares
 
 from fricjax import Oscillator, Trace, compare, fit
 from fricjax.data.errors import DataError, UsageError
-from fricjax.fitting.alike import for_each
 from fricjax.fitting.candidates import telling
-from fricjax.fitting.parameters import Request
-from fricjax.fitting.problem import pose
 from fricjax.friction import Coulomb, Dahl, LuGre, Stribeck, Tanh, Windage
 from tests.fitting.runs import STIFFNESS, coulomb_run
 from tests.fitting.test_whiteness import autoregressive
@@ -24,10 +21,6 @@ RUN = {"mu": MU, "rate": 2500, "samples": 1200, "noise": NOISE}
 # Damping known, damping free, and a damping that is held at a wrong value.
 FREE = (["mu", "stiffness"], ["mu", "damping", "stiffness"], ["mu", "stiffness"])
 NAMES = ("known", "free", "wrong")
-SETTINGS = {
-    **dict.fromkeys(("nuisance", "bounds", "priors", "tie", "rig", "guess")),
-    "engine": "auto", "start": "first_reversal", "loss": "squares",
-}  # fmt: skip
 
 
 def machine(law, damping=PROTOTYPE_DAMPING):
@@ -194,37 +187,6 @@ def test_all_laws_see_the_same_samples():
     (alone,) = candidates([RUNS[0]], laws[:1], None, None, {})
     assert isinstance(alone.windows, tuple)
     assert used[0].sum() < alone.windows[0].used.sum()
-
-
-def test_runs_of_one_shape_share_one_trace():
-    traced = []
-
-    def area(item):
-        traced.append(item)
-        return item["a"] * jnp.sum(item["b"])
-
-    alike = [{"a": 2.0, "b": np.ones(3)}, {"a": 3.0, "b": np.arange(3.0)}]
-    assert [float(value) for value in for_each(area, alike)] == [6.0, 9.0]
-    assert len(traced) == 1
-    other = {"a": 1.0, "b": np.ones(4)}
-    assert [float(value) for value in for_each(area, [*alike, other])] == [6.0, 9.0, 4.0]
-
-
-def test_a_contact_that_rings_keeps_its_samples():
-    t = np.arange(2400) / 4000
-    decay = coulomb_viscous(t, 0.7e-3, frequency=12.6, zeta=0.0027, dead_band=MU * LOAD / STIFFNESS)
-    rest = decay.stops[-1]
-    swing = np.where((t > rest) & (t < rest + 0.1), 2e-7 * np.sin(2 * np.pi * 110 * (t - rest)), 0.0)
-    record = Trace(t, np.asarray(decay.x) + swing, sigma=NOISE)
-    kept = {}
-    for law in (Coulomb(MU), Dahl(MU, 2e5)):
-        request = Request.of(machine(law), ("mu",), **SETTINGS)
-        run = pose([record], request).condensed.runs[0]
-        times = np.asarray(run.t)[np.asarray(run.weight) > 0] + pose([record], request).windows[0].origin
-        kept[type(law)] = np.sum((times > rest + 0.01) & (times < rest + 0.09))
-    # All of them for the law that rings, some nodes of a quadrature for the law that rests.
-    assert kept[Dahl] == 320
-    assert kept[Coulomb] < 40
 
 
 @pytest.mark.parametrize(
