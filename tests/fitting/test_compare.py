@@ -218,9 +218,10 @@ def test_falling_friction_is_told_from_constant_friction():
     from fricjax import synthetic_run
 
     true = machine(Stribeck(MU, 1.3 * MU, v_stribeck=5e-3))
-    run = synthetic_run(true, 1.9e-3, rate=2500.0, duration=0.48, noise=5e-9, seed=1)
+    run = synthetic_run(true, 1.9e-3, rate=2500.0, duration=0.62, noise=5e-9, seed=1)
     found = compare(run, [machine(Coulomb(MU)), machine(Stribeck(MU, 1.3 * MU, v_stribeck=4e-3))])
     assert found.ranking == ("Stribeck", "Coulomb")
     assert found.best.values["v_stribeck"] == pytest.approx(5e-3, abs=5 * found.best.std_errors["v_stribeck"])
     assert any(sentence.startswith("Falling friction") for sentence in found.fingerprints)
-    assert found.row("Stribeck").held_out < 2 < found.row("Coulomb").held_out
+    # What the first part leaves open of mu_s and v_stribeck is carried into the prediction of the last strokes.
+    assert found.row("Stribeck").held_out < 1e-2 * found.row("Coulomb").held_out
