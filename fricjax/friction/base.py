@@ -19,7 +19,7 @@ import numpy as np
 from equinox import AbstractClassVar, AbstractVar
 from jaxtyping import Array, Float
 
-from .coefficient import Coefficient, check_coefficients
+from .coefficient import Coefficient, check_coefficients, check_described
 
 if TYPE_CHECKING:
     type Scalar = Array
@@ -57,6 +57,7 @@ class AbstractFriction(eqx.Module):
 
     Raises:
         ValueError: a coefficient outside of its bounds; names it with its value and the bound.
+        TypeError: a number that `coefficients` does not describe.
     """
 
     coefficients: AbstractClassVar[Mapping[str, Coefficient]]
@@ -66,6 +67,7 @@ class AbstractFriction(eqx.Module):
     n_states: AbstractVar[int]
 
     def __check_init__(self) -> None:
+        check_described(self, self.coefficients)
         check_coefficients(self, self.coefficients, f" of {type(self).__name__}")
 
     @abc.abstractmethod

@@ -1,5 +1,6 @@
 """What a coefficient of a model is: its unit, its meaning, and the values that it can have."""
 
+import dataclasses
 import math
 from collections.abc import Mapping
 from typing import Any, NamedTuple
@@ -100,6 +101,20 @@ def check_coefficients(owner: Any, coefficients: Mapping[str, Coefficient], whos
 def _named(name: str, value: Any) -> list[tuple[str, Any]]:
     """A coefficient with its name, or each number of a list with its own, as in ``forces_3``."""
     return [(f"{name}_{i}", v) for i, v in enumerate(value)] if isinstance(value, tuple) else [(name, value)]
+
+
+def check_described(owner: Any, coefficients: Mapping[str, Coefficient]) -> None:
+    """Refuse a number among the fields of `owner` that is not among its coefficients.
+
+    Raises:
+        TypeError: names the field and what to add.
+    """
+    for field in dataclasses.fields(owner):
+        if field.name not in coefficients and is_known(getattr(owner, field.name)):
+            raise TypeError(
+                f"{type(owner).__name__} has the coefficient {field.name}, of which nothing is known: "
+                f"add Coefficient(unit, about) for it to `coefficients` of the class."
+            )
 
 
 def check_order(owner: Any, lesser: str, greater: str, *, strict: bool = False) -> None:

@@ -177,8 +177,8 @@ def test_friction_energy_rate_is_the_friction_force_times_speed(found):
 
 
 def test_every_closed_form_is_met(found):
-    """All but the one statistic and the samples' largest values, which the tests above judge."""
-    loose = ("spread", "largest loss rate", "over all time", "FER over speed")
+    """All but statistics of scattered releases and the samples' largest values, which the tests above judge."""
+    loose = ("spread", "by route 2", "largest loss rate", "over all time", "FER over speed")
     numbers = [n for rows in found.numbers.values() for n in rows if not any(word in n["quantity"] for word in loose)]
     assert len(numbers) > 90
     for n in numbers:

@@ -1,7 +1,7 @@
 """A model that is not finite, at the start, midway, or in its derivatives alone: each fit says so, none crashes."""
 
 import html
-from typing import Any
+from typing import Any, ClassVar
 
 import equinox as eqx
 import jax
@@ -14,6 +14,7 @@ from fricjax.data import UsageError
 from fricjax.fitting import FitError
 from fricjax.friction import Coulomb
 from fricjax.friction.base import Scalar, scalar
+from fricjax.friction.coefficient import MU
 from tests.fitting.runs import MACHINE, RIGS, STIFFNESS, coulomb_run, noisy, oscillator
 from tests.helpers import PROTOTYPE_DAMPING, PROTOTYPE_MASS
 
@@ -40,6 +41,7 @@ class Faulty(Coulomb):
 
     wall: Scalar = eqx.field(converter=scalar, default=0.0)
     rough: Scalar = eqx.field(converter=scalar, default=0.0)
+    coefficients: ClassVar = {**Coulomb.coefficients, "wall": MU, "rough": MU}
 
     def dynamic_force(self, load):
         return spoiled(self.mu, self.wall, self.rough) * load

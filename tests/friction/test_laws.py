@@ -10,6 +10,7 @@ import pytest
 
 import fricjax.friction as friction
 from fricjax.friction import AbstractFriction, Coulomb, LuGre, Stribeck, Tanh, Windage
+from fricjax.friction.base import Scalar, scalar
 from tests.cases.case import LOAD
 from tests.helpers import LAWS
 
@@ -70,6 +71,14 @@ def test_coefficients_are_leaves_with_units(case):
         names = {path[0].name for path, _ in jax.tree_util.tree_leaves_with_path(law)}
         assert names <= set(law.coefficients)
         assert all(leaf.dtype == np.float64 and leaf.shape == () for leaf in jax.tree.leaves(law))
+
+
+def test_a_law_of_ones_own_must_describe_its_coefficients():
+    class Sticky(Coulomb):
+        glue: Scalar = eqx.field(converter=scalar, default=0.0)
+
+    with pytest.raises(TypeError, match=r"Sticky has the coefficient glue.*add Coefficient\(unit, about\)"):
+        Sticky(0.1, None, 2.0)
 
 
 def test_derivatives_of_the_force_are_finite_from_rest_to_any_speed(case):
