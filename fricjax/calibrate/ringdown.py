@@ -11,6 +11,7 @@ import numpy as np
 
 from ..data import Record, Trace, segment
 from ..data.errors import UsageError, nearest
+from ..data.record import trace_of
 from ..fitting import Fit, fit
 from ..fitting.result import FitError
 from ..friction import Coulomb
@@ -123,7 +124,7 @@ def _fitted(record: Record | Trace, spring: AbstractRestoring, terms: Sequence[s
 
 def _stiffening(record: Record | Trace) -> dict[str, float]:
     """Start values of a cubic spring: the line ``w^2 = k + (3/4) k3 a^2`` through the half-cycles (Duffing, 1918)."""
-    trace = record.trace if isinstance(record, Record) else record
+    trace = trace_of(record)
     found = segment(trace.t, trace.x, trace.sigma, trace.mask)
     squares = (np.diff(found.turning_points) / 2) ** 2
     slope, stiffness = np.polyfit(squares, (np.pi / np.diff(found.turning_times)) ** 2, 1)

@@ -14,8 +14,8 @@ from ..calibrate.quantity import UNITS
 from ..data.errors import UsageError, nearest
 from ..fitting.candidates import telling
 from ..fitting.names import find_leaf
-from ..friction import AbstractFriction, Lorentzian, Stribeck, Sum
-from ..friction.base import AbstractSetValued
+from ..friction import AbstractFriction, Sum
+from ..friction.falling import AbstractFalling
 from ..oscillator import Oscillator
 from ..oscillator.engines import AbstractEngine
 from ..oscillator.leaves import leaves_of
@@ -38,6 +38,22 @@ def catalogue() -> dict[str, type[AbstractFriction]]:
     """All friction laws by their names in small letters, without their sums."""
     members: dict[str, Any] = {name.lower(): getattr(friction, name) for name in friction.__all__}
     return {name: law for name, law in members.items() if not inspect.isabstract(law) and law is not Sum}
+
+
+def find_law(name: str, known: Mapping[str, type[AbstractFriction]]) -> type[AbstractFriction]:
+    """The law of that name among those `known`.
+
+    Raises:
+        UsageError: no such law.
+    """
+    word = name.strip().lower()
+    if word not in known:
+        raise UsageError(f"There is no friction law '{name}'.{nearest(word, known)} Known are {', '.join(known)}.")
+    return known[word]
+
+
+def _summands(named: str) -> list[type[AbstractFriction]]:
+    return [find_law(word, laws()) for word in named.split("+")]
 
 
 def _has_lists(law: type[AbstractFriction]) -> bool:
@@ -106,13 +122,13 @@ def contenders(options: Bench, laws: Sequence[str], guess: list[str] | None = No
     values = {**fixed, **starts}
     rig, placeholder = _rig(options, values)
     calibrated = rig if options.rig or options.normal_force else None
-    kinds = [[_law(word.strip().lower()) for word in named.split("+")] for named in laws]
+    kinds = [_summands(named) for named in laws]
     of_laws = [{name for kind in parts for name in kind.coefficients} for parts in kinds]
     choices = []
     for named, parts, own in zip(laws, kinds, of_laws, strict=True):
         others = set().union(*of_laws) - own
         mine = {name: value for name, value in values.items() if name.rsplit(".", 1)[-1] not in others}
-        falls = any(issubclass(kind, AbstractSetValued) and "v_stribeck" in kind.coefficients for kind in parts)
+        falls = any(issubclass(kind, AbstractFalling) for kind in parts)
         oscillator = assemble(rig, named, mine, {*({"mu_s"} if falls else ()), *(own & set(_CONTACT))})
         free = ["mass" if name == "stiffness" and placeholder == "mass" else name for name in telling(oscillator)]
         choices.append(Choice(oscillator, calibrated, tuple(name for name in free if name not in fixed)))
@@ -144,7 +160,7 @@ def assemble(
         mentioned: further coefficients that must exist, such as a free mu_s.
         complete: refuse coefficients without a value instead of starting somewhere.
     """
-    kinds = [_law(word.strip().lower()) for word in named.split("+")]
+    kinds = _summands(named)
     places = [None] if len(kinds) == 1 else range(len(kinds))
     try:
         made = [_instance(kind, i, values, mentioned, complete) for i, kind in zip(places, kinds, strict=True)]
@@ -209,13 +225,6 @@ def _normalised(given: Mapping[str, Any]) -> Rig:
     return Rig(mass=1.0, stiffness=1.0, normal_force=1.0).replace(**given)
 
 
-def _law(word: str) -> type[AbstractFriction]:
-    known = laws()
-    if word not in known:
-        raise UsageError(f"There is no friction law '{word}'.{nearest(word, known)} Known are {', '.join(known)}.")
-    return known[word]
-
-
 def _instance(
     kind: type[AbstractFriction],
     index: int | None,
@@ -251,7 +260,7 @@ def _instance(
 
 
 def _check_fall(kind: type[AbstractFriction], arguments: Mapping[str, float]) -> None:
-    if kind in (Lorentzian, Stribeck) and "mu_s" not in arguments:
+    if issubclass(kind, AbstractFalling) and "mu_s" not in arguments:
         raise UsageError(
             f"{kind.__name__} friction without mu_s is Coulomb's law: give it with --fix mu_s=..., or free it with its "
             "start value, as in --free mu,mu_s=0.02,damping."

@@ -40,13 +40,10 @@ def show(
 ) -> None:
     """All of one law: equation, coefficients with bounds, source, engine, and what a decay tells of it."""
     prepare(output)
-    from ..data.errors import UsageError, nearest
-    from .machine import catalogue
+    from .machine import catalogue, find_law
 
-    known, asked = catalogue(), name.strip().lower()
-    if asked not in known:
-        raise UsageError(f"There is no friction law '{name}'.{nearest(asked, known)} Known are {', '.join(known)}.")
-    entry = describe(asked, known[asked])
+    law = find_law(name, catalogue())
+    entry = describe(law.__name__.lower(), law)
     finish(output, entry, _page(entry))
 
 

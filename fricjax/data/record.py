@@ -85,3 +85,8 @@ def _facts(record: Record) -> list[tuple[str, str]]:
         ("sigma", "not known" if trace.sigma is None else f"{float(np.median(np.asarray(trace.sigma))):.3g} {unit}"),
     ]
     return facts if record.release is None else [*facts, ("release", f"{record.release:.9g} s")]
+
+
+def trace_of(data: Record | Trace) -> Trace:
+    """The trace of a record; a trace itself."""
+    return data.trace if isinstance(data, Record) else data

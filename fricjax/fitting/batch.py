@@ -9,6 +9,7 @@ import numpy as np
 
 from ..data import Record, Trace
 from ..data.errors import DataError, UsageError
+from ..data.record import trace_of
 from ..oscillator import Oscillator, Smooth, require_x64
 from ..oscillator.engines import AbstractEngine
 from ..show.progress import progressing
@@ -131,7 +132,7 @@ def _per_run(guess: Mapping[str, Any], runs: int) -> list[dict[str, float]]:
 
 
 def _length(data: Any) -> int:
-    trace = data.trace if isinstance(data, Record) else data
+    trace = trace_of(data)
     return trace.n if isinstance(trace, Trace) else 0
 
 

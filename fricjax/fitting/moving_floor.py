@@ -13,6 +13,7 @@ import numpy as np
 
 from ..data import Record, Trace
 from ..data.errors import DataError, UsageError
+from ..data.record import trace_of
 from ..instrument import driven_motion
 from ..oscillator import Oscillator, simulate
 from .fit import fit
@@ -42,7 +43,7 @@ def fit_on_moving_floor(
         DataError: an acceleration that is not finite; as in :func:`fricjax.fit`.
         FitError: a fit that is not valid.
     """
-    trace = data.trace if isinstance(data, Record) else data
+    trace = trace_of(data)
     floor = _checked(base_acceleration, trace)
     found = fit(data, oscillator, free, **settings)
     for _ in range(_ROUNDS):

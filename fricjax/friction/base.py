@@ -195,3 +195,20 @@ class AbstractSmooth(AbstractMemoryless):
 
     def static_force(self, load: Scalar) -> Scalar:
         return jnp.zeros_like(load)
+
+
+class AbstractResistance(AbstractSmooth):
+    """What grows with the speed from zero, such as drag: a summand that neither holds nor stops the mass."""
+
+    def dynamic_force(self, load: Scalar) -> Scalar:
+        return jnp.zeros_like(load)
+
+    @property
+    def stiff(self) -> bool:
+        return False
+
+    def velocity_scale(self) -> Scalar:
+        return jnp.asarray(jnp.inf)
+
+    def sharp(self) -> "AbstractFriction":
+        return self

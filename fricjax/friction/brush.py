@@ -12,45 +12,30 @@ from typing import ClassVar
 import jax.numpy as jnp
 from equinox import AbstractVar
 
-from .base import AbstractBristle, Scalar, State, Values
-from .coefficient import MU_BRISTLE, MU_S, SIGMA0, SIGMA1, SIGMA2, V_STRIBECK, Coefficient, check_order, positive
+from .base import Scalar, State, Values
+from .coefficient import SIGMA0, SIGMA1, Coefficient, positive
+from .stribeck_curve import STRIBECK_CURVE, AbstractStribeckCurve
 
 BRUSH: Mapping[str, Coefficient] = {
-    "mu": MU_BRISTLE,
-    "mu_s": MU_S,
-    "v_stribeck": V_STRIBECK,
+    **STRIBECK_CURVE,
     "sigma0": SIGMA0,
     "sigma1": SIGMA1,
-    "sigma2": SIGMA2,
     "v_damping": positive("m/s", "speed over which the damping of the contact fades; none: it does not"),
 }
 
 
-class AbstractBrush(AbstractBristle):
+class AbstractBrush(AbstractStribeckCurve):
     """A brush; its final classes say which share of the bristles slips."""
 
-    mu: AbstractVar[Scalar]
-    mu_s: AbstractVar[Scalar | None]
-    v_stribeck: AbstractVar[Scalar]
     sigma0: AbstractVar[Scalar]
     sigma1: AbstractVar[Scalar]
-    sigma2: AbstractVar[Scalar]
     v_damping: AbstractVar[Scalar | None]
 
     n_states: ClassVar[int] = 1
 
-    def __check_init__(self) -> None:
-        check_order(self, "mu", "mu_s")
-
     @abc.abstractmethod
     def slipping(self, v: Scalar, state: State, load: Scalar) -> Values:
         """Share of the bristles that slip, between 0 and 1."""
-
-    def limit(self, speed: Values, load: Scalar) -> Values:
-        """Force of steady sliding without the viscous part [N]."""
-        if self.mu_s is None:
-            return self.mu * load
-        return load * (self.mu + (self.mu_s - self.mu) * jnp.exp(-((speed / self.v_stribeck) ** 2)))
 
     def contact_damping(self, v: Values) -> Values:
         """Damping sigma1(v) of the contact [N s/m]: ``sigma1 exp(-(v/v_damping)^2)``."""
@@ -69,18 +54,6 @@ class AbstractBrush(AbstractBristle):
 
     def state_scale(self, load: Scalar) -> State:
         return jnp.reshape(self.mu * load / self.sigma0, (1,))
-
-    def sliding_force(self, speed: Values, load: Scalar) -> Values:
-        return self.limit(speed, load) + self.sigma2 * speed
-
-    def static_force(self, load: Scalar) -> Scalar:
-        return (self.mu if self.mu_s is None else self.mu_s) * load
-
-    def dynamic_force(self, load: Scalar) -> Scalar:
-        return self.mu * load
-
-    def velocity_scale(self) -> Scalar:
-        return jnp.asarray(jnp.inf) if self.mu_s is None else self.v_stribeck
 
     def passive(self, load: float) -> bool:
         """Whether the coefficients guarantee that no path gives back more work than the bristles have stored.

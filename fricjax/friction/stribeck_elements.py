@@ -5,34 +5,27 @@ from collections.abc import Mapping
 import jax.numpy as jnp
 from equinox import AbstractVar
 
-from .base import AbstractBristle, Scalar, Values
-from .coefficient import MU_BRISTLE, MU_S, SIGMA2, V_STRIBECK, Coefficient, check_order, fraction, is_known, positive
+from .base import Scalar, Values
+from .coefficient import Coefficient, fraction, is_known, positive
+from .stribeck_curve import STRIBECK_CURVE, AbstractStribeckCurve
 
 STRIBECK_ELEMENTS: Mapping[str, Coefficient] = {
-    "mu": MU_BRISTLE,
-    "mu_s": MU_S,
-    "v_stribeck": V_STRIBECK,
+    **STRIBECK_CURVE,
     "stiffnesses": positive("N/m", "stiffness of an element"),
     "shares": fraction("share of an element in the force of steady sliding"),
-    "sigma2": SIGMA2,
 }
 
 
-class AbstractStribeckElements(AbstractBristle):
-    """Elements of which each carries its share of ``g(v) = N [mu + (mu_s - mu) exp(-(v/v_stribeck)^2)]``.
+class AbstractStribeckElements(AbstractStribeckCurve):
+    """Elements of which each carries its share of the Stribeck curve g.
 
     The shares sum to one, so that the last element has what the others leave.
     """
 
-    mu: AbstractVar[Scalar]
-    mu_s: AbstractVar[Scalar | None]
-    v_stribeck: AbstractVar[Scalar]
     stiffnesses: AbstractVar[tuple[Scalar, ...]]
     shares: AbstractVar[tuple[Scalar, ...]]
-    sigma2: AbstractVar[Scalar]
 
     def __check_init__(self) -> None:
-        check_order(self, "mu", "mu_s")
         name, expected = type(self).__name__, len(self.stiffnesses) - 1
         if len(self.shares) != expected or expected < 0:
             raise ValueError(
@@ -52,21 +45,3 @@ class AbstractStribeckElements(AbstractBristle):
         """Share of each element, the last one included, shape (elements,)."""
         first = jnp.asarray(self.shares, float)
         return jnp.append(first, 1 - jnp.sum(first))
-
-    def limit(self, speed: Values, load: Scalar) -> Values:
-        """Force of steady sliding without the viscous part [N]."""
-        if self.mu_s is None:
-            return self.mu * load * jnp.ones_like(speed)
-        return load * (self.mu + (self.mu_s - self.mu) * jnp.exp(-((speed / self.v_stribeck) ** 2)))
-
-    def sliding_force(self, speed: Values, load: Scalar) -> Values:
-        return self.limit(speed, load) + self.sigma2 * speed
-
-    def static_force(self, load: Scalar) -> Scalar:
-        return (self.mu if self.mu_s is None else self.mu_s) * load
-
-    def dynamic_force(self, load: Scalar) -> Scalar:
-        return self.mu * load
-
-    def velocity_scale(self) -> Scalar:
-        return jnp.asarray(jnp.inf) if self.mu_s is None else self.v_stribeck

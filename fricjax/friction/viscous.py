@@ -4,13 +4,12 @@ from collections.abc import Mapping
 from typing import ClassVar
 
 import equinox as eqx
-import jax.numpy as jnp
 
-from .base import AbstractSmooth, Scalar, State, Values, scalar
+from .base import AbstractResistance, Scalar, State, Values, scalar
 from .coefficient import SIGMA2, Coefficient
 
 
-class Viscous(AbstractSmooth):
+class Viscous(AbstractResistance):
     """``F = sigma2 v``, to be added to a contact law: ``Coulomb(0.01) + Viscous(2.0)``.
 
     The oscillator's own `damping` is the same force. Where the machine is calibrated without contact, its damping stays
@@ -34,16 +33,3 @@ class Viscous(AbstractSmooth):
 
     def sliding_force(self, speed: Values, load: Scalar) -> Values:
         return self.sigma2 * speed
-
-    def dynamic_force(self, load: Scalar) -> Scalar:
-        return jnp.zeros_like(load)
-
-    @property
-    def stiff(self) -> bool:
-        return False
-
-    def velocity_scale(self) -> Scalar:
-        return jnp.asarray(jnp.inf)
-
-    def sharp(self) -> "Viscous":
-        return self

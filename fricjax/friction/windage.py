@@ -6,11 +6,11 @@ from typing import ClassVar
 import equinox as eqx
 import jax.numpy as jnp
 
-from .base import AbstractSmooth, Scalar, State, Values, scalar
+from .base import AbstractResistance, Scalar, State, Values, scalar
 from .coefficient import Coefficient
 
 
-class Windage(AbstractSmooth):
+class Windage(AbstractResistance):
     """``F = windage v|v|``, to be added to a contact law: ``Coulomb(0.01) + Windage(7e-3)``.
 
     The oscillator's own `drag` is the same force; a model has one of the two.
@@ -30,16 +30,3 @@ class Windage(AbstractSmooth):
 
     def sliding_force(self, speed: Values, load: Scalar) -> Values:
         return self.windage * speed**2
-
-    def dynamic_force(self, load: Scalar) -> Scalar:
-        return jnp.zeros_like(load)
-
-    @property
-    def stiff(self) -> bool:
-        return False
-
-    def velocity_scale(self) -> Scalar:
-        return jnp.asarray(jnp.inf)
-
-    def sharp(self) -> "Windage":
-        return self

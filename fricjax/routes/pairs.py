@@ -13,6 +13,7 @@ import numpy as np
 
 from ..data import Record, Trace, segment
 from ..data.errors import DataError, UsageError, nearest
+from ..data.record import trace_of
 from ..data.table import read_table
 
 STARTS = ("first_reversal", "release")
@@ -55,7 +56,7 @@ def pairs_of(records: Sequence[Record | Trace], *, start: str = "first_reversal"
 
 
 def _pair(record: Record | Trace, start: str, number: int) -> tuple[float, float, int, float]:
-    trace = record.trace if isinstance(record, Record) else record
+    trace = trace_of(record)
     t, x, mask = (np.asarray(values) for values in (trace.t, trace.x, trace.mask))
     found = segment(t, x, sigma=trace.sigma, mask=mask)
     if found.rest is None or found.rest_position is None:

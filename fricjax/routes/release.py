@@ -11,6 +11,7 @@ import numpy as np
 
 from ..data import Record, Trace, segment
 from ..data.errors import DataError, UsageError
+from ..data.record import trace_of
 from ..fitting import Fit
 from ..instrument import driven_motion
 from ..oscillator import ExponentialRelease, Oscillator
@@ -74,7 +75,7 @@ def _released(machine: Oscillator, t: np.ndarray, log_decay: float, t_release: f
 
 def _first_stroke(data: Record | Trace, found: Fit) -> tuple[Any, ...]:
     """Times, displacements and noise before the first reversal, and the time of that reversal."""
-    trace = data.trace if isinstance(data, Record) else data
+    trace = trace_of(data)
     t, x, mask = (np.asarray(values) for values in (trace.t, trace.x, trace.mask))
     shape = segment(t, x, sigma=trace.sigma, mask=mask)
     if not shape.turning_times.size:

@@ -13,6 +13,7 @@ import numpy as np
 from ..calibrate import Rig
 from ..data import Record, Segmentation, Trace, segment
 from ..data.errors import DataError, UsageError
+from ..data.record import trace_of
 from ..data.reversals import window
 from ..friction import Coulomb
 from ..oscillator import Oscillator
@@ -118,7 +119,7 @@ def decay(record: Record | Trace, least: int = 2) -> Decay:
         UsageError: something else than a record or a trace.
         DataError: uneven sampling, no reversal, or fewer than `least` half-cycles after the first reversal.
     """
-    trace = record.trace if isinstance(record, Record) else record
+    trace = trace_of(record)
     if not isinstance(trace, Trace):
         raise UsageError(
             f"A record or trace is needed, got {type(trace).__name__}. Read a file with fricjax.read(path)."
