@@ -21,10 +21,12 @@ class AbstractRestoring(eqx.Module):
 
     Attributes:
         hysteretic: whether the spring resists motion besides; that force has a kink at the equilibrium.
+        stiffens: whether it may pull harder at some deflection than in proportion to it.
     """
 
     coefficients: AbstractClassVar[Mapping[str, Coefficient]]
     hysteretic: ClassVar[bool] = False
+    stiffens: ClassVar[bool] = False
 
     @abc.abstractmethod
     def force(self, x: Values, stiffness: Scalar) -> Values:
@@ -59,6 +61,7 @@ class Cubic(AbstractRestoring):
     """
 
     coefficients: ClassVar[Mapping[str, Coefficient]] = {"k3": Coefficient("N/m^3", "cubic coefficient of the spring")}
+    stiffens: ClassVar[bool] = True
 
     k3: Scalar = eqx.field(converter=scalar)
 

@@ -67,7 +67,6 @@ def simulate(
     """
     require_x64()
     times = _times(ts)
-    drive = Drive(None if base_acceleration is None else jnp.asarray(base_acceleration, float), release)
     driven = base_acceleration is not None or release is not None
     duration = None if isinstance(times, Tracer) else float(np.asarray(times)[-1])
     x, v = _number("x0", x0), _number("v0", v0)
@@ -77,7 +76,11 @@ def simulate(
     if driven and not isinstance(chosen, Smooth):
         raise ValueError("Floor motion and a decaying holding force need the smooth engine.")
     given = None if state0 is None else _floats(state0)
-    return _solve(chosen, oscillator, x, v, given, times, drive if driven else None)
+    return _solve(chosen, oscillator, x, v, given, times, _drive(base_acceleration, release) if driven else None)
+
+
+def _drive(base_acceleration: ArrayLike | None, release: AbstractRelease | None) -> Drive:
+    return Drive(None if base_acceleration is None else jnp.asarray(base_acceleration, float), release)
 
 
 def _floats(value: ArrayLike) -> Array | np.ndarray:

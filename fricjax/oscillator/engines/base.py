@@ -17,9 +17,10 @@ class AbstractEngine(eqx.Module):
     of the same shape compiles nothing.
     """
 
+    @staticmethod
     @abc.abstractmethod
-    def refusal(self, oscillator: Oscillator) -> str | None:
-        """Why this engine cannot integrate this oscillator, in a sentence; None where it can."""
+    def refusal(oscillator: Oscillator) -> str | None:
+        """Why such an engine cannot integrate this oscillator, in a sentence; None where it can."""
 
     @abc.abstractmethod
     def finer(self) -> "AbstractEngine":

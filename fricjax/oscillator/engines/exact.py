@@ -154,7 +154,8 @@ class Exact(AbstractEngine):
 
     max_half_cycles: int = eqx.field(static=True, default=512)
 
-    def refusal(self, oscillator: Oscillator) -> str | None:
+    @staticmethod
+    def refusal(oscillator: Oscillator) -> str | None:
         if not isinstance(oscillator.friction, AbstractConstant):
             return f"The exact engine knows Coulomb friction only, not {type(oscillator.friction).__name__}."
         if not isinstance(oscillator.restoring, Linear):

@@ -49,7 +49,8 @@ class Hybrid(AbstractEngine):
     span: Span | None = None
     amplitudes: int = eqx.field(static=True, default=12)
 
-    def refusal(self, oscillator: Oscillator) -> str | None:
+    @staticmethod
+    def refusal(oscillator: Oscillator) -> str | None:
         if oscillator.friction.n_states:
             return (
                 "The hybrid engine integrates laws without internal states, and "

@@ -92,7 +92,8 @@ class Smooth(AbstractEngine):
     max_steps: int = eqx.field(static=True, default=1_000_000)
     max_half_cycles: int = eqx.field(static=True, default=512)
 
-    def refusal(self, oscillator: Oscillator) -> str | None:
+    @staticmethod
+    def refusal(oscillator: Oscillator) -> str | None:
         if oscillator.friction.set_valued:
             return (
                 f"The smooth engine cannot integrate the jump of {type(oscillator.friction).__name__}. Use the exact "
