@@ -2,7 +2,8 @@
 
     python experiments/benchmarks/run.py [--quick] [--only NAME] [--json FILE] [--plot FILE] [--repeats N] [--warm]
 
-Needs the extra "peers" (numba, casadi). The whole takes about a quarter of an hour on two cores.
+Needs the extra "peers" (numba, casadi). The whole takes about an hour on two cores, most of it the peers' cold fits of
+archives; each workload is told on standard error as soon as it is measured.
 """
 
 import argparse
@@ -49,7 +50,9 @@ def measured(options: argparse.Namespace) -> dict[str, Any]:
         for workload in WORKLOADS[:-2]:
             if options.only in workload:
                 print(f"{workload} ...", file=sys.stderr, flush=True)
-                rows += compare(workload, scale, Path(folder))
+                made = compare(workload, scale, Path(folder))
+                print(report.ratios(made), file=sys.stderr, flush=True)
+                rows += made
         if options.only in "long":
             longs = long(scale, Path(folder))
     if options.only in "errors":
