@@ -10,6 +10,7 @@ right-hand sides for SciPy are plain Python numbers.
 import argparse
 import contextlib
 import json
+import math
 import signal
 import statistics
 import sys
@@ -112,14 +113,14 @@ def alarm(limit: float) -> Iterator[None]:
 
 
 def fastest(work: Workload, ts: np.ndarray, expected: np.ndarray, repeats: int) -> Peered:
-    """The fastest way of SciPy to 0.1 nm."""
+    """The fastest way of SciPy to 0.1 nm; the reference itself where none keeps to it in time."""
     best, solve = None, None
     for peer in work.peers:
         found = loosest(peer, ts, expected, best.seconds if best else PATIENCE)
         if found is not None and (best is None or found.seconds < best.seconds):
             best, solve = found, peer.solve
     if best is None or solve is None:
-        raise RuntimeError(f"None of {[peer.name for peer in work.peers]} keeps to {ERROR} nm.")
+        return Peered("reference", math.nan, 0.0, seconds(lambda: work.reference(ts), 1))
     return best._replace(seconds=seconds(lambda: solve(ts, best.rtol), repeats))
 
 

@@ -111,6 +111,11 @@ class AbstractFriction(eqx.Module):
         """Whether an explicit integration in time would have to take far smaller steps than the motion asks for."""
         return True
 
+    @property
+    def refinement(self) -> int:
+        """How many times finer a mesh over a half-cycle must be than for a force of continuous curvature."""
+        return 1
+
     def breakaway_force(self, load: Scalar) -> Scalar:
         """Largest force that holds the mass before its release, after it has stood [N]; no less than the static one."""
         return self.static_force(load)

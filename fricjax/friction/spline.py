@@ -128,8 +128,8 @@ class Spline(AbstractSpline):
 class MonotoneSpline(AbstractSpline):
     """As :class:`Spline`, but monotone between neighbouring speeds: its slopes are cut down where it would overshoot.
 
-    Where they are cut its curvature jumps, and a motion under it is computed less accurately, by up to a nanometre on
-    two millimetres; its derivatives with respect to the values jump where a cut begins.
+    Where they are cut its curvature jumps, so that a motion under it takes a mesh three times as fine; its derivatives
+    with respect to the values jump where a cut begins.
 
     Attributes:
         knots: speeds [m/s], increasing from zero.
@@ -147,6 +147,10 @@ class MonotoneSpline(AbstractSpline):
         # A cubic is monotone if its slopes at both ends are at most three times that of the line between them.
         lowest, highest = jnp.minimum(jnp.max(beside, axis=0), 0.0), jnp.maximum(jnp.min(beside, axis=0), 0.0)
         return jnp.clip(_smoothest(tuple(widths.tolist())) @ rises, 3 * lowest, 3 * highest)
+
+    @property
+    def refinement(self) -> int:
+        return 3
 
 
 @functools.cache

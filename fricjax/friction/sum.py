@@ -78,6 +78,10 @@ class Sum(AbstractFriction):
     def stiff(self) -> bool:
         return any(law.stiff for law in self.laws)
 
+    @property
+    def refinement(self) -> int:
+        return max(law.refinement for law in self.laws)
+
     def switches(self, v: Scalar, state: State, load: Scalar) -> Values:
         parts = zip(self.laws, self._split(state), strict=True)
         return jnp.concatenate([law.switches(v, part, load) for law, part in parts])

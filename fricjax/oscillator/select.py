@@ -39,7 +39,7 @@ def select_engine(
 
 
 def _named(name: str, oscillator: Oscillator, accuracy: float, max_half_cycles: int) -> AbstractEngine:
-    engines = _engines(accuracy, max_half_cycles)
+    engines = _engines(accuracy, max_half_cycles, oscillator.friction.refinement)
     if name in engines:
         return engines[name]
     if name != "auto":
@@ -51,10 +51,10 @@ def _named(name: str, oscillator: Oscillator, accuracy: float, max_half_cycles: 
 
 
 @functools.cache
-def _engines(accuracy: float, max_half_cycles: int) -> Mapping[str, AbstractEngine]:
+def _engines(accuracy: float, max_half_cycles: int, refinement: int) -> Mapping[str, AbstractEngine]:
     return {
         "exact": Exact(max_half_cycles),
-        "hybrid": Hybrid(nodes=nodes_for(accuracy), max_half_cycles=max_half_cycles),
+        "hybrid": Hybrid(nodes=nodes_for(accuracy) * refinement, max_half_cycles=max_half_cycles),
         "smooth": Smooth(accuracy=accuracy, max_half_cycles=max_half_cycles),
     }
 

@@ -1,6 +1,7 @@
 """Splines through free forces, against those of SciPy, and fitted to maps and motions of other laws."""
 
 import functools
+from collections.abc import Callable
 
 import jax
 import jax.numpy as jnp
@@ -121,10 +122,10 @@ def test_a_force_map_gives_the_curve(kind):
 
 
 @functools.cache
-def decay(samples: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def decay(samples: int, oracle: Callable = smoothest) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Times, and the motions under Stribeck's law and under the spline through FORCES."""
     t = np.arange(samples) * 0.3 / samples
-    curve = smoothest(FORCES)
+    curve = oracle(FORCES)
     laws = (stribeck, lambda u: LOAD * float(curve(stretched(u))))
     motions = [
         slide(Machine(PROTOTYPE_MASS, PROTOTYPE_DAMPING, lambda x: STIFFNESS * x, law, LOAD * 0.065), X0, 0.0, t).x
@@ -133,9 +134,10 @@ def decay(samples: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return t, motions[0], motions[1]
 
 
-def test_the_motion_is_that_of_an_ode_solver():
-    t, _, expected = decay(3000)
-    motion = simulate(machine(Spline(KNOTS, FORCES)), X0, t)
+@pytest.mark.parametrize(("kind", "oracle"), [(Spline, smoothest), (MonotoneSpline, monotone)])
+def test_the_motion_is_that_of_an_ode_solver(kind, oracle):
+    t, _, expected = decay(3000, oracle)
+    motion = simulate(machine(kind(KNOTS, FORCES)), X0, t)
     assert motion.engine == "hybrid"
     np.testing.assert_allclose(motion.x, expected, rtol=0, atol=1e-10)
 
