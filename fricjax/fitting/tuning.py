@@ -51,8 +51,7 @@ def _tuned(engine: AbstractEngine, machine: Oscillator, windows: Sequence[Window
     spans = [_swings(window) for window in windows]
     if any(swings.size < _FEW for swings in spans):
         return engine
-    leaps = machine.friction.set_valued
-    lowest = min(_lowest(swings, leaps and w.half_cycles == NEVER) for swings, w in zip(spans, windows, strict=True))
+    lowest = 0.8 * min(float(swings.min()) for swings in spans)
     highest = 1.1 * max(float(swings.max()) for swings in spans)
     excess = max(lowest - float(machine.dead_band), 0.1 * lowest)
     needed = _PER_E_FOLD * np.log(highest / excess)
@@ -68,14 +67,6 @@ def _swings(window: Window) -> np.ndarray:
     swings = np.abs(found.turning_points[later] - equilibrium(found))
     by_table = window.half_cycles - UNTABLED if window.half_cycles < NEVER else swings.size + 1
     return np.append(abs(window.guesses["x0"]), swings)[: max(by_table, 0)]
-
-
-def _lowest(swings: np.ndarray, leaps: bool) -> float:
-    """Deflection down to which a table is to reach; not to where the last stroke starts if its phase may leap there.
-
-    So it is in a record that ends in motion, whose last stroke a law with a jump may hardly let go.
-    """
-    return float(np.sqrt(np.prod(np.sort(swings)[:2])) if leaps else 0.8 * swings.min())
 
 
 def can_stop(request: Request) -> bool:

@@ -18,9 +18,6 @@ from ..oscillator import Oscillator
 from .frame import frame_at, is_resolved, motion_at, reference_force
 from .strokes import Rests, Standstill, Stroke, advance, integrate_phase
 
-# Lowest excess over the dead band in a table, as a part of the highest.
-_LEAST = 1e-2
-
 
 class Span(NamedTuple):
     """Range of turning points for which a table is made [m], as distances from the equilibrium."""
@@ -32,8 +29,7 @@ class Span(NamedTuple):
 class Table(NamedTuple):
     """Ratio of amplitude to its start, and phase of the undisturbed swing, at the nodes of the half-cycle.
 
-    Both as Chebyshev coefficients in the logarithmic amplitude, shape (degree + 1, nodes). Below the turning point
-    `lowest` [m] they extrapolate.
+    Both as Chebyshev coefficients in the logarithmic amplitude, shape (degree + 1, nodes).
     """
 
     theta: Array
@@ -41,7 +37,6 @@ class Table(NamedTuple):
     phase: Array | np.ndarray
     centre: Array
     reach: Array
-    lowest: Array
 
 
 def _chebyshev(count: int) -> tuple[np.ndarray, np.ndarray]:
@@ -71,9 +66,7 @@ def _place(oscillator: Oscillator, centre: Array, reach: Array, turning: Array) 
 def make_table(oscillator: Oscillator, span: Span, count: int, fractions: Float[Array, " nodes"]) -> Table:
     """Integrate `count` amplitudes side by side."""
     band = reference_force(oscillator) / oscillator.stiffness
-    # A law that is to be fitted may hold the mass where the record still moves.
-    lowest = jax.lax.stop_gradient(jnp.maximum(span.lowest, band + _LEAST * (span.highest - band)))
-    ends = jax.lax.stop_gradient(jnp.log(jnp.stack([lowest, span.highest]) - band))
+    ends = jax.lax.stop_gradient(jnp.log(jnp.stack([span.lowest, span.highest]) - band))
     centre, reach = (ends[0] + ends[1]) / 2, (ends[1] - ends[0]) / 2
     points, transform = _chebyshev(count)
     turning = band + jnp.exp(centre + reach * points)
@@ -82,7 +75,7 @@ def make_table(oscillator: Oscillator, span: Span, count: int, fractions: Float[
     theta = jnp.pi * fractions
     amplitudes, elapsed = integrate_phase(oscillator, frame, start, theta)
     ratio, phase = amplitudes / start, elapsed * frame.angular_frequency
-    return Table(theta, transform @ ratio.T, transform @ phase.T, centre, reach, lowest)
+    return Table(theta, transform @ ratio.T, transform @ phase.T, centre, reach)
 
 
 def strokes_from_table(

@@ -73,21 +73,17 @@ def by_table(
     half_cycles: Array,
     capacity: int,
 ) -> Course:
-    """The last half-cycles each for itself, those before them from the table; not carried from a start in motion.
-
-    The last ones are those before a stop and, in a record that ends in motion, those from turning points below the
-    table, where the phase of a set-valued law may leap.
-    """
+    """The last half-cycles each for itself, those before them from the table; not carried from a start in motion."""
     rests = rest_condition(oscillator, start, half_cycles)
     step = _stepper(oscillator, start, fractions, rests)
 
     def leaves_the_last(y: Array, count: Array) -> Array:
-        low = jnp.abs(y) < table.lowest if oscillator.friction.set_valued else False
-        return (count >= half_cycles - UNTABLED) | low
+        return count >= half_cycles - UNTABLED
 
     begin = _begin(start, leaves_the_last)._replace(carried=start.v0 == 0)
     reached, first = strokes_from_table(oscillator, table, begin, leaves_the_last, max(capacity - UNTABLED, 1))
-    over = ~reached.at_rest | (reached.count >= half_cycles)
+    # A record that ends in motion has no last half-cycles.
+    over = ~reached.carried | (reached.count >= half_cycles) | (half_cycles > capacity)
     end, last = jax.lax.scan(step, reached._replace(finished=over), jnp.arange(1, UNTABLED + 1))
     strokes, points = jax.tree.map(lambda *parts: jnp.concatenate(parts), first, last)
     return Course(strokes, points, end)
