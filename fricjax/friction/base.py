@@ -19,7 +19,7 @@ import numpy as np
 from equinox import AbstractClassVar, AbstractVar
 from jaxtyping import Array, Float
 
-from .coefficient import Coefficient, check_coefficients, check_described
+from .coefficient import Coefficient, check_coefficients
 
 if TYPE_CHECKING:
     type Scalar = Array
@@ -67,7 +67,6 @@ class AbstractFriction(eqx.Module):
     n_states: AbstractVar[int]
 
     def __check_init__(self) -> None:
-        check_described(self, self.coefficients)
         check_coefficients(self, self.coefficients, f" of {type(self).__name__}")
 
     @abc.abstractmethod
@@ -102,9 +101,9 @@ class AbstractFriction(eqx.Module):
     def velocity_scale(self) -> Scalar:
         """Speed over which the sliding force changes fast near rest [m/s]; inf for a law without such a range."""
 
-    @abc.abstractmethod
     def sharp(self) -> "AbstractFriction":
         """The set-valued law that a regularised one tends to; every other law returns itself."""
+        return self
 
     @property
     def stiff(self) -> bool:
@@ -167,9 +166,6 @@ class AbstractBristle(AbstractFriction):
 
     set_valued: ClassVar[bool] = False
 
-    def sharp(self) -> "AbstractFriction":
-        return self
-
 
 class AbstractSetValued(AbstractMemoryless):
     """A memoryless law with a jump at rest; its zero-velocity limit is at most its static force."""
@@ -178,9 +174,6 @@ class AbstractSetValued(AbstractMemoryless):
 
     def force(self, v: Values, state: State, load: Scalar) -> Values:
         return jnp.sign(v) * self.sliding_force(jnp.abs(v), load)
-
-    def sharp(self) -> "AbstractFriction":
-        return self
 
 
 class AbstractConstant(AbstractSetValued):
@@ -214,6 +207,3 @@ class AbstractResistance(AbstractSmooth):
 
     def velocity_scale(self) -> Scalar:
         return jnp.asarray(jnp.inf)
-
-    def sharp(self) -> "AbstractFriction":
-        return self

@@ -81,7 +81,9 @@ def is_known(*values: Any) -> bool:
 
 
 def check_coefficients(owner: Any, coefficients: Mapping[str, Coefficient], whose: str = "") -> None:
-    """Refuse coefficients outside of their bounds; those that are absent or traced are not looked at.
+    """Refuse coefficients outside of their bounds, and numbers of which nothing is known.
+
+    Those that are absent or traced are not looked at.
 
     Args:
         owner: what has the coefficients as attributes, each a number or a tuple of numbers.
@@ -90,7 +92,15 @@ def check_coefficients(owner: Any, coefficients: Mapping[str, Coefficient], whos
 
     Raises:
         ValueError: names the coefficient, its value and its bound.
+        TypeError: a number among the fields of `owner` without an entry; names it and what to add.
     """
+    for field in dataclasses.fields(owner):
+        numbers = [value for _, value in _named(field.name, getattr(owner, field.name))]
+        if field.name not in coefficients and any(is_known(value) for value in numbers):
+            raise TypeError(
+                f"{type(owner).__name__} has the coefficient {field.name}, of which nothing is known: "
+                "add Coefficient(unit, about) for it to `coefficients` of the class."
+            )
     for listed, coefficient in coefficients.items():
         for name, value in _named(listed, getattr(owner, listed)):
             if is_known(value) and not coefficient.admits(value):
@@ -101,20 +111,6 @@ def check_coefficients(owner: Any, coefficients: Mapping[str, Coefficient], whos
 def _named(name: str, value: Any) -> list[tuple[str, Any]]:
     """A coefficient with its name, or each number of a list with its own, as in ``forces_3``."""
     return [(f"{name}_{i}", v) for i, v in enumerate(value)] if isinstance(value, tuple) else [(name, value)]
-
-
-def check_described(owner: Any, coefficients: Mapping[str, Coefficient]) -> None:
-    """Refuse a number among the fields of `owner` that is not among its coefficients.
-
-    Raises:
-        TypeError: names the field and what to add.
-    """
-    for field in dataclasses.fields(owner):
-        if field.name not in coefficients and is_known(getattr(owner, field.name)):
-            raise TypeError(
-                f"{type(owner).__name__} has the coefficient {field.name}, of which nothing is known: "
-                f"add Coefficient(unit, about) for it to `coefficients` of the class."
-            )
 
 
 def check_order(owner: Any, lesser: str, greater: str, *, strict: bool = False) -> None:

@@ -28,6 +28,9 @@ class AbstractRestoring(eqx.Module):
     hysteretic: ClassVar[bool] = False
     stiffens: ClassVar[bool] = False
 
+    def __check_init__(self) -> None:
+        check_coefficients(self, self.coefficients, f" of {type(self).__name__}")
+
     @abc.abstractmethod
     def force(self, x: Values, stiffness: Scalar) -> Values:
         """Restoring force [N], positive where it pulls towards negative x."""
@@ -101,9 +104,6 @@ class Structural(AbstractRestoring):
     hysteretic: ClassVar[bool] = True
 
     eta_h: Scalar = eqx.field(converter=scalar)
-
-    def __check_init__(self) -> None:
-        check_coefficients(self, self.coefficients, " of Structural")
 
     def force(self, x: Values, stiffness: Scalar) -> Values:
         return stiffness * x

@@ -11,6 +11,7 @@ import pytest
 import fricjax.friction as friction
 from fricjax.friction import AbstractFriction, Coulomb, LuGre, Stribeck, Tanh, Windage
 from fricjax.friction.base import Scalar, scalar
+from fricjax.oscillator import restoring
 from tests.cases.case import LOAD
 from tests.helpers import LAWS
 
@@ -79,6 +80,12 @@ def test_a_law_of_ones_own_must_describe_its_coefficients():
 
     with pytest.raises(TypeError, match=r"Sticky has the coefficient glue.*add Coefficient\(unit, about\)"):
         Sticky(0.1, None, 2.0)
+
+    class Heavy(restoring.Linear):
+        added: Scalar = eqx.field(converter=scalar, default=0.0)
+
+    with pytest.raises(TypeError, match="Heavy has the coefficient added"):
+        Heavy(1.0)
 
 
 def test_derivatives_of_the_force_are_finite_from_rest_to_any_speed(case):

@@ -178,26 +178,32 @@ class Smooth(AbstractEngine):
         return x + early * (start.v0 + early * a0 / 2), v + early * a0, state, solution
 
     def _solve(self, y0: tuple, args: tuple, end: Array, saveat: diffrax.SaveAt, max_steps: int) -> Any:
-        # Over fifty half-cycles the errors of the steps add up to some thirty times the tolerance.
-        tolerance = jnp.maximum(0.02 * self.accuracy / args[1].length, 1e-14)
-        adaptive = diffrax.PIDController(rtol=tolerance, atol=tolerance)
-        first = None
-        if args[0].friction.n_states:
-            adaptive, first = Closing(adaptive, last_step(tolerance)), _FIRST_STEP
+        first, controller = self._stepping(args)
         return diffrax.diffeqsolve(
             diffrax.ODETerm(_field),
             _solver(args[0]),
             jnp.zeros(()),
             end,
-            first if self.mesh is None else None,
+            first,
             y0,
             args,
             saveat=saveat,
-            stepsize_controller=adaptive if self.mesh is None else diffrax.StepTo(self.mesh),
+            stepsize_controller=controller,
             adjoint=diffrax.ForwardMode(),
             max_steps=max_steps,
             throw=False,
         )
+
+    def _stepping(self, args: tuple) -> tuple[float | None, Any]:
+        """The first step, None for the solver's own choice, and what chooses the others."""
+        if self.mesh is not None:
+            return None, diffrax.StepTo(self.mesh)
+        # Over fifty half-cycles the errors of the steps add up to some thirty times the tolerance.
+        tolerance = jnp.maximum(0.02 * self.accuracy / args[1].length, 1e-14)
+        chosen = diffrax.PIDController(rtol=tolerance, atol=tolerance)
+        if not args[0].friction.n_states:
+            return None, chosen
+        return _FIRST_STEP, Closing(chosen, last_step(tolerance))
 
     def steps(self, oscillator: Oscillator, start: Start, duration: Array, capacity: int) -> Float[Array, " steps"]:
         """Ends of the steps that the error estimate chooses, in scaled time, inf beyond the last one."""
