@@ -15,6 +15,7 @@ from jaxtyping import Array
 from ..data.errors import UsageError
 from ..oscillator import Oscillator, Smooth
 from .residual import Residual, start_of
+from .sizes import rounded_up
 
 CAPACITY = 1 << 17
 _REACH = 1.05
@@ -77,9 +78,7 @@ def lengthened(residual: Residual, steps: int) -> Residual:
 
 def _padded(mesh: np.ndarray) -> np.ndarray:
     """Cut steps until their number is a power of two or a whole number of eighths of it."""
-    steps = mesh.size - 1
-    unit = max(2 ** int(np.ceil(np.log2(steps))) // 8, 1)
-    return _filled(mesh, -(-steps // unit) * unit)
+    return _filled(mesh, rounded_up(mesh.size - 1, 8))
 
 
 def _filled(mesh: np.ndarray, steps: int) -> np.ndarray:

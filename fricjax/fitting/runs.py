@@ -10,6 +10,7 @@ from .breaks import condensed
 from .climb import Terrain
 from .condense import Samples
 from .residual import Run
+from .sizes import rounded_up
 from .window import NEVER, Window
 
 _IN_PHASE, _SMALLEST, _SHORTEST = 0.5, 0.5, 4.0
@@ -60,9 +61,7 @@ def _filled(samples: Samples, parts: int) -> Samples:
 
     So records of similar length share one compilation.
     """
-    n = samples.t.size
-    unit = max(2 ** (n - 1).bit_length() // parts, 1)
-    missing = -n % unit
+    missing = rounded_up(samples.t.size, parts) - samples.t.size
     t, x = (np.pad(values, (0, missing), mode="edge") for values in (samples.t, samples.x))
     return Samples(t, x, np.pad(samples.weight, (0, missing)))
 

@@ -10,6 +10,7 @@ from ..oscillator import Exact, Hybrid, Oscillator, Smooth
 from ..oscillator.engines import UNTABLED, AbstractEngine, Span
 from ..oscillator.select import select_engine
 from .parameters import Request
+from .sizes import rounded_up
 from .window import NEVER, Window, equilibrium
 
 # The error of the smooth engine is some thirty times smaller than the accuracy that it is asked for.
@@ -28,7 +29,7 @@ def engine_for(request: Request, windows: Sequence[Window]) -> AbstractEngine:
     strokes = max(_strokes(window, can_stop(request)) for window in windows)
     name = "hybrid" if drag_free and request.engine == "auto" and machine.friction.set_valued else request.engine
     try:
-        engine = select_engine(name, machine, max_half_cycles=max(16, 2 ** int(np.ceil(np.log2(strokes + 2)))))
+        engine = select_engine(name, machine, max_half_cycles=max(16, rounded_up(strokes + 2, 8)))
     except ValueError as error:
         raise UsageError(str(error)) from error
     if drag_free and isinstance(engine, Exact):
@@ -51,9 +52,11 @@ def _tuned(engine: AbstractEngine, machine: Oscillator, windows: Sequence[Window
     spans = [_swings(window) for window in windows]
     if any(swings.size < _FEW for swings in spans):
         return engine
-    lowest = 0.8 * min(float(swings.min()) for swings in spans)
-    highest = 1.1 * max(float(swings.max()) for swings in spans)
-    excess = max(lowest - float(machine.dead_band), 0.1 * lowest)
+    least, highest = min(float(swings.min()) for swings in spans), 1.1 * max(float(swings.max()) for swings in spans)
+    band = float(machine.dead_band)
+    # Near the dead band, where the phase leaps, the margin is narrow.
+    lowest = least - 0.2 * max(least - band, 0.0)
+    excess = max(lowest - band, 0.1 * lowest)
     needed = _PER_E_FOLD * np.log(highest / excess)
     amplitudes = next((size for size in _SIZES if size >= needed), _SIZES[-1])
     span = Span(np.asarray(lowest), np.asarray(highest))

@@ -12,11 +12,15 @@ from typing import Any, NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array
 
 from ..oscillator import Oscillator
+from .collocation import Panels, collocate
 from .frame import frame_at, is_resolved, motion_at, reference_force
-from .strokes import Rests, Standstill, Stroke, advance, integrate_phase
+from .strokes import Rests, Standstill, Stroke, advance
+
+# Distance from the centre of a table to where it is left, over its reach.
+_OUTSIDE = 1.05
 
 
 class Span(NamedTuple):
@@ -57,13 +61,17 @@ def _polynomials(at: Array, count: int) -> Array:
 
 
 def _place(oscillator: Oscillator, centre: Array, reach: Array, turning: Array) -> Array:
-    """Place of a turning point in the table."""
+    """Place of a turning point in the table; all that lie well outside get the place of its end.
+
+    So trial values under which the motion decays too fast still give one, and beyond the end of a record the amplitudes
+    no longer matter, but must not end in a logarithm of zero.
+    """
     excess = turning - reference_force(oscillator) / oscillator.stiffness
-    # Beyond the end of a record the amplitudes no longer matter, but must not end in a logarithm of zero.
-    return (jnp.log(jnp.maximum(excess, jnp.exp(centre - 1.5 * reach))) - centre) / reach
+    ends = jnp.exp(centre - _OUTSIDE * reach), jnp.exp(centre + _OUTSIDE * reach)
+    return (jnp.log(jnp.clip(excess, *ends)) - centre) / reach
 
 
-def make_table(oscillator: Oscillator, span: Span, count: int, fractions: Float[Array, " nodes"]) -> Table:
+def make_table(oscillator: Oscillator, span: Span, count: int, panels: Panels) -> Table:
     """Integrate `count` amplitudes side by side."""
     band = reference_force(oscillator) / oscillator.stiffness
     ends = jax.lax.stop_gradient(jnp.log(jnp.stack([span.lowest, span.highest]) - band))
@@ -72,10 +80,9 @@ def make_table(oscillator: Oscillator, span: Span, count: int, fractions: Float[
     turning = band + jnp.exp(centre + reach * points)
     frame = frame_at(oscillator, jnp.ones(count), turning)
     start = turning - frame.dead_band
-    theta = jnp.pi * fractions
-    amplitudes, elapsed = integrate_phase(oscillator, frame, start, theta)
+    amplitudes, elapsed = collocate(oscillator, frame, start, panels)
     ratio, phase = amplitudes / start, elapsed * frame.angular_frequency
-    return Table(theta, transform @ ratio.T, transform @ phase.T, centre, reach)
+    return Table(jnp.pi * panels.fractions, transform @ ratio.T, transform @ phase.T, centre, reach)
 
 
 def strokes_from_table(

@@ -10,9 +10,10 @@ from jaxtyping import Array, Float
 from ..motion import Start
 from ..oscillator import Oscillator
 from .amplitudes import Table, strokes_from_table
+from .collocation import Panels
 from .grazing import STROKES, grazing_strokes
 from .nodes import Nodes
-from .strokes import Rests, Standstill, Stroke, advance, enter, stroke_from
+from .strokes import Reached, Rests, Standstill, Stroke, advance, collocated_stroke, enter, stroke_from
 from .turning import spliced
 
 UNTABLED = 2
@@ -60,7 +61,12 @@ def one_by_one(
     oscillator: Oscillator, start: Start, fractions: Float[Array, " nodes"], rests: Rests, capacity: int
 ) -> Course:
     """Each half-cycle integrated for itself, at most `capacity` of them."""
-    step = _stepper(oscillator, start, fractions, rests)
+    entry = enter(oscillator, start)
+
+    def make(at: Standstill, index: Array) -> Reached:
+        return stroke_from(oscillator, start, entry, fractions, entry.moving & (index == 0), at)
+
+    step = _stepper(make, fractions, rests)
     end, made = jax.lax.scan(step, _begin(start, rests), jnp.arange(capacity))
     return Course(*made, end)
 
@@ -69,13 +75,13 @@ def by_table(
     oscillator: Oscillator,
     start: Start,
     table: Table,
-    fractions: Float[Array, " nodes"],
+    panels: Panels,
     half_cycles: Array,
     capacity: int,
 ) -> Course:
     """The last half-cycles each for itself, those before them from the table; not carried from a start in motion."""
     rests = rest_condition(oscillator, start, half_cycles)
-    step = _stepper(oscillator, start, fractions, rests)
+    step = _stepper(lambda at, _: collocated_stroke(oscillator, panels, at), panels.fractions, rests)
 
     def leaves_the_last(y: Array, count: Array) -> Array:
         return count >= half_cycles - UNTABLED
@@ -84,7 +90,7 @@ def by_table(
     reached, first = strokes_from_table(oscillator, table, begin, leaves_the_last, max(capacity - UNTABLED, 1))
     # A record that ends in motion has no last half-cycles.
     over = ~reached.carried | (reached.count >= half_cycles) | (half_cycles > capacity)
-    end, last = jax.lax.scan(step, reached._replace(finished=over), jnp.arange(1, UNTABLED + 1))
+    end, last = jax.lax.scan(step, reached._replace(finished=over), jnp.arange(1, UNTABLED + 1), unroll=True)
     strokes, points = jax.tree.map(lambda *parts: jnp.concatenate(parts), first, last)
     return Course(strokes, points, end)
 
@@ -115,14 +121,12 @@ def _begin(start: Start, rests: Rests) -> Standstill:
     return Standstill(x, jnp.zeros(()), zero, rests(x, zero), jnp.asarray(True))
 
 
-def _stepper(oscillator: Oscillator, start: Start, fractions: Float[Array, " nodes"], rests: Rests) -> Step:
+def _stepper(make: Callable[[Standstill, Array], Reached], fractions: Float[Array, " nodes"], rests: Rests) -> Step:
     """One half-cycle after a standstill, with its next turning point; nothing where the motion is finished."""
-    entry = enter(oscillator, start)
 
     def step(at: Standstill, index: Array) -> tuple[Standstill, tuple[Stroke, Array]]:
         def made() -> tuple[Standstill, tuple[Stroke, Array]]:
-            inside = entry.moving & (index == 0)
-            after, stroke = advance(at, *stroke_from(oscillator, start, entry, fractions, inside, at), rests)
+            after, stroke = advance(at, *make(at, index), rests)
             return after, (stroke, jnp.where(after.count == at.count, jnp.nan, after.turning_point))
 
         def none() -> tuple[Standstill, tuple[Stroke, Array]]:

@@ -116,19 +116,27 @@ def mesh_fractions(steps: int, layer: Array) -> Float[Array, " nodes"]:
     The mesh has steps proportional to the distance from the layer near the reversals, and even ones in the middle: in
     ``share ln(1 + theta/layer)/ln(1 + pi/(2 layer)) + (1 - share) 2 theta/pi`` its points are equidistant.
     """
-    half, rank = jnp.pi / 2, jnp.linspace(0.0, 1.0, steps // 2 + 1)
+    theta, _ = phase_of(jnp.linspace(0.0, 1.0, steps // 2 + 1), layer)
+    first = jnp.clip(theta / jnp.pi, 0.0, 0.5).at[-1].set(0.5)
+    return jnp.concatenate([first, 1 - first[-2::-1]])
+
+
+def phase_of(rank: Array, layer: Array) -> tuple[Array, Array]:
+    """Phase in the first half of a half-cycle where the mesh has a `rank` between 0 and 1, and its slope there."""
+    half = jnp.pi / 2
     width = jax.lax.stop_gradient(jnp.clip(layer, 1e-9, 1e3))
     span = jnp.log1p(half / width)
 
+    def rise(theta: Array) -> Array:
+        return _LOGARITHMIC_SHARE / (span * (width + theta)) + (1 - _LOGARITHMIC_SHARE) / half
+
     def closer(_: Any, theta: Array) -> Array:
         # The rank is concave in theta, so that Newton's steps approach from below without overshooting.
-        rise = _LOGARITHMIC_SHARE / (span * (width + theta)) + (1 - _LOGARITHMIC_SHARE) / half
         value = _LOGARITHMIC_SHARE * jnp.log1p(theta / width) / span + (1 - _LOGARITHMIC_SHARE) * theta / half
-        return theta + (rank - value) / rise
+        return theta + (rank - value) / rise(theta)
 
     theta = jax.lax.fori_loop(0, _NEWTON_STEPS, closer, jnp.zeros_like(rank))
-    first = jnp.clip(theta / jnp.pi, 0.0, 0.5).at[-1].set(0.5)
-    return jnp.concatenate([first, 1 - first[-2::-1]])
+    return theta, 1 / rise(theta)
 
 
 def layer_width(oscillator: Oscillator, frame: Frame, amplitude: Array) -> Array:

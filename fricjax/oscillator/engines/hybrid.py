@@ -8,7 +8,8 @@ A half-cycle whose phase does not run evenly forwards is integrated in time: und
 a hair (:mod:`.grazing`), under a regularised law all that is left once the mass creeps (:mod:`.creep`).
 
 Half-cycles of one law differ only in their amplitude. A fit, which knows the range of amplitudes from its record,
-therefore integrates a dozen amplitudes side by side and reads the half-cycles off that table (:mod:`.amplitudes`).
+therefore solves a dozen amplitudes side by side (:mod:`.collocation`) and reads the half-cycles off that table
+(:mod:`.amplitudes`).
 """
 
 from typing import Any
@@ -22,9 +23,10 @@ from ..oscillator import Oscillator
 from ..results import RESULTS
 from .amplitudes import Span, make_table
 from .base import AbstractEngine
+from .collocation import make_panels
 from .course import Course, by_table, one_by_one, rest_condition, to_rest
 from .creep import Creeping
-from .frame import layer_width, mesh_fractions
+from .frame import layer_width
 from .nodes import Nodes
 from .path import AbstractPath
 from .strokes import Rests, enter
@@ -111,12 +113,12 @@ class Hybrid(AbstractEngine):
         """The half-cycles in phase, and their condition of rest."""
         frame = enter(oscillator, start).frame
         reach = jnp.abs(start.x0) + jnp.abs(start.v0) / frame.angular_frequency
-        fractions = mesh_fractions(self.nodes, layer_width(oscillator, frame, reach))
+        panels = make_panels(self.nodes, layer_width(oscillator, frame, reach))
         rests, capacity = rest_condition(oscillator, start, half_cycles), self.max_half_cycles
         if self.span is None or half_cycles is None:
-            return one_by_one(oscillator, start, fractions, rests, capacity), rests
-        table = make_table(oscillator, self.span, self.amplitudes, fractions)
-        return by_table(oscillator, start, table, fractions, half_cycles, capacity), rests
+            return one_by_one(oscillator, start, panels.fractions, rests, capacity), rests
+        table = make_table(oscillator, self.span, self.amplitudes, panels)
+        return by_table(oscillator, start, table, panels, half_cycles, capacity), rests
 
 
 def _creeping(course: Course, oscillator: Oscillator, start: Start) -> Creeping:

@@ -1,0 +1,126 @@
+"""Many half-cycles side by side: their amplitude and time over the phase, by collocation at Chebyshev points.
+
+The equation of the amplitude, ``dA/dtheta = g(theta, A)``, is linearised about the last approximation and solved at
+all points at once: with ``E = exp(int g_A)`` follows ``A = E (A_0 + int (g - g_A A)/E)``. This quasilinearisation
+(Bellman and Kalaba 1965) is exact for what is linear in the amplitude, such as viscous damping, and doubles the
+correct digits each time. A change of the parameters changes the solution by ``E (dA_0 + int dg/E)``, the same equation
+once more, so that derivatives cost two quadratures.
+"""
+
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+from numpy.polynomial import chebyshev
+
+from ..oscillator import Oscillator
+from .frame import Frame, mesh_fractions, phase_of, phase_rates
+
+# The first approximation is constant; each step squares what the last one left of some per cent.
+_STEPS = 5
+
+Machine = tuple[Oscillator, Frame]
+
+
+class Panels(NamedTuple):
+    """Points of collocation in either half of a half-cycle, and the nodes at which the motion is wanted.
+
+    Attributes:
+        theta, slope: phase of the points and its slope over their rank in the half, shape (2, points, ...).
+        fractions: the nodes as fractions of the half-cycle, shape (nodes,), equidistant in the rank.
+    """
+
+    theta: Array
+    slope: Array
+    fractions: Array
+
+    def over(self, lanes: int) -> "Panels":
+        """The same for states that have `lanes` axes more."""
+        theta, slope = (values.reshape(values.shape + (1,) * lanes) for values in self[:2])
+        return Panels(theta, slope, self.fractions)
+
+
+def make_panels(steps: int, layer: Array) -> Panels:
+    """Panels for a mesh of `steps` steps; the points are denser at the reversals as its nodes are.
+
+    There are so many that the motion is off by far less than interpolation between the nodes is.
+    """
+    theta, slope = phase_of(jnp.asarray((1 + _points(steps * 4 // 3)) / 2), layer)
+    both = jnp.stack([theta, jnp.pi - theta[::-1]]), jnp.stack([slope, slope[::-1]])
+    return Panels(*both, mesh_fractions(steps, layer))
+
+
+def collocate(
+    oscillator: Oscillator, frame: Frame, amplitude: Float[Array, "*lanes"], panels: Panels
+) -> tuple[Float[Array, "nodes *lanes"], Float[Array, "nodes *lanes"]]:
+    """Amplitude and elapsed time of half-cycles from a standstill at the nodes; one lane per amplitude."""
+    wide, machine = panels.over(amplitude.ndim), (oscillator, frame)
+    amplitudes = _amplitudes(amplitude, machine, wide)
+    elapsed = _integral(_rates(machine, wide, amplitudes)[1], wide)
+    return _read(amplitudes, wide), _read(elapsed, wide)
+
+
+@jax.custom_jvp
+def _amplitudes(start: Array, machine: Machine, panels: Panels) -> Array:
+    """Amplitudes at the points of collocation, shape (2, points, *start.shape)."""
+    amplitudes = jnp.broadcast_to(start, panels.theta.shape[:2] + start.shape)
+    for _ in range(_STEPS):
+        rate, slope = _linearised(machine, panels, amplitudes)
+        growth = jnp.exp(_integral(slope, panels))
+        amplitudes = growth * (start + _integral((rate - slope * amplitudes) / growth, panels))
+    return amplitudes
+
+
+@_amplitudes.defjvp
+def _amplitudes_jvp(primals: tuple, tangents: tuple) -> tuple[Array, Array]:
+    (start, machine, panels), (start_change, change, _) = primals, tangents
+    amplitudes = _amplitudes(start, machine, panels)
+    growth = jnp.exp(_integral(_linearised(machine, panels, amplitudes)[1], panels))
+    push = jax.jvp(lambda at: _rates(at, panels, amplitudes)[0], (machine,), (change,))[1]
+    return amplitudes, growth * (start_change + _integral(push / growth, panels))
+
+
+def _rates(machine: Machine, panels: Panels, amplitudes: Array) -> tuple[Array, Array]:
+    return phase_rates(panels.theta, (amplitudes, amplitudes), machine)
+
+
+def _linearised(machine: Machine, panels: Panels, amplitudes: Array) -> tuple[Array, Array]:
+    """dA/dtheta, and its derivative by the amplitude."""
+    return jax.jvp(lambda at: _rates(machine, panels, at)[0], (amplitudes,), (jnp.ones_like(amplitudes),))
+
+
+def _integral(rates: Array, panels: Panels) -> Array:
+    """Integral over the phase from its start to each point."""
+    parts = jnp.einsum("ij,pj...->pi...", jnp.asarray(_integration(rates.shape[1])), panels.slope * rates)
+    return jnp.stack([parts[0], parts[1] + parts[0, -1]])
+
+
+def _read(values: Array, panels: Panels) -> Array:
+    """Values at the nodes, from those at the points."""
+    reading = jnp.asarray(_reading(values.shape[1], (panels.fractions.size + 1) // 2))
+    halves = jnp.einsum("ij,pj...->pi...", reading, values)
+    return jnp.concatenate([halves[0], halves[1, 1:]])
+
+
+def _points(count: int) -> np.ndarray:
+    """Chebyshev points of the second kind, in rising order."""
+    return -np.cos(np.pi * np.arange(count) / (count - 1))
+
+
+def _integration(count: int) -> np.ndarray:
+    """Matrix from values at the points to integrals from the first point on, over ranks from 0 to 1."""
+    unit = np.eye(count)
+    columns = [chebyshev.chebval(_points(count), chebyshev.chebint(row, lbnd=-1)) for row in unit]
+    return np.stack(columns, axis=1) @ _coefficients(count) / 2
+
+
+def _reading(count: int, nodes: int) -> np.ndarray:
+    """Matrix from values at the points to those at equidistant ranks."""
+    return chebyshev.chebvander(np.linspace(-1, 1, nodes), count - 1) @ _coefficients(count)
+
+
+def _coefficients(count: int) -> np.ndarray:
+    """Matrix from values at the points to Chebyshev coefficients."""
+    return np.linalg.inv(chebyshev.chebvander(_points(count), count - 1))
