@@ -91,10 +91,47 @@ WORKLOADS = {
         SLIDING,
     ),
     "Jenkins": Workload(fj.friction.Jenkins, {"mu": 0.05, "sigma0": SIGMA0}, (*MACHINE, "sigma0"), SLIDING),
+    "BlimanSorine": Workload(
+        fj.friction.BlimanSorine,
+        {"mu1": 0.07, "mu2": 0.02, "eta": 0.3, "epsilon": 1e-4},
+        ("mu1", "mu2", "eta", "epsilon", "damping", "stiffness"),
+        SLIDING,
+    ),
+    "MaxwellSlip": Workload(
+        fj.friction.MaxwellSlip,
+        {"stiffnesses": (4e4, 2e4), "limits": (0.02, 0.03)},
+        ("stiffnesses_0", "stiffnesses_1", "limits_0", "limits_1", "damping", "stiffness"),
+        SLIDING,
+    ),
+    "GeneralisedMaxwellSlip": Workload(
+        fj.friction.GeneralisedMaxwellSlip,
+        {
+            "mu": 0.05,
+            "mu_s": 0.06,
+            "v_stribeck": 0.02,
+            "stiffnesses": (4e4, 2e4),
+            "shares": (0.4,),
+            "attraction": 300.0,
+        },
+        (*MACHINE, "mu_s", "v_stribeck", "stiffnesses_0", "stiffnesses_1"),
+        SLIDING,
+    ),
+    "Leuven": Workload(
+        fj.friction.Leuven,
+        {"mu": 0.05, "mu_s": 0.06, "v_stribeck": 0.02, "stiffnesses": (4e4, 2e4), "shares": (0.4,), "sigma1": 50.0},
+        (*MACHINE, "mu_s", "v_stribeck", "stiffnesses_0", "stiffnesses_1", "sigma1"),
+        SLIDING,
+    ),
+    "RateState": Workload(
+        fj.friction.RateState,
+        {"mu": 0.05, "a": 2e-3, "b": 1e-3, "slip_distance": 1e-5},
+        (*MACHINE, "b"),
+        SLIDING,
+    ),
     "Rolling": Workload(fj.friction.Rolling, {"mu": 0.05, "length": 5e-5}, (*MACHINE, "length"), SLIDING),
 }
 # What a record must tell by itself, and is therefore given wrongly; the rest is given as it is.
-TOLD = ("mu", "mu_s", "damping", "sigma0", "sigma1", "length", "epsilon", "mu1")
+TOLD = ("mu", "mu_s", "damping", "sigma0", "sigma1", "length", "epsilon", "mu1", "stiffnesses", "limits")
 
 
 class Row(NamedTuple):
@@ -109,8 +146,20 @@ class Row(NamedTuple):
 
 def oscillator(work: Workload, wrong: float = 1.0) -> fj.Oscillator:
     """The machine with the law, with what the record tells off by a factor."""
-    given = {name: value * (wrong if name in TOLD else 1.0) for name, value in work.truth.items()}
+    given = {name: _times(value, wrong) if name in TOLD else value for name, value in work.truth.items()}
     return fj.Oscillator(MASS, STIFFNESS, wrong * DAMPING, work.run.load, work.law(**given))
+
+
+def _times(value: float | tuple[float, ...], factor: float) -> Any:
+    return tuple(factor * each for each in value) if isinstance(value, tuple) else factor * value
+
+
+def _named(truth: dict[str, Any]) -> dict[str, float]:
+    """Values by the names under which they are fitted, those of elements with their number."""
+    lists = {
+        f"{name}_{i}": each for name, value in truth.items() if isinstance(value, tuple) for i, each in enumerate(value)
+    }
+    return {name: value for name, value in truth.items() if not isinstance(value, tuple)} | lists
 
 
 def traces(work: Workload, seeds: int) -> list[fj.Trace]:
@@ -123,7 +172,7 @@ def traces(work: Workload, seeds: int) -> list[fj.Trace]:
 
 
 def rows_of(work: Workload, fits: list[fj.Fit]) -> list[Row]:
-    truth = {"damping": DAMPING, "stiffness": STIFFNESS, **work.truth}
+    truth = {"damping": DAMPING, "stiffness": STIFFNESS, **_named(work.truth)}
     rows = []
     for name in work.free:
         pulls = np.array([(f.values[name] - truth[name]) / f.std_errors[name] for f in fits])

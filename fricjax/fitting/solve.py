@@ -85,7 +85,9 @@ def solve(problem: Problem, y: Any = None) -> Solved:
         target = without_inputs(problem.residual) if robust else few
         at = climb_onwards(with_mesh(target, at.y), problem.limits, problem.loss, at)
     solved = _checked(problem, problem.residual, at)
-    return _refined(problem, at) if solved.converged and not solved.accurate else solved
+    # Where a direction is left undetermined, there is no optimum that a finer engine could find.
+    lasting = solved.converged and solved.status != UNDETERMINED
+    return _refined(problem, at) if lasting and not solved.accurate else solved
 
 
 def _refined(problem: Problem, at: Climbed) -> Solved:

@@ -112,7 +112,7 @@ class AbstractFriction(eqx.Module):
 
     @property
     def refinement(self) -> int:
-        """How many times finer a mesh over a half-cycle must be than for a force of continuous curvature."""
+        """How many times finer than usual the law must be integrated: steps of a half-cycle, or error of a step."""
         return 1
 
     def breakaway_force(self, load: Scalar) -> Scalar:

@@ -92,6 +92,11 @@ class AbstractRateState(AbstractBristle):
     def velocity_scale(self) -> Scalar:
         return self.v_reference
 
+    @property
+    def refinement(self) -> int:
+        # From stroke to stroke the contact ages by many e-folds, and what a step misses there stays in the motion.
+        return 4
+
 
 class RateState(AbstractRateState):
     """``F = a N arsinh{v/(2 v_reference) exp[(mu + b psi)/a]}``, ageing ``dtheta/dt = 1 - |v| theta/slip_distance``.

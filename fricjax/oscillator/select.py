@@ -55,7 +55,7 @@ def _engines(accuracy: float, max_half_cycles: int, refinement: int) -> Mapping[
     return {
         "exact": Exact(max_half_cycles),
         "hybrid": Hybrid(nodes=nodes_for(accuracy) * refinement, max_half_cycles=max_half_cycles),
-        "smooth": Smooth(accuracy=accuracy, max_half_cycles=max_half_cycles),
+        "smooth": Smooth(accuracy=accuracy / refinement, max_half_cycles=max_half_cycles),
     }
 
 
