@@ -27,6 +27,10 @@ from .survey import Survey, survey
 
 _ACCURATE = 0.1
 ROUGH, NEAR = 10.0, 0.3
+# A mesh in time is made for one set of coordinates, so an optimum may have to be met on a mesh that was made there.
+_MESHES = 6
+# Where a direction is left undetermined, there is no optimum that a finer engine could find.
+_TO_BE_REFINED = (CONVERGED, AT_BOUND)
 
 
 class Solved(NamedTuple):
@@ -84,18 +88,19 @@ def solve(problem: Problem, y: Any = None) -> Solved:
     if meshed or robust:
         target = without_inputs(problem.residual) if robust else few
         at = climb_onwards(with_mesh(target, at.y), problem.limits, problem.loss, at)
-    solved = _checked(problem, problem.residual, at)
-    # Where a direction is left undetermined, there is no optimum that a finer engine could find.
-    lasting = solved.converged and solved.status != UNDETERMINED
-    return _refined(problem, at) if lasting and not solved.accurate else solved
+    return _refined(problem, at, rounds=_MESHES if meshed else 1)
 
 
-def _refined(problem: Problem, at: Climbed) -> Solved:
-    """The fit carried on with all samples and the engine of the check, checked against one finer still."""
-    fine = finer(problem.residual)
-    return _checked(
-        problem, fine, climb_onwards(with_mesh(without_inputs(fine), at.y), problem.limits, problem.loss, at)
-    )
+def _refined(problem: Problem, at: Climbed, rounds: int) -> Solved:
+    """The fit checked, and carried on with all samples and the engine of the check as long as that is not accurate."""
+    residual, solved = problem.residual, _checked(problem, problem.residual, at)
+    for _ in range(rounds):
+        if solved.accurate or solved.status not in _TO_BE_REFINED:
+            break
+        residual = finer(problem.residual)
+        at = climb_onwards(with_mesh(without_inputs(residual), at.y), problem.limits, problem.loss, at)
+        solved = _checked(problem, residual, at)
+    return solved
 
 
 def finer(residual: Residual) -> Residual:

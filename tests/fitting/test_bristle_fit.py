@@ -7,9 +7,9 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from fricjax import Fit, Oscillator, Trace, fit
+from fricjax import Fit, Oscillator, Trace, fit, simulate
 from fricjax.data.errors import UsageError
-from fricjax.friction import Coulomb, Dahl, LuGre
+from fricjax.friction import Coulomb, Dahl, LuGre, MaxwellSlip
 from tests.fitting.runs import MACHINE, RIGS, SIGMA0, SIGMA1, STIFFNESS, coulomb_run, noisy, truth
 from tests.helpers import PROTOTYPE_DAMPING, PROTOTYPE_MASS
 from tests.oracles import lugre_motion
@@ -37,6 +37,27 @@ def test_lugre_recovers_its_coefficients_from_the_automatic_start():
         assert max(map(abs, pulls.values())) < 4, pulls
         assert found.status == "converged" and found.chi2_reduced == pytest.approx(1.0, abs=0.1)
         assert not any(found.flags.values())
+
+
+@pytest.mark.slow
+def test_elements_are_found_though_the_instants_at_which_they_slip_move_with_them():
+    """A mesh in time ends its steps there for one set of coefficients only."""
+    truth = {"stiffnesses_0": 4e4, "stiffnesses_1": 2e4, "limits_0": 0.02, "limits_1": 0.03}
+
+    def machine(wrong: float) -> Oscillator:
+        values = [wrong * value for value in truth.values()]
+        law = MaxwellSlip(values[:2], values[2:])
+        return Oscillator(PROTOTYPE_MASS, STIFFNESS, wrong * PROTOTYPE_DAMPING, RIG.load, law)
+
+    t = np.arange(6400) / 20e3
+    x = np.asarray(simulate(machine(1.0), 2e-3, t, accuracy=1e-12).x)
+    trace = Trace(t, x + 1e-9 * np.random.default_rng(0).standard_normal(t.size), sigma=1e-9)
+    found = fit(trace, machine(3.0), (*truth, "damping", "stiffness"))
+    assert found.status == "converged" and found.chi2_reduced == pytest.approx(1.0, abs=0.1)
+    assert found.numerical_shift <= 0.1
+    true = {**truth, "damping": PROTOTYPE_DAMPING, "stiffness": STIFFNESS}
+    for name, value in true.items():
+        assert abs(found.values[name] - value) < 4 * found.std_errors[name], name
 
 
 @pytest.mark.slow
