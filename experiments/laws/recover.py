@@ -37,12 +37,13 @@ class Run(NamedTuple):
 
 
 class Workload(NamedTuple):
-    """A law with its coefficients, those that are free, and those of them that are given wrongly."""
+    """A law with its coefficients, those that are free, its run, and from where that is fitted."""
 
     law: Callable[..., Any]
     truth: dict[str, Any]
     free: tuple[str, ...]
     run: Run
+    start: str = "first_reversal"
 
 
 SLIDING = Run(load=9.66, x0=2e-3, duration=0.32)
@@ -121,6 +122,7 @@ WORKLOADS = {
         {"mu": 0.05, "mu_s": 0.06, "v_stribeck": 0.02, "stiffnesses": (4e4, 2e4), "shares": (0.4,), "sigma1": 50.0},
         (*MACHINE, "mu_s", "v_stribeck", "stiffnesses_0", "stiffnesses_1", "sigma1"),
         SLIDING,
+        start="release",
     ),
     "RateState": Workload(
         fj.friction.RateState,
@@ -183,7 +185,10 @@ def rows_of(work: Workload, fits: list[fj.Fit]) -> list[Row]:
 
 def report(name: str, work: Workload, seeds: int) -> None:
     begin = time.perf_counter()
-    fits = [fj.fit(trace, oscillator(work, WRONG), work.free, throw=False) for trace in traces(work, seeds)]
+    fits = [
+        fj.fit(trace, oscillator(work, WRONG), work.free, start=work.start, throw=False)
+        for trace in traces(work, seeds)
+    ]
     states = sorted({f.status.split(":")[0] for f in fits})
     good = sum(f.converged for f in fits)
     ratio = max(f.chi2_reduced for f in fits)
