@@ -22,15 +22,16 @@ from .problem import Problem
 from .quadratic import Quadratic, quadratic
 from .residual import Residual, without_inputs
 from .settled import Settled, settle
-from .status import AT_BOUND, CONVERGED, UNDETERMINED
+from .status import AT_BOUND, CONVERGED, OUT_OF_STEPS, UNDETERMINED
 from .survey import Survey, survey
 
 _ACCURATE = 0.1
 ROUGH, NEAR = 10.0, 0.3
-# A mesh in time is made for one set of coordinates, so an optimum may have to be met on a mesh that was made there.
-_MESHES = 6
 # Where a direction is left undetermined, there is no optimum that a finer engine could find.
-_TO_BE_REFINED = (CONVERGED, AT_BOUND)
+_OPTIMA = (CONVERGED, AT_BOUND)
+# A mesh in time is made for one set of coordinates, so an optimum may have to be met on a mesh that was made there;
+# until then the solver may run out of steps.
+_MESHES = 6
 
 
 class Solved(NamedTuple):
@@ -88,14 +89,17 @@ def solve(problem: Problem, y: Any = None) -> Solved:
     if meshed or robust:
         target = without_inputs(problem.residual) if robust else few
         at = climb_onwards(with_mesh(target, at.y), problem.limits, problem.loss, at)
-    return _refined(problem, at, rounds=_MESHES if meshed else 1)
+    return _refined(problem, at, _MESHES if meshed else 1, (*_OPTIMA, OUT_OF_STEPS) if meshed else _OPTIMA)
 
 
-def _refined(problem: Problem, at: Climbed, rounds: int) -> Solved:
-    """The fit checked, and carried on with all samples and the engine of the check as long as that is not accurate."""
+def _refined(problem: Problem, at: Climbed, rounds: int, endings: tuple[int, ...]) -> Solved:
+    """The fit checked, and while it is not accurate carried on with all samples and the engine of the check.
+
+    Only a fit that ended in one of the ways `endings` is carried on.
+    """
     residual, solved = problem.residual, _checked(problem, problem.residual, at)
     for _ in range(rounds):
-        if solved.accurate or solved.status not in _TO_BE_REFINED:
+        if solved.accurate or solved.status not in endings:
             break
         residual = finer(problem.residual)
         at = climb_onwards(with_mesh(without_inputs(residual), at.y), problem.limits, problem.loss, at)
