@@ -82,7 +82,7 @@ def _coefficient(law: Any, name: str, known: Any) -> dict[str, Any]:
         "bounds": bounds,
         "default": None if default is dataclasses.MISSING else default,
         "required": default is dataclasses.MISSING,
-        "fitted_as": "logarithm" if known.logarithmic else "value",
+        "fitted_as": known.fitted_as,
     }
 
 

@@ -13,6 +13,8 @@ from .roles import contact_members, force_of, scaled
 from .window import Window
 
 _FRICTION = "friction."
+# The least deflection of a contact that a fit looks for, in standard errors of a displacement from all samples.
+_BEND = 0.3
 
 
 def terms_of(oscillator: Oscillator, leaves: Sequence[Leaf], free: Sequence[Leaf]) -> tuple[str, ...]:
@@ -56,6 +58,25 @@ def guess_law(
     return {leaf.name: start.values[i] for i, leaf in movable.items() if i in start.changed}
 
 
+def stiffest(
+    oscillator: Oscillator, leaves: Sequence[Leaf], free: Sequence[Leaf], windows: Sequence[Window]
+) -> dict[str, float]:
+    """Largest values of the free coefficients that make a contact stiff, by their names.
+
+    Beyond them the contact bends less than all samples together can show, and is as good as rigid.
+    """
+    own = [leaf for leaf in leaves if leaf.dotted.startswith(_FRICTION)]
+    movable = {i: leaf for i, leaf in enumerate(own) if leaf in free}
+    if not (movable and oscillator.friction.n_states):
+        return {}
+    start = _Start(oscillator, own, windows)
+    now, slopes = start.forces()
+    stiff, _ = contact_members(slopes, [leaf.coefficient for leaf in own], movable)
+    faintest = min(float(np.median(w.sigma)) / np.sqrt(w.used.sum() * len(windows)) for w in windows)
+    highest = scaled(start.values, slopes.stiffness, now.stiffness, now.dynamic / (_BEND * faintest), stiff)
+    return {movable[i].name: value for i, value in highest.items() if value > start.values[i]}
+
+
 class _Start:
     """Values of all coefficients of a law while they are brought to what the records show."""
 
@@ -80,10 +101,10 @@ class _Start:
         """Scale the coefficients that carry the dynamic force, and a static one along with them."""
         now, slopes = self.forces()
         carriers = [i in movable and slopes.dynamic[i] != 0 for i in range(len(self.own))]
-        self.change(scaled(self.values, slopes.dynamic, now.dynamic, force, carriers))
+        self.change(scaled(self.values, slopes.constant, now.constant, force, carriers))
         static = {i: leaf for i, leaf in movable.items() if leaf.kind == "mu_s"}
-        if self.changed and now.dynamic > 0:
-            self.change({i: self.values[i] * force / now.dynamic for i in static})
+        if self.changed and now.constant > 0:
+            self.change({i: self.values[i] * force / now.constant for i in static})
 
     def meet_contact(self, movable: Mapping[int, Leaf], known: Mapping[str, float]) -> None:
         """Scale the coefficients that make the contact stiff, and set the one that damps it."""
@@ -92,7 +113,7 @@ class _Start:
         if not (any(stiff) or damping >= 0):
             return
         machine = Machine(known["mass"], known["stiffness"], known["damping"], now.dynamic)
-        contact = contact_of(self.windows, machine, known.get("returned", 0.0))
+        contact = contact_of(self.windows, machine, known.get("returned"))
         if contact.stiffness is not None:
             self.change(scaled(self.values, slopes.stiffness, now.stiffness, contact.stiffness, stiff))
         if contact.damping is not None and damping >= 0:

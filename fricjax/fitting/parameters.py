@@ -13,7 +13,7 @@ from ..oscillator import Oscillator
 from ..oscillator.engines import AbstractEngine
 from ..oscillator.leaves import Leaf
 from .guess import guess_machine
-from .law_start import guess_law, terms_of
+from .law_start import guess_law, stiffest, terms_of
 from .loss import AbstractLoss, named_loss
 from .names import NUISANCES, check_identifiable, check_names, find_leaf, sole_coulomb
 from .space import Parameter, Tie
@@ -99,24 +99,32 @@ def free_parameters(
     check_names(request.bounds, names, "Bounds")
     check_names(request.guess, names, "Start values")
     entries = [
-        (name, known, _given(request, name, known.logarithmic, start, windows), scale)
+        (name, known, _given(request, name, known.fitted_as != "value", start, windows), scale)
+        for name, known, start, scale in entries
+    ]
+    for leaf, entry in zip(shared, entries, strict=False):
+        flat[leaf.index] = entry[2]
+    begun = jax.tree.unflatten(jax.tree.structure(request.oscillator), flat)
+    highest = stiffest(begun, leaves, shared, windows)
+    entries = [
+        (name, known._replace(upper=min(known.upper, highest.get(name, np.inf))), start, scale)
         for name, known, start, scale in entries
     ]
     return tuple(_bounded(*entry, request.bounds, _origin(entry[0], windows)) for entry in entries)
 
 
-def _given(request: Request, name: str, logarithmic: bool, start: float, windows: Sequence[Window]) -> float:
+def _given(request: Request, name: str, positive: bool, start: float, windows: Sequence[Window]) -> float:
     """The caller's start value where there is one, in the time of the run.
 
     Raises:
-        UsageError: one that is not finite, or not positive where the fit works in the logarithm.
+        UsageError: one that is not finite, or not positive where the fit works in the logarithm or the reciprocal.
     """
     if name not in request.guess:
         return start
     value = float(request.guess[name])
-    if not np.isfinite(value) or (logarithmic and value <= 0):
+    if not np.isfinite(value) or (positive and value <= 0):
         raise UsageError(
-            f"The start value of {name} must be a finite {'positive ' if logarithmic else ''}number, got {value:g}."
+            f"The start value of {name} must be a finite {'positive ' if positive else ''}number, got {value:g}."
         )
     return value - _origin(name, windows)
 
@@ -145,15 +153,15 @@ def _run_scales(window: Window) -> dict[str, float]:
 def _bounded(
     name: str, known: Coefficient, start: float, scale: float, bounds: Mapping[str, tuple], origin: float
 ) -> Parameter:
-    # In its logarithm a coefficient never reaches zero.
-    default = (None if known.logarithmic else known.lower, known.upper)
+    # In its logarithm or its reciprocal a coefficient never reaches zero.
+    default = (known.lower if known.fitted_as == "value" else None, known.upper)
     low, high = _pair(bounds.get(name, default), f"The bounds of {name} must be a lower and an upper value or None")
     lower = -np.inf if low is None else float(low) - origin
     upper = np.inf if high is None else float(high) - origin
     if not lower < upper:
         raise UsageError(f"The bounds of {name} must be a lower and a larger upper value, got {low} and {high}.")
     start = min(max(start, lower), upper)
-    return Parameter(name, known.unit, start, scale, lower, upper, known.logarithmic)
+    return Parameter(name, known.unit, start, scale, lower, upper, known.fitted_as)
 
 
 def _pair(given: Any, demand: str) -> tuple[Any, Any]:

@@ -48,7 +48,7 @@ class _Settling(NamedTuple):
     Attributes:
         t: time since the reversal [s]; `x`: displacement [m]; `noise`: its standard deviation.
         turned: where the mass turned, from the equilibrium of the spring [m].
-        returned: how far it sprang back [m].
+        returned: how far it sprang back [m]; zero where that cannot be told from noise.
     """
 
     t: np.ndarray
@@ -58,20 +58,31 @@ class _Settling(NamedTuple):
     returned: float
 
 
-def contact_of(windows: Sequence[Window], machine: Machine, returned: float) -> Contact:
+def contact_of(windows: Sequence[Window], machine: Machine, returned: float | None) -> Contact:
     """The contact as the records show it.
 
     Args:
         windows: the records; of several the middle one counts.
         machine: the machine as the decay shows it.
-        returned: energy that the contact returns at each reversal, from the decay [J]; zero for unknown.
+        returned: energy that the contact returns at each reversal, from the decay [J]; None for unknown.
+
+    A contact that returns none, or lets the mass rest where it turned, is taken to bend by as much as the noise, and
+    not to ring.
     """
-    found = [_at_rest(settling, machine) for settling in _settlings(windows)]
+    settlings = list(_settlings(windows))
+    found = [_at_rest(settling, machine) for settling in settlings if settling.returned > 0]
     stiffnesses = [contact.stiffness for contact in found if contact.stiffness is not None]
     dampings = [contact.damping for contact in found if contact.damping is not None]
     if stiffnesses:
         return Contact(_middle(stiffnesses), _middle(dampings) if dampings else None)
-    return Contact(2 * machine.friction**2 / returned if returned > 0 else None, None)
+    if returned == 0 or any(settling.returned == 0 for settling in settlings):
+        return _unseen(machine, min(float(np.median(window.sigma)) for window in windows))
+    return Contact(None if returned is None else 2 * machine.friction**2 / returned, None)
+
+
+def _unseen(machine: Machine, noise: float) -> Contact:
+    stiffness = machine.friction / noise
+    return Contact(stiffness, 2 * float(np.sqrt(machine.mass * (machine.stiffness + stiffness))))
 
 
 def _middle(values: Sequence[float]) -> float:
@@ -88,7 +99,7 @@ def _settlings(windows: Sequence[Window]) -> Iterator[_Settling]:
 
 
 def _settling(window: Window, found: Segmentation) -> _Settling | None:
-    """The motion after the last reversal, None where the mass does not spring back or the record ends too soon."""
+    """The motion after the last reversal, None where the record ends too soon."""
     used = np.asarray(window.trace.mask)
     t, x = np.asarray(window.trace.t)[used], np.asarray(window.trace.x)[used]
     begin, h = float(found.turning_times[-1]), found.half_period
@@ -102,10 +113,9 @@ def _settling(window: Window, found: Segmentation) -> _Settling | None:
     after = slice(turn, int(np.searchsorted(t, t[turn] + _REACH * h)))
     turned, rest = float(smooth.max()), float(side * x[(after.start + 3 * after.stop) // 4 : after.stop].mean())
     noise, every = float(np.median(window.sigma)), -(-(after.stop - after.start) // _SAMPLES)
-    if turned - rest < _SEEN * noise / np.sqrt(width):
-        return None
+    returned = turned - rest if turned - rest >= _SEEN * noise / np.sqrt(width) else 0.0
     seen = slice(after.start, after.stop, every)
-    return _Settling(t[seen] - t[turn], side * x[seen], noise, turned - side * equilibrium(found), turned - rest)
+    return _Settling(t[seen] - t[turn], side * x[seen], noise, turned - side * equilibrium(found), returned)
 
 
 def _at_rest(seen: _Settling, machine: Machine) -> Contact:

@@ -24,12 +24,15 @@ class Force(NamedTuple):
 
     Attributes:
         dynamic: dynamic force [N].
+        constant: what is left of the force of steady sliding at the speed of the run without what is proportional to
+            the speed [N]; the decay tells it apart from damping.
         sliding: force of steady sliding at the speed of the run [N].
         stiffness: contact stiffness [N/m]; NaN for a law whose states are no deflection.
         damping: contact damping at rest [N s/m].
     """
 
     dynamic: Any
+    constant: Any
     sliding: Any
     stiffness: Any
     damping: Any
@@ -62,12 +65,14 @@ def _forces(law: AbstractFriction, load: Any, speed: Any) -> Force:
         return jax.jvp(lambda state: law.force(still, state, load), (straight,), (rate,))[1]
 
     forwards, backwards = gained(1.0), gained(-1.0)
+    sliding, slope = jax.jvp(lambda v: law.sliding_force(v, load), (jnp.asarray(speed),), (jnp.ones(()),))
     damping = jax.jvp(lambda v: law.force(v, straight, load), (still,), (jnp.ones(()),))[1]
     # A spring is as stiff in one direction as in the other; the memory of a rate-and-state law is none.
     spring = jnp.abs(forwards - backwards) <= _SAME * jnp.abs(forwards)
     return Force(
         jnp.asarray(law.dynamic_force(load)),
-        jnp.asarray(law.sliding_force(speed, load)),
+        sliding - speed * slope,
+        sliding,
         jnp.where(spring, forwards, jnp.nan),
         damping,
     )
@@ -85,9 +90,11 @@ def scaled(
         aim: what it should be.
         movable: which coefficients may change.
     """
+    if not (now > 0 and aim > 0):
+        return {}
     elasticity = np.where(movable, slopes * np.asarray(values) / now, 0.0)
     weight = float(np.sum(np.abs(elasticity)))
-    if not (now > 0 and aim > 0 and np.isfinite(weight) and weight > 0):
+    if not (np.isfinite(weight) and weight > 0):
         return {}
     factor = np.log(aim / now) / weight
     return {i: values[i] * float(np.exp(np.sign(e) * factor)) for i, e in enumerate(elasticity) if e != 0}
@@ -96,6 +103,6 @@ def scaled(
 def contact_members(slopes: Force, known: Sequence[Coefficient], free: Mapping[int, Any]) -> tuple[list[bool], int]:
     """Free coefficients that scale the stiffness of the contact, and the one that alone adds damping to it or -1."""
     apart = (slopes.sliding == 0) & (slopes.dynamic == 0)
-    stiff = [i in free and bool(apart[i]) and known[i].logarithmic for i in range(len(known))]
+    stiff = [i in free and bool(apart[i]) and known[i].fitted_as != "value" for i in range(len(known))]
     damping = [i for i in free if apart[i] and slopes.damping[i] != 0 and slopes.stiffness[i] == 0]
     return stiff, damping[0] if len(damping) == 1 else -1

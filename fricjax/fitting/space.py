@@ -1,11 +1,12 @@
 """The space in which a fit works, kept apart from the physics: names, transforms, scales and bounds.
 
 Every coordinate is zero at the start value. Quantities that must be positive and may range over decades (mass,
-stiffness, widths) are fitted in their logarithm, all others linearly in units of a typical size.
+stiffness, widths) are fitted in their logarithm, the stiffness of a contact in its reciprocal, in which the motion is
+nearly linear, and all others linearly in units of a typical size.
 """
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -21,7 +22,7 @@ LINEAR = frozenset({"offset", "drift"})
 class Parameter(NamedTuple):
     """One free parameter: where it starts, its typical size, and its bounds, all in its own unit.
 
-    `logarithmic` says whether the fit works in its logarithm.
+    `fitted_as` says whether the fit works in its value, its logarithm or its reciprocal.
     """
 
     name: str
@@ -30,7 +31,7 @@ class Parameter(NamedTuple):
     scale: float
     lower: float = -np.inf
     upper: float = np.inf
-    logarithmic: bool = False
+    fitted_as: str = "value"
 
     @property
     def kind(self) -> str:
@@ -51,7 +52,7 @@ class ParameterSpace(eqx.Module):
 
     Attributes:
         start, scale: start values and typical sizes, shape (p,).
-        logarithmic: which parameters are fitted in their logarithm.
+        fitted_as: for each parameter whether it is fitted in its value, its logarithm or its reciprocal.
         leaves: for each shared parameter the index of its leaf in the oscillator.
         ties: leaves that follow a parameter.
         nuisances: for each run the names of its own parameters, in order after the shared ones.
@@ -59,7 +60,7 @@ class ParameterSpace(eqx.Module):
 
     start: Float[Array | np.ndarray, " p"]
     scale: Float[Array | np.ndarray, " p"]
-    logarithmic: tuple[bool, ...] = eqx.field(static=True)
+    fitted_as: tuple[str, ...] = eqx.field(static=True)
     leaves: tuple[int, ...] = eqx.field(static=True)
     ties: tuple[Tie, ...] = eqx.field(static=True)
     nuisances: tuple[tuple[str, ...], ...] = eqx.field(static=True)
@@ -75,7 +76,7 @@ class ParameterSpace(eqx.Module):
         return cls(
             start=np.array([p.start for p in parameters]),
             scale=np.array([p.scale for p in parameters]),
-            logarithmic=tuple(p.logarithmic for p in parameters),
+            fitted_as=tuple(p.fitted_as for p in parameters),
             leaves=tuple(leaves),
             ties=tuple(ties),
             nuisances=tuple(tuple(names) for names in nuisances),
@@ -83,19 +84,27 @@ class ParameterSpace(eqx.Module):
 
     def values(self, q: Float[Array, " p"]) -> Float[Array, " p"]:
         """Values of all parameters at coordinates `q`."""
-        log = jnp.asarray(self.logarithmic)
-        return jnp.where(log, self.start * jnp.exp(jnp.where(log, q, 0.0)), self.start + self.scale * q)
+        log, inverse = self._fitted("logarithm"), self._fitted("reciprocal")
+        powers = self.start * jnp.exp(jnp.where(log, q, 0.0))
+        quotients = self.start / jnp.where(inverse, 1 - q, 1.0)
+        return jnp.where(log, powers, jnp.where(inverse, quotients, self.start + self.scale * q))
 
     def coordinates(self, values: np.ndarray) -> np.ndarray:
-        """Coordinates of given values; minus infinity for a zero that is fitted in its logarithm."""
-        log = np.asarray(self.logarithmic)
-        ratio = np.where(log, values / np.where(log, self.start, 1.0), 1.0)
-        with np.errstate(divide="ignore"):
-            return np.where(log, np.log(np.maximum(ratio, 0.0)), (values - self.start) / self.scale)
+        """Coordinates of given values; minus infinity for a zero fitted in its logarithm or reciprocal."""
+        log, inverse = self._fitted("logarithm"), self._fitted("reciprocal")
+        positive = np.maximum(np.where(log | inverse, values, 1.0), 0.0)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            ratio = positive / np.where(log | inverse, self.start, 1.0)
+            curved = np.where(log, np.log(ratio), 1 - 1 / ratio)
+        return np.where(log | inverse, curved, (values - self.start) / self.scale)
 
     def slope(self, q: Float[Array, " p"]) -> Float[Array, " p"]:
         """Derivative of each value with respect to its coordinate."""
-        return jnp.where(jnp.asarray(self.logarithmic), self.values(q), self.scale)
+        log, inverse, values = self._fitted("logarithm"), self._fitted("reciprocal"), self.values(q)
+        return jnp.where(log, values, jnp.where(inverse, values**2 / self.start, self.scale))
+
+    def _fitted(self, way: str) -> np.ndarray:
+        return np.array([fitted == way for fitted in self.fitted_as])
 
     def oscillator(self, template: Oscillator, values: Float[Array, " p"]) -> Oscillator:
         """The oscillator with the shared parameters at their values."""
@@ -106,7 +115,15 @@ class ParameterSpace(eqx.Module):
             leaves[tie.leaf] = tie.factor * values[tie.parameter]
         return jax.tree.unflatten(structure, leaves)
 
-    def run_values(self, values: Float[Array | np.ndarray, " p"], run: int) -> dict[str, Array]:
-        """The own parameters of one run by name."""
-        first = len(self.leaves) + sum(len(names) for names in self.nuisances[:run])
-        return {name: values[first + i] for i, name in enumerate(self.nuisances[run])}
+    @property
+    def alike(self) -> bool:
+        """Whether all runs have the same own parameters."""
+        return len(set(self.nuisances)) == 1
+
+    def run_values(self, values: Float[Array | np.ndarray, " p"], run: Any) -> dict[str, Array]:
+        """The own parameters of one run by name; its number may be traced where the runs are alike."""
+        if self.alike:
+            names, first = self.nuisances[0], len(self.leaves) + run * len(self.nuisances[0])
+        else:
+            names, first = self.nuisances[run], len(self.leaves) + sum(map(len, self.nuisances[:run]))
+        return {name: values[first + i] for i, name in enumerate(names)}

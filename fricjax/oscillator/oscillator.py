@@ -36,7 +36,7 @@ class Oscillator(eqx.Module):
         "mass": positive("kg", "moving mass"),
         "stiffness": positive("N/m", "slope of the restoring force at the equilibrium"),
         "damping": Coefficient("N s/m", "viscous coefficient"),
-        "normal_force": not_negative("N", "load on the contact")._replace(logarithmic=True),
+        "normal_force": not_negative("N", "load on the contact")._replace(fitted_as="logarithm"),
         "drag": Coefficient("N s^2/m^2", "quadratic drag"),
     }
 

@@ -125,7 +125,7 @@ def _model(
     flat = [float(value) for value in jax.tree.leaves(oscillator)]
     starts = [_start(leaf.name, flat[leaf.index], oscillator, found) for leaf in chosen]
     entries = [
-        Parameter(leaf.name, leaf.unit, s, abs(s) or 1.0, logarithmic=leaf.coefficient.logarithmic)
+        Parameter(leaf.name, leaf.unit, s, abs(s) or 1.0, fitted_as=leaf.coefficient.fitted_as)
         for leaf, s in zip(chosen, starts, strict=True)
     ]
     entries += [Parameter(name, "m", found.offset, found.dead_band) for name in nuisance]

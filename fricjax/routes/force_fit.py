@@ -90,7 +90,7 @@ def fit_force_map(force_map: ForceMap, friction: AbstractFriction, free: Sequenc
     require_x64()
     leaves = _free(friction, force_map, free)
     start = np.array([float(jax.tree.leaves(friction)[leaf.index]) for leaf in leaves])
-    logarithmic = np.array([leaf.coefficient.logarithmic for leaf in leaves])
+    logarithmic = np.array([leaf.coefficient.fitted_as == "logarithm" for leaf in leaves])
     data = [jnp.asarray(getattr(force_map, name)) for name in ("velocity", "force", "std")]
     indices = tuple(leaf.index for leaf in leaves)
     residual = _Residual(friction, indices, jnp.asarray(logarithmic), jnp.asarray(force_map.normal_force), *data)

@@ -65,9 +65,15 @@ def test_a_spring_back_without_ringing_tells_them_too():
     assert found.damping == pytest.approx(sigma1, rel=0.1)
 
 
-def test_a_rest_without_any_motion_tells_nothing():
-    assert contact_of([settled(np.zeros_like)], MACHINE, 0.0) == (None, None)
-    assert contact_of([settled(np.zeros_like, length=0.01)], MACHINE, 0.0) == (None, None)
+@pytest.mark.parametrize("returned", [None, 0.0, 1e-6])
+def test_a_contact_that_does_not_spring_back_bends_no_more_than_the_noise(returned):
+    found = contact_of([settled(np.zeros_like)], MACHINE, returned)
+    assert found == (FORCE / NOISE, pytest.approx(2 * np.sqrt(PROTOTYPE_MASS * (STIFFNESS + FORCE / NOISE))))
+
+
+def test_a_record_that_ends_with_the_motion_tells_nothing_of_the_contact():
+    assert contact_of([settled(np.zeros_like, length=0.01)], MACHINE, None) == (None, None)
+    assert contact_of([settled(np.zeros_like, length=0.01)], MACHINE, 0.0).stiffness == FORCE / NOISE
 
 
 def test_the_energy_returned_at_each_reversal_tells_the_stiffness():
