@@ -19,7 +19,7 @@ from jaxtyping import Array, Float
 from .levenberg_marquardt import LevenbergMarquardt
 from .loss import AbstractLoss, Squares
 from .passes import DensePasses
-from .residual import Residual
+from .residual import Residual, Run
 
 ROUNDING = 1e-12
 FINE = 1e-3
@@ -70,7 +70,7 @@ def climb(
     terrain: tuple[Terrain, ...],
     limits: Limits,
     y: Float[Array, " p"],
-    tolerance: float = FINE,
+    tolerance: Any = FINE,
 ) -> Climbed:
     """Least squares from coordinates `y` to within `tolerance` standard errors, in as many stages as it needs."""
     whole = [run.weight for run in residual.runs]
@@ -94,6 +94,11 @@ def climb(
     none = jnp.asarray(0)
     first = _State(Climbed(y, none, none, none), jnp.where((begin >= _MOVING) & (begin < _EVERYTHING), full, begin))
     return jax.lax.while_loop(lambda state: state.reach <= _EVERYTHING, stage, first).at
+
+
+def joined(first: Climbed, then: Climbed) -> Climbed:
+    """Two ways, one behind the other."""
+    return Climbed(then.y, then.status, first.iterations + then.iterations, first.stages + then.stages)
 
 
 def onwards(residual: Residual, limits: Limits, loss: AbstractLoss, at: Climbed) -> Climbed:
@@ -137,12 +142,13 @@ def _ends(t: Array, moving: Array) -> tuple[Array, Array]:
 
 def _in_phase(residual: Residual, terrain: tuple[Terrain, ...], y: Array) -> list[Array]:
     """Per run the part of the moving window over which the start values keep the phase; `_EVERYTHING` where all do."""
-    parts = []
-    for i, (run, part) in enumerate(zip(residual.runs, terrain, strict=True)):
-        error = jnp.abs(run.weight * (residual.course(y, i).read(run.t) - run.x))
+
+    def share(number: Any, run: Run, part: Terrain) -> Array:
+        error = jnp.abs(run.weight * (residual.course(y, number, run).read(run.t) - run.x))
         lost = (part.moving > 0) & ~(error < part.tolerance)
         begin, end = _ends(run.t, part.moving)
         first = jnp.min(jnp.where(lost, run.t, jnp.inf))
         share = jnp.clip((first - begin) / (end - begin), part.shortest, _MOVING)
-        parts.append(jnp.where(jnp.any(lost), share, _EVERYTHING))
-    return parts
+        return jnp.where(jnp.any(lost), share, _EVERYTHING)
+
+    return residual.each(share, residual.runs, terrain)

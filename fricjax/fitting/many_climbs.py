@@ -58,11 +58,8 @@ def _meshed(residual: Residual, y: Any, slack: float = 1.0) -> Residual | None:
 
 def _alike(residuals: Sequence[Residual | None]) -> list[Residual | None]:
     """The same with meshes of one length."""
-    meshes = [np.asarray(r.engine.mesh) for r in residuals if r is not None and isinstance(r.engine, Smooth)]
-    if not meshes:
-        return list(residuals)
-    steps = max(mesh.size for mesh in meshes) - 1
-    return [r if r is None else lengthened(r, steps) for r in residuals]
+    known = iter(lengthened([r for r in residuals if r is not None]))
+    return [None if r is None else next(known) for r in residuals]
 
 
 def _ended(problem: Problem, residual: Residual | None, at: Climbed | None, begin: np.ndarray) -> Ended:

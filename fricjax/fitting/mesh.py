@@ -1,60 +1,84 @@
-"""The steps of the smooth engine during a fit: found once by an adaptive solve, then kept.
+"""The steps of the smooth engine during a fit: found once for each run by an adaptive solve, then kept.
 
-The mesh lives in scaled time, so it moves with the natural frequency while the fit runs. Neighbouring steps are made to
-differ little in length and all of them are cut a little finer than the error asks for, so that the mesh still fits
-when the parameters have moved; lengths of the list are rounded up, so that few shapes are compiled.
+The mesh lives in the phase of the half-cycles, and behind the last of them in scaled time, so it moves with the motion
+while the fit runs. In time neighbouring steps are made to differ little in length, so that the mesh still fits when
+the parameters have moved; the lists are filled up to one of a few lengths, so that few shapes are compiled.
 """
 
+from collections.abc import Sequence
 from typing import Any
 
 import equinox as eqx
-import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array
 
 from ..data.errors import UsageError
-from ..oscillator import Oscillator, Smooth
-from .residual import Residual, start_of
-from .sizes import rounded_up
+from ..oscillator import Smooth
+from ..oscillator.engines import Mesh
+from .residual import Residual, Run, start_of
 
 CAPACITY = 1 << 17
 _REACH = 1.05
 _GROWTH = 4.0
+_SIZES = tuple(2**power for power in range(9, 20))
 
 
 def with_mesh(residual: Residual, y: Any, slack: float = 1.0) -> Residual:
-    """The residual with its engine on a mesh made for coordinates `y`; unchanged for engines that need none.
+    """The residual with a mesh for each run, made for coordinates `y`; unchanged for engines that need none.
 
-    Runs of a joint fit share one mesh, the union of what each of them needs. `slack` is the factor by which its error
-    may be larger than the engine's.
+    `slack` is the factor by which the error may be larger than the engine's.
 
     Raises:
-        UsageError: more steps than the list of them can hold.
+        UsageError: more steps than a list of them can hold.
     """
     if not isinstance(residual.engine, Smooth):
         return residual
+    engine = residual.engine
+    free = Smooth(slack * engine.accuracy, None, engine.max_steps, engine.max_half_cycles)
+    found = _meshes(free, residual, y)
+    meshes = [Mesh(_finite(mesh.phases), _graded(_finite(mesh.times))) for mesh in found]
+    return _with(residual, _alike(meshes))
+
+
+def lengthened(residuals: Sequence[Residual]) -> list[Residual]:
+    """The same residuals with all meshes as long as the longest, that they may share a compilation."""
+    engines = [run.engine for residual in residuals for run in residual.runs]
+    found = [engine.mesh for engine in engines if isinstance(engine, Smooth) and engine.mesh]
+    meshes = iter(_alike(found) if found else [])
+    return [_with(r, [next(meshes) for _ in r.runs]) if isinstance(r.engine, Smooth) else r for r in residuals]
+
+
+def _with(residual: Residual, meshes: Sequence[Mesh]) -> Residual:
+    engines = [eqx.tree_at(lambda e: e.mesh, residual.engine, m, is_leaf=lambda x: x is None) for m in meshes]
+    return eqx.tree_at(lambda r: [run.engine for run in r.runs], residual, engines, is_leaf=lambda x: x is None)
+
+
+@eqx.filter_jit
+def _meshes(free: Smooth, residual: Residual, y: Any) -> list[Mesh]:
     machine = residual.machine(y)
-    engine, runs = residual.engine, residual.runs
-    accuracy = slack * engine.accuracy
-    meshes = [np.asarray(_steps(accuracy, machine, residual.own(y, i), run.t[-1])) for i, run in enumerate(runs)]
-    if any(np.all(np.isfinite(mesh)) for mesh in meshes):
+
+    def one(number: Any, run: Run) -> Mesh:
+        at = residual.own_of(residual.values(y), number, run)
+        end = _REACH * (run.t[-1] - at["t_release"])
+        return free.meshed(machine, start_of(machine, at), end, run.half_cycles, CAPACITY)
+
+    return residual.each(one, residual.runs)
+
+
+def _finite(ends: Any) -> np.ndarray:
+    """The steps of a list; one that is not finite from its first step on gets one, over which it is not finite either.
+
+    Raises:
+        UsageError: the list is full.
+    """
+    known = np.asarray(ends)
+    if not np.isfinite(known).any():
+        return np.array([0.0, 1.0])
+    if np.isfinite(known).all():
         raise UsageError(
             f"The motion needs more than {CAPACITY} steps of the smooth engine. Check the law's coefficients, or crop "
             "the record to its moving part."
         )
-    merged = np.unique(np.concatenate([mesh[np.isfinite(mesh)] for mesh in meshes]))
-    if merged.size == 1:
-        # A motion that is not finite from its first step on gets one step, over which it is not finite either.
-        merged = np.append(merged, merged + 1.0)
-    mesh = jnp.asarray(_padded(_graded(merged)))
-    return eqx.tree_at(lambda r: r.engine.mesh, residual, mesh, is_leaf=lambda x: x is None)
-
-
-@eqx.filter_jit
-def _steps(accuracy: Any, machine: Oscillator, at: dict[str, Array], end: Array) -> Array:
-    start = start_of(machine, at)
-    free = Smooth(accuracy=accuracy, max_steps=CAPACITY)
-    return free.steps(machine, start, _REACH * (end - at["t_release"]), CAPACITY)
+    return known[np.isfinite(known)]
 
 
 def _graded(mesh: np.ndarray) -> np.ndarray:
@@ -68,23 +92,13 @@ def _graded(mesh: np.ndarray) -> np.ndarray:
         mesh = np.sort(np.concatenate([mesh, mesh[long] + h[long] / 2]))
 
 
-def lengthened(residual: Residual, steps: int) -> Residual:
-    """The same residual with its mesh cut into `steps` steps, that it may share a compilation with a longer one."""
-    if not isinstance(residual.engine, Smooth):
-        return residual
-    mesh = jnp.asarray(_filled(np.asarray(residual.engine.mesh), steps))
-    return eqx.tree_at(lambda r: r.engine.mesh, residual, mesh)
+def _alike(meshes: Sequence[Mesh]) -> list[Mesh]:
+    """Meshes with lists of one length each, the last end repeated."""
 
+    def filled(lists: Sequence[Any]) -> list[np.ndarray]:
+        longest = max(ends.size for ends in lists)
+        size = next(size for size in _SIZES if size >= longest)
+        return [np.pad(ends, (0, size - ends.size), mode="edge") for ends in lists]
 
-def _padded(mesh: np.ndarray) -> np.ndarray:
-    """Cut steps until their number is a power of two or a whole number of eighths of it."""
-    return _filled(mesh, rounded_up(mesh.size - 1, 8))
-
-
-def _filled(mesh: np.ndarray, steps: int) -> np.ndarray:
-    """Halve the longest steps until there are as many as asked for."""
-    while missing := steps - (mesh.size - 1):
-        h = np.diff(mesh)
-        longest = np.argsort(h)[::-1][:missing]
-        mesh = np.sort(np.concatenate([mesh, mesh[longest] + h[longest] / 2]))
-    return mesh
+    both = filled([mesh.phases for mesh in meshes]), filled([mesh.times for mesh in meshes])
+    return [Mesh(*lists) for lists in zip(*both, strict=True)]

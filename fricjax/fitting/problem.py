@@ -16,7 +16,7 @@ from .loss import AbstractLoss
 from .parameters import Request, free_parameters, parse_priors, parse_ties, shared_leaves
 from .residual import Residual, without_inputs
 from .rig_inputs import rig_inputs
-from .runs import condensed_run, terrain_of, whole_run
+from .runs import condensed_run, of_one_length, terrain_of, whole_run
 from .space import LINEAR, Parameter, ParameterSpace
 from .tuning import can_stop, engine_for
 from .window import Window, open_window
@@ -144,7 +144,7 @@ def _residual(
     engine = engine_for(request, windows)
     mean, weight = parse_priors(request.priors, [parameter.name for parameter in parameters], windows)
     oscillator = jax.tree.map(lambda leaf: np.asarray(leaf, float), request.oscillator)
-    runs = tuple(whole_run(window, can_stop(request)) for window in windows)
+    runs = of_one_length(tuple(whole_run(window, can_stop(request)) for window in windows))
     inputs = rig_inputs(request.rig, oscillator, {*space.leaves, *(tie.leaf for tie in space.ties)})
     return Residual(oscillator, space, engine, runs, np.asarray(mean), np.asarray(weight), inputs)
 
@@ -152,7 +152,7 @@ def _residual(
 def _condensed(residual: Residual, windows: Sequence[Window]) -> Residual:
     """The residual of the condensed records, without the inputs of the rig."""
     pairs = zip(windows, residual.runs, strict=True)
-    runs = tuple(condensed_run(*pair, residual.oscillator) for pair in pairs)
+    runs = of_one_length(tuple(condensed_run(*pair, residual.oscillator) for pair in pairs))
     return eqx.tree_at(lambda r: r.runs, without_inputs(residual), runs)
 
 

@@ -28,8 +28,11 @@ class Quadratic(NamedTuple):
 def quadratic(gradient: np.ndarray, normal: np.ndarray, at_bound: np.ndarray) -> Quadratic:
     """Shape of chi^2 where its gradient is `gradient`, with some parameters at a bound."""
     inverse, undetermined = _inverse(normal, ~at_bound)
-    step = -inverse @ gradient
-    return Quadratic(inverse, step, undetermined, at_bound, float(np.sqrt(max(-(step @ gradient), 0.0))))
+    # Where the model fails the gradient is not finite, and neither is the distance.
+    with np.errstate(invalid="ignore"):
+        step = -inverse @ gradient
+        gain = -(step @ gradient)
+    return Quadratic(inverse, step, undetermined, at_bound, float(np.sqrt(max(gain, 0.0))))
 
 
 def _inverse(normal: np.ndarray, movable: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -1,6 +1,6 @@
 """What a fit makes small: the weighted distance of computed from measured displacement, and of values from priors."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import equinox as eqx
@@ -25,6 +25,7 @@ class Run(eqx.Module):
         half_cycles: number of half-cycles from the start to the stop, as the record shows it; huge where it ends in
             motion.
         fixed: x0, v0, offset, drift, t_release and z0 where they are not free.
+        engine: the engine on a mesh that was made for this run; None where all runs share one.
     """
 
     t: Any
@@ -32,6 +33,7 @@ class Run(eqx.Module):
     weight: Any
     half_cycles: Any
     fixed: dict[str, Any]
+    engine: AbstractEngine | None = None
 
 
 class Course(eqx.Module):
@@ -57,7 +59,7 @@ class Residual(eqx.Module):
     Attributes:
         oscillator: template of the machine; its free leaves are replaced.
         space: parameter space.
-        engine: engine that computes the motion.
+        engine: engine that computes the motions.
         runs: the records.
         prior_mean, prior_weight: mean and one over the standard deviation of each parameter's prior, weight zero for
             none.
@@ -78,8 +80,25 @@ class Residual(eqx.Module):
         return self.prior_mean.shape[0]
 
     def __call__(self, y: Float[Array, " coordinates"], args: None = None) -> Float[Array, " residuals"]:
-        parts = [run.weight * (self.course(y, i).read(run.t) - run.x) for i, run in enumerate(self.runs)]
+        parts = self.each(lambda i, run: run.weight * (self.course(y, i, run).read(run.t) - run.x), self.runs)
         return jnp.concatenate([*parts, self.priors(y)])
+
+    def each(self, function: Callable[..., Any], *columns: Sequence[Any]) -> list[Any]:
+        """What a function says of every run, from its number and its entry in each of the columns.
+
+        Runs of the same shape are gone through by one compiled loop, so that many compile no longer than one.
+        """
+        rows = list(zip(*columns, strict=True))
+        if len(rows) == 1 or not (self.space.alike and _are_alike(rows)):
+            return [function(i, *row) for i, row in enumerate(rows)]
+        arrays, settings = zip(*(eqx.partition(row, eqx.is_array_like) for row in rows), strict=True)
+        stacked = jax.tree.map(lambda *values: jnp.stack(values), *arrays)
+
+        def one(numbered: tuple[Array, Any]) -> Any:
+            return function(numbered[0], *eqx.combine(numbered[1], settings[0]))
+
+        found = jax.lax.map(one, (jnp.arange(len(rows)), stacked))
+        return [jax.tree.map(lambda values, i=i: values[i], found) for i in range(len(rows))]
 
     def priors(self, y: Float[Array, " coordinates"]) -> Float[Array, " p"]:
         """Distance of the values to the means of their priors, in standard deviations."""
@@ -96,19 +115,29 @@ class Residual(eqx.Module):
         moved = jax.tree.unflatten(structure, [leaf + shift[i] for i, leaf in enumerate(leaves)])
         return self.space.oscillator(moved, self.values(y))
 
-    def own(self, y: Float[Array, " coordinates"], run: int) -> dict[str, Array]:
-        """State and offset of one run, free or fixed, by name."""
-        return self.own_at(self.values(y), run)
-
     def own_at(self, values: Float[Array | np.ndarray, " p"], run: int) -> dict[str, Array]:
-        """The same from the values of the parameters."""
-        return {**self.runs[run].fixed, **self.space.run_values(values, run)}
+        """State and offset of one run, free or fixed, by name, from the values of the parameters."""
+        return self.own_of(values, run, self.runs[run])
 
-    def course(self, y: Float[Array, " coordinates"], run: int) -> Course:
-        """Computed motion of one run."""
-        at, machine = self.own(y, run), self.machine(y)
-        path = self.engine.path(machine, start_of(machine, at), self.runs[run].half_cycles)
+    def own_of(self, values: Float[Array | np.ndarray, " p"], number: Any, record: Run) -> dict[str, Array]:
+        """The same of a run that is at hand with its number."""
+        return {**record.fixed, **self.space.run_values(values, number)}
+
+    def course(self, y: Float[Array, " coordinates"], number: Any, record: Run) -> Course:
+        """Computed motion of the run of a number."""
+        machine, at = self.machine(y), self.own_of(self.values(y), number, record)
+        path = (record.engine or self.engine).path(machine, start_of(machine, at), record.half_cycles)
         return Course(path, at["t_release"], at["offset"], at["drift"])
+
+
+def _are_alike(rows: Sequence[Any]) -> bool:
+    """Whether rows differ in nothing but the numbers in their arrays."""
+
+    def shape(row: Any) -> Any:
+        leaves, structure = jax.tree.flatten(row)
+        return structure, [np.shape(leaf) if eqx.is_array_like(leaf) else leaf for leaf in leaves]
+
+    return all(shape(row) == shape(rows[0]) for row in rows)
 
 
 def start_of(machine: Oscillator, at: Mapping[str, Any]) -> Start:

@@ -13,6 +13,8 @@ from .residual import Run
 from .sizes import rounded_up
 from .window import NEVER, Window
 
+# How many times longer than the shortest the longest run of a joint fit may be for them to be filled to one length.
+_UNLIKE = 2
 _IN_PHASE, _SMALLEST, _SHORTEST = 0.5, 0.5, 4.0
 
 
@@ -35,7 +37,19 @@ def whole_run(window: Window, stops: bool) -> Run:
 def condensed_run(window: Window, run: Run, oscillator: Oscillator) -> Run:
     """The run with few samples that say the same."""
     few = _filled(condensed(window, Samples(run.t, run.x, run.weight), oscillator), 4)
-    return eqx.tree_at(lambda r: (r.t, r.x, r.weight), run, tuple(few))
+    return _with_samples(run, few)
+
+
+def of_one_length(runs: tuple[Run, ...]) -> tuple[Run, ...]:
+    """Runs of a joint fit with samples without weight added, as many as the longest has, where few are missing."""
+    sizes = [run.t.size for run in runs]
+    if max(sizes) > _UNLIKE * min(sizes):
+        return runs
+    return tuple(_with_samples(run, _up_to(max(sizes), Samples(run.t, run.x, run.weight))) for run in runs)
+
+
+def _with_samples(run: Run, samples: Samples) -> Run:
+    return eqx.tree_at(lambda r: (r.t, r.x, r.weight), run, tuple(samples))
 
 
 def filled_to(
@@ -61,7 +75,11 @@ def _filled(samples: Samples, parts: int) -> Samples:
 
     So records of similar length share one compilation.
     """
-    missing = rounded_up(samples.t.size, parts) - samples.t.size
+    return _up_to(rounded_up(samples.t.size, parts), samples)
+
+
+def _up_to(n: int, samples: Samples) -> Samples:
+    missing = n - samples.t.size
     t, x = (np.pad(values, (0, missing), mode="edge") for values in (samples.t, samples.x))
     return Samples(t, x, np.pad(samples.weight, (0, missing)))
 

@@ -15,7 +15,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ..oscillator import Smooth
-from .climb import FINE, ROUNDING, Climbed, climb, onwards
+from .climb import FINE, ROUNDING, Climbed, climb, joined, onwards
 from .loss import AbstractLoss, Squares
 from .mesh import with_mesh
 from .problem import Problem
@@ -26,7 +26,7 @@ from .status import AT_BOUND, CONVERGED, OUT_OF_STEPS, UNDETERMINED
 from .survey import Survey, survey
 
 _ACCURATE = 0.1
-ROUGH, NEAR = 10.0, 0.3
+ROUGH, NEAR = 100.0, 0.3
 # Where a direction is left undetermined, there is no optimum that a finer engine could find.
 _OPTIMA = (CONVERGED, AT_BOUND)
 # A mesh in time is made for one set of coordinates, so an optimum may have to be met on a mesh that was made there;
@@ -84,11 +84,13 @@ def solve(problem: Problem, y: Any = None) -> Solved:
     begin = start_coordinates(problem) if y is None else y[: few.n_parameters]
     meshed, robust = isinstance(few.engine, Smooth), not isinstance(problem.loss, Squares)
     # The first mesh, and the squares of a robust fit, only lead to where it goes on from.
-    rough, tolerance = (ROUGH if meshed else 1.0), (NEAR if meshed or robust else FINE)
+    rough, tolerance = (ROUGH if meshed else 1.0), np.asarray(NEAR if meshed or robust else FINE)
     at = climb_on(with_mesh(few, begin, rough), problem.terrain, problem.limits, begin, tolerance)
-    if meshed or robust:
-        target = without_inputs(problem.residual) if robust else few
-        at = climb_onwards(with_mesh(target, at.y), problem.limits, problem.loss, at)
+    if robust:
+        target = with_mesh(without_inputs(problem.residual), at.y)
+        at = climb_onwards(target, problem.limits, problem.loss, at)
+    elif meshed:
+        at = joined(at, climb_on(with_mesh(few, at.y), problem.terrain, problem.limits, at.y, np.asarray(FINE)))
     return _refined(problem, at, _MESHES if meshed else 1, (*_OPTIMA, OUT_OF_STEPS) if meshed else _OPTIMA)
 
 

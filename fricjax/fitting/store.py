@@ -130,9 +130,7 @@ def _module(cls: type, fields: dict[str, Any]) -> Any:
     if issubclass(cls, AbstractFriction):
         return _law(cls, fields)
     if cls is Run:
-        fields = {
-            k: {n: jnp.asarray(x) for n, x in v.items()} if k == "fixed" else jnp.asarray(v) for k, v in fields.items()
-        }
+        fields = jax.tree.map(jnp.asarray, fields)
     if issubclass(cls, AbstractEngine):
         # As arrays its numbers are traced, as they were in the fit, and a second prediction compiles nothing.
         fields = jax.tree.map(lambda value: jnp.asarray(value) if isinstance(value, float) else value, fields)

@@ -14,7 +14,7 @@ from jaxtyping import Array, Float
 
 from .loss import AbstractLoss
 from .passes import gather, residual_and_jacobian
-from .residual import Course, Residual
+from .residual import Course, Residual, Run
 
 CHUNK = 16384
 
@@ -38,7 +38,7 @@ class Survey(NamedTuple):
 @eqx.filter_jit
 def survey(residual: Residual, y: Float[Array, " coordinates"], loss: AbstractLoss) -> Survey:
     """Residual, gradient and normal matrix at coordinates `y`, from every sample."""
-    parts = [_run(residual, y, i, loss) for i in range(len(residual.runs))]
+    parts = residual.each(lambda number, run: _run(residual, y, number, run, loss), residual.runs)
     priors, slopes = residual_and_jacobian(residual.priors, y)
     parts.append(Survey(priors, priors @ priors, slopes.T @ priors, slopes.T @ slopes))
     joined = jnp.concatenate([part.residual for part in parts])
@@ -46,8 +46,7 @@ def survey(residual: Residual, y: Float[Array, " coordinates"], loss: AbstractLo
     return Survey(joined, *sums)
 
 
-def _run(residual: Residual, y: Array, run: int, loss: AbstractLoss) -> Survey:
-    data = residual.runs[run]
+def _run(residual: Residual, y: Array, number: Any, data: Run, loss: AbstractLoss) -> Survey:
     n = data.t.shape[0]
     pieces = -(-n // CHUNK)
     size = -(-n // pieces)
@@ -58,7 +57,7 @@ def _run(residual: Residual, y: Array, run: int, loss: AbstractLoss) -> Survey:
     )
 
     def course(at: Array) -> tuple[Course, tuple[Course, Course]]:
-        moving, fixed = eqx.partition(residual.course(at, run), eqx.is_inexact_array)
+        moving, fixed = eqx.partition(residual.course(at, number, data), eqx.is_inexact_array)
         return moving, (moving, fixed)
 
     tangents, (moving, fixed) = jax.jacfwd(course, has_aux=True)(y)

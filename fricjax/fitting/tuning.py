@@ -13,8 +13,8 @@ from .parameters import Request
 from .sizes import rounded_up
 from .window import NEVER, Window, equilibrium
 
-# The error of the smooth engine is some thirty times smaller than the accuracy that it is asked for.
-_SLACK = 3.0
+# The error of the smooth engine is some ten times smaller than the accuracy that it is asked for.
+_SLACK = 1.0
 # Half-cycles from which a table over amplitude pays, and its entries per e-fold of amplitude for 1e-2 nm on 2 mm.
 _FEW, _PER_E_FOLD = 8, 5.0
 # Least number of half-cycles to provide for with a table, so that records of an archive share their compilation.

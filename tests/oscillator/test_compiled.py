@@ -12,18 +12,18 @@ import pytest
 
 from fricjax.friction import Coulomb, LuGre, Stribeck, Tanh
 from fricjax.oscillator import Exact, Hybrid, Oscillator, Smooth, starting_state
-from fricjax.oscillator.engines import Span
+from fricjax.oscillator.engines import Mesh, Span
 
 SPAN = Span(np.asarray(3e-4), np.asarray(2.1e-3))
-MESH = jnp.linspace(0, 20, 201)
+MESH = Mesh(jnp.linspace(0, 20, 201), jnp.linspace(0, 2, 21))
 CASES = {
     "exact": (Exact(16), Coulomb(0.05), None),
     "half-cycles, Stribeck": (Hybrid(28, 16), Stribeck(0.05, 0.065, 5e-3), None),
     "half-cycles, Tanh": (Hybrid(28, 16), Tanh(0.05, 1e-4), None),
     "table, Stribeck": (Hybrid(28, 16, SPAN, 12), Stribeck(0.05, 0.065, 5e-3), 5),
     "table, Tanh": (Hybrid(28, 16, SPAN, 12), Tanh(0.05, 1e-4), 10**9),
-    "mesh in time, LuGre": (Smooth(mesh=MESH), LuGre(0.05, 0.065, 5e-3), None),
-    "mesh in time, Tanh": (Smooth(mesh=MESH), Tanh(0.05, 1e-3), None),
+    "mesh in phase, LuGre": (Smooth(mesh=MESH), LuGre(0.05, 0.065, 5e-3), None),
+    "mesh in phase, Tanh": (Smooth(mesh=MESH), Tanh(0.05, 1e-3), None),
 }
 
 

@@ -5,7 +5,8 @@ from .base import AbstractEngine
 from .course import UNTABLED
 from .exact import Exact
 from .hybrid import Hybrid
+from .mesh import Mesh
 from .path import AbstractPath
 from .smooth import Drive, Smooth
 
-__all__ = ["UNTABLED", "AbstractEngine", "AbstractPath", "Drive", "Exact", "Hybrid", "Smooth", "Span"]
+__all__ = ["UNTABLED", "AbstractEngine", "AbstractPath", "Drive", "Exact", "Hybrid", "Mesh", "Smooth", "Span"]

@@ -30,12 +30,12 @@ class Landing(diffrax.AbstractAdaptiveSolver, diffrax.AbstractWrappedSolver):
 
     Attributes:
         solver: the solver that makes the steps.
-        watched: from a state and the arguments of the vector field to the quantities, shape (switches,).
+        watched: from time, state and the arguments of the vector field to the quantities, shape (switches,).
         returned: from time and state at the end of a step and the arguments to the one from which the next step begins.
     """
 
     solver: Any
-    watched: Callable[[Any, Any], Array] = eqx.field(static=True)
+    watched: Callable[[Any, Any, Any], Array] = eqx.field(static=True)
     returned: Callable[[Any, Any, Any], Any] = eqx.field(static=True)
 
     @property
@@ -63,7 +63,7 @@ class Landing(diffrax.AbstractAdaptiveSolver, diffrax.AbstractWrappedSolver):
     def step(self, terms: Any, t0: Any, t1: Any, y0: Any, args: Any, solver_state: Any, made_jump: Any) -> Any:
         # The return map may have changed the rates since the last stage of the step before.
         y1, error, dense, state, result = self.solver.step(terms, t0, t1, y0, args, solver_state, True)
-        switched = jnp.any(self.watched(y0, args) * self.watched(y1, args) < 0)
+        switched = jnp.any(self.watched(t0, y0, args) * self.watched(t1, y1, args) < 0)
         raised = jax.tree.map(lambda e: jnp.where(switched, _RAISE * (jnp.abs(e) + (t1 - t0) ** 2), e), error)
         # A controller compares errors with the size of the state, and infinity with infinity is no number.
         finite = jnp.all(jnp.isfinite(jnp.stack(jax.tree.leaves((y1, raised)))))

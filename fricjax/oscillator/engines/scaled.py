@@ -1,0 +1,109 @@
+"""A machine in the units in which its motion is integrated.
+
+State and time are scaled by the amplitude, the natural frequency and the law's own deflection, so that one tolerance
+fits every component: with raw bristle deflections of a nanometre beside millimetres none does.
+"""
+
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array
+
+from ..motion import Start
+from ..oscillator import Oscillator
+from .nodes import Nodes
+
+# How much larger the tolerance of an internal state may be than that of the displacement, at most.
+_LOOSEST = 1000.0
+
+
+class Rates(NamedTuple):
+    """Scaled acceleration, and scaled rate of each internal state."""
+
+    acceleration: Array
+    states: tuple[Array, ...]
+
+
+class Scaled(eqx.Module):
+    """An oscillator with the units of displacement [m], of the inverse of time [1/s] and of the internal states.
+
+    Motions are tuples of scaled displacement, velocity and internal states; x, v and the states are passed apart.
+    """
+
+    oscillator: Oscillator
+    length: Array
+    rate: Array
+    state: Array
+
+    @classmethod
+    def of(cls, oscillator: Oscillator, start: Start, floor: Array | None = None) -> "Scaled":
+        """The units for a motion from `start`, with the acceleration of the floor [m/s^2] where it moves."""
+        rate = oscillator.angular_frequency
+        reach = jnp.maximum(jnp.maximum(jnp.abs(start.x0), jnp.abs(start.v0) / rate), oscillator.dead_band)
+        if floor is not None:
+            reach = jnp.maximum(reach, jnp.max(jnp.abs(floor)) / rate**2)
+        length = jnp.where(reach > 0, reach, 1.0)
+        state = _state_units(oscillator, length)
+        return cls(oscillator, jax.lax.stop_gradient(length), rate, jax.lax.stop_gradient(state))
+
+    @property
+    def speed(self) -> Array:
+        """Unit of velocity [m/s]."""
+        return self.length * self.rate
+
+    def start(self, start: Start) -> tuple:
+        """The start as a scaled motion."""
+        y0 = (start.x0 / self.length, start.v0 / self.speed, *(start.state / self.state))
+        return jax.tree.map(jnp.asarray, y0)
+
+    def rates(self, x: Array, v: Array, states: tuple) -> Rates:
+        """The rates of a free motion."""
+        law, state = self.oscillator.friction, self._unscaled(states)
+        a = self.oscillator.acceleration(x * self.length, v * self.speed, state)
+        z = law.rate(v * self.speed, state, self.oscillator.normal_force) / (self.state * self.rate)
+        return Rates(a / (self.speed * self.rate), tuple(z[i] for i in range(len(states))))
+
+    def mapped(self, x: Array, v: Array, states: tuple) -> tuple:
+        """The internal states from which the next step begins, by the law's return map."""
+        a = self.rates(x, v, states).acceleration * self.speed * self.rate
+        load = self.oscillator.normal_force
+        return tuple(self.oscillator.friction.return_map(v * self.speed, a, self._unscaled(states), load) / self.state)
+
+    def switches(self, v: Array, states: tuple) -> Array:
+        """What the law switches by besides the velocity."""
+        load = self.oscillator.normal_force
+        return self.oscillator.friction.switches(v * self.speed, self._unscaled(states), load)
+
+    def nodes(self, tau: Array, x: Array, v: Array, states: tuple) -> Nodes:
+        """Nodes at scaled times from the motion there, which goes on behind the last one."""
+        a = jax.vmap(lambda x, v, states: self.rates(x, v, states).acceleration)(x, v, states)
+        columns = (tau / self.rate, x * self.length, v * self.speed, a * self.speed * self.rate)
+        return Nodes.of(columns, columns[1][-1], columns[0][-1], jnp.asarray(False))
+
+    def _unscaled(self, states: tuple) -> Array:
+        return jnp.stack(states) * self.state if states else jnp.zeros(0)
+
+
+def _state_units(oscillator: Oscillator, length: Array) -> Array:
+    """The law's own scales, larger by as much as their errors matter less than those of the displacement.
+
+    A contact that settles over the travel l does so within the scaled time sqrt(2 l/a) of a reversal at the amplitude
+    a. A relative error of its state changes the velocity there by that times x_d, the dead band, at amplitudes down
+    to x_d: by sqrt(2 l x_d) over the amplitude of the start.
+    """
+    law, load = oscillator.friction, oscillator.normal_force
+    unit = jnp.maximum(law.state_scale(load), jnp.finfo(float).tiny)
+    if not law.n_states:
+        return unit
+    travel = unit / jnp.abs(law.rate(jnp.ones(()), jnp.zeros(law.n_states), load))
+    felt = jnp.sqrt(2 * travel * oscillator.dead_band) / length
+    return unit * jnp.clip(1 / felt, 1.0, _LOOSEST)
+
+
+def filled(tau: Array, ys: Any) -> tuple[Array, Any]:
+    """Saved steps with the unused ones at their end replaced by the last that was made."""
+    made = jnp.sum(jnp.isfinite(tau)) - 1
+    kept = jnp.minimum(jnp.arange(tau.size), made)
+    return tau[kept], jax.tree.map(lambda values: values[kept], ys)

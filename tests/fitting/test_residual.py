@@ -1,0 +1,67 @@
+"""The residual of several runs, against that of each; and the ways in which parameters are fitted."""
+
+import dataclasses
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from fricjax.fitting.mesh import with_mesh
+from fricjax.fitting.residual import Residual
+from fricjax.fitting.space import Parameter, ParameterSpace
+from tests.fitting.posed import posed
+from tests.fitting.runs import MACHINE, RIGS, noisy, oscillator
+
+
+def joint(law: str) -> Residual:
+    rig = RIGS["sliding"]
+    runs = [noisy("sliding", law, seed) for seed in range(3)]
+    return with_mesh(posed(runs, oscillator(rig, law), MACHINE).condensed, jnp.zeros(3 + 3 * len(OWN[law])))
+
+
+OWN = {"Coulomb": ("t_release", "x0", "offset"), "LuGre": ("x0", "v0", "offset")}
+
+
+@pytest.mark.parametrize("law", OWN)
+def test_runs_of_one_shape_are_computed_as_each_for_itself(law):
+    residual, step = joint(law), 1e-4 * np.arange(3 + 3 * len(OWN[law]))
+    assert len({run.t.size for run in residual.runs}) == 1
+    together = np.asarray(eqx.filter_jit(residual)(jnp.asarray(step)))
+    values = residual.values(jnp.asarray(step))
+    for i, run in enumerate(residual.runs):
+        read = eqx.filter_jit(lambda r, run, y, i=i: r.course(y, i, run).read(run.t))
+        alone = run.weight * (read(residual, run, jnp.asarray(step)) - run.x)
+        n = run.t.size
+        np.testing.assert_allclose(together[i * n : (i + 1) * n], alone, rtol=1e-9, atol=1e-6)
+        assert residual.own_at(values, i)["x0"] == values[3 + 3 * i + OWN[law].index("x0")]
+
+
+def test_runs_that_differ_in_shape_are_computed_one_by_one():
+    residual = joint("Coulomb")
+    short = eqx.tree_at(lambda run: (run.t, run.x, run.weight), residual.runs[0], residual_parts(residual, 50))
+    mixed = dataclasses.replace(residual, runs=(short, *residual.runs[1:]))
+    found = mixed.each(lambda number, run: run.t.size, mixed.runs)
+    assert found == [50, residual.runs[1].t.size, residual.runs[2].t.size]
+
+
+def residual_parts(residual: Residual, n: int) -> tuple:
+    run = residual.runs[0]
+    return run.t[:n], run.x[:n], run.weight[:n]
+
+
+@pytest.mark.parametrize("way", ["value", "logarithm", "reciprocal"])
+def test_coordinates_and_values_carry_each_other(way):
+    space = ParameterSpace.build([Parameter("sigma0", "N/m", 2e5, 2e5, fitted_as=way)], [0], [], [()])
+    values = np.array([3e4, 2e5, 5e9])
+    q = [space.coordinates(value[None]) for value in values]
+    assert q[1] == 0.0 and q[0] < 0 < q[2]
+    np.testing.assert_allclose([space.values(jnp.asarray(at))[0] for at in q], values, rtol=1e-10)
+    slope = [(space.values(jnp.asarray(at + 1e-7)) - space.values(jnp.asarray(at - 1e-7)))[0] / 2e-7 for at in q[:2]]
+    np.testing.assert_allclose([space.slope(jnp.asarray(at))[0] for at in q[:2]], slope, rtol=1e-6)
+
+
+def test_a_rigid_contact_lies_at_a_finite_place():
+    space = ParameterSpace.build([Parameter("sigma0", "N/m", 2e5, 2e5, fitted_as="reciprocal")], [0], [], [()])
+    assert space.coordinates(np.array([np.inf]))[0] == 1.0
+    assert space.coordinates(np.array([0.0]))[0] == -np.inf

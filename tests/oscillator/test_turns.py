@@ -1,0 +1,96 @@
+"""Integration over the phase of the half-cycles, against integration in time at a hundredth of the error."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from fricjax import friction
+from fricjax.oscillator import Oscillator, Smooth, starting_state
+from fricjax.oscillator.engines import Mesh
+from tests.helpers import PROTOTYPE_DAMPING, PROTOTYPE_MASS
+
+STIFFNESS, LOAD, END, CAPACITY = 2574.0, 9.66, 0.3, 1 << 14
+ACCURACY = 1e-10
+LAWS = {
+    "Dahl": friction.Dahl(0.05, sigma0=1e6),
+    "LuGre": friction.LuGre(0.05, 0.065, 5e-3, sigma0=1e6, sigma1=400.0, sigma2=0.1),
+    "ElastoPlastic": friction.ElastoPlastic(0.05, sigma0=1e6, sigma1=400.0, breakaway_fraction=0.6),
+    "BoucWen": friction.BoucWen(0.05, sigma0=1e6, n=2.0, beta=0.7),
+    "Rolling": friction.Rolling(0.05, length=5e-5),
+    "BlimanSorine": friction.BlimanSorine(0.07, 0.02, 0.3, 1e-4),
+    "RateState": friction.RateState(0.05, a=2e-3, b=1e-3, slip_distance=1e-5),
+    "Jenkins": friction.Jenkins(0.05, sigma0=1e6),
+    "MaxwellSlip": friction.MaxwellSlip((4e5, 2e5), (0.02, 0.03)),
+    "GeneralisedMaxwellSlip": friction.GeneralisedMaxwellSlip(
+        0.05, 0.06, 0.02, stiffnesses=(4e4, 2e4), shares=(0.4,), attraction=300.0
+    ),
+    "Leuven": friction.Leuven(0.05, 0.06, 0.02, stiffnesses=(4e4, 2e4), shares=(0.4,), sigma1=50.0),
+    "Tanh": friction.Tanh(0.05, 1e-3),
+}
+
+
+def machine(law: friction.AbstractFriction, scale: float = 1.0) -> Oscillator:
+    return Oscillator(PROTOTYPE_MASS, scale * STIFFNESS, PROTOTYPE_DAMPING, LOAD, law)
+
+
+def mesh(oscillator: Oscillator, x0: float, v0: float, half_cycles: int = 512) -> Mesh:
+    """The steps with the unused ones of each list at its end."""
+    start = starting_state(oscillator, x0, v0)
+    found = jax.jit(Smooth(ACCURACY).meshed, static_argnums=4)(
+        oscillator, start, jnp.asarray(END), jnp.asarray(half_cycles), CAPACITY
+    )
+    return jax.tree.map(
+        lambda ends: jnp.where(jnp.isfinite(ends), ends, jnp.max(ends, where=jnp.isfinite(ends), initial=-9.0)), found
+    )
+
+
+def on(steps: Mesh, oscillator: Oscillator, x0: float, v0: float, ts: np.ndarray) -> np.ndarray:
+    path = jax.jit(lambda o, x, v: Smooth(mesh=steps).path(o, starting_state(o, x, v)).sample(jnp.asarray(ts))[0])
+    return np.asarray(path(oscillator, x0, v0))
+
+
+def in_time(oscillator: Oscillator, x0: float, v0: float, ts: np.ndarray) -> np.ndarray:
+    sharp = Smooth(ACCURACY / 100)
+    return np.asarray(jax.jit(lambda o: sharp.solve(o, starting_state(o, x0, v0), jnp.asarray(ts)).x)(oscillator))
+
+
+@pytest.mark.parametrize("name", LAWS)
+def test_phase_and_time_give_the_same_motion(name):
+    oscillator, ts = machine(LAWS[name]), np.linspace(0, END, 1501)
+    steps = mesh(oscillator, 2e-3, 0.0)
+    assert float(steps.phases[-1]) >= 4 * np.pi * (1 - 1e-12)
+    found = on(steps, oscillator, 2e-3, 0.0, ts)
+    np.testing.assert_allclose(found, in_time(oscillator, 2e-3, 0.0, ts), rtol=0, atol=ACCURACY)
+
+
+@pytest.mark.parametrize(("x0", "v0"), [(-2e-3, 0.0), (3e-4, -0.14), (-1.5e-3, 0.05), (1.5e-3, 0.05)])
+def test_a_motion_may_start_anywhere_in_its_swing(x0, v0):
+    oscillator, ts = machine(LAWS["LuGre"]), np.linspace(0, END, 701)
+    found = on(mesh(oscillator, x0, v0), oscillator, x0, v0, ts)
+    np.testing.assert_allclose(found, in_time(oscillator, x0, v0, ts), rtol=0, atol=ACCURACY)
+
+
+@pytest.mark.parametrize(("name", "error"), [("LuGre", ACCURACY), ("RateState", ACCURACY), ("Jenkins", 4 * ACCURACY)])
+def test_a_mesh_still_fits_when_the_motion_has_moved(name, error):
+    """A part in a thousand moves the reversals by far more than the time in which the contact gives way.
+
+    Where an element begins to slip moves in the phase as well.
+    """
+    made, moved, ts = machine(LAWS[name]), machine(LAWS[name], 1.001), np.linspace(0, 0.19, 701)
+    found = on(mesh(made, 3e-4, -0.14), moved, 3.003e-4, -0.1402, ts)
+    np.testing.assert_allclose(found, in_time(moved, 3.003e-4, -0.1402, ts), rtol=0, atol=error)
+
+
+def test_the_phases_end_at_the_last_reversal():
+    oscillator = machine(LAWS["LuGre"])
+    whole = mesh(oscillator, 2e-3, 0.0)
+    assert float(whole.phases[-1]) == pytest.approx(5 * np.pi, rel=1e-12)
+    assert float(mesh(oscillator, 2e-3, 0.0, half_cycles=3).phases[-1]) == pytest.approx(3 * np.pi, rel=1e-12)
+
+
+def test_another_start_stretches_the_first_half_cycle_alone():
+    steps = Mesh(np.array([0.5, 1.0, np.pi, 4.0, 2 * np.pi, 2 * np.pi]), np.zeros(2))
+    found = np.asarray(steps.begun_at(jnp.asarray(0.6 + 2 * np.pi)))
+    assert found[0] == pytest.approx(0.6) and np.all(np.diff(found)[:-1] > 0)
+    np.testing.assert_array_equal(found[2:], steps.phases[2:])
