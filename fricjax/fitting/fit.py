@@ -58,7 +58,8 @@ def fit(
             of the stroke before it, where these states are known. "release" fits x0 and offset, at rest at the
             logged release or at the first sample of a bare trace. A number of seconds from the first sample fits x0,
             v0 and offset there.
-        bounds: lower and upper bound by name, None for none: {"damping": (0, None)}.
+        bounds: lower and upper bound by name, None for none: {"damping": (0, None)}. Without one a contact is sought
+            no stiffer than all samples together can show; a fit that ends there has seen a rigid contact.
         priors: mean and standard deviation by name, as a pair or a `Measured`. They weigh as another sample does, so
             with a `sigma_mode` other than "absolute" their standard deviations are scaled with the noise.
         tie: leaves that follow a free parameter: {"friction.1.mu": "friction.0.mu"} or {...: (name, factor)}.
