@@ -60,14 +60,14 @@ def main() -> None:
     parser.add_argument("--laws", default="coulomb,stribeck,dahl,lugre", help="laws to compare")
     parser.add_argument("--truths", default="", help="laws that make the runs; default: those to compare")
     parser.add_argument("--campaigns", type=int, default=50, help="campaigns per true law")
+    parser.add_argument("--first", type=int, default=0, help="number of the first campaign, which is its seed")
     parser.add_argument("--runs", type=int, default=3, choices=(1, 2, 3), help="runs per campaign")
     parser.add_argument("--held-out", action="store_true", help="also score held-out runs")
     options = parser.parse_args()
     laws = options.laws.split(",")
     wins: dict[str, collections.Counter[str]] = collections.defaultdict(collections.Counter)
-    for truth, number in itertools.product(
-        options.truths.split(",") if options.truths else laws, range(options.campaigns)
-    ):
+    truths = options.truths.split(",") if options.truths else laws
+    for number, truth in itertools.product(range(options.first, options.first + options.campaigns), truths):
         began = time.perf_counter()
         candidates = [machine(law, MU, 0.8) for law in laws]
         found = fj.compare(campaign(truth, number, options.runs), candidates, names=laws, held_out=options.held_out)

@@ -62,19 +62,19 @@ def contact_of(windows: Sequence[Window], machine: Machine, returned: float | No
     """The contact as the records show it.
 
     Args:
-        windows: the records; of several the middle one counts.
+        windows: the records; of several the one counts whose mass turned nearest to the equilibrium, for a contact that
+            holds it far from there has begun to yield, and rings more slowly.
         machine: the machine as the decay shows it.
         returned: energy that the contact returns at each reversal, from the decay [J]; None for unknown.
 
     A contact that returns none, or lets the mass rest where it turned, is taken to bend by as much as the noise, and
     not to ring.
     """
-    settlings = list(_settlings(windows))
+    settlings = sorted(_settlings(windows), key=lambda settling: abs(settling.turned))
     found = [_at_rest(settling, machine) for settling in settlings if settling.returned > 0]
-    stiffnesses = [contact.stiffness for contact in found if contact.stiffness is not None]
-    dampings = [contact.damping for contact in found if contact.damping is not None]
-    if stiffnesses:
-        return Contact(_middle(stiffnesses), _middle(dampings) if dampings else None)
+    seen = next((contact for contact in found if contact.stiffness is not None), None)
+    if seen is not None:
+        return seen
     if returned == 0 or any(settling.returned == 0 for settling in settlings):
         return _unseen(machine, min(float(np.median(window.sigma)) for window in windows))
     return Contact(None if returned is None else 2 * machine.friction**2 / returned, None)
@@ -83,10 +83,6 @@ def contact_of(windows: Sequence[Window], machine: Machine, returned: float | No
 def _unseen(machine: Machine, noise: float) -> Contact:
     stiffness = machine.friction / noise
     return Contact(stiffness, 2 * float(np.sqrt(machine.mass * (machine.stiffness + stiffness))))
-
-
-def _middle(values: Sequence[float]) -> float:
-    return float(np.median(values))
 
 
 def _settlings(windows: Sequence[Window]) -> Iterator[_Settling]:

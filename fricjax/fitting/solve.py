@@ -22,16 +22,17 @@ from .problem import Problem
 from .quadratic import Quadratic, quadratic
 from .residual import Residual, without_inputs
 from .settled import Settled, settle
-from .status import AT_BOUND, CONVERGED, OUT_OF_STEPS, UNDETERMINED
+from .status import AT_BOUND, CONVERGED, OUT_OF_STEPS, STALLED, UNDETERMINED
 from .survey import Survey, survey
 
 _ACCURATE = 0.1
 ROUGH, NEAR = 100.0, 0.3
 # Where a direction is left undetermined, there is no optimum that a finer engine could find.
 _OPTIMA = (CONVERGED, AT_BOUND)
-# A mesh in time is made for one set of coordinates, so an optimum may have to be met on a mesh that was made there;
-# until then the solver may run out of steps.
-_MESHES = 6
+# A mesh is made for one set of coordinates, so an optimum may have to be met on a mesh that was made there; until then
+# the solver may run out of steps, or stall where the mesh fits no more. It goes on as long as that pays by this factor.
+_MESHES, _PAYS = 6, 0.8
+_ON_A_MESH = (*_OPTIMA, OUT_OF_STEPS, STALLED)
 
 
 class Solved(NamedTuple):
@@ -91,18 +92,21 @@ def solve(problem: Problem, y: Any = None) -> Solved:
         at = climb_onwards(target, problem.limits, problem.loss, at)
     elif meshed:
         at = joined(at, climb_on(with_mesh(few, at.y), problem.terrain, problem.limits, at.y, np.asarray(FINE)))
-    return _refined(problem, at, _MESHES if meshed else 1, (*_OPTIMA, OUT_OF_STEPS) if meshed else _OPTIMA)
+    return _refined(problem, at, *((_MESHES, _ON_A_MESH) if meshed else (1, _OPTIMA)))
 
 
 def _refined(problem: Problem, at: Climbed, rounds: int, endings: tuple[int, ...]) -> Solved:
     """The fit checked, and while it is not accurate carried on with all samples and the engine of the check.
 
-    Only a fit that ended in one of the ways `endings` is carried on.
+    Only a fit that ended in one of the ways `endings` is carried on, and one that has stalled as long as that pays.
     """
     residual, solved = problem.residual, _checked(problem, problem.residual, at)
+    before = np.inf
     for _ in range(rounds):
-        if solved.accurate or solved.status not in endings:
+        stuck = solved.status == STALLED and not solved.chi2 < _PAYS * before
+        if solved.accurate or solved.status not in endings or stuck:
             break
+        before = solved.chi2
         residual = finer(problem.residual)
         at = climb_onwards(with_mesh(without_inputs(residual), at.y), problem.limits, problem.loss, at)
         solved = _checked(problem, residual, at)

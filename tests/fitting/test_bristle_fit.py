@@ -9,7 +9,7 @@ import pytest
 
 from fricjax import Fit, Oscillator, Trace, fit, simulate
 from fricjax.data.errors import UsageError
-from fricjax.friction import Coulomb, Dahl, LuGre, MaxwellSlip
+from fricjax.friction import Coulomb, Dahl, LuGre, MaxwellSlip, RateState
 from tests.fitting.runs import MACHINE, RIGS, SIGMA0, SIGMA1, STIFFNESS, coulomb_run, noisy, truth
 from tests.helpers import PROTOTYPE_DAMPING, PROTOTYPE_MASS
 from tests.oracles import lugre_motion
@@ -37,6 +37,37 @@ def test_lugre_recovers_its_coefficients_from_the_automatic_start():
         assert max(map(abs, pulls.values())) < 4, pulls
         assert found.status == "converged" and found.chi2_reduced == pytest.approx(1.0, abs=0.1)
         assert not any(found.flags.values())
+
+
+def recovers(found: Fit, true: dict[str, float]) -> None:
+    pulls = {name: (found.values[name] - value) / found.std_errors[name] for name, value in true.items()}
+    assert found.status == "converged" and found.chi2_reduced == pytest.approx(1.0, abs=0.1)
+    assert max(map(abs, pulls.values())) < 4, pulls
+
+
+def run_of(machine: Oscillator, x0: float, t: np.ndarray, noise: float, seed: int) -> Trace:
+    clean = np.asarray(simulate(machine, x0, t, accuracy=1e-12).x)
+    return Trace(t, clean + noise * np.random.default_rng(seed).standard_normal(t.size), sigma=noise)
+
+
+@pytest.mark.slow
+def test_rate_and_state_is_found_although_its_force_jumps_at_each_reversal():
+    law = functools.partial(RateState, a=2e-3, slip_distance=1e-5)
+    machine = Oscillator(PROTOTYPE_MASS, STIFFNESS, PROTOTYPE_DAMPING, 9.66, law(0.05, b=1e-3))
+    run = run_of(machine, 2e-3, np.arange(6400) / 20e3, 1e-9, 0)
+    start = Oscillator(PROTOTYPE_MASS, STIFFNESS, 3 * PROTOTYPE_DAMPING, 9.66, law(0.15, b=1e-3))
+    found = fit(run, start, (*MACHINE, "b"))
+    recovers(found, {"mu": 0.05, "damping": PROTOTYPE_DAMPING, "stiffness": STIFFNESS, "b": 1e-3})
+
+
+@pytest.mark.slow
+def test_a_contact_that_rings_on_at_rest_is_found_from_several_runs():
+    """The mesh of the first climb does not fit the ringing of the contact that is found there."""
+    machine = Oscillator(PROTOTYPE_MASS, STIFFNESS, PROTOTYPE_DAMPING, 9.66, Dahl(0.02, sigma0=2e5))
+    runs = [run_of(machine, x0, np.arange(1200) / 2e3, 5e-9, i) for i, x0 in enumerate((1.0e-3, 1.4e-3, 1.8e-3))]
+    start = Oscillator(PROTOTYPE_MASS, STIFFNESS, PROTOTYPE_DAMPING, 9.66, Dahl(0.04, sigma0=1e6))
+    found = fit(runs, start, (*MACHINE, "sigma0"))
+    recovers(found, {"mu": 0.02, "damping": PROTOTYPE_DAMPING, "stiffness": STIFFNESS, "sigma0": 2e5})
 
 
 @pytest.mark.slow

@@ -71,6 +71,15 @@ def test_a_contact_that_does_not_spring_back_bends_no_more_than_the_noise(return
     assert found == (FORCE / NOISE, pytest.approx(2 * np.sqrt(PROTOTYPE_MASS * (STIFFNESS + FORCE / NOISE))))
 
 
+def test_the_rest_nearest_to_the_equilibrium_tells_the_contact():
+    """Elsewhere the contact has begun to yield; here its creep ends elsewhere by as much as from half the stiffness."""
+    back = FORCE / 1e6 * np.log(2 / (1 - 0.4))
+    near = settled(lambda t: back * (1 - np.exp(-t * 166.0)))
+    far = settled(lambda t: 8 * back * (1 - np.exp(-t * 166.0)), turned=-0.8 * BAND)
+    for windows in ([near, far], [far, near]):
+        assert contact_of(windows, MACHINE, 0.0).stiffness == pytest.approx(1e6, rel=0.05)
+
+
 def test_a_record_that_ends_with_the_motion_tells_nothing_of_the_contact():
     assert contact_of([settled(np.zeros_like, length=0.01)], MACHINE, None) == (None, None)
     assert contact_of([settled(np.zeros_like, length=0.01)], MACHINE, 0.0).stiffness == FORCE / NOISE
