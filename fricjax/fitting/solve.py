@@ -26,6 +26,7 @@ from .status import AT_BOUND, CONVERGED, OUT_OF_STEPS, STALLED, UNDETERMINED
 from .survey import Survey, survey
 
 _ACCURATE = 0.1
+_BOUNDLESS = 1e100
 ROUGH, NEAR = 100.0, 0.3
 # Where a direction is left undetermined, there is no optimum that a finer engine could find.
 _OPTIMA = (CONVERGED, AT_BOUND)
@@ -137,6 +138,8 @@ def judged(problem: Problem, at: Climbed, found: Survey, settled: Settled) -> So
     at_bound = (at.y <= problem.limits.lower) | (at.y >= problem.limits.upper)
     shape = quadratic(found.gradient[:p], found.normal[:p, :p], at_bound)
     variance = max(float(found.chi2), _rounding(problem)) / problem.dof
+    # A motion that has grown beyond all bounds is as good as not finite, and its squares overflow.
+    found = found._replace(residual=np.where(np.abs(found.residual) < _BOUNDLESS, found.residual, np.nan))
     return Solved(
         y=np.concatenate([at.y, np.zeros(found.gradient.size - p)]),
         survey=found,

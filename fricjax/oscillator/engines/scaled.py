@@ -95,9 +95,11 @@ def _state_units(oscillator: Oscillator, length: Array) -> Array:
     """
     law, load = oscillator.friction, oscillator.normal_force
     unit = jnp.maximum(law.state_scale(load), jnp.finfo(float).tiny)
-    if not law.n_states:
+    still = jnp.zeros(law.n_states)
+    # Where a law switches by its states, their errors move the instant of the switch.
+    if not law.n_states or law.switches(jnp.zeros(()), still, load).size:
         return unit
-    travel = unit / jnp.abs(law.rate(jnp.ones(()), jnp.zeros(law.n_states), load))
+    travel = unit / jnp.abs(law.rate(jnp.ones(()), still, load))
     felt = jnp.sqrt(2 * travel * oscillator.dead_band) / length
     return unit * jnp.clip(1 / felt, 1.0, _LOOSEST)
 
