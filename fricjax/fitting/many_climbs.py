@@ -31,7 +31,8 @@ def ended(problems: Sequence[Problem]) -> list[Ended]:
     begins = [start_coordinates(problem) for problem in problems]
     residuals = [problem.condensed for problem in problems]
     meshed, robust = isinstance(residuals[0].engine, Smooth), not isinstance(problems[0].loss, Squares)
-    tolerance = NEAR if meshed or robust else FINE
+    # As an array, as in a fit of one start, so that both share a compilation.
+    tolerance = np.asarray(NEAR if meshed or robust else FINE)
     ways = _alike([_meshed(r, y, ROUGH if meshed else 1.0) for r, y in zip(residuals, begins, strict=True)])
     ends: list[Any] = [
         None if way is None else climb_on(way, problem.terrain, problem.limits, y, tolerance)

@@ -1,8 +1,8 @@
 """A record as the residual sees it: whole, condensed, and with what its windows need to know."""
 
+import dataclasses
 from typing import Any
 
-import equinox as eqx
 import numpy as np
 
 from ..oscillator import Oscillator
@@ -48,26 +48,18 @@ def of_one_length(runs: tuple[Run, ...]) -> tuple[Run, ...]:
     return tuple(_with_samples(run, _up_to(max(sizes), Samples(run.t, run.x, run.weight))) for run in runs)
 
 
-def _with_samples(run: Run, samples: Samples) -> Run:
-    return eqx.tree_at(lambda r: (r.t, r.x, r.weight), run, tuple(samples))
-
-
 def filled_to(
     n: int, runs: tuple[Run, ...], terrain: tuple[Terrain, ...]
 ) -> tuple[tuple[Run, ...], tuple[Terrain, ...]]:
     """Condensed runs and their terrain with samples without weight added to each, up to `n` of them."""
-
-    def longer(values: np.ndarray, end: Any = 0.0) -> np.ndarray:
-        filled = np.full(n, end)
-        filled[: values.size] = values
-        return filled
-
     return (
-        tuple(
-            Run(longer(run.t, run.t[-1]), longer(run.x), longer(run.weight), run.half_cycles, run.fixed) for run in runs
-        ),
-        tuple(Terrain(longer(part.moving), longer(part.tolerance), part.shortest) for part in terrain),
+        tuple(_with_samples(run, _up_to(n, Samples(run.t, run.x, run.weight))) for run in runs),
+        tuple(Terrain(_longer(part.moving, n), _longer(part.tolerance, n), part.shortest) for part in terrain),
     )
+
+
+def _with_samples(run: Run, samples: Samples) -> Run:
+    return dataclasses.replace(run, t=samples.t, x=samples.x, weight=samples.weight)
 
 
 def _filled(samples: Samples, parts: int) -> Samples:
@@ -79,9 +71,14 @@ def _filled(samples: Samples, parts: int) -> Samples:
 
 
 def _up_to(n: int, samples: Samples) -> Samples:
-    missing = n - samples.t.size
-    t, x = (np.pad(values, (0, missing), mode="edge") for values in (samples.t, samples.x))
-    return Samples(t, x, np.pad(samples.weight, (0, missing)))
+    t, x, weight = samples
+    return Samples(_longer(t, n, t[-1]), _longer(x, n, x[-1]), _longer(weight, n))
+
+
+def _longer(values: np.ndarray, n: int, end: Any = 0.0) -> np.ndarray:
+    filled = np.full(n, end)
+    filled[: values.size] = values
+    return filled
 
 
 def terrain_of(window: Window, run: Run) -> Terrain:

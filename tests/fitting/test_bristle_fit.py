@@ -72,7 +72,7 @@ def test_a_contact_that_rings_on_at_rest_is_found_from_several_runs():
 
 @pytest.mark.slow
 def test_elements_are_found_though_the_instants_at_which_they_slip_move_with_them():
-    """A mesh in time ends its steps there for one set of coefficients only."""
+    """A mesh ends its steps there for one set of coefficients only."""
     truth = {"stiffnesses_0": 4e4, "stiffnesses_1": 2e4, "limits_0": 0.02, "limits_1": 0.03}
 
     def machine(wrong: float) -> Oscillator:

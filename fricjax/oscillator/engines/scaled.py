@@ -6,6 +6,7 @@ fits every component: with raw bristle deflections of a nanometre beside millime
 
 from typing import Any, NamedTuple
 
+import diffrax
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -102,6 +103,21 @@ def _state_units(oscillator: Oscillator, length: Array) -> Array:
     travel = unit / jnp.abs(law.rate(jnp.ones(()), still, load))
     felt = jnp.sqrt(2 * travel * oscillator.dead_band) / length
     return unit * jnp.clip(1 / felt, 1.0, _LOOSEST)
+
+
+# At rest a contact of the rate-and-state kind is so stiff that a first step of ordinary size hardly moves the mass, and
+# no error estimate of such a step sees that a true contact gives way. Behind a reversal the steps are small anyway.
+FIRST_STEP = 1e-9
+EVERY_STEP = diffrax.SaveAt(t0=True, steps=True)
+
+
+def integrate(field: Any, solver: Any, begin: Any, end: Any, y0: tuple, args: Any, **settings: Any) -> Any:
+    """Solution of a scaled motion, differentiable forwards; one that fails says so in its result.
+
+    `settings` are those of `diffrax.diffeqsolve`; without a first step the controller knows it.
+    """
+    how = {"dt0": None, "adjoint": diffrax.ForwardMode(), "throw": False, **settings}
+    return diffrax.diffeqsolve(diffrax.ODETerm(field), solver, begin, end, y0=y0, args=args, **how)
 
 
 def filled(tau: Array, ys: Any) -> tuple[Array, Any]:

@@ -23,13 +23,10 @@ from .closing import Closing
 from .landing import Landing, last_step
 from .mesh import Given, Mesh
 from .nodes import Nodes
-from .scaled import Scaled, filled
+from .scaled import EVERY_STEP, FIRST_STEP, Scaled, filled, integrate
 from .turning import turning_points
 from .turns import Span, turned, turning
 
-# At rest a contact of the rate-and-state kind is so stiff that a first step of ordinary size hardly moves the mass, and
-# no error estimate of such a step sees that a true contact gives way. Behind a reversal the steps are small anyway.
-_FIRST_STEP = 1e-9
 # The way that a mass may still go and count as resting, in tolerances.
 _STILL = 0.1
 
@@ -68,13 +65,13 @@ def _field(tau: Any, y: Any, args: _Args) -> tuple:
 
 
 class Smooth(AbstractEngine):
-    """Integration in time with a Rosenbrock solver.
+    """Integration in time with a Rosenbrock solver, and on a mesh over the phase of the half-cycles first.
 
     Attributes:
         accuracy: largest error of the displacement aimed at [m].
         mesh: ends of the steps for :meth:`path`; :meth:`solve` lets the error estimate choose them.
         max_steps: bound on the number of steps.
-        max_half_cycles: length of the list of turning points.
+        max_half_cycles: length of the list of turning points, and most half-cycles of a mesh in phase.
     """
 
     accuracy: float | Float[Array, ""] = 1e-10
@@ -110,7 +107,8 @@ class Smooth(AbstractEngine):
         machine = Scaled.of(oscillator, start)
         y0, times = machine.start(start), self.mesh.times
         first = turned(_plain(oscillator), machine, y0, self.mesh)
-        then = self._solve(first.end, _Args(machine), times[-1], _EVERY_STEP, times.size - 1, Given(times))
+        settings = {"saveat": EVERY_STEP, "stepsize_controller": Given(times), "max_steps": times.size - 1}
+        then = _integrated(first.end, _Args(machine), times[-1], **settings)
         tau, ys = filled(then.ts, then.ys)
         whole = first.along.joined(machine.nodes(first.elapsed + tau, ys[0], ys[1], ys[2:]))
         return eqx.tree_at(lambda n: n.finished, whole, jnp.asarray(True))
@@ -122,7 +120,7 @@ class Smooth(AbstractEngine):
         """
         machine = Scaled.of(oscillator, start)
         end = duration * machine.rate
-        solution = self._free(machine.start(start), _Args(machine), end, _EVERY_STEP, self.max_steps)
+        solution = self._free(machine.start(start), _Args(machine), end, EVERY_STEP, self.max_steps)
         tau, ys = filled(solution.ts, solution.ys)
         return machine.nodes(tau, ys[0], ys[1], ys[2:])
 
@@ -190,51 +188,26 @@ class Smooth(AbstractEngine):
         early = jnp.minimum(ts, 0.0)
         return x + early * (start.v0 + early * a0 / 2), v + early * a0, state, solution
 
-    def _free(
-        self, y0: tuple, args: _Args, end: Array, saveat: diffrax.SaveAt, max_steps: int, event: Any = None
-    ) -> Any:
+    def _free(self, y0: tuple, args: _Args, end: Array, saveat: Any, max_steps: int, event: Any = None) -> Any:
         """Integration in time with steps chosen by their error."""
         tolerance = self._tolerance(args.machine)
         chosen: Any = diffrax.PIDController(rtol=tolerance, atol=tolerance)
-        if not args.machine.oscillator.friction.n_states:
-            return self._solve(y0, args, end, saveat, max_steps, chosen, None, event)
-        closing = Closing(chosen, last_step(tolerance))
-        return self._solve(y0, args, end, saveat, max_steps, closing, _FIRST_STEP, event)
-
-    def _solve(
-        self,
-        y0: tuple,
-        args: _Args,
-        end: Array,
-        saveat: diffrax.SaveAt,
-        max_steps: int,
-        controller: Any,
-        first: Any = None,
-        event: Any = None,
-    ) -> Any:
-        return diffrax.diffeqsolve(
-            diffrax.ODETerm(_field),
-            _solver(args.machine.oscillator),
-            jnp.zeros(()),
-            end,
-            first,
-            y0,
-            args,
-            saveat=saveat,
-            stepsize_controller=controller,
-            adjoint=diffrax.ForwardMode(),
-            max_steps=max_steps,
-            event=event,
-            throw=False,
-        )
+        settings = {"saveat": saveat, "stepsize_controller": chosen, "max_steps": max_steps, "event": event}
+        if args.machine.oscillator.friction.n_states:
+            settings |= {"stepsize_controller": Closing(chosen, last_step(tolerance)), "dt0": FIRST_STEP}
+        return _integrated(y0, args, end, **settings)
 
     def _tolerance(self, machine: Scaled) -> Array:
         # Over fifty half-cycles the errors of the steps add up to some thirty times the tolerance.
         return jnp.maximum(0.02 * self.accuracy / machine.length, 1e-14)
 
 
-_EVERY_STEP = diffrax.SaveAt(t0=True, steps=True)
 _ENDS = diffrax.SaveAt(t0=True, steps=True, fn=lambda t, y, args: None)
+
+
+def _integrated(y0: tuple, args: _Args, end: Array, **settings: Any) -> Any:
+    """The motion in time from a scaled state, with the settings of :func:`.scaled.integrate`."""
+    return integrate(_field, _solver(args.machine.oscillator), jnp.zeros(()), end, y0, args, **settings)
 
 
 def _plain(oscillator: Oscillator) -> diffrax.AbstractAdaptiveSolver:

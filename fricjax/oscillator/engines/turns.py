@@ -17,12 +17,11 @@ from jaxtyping import Array
 
 from .landing import Landing, last_step
 from .mesh import Given, Mesh
-from .scaled import Scaled, filled
+from .scaled import EVERY_STEP, FIRST_STEP, Scaled, filled, integrate
 
 # The pull of the spring at a reversal from which the phase still carries the next half-cycle, in forces that friction
 # can hold; the least phase velocity; and how near to a reversal a phase counts as there.
 _PULL, _SLOWEST, _AT_REVERSAL = 1.15, 0.1, 1e-9
-_FIRST_STEP = 1e-9
 # Longest step, for the interpolation between its ends.
 _LONGEST = 0.25
 
@@ -67,8 +66,8 @@ def turned(solver: Any, machine: Scaled, y0: tuple, mesh: Mesh) -> Turned:
     phases = jax.lax.stop_gradient(moving)
     slopes = _field(phases[0], first, machine)
     still = tuple(value + (phases[0] - moving[0]) * slope for value, slope in zip(first, slopes, strict=True))
-    every = diffrax.SaveAt(t0=True, steps=True)
-    solution = _solved(solver, machine, phases[0], phases[-1], still, every, Given(phases), phases.size - 1)
+    settings = {"saveat": EVERY_STEP, "stepsize_controller": Given(phases), "max_steps": phases.size - 1}
+    solution = integrate(_field, _landing(solver, machine), phases[0], phases[-1], still, machine, **settings)
     theta, ys = filled(solution.ts, solution.ys)
     nodes = machine.nodes(ys[1], *_in_time(theta, ys))
     return _ended(nodes, theta[-1], jax.tree.map(lambda values: values[-1], ys))
@@ -90,39 +89,15 @@ def turning(solver: Any, machine: Scaled, y0: tuple, tolerance: Any, span: Span,
     end = jnp.where(over(begin, first, machine), begin, last)
     ends = diffrax.SubSaveAt(t0=True, steps=True, fn=lambda theta, y, args: None)
     saveat = diffrax.SaveAt(subs=[ends, diffrax.SubSaveAt(t1=True)])
-    event = diffrax.Event(over)
-    solution = _solved(solver, machine, begin, end, first, saveat, controller, capacity, _FIRST_STEP, event)
+    settings = {"saveat": saveat, "stepsize_controller": controller, "max_steps": capacity}
+    settings |= {"dt0": FIRST_STEP, "event": diffrax.Event(over)}
+    solution = integrate(_field, _landing(solver, machine), begin, end, first, machine, **settings)
     phases, last = solution.ts
     return _ended(phases, last[0], jax.tree.map(lambda values: values[0], solution.ys[1]))
 
 
-def _solved(
-    solver: Any,
-    machine: Scaled,
-    begin: Any,
-    end: Any,
-    y0: tuple,
-    saveat: diffrax.SaveAt,
-    controller: Any,
-    most: int,
-    first_step: Any = None,
-    event: Any = None,
-) -> Any:
-    return diffrax.diffeqsolve(
-        diffrax.ODETerm(_field),
-        Landing(solver, _watched, _returned) if machine.oscillator.friction.n_states else solver,
-        begin,
-        end,
-        first_step,
-        y0,
-        machine,
-        saveat=saveat,
-        stepsize_controller=controller,
-        adjoint=diffrax.ForwardMode(),
-        max_steps=most,
-        event=event,
-        throw=False,
-    )
+def _landing(solver: Any, machine: Scaled) -> Any:
+    return Landing(solver, _watched, _returned) if machine.oscillator.friction.n_states else solver
 
 
 def _in_phase(y: tuple) -> tuple:
