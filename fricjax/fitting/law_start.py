@@ -8,11 +8,13 @@ import numpy as np
 
 from ..oscillator import Oscillator
 from ..oscillator.leaves import Leaf
-from .presliding import Machine, contact_of, stiffest
+from .presliding import Machine, contact_of
 from .roles import contact_members, force_of, scaled
 from .window import Window
 
 _FRICTION = "friction."
+# The least deflection of a contact that a fit looks for, in standard errors of a displacement from all samples.
+_BEND = 0.3
 
 
 def terms_of(oscillator: Oscillator, leaves: Sequence[Leaf], free: Sequence[Leaf]) -> tuple[str, ...]:
@@ -56,12 +58,12 @@ def guess_law(
     return {leaf.name: start.values[i] for i, leaf in movable.items() if i in start.changed}
 
 
-def highest_of(
+def stiffest(
     oscillator: Oscillator, leaves: Sequence[Leaf], free: Sequence[Leaf], windows: Sequence[Window]
 ) -> dict[str, float]:
     """Largest values of the free coefficients that make a contact stiff, by their names.
 
-    Beyond them the contact turns faster than all samples together can show.
+    Beyond them the contact bends less than all samples together can show, and is as good as rigid.
     """
     own = [leaf for leaf in leaves if leaf.dotted.startswith(_FRICTION)]
     movable = {i: leaf for i, leaf in enumerate(own) if leaf in free}
@@ -70,9 +72,8 @@ def highest_of(
     start = _Start(oscillator, own, windows)
     now, slopes = start.forces()
     stiff, _ = contact_members(slopes, [leaf.coefficient for leaf in own], movable)
-    mass, stiffness, damping = (float(getattr(oscillator, name)) for name in ("mass", "stiffness", "damping"))
-    aim = stiffest(windows, Machine(mass, stiffness, damping, now.dynamic))
-    highest = scaled(start.values, slopes.stiffness, now.stiffness, aim, stiff)
+    faintest = min(float(np.median(w.sigma)) / np.sqrt(w.used.sum() * len(windows)) for w in windows)
+    highest = scaled(start.values, slopes.stiffness, now.stiffness, now.dynamic / (_BEND * faintest), stiff)
     return {movable[i].name: value for i, value in highest.items() if value > start.values[i]}
 
 
