@@ -8,13 +8,11 @@ import numpy as np
 
 from ..oscillator import Oscillator
 from ..oscillator.leaves import Leaf
-from .presliding import Machine, contact_of
+from .presliding import Machine, contact_of, stiffest
 from .roles import contact_members, force_of, scaled
 from .window import Window
 
 _FRICTION = "friction."
-# The least deflection of a contact that a fit looks for, in standard errors of a displacement from all samples.
-_BEND = 0.3
 
 
 def terms_of(oscillator: Oscillator, leaves: Sequence[Leaf], free: Sequence[Leaf]) -> tuple[str, ...]:
@@ -58,12 +56,12 @@ def guess_law(
     return {leaf.name: start.values[i] for i, leaf in movable.items() if i in start.changed}
 
 
-def stiffest(
+def highest_of(
     oscillator: Oscillator, leaves: Sequence[Leaf], free: Sequence[Leaf], windows: Sequence[Window]
 ) -> dict[str, float]:
     """Largest values of the free coefficients that make a contact stiff, by their names.
 
-    Beyond them the contact bends less than all samples together can show, and is as good as rigid.
+    Beyond them the contact turns faster than all samples together can show.
     """
     own = [leaf for leaf in leaves if leaf.dotted.startswith(_FRICTION)]
     movable = {i: leaf for i, leaf in enumerate(own) if leaf in free}
@@ -72,8 +70,9 @@ def stiffest(
     start = _Start(oscillator, own, windows)
     now, slopes = start.forces()
     stiff, _ = contact_members(slopes, [leaf.coefficient for leaf in own], movable)
-    faintest = min(float(np.median(w.sigma)) / np.sqrt(w.used.sum() * len(windows)) for w in windows)
-    highest = scaled(start.values, slopes.stiffness, now.stiffness, now.dynamic / (_BEND * faintest), stiff)
+    mass, stiffness, damping = (float(getattr(oscillator, name)) for name in ("mass", "stiffness", "damping"))
+    aim = stiffest(windows, Machine(mass, stiffness, damping, now.dynamic))
+    highest = scaled(start.values, slopes.stiffness, now.stiffness, aim, stiff)
     return {movable[i].name: value for i, value in highest.items() if value > start.values[i]}
 
 

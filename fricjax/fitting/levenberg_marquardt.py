@@ -46,6 +46,7 @@ class _State(eqx.Module):
     status: Int[Array, ""]
     steps: Int[Array, ""]
     first: Bool[Array, ""]
+    repeated: Bool[Array, ""]
     start_cost: Float[Array, ""]
     remaining: Float[Array, ""]
 
@@ -95,15 +96,16 @@ class LevenbergMarquardt(optx.AbstractLeastSquaresSolver):
             )
         p, zero, none = y.shape[0], jnp.zeros(()), jnp.asarray(0)
         nothing = Pass(jnp.asarray(jnp.inf), jnp.zeros(p), jnp.full((p, p), jnp.nan))
-        damping, status = zero + _FIRST_DAMPING, jnp.asarray(RUNNING)
-        return _State(y, nothing, jnp.zeros(p), damping, zero + 2, zero, status, none, jnp.asarray(True), zero, zero)
+        damping, status, yes = zero + _FIRST_DAMPING, jnp.asarray(RUNNING), jnp.asarray(True)
+        return _State(y, nothing, jnp.zeros(p), damping, zero + 2, zero, status, none, yes, ~yes, zero, zero)
 
     def step(
         self, fn: Callable, y: Array, args: PyTree, options: dict, state: _State, tags: frozenset
     ) -> tuple[Array, _State, None]:
         setting = Setting.of(options)
         there, move, blurred = project(self.passes(fn, state.trial, args), setting.linear)
-        reached, finite = state.trial + move, there.finite
+        # What another pass has not cleared up is no model of anything.
+        reached, finite = state.trial + move, there.finite & ~(blurred & state.repeated)
         reduction = state.accepted.cost - there.cost
         gain = reduction / jnp.where(state.predicted > 0, state.predicted, 1.0)
         accept = finite & (state.first | (gain > 0))
@@ -118,8 +120,11 @@ class LevenbergMarquardt(optx.AbstractLeastSquaresSolver):
         status, remaining = self._judge(at, here, ahead, accept, reduction, state, setting)
         steps, no = state.steps + 1, jnp.asarray(False)
         begun = jnp.where(state.first, here.cost, state.start_cost)
-        after = _State(ahead.trial, here, scale, damping, growth, ahead.predicted, status, steps, no, begun, remaining)
-        again = eqx.tree_at(lambda s: (s.trial, s.steps, s.status), state, (reached, steps, self._running(steps)))
+        after = _State(
+            ahead.trial, here, scale, damping, growth, ahead.predicted, status, steps, no, no, begun, remaining
+        )
+        once_more = (reached, steps, self._running(steps), ~no)
+        again = eqx.tree_at(lambda s: (s.trial, s.steps, s.status, s.repeated), state, once_more)
         repeat = blurred & finite
         chosen = jax.tree.map(lambda a, b: jnp.where(repeat, a, b), again, after)
         return jnp.where(repeat, y, at), chosen, None

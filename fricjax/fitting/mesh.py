@@ -32,9 +32,7 @@ def with_mesh(residual: Residual, y: Any, slack: float = 1.0) -> Residual:
     """
     if not isinstance(residual.engine, Smooth):
         return residual
-    engine = residual.engine
-    free = Smooth(slack * engine.accuracy, None, engine.max_steps, engine.max_half_cycles)
-    found = _meshes(free, residual, y)
+    found = _meshes(residual.engine.free(slack * residual.engine.accuracy), residual, y)
     meshes = [Mesh(_finite(mesh.phases), _graded(_finite(mesh.times))) for mesh in found]
     return _with(residual, _alike(meshes))
 

@@ -13,7 +13,7 @@ from ..oscillator import Oscillator
 from ..oscillator.engines import AbstractEngine
 from ..oscillator.leaves import Leaf
 from .guess import guess_machine
-from .law_start import guess_law, stiffest, terms_of
+from .law_start import guess_law, highest_of, terms_of
 from .loss import AbstractLoss, named_loss
 from .names import NUISANCES, check_identifiable, check_names, find_leaf, sole_coulomb
 from .space import Parameter, Tie
@@ -105,7 +105,7 @@ def free_parameters(
     for leaf, entry in zip(shared, entries, strict=False):
         flat[leaf.index] = entry[2]
     begun = jax.tree.unflatten(jax.tree.structure(request.oscillator), flat)
-    highest = stiffest(begun, leaves, shared, windows)
+    highest = highest_of(begun, leaves, shared, windows)
     entries = [
         (name, known._replace(upper=min(known.upper, highest.get(name, np.inf))), start, scale)
         for name, known, start, scale in entries
@@ -117,7 +117,7 @@ def _given(request: Request, name: str, positive: bool, start: float, windows: S
     """The caller's start value where there is one, in the time of the run.
 
     Raises:
-        UsageError: one that is not finite, or not positive where the fit works in the logarithm or the reciprocal.
+        UsageError: one that is not finite, or not positive where the fit works in another quantity.
     """
     if name not in request.guess:
         return start
@@ -153,7 +153,7 @@ def _run_scales(window: Window) -> dict[str, float]:
 def _bounded(
     name: str, known: Coefficient, start: float, scale: float, bounds: Mapping[str, tuple], origin: float
 ) -> Parameter:
-    # In its logarithm or its reciprocal a coefficient never reaches zero.
+    # In its logarithm or its inverse root a coefficient never reaches zero.
     default = (known.lower if known.fitted_as == "value" else None, known.upper)
     low, high = _pair(bounds.get(name, default), f"The bounds of {name} must be a lower and an upper value or None")
     lower = -np.inf if low is None else float(low) - origin

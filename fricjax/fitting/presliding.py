@@ -24,6 +24,10 @@ _RATIOS = np.geomspace(0.01, 0.6, 9)
 _SLUGGISH = np.geomspace(0.2, 20.0, 40)
 # A ringing is there where it explains this part of what a creep leaves, and a motion at all beyond these deviations.
 _EXPLAINS, _SEEN = 0.5, 7.0
+# The least delay of a contact that a fit looks for, in standard errors of a displacement from all samples.
+_LATE = 0.3
+# The least delay that double precision resolves, in dead bands.
+_ROUNDING = 1e-9
 
 
 class Contact(NamedTuple):
@@ -67,8 +71,8 @@ def contact_of(windows: Sequence[Window], machine: Machine, returned: float | No
         machine: the machine as the decay shows it.
         returned: energy that the contact returns at each reversal, from the decay [J]; None for unknown.
 
-    A contact that returns none, or lets the mass rest where it turned, is taken to bend by as much as the noise, and
-    not to ring.
+    A contact that returns none, or lets the mass rest where it turned, is taken to turn as late as the noise lets it,
+    and not to ring.
     """
     settlings = sorted(_settlings(windows), key=lambda settling: abs(settling.turned))
     found = [_at_rest(settling, machine) for settling in settlings if settling.returned > 0]
@@ -76,12 +80,28 @@ def contact_of(windows: Sequence[Window], machine: Machine, returned: float | No
     if seen is not None:
         return seen
     if returned == 0 or any(settling.returned == 0 for settling in settlings):
-        return _unseen(machine, min(float(np.median(window.sigma)) for window in windows))
+        return _unseen(machine, _late(machine, min(float(np.median(w.sigma)) for w in windows)))
     return Contact(None if returned is None else 2 * machine.friction**2 / returned, None)
 
 
-def _unseen(machine: Machine, noise: float) -> Contact:
-    stiffness = machine.friction / noise
+def stiffest(windows: Sequence[Window], machine: Machine) -> float:
+    """Stiffness beyond which a contact is as good as rigid [N/m]: no record shows how late it turns."""
+    shown = min(float(np.median(w.sigma)) / np.sqrt(w.used.sum() * len(windows)) for w in windows)
+    return _late(machine, _LATE * shown)
+
+
+def _late(machine: Machine, way: float) -> float:
+    """Stiffness of a contact that delays the mass by so long a way [m].
+
+    A contact that bends by l before it slides pushes the mass on its way back from a reversal at the deflection a. In
+    the time ``sqrt(2 l/a)/omega`` that it takes to turn, the mass gains ``x_d sqrt(2 l/a)`` with the dead band x_d:
+    most, ``sqrt(2 l x_d)``, where it hardly moves on.
+    """
+    band = machine.friction / machine.stiffness
+    return 2 * machine.friction * band / max(way, _ROUNDING * band) ** 2
+
+
+def _unseen(machine: Machine, stiffness: float) -> Contact:
     return Contact(stiffness, 2 * float(np.sqrt(machine.mass * (machine.stiffness + stiffness))))
 
 

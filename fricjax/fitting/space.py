@@ -1,8 +1,8 @@
 """The space in which a fit works, kept apart from the physics: names, transforms, scales and bounds.
 
 Every coordinate is zero at the start value. Quantities that must be positive and may range over decades (mass,
-stiffness, widths) are fitted in their logarithm, the stiffness of a contact in its reciprocal, in which the motion is
-nearly linear, and all others linearly in units of a typical size.
+stiffness, widths) are fitted in their logarithm, the stiffness of a contact in one over its root, in which the
+motion is nearly linear, and all others linearly in units of a typical size.
 """
 
 from collections.abc import Sequence
@@ -22,7 +22,7 @@ LINEAR = frozenset({"offset", "drift"})
 class Parameter(NamedTuple):
     """One free parameter: where it starts, its typical size, and its bounds, all in its own unit.
 
-    `fitted_as` says whether the fit works in its value, its logarithm or its reciprocal.
+    `fitted_as` says whether the fit works in its value, its logarithm or its inverse root.
     """
 
     name: str
@@ -52,7 +52,7 @@ class ParameterSpace(eqx.Module):
 
     Attributes:
         start, scale: start values and typical sizes, shape (p,).
-        fitted_as: for each parameter whether it is fitted in its value, its logarithm or its reciprocal.
+        fitted_as: for each parameter whether it is fitted in its value, its logarithm or its inverse root.
         leaves: for each shared parameter the index of its leaf in the oscillator.
         ties: leaves that follow a parameter.
         nuisances: for each run the names of its own parameters, in order after the shared ones.
@@ -84,24 +84,24 @@ class ParameterSpace(eqx.Module):
 
     def values(self, q: Float[Array, " p"]) -> Float[Array, " p"]:
         """Values of all parameters at coordinates `q`."""
-        log, inverse = self._fitted("logarithm"), self._fitted("reciprocal")
+        log, inverse = self._fitted("logarithm"), self._fitted("inverse root")
         powers = self.start * jnp.exp(jnp.where(log, q, 0.0))
-        quotients = self.start / jnp.where(inverse, 1 - q, 1.0)
+        quotients = self.start / jnp.where(inverse, 1 - q, 1.0) ** 2
         return jnp.where(log, powers, jnp.where(inverse, quotients, self.start + self.scale * q))
 
     def coordinates(self, values: np.ndarray) -> np.ndarray:
-        """Coordinates of given values; minus infinity for a zero fitted in its logarithm or reciprocal."""
-        log, inverse = self._fitted("logarithm"), self._fitted("reciprocal")
+        """Coordinates of given values; minus infinity for a zero that is not fitted in its value."""
+        log, inverse = self._fitted("logarithm"), self._fitted("inverse root")
         positive = np.maximum(np.where(log | inverse, values, 1.0), 0.0)
         with np.errstate(divide="ignore", invalid="ignore"):
             ratio = positive / np.where(log | inverse, self.start, 1.0)
-            curved = np.where(log, np.log(ratio), 1 - 1 / ratio)
+            curved = np.where(log, np.log(ratio), 1 - 1 / np.sqrt(ratio))
         return np.where(log | inverse, curved, (values - self.start) / self.scale)
 
     def slope(self, q: Float[Array, " p"]) -> Float[Array, " p"]:
         """Derivative of each value with respect to its coordinate."""
-        log, inverse, values = self._fitted("logarithm"), self._fitted("reciprocal"), self.values(q)
-        return jnp.where(log, values, jnp.where(inverse, values**2 / self.start, self.scale))
+        log, inverse, values = self._fitted("logarithm"), self._fitted("inverse root"), self.values(q)
+        return jnp.where(log, values, jnp.where(inverse, 2 * values * jnp.sqrt(values / self.start), self.scale))
 
     def _fitted(self, way: str) -> np.ndarray:
         return np.array([fitted == way for fitted in self.fitted_as])

@@ -44,7 +44,7 @@ def _tuned(engine: AbstractEngine, machine: Oscillator, windows: Sequence[Window
         return Exact(max(Exact().max_half_cycles, engine.max_half_cycles))
     if isinstance(engine, Smooth):
         accuracy = _SLACK * min(float(np.median(w.sigma)) / np.sqrt(w.used.sum()) for w in windows)
-        return eqx.tree_at(lambda e: e.accuracy, engine, np.asarray(accuracy))
+        return eqx.tree_at(lambda e: (e.accuracy, e.still), engine, (np.asarray(accuracy), np.asarray(accuracy)))
     moving = any("v0" in w.nuisances or w.guesses["v0"] != 0 for w in windows)
     # A table has one mesh for all amplitudes, and the kink of a hysteretic spring lies elsewhere at each.
     if not isinstance(engine, Hybrid) or moving or machine.restoring.hysteretic:

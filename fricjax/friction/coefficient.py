@@ -16,8 +16,8 @@ class Coefficient(NamedTuple):
         about: what it is, in a few words.
         lower, upper: bounds of the values that mean something; fits stay inside.
         open: whether the lower bound itself is excluded.
-        fitted_as: what fits work in: its "value"; its "logarithm" where it may range over decades; its "reciprocal"
-            where the motion follows that, as it follows the deflection of a stiff contact.
+        fitted_as: what fits work in: its "value"; its "logarithm" where it may range over decades; its "inverse
+            root" where the motion follows that, as it follows the time that a stiff contact takes to turn.
     """
 
     unit: str
@@ -25,7 +25,7 @@ class Coefficient(NamedTuple):
     lower: float = -math.inf
     upper: float = math.inf
     open: bool = False
-    fitted_as: Literal["value", "logarithm", "reciprocal"] = "value"
+    fitted_as: Literal["value", "logarithm", "inverse root"] = "value"
 
     def admits(self, value: Any) -> bool:
         """Whether all of these numbers lie inside of the bounds; NaN never does."""
@@ -71,7 +71,7 @@ MU = not_negative("", "dynamic coefficient of friction")
 MU_BRISTLE = MU._replace(open=True)  # bristles of no strength have no deflection to settle at
 MU_S = not_negative("", "static coefficient of friction")
 V_STRIBECK = positive("m/s", "speed over which friction falls from static to dynamic")
-SIGMA0 = positive("N/m", "stiffness of the contact before it slides")._replace(fitted_as="reciprocal")
+SIGMA0 = positive("N/m", "stiffness of the contact before it slides")._replace(fitted_as="inverse root")
 SIGMA1 = not_negative("N s/m", "damping of the contact before it slides")
 SIGMA2 = Coefficient("N s/m", "viscous coefficient of the contact")
 

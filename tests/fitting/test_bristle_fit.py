@@ -71,6 +71,20 @@ def test_a_contact_that_rings_on_at_rest_is_found_from_several_runs():
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("law", [Dahl(0.04, sigma0=1e6), LuGre(0.04, sigma0=1e6)])
+def test_a_rigid_contact_is_found_to_be_rigid(law):
+    """Coulomb's law is the limit of both; the last stroke of this run is a short one."""
+    machine = Oscillator(PROTOTYPE_MASS, STIFFNESS, PROTOTYPE_DAMPING, 9.66, Coulomb(0.02))
+    run = run_of(machine, 1.4e-3, np.arange(1200) / 2e3, 5e-9, 0)
+    start = Oscillator(PROTOTYPE_MASS, STIFFNESS, 2 * PROTOTYPE_DAMPING, 9.66, law)
+    found = fit(run, start, (*MACHINE, "sigma0"))
+    assert found.status == "converged with sigma0 at a bound" and found.numerical_shift <= 0.1
+    assert found.chi2_reduced == pytest.approx(1.0, abs=0.1)
+    for name, value in {"mu": 0.02, "damping": PROTOTYPE_DAMPING, "stiffness": STIFFNESS}.items():
+        assert abs(found.values[name] - value) < 4 * found.std_errors[name], name
+
+
+@pytest.mark.slow
 def test_elements_are_found_though_the_instants_at_which_they_slip_move_with_them():
     """A mesh ends its steps there for one set of coefficients only."""
     truth = {"stiffnesses_0": 4e4, "stiffnesses_1": 2e4, "limits_0": 0.02, "limits_1": 0.03}

@@ -80,6 +80,13 @@ def test_a_single_trial_that_is_not_finite_is_stepped_around(number):
     np.testing.assert_allclose(found.value, OPTIMUM, rtol=1e-3)
 
 
+def test_a_model_that_another_pass_does_not_clear_up_is_no_model():
+    """A linear coordinate that promises a residual of nothing and never keeps it; another pass is made but once."""
+    fn = lambda p, args=None: 1e6 * (1 + p - jax.lax.stop_gradient(p)) * jnp.ones(3)
+    found = solve(fn, (0.0,), linear=jnp.asarray([True]))
+    assert (status(found), steps(found)) == (NOT_FINITE, 2)
+
+
 def test_a_trial_that_overflows_is_rejected():
     """The first step in the rate goes far below zero, where the exponential of the square overflows."""
     fn = lambda p, args=None: jnp.concatenate([jnp.exp(p) - 1e-3 + jnp.expm1(jnp.square(p)), ONES])

@@ -8,7 +8,7 @@ import pytest
 from fricjax import Oscillator, Trace
 from fricjax.data import Segmentation
 from fricjax.fitting.guess import guess_machine
-from fricjax.fitting.presliding import Machine, contact_of
+from fricjax.fitting.presliding import Machine, contact_of, stiffest
 from fricjax.fitting.roles import force_of
 from fricjax.fitting.window import Window, without_ringing
 from fricjax.friction import Coulomb, Dahl, Jenkins, LuGre, MaxwellSlip, Rolling, Tanh
@@ -22,6 +22,8 @@ BAND = FORCE / STIFFNESS
 HALF_PERIOD = np.pi * np.sqrt(PROTOTYPE_MASS / STIFFNESS)
 MACHINE = Machine(PROTOTYPE_MASS, STIFFNESS, PROTOTYPE_DAMPING, FORCE)
 NOISE = 1e-9
+# Stiffness with which the deflection l of the sliding contact makes the delay sqrt(2 l x_d) as long as the noise.
+LATE = FORCE / (NOISE**2 / (2 * BAND))
 
 
 def settled(after, *, turned: float = -0.4 * BAND, length: float = 0.1) -> Window:
@@ -66,9 +68,14 @@ def test_a_spring_back_without_ringing_tells_them_too():
 
 
 @pytest.mark.parametrize("returned", [None, 0.0, 1e-6])
-def test_a_contact_that_does_not_spring_back_bends_no_more_than_the_noise(returned):
+def test_a_contact_that_does_not_spring_back_turns_no_later_than_the_noise_lets_it(returned):
     found = contact_of([settled(np.zeros_like)], MACHINE, returned)
-    assert found == (FORCE / NOISE, pytest.approx(2 * np.sqrt(PROTOTYPE_MASS * (STIFFNESS + FORCE / NOISE))))
+    assert found == (LATE, pytest.approx(2 * np.sqrt(PROTOTYPE_MASS * (STIFFNESS + LATE))))
+
+
+def test_a_contact_is_as_good_as_rigid_where_all_samples_do_not_show_how_late_it_turns():
+    window = settled(np.zeros_like)
+    assert stiffest([window], MACHINE) == pytest.approx(LATE * window.used.sum() / 0.3**2)
 
 
 def test_the_rest_nearest_to_the_equilibrium_tells_the_contact():
@@ -82,7 +89,7 @@ def test_the_rest_nearest_to_the_equilibrium_tells_the_contact():
 
 def test_a_record_that_ends_with_the_motion_tells_nothing_of_the_contact():
     assert contact_of([settled(np.zeros_like, length=0.01)], MACHINE, None) == (None, None)
-    assert contact_of([settled(np.zeros_like, length=0.01)], MACHINE, 0.0).stiffness == FORCE / NOISE
+    assert contact_of([settled(np.zeros_like, length=0.01)], MACHINE, 0.0).stiffness == LATE
 
 
 def test_the_energy_returned_at_each_reversal_tells_the_stiffness():

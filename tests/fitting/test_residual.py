@@ -50,7 +50,7 @@ def residual_parts(residual: Residual, n: int) -> tuple:
     return run.t[:n], run.x[:n], run.weight[:n]
 
 
-@pytest.mark.parametrize("way", ["value", "logarithm", "reciprocal"])
+@pytest.mark.parametrize("way", ["value", "logarithm", "inverse root"])
 def test_coordinates_and_values_carry_each_other(way):
     space = ParameterSpace.build([Parameter("sigma0", "N/m", 2e5, 2e5, fitted_as=way)], [0], [], [()])
     values = np.array([3e4, 2e5, 5e9])
@@ -62,6 +62,6 @@ def test_coordinates_and_values_carry_each_other(way):
 
 
 def test_a_rigid_contact_lies_at_a_finite_place():
-    space = ParameterSpace.build([Parameter("sigma0", "N/m", 2e5, 2e5, fitted_as="reciprocal")], [0], [], [()])
+    space = ParameterSpace.build([Parameter("sigma0", "N/m", 2e5, 2e5, fitted_as="inverse root")], [0], [], [()])
     assert space.coordinates(np.array([np.inf]))[0] == 1.0
     assert space.coordinates(np.array([0.0]))[0] == -np.inf

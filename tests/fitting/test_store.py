@@ -86,7 +86,11 @@ def test_plain_data_without_the_samples(found):
 
 @pytest.mark.parametrize(
     "engine",
-    [Exact(16), Hybrid(nodes=16, span=Span(jnp.asarray(1e-5), jnp.asarray(2e-3))), Smooth(jnp.asarray(1e-10))],
+    [
+        Exact(16),
+        Hybrid(nodes=16, span=Span(jnp.asarray(1e-5), jnp.asarray(2e-3))),
+        Smooth(jnp.asarray(1e-10), still=jnp.asarray(1e-12)),
+    ],
     ids=lambda engine: type(engine).__name__,
 )
 def test_the_engine_of_a_fit_comes_back_as_it_was(found, tmp_path, engine):

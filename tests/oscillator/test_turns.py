@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from fricjax import friction
+from fricjax import friction, simulate
 from fricjax.oscillator import Oscillator, Smooth, starting_state
 from fricjax.oscillator.engines import Mesh
 from tests.helpers import PROTOTYPE_DAMPING, PROTOTYPE_MASS
@@ -80,6 +80,27 @@ def test_a_mesh_still_fits_when_the_motion_has_moved(name, error):
     made, moved, ts = machine(LAWS[name]), machine(LAWS[name], 1.001), np.linspace(0, 0.19, 701)
     found = on(mesh(made, 3e-4, -0.14), moved, 3.003e-4, -0.1402, ts)
     np.testing.assert_allclose(found, in_time(moved, 3.003e-4, -0.1402, ts), rtol=0, atol=error)
+
+
+def behind_coulomb(made: float, sigma0: float) -> tuple[float, float]:
+    """How far Dahl's law is from Coulomb's, on a mesh made for another stiffness; and the delay at a slow reversal."""
+    law, ts = friction.Coulomb(0.05), np.linspace(0, 0.19, 1501)
+    soft, stiff = (machine(friction.Dahl(0.05, sigma0=value)) for value in (made, sigma0))
+    rigid = np.asarray(simulate(machine(law), 2e-3, ts, accuracy=1e-12).x)
+    delay = np.sqrt(2 * 0.05 * LOAD / sigma0 * float(stiff.dead_band))
+    return float(np.abs(on(mesh(soft, 2e-3, 0.0), stiff, 2e-3, 0.0, ts) - rigid).max()), delay
+
+
+def test_a_stiff_contact_is_late_by_the_root_of_its_deflection():
+    found = np.array([behind_coulomb(sigma0, sigma0) for sigma0 in (1e11, 1e13)])
+    assert found[0, 0] / found[1, 0] == pytest.approx(10.0, rel=0.02)
+    assert np.all((found[:, 1] < found[:, 0]) & (found[:, 0] < 5 * found[:, 1]))
+
+
+def test_a_contact_may_become_stiffer_on_its_mesh():
+    """Else a fit of a rigid contact finds a wall on its way there."""
+    found, delay = behind_coulomb(1e11, 1e14)
+    assert found < 10 * delay + ACCURACY
 
 
 def test_the_phases_end_at_the_last_reversal():

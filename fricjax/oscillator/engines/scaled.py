@@ -54,6 +54,11 @@ class Scaled(eqx.Module):
         """Unit of velocity [m/s]."""
         return self.length * self.rate
 
+    @property
+    def band(self) -> Array:
+        """Scaled half-width of the dead band."""
+        return self.oscillator.dead_band / self.length
+
     def start(self, start: Start) -> tuple:
         """The start as a scaled motion."""
         y0 = (start.x0 / self.length, start.v0 / self.speed, *(start.state / self.state))
@@ -76,6 +81,34 @@ class Scaled(eqx.Module):
         """What the law switches by besides the velocity."""
         load = self.oscillator.normal_force
         return self.oscillator.friction.switches(v * self.speed, self._unscaled(states), load)
+
+    def settling(self, x: Array, v: Array, states: tuple) -> tuple[Array, Array]:
+        """Where a contact will hold the mass, and the longest way that the mass can still go; inf where none holds it.
+
+        A contact of stiffness K holds the mass at ``x + m a/(k + K)``, where a is the acceleration at standstill with
+        the same states. About there the mass rings, and while the contact yields, what is left of its energy is spent
+        on a way against the force by which friction is stronger than the spring.
+        """
+        law, load, still = self.oscillator.friction, self.oscillator.normal_force, jnp.zeros(())
+        state = self._unscaled(states)
+        _, bent = jax.jvp(lambda speed: law.rate(speed, state, load), (still,), (jnp.ones(()),))
+        _, stiffness = jax.jvp(lambda z: law.force(still, z, load), (state,), (bent,))
+        ratio = 1 + jnp.maximum(stiffness, 0.0) / self.oscillator.stiffness
+        away = self.rates(x, still, states).acceleration / ratio
+        energy = (v**2 + ratio * away**2) / 2
+        spare = (self.hold - jnp.abs(self.pull(x + away))) / (self.oscillator.stiffness * self.length)
+        way = jnp.sqrt(2 * energy / ratio) + energy / jnp.where(spare > 0, spare, 1.0)
+        return x + away, jnp.where(spare > 0, way, jnp.inf)
+
+    @property
+    def hold(self) -> Array:
+        """The largest force that friction holds against [N]."""
+        law, load = self.oscillator.friction, self.oscillator.normal_force
+        return jnp.maximum(law.static_force(load), law.dynamic_force(load))
+
+    def pull(self, x: Array) -> Array:
+        """Force of the spring [N]."""
+        return self.oscillator.restoring_force(x * self.length)
 
     def nodes(self, tau: Array, x: Array, v: Array, states: tuple) -> Nodes:
         """Nodes at scaled times from the motion there, which goes on behind the last one."""

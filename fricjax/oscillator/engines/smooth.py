@@ -11,6 +11,7 @@ import diffrax
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float, Int
 
 from ..motion import Motion, Start
@@ -29,6 +30,8 @@ from .turns import Span, turned, turning
 
 # The way that a mass may still go and count as resting, in tolerances.
 _STILL = 0.1
+# How much longer than `still` the way of a mass that rests may be on a mesh that was made for another motion.
+_MOVED = 2.0
 
 
 class Drive(eqx.Module):
@@ -72,12 +75,14 @@ class Smooth(AbstractEngine):
         mesh: ends of the steps for :meth:`path`; :meth:`solve` lets the error estimate choose them.
         max_steps: bound on the number of steps.
         max_half_cycles: length of the list of turning points, and most half-cycles of a mesh in phase.
+        still: way on which a contact may still spring back and ring while a mesh takes the mass to be at rest [m].
     """
 
-    accuracy: float | Float[Array, ""] = 1e-10
+    accuracy: float | Float[Array | np.ndarray, ""] = 1e-10
     mesh: Mesh | None = None
     max_steps: int = eqx.field(static=True, default=1_000_000)
     max_half_cycles: int = eqx.field(static=True, default=512)
+    still: float | Float[Array | np.ndarray, ""] = 1e-13
 
     @staticmethod
     def refusal(oscillator: Oscillator) -> str | None:
@@ -94,7 +99,11 @@ class Smooth(AbstractEngine):
         return None
 
     def finer(self) -> "Smooth":
-        return Smooth(self.accuracy / 10, None, self.max_steps, self.max_half_cycles)
+        return self.free(self.accuracy / 10)
+
+    def free(self, accuracy: Any) -> "Smooth":
+        """The engine without a mesh, for another accuracy [m]."""
+        return Smooth(accuracy, None, self.max_steps, self.max_half_cycles, self.still)
 
     def path(self, oscillator: Oscillator, start: Start, half_cycles: Int[Array, ""] | None = None) -> Nodes:
         """The motion from time zero to the end of the mesh, where the mass stays.
@@ -111,7 +120,12 @@ class Smooth(AbstractEngine):
         then = _integrated(first.end, _Args(machine), times[-1], **settings)
         tau, ys = filled(then.ts, then.ys)
         whole = first.along.joined(machine.nodes(first.elapsed + tau, ys[0], ys[1], ys[2:]))
-        return eqx.tree_at(lambda n: n.finished, whole, jnp.asarray(True))
+        x, v, *states = (values[-1] for values in ys)
+        place, way = machine.settling(x, v, tuple(states))
+        # The mesh was made for other coefficients, with which the way was shorter than here.
+        held = way * machine.length < _MOVED * self.still
+        position = jnp.where(held, place, x) * machine.length
+        return eqx.tree_at(lambda n: (n.rest_position, n.finished), whole, (position, jnp.asarray(True)))
 
     def trail(self, oscillator: Oscillator, start: Start, duration: Float[Array, ""]) -> Nodes:
         """The motion at the ends of the steps that the error estimate chooses, up to `duration` [s].
@@ -141,7 +155,9 @@ class Smooth(AbstractEngine):
 
         def rests(tau: Any, y: tuple, args: _Args, **kwargs: Any) -> Array:
             """Whether neither its speed nor its acceleration moves the mass any more, as far as the error goes."""
-            return (jnp.abs(y[1]) * (1 + left) < _STILL * tolerance) & (jnp.abs(_field(tau, y, args)[1]) < tolerance)
+            _, way = machine.settling(y[0], y[1], y[2:])
+            stands = (jnp.abs(y[1]) * (1 + left) < _STILL * tolerance) & (jnp.abs(_field(tau, y, args)[1]) < tolerance)
+            return stands | (way < self.still / machine.length)
 
         then = self._free(first.end, _Args(machine), left, _ENDS, capacity, diffrax.Event(rests))
         return Mesh(first.along, then.ts)
