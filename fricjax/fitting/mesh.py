@@ -32,7 +32,7 @@ def with_mesh(residual: Residual, y: Any, slack: float = 1.0) -> Residual:
     """
     if not isinstance(residual.engine, Smooth):
         return residual
-    found = _meshes(residual.engine.free(slack * residual.engine.accuracy), residual, y)
+    found = _meshes(residual.engine.at_accuracy(slack * residual.engine.accuracy), residual, y)
     meshes = [Mesh(_finite(mesh.phases), _graded(_finite(mesh.times))) for mesh in found]
     return _with(residual, _alike(meshes))
 

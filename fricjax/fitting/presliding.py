@@ -71,16 +71,18 @@ def contact_of(windows: Sequence[Window], machine: Machine, returned: float | No
         machine: the machine as the decay shows it.
         returned: energy that the contact returns at each reversal, from the decay [J]; None for unknown.
 
-    A contact that returns none, or lets the mass rest where it turned, is taken to turn as late as the noise lets it,
-    and not to ring.
+    A contact that lets the mass rest where it turned is taken to turn as late as the noise lets it; one of which the
+    decay alone tells that it returns nothing, and less surely, to bend by the noise. Neither is taken to ring.
     """
     settlings = sorted(_settlings(windows), key=lambda settling: abs(settling.turned))
     found = [_at_rest(settling, machine) for settling in settlings if settling.returned > 0]
     seen = next((contact for contact in found if contact.stiffness is not None), None)
     if seen is not None:
         return seen
-    if returned == 0 or any(settling.returned == 0 for settling in settlings):
-        return _unseen(machine, _late(machine, min(float(np.median(w.sigma)) for w in windows)))
+    if any(settling.returned == 0 for settling in settlings):
+        return _unseen(machine, _late(machine, _noise(windows)))
+    if returned == 0:
+        return _unseen(machine, machine.friction / _noise(windows))
     return Contact(None if returned is None else 2 * machine.friction**2 / returned, None)
 
 
@@ -99,6 +101,11 @@ def _late(machine: Machine, way: float) -> float:
     """
     band = machine.friction / machine.stiffness
     return 2 * machine.friction * band / max(way, _ROUNDING * band) ** 2
+
+
+def _noise(windows: Sequence[Window]) -> float:
+    """Standard deviation of the samples of the least noisy record [m]."""
+    return min(float(np.median(window.sigma)) for window in windows)
 
 
 def _unseen(machine: Machine, stiffness: float) -> Contact:

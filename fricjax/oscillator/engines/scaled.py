@@ -18,6 +18,10 @@ from .nodes import Nodes
 
 # How much larger the tolerance of an internal state may be than that of the displacement, at most.
 _LOOSEST = 1000.0
+# At rest a contact of the rate-and-state kind is so stiff that a first step of ordinary size hardly moves the mass, and
+# no error estimate of such a step sees that a true contact gives way. Behind a reversal the steps are small anyway.
+FIRST_STEP = 1e-9
+EVERY_STEP = diffrax.SaveAt(t0=True, steps=True)
 
 
 class Rates(NamedTuple):
@@ -136,12 +140,6 @@ def _state_units(oscillator: Oscillator, length: Array) -> Array:
     travel = unit / jnp.abs(law.rate(jnp.ones(()), still, load))
     felt = jnp.sqrt(2 * travel * oscillator.dead_band) / length
     return unit * jnp.clip(1 / felt, 1.0, _LOOSEST)
-
-
-# At rest a contact of the rate-and-state kind is so stiff that a first step of ordinary size hardly moves the mass, and
-# no error estimate of such a step sees that a true contact gives way. Behind a reversal the steps are small anyway.
-FIRST_STEP = 1e-9
-EVERY_STEP = diffrax.SaveAt(t0=True, steps=True)
 
 
 def integrate(field: Any, solver: Any, begin: Any, end: Any, y0: tuple, args: Any, **settings: Any) -> Any:

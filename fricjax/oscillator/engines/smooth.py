@@ -99,9 +99,9 @@ class Smooth(AbstractEngine):
         return None
 
     def finer(self) -> "Smooth":
-        return self.free(self.accuracy / 10)
+        return self.at_accuracy(self.accuracy / 10)
 
-    def free(self, accuracy: Any) -> "Smooth":
+    def at_accuracy(self, accuracy: Any) -> "Smooth":
         """The engine without a mesh, for another accuracy [m]."""
         return Smooth(accuracy, None, self.max_steps, self.max_half_cycles, self.still)
 

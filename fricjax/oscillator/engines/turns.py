@@ -135,8 +135,8 @@ def _returned(theta: Any, y: tuple, machine: Scaled) -> tuple:
     """The state from which the next step begins; at a reversal friction changes sign."""
     states = machine.mapped(*_in_time(theta, y, machine))
     left = jnp.abs(y[0]) - 2 * machine.band
-    turned = _turns(theta) & (left > 0)
-    return (jnp.where(turned, -jnp.sign(y[0]) * left, y[0]), y[1], *states)
+    turns_back = _turns(theta) & (left > 0)
+    return (jnp.where(turns_back, -jnp.sign(y[0]) * left, y[0]), y[1], *states)
 
 
 def _turns(theta: Any) -> Array:
