@@ -94,12 +94,12 @@ def choose(options: Machine, free: str | None = None, tied: Collection[str] = ()
             raise UsageError(f"{name} is both fixed and free. Take it out of --fix or of --free.")
     rig, placeholder = _rig(options, {**fixed, **starts})
     names = named if free is not None else [n for n in ("mu", "damping", placeholder or "stiffness") if n not in fixed]
+    oscillator = assemble(rig, options.friction, {**fixed, **starts}, {*names, *tied})
     if placeholder and placeholder not in names:
         known = "without a rig" if placeholder == "stiffness" else "without its mass"
         raise UsageError(
             f"{known.capitalize()} the {placeholder} must be free, for it comes from the trace: add it to --free."
         )
-    oscillator = assemble(rig, options.friction, {**fixed, **starts}, {*names, *tied})
     calibrated = options.rig or options.normal_force
     return Choice(oscillator, rig if calibrated else None, tuple(names))
 

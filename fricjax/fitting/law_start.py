@@ -24,9 +24,15 @@ def terms_of(oscillator: Oscillator, leaves: Sequence[Leaf], free: Sequence[Leaf
 
 def _is_needed(oscillator: Oscillator, leaves: Sequence[Leaf], free: Sequence[Leaf]) -> bool:
     """Whether a free coefficient of the law is more than the one mu of a law without memory, or what follows it."""
-    own = [leaf for leaf in leaves if leaf.dotted.startswith(_FRICTION)]
+    own, movable = _own(leaves, free)
     single = [leaf.kind for leaf in own].count("mu") == 1
-    return bool(set(own) & set(free)) and (oscillator.friction.n_states > 0 or not single)
+    return bool(movable) and (oscillator.friction.n_states > 0 or not single)
+
+
+def _own(leaves: Sequence[Leaf], free: Sequence[Leaf]) -> tuple[list[Leaf], dict[int, Leaf]]:
+    """The coefficients of the law, and those of them that are free by their place among them."""
+    own = [leaf for leaf in leaves if leaf.dotted.startswith(_FRICTION)]
+    return own, {i: leaf for i, leaf in enumerate(own) if leaf in free}
 
 
 def guess_law(
@@ -47,8 +53,7 @@ def guess_law(
     """
     if not (windows and _is_needed(oscillator, leaves, free)):
         return {}
-    own = [leaf for leaf in leaves if leaf.dotted.startswith(_FRICTION)]
-    movable = {i: leaf for i, leaf in enumerate(own) if leaf in free}
+    own, movable = _own(leaves, free)
     start = _Start(oscillator, own, windows)
     start.meet_friction(movable, known["mu"] * known["normal_force"])
     if oscillator.friction.n_states:
@@ -63,8 +68,7 @@ def highest_of(
 
     Beyond them the contact turns faster than all samples together can show.
     """
-    own = [leaf for leaf in leaves if leaf.dotted.startswith(_FRICTION)]
-    movable = {i: leaf for i, leaf in enumerate(own) if leaf in free}
+    own, movable = _own(leaves, free)
     if not (movable and oscillator.friction.n_states):
         return {}
     start = _Start(oscillator, own, windows)

@@ -1,8 +1,8 @@
 """The free parameters of a fit as the caller names them: start values, scales, bounds, ties and priors."""
 
 import dataclasses
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any, NamedTuple
 
 import jax
 import numpy as np
@@ -71,10 +71,35 @@ def shared_leaves(request: Request, leaves: Sequence[Leaf]) -> tuple[list[Leaf],
     return kept, static[0].name if static else None
 
 
+class _Entry(NamedTuple):
+    """A free parameter on its way: its name, what is known of its kind, where it starts, and its typical size."""
+
+    name: str
+    known: Coefficient
+    start: float
+    scale: float
+
+
 def free_parameters(
     request: Request, shared: Sequence[Leaf], leaves: Sequence[Leaf], windows: Sequence[Window]
 ) -> tuple[Parameter, ...]:
     """The free parameters in order: shared coefficients first, then those of each run, each with start and bounds."""
+    entries = [*_shared_entries(request, shared, leaves, windows), *_own_entries(windows)]
+    names = [entry.name for entry in entries]
+    check_names(request.bounds, names, "Bounds")
+    check_names(request.guess, names, "Start values")
+    entries = [entry._replace(start=_given(request, entry, windows)) for entry in entries]
+    highest = _highest(request, shared, leaves, windows, entries)
+    return tuple(
+        _bounded(entry, highest.get(entry.name, np.inf), request.bounds, _origin(entry.name, windows))
+        for entry in entries
+    )
+
+
+def _shared_entries(
+    request: Request, shared: Sequence[Leaf], leaves: Sequence[Leaf], windows: Sequence[Window]
+) -> list[_Entry]:
+    """The shared coefficients, starting where the records show them, or as given where they do not."""
     flat = [float(value) for value in jax.tree.leaves(request.oscillator)]
     values = {leaf.kind: flat[leaf.index] for leaf in reversed(leaves)}
     kinds = [leaf.kind for leaf in shared]
@@ -83,44 +108,49 @@ def free_parameters(
     decays = [window.segmentation for window in seen]
     guessed = guess_machine(request.oscillator, decays, [*kinds, *terms_of(request.oscillator, leaves, shared)], values)
     of_law = guess_law(request.oscillator, leaves, shared, seen, {**values, **guessed})
-    entries: list[tuple[str, Coefficient, float, float]] = []
+    entries = []
     for leaf, kind in zip(shared, kinds, strict=True):
         start = of_law.get(leaf.name, guessed.get(kind, flat[leaf.index]))
         if leaf.name not in of_law and kind == "mu_s" and "mu" in guessed and values["mu"] > 0:
             start *= guessed["mu"] / values["mu"]
-        entries.append((leaf.name, leaf.coefficient, start, _scale(kind, start, {**values, **guessed})))
+        entries.append(_Entry(leaf.name, leaf.coefficient, start, _scale(kind, start, {**values, **guessed})))
+    return entries
+
+
+def _own_entries(windows: Sequence[Window]) -> Iterator[_Entry]:
+    """The parameters of each run."""
     for i, window in enumerate(windows):
         suffix = "" if len(windows) == 1 else f"[{i}]"
         sizes = _run_scales(window)
-        entries += [
-            (f"{n}{suffix}", Coefficient(NUISANCES[n], ""), window.guesses[n], sizes[n]) for n in window.nuisances
-        ]
-    names = [entry[0] for entry in entries]
-    check_names(request.bounds, names, "Bounds")
-    check_names(request.guess, names, "Start values")
-    entries = [
-        (name, known, _given(request, name, known.fitted_as != "value", start, windows), scale)
-        for name, known, start, scale in entries
-    ]
+        for name in window.nuisances:
+            known = Coefficient(NUISANCES[name], "")
+            yield _Entry(f"{name}{suffix}", known, window.guesses[name], sizes[name])
+
+
+def _highest(
+    request: Request,
+    shared: Sequence[Leaf],
+    leaves: Sequence[Leaf],
+    windows: Sequence[Window],
+    entries: Sequence[_Entry],
+) -> dict[str, float]:
+    """The largest values that the records can tell, of the machine that the fit starts from."""
+    flat = jax.tree.leaves(request.oscillator)
     for leaf, entry in zip(shared, entries, strict=False):
-        flat[leaf.index] = entry[2]
+        flat[leaf.index] = entry.start
     begun = jax.tree.unflatten(jax.tree.structure(request.oscillator), flat)
-    highest = highest_of(begun, leaves, shared, windows)
-    entries = [
-        (name, known._replace(upper=min(known.upper, highest.get(name, np.inf))), start, scale)
-        for name, known, start, scale in entries
-    ]
-    return tuple(_bounded(*entry, request.bounds, _origin(entry[0], windows)) for entry in entries)
+    return highest_of(begun, leaves, shared, windows)
 
 
-def _given(request: Request, name: str, positive: bool, start: float, windows: Sequence[Window]) -> float:
+def _given(request: Request, entry: _Entry, windows: Sequence[Window]) -> float:
     """The caller's start value where there is one, in the time of the run.
 
     Raises:
         UsageError: one that is not finite, or not positive where the fit works in another quantity.
     """
+    name, positive = entry.name, entry.known.fitted_as != "value"
     if name not in request.guess:
-        return start
+        return entry.start
     value = float(request.guess[name])
     if not np.isfinite(value) or (positive and value <= 0):
         raise UsageError(
@@ -150,18 +180,17 @@ def _run_scales(window: Window) -> dict[str, float]:
     return {**sizes, "drift": 1e-3 * speed, "z0": 1.0}
 
 
-def _bounded(
-    name: str, known: Coefficient, start: float, scale: float, bounds: Mapping[str, tuple], origin: float
-) -> Parameter:
+def _bounded(entry: _Entry, rigid: float, bounds: Mapping[str, tuple], origin: float) -> Parameter:
+    name, known, start, scale = entry
     # In its logarithm or its inverse root a coefficient never reaches zero.
-    default = (known.lower if known.fitted_as == "value" else None, known.upper)
+    default = (known.lower if known.fitted_as == "value" else None, min(known.upper, rigid))
     low, high = _pair(bounds.get(name, default), f"The bounds of {name} must be a lower and an upper value or None")
     lower = -np.inf if low is None else float(low) - origin
     upper = np.inf if high is None else float(high) - origin
     if not lower < upper:
         raise UsageError(f"The bounds of {name} must be a lower and a larger upper value, got {low} and {high}.")
     start = min(max(start, lower), upper)
-    return Parameter(name, known.unit, start, scale, lower, upper, known.fitted_as)
+    return Parameter(name, known.unit, start, scale, lower, upper, known.fitted_as, rigid)
 
 
 def _pair(given: Any, demand: str) -> tuple[Any, Any]:

@@ -22,7 +22,8 @@ LINEAR = frozenset({"offset", "drift"})
 class Parameter(NamedTuple):
     """One free parameter: where it starts, its typical size, and its bounds, all in its own unit.
 
-    `fitted_as` says whether the fit works in its value, its logarithm or its inverse root.
+    `fitted_as` says whether the fit works in its value, its logarithm or its inverse root. From the value `rigid` on no
+    record tells a contact from a rigid one.
     """
 
     name: str
@@ -32,6 +33,7 @@ class Parameter(NamedTuple):
     lower: float = -np.inf
     upper: float = np.inf
     fitted_as: str = "value"
+    rigid: float = np.inf
 
     @property
     def kind(self) -> str:

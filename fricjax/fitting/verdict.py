@@ -13,6 +13,8 @@ from .window import Window
 _ADEQUATE = 3.0
 _VISIBLE = 0.1
 NOTABLE = 1.5
+# Part of the stiffness beyond which no record tells a contact from a rigid one, from which on it counts as such.
+_RIGID = 1 - 1e-6
 
 
 def too_small(inflation: float) -> str:
@@ -94,6 +96,12 @@ def warnings_of(
                 "The window includes the release, whose transient biases friction. Start at the first reversal, which "
                 "is the default."
             )
+    rigid = [p.name for p in problem.parameters if values[p.name] >= _RIGID * p.rigid]
+    if rigid:
+        found.append(
+            f"The record does not tell the contact from a rigid one, for which {' and '.join(rigid)} would be infinite. "
+            "A law without it, such as Coulomb, says the same with fewer coefficients."
+        )
     if not {"mass", "stiffness"} & {parameter.kind for parameter in problem.parameters}:
         found.append(
             "The natural frequency is held fixed, although the trace knows it far better than any calibration. Free "

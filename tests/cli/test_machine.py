@@ -113,6 +113,7 @@ def test_cubic_spring():
         (Machine(fix=["mu=0.1"]), "mu,stiffness", "mu is both fixed and free."),
         (Machine(), "mu,dampng,stiffness", "Did you mean 'damping'?"),
         (Machine(), "mu", "Without a rig the stiffness must be free"),
+        (Machine(), "muu", "This oscillator has no coefficient 'muu'. Did you mean 'mu'?"),
         (Machine(stiffness="1", normal_force="1"), "mu", "Without its mass the mass must be free"),
         (Machine(mass="1"), None, "give --normal-force and --mass"),
         (Machine(normal_force="1"), None, "give --normal-force and --mass"),

@@ -80,6 +80,7 @@ def test_a_rigid_contact_is_found_to_be_rigid(law):
     found = fit(run, start, (*MACHINE, "sigma0"))
     assert found.status == "converged with sigma0 at a bound" and found.numerical_shift <= 0.1
     assert found.chi2_reduced == pytest.approx(1.0, abs=0.1)
+    assert any("does not tell the contact from a rigid one" in warning for warning in found.warnings)
     for name, value in {"mu": 0.02, "damping": PROTOTYPE_DAMPING, "stiffness": STIFFNESS}.items():
         assert abs(found.values[name] - value) < 4 * found.std_errors[name], name
 
