@@ -75,8 +75,8 @@ def _swings(window: Window) -> np.ndarray:
 def can_stop(request: Request) -> bool:
     """Whether the law can hold the mass, with the free coefficients away from zero."""
     machine, kinds = request.oscillator, {name.rsplit(".", 1)[-1] for name in request.free}
-    holds = float(machine.friction.static_force(machine.normal_force)) > 0
-    return holds or bool(kinds & {"mu", "mu_s", "normal_force"})
+    held = bool(kinds & {"mu", "mu_s", "normal_force"})
+    return held or float(machine.friction.static_force(machine.normal_force)) > 0
 
 
 def _strokes(window: Window, stops: bool) -> int:
