@@ -13,6 +13,8 @@ from .window import Window
 _ADEQUATE = 3.0
 _VISIBLE = 0.1
 NOTABLE = 1.5
+# Standard error of a positive quantity, in parts of its value, from which on the record hardly tells it.
+_HARDLY = 0.5
 # Part of the stiffness beyond which no record tells a contact from a rigid one, from which on it counts as such.
 _RIGID = 1 - 1e-6
 
@@ -39,7 +41,7 @@ def status_of(solved: Solved, covariance: Covariance, names: tuple[str, ...]) ->
 
 def flags_of(problem: Problem, covariance: Covariance, solved: Solved, inflation: float) -> dict[str, tuple[str, ...]]:
     """Flags of each parameter."""
-    values = solved.settled.values
+    values, errors = solved.settled.values, np.sqrt(np.diag(covariance.statistical))
     flags: dict[str, tuple[str, ...]] = {}
     for i, parameter in enumerate(problem.parameters):
         found = []
@@ -47,6 +49,8 @@ def flags_of(problem: Problem, covariance: Covariance, solved: Solved, inflation
             found.append("at bound")
         elif covariance.undetermined[i]:
             found.append("undetermined")
+        elif parameter.fitted_as != "value" and errors[i] > _HARDLY * values[i]:
+            found.append("hardly determined")
         if values[i] == parameter.start and not covariance.at_bound[i]:
             found.append("at start value")
         if inflation > NOTABLE and not found:
@@ -99,7 +103,7 @@ def warnings_of(
     rigid = [p.name for p in problem.parameters if values[p.name] >= _RIGID * p.rigid]
     if rigid:
         found.append(
-            f"The record does not tell the contact from a rigid one, for which {' and '.join(rigid)} would be infinite. "
+            f"The record does not tell the contact from a rigid one, where {' and '.join(rigid)} would be infinite. "
             "A law without it, such as Coulomb, says the same with fewer coefficients."
         )
     if not {"mass", "stiffness"} & {parameter.kind for parameter in problem.parameters}:

@@ -6,7 +6,7 @@ import pytest
 from fricjax import Fit, Measured, Oscillator, Record, Trace, fit, synthetic_run
 from fricjax.data import segment_record
 from fricjax.fitting import FitError, window
-from fricjax.friction import Coulomb, Windage
+from fricjax.friction import Coulomb, Stribeck, Windage
 from tests.fitting.runs import MACHINE, STIFFNESS, X0, coulomb_run
 from tests.helpers import PROTOTYPE_DAMPING, PROTOTYPE_MASS
 
@@ -205,6 +205,12 @@ class TestNoise:
         n, p = plain.dof + 6, 6
         assert plain.aicc == pytest.approx(plain.chi2 + 2 * p + 2 * p * (p + 1) / (n - p - 1))
         assert plain.bic == pytest.approx(plain.chi2 + p * np.log(n))
+
+    def test_what_hardly_changes_the_motion_is_flagged(self, run):
+        """Without a static excess there is no speed at which it fades."""
+        found = fit(run, machine(Stribeck(0.02, 0.021, v_stribeck=5e-3)), (*MACHINE, "mu_s", "v_stribeck"))
+        assert abs(found.values["mu_s"] - found.values["mu"]) < 4 * found.std_errors["mu_s"]
+        assert found.flags["v_stribeck"] == ("hardly determined",) and not found.flags["mu"]
 
 
 class TestPriorsAndBounds:
