@@ -38,9 +38,11 @@ def covariance(solved: Solved, variance: float) -> Covariance:
     """Covariance at the optimum; `variance` is the variance of a unit-weight residual."""
     shape, slope = solved.shape, solved.settled.slope
     p = slope.size
-    statistical = variance * slope[:, None] * shape.inverse * slope
-    moved = slope[:, None] * (shape.inverse @ solved.survey.normal[:p, p:])
-    combined = statistical + moved @ moved.T
+    # Where a fit has gone astray its matrices may be larger than numbers can be.
+    with np.errstate(over="ignore", invalid="ignore"):
+        statistical = variance * slope[:, None] * shape.inverse * slope
+        moved = slope[:, None] * (shape.inverse @ solved.survey.normal[:p, p:])
+        combined = statistical + moved @ moved.T
     lost = shape.undetermined | shape.at_bound
     for matrix in (statistical, combined):
         matrix[lost, :] = matrix[:, lost] = 0.0
