@@ -51,6 +51,8 @@ ROLLING = Run(load=1.89, x0=2e-4, duration=0.6)
 SIGMA0 = 1e6
 SIGMA1 = 0.6 * math.sqrt(SIGMA0 * MASS)
 
+KNOTS, FORCES = (0.0, 0.02, 0.06, 0.15), tuple(f"forces_{i}" for i in range(4))
+
 WORKLOADS = {
     "Coulomb": Workload(fj.friction.Coulomb, {"mu": 0.05}, MACHINE, SLIDING),
     "Tanh": Workload(fj.friction.Tanh, {"mu": 0.05, "v_s": 1e-4}, (*MACHINE, "v_s"), SLIDING),
@@ -73,6 +75,37 @@ WORKLOADS = {
         fj.friction.LuGre,
         {"mu": 0.05, "mu_s": 0.06, "v_stribeck": 0.02, "sigma0": SIGMA0, "sigma1": SIGMA1},
         (*MACHINE, "mu_s", "v_stribeck", "sigma0", "sigma1"),
+        SLIDING,
+    ),
+    "Makkar": Workload(
+        fj.friction.Makkar,
+        {"gamma1": 0.01, "gamma2": 3e3, "gamma3": 50.0, "gamma4": 0.05, "gamma5": 5e3},
+        ("gamma1", "gamma3", "gamma4", "gamma5", "damping", "stiffness"),
+        SLIDING,
+    ),
+    "Viscous": Workload(
+        lambda mu, sigma2: fj.friction.Coulomb(mu) + fj.friction.Viscous(sigma2),
+        {"mu": 0.05, "sigma2": 0.3},
+        ("mu", "sigma2", "stiffness"),
+        SLIDING,
+    ),
+    "Windage": Workload(
+        lambda mu, windage: fj.friction.Coulomb(mu) + fj.friction.Windage(windage),
+        {"mu": 0.05, "windage": 1.0},
+        (*MACHINE, "windage"),
+        SLIDING,
+    ),
+    "LoadDependent": Workload(
+        fj.friction.LoadDependent, {"mu": 0.05, "exponent": 2 / 3, "reference_load": 10.0}, MACHINE, SLIDING
+    ),
+    "Ageing": Workload(fj.friction.Ageing, {"mu": 0.05, "beta": 1e-3, "dwell": 60.0, "mu_s": 0.055}, MACHINE, SLIDING),
+    "Spline": Workload(
+        fj.friction.Spline, {"knots": KNOTS, "forces": (0.06, 0.052, 0.05, 0.054)}, (*FORCES, "stiffness"), SLIDING
+    ),
+    "MonotoneSpline": Workload(
+        fj.friction.MonotoneSpline,
+        {"knots": KNOTS, "forces": (0.06, 0.052, 0.05, 0.049)},
+        (*FORCES, "stiffness"),
         SLIDING,
     ),
     "Dahl": Workload(fj.friction.Dahl, {"mu": 0.05, "sigma0": SIGMA0}, (*MACHINE, "sigma0"), SLIDING),
@@ -130,10 +163,16 @@ WORKLOADS = {
         (*MACHINE, "b"),
         SLIDING,
     ),
+    "RateStateSlip": Workload(
+        fj.friction.RateStateSlip,
+        {"mu": 0.05, "a": 2e-3, "b": 1e-3, "slip_distance": 1e-5},
+        (*MACHINE, "b"),
+        SLIDING,
+    ),
     "Rolling": Workload(fj.friction.Rolling, {"mu": 0.05, "length": 5e-5}, (*MACHINE, "length"), SLIDING),
 }
 # What a record must tell by itself, and is therefore given wrongly; the rest is given as it is.
-TOLD = ("mu", "mu_s", "damping", "sigma0", "sigma1", "length", "epsilon", "mu1", "stiffnesses", "limits")
+TOLD = ("mu", "mu_s", "sigma0", "sigma1", "length", "epsilon", "mu1", "stiffnesses", "limits", "gamma4", "forces")
 
 
 class Row(NamedTuple):
@@ -149,7 +188,8 @@ class Row(NamedTuple):
 def oscillator(work: Workload, wrong: float = 1.0) -> fj.Oscillator:
     """The machine with the law, with what the record tells off by a factor."""
     given = {name: _times(value, wrong) if name in TOLD else value for name, value in work.truth.items()}
-    return fj.Oscillator(MASS, STIFFNESS, wrong * DAMPING, work.run.load, work.law(**given))
+    damping = DAMPING * (wrong if "damping" in work.free else 1.0)
+    return fj.Oscillator(MASS, STIFFNESS, damping, work.run.load, work.law(**given))
 
 
 def _times(value: float | tuple[float, ...], factor: float) -> Any:

@@ -80,6 +80,13 @@ def highest_of(
     return {movable[i].name: value for i, value in highest.items() if value > start.values[i]}
 
 
+def _list_of(leaf: Leaf, own: Sequence[Leaf]) -> int:
+    """Place of the first coefficient of the list that a coefficient belongs to; its own place where it is none."""
+    stem = leaf.dotted.rsplit("_", 1)[0]
+    alike = [other.dotted.rsplit("_", 1)[0] == stem and other.coefficient is leaf.coefficient for other in own]
+    return alike.index(True)
+
+
 class _Start:
     """Values of all coefficients of a law while they are brought to what the records show."""
 
@@ -101,10 +108,12 @@ class _Start:
             self.changed.add(i)
 
     def meet_friction(self, movable: Mapping[int, Leaf], force: float) -> None:
-        """Scale the coefficients that carry the dynamic force, and a static one along with them."""
+        """Scale the coefficients, and lists of them, that carry the dynamic force, and a static one along with them."""
         now, slopes = self.forces()
-        carriers = [i in movable and slopes.dynamic[i] != 0 for i in range(len(self.own))]
-        self.change(scaled(self.values, slopes.constant, now.constant, force, carriers))
+        lists = [_list_of(leaf, self.own) for leaf in self.own]
+        carrying = {lists[i] for i in movable if slopes.dynamic[i] != 0}
+        carriers = [i in movable and lists[i] in carrying for i in range(len(self.own))]
+        self.change(scaled(self.values, slopes.constant, now.constant, force, carriers, lists))
         static = {i: leaf for i, leaf in movable.items() if leaf.kind == "mu_s"}
         if self.changed and now.constant > 0:
             self.change({i: self.values[i] * force / now.constant for i in static})

@@ -79,7 +79,12 @@ def _forces(law: AbstractFriction, load: Any, speed: Any) -> Force:
 
 
 def scaled(
-    values: Sequence[float], slopes: np.ndarray, now: float, aim: float, movable: Sequence[bool]
+    values: Sequence[float],
+    slopes: np.ndarray,
+    now: float,
+    aim: float,
+    movable: Sequence[bool],
+    lists: Sequence[int] | None = None,
 ) -> dict[int, float]:
     """Values of the movable coefficients, changed by one factor (or its inverse) so that a quantity meets its aim.
 
@@ -89,15 +94,19 @@ def scaled(
         now: the quantity with these values.
         aim: what it should be.
         movable: which coefficients may change.
+        lists: for each of them the number of the list that it belongs to, whose members change together; None where
+            each stands for itself.
     """
     if not (now > 0 and aim > 0):
         return {}
-    elasticity = np.where(movable, slopes * np.asarray(values) / now, 0.0)
+    each = np.where(movable, slopes * np.asarray(values) / now, 0.0)
+    members = np.arange(each.size) if lists is None else np.asarray(lists)
+    elasticity = np.bincount(members, each, each.size)
     weight = float(np.sum(np.abs(elasticity)))
     if not (np.isfinite(weight) and weight > 0):
         return {}
-    factor = np.log(aim / now) / weight
-    return {i: values[i] * float(np.exp(np.sign(e) * factor)) for i, e in enumerate(elasticity) if e != 0}
+    factors = np.exp(np.sign(elasticity) * np.log(aim / now) / weight)
+    return {i: values[i] * float(factors[m]) for i, m in enumerate(members) if movable[i] and elasticity[m] != 0}
 
 
 def contact_members(slopes: Force, known: Sequence[Coefficient], free: Mapping[int, Any]) -> tuple[list[bool], int]:

@@ -11,9 +11,9 @@ from fricjax.fitting.guess import guess_machine
 from fricjax.fitting.presliding import Machine, contact_of, stiffest
 from fricjax.fitting.roles import force_of
 from fricjax.fitting.window import Window, without_ringing
-from fricjax.friction import Coulomb, Dahl, Jenkins, LuGre, MaxwellSlip, Rolling, Tanh
+from fricjax.friction import Coulomb, Dahl, Jenkins, LuGre, MaxwellSlip, Rolling, Spline, Tanh
 from tests.fitting.posed import posed
-from tests.fitting.runs import RIGS, SIGMA0, SIGMA1, noisy
+from tests.fitting.runs import RIGS, SIGMA0, SIGMA1, coulomb_run, noisy
 from tests.helpers import PROTOTYPE_DAMPING, PROTOTYPE_MASS
 
 STIFFNESS, LOAD, MU = 2574.0, 9.66, 0.05
@@ -147,3 +147,12 @@ def test_a_fit_starts_near_the_truth_from_any_oscillator():
     assert found["mu"] == pytest.approx(RIGS["sliding"].mu, rel=0.05)
     assert found["sigma0"] == pytest.approx(SIGMA0, rel=0.2)
     assert found["sigma1"] == pytest.approx(SIGMA1, rel=0.5)
+
+
+def test_a_curve_of_forces_starts_as_a_whole_where_the_decay_is():
+    forces = np.array([0.03, 0.026, 0.024, 0.027])
+    machine = Oscillator(PROTOTYPE_MASS, STIFFNESS, PROTOTYPE_DAMPING, 9.66, Spline((0.0, 0.02, 0.06, 0.15), forces))
+    problem = posed(coulomb_run(mu=0.05), machine, tuple(f"forces_{i}" for i in range(4)))
+    starts = np.array([parameter.start for parameter in problem.parameters[:4]])
+    assert np.allclose(starts / starts[0], forces / forces[0], rtol=1e-12)
+    assert np.mean(starts) == pytest.approx(0.05, rel=0.3)
