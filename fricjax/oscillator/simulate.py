@@ -1,5 +1,6 @@
 """From an oscillator and a start to its motion."""
 
+import dataclasses
 from typing import Any
 
 import equinox as eqx
@@ -76,7 +77,16 @@ def simulate(
     if driven and not isinstance(chosen, Smooth):
         raise ValueError("Floor motion and a decaying holding force need the smooth engine.")
     given = None if state0 is None else _floats(state0)
-    return _solve(chosen, oscillator, x, v, given, times, _drive(base_acceleration, release) if driven else None)
+    drive = _drive(base_acceleration, release) if driven else None
+    return _solve(chosen, _sharp_engine(oscillator, capacity), oscillator, x, v, given, times, drive)
+
+
+def _sharp_engine(oscillator: Oscillator, capacity: int) -> AbstractEngine | None:
+    """The engine for the set-valued law that a regularised one stands for; None where it stands for none."""
+    sharp = None if oscillator.friction.set_valued else oscillator.friction.sharp()
+    if sharp is None or not sharp.set_valued:
+        return None
+    return select_engine("auto", dataclasses.replace(oscillator, friction=sharp), max_half_cycles=capacity)
 
 
 def _drive(base_acceleration: ArrayLike | None, release: AbstractRelease | None) -> Drive:
@@ -121,6 +131,7 @@ def _times(ts: ArrayLike) -> Any:
 @jax.jit
 def _solve(
     engine: AbstractEngine,
+    sharp: AbstractEngine | None,
     oscillator: Oscillator,
     x0: Array,
     v0: Array,
@@ -131,21 +142,17 @@ def _solve(
     start = starting_state(oscillator, x0, v0, state0)
     if drive is not None and isinstance(engine, Smooth):
         motion = engine.solve(oscillator, start, ts, drive=drive)
-        known = not oscillator.friction.sharp().set_valued
-        return motion if known else eqx.tree_at(lambda m: m.regularisation_bias, motion, jnp.asarray(jnp.nan))
+        return motion if sharp is None else eqx.tree_at(lambda m: m.regularisation_bias, motion, jnp.asarray(jnp.nan))
     motion = engine.solve(oscillator, start, ts)
-    sharp = oscillator.friction.sharp()
-    if oscillator.friction.set_valued or not sharp.set_valued:
+    if sharp is None:
         return motion
-    return eqx.tree_at(lambda m: m.regularisation_bias, motion, _bias(motion, oscillator, sharp, start))
+    return eqx.tree_at(lambda m: m.regularisation_bias, motion, _bias(motion, sharp, oscillator, start))
 
 
-def _bias(motion: Motion, oscillator: Oscillator, sharp: Any, start: Start) -> Array:
-    """Largest distance to the motion under the law without regularisation."""
-    reference = eqx.tree_at(lambda o: o.friction, oscillator, sharp)
-    capacity = motion.turning_points.shape[0] - 1
-    engine = select_engine("hybrid", reference, max_half_cycles=capacity)
-    return jnp.max(jnp.abs(engine.solve(reference, start._replace(state=jnp.zeros(0)), motion.t).x - motion.x))
+def _bias(motion: Motion, sharp: AbstractEngine, oscillator: Oscillator, start: Start) -> Array:
+    """Largest distance to the motion under the law without regularisation, which is for the engine `sharp`."""
+    reference = dataclasses.replace(oscillator, friction=oscillator.friction.sharp())
+    return jnp.max(jnp.abs(sharp.solve(reference, start._replace(state=jnp.zeros(0)), motion.t).x - motion.x))
 
 
 def final_displacement(oscillator: Oscillator, x0: ArrayLike, *, engine: str | AbstractEngine = "auto") -> Array:
