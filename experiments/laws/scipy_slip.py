@@ -86,10 +86,12 @@ def event_driven(ts: np.ndarray, y: np.ndarray, law: "GMSContact | LeuvenContact
     found, t = np.full(ts.shape, y[0]), 0.0
     while t < ts[-1]:
         events = [_falling(law, i) for i in range(law.watched(y).size)]
-        piece = solve_ivp(
-            lambda _t, u: law.rates(u * law.scale) / law.scale, (t, ts[-1] + 1e-3), y / law.scale, method="DOP853",
-            rtol=rtol, atol=rtol, events=events, dense_output=True,
-        )  # fmt: skip
+        # A trial step may run away before it is refused.
+        with np.errstate(all="ignore"):
+            piece = solve_ivp(
+                lambda _t, u: law.rates(u * law.scale) / law.scale, (t, ts[-1] + 1e-3), y / law.scale,
+                method="DOP853", rtol=rtol, atol=rtol, events=events, dense_output=True,
+            )  # fmt: skip
         inside = (ts >= t) & (ts < piece.t[-1])
         found[inside] = piece.sol(ts[inside])[0] * law.scale[0] if inside.any() else ()
         t, y = piece.t[-1], piece.y[:, -1] * law.scale
@@ -181,6 +183,9 @@ class LeuvenContact:
         if which < 2:
             self.yielded = np.zeros(self.forces.size, bool)
         else:
-            self.yielded[which - 2] = True
-            y[which] = self.direction * self.forces[which - 2]
+            # Elements that have crept back together come to their limits again at the same time.
+            at_limit = self.direction * y[2:] >= (1 - 1e-9) * self.forces
+            at_limit[which - 2] = True
+            self.yielded |= at_limit
+            y[2:] = np.where(at_limit, self.direction * self.forces, y[2:])
         return y

@@ -40,12 +40,19 @@ class Peer(NamedTuple):
 
 
 class Workload(NamedTuple):
-    """A law of the package with its name, its motion, the ways to integrate it with SciPy, and the reference."""
+    """A law of the package with its name, its motion and the ways to integrate it without the package.
+
+    Attributes:
+        peers: odeint and Radau, as one would call them at first; where they cannot, those that know the reversals.
+        others: ways that need to know more of the law: where it switches, or a closed form between two switches.
+        reference: the motion to which the errors of all are taken.
+    """
 
     law: str
     friction: Any
     run: Run
     peers: tuple[Peer, ...]
+    others: tuple[Peer, ...]
     reference: Callable[[np.ndarray], np.ndarray]
 
 
@@ -63,11 +70,12 @@ def _peer(name: str, way: Callable[..., np.ndarray], law: Law, run: Run, method:
 
 def _by(name: str, law: Law, run: Run, friction: Any) -> Workload:
     """The ways of an ordinary differential equation; a law that holds the mass by a jump needs its reversals."""
-    stop = [_peer(f"{method}, restarted", restarted, law, run, method) for method in ("LSODA", "DOP853", "Radau")]
-    go = [_peer(method, direct, law, run, method) for method in ("odeint", "LSODA", "Radau")]
-    peers = stop if law.static else [go[0], *stop, *go[1:]]
+    methods = ("LSODA", "DOP853", "Radau")
+    knowing = tuple(_peer(f"{method}, restarted", restarted, law, run, method) for method in methods)
+    plain = tuple(_peer(method, direct, law, run, method) for method in ("odeint", "Radau"))
+    peers, others = (knowing, ()) if law.static else (plain, knowing)
     # LSODA at this tolerance agrees with Radau to some picometres, in a tenth of its time.
-    return Workload(name, friction, run, tuple(peers), lambda ts: restarted(law, run.machine, X0, ts, rtol=1e-12))
+    return Workload(name, friction, run, peers, others, lambda ts: restarted(law, run.machine, X0, ts, rtol=1e-12))
 
 
 def _bristle(name: str, run: Run, coefficients: Mapping[str, float]) -> Workload:
@@ -81,7 +89,7 @@ def _events(friction: Any, run: Run, contact: Callable[[], GMSContact | LeuvenCo
         return event_driven(ts, elements.start, elements, rtol)
 
     peer = Peer("DOP853 between events", solve)
-    return Workload(type(friction).__name__, friction, run, (peer,), partial(solve, rtol=1e-12))
+    return Workload(type(friction).__name__, friction, run, (peer,), (), partial(solve, rtol=1e-12))
 
 
 def _slip(name: str, friction: Any, run: Run, stiffnesses: Sequence[float], limits: Sequence[float]) -> Workload:
@@ -92,7 +100,7 @@ def _slip(name: str, friction: Any, run: Run, stiffnesses: Sequence[float], limi
 
     law = LAWS["MaxwellSlip"]({"stiffnesses": stiffnesses, "limits": limits}, run.load)
     ode = _by(name, law, run, friction)
-    return ode._replace(peers=(Peer("waves between events", solve), *ode.peers), reference=solve)
+    return ode._replace(others=(Peer("waves between events", solve), *ode.others), reference=solve)
 
 
 def _memoryless(run: Run) -> list[Workload]:

@@ -111,6 +111,11 @@ class AbstractFriction(eqx.Module):
         return True
 
     @property
+    def forgets(self) -> bool:
+        """Whether an error of the states fades over the travel in which they settle; elements that stick keep it."""
+        return True
+
+    @property
     def refinement(self) -> int:
         """How many times finer than usual the law must be integrated: steps of a half-cycle, or error of a step."""
         return 1

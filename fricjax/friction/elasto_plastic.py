@@ -58,6 +58,3 @@ class ElastoPlastic(AbstractBrush):
         way = jnp.clip((jnp.abs(state) - breakaway) / (steady - breakaway), 0.0, 1.0)
         # sin^2(pi u/2) is the rise of the docstring, free of rounding at its foot.
         return jnp.where(jnp.sign(state) * jnp.sign(v) > 0, jnp.sin(jnp.pi / 2 * way) ** 2, 0.0)
-
-    def switches(self, v: Scalar, state: State, load: Scalar) -> Values:
-        return jnp.abs(state) - self._breakaway(load)

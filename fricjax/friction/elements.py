@@ -70,3 +70,7 @@ class AbstractElements(AbstractBristle):
     @property
     def stiff(self) -> bool:
         return False
+
+    @property
+    def forgets(self) -> bool:
+        return False

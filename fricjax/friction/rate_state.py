@@ -10,12 +10,15 @@ from collections.abc import Mapping
 from typing import ClassVar
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 from equinox import AbstractVar
 
 from .base import AbstractBristle, Scalar, State, Values, scalar
 from .coefficient import MU, Coefficient, not_negative, positive
 
+_STEEPEST = 300.0  # the square of its exponential is still a number
+_TINY = 1e-300
 _SLOWEST = 2e-9  # slowest steady sliding, in reference velocities: with 1 um/s and 10 um a contact of 150 years
 
 RATE_STATE: Mapping[str, Coefficient] = {
@@ -32,14 +35,22 @@ IDENTIFIES = (
 )
 
 
-def arsinh_of_product(ratio: Values, exponent: Scalar) -> Values:
+@jax.custom_jvp
+def arsinh_of_product(ratio: Values, exponent: Values) -> Values:
     """``arsinh(ratio exp(exponent))`` for exponents that overflow the exponential."""
-    moving = jnp.abs(ratio) > 0
-    logarithm = jnp.log(jnp.where(moving, jnp.abs(ratio), 1.0)) + exponent
-    large = moving & (logarithm > 1)
-    far = jnp.where(large, logarithm, 1.0)
-    beyond = jnp.sign(ratio) * (far + jnp.log1p(jnp.sqrt(1 + jnp.exp(-2 * far))))
-    return jnp.where(large, beyond, jnp.arcsinh(jnp.where(large, 0.0, ratio) * jnp.exp(jnp.minimum(exponent, 600.0))))
+    size, bend = jnp.abs(ratio), jnp.exp(-exponent)
+    larger = jnp.maximum(jnp.maximum(size, bend), _TINY)
+    share = jnp.minimum(size, bend) / larger
+    root = jnp.sqrt(1 + share**2)
+    linear = jnp.log1p(share + share**2 / (1 + root))
+    return jnp.sign(ratio) * jnp.where(size < bend, linear, jnp.log(larger * (1 + root)) + exponent)
+
+
+@arsinh_of_product.defjvp
+def _slopes(at: tuple[Values, Values], along: tuple[Values, Values]) -> tuple[Values, Values]:
+    (ratio, exponent), (by_ratio, by_exponent) = at, along
+    root = jnp.sqrt(ratio**2 + jnp.exp(-2 * jnp.minimum(exponent, _STEEPEST)))
+    return arsinh_of_product(ratio, exponent), (by_ratio + ratio * by_exponent) / root
 
 
 class AbstractRateState(AbstractBristle):

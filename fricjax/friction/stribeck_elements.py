@@ -45,3 +45,7 @@ class AbstractStribeckElements(AbstractStribeckCurve):
         """Share of each element, the last one included, shape (elements,)."""
         first = jnp.asarray(self.shares, float)
         return jnp.append(first, 1 - jnp.sum(first))
+
+    @property
+    def forgets(self) -> bool:
+        return False

@@ -79,6 +79,10 @@ class Sum(AbstractFriction):
         return any(law.stiff for law in self.laws)
 
     @property
+    def forgets(self) -> bool:
+        return all(law.forgets for law in self.laws)
+
+    @property
     def refinement(self) -> int:
         return max(law.refinement for law in self.laws)
 

@@ -129,15 +129,13 @@ def _state_units(oscillator: Oscillator, length: Array) -> Array:
 
     A contact that settles over the travel l does so within the scaled time sqrt(2 l/a) of a reversal at the amplitude
     a. A relative error of its state changes the velocity there by that times x_d, the dead band, at amplitudes down
-    to x_d: by sqrt(2 l x_d) over the amplitude of the start.
+    to x_d: by sqrt(2 l x_d) over the amplitude of the start. Behind that travel nothing is left of it.
     """
     law, load = oscillator.friction, oscillator.normal_force
     unit = jnp.maximum(law.state_scale(load), jnp.finfo(float).tiny)
-    still = jnp.zeros(law.n_states)
-    # Where a law switches by its states, their errors move the instant of the switch.
-    if not law.n_states or law.switches(jnp.zeros(()), still, load).size:
+    if not law.n_states or not law.forgets:
         return unit
-    travel = unit / jnp.abs(law.rate(jnp.ones(()), still, load))
+    travel = unit / jnp.abs(law.rate(jnp.ones(()), jnp.zeros(law.n_states), load))
     felt = jnp.sqrt(2 * travel * oscillator.dead_band) / length
     return unit * jnp.clip(1 / felt, 1.0, _LOOSEST)
 
