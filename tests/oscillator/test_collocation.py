@@ -9,7 +9,7 @@ from scipy.integrate import solve_ivp
 from fricjax.friction import AbstractFriction, Coulomb, Stribeck, Tanh
 from fricjax.oscillator import Oscillator, restoring
 from fricjax.oscillator.engines.collocation import collocate, make_panels
-from fricjax.oscillator.engines.frame import frame_at, layer_width, phase_rates
+from fricjax.oscillator.engines.frame import Angle, frame_at, layer_width, phase_rates
 from tests.helpers import PROTOTYPE_DAMPING, PROTOTYPE_MASS
 
 M, K, C, LOAD = PROTOTYPE_MASS, 2574.0, PROTOTYPE_DAMPING, 9.66
@@ -35,7 +35,7 @@ def test_it_solves_the_equation_of_the_phase(name: str):
     machine, turning = CASES[name]
     frame = frame_at(machine, jnp.ones(()), jnp.asarray(turning))
     fractions, amplitudes, times = half_cycle(machine, jnp.asarray(turning))
-    rates = jax.jit(lambda theta, y: jnp.stack(phase_rates(theta, (y[0], y[1]), (machine, frame))))
+    rates = jax.jit(lambda theta, y: jnp.stack(phase_rates(machine, frame, y[0], Angle.of(theta))))
     found = solve_ivp(
         lambda theta, y: np.asarray(rates(theta, y)), (0, np.pi), [float(amplitudes[0]), 0.0], method="DOP853",
         t_eval=np.minimum(np.pi * np.asarray(fractions), np.pi), rtol=1e-13, atol=1e-18, max_step=np.pi / 300,

@@ -16,7 +16,7 @@ from jaxtyping import Array
 
 from ..oscillator import Oscillator
 from .collocation import Panels, collocate
-from .frame import frame_at, is_resolved, motion_at, reference_force
+from .frame import Angle, frame_at, is_resolved, motion_at, reference_force
 from .strokes import Rests, Standstill, Stroke, advance
 
 # Distance from the centre of a table to where it is left, over its reach.
@@ -36,7 +36,7 @@ class Table(NamedTuple):
     Both as Chebyshev coefficients in the logarithmic amplitude, shape (degree + 1, nodes).
     """
 
-    theta: Array
+    angle: Angle
     amplitude: Array | np.ndarray
     phase: Array | np.ndarray
     centre: Array
@@ -82,7 +82,7 @@ def make_table(oscillator: Oscillator, span: Span, count: int, panels: Panels) -
     start = turning - frame.dead_band
     amplitudes, elapsed = collocate(oscillator, frame, start, panels)
     ratio, phase = amplitudes / start, elapsed * frame.angular_frequency
-    return Table(jnp.pi * panels.fractions, transform @ ratio.T, transform @ phase.T, centre, reach)
+    return Table(Angle.of(jnp.pi * panels.fractions), transform @ ratio.T, transform @ phase.T, centre, reach)
 
 
 def strokes_from_table(
@@ -102,7 +102,7 @@ def strokes_from_table(
         elapsed = weights @ table.phase[:, -1] / frame.angular_frequency
         turned = frame.side * (frame.dead_band - amplitude)
         ends = Stroke(elapsed[None] + now.time, turned[None], jnp.zeros(1), jnp.zeros(1))
-        carried = is_resolved(oscillator, frame, amplitude[None], table.theta[-1:])
+        carried = is_resolved(oscillator, frame, amplitude[None], table.angle.at(slice(-1, None)))
         after = advance(now, ends, turned, carried, rests)[0]
         return after, (now, after.count == now.count)
 
@@ -112,7 +112,7 @@ def strokes_from_table(
     weights = at(turning)
     start = (turning - frame.dead_band)[:, None]
     columns = frame._replace(**{name: value[:, None] for name, value in frame._asdict().items()})
-    motion = motion_at(oscillator, columns, start * (weights @ table.amplitude), table.theta[None, :])
+    motion = motion_at(oscillator, columns, start * (weights @ table.amplitude), table.angle.at(None))
     strokes = Stroke(starts.time[:, None] + weights @ table.phase / columns.angular_frequency, *motion)
     held = stays[:, None]
     still = Stroke(starts.time[:, None], starts.turning_point[:, None], jnp.zeros((1, 1)), jnp.zeros((1, 1)))

@@ -16,7 +16,7 @@ from jaxtyping import Array, Float
 from numpy.polynomial import chebyshev
 
 from ..oscillator import Oscillator
-from .frame import Frame, mesh_fractions, phase_of, phase_rates
+from .frame import Angle, Frame, mesh_fractions, phase_of, phase_rates
 
 # The first approximation is constant; each step squares what the last one left of some per cent.
 _STEPS = 5
@@ -28,18 +28,18 @@ class Panels(NamedTuple):
     """Points of collocation in either half of a half-cycle, and the nodes at which the motion is wanted.
 
     Attributes:
-        theta, slope: phase of the points and its slope over their rank in the half, shape (2, points, ...).
+        angle, slope: phase of the points and its slope over their rank in the half, shape (2, points, ...).
         fractions: the nodes as fractions of the half-cycle, shape (nodes,), equidistant in the rank.
     """
 
-    theta: Array
+    angle: Angle
     slope: Array
     fractions: Array
 
     def over(self, lanes: int) -> "Panels":
         """The same for states that have `lanes` axes more."""
-        theta, slope = (values.reshape(values.shape + (1,) * lanes) for values in self[:2])
-        return Panels(theta, slope, self.fractions)
+        wide = (..., *(None,) * lanes)
+        return Panels(self.angle.at(wide), self.slope[wide], self.fractions)
 
 
 def make_panels(steps: int, layer: Array) -> Panels:
@@ -48,8 +48,8 @@ def make_panels(steps: int, layer: Array) -> Panels:
     There are so many that the motion is off by far less than interpolation between the nodes is.
     """
     theta, slope = phase_of(jnp.asarray((1 + _points(steps * 4 // 3)) / 2), layer)
-    both = jnp.stack([theta, jnp.pi - theta[::-1]]), jnp.stack([slope, slope[::-1]])
-    return Panels(*both, mesh_fractions(steps, layer))
+    angle = Angle.of(jnp.stack([theta, jnp.pi - theta[::-1]]))
+    return Panels(angle, jnp.stack([slope, slope[::-1]]), mesh_fractions(steps, layer))
 
 
 def collocate(
@@ -65,7 +65,7 @@ def collocate(
 @jax.custom_jvp
 def _amplitudes(start: Array, machine: Machine, panels: Panels) -> Array:
     """Amplitudes at the points of collocation, shape (2, points, *start.shape)."""
-    amplitudes = jnp.broadcast_to(start, panels.theta.shape[:2] + start.shape)
+    amplitudes = jnp.broadcast_to(start, panels.slope.shape[:2] + start.shape)
     for _ in range(_STEPS):
         rate, slope = _linearised(machine, panels, amplitudes)
         growth = jnp.exp(_integral(slope, panels))
@@ -83,7 +83,7 @@ def _amplitudes_jvp(primals: tuple, tangents: tuple) -> tuple[Array, Array]:
 
 
 def _rates(machine: Machine, panels: Panels, amplitudes: Array) -> tuple[Array, Array]:
-    return phase_rates(panels.theta, (amplitudes, amplitudes), machine)
+    return phase_rates(*machine, amplitudes, panels.angle)
 
 
 def _linearised(machine: Machine, panels: Panels, amplitudes: Array) -> tuple[Array, Array]:

@@ -14,7 +14,9 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from ..elimination import once
 from ..oscillator import Oscillator
+from .elementary import rotation
 
 _LARGEST_LEAP = 0.6
 _LOGARITHMIC_SHARE = 0.6
@@ -28,6 +30,21 @@ class Frame(NamedTuple):
     angular_frequency: Array
     stiffness: Array
     dead_band: Array
+
+
+class Angle(NamedTuple):
+    """Cosine and sine of phases of a half-cycle."""
+
+    cosine: Array
+    sine: Array
+
+    @classmethod
+    def of(cls, theta: Array) -> "Angle":
+        return cls(*once(rotation(theta)))
+
+    def at(self, index: Any) -> "Angle":
+        """Those of some of the phases, as an array is indexed."""
+        return Angle(self.cosine[index], self.sine[index])
 
 
 def frame_at(oscillator: Oscillator, side: Array, x: Array) -> Frame:
@@ -52,41 +69,37 @@ def disturbance(oscillator: Oscillator, frame: Frame, x: Array, speed: Array) ->
     return (rest - frame.side * spring) / oscillator.mass
 
 
-def position(frame: Frame, amplitude: Array, theta: Array) -> tuple[Array, Array]:
+def position(frame: Frame, amplitude: Array, angle: Angle) -> tuple[Array, Array]:
     """Displacement [m] and speed [m/s] at a phase."""
-    x = frame.side * (frame.dead_band + amplitude * jnp.cos(theta))
-    return x, frame.angular_frequency * amplitude * jnp.sin(theta)
+    x = frame.side * (frame.dead_band + amplitude * angle.cosine)
+    return x, frame.angular_frequency * amplitude * angle.sine
 
 
-def phase_rates(theta: Any, state: Any, args: tuple[Oscillator, Frame]) -> tuple[Array, Array]:
+def phase_rates(oscillator: Oscillator, frame: Frame, amplitude: Array, angle: Angle) -> tuple[Array, Array]:
     """dA/dtheta and dt/dtheta."""
-    oscillator, frame = args
-    amplitude, _ = state
-    push = _push(oscillator, frame, amplitude, theta)
-    rate = frame.angular_frequency - push * jnp.cos(theta) / amplitude
-    return -push * jnp.sin(theta) / rate, 1 / rate
+    push = _push(oscillator, frame, amplitude, angle)
+    lapse = 1 / (frame.angular_frequency - push * angle.cosine / amplitude)
+    return -push * angle.sine * lapse, lapse
 
 
-def _push(oscillator: Oscillator, frame: Frame, amplitude: Array, theta: Any) -> Array:
-    return disturbance(oscillator, frame, *position(frame, amplitude, theta)) / frame.angular_frequency
+def _push(oscillator: Oscillator, frame: Frame, amplitude: Array, angle: Angle) -> Array:
+    return disturbance(oscillator, frame, *position(frame, amplitude, angle)) / frame.angular_frequency
 
 
-def is_resolved(
-    oscillator: Oscillator, frame: Frame, amplitude: Array, theta: Float[Array, " nodes"], slowest: float = 0.1
-) -> Array:
+def is_resolved(oscillator: Oscillator, frame: Frame, amplitude: Array, angle: Angle, slowest: float = 0.1) -> Array:
     """Whether the phase has run forwards through all nodes, without a leap of its rate or of the amplitude.
 
     `slowest` is the smallest rate of the phase that will do, as a fraction of the angular frequency.
     """
-    push = _push(oscillator, frame, amplitude, theta)
-    rate = 1 - push * jnp.cos(theta) / (amplitude * frame.angular_frequency)
+    push = _push(oscillator, frame, amplitude, angle)
+    rate = 1 - push * angle.cosine / (amplitude * frame.angular_frequency)
     steady = jnp.abs(jnp.diff(jnp.log(rate))) + jnp.abs(jnp.diff(jnp.log(jnp.abs(amplitude)))) < _LARGEST_LEAP
     return jnp.all(rate > slowest) & jnp.all(steady)
 
 
-def motion_at(oscillator: Oscillator, frame: Frame, amplitude: Array, theta: Array) -> tuple[Array, Array, Array]:
+def motion_at(oscillator: Oscillator, frame: Frame, amplitude: Array, angle: Angle) -> tuple[Array, Array, Array]:
     """Displacement, velocity and acceleration at a phase, the acceleration from the equation of motion."""
-    x, speed = position(frame, amplitude, theta)
+    x, speed = position(frame, amplitude, angle)
     push = disturbance(oscillator, frame, x, speed)
     a = frame.side * push - frame.angular_frequency**2 * (x - frame.side * frame.dead_band)
     return x, -frame.side * speed, a

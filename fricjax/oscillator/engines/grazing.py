@@ -15,9 +15,10 @@ from jaxtyping import Array, Float
 
 from ..motion import Start
 from ..oscillator import Oscillator
-from .frame import frame_at, is_resolved, layer_width, mesh_fractions, motion_at
+from .frame import Angle, frame_at, is_resolved, layer_width, mesh_fractions, motion_at
 from .nodes import Nodes
-from .strokes import Rests, Standstill, Stroke, advance, integrate_phase
+from .phase_steps import integrate_phase
+from .strokes import Rests, Standstill, Stroke, advance
 
 STROKES = 3
 _STEPS = 160
@@ -94,9 +95,10 @@ def _stroke(
     )
     frame = frame._replace(dead_band=side * first.x[-1])
     amplitudes, elapsed = integrate_phase(oscillator, frame, speed[-1] * reach, theta)
-    second = Stroke(first.t[-1] + elapsed, *motion_at(oscillator, frame, amplitudes, theta))
+    angle = Angle.of(theta)
+    second = Stroke(first.t[-1] + elapsed, *motion_at(oscillator, frame, amplitudes, angle))
     nodes = Stroke(*(jnp.concatenate(parts) for parts in zip(first, second, strict=True)))
-    carried = slows & is_resolved(oscillator, frame, amplitudes, theta, slowest=0.0)
+    carried = slows & is_resolved(oscillator, frame, amplitudes, angle, slowest=0.0)
     return nodes, side * (frame.dead_band - amplitudes[-1]), carried
 
 

@@ -88,7 +88,7 @@ class Hybrid(AbstractEngine):
             nodes, stopped = course.nodes.joined(creep), jnp.asarray(False)
             points, count = _reversals(course, creep, ts[-1])
             lost = _CODES.where(course.end.carried, _CODES.too_many_half_cycles, _CODES.max_steps_reached)
-        x, v = nodes.sample(ts)
+        x, v = nodes.sample_in_order(ts)
         at_rest, reached = stopped & (ts >= nodes.t_stop), stopped | (ts <= nodes.t[-1])
         sliding = oscillator.friction_force(v, jnp.zeros(0))
         return Motion(

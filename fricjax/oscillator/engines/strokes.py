@@ -3,7 +3,6 @@
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
-import diffrax
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
@@ -11,7 +10,8 @@ from jaxtyping import Array, Float
 from ..motion import Start
 from ..oscillator import Oscillator
 from .collocation import Panels, collocate
-from .frame import Frame, frame_at, is_resolved, motion_at, phase_rates, phases
+from .frame import Angle, Frame, frame_at, is_resolved, motion_at, phases
+from .phase_steps import integrate_phase
 
 
 class Standstill(NamedTuple):
@@ -46,24 +46,6 @@ class Stroke(NamedTuple):
 
 
 Rests = Callable[[Array, Array], Array]
-
-
-def integrate_phase(
-    oscillator: Oscillator, frame: Frame, amplitude: Array, theta: Float[Array, " nodes"]
-) -> tuple[Array, Array]:
-    """Amplitude and elapsed time at the phases `theta` of a half-cycle, shape (nodes, *amplitude.shape)."""
-    solver, terms, args = diffrax.Dopri8(scan_kind="lax"), diffrax.ODETerm(phase_rates), (oscillator, frame)
-    begin = (amplitude, jnp.zeros_like(amplitude))
-
-    def step(carry: tuple, ends: tuple[Array, Array]) -> tuple[tuple, tuple[Array, Array]]:
-        at, state = carry
-        after, _, _, state, _ = solver.step(terms, *ends, at, args, state, made_jump=False)
-        return (after, state), after
-
-    state = solver.init(terms, theta[0], theta[1], begin, args)
-    _, rest = jax.lax.scan(step, (begin, state), (theta[:-1], theta[1:]))
-    amplitudes, elapsed = (jnp.concatenate([y[None], ys]) for y, ys in zip(begin, rest, strict=True))
-    return amplitudes, elapsed
 
 
 class Entry(NamedTuple):
@@ -103,7 +85,8 @@ def stroke_from(
     amplitude = jnp.where(inside, jnp.sqrt(jnp.where(inside, offset**2 + lag**2, 1.0)), offset)
     begin = jnp.where(inside, entry.theta, 0.0)
     theta = phases(frame, _passing(oscillator, frame, amplitude, begin, fractions), begin, fractions)
-    return _reached(oscillator, frame, theta, *integrate_phase(oscillator, frame, amplitude, theta), at.time)
+    motion = integrate_phase(oscillator, frame, amplitude, theta)
+    return _reached(oscillator, frame, Angle.of(theta), *motion, at.time)
 
 
 def collocated_stroke(oscillator: Oscillator, panels: Panels, at: Standstill) -> Reached:
@@ -112,7 +95,7 @@ def collocated_stroke(oscillator: Oscillator, panels: Panels, at: Standstill) ->
     frame = frame_at(oscillator, side, at.turning_point)
     amplitude = side * at.turning_point - frame.dead_band
     motion = collocate(oscillator, frame, amplitude, panels)
-    return _reached(oscillator, frame, jnp.pi * panels.fractions, *motion, at.time)
+    return _reached(oscillator, frame, Angle.of(jnp.pi * panels.fractions), *motion, at.time)
 
 
 def _side(turning_point: Array) -> Array:
@@ -120,12 +103,12 @@ def _side(turning_point: Array) -> Array:
 
 
 def _reached(
-    oscillator: Oscillator, frame: Frame, theta: Array, amplitudes: Array, elapsed: Array, time: Array
+    oscillator: Oscillator, frame: Frame, angle: Angle, amplitudes: Array, elapsed: Array, time: Array
 ) -> Reached:
-    nodes = Stroke(time + elapsed, *motion_at(oscillator, frame, amplitudes, theta))
+    nodes = Stroke(time + elapsed, *motion_at(oscillator, frame, amplitudes, angle))
     # A half-cycle that a record asks for where friction would hold the mass exists in phase only.
     forced = oscillator.friction.set_valued & (amplitudes[0] <= 0)
-    carried = forced | is_resolved(oscillator, frame, amplitudes, theta)
+    carried = forced | is_resolved(oscillator, frame, amplitudes, angle)
     return Reached(nodes, frame.side * (frame.dead_band - amplitudes[-1]), carried)
 
 
