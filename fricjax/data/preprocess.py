@@ -126,7 +126,7 @@ def estimate_noise(record: Record) -> Record:
         DataError: x is constant or sampled too sparsely, or the record is free of noise.
     """
     trace, found = record.trace, segment_record(record)
-    if not found.noise > 0:
+    if not found.white_noise > 0:
         raise DataError("The record shows no noise at all, as a computed one does; give sigma= yourself.")
     noisy = Trace(trace.t, trace.x, found.noise, trace.mask)
     effect = f"white noise of {found.noise:.4g} {record.quantity}, resolution {found.resolution:.4g} {record.quantity}"

@@ -2,9 +2,9 @@
 
 A mass pulled aside and let go swings in half-cycles, each a stroke from one standstill to the next, until friction
 holds it. `segment` reads that from the samples alone, without any law of friction: it needs only that a stroke lasts
-about as long as its neighbours, starts slowly, and that the way into a turn is never slower than the way out of it
-(nothing but a hand or a magnet pushes). What follows the last such stroke is rest, also where a residual creep or
-drift goes on.
+about as long as its neighbours, that strokes shrink, and that the way into a turn is never slower than the way out of
+it (nothing but a hand or a magnet pushes). What follows the last stroke is rest, also where a residual creep or drift
+goes on; what remains of the record without the strokes is its noise.
 """
 
 import dataclasses
@@ -14,15 +14,18 @@ from typing import Any
 import numpy as np
 
 from .errors import DataError
+from .disturbance import disturbance
 from .noise import interval, resolution, white_noise
 from .rest import find_rest
 from .reversals import refine, window
 from .start import find_start
-from .swing import Swing, extremes, smooth, zigzag
+from .strokes import Strokes, find_strokes
+from .swing import Swing, extremes, smooth, without_spikes, zigzag
 from .trace import MINIMUM_SAMPLES
 
 MINIMUM_PER_HALF_CYCLE = 8
 SHARES = (0.3, 0.1, 0.03, 0.01, 0.003)  # of the span: strokes this large are looked for
+ALIKE = 4  # reversals between which strokes last about as long as the one behind them
 RISE_10_TO_90 = 0.5903344706017331  # of a half-cycle of a cosine
 
 
@@ -32,7 +35,7 @@ class Segmentation:
 
     **Fields:**
 
-    - `noise`: standard deviation of the white noise of x.
+    - `noise`: standard deviation of all that is not the motion: white, coloured, hum, rounding.
     - `resolution`: step of quantised data, 0.0 for none.
     - `release`: time at which the free motion starts: the end of a hold or of a guided motion, else the first sample.
     - `turning_times`, `turning_points`: the reversals after the release, shape `(r,)`; neither the held start nor the
@@ -42,6 +45,9 @@ class Segmentation:
       that starts in mid-stroke the first, partial stroke counts.
     - `amplitude`: half the peak-to-peak motion since the release.
     - `half_period`: median duration of a stroke. `cycles`: `n_half_cycles / 2`.
+    - `white_noise`: the part of the noise that neighbouring samples do not share.
+    - `lines`: frequency [Hz] and amplitude of each hum that stands out of the spectrum of the rest.
+    - `open`: how many half-cycles more or less the record leaves possible, such as `(-1, 1)`; empty where it is sure.
     """
 
     noise: float
@@ -54,6 +60,9 @@ class Segmentation:
     n_half_cycles: int
     amplitude: float
     half_period: float
+    white_noise: float = 0.0
+    lines: tuple[tuple[float, float], ...] = ()
+    open: tuple[int, ...] = ()
 
     @property
     def cycles(self) -> float:
@@ -77,27 +86,37 @@ def segment(t: Any, x: Any, sigma: Any = None, mask: Any = None) -> Segmentation
     Args:
         t: times [s], shape `(n,)`, strictly increasing.
         x: displacements [m or rad], shape `(n,)`.
-        sigma: stated noise of x, one number or shape `(n,)`; used only where the samples tell of none.
+        sigma: stated noise of x, one number or shape `(n,)`: a lower bound of the noise.
         mask: shape `(n,)`, True where a sample is used; None: all.
 
     Returns:
-        A `Segmentation`. Strokes smaller than six times the noise (ten times in sparse records) or twice the
-        resolution are not reported.
+        A `Segmentation`.
 
     Raises:
         DataError: x is constant, or there are too few samples, altogether or per half-cycle.
     """
     t, x = _used_samples(t, x, mask)
     step = resolution(x)
-    noise = white_noise(t, x, step) or (0.0 if sigma is None else float(np.median(np.asarray(sigma))))
+    stated = 0.0 if sigma is None else float(np.median(np.asarray(sigma)))
+    noise = max(white_noise(t, x, step), stated)
     _require_motion(x, noise, step)
     half_period, between = _half_period(t, x, noise, step), interval(t)
     per_half_cycle = half_period / between
     _require_density(per_half_cycle)
     width = int(per_half_cycle // 16) | 1 if per_half_cycle >= 48 else 1
     # Noise alone spans ten standard deviations in a long rest, less after smoothing.
-    threshold = max(6.0 * noise, 10.0 * noise / width**0.5, 2.0 * step, 1e-7 * float(np.ptp(x)))
-    return _assemble(Swing(t, x, smooth(x, width), noise, threshold, half_period, between), step)
+    visible = max(10.0 * noise / width**0.5, 2.0 * step, 1e-7 * float(np.ptp(x)))
+    bent = (np.pi / per_half_cycle) ** 2 * float(np.ptp(x)) / 4
+    x = without_spikes(x, max(noise, step), bent, int(per_half_cycle))
+    swing = Swing(t, x, smooth(x, width), noise, step, max(visible, 6.0 * noise), half_period, between)
+    strokes = find_strokes(swing, visible)
+    if strokes is None:
+        raise DataError(f"x is constant within its noise ({noise:.3g}); a decay needs a motion: check the column.")
+    seen = disturbance(swing, strokes)
+    # Smoothing takes nothing from noise that is slow.
+    slow = 10.0 * float(np.sqrt(max(seen.total**2 - noise**2, 0.0)))
+    swing = dataclasses.replace(swing, noise=seen.total, threshold=max(swing.threshold, slow))
+    return dataclasses.replace(_assemble(swing, strokes), white_noise=seen.white, lines=seen.lines)
 
 
 def _used_samples(t: Any, x: Any, mask: Any) -> tuple[np.ndarray, np.ndarray]:
@@ -151,23 +170,24 @@ def _from_rise_times(t: np.ndarray, x: np.ndarray, pivots: list[int]) -> float:
     return float(np.median(durations))
 
 
-def _assemble(swing: Swing, step: float) -> Segmentation:
-    among = extremes(swing.smoothed, swing.threshold)
-    pivots = zigzag(swing.smoothed, among, swing.threshold)
-    if not pivots:
-        raise DataError(
-            f"x is constant within its noise ({swing.noise:.3g}); a decay needs a motion: check the column."
-        )
-    release, pivots = find_start(swing, pivots)
-    rest, position, pivots = find_rest(swing, pivots)
-    times, points = _refined(swing, pivots)
-    since = int(np.searchsorted(swing.t, release))
-    until = swing.t.size if rest is None else int(np.searchsorted(swing.t, rest, side="right"))
-    moving = swing.x[since:until]
+def _assemble(swing: Swing, strokes: Strokes) -> Segmentation:
+    t = swing.t
+    release, times = _released(swing, strokes)
+    rest = position = None
+    points, last = np.empty(0), times[-1:] if strokes.stopped else np.empty(0)
+    times = times[: times.size - last.size]
+    if times.size:
+        times, points = _refined(swing, times, release, float(last[0]) if last.size else float(t[-1]))
+    if last.size:
+        begin = float(times[-1]) if times.size else release
+        lasts = np.diff(times[-ALIKE:]) if times.size > 1 else np.array([swing.half_period])
+        # An extreme is seen late where the motion ends in it: the clock is better.
+        rest, position = find_rest(swing, begin, begin + float(np.median(lasts)) if times.size else float(last[0]))
+    moving = swing.x[np.searchsorted(t, release) : None if rest is None else np.searchsorted(t, rest, side="right")]
     ends = times if rest is None else np.append(times, rest)
     return Segmentation(
         noise=swing.noise,
-        resolution=step,
+        resolution=swing.resolution,
         release=release,
         turning_times=times,
         turning_points=points,
@@ -176,17 +196,36 @@ def _assemble(swing: Swing, step: float) -> Segmentation:
         n_half_cycles=ends.size,
         amplitude=float(np.ptp([moving.min(), moving.max(), *points])) / 2,
         half_period=float(np.median(np.diff(ends))) if ends.size >= 2 else swing.half_period,
+        open=tuple(number - strokes.turns.size + 1 for number in strokes.open),
     )
 
 
-def _refined(swing: Swing, pivots: list[int]) -> tuple[np.ndarray, np.ndarray]:
-    """Instant and position of each reversal; `pivots` leads with the start and ends with the open or last stroke."""
-    if len(pivots) < 3:
-        return np.empty(0), np.empty(0)
-    t, at = swing.t[pivots], swing.smoothed[pivots]
+def _released(swing: Swing, strokes: Strokes) -> tuple[float, np.ndarray]:
+    """Time of the release [s], and instants of the reversals after it, with the stop where there is one."""
+    turns = strokes.turns
+    indices = np.minimum(np.searchsorted(swing.t, turns), swing.t.size - 1)
+    # Before the first large stroke, up to its middle, there may be a guided motion or a part of a stroke of any size.
+    middle = int(np.mean(indices[:2])) + 1 if turns.size > 1 else swing.t.size
+    # The first samples are hardly smoothed, and no spike is seen in them.
+    begin = min(int(0.03 * swing.half_period / swing.interval), middle - 2)
+    early = swing.smoothed[begin:middle]
+    head = [begin + i for i in zigzag(early, extremes(early, swing.threshold), swing.threshold)[:-1]]
+    head = head or [int(indices[0])]
+    end = [] if strokes.stopped else [swing.t.size - 1]
+    release, pivots = find_start(swing, [*head, *indices[1:].tolist(), *end])
+    before = [i for i in pivots[1:] if i in head]
+    times = np.concatenate([swing.t[before], turns[1:]])
+    return release, times[times > max(release, swing.t[pivots[0]]) + swing.interval]
+
+
+def _refined(swing: Swing, times: np.ndarray, release: float, end: float) -> tuple[np.ndarray, np.ndarray]:
+    """Instant and position of each reversal between the release and the stop or the end of the record."""
+    at = np.interp(np.concatenate([[release], times, [end]]), swing.t, swing.smoothed)
     sizes = np.abs(np.diff(at))
     largest, smallest = np.maximum(sizes[:-1], sizes[1:]), np.minimum(sizes[:-1], sizes[1:])
-    local = np.clip(np.diff(t)[:-1], 0.6 * swing.half_period, 1.5 * swing.half_period)
+    local = np.clip(np.diff(times, prepend=release), 0.6 * swing.half_period, 1.5 * swing.half_period)
     width = window(local, largest / 2, swing.noise, swing.interval)
     order = np.where(smallest > 1e3 * swing.noise, 4, 2)
-    return refine(swing.t, swing.x, t[1:-1], np.pi / local, [np.maximum(width, 0.2 * local), width], order)
+    # From afar only the simplest curve leads to the turn; its powers of time have minima of their own.
+    near, _ = refine(swing.t, swing.x, times, np.pi / local, [np.maximum(width, 0.25 * local)], 2)
+    return refine(swing.t, swing.x, near, np.pi / local, [width], order)

@@ -8,6 +8,9 @@ import dataclasses
 import numpy as np
 
 FEW = 256  # extremes that need no thinning out
+# Median deviations from which a sample is a spike, samples in a half-cycle from which that can be told, and the part of
+# a record that spikes may be, each with its neighbours: beyond it they are its noise.
+SPIKE, DENSE, FEW_SPIKES = 12.0, 48, 0.1
 
 
 @dataclasses.dataclass(frozen=True)
@@ -17,7 +20,8 @@ class Swing:
     **Fields:**
 
     - `t`, `x`: times [s] and positions of the used samples, shape `(n,)`; `smoothed`: positions with less noise.
-    - `noise`: standard deviation of `x`; `threshold`: the smallest motion that counts as one.
+    - `noise`: standard deviation of `x`; `resolution`: step of its quantisation, 0 for none.
+    - `threshold`: the smallest motion before the first large stroke that counts as one.
     - `half_period`: typical duration of a stroke [s]; `interval`: typical time between samples [s].
     """
 
@@ -25,18 +29,42 @@ class Swing:
     x: np.ndarray
     smoothed: np.ndarray
     noise: float
+    resolution: float
     threshold: float
     half_period: float
     interval: float
 
-    def moved(self, begin: int, end: int, share: float) -> float:
-        """Displacement, in the direction from sample `begin` to `end`, a share of the half-period after `begin`."""
-        place = min(int(np.searchsorted(self.t, self.t[begin] + share * self.half_period)), self.x.size - 1)
-        return float((self.smoothed[place] - self.smoothed[begin]) * np.sign(self.smoothed[end] - self.smoothed[begin]))
-
     def stroke(self, begin: int, end: int) -> float:
         """Distance between two samples."""
         return float(abs(self.smoothed[end] - self.smoothed[begin]))
+
+
+def without_spikes(x: np.ndarray, noise: float, bent: float, stretch: int) -> np.ndarray:
+    """The record with samples far off their neighbours replaced by the line between those about them.
+
+    Args:
+        x: positions, shape `(n,)`.
+        noise: standard deviation of a sample at least.
+        bent: what the motion itself deviates by at most.
+        stretch: samples over which a deviation is judged by the median one.
+    """
+    if stretch < DENSE or x.size < 2 * stretch:
+        return x
+    off = x[:-2] + x[2:]
+    off *= -0.5
+    off += x[1:-1]
+    np.abs(off, out=off)
+    number = off.size // stretch
+    usual = np.median(off[: number * stretch].reshape(number, stretch), axis=1)
+    bound = np.maximum(SPIKE * np.maximum(usual, noise), 2 * bent)
+    above = off[: number * stretch].reshape(number, stretch) > bound[:, None]
+    spikes = 1 + np.flatnonzero(np.append(above, off[number * stretch :] > bound[-1]))
+    if not spikes.size or spikes.size > FEW_SPIKES * x.size:
+        return x
+    kept = np.ones(x.size, dtype=bool)
+    kept[spikes] = False
+    places = np.arange(x.size)
+    return np.where(kept, x, np.interp(places, places[kept], x[kept]))
 
 
 def smooth(x: np.ndarray, width: int) -> np.ndarray:

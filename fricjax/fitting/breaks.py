@@ -3,6 +3,7 @@
 import numpy as np
 
 from ..oscillator import Oscillator
+from ..data.reversals import window as extreme_window
 from .condense import Samples, condense
 from .window import Window, equilibrium
 
@@ -10,6 +11,9 @@ _LAYERS = 10.0
 _RELAXATIONS = 20.0
 _SHARE = 1e-3
 _SAMPLES = 2.5
+# Twelve standard errors of the slope of a straight line: four of that beside curvatures of either side. Where the noise
+# hides a reversal, the clock of the decay still has it to a part of a half-period.
+_ERRORS, _LOST = 12.0, 0.25
 
 
 def condensed(window: Window, samples: Samples, oscillator: Oscillator) -> Samples:
@@ -17,11 +21,11 @@ def condensed(window: Window, samples: Samples, oscillator: Oscillator) -> Sampl
 
     Around the start and each reversal samples are kept as long as the law's force still changes: until the velocity
     has passed its own scale ten times, and the sliding distance the deflection of the bristles twenty times. Beyond
-    that, what is not yet smooth has decayed to e^-20. Instants are known to a few samples or a thousandth of a
-    half-period.
+    that, what is not yet smooth has decayed to e^-20. Instants are known to a few samples, to a thousandth of a
+    half-period, or to what the noise leaves of them.
     """
     times, deflections = _standstills(window)
-    margins = _known_to(window) + _settling(window, oscillator, deflections)
+    margins = _known_to(window, deflections) + _settling(window, oscillator, deflections)
     return condense(samples, times - window.origin, margins)
 
 
@@ -38,11 +42,15 @@ def _standstills(window: Window) -> tuple[np.ndarray, np.ndarray]:
     return np.append(times, found.rest), np.append(deflections, deflections[-1])
 
 
-def _known_to(window: Window) -> float:
-    """How far the instant of a reversal may be off [s]."""
-    t = np.asarray(window.trace.t)
-    interval = float((t[-1] - t[0]) / (t.size - 1))
-    return max(_SAMPLES * interval, _SHARE * window.segmentation.half_period)
+def _known_to(window: Window, deflections: np.ndarray) -> np.ndarray:
+    """How far the instant of each reversal may be off [s]: by the sampling, and by the noise about a curved extreme."""
+    found, t = window.segmentation, np.asarray(window.trace.t)
+    interval, half = float((t[-1] - t[0]) / (t.size - 1)), found.half_period
+    by_sampling = max(_SAMPLES * interval, _SHARE * half)
+    width = extreme_window(half, np.maximum(deflections, found.noise), found.noise, interval)
+    slope_error = _ERRORS * found.noise / width / np.sqrt(np.maximum(2 * width / interval, 1.0))
+    curvature = np.maximum(deflections, found.noise) * (np.pi / half) ** 2
+    return by_sampling + np.minimum(slope_error / curvature, _LOST * half)
 
 
 def _settling(window: Window, oscillator: Oscillator, deflections: np.ndarray) -> np.ndarray:

@@ -46,8 +46,9 @@ def _reversals(problem: Problem, solved: Solved, run: int, forced: bool) -> tupl
 def solve_with_rest(problem: Problem, y: np.ndarray | None = None) -> tuple[Problem, Solved]:
     """Solve with the record's number of half-cycles, and try others where law or residuals ask for it.
 
-    Another number is tried where the fitted law would stop the mass at another reversal, and where the residuals are so
-    large that a wrong number could be the reason: then one more and one less, as long as that makes the fit better.
+    Another number is tried where the record leaves it open, where the fitted law would stop the mass at another
+    reversal, and where the residuals are so large that a wrong number could be the reason: then one more and one less,
+    as long as that makes the fit better.
 
     Args:
         problem: the problem.
@@ -58,7 +59,7 @@ def solve_with_rest(problem: Problem, y: np.ndarray | None = None) -> tuple[Prob
     spent = [solved]
     while candidates := _candidates(problem, solved) - tried - {counts}:
         tried |= {counts, *candidates}
-        rivals = [_with_counts(problem, candidate) for candidate in sorted(candidates)]
+        rivals = [with_counts(problem, candidate) for candidate in sorted(candidates)]
         results = [solve(rival, solved.y) for rival in rivals]
         spent += results
         better = [i for i, r in enumerate(results) if r.converged and r.chi2 < solved.chi2]
@@ -74,7 +75,8 @@ def _counts(problem: Problem) -> tuple[int, ...]:
     return tuple(int(run.half_cycles) for run in problem.residual.runs)
 
 
-def _with_counts(problem: Problem, counts: tuple[int, ...]) -> Problem:
+def with_counts(problem: Problem, counts: tuple[int, ...]) -> Problem:
+    """The problem with other numbers of half-cycles, one for each run."""
     arrays = [np.asarray(count) for count in counts]
     both = (problem.residual, problem.condensed)
     residual, condensed = (eqx.tree_at(lambda r: [run.half_cycles for run in r.runs], r, arrays) for r in both)
@@ -93,6 +95,8 @@ def _candidates(problem: Problem, solved: Solved) -> set[tuple[int, ...]]:
     others: list[tuple[int, int]] = []
     if far_off(problem, solved):
         others += [(run, counts[run] + step) for run in stopping for step in (-1, 1) if counts[run] + step > 0]
+    open_counts = [(run, counts[run] + step) for run in stopping for step in problem.windows[run].segmentation.open]
+    others += [(run, count) for run, count in open_counts if count > 0]
     if solved.chi2 / problem.n_used > _ADEQUATE:
         # A mass that stopped just before its record ends seems to move to the end.
         others += [(run, problem.windows[run].strokes + 1) for run in range(len(counts)) if run not in stopping]

@@ -128,6 +128,7 @@ def without_ringing(found: Segmentation) -> Segmentation:
         rest_position=float(found.turning_points[-1]),
         n_half_cycles=last + 1,
         half_period=float(np.median(np.diff(times))),
+        open=(),
     )
 
 

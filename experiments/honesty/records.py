@@ -1,0 +1,180 @@
+"""Records as instruments write them: the motion of two rigs, and everything that is added to it on the way to a file.
+
+Release, offset and phase of the clock are random in each record. The kinds in `TUNED` were looked at while thresholds
+were chosen; those in `ASIDE` were not.
+"""
+
+import math
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+from scipy.signal import lfilter
+
+import fricjax as fj
+
+STIFFNESS, FREQUENCY, DAMPING_RATIO = 2574.0, 12.6, 0.0027
+MASS = STIFFNESS / (2 * math.pi * FREQUENCY) ** 2
+DAMPING = 2 * DAMPING_RATIO * math.sqrt(STIFFNESS * MASS)
+FLOOR = 1e-10  # (m/s^2)^2/Hz, a floor of class VC-C less some 30 dB
+FULL_SCALE = 10e-3  # of the converters that round to so many bits [m]
+
+Noise = Callable[["Rig", np.ndarray, np.ndarray, np.random.Generator], np.ndarray]
+
+
+class Rig(NamedTuple):
+    """A machine with its law, what is fitted to it, and how its runs are sampled; the last part of a run is rest."""
+
+    name: str
+    oscillator: fj.Oscillator
+    free: tuple[str, ...]
+    rate: float
+    duration: float
+
+    @property
+    def t(self) -> np.ndarray:
+        return np.arange(round(self.rate * self.duration)) / self.rate
+
+
+class Run(NamedTuple):
+    """A record, and the truth behind it: half-cycles from the first reversal to the stop."""
+
+    t: np.ndarray
+    x: np.ndarray
+    half_cycles: int
+    stop: float
+
+
+def _machine(load: float, law: fj.friction.AbstractFriction) -> fj.Oscillator:
+    return fj.Oscillator(MASS, STIFFNESS, DAMPING, load, law)
+
+
+RIGS = {
+    "sliding": Rig(
+        "sliding", _machine(9.66, fj.friction.Stribeck(0.05, mu_s=0.065, v_stribeck=5e-3)),
+        ("mu", "damping", "stiffness"), 20e3, 0.65,
+    ),
+    "rolling": Rig("rolling", _machine(1.89, fj.friction.Coulomb(0.01)), ("mu", "damping", "stiffness"), 5e3, 4.8),
+}  # fmt: skip
+
+
+def white(size: float) -> Noise:
+    return lambda rig, t, x, random: x + size * random.standard_normal(t.size)
+
+
+def share(part: float) -> Noise:
+    """White noise of a part of the amplitude."""
+    return lambda rig, t, x, random: x + part * np.ptp(x) / 2 * random.standard_normal(t.size)
+
+
+def autoregressive(rho: float, size: float) -> Noise:
+    def add(rig: Rig, t: np.ndarray, x: np.ndarray, random: np.random.Generator) -> np.ndarray:
+        drive = math.sqrt(1 - rho**2) * size * random.standard_normal(t.size)
+        drive[0] /= math.sqrt(1 - rho**2)
+        return x + lfilter([1.0], [1.0, -rho], drive)
+
+    return add
+
+
+def random_walk(step: float) -> Noise:
+    return lambda rig, t, x, random: x + np.cumsum(step * random.standard_normal(t.size))
+
+
+def hum(frequency: float, size: float) -> Noise:
+    """A sine of any phase over 1 nm of white noise."""
+    return lambda rig, t, x, random: x + (
+        size * np.sin(2 * np.pi * (frequency * t + random.uniform())) + 1e-9 * random.standard_normal(t.size)
+    )
+
+
+def narrow(frequency: float, size: float, lasts: float = 0.08) -> Noise:
+    """Noise through a resonance that rings for so long, over 1 nm of white noise."""
+
+    def add(rig: Rig, t: np.ndarray, x: np.ndarray, random: np.random.Generator) -> np.ndarray:
+        step = t[1] - t[0]
+        pole = np.exp((-1 / lasts + 2j * np.pi * frequency) * step)
+        before = round(10 * lasts / step)
+        noise = lfilter([1.0], [1.0, -2 * pole.real, abs(pole) ** 2], random.standard_normal(t.size + before))[before:]
+        return x + size / np.std(noise) * noise + 1e-9 * random.standard_normal(t.size)
+
+    return add
+
+
+def mode(size: float) -> Noise:
+    """A structural mode of 60 to 300 Hz, excited at the release, decaying at one percent, over 1 nm of white noise."""
+
+    def add(rig: Rig, t: np.ndarray, x: np.ndarray, random: np.random.Generator) -> np.ndarray:
+        omega = 2 * np.pi * random.uniform(60, 300)
+        rings = size * np.exp(-0.01 * omega * t) * np.sin(omega * t + random.uniform(0, 2 * np.pi))
+        return x + rings + 1e-9 * random.standard_normal(t.size)
+
+    return add
+
+
+def drift(speed: float) -> Noise:
+    """A drift over 20 nm of white noise."""
+    return lambda rig, t, x, random: x + (
+        random.choice([-1, 1]) * speed * t + 20e-9 * random.standard_normal(t.size)
+    )
+
+
+def bits(number: int, size: float) -> Noise:
+    """Rounding to the steps of a converter, after white noise of a size."""
+    step = FULL_SCALE / 2**number
+    return lambda rig, t, x, random: step * np.round((x + size * random.standard_normal(t.size)) / step)
+
+
+def jitter(size: float) -> Noise:
+    """Samples taken at times that are off, over 1 nm of white noise."""
+    return lambda rig, t, x, random: (
+        x + np.gradient(x, t) * size * random.standard_normal(t.size) + 1e-9 * random.standard_normal(t.size)
+    )
+
+
+def outliers(part: float, size: float) -> Noise:
+    """Some samples far off, over 5 nm of white noise."""
+    return lambda rig, t, x, random: (
+        x
+        + 5e-9 * random.standard_normal(t.size)
+        + size * random.standard_normal(t.size) * (random.uniform(size=t.size) < part)
+    )
+
+
+TUNED: dict[str, Noise] = {
+    "white 1 nm": white(1e-9),
+    "white 5 %": share(0.05),
+    "AR(1) 0.9, 20 nm": autoregressive(0.9, 20e-9),
+    "AR(1) 0.99, 20 nm": autoregressive(0.99, 20e-9),
+    "10 bit": bits(10, 0.0),
+    "hum 50 Hz, 10 nm": hum(50.0, 10e-9),
+    "narrow 12.6 Hz, 100 nm": narrow(FREQUENCY, 100e-9),
+    "drift 1 um/s": drift(1e-6),
+    "1 % outliers": outliers(0.01, 1e-5),
+}
+ASIDE: dict[str, Noise] = {
+    "white 20 nm": white(20e-9),
+    "white 1 %": share(0.01),
+    "AR(1) 0.5, 100 nm": autoregressive(0.5, 100e-9),
+    "AR(1) 0.99, 100 nm": autoregressive(0.99, 100e-9),
+    "random walk 5 nm": random_walk(5e-9),
+    "16 bit": bits(16, 2e-9),
+    "hum 50 Hz, 1 um": hum(50.0, 1e-6),
+    "narrow 33 Hz, 100 nm": narrow(33.0, 100e-9),
+    "decaying mode 20 nm": mode(20e-9),
+    "drift 10 um/s": drift(10e-6),
+    "jitter 2 us": jitter(2e-6),
+}
+
+
+def motion(rig: Rig, random: np.random.Generator) -> Run:
+    """A run without noise: released from 0.8 to 2.6 mm on either side, about any equilibrium, at any instant."""
+    x0 = random.choice([-1, 1]) * random.uniform(0.8e-3, 2.6e-3)
+    slide = fj.simulate(rig.oscillator, x0, rig.t + random.uniform() / rig.rate)
+    x = np.asarray(slide.x) + random.uniform(-1e-3, 1e-3)
+    return Run(rig.t, x, int(slide.n_half_cycles) - 1, float(slide.t_stop))
+
+
+def record(rig: Rig, noise: Noise, seed: int) -> Run:
+    """A run with its noise; the same seed gives the same motion under every noise."""
+    clean = motion(rig, np.random.default_rng([1, seed]))
+    return clean._replace(x=noise(rig, clean.t, clean.x, np.random.default_rng([2, seed])))

@@ -1,0 +1,113 @@
+"""What is left of a record without its swing: noise of every colour, hum, rounding.
+
+In the middle of a stroke the motion is a polynomial to far below any noise, and a mass at rest moves no more than its
+floor and its instrument drift. What a polynomial leaves of the one, and a straight line of the other, is the noise of
+the record: all of it, where differences of neighbouring samples see only its white part.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from .strokes import Strokes
+from .swing import Swing
+
+# Part of a stroke that is looked at, and the order of a polynomial that leaves 1e-11 of a half-cosine there.
+CENTRE, ORDER = (0.2, 0.8), 10
+# Strokes and samples of each that are looked at: more would tell nothing new.
+STROKES, SAMPLES = 24, 2048
+# Stretches of rest in which a line is taken out, in half-periods: a full cycle, so that shaking at the natural frequency
+# is seen and a creep or a drift is not. The first half-period behind the stop may still ring.
+STRETCH, RINGS = 2.0, 1.0
+# A line of the spectrum stands out by this factor in power of its neighbours; so many are named.
+LINE, LINES = 30.0, 3
+
+
+class Disturbance(NamedTuple):
+    """The noise of a record, in the unit of x.
+
+    **Fields:**
+
+    - `total`: standard deviation of all of it; `white`: of its white part.
+    - `step`: step of the quantisation, 0.0 for none.
+    - `lines`: frequency [Hz] and amplitude of each hum that stands out of the rest.
+    """
+
+    total: float
+    white: float
+    step: float
+    lines: tuple[tuple[float, float], ...]
+
+
+def disturbance(swing: Swing, strokes: Strokes) -> Disturbance:
+    """The noise of a record whose strokes are known."""
+    moving, count = _moving(swing, strokes.turns), int(np.searchsorted(swing.t, strokes.turns[-1]))
+    resting = _resting(swing, float(strokes.turns[-1])) if strokes.stopped else None
+    weights = [count, swing.t.size - count]
+    parts = [(value, weight) for value, weight in zip((moving, resting), weights, strict=True) if value is not None]
+    variance = sum(value * weight for value, weight in parts) / max(sum(weight for _, weight in parts), 1)
+    total = max(float(np.sqrt(variance)), swing.noise) if parts else swing.noise
+    lines = _lines(swing, float(strokes.turns[-1])) if strokes.stopped else ()
+    return Disturbance(total, swing.noise, swing.resolution, lines)
+
+
+def _moving(swing: Swing, turns: np.ndarray) -> float | None:
+    """Median over strokes of the variance about a polynomial in the middle of each; None where samples are too few."""
+    # The first stroke may hold a release.
+    chosen = np.unique(np.linspace(1, turns.size - 2, STROKES).astype(int)) if turns.size >= 3 else []
+    found = []
+    for i in chosen:
+        length = turns[i + 1] - turns[i]
+        ends = np.searchsorted(swing.t, turns[i] + np.array(CENTRE) * length)
+        every = -(-int(ends[1] - ends[0]) // SAMPLES) or 1
+        t, x = swing.t[ends[0] : ends[1] : every], swing.x[ends[0] : ends[1] : every]
+        if t.size < 3 * ORDER:
+            continue
+        u = np.interp(t, t[[0, -1]], [-1.0, 1.0])
+        basis = np.linalg.qr(np.polynomial.chebyshev.chebvander(u, ORDER))[0]
+        left = x - x.mean()
+        left = left - basis @ (basis.T @ left)
+        found.append(float(left @ left) / (t.size - ORDER - 1))
+    return float(np.median(found)) if found else None
+
+
+def _resting(swing: Swing, stop: float) -> float | None:
+    """Median variance about straight lines through stretches of the rest; None where it is too short."""
+    t, x = swing.t, swing.x
+    begin, length = stop + RINGS * swing.half_period, STRETCH * swing.half_period
+    number = int((t[-1] - begin) / length)
+    found = []
+    for i in np.unique(np.linspace(0, number - 1, STROKES).astype(int)) if number >= 1 else []:
+        ends = np.searchsorted(t, begin + length * np.array([i, i + 1]))
+        every = -(-int(ends[1] - ends[0]) // (4 * SAMPLES)) or 1
+        u, y = t[ends[0] : ends[1] : every], x[ends[0] : ends[1] : every]
+        if u.size < 8:
+            continue
+        u, y = u - u.mean(), y - y.mean()
+        left = y - (u @ y) / (u @ u) * u
+        found.append(float(left @ left) / (u.size - 2))
+    return float(np.median(found)) if found else None
+
+
+def _lines(swing: Swing, stop: float) -> tuple[tuple[float, float], ...]:
+    """The lines that stand out of the spectrum of the rest, the strongest first."""
+    t, x = swing.t, swing.x
+    rest = slice(int(np.searchsorted(t, stop + RINGS * swing.half_period)), None)
+    t, x = t[rest][-(1 << 17) :], x[rest][-(1 << 17) :]
+    if t.size < 64 or t[-1] - t[0] < 2 * STRETCH * swing.half_period:
+        return ()
+    even = np.linspace(t[0], t[-1], t.size)
+    y = np.interp(even, t, x - x.mean())
+    u = even - even.mean()
+    weight = np.hanning(t.size)
+    y = (y - y.mean() - (u @ y) / (u @ u) * u) * weight
+    size = 2 * np.abs(np.fft.rfft(y)) / weight.sum()
+    frequency = np.fft.rfftfreq(t.size, even[1] - even[0])
+    power, found = size**2, []
+    for k in np.argsort(power)[::-1][: 8 * LINES]:
+        near = np.r_[max(k - 24, 1) : max(k - 3, 1), k + 4 : k + 25]
+        near = near[near < power.size]
+        alone = all(abs(k - other) > 3 for other in found)
+        if k >= 3 and alone and near.size >= 8 and power[k] > LINE * np.median(power[near]):
+            found.append(int(k))
+    return tuple((float(frequency[k]), float(size[k])) for k in found[:LINES])

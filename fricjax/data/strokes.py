@@ -1,0 +1,302 @@
+"""The strokes of a decaying swing, found by its clock and its decrement, and the stop as the one change in them.
+
+A threshold on neighbouring samples cannot tell a stroke from the noise of an instrument, which is coloured, hums and
+is rounded. What can is the order of a decay: its large strokes give the half-period, and the clock goes on from there.
+Every further half-period of the record is asked for the stroke that would belong there, a half-cosine in the direction
+whose turn it is. Up to the stop these strokes are those of a decay, ``alpha rho^j - beta``; behind it they are what the
+noise alone gives, of whatever colour, and so tell themselves how large that is: one change point, by likelihood
+(Hinkley, Biometrika 57, 1970).
+"""
+
+import bisect
+from typing import NamedTuple
+
+import numpy as np
+from scipy.special import log_ndtr
+
+from .noise import NORMAL_MAD
+from .reversals import refine, window
+from .swing import Swing, extremes, zigzag
+
+# Part of the span from which a stroke is seen without any clock: far above any noise in which friction could be told.
+SURE = 0.1
+# How far about the predicted reversal it is sought, and how far from there it is believed, in half-periods.
+SOUGHT, BELIEVED = 0.2, 0.12
+# Part of the stroke before at which a stroke is taken for the last one by the clock, which then runs on by itself.
+TINY = 0.02
+# Standard errors by which a stroke stands out, and how many strokes in a row are to do so.
+STANDS_OUT, TOGETHER = 5.0, 3
+# A stroke is no larger than the one before, but for what noise of slow colour adds to it.
+GROWTH = 1.3
+# Strokes from the pole on that may last any time, for a hand may lead or hold the mass.
+STEADY = 3
+# Standard errors within which a period does not depend on the amplitude; durations that can tell it.
+ISOCHRONOUS, DURATIONS = 4.0, 6
+# Averages per stroke that tell its size; variance beside a half-cosine, as a part of what the rest has at most, at which
+# a contact rings.
+PER_STROKE, RINGING = 256, 4.0
+# Part of a stroke that is left of it and the next half-period together, below which it is a creep.
+CREPT = 0.5
+# Part of a half-period behind the last reversal from which a rest can be told from a turn.
+SHORTEST_REST = 0.25
+# Speed of a creep, as a part of the peak speed of the last stroke.
+CREEP = 0.03
+# Twice the logarithm of the likelihood ratio up to which another number of strokes stays possible: odds of 400 to 1.
+OPEN = 12.0
+# Strokes by which a prediction is made at least, strokes that judge it, and how many more than stand out are looked at.
+_FITTED, _JUDGES, _AHEAD = 5, 8, 16
+_TOLD = 6  # strokes from the end of the record
+_FINEST = 2e-8  # of the span: strokes below five times this are not looked for
+_DECREMENTS = np.exp(-np.concatenate([-np.geomspace(0.05, 1e-4, 10), [0.0], np.geomspace(1e-4, 1.5, 60)]))
+_VARIANCE = 0.125  # of a half-cosine of height one
+
+
+class Strokes(NamedTuple):
+    """The strokes of a record.
+
+    **Fields:**
+
+    - `turns`: instants at which they begin and end [s]: the pole from which the motion starts, the reversals, and the
+      stop where there is one, shape `(n + 1,)`.
+    - `stopped`: whether the mass comes to rest; otherwise the record ends in motion.
+    - `open`: other numbers of strokes that the record leaves possible.
+    """
+
+    turns: np.ndarray
+    stopped: bool
+    open: tuple[int, ...]
+
+
+def find_strokes(swing: Swing, visible: float) -> Strokes | None:
+    """The strokes of a record, None where it never moves; the noise left after smoothing spans less than `visible`."""
+    share = max(SURE * float(np.ptp(swing.smoothed)), visible)
+    pivots = zigzag(swing.smoothed, extremes(swing.smoothed, share), share)
+    if not pivots:
+        return None
+    turns = _large(swing, pivots)
+    if turns.size < 2:
+        return Strokes(turns, False, ())
+    large, period = turns.size - 1, _small_period(swing, turns)
+    side = float(np.sign(np.subtract(*np.interp(turns[[-1, -2]], swing.t, swing.smoothed))))
+    turns = _by_clock(swing, turns, side, period)
+    size, error, misfit = _sizes(swing, turns, side * (-1.0) ** (np.arange(turns.size - 1) - large + 1))
+    return _until_the_stop(swing, turns, size, error, misfit, large)
+
+
+def _large(swing: Swing, pivots: list[int]) -> np.ndarray:
+    """Instants of the pole and of the reversals between large strokes; missing samples hide none of them."""
+    t = swing.t
+    if len(pivots) == 2:
+        half = _middle(swing, *pivots)
+        ends = half + 0.5 * swing.half_period * np.array([-1.0, 1.0])
+        # The mass may have been held, or go on to creep.
+        return np.maximum(ends, t[0])[: 2 if ends[1] <= t[-1] else 1]
+    turns = t[pivots[:-1]]
+    if turns.size > 2:
+        local = np.diff(t[pivots])
+        local = np.clip(local[:-1], 0.6 * swing.half_period, None)[: turns.size - 1]
+        sizes = np.abs(np.diff(swing.smoothed[pivots]))
+        width = window(local, np.maximum(sizes[:-1], sizes[1:]) / 2, swing.noise, swing.interval)
+        turns[1:] = refine(t, swing.x, turns[1:], np.pi / local, [np.maximum(width, 0.2 * local)], 2)[0]
+    # Strokes near the smallest size are seen here and missed there: the clock goes on from the first one missed.
+    missed = np.flatnonzero(np.diff(turns)[STEADY:] > 2 * np.diff(turns)[STEADY - 1 : -1])
+    turns = turns[: STEADY + 1 + int(missed[0])] if missed.size else turns
+    holes = t[:-1][np.diff(t) > 0.5 * swing.half_period]
+    hidden = np.searchsorted(turns, holes)
+    for i in np.unique(hidden[(hidden > 0) & (hidden < turns.size)])[::-1]:
+        # Extremes alternate, so that an even number of them is missing.
+        missing = 2 * round(((turns[i] - turns[i - 1]) / swing.half_period - 1) / 2)
+        turns = np.insert(turns, i, np.linspace(turns[i - 1], turns[i], missing + 2)[1:-1])
+    return turns
+
+
+def _middle(swing: Swing, begin: int, end: int) -> float:
+    """When the mass is half-way through a lone stroke [s]."""
+    way = swing.smoothed[begin : end + 1] - swing.smoothed[begin]
+    return float(swing.t[begin + int(np.argmax(np.abs(way) >= 0.5 * np.abs(way[-1])))])
+
+
+def _small_period(swing: Swing, turns: np.ndarray) -> float:
+    """Duration of strokes smaller than those seen: their mean, or where it goes with the amplitude its limit [s]."""
+    lasts = np.diff(turns)[1:] if turns.size > 2 else np.array([swing.half_period])
+    at = np.interp(turns, swing.t, swing.smoothed)
+    weight = np.abs(np.diff(at))[-lasts.size :]
+    columns = np.stack([np.ones(lasts.size), weight**2], axis=1)
+    if lasts.size >= DURATIONS:
+        normal = columns.T @ (columns * weight[:, None] ** 2)
+        solution = np.linalg.lstsq(columns * weight[:, None], lasts * weight, rcond=None)[0]
+        variance = np.sum((weight * (lasts - columns @ solution)) ** 2) / (lasts.size - 2)
+        slope_error = np.sqrt(variance * np.linalg.pinv(normal, rcond=1e-14)[1, 1])
+        if abs(solution[1]) > ISOCHRONOUS * slope_error and 0.3 < solution[0] / lasts.min() < 1.2:
+            return float(solution[0] + solution[1] * weight[-1] ** 2)
+    return float(np.average(lasts, weights=weight**2))
+
+
+def _by_clock(swing: Swing, turns: np.ndarray, side: float, period: float) -> np.ndarray:
+    """The reversals followed by those that the clock predicts up to the end of the record, each moved to its extreme.
+
+    Where there is no extreme near the prediction, as in the rest, the clock is believed.
+    """
+    t, x, found = swing.t, swing.smoothed, list(turns)
+    reach, places, runs = SOUGHT * period, np.interp(turns, t, x).tolist(), False
+    while found[-1] + period <= t[-1]:
+        at, side = found[-1] + period, -side
+        # Behind a stroke this small there is none to be followed, and wiggles of the rest are not to set the clock.
+        runs = runs or abs(np.interp(at, t, x) - places[-1]) < TINY * abs(places[-1] - places[-2])
+        if not runs:
+            at += reach * _extreme(t, x, at, reach, side)
+        found.append(at)
+        places.append(float(np.interp(at, t, x)))
+    return np.array(found)
+
+
+def _extreme(t: np.ndarray, x: np.ndarray, at: float, reach: float, side: float) -> float:
+    """How far from a time there is an extreme, a maximum for a positive `side`, in units of `reach`; 0 for none near."""
+    near = slice(*np.searchsorted(t, [at - reach, at + reach]))
+    every = (near.stop - near.start) // 128 + 1
+    u, y = (t[near][::every] - at) / reach, x[near][::every]
+    if u.size < 5:
+        return 0.0
+    y, square = y - y.mean(), u * u
+    # Least squares of a parabola on times that lie about as far on either side.
+    slope = float(u @ y) / float(square.sum())
+    square -= square.mean()
+    curve = float(square @ y) / float(square @ square)
+    shift = -slope / (2 * curve) if side * curve < 0 else np.inf
+    return shift if abs(shift) * SOUGHT <= BELIEVED else 0.0
+
+
+def _sizes(swing: Swing, turns: np.ndarray, side: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Size of the half-cosine in each stroke, its standard error in white noise, and the variance left beside it."""
+    cell = int(swing.half_period / swing.interval) // PER_STROKE + 1
+    length = swing.t.size // cell * cell
+    t, x = (values[:length].reshape(-1, cell).mean(axis=1) for values in (swing.t, swing.x))
+    edges = np.searchsorted(t, turns)
+    count = np.diff(edges).astype(float)
+    used = slice(edges[0], edges[-1])
+    number = np.repeat(np.arange(count.size), np.diff(edges))
+    t, x = t[used], x[used] - x[used].mean()
+    shape = 0.5 - 0.5 * np.cos(np.pi * (t - turns[number]) / (turns[number + 1] - turns[number]))
+
+    def sums(values: np.ndarray) -> np.ndarray:
+        return np.bincount(number, values, minlength=count.size)
+
+    n = np.maximum(count, 1.0)
+    first, second = sums(shape) / n, sums(x) / n
+    h, y = shape - first[number], x - second[number]
+    square, product = sums(h * h), sums(h * y)
+    seen = (count >= 4) & (square > 0.02 * count)
+    size = np.where(seen, product / np.where(seen, square, 1.0), 0.0)
+    misfit = np.maximum(sums(y * y) - size * product, 0.0) / n
+    return side * size, swing.noise / np.sqrt(_VARIANCE * cell * n), misfit
+
+
+def _until_the_stop(
+    swing: Swing, turns: np.ndarray, size: np.ndarray, error: np.ndarray, misfit: np.ndarray, large: int
+) -> Strokes:
+    # A creep or a drift moves the mass as far in the next half-period, and is no stroke in the sum of both.
+    pairs = np.append(size[:-1] + size[1:], size[-1])
+    floor = np.maximum(np.maximum(error, swing.resolution / np.sqrt(12)), _FINEST * float(np.ptp(swing.smoothed)))
+    scatter = _scatter(pairs, floor)
+    last = _decaying(size, floor, large)
+    while last > large and not _stands_out(last, pairs, size, scatter, misfit):
+        last -= 1
+    if last == size.size and _goes_on(swing, turns, size, scatter):
+        return Strokes(turns, False, ())
+    likelihoods = _likelihoods(size, pairs, scatter, last, large)
+    best = max(likelihoods, key=lambda number: likelihoods[number])
+    near = [n for n, value in likelihoods.items() if n != best and 2 * (likelihoods[best] - value) < OPEN]
+    return Strokes(turns[: best + 1], True, tuple(sorted(near)))
+
+
+def _decaying(size: np.ndarray, floor: np.ndarray, large: int) -> int:
+    """How many strokes from the first on go to and fro and shrink."""
+    grown = size[large:] > GROWTH * size[large - 1 : -1] + STANDS_OUT * floor[large:]
+    wrong = np.flatnonzero(grown | (size[large:] < -STANDS_OUT * floor[large:]))
+    return large + int(wrong[0]) if wrong.size else size.size
+
+
+def _scatter(pairs: np.ndarray, floor: np.ndarray) -> np.ndarray:
+    """What noise makes of a pair of strokes, for each stroke as if those behind it were the rest; few tell it badly.
+
+    It is their median size: of a long slow decay most strokes behind one that is seen are lost in the noise.
+    """
+    scatter, behind = np.sqrt(2) * floor, []
+    for j in range(pairs.size - 3, -1, -1):
+        bisect.insort(behind, abs(float(pairs[j + 1])))
+        rest = behind[len(behind) // 2] / NORMAL_MAD * (1 + 2 / len(behind))
+        scatter[j] = max(scatter[j], rest)
+    return scatter
+
+
+def _stands_out(last: int, pairs: np.ndarray, size: np.ndarray, scatter: np.ndarray, misfit: np.ndarray) -> bool:
+    """Whether a stroke and those before it stand out of what follows, and it is a swing rather than the contact's ring."""
+    # A creep goes on where a stroke has ended, and is lost in the pair.
+    creeps = pairs[last - 1] < CREPT * size[last - 1]
+    together = pairs[max(last - TOGETHER, 0) : last]
+    quiet = np.max(misfit[last:], initial=0.0)
+    rings = misfit[last - 1] > max(_VARIANCE * size[last - 1] ** 2, RINGING * quiet)
+    return bool(not creeps and not rings and np.all(together > STANDS_OUT * scatter[last - 1]))
+
+
+def _goes_on(swing: Swing, turns: np.ndarray, size: np.ndarray, scatter: np.ndarray) -> bool:
+    """For a record that ends within a half-period of its last turn: whether the mass is on its way again."""
+    t, period = swing.t, turns[-1] - turns[-2]
+    lasts = t[-1] - turns[-1]
+    if lasts < SHORTEST_REST * period:
+        return True
+    begin = int(np.searchsorted(t, turns[-1]))
+    moved = abs(swing.smoothed[-1] - swing.smoothed[begin])
+    peak = np.pi / period * abs(size[-1]) / 2
+    return bool(moved > max(swing.threshold, STANDS_OUT * scatter[-1]) and moved / lasts > CREEP * peak)
+
+
+def _likelihoods(
+    size: np.ndarray, pairs: np.ndarray, scatter: np.ndarray, last: int, large: int
+) -> dict[int, float]:
+    """Logarithm of the likelihood of each number of strokes near `last`, up to a constant.
+
+    A stroke is as large as the decay predicts, or anything up to the one before where too few predict it. It is seen
+    together with the next one, if there is one, so that a creep or a drift is not taken for it.
+    """
+    # The last stroke of all has none behind it that could tell it from a creep.
+    first, end = max(last - 1, large, 1), max(min(size.size - 1, last + _AHEAD), last)
+    creep = (pairs[last:end] < CREPT * size[last:end]) & (size[last:end] > STANDS_OUT * scatter[last:end])
+    end = last + int(np.argmax(creep)) if creep.any() else end
+    # Too few behind a stroke tell the noise badly: those that have more stand for them.
+    noise, seen = scatter[np.minimum(np.arange(first, end), max(size.size - _TOLD, last))], pairs[first:end]
+    still = -0.5 * (seen / noise) ** 2 - np.log(noise)
+    if last >= _FITTED + 1:
+        curve, misfit = _prediction(size[:last], end)
+        alone, spread = np.maximum(curve, 0.0), np.hypot(noise, misfit)
+        both = alone[first:end] + np.append(alone, 0.0)[first + 1 : end + 1]
+
+        def log_density(predicted: np.ndarray) -> np.ndarray:
+            return -0.5 * ((seen - predicted) / spread) ** 2 - np.log(spread)
+
+        going, ending = log_density(both), log_density(curve[first:end])
+    else:
+        height = np.maximum(size[last - 1], STANDS_OUT * noise)
+        going = ending = log_ndtr(seen / noise) + 0.5 * np.log(2 * np.pi) - np.log(height)
+    return {
+        number: float(np.sum(going[: max(i - 1, 0)]) + np.sum(ending[max(i - 1, 0) : i]) + np.sum(still[i:]))
+        for i, number in enumerate(range(first, end + 1))
+    }
+
+
+def _prediction(size: np.ndarray, end: int) -> tuple[np.ndarray, float]:
+    """Strokes ``alpha rho^j - beta`` fitted to those seen, but for the first, up to number `end`; and their misfit."""
+    j = np.arange(end)
+    fitted = slice(1, size.size)
+    best: tuple[float, np.ndarray] = (np.inf, np.zeros(end))
+    for rho in _DECREMENTS:
+        columns = np.stack([rho ** (j - size.size), np.ones(end)], axis=1)
+        if rho == 1.0:
+            columns[:, 0] = j
+        solution = np.linalg.lstsq(columns[fitted], size[fitted], rcond=None)[0]
+        curve = columns @ solution
+        squares = float(np.sum((size[fitted] - curve[fitted]) ** 2))
+        if squares < best[0]:
+            best = (squares, curve)
+    left = (size - best[1][: size.size])[fitted][-_JUDGES:]
+    return best[1], float(np.sqrt(np.sum(left**2) / max(left.size - 3, 1)))
