@@ -82,8 +82,8 @@ def random_walk(step: float) -> Noise:
 
 def hum(frequency: float, size: float) -> Noise:
     """A sine of any phase over 1 nm of white noise."""
-    return lambda rig, t, x, random: x + (
-        size * np.sin(2 * np.pi * (frequency * t + random.uniform())) + 1e-9 * random.standard_normal(t.size)
+    return lambda rig, t, x, random: (
+        x + (size * np.sin(2 * np.pi * (frequency * t + random.uniform())) + 1e-9 * random.standard_normal(t.size))
     )
 
 
@@ -113,9 +113,7 @@ def mode(size: float) -> Noise:
 
 def drift(speed: float) -> Noise:
     """A drift over 20 nm of white noise."""
-    return lambda rig, t, x, random: x + (
-        random.choice([-1, 1]) * speed * t + 20e-9 * random.standard_normal(t.size)
-    )
+    return lambda rig, t, x, random: x + (random.choice([-1, 1]) * speed * t + 20e-9 * random.standard_normal(t.size))
 
 
 def bits(number: int, size: float) -> Noise:

@@ -34,7 +34,7 @@ ODDS = 2 * math.log(400)
 
 
 class Outcome(NamedTuple):
-    """One record: the fit as a user gets it, None where it was refused, and that with the true number of half-cycles."""
+    """One record: the fit as a user gets it, None where it was refused, and the one with the true number."""
 
     run: Run
     fit: fj.Fit | None

@@ -9,9 +9,8 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from ..data import Record, Trace, segment
+from ..data import Record, Trace, segmentation_of
 from ..data.errors import UsageError, nearest
-from ..data.record import trace_of
 from ..fitting import Fit, fit
 from ..fitting.result import FitError
 from ..friction import Coulomb
@@ -124,8 +123,7 @@ def _fitted(record: Record | Trace, spring: AbstractRestoring, terms: Sequence[s
 
 def _stiffening(record: Record | Trace) -> dict[str, float]:
     """Start values of a cubic spring: the line ``w^2 = k + (3/4) k3 a^2`` through the half-cycles (Duffing, 1918)."""
-    trace = trace_of(record)
-    found = segment(trace.t, trace.x, trace.sigma, trace.mask)
+    found = segmentation_of(record)
     squares = (np.diff(found.turning_points) / 2) ** 2
     slope, stiffness = np.polyfit(squares, (np.pi / np.diff(found.turning_times)) ** 2, 1)
     return {"stiffness": float(stiffness), "k3": float(slope) / 0.75}

@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from ..data import Record, segment_record
+from ..data import Record, rest_spectrum, segment_record
 from ..oscillator import Motion
 from ..show import axis_label, display_unit, figure
 
@@ -16,12 +16,15 @@ def _axis(quantity: str) -> str:
 
 
 def anatomy(record: Record) -> Any:
-    """The trace of a record with release, reversals and rest marked."""
+    """The trace of a record with release, reversals and rest marked, and the spectrum of its rest."""
     found = segment_record(record)
     trace = record.trace
     x = np.where(np.asarray(trace.mask), np.asarray(trace.x), np.nan)
     factor, unit = display_unit(float(np.nanmax(np.abs(x))), record.quantity)
-    drawing, axes = figure(1, 1)
+    t, used = np.asarray(trace.t), np.asarray(trace.mask)
+    stop = np.inf if found.rest is None else found.rest
+    frequency, size = rest_spectrum(t[used], np.asarray(trace.x)[used], stop, found.half_period)
+    drawing, axes = figure(2, 1, heights=(3, 2)) if frequency.size else figure(1, 1)
     top = axes[0, 0]
     top.plot(np.asarray(trace.t), factor * x, label="record", zorder=2)
     many = found.turning_times.size > _MANY_REVERSALS
@@ -41,7 +44,21 @@ def anatomy(record: Record) -> Any:
     top.set_ylabel(axis_label(_axis(record.quantity), unit))
     top.set_title(str(record.meta.get("source", "")), fontsize=9)
     top.legend(loc="upper right", fontsize=8, framealpha=0.9)
+    if frequency.size:
+        _spectrum(axes[1, 0], frequency[1:], size[1:], found.lines, record.quantity)
     return drawing
+
+
+def _spectrum(axes: Any, frequency: np.ndarray, size: np.ndarray, lines: Any, quantity: str) -> None:
+    """What the instrument and the floor say while the mass rests; a rounded rest that never changes says nothing."""
+    factor, unit = display_unit(float(np.max(size)), quantity)
+    axes.loglog(frequency, np.maximum(factor * size, 1e-6 * factor * np.max(size) or 1e-300), linewidth=0.8)
+    for at, height in lines:
+        axes.plot(at, factor * height, "o", markersize=4, label=f"{at:.4g} Hz, {factor * height:.3g} {unit}")
+    axes.set_xlabel(axis_label("Frequency", "Hz"))
+    axes.set_ylabel(axis_label("Amplitude at rest", unit))
+    if lines:
+        axes.legend(loc="upper right", fontsize=8)
 
 
 def motion_picture(motion: Motion, record: Record) -> Any:

@@ -3,6 +3,7 @@
 This folder knows time series and units, and no physics of friction.
 """
 
+from .disturbance import rest_spectrum
 from .errors import DataError, UsageError, nearest
 from .examples import example_paths
 from .inspect import Inspection, inspect
@@ -17,7 +18,7 @@ from .preprocess import (
     segment_record,
 )
 from .read import read
-from .record import Record, Step
+from .record import Record, Step, segmentation_of
 from .segmentation import Segmentation, segment
 from .trace import Trace
 from .write import write
@@ -41,7 +42,9 @@ __all__ = [
     "inspect",
     "nearest",
     "read",
+    "rest_spectrum",
     "segment",
     "segment_record",
+    "segmentation_of",
     "write",
 ]

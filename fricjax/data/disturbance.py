@@ -15,12 +15,14 @@ from .swing import Swing
 # Part of a stroke that is looked at, and the order of a polynomial that leaves 1e-11 of a half-cosine there.
 CENTRE, ORDER = (0.2, 0.8), 10
 # Strokes and samples of each that are looked at: more would tell nothing new.
-STROKES, SAMPLES = 24, 2048
-# Stretches of rest in which a line is taken out, in half-periods: a full cycle, so that shaking at the natural frequency
-# is seen and a creep or a drift is not. The first half-period behind the stop may still ring.
+STROKES, SAMPLES = 16, 512
+# Stretches of rest in which a line is taken out, in half-periods: a full cycle, so that shaking at the natural
+# frequency is seen and a creep or a drift is not. The first half-period behind the stop may still ring.
 STRETCH, RINGS = 2.0, 1.0
 # A line of the spectrum stands out by this factor in power of its neighbours; so many are named.
 LINE, LINES = 30.0, 3
+WIDE, NEAR = 3, 24  # bins that a line fills to either side, and those about it that it is compared with
+LONGEST = 1 << 17  # samples of a spectrum
 
 
 class Disturbance(NamedTuple):
@@ -79,7 +81,7 @@ def _resting(swing: Swing, stop: float) -> float | None:
     found = []
     for i in np.unique(np.linspace(0, number - 1, STROKES).astype(int)) if number >= 1 else []:
         ends = np.searchsorted(t, begin + length * np.array([i, i + 1]))
-        every = -(-int(ends[1] - ends[0]) // (4 * SAMPLES)) or 1
+        every = -(-int(ends[1] - ends[0]) // (8 * SAMPLES)) or 1
         u, y = t[ends[0] : ends[1] : every], x[ends[0] : ends[1] : every]
         if u.size < 8:
             continue
@@ -89,25 +91,37 @@ def _resting(swing: Swing, stop: float) -> float | None:
     return float(np.median(found)) if found else None
 
 
-def _lines(swing: Swing, stop: float) -> tuple[tuple[float, float], ...]:
-    """The lines that stand out of the spectrum of the rest, the strongest first."""
-    t, x = swing.t, swing.x
-    rest = slice(int(np.searchsorted(t, stop + RINGS * swing.half_period)), None)
-    t, x = t[rest][-(1 << 17) :], x[rest][-(1 << 17) :]
-    if t.size < 64 or t[-1] - t[0] < 2 * STRETCH * swing.half_period:
-        return ()
+def rest_spectrum(t: np.ndarray, x: np.ndarray, stop: float, half_period: float) -> tuple[np.ndarray, np.ndarray]:
+    """Amplitude spectrum of the rest, without its drift; empty where the rest is shorter than two cycles.
+
+    Args:
+        t: times [s], shape `(n,)`.
+        x: displacements, shape `(n,)`.
+        stop: instant of the stop [s].
+        half_period: duration of a stroke [s].
+
+    Returns:
+        Frequencies [Hz] and the amplitudes that a sine there would have (a Hann window's), shape `(k,)` each.
+    """
+    rest = slice(int(np.searchsorted(t, stop + RINGS * half_period)), None)
+    t, x = t[rest][-LONGEST:], x[rest][-LONGEST:]
+    if t.size < 64 or t[-1] - t[0] < 2 * STRETCH * half_period:
+        return np.empty(0), np.empty(0)
     even = np.linspace(t[0], t[-1], t.size)
     y = np.interp(even, t, x - x.mean())
-    u = even - even.mean()
-    weight = np.hanning(t.size)
+    u, weight = even - even.mean(), np.hanning(t.size)
     y = (y - y.mean() - (u @ y) / (u @ u) * u) * weight
-    size = 2 * np.abs(np.fft.rfft(y)) / weight.sum()
-    frequency = np.fft.rfftfreq(t.size, even[1] - even[0])
+    return np.fft.rfftfreq(t.size, even[1] - even[0]), 2 * np.abs(np.fft.rfft(y)) / weight.sum()
+
+
+def _lines(swing: Swing, stop: float) -> tuple[tuple[float, float], ...]:
+    """The lines that stand out of the spectrum of the rest, the strongest first."""
+    frequency, size = rest_spectrum(swing.t, swing.x, stop, swing.half_period)
     power, found = size**2, []
     for k in np.argsort(power)[::-1][: 8 * LINES]:
-        near = np.r_[max(k - 24, 1) : max(k - 3, 1), k + 4 : k + 25]
-        near = near[near < power.size]
-        alone = all(abs(k - other) > 3 for other in found)
-        if k >= 3 and alone and near.size >= 8 and power[k] > LINE * np.median(power[near]):
+        # A line fills some bins under the window; those beyond tell what it stands out of.
+        near = np.r_[max(k - NEAR, 1) : max(k - WIDE, 1), k + WIDE + 1 : min(k + NEAR + 1, power.size)]
+        alone = k >= WIDE and all(abs(k - other) > WIDE for other in found)
+        if alone and near.size >= NEAR // 2 and power[k] > LINE * np.median(power[near]):
             found.append(int(k))
     return tuple((float(frequency[k]), float(size[k])) for k in found[:LINES])

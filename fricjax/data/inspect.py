@@ -27,10 +27,13 @@ class Inspection:
     gaps: int
     longest_gap: float
     noise: float
+    white_noise: float
+    lines: tuple[tuple[float, float], ...]
     resolution: float
     amplitude: float
     cycles: float
     n_half_cycles: int
+    open: tuple[int, ...]
     half_period: float
     frequency: float
     release: float
@@ -77,10 +80,13 @@ def inspect(record: Record) -> Inspection:
         gaps=int(holes.size),
         longest_gap=float(holes.max()) if holes.size else 0.0,
         noise=found.noise,
+        white_noise=found.white_noise,
+        lines=found.lines,
         resolution=found.resolution,
         amplitude=found.amplitude,
         cycles=found.cycles,
         n_half_cycles=found.n_half_cycles,
+        open=found.open,
         half_period=found.half_period,
         frequency=0.5 / found.half_period,
         release=found.release,
@@ -88,6 +94,12 @@ def inspect(record: Record) -> Inspection:
         rest=found.rest,
         rest_position=found.rest_position,
     )
+
+
+def _or_else(found: Inspection) -> str:
+    """The numbers of half-cycles that the noise leaves possible beside the likeliest one."""
+    others = ", ".join(str(found.n_half_cycles + step) for step in found.open)
+    return f", possibly {others}" if others else ""
 
 
 def _rows(found: Inspection) -> list[tuple[str, str]]:
@@ -103,10 +115,11 @@ def _rows(found: Inspection) -> list[tuple[str, str]]:
         ("duration", f"{found.duration:.6g} s"),
         ("rate", f"{found.rate:.6g} Hz, {spacing}"),
         ("gaps", gaps),
-        ("noise floor", f"{found.noise:.3g} {unit}"),
+        ("noise", f"{found.noise:.3g} {unit} rms, of which {found.white_noise:.3g} {unit} white"),
+        ("hum at rest", ", ".join(f"{size:.3g} {unit} at {at:.4g} Hz" for at, size in found.lines) or "none seen"),
         ("resolution", f"{found.resolution:.3g} {unit}" if found.resolution else "no steps seen"),
         ("amplitude", f"{found.amplitude:.6g} {unit}"),
-        ("half-cycles", f"{found.n_half_cycles} ({found.cycles:g} cycles)"),
+        ("half-cycles", f"{found.n_half_cycles} ({found.cycles:g} cycles){_or_else(found)}"),
         ("half-period", f"{found.half_period:.6g} s ({found.frequency:.6g} Hz)"),
         ("release", f"{found.release:.6g} s"),
         ("first reversal", "none" if found.first_reversal is None else f"{found.first_reversal:.6g} s"),

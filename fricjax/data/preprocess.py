@@ -6,15 +6,14 @@ import numpy as np
 
 from .errors import DataError, UsageError
 from .record import Record, Step
-from .segmentation import Segmentation, segment
+from .segmentation import Segmentation
 from .trace import MINIMUM_SAMPLES, Trace
 from .units import DISPLACEMENT, TIME, factor
 
 
 def segment_record(record: Record) -> Segmentation:
     """The anatomy of a record's trace: see `segment`."""
-    trace = record.trace
-    return segment(trace.t, trace.x, trace.sigma, trace.mask)
+    return record.segmentation
 
 
 def crop(record: Record, start: float | None = None, stop: float | None = None) -> Record:

@@ -5,11 +5,13 @@ place: each step of preprocessing returns a new one with one more line in its lo
 """
 
 import dataclasses
+import functools
 import html
 from typing import Any
 
 import numpy as np
 
+from .segmentation import Segmentation, segment
 from .trace import Trace
 
 
@@ -41,6 +43,15 @@ class Record:
     trace: Trace
     meta: dict[str, Any] = dataclasses.field(default_factory=dict)
     log: tuple[Step, ...] = ()
+
+    @functools.cached_property
+    def segmentation(self) -> Segmentation:
+        """Hold, release, reversals, rest and noise of the trace, found when first asked for and kept; see `segment`.
+
+        Raises:
+            DataError: x is constant, or there are too few samples, altogether or per half-cycle.
+        """
+        return segment(self.trace.t, self.trace.x, self.trace.sigma, self.trace.mask)
 
     @property
     def release(self) -> float | None:
@@ -90,3 +101,8 @@ def _facts(record: Record) -> list[tuple[str, str]]:
 def trace_of(data: Record | Trace) -> Trace:
     """The trace of a record; a trace itself."""
     return data.trace if isinstance(data, Record) else data
+
+
+def segmentation_of(data: Record | Trace) -> Segmentation:
+    """The segmentation kept with a record, or that of a bare trace."""
+    return data.segmentation if isinstance(data, Record) else segment(data.t, data.x, data.sigma, data.mask)

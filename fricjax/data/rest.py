@@ -14,7 +14,8 @@ def find_rest(swing: Swing, begin: float, end: float) -> tuple[float, float]:
 
     Args:
         swing: the record.
-        begin, end: instants between which the last stroke lies, as the clock has them [s].
+        begin: instant of the last reversal [s].
+        end: instant of the stop, as the clock has it [s].
     """
     t, x, half = swing.t, swing.x, swing.half_period
     first, last = (min(int(np.searchsorted(t, at)), t.size - 1) for at in (begin, end))

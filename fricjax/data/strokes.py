@@ -15,7 +15,6 @@ import numpy as np
 from scipy.special import log_ndtr
 
 from .noise import NORMAL_MAD
-from .reversals import refine, window
 from .swing import Swing, extremes, zigzag
 
 # Part of the span from which a stroke is seen without any clock: far above any noise in which friction could be told.
@@ -32,8 +31,8 @@ GROWTH = 1.3
 STEADY = 3
 # Standard errors within which a period does not depend on the amplitude; durations that can tell it.
 ISOCHRONOUS, DURATIONS = 4.0, 6
-# Averages per stroke that tell its size; variance beside a half-cosine, as a part of what the rest has at most, at which
-# a contact rings.
+# Averages per stroke that tell its size; variance beside a half-cosine, as a part of what the rest has at most, at
+# which a contact rings.
 PER_STROKE, RINGING = 256, 4.0
 # Part of a stroke that is left of it and the next half-period together, below which it is a creep.
 CREPT = 0.5
@@ -47,7 +46,7 @@ OPEN = 12.0
 _FITTED, _JUDGES, _AHEAD = 5, 8, 16
 _TOLD = 6  # strokes from the end of the record
 _FINEST = 2e-8  # of the span: strokes below five times this are not looked for
-_DECREMENTS = np.exp(-np.concatenate([-np.geomspace(0.05, 1e-4, 10), [0.0], np.geomspace(1e-4, 1.5, 60)]))
+_DECREMENTS = np.exp(-np.concatenate([-np.geomspace(0.05, 1e-4, 10), [0.0], np.geomspace(1e-4, 1.5, 60)]))[:, None]
 _VARIANCE = 0.125  # of a half-cosine of height one
 
 
@@ -92,12 +91,10 @@ def _large(swing: Swing, pivots: list[int]) -> np.ndarray:
         # The mass may have been held, or go on to creep.
         return np.maximum(ends, t[0])[: 2 if ends[1] <= t[-1] else 1]
     turns = t[pivots[:-1]]
-    if turns.size > 2:
-        local = np.diff(t[pivots])
-        local = np.clip(local[:-1], 0.6 * swing.half_period, None)[: turns.size - 1]
-        sizes = np.abs(np.diff(swing.smoothed[pivots]))
-        width = window(local, np.maximum(sizes[:-1], sizes[1:]) / 2, swing.noise, swing.interval)
-        turns[1:] = refine(t, swing.x, turns[1:], np.pi / local, [np.maximum(width, 0.2 * local)], 2)[0]
+    if turns.size > 1:
+        side = float(np.sign(np.subtract(*swing.smoothed[[pivots[-2], pivots[-3]]])))
+        reach = SOUGHT * swing.half_period
+        turns[-1] += reach * _extreme(t, swing.smoothed, float(turns[-1]), reach, side)
     # Strokes near the smallest size are seen here and missed there: the clock goes on from the first one missed.
     missed = np.flatnonzero(np.diff(turns)[STEADY:] > 2 * np.diff(turns)[STEADY - 1 : -1])
     turns = turns[: STEADY + 1 + int(missed[0])] if missed.size else turns
@@ -151,7 +148,7 @@ def _by_clock(swing: Swing, turns: np.ndarray, side: float, period: float) -> np
 
 
 def _extreme(t: np.ndarray, x: np.ndarray, at: float, reach: float, side: float) -> float:
-    """How far from a time there is an extreme, a maximum for a positive `side`, in units of `reach`; 0 for none near."""
+    """How far from a time an extreme is, a maximum for a positive `side`, in units of `reach`; 0 for none near."""
     near = slice(*np.searchsorted(t, [at - reach, at + reach]))
     every = (near.stop - near.start) // 128 + 1
     u, y = (t[near][::every] - at) / reach, x[near][::every]
@@ -230,7 +227,7 @@ def _scatter(pairs: np.ndarray, floor: np.ndarray) -> np.ndarray:
 
 
 def _stands_out(last: int, pairs: np.ndarray, size: np.ndarray, scatter: np.ndarray, misfit: np.ndarray) -> bool:
-    """Whether a stroke and those before it stand out of what follows, and it is a swing rather than the contact's ring."""
+    """Whether a stroke and those before it stand out of what follows, and it is no creep and no ring of the contact."""
     # A creep goes on where a stroke has ended, and is lost in the pair.
     creeps = pairs[last - 1] < CREPT * size[last - 1]
     together = pairs[max(last - TOGETHER, 0) : last]
@@ -251,9 +248,7 @@ def _goes_on(swing: Swing, turns: np.ndarray, size: np.ndarray, scatter: np.ndar
     return bool(moved > max(swing.threshold, STANDS_OUT * scatter[-1]) and moved / lasts > CREEP * peak)
 
 
-def _likelihoods(
-    size: np.ndarray, pairs: np.ndarray, scatter: np.ndarray, last: int, large: int
-) -> dict[int, float]:
+def _likelihoods(size: np.ndarray, pairs: np.ndarray, scatter: np.ndarray, last: int, large: int) -> dict[int, float]:
     """Logarithm of the likelihood of each number of strokes near `last`, up to a constant.
 
     A stroke is as large as the decay predicts, or anything up to the one before where too few predict it. It is seen
@@ -286,17 +281,13 @@ def _likelihoods(
 
 def _prediction(size: np.ndarray, end: int) -> tuple[np.ndarray, float]:
     """Strokes ``alpha rho^j - beta`` fitted to those seen, but for the first, up to number `end`; and their misfit."""
-    j = np.arange(end)
+    j = np.arange(end, dtype=float)
+    curves = np.where(_DECREMENTS == 1.0, j, np.power(_DECREMENTS, j - size.size))
     fitted = slice(1, size.size)
-    best: tuple[float, np.ndarray] = (np.inf, np.zeros(end))
-    for rho in _DECREMENTS:
-        columns = np.stack([rho ** (j - size.size), np.ones(end)], axis=1)
-        if rho == 1.0:
-            columns[:, 0] = j
-        solution = np.linalg.lstsq(columns[fitted], size[fitted], rcond=None)[0]
-        curve = columns @ solution
-        squares = float(np.sum((size[fitted] - curve[fitted]) ** 2))
-        if squares < best[0]:
-            best = (squares, curve)
-    left = (size - best[1][: size.size])[fitted][-_JUDGES:]
-    return best[1], float(np.sqrt(np.sum(left**2) / max(left.size - 3, 1)))
+    bent, seen = curves[:, fitted], size[fitted]
+    middle, mean = bent.mean(axis=1, keepdims=True), seen.mean()
+    slope = (bent - middle) @ (seen - mean) / np.sum((bent - middle) ** 2, axis=1)
+    predicted = mean + slope[:, None] * (curves - middle)
+    best = predicted[np.argmin(np.sum((predicted[:, fitted] - seen) ** 2, axis=1))]
+    left = (size - best[: size.size])[fitted][-_JUDGES:]
+    return best, float(np.sqrt(np.sum(left**2) / max(left.size - 3, 1)))

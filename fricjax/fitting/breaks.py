@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from ..oscillator import Oscillator
 from ..data.reversals import window as extreme_window
+from ..oscillator import Oscillator
 from .condense import Samples, condense
 from .window import Window, equilibrium
 

@@ -17,10 +17,13 @@ from .names import sole_coulomb
 from .problem import Problem
 from .residual import motion
 from .solve import Solved, solve
+from .whiteness import whiteness
 from .window import NEVER
 
 _ADEQUATE = 2.0
 _STROKE_SHARE = 0.02
+# Twice the logarithm of odds of 400 to 1.
+DECISIVE = 12.0
 
 
 class Margin(NamedTuple):
@@ -62,13 +65,27 @@ def solve_with_rest(problem: Problem, y: np.ndarray | None = None) -> tuple[Prob
         rivals = [with_counts(problem, candidate) for candidate in sorted(candidates)]
         results = [solve(rival, solved.y) for rival in rivals]
         spent += results
-        better = [i for i, r in enumerate(results) if r.converged and r.chi2 < solved.chi2]
+        better = [i for i, r in enumerate(results) if r.converged and _is_better(problem, rivals[i], solved, r)]
         if not better:
             break
         best = min(better, key=lambda i: results[i].chi2)
         problem, solved, counts = rivals[best], results[best], _counts(rivals[best])
     totals = {name: sum(getattr(s, name) for s in spent) for name in ("iterations", "passes", "stages")}
     return problem, solved._replace(**totals)
+
+
+def _is_better(problem: Problem, rival: Problem, solved: Solved, other: Solved) -> bool:
+    """Whether another number of half-cycles describes the record better, against the record's own word if need be.
+
+    Where the record leaves that number open the smaller chi^2 decides; where it is sure, the gain must exceed what
+    residuals of that size and correlation owe to chance.
+    """
+    gain = solved.chi2 - other.chi2
+    pairs = zip(problem.windows, _counts(problem), _counts(rival), strict=True)
+    if all(b == a or b - a in window.segmentation.open for window, a, b in pairs):
+        return gain > 0
+    correlated = max(whiteness(part).correlation_time for part in rival.by_run(other.survey.residual))
+    return gain > DECISIVE * other.chi2 / rival.n_used * correlated
 
 
 def _counts(problem: Problem) -> tuple[int, ...]:

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from ..data import Record, Segmentation, Trace, segment
+from ..data import Record, Segmentation, Trace, segmentation_of
 from ..data.errors import DataError, UsageError, nearest
 from .names import NUISANCES
 
@@ -81,7 +81,7 @@ def open_window(
     """
     trace, quantity = (data.trace, data.quantity) if isinstance(data, Record) else (data, "m")
     t, x, mask = (np.asarray(a) for a in (trace.t, trace.x, trace.mask))
-    found = segment(t, x, sigma=trace.sigma, mask=mask)
+    found = segmentation_of(data)
     found = without_ringing(found) if keeps_memory else found
     mode, t_start, t_first = _start(data, start, found, t)
     if mode == "first_reversal" and keeps_memory:
@@ -89,7 +89,7 @@ def open_window(
     turned = _turned(found) if creeps else None
     end = found.rest if turned is None else float(found.turning_times[turned])
     moving = mask & (t >= t_first) & (t <= (np.inf if end is None else end))
-    used = moving if creeps else mask & (t >= t_first)
+    used = moving if creeps else _telling(t, x, mask & (t >= t_first), found)
     sigma, source = _noise(trace, found)
     own = _DEFAULT_NUISANCES[mode] if nuisance is None else tuple(nuisance)
     _check_nuisances(own, keeps_memory)
@@ -172,6 +172,25 @@ def _noise(trace: Trace, found: Segmentation) -> tuple[np.ndarray, str]:
         return np.broadcast_to(np.asarray(trace.sigma, float), trace.t.shape), "given"
     floor = max(found.noise, 1e-12 * found.amplitude)
     return np.full(trace.t.shape, floor), "estimated from the record"
+
+
+def _telling(t: np.ndarray, x: np.ndarray, used: np.ndarray, found: Segmentation) -> np.ndarray:
+    """The used samples, of a rest that repeats one rounded value only as many as it tells independent ones.
+
+    Gaussian noise of standard deviation s over steps of d leaves a mean of many rounded samples uncertain by about
+    ``d/sqrt(12) exp(-2 pi^2 s^2/d^2)`` (Widrow and Kollar, Quantization Noise, 2008): without noise it is one value.
+    """
+    rest = np.flatnonzero(used & (t > found.rest)) if found.rest is not None and found.resolution > 0 else np.empty(0)
+    if rest.size < 2:
+        return used
+    step, spread = found.resolution, float(np.std(x[rest]))
+    rounding = step**2 / 12 * np.exp(-((2 * np.pi * spread / step) ** 2))
+    variance = max(spread**2, step**2 / 12)
+    count = max(round(variance / (rounding + variance / rest.size)), 1)
+    thinned = used.copy()
+    thinned[rest] = False
+    thinned[rest[np.linspace(0, rest.size - 1, count + 2).astype(int)[1:-1]]] = True
+    return thinned
 
 
 def _turned(found: Segmentation) -> int | None:

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..data import Record, Trace, segment
+from ..data import Record, Trace, segmentation_of
 from ..data.errors import DataError, UsageError, nearest
 from ..data.record import trace_of
 from ..data.table import read_table
@@ -58,7 +58,7 @@ def pairs_of(records: Sequence[Record | Trace], *, start: str = "first_reversal"
 def _pair(record: Record | Trace, start: str, number: int) -> tuple[float, float, int, float]:
     trace = trace_of(record)
     t, x, mask = (np.asarray(values) for values in (trace.t, trace.x, trace.mask))
-    found = segment(t, x, sigma=trace.sigma, mask=mask)
+    found = segmentation_of(record)
     if found.rest is None or found.rest_position is None:
         raise DataError(f"Run {number} does not come to rest within its record, so it has no final displacement.")
     resting = max(int(np.sum(mask & (t >= found.rest))), 1)

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ..data import Record, Trace, segment
+from ..data import Record, Trace, segmentation_of
 from ..data.errors import DataError, UsageError
 from ..data.record import trace_of
 from ..fitting import Fit
@@ -77,7 +77,7 @@ def _first_stroke(data: Record | Trace, found: Fit) -> tuple[Any, ...]:
     """Times, displacements and noise before the first reversal, and the time of that reversal."""
     trace = trace_of(data)
     t, x, mask = (np.asarray(values) for values in (trace.t, trace.x, trace.mask))
-    shape = segment(t, x, sigma=trace.sigma, mask=mask)
+    shape = segmentation_of(data)
     if not shape.turning_times.size:
         raise DataError("The record holds no reversal, so there is no first stroke to look at.")
     turned = float(shape.turning_times[0])

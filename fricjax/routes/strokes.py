@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from ..calibrate import Rig
-from ..data import Record, Segmentation, Trace, segment
+from ..data import Record, Segmentation, Trace, segmentation_of
 from ..data.errors import DataError, UsageError
 from ..data.record import trace_of
 from ..data.reversals import window
@@ -126,7 +126,7 @@ def decay(record: Record | Trace, least: int = 2) -> Decay:
         )
     t, x = np.asarray(trace.t, float), np.asarray(trace.x, float)
     step = _even_step(t, np.asarray(trace.mask))
-    found = segment(t, x, trace.sigma, trace.mask)
+    found = segmentation_of(record)
     times, points = _ends(found, least)
     noise = _noise(trace, found)
     pairs = zip(times[:-1], times[1:], np.sign(np.diff(points)).astype(int), strict=True)
