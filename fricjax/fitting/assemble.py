@@ -13,7 +13,7 @@ from .covariance import COVERAGE, Covariance, covariance
 from .names import find_leaf
 from .problem import Problem
 from .residual import Run
-from .rest import bracket_static, rest_margin
+from .rest import bracket_static, excess_at_reversals, rest_margin
 from .result import Fit, named
 from .settled import kinematics
 from .solve import Solved
@@ -42,6 +42,7 @@ def assemble(problem: Problem, solved: Solved, sigma_mode: str) -> Fit:
     white = _whiteness(problem, solved)
     inflation = error_inflation(white, solved.chi2 / dof, sigma_mode)
     margins = tuple(rest_margin(problem, solved, run) for run in range(len(problem.windows)))
+    excesses = tuple(excess_at_reversals(problem, solved, run) for run in range(len(problem.windows)))
     residuals, rms = _residuals(problem, solved)
     machine, intervals, static = _machine(problem, solved, found)
     shown = record_time(problem, solved.settled.values)
@@ -62,7 +63,15 @@ def assemble(problem: Problem, solved: Solved, sigma_mode: str) -> Fit:
         converged=ok,
         status=status_of(solved, found, problem.names),
         warnings=warnings_of(
-            problem, named(problem.names, shown), std_errors, white, inflation, rms, margins, solved.numerical_shift
+            problem,
+            named(problem.names, shown),
+            std_errors,
+            white,
+            inflation,
+            rms,
+            margins,
+            excesses,
+            solved.numerical_shift,
         ),
         kinematics=kinematics(solved.settled, found.statistical),
         chi2=solved.chi2 / factor**2,

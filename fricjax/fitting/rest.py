@@ -128,6 +128,21 @@ def rest_margin(problem: Problem, solved: Solved, run: int) -> Margin | None:
     return Margin(-stop, np.inf if count == 1 and _starts_moving(problem, solved, run) else before)
 
 
+def excess_at_reversals(problem: Problem, solved: Solved, run: int) -> float | None:
+    """Least excess of the spring over static friction where a run that ends in motion moved on, over the stiffness [m].
+
+    Negative where the law would stop the mass inside the record; None where the record shows the stop, where nothing
+    holds the mass, or where the static coefficient is read off these very reversals.
+    """
+    machine, ends_in_motion = solved.settled.machine, int(problem.residual.runs[run].half_cycles) >= NEVER
+    if not (machine.friction.set_valued and ends_in_motion and problem.bracketed is None):
+        return None
+    reversals, _ = _reversals(problem, solved, run, True)
+    moved_on = reversals[int(_starts_moving(problem, solved, run)) : problem.windows[run].strokes + 1]
+    static = float(machine.friction.static_force(machine.normal_force))
+    return float((np.min(_pull(machine, moved_on), initial=np.inf) - static) / machine.stiffness)
+
+
 def _pull(machine: Oscillator, points: np.ndarray) -> np.ndarray:
     """Size of the spring's force at turning points [N]."""
     y = jnp.asarray(points)

@@ -9,12 +9,13 @@ import jax.numpy as jnp
 import numpy as np
 
 from ..data.errors import UsageError
-from ..oscillator import Oscillator
+from ..oscillator import Oscillator, simulate
 from .covariance import correlation
 from .residual import Run, motion
 from .rest import Margin
 from .settled import Estimate
 from .whiteness import Whiteness
+from .window import NEVER
 
 
 class FitError(RuntimeError):
@@ -113,17 +114,34 @@ class Fit:
     def predict(self, ts: Any, run: int = 0) -> np.ndarray:
         """What the instrument would read at times `ts` of the record [s], with offset and drift, shape (n,).
 
-        Times before the start of the fitted motion are extrapolated.
+        Times before the start of the fitted motion are extrapolated. Behind the last fitted sample of a record that
+        ends in motion the mass goes on from its state there until the law of `oscillator` stops it.
 
         Raises:
             UsageError: no such run.
         """
         self._check_run(run)
-        own = {name: jnp.asarray(self.own(name, run)) for name in self.runs[run].fixed}
+        data, asked = self.runs[run], np.asarray(ts, float) - self.origins[run]
+        own = {name: jnp.asarray(self.own(name, run)) for name in data.fixed}
         own["t_release"] = own["t_release"] - self.origins[run]
-        t = jnp.asarray(np.asarray(ts, float) - self.origins[run])
-        found = motion(self.engine_used, self.oscillator, own, t, self.runs[run].half_cycles)
-        return np.asarray(found.x + own["offset"] + own["drift"] * t)
+        order = np.argsort(asked)
+        t, end = asked[order], float(np.max(np.asarray(data.t)))
+        # Laws with internal states are integrated in time, which knows no number of half-cycles.
+        goes_on = int(data.half_cycles) >= NEVER and not self.oscillator.friction.n_states
+        late = (t > end) & goes_on
+        times = np.append(np.where(late, end, t), end) if late.any() else t
+        fitted = motion(self.engine_used, self.oscillator, own, times, data.half_cycles)
+        x = np.array(fitted.x)[: t.size]
+        if late.any():
+            x[late] = self._continued(float(fitted.x[-1]), float(fitted.v[-1]), t[late] - end)
+        read = np.empty(t.size)
+        read[order] = x + np.asarray(own["offset"] + own["drift"] * t)
+        return read
+
+    def _continued(self, x0: float, v0: float, after: np.ndarray) -> np.ndarray:
+        """Displacement at times `after` a state, stopped by the law."""
+        times, order = np.unique(after, return_inverse=True)
+        return np.asarray(simulate(self.oscillator, x0, times, v0=v0).x)[order]
 
     def _check_run(self, run: int) -> None:
         if not 0 <= run < len(self.runs):

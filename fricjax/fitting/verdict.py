@@ -79,6 +79,7 @@ def warnings_of(
     inflation: float,
     rms: float,
     margins: tuple[Margin | None, ...],
+    excesses: tuple[float | None, ...],
     numerical_shift: float,
 ) -> tuple[str, ...]:
     """Sentences that a reader of the numbers must know."""
@@ -127,5 +128,13 @@ def warnings_of(
             found.append(
                 f"The law would stop the mass{which} after another number of half-cycles than the record shows "
                 f"(margins {margin.one_more:.2e}, {margin.one_less:.2e} {unit}): static friction or the model is off."
+            )
+    for i, excess in enumerate(excesses):
+        if excess is not None and excess < -_ADEQUATE * sigma:
+            which = "" if len(excesses) == 1 else f" of run {i}"
+            found.append(
+                f"The law would stop the mass{which} inside the record, which shows it moving to the end: at a "
+                f"reversal the spring lacks {-excess:.2e} {unit} to overcome static friction. Static friction or the "
+                "model is off."
             )
     return tuple(found)
