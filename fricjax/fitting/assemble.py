@@ -12,12 +12,13 @@ from ..oscillator.leaves import leaves_of
 from .covariance import COVERAGE, Covariance, covariance
 from .names import find_leaf
 from .problem import Problem
+from .remarks import warnings_of
 from .residual import Run
 from .rest import bracket_static, excess_at_reversals, rest_margin
 from .result import Fit, named
 from .settled import kinematics
 from .solve import Solved
-from .verdict import error_inflation, flags_of, status_of, warnings_of
+from .verdict import CONVERGED, error_inflation, flags_of, misfit_of, status_of
 from .whiteness import Whiteness, whiteness
 from .window import NEVER
 
@@ -49,7 +50,8 @@ def assemble(problem: Problem, solved: Solved, sigma_mode: str) -> Fit:
     std_errors = named(problem.names, np.sqrt(np.diag(found.statistical)))
     noise = np.concatenate([w.sigma[w.used] for w in problem.windows])
     factor = np.sqrt(variance) if sigma_mode == "estimate" else 1.0
-    ok = solved.converged and found.full_rank and bool(np.all(np.isfinite(shown)))
+    misfit = misfit_of(problem, solved, sigma_mode != "absolute")
+    status = status_of(problem, solved, found, misfit)
     return Fit(
         names=problem.names,
         values={**named(problem.names, shown), **static},
@@ -60,15 +62,15 @@ def assemble(problem: Problem, solved: Solved, sigma_mode: str) -> Fit:
         combined_covariance=found.combined,
         units={**{p.name: unit_of(p.unit, problem) for p in problem.parameters}, **dict.fromkeys(static, "")},
         flags={**flags_of(problem, found, solved, inflation), **dict.fromkeys(static, ("bracketed, not fitted",))},
-        converged=ok,
-        status=status_of(solved, found, problem.names),
+        converged=status == CONVERGED,
+        status=status,
         warnings=warnings_of(
             problem,
             named(problem.names, shown),
             std_errors,
+            misfit,
             white,
             inflation,
-            rms,
             margins,
             excesses,
             solved.numerical_shift,

@@ -7,6 +7,7 @@ import numpy as np
 
 from ..data.errors import UsageError, nearest
 from .population import Population, population
+from .verdict import optimum_found
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -18,9 +19,10 @@ class BatchFit:
         values, std_errors: by name, shape (runs,), in SI units.
         covariance: shape (runs, p, p); inf where a parameter is undetermined or at a bound.
         units: by name.
-        converged: converged, finite and of full rank, shape (runs,).
-        status: the outcome of each run in words.
+        converged: whether an optimum was found that describes the run, as of a `Fit`, shape (runs,).
+        status: the outcome of each run in words, its name before the colon, as of a `Fit`.
         flags: for each run, by name, sentences such as "at bound".
+        warnings: for each run what a reader of its numbers must know, in sentences.
         kinematics, kinematics_std: natural frequency, damping ratio, dead band and losses per unit mass, which need no
             rig, and their standard errors; by name, shape (runs,).
         chi2, dof: sum of squared weighted residuals and degrees of freedom, shape (runs,).
@@ -40,6 +42,7 @@ class BatchFit:
     converged: np.ndarray
     status: tuple[str, ...]
     flags: tuple[dict[str, tuple[str, ...]], ...]
+    warnings: tuple[tuple[str, ...], ...]
     kinematics: dict[str, np.ndarray]
     kinematics_std: dict[str, np.ndarray]
     chi2: np.ndarray
@@ -55,6 +58,11 @@ class BatchFit:
 
     def __len__(self) -> int:
         return len(self.status)
+
+    @property
+    def optimum_found(self) -> np.ndarray:
+        """Whether an optimum of full rank was found, also where the model misses the run or a bound holds it."""
+        return np.array([optimum_found(status) for status in self.status])
 
     @property
     def chi2_reduced(self) -> np.ndarray:
@@ -88,7 +96,8 @@ class BatchFit:
             columns |= {name: values, f"{name}_std": self.kinematics_std[name]}
         for name in _JUDGEMENT:
             columns[name] = getattr(self, name)
-        return pd.DataFrame({**columns, "status": self.status}).rename_axis("run")
+        columns |= {"status": self.status, "warnings": [" ".join(told) for told in self.warnings]}
+        return pd.DataFrame(columns).rename_axis("run")
 
     def __repr__(self) -> str:
         return f"BatchFit({len(self)} runs of {', '.join(self.names)}; {int(self.converged.sum())} converged)"

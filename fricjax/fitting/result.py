@@ -14,12 +14,13 @@ from .covariance import correlation
 from .residual import Run, motion
 from .rest import Margin
 from .settled import Estimate
+from .verdict import optimum_found
 from .whiteness import Whiteness
 from .window import NEVER
 
 
 class FitError(RuntimeError):
-    """A fit that is not valid; the fit itself, as far as it came, is in the attribute `fit`."""
+    """A fit without an optimum, or with one that leaves parameters undetermined; as far as it came it is in `fit`."""
 
     def __init__(self, message: str, fit: "Fit") -> None:
         super().__init__(message)
@@ -38,8 +39,11 @@ class Fit:
             the interval between stops and non-stops.
         covariance, combined_covariance: shape (p, p); inf where a parameter is undetermined or at a bound.
         units, flags: by name; flags are sentences such as "at bound".
-        converged: converged, finite and of full rank.
-        status: the outcome in words.
+        converged: whether an optimum was found that is finite and of full rank, with no parameter at a bound, and the
+            model describes the record: the residuals of no run are larger than ten times its noise
+            (:data:`.verdict.ADEQUATE`), as stated or as seen in the record.
+        status: the outcome in words, its name before the colon: "converged", "does not describe the record", "at a
+            bound", "undetermined", "out of steps", "stalled" or "not finite".
         warnings: what a reader of the numbers must know, in sentences.
         kinematics: natural frequency, damping ratio, dead band and losses per unit mass, which need no rig.
         chi2, dof, chi2_reduced: sum of squared weighted residuals, degrees of freedom, and their ratio.
@@ -100,6 +104,11 @@ class Fit:
     runs: tuple[Run, ...]
     origins: tuple[float, ...]
     engine_used: Any
+
+    @property
+    def optimum_found(self) -> bool:
+        """Whether an optimum of full rank was found, also where the model misses the record or a bound holds it."""
+        return optimum_found(self.status)
 
     @property
     def chi2_reduced(self) -> float:
