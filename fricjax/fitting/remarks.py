@@ -4,9 +4,10 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 
-from ..show import engineering
+from ..show import engineering, plain
+from .plausible import implausible
 from .problem import Problem
-from .rest import Margin
+from .rest import Bracket, Margin
 from .verdict import Misfit, growth, holds_release
 from .whiteness import Whiteness
 
@@ -25,6 +26,7 @@ def warnings_of(
     inflation: float,
     margins: tuple[Margin | None, ...],
     excesses: tuple[float | None, ...],
+    bracket: Bracket | None,
     numerical_shift: float,
 ) -> tuple[str, ...]:
     """All that must be known of a fit.
@@ -38,6 +40,7 @@ def warnings_of(
         inflation: factor by which its standard errors are too small.
         margins: for each run the distance to another number of half-cycles.
         excesses: for each run that ends in motion what the law leaves for it to move on.
+        bracket: interval of the static coefficient of a Coulomb law.
         numerical_shift: how far numerical errors can have moved any parameter, in its standard errors.
     """
     return (
@@ -45,6 +48,7 @@ def warnings_of(
         *_on_the_model(problem, values),
         *_on_the_errors(white, inflation, numerical_shift),
         *_on_the_rest(problem, margins, excesses),
+        *_on_static_friction(bracket),
     )
 
 
@@ -53,6 +57,7 @@ def remarks_on(
 ) -> Iterator[str]:
     """What the record and the fitted values tell by themselves, also of a run among many."""
     unit = problem.windows[0].quantity
+    yield from implausible(problem, values)
     yield from _on_growth(problem)
     if values.get("damping", 0.0) < -2 * std_errors.get("damping", np.inf):
         yield (
@@ -135,6 +140,16 @@ def _on_the_rest(
                 f"end: at a reversal the spring lacks {-excess:.2e} {unit} to overcome static friction. Static "
                 "friction or the model is off."
             )
+
+
+def _on_static_friction(bracket: Bracket | None) -> Iterator[str]:
+    if bracket is not None and bracket.contradicted:
+        low, high = plain(bracket.lower, 4), plain(bracket.upper, 4)
+        yield (
+            "No static coefficient agrees with all stops: the dynamic coefficient and the stops ask for at least "
+            f"{high}, but the mass moved on where it must be below {low}. Static friction differs from stop to stop, "
+            "or a stop is misread; no value was put into the oscillator."
+        )
 
 
 def _of_run(number: int, problem: Problem) -> str:

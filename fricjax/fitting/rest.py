@@ -21,6 +21,8 @@ from .window import NEVER
 
 _ADEQUATE = 2.0
 _STROKE_SHARE = 0.02
+# Noises by which a stop must lie above a non-stop to contradict it.
+_CLEAR = 3.0
 
 
 class Margin(NamedTuple):
@@ -33,6 +35,23 @@ class Margin(NamedTuple):
 
     one_more: float
     one_less: float
+
+
+CONTRADICTED = "differs from stop to stop"
+
+
+class Bracket(NamedTuple):
+    """Where the static coefficient of a Coulomb law lies.
+
+    Attributes:
+        lower, upper: ends of its interval.
+        contradicted: whether the mass stopped or slid at the upper end and moved on at the lower one, by more than the
+            noise: then no one coefficient fits, and static friction takes values all over the interval.
+    """
+
+    lower: float
+    upper: float
+    contradicted: bool
 
 
 def _reversals(problem: Problem, solved: Solved, run: int, forced: bool) -> tuple[np.ndarray, int]:
@@ -154,7 +173,7 @@ def _starts_moving(problem: Problem, solved: Solved, run: int) -> bool:
     return bool(problem.residual.own_at(solved.settled.values, run)["v0"] != 0)
 
 
-def bracket_static(problem: Problem, solved: Solved) -> tuple[float, float] | None:
+def bracket_static(problem: Problem, solved: Solved) -> Bracket | None:
     """Interval of a Coulomb law's static coefficient: above every stop and the dynamic value, below every non-stop."""
     machine = solved.settled.machine
     if sole_coulomb(machine.friction) is None:
@@ -168,4 +187,6 @@ def bracket_static(problem: Problem, solved: Solved) -> tuple[float, float] | No
         moved_on = pull[int(_starts_moving(problem, solved, run)) : count if stopped else window.strokes]
         upper = min(upper, float(np.min(moved_on, initial=np.inf)))
         lower = max(lower, float(pull[count]) if stopped else 0.0)
-    return lower, upper
+    sigma = max(float(np.median(window.sigma[window.used])) for window in problem.windows)
+    contradicted = lower - upper > _CLEAR * sigma * float(machine.stiffness) / load
+    return Bracket(min(lower, upper), max(lower, upper), contradicted)

@@ -36,7 +36,8 @@ class Fit:
         values, std_errors, combined_std_errors: by name, in SI units. The standard errors come from the scatter of the
             samples; the combined ones add the uncertainties of the rig's inputs to first order.
         intervals: 95 % intervals from the statistical standard errors, and for the static coefficient of a Coulomb law
-            the interval between stops and non-stops.
+            the interval between stops and non-stops. Where these contradict each other it is the range over which
+            static friction differs from stop to stop, a flag and a warning say so, and its value is NaN.
         covariance, combined_covariance: shape (p, p); inf where a parameter is undetermined or at a bound.
         units, flags: by name; flags are sentences such as "at bound".
         converged: whether an optimum was found that is finite and of full rank, with no parameter at a bound, and the

@@ -9,6 +9,7 @@ from ..data.noise import NORMAL_MAD
 from ..show import engineering
 from .covariance import Covariance
 from .loss import AbstractLoss, Squares
+from .plausible import too_large
 from .problem import Problem
 from .settled import Settled
 from .solve import Solved
@@ -172,6 +173,8 @@ def flags_of(problem: Problem, covariance: Covariance, solved: Solved, inflation
             found.append("undetermined")
         elif parameter.fitted_as != "value" and errors[i] > _HARDLY * values[i]:
             found.append("hardly determined")
+        if too_large(problem, parameter, values[i]):
+            found.append("implausible")
         if values[i] == parameter.start and not covariance.at_bound[i]:
             found.append("at start value")
         if inflation > NOTABLE and not found:
