@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from ..data.errors import UsageError, nearest
+from ..data.errors import DataError, UsageError, nearest
 from .population import Population, population
 from .verdict import optimum_found
 
@@ -69,21 +69,32 @@ class BatchFit:
         """Sum of squared weighted residuals per degree of freedom, shape (runs,)."""
         return self.chi2 / self.dof
 
-    def population(self, name: str) -> Population:
-        """Mean of a coefficient over the converged runs and its scatter from run to run, ``mu_i ~ N(mu, s^2)``.
+    def population(self, name: str, *, only_converged: bool = True) -> Population:
+        """Mean of a coefficient over the runs and its scatter from run to run, ``mu_i ~ N(mu, s^2)``.
+
+        Runs that cannot belong to the others, as those read in a wrong unit, are set aside and named.
 
         Args:
             name: a free parameter, or one of the kinematics.
+            only_converged: leave out runs that have not converged. With False those whose optimum was found count as
+                well: their model does not describe them, or another parameter is at a bound. What the model misses is
+                then part of the scatter.
 
         Raises:
             UsageError: no such name.
-            DataError: fewer than three converged runs.
+            DataError: fewer than three runs that count.
         """
         known = {**self.kinematics, **self.values}
         if name not in known:
             raise UsageError(f"This batch has no {name!r}.{nearest(name, known)} It has {', '.join(known)}.")
         errors = {**self.kinematics_std, **self.std_errors}[name]
-        return population(np.where(self.converged, known[name], np.nan), errors)
+        counted = self.converged if only_converged else self.optimum_found
+        try:
+            return population(np.where(counted, known[name], np.nan), errors)
+        except DataError as error:
+            more = int(np.sum(self.optimum_found & ~counted))
+            hint = f" {more} have not converged though an optimum was found: only_converged=False counts them."
+            raise DataError(f"{error}{hint if more else ''}") from error
 
     def to_dataframe(self) -> Any:
         """One row per run: values, their standard errors as `<name>_std`, and what tells how good they are."""
