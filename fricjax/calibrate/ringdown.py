@@ -87,7 +87,7 @@ def _fits(record: Record | Trace, spring: AbstractRestoring, asked: tuple[str, .
     """
     fits = {terms: _fitted(record, spring, terms) for terms in dict.fromkeys(((), asked))}
     full = fits[asked]
-    if not full.converged:
+    if not full.optimum_found:
         raise FitError(f"The decay is not that of a free oscillator: {full.status}", full)
     terms = tuple(name for name in asked if _score(full, name) > SIGNIFICANT)
     return fits if terms in fits else {**fits, terms: _fitted(record, spring, terms)}
@@ -102,7 +102,7 @@ def _best(fits: Mapping[tuple[str, ...], Fit]) -> tuple[str, ...]:
     passive = [
         terms
         for terms, found in fits.items()
-        if found.converged and all(_score(found, name) > -SIGNIFICANT for name in terms)
+        if found.optimum_found and all(_score(found, name) > -SIGNIFICANT for name in terms)
     ]
     if not passive:
         raise FitError(

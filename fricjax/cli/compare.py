@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from typer import Argument, Option
 
+from .failure import INVALID
 from .fit import raise_invalid
 from .options import Bench, Output, Plot, Reading
 from .output import PICTURES, check_targets, finish, log, working
@@ -55,16 +56,17 @@ def compare(
         found, calibrated = _compared(files, laws, bench, reading, guess, criterion, start, held_out)
     data: dict[str, Any] = {**found.to_dict(), "calibrated": calibrated, "files": {}}
     text = _report(found, calibrated)
-    if not found.best.converged:
-        status = found.best.status
-        finish(output, {**data, "error": status, "kind": "fit", "exit_code": 3}, text)
-        raise_invalid(output, status)
     if plot is not None:
         from ..show import save
 
         data["files"] = {"plot": str(save(found.plot(), plot))}
         log(output, f"Picture: {plot}")
+    best = found.best
+    if not best.converged:
+        data |= {"error": best.status, "kind": "fit", "exit_code": INVALID}
     finish(output, data, text)
+    if not best.converged:
+        raise_invalid(output, best.status)
 
 
 def _compared(

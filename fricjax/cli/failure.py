@@ -33,7 +33,7 @@ class Failure:
 
 
 class InvalidFit(Exception):
-    """A fit that is not valid: not converged, not finite or not of full rank."""
+    """A fit that has not converged, as its status says."""
 
 
 def failure_of(error: BaseException) -> Failure:

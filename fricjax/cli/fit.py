@@ -1,12 +1,13 @@
 """``fricjax fit``: the main job, from files of displacement over time to friction coefficients with uncertainties."""
 
 import dataclasses
+from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from typer import Argument, Option
 
-from .failure import InvalidFit
+from .failure import INVALID, InvalidFit
 from .options import Machine, Output, Plot, Reading, Save
 from .output import PICTURES, RECORDS, RESULTS, check_targets, finish, log, working
 from .runtime import prepare
@@ -92,22 +93,23 @@ def fit(
         prepare(output)
         records, choice, found = fitted(files, fitting, machine, reading)
     data, text = report(found, choice)
-    if not found.converged:
-        finish(output, {**data, "error": found.status, "kind": "fit", "exit_code": 3, "files": {}}, text)
-        raise_invalid(output, found.status)
     data["files"] = write_outcome(found, records, plot, out, save)
+    if not found.converged:
+        data |= {"error": found.status, "kind": "fit", "exit_code": INVALID}
     finish(output, data, text)
     for name, path in data["files"].items():
         log(output, f"{name.capitalize()}: {path}")
+    if not found.converged:
+        raise_invalid(output, found.status)
 
 
 def raise_invalid(output: Output, status: str) -> None:
-    """End with the code of a fit that is not valid; with JSON the one object has been written already."""
+    """End with the code of a fit that has not converged; with JSON the one object has been written already."""
     if output.json:
         from typer import Exit
 
-        raise Exit(3)
-    raise InvalidFit(f"The fit is not valid, {status} Nothing was written.")
+        raise Exit(INVALID)
+    raise InvalidFit(f"The fit has not converged, {status} Its results are marked so.")
 
 
 def fitted(
@@ -186,7 +188,8 @@ def write_outcome(
     from ..show import save as save_picture
 
     written: dict[str, str] = {}
-    if plot is not None:
+    # A motion that is not finite cannot be drawn.
+    if plot is not None and isfinite(found.residual_rms):
         for i, path in enumerate(_numbered(plot, len(records))):
             written["picture" if len(records) == 1 else f"picture_{i + 1}"] = str(save_picture(found.plot(i), path))
     if out is not None:

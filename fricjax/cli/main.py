@@ -1,7 +1,7 @@
 """The entry point of ``fricjax``: the list of commands, and one place where every failure becomes a sentence.
 
-Exit codes: 0 done, 2 wrong usage or configuration, 3 a fit is not valid, 4 data rejected; 1 is left for a fault of the
-program itself. Only the modules of this folder and typer are imported before a command starts to work.
+Exit codes: 0 done, 2 wrong usage or configuration, 3 a fit has not converged, 4 data rejected; 1 is left for a fault of
+the program itself. Only the modules of this folder and typer are imported before a command starts to work.
 """
 
 import sys

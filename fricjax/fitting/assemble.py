@@ -12,12 +12,13 @@ from ..oscillator.leaves import leaves_of
 from .covariance import COVERAGE, Covariance, covariance
 from .names import find_leaf
 from .problem import Problem
+from .remarks import warnings_of
 from .residual import Run
-from .rest import bracket_static, rest_margin
+from .rest import CONTRADICTED, Bracket, bracket_static, excess_at_reversals, rest_margin
 from .result import Fit, named
 from .settled import kinematics
 from .solve import Solved
-from .verdict import error_inflation, flags_of, status_of, warnings_of
+from .verdict import CONVERGED, error_inflation, flags_of, misfit_of, status_of
 from .whiteness import Whiteness, whiteness
 from .window import NEVER
 
@@ -42,27 +43,40 @@ def assemble(problem: Problem, solved: Solved, sigma_mode: str) -> Fit:
     white = _whiteness(problem, solved)
     inflation = error_inflation(white, solved.chi2 / dof, sigma_mode)
     margins = tuple(rest_margin(problem, solved, run) for run in range(len(problem.windows)))
+    excesses = tuple(excess_at_reversals(problem, solved, run) for run in range(len(problem.windows)))
     residuals, rms = _residuals(problem, solved)
-    machine, intervals, static = _machine(problem, solved, found)
+    bracket = bracket_static(problem, solved)
+    machine, static = _machine(problem, solved, bracket)
+    name = problem.bracketed or "mu_s"
     shown = record_time(problem, solved.settled.values)
     std_errors = named(problem.names, np.sqrt(np.diag(found.statistical)))
     noise = np.concatenate([w.sigma[w.used] for w in problem.windows])
     factor = np.sqrt(variance) if sigma_mode == "estimate" else 1.0
-    ok = solved.converged and found.full_rank and bool(np.all(np.isfinite(shown)))
+    misfit = misfit_of(problem, solved, sigma_mode != "absolute")
+    status = status_of(problem, solved, found, misfit)
     return Fit(
         names=problem.names,
         values={**named(problem.names, shown), **static},
         std_errors=std_errors,
         combined_std_errors=named(problem.names, np.sqrt(np.diag(found.combined))),
-        intervals={**_intervals(problem.names, shown, found), **intervals},
+        intervals={**_intervals(problem.names, shown, found), **({} if bracket is None else {name: bracket[:2]})},
         covariance=found.statistical,
         combined_covariance=found.combined,
         units={**{p.name: unit_of(p.unit, problem) for p in problem.parameters}, **dict.fromkeys(static, "")},
-        flags={**flags_of(problem, found, solved, inflation), **dict.fromkeys(static, ("bracketed, not fitted",))},
-        converged=ok,
-        status=status_of(solved, found, problem.names),
+        flags={**flags_of(problem, found, solved, inflation), **_static_flags(name, static, bracket)},
+        converged=status == CONVERGED,
+        status=status,
         warnings=warnings_of(
-            problem, named(problem.names, shown), std_errors, white, inflation, rms, margins, solved.numerical_shift
+            problem,
+            named(problem.names, shown),
+            std_errors,
+            misfit,
+            white,
+            inflation,
+            margins,
+            excesses,
+            bracket,
+            solved.numerical_shift,
         ),
         kinematics=kinematics(solved.settled, found.statistical),
         chi2=solved.chi2 / factor**2,
@@ -132,21 +146,28 @@ def _residuals(problem: Problem, solved: Solved) -> tuple[Any, float]:
     return (parts[0] if len(parts) == 1 else tuple(parts)), rms
 
 
-def _machine(
-    problem: Problem, solved: Solved, found: Covariance
-) -> tuple[Oscillator, dict[str, tuple[float, float]], dict[str, float]]:
-    """The fitted oscillator, with a bracketed static coefficient at the middle of its interval."""
+def _machine(problem: Problem, solved: Solved, bracket: Bracket | None) -> tuple[Oscillator, dict[str, float]]:
+    """The fitted oscillator, with a bracketed static coefficient at the middle of its interval, and that value.
+
+    Where there is none that the stops agree on, its value is NaN, and that of the oscillator the dynamic one.
+    """
     # As numpy arrays its values are known outside of jit, so that a simulation may choose the fastest engine.
     machine = solved.settled.machine
-    bracket = bracket_static(problem, solved)
-    if bracket is None:
-        return machine, {}, {}
-    if problem.bracketed is None:
-        return machine, {"mu_s": bracket}, {}
-    middle = float(np.mean(bracket))
+    if bracket is None or problem.bracketed is None:
+        return machine, {}
+    known = bracket.upper < np.inf and not bracket.contradicted
+    dynamic = float(machine.friction.dynamic_force(machine.normal_force) / machine.normal_force)
+    middle = (bracket.lower + bracket.upper) / 2 if known else np.nan
     index = find_leaf(problem.bracketed, leaves_of(machine)).index
-    machine = eqx.tree_at(lambda o: jax.tree.leaves(o)[index], machine, np.asarray(middle))
-    return machine, {problem.bracketed: bracket}, {problem.bracketed: middle}
+    machine = eqx.tree_at(lambda o: jax.tree.leaves(o)[index], machine, np.asarray(middle if known else dynamic))
+    return machine, {problem.bracketed: middle}
+
+
+def _static_flags(name: str, static: dict[str, float], bracket: Bracket | None) -> dict[str, tuple[str, ...]]:
+    found = ["bracketed, not fitted"] if static else []
+    if bracket is not None and bracket.contradicted:
+        found.append(CONTRADICTED)
+    return {name: tuple(found)} if found else {}
 
 
 def _intervals(names: Sequence[str], values: np.ndarray, found: Covariance) -> dict[str, tuple[float, float]]:

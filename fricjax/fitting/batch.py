@@ -20,10 +20,12 @@ from .lanes import WIDTH, Landed, solve_lanes
 from .loss import AbstractLoss
 from .parameters import Request
 from .problem import Problem, pose
+from .remarks import remarks_on
 from .rest import far_off, solve_with_rest
+from .result import named
 from .settled import UNITS, Estimate, kinematics
 from .solve import Solved, judged
-from .verdict import error_inflation, flags_of, status_of
+from .verdict import CONVERGED, error_inflation, flags_of, status_of, typical, worst
 from .whiteness import from_neighbours
 from .window import NEVER
 
@@ -36,10 +38,11 @@ class _Row(NamedTuple):
     solved: Solved | None = None
     found: Covariance | None = None
     inflation: float = np.nan
+    warnings: tuple[str, ...] = ()
 
     @property
     def converged(self) -> bool:
-        return self.solved is not None and self.found is not None and self.solved.converged and self.found.full_rank
+        return self.status == CONVERGED
 
     @property
     def kinematics(self) -> dict[str, Estimate]:
@@ -154,11 +157,12 @@ def _posed(record: Any, request: Request) -> Problem | Exception:
 
 
 class _Finished(NamedTuple):
-    """A solved problem and the autocorrelation of its neighbouring residuals."""
+    """A solved problem, the autocorrelation of its neighbouring residuals and their typical size in stated noise."""
 
     problem: Problem
     solved: Solved
     lag_one: float
+    size: float
 
 
 def _solved(problems: Sequence[Problem]) -> list[_Finished]:
@@ -170,7 +174,8 @@ def _solved(problems: Sequence[Problem]) -> list[_Finished]:
 def _alone(problem: Problem) -> _Finished:
     problem, solved = solve_with_rest(problem)
     samples = problem.by_run(solved.survey.residual)[0]
-    return _Finished(problem, solved, float(samples[1:] @ samples[:-1] / max(solved.chi2, np.finfo(float).tiny)))
+    lag_one = float(samples[1:] @ samples[:-1] / max(solved.chi2, np.finfo(float).tiny))
+    return _Finished(problem, solved, lag_one, float(typical(samples[problem.windows[0].used], problem.loss)))
 
 
 def _finished(problem: Problem, landed: Landed) -> _Finished:
@@ -179,14 +184,18 @@ def _finished(problem: Problem, landed: Landed) -> _Finished:
     recorded = int(problem.residual.runs[0].half_cycles)
     other = recorded < NEVER and 0 < int(landed.half_cycles) != recorded
     doubtful = solved.converged and (other or far_off(problem, solved) or not solved.accurate)
-    return _alone(problem) if doubtful else _Finished(problem, solved, float(landed.lag_one))
+    return _alone(problem) if doubtful else _Finished(problem, solved, float(landed.lag_one), float(landed.size))
 
 
 def _row(finished: _Finished) -> _Row:
-    problem, solved, lag_one = finished
-    found = covariance(solved, 1.0)
+    problem, solved, lag_one, size = finished
+    found, misfit = covariance(solved, 1.0), worst(problem, [size])
     inflation = error_inflation(from_neighbours(lag_one, problem.n_used), solved.chi2 / problem.dof, "absolute")
-    return _Row(status_of(solved, found, problem.names), problem, solved, found, inflation)
+    values, errors = (
+        named(problem.names, each) for each in (solved.settled.values, np.sqrt(np.diag(found.statistical)))
+    )
+    told = tuple(remarks_on(problem, values, errors, misfit))
+    return _Row(status_of(problem, solved, found, misfit), problem, solved, found, inflation, told)
 
 
 def _collected(rows: Sequence[_Row]) -> BatchFit:
@@ -213,6 +222,7 @@ def _collected(rows: Sequence[_Row]) -> BatchFit:
         converged=np.array([row.converged for row in rows]),
         status=tuple(row.status for row in rows),
         flags=tuple(row.flags for row in rows),
+        warnings=tuple(row.warnings for row in rows),
         kinematics={name: np.array([t[name].value if t else np.nan for t in told]) for name in UNITS},
         kinematics_std={name: np.array([t[name].std if t else np.nan for t in told]) for name in UNITS},
         chi2=_column(rows, lambda row: row.solved.chi2),

@@ -5,8 +5,9 @@ from typing import Any
 
 import numpy as np
 
-from ..data.errors import UsageError, nearest
+from ..data.errors import DataError, UsageError, nearest
 from .population import Population, population
+from .verdict import optimum_found
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -18,9 +19,10 @@ class BatchFit:
         values, std_errors: by name, shape (runs,), in SI units.
         covariance: shape (runs, p, p); inf where a parameter is undetermined or at a bound.
         units: by name.
-        converged: converged, finite and of full rank, shape (runs,).
-        status: the outcome of each run in words.
+        converged: whether an optimum was found that describes the run, as of a `Fit`, shape (runs,).
+        status: the outcome of each run in words, its name before the colon, as of a `Fit`.
         flags: for each run, by name, sentences such as "at bound".
+        warnings: for each run what a reader of its numbers must know, in sentences.
         kinematics, kinematics_std: natural frequency, damping ratio, dead band and losses per unit mass, which need no
             rig, and their standard errors; by name, shape (runs,).
         chi2, dof: sum of squared weighted residuals and degrees of freedom, shape (runs,).
@@ -40,6 +42,7 @@ class BatchFit:
     converged: np.ndarray
     status: tuple[str, ...]
     flags: tuple[dict[str, tuple[str, ...]], ...]
+    warnings: tuple[tuple[str, ...], ...]
     kinematics: dict[str, np.ndarray]
     kinematics_std: dict[str, np.ndarray]
     chi2: np.ndarray
@@ -57,25 +60,41 @@ class BatchFit:
         return len(self.status)
 
     @property
+    def optimum_found(self) -> np.ndarray:
+        """Whether an optimum of full rank was found, also where the model misses the run or a bound holds it."""
+        return np.array([optimum_found(status) for status in self.status])
+
+    @property
     def chi2_reduced(self) -> np.ndarray:
         """Sum of squared weighted residuals per degree of freedom, shape (runs,)."""
         return self.chi2 / self.dof
 
-    def population(self, name: str) -> Population:
-        """Mean of a coefficient over the converged runs and its scatter from run to run, ``mu_i ~ N(mu, s^2)``.
+    def population(self, name: str, *, only_converged: bool = True) -> Population:
+        """Mean of a coefficient over the runs and its scatter from run to run, ``mu_i ~ N(mu, s^2)``.
+
+        Runs that cannot belong to the others, as those read in a wrong unit, are set aside and named.
 
         Args:
             name: a free parameter, or one of the kinematics.
+            only_converged: leave out runs that have not converged. With False those whose optimum was found count as
+                well: their model does not describe them, or another parameter is at a bound. What the model misses is
+                then part of the scatter.
 
         Raises:
             UsageError: no such name.
-            DataError: fewer than three converged runs.
+            DataError: fewer than three runs that count.
         """
         known = {**self.kinematics, **self.values}
         if name not in known:
             raise UsageError(f"This batch has no {name!r}.{nearest(name, known)} It has {', '.join(known)}.")
         errors = {**self.kinematics_std, **self.std_errors}[name]
-        return population(np.where(self.converged, known[name], np.nan), errors)
+        counted = self.converged if only_converged else self.optimum_found
+        try:
+            return population(np.where(counted, known[name], np.nan), errors)
+        except DataError as error:
+            more = int(np.sum(self.optimum_found & ~counted))
+            hint = f" {more} have not converged though an optimum was found: only_converged=False counts them."
+            raise DataError(f"{error}{hint if more else ''}") from error
 
     def to_dataframe(self) -> Any:
         """One row per run: values, their standard errors as `<name>_std`, and what tells how good they are."""
@@ -88,7 +107,8 @@ class BatchFit:
             columns |= {name: values, f"{name}_std": self.kinematics_std[name]}
         for name in _JUDGEMENT:
             columns[name] = getattr(self, name)
-        return pd.DataFrame({**columns, "status": self.status}).rename_axis("run")
+        columns |= {"status": self.status, "warnings": [" ".join(told) for told in self.warnings]}
+        return pd.DataFrame(columns).rename_axis("run")
 
     def __repr__(self) -> str:
         return f"BatchFit({len(self)} runs of {', '.join(self.names)}; {int(self.converged.sum())} converged)"

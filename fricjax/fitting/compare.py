@@ -135,7 +135,7 @@ def _again(entries: Sequence[_Entry], sigma_mode: str) -> list[_Entry]:
     So a law is not judged by a poor start.
     """
     best = min(entries, key=lambda entry: entry.chi2)
-    known = {} if best.fit is None else best.fit.values
+    known = {} if best.fit is None else {name: v for name, v in best.fit.values.items() if np.isfinite(v)}
     tried = []
     for entry in entries:
         request = entry.candidate.request

@@ -17,7 +17,7 @@ class Row:
     Attributes:
         name, law: what the comparison calls it, and the names of its laws.
         free: coefficients of the machine that were free.
-        status: the outcome of its fit in words; `valid`: converged, finite and of full rank; `ended`: at an optimum,
+        status: the outcome of its fit in words; `valid`: converged, as of a `Fit`; `ended`: at an optimum,
             which a law that contains a better one reaches with coefficients that nothing determines.
         chi2, n_parameters: sum of squared residuals in units of the noise, and number of free parameters, those of
             the runs included.

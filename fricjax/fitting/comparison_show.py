@@ -75,7 +75,7 @@ def _doubts(comparison: "Comparison", rows: "list[Row]") -> list[str]:
             f"The residuals are not white: {comparison.n_samples} samples count as {comparison.n_effective:.0f}, and a "
             f"variance of {plain(comparison.inflation, 3)} times the stated one as noise."
         )
-    found += [f"{row.name} is not valid, {row.status}" for row in rows if not row.valid]
+    found += [f"{row.name} has not converged, {row.status}" for row in rows if not row.valid]
     return found
 
 

@@ -70,16 +70,18 @@ def fit(
         guess: start values by name, in place of those found in the record.
         loss: "squares", or "huber", "soft_l1" or "cauchy", which count outliers for less, or a loss of
             :mod:`fricjax.fitting.loss`; in units of the noise. The covariance is then that of the weighted samples.
-        throw: raise where the fit is not valid; otherwise its status says so.
+        throw: raise where no optimum was found or where it leaves parameters undetermined; otherwise the status says
+            so.
 
     Returns:
-        The fit.
+        The fit. It has `converged` only where its model also describes the record and no parameter is at a bound;
+        where not, its status says why.
 
     Raises:
         RuntimeError: JAX computes in single precision.
         UsageError: names or settings that do not fit, or parameters that no trace can tell apart.
         DataError: a record that cannot be fitted.
-        FitError: a fit that is not valid, unless `throw` is False.
+        FitError: a fit without an optimum or with undetermined parameters, unless `throw` is False.
     """
     require_x64()
     records = records_of(data, sigma_mode)
@@ -97,12 +99,12 @@ def concluded(problem: Problem, solved: Solved, sigma_mode: str, throw: bool) ->
 
     Raises:
         UsageError: free parameters on which the motion does not depend.
-        FitError: the fit is not valid, and `throw` is set.
+        FitError: no optimum was found, and `throw` is set.
     """
     if solved.converged:
         check_effect(problem, solved)
     result = assemble(problem, solved, sigma_mode)
-    if throw and not result.converged:
+    if throw and not result.optimum_found:
         raise FitError(f"The fit is not valid, {result.status}", result)
     return result
 

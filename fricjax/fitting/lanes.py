@@ -24,6 +24,7 @@ from .runs import filled_to
 from .settled import Settled, settle
 from .solve import finer
 from .survey import Survey, survey
+from .verdict import typical
 
 WIDTH = 32
 
@@ -43,6 +44,7 @@ class Landed(NamedTuple):
     Attributes:
         at: the climb; `survey`: what all samples say there, without the residual itself; `settled`: what it stands for.
         lag_one: autocorrelation of neighbouring residuals.
+        size: their typical size.
         half_cycles: number of half-cycles after which the law itself would stop the mass; -1 for never.
     """
 
@@ -50,6 +52,7 @@ class Landed(NamedTuple):
     survey: Survey
     settled: Settled
     lag_one: Any
+    size: Any
     half_cycles: Any
 
 
@@ -138,8 +141,10 @@ def _land(lane: Lane, loss: AbstractLoss) -> Landed:
     found, settled = survey(fine, y, loss), settle(fine, y)
     samples = found.residual[: found.residual.size - at.y.size]
     lag = samples[1:] @ samples[:-1] / jnp.where(found.chi2 > 0, found.chi2, 1.0)
+    weights = jnp.concatenate([run.weight for run in residual.runs])
+    size = typical(jnp.where(weights > 0, samples, jnp.nan), loss, jnp.nanmean, jnp.nanmedian)
     short = found._replace(residual=jnp.zeros(0))
-    return Landed(at, short, settled, lag, _own_count(residual, settled))
+    return Landed(at, short, settled, lag, size, _own_count(residual, settled))
 
 
 def _own_count(residual: Residual, settled: Settled) -> Array:

@@ -5,6 +5,12 @@ of largest restricted likelihood, which unlike plain maximum likelihood does not
 its interval holds the scatters for which ``sum (mu_i - mu)^2/(s^2 + u_i^2)`` is a plausible chi^2 (Viechtbauer, Stat.
 Med. 26, 37, 2007). The mean's standard error takes the scatter as estimated (Knapp and Hartung, Stat. Med. 22, 2693,
 2003).
+
+All of this is for normal scatter, and a run read in the wrong unit would carry it off. So runs that cannot belong to
+the others are set aside first. The search goes forwards (Hadi, J. R. Stat. Soc. B 56, 393, 1994): it begins with the
+half of the runs nearest to the median, and takes in whichever of the others those at hand would predict, until none is
+left that they do. A run is an outlier where its distance from the mean of the others, in standard deviations of such a
+distance, is beyond Student's t at a level of one in a thousand for all runs together (Bonferroni).
 """
 
 from typing import Any, NamedTuple
@@ -12,9 +18,16 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..data.errors import DataError
+from ..data.noise import NORMAL_MAD
+from ..show import interval, uncertain
 
 _LEVEL = 0.95
 _LARGEST = 1e3
+# Level for all runs together. The half nearest to the median scatters less than the whole, so that some search ends
+# early, and about one normal sample in a hundred loses a run.
+_LEVEL_OF_OUTLIERS = 1e-3
+# Fewest runs of which a scatter is told.
+_FEWEST = 3
 
 
 class Population(NamedTuple):
@@ -24,6 +37,8 @@ class Population(NamedTuple):
         mean: of the runs; `std`: its standard error, and `interval`: its 95 % interval by Student's t.
         scatter: standard deviation from run to run; `scatter_interval`: its 95 % interval.
         runs: number of runs that it rests on.
+        outliers: numbers of the runs that were set aside, for they cannot belong to the others.
+        left_out: numbers of the runs without a valid value.
     """
 
     mean: float
@@ -32,6 +47,21 @@ class Population(NamedTuple):
     scatter: float
     scatter_interval: tuple[float, float]
     runs: int
+    outliers: tuple[int, ...] = ()
+    left_out: tuple[int, ...] = ()
+
+    def __str__(self) -> str:
+        text = (
+            f"{uncertain(self.mean, self.std, '')} over {self.runs} runs, scatter from run to run "
+            f"{self.scatter:.2g} in {interval(*self.scatter_interval)}"
+        )
+        for what, numbers in (("outliers set aside", self.outliers), ("not valid", self.left_out)):
+            text += f"; {what}: {_runs(numbers)}" if numbers else ""
+        return text
+
+
+def _runs(numbers: tuple[int, ...]) -> str:
+    return f"run{'s' if len(numbers) > 1 else ''} {', '.join(map(str, numbers))}"
 
 
 def population(values: np.ndarray, std_errors: np.ndarray) -> Population:
@@ -44,18 +74,59 @@ def population(values: np.ndarray, std_errors: np.ndarray) -> Population:
     Raises:
         DataError: fewer than three runs with a finite value and a finite standard error.
     """
-    used = np.isfinite(values) & np.isfinite(std_errors) & (std_errors > 0)
+    used = np.isfinite(values) & np.isfinite(std_errors) & (np.asarray(std_errors) > 0)
     z, u = np.asarray(values)[used], np.asarray(std_errors)[used]
-    if z.size < 3:
+    if z.size < _FEWEST:
         raise DataError(f"A scatter from run to run needs at least three fitted runs, got {z.size}.")
+    belongs = _belonging(z, u)
+    numbers = np.flatnonzero(used)
+    return _of(z[belongs], u[belongs])._replace(
+        outliers=tuple(map(int, numbers[~belongs])), left_out=tuple(map(int, np.flatnonzero(~used)))
+    )
+
+
+def _of(z: np.ndarray, u: np.ndarray) -> Population:
+    """The population of runs that belong together."""
     scatter = _most_likely(z, u)
+    mean, std = _centre(z, u, scatter)
+    reach = _quantile((1 + _LEVEL) / 2, z.size - 1) * std
+    return Population(mean, std, (mean - reach, mean + reach), scatter, _interval(z, u), int(z.size))
+
+
+def _centre(z: np.ndarray, u: np.ndarray, scatter: float) -> tuple[float, float]:
+    """Weighted mean and its standard error, not below what the runs themselves say."""
     mean, weights = _mean(z, u, scatter)
     excess = float(weights @ (z - mean) ** 2) / (z.size - 1)
-    std = float(np.sqrt(max(excess, 1.0) / weights.sum()))
+    return mean, float(np.sqrt(max(excess, 1.0) / weights.sum()))
+
+
+def _quantile(level: float, dof: int) -> float:
     from scipy.stats import t
 
-    reach = float(t.ppf((1 + _LEVEL) / 2, z.size - 1)) * std
-    return Population(mean, std, (mean - reach, mean + reach), scatter, _interval(z, u), int(z.size))
+    return float(t.ppf(level, dof))
+
+
+def _belonging(z: np.ndarray, u: np.ndarray) -> np.ndarray:
+    """Which runs belong together, shape (runs,)."""
+    middle = np.median(z)
+    spread = np.median(np.abs(z - middle)) / NORMAL_MAD
+    distance = np.abs(z - middle) / np.hypot(spread, u)
+    belongs = np.zeros(z.size, bool)
+    belongs[np.argsort(distance, kind="stable")[: max(z.size // 2 + 1, _FEWEST)]] = True
+    while not belongs.all():
+        near = ~belongs & _predicted(z, u, belongs)
+        if not near.any():
+            break
+        belongs |= near
+    return belongs
+
+
+def _predicted(z: np.ndarray, u: np.ndarray, known: np.ndarray) -> np.ndarray:
+    """Which runs lie where those already known let one expect them."""
+    scatter = _most_likely(z[known], u[known])
+    mean, std = _centre(z[known], u[known], scatter)
+    furthest = _quantile(1 - _LEVEL_OF_OUTLIERS / (2 * z.size), int(known.sum()) - 1)
+    return np.abs(z - mean) <= furthest * np.sqrt(scatter**2 + u**2 + std**2)
 
 
 def _mean(z: np.ndarray, u: np.ndarray, scatter: float) -> tuple[float, np.ndarray]:

@@ -24,6 +24,8 @@ _ADEQUATE = 2.0
 _STROKE_SHARE = 0.02
 # Twice the logarithm of odds of 400 to 1.
 DECISIVE = 12.0
+# Noises by which a stop must lie above a non-stop to contradict it.
+_CLEAR = 3.0
 
 
 class Margin(NamedTuple):
@@ -36,6 +38,23 @@ class Margin(NamedTuple):
 
     one_more: float
     one_less: float
+
+
+CONTRADICTED = "differs from stop to stop"
+
+
+class Bracket(NamedTuple):
+    """Where the static coefficient of a Coulomb law lies.
+
+    Attributes:
+        lower, upper: ends of its interval.
+        contradicted: whether the mass stopped or slid at the upper end and moved on at the lower one, by more than the
+            noise: then no one coefficient fits, and static friction takes values all over the interval.
+    """
+
+    lower: float
+    upper: float
+    contradicted: bool
 
 
 def _reversals(problem: Problem, solved: Solved, run: int, forced: bool) -> tuple[np.ndarray, int]:
@@ -149,6 +168,21 @@ def rest_margin(problem: Problem, solved: Solved, run: int) -> Margin | None:
     return Margin(-stop, np.inf if count == 1 and _starts_moving(problem, solved, run) else before)
 
 
+def excess_at_reversals(problem: Problem, solved: Solved, run: int) -> float | None:
+    """Least excess of the spring over static friction where a run that ends in motion moved on, over the stiffness [m].
+
+    Negative where the law would stop the mass inside the record; None where the record shows the stop, where nothing
+    holds the mass, or where the static coefficient is read off these very reversals.
+    """
+    machine, ends_in_motion = solved.settled.machine, int(problem.residual.runs[run].half_cycles) >= NEVER
+    if not (machine.friction.set_valued and ends_in_motion and problem.bracketed is None):
+        return None
+    reversals, _ = _reversals(problem, solved, run, True)
+    moved_on = reversals[int(_starts_moving(problem, solved, run)) : problem.windows[run].strokes + 1]
+    static = float(machine.friction.static_force(machine.normal_force))
+    return float((np.min(_pull(machine, moved_on), initial=np.inf) - static) / machine.stiffness)
+
+
 def _pull(machine: Oscillator, points: np.ndarray) -> np.ndarray:
     """Size of the spring's force at turning points [N]."""
     y = jnp.asarray(points)
@@ -160,7 +194,7 @@ def _starts_moving(problem: Problem, solved: Solved, run: int) -> bool:
     return bool(problem.residual.own_at(solved.settled.values, run)["v0"] != 0)
 
 
-def bracket_static(problem: Problem, solved: Solved) -> tuple[float, float] | None:
+def bracket_static(problem: Problem, solved: Solved) -> Bracket | None:
     """Interval of a Coulomb law's static coefficient: above every stop and the dynamic value, below every non-stop."""
     machine = solved.settled.machine
     if sole_coulomb(machine.friction) is None:
@@ -174,4 +208,6 @@ def bracket_static(problem: Problem, solved: Solved) -> tuple[float, float] | No
         moved_on = pull[int(_starts_moving(problem, solved, run)) : count if stopped else window.strokes]
         upper = min(upper, float(np.min(moved_on, initial=np.inf)))
         lower = max(lower, float(pull[count]) if stopped else 0.0)
-    return lower, upper
+    sigma = max(float(np.median(window.sigma[window.used])) for window in problem.windows)
+    contradicted = lower - upper > _CLEAR * sigma * float(machine.stiffness) / load
+    return Bracket(min(lower, upper), max(lower, upper), contradicted)

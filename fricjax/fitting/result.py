@@ -9,16 +9,18 @@ import jax.numpy as jnp
 import numpy as np
 
 from ..data.errors import UsageError
-from ..oscillator import Oscillator
+from ..oscillator import Oscillator, simulate
 from .covariance import correlation
 from .residual import Run, motion
 from .rest import Margin
 from .settled import Estimate
+from .verdict import optimum_found
 from .whiteness import Whiteness
+from .window import NEVER
 
 
 class FitError(RuntimeError):
-    """A fit that is not valid; the fit itself, as far as it came, is in the attribute `fit`."""
+    """A fit without an optimum, or with one that leaves parameters undetermined; as far as it came it is in `fit`."""
 
     def __init__(self, message: str, fit: "Fit") -> None:
         super().__init__(message)
@@ -34,11 +36,15 @@ class Fit:
         values, std_errors, combined_std_errors: by name, in SI units. The standard errors come from the scatter of the
             samples; the combined ones add the uncertainties of the rig's inputs to first order.
         intervals: 95 % intervals from the statistical standard errors, and for the static coefficient of a Coulomb law
-            the interval between stops and non-stops.
+            the interval between stops and non-stops. Where these contradict each other it is the range over which
+            static friction differs from stop to stop, a flag and a warning say so, and its value is NaN.
         covariance, combined_covariance: shape (p, p); inf where a parameter is undetermined or at a bound.
         units, flags: by name; flags are sentences such as "at bound".
-        converged: converged, finite and of full rank.
-        status: the outcome in words.
+        converged: whether an optimum was found that is finite and of full rank, with no parameter at a bound, and the
+            model describes the record: the residuals of no run are larger than ten times its noise
+            (:data:`.verdict.ADEQUATE`), as stated or as seen in the record.
+        status: the outcome in words, its name before the colon: "converged", "does not describe the record", "at a
+            bound", "undetermined", "out of steps", "stalled" or "not finite".
         warnings: what a reader of the numbers must know, in sentences.
         kinematics: natural frequency, damping ratio, dead band and losses per unit mass, which need no rig.
         chi2, dof, chi2_reduced: sum of squared weighted residuals, degrees of freedom, and their ratio.
@@ -101,6 +107,11 @@ class Fit:
     engine_used: Any
 
     @property
+    def optimum_found(self) -> bool:
+        """Whether an optimum of full rank was found, also where the model misses the record or a bound holds it."""
+        return optimum_found(self.status)
+
+    @property
     def chi2_reduced(self) -> float:
         """Sum of squared weighted residuals per degree of freedom."""
         return self.chi2 / self.dof
@@ -113,17 +124,34 @@ class Fit:
     def predict(self, ts: Any, run: int = 0) -> np.ndarray:
         """What the instrument would read at times `ts` of the record [s], with offset and drift, shape (n,).
 
-        Times before the start of the fitted motion are extrapolated.
+        Times before the start of the fitted motion are extrapolated. Behind the last fitted sample of a record that
+        ends in motion the mass goes on from its state there until the law of `oscillator` stops it.
 
         Raises:
             UsageError: no such run.
         """
         self._check_run(run)
-        own = {name: jnp.asarray(self.own(name, run)) for name in self.runs[run].fixed}
+        data, asked = self.runs[run], np.asarray(ts, float) - self.origins[run]
+        own = {name: jnp.asarray(self.own(name, run)) for name in data.fixed}
         own["t_release"] = own["t_release"] - self.origins[run]
-        t = jnp.asarray(np.asarray(ts, float) - self.origins[run])
-        found = motion(self.engine_used, self.oscillator, own, t, self.runs[run].half_cycles)
-        return np.asarray(found.x + own["offset"] + own["drift"] * t)
+        order = np.argsort(asked)
+        t, end = asked[order], float(np.max(np.asarray(data.t)))
+        # Laws with internal states are integrated in time, which knows no number of half-cycles.
+        goes_on = int(data.half_cycles) >= NEVER and not self.oscillator.friction.n_states
+        late = (t > end) & goes_on
+        times = np.append(np.where(late, end, t), end) if late.any() else t
+        fitted = motion(self.engine_used, self.oscillator, own, times, data.half_cycles)
+        x = np.array(fitted.x)[: t.size]
+        if late.any():
+            x[late] = self._continued(float(fitted.x[-1]), float(fitted.v[-1]), t[late] - end)
+        read = np.empty(t.size)
+        read[order] = x + np.asarray(own["offset"] + own["drift"] * t)
+        return read
+
+    def _continued(self, x0: float, v0: float, after: np.ndarray) -> np.ndarray:
+        """Displacement at times `after` a state, stopped by the law."""
+        times, order = np.unique(after, return_inverse=True)
+        return np.asarray(simulate(self.oscillator, x0, times, v0=v0).x)[order]
 
     def _check_run(self, run: int) -> None:
         if not 0 <= run < len(self.runs):

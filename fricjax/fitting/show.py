@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..show import Table, axis_label, display_unit, engineering, figure, interval, plain, uncertain
+from .rest import CONTRADICTED
 from .verdict import NOTABLE, too_small
 
 if TYPE_CHECKING:
@@ -87,7 +88,8 @@ def _stop(fit: "Fit") -> Iterator[tuple[str, str]]:
             yield "half-cycles", f"{count} to the stop; margin to one more {more}, to one less {less}"
     bracket = fit.intervals.get("mu_s")
     if bracket is not None and "mu_s" not in fit.values and not np.any(np.isnan(bracket)):
-        yield "mu_s", f"between {interval(*bracket)}, from the last stop and non-stop"
+        where = f"{CONTRADICTED}, over" if CONTRADICTED in fit.flags.get("mu_s", ()) else "between"
+        yield "mu_s", f"{where} {interval(*bracket)}, from the last stop and non-stop"
 
 
 def summary(fit: "Fit") -> str:

@@ -1,22 +1,90 @@
-"""What the numbers of a fit are worth: status, flags and warnings in words."""
+"""What a fit came to: its status in words, the flags of its parameters, and how well the model describes the record."""
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from ..data.noise import NORMAL_MAD
+from ..show import engineering
 from .covariance import Covariance
+from .loss import AbstractLoss, Squares
+from .plausible import too_large
 from .problem import Problem
-from .rest import Margin
+from .settled import Settled
 from .solve import Solved
 from .status import NOT_FINITE, OUT_OF_STEPS, STALLED
 from .whiteness import Whiteness
 from .window import Window
 
-_ADEQUATE = 3.0
-_VISIBLE = 0.1
+ADEQUATE = 10.0
+"""Residuals up to this multiple of the noise count as described. It is a convention: standard errors are then too small
+by more than this factor, and what the residuals hold is no longer noise but motion."""
+
+CONVERGED, AT_BOUND, MISFIT = "converged", "at a bound", "does not describe the record"
+_OPTIMA = (CONVERGED, AT_BOUND, MISFIT)
 NOTABLE = 1.5
 # Standard error of a positive quantity, in parts of its value, from which on the record hardly tells it.
 _HARDLY = 0.5
-# Part of the stiffness beyond which no record tells a contact from a rigid one, from which on it counts as such.
-_RIGID = 1 - 1e-6
+# Part of the amplitude that the error of a computed motion may reach, 0.02 nm on 2 mm: a record without noise, as a
+# simulation writes it, is not described more closely.
+_COMPUTED = 1e-8
+
+
+class Misfit(NamedTuple):
+    """The residuals of the run that is described worst, beside its noise.
+
+    Attributes:
+        size: root mean square of its residuals, or with a robust loss their median absolute value over 0.6745, in the
+            unit of the record.
+        noise: its noise, as stated or as seen in the record; `stated`: as stated, inf where its size says nothing.
+        run: its number.
+    """
+
+    size: float
+    noise: float
+    stated: float
+    run: int
+
+    @property
+    def ratio(self) -> float:
+        """Size in units of the noise."""
+        return self.size / self.noise
+
+
+def noise_level(window: Window, relative: bool = False) -> float:
+    """Noise that the residuals of a record are compared with: as stated, or as seen in the record where that is larger.
+
+    Args:
+        window: the fitted part of the record.
+        relative: whether stated noise only weighs the samples against each other, so that its size says nothing.
+    """
+    seen = max(window.segmentation.noise, _COMPUTED * window.segmentation.amplitude)
+    return seen if relative else max(seen, _stated(window))
+
+
+def _stated(window: Window) -> float:
+    return float(np.median(window.sigma[window.used]))
+
+
+def typical(residual: Any, loss: AbstractLoss, mean: Any = np.mean, median: Any = np.median) -> Any:
+    """Typical size of residuals: their root mean square, or with a robust loss what their median says of it."""
+    return mean(residual**2) ** 0.5 if isinstance(loss, Squares) else median(abs(residual)) / NORMAL_MAD
+
+
+def misfit_of(problem: Problem, solved: Solved, relative: bool) -> Misfit:
+    """How large the residuals are beside the noise, in the run where that is the worst."""
+    parts = zip(problem.by_run(solved.survey.residual), problem.windows, strict=True)
+    return worst(problem, [float(typical(part[window.used], problem.loss)) for part, window in parts], relative)
+
+
+def worst(problem: Problem, sizes: Sequence[float], relative: bool = False) -> Misfit:
+    """The run whose weighted residuals, of these typical sizes, are the largest in units of its noise."""
+    found = []
+    for run, (size, window) in enumerate(zip(sizes, problem.windows, strict=True)):
+        stated = _stated(window)
+        found.append(Misfit(size * stated, noise_level(window, relative), np.inf if relative else stated, run))
+    return max(found, key=lambda misfit: misfit.ratio)
 
 
 def too_small(inflation: float) -> str:
@@ -24,19 +92,73 @@ def too_small(inflation: float) -> str:
     return f"standard error too small, about x{inflation:.2g}"
 
 
-def status_of(solved: Solved, covariance: Covariance, names: tuple[str, ...]) -> str:
-    """The outcome in words."""
-    if solved.status == NOT_FINITE:
+def optimum_found(status: str) -> bool:
+    """Whether a status is that of an optimum that determines all parameters not held by a bound."""
+    return status.split(":")[0] in _OPTIMA
+
+
+def status_of(problem: Problem, solved: Solved, covariance: Covariance, misfit: Misfit) -> str:
+    """The outcome in words; what stands before the colon is its name."""
+    if solved.status == NOT_FINITE or not _is_finite(solved.settled):
         return "not finite: the model fails at the start values. Check the law's coefficients and the engine."
     if solved.status == OUT_OF_STEPS:
         return "out of steps: the optimum was not reached. Start nearer, or free fewer parameters."
     if solved.status == STALLED:
         return "stalled: no step improves the fit although the gradient asks for one. Check bounds and the law."
     if not covariance.full_rank:
-        lost = ", ".join(n for n, bad in zip(names, covariance.undetermined, strict=True) if bad)
+        lost = _listed(problem, covariance.undetermined)
         return f"undetermined: the record does not determine {lost}. Fix one of them or record more half-cycles."
-    held = [n for n, bound in zip(names, covariance.at_bound, strict=True) if bound]
-    return f"converged with {', '.join(held)} at a bound" if held else "converged"
+    held = _listed(problem, covariance.at_bound)
+    # A size that is not finite is no description either.
+    if not misfit.ratio <= ADEQUATE:
+        return f"{MISFIT}: {_compared(problem, misfit)}; {_remedy(problem, held)}."
+    if held:
+        return f"{AT_BOUND}: {held}. Widen the bound, fix what it holds, or take a law without it."
+    return CONVERGED
+
+
+def _is_finite(settled: Settled) -> bool:
+    return bool(np.all(np.isfinite(settled.values)))
+
+
+def _listed(problem: Problem, which: np.ndarray) -> str:
+    return ", ".join(name for name, true in zip(problem.names, which, strict=True) if true)
+
+
+def _compared(problem: Problem, misfit: Misfit) -> str:
+    unit = problem.windows[0].quantity
+    size, noise = (engineering(value, unit) for value in (misfit.size, misfit.noise))
+    where = "" if len(problem.windows) == 1 else f" in run {misfit.run}"
+    return f"residuals of {size}{where} are {misfit.ratio:.3g} times the noise of {noise}"
+
+
+def _remedy(problem: Problem, held: str) -> str:
+    """What most likely keeps a model from describing its record."""
+    if any(growth(window) for window in problem.windows):
+        return "its swing grows with time: check the order of the samples"
+    if held:
+        return f"{held} is held at a bound, which may be the reason: widen it"
+    if any(holds_release(window) for window in problem.windows):
+        return "start at the first reversal, behind the transient of the release"
+    return "plot them: choose another law, or look for fringe slips, vibration and drift"
+
+
+def holds_release(window: Window) -> bool:
+    """Whether the stroke from the release to the first reversal is fitted."""
+    reversals, stroke = window.segmentation.turning_times, window.segmentation.half_period
+    return reversals.size > 0 and bool(window.origin < reversals[0] - 0.75 * stroke)
+
+
+def growth(window: Window) -> tuple[float, float] | None:
+    """First and last stroke of a record whose swing grows with time, which no free decay does; None for a decay."""
+    found = window.segmentation
+    strokes = np.abs(np.diff(found.turning_points))
+    if strokes.size < 2:
+        return None
+    first, last = float(strokes[0]), float(strokes[-1])
+    # One in a hundred is more than a beat between modes or the rounding of an encoder makes of a steady swing.
+    grows = last - first > max(6 * found.noise, 0.01 * first) and np.median(np.diff(strokes)) > 0
+    return (first, last) if grows else None
 
 
 def flags_of(problem: Problem, covariance: Covariance, solved: Solved, inflation: float) -> dict[str, tuple[str, ...]]:
@@ -51,6 +173,8 @@ def flags_of(problem: Problem, covariance: Covariance, solved: Solved, inflation
             found.append("undetermined")
         elif parameter.fitted_as != "value" and errors[i] > _HARDLY * values[i]:
             found.append("hardly determined")
+        if too_large(problem, parameter, values[i]):
+            found.append("implausible")
         if values[i] == parameter.start and not covariance.at_bound[i]:
             found.append("at start value")
         if inflation > NOTABLE and not found:
@@ -59,73 +183,7 @@ def flags_of(problem: Problem, covariance: Covariance, solved: Solved, inflation
     return flags
 
 
-def _holds_release(window: Window) -> bool:
-    """Whether the stroke from the release to the first reversal is fitted."""
-    reversals, stroke = window.segmentation.turning_times, window.segmentation.half_period
-    return reversals.size > 0 and bool(window.origin < reversals[0] - 0.75 * stroke)
-
-
 def error_inflation(white: Whiteness, chi2_reduced: float, sigma_mode: str) -> float:
     """Factor by which correlated residuals, and noise larger than stated, make the standard errors too small."""
     excess = max(chi2_reduced, 1.0) if sigma_mode == "absolute" else 1.0
     return float(np.sqrt((1.0 if white.white else white.correlation_time) * excess))
-
-
-def warnings_of(
-    problem: Problem,
-    values: dict[str, float],
-    std_errors: dict[str, float],
-    white: Whiteness,
-    inflation: float,
-    rms: float,
-    margins: tuple[Margin | None, ...],
-    numerical_shift: float,
-) -> tuple[str, ...]:
-    """Sentences that a reader of the numbers must know."""
-    sigma = float(np.median(np.concatenate([w.sigma[w.used] for w in problem.windows])))
-    unit = problem.windows[0].quantity
-    found = []
-    if values.get("damping", 0.0) < -2 * std_errors.get("damping", np.inf):
-        found.append(
-            "The damping is negative: no passive machine has that. It is the fingerprint of a friction law that falls "
-            "with velocity or of a missing term such as drag; bound it at zero or choose another law."
-        )
-    if rms > _ADEQUATE * sigma:
-        found.append(
-            f"The model does not describe the run: its residuals of {rms:.2e} {unit} rms are {rms / sigma:.3g} times "
-            f"the noise of {sigma:.2e} {unit}."
-        )
-        if any(_holds_release(window) for window in problem.windows):
-            found.append(
-                "The window includes the release, whose transient biases friction. Start at the first reversal, which "
-                "is the default."
-            )
-    rigid = [p.name for p in problem.parameters if values[p.name] >= _RIGID * p.rigid]
-    if rigid:
-        found.append(
-            f"The record does not tell the contact from a rigid one, where {' and '.join(rigid)} would be infinite. "
-            "A law without it, such as Coulomb, says the same with fewer coefficients."
-        )
-    if not {"mass", "stiffness"} & {parameter.kind for parameter in problem.parameters}:
-        found.append(
-            "The natural frequency is held fixed, although the trace knows it far better than any calibration. Free "
-            "the stiffness."
-        )
-    if not white.white:
-        found.append(
-            f"The residuals are not white (neighbouring samples correlate by {white.lag_one:.2f}), so the standard "
-            f"errors are too small, by a factor of about {inflation:.2g}."
-        )
-    if numerical_shift > _VISIBLE:
-        found.append(
-            f"The numerical error of the computed motion may move a parameter by {numerical_shift:.2g} standard "
-            "errors. Ask the engine for more accuracy, or choose another engine."
-        )
-    for i, margin in enumerate(margins):
-        if margin is not None and min(margin) < -_ADEQUATE * sigma:
-            which = "" if len(margins) == 1 else f" of run {i}"
-            found.append(
-                f"The law would stop the mass{which} after another number of half-cycles than the record shows "
-                f"(margins {margin.one_more:.2e}, {margin.one_less:.2e} {unit}): static friction or the model is off."
-            )
-    return tuple(found)

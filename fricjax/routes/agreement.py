@@ -153,7 +153,7 @@ def weighted_mean(values: np.ndarray, stds: np.ndarray) -> tuple[float, float, f
 def _by_trace(records: Sequence[Record | Trace], rig: Rig) -> tuple[float, float, int]:
     """Route 1: every trace by itself, from its first reversal."""
     found: BatchFit = fit_batch(records, rig.oscillator(Coulomb(_START)), ("mu", "stiffness"))
-    good = found.converged & np.isfinite(found.std_errors["mu"])
+    good = found.optimum_found & np.isfinite(found.std_errors["mu"])
     if not good.any():
         raise DataError(f"No trace could be fitted. The first: {found.status[0]}")
     mean, std, _ = weighted_mean(*(values[good] for values in _coefficients(found, rig)))

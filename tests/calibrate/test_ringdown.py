@@ -125,7 +125,7 @@ def test_a_term_of_the_wrong_sign_is_told():
 def stub(aicc, **terms):
     """What the choice between fits looks at, every standard error being one."""
     return SimpleNamespace(
-        values=terms, std_errors=dict.fromkeys(terms, 1.0), error_inflation=1.0, converged=True, aicc=aicc
+        values=terms, std_errors=dict.fromkeys(terms, 1.0), error_inflation=1.0, optimum_found=True, aicc=aicc
     )
 
 

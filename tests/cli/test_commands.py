@@ -102,26 +102,44 @@ def test_gaps_are_masked_counted_and_fitted_around(fricjax, tmp_path):
     assert json.loads(fitted.out)["values"]["mu"] == pytest.approx(0.02, rel=1e-5)
 
 
-def test_a_fit_that_is_not_valid_ends_with_three_and_writes_nothing(fricjax, tmp_path, monkeypatch):
-    import dataclasses
-
-    import fricjax.fitting as fitting
-
-    good = fitting.fit
-
-    def spoiled(*arguments, **keywords):
-        return dataclasses.replace(good(*arguments, **keywords), converged=False, status="out of steps: start nearer.")
-
-    monkeypatch.setattr(fitting, "fit", spoiled)
-    words = ("fit", RUN, "--rig", RIG, "--out", tmp_path / "fit.json", "--plot", tmp_path / "fit.png")
+def test_a_fit_that_does_not_describe_its_record_ends_with_three_and_is_written_and_marked(fricjax, tmp_path):
+    """A run with a fringe slip: half a wavelength from the middle of a stroke on."""
+    run = fj.read(RUN)
+    t, x = np.asarray(run.trace.t), np.asarray(run.trace.x)
+    path, files = tmp_path / "slip.csv", {name: tmp_path / f"fit.{name}" for name in ("json", "png")}
+    rows = np.column_stack([t, np.where(np.arange(t.size) < 1500, x, x + 316.4e-9)])
+    np.savetxt(path, rows, delimiter=",", header="Time [s],Displacement [m]", comments="", fmt="%.17g")
+    words = ("fit", path, "--rig", RIG, "--out", files["json"], "--plot", files["png"])
     called = fricjax(*words)
     assert called.code == 3
-    assert "Error: The fit is not valid, out of steps: start nearer. Nothing was written." in called.err
+    assert "Error: The fit has not converged, does not describe the record: residuals of " in called.err
+    assert "status:      does not describe the record: residuals of " in called.out
+    found = fj.load_fit(files["json"])
+    assert not found.converged and found.status.startswith("does not describe the record")
+    assert files["png"].read_bytes().startswith(b"\x89PNG")
     told = fricjax(*words, "--json")
-    assert told.code == 3
     report = json.loads(told.out)
-    assert (report["kind"], report["exit_code"], report["files"]) == ("fit", 3, {})
-    assert list(tmp_path.iterdir()) == []
+    assert (told.code, report["kind"], report["exit_code"], report["converged"]) == (3, "fit", 3, False)
+    assert report["error"] == report["status"] == found.status
+    assert report["files"] == {"fit": str(files["json"]), "picture": str(files["png"])}
+    assert report["values"]["mu"] == found.values["mu"]
+
+
+def test_a_fit_at_a_bound_ends_with_three(fricjax):
+    called = fricjax("fit", RUN, "--rig", RIG, "--bounds", "damping=0.2:0.3", "--json")
+    report = json.loads(called.out)
+    assert (called.code, report["converged"], report["values"]["damping"]) == (3, False, 0.2)
+
+
+def test_a_fit_without_finite_numbers_is_written_without_a_picture(fricjax, tmp_path):
+    """Overdamped, so that there are no half-cycles."""
+    words = ("--rig", RIG, "--free", "mu", "--fix", "damping=1e5")
+    files = ("--out", tmp_path / "fit.json", "--plot", tmp_path / "fit.png")
+    called = fricjax("fit", RUN, *words, *files)
+    assert called.code == 3
+    assert "Error: The fit has not converged, not finite: the model fails at the start values." in called.err
+    assert fj.load_fit(tmp_path / "fit.json").status.startswith("not finite")
+    assert [path.name for path in tmp_path.iterdir()] == ["fit.json"]
 
 
 def test_inspect_tells_and_draws(fricjax, tmp_path):

@@ -78,7 +78,7 @@ def test_a_rigid_contact_is_found_to_be_rigid(law):
     run = run_of(machine, 1.4e-3, np.arange(1200) / 2e3, 5e-9, 0)
     start = Oscillator(PROTOTYPE_MASS, STIFFNESS, 2 * PROTOTYPE_DAMPING, 9.66, law)
     found = fit(run, start, (*MACHINE, "sigma0"))
-    assert found.status == "converged with sigma0 at a bound" and found.numerical_shift <= 0.1
+    assert found.status.startswith("at a bound: sigma0.") and found.optimum_found and found.numerical_shift <= 0.1
     assert found.chi2_reduced == pytest.approx(1.0, abs=0.1)
     assert any("does not tell the contact from a rigid one" in warning for warning in found.warnings)
     for name, value in {"mu": 0.02, "damping": PROTOTYPE_DAMPING, "stiffness": STIFFNESS}.items():

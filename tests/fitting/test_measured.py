@@ -44,6 +44,13 @@ def dry_alone(small) -> float:
     return fit(small, pendulum(), ("mu", "stiffness")).kinematics["friction_deceleration"].value
 
 
+def assert_misses(found: Fit, *parts: str):
+    """The optimum was found, but the residuals are no noise."""
+    assert found.optimum_found and not found.converged
+    for part in ("does not describe the record: residuals of ", *parts):
+        assert part in found.status, found.status
+
+
 def assert_honest(found: Fit):
     """Residuals of an encoder are never white; the fit says so and marks every standard error."""
     assert not found.whiteness.white and found.error_inflation > 10
@@ -55,7 +62,8 @@ def assert_honest(found: Fit):
 
 
 def test_small_swing_with_dry_and_viscous_friction(small_both):
-    assert small_both.converged and small_both.quantity == "rad"
+    assert small_both.quantity == "rad"
+    assert_misses(small_both, " are 11.7 times the noise of 45.3 urad")
     assert small_both.residual_rms <= 6.0e-4
     assert small_both.residual_rms == pytest.approx(5.3e-4, rel=0.03)
     assert small_both.values["mu"] == pytest.approx(0.152, rel=0.03)
@@ -86,18 +94,19 @@ def large_bounded(large) -> Fit:
 
 
 def test_large_swing_with_drag_and_bounded_damping(large_bounded, dry_alone):
-    assert large_bounded.converged and large_bounded.residual_rms <= 8.0e-3
+    assert large_bounded.residual_rms <= 8.0e-3
     assert large_bounded.residual_rms == pytest.approx(7.4e-3, rel=0.03)
     assert large_bounded.kinematics["friction_deceleration"].value == pytest.approx(dry_alone, rel=0.05)
     assert large_bounded.kinematics["drag_rate"].value == pytest.approx(0.0040, rel=0.05)
     assert large_bounded.values["damping"] == 0.0 and large_bounded.flags["damping"] == ("at bound",)
-    assert large_bounded.status == "converged with damping at a bound"
+    assert_misses(large_bounded, "damping is held at a bound, which may be the reason: widen it.")
     assert_honest(large_bounded)
 
 
 def test_large_swing_without_the_bound_warns_of_negative_damping(large, large_bounded):
     found = fit(large, pendulum(drag=0.004), ("mu", "damping", "stiffness", "drag"))
-    assert found.converged and found.residual_rms == pytest.approx(2.8e-3, rel=0.05)
+    assert_misses(found, "choose another law")
+    assert found.residual_rms == pytest.approx(2.8e-3, rel=0.05)
     assert found.values["damping"] == pytest.approx(-0.028, rel=0.1)
     assert found.values["mu"] == pytest.approx(0.234, rel=0.05)
     assert any("The damping is negative" in sentence for sentence in found.warnings)

@@ -69,3 +69,57 @@ def test_a_batch_tells_its_population():
     assert abs(found.mean - 0.05) < 5 * found.std
     with pytest.raises(UsageError, match=r"no 'my'.*mu"):
         batch.population("my")
+
+
+def test_a_clean_sample_hardly_ever_loses_a_run():
+    """About one in a hundred; of 600 samples a binomial count of mean 6."""
+    for n in (4, 20):
+        trimmed = sum(bool(population(*runs(seed, n=n)).outliers) for seed in range(600))
+        assert trimmed <= 16, n
+
+
+def test_runs_read_in_a_wrong_unit_are_set_aside_and_named():
+    z, u = runs(0, n=184)
+    clean = population(z, u)
+    wrong = [3, 50, 77, 180]
+    z[wrong], u[wrong] = 1e3 * z[wrong], 1e3 * u[wrong]
+    found, rest = population(z, u), np.delete(np.arange(184), wrong)
+    assert found.outliers == tuple(wrong) and found.runs == 180
+    assert found[:6] == population(z[rest], u[rest])[:6]
+    assert abs(found.mean - clean.mean) < clean.std / 3
+    assert "over 180 runs" in str(found) and "outliers set aside: runs 3, 50, 77, 180" in str(found)
+
+
+@pytest.mark.parametrize("n", [6, 12, 60])
+def test_intervals_cover_as_they_say_beside_outliers(n):
+    """A third of the runs, less one, lie ten to a hundred times the scatter off, to one side."""
+    found = []
+    for seed in range(300):
+        random = np.random.default_rng(1000 + seed)
+        z, u = runs(seed, n=n, scatter=2e-3)
+        u = np.minimum(u, 5e-4)
+        z = 0.05 + 2e-3 * random.standard_normal(n) + u * random.standard_normal(n)
+        far = n // 3 - 1
+        z[:far] += 2e-3 * random.uniform(20, 100, far)
+        found.append(population(z, u))
+    mean = np.mean([p.interval[0] <= 0.05 <= p.interval[1] for p in found])
+    assert 0.90 <= mean <= 0.99
+
+
+def test_few_runs_that_scatter_keep_all_of_them():
+    """Two near each other and one apart are no reason to drop the third."""
+    found = population(np.array([0.05, 0.0501, 0.06, 0.057]), np.full(4, 1e-6))
+    assert found.outliers == () and found.runs == 4
+
+
+def test_runs_that_have_not_converged_are_left_out_unless_they_are_asked_for():
+    """Two of four runs have lost a fringe in the middle of a stroke."""
+    good = [coulomb_run(x0, seed=i) for i, x0 in enumerate((2e-3, 1.8e-3))]
+    slipped = [fj.Trace(run.t, np.where(np.arange(run.n) < 500, run.x, run.x + 316.4e-9)) for run in good]
+    batch = fj.fit_batch([*good, *slipped], oscillator(RIGS["sliding"], "Coulomb"), ("mu", "damping", "stiffness"))
+    assert batch.converged.tolist() == [True, True, False, False]
+    with pytest.raises(DataError, match=r"got 2\. 2 have not converged though .* only_converged=False counts them"):
+        batch.population("mu")
+    assert batch.population("mu", only_converged=False).runs == 4
+    three = fj.fit_batch([*good, coulomb_run(2.4e-3), slipped[0]], oscillator(RIGS["sliding"], "Coulomb"), ("mu",))
+    assert three.population("mu").left_out == (3,)

@@ -10,7 +10,8 @@ import pytest
 
 from fricjax import Fit, Oscillator, Record, Trace, fit, load_fit, simulate
 from fricjax.data import DataError, UsageError
-from fricjax.fitting.verdict import warnings_of
+from fricjax.fitting.remarks import warnings_of
+from fricjax.fitting.verdict import Misfit
 from fricjax.friction import Coulomb
 from fricjax.oscillator import Exact, Hybrid, Smooth
 from fricjax.oscillator.engines import Span
@@ -101,7 +102,8 @@ def test_the_engine_of_a_fit_comes_back_as_it_was(found, tmp_path, engine):
 def test_a_numerical_error_that_shows_is_warned_of(found):
     told = functools.partial(warnings_of, posed(coulomb_run(), found.oscillator, MACHINE), found.values)
     sentences = [
-        told(found.std_errors, found.whiteness, 1.0, found.residual_rms, found.margins, shift) for shift in (0.09, 0.32)
+        told(found.std_errors, Misfit(1e-9, 1e-9, 1e-9, 0), found.whiteness, 1.0, found.margins, (None,), None, shift)
+        for shift in (0.09, 0.32)
     ]
     assert not any("numerical error" in sentence for sentence in sentences[0])
     assert any("may move a parameter by 0.32 standard errors. Ask the engine" in sentence for sentence in sentences[1])
@@ -154,11 +156,12 @@ def test_a_save_that_fails_leaves_nothing(found, tmp_path):
 
 def test_the_summary_says_what_a_reader_needs(found):
     text = found.summary()
+    assert found.status.startswith("does not describe the record: residuals of ") and not found.converged
     for line in (
         "Parameter",
         "natural frequency",
         "at bound",
-        "status:      converged with damping at a bound",
+        f"status:      {found.status}",
         "Coulomb friction, linear restoring force, exact engine",
         "4 to the stop; margin to one more",
         "mu_s:        between [",
@@ -172,7 +175,7 @@ def test_the_summary_says_what_a_reader_needs(found):
 def test_the_html_report_holds_the_same(found):
     page = found._repr_html_()
     assert page.count("<table") == 3
-    for part in ("stiffness", "at bound", "converged with damping at a bound", "dead band", "numerical errors move no"):
+    for part in ("stiffness", "at bound", "damping is held at a bound", "dead band", "numerical errors move no"):
         assert part in page, part
 
 

@@ -1,0 +1,156 @@
+"""What a reader of the numbers of a fit must know, in sentences."""
+
+from collections.abc import Iterator, Mapping
+
+import numpy as np
+
+from ..show import engineering, plain
+from .plausible import implausible
+from .problem import Problem
+from .rest import Bracket, Margin
+from .verdict import Misfit, growth, holds_release
+from .whiteness import Whiteness
+
+# Misfit in units of the noise, and numerical error in standard errors, from which on they are told.
+_NOTICED, _VISIBLE = 3.0, 0.1
+# Part of the stiffness beyond which no record tells a contact from a rigid one, from which on it counts as such.
+_RIGID = 1 - 1e-6
+
+
+def warnings_of(
+    problem: Problem,
+    values: Mapping[str, float],
+    std_errors: Mapping[str, float],
+    misfit: Misfit,
+    white: Whiteness,
+    inflation: float,
+    margins: tuple[Margin | None, ...],
+    excesses: tuple[float | None, ...],
+    bracket: Bracket | None,
+    numerical_shift: float,
+) -> tuple[str, ...]:
+    """All that must be known of a fit.
+
+    Args:
+        problem: the problem that was solved.
+        values: fitted values by name.
+        std_errors: their standard errors.
+        misfit: its residuals beside its noise.
+        white: whether its residuals are white.
+        inflation: factor by which its standard errors are too small.
+        margins: for each run the distance to another number of half-cycles.
+        excesses: for each run that ends in motion what the law leaves for it to move on.
+        bracket: interval of the static coefficient of a Coulomb law.
+        numerical_shift: how far numerical errors can have moved any parameter, in its standard errors.
+    """
+    return (
+        *remarks_on(problem, values, std_errors, misfit),
+        *_on_the_model(problem, values),
+        *_on_the_errors(white, inflation, numerical_shift),
+        *_on_the_rest(problem, margins, excesses),
+        *_on_static_friction(bracket),
+    )
+
+
+def remarks_on(
+    problem: Problem, values: Mapping[str, float], std_errors: Mapping[str, float], misfit: Misfit
+) -> Iterator[str]:
+    """What the record and the fitted values tell by themselves, also of a run among many."""
+    unit = problem.windows[0].quantity
+    yield from implausible(problem, values)
+    yield from _on_growth(problem)
+    if values.get("damping", 0.0) < -2 * std_errors.get("damping", np.inf):
+        yield (
+            "The damping is negative: no passive machine has that. It is the fingerprint of a friction law that falls "
+            "with velocity or of a missing term such as drag; bound it at zero or choose another law."
+        )
+    size = f"{misfit.size:.2e} {unit} rms"
+    if misfit.ratio > _NOTICED:
+        yield (
+            f"The model does not describe the run: its residuals of {size} are {misfit.ratio:.3g} times the noise of "
+            f"{misfit.noise:.2e} {unit}."
+        )
+        if any(holds_release(window) for window in problem.windows):
+            yield (
+                "The window includes the release, whose transient biases friction. Start at the first reversal, which "
+                "is the default."
+            )
+    elif misfit.size > _NOTICED * misfit.stated:
+        yield (
+            f"The noise is larger than stated: the residuals of {size} are {misfit.size / misfit.stated:.3g} times the "
+            f"stated {misfit.stated:.2e} {unit}, and so is the noise that the record itself shows."
+        )
+
+
+def _on_growth(problem: Problem) -> Iterator[str]:
+    for i, window in enumerate(problem.windows):
+        grown = growth(window)
+        if grown is not None:
+            first, last = (engineering(stroke, window.quantity) for stroke in grown)
+            yield (
+                f"The swing{_of_run(i, problem)} grows with time, from strokes of {first} to {last}, which no free "
+                "decay does: is the time in reverse, or is the mass driven?"
+            )
+
+
+def _on_the_model(problem: Problem, values: Mapping[str, float]) -> Iterator[str]:
+    rigid = [p.name for p in problem.parameters if values[p.name] >= _RIGID * p.rigid]
+    if rigid:
+        yield (
+            f"The record does not tell the contact from a rigid one, where {' and '.join(rigid)} would be infinite. "
+            "A law without it, such as Coulomb, says the same with fewer coefficients."
+        )
+    if not {"mass", "stiffness"} & {parameter.kind for parameter in problem.parameters}:
+        yield (
+            "The natural frequency is held fixed, although the trace knows it far better than any calibration. Free "
+            "the stiffness."
+        )
+
+
+def _on_the_errors(white: Whiteness, inflation: float, numerical_shift: float) -> Iterator[str]:
+    if not white.white:
+        yield (
+            f"The residuals are not white (neighbouring samples correlate by {white.lag_one:.2f}), so the standard "
+            f"errors are too small, by a factor of about {inflation:.2g}."
+        )
+    if numerical_shift > _VISIBLE:
+        yield (
+            f"The numerical error of the computed motion may move a parameter by {numerical_shift:.2g} standard "
+            "errors. Ask the engine for more accuracy, or choose another engine."
+        )
+
+
+def _on_the_rest(
+    problem: Problem, margins: tuple[Margin | None, ...], excesses: tuple[float | None, ...]
+) -> Iterator[str]:
+    """Whether the law stops the mass where the record does."""
+    sigma = float(np.median(np.concatenate([w.sigma[w.used] for w in problem.windows])))
+    unit = problem.windows[0].quantity
+    for i, margin in enumerate(margins):
+        if margin is not None and min(margin) < -_NOTICED * sigma:
+            yield (
+                f"The law would stop the mass{_of_run(i, problem)} after another number of half-cycles than the record "
+                f"shows (margins {margin.one_more:.2e}, {margin.one_less:.2e} {unit}): static friction or the model is "
+                "off."
+            )
+    for i, excess in enumerate(excesses):
+        if excess is not None and excess < -_NOTICED * sigma:
+            yield (
+                f"The law would stop the mass{_of_run(i, problem)} inside the record, which shows it moving to the "
+                f"end: at a reversal the spring lacks {-excess:.2e} {unit} to overcome static friction. Static "
+                "friction or the model is off."
+            )
+
+
+def _on_static_friction(bracket: Bracket | None) -> Iterator[str]:
+    if bracket is not None and bracket.contradicted:
+        low, high = plain(bracket.lower, 4), plain(bracket.upper, 4)
+        yield (
+            "No static coefficient agrees with all stops: the dynamic coefficient and the stops ask for at least "
+            f"{high}, but the mass moved on where it must be below {low}. Static friction differs from stop to stop, "
+            "or a stop is misread; no value was put into the oscillator."
+        )
+
+
+def _of_run(number: int, problem: Problem) -> str:
+    return "" if len(problem.windows) == 1 else f" of run {number}"

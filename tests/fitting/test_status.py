@@ -1,0 +1,156 @@
+"""A fit has converged only where its model describes the record; all other outcomes have a name and are returned."""
+
+import numpy as np
+import pytest
+
+from fricjax import Fit, Record, Trace, compare, fit, fit_batch, load_fit, multistart
+from fricjax.fitting.verdict import ADEQUATE
+from tests.fitting.runs import MACHINE, RIGS, STIFFNESS, coulomb_run, oscillator
+from tests.oracles import coulomb_viscous
+
+MODEL = oscillator(RIGS["sliding"], "Coulomb")
+NOISE = 1e-9
+# A fringe of a helium-neon laser, half its wavelength.
+FRINGE = 316.4e-9
+MISFIT = "does not describe the record: residuals of "
+
+
+def altered(change, **settings) -> Trace:
+    """The sliding run with its displacements changed, after the noise."""
+    run = coulomb_run()
+    return Trace(run.t, change(np.array(run.x)), **{"sigma": NOISE, **settings})
+
+
+def slipped(at: int = 500, size: float = FRINGE, **settings) -> Trace:
+    """A fringe is lost at the sample `at`, in mid-stroke."""
+    return altered(lambda x: np.where(np.arange(x.size) < at, x, x + size), **settings)
+
+
+def reversed_in_time() -> Trace:
+    return altered(lambda x: x[::-1])
+
+
+def with_outliers() -> Trace:
+    """Every hundredth sample is 100 um off."""
+    return altered(lambda x: x + 1e-4 * (np.arange(x.size) % 100 == 50))
+
+
+def seen(found: Fit) -> np.ndarray:
+    return found.residuals[np.isfinite(found.residuals)]
+
+
+def assert_named(found: Fit, name: str, *parts: str):
+    """Not converged, though its optimum was found and it was returned: `fit` was not told to keep from raising."""
+    assert not found.converged and found.optimum_found
+    assert found.status.startswith(name), found.status
+    for part in parts:
+        assert part in found.status
+    assert found.status in found.summary()
+    assert np.all(np.isfinite(list(found.values.values())))
+
+
+def test_a_fringe_slip_has_not_converged():
+    found = fit(slipped(), MODEL, MACHINE)
+    assert found.chi2_reduced > 1e3
+    ratio = np.sqrt(np.mean(seen(found) ** 2)) / NOISE
+    assert_named(found, MISFIT, f" are {ratio:.3g} times the noise of 1 nm; ", "fringe slips")
+
+
+def test_a_record_in_reversed_time_has_not_converged_and_is_recognised():
+    found = fit(reversed_in_time(), MODEL, MACHINE)
+    assert_named(found, MISFIT, "its swing grows with time: check the order of the samples.")
+    (sentence,) = (told for told in found.warnings if "The swing grows with time" in told)
+    assert "is the time in reverse, or is the mass driven?" in sentence
+    # The strokes of this run, in the order of this record: 0.53 mm after the rest, and 3.62 mm before its end.
+    assert not any("grows" in told for told in fit(coulomb_run(), MODEL, MACHINE).warnings)
+
+
+def test_a_bound_that_keeps_the_model_from_the_record_has_not_converged():
+    found = fit(coulomb_run(), MODEL, MACHINE, bounds={"mu": (0.1, None)})
+    assert found.chi2_reduced > 1e8 and found.values["mu"] == 0.1
+    assert_named(found, MISFIT, "mu is held at a bound, which may be the reason: widen it.")
+
+
+def test_a_bound_next_to_the_optimum_is_named():
+    plain = fit(coulomb_run(), MODEL, MACHINE)
+    bound = plain.values["damping"] + 2 * plain.std_errors["damping"]
+    found = fit(coulomb_run(), MODEL, MACHINE, bounds={"damping": (bound, None)})
+    assert found.chi2_reduced < 1.1
+    assert_named(found, "at a bound: damping. Widen the bound, fix what it holds")
+
+
+@pytest.mark.parametrize(("multiple", "described"), [(0.95 * ADEQUATE, True), (1.05 * ADEQUATE, False)])
+def test_the_multiple_of_the_noise_is_what_is_stated(multiple, described):
+    """The same residuals beside a stated noise just above and just below a tenth of them."""
+    rms = float(np.sqrt(np.mean(seen(fit(slipped(), MODEL, MACHINE)) ** 2)))
+    found = fit(slipped(sigma=rms / multiple), MODEL, MACHINE)
+    assert np.sqrt(found.chi2 / seen(found).size) == pytest.approx(multiple, rel=1e-3)
+    assert found.converged == described
+    assert any("does not describe the run" in told for told in found.warnings)
+
+
+@pytest.mark.parametrize("mode", ["scale", "estimate"])
+def test_noise_that_is_only_relative_is_compared_with_what_the_record_shows(mode):
+    assert fit(altered(lambda x: x, sigma=1.0), MODEL, MACHINE, sigma_mode=mode).converged
+    assert_named(fit(slipped(sigma=1.0), MODEL, MACHINE, sigma_mode=mode), MISFIT, "times the noise of ")
+
+
+def test_a_noise_stated_too_small_is_no_misfit():
+    found = fit(altered(lambda x: x, sigma=1e-11), MODEL, MACHINE)
+    assert found.converged and found.chi2_reduced > 5e3
+    assert any("The noise is larger than stated" in told for told in found.warnings)
+
+
+def test_a_record_without_noise_is_described_by_its_model():
+    """What is left is rounding, which is far larger than the noise that its differences show."""
+    t = np.arange(2000) / 5e3
+    clean = coulomb_viscous(t, 2e-3, frequency=12.6, zeta=0.0027, dead_band=0.05 * 9.66 / STIFFNESS).x
+    found = fit(Trace(t, clean), MODEL, MACHINE)
+    assert found.converged and found.residual_rms < 1e-12
+
+
+def test_outliers_are_no_misfit_under_a_robust_loss():
+    squares = fit(with_outliers(), MODEL, MACHINE)
+    assert_named(squares, MISFIT)
+    robust = fit(with_outliers(), MODEL, MACHINE, loss="cauchy")
+    assert robust.converged and abs(robust.values["mu"] - 0.05) < 4 * robust.std_errors["mu"]
+    assert not any("does not describe" in told for told in robust.warnings)
+    assert_named(fit(reversed_in_time(), MODEL, MACHINE, loss="cauchy", throw=False), MISFIT)
+
+
+def test_of_several_runs_the_one_that_is_not_described_is_named():
+    """In the root mean square of all samples it would not show."""
+    runs = [coulomb_run(seed=seed) for seed in range(3)]
+    found = fit([*runs, slipped(size=45e-9)], MODEL, MACHINE)
+    assert found.residual_rms < ADEQUATE * NOISE
+    assert_named(found, MISFIT, " in run 3 are ")
+
+
+def test_a_batch_says_the_same():
+    runs = [coulomb_run(), slipped(), reversed_in_time(), coulomb_run(seed=3)]
+    batch = fit_batch(runs, MODEL, MACHINE)
+    alone = [fit(run, MODEL, MACHINE) for run in runs]
+    assert batch.converged.tolist() == [found.converged for found in alone] == [True, False, False, True]
+    assert batch.optimum_found.tolist() == [True] * 4
+    assert [status.split(":")[0] for status in batch.status] == [found.status.split(":")[0] for found in alone]
+    assert batch.status[1] == alone[1].status
+    assert any("The swing grows with time" in told for told in batch.warnings[2]) and not batch.warnings[0]
+    table = batch.to_dataframe()
+    assert table["converged"].tolist() == batch.converged.tolist()
+    assert "is the time in reverse" in table["warnings"][2]
+    robust = fit_batch([with_outliers(), slipped()], MODEL, MACHINE, loss="cauchy")
+    assert robust.converged[0]
+
+
+def test_a_saved_fit_keeps_its_status(tmp_path):
+    found = fit(Record(slipped()), MODEL, MACHINE)
+    back = load_fit(found.save(tmp_path / "fit.json"))
+    assert (back.converged, back.optimum_found, back.status) == (False, True, found.status)
+
+
+def test_comparison_and_multistart_say_the_same():
+    told = compare(slipped(), [MODEL, oscillator(RIGS["sliding"], "Coulomb")], [MACHINE, ("mu", "stiffness")])
+    assert not told.best.converged and not any(row.valid for row in told.rows) and all(row.ended for row in told.rows)
+    assert "Coulomb 1 has not converged, does not describe the record" in told.summary()
+    best = multistart(slipped(), MODEL, MACHINE, starts=2).best
+    assert_named(best, MISFIT)
