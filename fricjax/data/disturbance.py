@@ -32,12 +32,14 @@ class Disturbance(NamedTuple):
 
     - `total`: standard deviation of all of it; `white`: of its white part.
     - `step`: step of the quantisation, 0.0 for none.
+    - `drift`: slope of x over the rest [1/s], 0.0 where the rest is shorter than a cycle.
     - `lines`: frequency [Hz] and amplitude of each hum that stands out of the rest.
     """
 
     total: float
     white: float
     step: float
+    drift: float
     lines: tuple[tuple[float, float], ...]
 
 
@@ -49,8 +51,10 @@ def disturbance(swing: Swing, strokes: Strokes) -> Disturbance:
     parts = [(value, weight) for value, weight in zip((moving, resting), weights, strict=True) if value is not None]
     variance = sum(value * weight for value, weight in parts) / max(sum(weight for _, weight in parts), 1)
     total = max(float(np.sqrt(variance)), swing.noise) if parts else swing.noise
-    lines = _lines(swing, float(strokes.turns[-1])) if strokes.stopped else ()
-    return Disturbance(total, swing.noise, swing.resolution, lines)
+    if not strokes.stopped:
+        return Disturbance(total, swing.noise, swing.resolution, 0.0, ())
+    stop = float(strokes.turns[-1])
+    return Disturbance(total, swing.noise, swing.resolution, _drift(swing, stop), _lines(swing, stop))
 
 
 def _moving(swing: Swing, turns: np.ndarray) -> float | None:
@@ -89,6 +93,15 @@ def _resting(swing: Swing, stop: float) -> float | None:
         left = y - (u @ y) / (u @ u) * u
         found.append(float(left @ left) / (u.size - 2))
     return float(np.median(found)) if found else None
+
+
+def _drift(swing: Swing, stop: float) -> float:
+    begin = int(np.searchsorted(swing.t, stop + RINGS * swing.half_period))
+    t, x = swing.t[begin:], swing.x[begin:]
+    if t.size < 8 or t[-1] - t[0] < STRETCH * swing.half_period:
+        return 0.0
+    u = t - t.mean()
+    return float((u @ (x - x.mean())) / (u @ u))
 
 
 def rest_spectrum(t: np.ndarray, x: np.ndarray, stop: float, half_period: float) -> tuple[np.ndarray, np.ndarray]:

@@ -47,6 +47,7 @@ class Segmentation:
     - `half_period`: median duration of a stroke. `cycles`: `n_half_cycles / 2`.
     - `white_noise`: the part of the noise that neighbouring samples do not share.
     - `lines`: frequency [Hz] and amplitude of each hum that stands out of the spectrum of the rest.
+    - `drift`: slope of x over the rest [1/s], 0.0 where the rest is shorter than a cycle.
     - `open`: how many half-cycles more or less the record leaves possible, such as `(-1, 1)`; empty where it is sure.
     """
 
@@ -62,6 +63,7 @@ class Segmentation:
     half_period: float
     white_noise: float = 0.0
     lines: tuple[tuple[float, float], ...] = ()
+    drift: float = 0.0
     open: tuple[int, ...] = ()
 
     @property
@@ -116,7 +118,7 @@ def segment(t: Any, x: Any, sigma: Any = None, mask: Any = None) -> Segmentation
     # Smoothing takes nothing from noise that is slow.
     slow = 10.0 * float(np.sqrt(max(seen.total**2 - noise**2, 0.0)))
     swing = dataclasses.replace(swing, noise=seen.total, threshold=max(swing.threshold, slow))
-    return dataclasses.replace(_assemble(swing, strokes), white_noise=seen.white, lines=seen.lines)
+    return dataclasses.replace(_assemble(swing, strokes), white_noise=seen.white, lines=seen.lines, drift=seen.drift)
 
 
 def _used_samples(t: Any, x: Any, mask: Any) -> tuple[np.ndarray, np.ndarray]:

@@ -70,6 +70,7 @@ def remarks_on(
             f"The model does not describe the run: its residuals of {size} are {misfit.ratio:.3g} times the noise of "
             f"{misfit.noise:.2e} {unit}."
         )
+        yield from _on_drift(problem, misfit)
         if any(holds_release(window) for window in problem.windows):
             yield (
                 "The window includes the release, whose transient biases friction. Start at the first reversal, which "
@@ -79,6 +80,17 @@ def remarks_on(
         yield (
             f"The noise is larger than stated: the residuals of {size} are {misfit.size / misfit.stated:.3g} times the "
             f"stated {misfit.stated:.2e} {unit}, and so is the noise that the record itself shows."
+        )
+
+
+def _on_drift(problem: Problem, misfit: Misfit) -> Iterator[str]:
+    window = problem.windows[misfit.run]
+    unit, speed = window.quantity, window.segmentation.drift
+    far = abs(speed) * float(np.ptp(np.asarray(window.trace.t)[window.used]))
+    if far > _NOTICED * misfit.noise and "drift" not in window.nuisances:
+        yield (
+            f"The record drifts at rest by {engineering(speed, f'{unit}/s')}, over the fitted window by "
+            f"{engineering(far, unit)}: free that too, nuisance={[*window.nuisances, 'drift']}."
         )
 
 

@@ -18,7 +18,7 @@ from .problem import Problem
 from .residual import motion
 from .solve import Solved, solve
 from .whiteness import whiteness
-from .window import NEVER
+from .window import NEVER, Window
 
 _ADEQUATE = 2.0
 _STROKE_SHARE = 0.02
@@ -97,14 +97,21 @@ def _is_better(problem: Problem, rival: Problem, solved: Solved, other: Solved) 
     """Whether another number of half-cycles describes the record better, against the record's own word if need be.
 
     Where the record leaves that number open the smaller chi^2 decides; where it is sure, the gain must exceed what
-    residuals of that size and correlation owe to chance.
+    noise as correlated as the residuals, and the drift that the rest shows, could make of it.
     """
     gain = solved.chi2 - other.chi2
     pairs = zip(problem.windows, _counts(problem), _counts(rival), strict=True)
     if all(b == a or b - a in window.segmentation.open for window, a, b in pairs):
         return gain > 0
     correlated = max(whiteness(part).correlation_time for part in rival.by_run(other.survey.residual))
-    return gain > DECISIVE * other.chi2 / rival.n_used * correlated
+    return gain > DECISIVE * correlated * max(map(_unexplained, problem.windows))
+
+
+def _unexplained(window: Window) -> float:
+    """Variance of what is in a record beside its motion, in units of that which the samples are weighted with."""
+    found, t = window.segmentation, np.asarray(window.trace.t)[window.used]
+    drift = 0.0 if "drift" in window.nuisances else found.drift * (t[-1] - t[0]) / np.sqrt(12)
+    return float((found.noise**2 + drift**2) / np.median(window.sigma[window.used]) ** 2)
 
 
 def _counts(problem: Problem) -> tuple[int, ...]:
