@@ -45,12 +45,10 @@ class Disturbance(NamedTuple):
 
 def disturbance(swing: Swing, strokes: Strokes) -> Disturbance:
     """The noise of a record whose strokes are known."""
-    moving, count = _moving(swing, strokes.turns), int(np.searchsorted(swing.t, strokes.turns[-1]))
-    resting = _resting(swing, float(strokes.turns[-1])) if strokes.stopped else None
-    weights = [count, swing.t.size - count]
-    parts = [(value, weight) for value, weight in zip((moving, resting), weights, strict=True) if value is not None]
-    variance = sum(value * weight for value, weight in parts) / max(sum(weight for _, weight in parts), 1)
-    total = max(float(np.sqrt(variance)), swing.noise) if parts else swing.noise
+    parts = [_moving(swing, strokes.turns), _resting(swing, float(strokes.turns[-1])) if strokes.stopped else None]
+    seen = np.array([variance for variance in parts if variance is not None])
+    # The larger one counts, for slow noise hides in the motion and jitter in the rest; of two like ones their mean.
+    total = max(float(np.mean(seen**4) ** (1 / 8)), swing.noise) if seen.size else swing.noise
     if not strokes.stopped:
         return Disturbance(total, swing.noise, swing.resolution, 0.0, ())
     stop = float(strokes.turns[-1])

@@ -108,8 +108,7 @@ def segment(t: Any, x: Any, sigma: Any = None, mask: Any = None) -> Segmentation
     width = int(per_half_cycle // 16) | 1 if per_half_cycle >= 48 else 1
     # Noise alone spans ten standard deviations in a long rest, less after smoothing.
     visible = max(10.0 * noise / width**0.5, 2.0 * step, 1e-7 * float(np.ptp(x)))
-    bent = (np.pi / per_half_cycle) ** 2 * float(np.ptp(x)) / 4
-    x = without_spikes(x, max(noise, step), bent, int(per_half_cycle))
+    x = without_spikes(x, max(noise, step), int(per_half_cycle))
     swing = Swing(t, x, smooth(x, width), noise, step, max(visible, 6.0 * noise), half_period, between)
     strokes = find_strokes(swing, visible)
     if strokes is None:

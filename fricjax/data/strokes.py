@@ -29,13 +29,15 @@ STANDS_OUT, TOGETHER = 5.0, 3
 GROWTH = 1.3
 # Strokes from the pole on that may last any time, for a hand may lead or hold the mass.
 STEADY = 3
+# Strokes over which a swing falls below this part of itself, and a hum stays above that.
+HUMS, FELL, STEADILY = 3, 0.75, 0.9
 # Standard errors within which a period does not depend on the amplitude; durations that can tell it.
 ISOCHRONOUS, DURATIONS = 4.0, 6
 # Averages per stroke that tell its size; variance beside a half-cosine, as a part of what the rest has at most, at
 # which a contact rings.
 PER_STROKE, RINGING = 256, 4.0
 # Part of a stroke that is left of it and the next half-period together, below which it is a creep.
-CREPT = 0.5
+CREPT = 0.35
 # Part of a half-period behind the last reversal from which a rest can be told from a turn.
 SHORTEST_REST = 0.25
 # Speed of a creep, as a part of the peak speed of the last stroke.
@@ -210,7 +212,14 @@ def _decaying(size: np.ndarray, floor: np.ndarray, large: int) -> int:
     """How many strokes from the first on go to and fro and shrink."""
     grown = size[large:] > GROWTH * size[large - 1 : -1] + STANDS_OUT * floor[large:]
     wrong = np.flatnonzero(grown | (size[large:] < -STANDS_OUT * floor[large:]))
-    return large + int(wrong[0]) if wrong.size else size.size
+    if wrong.size:
+        return large + int(wrong[0])
+    # A hum at the natural frequency goes to and fro for ever, and does not shrink where the swing did.
+    if large <= HUMS or size.size < large + 2 * HUMS:
+        return size.size
+    level, before = (float(np.mean(size[-n * HUMS :][:HUMS])) for n in (1, 2))
+    hums = size[large - 1] < FELL * size[large - 1 - HUMS] and level > STEADILY * before
+    return large + int(np.argmax(size[large:] < 2 * level)) if hums else size.size
 
 
 def _scatter(pairs: np.ndarray, floor: np.ndarray) -> np.ndarray:

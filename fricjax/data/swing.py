@@ -39,14 +39,13 @@ class Swing:
         return float(abs(self.smoothed[end] - self.smoothed[begin]))
 
 
-def without_spikes(x: np.ndarray, noise: float, bent: float, stretch: int) -> np.ndarray:
+def without_spikes(x: np.ndarray, noise: float, stretch: int) -> np.ndarray:
     """The record with samples far off their neighbours replaced by the line between those about them.
 
     Args:
         x: positions, shape `(n,)`.
         noise: standard deviation of a sample at least.
-        bent: what the motion itself deviates by at most.
-        stretch: samples over which a deviation is judged by the median one.
+        stretch: samples of a half-cycle, over which a deviation is judged by the median one.
     """
     if stretch < DENSE or x.size < 2 * stretch:
         return x
@@ -56,7 +55,9 @@ def without_spikes(x: np.ndarray, noise: float, bent: float, stretch: int) -> np
     np.abs(off, out=off)
     number = off.size // stretch
     usual = np.median(off[: number * stretch].reshape(number, stretch), axis=1)
-    bound = np.maximum(SPIKE * np.maximum(usual, noise), 2 * bent)
+    # A motion that starts or ends within a stretch is curved as in the next one.
+    usual = np.maximum(usual, np.maximum(np.append(usual[1:], 0.0), np.insert(usual[:-1], 0, 0.0)))
+    bound = SPIKE * np.maximum(usual, noise)
     above = off[: number * stretch].reshape(number, stretch) > bound[:, None]
     spikes = 1 + np.flatnonzero(np.append(above, off[number * stretch :] > bound[-1]))
     if not spikes.size or spikes.size > FEW_SPIKES * x.size:

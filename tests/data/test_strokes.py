@@ -1,0 +1,167 @@
+"""The stop in records as instruments write them, against closed-form decays whose strokes are known."""
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from fricjax.data import disturbance, segment, strokes, swing
+from tests.oracles import Machine, coulomb_viscous, slide
+
+RATE, FREQUENCY = 2500.0, 12.6
+RUNS = 12
+
+
+def coloured(rho, size):
+    return lambda t, random: lfilter([np.sqrt(1 - rho**2)], [1, -rho], size * random.standard_normal(t.size))
+
+
+def hum(frequency, size):
+    return lambda t, random: (
+        size * np.sin(2 * np.pi * (frequency * t + random.uniform())) + 1e-9 * random.standard_normal(t.size)
+    )
+
+
+def ringing(t, random):
+    omega = 2 * np.pi * random.uniform(60, 300)
+    return 20e-9 * np.exp(-0.01 * omega * t) * np.sin(omega * t) + 1e-9 * random.standard_normal(t.size)
+
+
+# Each of 20 nm and more at a release of a millimetre or two; the last strokes are micrometres and more.
+NOISES = {
+    "white": lambda t, random: 20e-9 * random.standard_normal(t.size),
+    "coloured": coloured(0.9, 20e-9),
+    "slow": coloured(0.99, 100e-9),
+    "random walk": lambda t, random: np.cumsum(5e-9 * random.standard_normal(t.size)),
+    "hum": hum(50.0, 1e-7),
+    "hum at the natural frequency": hum(FREQUENCY, 1e-7),
+    "mode": ringing,
+    "drift": lambda t, random: 10e-6 * t + 20e-9 * random.standard_normal(t.size),
+    "spikes": lambda t, random: (
+        np.where(random.uniform(size=t.size) < 0.01, 1e-5, 1e-9) * random.standard_normal(t.size)
+    ),
+}
+
+
+def decay(seed, rest=0.4):
+    """About twelve strokes to a stop that is no close call, from a random release about a random equilibrium."""
+    random = np.random.default_rng(seed)
+    while True:
+        x0 = random.uniform(0.8e-3, 2.6e-3)
+        t = np.arange(0, x0 / 2.4e-3 + rest, 1 / RATE) + random.uniform() / RATE
+        offset = random.uniform(-1e-3, 1e-3)
+        exact = coulomb_viscous(t, x0 + offset, frequency=FREQUENCY, zeta=0.0027, dead_band=4e-5, offset=offset)
+        if abs(np.diff(exact.points)[-1]) > 5e-6:
+            return exact
+
+
+@pytest.mark.parametrize("noise", NOISES)
+def test_the_stop_is_found_in_noise_of_any_colour(noise):
+    for seed in range(RUNS):
+        exact = decay(seed)
+        found = segment(exact.t, exact.x + NOISES[noise](exact.t, np.random.default_rng(seed)))
+        assert found.n_half_cycles == exact.n_half_cycles
+        assert found.rest == pytest.approx(exact.stops[-1], abs=0.1 * exact.half_period)
+
+
+def test_noise_of_any_colour_is_seen_as_large_as_it_is():
+    exact = decay(0, rest=2.0)
+    for rho, size in ((0.0, 20e-9), (0.5, 20e-9), (0.9, 20e-9), (0.95, 100e-9)):
+        found = segment(exact.t, exact.x + coloured(rho, size)(exact.t, np.random.default_rng(1)))
+        assert found.noise == pytest.approx(size, rel=0.25)
+        assert found.white_noise == pytest.approx(size * np.sqrt((1 - rho) / (1 + rho)), rel=0.5)
+    found = segment(exact.t, exact.x + hum(50.0, 1e-7)(exact.t, np.random.default_rng(1)))
+    frequency, size = found.lines[0]
+    assert frequency == pytest.approx(50.0, abs=1.0)
+    assert size == pytest.approx(1e-7, rel=0.2)
+
+
+def test_a_stated_noise_is_a_lower_bound():
+    exact = decay(0)
+    x = exact.x + NOISES["white"](exact.t, np.random.default_rng(0))
+    assert segment(exact.t, x, sigma=1e-9).noise == pytest.approx(20e-9, rel=0.1)
+    assert segment(exact.t, x, sigma=1e-6).noise == pytest.approx(1e-6, rel=1e-9)
+
+
+@pytest.mark.parametrize("bits", [10, 16])
+def test_a_rounded_rest(bits):
+    step = 1e-2 / 2**bits
+    for seed in range(RUNS):
+        exact = decay(seed)
+        if abs(np.diff(exact.points)[-1]) < 2 * step:
+            continue
+        found = segment(exact.t, step * np.round(exact.x / step))
+        assert found.n_half_cycles == exact.n_half_cycles
+
+
+def test_strong_noise_leaves_the_number_open():
+    """White noise of 5 % hides the last strokes: the number is right, or the right one is among the possible ones."""
+    hidden = 0
+    for seed in range(RUNS):
+        exact = decay(seed)
+        found = segment(exact.t, exact.x + 1e-4 * np.random.default_rng(seed).standard_normal(exact.t.size))
+        missing = exact.n_half_cycles - found.n_half_cycles
+        assert missing in (0, *found.open)
+        hidden += missing != 0
+    assert hidden <= RUNS // 2
+
+
+@pytest.mark.parametrize("noise", ["white", "coloured", "hum", "drift"])
+def test_a_gap_hides_no_half_cycle(noise):
+    for seed in range(6):
+        exact = decay(seed)
+        x = exact.x + NOISES[noise](exact.t, np.random.default_rng(seed))
+        mask = np.abs(exact.t - 3.1 * exact.half_period) > 0.9 * exact.half_period
+        assert segment(exact.t, x, mask=mask).n_half_cycles == exact.n_half_cycles
+
+
+def test_clipped_tops_and_a_start_in_mid_swing():
+    for seed in range(6):
+        exact = decay(seed)
+        x = exact.x + NOISES["coloured"](exact.t, np.random.default_rng(seed))
+        clipped = np.clip(x, x.min() + 0.05 * np.ptp(x), x.max() - 0.05 * np.ptp(x))
+        found = segment(exact.t, clipped)
+        later = exact.stops > found.first_reversal + 0.5 * exact.half_period
+        assert found.n_half_cycles_after_first_reversal == np.sum(later)
+        late = exact.t > 1.4 * exact.half_period
+        found = segment(exact.t[late], x[late])
+        assert found.n_half_cycles == exact.n_half_cycles - 1
+        assert found.first_reversal == pytest.approx(exact.stops[1], abs=0.01 * exact.half_period)
+
+
+def test_beats_of_a_second_mode_are_no_half_cycles():
+    exact = decay(2)
+    second = 0.05e-3 * np.exp(-4 * exact.t) * np.cos(2 * np.pi * 71.3 * exact.t)
+    found = segment(exact.t, exact.x + second + NOISES["white"](exact.t, np.random.default_rng(0)))
+    assert abs(found.n_half_cycles - exact.n_half_cycles) <= 1
+
+
+@pytest.mark.parametrize("x0", [0.4, 2.6, 3.05, 3.1])
+def test_a_pendulum_whose_period_goes_with_its_swing(x0):
+    t = np.arange(0, 16, 1 / 150)
+    pendulum = Machine(1.0, 0.004, lambda x: 30.0 * np.sin(x), lambda v: 0.9, 0.9, drag=0.002)
+    exact = slide(pendulum, x0, 0.0, t, rtol=1e-9)
+    for seed in range(3):
+        found = segment(t, exact.x + 1e-3 * np.random.default_rng(seed).standard_normal(t.size))
+        count = min(found.turning_times.size, exact.times.size)
+        assert abs(found.n_half_cycles - np.sum(exact.times <= t[-1])) <= 1
+        assert found.turning_times[:count] == pytest.approx(exact.times[:count], abs=0.05)
+
+
+THRESHOLDS = [
+    (strokes, name)
+    for name in ("SURE", "SOUGHT", "BELIEVED", "TINY", "STANDS_OUT", "ISOCHRONOUS", "RINGING", "CREPT", "SHORTEST_REST",
+                 "CREEP", "OPEN", "PER_STROKE")
+] + [(disturbance, name) for name in ("STRETCH", "RINGS", "LINE", "STROKES", "SAMPLES")] + [
+    (swing, "SPIKE"), (swing, "FEW_SPIKES"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("factor", [0.5, 2.0])
+@pytest.mark.parametrize(("module", "name"), THRESHOLDS, ids=[name for _, name in THRESHOLDS])
+def test_a_factor_of_two_in_a_threshold_changes_nothing(monkeypatch, module, name, factor):
+    value = getattr(module, name) * factor
+    monkeypatch.setattr(module, name, int(value) if isinstance(getattr(module, name), int) else value)
+    for seed, noise in enumerate(NOISES.values()):
+        exact = decay(seed)
+        found = segment(exact.t, exact.x + noise(exact.t, np.random.default_rng(seed)))
+        assert found.n_half_cycles == exact.n_half_cycles
