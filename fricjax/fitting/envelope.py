@@ -23,10 +23,18 @@ from .window import equilibrium
 
 # Points of the midpoint rule over a half-cycle; from 3.1 rad on its poles lie 0.2 beside the ends, exp(-2 64 0.2).
 _POINTS = 64
+_PHASE = np.pi * (np.arange(_POINTS) + 0.5) / _POINTS
+# From values there to integrals from the start to there, by their cosine series.
+_RANKS = np.arange(1, _POINTS)
+_INTEGRATION = (
+    _PHASE[None, :] + 2 * np.cos(np.outer(_PHASE, _RANKS)) @ (np.sin(np.outer(_RANKS, _PHASE)) / _RANKS[:, None])
+) / _POINTS
 # Reversals without which the envelope tells no more than the mean half-cycle does.
 FEWEST = 6
 # Each round leaves of an error what the loss of a half-cycle is of its energy.
 _ROUNDS = 5
+# The same for how the loss is spread; close to the top the first strokes are slow, and what they lose early counts.
+_SPREADS = 6
 # Slope of the energy below which readings count alike: there the model errs more than the reading does.
 _LEAST_SLOPE = 0.02
 # Huber's bound in standard deviations, for reversals that were read wrong.
@@ -58,7 +66,7 @@ def envelope(decays: Sequence[Segmentation], held: Mapping[str, float], lower: M
     Args:
         decays: segmentations of the records.
         held: those of friction, damping and drag per unit inertia that are known; "omega" where that is.
-        lower: least value of each of the others.
+        lower: least value of each of the others, per unit inertia.
     """
     runs = [run for run in map(_reversals, decays) if run.t.size >= FEWEST]
     if not runs:
@@ -69,9 +77,9 @@ def envelope(decays: Sequence[Segmentation], held: Mapping[str, float], lower: M
         omega = held.get("omega") or _frequency(runs, [columns[0] for columns in integrals])
         if not (np.isfinite(omega) and omega > 0):
             return None
-        known = {"friction": omega**-2, "damping": 1 / omega, "drag": 1.0}
-        known = {name: held[name] * unit for name, unit in known.items() if name in held}
-        losses, offsets = _losses(runs, [columns[1:] for columns in integrals], known, lower)
+        units = {"friction": omega**-2, "damping": 1 / omega, "drag": 1.0}
+        known, least = ({name: given[name] * units[name] for name in TERMS if name in given} for given in (held, lower))
+        losses, offsets = _losses(runs, [columns[1:] for columns in integrals], known, least)
         found = Envelope(omega, losses[0], losses[1], losses[2], _mean_loss(runs, integrals))
         runs = [run._replace(offset=run.offset + change) for run, change in zip(runs, offsets, strict=True)]
     return found if np.all(np.isfinite(found)) else None
@@ -90,19 +98,20 @@ def _integrals(run: _Reversals, last: Envelope) -> tuple[np.ndarray, ...]:
     """Duration times omega, path, and the integrals of w and w^2 over it, summed up to each reversal."""
     x = run.x - run.offset
     begin, end = x[:-1, None], x[1:, None]
-    phase = np.pi * (np.arange(_POINTS) + 0.5) / _POINTS
-    half, share = np.abs(begin - end) / 2, (1 - np.cos(phase)) / 2
+    half, share = np.abs(begin - end) / 2, (1 - np.cos(_PHASE)) / 2
     potential = 2 * np.sin((begin + (end - begin) * share) / 2) ** 2
     first, lost = 2 * np.sin(begin / 2) ** 2, 2 * np.sin(begin / 2) ** 2 - 2 * np.sin(end / 2) ** 2
-    step = half * np.sin(phase) * np.pi / _POINTS
+    step = half * np.sin(_PHASE)
     spread = np.broadcast_to(share, potential.shape)
-    for _ in range(2):
+    for _ in range(_SPREADS):
         w = np.sqrt(np.maximum(2 * (first - lost * spread - potential), 1e-12))
         force = last.friction + last.damping * w + last.drag * w**2
-        total = np.sum(force * step, axis=1, keepdims=True)
+        total = np.pi * np.mean(force * step, axis=1, keepdims=True)
         if np.all(total > 0):
-            spread = (np.cumsum(force * step, axis=1) - force * step / 2) / total
-    columns = (np.sum(step / w, axis=1), 2 * half[:, 0], np.sum(w * step, axis=1), np.sum(w**2 * step, axis=1))
+            spread = force * step @ _INTEGRATION / total
+    whole = (np.pi * np.mean(step * power, axis=1) for power in (1 / w, w, w**2))
+    elapsed, by_speed, by_square = whole
+    columns = elapsed, 2 * half[:, 0], by_speed, by_square
     return tuple(np.append(0.0, np.cumsum(column)) for column in columns)
 
 

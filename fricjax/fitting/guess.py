@@ -93,7 +93,7 @@ def _of_pendulum(
 
     def seen(mass: float) -> Envelope | None:
         held = {name: value / mass for name, value in values.items() if not sought[name]}
-        return envelope(decays, {**held, **known}, least)
+        return envelope(decays, {**held, **known}, {name: value / mass for name, value in least.items()})
 
     found = seen(mass)
     if found is not None and "mass" in free and "stiffness" not in free:
