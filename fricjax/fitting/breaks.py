@@ -1,10 +1,13 @@
 """Where the motion of a record is not smooth: its reversals and its stop, and how far around them."""
 
+from typing import Any
+
 import numpy as np
 
 from ..data.reversals import window as extreme_window
 from ..oscillator import Oscillator
-from .condense import Samples, condense
+from ..oscillator.restoring import Pendulum
+from .condense import DEGREE, Samples, condense
 from .window import Window, equilibrium
 
 _LAYERS = 10.0
@@ -14,6 +17,9 @@ _SAMPLES = 2.5
 # Twelve standard errors of the slope of a straight line: four of that beside curvatures of either side. Where the noise
 # hides a reversal, the clock of the decay still has it to a part of a half-period.
 _ERRORS, _LOST = 12.0, 0.25
+# Part of the noise that a polynomial may miss of a large swing, and pieces of a half-cycle that always do: from a
+# milliradian below the top with a noise of a nanoradian.
+_MISSED, _PIECES = 0.1, 16
 
 
 def condensed(window: Window, samples: Samples, oscillator: Oscillator) -> Samples:
@@ -26,7 +32,31 @@ def condensed(window: Window, samples: Samples, oscillator: Oscillator) -> Sampl
     """
     times, deflections = _standstills(window)
     margins = _known_to(window, deflections) + _settling(window, oscillator, deflections)
-    return condense(samples, times - window.origin, margins)
+    cuts = _cuts(window, oscillator, times, deflections)
+    order = np.argsort(np.concatenate([times, cuts]), kind="stable")
+    breaks, widths = np.concatenate([times, cuts])[order], np.concatenate([margins, np.zeros(cuts.size)])[order]
+    return condense(samples, breaks - window.origin, widths)
+
+
+def _cuts(window: Window, oscillator: Oscillator, times: np.ndarray, deflections: np.ndarray) -> np.ndarray:
+    """Instants within the half-cycles of a pendulum between which a polynomial describes them [s].
+
+    Near the top it hangs long and falls fast. In time its motion has poles at i K'/omega from the middle of half-cycles
+    of half the duration K/omega, so that over the n-th part of one a polynomial of degree d misses ``(a + sqrt(1 +
+    a^2))^-d`` with ``a = n K'/K`` (Bernstein's ellipse).
+    """
+    spring = oscillator.restoring
+    if not isinstance(spring, Pendulum) or times.size < 2:
+        return np.zeros(0)
+    swings = np.clip(deflections[:-1], 1e-3, spring.largest)
+    steep: Any = spring.steepened(swings)  # pyright: ignore[reportArgumentType]
+    shape = np.exp(-np.asarray(spring.spread(steep)))
+    reach = np.outer(shape, np.arange(1, _PIECES + 1))
+    missed = swings[:, None] * (reach + np.sqrt(1 + reach**2)) ** -DEGREE
+    enough = missed <= _MISSED * float(np.median(window.sigma))
+    pieces = np.where(enough.any(axis=1), 1 + np.argmax(enough, axis=1), _PIECES)
+    pairs = zip(times[:-1], times[1:], pieces, strict=True)
+    return np.concatenate([begin + (end - begin) * np.arange(1, n) / n for begin, end, n in pairs])
 
 
 def _standstills(window: Window) -> tuple[np.ndarray, np.ndarray]:

@@ -2,7 +2,8 @@
 
 Each half-cycle loses ``U(a_n) - U(a_{n+1}) = F (a_n + a_{n+1}) + c int v^2 dt + drag int |v|^3 dt``. With the
 integrals of a sinusoid this is linear in the friction force, the damping and the drag, so that non-negative least
-squares over all half-cycles separates them by their dependence on the amplitude.
+squares over all half-cycles separates them by their dependence on the amplitude. For a pendulum, whose half-cycles are
+no sinusoids, the integrals and the periods are taken as they are (:mod:`.envelope`).
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -13,8 +14,14 @@ import numpy as np
 
 from ..data import Segmentation
 from ..oscillator import Oscillator
+from ..oscillator.restoring import Pendulum
+from .envelope import Envelope, envelope
 from .window import equilibrium
 
+# Reversals from which a negative damping or drag is told by the envelope and not by the noise of its readings.
+_TELLING = 30
+# Friction that is left where none was found, in parts of the mean loss: its logarithm is what is fitted.
+_LEAST_SHARE = 1e-3
 _QUADRATURE = np.cos(np.pi * (np.arange(32) + 0.5) / 32)
 
 
@@ -31,7 +38,11 @@ class _Decay(NamedTuple):
 
 
 def guess_machine(
-    oscillator: Oscillator, decays: Sequence[Segmentation], free: Sequence[str], values: Mapping[str, float]
+    oscillator: Oscillator,
+    decays: Sequence[Segmentation],
+    free: Sequence[str],
+    values: Mapping[str, float],
+    lower: Mapping[str, float] | None = None,
 ) -> dict[str, float]:
     """Start values for those of mass, stiffness, damping, drag, mu and normal_force that are free.
 
@@ -43,12 +54,17 @@ def guess_machine(
         decays: segmentations of the records.
         free: kinds of the free parameters (last part of their names).
         values: value of each coefficient of the oscillator by kind.
+        lower: least values of damping and drag, where they have any.
     """
     parts = [part for part in map(_decay, decays) if part.before.size]
     if not parts:
         return {}
     decay = _Decay(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
     at: dict[str, Any] = {name: np.float64(value) for name, value in values.items()}
+    if isinstance(oscillator.restoring, Pendulum) and "returned" not in free:
+        seen = _of_pendulum(oscillator, decays, free, at, lower or {})
+        if seen is not None:
+            return {name: float(seen[name]) for name in free if name in seen}
     ratio = float(np.median(decay.omega**2 / _stiffening(oscillator, decay.mean, at)))
     if "stiffness" in free:
         at["stiffness"] = at["mass"] * ratio
@@ -56,6 +72,41 @@ def guess_machine(
         at["mass"] = at["stiffness"] / ratio
     at.update(_losses(oscillator, decay, free, at))
     return {name: float(at[name]) for name in free if name in at}
+
+
+def _of_pendulum(
+    oscillator: Oscillator,
+    decays: Sequence[Segmentation],
+    free: Sequence[str],
+    at: Mapping[str, Any],
+    lower: Mapping[str, float],
+) -> dict[str, Any] | None:
+    """The coefficients of a pendulum, those that are free from the envelope of its decays; None where that is short."""
+    friction = float(oscillator.friction.dynamic_force(oscillator.normal_force))
+    values = {"friction": friction, "damping": at["damping"], "drag": at["drag"]}
+    sought = {name: {name} & set(free) for name in values}
+    sought["friction"] = {"mu", "normal_force"} & set(free)
+    few = sum(decay.turning_points.size for decay in decays) < _TELLING
+    least = {name: max(lower.get(name, -np.inf), 0.0 if few else -np.inf) for name in values} | {"friction": 0.0}
+    mass, omega = at["mass"], np.sqrt(at["stiffness"] / at["mass"])
+    known = {} if {"stiffness", "mass"} & set(free) else {"omega": omega}
+
+    def seen(mass: float) -> Envelope | None:
+        held = {name: value / mass for name, value in values.items() if not sought[name]}
+        return envelope(decays, {**held, **known}, {name: value / mass for name, value in least.items()})
+
+    found = seen(mass)
+    if found is not None and "mass" in free and "stiffness" not in free:
+        # The inertia of a spring that is known follows from the frequency, and what is held needs the inertia.
+        mass = at["stiffness"] / found.omega**2
+        found = seen(mass)
+    if found is None:
+        return None
+    stiffness = at["stiffness"] if "stiffness" not in free else mass * found.omega**2
+    force = max(found.friction, _LEAST_SHARE * found.loss) * found.omega**2 * mass
+    parts = {"friction": force, "damping": found.damping * found.omega * mass, "drag": found.drag * mass}
+    told = {name: value for name, value in parts.items() if sought[name]}
+    return {**at, "mass": mass, "stiffness": stiffness, **_as_coefficients(told, sought, at)}
 
 
 def _decay(found: Segmentation) -> _Decay:

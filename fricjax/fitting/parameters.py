@@ -106,7 +106,9 @@ def _shared_entries(
     sought = any(leaf.name not in request.guess for leaf in shared)
     seen = windows if sought else []
     decays = [window.segmentation for window in seen]
-    guessed = guess_machine(request.oscillator, decays, [*kinds, *terms_of(request.oscillator, leaves, shared)], values)
+    lower = {leaf.kind: _lower(request.bounds.get(leaf.name)) for leaf in shared}
+    sought_kinds = [*kinds, *terms_of(request.oscillator, leaves, shared)]
+    guessed = guess_machine(request.oscillator, decays, sought_kinds, values, lower)
     of_law = guess_law(request.oscillator, leaves, shared, seen, {**values, **guessed})
     entries = []
     for leaf, kind in zip(shared, kinds, strict=True):
@@ -115,6 +117,12 @@ def _shared_entries(
             start *= guessed["mu"] / values["mu"]
         entries.append(_Entry(leaf.name, leaf.coefficient, start, _scale(kind, start, {**values, **guessed})))
     return entries
+
+
+def _lower(bounds: Any) -> float:
+    """The lower one of a pair of bounds, minus infinity where there is none."""
+    low = None if bounds is None else _pair(bounds, "Bounds must be a lower and an upper value or None")[0]
+    return -np.inf if low is None else float(low)
 
 
 def _own_entries(windows: Sequence[Window]) -> Iterator[_Entry]:

@@ -1,6 +1,7 @@
 """The engine of a fit: built for its records, and for an error below what their noise leaves visible."""
 
 from collections.abc import Sequence
+from typing import Any, cast
 
 import equinox as eqx
 import numpy as np
@@ -8,6 +9,7 @@ import numpy as np
 from ..data.errors import UsageError
 from ..oscillator import Exact, Hybrid, Oscillator, Smooth
 from ..oscillator.engines import UNTABLED, AbstractEngine, Span
+from ..oscillator.restoring import Pendulum
 from ..oscillator.select import select_engine
 from .parameters import Request
 from .sizes import rounded_up
@@ -17,6 +19,10 @@ from .window import NEVER, Window, equilibrium
 _SLACK = 1.0
 # Half-cycles from which a table over amplitude pays, and its entries per e-fold of amplitude for 1e-2 nm on 2 mm.
 _FEW, _PER_E_FOLD = 8, 5.0
+# The same per unit of the coordinate of a pendulum, for 1e-7 rad of drift over a hundred half-cycles from 3.1 rad on.
+_PER_UNIT = 11.0
+# How far beyond the largest deflection a table reaches, in the coordinate that has no bound at the top of a pendulum.
+_BEYOND = 1.1
 # Least number of half-cycles to provide for with a table, so that records of an archive share their compilation.
 _CAPACITY = 64
 # Sizes of a table; few, for each is compiled for itself.
@@ -52,15 +58,28 @@ def _tuned(engine: AbstractEngine, machine: Oscillator, windows: Sequence[Window
     spans = [_swings(window) for window in windows]
     if any(swings.size < _FEW for swings in spans):
         return engine
-    least, highest = min(float(swings.min()) for swings in spans), 1.1 * max(float(swings.max()) for swings in spans)
-    band = float(machine.dead_band)
+    span = _span(machine, min(float(s.min()) for s in spans), max(float(s.max()) for s in spans))
+    needed = _needed(machine, span)
+    amplitudes = next((size for size in _SIZES if size >= needed), _SIZES[-1])
+    return Hybrid(engine.nodes, max(engine.max_half_cycles, _CAPACITY), span, amplitudes)
+
+
+def _span(machine: Oscillator, least: float, highest: float) -> Span:
+    """The range of a table for these deflections."""
+    band, spring = float(machine.dead_band), cast("Any", machine.restoring)
     # Near the dead band, where the phase leaps, the margin is narrow.
     lowest = least - 0.2 * max(least - band, 0.0)
-    excess = max(lowest - band, 0.1 * lowest)
-    needed = _PER_E_FOLD * np.log(highest / excess)
-    amplitudes = next((size for size in _SIZES if size >= needed), _SIZES[-1])
-    span = Span(np.asarray(lowest), np.asarray(highest))
-    return Hybrid(engine.nodes, max(engine.max_half_cycles, _CAPACITY), span, amplitudes)
+    # With a wrong offset a reading may lie beyond the top itself.
+    ratio = spring.steepened(np.float64(min(highest, spring.largest)))
+    return Span(np.asarray(lowest), np.asarray(spring.unsteepened(np.float64(_BEYOND * float(ratio)))))
+
+
+def _needed(machine: Oscillator, span: Span) -> float:
+    """Entries that the table of a range must have."""
+    band, spring = float(machine.dead_band), cast("Any", machine.restoring)
+    lowest, highest = (float(spring.steepened(np.float64(end))) for end in span)
+    low, high = (float(spring.spread(np.float64(end))) for end in (max(lowest - band, 0.1 * lowest), highest))
+    return (_PER_UNIT if isinstance(spring, Pendulum) else _PER_E_FOLD) * (high - low)
 
 
 def _swings(window: Window) -> np.ndarray:

@@ -2,8 +2,9 @@
 
 Half-cycles of one law differ only in the turning point from which they start, and they change smoothly with it. So a
 few amplitudes are integrated side by side, at Chebyshev points in the logarithm of the distance between turning point
-and dead band, and every half-cycle of a long decay is interpolated between them: what was a loop over all of them
-becomes one over the steps of a single one. Interpolated are the ratios to the undisturbed swing of its frame, which
+and dead band (for a pendulum in a coordinate that has no bound towards the top either), and every half-cycle of a long
+decay is interpolated between them: what was a loop over all of them becomes one over the steps of a single one.
+Interpolated are the ratios to the undisturbed swing of its frame, which
 change little.
 """
 
@@ -16,7 +17,7 @@ from jaxtyping import Array
 
 from ..oscillator import Oscillator
 from .collocation import Panels, collocate
-from .frame import Angle, frame_at, is_resolved, motion_at, reference_force
+from .frame import Angle, Frame, frame_at, is_resolved, motion_at, reference_force, turned_at
 from .strokes import Rests, Standstill, Stroke, advance
 
 # Distance from the centre of a table to where it is left, over its reach.
@@ -66,20 +67,27 @@ def _place(oscillator: Oscillator, centre: Array, reach: Array, turning: Array) 
     So trial values under which the motion decays too fast still give one, and beyond the end of a record the amplitudes
     no longer matter, but must not end in a logarithm of zero.
     """
-    excess = turning - reference_force(oscillator) / oscillator.stiffness
-    ends = jnp.exp(centre - _OUTSIDE * reach), jnp.exp(centre + _OUTSIDE * reach)
-    return (jnp.log(jnp.clip(excess, *ends)) - centre) / reach
+    spring = oscillator.restoring
+    excess = spring.steepened(turning) - reference_force(oscillator) / oscillator.stiffness
+    ends = spring.gathered(centre - _OUTSIDE * reach), spring.gathered(centre + _OUTSIDE * reach)
+    return (spring.spread(jnp.clip(excess, *ends)) - centre) / reach
+
+
+def _start(oscillator: Oscillator, frame: Frame, distance: Array) -> Array:
+    """Amplitude at the start of half-cycles whose turning points lie at these distances from the equilibrium."""
+    return oscillator.restoring.stretched(distance) - frame.dead_band
 
 
 def make_table(oscillator: Oscillator, span: Span, count: int, panels: Panels) -> Table:
     """Integrate `count` amplitudes side by side."""
     band = reference_force(oscillator) / oscillator.stiffness
-    ends = jax.lax.stop_gradient(jnp.log(jnp.stack([span.lowest, span.highest]) - band))
+    between = oscillator.restoring.steepened(jnp.stack([span.lowest, span.highest]))
+    ends = jax.lax.stop_gradient(oscillator.restoring.spread(between - band))
     centre, reach = (ends[0] + ends[1]) / 2, (ends[1] - ends[0]) / 2
     points, transform = _chebyshev(count)
-    turning = band + jnp.exp(centre + reach * points)
+    turning = oscillator.restoring.unsteepened(band + oscillator.restoring.gathered(centre + reach * points))
     frame = frame_at(oscillator, jnp.ones(count), turning)
-    start = turning - frame.dead_band
+    start = _start(oscillator, frame, turning)
     amplitudes, elapsed = collocate(oscillator, frame, start, panels)
     ratio, phase = amplitudes / start, elapsed * frame.angular_frequency
     return Table(Angle.of(jnp.pi * panels.fractions), transform @ ratio.T, transform @ phase.T, centre, reach)
@@ -98,9 +106,9 @@ def strokes_from_table(
         turning = jnp.abs(now.turning_point)
         frame = frame_at(oscillator, jnp.where(now.turning_point < 0, -1.0, 1.0), turning)
         weights = at(turning)
-        amplitude = (turning - frame.dead_band) * (weights @ table.amplitude[:, -1])
+        amplitude = _start(oscillator, frame, turning) * (weights @ table.amplitude[:, -1])
         elapsed = weights @ table.phase[:, -1] / frame.angular_frequency
-        turned = frame.side * (frame.dead_band - amplitude)
+        turned = turned_at(oscillator, frame, amplitude)
         ends = Stroke(elapsed[None] + now.time, turned[None], jnp.zeros(1), jnp.zeros(1))
         carried = is_resolved(oscillator, frame, amplitude[None], table.angle.at(slice(-1, None)))
         after = advance(now, ends, turned, carried, rests)[0]
@@ -110,7 +118,7 @@ def strokes_from_table(
     turning = jnp.abs(starts.turning_point)
     frame = frame_at(oscillator, jnp.where(starts.turning_point < 0, -1.0, 1.0), turning)
     weights = at(turning)
-    start = (turning - frame.dead_band)[:, None]
+    start = _start(oscillator, frame, turning)[:, None]
     columns = frame._replace(**{name: value[:, None] for name, value in frame._asdict().items()})
     motion = motion_at(oscillator, columns, start * (weights @ table.amplitude), table.angle.at(None))
     strokes = Stroke(starts.time[:, None] + weights @ table.phase / columns.angular_frequency, *motion)

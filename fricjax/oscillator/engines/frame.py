@@ -2,10 +2,11 @@
 
 In each half-cycle the motion is written as a swing about the centre that friction has shifted, ``x = s (x_d + A cos
 theta)``, ``v = -s omega A sin theta``, where ``s`` is the side of the turning point, ``x_d = F_ref/k_ref`` and
-``omega^2 = k_ref/m`` with the secant stiffness ``k_ref = R(y)/y`` there. Amplitude and time are then slow functions
-of the phase, driven only by what is not the reference spring and the reference friction (variation of parameters),
-and the next reversal lies at ``theta = pi`` whatever the parameters. The reference friction is the force as sliding
-begins; for a regularised law that of the set-valued law that it stands for.
+``omega^2 = k_ref/m`` with the secant stiffness ``k_ref = R(y)/y`` there. Where a spring has a coordinate q in which
+its energy is that of a linear one, as a pendulum has, q stands for x, and ``theta`` runs slower by ``dq/dx``. Amplitude
+and time are then slow functions of the phase, driven only by what is not the reference spring and the reference
+friction (variation of parameters), and the next reversal lies at ``theta = pi`` whatever the parameters. The reference
+friction is the force as sliding begins; for a regularised law that of the set-valued law that it stands for.
 """
 
 from typing import Any, NamedTuple
@@ -21,10 +22,15 @@ from .elementary import rotation
 _LARGEST_LEAP = 0.6
 _LOGARITHMIC_SHARE = 0.6
 _NEWTON_STEPS = 24
+# Slope of the stretched coordinate at which a turning point counts as the unstable equilibrium itself.
+_STEEPEST = 1e-6
 
 
 class Frame(NamedTuple):
-    """Side of the turning point, angular frequency and stiffness of the reference spring, and the dead band."""
+    """Side of the turning point, angular frequency and stiffness of the reference spring, and the dead band.
+
+    The dead band, like all amplitudes, counts in the stretched coordinate of the spring.
+    """
 
     side: Array
     angular_frequency: Array
@@ -49,9 +55,7 @@ class Angle(NamedTuple):
 
 def frame_at(oscillator: Oscillator, side: Array, x: Array) -> Frame:
     """The frame of a half-cycle whose largest deflection is `x` [m]."""
-    away = jnp.abs(x) > 0
-    x_safe = jnp.where(away, x, 1.0)
-    stiffness = jnp.where(away, oscillator.restoring_force(x_safe) / x_safe, oscillator.stiffness)
+    stiffness = oscillator.restoring.reference(x, oscillator.stiffness)
     return Frame(side, jnp.sqrt(stiffness / oscillator.mass), stiffness, reference_force(oscillator) / stiffness)
 
 
@@ -60,49 +64,71 @@ def reference_force(oscillator: Oscillator) -> Array:
     return oscillator.friction.sharp().sliding_force(jnp.zeros(()), oscillator.normal_force)  # pyright: ignore[reportReturnType]
 
 
-def disturbance(oscillator: Oscillator, frame: Frame, x: Array, speed: Array) -> Array:
+class Place(NamedTuple):
+    """Displacement [m] with its stretched coordinate, the slope of that, and the speed [m/s]."""
+
+    x: Array
+    stretched: Array
+    slope: Any
+    speed: Array
+
+
+def amplitude_at(oscillator: Oscillator, frame: Frame, turning_point: Array) -> Array:
+    """Amplitude of a half-cycle at the turning point from which it starts."""
+    return frame.side * oscillator.restoring.stretched(turning_point) - frame.dead_band
+
+
+def turned_at(oscillator: Oscillator, frame: Frame, amplitude: Array) -> Array:
+    """The turning point at which a half-cycle ends with this amplitude [m]."""
+    return oscillator.restoring.unstretched(frame.side * (frame.dead_band - amplitude))[0]
+
+
+def place(oscillator: Oscillator, frame: Frame, amplitude: Array, angle: Angle) -> Place:
+    """Where the mass is at a phase."""
+    q = frame.side * (frame.dead_band + amplitude * angle.cosine)
+    x, slope = oscillator.restoring.unstretched(q)
+    return Place(x, q, slope, frame.angular_frequency * amplitude * angle.sine)
+
+
+def disturbance(oscillator: Oscillator, frame: Frame, at: Place) -> Array:
     """What is neither the reference spring nor the reference friction, per unit mass [m/s^2]."""
-    friction = oscillator.friction.sliding_force(speed, oscillator.normal_force)
-    spring = oscillator.restoring_force(x) - frame.stiffness * x
-    resisting = oscillator.dissipation(speed) + oscillator.hysteresis(x) + friction
-    rest = resisting - frame.stiffness * frame.dead_band
+    friction = oscillator.friction.sliding_force(at.speed, oscillator.normal_force)
+    spring = oscillator.restoring.remainder(at.x, frame.stiffness, oscillator.stiffness)
+    resisting = oscillator.dissipation(at.speed) + oscillator.hysteresis(at.x) + friction
+    rest = resisting - frame.stiffness * frame.dead_band * at.slope
     return (rest - frame.side * spring) / oscillator.mass
-
-
-def position(frame: Frame, amplitude: Array, angle: Angle) -> tuple[Array, Array]:
-    """Displacement [m] and speed [m/s] at a phase."""
-    x = frame.side * (frame.dead_band + amplitude * angle.cosine)
-    return x, frame.angular_frequency * amplitude * angle.sine
 
 
 def phase_rates(oscillator: Oscillator, frame: Frame, amplitude: Array, angle: Angle) -> tuple[Array, Array]:
     """dA/dtheta and dt/dtheta."""
-    push = _push(oscillator, frame, amplitude, angle)
-    lapse = 1 / (frame.angular_frequency - push * angle.cosine / amplitude)
+    push, slope = _push(oscillator, frame, amplitude, angle)
+    lapse = 1 / (frame.angular_frequency * slope - push * angle.cosine / amplitude)
     return -push * angle.sine * lapse, lapse
 
 
-def _push(oscillator: Oscillator, frame: Frame, amplitude: Array, angle: Angle) -> Array:
-    return disturbance(oscillator, frame, *position(frame, amplitude, angle)) / frame.angular_frequency
+def _push(oscillator: Oscillator, frame: Frame, amplitude: Array, angle: Angle) -> tuple[Array, Any]:
+    """The disturbance over the angular frequency, and the slope of the stretched coordinate."""
+    at = place(oscillator, frame, amplitude, angle)
+    return disturbance(oscillator, frame, at) / frame.angular_frequency, at.slope
 
 
 def is_resolved(oscillator: Oscillator, frame: Frame, amplitude: Array, angle: Angle, slowest: float = 0.1) -> Array:
     """Whether the phase has run forwards through all nodes, without a leap of its rate or of the amplitude.
 
-    `slowest` is the smallest rate of the phase that will do, as a fraction of the angular frequency.
+    `slowest` is the smallest rate of the phase that will do, as a fraction of that without any disturbance.
     """
-    push = _push(oscillator, frame, amplitude, angle)
-    rate = 1 - push * angle.cosine / (amplitude * frame.angular_frequency)
+    push, slope = _push(oscillator, frame, amplitude, angle)
+    rate = 1 - push * angle.cosine / (amplitude * frame.angular_frequency * slope)
     steady = jnp.abs(jnp.diff(jnp.log(rate))) + jnp.abs(jnp.diff(jnp.log(jnp.abs(amplitude)))) < _LARGEST_LEAP
     return jnp.all(rate > slowest) & jnp.all(steady)
 
 
 def motion_at(oscillator: Oscillator, frame: Frame, amplitude: Array, angle: Angle) -> tuple[Array, Array, Array]:
     """Displacement, velocity and acceleration at a phase, the acceleration from the equation of motion."""
-    x, speed = position(frame, amplitude, angle)
-    push = disturbance(oscillator, frame, x, speed)
-    a = frame.side * push - frame.angular_frequency**2 * (x - frame.side * frame.dead_band)
-    return x, -frame.side * speed, a
+    at = place(oscillator, frame, amplitude, angle)
+    push = disturbance(oscillator, frame, at)
+    pull = frame.angular_frequency**2 * at.slope * (at.stretched - frame.side * frame.dead_band)
+    return at.x, -frame.side * at.speed, frame.side * push - pull
 
 
 def phases(frame: Frame, passing: Array | None, begin: Array, fractions: Array) -> Array:
@@ -156,3 +182,15 @@ def layer_width(oscillator: Oscillator, frame: Frame, amplitude: Array) -> Array
     """Phase in which the velocity leaves the range where the friction force changes fast [rad]."""
     speed = oscillator.friction.velocity_scale()
     return speed / (frame.angular_frequency * jnp.maximum(amplitude, jnp.finfo(float).tiny))
+
+
+def separatrix_width(oscillator: Oscillator, amplitude: Array) -> Array:
+    """Phase in which a half-cycle leaves the neighbourhood of an unstable equilibrium [rad], inf for a linear spring.
+
+    The lapse of time has its poles where the slope of the stretched coordinate vanishes. With the slope ``sqrt(1 - Q^2
+    cos^2(theta)/4)`` of a pendulum they lie ``arccosh(2/Q)`` beside the reversals, which is the inverse hyperbolic
+    tangent of the slope there. A slope above one belongs to a spring that stiffens, and has no poles on that side.
+    """
+    slope = jnp.asarray(oscillator.restoring.unstretched(amplitude)[1])
+    # Beyond the separatrix there is no half-cycle; its mesh need only be one.
+    return jnp.arctanh(jnp.where(slope > _STEEPEST, jnp.minimum(slope, 1.0), _STEEPEST))

@@ -15,7 +15,7 @@ from jaxtyping import Array, Float
 
 from ..motion import Start
 from ..oscillator import Oscillator
-from .frame import Angle, frame_at, is_resolved, layer_width, mesh_fractions, motion_at
+from .frame import Angle, frame_at, is_resolved, layer_width, mesh_fractions, motion_at, turned_at
 from .nodes import Nodes
 from .phase_steps import integrate_phase
 from .strokes import Rests, Standstill, Stroke, advance
@@ -93,13 +93,13 @@ def _stroke(
         -side * speed * reach * frame.angular_frequency,
         -side * growth,
     )
-    frame = frame._replace(dead_band=side * first.x[-1])
+    frame = frame._replace(dead_band=side * oscillator.restoring.stretched(first.x[-1]))
     amplitudes, elapsed = integrate_phase(oscillator, frame, speed[-1] * reach, theta)
     angle = Angle.of(theta)
     second = Stroke(first.t[-1] + elapsed, *motion_at(oscillator, frame, amplitudes, angle))
     nodes = Stroke(*(jnp.concatenate(parts) for parts in zip(first, second, strict=True)))
     carried = slows & is_resolved(oscillator, frame, amplitudes, angle, slowest=0.0)
-    return nodes, side * (frame.dead_band - amplitudes[-1]), carried
+    return nodes, turned_at(oscillator, frame, amplitudes[-1]), carried
 
 
 def grazing_strokes(

@@ -26,7 +26,7 @@ from .base import AbstractEngine
 from .collocation import make_panels
 from .course import Course, by_table, one_by_one, rest_condition, to_rest
 from .creep import Creeping
-from .frame import layer_width
+from .frame import layer_width, separatrix_width
 from .nodes import Nodes
 from .path import AbstractPath
 from .strokes import Rests, enter
@@ -113,7 +113,9 @@ class Hybrid(AbstractEngine):
         """The half-cycles in phase, and their condition of rest."""
         frame = enter(oscillator, start).frame
         reach = jnp.abs(start.x0) + jnp.abs(start.v0) / frame.angular_frequency
-        panels = make_panels(self.nodes, layer_width(oscillator, frame, reach))
+        swing = jnp.hypot(oscillator.restoring.stretched(start.x0), start.v0 / frame.angular_frequency)
+        layer = jnp.minimum(layer_width(oscillator, frame, reach), separatrix_width(oscillator, swing))
+        panels = make_panels(self.nodes, layer)
         rests, capacity = rest_condition(oscillator, start, half_cycles), self.max_half_cycles
         if self.span is None or half_cycles is None:
             return one_by_one(oscillator, start, panels.fractions, rests, capacity), rests

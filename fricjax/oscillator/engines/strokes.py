@@ -10,7 +10,7 @@ from jaxtyping import Array, Float
 from ..motion import Start
 from ..oscillator import Oscillator
 from .collocation import Panels, collocate
-from .frame import Angle, Frame, frame_at, is_resolved, motion_at, phases
+from .frame import Angle, Frame, amplitude_at, frame_at, is_resolved, motion_at, phases, turned_at
 from .phase_steps import integrate_phase
 
 
@@ -61,7 +61,7 @@ def enter(oscillator: Oscillator, start: Start) -> Entry:
     moving = start.v0 != 0
     side = jax.lax.stop_gradient(jnp.where(moving, -jnp.sign(start.v0), jnp.where(start.x0 < 0, -1.0, 1.0)))
     frame = frame_at(oscillator, side, start.x0)
-    offset = side * start.x0 - frame.dead_band
+    offset = amplitude_at(oscillator, frame, start.x0)
     lag = jnp.where(moving, -side * start.v0, 1.0) / frame.angular_frequency
     return Entry(frame, jnp.arctan2(lag, offset), moving)
 
@@ -81,7 +81,7 @@ def stroke_from(
     y = at.turning_point
     side = jnp.where(inside, entry.frame.side, _side(y))
     frame = frame_at(oscillator, side, jnp.where(inside, start.x0, y))
-    offset, lag = side * y - frame.dead_band, start.v0 / frame.angular_frequency
+    offset, lag = amplitude_at(oscillator, frame, y), start.v0 / frame.angular_frequency
     amplitude = jnp.where(inside, jnp.sqrt(jnp.where(inside, offset**2 + lag**2, 1.0)), offset)
     begin = jnp.where(inside, entry.theta, 0.0)
     theta = phases(frame, _passing(oscillator, frame, amplitude, begin, fractions), begin, fractions)
@@ -93,7 +93,7 @@ def collocated_stroke(oscillator: Oscillator, panels: Panels, at: Standstill) ->
     """The half-cycle from a standstill, by collocation: the same motion, with cheaper derivatives."""
     side = _side(at.turning_point)
     frame = frame_at(oscillator, side, at.turning_point)
-    amplitude = side * at.turning_point - frame.dead_band
+    amplitude = amplitude_at(oscillator, frame, at.turning_point)
     motion = collocate(oscillator, frame, amplitude, panels)
     return _reached(oscillator, frame, Angle.of(jnp.pi * panels.fractions), *motion, at.time)
 
@@ -109,7 +109,7 @@ def _reached(
     # A half-cycle that a record asks for where friction would hold the mass exists in phase only.
     forced = oscillator.friction.set_valued & (amplitudes[0] <= 0)
     carried = forced | is_resolved(oscillator, frame, amplitudes, angle)
-    return Reached(nodes, frame.side * (frame.dead_band - amplitudes[-1]), carried)
+    return Reached(nodes, turned_at(oscillator, frame, amplitudes[-1]), carried)
 
 
 def _passing(oscillator: Oscillator, frame: Frame, amplitude: Array, begin: Array, fractions: Array) -> Array | None:

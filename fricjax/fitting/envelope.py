@@ -1,0 +1,192 @@
+"""Start values of a pendulum from its envelope: all reversals of a record, their angles and their times, at once.
+
+Over a half-cycle between the angles x_n and x_{n+1} the energy per unit inertia and per squared angular frequency,
+``u = 1 - cos x``, falls by
+
+    u_n - u_{n+1} = (f/omega^2) |x_n - x_{n+1}| + (c/omega) int w |dx| + q int w^2 |dx|,
+
+with dry friction f, damping c and drag q per unit inertia and the speed ``v = omega w``; and it lasts
+``(1/omega) int |dx|/w``. The integrals are those of the motion itself, without small angles: ``w^2/2`` is what is left
+of the energy above the potential, and how the loss is spread over the half-cycle follows from the coefficients of the
+last round. Summed up from the first reversal on, both equations are linear in what is sought, and in each the error of
+a reading enters only once. So weighted least squares give friction, damping and drag with the offset from the angles,
+and omega from the times, nearly as well as the whole record does.
+"""
+
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from ..data import Segmentation
+from .window import equilibrium
+
+# Points of the midpoint rule over a half-cycle; from 3.1 rad on its poles lie 0.2 beside the ends, exp(-2 64 0.2).
+_POINTS = 64
+_PHASE = np.pi * (np.arange(_POINTS) + 0.5) / _POINTS
+# From values there to integrals from the start to there, by their cosine series.
+_RANKS = np.arange(1, _POINTS)
+_INTEGRATION = (
+    _PHASE[None, :] + 2 * np.cos(np.outer(_PHASE, _RANKS)) @ (np.sin(np.outer(_RANKS, _PHASE)) / _RANKS[:, None])
+) / _POINTS
+# Reversals without which the envelope tells no more than the mean half-cycle does.
+FEWEST = 6
+# Each round leaves of an error what the loss of a half-cycle is of its energy.
+_ROUNDS = 5
+# The same for how the loss is spread; close to the top the first strokes are slow, and what they lose early counts.
+_SPREADS = 6
+# Slope of the energy below which readings count alike: there the model errs more than the reading does.
+_LEAST_SLOPE = 0.02
+# Huber's bound in standard deviations, for reversals that were read wrong.
+_OUTLYING = 3.0
+TERMS = ("friction", "damping", "drag")
+
+
+class Envelope(NamedTuple):
+    """Angular frequency [rad/s], f/omega^2, c/omega and q of the docstring above, and what u loses per radian."""
+
+    omega: float
+    friction: float
+    damping: float
+    drag: float
+    loss: float
+
+
+class _Reversals(NamedTuple):
+    """Times [s] and angles [rad] of the reversals of one record, and the angle about which they alternate."""
+
+    t: np.ndarray
+    x: np.ndarray
+    offset: float
+
+
+def envelope(decays: Sequence[Segmentation], held: Mapping[str, float], lower: Mapping[str, float]) -> Envelope | None:
+    """What the reversals of some records of one pendulum say; None where they are too few.
+
+    Args:
+        decays: segmentations of the records.
+        held: those of friction, damping and drag per unit inertia that are known; "omega" where that is.
+        lower: least value of each of the others, per unit inertia.
+    """
+    runs = [run for run in map(_reversals, decays) if run.t.size >= FEWEST]
+    if not runs:
+        return None
+    found = Envelope(0.0, 0.0, 0.0, 0.0, 0.0)
+    for _ in range(_ROUNDS):
+        integrals = [_integrals(run, found) for run in runs]
+        omega = held.get("omega") or _frequency(runs, [columns[0] for columns in integrals])
+        if not (np.isfinite(omega) and omega > 0):
+            return None
+        units = {"friction": omega**-2, "damping": 1 / omega, "drag": 1.0}
+        known, least = ({name: given[name] * units[name] for name in TERMS if name in given} for given in (held, lower))
+        losses, offsets = _losses(runs, [columns[1:] for columns in integrals], known, least)
+        found = Envelope(omega, losses[0], losses[1], losses[2], _mean_loss(runs, integrals))
+        runs = [run._replace(offset=run.offset + change) for run, change in zip(runs, offsets, strict=True)]
+    return found if np.all(np.isfinite(found)) else None
+
+
+def _reversals(found: Segmentation) -> _Reversals:
+    """The reversals as long as they alternate: the last one may stay on the side of the one before."""
+    x, offset = found.turning_points, equilibrium(found)
+    same = np.flatnonzero((x[1:] - offset) * (x[:-1] - offset) >= 0)
+    kept = slice(0, int(same[0]) + 1 if same.size else x.size)
+    inside = np.all(np.abs(x[kept] - offset) < np.pi)
+    return _Reversals(found.turning_times[kept], x[kept], offset) if inside else _Reversals(x[:0], x[:0], offset)
+
+
+def _integrals(run: _Reversals, last: Envelope) -> tuple[np.ndarray, ...]:
+    """Duration times omega, path, and the integrals of w and w^2 over it, summed up to each reversal."""
+    x = run.x - run.offset
+    begin, end = x[:-1, None], x[1:, None]
+    half, share = np.abs(begin - end) / 2, (1 - np.cos(_PHASE)) / 2
+    potential = 2 * np.sin((begin + (end - begin) * share) / 2) ** 2
+    first, lost = 2 * np.sin(begin / 2) ** 2, 2 * np.sin(begin / 2) ** 2 - 2 * np.sin(end / 2) ** 2
+    step = half * np.sin(_PHASE)
+    spread = np.broadcast_to(share, potential.shape)
+    for _ in range(_SPREADS):
+        w = np.sqrt(np.maximum(2 * (first - lost * spread - potential), 1e-12))
+        force = last.friction + last.damping * w + last.drag * w**2
+        total = np.pi * np.mean(force * step, axis=1, keepdims=True)
+        if np.all(total > 0):
+            spread = force * step @ _INTEGRATION / total
+    whole = (np.pi * np.mean(step * power, axis=1) for power in (1 / w, w, w**2))
+    elapsed, by_speed, by_square = whole
+    columns = elapsed, 2 * half[:, 0], by_speed, by_square
+    return tuple(np.append(0.0, np.cumsum(column)) for column in columns)
+
+
+def _frequency(runs: Sequence[_Reversals], elapsed: Sequence[np.ndarray]) -> float:
+    """The angular frequency: times against the durations summed up, a start for each record, small swings for less."""
+    x = np.concatenate([run.x - run.offset for run in runs])
+    weight = np.maximum(np.abs(np.sin(x)), _LEAST_SLOPE)
+    columns = [np.concatenate(list(elapsed)), *_blocks(runs, [np.ones(run.t.size) for run in runs])]
+    solution = _robust(np.stack(columns, axis=1), np.concatenate([run.t - run.t[0] for run in runs]), weight, {})
+    return float(1 / solution[0])
+
+
+def _losses(
+    runs: Sequence[_Reversals],
+    integrals: Sequence[Sequence[np.ndarray]],
+    known: Mapping[str, float],
+    lower: Mapping[str, float],
+) -> tuple[list[float], np.ndarray]:
+    """Friction, damping and drag of :class:`Envelope`, and what the offset of each record is to be changed by."""
+    x = [run.x - run.offset for run in runs]
+    fallen = np.concatenate([2 * np.sin(y[0] / 2) ** 2 - 2 * np.sin(y / 2) ** 2 for y in x])
+    summed = {name: np.concatenate(parts) for name, parts in zip(TERMS, zip(*integrals, strict=True), strict=True)}
+    fallen = fallen - sum(known[name] * summed[name] for name in known)
+    sought = [name for name in TERMS if name not in known]
+    # With a larger offset the energy at an angle y is lower by its slope, and what has fallen until there is more.
+    slopes = [-np.sin(y) for y in x]
+    columns = [summed[name] for name in sought] + _blocks(runs, slopes) + _blocks(runs, [np.ones(y.size) for y in x])
+    bounds = {i: lower.get(name, -np.inf) for i, name in enumerate(sought)}
+    weight = 1 / np.maximum(np.abs(np.concatenate(slopes)), _LEAST_SLOPE)
+    solution = _robust(np.stack(columns, axis=1), fallen, weight, bounds)
+    found = {**known, **dict(zip(sought, solution, strict=False))}
+    return [float(found[name]) for name in TERMS], solution[len(sought) : len(sought) + len(runs)]
+
+
+def _mean_loss(runs: Sequence[_Reversals], integrals: Sequence[Sequence[np.ndarray]]) -> float:
+    fallen = sum(float(np.cos(run.x[-1] - run.offset) - np.cos(run.x[0] - run.offset)) for run in runs)
+    return max(fallen, 0.0) / sum(float(columns[1][-1]) for columns in integrals)
+
+
+def _blocks(runs: Sequence[_Reversals], values: Sequence[np.ndarray]) -> list[np.ndarray]:
+    """A column for each record, zero outside of it."""
+    return [
+        np.concatenate([values[j] if i == j else np.zeros(run.t.size) for j, run in enumerate(runs)])
+        for i in range(len(runs))
+    ]
+
+
+def _robust(columns: np.ndarray, wanted: np.ndarray, weight: np.ndarray, lower: Mapping[int, float]) -> np.ndarray:
+    """Weighted least squares with lower bounds, the weights of outliers lowered as Huber's loss has it."""
+    trust = np.ones(wanted.size)
+    solution = np.zeros(columns.shape[1])
+    for _ in range(3):
+        solution = _bounded(columns, wanted, weight * np.sqrt(trust), lower)
+        off = np.abs(weight * (wanted - columns @ solution))
+        scale = 1.4826 * float(np.median(off))
+        trust = np.minimum(1.0, _OUTLYING * scale / np.maximum(off, 1e-300)) if scale > 0 else trust
+    return solution
+
+
+def _bounded(columns: np.ndarray, wanted: np.ndarray, weight: np.ndarray, lower: Mapping[int, float]) -> np.ndarray:
+    """Least squares in which whatever falls below its bound is held there, the lowest of them first."""
+    size = np.maximum(np.linalg.norm(columns * weight[:, None], axis=0), 1e-300)
+    scaled = columns * weight[:, None] / size
+    held: dict[int, float] = {}
+    while True:
+        free = [i for i in range(columns.shape[1]) if i not in held]
+        rest = weight * wanted - sum((scaled[:, i] * value for i, value in held.items()), start=np.zeros(wanted.size))
+        part = np.linalg.lstsq(scaled[:, free], rest, rcond=None)[0]
+        below = {i: value - lower[i] * size[i] for i, value in zip(free, part, strict=True) if i in lower}
+        worst = min(below, key=below.__getitem__, default=None)
+        if worst is None or below[worst] >= 0:
+            break
+        held[worst] = lower[worst] * size[worst]
+    solution = np.zeros(columns.shape[1])
+    solution[free] = part
+    for i, value in held.items():
+        solution[i] = value
+    return solution / size
