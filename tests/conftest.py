@@ -2,10 +2,20 @@
 
 import gc
 import os
+import tempfile
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-import jax
+# Most of the time goes into compiling. What one worker has compiled serves the other ones, the commands that tests
+# start, and the tests after compiled functions were let go. The first process makes the folder and removes it; a folder
+# that the user has named is kept. jax reads these variables when it is imported.
+_PROGRAMS = None if "JAX_COMPILATION_CACHE_DIR" in os.environ else tempfile.TemporaryDirectory(prefix="fricjax-tests-")
+if _PROGRAMS is not None:
+    os.environ["JAX_COMPILATION_CACHE_DIR"] = _PROGRAMS.name
+os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0")
+os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_ENTRY_SIZE_BYTES", "-1")
+
+import jax  # noqa: E402
 
 jax.config.update("jax_enable_x64", True)
 
@@ -23,6 +33,11 @@ settings.register_profile(
     "fricjax", deadline=None, max_examples=30, derandomize=True, suppress_health_check=[HealthCheck.too_slow]
 )
 settings.load_profile("fricjax")
+
+
+def pytest_unconfigure() -> None:
+    if _PROGRAMS is not None:
+        _PROGRAMS.cleanup()
 
 
 # Each compiled function maps memory, a process may have 65,530 mappings on Linux, and XLA crashes beyond that.

@@ -11,6 +11,7 @@ from fricjax.oscillator.engines import Mesh
 from tests.helpers import PROTOTYPE_DAMPING, PROTOTYPE_MASS
 
 STIFFNESS, LOAD, END, CAPACITY = 2574.0, 9.66, 0.3, 1 << 14
+TIMES = 1501
 ACCURACY = 1e-10
 LAWS = {
     "Dahl": friction.Dahl(0.05, sigma0=1e6),
@@ -34,30 +35,34 @@ def machine(law: friction.AbstractFriction, scale: float = 1.0) -> Oscillator:
     return Oscillator(PROTOTYPE_MASS, scale * STIFFNESS, PROTOTYPE_DAMPING, LOAD, law)
 
 
+# Meshes, machines, starts and times are arguments, and all lists of times are equally long: a law is compiled once.
+@jax.jit
+def _meshed(oscillator: Oscillator, x0: float, v0: float, half_cycles: int) -> Mesh:
+    start = starting_state(oscillator, x0, v0)
+    return Smooth(ACCURACY).meshed(oscillator, start, jnp.asarray(END), jnp.asarray(half_cycles), CAPACITY)
+
+
+@jax.jit
+def on(steps: Mesh, oscillator: Oscillator, x0: float, v0: float, ts: np.ndarray) -> jax.Array:
+    return Smooth(mesh=steps).path(oscillator, starting_state(oscillator, x0, v0)).sample(jnp.asarray(ts))[0]
+
+
+@jax.jit
+def in_time(oscillator: Oscillator, x0: float, v0: float, ts: np.ndarray) -> jax.Array:
+    return Smooth(ACCURACY / 100).solve(oscillator, starting_state(oscillator, x0, v0), jnp.asarray(ts)).x
+
+
 def mesh(oscillator: Oscillator, x0: float, v0: float, half_cycles: int = 512) -> Mesh:
     """The steps with the unused ones of each list at its end."""
-    start = starting_state(oscillator, x0, v0)
-    found = jax.jit(Smooth(ACCURACY).meshed, static_argnums=4)(
-        oscillator, start, jnp.asarray(END), jnp.asarray(half_cycles), CAPACITY
-    )
+    found = _meshed(oscillator, x0, v0, half_cycles)
     return jax.tree.map(
         lambda ends: jnp.where(jnp.isfinite(ends), ends, jnp.max(ends, where=jnp.isfinite(ends), initial=-9.0)), found
     )
 
 
-def on(steps: Mesh, oscillator: Oscillator, x0: float, v0: float, ts: np.ndarray) -> np.ndarray:
-    path = jax.jit(lambda o, x, v: Smooth(mesh=steps).path(o, starting_state(o, x, v)).sample(jnp.asarray(ts))[0])
-    return np.asarray(path(oscillator, x0, v0))
-
-
-def in_time(oscillator: Oscillator, x0: float, v0: float, ts: np.ndarray) -> np.ndarray:
-    sharp = Smooth(ACCURACY / 100)
-    return np.asarray(jax.jit(lambda o: sharp.solve(o, starting_state(o, x0, v0), jnp.asarray(ts)).x)(oscillator))
-
-
 @pytest.mark.parametrize("name", LAWS)
 def test_phase_and_time_give_the_same_motion(name):
-    oscillator, ts = machine(LAWS[name]), np.linspace(0, END, 1501)
+    oscillator, ts = machine(LAWS[name]), np.linspace(0, END, TIMES)
     steps = mesh(oscillator, 2e-3, 0.0)
     assert float(steps.phases[-1]) >= 4 * np.pi * (1 - 1e-12)
     found = on(steps, oscillator, 2e-3, 0.0, ts)
@@ -66,7 +71,7 @@ def test_phase_and_time_give_the_same_motion(name):
 
 @pytest.mark.parametrize(("x0", "v0"), [(-2e-3, 0.0), (3e-4, -0.14), (-1.5e-3, 0.05), (1.5e-3, 0.05)])
 def test_a_motion_may_start_anywhere_in_its_swing(x0, v0):
-    oscillator, ts = machine(LAWS["LuGre"]), np.linspace(0, END, 701)
+    oscillator, ts = machine(LAWS["LuGre"]), np.linspace(0, END, TIMES)
     found = on(mesh(oscillator, x0, v0), oscillator, x0, v0, ts)
     np.testing.assert_allclose(found, in_time(oscillator, x0, v0, ts), rtol=0, atol=ACCURACY)
 
@@ -77,14 +82,14 @@ def test_a_mesh_still_fits_when_the_motion_has_moved(name, error):
 
     Where an element begins to slip moves in the phase as well.
     """
-    made, moved, ts = machine(LAWS[name]), machine(LAWS[name], 1.001), np.linspace(0, 0.19, 701)
+    made, moved, ts = machine(LAWS[name]), machine(LAWS[name], 1.001), np.linspace(0, 0.19, TIMES)
     found = on(mesh(made, 3e-4, -0.14), moved, 3.003e-4, -0.1402, ts)
     np.testing.assert_allclose(found, in_time(moved, 3.003e-4, -0.1402, ts), rtol=0, atol=error)
 
 
 def behind_coulomb(made: float, sigma0: float) -> tuple[float, float]:
     """How far Dahl's law is from Coulomb's, on a mesh made for another stiffness; and the delay at a slow reversal."""
-    law, ts = friction.Coulomb(0.05), np.linspace(0, 0.19, 1501)
+    law, ts = friction.Coulomb(0.05), np.linspace(0, 0.19, TIMES)
     soft, stiff = (machine(friction.Dahl(0.05, sigma0=value)) for value in (made, sigma0))
     rigid = np.asarray(simulate(machine(law), 2e-3, ts, accuracy=1e-12).x)
     delay = np.sqrt(2 * 0.05 * LOAD / sigma0 * float(stiff.dead_band))
