@@ -12,11 +12,14 @@ import numpy as np
 from scipy.signal import lfilter
 
 import fricjax as fj
+from fricjax.instrument.driven import driven_motion
+from fricjax.instrument.floor import white_acceleration
 
 STIFFNESS, FREQUENCY, DAMPING_RATIO = 2574.0, 12.6, 0.0027
 MASS = STIFFNESS / (2 * math.pi * FREQUENCY) ** 2
 DAMPING = 2 * DAMPING_RATIO * math.sqrt(STIFFNESS * MASS)
-FLOOR = 1e-10  # (m/s^2)^2/Hz, a floor of class VC-C less some 30 dB
+FLOOR = 3.4e-11  # (m/s^2)^2/Hz, of a floor of class VC-C less 40 dB
+SHAKEN = "floor motion"
 FULL_SCALE = 10e-3  # of the converters that round to so many bits [m]
 
 Noise = Callable[["Rig", np.ndarray, np.ndarray, np.random.Generator], np.ndarray]
@@ -42,7 +45,6 @@ class Run(NamedTuple):
     t: np.ndarray
     x: np.ndarray
     half_cycles: int
-    stop: float
 
 
 def _machine(load: float, law: fj.friction.AbstractFriction) -> fj.Oscillator:
@@ -161,18 +163,27 @@ ASIDE: dict[str, Noise] = {
     "decaying mode 20 nm": mode(20e-9),
     "drift 10 um/s": drift(10e-6),
     "jitter 2 us": jitter(2e-6),
+    SHAKEN: white(1e-9),
 }
 
 
-def motion(rig: Rig, random: np.random.Generator) -> Run:
-    """A run without noise: released from 0.8 to 2.6 mm on either side, about any equilibrium, at any instant."""
+def motion(rig: Rig, random: np.random.Generator, floor: float = 0.0) -> Run:
+    """A run without noise: released from 0.8 to 2.6 mm on either side, about any equilibrium, at any instant.
+
+    On a floor that shakes, its acceleration is white, of a power spectral density in (m/s^2)^2/Hz.
+    """
     x0 = random.choice([-1, 1]) * random.uniform(0.8e-3, 2.6e-3)
-    slide = fj.simulate(rig.oscillator, x0, rig.t + random.uniform() / rig.rate)
-    x = np.asarray(slide.x) + random.uniform(-1e-3, 1e-3)
-    return Run(rig.t, x, int(slide.n_half_cycles) - 1, float(slide.t_stop))
+    t, offset = rig.t + random.uniform() / rig.rate, random.uniform(-1e-3, 1e-3)
+    if not floor:
+        slide = fj.simulate(rig.oscillator, x0, t)
+        return Run(rig.t, np.asarray(slide.x) + offset, int(slide.n_half_cycles) - 1)
+    shaken = driven_motion(rig.oscillator, x0, t, base_acceleration=white_acceleration(t.size, rig.rate, floor, random))
+    directions = np.sign(shaken.v[~shaken.at_rest & (shaken.v != 0)])
+    return Run(rig.t, shaken.x + offset, int(np.count_nonzero(np.diff(directions))))
 
 
-def record(rig: Rig, noise: Noise, seed: int) -> Run:
+def record(rig: Rig, kind: str, seed: int) -> Run:
     """A run with its noise; the same seed gives the same motion under every noise."""
-    clean = motion(rig, np.random.default_rng([1, seed]))
+    clean = motion(rig, np.random.default_rng([1, seed]), FLOOR if kind == SHAKEN else 0.0)
+    noise = {**TUNED, **ASIDE}[kind]
     return clean._replace(x=noise(rig, clean.t, clean.x, np.random.default_rng([2, seed])))

@@ -5,10 +5,11 @@ row tells how often the number of half-cycles is right, or cannot be told: where
 the true one is no worse by more than odds of 400 to 1, for residuals as correlated as they are. The error of mu is
 given in units of the scatter that fits with the true number of half-cycles have over the same records.
 
-    python experiments/honesty/run.py [--runs 100] [--rig sliding] [--only "white,AR"] [--factor 2]
+    python experiments/honesty/run.py [--runs 100] [--rig sliding] [--only "white,AR"]
+    python experiments/honesty/run.py --thresholds [--runs 5]
 
-`--factor` multiplies the thresholds of segmentation and noise by a factor, one after the other, and prints by how many
-standard errors that changes any result.
+With `--thresholds` the thresholds of segmentation and noise are halved and doubled instead, one after the other, and a
+row tells by how many standard errors that changes mu at most.
 """
 
 import argparse
@@ -23,6 +24,7 @@ import numpy as np  # noqa: E402
 from records import ASIDE, RIGS, TUNED, Rig, Run, record  # noqa: E402
 
 import fricjax as fj  # noqa: E402
+from fricjax.data import disturbance, strokes, swing  # noqa: E402
 from fricjax.data.errors import DataError, UsageError  # noqa: E402
 from fricjax.fitting.fit import concluded  # noqa: E402
 from fricjax.fitting.parameters import Request  # noqa: E402
@@ -31,6 +33,12 @@ from fricjax.fitting.rest import with_counts  # noqa: E402
 from fricjax.fitting.solve import solve  # noqa: E402
 
 ODDS = 2 * math.log(400)
+THRESHOLDS = {
+    strokes: ("SURE", "SOUGHT", "BELIEVED", "TINY", "STANDS_OUT", "ISOCHRONOUS", "RINGING", "CREPT", "SHORTEST_REST",
+              "CREEP", "OPEN", "PER_STROKE"),
+    disturbance: ("STRETCH", "RINGS", "LINE", "STROKES", "SAMPLES"),
+    swing: ("SPIKE", "FEW_SPIKES"),
+}  # fmt: skip
 
 
 class Outcome(NamedTuple):
@@ -93,33 +101,68 @@ def row(kind: str, outcomes: list[Outcome], truth: float) -> str:
     )
 
 
+def table(rig: Rig, runs: int, wanted: list[str]) -> None:
+    truth = float(rig.oscillator.friction.mu)
+    for title, kinds in (("looked at while tuning", TUNED), ("kept aside", ASIDE)):
+        print(f"\n{rig.name}, {runs} records a row, kinds {title}; worst error of mu in units of its scatter")
+        print(
+            f"{'':26s}{'right':>5s}{'open':>7s}{'wrong':>8s}{'refused':>9s}{'converged':>11s}{'scatter':>12s}"
+            f"{'worst':>9s}{'of these':>11s}"
+        )
+        for kind in kinds:
+            if any(part in kind for part in wanted):
+                loss = "cauchy" if "outliers" in kind else "squares"
+                outcomes = [outcome(rig, record(rig, kind, seed), loss) for seed in range(runs)]
+                print(row(kind, outcomes, truth), flush=True)
+                for i, o in enumerate(outcomes):
+                    if not (o.right or o.open):
+                        got = o.refusal or (o.fit and f"{o.fit.half_cycles[0]}: {o.fit.status}")
+                        print(f"    record {i}, {o.run.half_cycles} half-cycles, got {got}"[:160], flush=True)
+
+
+def fits(rig: Rig, runs: int, wanted: list[str]) -> list[fj.Fit]:
+    kinds = [kind for kind in (*TUNED, *ASIDE) if any(part in kind for part in wanted)]
+    pairs = [(kind, seed) for kind in kinds for seed in range(runs)]
+    found = []
+    for kind, seed in pairs:
+        run = record(rig, kind, seed)
+        found.append(fj.fit(fj.Trace(run.t, run.x), rig.oscillator, list(rig.free), throw=False))
+    return found
+
+
+def sensitivity(rig: Rig, runs: int, wanted: list[str]) -> None:
+    """What half and twice each threshold change."""
+    plain = fits(rig, runs, wanted)
+    print(f"\n{rig.name}, {len(plain)} records; largest change of mu in its standard errors, as residuals scatter")
+    for module, names in THRESHOLDS.items():
+        for name in names:
+            value, changes = getattr(module, name), []
+            for factor in (0.5, 2.0):
+                setattr(module, name, type(value)(value * factor))
+                pairs = zip(plain, fits(rig, runs, wanted), strict=True)
+                changes.append(
+                    max(
+                        abs(a.values["mu"] - b.values["mu"]) / (a.std_errors["mu"] * max(a.error_inflation, 1.0))
+                        for a, b in pairs
+                    )
+                )
+            setattr(module, name, value)
+            print(f"{name:20s}{changes[0]:10.3f} halved{changes[1]:10.3f} doubled", flush=True)
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--runs", type=int, default=100)
+    parser.add_argument("--runs", type=int)
     parser.add_argument("--rig", choices=sorted(RIGS))
-    parser.add_argument("--only", default="")
+    parser.add_argument("--only", default="", help="parts of the names of the kinds, separated by commas")
+    parser.add_argument("--thresholds", action="store_true")
     arguments = parser.parse_args()
     wanted = [part.strip() for part in arguments.only.split(",")]
     for rig in (RIGS[arguments.rig],) if arguments.rig else RIGS.values():
-        truth = float(rig.oscillator.friction.mu)
-        for title, kinds in (("looked at while tuning", TUNED), ("kept aside", ASIDE)):
-            print(f"\n{rig.name}, {arguments.runs} records a row, kinds {title}")
-            print(
-                f"{'':26s}{'right':>5s}{'open':>7s}{'wrong':>8s}{'refused':>9s}{'converged':>11s}{'scatter':>12s}"
-                f"{'worst':>9s}{'of these':>11s}"
-            )
-            for kind, noise in kinds.items():
-                if not any(part in kind for part in wanted):
-                    continue
-                loss = "cauchy" if "outliers" in kind else "squares"
-                outcomes = [outcome(rig, record(rig, noise, seed), loss) for seed in range(arguments.runs)]
-                print(row(kind, outcomes, truth), flush=True)
-                for i, o in enumerate(outcomes):
-                    error = np.nan if o.fit is None else abs(o.fit.values["mu"] - truth)
-                    bad = not (o.right or o.open) or (o.converged and error > 6 * abs(truth))
-                    if bad:
-                        got = o.refusal or f"{o.fit.half_cycles[0]} of {o.run.half_cycles}: {o.fit.status}"
-                        print(f"    record {i}: {got}"[:160], flush=True)
+        if arguments.thresholds:
+            sensitivity(rig, arguments.runs or 5, wanted)
+        else:
+            table(rig, arguments.runs or 100, wanted)
 
 
 if __name__ == "__main__":
