@@ -25,11 +25,16 @@ class Motion(eqx.Module):
         v: velocity [m/s].
         friction_force: friction force [N], positive where it opposes a positive velocity; at rest what balances the
             spring.
-        at_rest: True where a set-valued law holds the mass.
-        t_stop: time of the final stop [s]; inf where the mass does not stop, as under regularised laws.
+        at_rest: True where a set-valued law holds the mass, or the contact of a law with internal states so that what
+            is left of its ringing is below a tenth of the accuracy asked for.
+        t_stop: time of the final stop [s]; under a law with internal states the end of the last half-cycle, behind
+            which the contact only springs back and rings; inf where the mass does not stop until the last sample (until
+            ever, under a set-valued law), as under regularised laws and where it is driven.
         turning_points: positions of the start and of the reversals in order [m], the last one the final stop; NaN
             beyond.
-        n_half_cycles: number of completed half-cycles until the stop.
+        n_half_cycles: number of completed half-cycles until the stop, or until the last sample where a law is not
+            set-valued. The ringing of a contact that holds the mass is none. It does not depend on how densely a
+            motion is sampled.
         regularisation_bias: largest distance to the motion under the set-valued law that a regularised one stands
             for [m]; zero for every other law, and NaN for a driven motion, whose set-valued twin no engine integrates.
         engine: name of the engine.

@@ -57,7 +57,7 @@ class Nodes(AbstractPath):
         begin, end = self.t[index], self.t[index + 1]
         running = ~(self.finished & (ts >= self.t_stop))
         h = jnp.where(running & (end > begin), end - begin, 1.0)
-        value, slope = _quintic((ts - begin) / h, h, left, right)
+        value, slope = quintic((ts - begin) / h, h, left, right)
         return jnp.where(running, value, self.rest_position), jnp.where(running, slope, 0.0)
 
     def joined(self, *others: "Nodes") -> "Nodes":
@@ -80,7 +80,7 @@ def _running_sum(values: Array) -> Array:
     return jax.lax.platform_dependent(values, cpu=loop, default=jnp.cumsum)
 
 
-def _quintic(u: Array, h: Array, left: tuple, right: tuple) -> tuple[Array, Array]:
+def quintic(u: Array, h: Array, left: tuple, right: tuple) -> tuple[Array, Array]:
     """Value and derivative at the fraction `u` of a step `h`, from value, slope and curvature at both ends."""
     (x0, v0, a0), (x1, v1, a1) = left, right
     c1, c2 = h * v0, h**2 * a0 / 2

@@ -93,16 +93,23 @@ class Scaled(eqx.Module):
         the same states. About there the mass rings, and while the contact yields, what is left of its energy is spent
         on a way against the force by which friction is stronger than the spring.
         """
-        law, load, still = self.oscillator.friction, self.oscillator.normal_force, jnp.zeros(())
-        state = self._unscaled(states)
-        _, bent = jax.jvp(lambda speed: law.rate(speed, state, load), (still,), (jnp.ones(()),))
-        _, stiffness = jax.jvp(lambda z: law.force(still, z, load), (state,), (bent,))
-        ratio = 1 + jnp.maximum(stiffness, 0.0) / self.oscillator.stiffness
-        away = self.rates(x, still, states).acceleration / ratio
+        ratio = 1 + jnp.maximum(self._stiffness(self._unscaled(states)), 0.0) / self.oscillator.stiffness
+        away = self.rates(x, jnp.zeros(()), states).acceleration / ratio
         energy = (v**2 + ratio * away**2) / 2
         spare = (self.hold - jnp.abs(self.pull(x + away))) / (self.oscillator.stiffness * self.length)
         way = jnp.sqrt(2 * energy / ratio) + energy / jnp.where(spare > 0, spare, 1.0)
         return x + away, jnp.where(spare > 0, way, jnp.inf)
+
+    @property
+    def contact_stiffness(self) -> Array:
+        """Stiffness of a contact that is not bent [N/m]."""
+        return self._stiffness(jnp.zeros(self.oscillator.friction.n_states))
+
+    def _stiffness(self, state: Array) -> Array:
+        """Stiffness of the contact with these internal states [N/m]."""
+        law, load, still = self.oscillator.friction, self.oscillator.normal_force, jnp.zeros(())
+        _, bent = jax.jvp(lambda speed: law.rate(speed, state, load), (still,), (jnp.ones(()),))
+        return jax.jvp(lambda z: law.force(still, z, load), (state,), (bent,))[1]
 
     @property
     def hold(self) -> Array:

@@ -5,6 +5,7 @@ fit the steps are found once and kept as a mesh in the phase of the half-cycles,
 motion is then a smooth function of every coefficient, and its derivatives are exactly those of the discrete solution.
 """
 
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import diffrax
@@ -24,12 +25,18 @@ from .closing import Closing
 from .landing import Landing, last_step
 from .mesh import Given, Mesh
 from .nodes import Nodes
+from .noting import Log, Noting, after_step, closed
 from .scaled import EVERY_STEP, FIRST_STEP, Scaled, filled, integrate
-from .turning import turning_points
 from .turns import Span, turned, turning
 
 # The way that a mass may still go and count as resting, in tolerances.
 _STILL = 0.1
+# Scaled time in which a motion must have come to rest: ten thousand half-periods.
+_LONG = 1e4 * np.pi
+# Ringing that shows in a sampled motion, in its accuracy: less is lost in the errors of the steps.
+_SHOWS = 0.1
+# How much finer a motion is integrated of which only the end is asked for.
+_FINER = 100.0
 # How much longer than `still` the way of a mass that rests may be on a mesh that was made for another motion.
 _MOVED = 2.0
 
@@ -47,9 +54,13 @@ class Drive(eqx.Module):
 
 
 class _Args(NamedTuple):
-    """Arguments of the vector field: the scaled machine, and what moves it besides its own spring."""
+    """Arguments of the vector field: the scaled machine, and what moves it besides its own spring.
+
+    For the log of a motion there is `shows`, the scaled way from which on ringing shows.
+    """
 
     machine: Scaled
+    shows: Any = None
     floor: Any = None
     release: Any = None
     hold: Any = None
@@ -75,7 +86,8 @@ class Smooth(AbstractEngine):
         mesh: ends of the steps for :meth:`path`; :meth:`solve` lets the error estimate choose them.
         max_steps: bound on the number of steps.
         max_half_cycles: length of the list of turning points, and most half-cycles of a mesh in phase.
-        still: way on which a contact may still spring back and ring while a mesh takes the mass to be at rest [m].
+        still: way on which a contact may still spring back and ring while the mass is taken to be at rest [m]. It is
+            far below the accuracy, for a lightly damped contact creeps under its ringing, hundreds of times as far.
     """
 
     accuracy: float | Float[Array | np.ndarray, ""] = 1e-10
@@ -153,12 +165,7 @@ class Smooth(AbstractEngine):
         first = turning(_plain(oscillator), machine, machine.start(start), tolerance, span, capacity)
         left = jnp.maximum(end - first.elapsed, 0.0)
 
-        def rests(tau: Any, y: tuple, args: _Args, **kwargs: Any) -> Array:
-            """Whether neither its speed nor its acceleration moves the mass any more, as far as the error goes."""
-            _, way = machine.settling(y[0], y[1], y[2:])
-            stands = (jnp.abs(y[1]) * (1 + left) < _STILL * tolerance) & (jnp.abs(_field(tau, y, args)[1]) < tolerance)
-            return stands | (way < self.still / machine.length)
-
+        rests = _resting(tolerance, left, self.still / machine.length)
         then = self._free(first.end, _Args(machine), left, _ENDS, capacity, diffrax.Event(rests))
         return Mesh(first.along, then.ts)
 
@@ -170,48 +177,80 @@ class Smooth(AbstractEngine):
         half_cycles: Int[Array, ""] | None = None,
         drive: Drive | None = None,
     ) -> Motion:
-        x, v, state, solution = self._integrate(oscillator, start, ts, drive or Drive())
+        machine, x, v, state, solution = self._integrate(oscillator, start, ts, drive or Drive())
         load = oscillator.normal_force
         friction = jax.vmap(lambda speed, z: oscillator.friction.force(speed, z, load))(v, state)
-        points, count = turning_points(ts, x, v, start.x0, self.max_half_cycles)
+        log = solution.solver_state[1]
+        at_rest, t_stop = jnp.zeros(ts.shape, bool), jnp.asarray(jnp.inf)
+        if drive is None and oscillator.friction.n_states:
+            log = closed(log, machine, solution.ys[0][-1])
+            at_rest, t_stop = ts * machine.rate >= log.still, log.ended / machine.rate
         return Motion(
             t=ts,
             x=x,
             v=v,
             friction_force=friction,
-            at_rest=jnp.zeros(ts.shape, bool),
-            t_stop=jnp.asarray(jnp.inf),
-            turning_points=points,
-            n_half_cycles=count,
+            at_rest=at_rest,
+            t_stop=t_stop,
+            turning_points=log.points * machine.length,
+            n_half_cycles=log.count,
             regularisation_bias=jnp.zeros(()),
             engine="smooth",
             result=RESULTS.promote(solution.result),
             stats={name: solution.stats[name] for name in ("num_steps", "num_rejected_steps")},
         )
 
+    def rest(self, oscillator: Oscillator, start: Start) -> Array:
+        """Where the mass comes to rest [m]; NaN where it still moves after `max_steps` or ten thousand half-periods."""
+        machine = Scaled.of(oscillator, start)
+        # A contact may ring for thousands of swings, whose errors add up.
+        fine = Smooth(self.accuracy / _FINER)
+        rests = _resting(fine._tolerance(machine), jnp.asarray(_LONG), self.still / machine.length)
+        y0, end, one = machine.start(start), jnp.asarray(_LONG), diffrax.SaveAt(t1=True)
+        solution = fine._free(y0, _Args(machine), end, one, self.max_steps, diffrax.Event(rests))
+        x, v, *states = (values[-1] for values in solution.ys)
+        place, way = machine.settling(x, v, tuple(states))
+        position = jnp.where(way * machine.length < self.still, place, x) * machine.length
+        return jnp.where(solution.result == diffrax.RESULTS.event_occurred, position, jnp.nan)
+
     def _integrate(self, oscillator: Oscillator, start: Start, ts: Array, drive: Drive) -> tuple:
-        """Displacement, velocity and internal states at `ts`; before time zero a parabola continues the motion."""
+        """The scaled machine, and displacement, velocity, internal states at `ts`, and the solution.
+
+        Before time zero a parabola continues the motion.
+        """
         floor = drive.base_acceleration
         machine = Scaled.of(oscillator, start, floor)
         tau = jnp.maximum(ts, 0.0) * machine.rate
         path = None if floor is None else diffrax.LinearInterpolation(ts * machine.rate, floor)
-        args = _Args(machine, path, drive.release, oscillator.restoring_force(start.x0))
+        shows = jnp.asarray(_SHOWS * self.accuracy / machine.length)
+        args = _Args(machine, shows, path, drive.release, oscillator.restoring_force(start.x0))
         y0 = machine.start(start)
-        solution = self._free(y0, args, jnp.maximum(tau[-1], 1e-9), diffrax.SaveAt(ts=tau), self.max_steps)
+        saved = diffrax.SaveAt(ts=tau, solver_state=True)
+        most = self.max_half_cycles
+        solution = self._free(y0, args, jnp.maximum(tau[-1], 1e-9), saved, self.max_steps, noted=most)
         x, v = solution.ys[0] * machine.length, solution.ys[1] * machine.speed
         state = jnp.stack(solution.ys[2:], axis=-1) * machine.state if len(y0) > 2 else jnp.zeros((ts.shape[0], 0))
         a0 = _field(jnp.zeros(()), y0, args)[1] * machine.speed * machine.rate
         early = jnp.minimum(ts, 0.0)
-        return x + early * (start.v0 + early * a0 / 2), v + early * a0, state, solution
+        return machine, x + early * (start.v0 + early * a0 / 2), v + early * a0, state, solution
 
-    def _free(self, y0: tuple, args: _Args, end: Array, saveat: Any, max_steps: int, event: Any = None) -> Any:
-        """Integration in time with steps chosen by their error."""
+    def _free(
+        self,
+        y0: tuple,
+        args: _Args,
+        end: Array,
+        saveat: Any,
+        max_steps: int,
+        event: Any = None,
+        noted: int | None = None,
+    ) -> Any:
+        """Integration in time with steps chosen by their error; `noted` as in :func:`_integrated`."""
         tolerance = self._tolerance(args.machine)
         chosen: Any = diffrax.PIDController(rtol=tolerance, atol=tolerance)
         settings = {"saveat": saveat, "stepsize_controller": chosen, "max_steps": max_steps, "event": event}
         if args.machine.oscillator.friction.n_states:
             settings |= {"stepsize_controller": Closing(chosen, last_step(tolerance)), "dt0": FIRST_STEP}
-        return _integrated(y0, args, end, **settings)
+        return _integrated(y0, args, end, noted, **settings)
 
     def _tolerance(self, machine: Scaled) -> Array:
         # Over fifty half-cycles the errors of the steps add up to some thirty times the tolerance.
@@ -221,9 +260,38 @@ class Smooth(AbstractEngine):
 _ENDS = diffrax.SaveAt(t0=True, steps=True, fn=lambda t, y, args: None)
 
 
-def _integrated(y0: tuple, args: _Args, end: Array, **settings: Any) -> Any:
-    """The motion in time from a scaled state, with the settings of :func:`.scaled.integrate`."""
-    return integrate(_field, _solver(args.machine.oscillator), jnp.zeros(()), end, y0, args, **settings)
+def _integrated(y0: tuple, args: _Args, end: Array, noted: int | None = None, **settings: Any) -> Any:
+    """The motion in time from a scaled state, with the settings of :func:`.scaled.integrate`.
+
+    With `noted`, the length of the list, the solver keeps a log of the reversals.
+    """
+    solver = _solver(args.machine.oscillator)
+    chosen = solver if noted is None else Noting(solver, noted, _note)
+    return integrate(_field, chosen, jnp.zeros(()), end, y0, args, **settings)
+
+
+def _note(log: Log, before: tuple, behind: tuple, args: _Args) -> Log:
+    """The log after a step, from time and state at both of its ends."""
+    (t0, y0), (t1, y1) = before, behind
+    ends = ((t, y[0], y[1], _field(t, y, args)[1], y[2:]) for t, y in ((t0, y0), (t1, y1)))
+    return after_step(log, args.machine, args.shows, *ends)
+
+
+def _resting(tolerance: Any, left: Any, still: Any) -> Callable[..., Array]:
+    """An event: neither speed nor acceleration moves the mass any more, or the contact has all but stopped it.
+
+    Args:
+        tolerance: that of the integration.
+        left: scaled time in which a standing mass must not show that it moves.
+        still: scaled way that a contact may still spring back and ring.
+    """
+
+    def rests(tau: Any, y: tuple, args: _Args, **kwargs: Any) -> Array:
+        _, way = args.machine.settling(y[0], y[1], y[2:])
+        stands = (jnp.abs(y[1]) * (1 + left) < _STILL * tolerance) & (jnp.abs(_field(tau, y, args)[1]) < tolerance)
+        return stands | (way < still)
+
+    return rests
 
 
 def _plain(oscillator: Oscillator) -> diffrax.AbstractAdaptiveSolver:
