@@ -12,7 +12,6 @@ import bisect
 from typing import NamedTuple
 
 import numpy as np
-from scipy.special import log_ndtr
 
 from .noise import NORMAL_MAD
 from .swing import Swing, extremes, zigzag
@@ -263,6 +262,8 @@ def _likelihoods(size: np.ndarray, pairs: np.ndarray, scatter: np.ndarray, last:
     A stroke is as large as the decay predicts, or anything up to the one before where too few predict it. It is seen
     together with the next one, if there is one, so that a creep or a drift is not taken for it.
     """
+    from scipy.special import log_ndtr
+
     # The last stroke of all has none behind it that could tell it from a creep.
     first, end = max(last - 1, large, 1), max(min(size.size - 1, last + _AHEAD), last)
     creep = (pairs[last:end] < CREPT * size[last:end]) & (size[last:end] > STANDS_OUT * scatter[last:end])

@@ -175,22 +175,15 @@ def _noise(trace: Trace, found: Segmentation) -> tuple[np.ndarray, str]:
 
 
 def _telling(t: np.ndarray, x: np.ndarray, used: np.ndarray, found: Segmentation) -> np.ndarray:
-    """The used samples, of a rest that repeats one rounded value only as many as it tells independent ones.
-
-    Gaussian noise of standard deviation s over steps of d leaves a mean of many rounded samples uncertain by about
-    ``d/sqrt(12) exp(-2 pi^2 s^2/d^2)`` (Widrow and Kollar, Quantization Noise, 2008): without noise it is one value.
-    """
-    rest = np.flatnonzero(used & (t > found.rest)) if found.rest is not None and found.resolution > 0 else np.empty(0)
-    if rest.size < 2:
+    """The used samples; of a rest that repeats one rounded value the first alone, for it tells no more than one."""
+    if found.rest is None or not found.resolution > 0:
         return used
-    step, spread = found.resolution, float(np.std(x[rest]))
-    rounding = step**2 / 12 * np.exp(-((2 * np.pi * spread / step) ** 2))
-    variance = max(spread**2, step**2 / 12)
-    count = max(round(variance / (rounding + variance / rest.size)), 1)
-    thinned = used.copy()
-    thinned[rest] = False
-    thinned[rest[np.linspace(0, rest.size - 1, count + 2).astype(int)[1:-1]]] = True
-    return thinned
+    rest = np.flatnonzero(used & (t > found.rest))
+    if rest.size < 2 or np.ptp(x[rest]) > 0:
+        return used
+    told = used.copy()
+    told[rest[1:]] = False
+    return told
 
 
 def _turned(found: Segmentation) -> int | None:
