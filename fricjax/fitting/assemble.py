@@ -89,20 +89,25 @@ def assemble(problem: Problem, solved: Solved, sigma_mode: str) -> Fit:
         whiteness=white,
         error_inflation=inflation,
         margins=margins,
-        half_cycles=tuple(_count(run) for run in problem.residual.runs),
-        iterations=solved.iterations,
-        stages=solved.stages,
-        passes=solved.passes,
-        numerical_shift=solved.numerical_shift,
+        **{name: getattr(solved, name) for name in ("iterations", "stages", "passes", "numerical_shift")},
         engine=type(problem.residual.engine).__name__.lower(),
         **_criteria(solved, len(problem.parameters), problem.n_used, sigma_mode),
         oscillator=machine,
-        quantity=problem.windows[0].quantity,
-        times=tuple(np.asarray(w.trace.t) for w in problem.windows),
-        runs=tuple(_cut(run, w.used.size) for run, w in zip(problem.residual.runs, problem.windows, strict=True)),
-        origins=tuple(w.origin for w in problem.windows),
+        **_of_the_runs(problem),
         engine_used=problem.residual.engine,
     )
+
+
+def _of_the_runs(problem: Problem) -> dict[str, Any]:
+    """What `predict` and the plot need to know of the records."""
+    runs, windows = problem.residual.runs, problem.windows
+    return {
+        "half_cycles": tuple(_count(run) for run in runs),
+        "quantity": windows[0].quantity,
+        "times": tuple(np.asarray(w.trace.t) for w in windows),
+        "runs": tuple(_cut(run, w.used.size) for run, w in zip(runs, windows, strict=True)),
+        "origins": tuple(w.origin for w in windows),
+    }
 
 
 def _cut(run: Run, n: int) -> Run:
