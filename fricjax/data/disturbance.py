@@ -57,22 +57,25 @@ def disturbance(swing: Swing, strokes: Strokes) -> Disturbance:
 
 def _moving(swing: Swing, turns: np.ndarray) -> float | None:
     """Median over strokes of the variance about a polynomial in the middle of each; None where samples are too few."""
+    if turns.size < 3:
+        return None
     # The first stroke may hold a release.
-    chosen = np.unique(np.linspace(1, turns.size - 2, STROKES).astype(int)) if turns.size >= 3 else []
-    found = []
-    for i in chosen:
-        length = turns[i + 1] - turns[i]
-        ends = np.searchsorted(swing.t, turns[i] + np.array(CENTRE) * length)
-        every = -(-int(ends[1] - ends[0]) // SAMPLES) or 1
-        t, x = swing.t[ends[0] : ends[1] : every], swing.x[ends[0] : ends[1] : every]
-        if t.size < 3 * ORDER:
-            continue
-        u = np.interp(t, t[[0, -1]], [-1.0, 1.0])
-        basis = np.linalg.qr(np.polynomial.chebyshev.chebvander(u, ORDER))[0]
-        left = x - x.mean()
-        left = left - basis @ (basis.T @ left)
-        found.append(float(left @ left) / (t.size - ORDER - 1))
-    return float(np.median(found)) if found else None
+    chosen = np.unique(np.linspace(1, turns.size - 2, STROKES).astype(int))
+    lasts = np.diff(turns)[chosen]
+    first, last = (np.searchsorted(swing.t, turns[chosen] + part * lasts) for part in CENTRE)
+    every = np.maximum(-(-(last - first) // SAMPLES), 1)
+    enough = (last - first) // every >= 3 * ORDER
+    if not enough.any():
+        return None
+    first, last, every = first[enough], last[enough], every[enough]
+    number = int(np.min((last - first) // every))
+    places = first[:, None] + every[:, None] * np.arange(number)
+    t, x = swing.t[places], swing.x[places]
+    u = 2 * (t - t[:, :1]) / (t[:, -1:] - t[:, :1]) - 1
+    basis = np.linalg.qr(np.polynomial.chebyshev.chebvander(u, ORDER))[0]
+    left = x - x.mean(axis=1, keepdims=True)
+    left = left - np.einsum("snk,sk->sn", basis, np.einsum("snk,sn->sk", basis, left))
+    return float(np.median(np.sum(left**2, axis=1))) / (number - ORDER - 1)
 
 
 def _resting(swing: Swing, stop: float) -> float | None:

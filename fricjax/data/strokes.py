@@ -115,19 +115,19 @@ def _middle(swing: Swing, begin: int, end: int) -> float:
 
 
 def _small_period(swing: Swing, turns: np.ndarray) -> float:
-    """Duration of strokes smaller than those seen: their mean, or where it goes with the amplitude its limit [s]."""
+    """Duration of the strokes behind those seen [s]: their mean, or where it goes with the size that of the last one."""
     lasts = np.diff(turns)[1:] if turns.size > 2 else np.array([swing.half_period])
     at = np.interp(turns, swing.t, swing.smoothed)
     weight = np.abs(np.diff(at))[-lasts.size :]
-    columns = np.stack([np.ones(lasts.size), weight**2], axis=1)
-    if lasts.size >= DURATIONS:
-        normal = columns.T @ (columns * weight[:, None] ** 2)
-        solution = np.linalg.lstsq(columns * weight[:, None], lasts * weight, rcond=None)[0]
-        variance = np.sum((weight * (lasts - columns @ solution)) ** 2) / (lasts.size - 2)
-        slope_error = np.sqrt(variance * np.linalg.pinv(normal, rcond=1e-14)[1, 1])
-        if abs(solution[1]) > ISOCHRONOUS * slope_error and 0.3 < solution[0] / lasts.min() < 1.2:
-            return float(solution[0] + solution[1] * weight[-1] ** 2)
-    return float(np.average(lasts, weights=weight**2))
+    mean = float(np.average(lasts, weights=weight**2))
+    if lasts.size < DURATIONS:
+        return mean
+    # The duration of a pendulum's strokes goes with the square of their size.
+    square = weight**2 - np.average(weight**2, weights=weight**2)
+    slope = np.sum(weight**2 * square * lasts) / np.sum(weight**2 * square**2)
+    left = lasts - mean - slope * square
+    slope_error = np.sqrt(np.sum(weight**2 * left**2) / (lasts.size - 2) / np.sum(weight**2 * square**2))
+    return float(mean + slope * square[-1]) if abs(slope) > ISOCHRONOUS * slope_error else mean
 
 
 def _by_clock(swing: Swing, turns: np.ndarray, side: float, period: float) -> np.ndarray:
