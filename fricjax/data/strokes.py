@@ -115,7 +115,7 @@ def _middle(swing: Swing, begin: int, end: int) -> float:
 
 
 def _small_period(swing: Swing, turns: np.ndarray) -> float:
-    """Duration of the strokes behind those seen [s]: their mean, or where it goes with the size that of the last one."""
+    """Duration of the strokes behind those seen [s]: their mean, or, where it goes with the size, the last one's."""
     lasts = np.diff(turns)[1:] if turns.size > 2 else np.array([swing.half_period])
     at = np.interp(turns, swing.t, swing.smoothed)
     weight = np.abs(np.diff(at))[-lasts.size :]
