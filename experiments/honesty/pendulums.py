@@ -2,8 +2,8 @@
 
 Forty simulated pendulums with dry friction, damping and drag at random (first swing 0.3 to 3.05 rad, 20 to 260
 half-cycles, 2 mrad of noise, 100 Hz) are fitted from the default start and, for comparison, from the truth; then one
-that starts near the top, and, where FRICJAX_DATA names their folder, measured ones. Printed are one line per fit and how
-many of them do not keep what a fit of a pendulum is to keep.
+that starts near the top, and, where FRICJAX_DATA names their folder, measured ones. Printed are one line per fit and
+how many of them do not keep what a fit of a pendulum is to keep.
 
     FRICJAX_DATA=... python experiments/honesty/pendulums.py [--count 40] [--only simulated|top|measured]
 """
@@ -67,7 +67,7 @@ def pendulum(stiffness: float, friction: float, damping: float, drag: float) -> 
 
 
 def swings(count: int) -> Iterator[Swing]:
-    """Pendulums at random: the loss of the first half-cycle is shared out so that it makes the number that is wanted."""
+    """Pendulums at random: the loss of the first half-cycle is shared out so that it makes the number wanted."""
     random = np.random.default_rng(7)
     for _ in range(count):
         x0, n = random.uniform(0.3, 3.05), np.exp(random.uniform(np.log(20), np.log(260)))
