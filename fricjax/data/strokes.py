@@ -90,7 +90,7 @@ def _large(swing: Swing, pivots: list[int]) -> np.ndarray:
         half = _middle(swing, *pivots)
         ends = half + 0.5 * swing.half_period * np.array([-1.0, 1.0])
         # The mass may have been held, or go on to creep.
-        return np.maximum(ends, t[0])[: 2 if ends[1] <= t[-1] else 1]
+        return np.maximum(ends, t[0])[: 2 if ends[1] + SHORTEST_REST * swing.half_period <= t[-1] else 1]
     turns = t[pivots[:-1]]
     if turns.size > 1:
         side = float(np.sign(np.subtract(*swing.smoothed[[pivots[-2], pivots[-3]]])))
@@ -197,11 +197,14 @@ def _until_the_stop(
     floor = np.maximum(np.maximum(error, swing.resolution / np.sqrt(12)), _FINEST * float(np.ptp(swing.smoothed)))
     scatter = _scatter(pairs, floor)
     last = _decaying(size, floor, large)
-    while last > large and not _stands_out(last, pairs, size, scatter, misfit):
+    other = _is_no_stroke(pairs, size, misfit)
+    while last > large and (
+        other[last - 1] or np.any(pairs[max(last - TOGETHER, 0) : last] <= STANDS_OUT * scatter[last - 1])
+    ):
         last -= 1
     if last == size.size and _goes_on(swing, turns, size, scatter):
         return Strokes(turns, False, ())
-    likelihoods = _likelihoods(size, pairs, scatter, last, large)
+    likelihoods = _likelihoods(size, pairs, scatter, other, last, large)
     best = max(likelihoods, key=lambda number: likelihoods[number])
     near = [n for n, value in likelihoods.items() if n != best and 2 * (likelihoods[best] - value) < OPEN]
     return Strokes(turns[: best + 1], True, tuple(sorted(near)))
@@ -234,14 +237,10 @@ def _scatter(pairs: np.ndarray, floor: np.ndarray) -> np.ndarray:
     return scatter
 
 
-def _stands_out(last: int, pairs: np.ndarray, size: np.ndarray, scatter: np.ndarray, misfit: np.ndarray) -> bool:
-    """Whether a stroke and those before it stand out of what follows, and it is no creep and no ring of the contact."""
-    # A creep goes on where a stroke has ended, and is lost in the pair.
-    creeps = pairs[last - 1] < CREPT * size[last - 1]
-    together = pairs[max(last - TOGETHER, 0) : last]
-    quiet = np.max(misfit[last:], initial=0.0)
-    rings = misfit[last - 1] > max(_VARIANCE * size[last - 1] ** 2, RINGING * quiet)
-    return bool(not creeps and not rings and np.all(together > STANDS_OUT * scatter[last - 1]))
+def _is_no_stroke(pairs: np.ndarray, size: np.ndarray, misfit: np.ndarray) -> np.ndarray:
+    """Which moves are a creep, that goes on where a stroke ends and is lost in the pair, or the ring of a contact."""
+    quiet = np.append(np.maximum.accumulate(misfit[::-1])[::-1][1:], 0.0)
+    return (pairs < CREPT * size) | (misfit > np.maximum(_VARIANCE * size**2, RINGING * quiet))
 
 
 def _goes_on(swing: Swing, turns: np.ndarray, size: np.ndarray, scatter: np.ndarray) -> bool:
@@ -256,7 +255,9 @@ def _goes_on(swing: Swing, turns: np.ndarray, size: np.ndarray, scatter: np.ndar
     return bool(moved > max(swing.threshold, STANDS_OUT * scatter[-1]) and moved / lasts > CREEP * peak)
 
 
-def _likelihoods(size: np.ndarray, pairs: np.ndarray, scatter: np.ndarray, last: int, large: int) -> dict[int, float]:
+def _likelihoods(
+    size: np.ndarray, pairs: np.ndarray, scatter: np.ndarray, other: np.ndarray, last: int, large: int
+) -> dict[int, float]:
     """Logarithm of the likelihood of each number of strokes near `last`, up to a constant.
 
     A stroke is as large as the decay predicts, or anything up to the one before where too few predict it. It is seen
@@ -266,8 +267,8 @@ def _likelihoods(size: np.ndarray, pairs: np.ndarray, scatter: np.ndarray, last:
 
     # The last stroke of all has none behind it that could tell it from a creep.
     first, end = max(last - 1, large, 1), max(min(size.size - 1, last + _AHEAD), last)
-    creep = (pairs[last:end] < CREPT * size[last:end]) & (size[last:end] > STANDS_OUT * scatter[last:end])
-    end = last + int(np.argmax(creep)) if creep.any() else end
+    moved = other[last:end] & (size[last:end] > STANDS_OUT * scatter[last:end])
+    end = last + int(np.argmax(moved)) if moved.any() else end
     # Too few behind a stroke tell the noise badly: those that have more stand for them.
     noise, seen = scatter[np.minimum(np.arange(first, end), max(size.size - _TOLD, last))], pairs[first:end]
     still = -0.5 * (seen / noise) ** 2 - np.log(noise)

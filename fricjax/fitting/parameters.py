@@ -106,7 +106,7 @@ def _shared_entries(
     sought = any(leaf.name not in request.guess for leaf in shared)
     seen = windows if sought else []
     decays = [window.segmentation for window in seen]
-    lower = {leaf.kind: _lower(request.bounds.get(leaf.name)) for leaf in shared}
+    lower = {leaf.kind: _lower(request.bounds.get(leaf.name), leaf.name) for leaf in shared}
     sought_kinds = [*kinds, *terms_of(request.oscillator, leaves, shared)]
     guessed = guess_machine(request.oscillator, decays, sought_kinds, values, lower)
     of_law = guess_law(request.oscillator, leaves, shared, seen, {**values, **guessed})
@@ -119,9 +119,9 @@ def _shared_entries(
     return entries
 
 
-def _lower(bounds: Any) -> float:
+def _lower(bounds: Any, name: str) -> float:
     """The lower one of a pair of bounds, minus infinity where there is none."""
-    low = None if bounds is None else _pair(bounds, "Bounds must be a lower and an upper value or None")[0]
+    low = None if bounds is None else _pair(bounds, f"The bounds of {name} must be a lower and an upper value or None")[0]
     return -np.inf if low is None else float(low)
 
 
