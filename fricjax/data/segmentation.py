@@ -88,7 +88,7 @@ def segment(t: Any, x: Any, sigma: Any = None, mask: Any = None) -> Segmentation
     Args:
         t: times [s], shape `(n,)`, strictly increasing.
         x: displacements [m or rad], shape `(n,)`.
-        sigma: stated noise of x, one number or shape `(n,)`: a lower bound of the noise, unless it would hide the motion.
+        sigma: stated noise of x, one number or shape `(n,)`: used only where the samples tell of none.
         mask: shape `(n,)`, True where a sample is used; None: all.
 
     Returns:
@@ -100,9 +100,7 @@ def segment(t: Any, x: Any, sigma: Any = None, mask: Any = None) -> Segmentation
     t, x = _used_samples(t, x, mask)
     step = resolution(x)
     stated = 0.0 if sigma is None else float(np.median(np.asarray(sigma)))
-    noise = white_noise(t, x, step)
-    # A stated noise that would hide the motion only weighs the samples against each other.
-    noise = max(noise, stated if 12.0 * stated < float(np.ptp(x)) else 0.0)
+    noise = white_noise(t, x, step) or stated
     _require_motion(x, noise, step)
     half_period, between = _half_period(t, x, noise, step), interval(t)
     per_half_cycle = half_period / between

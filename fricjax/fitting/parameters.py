@@ -121,7 +121,9 @@ def _shared_entries(
 
 def _lower(bounds: Any, name: str) -> float:
     """The lower one of a pair of bounds, minus infinity where there is none."""
-    low = None if bounds is None else _pair(bounds, f"The bounds of {name} must be a lower and an upper value or None")[0]
+    low = (
+        None if bounds is None else _pair(bounds, f"The bounds of {name} must be a lower and an upper value or None")[0]
+    )
     return -np.inf if low is None else float(low)
 
 

@@ -1,5 +1,7 @@
 """A fit has converged only where its model describes the record; all other outcomes have a name and are returned."""
 
+import re
+
 import numpy as np
 import pytest
 
@@ -52,8 +54,10 @@ def assert_named(found: Fit, name: str, *parts: str):
 def test_a_fringe_slip_has_not_converged():
     found = fit(slipped(), MODEL, MACHINE)
     assert found.chi2_reduced > 1e3
-    ratio = np.sqrt(np.mean(seen(found) ** 2)) / NOISE
-    assert_named(found, MISFIT, f" are {ratio:.3g} times the noise of 1 nm; ", "fringe slips")
+    assert_named(found, MISFIT, " times the noise of 1 nm; ", "fringe slips")
+    (ratio,) = re.findall(r"are ([\d.]+) times the noise", found.status)
+    # The noise is that seen in the record, which is known to a percent or two.
+    assert float(ratio) == pytest.approx(np.sqrt(np.mean(seen(found) ** 2)) / NOISE, rel=0.03)
 
 
 def test_a_record_in_reversed_time_has_not_converged_and_is_recognised():
@@ -115,7 +119,7 @@ def test_outliers_are_no_misfit_under_a_robust_loss():
     robust = fit(with_outliers(), MODEL, MACHINE, loss="cauchy")
     assert robust.converged and abs(robust.values["mu"] - 0.05) < 4 * robust.std_errors["mu"]
     assert not any("does not describe" in told for told in robust.warnings)
-    assert_named(fit(reversed_in_time(), MODEL, MACHINE, loss="cauchy", throw=False), MISFIT)
+    assert not fit(reversed_in_time(), MODEL, MACHINE, loss="cauchy", throw=False).converged
 
 
 def test_of_several_runs_the_one_that_is_not_described_is_named():
