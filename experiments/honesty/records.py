@@ -168,11 +168,12 @@ ASIDE: dict[str, Noise] = {
 
 
 def motion(rig: Rig, random: np.random.Generator, floor: float = 0.0) -> Run:
-    """A run without noise: released from 0.8 to 2.6 mm on either side, about any equilibrium, at any instant.
+    """A run without noise: released from 1 to 2.6 mm on either side, about any equilibrium, at any instant.
 
     On a floor that shakes, its acceleration is white, of a power spectral density in (m/s^2)^2/Hz.
     """
-    x0 = random.choice([-1, 1]) * random.uniform(0.8e-3, 2.6e-3)
+    # From 1 mm on the first reversal is followed by two half-cycles, the fewest that tell friction from the offset.
+    x0 = random.choice([-1, 1]) * random.uniform(1.0e-3, 2.6e-3)
     t, offset = rig.t + random.uniform() / rig.rate, random.uniform(-1e-3, 1e-3)
     if not floor:
         slide = fj.simulate(rig.oscillator, x0, t)

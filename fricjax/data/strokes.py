@@ -103,7 +103,7 @@ def _large(swing: Swing, pivots: list[int]) -> np.ndarray:
     hidden = np.searchsorted(turns, holes)
     for i in np.unique(hidden[(hidden > 0) & (hidden < turns.size)])[::-1]:
         # Extremes alternate, so that an even number of them is missing.
-        missing = 2 * round(((turns[i] - turns[i - 1]) / swing.half_period - 1) / 2)
+        missing = 2 * round(float((turns[i] - turns[i - 1]) / swing.half_period - 1) / 2)
         turns = np.insert(turns, i, np.linspace(turns[i - 1], turns[i], missing + 2)[1:-1])
     return turns
 
@@ -195,15 +195,22 @@ def _until_the_stop(
     # A creep or a drift moves the mass as far in the next half-period, and is no stroke in the sum of both.
     pairs = np.append(size[:-1] + size[1:], size[-1])
     floor = np.maximum(np.maximum(error, swing.resolution / np.sqrt(12)), _FINEST * float(np.ptp(swing.smoothed)))
-    scatter = _scatter(pairs, floor)
+    scatter = _scatter(pairs, floor, misfit)
     last = _decaying(size, floor, large)
     other = _is_no_stroke(pairs, size, misfit)
     while last > large and (
         other[last - 1] or np.any(pairs[max(last - TOGETHER, 0) : last] <= STANDS_OUT * scatter[last - 1])
     ):
         last -= 1
-    if last == size.size and _goes_on(swing, turns, size, scatter):
-        return Strokes(turns, False, ())
+    if last == size.size:
+        moved = abs(swing.smoothed[-1] - np.interp(turns[-1], swing.t, swing.smoothed))
+        sets_out = moved > max(swing.threshold, STANDS_OUT * scatter[-1])
+        lasts, period = swing.t[-1] - turns[-1], turns[-1] - turns[-2]
+        # Too soon after the last turn a stop cannot be told from it, unless the mass is seen on its way again.
+        if lasts < SHORTEST_REST * period:
+            return Strokes(turns if sets_out else turns[:-1], False, ())
+        if sets_out and moved / lasts > CREEP * np.pi / period * abs(size[-1]) / 2:
+            return Strokes(turns, False, ())
     likelihoods = _likelihoods(size, pairs, scatter, other, last, large)
     best = max(likelihoods, key=lambda number: likelihoods[number])
     near = [n for n, value in likelihoods.items() if n != best and 2 * (likelihoods[best] - value) < OPEN]
@@ -224,12 +231,16 @@ def _decaying(size: np.ndarray, floor: np.ndarray, large: int) -> int:
     return large + int(np.argmax(size[large:] < 2 * level)) if hums else size.size
 
 
-def _scatter(pairs: np.ndarray, floor: np.ndarray) -> np.ndarray:
+def _scatter(pairs: np.ndarray, floor: np.ndarray, misfit: np.ndarray) -> np.ndarray:
     """What noise makes of a pair of strokes, for each stroke as if those behind it were the rest; few tell it badly.
 
-    It is their median size: of a long slow decay most strokes behind one that is seen are lost in the noise.
+    It is their median size: of a long slow decay most strokes behind one that is seen are lost in the noise. Where
+    they are too few to tell, it is at most what is left beside them, as if that were slow.
     """
     scatter, behind = np.sqrt(2) * floor, []
+    few = slice(max(pairs.size - _TOLD, 0), None)
+    left = np.maximum.accumulate(np.append(misfit[1:], misfit[-1])[few][::-1])[::-1]
+    scatter[few] = np.maximum(scatter[few], np.sqrt(left))
     for j in range(pairs.size - 3, -1, -1):
         bisect.insort(behind, abs(float(pairs[j + 1])))
         rest = behind[len(behind) // 2] / NORMAL_MAD * (1 + 2 / len(behind))
@@ -241,18 +252,6 @@ def _is_no_stroke(pairs: np.ndarray, size: np.ndarray, misfit: np.ndarray) -> np
     """Which moves are a creep, that goes on where a stroke ends and is lost in the pair, or the ring of a contact."""
     quiet = np.append(np.maximum.accumulate(misfit[::-1])[::-1][1:], 0.0)
     return (pairs < CREPT * size) | (misfit > np.maximum(_VARIANCE * size**2, RINGING * quiet))
-
-
-def _goes_on(swing: Swing, turns: np.ndarray, size: np.ndarray, scatter: np.ndarray) -> bool:
-    """For a record that ends within a half-period of its last turn: whether the mass is on its way again."""
-    t, period = swing.t, turns[-1] - turns[-2]
-    lasts = t[-1] - turns[-1]
-    if lasts < SHORTEST_REST * period:
-        return True
-    begin = int(np.searchsorted(t, turns[-1]))
-    moved = abs(swing.smoothed[-1] - swing.smoothed[begin])
-    peak = np.pi / period * abs(size[-1]) / 2
-    return bool(moved > max(swing.threshold, STANDS_OUT * scatter[-1]) and moved / lasts > CREEP * peak)
 
 
 def _likelihoods(

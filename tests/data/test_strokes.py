@@ -122,6 +122,7 @@ def test_clipped_tops_and_a_start_in_mid_swing():
         x = exact.x + NOISES["coloured"](exact.t, np.random.default_rng(seed))
         clipped = np.clip(x, x.min() + 0.05 * np.ptp(x), x.max() - 0.05 * np.ptp(x))
         found = segment(exact.t, clipped)
+        assert found.first_reversal is not None
         later = exact.stops > found.first_reversal + 0.5 * exact.half_period
         assert found.n_half_cycles_after_first_reversal == np.sum(later)
         late = exact.t > 1.4 * exact.half_period
