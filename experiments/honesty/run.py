@@ -42,11 +42,11 @@ THRESHOLDS = {
 
 
 class Outcome(NamedTuple):
-    """One record: the fit as a user gets it, None where it was refused, and the one with the true number."""
+    """One record: the fit as a user gets it and the one with the true number, each None where it was refused."""
 
     run: Run
     fit: fj.Fit | None
-    true: fj.Fit
+    true: fj.Fit | None
     refusal: str
 
     @property
@@ -56,7 +56,7 @@ class Outcome(NamedTuple):
     @property
     def open(self) -> bool:
         """Whether the record cannot tell the number that was taken from the true one."""
-        if self.fit is None or self.right:
+        if self.fit is None or self.true is None or self.right:
             return self.right
         variance = max(self.true.chi2_reduced, 1e-300) * max(self.true.whiteness.correlation_time, 1.0)
         return (self.true.chi2 - self.fit.chi2) / variance < ODDS
@@ -75,7 +75,10 @@ def outcome(rig: Rig, run: Run, loss: str) -> Outcome:
         refusal = str(error)
     if fit is not None and fit.half_cycles[0] == run.half_cycles:
         return Outcome(run, fit, fit, refusal)
-    return Outcome(run, fit, fit_with_true_number(rig, run, loss), refusal)
+    try:
+        return Outcome(run, fit, fit_with_true_number(rig, run, loss), refusal)
+    except DataError as error:
+        return Outcome(run, fit, None, refusal or str(error))
 
 
 def fit_with_true_number(rig: Rig, run: Run, loss: str) -> fj.Fit:
@@ -88,7 +91,7 @@ def fit_with_true_number(rig: Rig, run: Run, loss: str) -> fj.Fit:
 
 def row(kind: str, outcomes: list[Outcome], truth: float) -> str:
     errors = np.array([o.fit.values["mu"] - truth if o.fit is not None else np.nan for o in outcomes])
-    reference = np.array([o.true.values["mu"] - truth for o in outcomes])
+    reference = np.array([o.true.values["mu"] - truth for o in outcomes if o.true is not None])
     scatter = float(np.sqrt(np.mean(reference**2)))
     converged = np.array([o.converged for o in outcomes])
     worst = np.nanmax(np.abs(errors)) / scatter
