@@ -94,8 +94,7 @@ def _large(swing: Swing, pivots: list[int]) -> np.ndarray:
     turns = t[pivots[:-1]]
     if turns.size > 1:
         side = float(np.sign(np.subtract(*swing.smoothed[[pivots[-2], pivots[-3]]])))
-        reach = SOUGHT * swing.half_period
-        turns[-1] += reach * _extreme(t, swing.smoothed, float(turns[-1]), reach, side)
+        turns[-1] = _reversal(swing, float(turns[-1]), swing.half_period, side)
     # Strokes near the smallest size are seen here and missed there: the clock goes on from the first one missed.
     missed = np.flatnonzero(np.diff(turns)[STEADY:] > 2 * np.diff(turns)[STEADY - 1 : -1])
     turns = turns[: STEADY + 1 + int(missed[0])] if missed.size else turns
@@ -136,32 +135,39 @@ def _by_clock(swing: Swing, turns: np.ndarray, side: float, period: float) -> np
     Where there is no extreme near the prediction, as in the rest, the clock is believed.
     """
     t, x, found = swing.t, swing.smoothed, list(turns)
-    reach, places, runs = SOUGHT * period, np.interp(turns, t, x).tolist(), False
+    places, runs = np.interp(turns, t, x).tolist(), False
     while found[-1] + period <= t[-1]:
         at, side = found[-1] + period, -side
         # Behind a stroke this small there is none to be followed, and wiggles of the rest are not to set the clock.
         runs = runs or abs(np.interp(at, t, x) - places[-1]) < TINY * abs(places[-1] - places[-2])
         if not runs:
-            at += reach * _extreme(t, x, at, reach, side)
+            at = _reversal(swing, at, period, side)
         found.append(at)
         places.append(float(np.interp(at, t, x)))
     return np.array(found)
 
 
-def _extreme(t: np.ndarray, x: np.ndarray, at: float, reach: float, side: float) -> float:
-    """How far from a time an extreme is, a maximum for a positive `side`, in units of `reach`; 0 for none near."""
+def _reversal(swing: Swing, at: float, period: float, side: float) -> float:
+    """The extreme nearest a predicted instant [s], a maximum for a positive `side`; the prediction for none near."""
+    t, x, reach = swing.t, swing.smoothed, SOUGHT * period
     near = slice(*np.searchsorted(t, [at - reach, at + reach]))
     every = (near.stop - near.start) // 128 + 1
     u, y = (t[near][::every] - at) / reach, x[near][::every]
     if u.size < 5:
-        return 0.0
+        return at
     y, square = y - y.mean(), u * u
     # Least squares of a parabola on times that lie about as far on either side.
     slope = float(u @ y) / float(square.sum())
     square -= square.mean()
     curve = float(square @ y) / float(square @ square)
     shift = -slope / (2 * curve) if side * curve < 0 else np.inf
-    return shift if abs(shift) * SOUGHT <= BELIEVED else 0.0
+    # Friction bends a reversal as hard as the strokes on either side are large, so that a parabola comes too late: by
+    # 3/8 of the reach, the ratio of the mean of |u|^3 to twice that of u^2, times their difference over their sum.
+    here, before, after = np.interp([at, at - period, at + period], t, x)
+    seen = 0.5 - 0.5 * np.cos(np.pi * np.clip((t[-1] - at) / period, SOUGHT, 1.0))
+    strokes = abs(here - before), abs(after - here) / seen
+    shift -= 0.375 * np.subtract(*strokes) / max(np.sum(strokes), swing.threshold)
+    return at + reach * shift if abs(shift) * SOUGHT <= BELIEVED else at
 
 
 def _sizes(swing: Swing, turns: np.ndarray, side: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

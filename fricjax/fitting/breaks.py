@@ -60,16 +60,19 @@ def _cuts(window: Window, oscillator: Oscillator, times: np.ndarray, deflections
 
 
 def _standstills(window: Window) -> tuple[np.ndarray, np.ndarray]:
-    """Instants of the start, the reversals and the stop [s], and the deflection that drives the mass there [m]."""
+    """Instants of the start, the reversals and the stop [s], and the deflection that drives the mass there [m].
+
+    A record that ends in motion may end just behind a reversal that cannot be told from a stop: the clock has it.
+    """
     found = window.segmentation
     swings = np.abs(found.turning_points - equilibrium(found))
     later = found.turning_times > window.t_start
     times = np.concatenate([[window.t_start], found.turning_times[later]])
     deflections = np.concatenate([[abs(window.guesses["x0"])], swings[later]])
-    if found.rest is None:
-        return times, deflections
+    lasts = times[-1] - times[-2] if times.size > 1 else found.half_period
+    last = times[-1] + lasts if found.rest is None else found.rest
     # The mass comes to the stop with the deflection of the reversal before it.
-    return np.append(times, found.rest), np.append(deflections, deflections[-1])
+    return np.append(times, last), np.append(deflections, deflections[-1])
 
 
 def _known_to(window: Window, deflections: np.ndarray) -> np.ndarray:
@@ -80,7 +83,10 @@ def _known_to(window: Window, deflections: np.ndarray) -> np.ndarray:
     width = extreme_window(half, np.maximum(deflections, found.noise), found.noise, interval)
     slope_error = _ERRORS * found.noise / width / np.sqrt(np.maximum(2 * width / interval, 1.0))
     curvature = np.maximum(deflections, found.noise) * (np.pi / half) ** 2
-    return by_sampling + np.minimum(slope_error / curvature, _LOST * half)
+    margins = by_sampling + np.minimum(slope_error / curvature, _LOST * half)
+    if found.rest is None:
+        margins[-1] = _LOST * half
+    return margins
 
 
 def _settling(window: Window, oscillator: Oscillator, deflections: np.ndarray) -> np.ndarray:
