@@ -55,10 +55,13 @@ def _chebyshev(count: int) -> tuple[np.ndarray, np.ndarray]:
 
 def _polynomials(at: Array, count: int) -> Array:
     """Chebyshev polynomials T_0 ... T_{count-1}, stacked along a last axis; by recurrence, so also outside [-1, 1]."""
-    terms = [jnp.ones_like(at), at]
-    for _ in range(count - 2):
-        terms.append(2 * at * terms[-1] - terms[-2])
-    return jnp.stack(terms, axis=-1)
+
+    def next_one(two: tuple[Array, Array], _: Any) -> tuple[tuple[Array, Array], Array]:
+        this, following = two
+        return (following, 2 * at * following - this), this
+
+    terms = jax.lax.scan(next_one, (jnp.ones_like(at), at), length=count)[1]
+    return jnp.moveaxis(terms, 0, -1)
 
 
 def _place(oscillator: Oscillator, centre: Array, reach: Array, turning: Array) -> Array:

@@ -7,7 +7,7 @@ correct digits each time. A change of the parameters changes the solution by ``E
 once more, so that derivatives cost two quadratures.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -65,12 +65,13 @@ def collocate(
 @jax.custom_jvp
 def _amplitudes(start: Array, machine: Machine, panels: Panels) -> Array:
     """Amplitudes at the points of collocation, shape (2, points, *start.shape)."""
-    amplitudes = jnp.broadcast_to(start, panels.slope.shape[:2] + start.shape)
-    for _ in range(_STEPS):
+
+    def closer(_: Any, amplitudes: Array) -> Array:
         rate, slope = _linearised(machine, panels, amplitudes)
         growth = jnp.exp(_integral(slope, panels))
-        amplitudes = growth * (start + _integral((rate - slope * amplitudes) / growth, panels))
-    return amplitudes
+        return growth * (start + _integral((rate - slope * amplitudes) / growth, panels))
+
+    return jax.lax.fori_loop(0, _STEPS, closer, jnp.broadcast_to(start, panels.slope.shape[:2] + start.shape))
 
 
 @_amplitudes.defjvp

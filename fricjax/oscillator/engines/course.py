@@ -90,7 +90,7 @@ def by_table(
     reached, first = strokes_from_table(oscillator, table, begin, leaves_the_last, max(capacity - UNTABLED, 1))
     # A record that ends in motion has no last half-cycles.
     over = ~reached.carried | (reached.count >= half_cycles) | (half_cycles > capacity)
-    end, last = jax.lax.scan(step, reached._replace(finished=over), jnp.arange(1, UNTABLED + 1), unroll=True)
+    end, last = jax.lax.scan(step, reached._replace(finished=over), jnp.arange(1, UNTABLED + 1))
     strokes, points = jax.tree.map(lambda *parts: jnp.concatenate(parts), first, last)
     return Course(strokes, points, end)
 
