@@ -2,8 +2,9 @@
 
 For every kind of noise and either rig, records with a random release, offset and phase are fitted as a user would. A
 row tells how often the number of half-cycles is right, or cannot be told: where another number was taken, the fit with
-the true one is no worse by more than odds of 400 to 1, for residuals as correlated as they are. The error of mu is
-given in units of the scatter that fits with the true number of half-cycles have over the same records.
+the true one is no worse by more than odds of 400 to 1, for residuals as correlated as they are. A record of one
+half-cycle behind its first reversal is rightly refused. The error of mu is given in units of the scatter that fits with
+the true number of half-cycles have over the same records.
 
     python experiments/honesty/run.py [--runs 100] [--rig sliding] [--only "white,AR"]
     python experiments/honesty/run.py --thresholds [--runs 5]
@@ -33,6 +34,7 @@ from fricjax.fitting.rest import with_counts  # noqa: E402
 from fricjax.fitting.solve import solve  # noqa: E402
 
 ODDS = 2 * math.log(400)
+TOO_FEW = 2  # half-cycles behind the first reversal, from which friction and the offset can both be told
 THRESHOLDS = {
     strokes: ("SURE", "SOUGHT", "BELIEVED", "TINY", "STANDS_OUT", "ISOCHRONOUS", "RINGING", "CREPT", "SHORTEST_REST",
               "CREEP", "OPEN", "PER_STROKE"),
@@ -51,7 +53,10 @@ class Outcome(NamedTuple):
 
     @property
     def right(self) -> bool:
-        return self.fit is not None and self.fit.half_cycles[0] == self.run.half_cycles
+        """Whether the number is the true one, or the record was refused that holds too few to tell friction."""
+        if self.fit is None:
+            return self.run.half_cycles < TOO_FEW
+        return self.fit.half_cycles[0] == self.run.half_cycles
 
     @property
     def open(self) -> bool:

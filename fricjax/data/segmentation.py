@@ -149,14 +149,19 @@ def _require_density(per_half_cycle: float) -> None:
 
 def _half_period(t: np.ndarray, x: np.ndarray, noise: float, step: float) -> float:
     """Typical duration of a stroke, from the largest strokes that the trace holds at least two of."""
+    from scipy.ndimage import median_filter
+
     span = float(np.ptp(x))
     finest = max(12.0 * noise, 4.0 * step)
     sizes = [share * span for share in SHARES if share == SHARES[0] or share * span > finest]
-    among, pivots = extremes(x, sizes[-1]), []
-    for size in sizes:
-        pivots = zigzag(x, among, size)
-        if len(pivots) >= 4:
-            return float(np.median(np.diff(t[pivots[1:-1]])))
+    pivots = zigzag(x, extremes(x, sizes[0]), sizes[0])
+    if len(pivots) < 4 and len(sizes) > 1:
+        # Spikes, of which two may stand side by side, are as large as small strokes.
+        x = median_filter(x, 5, mode="nearest")
+        among = extremes(x, sizes[-1])
+        pivots = next((found for size in sizes if len(found := zigzag(x, among, size)) >= 4), pivots)
+    if len(pivots) >= 4:
+        return float(np.median(np.diff(t[pivots[1:-1]])))
     return _from_rise_times(t, x, pivots or [int(np.argmin(x)), int(np.argmax(x))])
 
 

@@ -1,13 +1,14 @@
 """The way from the start values to the optimum: windows that grow until they hold everything.
 
 With the number of half-cycles taken from the record the residual has no jumps, but the phase still makes local
-minima when the start value of the frequency is off by more than a part of a cycle over the record. So the window
-begins where the motion from the start values is still in phase with the record, and doubles until it holds the whole
-moving part; the rest is added last. Start values that keep the phase need one stage with everything. A robust loss,
-nearly flat far from its optimum, is led there from that of squares. All of it is traced, so that many fits can be
-mapped over.
+minima when the start value of the frequency is off by more than a part of a cycle over the record. So the window is
+halved until the motion from the start values is in phase with the record all through it, which the first pass of the
+solver tells, and then doubles until it holds the whole moving part; the rest is added last. Start values that keep the
+phase need one stage with everything. A robust loss, nearly flat far from its optimum, is led there from that of
+squares. All of it is traced, so that many fits can be mapped over; the model stands in it once.
 """
 
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import equinox as eqx
@@ -19,7 +20,8 @@ from jaxtyping import Array, Float
 from .levenberg_marquardt import LevenbergMarquardt
 from .loss import AbstractLoss, Squares
 from .passes import DensePasses
-from .residual import Residual, Run
+from .residual import Residual
+from .status import NOT_FINITE
 
 ROUNDING = 1e-12
 FINE = 1e-3
@@ -61,8 +63,11 @@ class Climbed(NamedTuple):
 
 
 class _State(NamedTuple):
+    """Where a climb is, how far its window reaches, and whether the start is known to keep the phase that far."""
+
     at: Climbed
     reach: Array
+    kept: Array
 
 
 def climb(
@@ -81,18 +86,29 @@ def climb(
         windows = [_until(run.t, part.moving, reach) for run, part in zip(residual.runs, terrain, strict=True)]
         return [jnp.where(reach >= _EVERYTHING, w, window) for w, window in zip(whole, windows, strict=True)]
 
+    shortest = jnp.min(jnp.stack([jnp.asarray(part.shortest) for part in terrain]))
+
     def stage(state: _State) -> _State:
-        at, reach = state
+        at, reach, kept = state
+        windowed, sure = with_weights(residual, weights(reach)), kept | (reach <= shortest)
+
+        def from_in_phase(q: Array, args: None = None) -> Array:
+            r = windowed(q)
+            strays = (jnp.all(q == at.y) & ~sure) & jnp.any(_out_of_phase(windowed, terrain, r))
+            return r + jnp.where(strays, jnp.nan, 0.0)
+
         near = jnp.where(reach < _EVERYTHING, jnp.maximum(tolerance, _ON_THE_WAY), tolerance)
-        found = least_squares(with_weights(residual, weights(reach)), limits, Squares(), at.y, near)
-        steps = at.iterations + found.stats["num_steps"]
+        found = least_squares(windowed, limits, Squares(), at.y, near, from_in_phase)
+        status, steps = found.stats["status"], at.iterations + found.stats["num_steps"]
         further = jnp.where(2 * reach < _MOVING, 2 * reach, full)
         further = jnp.where(reach >= _MOVING, 2 * reach, further)
-        return _State(Climbed(found.value, found.stats["status"], steps, at.stages + 1), further)
+        onward = _State(Climbed(found.value, status, steps, at.stages + 1), further, jnp.asarray(True))
+        shorter = _State(at, jnp.maximum(reach / 2, shortest), jnp.asarray(False))
+        lost = ~sure & (status == NOT_FINITE)
+        return jax.tree.map(lambda back, on: jnp.where(lost, back, on), shorter, onward)
 
-    begin = jnp.min(jnp.stack(_in_phase(residual, terrain, y)))
     none = jnp.asarray(0)
-    first = _State(Climbed(y, none, none, none), jnp.where((begin >= _MOVING) & (begin < _EVERYTHING), full, begin))
+    first = _State(Climbed(y, none, none, none), jnp.asarray(_EVERYTHING), jnp.asarray(False))
     return jax.lax.while_loop(lambda state: state.reach <= _EVERYTHING, stage, first).at
 
 
@@ -108,9 +124,14 @@ def onwards(residual: Residual, limits: Limits, loss: AbstractLoss, at: Climbed)
 
 
 def least_squares(
-    residual: Residual, limits: Limits, loss: AbstractLoss, y: Float[Array, " p"], tolerance: Any = FINE
+    residual: Residual,
+    limits: Limits,
+    loss: AbstractLoss,
+    y: Float[Array, " p"],
+    tolerance: Any = FINE,
+    function: Callable | None = None,
 ) -> optx.Solution:
-    """One run of Levenberg-Marquardt from coordinates `y`."""
+    """One run of Levenberg-Marquardt from coordinates `y`, on the residual or a `function` that stands for it."""
     informed = sum(jnp.sum(run.weight > 0) for run in residual.runs) + jnp.sum(residual.prior_weight > 0)
     options = {
         "lower": limits.lower,
@@ -121,7 +142,9 @@ def least_squares(
     if isinstance(loss, Squares):
         options["linear"] = limits.linear
     solver = LevenbergMarquardt(passes=DensePasses(loss=loss, exempt=residual.n_parameters), tolerance=tolerance)
-    return optx.least_squares(residual, solver, y, options=options, max_steps=solver.max_steps + 1, throw=False)
+    return optx.least_squares(
+        function or residual, solver, y, options=options, max_steps=solver.max_steps + 1, throw=False
+    )
 
 
 def with_weights(residual: Residual, weights: list[Array]) -> Residual:
@@ -140,15 +163,10 @@ def _ends(t: Array, moving: Array) -> tuple[Array, Array]:
     return jnp.min(jnp.where(used, t, jnp.inf)), jnp.max(jnp.where(used, t, -jnp.inf))
 
 
-def _in_phase(residual: Residual, terrain: tuple[Terrain, ...], y: Array) -> list[Array]:
-    """Per run the part of the moving window over which the start values keep the phase; `_EVERYTHING` where all do."""
-
-    def share(number: Any, run: Run, part: Terrain) -> Array:
-        error = jnp.abs(run.weight * (residual.course(y, number, run).read(run.t) - run.x))
-        lost = (part.moving > 0) & ~(error < part.tolerance)
-        begin, end = _ends(run.t, part.moving)
-        first = jnp.min(jnp.where(lost, run.t, jnp.inf))
-        share = jnp.clip((first - begin) / (end - begin), part.shortest, _MOVING)
-        return jnp.where(jnp.any(lost), share, _EVERYTHING)
-
-    return residual.each(share, residual.runs, terrain)
+def _out_of_phase(residual: Residual, terrain: tuple[Terrain, ...], r: Array) -> Array:
+    """Which of the residuals, those of samples in the moving part of a window, are too large for one phase."""
+    used = jnp.concatenate(
+        [(run.weight > 0) & (part.moving > 0) for run, part in zip(residual.runs, terrain, strict=True)]
+    )
+    tolerance = jnp.concatenate([jnp.asarray(part.tolerance) for part in terrain])
+    return used & ~(jnp.abs(jax.lax.stop_gradient(r[: used.size])) < tolerance)

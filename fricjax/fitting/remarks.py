@@ -5,6 +5,7 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 
 from ..show import engineering, plain
+from .missing import lacking
 from .plausible import implausible
 from .problem import Problem
 from .rest import Bracket, Margin
@@ -70,6 +71,7 @@ def remarks_on(
             f"The model does not describe the run: its residuals of {size} are {misfit.ratio:.3g} times the noise of "
             f"{misfit.noise:.2e} {unit}."
         )
+        yield from lacking(problem, misfit.run, misfit.size)
         yield from _on_drift(problem, misfit)
         if any(holds_release(window) for window in problem.windows):
             yield (

@@ -10,12 +10,16 @@ from .breaks import condensed
 from .climb import Terrain
 from .condense import Samples
 from .residual import Run
-from .sizes import rounded_up
+from .sizes import filled
+from .survey import CHUNK
 from .window import NEVER, Window
 
 # How many times longer than the shortest the longest run of a joint fit may be for them to be filled to one length.
-_UNLIKE = 2
+_UNLIKE = 4
 _IN_PHASE, _SMALLEST, _SHORTEST = 0.5, 0.5, 4.0
+# Fewest samples, those up to which sizes are powers, and the factor between them. Of all samples only the chunks that
+# hold any are gone through, so that their sizes may lie far apart; each of the condensed ones costs its part of a pass.
+_WHOLE, _CONDENSED = (CHUNK, 1 << 18, 4), (256, 1 << 18, 2)
 
 
 def whole_run(window: Window, stops: bool) -> Run:
@@ -28,7 +32,7 @@ def whole_run(window: Window, stops: bool) -> Run:
         weight=np.where(window.used, 1 / window.sigma, 0.0),
     )
     return Run(
-        *_filled(samples, 8),
+        *_up_to(filled(samples.t.size, *_WHOLE), samples),
         half_cycles=np.asarray(window.half_cycles if stops else NEVER),
         fixed={name: np.asarray(value) for name, value in window.guesses.items()},
     )
@@ -36,8 +40,8 @@ def whole_run(window: Window, stops: bool) -> Run:
 
 def condensed_run(window: Window, run: Run, oscillator: Oscillator) -> Run:
     """The run with few samples that say the same."""
-    few = _filled(condensed(window, Samples(run.t, run.x, run.weight), oscillator), 4)
-    return _with_samples(run, few)
+    few = condensed(window, Samples(run.t, run.x, run.weight), oscillator)
+    return _with_samples(run, _up_to(filled(few.t.size, *_CONDENSED), few))
 
 
 def of_one_length(runs: tuple[Run, ...]) -> tuple[Run, ...]:
@@ -62,15 +66,8 @@ def _with_samples(run: Run, samples: Samples) -> Run:
     return dataclasses.replace(run, t=samples.t, x=samples.x, weight=samples.weight)
 
 
-def _filled(samples: Samples, parts: int) -> Samples:
-    """Samples without weight added at the end, up to a multiple of the last power of two over `parts`.
-
-    So records of similar length share one compilation.
-    """
-    return _up_to(rounded_up(samples.t.size, parts), samples)
-
-
 def _up_to(n: int, samples: Samples) -> Samples:
+    """Samples without weight added at the end, so that records of other lengths share one compilation."""
     t, x, weight = samples
     return Samples(_longer(t, n, t[-1]), _longer(x, n, x[-1]), _longer(weight, n))
 

@@ -16,7 +16,7 @@ from .loss import AbstractLoss
 from .passes import gather, residual_and_jacobian
 from .residual import Course, Residual, Run
 
-CHUNK = 16384
+CHUNK = 2048
 
 
 class Survey(NamedTuple):
@@ -49,12 +49,8 @@ def survey(residual: Residual, y: Float[Array, " coordinates"], loss: AbstractLo
 def _run(residual: Residual, y: Array, number: Any, data: Run, loss: AbstractLoss) -> Survey:
     n = data.t.shape[0]
     pieces = -(-n // CHUNK)
-    size = -(-n // pieces)
-    chunks = (
-        _split(data.t, pieces, size, "edge"),
-        _split(data.x, pieces, size, "edge"),
-        _split(data.weight, pieces, size, "constant"),
-    )
+    t, x = (jnp.pad(values, (0, pieces * CHUNK - n), mode="edge") for values in (data.t, data.x))
+    weight = jnp.pad(data.weight, (0, pieces * CHUNK - n))
 
     def course(at: Array) -> tuple[Course, tuple[Course, Course]]:
         moving, fixed = eqx.partition(residual.course(at, number, data), eqx.is_inexact_array)
@@ -62,22 +58,22 @@ def _run(residual: Residual, y: Array, number: Any, data: Run, loss: AbstractLos
 
     tangents, (moving, fixed) = jax.jacfwd(course, has_aux=True)(y)
 
-    def chunk(total: tuple[Array, Array], part: tuple) -> tuple[tuple[Array, Array], Array]:
-        t, x, weight = part
+    def chunk(number: Array, so_far: tuple[Array, Array, Array]) -> tuple[Array, Array, Array]:
+        gradient, normal, whole = so_far
+        times, seen, used = (jax.lax.dynamic_slice(values, (number * CHUNK,), (CHUNK,)) for values in (t, x, weight))
 
         def read(at: Course) -> Array:
-            return weight * (eqx.combine(at, fixed).read(t) - x)
+            return used * (eqx.combine(at, fixed).read(times) - seen)
 
         r, along = jax.linearize(read, moving)
         columns = jax.vmap(along, in_axes=-1, out_axes=-1)(tangents)
         found = gather(r, columns, loss)
-        return (total[0] + found.gradient, total[1] + found.normal), r
+        whole = jax.lax.dynamic_update_slice(whole, r, (number * CHUNK,))
+        return gradient + found.gradient, normal + found.normal, whole
 
     zero = jnp.zeros(y.shape)
-    (gradient, normal), r = jax.lax.scan(chunk, (zero, zero[:, None] * zero), chunks)
-    return Survey(r.reshape(-1)[:n], jnp.sum(r**2), gradient, normal)
-
-
-def _split(values: Array, pieces: int, size: int, mode: str) -> Array:
-    """Samples in chunks of equal size; the last one is filled up with samples of no weight."""
-    return jnp.pad(values, (0, pieces * size - values.shape[0]), mode=mode).reshape(pieces, size)
+    # Behind the last sample of any weight there is only filling.
+    last = jnp.max(jnp.where(weight > 0, jnp.arange(weight.size), -1))
+    begin = zero, zero[:, None] * zero, jnp.zeros(weight.shape)
+    gradient, normal, r = jax.lax.fori_loop(0, last // CHUNK + 1, chunk, begin)
+    return Survey(r[:n], jnp.sum(r**2), gradient, normal)

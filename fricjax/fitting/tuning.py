@@ -12,7 +12,7 @@ from ..oscillator.engines import UNTABLED, AbstractEngine, Span
 from ..oscillator.restoring import Pendulum
 from ..oscillator.select import select_engine
 from .parameters import Request
-from .sizes import rounded_up
+from .sizes import power
 from .window import NEVER, Window, equilibrium
 
 # The error of the smooth engine is some ten times smaller than the accuracy that it is asked for.
@@ -23,7 +23,7 @@ _FEW, _PER_E_FOLD = 8, 5.0
 _PER_UNIT = 11.0
 # How far beyond the largest deflection a table reaches, in the coordinate that has no bound at the top of a pendulum.
 _BEYOND = 1.1
-# Least number of half-cycles to provide for with a table, so that records of an archive share their compilation.
+# Least number of half-cycles to provide for, so that records of an archive share their compilation.
 _CAPACITY = 64
 # Sizes of a table; few, for each is compiled for itself.
 _SIZES = (8, 12, 16, 24, 32)
@@ -35,7 +35,7 @@ def engine_for(request: Request, windows: Sequence[Window]) -> AbstractEngine:
     strokes = max(_strokes(window, can_stop(request)) for window in windows)
     name = "hybrid" if drag_free and request.engine == "auto" and machine.friction.set_valued else request.engine
     try:
-        engine = select_engine(name, machine, max_half_cycles=max(16, rounded_up(strokes + 2, 8)))
+        engine = select_engine(name, machine, max_half_cycles=power(strokes + 2, _CAPACITY))
     except ValueError as error:
         raise UsageError(str(error)) from error
     if drag_free and isinstance(engine, Exact):
@@ -61,7 +61,7 @@ def _tuned(engine: AbstractEngine, machine: Oscillator, windows: Sequence[Window
     span = _span(machine, min(float(s.min()) for s in spans), max(float(s.max()) for s in spans))
     needed = _needed(machine, span)
     amplitudes = next((size for size in _SIZES if size >= needed), _SIZES[-1])
-    return Hybrid(engine.nodes, max(engine.max_half_cycles, _CAPACITY), span, amplitudes)
+    return Hybrid(engine.nodes, engine.max_half_cycles, span, amplitudes)
 
 
 def _span(machine: Oscillator, least: float, highest: float) -> Span:

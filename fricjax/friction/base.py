@@ -140,8 +140,8 @@ class AbstractFriction(eqx.Module):
     def return_map(self, v: Scalar, a: Scalar, state: State, load: Scalar) -> State:
         """Internal states after a step of an integration: what the integrated ones stand for as the motion goes on.
 
-        Elements that stick or slip change their mode here, between two steps; other states are what they are. The
-        acceleration `a` [m/s^2] tells how long ago in the step that was.
+        Elements that stick or slip change their mode here, between two steps, and bristles are kept within the
+        deflections that a motion can reach. The acceleration `a` [m/s^2] tells how long ago in the step that was.
         """
         return state
 

@@ -14,6 +14,7 @@ from equinox import AbstractVar
 
 from .base import Scalar, State, Values
 from .coefficient import SIGMA0, SIGMA1, Coefficient, positive
+from .elements import held
 from .stribeck_curve import STRIBECK_CURVE, AbstractStribeckCurve
 
 BRUSH: Mapping[str, Coefficient] = {
@@ -48,6 +49,10 @@ class AbstractBrush(AbstractStribeckCurve):
     def force(self, v: Values, state: State, load: Scalar) -> Values:
         bristles = self.sigma0 * state + self.contact_damping(v) * self.rate(v, state, load)
         return bristles[0] + self.sigma2 * v
+
+    def return_map(self, v: Scalar, a: Scalar, state: State, load: Scalar) -> State:
+        # No motion bends the bristles further; a step on a mesh that was made for a softer contact would.
+        return held(state, jnp.maximum(self.static_force(load), self.dynamic_force(load)) / self.sigma0)
 
     def steady_state(self, v: Scalar, direction: Scalar, load: Scalar) -> State:
         return jnp.reshape(direction * self.limit(jnp.abs(v), load) / self.sigma0, (1,))

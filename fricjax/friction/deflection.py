@@ -10,6 +10,7 @@ from typing import ClassVar
 import jax.numpy as jnp
 
 from .base import AbstractBristle, Scalar, State, Values
+from .elements import held
 
 
 class AbstractDeflection(AbstractBristle):
@@ -23,6 +24,10 @@ class AbstractDeflection(AbstractBristle):
 
     def force(self, v: Values, state: State, load: Scalar) -> Values:
         return self.dynamic_force(load) * (state[0] / self.settling_length(load))
+
+    def return_map(self, v: Scalar, a: Scalar, state: State, load: Scalar) -> State:
+        # Only a step that is too long for the contact, on a mesh that was made for a softer one, ends beyond.
+        return held(state, self.state_scale(load))
 
     def steady_state(self, v: Scalar, direction: Scalar, load: Scalar) -> State:
         return direction * self.state_scale(load)

@@ -54,9 +54,10 @@ def assert_named(found: Fit, name: str, *parts: str):
 def test_a_fringe_slip_has_not_converged():
     found = fit(slipped(), MODEL, MACHINE)
     assert found.chi2_reduced > 1e3
-    assert_named(found, MISFIT, " times the noise of 1 nm; ", "fringe slips")
-    (ratio,) = re.findall(r"are ([\d.]+) times the noise", found.status)
+    assert_named(found, MISFIT, "fringe slips")
+    ((ratio, noise),) = re.findall(r"are ([\d.]+) times the noise of ([\d.]+) nm; ", found.status)
     # The noise is that seen in the record, which is known to a percent or two.
+    assert float(noise) * 1e-9 == pytest.approx(NOISE, rel=0.03)
     assert float(ratio) == pytest.approx(np.sqrt(np.mean(seen(found) ** 2)) / NOISE, rel=0.03)
 
 

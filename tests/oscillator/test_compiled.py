@@ -1,6 +1,8 @@
 """Hot loops stay one compiled kernel each: no call into a library, no dispatch per operation.
 
-XLA for the CPU compiles a loop as a whole, and marks the call of it, only where its body is small and calls nothing.
+XLA for the CPU compiles a loop as a whole, and marks the call of it, only where its body is small and calls nothing. A
+loop that goes but a few times over whole arrays, such as the quasilinear steps, gains nothing from that: it is a loop so
+that its body is compiled once.
 """
 
 import re
@@ -15,6 +17,7 @@ from fricjax.oscillator import Exact, Hybrid, Oscillator, Smooth, starting_state
 from fricjax.oscillator.engines import Mesh, Span
 
 SPAN = Span(np.asarray(3e-4), np.asarray(2.1e-3))
+FEW = 5
 MESH = Mesh(jnp.linspace(0, 20, 201), jnp.linspace(0, 2, 21))
 CASES = {
     "exact": (Exact(16), Coulomb(0.05), None),
@@ -43,12 +46,19 @@ def compiled(name: str, derivatives: bool) -> str:
     return jax.jit(run).lower([jnp.asarray(leaf) for leaf in leaves], jnp.asarray(2e-3)).compile().as_text() or ""
 
 
+def hot_loops(text: str) -> list[str]:
+    """Lines of the loops that go more than a few times, or until something happens."""
+    loops = [line for line in text.splitlines() if " while(" in line]
+    counts = [re.search(r'known_trip_count":{"n":"(\d+)"', line) for line in loops]
+    return [line for line, count in zip(loops, counts, strict=True) if count is None or int(count[1]) > FEW]
+
+
 @pytest.mark.parametrize("derivatives", [False, True], ids=["motion", "derivatives"])
 @pytest.mark.parametrize("name", CASES)
 def test_hot_loops_are_one_kernel_each(name: str, derivatives: bool):
     text = compiled(name, derivatives)
     assert not re.findall(r'custom_call_target="([^"]*)"', text)
-    assert text.count("xla_cpu_small_call") == len(re.findall(r" while\(", text))
+    assert text.count("xla_cpu_small_call") == len(hot_loops(text))
     assert (" while(" in text) == (name != "exact")
 
 
@@ -58,4 +68,4 @@ def test_a_loop_that_calls_a_library_would_be_seen():
 
     text = jax.jit(loop).lower(jnp.ones(3)).compile().as_text() or ""
     assert "custom_call_target" in text
-    assert text.count("xla_cpu_small_call") < len(re.findall(r" while\(", text))
+    assert text.count("xla_cpu_small_call") < len(hot_loops(text))
