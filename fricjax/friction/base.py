@@ -140,10 +140,17 @@ class AbstractFriction(eqx.Module):
     def return_map(self, v: Scalar, a: Scalar, state: State, load: Scalar) -> State:
         """Internal states after a step of an integration: what the integrated ones stand for as the motion goes on.
 
-        Elements that stick or slip change their mode here, between two steps, and bristles are kept within the
-        deflections that a motion can reach. The acceleration `a` [m/s^2] tells how long ago in the step that was.
+        Elements that stick or slip change their mode here, between two steps; other states are what they are. The
+        acceleration `a` [m/s^2] tells how long ago in the step that was.
         """
         return state
+
+    def reach(self, load: Scalar) -> State:
+        """Largest size of each internal state that a motion leads to from a smaller one; inf where there is no bound.
+
+        A step that is too long for the law, on a mesh that was made for a softer contact, would end beyond.
+        """
+        return jnp.full(self.n_states, jnp.inf)
 
     def __add__(self, other: "AbstractFriction") -> "AbstractFriction":
         from .sum import Sum

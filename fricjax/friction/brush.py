@@ -14,7 +14,6 @@ from equinox import AbstractVar
 
 from .base import Scalar, State, Values
 from .coefficient import SIGMA0, SIGMA1, Coefficient, positive
-from .elements import held
 from .stribeck_curve import STRIBECK_CURVE, AbstractStribeckCurve
 
 BRUSH: Mapping[str, Coefficient] = {
@@ -50,15 +49,15 @@ class AbstractBrush(AbstractStribeckCurve):
         bristles = self.sigma0 * state + self.contact_damping(v) * self.rate(v, state, load)
         return bristles[0] + self.sigma2 * v
 
-    def return_map(self, v: Scalar, a: Scalar, state: State, load: Scalar) -> State:
-        # No motion bends the bristles further; a step on a mesh that was made for a softer contact would.
-        return held(state, jnp.maximum(self.static_force(load), self.dynamic_force(load)) / self.sigma0)
-
     def steady_state(self, v: Scalar, direction: Scalar, load: Scalar) -> State:
         return jnp.reshape(direction * self.limit(jnp.abs(v), load) / self.sigma0, (1,))
 
     def state_scale(self, load: Scalar) -> State:
         return jnp.reshape(self.mu * load / self.sigma0, (1,))
+
+    def reach(self, load: Scalar) -> State:
+        most = jnp.maximum(self.static_force(load), self.dynamic_force(load))
+        return jnp.reshape(most / self.sigma0, (1,))
 
     def passive(self, load: float) -> bool:
         """Whether the coefficients guarantee that no path gives back more work than the bristles have stored.

@@ -10,7 +10,6 @@ from typing import ClassVar
 import jax.numpy as jnp
 
 from .base import AbstractBristle, Scalar, State, Values
-from .elements import held
 
 
 class AbstractDeflection(AbstractBristle):
@@ -25,15 +24,14 @@ class AbstractDeflection(AbstractBristle):
     def force(self, v: Values, state: State, load: Scalar) -> Values:
         return self.dynamic_force(load) * (state[0] / self.settling_length(load))
 
-    def return_map(self, v: Scalar, a: Scalar, state: State, load: Scalar) -> State:
-        # Only a step that is too long for the contact, on a mesh that was made for a softer one, ends beyond.
-        return held(state, self.state_scale(load))
-
     def steady_state(self, v: Scalar, direction: Scalar, load: Scalar) -> State:
         return direction * self.state_scale(load)
 
     def state_scale(self, load: Scalar) -> State:
         return jnp.reshape(self.settling_length(load), (1,))
+
+    def reach(self, load: Scalar) -> State:
+        return self.state_scale(load)
 
     def sliding_force(self, speed: Values, load: Scalar) -> Values:
         return self.dynamic_force(load) * jnp.ones_like(speed)

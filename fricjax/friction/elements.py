@@ -18,7 +18,7 @@ BEYOND = 1 + 1e-9
 
 
 def held(trial: Values, limits: Values) -> Values:
-    """Deflections within their limits, from trial ones."""
+    """Deflections that the sliders allow, from trial ones."""
     return jnp.clip(trial, -limits, limits)
 
 

@@ -94,6 +94,9 @@ class Sum(AbstractFriction):
         parts = zip(self.laws, self._split(state), strict=True)
         return jnp.concatenate([law.return_map(v, a, part, load) for law, part in parts])
 
+    def reach(self, load: Scalar) -> State:
+        return jnp.concatenate([law.reach(load) for law in self.laws])
+
     def velocity_scale(self) -> Scalar:
         return functools.reduce(jnp.minimum, (law.velocity_scale() for law in self.laws))
 

@@ -1,8 +1,8 @@
 """Hot loops stay one compiled kernel each: no call into a library, no dispatch per operation.
 
 XLA for the CPU compiles a loop as a whole, and marks the call of it, only where its body is small and calls nothing. A
-loop that goes but a few times over whole arrays, such as the quasilinear steps, gains nothing from that: it is a loop so
-that its body is compiled once.
+loop that goes but a few times over whole arrays, such as the quasilinear steps, gains nothing from that: it is a loop
+so that its body is compiled once.
 """
 
 import re
@@ -46,11 +46,11 @@ def compiled(name: str, derivatives: bool) -> str:
     return jax.jit(run).lower([jnp.asarray(leaf) for leaf in leaves], jnp.asarray(2e-3)).compile().as_text() or ""
 
 
-def hot_loops(text: str) -> list[str]:
-    """Lines of the loops that go more than a few times, or until something happens."""
-    loops = [line for line in text.splitlines() if " while(" in line]
-    counts = [re.search(r'known_trip_count":{"n":"(\d+)"', line) for line in loops]
-    return [line for line, count in zip(loops, counts, strict=True) if count is None or int(count[1]) > FEW]
+def loops(text: str) -> tuple[int, int]:
+    """How many loops there are, and how many of them go more than a few times or until something happens."""
+    lines = [line for line in text.splitlines() if " while(" in line]
+    counts = [re.search(r'known_trip_count":{"n":"(\d+)"', line) for line in lines]
+    return len(lines), sum(count is None or int(count[1]) > FEW for count in counts)
 
 
 @pytest.mark.parametrize("derivatives", [False, True], ids=["motion", "derivatives"])
@@ -58,7 +58,8 @@ def hot_loops(text: str) -> list[str]:
 def test_hot_loops_are_one_kernel_each(name: str, derivatives: bool):
     text = compiled(name, derivatives)
     assert not re.findall(r'custom_call_target="([^"]*)"', text)
-    assert text.count("xla_cpu_small_call") == len(hot_loops(text))
+    every, hot = loops(text)
+    assert hot <= text.count("xla_cpu_small_call") <= every
     assert (" while(" in text) == (name != "exact")
 
 
@@ -68,4 +69,4 @@ def test_a_loop_that_calls_a_library_would_be_seen():
 
     text = jax.jit(loop).lower(jnp.ones(3)).compile().as_text() or ""
     assert "custom_call_target" in text
-    assert text.count("xla_cpu_small_call") < len(hot_loops(text))
+    assert text.count("xla_cpu_small_call") < loops(text)[0]

@@ -31,12 +31,13 @@ class Landing(diffrax.AbstractAdaptiveSolver, diffrax.AbstractWrappedSolver):
     Attributes:
         solver: the solver that makes the steps.
         watched: from time, state and the arguments of the vector field to the quantities, shape (switches,).
-        returned: from time and state at the end of a step and the arguments to the one from which the next step begins.
+        returned: from time and state at the end of a step, the state at its begin and the arguments to the state from
+            which the next step begins.
     """
 
     solver: Any
     watched: Callable[[Any, Any, Any], Array] = eqx.field(static=True)
-    returned: Callable[[Any, Any, Any], Any] = eqx.field(static=True)
+    returned: Callable[[Any, Any, Any, Any], Any] = eqx.field(static=True)
 
     @property
     def term_structure(self) -> Any:  # pyright: ignore[reportIncompatibleVariableOverride]
@@ -69,4 +70,4 @@ class Landing(diffrax.AbstractAdaptiveSolver, diffrax.AbstractWrappedSolver):
         finite = jnp.all(jnp.isfinite(jnp.stack(jax.tree.leaves((y1, raised)))))
         y1 = jax.tree.map(lambda end, begin: jnp.where(finite, end, begin), y1, y0)
         raised = jax.tree.map(lambda e: jnp.where(finite, e, jnp.inf), raised)
-        return self.returned(t1, y1, args), raised, dense, state, result
+        return self.returned(t1, y1, y0, args), raised, dense, state, result

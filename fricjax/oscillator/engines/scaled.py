@@ -75,11 +75,16 @@ class Scaled(eqx.Module):
         z = law.rate(v * self.speed, state, self.oscillator.normal_force) / (self.state * self.rate)
         return Rates(a / (self.speed * self.rate), tuple(z[i] for i in range(len(states))))
 
-    def mapped(self, x: Array, v: Array, states: tuple) -> tuple:
-        """The internal states from which the next step begins, by the law's return map."""
+    def mapped(self, x: Array, v: Array, states: tuple, before: tuple) -> tuple:
+        """The internal states from which the next step begins, by the law's return map and within its reach.
+
+        They were `before` when the step began, which a start may have put beyond that reach.
+        """
+        law, load = self.oscillator.friction, self.oscillator.normal_force
+        most = jnp.maximum(law.reach(load), jnp.abs(self._unscaled(before)))
+        held = jnp.clip(self._unscaled(states), -most, most)
         a = self.rates(x, v, states).acceleration * self.speed * self.rate
-        load = self.oscillator.normal_force
-        return tuple(self.oscillator.friction.return_map(v * self.speed, a, self._unscaled(states), load) / self.state)
+        return tuple(law.return_map(v * self.speed, a, held, load) / self.state)
 
     def switches(self, v: Array, states: tuple) -> Array:
         """What the law switches by besides the velocity."""

@@ -310,6 +310,6 @@ def _watched(tau: Any, y: tuple, args: _Args) -> Array:
     return jnp.concatenate([jnp.reshape(y[1], (1,)), args.machine.switches(y[1], y[2:])])
 
 
-def _returned(tau: Any, y: tuple, args: _Args) -> tuple:
+def _returned(tau: Any, y: tuple, before: tuple, args: _Args) -> tuple:
     """The scaled state from which the next step begins."""
-    return (*y[:2], *args.machine.mapped(y[0], y[1], y[2:]))
+    return (*y[:2], *args.machine.mapped(y[0], y[1], y[2:], before[2:]))

@@ -131,9 +131,9 @@ def _watched(theta: Any, y: tuple, machine: Scaled) -> Array:
     return machine.switches(v, states)
 
 
-def _returned(theta: Any, y: tuple, machine: Scaled) -> tuple:
+def _returned(theta: Any, y: tuple, before: tuple, machine: Scaled) -> tuple:
     """The state from which the next step begins; at a reversal friction changes sign."""
-    states = machine.mapped(*_in_time(theta, y, machine))
+    states = machine.mapped(*_in_time(theta, y, machine), before[2:])
     left = jnp.abs(y[0]) - 2 * machine.band
     turns_back = _turns(theta) & (left > 0)
     return (jnp.where(turns_back, -jnp.sign(y[0]) * left, y[0]), y[1], *states)
