@@ -78,9 +78,9 @@ def _advice(term: str, free: list[str], quantity: str) -> tuple[str, str]:
     if term == "drag":
         return "A drag with the square of the speed", freed("drag")
     if term == "contact":
-        return "A contact that bends before it slides", "fit the law Dahl or LuGre (--law dahl)"
+        return "A contact that bends before it slides", "fit the law Dahl or LuGre (--friction dahl)"
     if term == "falling":
-        return "Friction that falls with velocity", "fit the law Stribeck (--law stribeck)"
+        return "Friction that falls with velocity", "fit the law Stribeck (--friction stribeck)"
     if term == "softening" and quantity == "rad":
         return "The restoring force of a pendulum", "restoring=Pendulum() (--restoring pendulum)"
     spring = f"A spring that {term.removesuffix('ing')}s with deflection"
