@@ -26,6 +26,7 @@ from .trace import MINIMUM_SAMPLES
 MINIMUM_PER_HALF_CYCLE = 8
 SHARES = (0.3, 0.1, 0.03, 0.01, 0.003)  # of the span: strokes this large are looked for
 ALIKE = 4  # reversals between which strokes last about as long as the one behind them
+AS_LONG = 0.05  # of a half-cycle: a stroke from a standstill lasts as long as the others, which puts it 1 % off at most
 RISE_10_TO_90 = 0.5903344706017331  # of a half-cycle of a cosine
 
 
@@ -37,7 +38,8 @@ class Segmentation:
 
     - `noise`: standard deviation of all that is not the motion: white, coloured, hum, rounding.
     - `resolution`: step of quantised data, 0.0 for none.
-    - `release`: time at which the free motion starts: the end of a hold or of a guided motion, else the first sample.
+    - `release`: time at which the free motion starts: the end of a hold or of a guided motion, else the first sample;
+      `release_position`: position there, None where the motion starts in mid-stroke.
     - `turning_times`, `turning_points`: the reversals after the release, shape `(r,)`; neither the held start nor the
       stop is among them.
     - `rest`: time of the stop, None where the record ends in motion; `rest_position`: mean position there.
@@ -65,6 +67,7 @@ class Segmentation:
     lines: tuple[tuple[float, float], ...] = ()
     drift: float = 0.0
     open: tuple[int, ...] = ()
+    release_position: float | None = None
 
     @property
     def cycles(self) -> float:
@@ -191,6 +194,8 @@ def _assemble(swing: Swing, strokes: Strokes) -> Segmentation:
         rest, position = find_rest(swing, begin, begin + float(np.median(lasts)) if times.size else float(last[0]))
     moving = swing.x[np.searchsorted(t, release) : None if rest is None else np.searchsorted(t, rest, side="right")]
     ends = times if rest is None else np.append(times, rest)
+    half_period = float(np.median(np.diff(ends))) if ends.size >= 2 else swing.half_period
+    from_rest = times.size > 0 and abs(float(times[0]) - release - half_period) < AS_LONG * half_period
     return Segmentation(
         noise=swing.noise,
         resolution=swing.resolution,
@@ -201,8 +206,9 @@ def _assemble(swing: Swing, strokes: Strokes) -> Segmentation:
         rest_position=position,
         n_half_cycles=ends.size,
         amplitude=float(np.ptp([moving.min(), moving.max(), *points])) / 2,
-        half_period=float(np.median(np.diff(ends))) if ends.size >= 2 else swing.half_period,
+        half_period=half_period,
         open=tuple(number - strokes.turns.size + 1 for number in strokes.open),
+        release_position=float(np.interp(release, t, swing.smoothed)) if from_rest else None,
     )
 
 

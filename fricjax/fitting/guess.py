@@ -16,7 +16,7 @@ from ..data import Segmentation
 from ..oscillator import Oscillator
 from ..oscillator.restoring import Pendulum
 from .envelope import Envelope, envelope
-from .window import equilibrium
+from .window import equilibrium, standstills
 
 # Reversals from which a negative damping or drag is told by the envelope and not by the noise of its readings.
 _TELLING = 30
@@ -110,15 +110,15 @@ def _of_pendulum(
 
 
 def _decay(found: Segmentation) -> _Decay:
-    points = found.turning_points
+    times, points = standstills(found)
     if points.size < 3:
         return _short(found)
     amplitude = np.abs(points - equilibrium(found))
-    return _Decay(amplitude[:-1], amplitude[1:], np.pi / np.diff(found.turning_times))
+    return _Decay(amplitude[:-1], amplitude[1:], np.pi / np.diff(times))
 
 
 def _short(found: Segmentation) -> _Decay:
-    """With less than three reversals: the whole excursion as one half-cycle about the middle, a tenth of it lost."""
+    """With less than three standstills: the whole excursion as one half-cycle about the middle, a tenth of it lost."""
     if found.half_period <= 0:
         return _Decay(*np.zeros((3, 0)))
     amplitude = np.array([found.amplitude])

@@ -11,12 +11,12 @@ from .names import NUISANCES
 
 STARTS = ("first_reversal", "release")
 NEVER = 10**9
-# Deflection at the end of a stroke, as a part of that at its start, below which it may creep in; least number of
-# reversals that show the decay.
-_CROSSED, _DECAY = 0.16, 3
+# Deflection at the end of a stroke, as a part of that at its start, below which it may creep in.
+_CROSSED = 0.16
 # Duration of a stroke, as a part of that of the one before, below which the contact swings and not the spring.
 _ABRUPT = 0.75
-
+# Standstills on alternating sides that tell the equilibrium and the decay.
+_FEWEST = 3
 _DEFAULT_NUISANCES = {
     "first_reversal": ("t_release", "x0", "offset"),
     "release": ("x0", "offset"),
@@ -192,12 +192,13 @@ def _turned(found: Segmentation) -> int | None:
     Friction of half the deflection takes such a stroke to a creep. The end of the last stroke, which is no reversal,
     is where the decay so far leads.
     """
-    swing = np.abs(found.turning_points - equilibrium(found))
-    if swing.size < _DECAY:
+    swing = np.abs(standstills(found)[1] - equilibrium(found))
+    if swing.size < _FEWEST:
         return None
     after = np.append(swing[1:], 2 * swing[-1] - swing[-2])
     short = np.flatnonzero(after < _CROSSED * swing)
-    return int(short[0]) if short.size and short[0] >= _DECAY - 1 else None
+    before = swing.size - found.turning_points.size
+    return int(short[0]) - before if short.size and short[0] >= _FEWEST - 1 else None
 
 
 def _half_cycles(found: Segmentation, t_start: float, turned: int | None) -> int:
@@ -241,10 +242,18 @@ def _local_state(t: np.ndarray, x: np.ndarray, at: float, half_period: float) ->
     return float(cubic[0]), float(cubic[1] / width)
 
 
+def standstills(found: Segmentation) -> tuple[np.ndarray, np.ndarray]:
+    """Times and positions of the reversals, and where these are few of the release before them if it was from rest."""
+    times, points = found.turning_times, found.turning_points
+    if points.size >= _FEWEST or found.release_position is None:
+        return times, points
+    return np.append(found.release, times), np.append(found.release_position, points)
+
+
 def equilibrium(found: Segmentation) -> float:
-    """Equilibrium of the spring, from turning points on alternating sides: (X[n-1] + 2 X[n] + X[n+1])/4."""
-    points = found.turning_points
-    if points.size >= 3:
+    """Equilibrium of the spring, from standstills on alternating sides: (X[n-1] + 2 X[n] + X[n+1])/4."""
+    _, points = standstills(found)
+    if points.size >= _FEWEST:
         return float(np.median((points[:-2] + 2 * points[1:-1] + points[2:]) / 4))
     if points.size == 2:
         return float(np.mean(points))

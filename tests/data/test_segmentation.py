@@ -43,6 +43,7 @@ def test_a_decay_to_rest(strokes, noise, hold):
     assert found.rest == pytest.approx(exact.stops[-1], abs=1e-2 * exact.half_period)
     assert found.rest_position == pytest.approx(exact.points[-1], abs=noise + 1e-10)
     assert found.release == pytest.approx(hold, abs=1e-2 * exact.half_period)
+    assert found.release_position == (pytest.approx(2e-3, rel=1e-3) if strokes > 1 else None)
     assert found.half_period == pytest.approx(exact.half_period, rel=2e-2)
     assert found.amplitude == pytest.approx((2e-3 - exact.points.min()) / 2, rel=1e-4)
     if noise:
@@ -58,6 +59,13 @@ def test_a_record_that_ends_in_motion(strokes):
     assert found.n_half_cycles == expected == found.turning_times.size
     assert found.n_half_cycles_after_first_reversal == expected - 1
     assert found.cycles == expected / 2
+
+
+@pytest.mark.parametrize("missed", [0.2, 0.5, 0.8])
+def test_a_start_in_mid_stroke_is_no_release_from_rest(missed):
+    exact, x = decay(4, noise=1e-9)
+    seen = exact.t > missed * exact.half_period
+    assert segment(exact.t[seen], x[seen]).release_position is None
 
 
 @given(

@@ -95,3 +95,12 @@ def test_a_single_stroke_still_gives_a_start():
     found = guess(coulomb_run(0.5e-3), wrong(), "mu", "damping", "stiffness")
     assert all(np.isfinite(value) and value > 0 for value in found.values())
     assert found["stiffness"] == pytest.approx(STIFFNESS, rel=0.05)
+
+
+def test_with_two_reversals_the_release_tells_the_equilibrium():
+    """Their mean is off by half of what a stroke loses, of which friction is then guessed five times too small."""
+    run = coulomb_run(1e-3)
+    assert segment(np.asarray(run.t), np.asarray(run.x)).turning_points.size == 2
+    found = guess(run, wrong(), "mu", "damping", "stiffness")
+    assert found["mu"] == pytest.approx(0.05, rel=0.03)
+    assert found["stiffness"] == pytest.approx(STIFFNESS, rel=1e-3)
