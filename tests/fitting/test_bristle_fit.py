@@ -14,7 +14,7 @@ from tests.fitting.runs import MACHINE, RIGS, SIGMA0, SIGMA1, STIFFNESS, coulomb
 from tests.helpers import PROTOTYPE_DAMPING, PROTOTYPE_MASS
 from tests.oracles import lugre_motion
 
-SEEDS, RIG = 5, RIGS["sliding"]
+SEEDS, RIG = 2, RIGS["sliding"]
 FREE = (*MACHINE, "sigma0", "sigma1")
 
 
