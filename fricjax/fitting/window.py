@@ -15,6 +15,11 @@ NEVER = 10**9
 _CROSSED = 0.16
 # Duration of a stroke, as a part of that of the one before, below which the contact swings and not the spring.
 _ABRUPT = 0.75
+# Steps of rounding from the middle of a rest that no flip between two neighbouring values makes.
+_MOVED = 1.5
+# Variance of rounded samples, in squared steps, with white noise of half a step: it averages their errors to
+# exp(-pi^2/2)/pi = 0.2 % of a step, where less leaves up to half of one (Widrow and Kollar 2008, Quantization Noise).
+_DITHERED = 1 / 4 + 1 / 12
 # Standstills on alternating sides that tell the equilibrium and the decay.
 _FEWEST = 3
 _DEFAULT_NUISANCES = {
@@ -175,11 +180,17 @@ def _noise(trace: Trace, found: Segmentation) -> tuple[np.ndarray, str]:
 
 
 def _telling(t: np.ndarray, x: np.ndarray, used: np.ndarray, found: Segmentation) -> np.ndarray:
-    """The used samples; of a rest that repeats one rounded value the first alone, for it tells no more than one."""
+    """The used samples; of a rest that no noise dithers the first alone, for its errors of rounding are all one error.
+
+    The rest is here what never leaves its two neighbouring values again, wherever the stop was read.
+    """
     if found.rest is None or not found.resolution > 0:
         return used
-    rest = np.flatnonzero(used & (t > found.rest))
-    if rest.size < 2 or np.ptp(x[rest]) > 0:
+    samples = np.flatnonzero(used)
+    steps = (x[samples] - np.median(x[used & (t >= found.rest)])) / found.resolution
+    moves = np.flatnonzero(np.abs(steps) > _MOVED)
+    rest = samples[moves[-1] + 1 :] if moves.size else samples
+    if not rest.size or np.var(x[rest]) > _DITHERED * found.resolution**2:
         return used
     told = used.copy()
     told[rest[1:]] = False

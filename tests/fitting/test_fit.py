@@ -189,6 +189,16 @@ class TestNoise:
         assert found.sigma_source == "estimated from the record"
         assert found.std_errors["mu"] == pytest.approx(plain.std_errors["mu"], rel=0.1)
 
+    @pytest.mark.parametrize(("dither", "shift"), [(0.0, 6 / 16), (0.0, 10 / 16), (0.015, 8 / 16)])
+    def test_a_rest_that_is_rounded_tells_no_more_than_one_sample(self, dither, shift):
+        step = 1e-2 / 2**12
+        clean = coulomb_run(mu=0.01, load=1.89, samples=24000, noise=1e-15, seed=1)
+        white = np.random.default_rng(1).standard_normal(clean.t.size)
+        x = step * np.round(np.asarray(clean.x) / step + shift + dither * white)
+        found = fit(Trace(clean.t, x), machine(Coulomb(0.02), load=1.89), MACHINE)
+        assert_true(found, {**TRUE, "mu": 0.01})
+        assert found.chi2_reduced == pytest.approx(1.0, abs=0.05)
+
     def test_noise_may_differ_from_sample_to_sample(self, run, plain):
         sigma = np.where(np.arange(run.n) < 700, 1e-9, 1e-6)
         found = fit(Trace(run.t, run.x, sigma=sigma), machine(), MACHINE)
