@@ -75,8 +75,11 @@ def _restricted(
 ) -> tuple[Window, ...] | DataError | UsageError:
     if not isinstance(windows, tuple):
         return windows
-    pairs = zip(windows, common, strict=True)
-    return tuple(dataclasses.replace(window, used=used, moving=window.moving & used) for window, used in pairs)
+    # What rounding repeats stays left out for all laws alike.
+    return tuple(
+        dataclasses.replace(window, used=used, moving=window.moving & used, repeated=np.zeros_like(used))
+        for window, used in zip(windows, common, strict=True)
+    )
 
 
 def telling(oscillator: Oscillator) -> tuple[str, ...]:

@@ -122,6 +122,17 @@ def posed_on(windows: tuple[Window, ...], request: Request) -> Problem:
     )
 
 
+def with_rests(problem: Problem) -> Problem:
+    """The problem with all samples of the rests, also those at which rounding repeats an error."""
+    windows = tuple(dataclasses.replace(window, used=window.used | window.repeated) for window in problem.windows)
+    pairs = zip(windows, problem.residual.runs, strict=True)
+    runs = tuple(dataclasses.replace(whole_run(window, True), half_cycles=run.half_cycles) for window, run in pairs)
+    residual = eqx.tree_at(lambda r: r.runs, problem.residual, of_one_length(runs))
+    condensed = _condensed(residual, windows)
+    terrain = tuple(terrain_of(window, run) for window, run in zip(windows, condensed.runs, strict=True))
+    return dataclasses.replace(problem, residual=residual, condensed=condensed, terrain=terrain, windows=windows)
+
+
 def _check_windows(windows: Sequence[Window]) -> None:
     for i, window in enumerate(windows):
         where = "" if len(windows) == 1 else f" of run {i}"

@@ -14,7 +14,7 @@ import numpy as np
 
 from ..oscillator import Oscillator
 from .names import sole_coulomb
-from .problem import Problem
+from .problem import Problem, with_rests
 from .residual import motion
 from .solve import Solved, solve
 from .whiteness import whiteness
@@ -72,13 +72,21 @@ def solve_with_rest(problem: Problem, y: np.ndarray | None = None) -> tuple[Prob
     reversal, and where the residuals are so large that a wrong number could be the reason: then one more and one less,
     as long as that makes the fit better.
 
+    Where residuals are so large, rounding is the least of all errors, and the rest is told by all of its samples; these
+    go again when another number has made the residuals small.
+
     Args:
         problem: the problem.
         y: coordinates to start from; None for the start values.
     """
-    solved = solve(problem, y)
-    tried, counts = set(), _counts(problem)
+    rounded, solved = problem, solve(problem, y)
     spent = [solved]
+    amiss = far_off(problem, solved) and any(window.repeated.any() for window in problem.windows)
+    if amiss:
+        problem = with_rests(problem)
+        solved = solve(problem, solved.y)
+        spent.append(solved)
+    tried, counts = set(), _counts(problem)
     while candidates := _candidates(problem, solved) - tried - {counts}:
         tried |= {counts, *candidates}
         rivals = [with_counts(problem, candidate) for candidate in sorted(candidates)]
@@ -89,6 +97,10 @@ def solve_with_rest(problem: Problem, y: np.ndarray | None = None) -> tuple[Prob
             break
         best = min(better, key=lambda i: results[i].chi2)
         problem, solved, counts = rivals[best], results[best], _counts(rivals[best])
+    if amiss and not far_off(problem, solved):
+        problem = with_counts(rounded, counts)
+        solved = solve(problem, solved.y)
+        spent.append(solved)
     totals = {name: sum(getattr(s, name) for s in spent) for name in ("iterations", "passes", "stages")}
     return problem, solved._replace(**totals)
 

@@ -39,6 +39,7 @@ class Window:
         origin: time that counts as zero for this run [s].
         t_start: time of the state from which the motion is computed [s].
         used: True where a sample is fitted; `moving`: the same without the rest.
+        repeated: True where a sample is left out since it errs by rounding as one that is used does.
         sigma: noise of each sample; `sigma_source` says where it comes from.
         half_cycles: number of half-cycles from `t_start` to the stop, or to the reversal at which the window ends;
             `NEVER` where the record ends in motion.
@@ -53,6 +54,7 @@ class Window:
     t_start: float
     used: np.ndarray
     moving: np.ndarray
+    repeated: np.ndarray
     sigma: np.ndarray
     sigma_source: str
     half_cycles: int
@@ -94,7 +96,9 @@ def open_window(
     turned = _turned(found) if creeps else None
     end = found.rest if turned is None else float(found.turning_times[turned])
     moving = mask & (t >= t_first) & (t <= (np.inf if end is None else end))
-    used = moving if creeps else _telling(t, x, mask & (t >= t_first), found)
+    fitted = moving if creeps else mask & (t >= t_first)
+    repeated = _repeated(t, x, fitted, found)
+    used = fitted & ~repeated
     sigma, source = _noise(trace, found)
     own = _DEFAULT_NUISANCES[mode] if nuisance is None else tuple(nuisance)
     _check_nuisances(own, keeps_memory)
@@ -106,6 +110,7 @@ def open_window(
         t_start=t_start,
         used=used,
         moving=moving & used,
+        repeated=repeated,
         sigma=sigma,
         sigma_source=source,
         half_cycles=_half_cycles(found, t_start, turned),
@@ -179,21 +184,21 @@ def _noise(trace: Trace, found: Segmentation) -> tuple[np.ndarray, str]:
     return np.full(trace.t.shape, floor), "estimated from the record"
 
 
-def _telling(t: np.ndarray, x: np.ndarray, used: np.ndarray, found: Segmentation) -> np.ndarray:
-    """The used samples; of a rest that no noise dithers the first alone, for its errors of rounding are all one error.
+def _repeated(t: np.ndarray, x: np.ndarray, fitted: np.ndarray, found: Segmentation) -> np.ndarray:
+    """All but the first sample of a rest that no noise dithers, for there all errors of rounding are one error.
 
     The rest is here what never leaves its two neighbouring values again, wherever the stop was read.
     """
-    if found.rest is None or not found.resolution > 0:
-        return used
-    samples = np.flatnonzero(used)
-    steps = (x[samples] - np.median(x[used & (t >= found.rest)])) / found.resolution
+    told = np.zeros(t.shape, bool)
+    held = fitted & (t >= (np.inf if found.rest is None else found.rest))
+    if not held.any() or not found.resolution > 0:
+        return told
+    samples = np.flatnonzero(fitted)
+    steps = (x[samples] - np.median(x[held])) / found.resolution
     moves = np.flatnonzero(np.abs(steps) > _MOVED)
     rest = samples[moves[-1] + 1 :] if moves.size else samples
-    if not rest.size or np.var(x[rest]) > _DITHERED * found.resolution**2:
-        return used
-    told = used.copy()
-    told[rest[1:]] = False
+    if rest.size and np.var(x[rest]) <= _DITHERED * found.resolution**2:
+        told[rest[1:]] = True
     return told
 
 

@@ -41,7 +41,7 @@ def settled(after, *, turned: float = -0.4 * BAND, length: float = 0.1) -> Windo
     sigma, used = np.full(t.shape, NOISE), np.ones(t.shape, bool)
     return Window(
         trace=Trace(t, x, sigma=NOISE), quantity="m", segmentation=found, origin=0.0, t_start=0.0, used=used,
-        moving=used, sigma=sigma, sigma_source="given", half_cycles=4, nuisances=(), guesses={},
+        moving=used, repeated=~used, sigma=sigma, sigma_source="given", half_cycles=4, nuisances=(), guesses={},
     )  # fmt: skip
 
 
