@@ -298,7 +298,9 @@ def _likelihoods(
 def _prediction(size: np.ndarray, end: int) -> tuple[np.ndarray, float]:
     """Strokes ``alpha rho^j - beta`` fitted to those seen, but for the first, up to number `end`; and their misfit."""
     j = np.arange(end, dtype=float)
-    curves = np.where(_DECREMENTS == 1.0, j, np.power(_DECREMENTS, j - size.size))
+    # Each counted from where it is largest among the strokes seen, so that none overflows.
+    largest = np.where(_DECREMENTS < 1.0, 1, size.size)
+    curves = np.where(_DECREMENTS == 1.0, j, np.power(_DECREMENTS, j - largest))
     fitted = slice(1, size.size)
     bent, seen = curves[:, fitted], size[fitted]
     middle, mean = bent.mean(axis=1, keepdims=True), seen.mean()

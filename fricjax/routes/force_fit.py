@@ -15,7 +15,7 @@ from jaxtyping import Array, Float
 from ..data.errors import UsageError
 from ..fitting.levenberg_marquardt import LevenbergMarquardt
 from ..fitting.names import find_leaf
-from ..fitting.status import AT_BOUND, CONVERGED, SENTENCES
+from ..fitting.status import CONVERGED, SENTENCES
 from ..friction import AbstractFriction
 from ..oscillator import Oscillator, require_x64
 from ..oscillator.leaves import Leaf, leaves_of
@@ -176,7 +176,7 @@ def _assembled(solved: optx.Solution, residual: _Residual, leaves: list[Leaf], d
         chi2=2 * float(solved.stats["cost"]),
         dof=dof,
         residuals=np.asarray(residual(solved.value) * residual.std),
-        converged=status in (CONVERGED, AT_BOUND) and bool(np.all(np.isfinite(std))),
+        converged=status == CONVERGED and bool(np.all(np.isfinite(std))),
         status=SENTENCES[status],
     )
 

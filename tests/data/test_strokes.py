@@ -63,6 +63,13 @@ def test_the_stop_is_found_in_noise_of_any_colour(noise):
         assert found.rest == pytest.approx(exact.stops[-1], abs=0.1 * exact.half_period)
 
 
+def test_hundreds_of_strokes_overflow_nothing():
+    t = np.arange(0, 14.0, 1 / RATE)
+    exact = coulomb_viscous(t, 2e-3, frequency=FREQUENCY, zeta=1e-4, dead_band=3.1e-6)
+    found = segment(t, exact.x + 20e-9 * np.random.default_rng(0).standard_normal(t.size))
+    assert found.n_half_cycles == exact.n_half_cycles > 240
+
+
 def test_noise_of_any_colour_is_seen_as_large_as_it_is():
     exact = decay(0, rest=2.0)
     for rho, size in ((0.0, 20e-9), (0.5, 20e-9), (0.9, 20e-9), (0.95, 100e-9)):
