@@ -90,7 +90,8 @@ def solve_with_rest(problem: Problem, y: np.ndarray | None = None) -> tuple[Prob
     while candidates := _candidates(problem, solved) - tried - {counts}:
         tried |= {counts, *candidates}
         rivals = [with_counts(problem, candidate) for candidate in sorted(candidates)]
-        results = [solve(rival, solved.y) for rival in rivals]
+        # From where the first fit started: a wrong number has led the one at hand astray.
+        results = [solve(rival, y) for rival in rivals]
         spent += results
         better = [i for i, r in enumerate(results) if r.converged and _is_better(problem, rivals[i], solved, r)]
         if not better:
