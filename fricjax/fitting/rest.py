@@ -18,12 +18,15 @@ from .problem import Problem, with_rests
 from .residual import motion
 from .solve import Solved, solve
 from .whiteness import whiteness
-from .window import NEVER, Window
+from .window import NEVER, Window, equilibrium, standstills
 
 _ADEQUATE = 2.0
 _STROKE_SHARE = 0.02
 # Twice the logarithm of odds of 400 to 1.
 DECISIVE = 12.0
+# Friction takes two dead bands in each half-cycle, four in two, and holds the mass within one times the ratio of static
+# to dynamic friction: provided for are ratios up to eight.
+_STICKS = 2.0
 # Noises by which a stop must lie above a non-stop to contradict it.
 _CLEAR = 3.0
 
@@ -155,9 +158,17 @@ def _candidates(problem: Problem, solved: Solved) -> set[tuple[int, ...]]:
     others += [(run, count) for run, count in open_counts if count > 0]
     if solved.chi2 / problem.n_used > _ADEQUATE:
         # A mass that stopped just before its record ends seems to move to the end.
-        others += [(run, problem.windows[run].strokes + 1) for run in range(len(counts)) if run not in stopping]
+        moving = [run for run in range(len(counts)) if run not in stopping]
+        others += [(run, window.strokes + 1) for run in moving if _may_have_stopped(window := problem.windows[run])]
     found |= {(*counts[:run], count, *counts[run + 1 :]) for run, count in others}
     return found - {counts}
+
+
+def _may_have_stopped(window: Window) -> bool:
+    """Whether the last swings are so small against what friction takes from each that the next may have been none."""
+    swings = np.abs(standstills(window.segmentation)[1] - equilibrium(window.segmentation))
+    # Over two half-cycles, which an error of the equilibrium leaves as they are.
+    return swings.size < 3 or bool(swings[-1] < _STICKS * (swings[-3] - swings[-1]))
 
 
 def far_off(problem: Problem, solved: Solved) -> bool:
