@@ -2,13 +2,16 @@
 
 import platform
 import time
+from collections import Counter
+from pathlib import Path
 from typing import Any
 
 from .failure import FAULT
 from .options import Output
 from .output import finish, working
-from .runtime import CACHE_VARIABLE, cache_folder, prepare
+from .runtime import prepare
 
+_LOADED, _COMPILED = "/jax/compilation_cache/cache_hits", "/jax/compilation_cache/cache_misses"
 _PACKAGES = (
     "jax",
     "jaxlib",
@@ -29,7 +32,9 @@ def doctor(output: Output) -> None:
     with working(output, "Checking"):
         prepare(output)
         findings = {"versions": versions(), **platform_facts()}
+        seen = _watched_cache()
         checks = {check.__name__: _timed(check) for check in (golden_motion, tiny_fit)}
+    findings["cache"] = {**cache_facts(), "loaded": seen[_LOADED], "compiled": seen[_COMPILED]}
     checks["double_precision"] = {"ok": findings["x64"], "detail": "jax computes in 64 bits", "seconds": 0.0}
     healthy = all(check["ok"] for check in checks.values())
     verdict = "All is well." if healthy else "Something is wrong: see the failed checks."
@@ -58,23 +63,36 @@ def versions() -> dict[str, str]:
 
 
 def platform_facts() -> dict[str, Any]:
-    """Precision, devices, cache and file formats."""
+    """Precision, devices and file formats."""
     import jax
 
     from ..data.read import READERS
 
-    folder = cache_folder()
-    cache = {"folder": None if folder is None else str(folder), "entries": 0 if folder is None else _entries(folder)}
     return {
         "x64": bool(jax.config.read("jax_enable_x64")),
         "devices": [str(device) for device in jax.devices()],
-        "cache": cache,
         "formats": list(READERS),
     }
 
 
-def _entries(folder: Any) -> int:
-    return sum(1 for path in folder.iterdir() if path.is_file())
+def cache_facts() -> dict[str, Any]:
+    """The folder of compiled programs that is in use, the number of its files, and their size in bytes."""
+    import jax
+
+    named = jax.config.jax_compilation_cache_dir
+    if not named or not Path(named).is_dir():
+        return {"folder": None, "entries": 0, "bytes": 0}
+    sizes = [path.stat().st_size for path in Path(named).iterdir() if path.is_file()]
+    return {"folder": str(named), "entries": len(sizes), "bytes": sum(sizes)}
+
+
+def _watched_cache() -> Counter[str]:
+    """A count of what JAX says from now on about its compiled programs."""
+    from jax import monitoring
+
+    seen: Counter[str] = Counter()
+    monitoring.register_event_listener(lambda event, **_: seen.update([event]))
+    return seen
 
 
 def _timed(check: Any) -> dict[str, Any]:
@@ -116,12 +134,19 @@ def tiny_fit() -> tuple[bool, str]:
 
 
 def _text(findings: dict[str, Any], checks: dict[str, Any], verdict: str) -> str:
-    folder, entries = findings["cache"]["folder"], findings["cache"]["entries"]
+    cache = findings["cache"]
+    kept = f"{cache['folder']}, {cache['entries']} files, {cache['bytes'] / 2**20:.0f} MB"
+    used = f"these checks loaded {cache['loaded']} programs from it and compiled {cache['compiled']}"
     rows = [
         *findings["versions"].items(),
         ("precision", "64 bits" if findings["x64"] else "32 bits"),
         ("devices", ", ".join(findings["devices"])),
-        ("cache", f"{folder}, {entries} files" if folder else f"off: {CACHE_VARIABLE} names no folder to write into"),
+        (
+            "cache",
+            f"{kept}; {used}"
+            if cache["folder"]
+            else "off: FRICJAX_CACHE_DIR says so, or its folder cannot be written to",
+        ),
         ("formats", " ".join(findings["formats"])),
     ]
     lines = [f"{name:<18}{value}" for name, value in rows] + [""]

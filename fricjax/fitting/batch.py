@@ -10,7 +10,7 @@ import numpy as np
 from ..data import Record, Trace
 from ..data.errors import DataError, UsageError
 from ..data.record import trace_of
-from ..oscillator import Oscillator, Smooth, require_x64
+from ..oscillator import Oscillator, Smooth, ready
 from ..oscillator.engines import AbstractEngine
 from ..show.progress import progressing
 from .assemble import record_time, unit_of
@@ -103,7 +103,7 @@ def fit_batch(
         RuntimeError: JAX computes in single precision.
         UsageError: names or settings that fit no run at all.
     """
-    require_x64()
+    ready()
     if not len(data):
         raise UsageError("There is no run to fit: the list is empty.")
     settings = {"nuisance": nuisance, "engine": engine, "start": start, "bounds": bounds, "priors": priors}

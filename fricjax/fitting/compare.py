@@ -8,7 +8,7 @@ import numpy as np
 
 from ..data import Record, Trace
 from ..data.errors import DataError, UsageError, nearest
-from ..oscillator import Oscillator, require_x64
+from ..oscillator import Oscillator, ready
 from .candidates import Candidate, candidates, law_name
 from .comparison import Comparison, Row
 from .cross_validation import held_out_score
@@ -83,7 +83,7 @@ def compare(
         UsageError: arguments that do not fit, or no law that could be fitted.
         DataError: records that cannot be fitted by any law.
     """
-    require_x64()
+    ready()
     if criterion not in CRITERIA or (criterion == "held_out" and not held_out):
         raise UsageError(f"There is no ranking by {criterion!r}.{nearest(criterion, CRITERIA)} Choose of {CRITERIA}.")
     machines: tuple[Oscillator, ...] = tuple(oscillators) if isinstance(oscillators, list | tuple) else ()

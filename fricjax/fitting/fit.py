@@ -7,7 +7,7 @@ import numpy as np
 
 from ..data import Record, Trace
 from ..data.errors import UsageError, nearest
-from ..oscillator import Oscillator, require_x64
+from ..oscillator import Oscillator, ready
 from ..oscillator.engines import AbstractEngine
 from .assemble import assemble
 from .loss import AbstractLoss
@@ -83,7 +83,7 @@ def fit(
         DataError: a record that cannot be fitted.
         FitError: a fit without an optimum or with undetermined parameters, unless `throw` is False.
     """
-    require_x64()
+    ready()
     records = records_of(data, sigma_mode)
     if not isinstance(oscillator, Oscillator):
         raise UsageError(

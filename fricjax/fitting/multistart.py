@@ -18,7 +18,7 @@ import numpy as np
 
 from ..data import Record, Trace
 from ..data.errors import UsageError
-from ..oscillator import Oscillator, require_x64
+from ..oscillator import Oscillator, ready
 from .fit import concluded, fit, records_of
 from .many_climbs import Ended, ended
 from .parameters import Request
@@ -110,7 +110,7 @@ def multistart(
         DataError: a record that cannot be fitted.
         FitError: the best fit is not valid, unless `throw=False` is among the settings.
     """
-    require_x64()
+    ready()
     if starts < 1 or not spread > 1:
         raise UsageError(f"multistart needs at least one start and a spread above 1, got {starts} and {spread:g}.")
     given = _settings(data, oscillator, free, settings)

@@ -15,7 +15,7 @@ from jaxtyping import Array, Float
 
 from ..data.errors import UsageError
 from ..friction.base import Scalar
-from ..oscillator import ExponentialRelease, Oscillator, require_x64
+from ..oscillator import ExponentialRelease, Oscillator, ready
 from .stepping import Floor, Machine, State, advance, direction_at_standstill
 
 _PHASE_PER_STEP = 0.02
@@ -65,7 +65,7 @@ def driven_motion(
         UsageError: a law that is not set-valued, or an accuracy out of reach.
         RuntimeError: JAX computes in single precision.
     """
-    require_x64()
+    ready()
     if not oscillator.friction.set_valued:
         name = type(oscillator.friction).__name__
         raise UsageError(f"{name} has no jump at rest; drive it by simulate(base_acceleration=..., release=...).")

@@ -8,7 +8,8 @@ from .oscillator import Oscillator
 from .release import AbstractRelease, ExponentialRelease
 from .results import RESULTS, is_successful
 from .rosenbrock import Rodas5P
-from .simulate import final_displacement, require_x64, simulate, starting_state
+from .session import ready
+from .simulate import final_displacement, simulate, starting_state
 
 __all__ = [
     "RESULTS",
@@ -25,7 +26,7 @@ __all__ = [
     "energy",
     "final_displacement",
     "is_successful",
-    "require_x64",
+    "ready",
     "restoring",
     "simulate",
     "starting_state",

@@ -16,19 +16,7 @@ from .motion import Motion, Start
 from .oscillator import Oscillator
 from .release import AbstractRelease
 from .select import concrete, half_cycle_capacity, select_engine
-
-
-def require_x64() -> None:
-    """Raise where JAX would compute in single precision, which resolves a millimetre to a tenth of a nanometre at best.
-
-    Raises:
-        RuntimeError: double precision is off; the message says how to switch it on.
-    """
-    if not jax.config.read("jax_enable_x64"):
-        raise RuntimeError(
-            "fricjax computes in double precision, and JAX is set to single. Switch it on before the first array: "
-            'jax.config.update("jax_enable_x64", True), or set the environment variable JAX_ENABLE_X64=1.'
-        )
+from .session import ready
 
 
 def simulate(
@@ -66,7 +54,7 @@ def simulate(
         RuntimeError: JAX computes in single precision.
         ValueError: times of the wrong shape or not increasing, or an engine that cannot integrate this oscillator.
     """
-    require_x64()
+    ready()
     times = _times(ts)
     driven = base_acceleration is not None or release is not None
     duration = None if isinstance(times, Tracer) else float(np.asarray(times)[-1])
@@ -174,7 +162,7 @@ def final_displacement(oscillator: Oscillator, x0: ArrayLike, *, engine: str | A
         RuntimeError: JAX computes in single precision.
         ValueError: a regularised law, under which the mass never rests.
     """
-    require_x64()
+    ready()
     law = oscillator.friction
     if not law.set_valued and not law.n_states:
         raise ValueError(

@@ -7,7 +7,7 @@ import numpy as np
 
 from ..calibrate import Rig
 from ..data import Record, Trace
-from ..oscillator import require_x64
+from ..oscillator import ready
 from ..show import axis_label, figure, scaled
 from .no_contact import contactless
 from .sampled import sampled
@@ -70,7 +70,7 @@ def energy_of(
         UsageError: arguments that do not fit, or a rig without damping.
         DataError: a record with too few half-cycles, or sampled unevenly.
     """
-    require_x64()
+    ready()
     oscillator = contactless(rig, no_contact)
     found = sampled(decay(record, 2 if offset is None else 1), oscillator, offset)
     mass, v, speed = float(oscillator.mass), found.v, np.abs(found.v)

@@ -17,7 +17,7 @@ import numpy as np
 
 from ..calibrate import Measured, Rig
 from ..data import Record, Trace
-from ..oscillator import Oscillator, require_x64
+from ..oscillator import Oscillator, ready
 from ..show import Table, uncertain
 from .no_contact import contactless
 from .strokes import Decay, decay, each_of
@@ -102,7 +102,7 @@ def half_cycle_friction(records: Any, rig: Rig, no_contact: Record | Trace | Non
         UsageError: arguments that do not fit, or a rig without damping.
         DataError: records with too few half-cycles, or sampled unevenly.
     """
-    require_x64()
+    ready()
     oscillator = contactless(rig, no_contact)
     found, notes = each_of(records, decay)
     balances = [_balanced(each, oscillator) for each in found]

@@ -12,7 +12,7 @@ import numpy as np
 from ..calibrate import Rig
 from ..data import Record, Trace
 from ..data.errors import UsageError
-from ..oscillator import Oscillator, require_x64
+from ..oscillator import Oscillator, ready
 from .estimates import Estimates
 from .no_contact import contactless
 from .sampled import sampled
@@ -44,7 +44,7 @@ def integral_friction(
         UsageError: arguments that do not fit, or a rig without damping.
         DataError: records with too few half-cycles, or sampled unevenly.
     """
-    require_x64()
+    ready()
     shapes = _shapes(v_stribeck)
     oscillator = contactless(rig, no_contact)
     found, notes = each_of(records, lambda record: sampled(decay(record), oscillator, lengthened=SHORTENED))

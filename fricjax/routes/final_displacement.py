@@ -16,7 +16,7 @@ from ..data.errors import DataError, UsageError
 from ..fitting.covariance import COVERAGE
 from ..fitting.names import check_identifiable, find_leaf, sole_coulomb
 from ..fitting.space import Parameter, ParameterSpace
-from ..oscillator import Oscillator, require_x64
+from ..oscillator import Oscillator, ready
 from ..oscillator.leaves import leaves_of
 from ..oscillator.select import select_engine
 from .half_cycles import Unwrapped, capacity_for, counted, decay_ratio
@@ -65,7 +65,7 @@ def fit_final_displacements(
         DataError: pairs that are not finite, or from which nothing can be determined.
         RuntimeError: JAX computes in single precision.
     """
-    require_x64()
+    ready()
     pairs = checked_pairs(x0, xf, half_cycles, sigma)
     names = [name for name in free if not _bracketed(name, oscillator)]
     _check(names, nuisance, mu_scatter)

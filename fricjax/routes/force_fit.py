@@ -17,7 +17,7 @@ from ..fitting.levenberg_marquardt import LevenbergMarquardt
 from ..fitting.names import find_leaf
 from ..fitting.status import CONVERGED, SENTENCES
 from ..friction import AbstractFriction
-from ..oscillator import Oscillator, require_x64
+from ..oscillator import Oscillator, ready
 from ..oscillator.leaves import Leaf, leaves_of
 from ..show import Table, uncertain
 from .force_map import ForceMap
@@ -87,7 +87,7 @@ def fit_force_map(force_map: ForceMap, friction: AbstractFriction, free: Sequenc
         RuntimeError: JAX computes in single precision.
         UsageError: a law with internal states, unknown names, or more coefficients than the map has entries.
     """
-    require_x64()
+    ready()
     leaves = _free(friction, force_map, free)
     start = np.array([float(jax.tree.leaves(friction)[leaf.index]) for leaf in leaves])
     logarithmic = np.array([leaf.coefficient.fitted_as == "logarithm" for leaf in leaves])

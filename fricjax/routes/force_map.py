@@ -13,7 +13,7 @@ import numpy as np
 from ..calibrate import Measured, Rig
 from ..data import Record, Trace
 from ..data.errors import UsageError
-from ..oscillator import Oscillator, require_x64
+from ..oscillator import Oscillator, ready
 from .cells import BIAS_SHARE, cells, pooled
 from .no_contact import contactless
 from .sampled import Sampled, sampled
@@ -119,7 +119,7 @@ def friction_force_map(
         UsageError: arguments that do not fit, or a rig without damping.
         DataError: a record that cannot be used: sampled unevenly, or with too few half-cycles.
     """
-    require_x64()
+    ready()
     oscillator = contactless(rig, no_contact)
     pairs, notes = each_of(records, lambda record: _forces(record, oscillator, offset, window))
     forces = [found for found, _ in pairs]

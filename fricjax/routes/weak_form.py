@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..calibrate import Rig
-from ..oscillator import require_x64
+from ..oscillator import ready
 from .estimates import Estimates
 from .strokes import Decay, decay, each_of, machine
 
@@ -51,7 +51,7 @@ def weak_form(records: Any, rig: Rig) -> Estimates:
         UsageError: arguments that do not fit.
         DataError: records with too few half-cycles, or sampled unevenly.
     """
-    require_x64()
+    ready()
     oscillator = machine(rig, damping_known=False)
     found, notes = each_of(records, decay)
     rows = [_rows(each) for each in found]

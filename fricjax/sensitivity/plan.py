@@ -20,7 +20,7 @@ from ..fitting.residual import Residual, Run
 from ..fitting.space import Parameter, ParameterSpace
 from ..fitting.window import NEVER
 from ..friction import Coulomb
-from ..oscillator import Motion, Oscillator, require_x64, simulate
+from ..oscillator import Motion, Oscillator, ready, simulate
 from ..oscillator.engines import AbstractEngine, Hybrid
 from ..oscillator.leaves import Leaf, leaves_of
 from ..oscillator.select import half_cycle_capacity, select_engine
@@ -154,7 +154,7 @@ def plan(
     Raises:
         UsageError: names that do not exist or appear twice, or an engine that cannot integrate this oscillator.
     """
-    require_x64()
+    ready()
     oscillator = jax.tree.map(lambda leaf: np.asarray(leaf, float), oscillator)
     leaves = leaves_of(oscillator)
     shared = terms(oscillator, leaves) if names is None else [find_leaf(name, leaves) for name in names]

@@ -1,6 +1,7 @@
 """Each command does its job: what it tells, what it writes, and that its JSON is nothing but JSON."""
 
 import json
+import os
 from pathlib import Path
 
 import numpy as np
@@ -193,7 +194,8 @@ def test_doctor_is_content_with_a_sound_installation(fricjax):
     told = json.loads(called.out)
     assert called.code == 0, called.out
     assert told["healthy"]
-    assert told["cache"]["folder"] is None
+    assert told["cache"]["folder"] == os.environ["JAX_COMPILATION_CACHE_DIR"]
+    assert told["cache"]["loaded"] + told["cache"]["compiled"] > 0
     assert ".mat" in told["formats"]
     assert all(check["ok"] for check in told["checks"].values())
 
