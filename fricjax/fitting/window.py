@@ -190,7 +190,7 @@ def _repeated(t: np.ndarray, x: np.ndarray, fitted: np.ndarray, found: Segmentat
     The rest is here what never leaves its two neighbouring values again, wherever the stop was read.
     """
     told = np.zeros(t.shape, bool)
-    held = fitted & (t >= (np.inf if found.rest is None else found.rest))
+    held = fitted & (t > (np.inf if found.rest is None else found.rest))
     if not held.any() or not found.resolution > 0:
         return told
     samples = np.flatnonzero(fitted)
