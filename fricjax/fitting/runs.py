@@ -17,9 +17,10 @@ from .window import NEVER, Window
 # How many times longer than the shortest the longest run of a joint fit may be for them to be filled to one length.
 _UNLIKE = 4
 _IN_PHASE, _SMALLEST, _SHORTEST = 0.5, 0.5, 4.0
-# Fewest samples, those up to which sizes are powers, and the factor between them. Of all samples only the chunks that
-# hold any are gone through, so that their sizes may lie far apart; each of the condensed ones costs its part of a pass.
-_WHOLE, _CONDENSED = (CHUNK, 1 << 18, 4), (256, 1 << 18, 2)
+# Fewest samples, those up to which sizes are powers, and the factor between them: each size is compiled for itself. Of
+# all samples only the chunks that hold any are gone through; a condensed one costs its part of a pass, which is small
+# beside that of the motion.
+_WHOLE, _CONDENSED = (CHUNK, 1 << 18, 4), (512, 1 << 18, 4)
 
 
 def whole_run(window: Window, stops: bool) -> Run:

@@ -25,8 +25,9 @@ _PER_UNIT = 11.0
 _BEYOND = 1.1
 # Least number of half-cycles to provide for, so that records of an archive share their compilation.
 _CAPACITY = 64
-# Sizes of a table; few, for each is compiled for itself.
-_SIZES = (8, 12, 16, 24, 32)
+# Sizes of a table. Each is compiled for itself, in seconds, and a third of the entries, which are solved side by side,
+# saves no more than a few per cent of a fit: `python experiments/benchmarks/cold.py`.
+_SIZES = (24, 48)
 
 
 def engine_for(request: Request, windows: Sequence[Window]) -> AbstractEngine:
