@@ -62,7 +62,7 @@ def solver(records: list[Record]) -> Callable[[], list[Outcome]]:
 
     def block(part: slice) -> list[Outcome]:
         landed = zip(records[part], problems[part], solve_lanes(problems[part]), strict=True)
-        return [_outcome(r, p, judged(p, lane.at, lane.survey, lane.settled)) for r, p, lane in landed]
+        return [_outcome(r, p, judged(p, lane.at, lane.looked)) for r, p, lane in landed]
 
     def solve() -> list[Outcome]:
         with ThreadPoolExecutor(os.cpu_count()) as pool:

@@ -180,11 +180,12 @@ def _alone(problem: Problem) -> _Finished:
 
 def _finished(problem: Problem, landed: Landed) -> _Finished:
     """A lane as a solved fit; where its number of half-cycles is in doubt or it is not accurate, fitted for itself."""
-    solved = judged(problem, landed.at, landed.survey, landed.settled)
+    solved = judged(problem, landed.at, landed.looked)
     recorded = int(problem.residual.runs[0].half_cycles)
-    other = recorded < NEVER and 0 < int(landed.half_cycles) != recorded
+    other = recorded < NEVER and 0 < int(landed.told.half_cycles) != recorded
     doubtful = solved.converged and (other or far_off(problem, solved) or not solved.accurate)
-    return _alone(problem) if doubtful else _Finished(problem, solved, float(landed.lag_one), float(landed.size))
+    told = landed.told
+    return _alone(problem) if doubtful else _Finished(problem, solved, float(told.lag_one), float(told.size))
 
 
 def _row(finished: _Finished) -> _Row:

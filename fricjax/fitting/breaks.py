@@ -94,6 +94,6 @@ def _settling(window: Window, oscillator: Oscillator, deflections: np.ndarray) -
     found, law = window.segmentation, oscillator.friction
     acceleration = np.maximum(deflections, 1e-3 * found.amplitude) * (np.pi / found.half_period) ** 2
     speed = float(law.velocity_scale())
-    bristles = float(np.max(np.asarray(law.state_scale(oscillator.normal_force)), initial=0.0))
+    bristles = float(np.max(np.asarray(law.state_scale(oscillator.normal_force)))) if law.n_states else 0.0
     by_speed = _LAYERS * speed / acceleration if np.isfinite(speed) else 0.0
     return by_speed + np.sqrt(2 * _RELAXATIONS * bristles / acceleration)

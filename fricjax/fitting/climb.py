@@ -6,22 +6,26 @@ halved until the motion from the start values is in phase with the record all th
 solver tells, and then doubles until it holds the whole moving part; the rest is added last. Start values that keep the
 phase need one stage with everything. A robust loss, nearly flat far from its optimum, is led there from that of
 squares. All of it is traced, so that many fits can be mapped over; the model stands in it once.
+
+The same program only looks at where it is, where it is given one step to take: so what checks a fit, and what goes on
+from another optimum, is compiled already.
 """
 
-from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 import optimistix as optx
 from jaxtyping import Array, Float
 
-from .levenberg_marquardt import LevenbergMarquardt
+from .levenberg_marquardt import MAX_STEPS, LevenbergMarquardt
 from .loss import AbstractLoss, Squares
-from .passes import DensePasses
 from .residual import Residual
+from .settled import Settled, settle
 from .status import NOT_FINITE
+from .survey import Survey, Surveys
 
 ROUNDING = 1e-12
 FINE = 1e-3
@@ -36,7 +40,7 @@ class Terrain(eqx.Module):
 
     Attributes:
         moving: weights of the samples without the rest [1/m], shape (samples,).
-        tolerance: weighted residual up to which a sample counts as in phase, shape (samples,).
+        tolerance: weighted residual up to which a sample counts as in phase, shape (samples,); inf in the rest.
         shortest: shortest window, as a part of the moving one.
     """
 
@@ -53,19 +57,51 @@ class Limits(eqx.Module):
     linear: Any
 
 
+class Way(NamedTuple):
+    """How to go: as arrays, so that every way shares one compilation.
+
+    Attributes:
+        tolerance: how near to come to the optimum, in standard errors.
+        sure: whether the start is known to keep the phase, so that one stage with everything will do.
+        steps: most passes of a stage.
+    """
+
+    tolerance: Any = np.asarray(FINE)
+    sure: Any = np.asarray(False)
+    steps: Any = np.asarray(MAX_STEPS)
+
+
+ONWARDS = Way(sure=np.asarray(True))
+LOOK = Way(sure=np.asarray(True), steps=np.asarray(1))
+
+
 class Climbed(NamedTuple):
-    """Where the way ended: coordinates, shape (p,), status of the solver, steps and stages."""
+    """Where a way ended.
+
+    Attributes:
+        y: coordinates, shape (coordinates,).
+        status, iterations, stages: of the solver, and how many it took.
+        survey: what the samples of the last stage say; its residual and turning points are those of the last pass,
+            from which linear coordinates may still have moved.
+        settled: what the coordinates stand for.
+    """
 
     y: Any
     status: Any
     iterations: Any
     stages: Any
+    survey: Survey
+    settled: Settled
 
 
 class _State(NamedTuple):
     """Where a climb is, how far its window reaches, and whether the start is known to keep the phase that far."""
 
-    at: Climbed
+    y: Array
+    status: Array
+    iterations: Array
+    stages: Array
+    survey: Survey
     reach: Array
     kept: Array
 
@@ -74,80 +110,68 @@ def climb(
     residual: Residual,
     terrain: tuple[Terrain, ...],
     limits: Limits,
-    y: Float[Array, " p"],
-    tolerance: Any = FINE,
+    loss: AbstractLoss,
+    y: Float[Array, " coordinates"],
+    way: Way,
 ) -> Climbed:
-    """Least squares from coordinates `y` to within `tolerance` standard errors, in as many stages as it needs."""
+    """Least squares from coordinates `y`, in as many stages as it needs."""
     whole = [run.weight for run in residual.runs]
     ends_at_rest = jnp.any(jnp.stack([jnp.any(w != part.moving) for w, part in zip(whole, terrain, strict=True)]))
     full = jnp.where(ends_at_rest, _MOVING, _EVERYTHING)
+    shortest = jnp.min(jnp.stack([jnp.asarray(part.shortest) for part in terrain]))
 
     def weights(reach: Array) -> list[Array]:
         windows = [_until(run.t, part.moving, reach) for run, part in zip(residual.runs, terrain, strict=True)]
         return [jnp.where(reach >= _EVERYTHING, w, window) for w, window in zip(whole, windows, strict=True)]
 
-    shortest = jnp.min(jnp.stack([jnp.asarray(part.shortest) for part in terrain]))
-
     def stage(state: _State) -> _State:
-        at, reach, kept = state
-        windowed, sure = with_weights(residual, weights(reach)), kept | (reach <= shortest)
-
-        def from_in_phase(q: Array, args: None = None) -> Array:
-            r = windowed(q)
-            strays = (jnp.all(q == at.y) & ~sure) & jnp.any(_out_of_phase(windowed, terrain, r))
-            return r + jnp.where(strays, jnp.nan, 0.0)
-
-        near = jnp.where(reach < _EVERYTHING, jnp.maximum(tolerance, _ON_THE_WAY), tolerance)
-        found = least_squares(windowed, limits, Squares(), at.y, near, from_in_phase)
-        status, steps = found.stats["status"], at.iterations + found.stats["num_steps"]
-        further = jnp.where(2 * reach < _MOVING, 2 * reach, full)
-        further = jnp.where(reach >= _MOVING, 2 * reach, further)
-        onward = _State(Climbed(found.value, status, steps, at.stages + 1), further, jnp.asarray(True))
-        shorter = _State(at, jnp.maximum(reach / 2, shortest), jnp.asarray(False))
-        lost = ~sure & (status == NOT_FINITE)
+        sure = state.kept | (state.reach <= shortest)
+        near = jnp.where(state.reach < _EVERYTHING, jnp.maximum(way.tolerance, _ON_THE_WAY), way.tolerance)
+        passes = Surveys(
+            _with_weights(residual, weights(state.reach)),
+            loss,
+            doubted=jnp.where(sure, jnp.nan, state.y),
+            tolerance=[part.tolerance for part in terrain],
+        )
+        found = _least_squares(passes, limits, state.y, near, way.steps)
+        told, steps = found.stats, state.iterations + found.stats["num_steps"]
+        seen = told["kept"]._replace(cost=told["cost"], gradient=told["gradient"])
+        further = jnp.where(2 * state.reach < _MOVING, 2 * state.reach, full)
+        further = jnp.where(state.reach >= _MOVING, 2 * state.reach, further)
+        onward = _State(found.value, told["status"], steps, state.stages + 1, seen, further, jnp.asarray(True))
+        shorter = state._replace(reach=jnp.maximum(state.reach / 2, shortest), kept=jnp.asarray(False))
+        lost = ~sure & (told["status"] == NOT_FINITE)
         return jax.tree.map(lambda back, on: jnp.where(lost, back, on), shorter, onward)
 
-    none = jnp.asarray(0)
-    first = _State(Climbed(y, none, none, none), jnp.asarray(_EVERYTHING), jnp.asarray(False))
-    return jax.lax.while_loop(lambda state: state.reach <= _EVERYTHING, stage, first).at
+    none, y = jnp.asarray(0), jnp.asarray(y)
+    unseen = Surveys(residual, loss, y, []).nothing(y).kept
+    first = _State(y, none, none, none, unseen, jnp.asarray(_EVERYTHING), jnp.asarray(way.sure))
+    end = jax.lax.while_loop(lambda state: state.reach <= _EVERYTHING, stage, first)
+    return Climbed(end.y, end.status, end.iterations, end.stages, end.survey, settle(residual, end.y))
 
 
-def joined(first: Climbed, then: Climbed) -> Climbed:
-    """Two ways, one behind the other."""
-    return Climbed(then.y, then.status, first.iterations + then.iterations, first.stages + then.stages)
-
-
-def onwards(residual: Residual, limits: Limits, loss: AbstractLoss, at: Climbed) -> Climbed:
-    """Levenberg-Marquardt from where another residual, or another loss of it, has its optimum."""
-    found = least_squares(residual, limits, loss, at.y)
-    return Climbed(found.value, found.stats["status"], at.iterations + found.stats["num_steps"], at.stages + 1)
-
-
-def least_squares(
-    residual: Residual,
-    limits: Limits,
-    loss: AbstractLoss,
-    y: Float[Array, " p"],
-    tolerance: Any = FINE,
-    function: Callable | None = None,
+def _least_squares(
+    passes: Surveys, limits: Limits, y: Float[Array, " coordinates"], tolerance: Array, steps: Array
 ) -> optx.Solution:
-    """One run of Levenberg-Marquardt from coordinates `y`, on the residual or a `function` that stands for it."""
+    """One run of Levenberg-Marquardt from coordinates `y`."""
+    residual = passes.residual
     informed = sum(jnp.sum(run.weight > 0) for run in residual.runs) + jnp.sum(residual.prior_weight > 0)
+    # Inputs of the rig are looked at only.
+    inputs = (0, y.size - residual.n_parameters)
     options = {
-        "lower": limits.lower,
-        "upper": limits.upper,
+        "lower": jnp.pad(limits.lower, inputs),
+        "upper": jnp.pad(limits.upper, inputs),
         "dof": jnp.maximum(informed - residual.n_parameters, 1) * 1.0,
         "floor": sum(jnp.sum((ROUNDING * run.weight * jnp.max(jnp.abs(run.x))) ** 2) for run in residual.runs),
     }
-    if isinstance(loss, Squares):
-        options["linear"] = limits.linear
-    solver = LevenbergMarquardt(passes=DensePasses(loss=loss, exempt=residual.n_parameters), tolerance=tolerance)
-    return optx.least_squares(
-        function or residual, solver, y, options=options, max_steps=solver.max_steps + 1, throw=False
-    )
+    if isinstance(passes.loss, Squares):
+        options["linear"] = jnp.pad(limits.linear, inputs) & (steps > 1)
+    solver = LevenbergMarquardt(passes=passes, max_steps=steps, tolerance=tolerance)
+    # The passes know the model; of a function optimistix asks the shape.
+    return optx.least_squares(lambda q, _: q, solver, y, options=options, max_steps=MAX_STEPS + 1, throw=False)
 
 
-def with_weights(residual: Residual, weights: list[Array]) -> Residual:
+def _with_weights(residual: Residual, weights: list[Array]) -> Residual:
     """The same residual with other weights of the samples."""
     return eqx.tree_at(lambda r: [run.weight for run in r.runs], residual, weights)
 
@@ -161,12 +185,3 @@ def _until(t: Array, moving: Array, reach: Array) -> Array:
 def _ends(t: Array, moving: Array) -> tuple[Array, Array]:
     used = moving > 0
     return jnp.min(jnp.where(used, t, jnp.inf)), jnp.max(jnp.where(used, t, -jnp.inf))
-
-
-def _out_of_phase(residual: Residual, terrain: tuple[Terrain, ...], r: Array) -> Array:
-    """Which of the residuals, those of samples in the moving part of a window, are too large for one phase."""
-    used = jnp.concatenate(
-        [(run.weight > 0) & (part.moving > 0) for run, part in zip(residual.runs, terrain, strict=True)]
-    )
-    tolerance = jnp.concatenate([jnp.asarray(part.tolerance) for part in terrain])
-    return used & ~(jnp.abs(jax.lax.stop_gradient(r[: used.size])) < tolerance)

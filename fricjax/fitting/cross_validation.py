@@ -13,15 +13,13 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 import equinox as eqx
-import jax.numpy as jnp
 import numpy as np
 
-from .loss import AbstractLoss
-from .mesh import with_mesh
+from .climb import LOOK
 from .problem import Problem
 from .quadratic import quadratic
 from .residual import Residual
-from .solve import Solved, finer, look
+from .solve import Solved, checking, on_all_samples
 from .survey import Survey
 
 _SHARE = 2 / 3
@@ -39,14 +37,14 @@ class _Fold(NamedTuple):
 
 def held_out_score(problem: Problem, solved: Solved) -> float:
     """Mean square of the held-out residuals in units of their noise; NaN where nothing can be held out."""
-    residual = with_mesh(finer(problem.residual), solved.y)
+    residual = checking(problem.residual, solved.y)
     chi2, count = 0.0, 0
     for fold in _folds(problem):
         y = _fitted(_weighing(residual, fold.fitted), solved.y, problem, None)
         seen = _weighing(residual, fold.predicted)
         if fold.refitted is not None:
             y = _fitted(seen, y, problem, fold.refitted)
-        found = _look(seen, y, problem.loss)
+        found = _look(problem, seen, y)
         chi2 += sum(float(part @ part) for part in problem.by_run(found.residual))
         count += int(sum(part.sum() for part in fold.predicted))
     return chi2 / count if count else float("nan")
@@ -82,7 +80,7 @@ def _fitted(residual: Residual, y: np.ndarray, problem: Problem, run: int | None
     """Coordinates that fit `residual`, of all parameters or of those of one run, by Gauss-Newton steps from `y`."""
     p = residual.n_parameters
     held = np.zeros(p, bool) if run is None else ~_own(residual, run)
-    found = _look(residual, y, problem.loss)
+    found = _look(problem, residual, y)
     for _ in range(_STEPS):
         at_bound = (y[:p] <= problem.limits.lower) | (y[:p] >= problem.limits.upper)
         shape = quadratic(np.asarray(found.gradient)[:p], np.asarray(found.normal)[:p, :p], held | at_bound)
@@ -101,23 +99,22 @@ def _descended(
     residual: Residual, y: np.ndarray, step: np.ndarray, found: Survey, problem: Problem
 ) -> tuple[np.ndarray | None, Survey | None]:
     """The longest of the halved steps that makes the fit better, and what is found there."""
-    p, cost = residual.n_parameters, _cost(found, problem.loss)
+    p, cost = residual.n_parameters, _cost(found)
     for halving in range(_HALVINGS):
         trial = y + step / 2**halving
         trial[:p] = np.clip(trial[:p], problem.limits.lower, problem.limits.upper)
-        tried = _look(residual, trial, problem.loss)
-        if _cost(tried, problem.loss) < cost:
+        tried = _look(problem, residual, trial)
+        if _cost(tried) < cost:
             return trial, tried
     return None, None
 
 
-def _look(residual: Residual, y: np.ndarray, loss: AbstractLoss) -> Survey:
-    return look(residual, jnp.asarray(y), loss)[0]
+def _look(problem: Problem, residual: Residual, y: np.ndarray) -> Survey:
+    return on_all_samples(problem, residual, y, LOOK).survey
 
 
-def _cost(found: Survey, loss: AbstractLoss) -> float:
-    total = float(np.sum(np.asarray(loss.parts(found.residual)[0])))
-    return total if np.isfinite(total) else np.inf
+def _cost(found: Survey) -> float:
+    return float(found.cost) if np.isfinite(found.cost) else np.inf
 
 
 def _own(residual: Residual, run: int) -> np.ndarray:

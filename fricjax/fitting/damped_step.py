@@ -115,7 +115,7 @@ def project(there: Pass, linear: Bool[Array, " p"]) -> tuple[Pass, Float[Array, 
     """Move the coordinates in which the residual is linear to their optimum (Golub and Pereyra, 1973).
 
     In them the pass is the exact quadratic model as long as the other columns of the Jacobian do not depend on them,
-    so the pass at the moved point follows in closed form.
+    so the pass at the moved point follows in closed form, all but what else it has kept.
 
     Returns:
         The pass at the moved point; the move, shape (p,); and whether the cost fell so far that its difference has
@@ -125,7 +125,8 @@ def project(there: Pass, linear: Bool[Array, " p"]) -> tuple[Pass, Float[Array, 
     move = restricted_solve(there.normal, weakest, linear[None], -there.gradient[None])[0]
     pull = there.normal @ move
     cost = jnp.maximum(there.cost + move @ (there.gradient + pull / 2), 0.0)
-    return Pass(cost, there.gradient + pull, there.normal), move, cost < _DIGITS_LOST * there.cost
+    moved = there._replace(cost=cost, gradient=there.gradient + pull)
+    return moved, move, cost < _DIGITS_LOST * there.cost
 
 
 class Ahead(NamedTuple):

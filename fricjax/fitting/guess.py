@@ -9,7 +9,6 @@ no sinusoids, the integrals and the periods are taken as they are (:mod:`.envelo
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
-import jax.numpy as jnp
 import numpy as np
 
 from ..data import Segmentation
@@ -134,10 +133,13 @@ def _stiffening(oscillator: Oscillator, amplitude: np.ndarray, at: Mapping[str, 
 
 
 def _at_positions(function: Callable[[Any, Any], Any], x: np.ndarray, stiffness: float) -> np.ndarray:
-    """A restoring force or potential at positions of any number, padded so that JAX compiles for one shape."""
+    """A restoring force or potential at positions of any number.
+
+    They are padded, so that what JAX compiles for it, if anything, is compiled for one shape.
+    """
     padded = np.zeros(2 ** max(11, (x.size - 1).bit_length()))
     padded[: x.size] = x.ravel()
-    return np.asarray(function(jnp.asarray(padded), jnp.asarray(stiffness)))[: x.size].reshape(x.shape)
+    return np.asarray(function(padded, stiffness))[: x.size].reshape(x.shape)
 
 
 def _losses(oscillator: Oscillator, decay: _Decay, free: Sequence[str], at: Mapping[str, float]) -> dict[str, float]:

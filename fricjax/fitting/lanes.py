@@ -10,66 +10,88 @@ import threading
 from collections.abc import Hashable, Sequence
 from typing import Any, NamedTuple
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from .climb import Climbed, Limits, Terrain, climb, onwards
+from .climb import LOOK, ONWARDS, Climbed, Limits, Terrain, Way, climb
 from .loss import AbstractLoss, Squares
 from .problem import Problem
-from .residual import Residual, Run, start_of, without_inputs
-from .runs import filled_to
-from .settled import Settled, settle
-from .solve import finer
-from .survey import Survey, survey
+from .residual import Residual, start_of, without_inputs
+from .runs import without_windows
+from .settled import Settled
+from .solve import checking, joined, start_coordinates, with_inputs
 from .verdict import typical
 
 WIDTH = 32
 
 
 class Lane(NamedTuple):
-    """The traced part of a problem; the condensed residual is given by its runs, for it shares the rest."""
+    """The traced part of a way of one problem: what :func:`~fricjax.fitting.climb.climb` takes."""
 
     residual: Residual
-    condensed: tuple[Run, ...]
     terrain: tuple[Terrain, ...]
     limits: Limits
+    y: Any
+    way: Way
 
 
-class Landed(NamedTuple):
-    """Where a lane ended.
+class Told(NamedTuple):
+    """What all samples say where a way has ended.
 
     Attributes:
-        at: the climb; `survey`: what all samples say there, without the residual itself; `settled`: what it stands for.
         lag_one: autocorrelation of neighbouring residuals.
         size: their typical size.
         half_cycles: number of half-cycles after which the law itself would stop the mass; -1 for never.
     """
 
-    at: Climbed
-    survey: Survey
-    settled: Settled
     lag_one: Any
     size: Any
     half_cycles: Any
 
 
+class Landed(NamedTuple):
+    """Where a lane ended: the climb, the look at all samples there, without their residual, and what that tells."""
+
+    at: Climbed
+    looked: Climbed
+    told: Told
+
+
 def solve_lanes(problems: Sequence[Problem]) -> list[Landed]:
-    """Solve problems for engines that need no mesh; at most `WIDTH` of one shape share a computation."""
-    longest = max((run.t.size for p in problems for run in p.condensed.runs), default=0)
-    lanes = [_Flat.of(Lane(p.residual, *filled_to(longest, p.condensed.runs, p.terrain), p.limits)) for p in problems]
+    """Solve problems for engines that need no mesh."""
+    ways = [Lane(p.condensed, p.terrain, p.limits, start_coordinates(p), Way()) for p in problems]
+    ends = [at for at, _ in _gone(ways, [Squares() for _ in problems])]
+    robust = [not isinstance(problem.loss, Squares) for problem in problems]
+    losses = [problem.loss for problem in problems]
+    if any(robust):
+        ways = [
+            _on_all_samples(p, without_inputs(p.residual), at.y, ONWARDS) for p, at in zip(problems, ends, strict=True)
+        ]
+        further = _gone(ways, losses)
+        ends = [joined(at, then) for at, (then, _) in zip(ends, further, strict=True)]
+    targets = [with_inputs(problem.residual, at.y) for problem, at in zip(problems, ends, strict=True)]
+    looks = [_on_all_samples(p, checking(p.residual, y), y, LOOK) for p, y in zip(problems, targets, strict=True)]
+    return [Landed(at, *found) for at, found in zip(ends, _gone(looks, losses), strict=True)]
+
+
+def _on_all_samples(problem: Problem, residual: Residual, y: Any, way: Way) -> Lane:
+    return Lane(residual, tuple(without_windows(run) for run in residual.runs), problem.limits, y, way)
+
+
+def _gone(lanes: Sequence[Lane], losses: Sequence[AbstractLoss]) -> list[tuple[Climbed, Told]]:
+    """Go all ways; at most `WIDTH` of one shape share a computation."""
+    flat = [_Flat.of(lane) for lane in lanes]
     groups: dict[Hashable, list[int]] = {}
-    for i, lane in enumerate(lanes):
-        groups.setdefault(lane.shape, []).append(i)
-    landed: dict[int, Landed] = {}
+    for i, (lane, loss) in enumerate(zip(flat, losses, strict=True)):
+        groups.setdefault((lane.shape, loss), []).append(i)
+    gone: dict[int, tuple[Climbed, Told]] = {}
     for members in groups.values():
         for first in range(0, len(members), WIDTH):
             chosen = members[first : first + WIDTH]
-            found = _abreast([lanes[i] for i in chosen], problems[chosen[0]].loss)
-            landed |= dict(zip(chosen, found, strict=True))
-    return [landed[i] for i in range(len(problems))]
+            gone |= dict(zip(chosen, _abreast([flat[i] for i in chosen], losses[chosen[0]]), strict=True))
+    return [gone[i] for i in range(len(lanes))]
 
 
 class _Flat(NamedTuple):
@@ -94,8 +116,8 @@ _known: set[Hashable] = set()
 _compiling = threading.Lock()
 
 
-def _abreast(lanes: list[_Flat], loss: AbstractLoss) -> list[Landed]:
-    """Solve lanes of one shape; missing ones up to `WIDTH` are copies that are never looked at."""
+def _abreast(lanes: list[_Flat], loss: AbstractLoss) -> list[tuple[Climbed, Told]]:
+    """Go the ways of lanes of one shape; missing ones up to `WIDTH` are copies that are never looked at."""
     structure, settings, _ = shape = lanes[0].shape
     filled = lanes + lanes[:1] * (WIDTH - len(lanes))
     rows = [lane.arrays for lane in filled]
@@ -110,8 +132,8 @@ def _abreast(lanes: list[_Flat], loss: AbstractLoss) -> list[Landed]:
 
 
 @functools.partial(jax.jit, static_argnums=(1, 2, 3))
-def _solve(rows: list[list[Any]], structure: Any, settings: tuple[Any, ...], loss: AbstractLoss, count: Any) -> Landed:
-    def one(arrays: list[Any]) -> Landed:
+def _solve(rows: list[list[Any]], structure: Any, settings: tuple[Any, ...], loss: AbstractLoss, count: Any) -> Any:
+    def one(arrays: list[Any]) -> tuple[Climbed, Told]:
         rest = iter(arrays)
         leaves = [next(rest) if setting is None else setting for setting in settings]
         return _land(jax.tree.unflatten(structure, leaves), loss)
@@ -128,23 +150,17 @@ def _solve(rows: list[list[Any]], structure: Any, settings: tuple[Any, ...], los
     return jax.lax.fori_loop(0, count, step, room)
 
 
-def _land(lane: Lane, loss: AbstractLoss) -> Landed:
-    """Solve one lane and look at all of its samples."""
-    residual, limits = lane.residual, lane.limits
-    bare = without_inputs(residual)
-    begin = jnp.clip(jnp.zeros_like(limits.lower), limits.lower, limits.upper)
-    at = climb(eqx.tree_at(lambda r: r.runs, bare, lane.condensed), lane.terrain, limits, begin)
-    if not isinstance(loss, Squares):
-        at = onwards(bare, limits, loss, at)
-    fine = finer(residual)
-    y = jnp.concatenate([at.y, jnp.zeros(fine.inputs.shape[0])])
-    found, settled = survey(fine, y, loss), settle(fine, y)
-    samples = found.residual[: found.residual.size - at.y.size]
+def _land(lane: Lane, loss: AbstractLoss) -> tuple[Climbed, Told]:
+    """Go the way of one lane; what all samples say is told where it only looks."""
+    at = climb(*lane[:3], loss, *lane[3:])
+    found, residual = at.survey, lane.residual
+    samples = found.residual[: found.residual.size - residual.n_parameters]
     lag = samples[1:] @ samples[:-1] / jnp.where(found.chi2 > 0, found.chi2, 1.0)
     weights = jnp.concatenate([run.weight for run in residual.runs])
     size = typical(jnp.where(weights > 0, samples, jnp.nan), loss, jnp.nanmean, jnp.nanmedian)
-    short = found._replace(residual=jnp.zeros(0))
-    return Landed(at, short, settled, lag, size, _own_count(residual, settled))
+    short = at._replace(survey=found._replace(residual=jnp.zeros(0)))
+    count = jax.lax.cond(lane.way.steps > 1, lambda: jnp.asarray(-1), lambda: _own_count(residual, at.settled))
+    return short, Told(lag, size, count)
 
 
 def _own_count(residual: Residual, settled: Settled) -> Array:

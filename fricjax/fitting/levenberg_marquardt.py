@@ -27,6 +27,7 @@ from .loss import Squares
 from .passes import AbstractPasses, DensePasses, Pass
 from .status import CONVERGED, NOT_FINITE, OUT_OF_STEPS, RUNNING, STALLED
 
+MAX_STEPS = 60
 _FIRST_DAMPING = 1e-4
 # Part of the Gauss-Newton step's gain below which a trial, after rejections, is not worth a pass.
 _HOPELESS = 1e-6
@@ -59,13 +60,13 @@ class LevenbergMarquardt(optx.AbstractLeastSquaresSolver):
     coordinates in which the residual is linear while the other columns of the Jacobian do not depend on them. Only
     unbounded ones are projected.
 
-    The solution's `stats` hold `status` (see :mod:`fricjax.fitting.status`), `cost` and `normal` at the answer, and
-    `remaining`, the square of the Gauss-Newton step left in standard errors. Auxiliary output of the function is
-    dropped.
+    The solution's `stats` hold `status` (see :mod:`fricjax.fitting.status`), what the pass at the answer left behind
+    (`cost`, `gradient`, `normal`, and what else is `kept`), and `remaining`, the square of the
+    Gauss-Newton step left in standard errors. Auxiliary output of the function is dropped.
 
     Attributes:
         passes: how a pass over the model is made.
-        max_steps: largest number of passes.
+        max_steps: largest number of passes; one only looks at where it is.
         tolerance: largest step left, in standard errors as the scatter of the residuals gives them.
         ftol: largest relative change of the sum of squares, actual and to come; also largest size of the residual
             relative to that at the start, where rounding has it.
@@ -77,7 +78,7 @@ class LevenbergMarquardt(optx.AbstractLeastSquaresSolver):
     """
 
     passes: AbstractPasses = DensePasses()
-    max_steps: int = 60
+    max_steps: int | Int[Array, ""] = MAX_STEPS
     tolerance: float = 1e-3
     ftol: float = 1e-15
     xtol: float = 1e-14
@@ -94,10 +95,10 @@ class LevenbergMarquardt(optx.AbstractLeastSquaresSolver):
                 "Linear coordinates are solved for by least squares, but the loss is "
                 f"{type(self.passes.loss).__name__}. Leave out the option 'linear'."
             )
-        p, zero, none = y.shape[0], jnp.zeros(()), jnp.asarray(0)
-        nothing = Pass(jnp.asarray(jnp.inf), jnp.zeros(p), jnp.full((p, p), jnp.nan))
+        zero, none = jnp.zeros(()), jnp.asarray(0)
+        nothing = self.passes.nothing(y)
         damping, status, yes = zero + _FIRST_DAMPING, jnp.asarray(RUNNING), jnp.asarray(True)
-        return _State(y, nothing, jnp.zeros(p), damping, zero + 2, zero, status, none, yes, ~yes, zero, zero)
+        return _State(y, nothing, jnp.zeros(y.size), damping, zero + 2, zero, status, none, yes, ~yes, zero, zero)
 
     def step(
         self, fn: Callable, y: Array, args: PyTree, options: dict, state: _State, tags: frozenset
@@ -186,4 +187,4 @@ class LevenbergMarquardt(optx.AbstractLeastSquaresSolver):
     ) -> tuple[Array, None, dict[str, Any]]:
         here = state.accepted
         status = admitted_status(state.status, y, here.normal, Setting.of(options))
-        return y, None, {"status": status, "cost": here.cost, "normal": here.normal, "remaining": state.remaining}
+        return y, None, {"status": status, **here._asdict(), "remaining": state.remaining}

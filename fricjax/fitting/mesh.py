@@ -44,14 +44,6 @@ def with_mesh(residual: Residual, y: Any, slack: float = 1.0) -> Residual:
     return _with(residual, _alike(meshes))
 
 
-def lengthened(residuals: Sequence[Residual]) -> list[Residual]:
-    """The same residuals with all meshes as long as the longest, that they may share a compilation."""
-    engines = [run.engine for residual in residuals for run in residual.runs]
-    found = [engine.mesh for engine in engines if isinstance(engine, Smooth) and engine.mesh]
-    meshes = iter(_alike(found) if found else [])
-    return [_with(r, [next(meshes) for _ in r.runs]) if isinstance(r.engine, Smooth) else r for r in residuals]
-
-
 def _with(residual: Residual, meshes: Sequence[Mesh]) -> Residual:
     engines = [eqx.tree_at(lambda e: e.mesh, residual.engine, m, is_leaf=lambda x: x is None) for m in meshes]
     return eqx.tree_at(lambda r: [run.engine for run in r.runs], residual, engines, is_leaf=lambda x: x is None)

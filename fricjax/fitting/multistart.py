@@ -12,7 +12,7 @@ of steps, for which the others would wait if they went abreast.
 import dataclasses
 import inspect
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -20,11 +20,11 @@ from ..data import Record, Trace
 from ..data.errors import UsageError
 from ..oscillator import Oscillator, ready
 from .fit import concluded, fit, records_of
-from .many_climbs import Ended, ended
 from .parameters import Request
 from .problem import Problem, posed_on, windows_of
 from .rest import solve_with_rest
 from .result import Fit
+from .solve import climbed, start_coordinates
 from .space import Parameter
 
 # How far the logarithm of a start value is spread, as a part of that of `spread`: the decay tells these far better.
@@ -120,11 +120,29 @@ def multistart(
     first = posed_on(windows, request)
     points = _points(first, starts, spread, seed)
     problems = [first, *(posed_on(windows, request.with_guess({**request.guess, **at})) for at in points)]
-    ends = ended(problems)
+    ends = [_ended(problem, start_coordinates(problem)) for problem in problems]
     order = np.argsort([end.cost for end in ends], kind="stable")
     problem, solved = solve_with_rest(problems[order[0]], ends[order[0]].y)
     best = concluded(problem, solved, sigma_mode, throw)
     return _ordered(best, problems, ends, order)
+
+
+class _Ended(NamedTuple):
+    """Where a start ended: coordinates and values, shape (p,), and the sum of losses, inf where the model failed."""
+
+    y: np.ndarray
+    values: np.ndarray
+    cost: float
+
+
+def _ended(problem: Problem, begin: np.ndarray) -> _Ended:
+    try:
+        at = climbed(problem, begin)
+    except UsageError:
+        # The motion from there needs more steps than a mesh can hold.
+        return _Ended(begin, np.full(begin.size, np.nan), np.inf)
+    cost = 2 * float(at.survey.cost)
+    return _Ended(np.asarray(at.y), np.asarray(at.settled.values), cost if np.isfinite(cost) else np.inf)
 
 
 def _settings(data: Any, oscillator: Any, free: Any, settings: Mapping[str, Any]) -> dict[str, Any]:
@@ -160,7 +178,7 @@ def _start(parameter: Parameter, u: float, spread: float) -> float:
     return float(np.clip((parameter.start or parameter.scale) * factor, parameter.lower, parameter.upper))
 
 
-def _ordered(best: Fit, problems: Sequence[Problem], ends: Sequence[Ended], order: np.ndarray) -> Multistart:
+def _ordered(best: Fit, problems: Sequence[Problem], ends: Sequence[_Ended], order: np.ndarray) -> Multistart:
     costs = np.array([ends[i].cost for i in order])
     names = problems[0].names
     starts = np.array([[p.start for p in problems[i].parameters] for i in order])

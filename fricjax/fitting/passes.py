@@ -1,11 +1,11 @@
 """One pass over the model, and what it leaves behind for the solver: the cost, its gradient and the normal matrix.
 
-Nothing of the length of the record is kept, so a pass may run over the record in pieces and add up theirs.
+A pass may run over a record in pieces and add up theirs.
 """
 
 import abc
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -20,12 +20,13 @@ class Pass(NamedTuple):
     """What one pass leaves behind: half the sum of losses, its gradient ``J'r`` and normal matrix ``J'J``.
 
     Under a loss other than squares, the gradient is ``J'Wr`` and the normal matrix ``J'CJ`` with the loss's weights
-    and curvatures.
+    and curvatures. What else of it is kept, a tree of arrays, the solver hands on.
     """
 
     cost: Float[Array, ""]
     gradient: Float[Array, " p"]
     normal: Float[Array, "p p"]
+    kept: Any = None
 
     @property
     def finite(self) -> Bool[Array, ""]:
@@ -62,6 +63,10 @@ class AbstractPasses(eqx.Module):
     @abc.abstractmethod
     def __call__(self, fn: Callable, y: Float[Array, " p"], args: PyTree) -> Pass:
         """Run the model at `y`; ``fn(y, args)`` returns residuals of shape (n,) and something else."""
+
+    def nothing(self, y: Float[Array, " p"]) -> Pass:
+        """What stands before the first pass."""
+        return Pass(jnp.asarray(jnp.inf), jnp.zeros(y.size), jnp.full((y.size, y.size), jnp.nan))
 
 
 class DensePasses(AbstractPasses):

@@ -11,6 +11,7 @@ from typing import NamedTuple
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array
 
 from ..oscillator import Oscillator
 from .names import sole_coulomb
@@ -58,14 +59,6 @@ class Bracket(NamedTuple):
     lower: float
     upper: float
     contradicted: bool
-
-
-def _reversals(problem: Problem, solved: Solved, run: int, forced: bool) -> tuple[np.ndarray, int]:
-    """Turning points of one run and their number, stopped as the record says or, unless `forced`, by the law."""
-    residual, half_cycles = problem.residual, problem.residual.runs[run].half_cycles
-    own, instant = residual.own_at(solved.settled.values, run), np.zeros(1)
-    found = motion(residual.engine, solved.settled.machine, own, instant, half_cycles if forced else None)
-    return np.asarray(found.turning_points), int(found.n_half_cycles)
 
 
 def solve_with_rest(problem: Problem, y: np.ndarray | None = None) -> tuple[Problem, Solved]:
@@ -184,7 +177,9 @@ def _own_count(problem: Problem, solved: Solved, run: int) -> int:
     recorded = int(problem.residual.runs[run].half_cycles)
     if recorded >= NEVER:
         return recorded
-    own = _reversals(problem, solved, run, False)[1]
+    residual = problem.residual
+    at = residual.own_at(solved.settled.values, run)
+    own = int(motion(residual.engine, solved.settled.machine, at, np.zeros(1), None).n_half_cycles)
     return recorded if own <= 0 else own
 
 
@@ -193,8 +188,7 @@ def rest_margin(problem: Problem, solved: Solved, run: int) -> Margin | None:
     count, machine = int(problem.residual.runs[run].half_cycles), solved.settled.machine
     if not machine.friction.set_valued or count >= NEVER or count < 1:
         return None
-    reversals, _ = _reversals(problem, solved, run, True)
-    excess = _pull(machine, reversals) - float(machine.friction.static_force(machine.normal_force))
+    excess = _pulls(solved, run) - float(machine.friction.static_force(machine.normal_force))
     stop, before = (float(excess[n] / machine.stiffness) for n in (count, count - 1))
     return Margin(-stop, np.inf if count == 1 and _starts_moving(problem, solved, run) else before)
 
@@ -208,16 +202,19 @@ def excess_at_reversals(problem: Problem, solved: Solved, run: int) -> float | N
     machine, ends_in_motion = solved.settled.machine, int(problem.residual.runs[run].half_cycles) >= NEVER
     if not (machine.friction.set_valued and ends_in_motion and problem.bracketed is None):
         return None
-    reversals, _ = _reversals(problem, solved, run, True)
-    moved_on = reversals[int(_starts_moving(problem, solved, run)) : problem.windows[run].strokes + 1]
+    moved_on = _pulls(solved, run)[int(_starts_moving(problem, solved, run)) : problem.windows[run].strokes + 1]
     static = float(machine.friction.static_force(machine.normal_force))
-    return float((np.min(_pull(machine, moved_on), initial=np.inf) - static) / machine.stiffness)
+    return float((np.min(moved_on, initial=np.inf) - static) / machine.stiffness)
 
 
-def _pull(machine: Oscillator, points: np.ndarray) -> np.ndarray:
-    """Size of the spring's force at turning points [N]."""
-    y = jnp.asarray(points)
-    return np.asarray(jnp.abs(machine.restoring_force(y)) - machine.hysteresis(y))
+def _pulls(solved: Solved, run: int) -> np.ndarray:
+    """Size of the spring's force at the turning points of a run [N]."""
+    return np.asarray(_pull(solved.settled.machine, solved.survey.turning_points[run]))
+
+
+@eqx.filter_jit
+def _pull(machine: Oscillator, points: Array) -> Array:
+    return jnp.abs(machine.restoring_force(points)) - machine.hysteresis(points)
 
 
 def _starts_moving(problem: Problem, solved: Solved, run: int) -> bool:
@@ -233,7 +230,7 @@ def bracket_static(problem: Problem, solved: Solved) -> Bracket | None:
     load = float(machine.normal_force)
     lower, upper = float(machine.friction.dynamic_force(machine.normal_force)) / load, np.inf
     for run, window in enumerate(problem.windows):
-        pull = _pull(machine, _reversals(problem, solved, run, True)[0]) / load
+        pull = _pulls(solved, run) / load
         count = int(problem.residual.runs[run].half_cycles)
         stopped = count < NEVER
         moved_on = pull[int(_starts_moving(problem, solved, run)) : count if stopped else window.strokes]

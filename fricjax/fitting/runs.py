@@ -11,16 +11,16 @@ from .climb import Terrain
 from .condense import Samples
 from .residual import Run
 from .sizes import filled
-from .survey import CHUNK
 from .window import NEVER, Window
 
 # How many times longer than the shortest the longest run of a joint fit may be for them to be filled to one length.
 _UNLIKE = 4
 _IN_PHASE, _SMALLEST, _SHORTEST = 0.5, 0.5, 4.0
-# Fewest samples, those up to which sizes are powers, and the factor between them: each size is compiled for itself. Of
-# all samples only the chunks that hold any are gone through; a condensed one costs its part of a pass, which is small
-# beside that of the motion.
-_WHOLE, _CONDENSED = (CHUNK, 1 << 18, 4), (512, 1 << 18, 4)
+# Fewest samples, those up to which sizes are powers, and the factor between them: each size is compiled for itself, and
+# only chunks that hold a sample are gone through.
+_WHOLE = (4096, 1 << 18, 4)
+# Up to this size a condensed record has as many places as the whole one, so that both share a compilation.
+_SHARED = 1 << 16
 
 
 def whole_run(window: Window, stops: bool) -> Run:
@@ -42,7 +42,7 @@ def whole_run(window: Window, stops: bool) -> Run:
 def condensed_run(window: Window, run: Run, oscillator: Oscillator) -> Run:
     """The run with few samples that say the same."""
     few = condensed(window, Samples(run.t, run.x, run.weight), oscillator)
-    return _with_samples(run, _up_to(filled(few.t.size, *_CONDENSED), few))
+    return _with_samples(run, _up_to(max(min(run.t.size, _SHARED), filled(few.t.size, *_WHOLE)), few))
 
 
 def of_one_length(runs: tuple[Run, ...]) -> tuple[Run, ...]:
@@ -51,16 +51,6 @@ def of_one_length(runs: tuple[Run, ...]) -> tuple[Run, ...]:
     if max(sizes) > _UNLIKE * min(sizes):
         return runs
     return tuple(_with_samples(run, _up_to(max(sizes), Samples(run.t, run.x, run.weight))) for run in runs)
-
-
-def filled_to(
-    n: int, runs: tuple[Run, ...], terrain: tuple[Terrain, ...]
-) -> tuple[tuple[Run, ...], tuple[Terrain, ...]]:
-    """Condensed runs and their terrain with samples without weight added to each, up to `n` of them."""
-    return (
-        tuple(_with_samples(run, _up_to(n, Samples(run.t, run.x, run.weight))) for run in runs),
-        tuple(Terrain(_longer(part.moving, n), _longer(part.tolerance, n), part.shortest) for part in terrain),
-    )
 
 
 def _with_samples(run: Run, samples: Samples) -> Run:
@@ -89,5 +79,11 @@ def terrain_of(window: Window, run: Run) -> Terrain:
         swing = np.abs(found.turning_points - window.guesses["offset"])
         local = np.interp(t, found.turning_times - window.origin, swing)
     tolerance = _IN_PHASE * run.weight * np.maximum(local, _SMALLEST * found.amplitude)
+    tolerance = np.where(moving > 0, tolerance, np.inf)
     span = np.ptp(t[moving > 0])
     return Terrain(moving, tolerance, np.asarray(_SHORTEST * found.half_period / span))
+
+
+def without_windows(run: Run) -> Terrain:
+    """The terrain of a run that is looked at as a whole."""
+    return Terrain(np.asarray(run.weight), np.full(run.weight.shape, np.inf), np.zeros(()))

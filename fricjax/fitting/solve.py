@@ -1,33 +1,38 @@
-"""Solving a posed fit: on the condensed record, then checked against a finer solution of all samples.
+"""Solving a posed fit: on the condensed record, then checked by another solution of all samples.
 
-At the optimum of the condensed record all samples are looked at once, with an engine of clearly smaller error: the
+At the optimum of the condensed record all samples are looked at once, with an engine whose errors are others: the
 Gauss-Newton step that is left there is what the numerical error of the fit, its condensation included, has moved the
-parameters by. Where that is not small against the standard errors, the fit goes on with all samples and the finer
+parameters by. Where that is not small against the standard errors, the fit goes on with all samples and a finer
 engine. The smooth engine, whose mesh is made for one set of coordinates, gets a new one at the optimum.
+
+All of that is one program, called with other samples, other meshes and another way to go.
 """
 
 from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
-import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Float
 
 from ..oscillator import Smooth
-from .climb import FINE, ROUNDING, Climbed, climb, joined, onwards
-from .loss import AbstractLoss, Squares
+from ..oscillator.engines import AbstractEngine
+from .climb import LOOK, ONWARDS, ROUNDING, Climbed, Way, climb
+from .loss import Squares
 from .mesh import with_mesh
 from .problem import Problem
 from .quadratic import Quadratic, quadratic
 from .residual import Residual, without_inputs
-from .settled import Settled, settle
+from .runs import without_windows
+from .settled import Settled
 from .status import AT_BOUND, CONVERGED, OUT_OF_STEPS, STALLED, UNDETERMINED
-from .survey import Survey, survey
+from .survey import Survey
 
 _ACCURATE = 0.1
 _BOUNDLESS = 1e100
-ROUGH, NEAR = 100.0, 0.3
+# The first mesh, and the squares of a robust fit, only lead to where it goes on from: how much larger errors of that
+# mesh may be, and how near its optimum is to be met.
+_ROUGH, _NEAR = 100.0, Way(tolerance=np.asarray(0.3))
 # Where a direction is left undetermined, there is no optimum that a finer engine could find.
 _OPTIMA = (CONVERGED, AT_BOUND)
 # A mesh is made for one set of coordinates, so an optimum may have to be met on a mesh that was made there; until then
@@ -41,7 +46,7 @@ class Solved(NamedTuple):
 
     Attributes:
         y: coordinates of the parameters and, all zero, of the inputs of the rig.
-        survey: what all samples say there, with the finer engine.
+        survey: what all samples say there, with the engine of the check.
         settled: what the coordinates stand for.
         shape: the quadratic form of chi^2 there.
         numerical_shift: the step that is left there in standard errors as the scatter of the residuals gives them, in
@@ -77,73 +82,91 @@ class Solved(NamedTuple):
 climb_on = eqx.filter_jit(climb)
 
 
-climb_onwards = eqx.filter_jit(onwards)
-
-
 def solve(problem: Problem, y: Any = None) -> Solved:
     """Fit from the start values, or from given coordinates `y`, and check the result."""
-    few = problem.condensed
-    begin = start_coordinates(problem) if y is None else y[: few.n_parameters]
-    meshed, robust = isinstance(few.engine, Smooth), not isinstance(problem.loss, Squares)
-    # The first mesh, and the squares of a robust fit, only lead to where it goes on from.
-    rough, tolerance = (ROUGH if meshed else 1.0), np.asarray(NEAR if meshed or robust else FINE)
-    at = climb_on(with_mesh(few, begin, rough), problem.terrain, problem.limits, begin, tolerance)
-    if robust:
-        target = with_mesh(without_inputs(problem.residual), at.y)
-        at = climb_onwards(target, problem.limits, problem.loss, at)
-    elif meshed:
-        at = joined(at, climb_on(with_mesh(few, at.y), problem.terrain, problem.limits, at.y, np.asarray(FINE)))
+    at = climbed(problem, start_coordinates(problem) if y is None else y[: problem.condensed.n_parameters])
+    meshed = isinstance(problem.residual.engine, Smooth)
     return _refined(problem, at, *((_MESHES, _ON_A_MESH) if meshed else (1, _OPTIMA)))
 
 
+def climbed(problem: Problem, begin: Any) -> Climbed:
+    """The optimum of the condensed record, from coordinates `begin`; of all samples under a robust loss."""
+    few, meshed, robust = problem.condensed, isinstance(problem.condensed.engine, Smooth), _is_robust(problem)
+    along = problem.terrain, problem.limits, Squares()
+    at = climb_on(with_mesh(few, begin, _ROUGH if meshed else 1.0), *along, begin, _NEAR if meshed or robust else Way())
+    if robust:
+        return joined(at, on_all_samples(problem, with_mesh(without_inputs(problem.residual), at.y), at.y, ONWARDS))
+    return joined(at, climb_on(with_mesh(few, at.y), *along, at.y, Way())) if meshed else at
+
+
+def _is_robust(problem: Problem) -> bool:
+    return not isinstance(problem.loss, Squares)
+
+
+def joined(first: Climbed, then: Climbed) -> Climbed:
+    """Two ways, one behind the other."""
+    steps, stages = int(first.iterations) + int(then.iterations), int(first.stages) + int(then.stages)
+    return then._replace(iterations=steps, stages=stages)
+
+
+def on_all_samples(problem: Problem, residual: Residual, y: Any, way: Way) -> Climbed:
+    """A way from coordinates `y` with all samples of a residual."""
+    terrain = tuple(without_windows(run) for run in residual.runs)
+    return climb_on(residual, terrain, problem.limits, problem.loss, y, way)
+
+
 def _refined(problem: Problem, at: Climbed, rounds: int, endings: tuple[int, ...]) -> Solved:
-    """The fit checked, and while it is not accurate carried on with all samples and the engine of the check.
+    """The fit checked, and while it is not accurate carried on with all samples and a finer engine.
 
     Only a fit that ended in one of the ways `endings` is carried on, and one that has stalled as long as that pays.
     """
-    residual, solved = problem.residual, _checked(problem, problem.residual, at)
-    before = np.inf
+    residual = problem.residual
+    solved, before = _checked(problem, residual, at), np.inf
     for _ in range(rounds):
         stuck = solved.status == STALLED and not solved.chi2 < _PAYS * before
         if solved.accurate or solved.status not in endings or stuck:
             break
         before = solved.chi2
-        residual = finer(problem.residual)
-        at = climb_onwards(with_mesh(without_inputs(residual), at.y), problem.limits, problem.loss, at)
+        residual = _with_engine(problem.residual, problem.residual.engine.finer())
+        target = with_mesh(without_inputs(residual), at.y)
+        at = joined(at, on_all_samples(problem, target, at.y, ONWARDS))
         solved = _checked(problem, residual, at)
     return solved
 
 
-def finer(residual: Residual) -> Residual:
-    """The residual with an engine of clearly smaller error."""
-    return eqx.tree_at(lambda r: r.engine, residual, residual.engine.finer())
+def _with_engine(residual: Residual, engine: AbstractEngine) -> Residual:
+    return eqx.tree_at(lambda r: r.engine, residual, engine)
+
+
+def checking(residual: Residual, y: Any) -> Residual:
+    """The residual with an engine that checks its own, on a mesh made at coordinates `y`."""
+    return with_mesh(_with_engine(residual, residual.engine.checking()), y)
+
+
+def with_inputs(residual: Residual, y: Any) -> np.ndarray:
+    """Coordinates of the parameters, and behind them those of the inputs of the rig, at zero."""
+    return np.concatenate([y, np.zeros(residual.inputs.shape[0])])
 
 
 def _checked(problem: Problem, residual: Residual, at: Climbed) -> Solved:
-    """Look at all samples at the optimum, with an engine finer than that of `residual`."""
-    y = jnp.concatenate([at.y, jnp.zeros(residual.inputs.shape[0])])
-    found, settled = look(with_mesh(finer(residual), y), y, problem.loss)
-    return judged(problem, *jax.tree.map(np.asarray, (at, found, settled)))
+    """Look at all samples at the optimum."""
+    y = with_inputs(residual, at.y)
+    looked = on_all_samples(problem, checking(residual, y), y, LOOK)
+    return judged(problem, *jax.tree.map(np.asarray, (at, looked)))
 
 
-@eqx.filter_jit
-def look(residual: Residual, y: Array, loss: AbstractLoss) -> tuple[Survey, Settled]:
-    """What all samples say at coordinates `y`, and what these stand for."""
-    return survey(residual, y, loss), settle(residual, y)
-
-
-def judged(problem: Problem, at: Climbed, found: Survey, settled: Settled) -> Solved:
+def judged(problem: Problem, at: Climbed, looked: Climbed) -> Solved:
     """The solved fit from where the climb ended and what all samples say there, all of it as numpy arrays."""
-    p = at.y.size
+    p, found = at.y.size, looked.survey
     at_bound = (at.y <= problem.limits.lower) | (at.y >= problem.limits.upper)
     shape = quadratic(found.gradient[:p], found.normal[:p, :p], at_bound)
     variance = max(float(found.chi2), _rounding(problem)) / problem.dof
     # A motion that has grown beyond all bounds is as good as not finite, and its squares overflow.
     found = found._replace(residual=np.where(np.abs(found.residual) < _BOUNDLESS, found.residual, np.nan))
     return Solved(
-        y=np.concatenate([at.y, np.zeros(found.gradient.size - p)]),
+        y=with_inputs(problem.residual, at.y),
         survey=found,
-        settled=settled,
+        settled=looked.settled,
         shape=shape,
         numerical_shift=shape.distance / float(np.sqrt(variance)),
         status=int(at.status),

@@ -1,22 +1,24 @@
-"""One pass over all samples at the optimum: residual, gradient and normal matrix, in bounded memory.
+"""One pass over all samples of records: residual, gradient and normal matrix, in bounded memory.
 
 The motion and its derivatives along all coordinates are computed once, as a path with tangents; the samples are then
 read off it in chunks, each of which adds its share to ``J'J`` and ``J'r``. So ten million samples need no more memory
-for derivatives than ten thousand.
+for derivatives than ten thousand, and only chunks that hold a sample of some weight are gone through.
 """
 
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float, PyTree
 
-from .loss import AbstractLoss
-from .passes import gather, residual_and_jacobian
+from .loss import AbstractLoss, Squares
+from .passes import AbstractPasses, Pass, gather, residual_and_jacobian
 from .residual import Course, Residual, Run
 
-CHUNK = 2048
+# Condensed records fill one or two of them; a longer chunk would read more samples of no weight.
+CHUNK = 512
 
 
 class Survey(NamedTuple):
@@ -25,28 +27,64 @@ class Survey(NamedTuple):
     Attributes:
         residual: weighted residual of all samples and priors, shape (residuals,).
         chi2: its sum of squares.
+        cost: half the sum of losses.
         gradient: J'r, shape (coordinates,), each sample weighted as its loss says.
         normal: J'J, shape (coordinates, coordinates), likewise.
+        turning_points: of the motion of each run, as its path notes them [m].
     """
 
     residual: Any
     chi2: Any
+    cost: Any
     gradient: Any
     normal: Any
+    turning_points: Any
 
 
 @eqx.filter_jit
 def survey(residual: Residual, y: Float[Array, " coordinates"], loss: AbstractLoss) -> Survey:
     """Residual, gradient and normal matrix at coordinates `y`, from every sample."""
     parts = residual.each(lambda number, run: _run(residual, y, number, run, loss), residual.runs)
-    priors, slopes = residual_and_jacobian(residual.priors, y)
-    parts.append(Survey(priors, priors @ priors, slopes.T @ priors, slopes.T @ slopes))
-    joined = jnp.concatenate([part.residual for part in parts])
-    sums = (sum(values) for values in zip(*(part[1:] for part in parts), strict=True))
-    return Survey(joined, *sums)
+    r, slopes = residual_and_jacobian(residual.priors, y)
+    # A prior counts with its square whatever the loss.
+    priors = gather(r, slopes, Squares())
+    sums = jax.tree.map(lambda *values: sum(values), priors, *(found for _, found, _ in parts))
+    joined = jnp.concatenate([*(values for values, _, _ in parts), r])
+    return Survey(joined, joined @ joined, sums.cost, sums.gradient, sums.normal, [points for _, _, points in parts])
 
 
-def _run(residual: Residual, y: Array, number: Any, data: Run, loss: AbstractLoss) -> Survey:
+class Surveys(AbstractPasses):
+    """Passes by surveys of records, which are kept; the function that the solver is given is not asked.
+
+    Attributes:
+        residual: of the records and priors.
+        loss: loss of the residuals.
+        doubted: coordinates at which a motion that is out of phase is no place to begin; NaN for none.
+        tolerance: weighted residual from which a sample is out of phase, shape (samples,) for each run.
+    """
+
+    residual: Residual
+    loss: AbstractLoss
+    doubted: Float[Array, " coordinates"]
+    tolerance: Sequence[Float[Array, " samples"]]
+
+    def nothing(self, y: Float[Array, " coordinates"]) -> Pass:
+        unseen = jax.eval_shape(lambda at: survey(self.residual, at, self.loss), y)
+        return super().nothing(y)._replace(kept=jax.tree.map(lambda of: jnp.full(of.shape, jnp.nan), unseen))
+
+    def __call__(self, fn: Callable, y: Float[Array, " coordinates"], args: PyTree) -> Pass:
+        found = survey(self.residual, y, self.loss)
+        lost = jnp.all(y == self.doubted) & self._astray(found.residual)
+        return Pass(jnp.where(lost, jnp.nan, found.cost), found.gradient, found.normal, found)
+
+    def _astray(self, r: Float[Array, " residuals"]) -> Bool[Array, ""]:
+        tolerance = jnp.concatenate([jnp.asarray(part) for part in self.tolerance])
+        used = jnp.concatenate([run.weight > 0 for run in self.residual.runs])
+        return jnp.any(used & ~(jnp.abs(r[: used.size]) < tolerance))
+
+
+def _run(residual: Residual, y: Array, number: Any, data: Run, loss: AbstractLoss) -> tuple[Array, Pass, Array]:
+    """Residual of one run, its sums, and its turning points."""
     n = data.t.shape[0]
     pieces = -(-n // CHUNK)
     t, x = (jnp.pad(values, (0, pieces * CHUNK - n), mode="edge") for values in (data.t, data.x))
@@ -58,8 +96,8 @@ def _run(residual: Residual, y: Array, number: Any, data: Run, loss: AbstractLos
 
     tangents, (moving, fixed) = jax.jacfwd(course, has_aux=True)(y)
 
-    def chunk(number: Array, so_far: tuple[Array, Array, Array]) -> tuple[Array, Array, Array]:
-        gradient, normal, whole = so_far
+    def chunk(number: Array, so_far: tuple[Array, Pass]) -> tuple[Array, Pass]:
+        whole, sums = so_far
         times, seen, used = (jax.lax.dynamic_slice(values, (number * CHUNK,), (CHUNK,)) for values in (t, x, weight))
 
         def read(at: Course) -> Array:
@@ -68,12 +106,11 @@ def _run(residual: Residual, y: Array, number: Any, data: Run, loss: AbstractLos
         r, along = jax.linearize(read, moving)
         columns = jax.vmap(along, in_axes=-1, out_axes=-1)(tangents)
         found = gather(r, columns, loss)
-        whole = jax.lax.dynamic_update_slice(whole, r, (number * CHUNK,))
-        return gradient + found.gradient, normal + found.normal, whole
+        return jax.lax.dynamic_update_slice(whole, r, (number * CHUNK,)), jax.tree.map(jnp.add, sums, found)
 
     zero = jnp.zeros(y.shape)
     # Behind the last sample of any weight there is only filling.
     last = jnp.max(jnp.where(weight > 0, jnp.arange(weight.size), -1))
-    begin = zero, zero[:, None] * zero, jnp.zeros(weight.shape)
-    gradient, normal, r = jax.lax.fori_loop(0, last // CHUNK + 1, chunk, begin)
-    return Survey(r[:n], jnp.sum(r**2), gradient, normal)
+    begin = jnp.zeros(weight.shape), Pass(jnp.zeros(()), zero, zero[:, None] * zero)
+    r, sums = jax.lax.fori_loop(0, last // CHUNK + 1, chunk, begin)
+    return r[:n], sums, eqx.combine(moving, fixed).path.turning_points

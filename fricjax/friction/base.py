@@ -195,7 +195,7 @@ class AbstractConstant(AbstractSetValued):
         return self.dynamic_force(load) * jnp.ones_like(speed)
 
     def velocity_scale(self) -> Scalar:
-        return jnp.asarray(jnp.inf)
+        return np.float64(np.inf)
 
 
 class AbstractSmooth(AbstractMemoryless):
@@ -218,4 +218,4 @@ class AbstractResistance(AbstractSmooth):
         return False
 
     def velocity_scale(self) -> Scalar:
-        return jnp.asarray(jnp.inf)
+        return np.float64(np.inf)

@@ -8,6 +8,7 @@ import abc
 from typing import ClassVar
 
 import jax.numpy as jnp
+import numpy as np
 
 from .base import AbstractBristle, Scalar, State, Values
 
@@ -40,4 +41,4 @@ class AbstractDeflection(AbstractBristle):
         return self.dynamic_force(load)
 
     def velocity_scale(self) -> Scalar:
-        return jnp.asarray(jnp.inf)
+        return np.float64(np.inf)

@@ -10,6 +10,7 @@ the end of each step the trial is returned to what the slider holds. No step can
 import abc
 
 import jax.numpy as jnp
+import numpy as np
 
 from .base import AbstractBristle, Scalar, State, Values
 
@@ -65,7 +66,7 @@ class AbstractElements(AbstractBristle):
         return jnp.sum(self.sliders()) * load
 
     def velocity_scale(self) -> Scalar:
-        return jnp.asarray(jnp.inf)
+        return np.float64(np.inf)
 
     @property
     def stiff(self) -> bool:

@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 
 import jax.numpy as jnp
+import numpy as np
 from equinox import AbstractVar
 
 from .base import AbstractBristle, Scalar, Values
@@ -43,4 +44,4 @@ class AbstractStribeckCurve(AbstractBristle):
         return self.mu * load
 
     def velocity_scale(self) -> Scalar:
-        return jnp.asarray(jnp.inf) if self.mu_s is None else self.v_stribeck
+        return np.float64(np.inf) if self.mu_s is None else self.v_stribeck

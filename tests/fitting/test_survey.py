@@ -48,8 +48,10 @@ def dense(residual, y, loss) -> Survey:
     """The same from the whole Jacobian; priors count with their squares whatever the loss."""
     r, jacobian = (np.asarray(part) for part in whole(residual, y))
     rows = r.size - residual.n_parameters
-    _, weight, curvature = (np.r_[np.asarray(part), np.ones(r.size - rows)] for part in loss.parts(r[:rows]))
-    return Survey(r, r @ r, jacobian.T @ (weight * r), jacobian.T @ (curvature[:, None] * jacobian))
+    priors = r[rows:] ** 2, np.ones(r.size - rows), np.ones(r.size - rows)
+    rho, weight, curvature = (np.r_[np.asarray(a), b] for a, b in zip(loss.parts(r[:rows]), priors, strict=True))
+    gradient, normal = jacobian.T @ (weight * r), jacobian.T @ (curvature[:, None] * jacobian)
+    return Survey(r, r @ r, np.sum(rho) / 2, gradient, normal, [])
 
 
 def streamed(residual, y, loss, monkeypatch, chunk) -> Survey:
@@ -65,6 +67,7 @@ def assert_same(residual, found: Survey, expected: Survey):
     assert found.residual == pytest.approx(expected.residual, rel=1e-12, abs=1e-14 * size)
     rounding = 2e-14 * size * float(np.sum(np.abs(expected.residual)))
     assert float(found.chi2) == pytest.approx(float(expected.chi2), rel=1e-12, abs=rounding)
+    assert float(found.cost) == pytest.approx(float(expected.cost), rel=1e-12, abs=rounding)
     assert found.gradient / unit == pytest.approx(expected.gradient / unit, abs=1e-10 * np.sqrt(expected.chi2))
     scale = np.outer(unit, unit)
     assert found.normal / scale == pytest.approx(expected.normal / scale, abs=1e-10)

@@ -25,10 +25,14 @@ _OUTSIDE = 1.05
 
 
 class Span(NamedTuple):
-    """Range of turning points for which a table is made [m], as distances from the equilibrium."""
+    """Range of turning points for which a table is made [m], as distances from the equilibrium.
+
+    It goes beyond by a `margin` on either side, a part of its reach.
+    """
 
     lowest: Array | np.ndarray
     highest: Array | np.ndarray
+    margin: Array | np.ndarray | float = 0.0
 
 
 class Table(NamedTuple):
@@ -86,7 +90,7 @@ def make_table(oscillator: Oscillator, span: Span, count: int, panels: Panels) -
     band = reference_force(oscillator) / oscillator.stiffness
     between = oscillator.restoring.steepened(jnp.stack([span.lowest, span.highest]))
     ends = jax.lax.stop_gradient(oscillator.restoring.spread(between - band))
-    centre, reach = (ends[0] + ends[1]) / 2, (ends[1] - ends[0]) / 2
+    centre, reach = (ends[0] + ends[1]) / 2, (1 + span.margin) * (ends[1] - ends[0]) / 2
     points, transform = _chebyshev(count)
     turning = oscillator.restoring.unsteepened(band + oscillator.restoring.gathered(centre + reach * points))
     frame = frame_at(oscillator, jnp.ones(count), turning)

@@ -23,8 +23,15 @@ class AbstractEngine(eqx.Module):
         """Why such an engine cannot integrate this oscillator, in a sentence; None where it can."""
 
     @abc.abstractmethod
+    def checking(self) -> "AbstractEngine":
+        """An engine that tells the numerical error of this one, of the same shape so that both share a compilation.
+
+        Its own error is clearly smaller, or of the same size but another one: on another mesh.
+        """
+
+    @abc.abstractmethod
     def finer(self) -> "AbstractEngine":
-        """An engine of the same kind whose numerical error is clearly smaller, to check this one against."""
+        """An engine of the same kind whose numerical error is clearly smaller."""
 
     @abc.abstractmethod
     def path(self, oscillator: Oscillator, start: Start, half_cycles: Int[Array, ""] | None = None) -> AbstractPath:

@@ -42,14 +42,14 @@ class Panels(NamedTuple):
         return Panels(self.angle.at(wide), self.slope[wide], self.fractions)
 
 
-def make_panels(steps: int, layer: Array) -> Panels:
+def make_panels(steps: int, layer: Array, skew: Any = 0.0) -> Panels:
     """Panels for a mesh of `steps` steps; the points are denser at the reversals as its nodes are.
 
     There are so many that the motion is off by far less than interpolation between the nodes is.
     """
-    theta, slope = phase_of(jnp.asarray((1 + _points(steps * 4 // 3)) / 2), layer)
+    theta, slope = phase_of(jnp.asarray((1 + _points(steps * 4 // 3)) / 2), layer, skew)
     angle = Angle.of(jnp.stack([theta, jnp.pi - theta[::-1]]))
-    return Panels(angle, jnp.stack([slope, slope[::-1]]), mesh_fractions(steps, layer))
+    return Panels(angle, jnp.stack([slope, slope[::-1]]), mesh_fractions(steps, layer, skew))
 
 
 def collocate(

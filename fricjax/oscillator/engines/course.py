@@ -40,8 +40,8 @@ class Course(NamedTuple):
         """The motion of a fit, which knows its number of half-cycles; NaN from where the phase does not carry it."""
         nodes, carried = self.nodes, self.end.carried
         rest = jnp.where(carried, nodes.rest_position, jnp.nan)
-        columns = (nodes.t, nodes.x, nodes.v, nodes.a)
-        return Nodes.of(columns, rest, nodes.t_stop, nodes.finished | ~carried)
+        points = jnp.concatenate([self.strokes.x[:1, 0], self.turning_points])
+        return Nodes(nodes.t, nodes.x, nodes.v, nodes.a, rest, nodes.t_stop, nodes.finished | ~carried, points)
 
 
 def rest_condition(oscillator: Oscillator, start: Start, half_cycles: Array | None) -> Rests:

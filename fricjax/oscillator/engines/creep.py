@@ -30,6 +30,10 @@ class Creeping(AbstractPath):
     time: Float[Array, ""]
     handed: Bool[Array, ""]
 
+    @property
+    def turning_points(self) -> Float[Array, " turning_points"]:
+        return self.strokes.turning_points
+
     def sample(self, ts: Float[Array, " samples"]) -> tuple[Float[Array, " samples"], Float[Array, " samples"]]:
         return self.strokes.joined(self.creep(jnp.max(ts))).sample(ts)
 

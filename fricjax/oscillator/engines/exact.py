@@ -48,6 +48,7 @@ class HalfCycles(AbstractPath):
         elapsed: time from that turning point to the start [s].
         last: number of half-cycles from it to the rest; inf for none, NaN where the closed form does not hold.
         drag: quadratic drag of the oscillator, of which the closed form knows no derivative.
+        capacity: number of half-cycles in the list of turning points.
     """
 
     damped_frequency: Scalar
@@ -58,6 +59,13 @@ class HalfCycles(AbstractPath):
     elapsed: Scalar
     last: Scalar
     drag: Scalar
+    capacity: int = eqx.field(static=True)
+
+    @property
+    def turning_points(self) -> Float[Array, " turning_points"]:
+        n = jnp.arange(self.capacity + 1.0)
+        points = jnp.where(n <= self.last, self.side_of(n) * self.turning_amplitude(n), jnp.nan)
+        return _without_drag(points, self.drag)
 
     def sample(self, ts: Float[Array, " samples"]) -> tuple[Float[Array, " samples"], Float[Array, " samples"]]:
         n = self.count_at(ts)
@@ -119,7 +127,7 @@ class HalfCycles(AbstractPath):
         return jax.lax.stop_gradient(jnp.where(moving, jnp.maximum(count, 1.0), jnp.where(held, 0.0, count)))
 
 
-def _begin(oscillator: Oscillator, start: Start) -> tuple[HalfCycles, Array]:
+def _begin(oscillator: Oscillator, start: Start, capacity: int) -> tuple[HalfCycles, Array]:
     """Extend the motion back to the turning point that it would have come from, and say whether it was under way."""
     omega, zeta = oscillator.angular_frequency, oscillator.damping_ratio
     root = jnp.sqrt(1 - zeta**2)
@@ -141,6 +149,7 @@ def _begin(oscillator: Oscillator, start: Start) -> tuple[HalfCycles, Array]:
         elapsed=phase / (omega * root),
         last=jnp.asarray(jnp.inf),
         drag=oscillator.drag,
+        capacity=capacity,
     )
     return cycles, moving
 
@@ -164,11 +173,14 @@ class Exact(AbstractEngine):
             return f"The exact engine has no quadratic drag, but drag is {oscillator.drag}."
         return None
 
+    def checking(self) -> "Exact":
+        return self
+
     def finer(self) -> "Exact":
         return self
 
     def path(self, oscillator: Oscillator, start: Start, half_cycles: Int[Array, ""] | None = None) -> HalfCycles:
-        cycles, moving = _begin(oscillator, start)
+        cycles, moving = _begin(oscillator, start, self.max_half_cycles)
         law, load, stiffness = oscillator.friction, oscillator.normal_force, oscillator.stiffness
         static, breakaway = law.static_force(load) / stiffness, law.breakaway_force(load) / stiffness
         own = cycles.half_cycles_to_rest(static, breakaway, moving)
@@ -188,7 +200,7 @@ class Exact(AbstractEngine):
         n = cycles.count_at(ts)
         at_rest = n >= cycles.last
         sliding = -cycles.side_of(n) * oscillator.friction.dynamic_force(oscillator.normal_force)
-        points = _turning_points(cycles, start, self.max_half_cycles)
+        points = cycles.turning_points.at[0].set(start.x0)
         return Motion(
             t=ts,
             x=x,
@@ -196,7 +208,7 @@ class Exact(AbstractEngine):
             friction_force=jnp.where(at_rest, -oscillator.restoring_force(x), sliding),
             at_rest=at_rest,
             t_stop=_without_drag(cycles.t_stop, oscillator.drag),
-            turning_points=_without_drag(points, oscillator.drag),
+            turning_points=points,
             n_half_cycles=jnp.where(jnp.isfinite(cycles.last), cycles.last, -1).astype(int),
             regularisation_bias=jnp.zeros(()),
             engine="exact",
@@ -209,10 +221,3 @@ def _outcome(oscillator: Oscillator) -> Any:
     outcome: Any = RESULTS.successful
     outcome = RESULTS.where(oscillator.drag == 0, outcome, RESULTS.drag_unsupported)
     return RESULTS.where(oscillator.damping_ratio < 1, outcome, RESULTS.overdamped)
-
-
-def _turning_points(cycles: HalfCycles, start: Start, capacity: int) -> Array:
-    n = jnp.arange(capacity + 1.0)
-    points = cycles.side_of(n) * cycles.turning_amplitude(n)
-    points = points.at[0].set(start.x0)
-    return jnp.where(n <= cycles.last, points, jnp.nan)

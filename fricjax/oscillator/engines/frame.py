@@ -145,24 +145,26 @@ def phases(frame: Frame, passing: Array | None, begin: Array, fractions: Array) 
     return begin + (middle - begin) * jnp.minimum(2 * fractions, 1.0) + (jnp.pi - middle) * late
 
 
-def mesh_fractions(steps: int, layer: Array) -> Float[Array, " nodes"]:
+def mesh_fractions(steps: int, layer: Array, skew: Any = 0.0) -> Float[Array, " nodes"]:
     """Fractions of a half-cycle at which its steps end, crowded at both ends where the law changes fast.
 
     Args:
         steps: number of steps, even.
         layer: width of the layer at the reversals [rad], inf for none.
+        skew: part by which the mesh is denser at the reversals than that.
 
     The mesh has steps proportional to the distance from the layer near the reversals, and even ones in the middle: in
     ``share ln(1 + theta/layer)/ln(1 + pi/(2 layer)) + (1 - share) 2 theta/pi`` its points are equidistant.
     """
-    theta, _ = phase_of(jnp.linspace(0.0, 1.0, steps // 2 + 1), layer)
+    theta, _ = phase_of(jnp.linspace(0.0, 1.0, steps // 2 + 1), layer, skew)
     first = jnp.clip(theta / jnp.pi, 0.0, 0.5).at[-1].set(0.5)
     return jnp.concatenate([first, 1 - first[-2::-1]])
 
 
-def phase_of(rank: Array, layer: Array) -> tuple[Array, Array]:
-    """Phase in the first half of a half-cycle where the mesh has a `rank` between 0 and 1, and its slope there."""
+def phase_of(place: Array, layer: Array, skew: Any = 0.0) -> tuple[Array, Array]:
+    """Phase in the first half of a half-cycle at a `place` between 0 and 1 in the mesh, and its slope there."""
     half = jnp.pi / 2
+    rank, by_place = place - skew * jnp.sin(jnp.pi * place) / jnp.pi, 1 - skew * jnp.cos(jnp.pi * place)
     width = jax.lax.stop_gradient(jnp.clip(layer, 1e-9, 1e3))
     span = jnp.log1p(half / width)
 
@@ -175,7 +177,7 @@ def phase_of(rank: Array, layer: Array) -> tuple[Array, Array]:
         return theta + (rank - value) / rise(theta)
 
     theta = jax.lax.fori_loop(0, _NEWTON_STEPS, closer, jnp.zeros_like(rank))
-    return theta, 1 / rise(theta)
+    return theta, by_place / rise(theta)
 
 
 def layer_width(oscillator: Oscillator, frame: Frame, amplitude: Array) -> Array:

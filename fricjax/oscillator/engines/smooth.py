@@ -110,6 +110,9 @@ class Smooth(AbstractEngine):
             )
         return None
 
+    def checking(self) -> "Smooth":
+        return self.finer()
+
     def finer(self) -> "Smooth":
         return self.at_accuracy(self.accuracy / 10)
 
