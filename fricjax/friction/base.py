@@ -73,6 +73,10 @@ class AbstractFriction(eqx.Module):
     def force(self, v: Values, state: State, load: Scalar) -> Values:
         """Friction force [N], positive where it opposes a positive velocity."""
 
+    def force_of(self, v: Values, state: State, rate: State, load: Scalar) -> Values:
+        """The same force where the rates of the internal states are at hand, for laws in which it depends on them."""
+        return self.force(v, state, load)
+
     @abc.abstractmethod
     def rate(self, v: Scalar, state: State, load: Scalar) -> State:
         """Time derivative of the internal states; empty for a law without memory."""

@@ -46,7 +46,10 @@ class AbstractBrush(AbstractStribeckCurve):
         return v - self.slipping(v, state, load) * self.sigma0 * speed * state / self.limit(speed, load)
 
     def force(self, v: Values, state: State, load: Scalar) -> Values:
-        bristles = self.sigma0 * state + self.contact_damping(v) * self.rate(v, state, load)
+        return self.force_of(v, state, self.rate(v, state, load), load)
+
+    def force_of(self, v: Values, state: State, rate: State, load: Scalar) -> Values:
+        bristles = self.sigma0 * state + self.contact_damping(v) * rate
         return bristles[0] + self.sigma2 * v
 
     def steady_state(self, v: Scalar, direction: Scalar, load: Scalar) -> State:

@@ -46,6 +46,10 @@ class Sum(AbstractFriction):
         parts = zip(self.laws, self._split(state), strict=True)
         return sum((law.force(v, part, load) for law, part in parts), start=jnp.zeros_like(v))
 
+    def force_of(self, v: Values, state: State, rate: State, load: Scalar) -> Values:
+        parts = zip(self.laws, self._split(state), self._split(rate), strict=True)
+        return sum((law.force_of(v, *both, load) for law, *both in parts), start=jnp.zeros_like(v))
+
     def rate(self, v: Scalar, state: State, load: Scalar) -> State:
         parts = zip(self.laws, self._split(state), strict=True)
         return jnp.concatenate([law.rate(v, part, load) for law, part in parts])

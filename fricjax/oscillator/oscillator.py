@@ -89,7 +89,8 @@ class Oscillator(eqx.Module):
         """Friction force of the sliding mass [N], positive where it opposes a positive velocity."""
         return self.friction.force(v, state, self.normal_force)
 
-    def acceleration(self, x: Scalar, v: Scalar, state: State) -> Scalar:
-        """Acceleration of the sliding mass [m/s^2]."""
-        resisting = self.dissipation(v) + self.restoring_force(x) + self.friction_force(v, state)
-        return -resisting / self.mass
+    def rates(self, x: Scalar, v: Scalar, state: State) -> tuple[Scalar, State]:
+        """Acceleration of the sliding mass [m/s^2] and rates of the internal states of its friction."""
+        rate = self.friction.rate(v, state, self.normal_force)
+        friction = self.friction.force_of(v, state, rate, self.normal_force)
+        return -(self.dissipation(v) + self.restoring_force(x) + friction) / self.mass, rate

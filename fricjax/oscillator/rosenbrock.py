@@ -166,9 +166,8 @@ def _linearise(field: Callable, t: Any, y: Scalars, h: Array) -> tuple[Scalars, 
     """Rate, its partial derivative in time, and the factors of ``1/(gamma h) - J`` at (t, y)."""
     n = len(y)
     rate, derivative = jax.linearize(field, t, y)
-    flat = [jnp.zeros(())] * n
-    columns = [
-        derivative(jnp.zeros(()), [jnp.ones(()) if i == j else zero for i, zero in enumerate(flat)]) for j in range(n)
-    ]
-    matrix = [[(1 / (_GAMMA * h) if i == j else 0.0) - columns[j][i] for j in range(n)] for i in range(n)]
-    return once((rate, derivative(jnp.ones(()), flat), factorise(matrix)))
+    # All directions side by side: that of the time first, then those of the state.
+    along = jnp.eye(n + 1)
+    slopes = once(jax.vmap(lambda row: derivative(row[0], list(row[1:])))(along))
+    matrix = [[(1 / (_GAMMA * h) if i == j else 0.0) - slopes[i][j + 1] for j in range(n)] for i in range(n)]
+    return once((rate, [slope[0] for slope in slopes], factorise(matrix)))

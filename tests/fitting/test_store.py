@@ -89,7 +89,7 @@ def test_plain_data_without_the_samples(found):
     "engine",
     [
         Exact(16),
-        Hybrid(nodes=16, span=Span(jnp.asarray(1e-5), jnp.asarray(2e-3))),
+        Hybrid(nodes=16, span=Span(*map(jnp.asarray, (1e-5, 2e-3, 0.05))), skew=jnp.asarray(0.2)),
         Smooth(jnp.asarray(1e-10), still=jnp.asarray(1e-12)),
     ],
     ids=lambda engine: type(engine).__name__,

@@ -10,10 +10,11 @@ from fricjax.oscillator.engines.frame import mesh_fractions
 LAYERS = [np.inf, 10.0, 1.0, 0.1, 1e-3, 1e-6, 1e-9]
 
 
+@pytest.mark.parametrize("skew", [0.0, 0.2])
 @pytest.mark.parametrize("layer", LAYERS)
 @pytest.mark.parametrize("steps", [2, 16, 28, 64])
-def test_a_mesh_rises_from_end_to_end_and_is_symmetric(steps: int, layer: float):
-    fractions = np.asarray(mesh_fractions(steps, jnp.asarray(layer)))
+def test_a_mesh_rises_from_end_to_end_and_is_symmetric(steps: int, layer: float, skew: float):
+    fractions = np.asarray(mesh_fractions(steps, jnp.asarray(layer), skew))
     assert fractions.shape == (steps + 1,)
     assert fractions[0] == 0 and fractions[-1] == 1
     assert np.all(np.diff(fractions) > 0)
@@ -30,6 +31,12 @@ def test_the_layer_is_resolved_and_the_middle_is_even(layer: float):
     np.testing.assert_allclose(np.diff(rank), 1 / 16, rtol=1e-9)
     assert steps[0] < layer * np.expm1(span / 16 / 0.6)
     assert np.all(steps < np.pi / 2 / 16 / 0.4)
+
+
+def test_a_skewed_mesh_is_denser_at_the_reversals_and_less_dense_between_them():
+    even, skewed = (np.diff(mesh_fractions(64, jnp.asarray(np.inf), skew))[:32] for skew in (0.0, 0.2))
+    assert (skewed / even)[[0, -1]] == pytest.approx([0.8, 1.2], abs=2e-3)
+    assert np.all(np.diff(skewed) > 0)
 
 
 def test_without_a_layer_the_steps_are_even():

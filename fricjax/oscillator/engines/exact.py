@@ -200,7 +200,8 @@ class Exact(AbstractEngine):
         n = cycles.count_at(ts)
         at_rest = n >= cycles.last
         sliding = -cycles.side_of(n) * oscillator.friction.dynamic_force(oscillator.normal_force)
-        points = cycles.turning_points.at[0].set(start.x0)
+        # Extended backwards, a start in motion comes from another place.
+        points = cycles.turning_points.at[0].set(jnp.where(jnp.isnan(cycles.last), jnp.nan, start.x0))
         return Motion(
             t=ts,
             x=x,

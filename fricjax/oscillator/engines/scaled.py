@@ -70,9 +70,8 @@ class Scaled(eqx.Module):
 
     def rates(self, x: Array, v: Array, states: tuple) -> Rates:
         """The rates of a free motion."""
-        law, state = self.oscillator.friction, self._unscaled(states)
-        a = self.oscillator.acceleration(x * self.length, v * self.speed, state)
-        z = law.rate(v * self.speed, state, self.oscillator.normal_force) / (self.state * self.rate)
+        a, z = self.oscillator.rates(x * self.length, v * self.speed, self._unscaled(states))
+        z = z / (self.state * self.rate)
         return Rates(a / (self.speed * self.rate), tuple(z[i] for i in range(len(states))))
 
     def mapped(self, x: Array, v: Array, states: tuple, before: tuple) -> tuple:

@@ -1,0 +1,75 @@
+"""What a fit compiles: its model once, in so many instructions, and an engine of its check that tells its error."""
+
+import jax
+import numpy as np
+import pytest
+
+from fricjax import Oscillator, fit
+from fricjax.fitting import mesh, solve
+from fricjax.fitting.climb import LOOK
+from fricjax.friction import Stribeck
+from fricjax.oscillator import Hybrid
+from tests.fitting.posed import posed
+from tests.fitting.runs import MACHINE, RIGS, STIFFNESS, noisy, oscillator
+from tests.helpers import PROTOTYPE_DAMPING, PROTOTYPE_MASS
+
+# Instructions before optimisation of all that a fit compiles, a tenth above what they were when this was written.
+BUDGETS = {"Coulomb": 3000, "Tanh": 6800, "Stribeck": 7700, "LuGre": 21_600}
+
+
+def machine(law: str) -> Oscillator:
+    if law != "Stribeck":
+        return oscillator(RIGS["rolling"], law)
+    rig = RIGS["rolling"]
+    falling = Stribeck(rig.mu, mu_s=1.3 * rig.mu, v_stribeck=5e-3)
+    return Oscillator(PROTOTYPE_MASS, STIFFNESS, PROTOTYPE_DAMPING, rig.load, falling)
+
+
+@pytest.mark.parametrize("law", BUDGETS)
+def test_a_fit_and_its_check_are_one_program_of_bounded_size(law: str, monkeypatch):
+    """Climb, check and what goes on from there differ in numbers alone; a mesh is found by a program of its own."""
+    programs: dict[str, set[str]] = {}
+
+    def watched(name, function):
+        def call(*args):
+            programs.setdefault(name, set()).add(function.lower(*args).as_text())
+            return function(*args)
+
+        return call
+
+    monkeypatch.setattr(solve, "climb_on", watched("climb", solve.climb_on))
+    monkeypatch.setattr(mesh, "_meshes", watched("mesh", mesh._meshes))
+    found = fit(noisy("rolling", "Coulomb" if law == "Stribeck" else law, 3), machine(law), MACHINE, throw=False)
+    assert found.passes > 2
+    assert {name: len(texts) for name, texts in programs.items()} == {
+        "climb": 1,
+        **({"mesh": 1} if law == "LuGre" else {}),
+    }
+    assert sum(text.count(" = ") for texts in programs.values() for text in texts) < BUDGETS[law]
+
+
+@pytest.mark.parametrize(("nodes", "amplitudes"), [(16, 24), (28, 4), (16, None)], ids=["nodes", "table", "no table"])
+def test_the_check_tells_the_numerical_error_of_an_engine(nodes: int, amplitudes: int | None):
+    """The step to the optimum of another mesh of the same size against that to the optimum of a far finer one."""
+    problem = posed(noisy("rolling", "Tanh", 5), machine("Tanh"), MACHINE)
+    at = solve.climbed(problem, solve.start_coordinates(problem))
+    given = problem.residual.engine
+
+    def engine(nodes: int, amplitudes: int | None) -> Hybrid:
+        span = given.span if amplitudes else None
+        return Hybrid(nodes, given.max_half_cycles, span, amplitudes or 12, given.skew)
+
+    def seen(engine: Hybrid):
+        residual = solve._with_engine(problem.residual, engine)
+        return jax.tree.map(np.asarray, solve.on_all_samples(problem, residual, at.y, LOOK)).survey
+
+    own, checking, fine = map(seen, (engine(nodes, amplitudes), engine(nodes, amplitudes).checking(), engine(80, 64)))
+    inverse = np.linalg.inv(fine.normal)
+
+    def apart(a, b) -> float:
+        change = a.gradient - b.gradient
+        return float(np.sqrt(change @ inverse @ change))
+
+    true, told = apart(own, fine), apart(own, checking)
+    assert true > 0.01
+    assert 0.3 < told / true < 8
