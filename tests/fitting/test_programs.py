@@ -14,7 +14,7 @@ from tests.fitting.runs import MACHINE, RIGS, STIFFNESS, noisy, oscillator
 from tests.helpers import PROTOTYPE_DAMPING, PROTOTYPE_MASS
 
 # Instructions before optimisation of all that a fit compiles, a tenth above what they were when this was written.
-BUDGETS = {"Coulomb": 3000, "Tanh": 6800, "Stribeck": 7700, "LuGre": 21_600}
+BUDGETS = {"Coulomb": 3500, "Tanh": 8500, "Stribeck": 9600, "LuGre": 21_600}
 
 
 def machine(law: str) -> Oscillator:
@@ -41,14 +41,13 @@ def test_a_fit_and_its_check_are_one_program_of_bounded_size(law: str, monkeypat
     monkeypatch.setattr(mesh, "_meshes", watched("mesh", mesh._meshes))
     found = fit(noisy("rolling", "Coulomb" if law == "Stribeck" else law, 3), machine(law), MACHINE, throw=False)
     assert found.passes > 2
-    assert {name: len(texts) for name, texts in programs.items()} == {
-        "climb": 1,
-        **({"mesh": 1} if law == "LuGre" else {}),
-    }
-    assert sum(text.count(" = ") for texts in programs.values() for text in texts) < BUDGETS[law]
+    assert set(programs) == ({"climb", "mesh"} if law == "LuGre" else {"climb"})
+    texts = [*set.union(*programs.values())]
+    assert len(texts) == len(programs)
+    assert sum(text.count(" = ") - text.count(" = stablehlo.constant") for text in texts) < BUDGETS[law]
 
 
-@pytest.mark.parametrize(("nodes", "amplitudes"), [(16, 24), (28, 4), (16, None)], ids=["nodes", "table", "no table"])
+@pytest.mark.parametrize(("nodes", "amplitudes"), [(16, 24), (28, 6), (16, None)], ids=["nodes", "table", "no table"])
 def test_the_check_tells_the_numerical_error_of_an_engine(nodes: int, amplitudes: int | None):
     """The step to the optimum of another mesh of the same size against that to the optimum of a far finer one."""
     problem = posed(noisy("rolling", "Tanh", 5), machine("Tanh"), MACHINE)

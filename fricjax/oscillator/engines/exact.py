@@ -209,7 +209,7 @@ class Exact(AbstractEngine):
             friction_force=jnp.where(at_rest, -oscillator.restoring_force(x), sliding),
             at_rest=at_rest,
             t_stop=_without_drag(cycles.t_stop, oscillator.drag),
-            turning_points=points,
+            turning_points=_without_drag(points, oscillator.drag),
             n_half_cycles=jnp.where(jnp.isfinite(cycles.last), cycles.last, -1).astype(int),
             regularisation_bias=jnp.zeros(()),
             engine="exact",
