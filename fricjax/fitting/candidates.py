@@ -4,9 +4,11 @@ import dataclasses
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array
 
 from ..data import Record, Trace
 from ..data.errors import DataError, UsageError, nearest
@@ -109,20 +111,23 @@ def _acting(oscillator: Oscillator) -> list[Leaf]:
     leaves, structure = jax.tree.flatten(oscillator)
     own = [leaf for leaf in leaves_of(oscillator) if leaf.dotted.startswith("friction.")]
     # A little away from the given values, which may be special: a law may not depend on v_stribeck where mu_s is mu.
-    at = jnp.stack([jnp.asarray(leaf, float) * (1 + 0.01 * i) for i, leaf in enumerate(leaves)])
+    at = np.array([float(leaf) * (1 + 0.01 * i) for i, leaf in enumerate(leaves)])
 
-    def forces(values: Any) -> Any:
+    slopes = np.asarray(_slopes(structure, at))
+    return [leaf for leaf in own if np.any(slopes[..., leaf.index] != 0)]
+
+
+@eqx.filter_jit
+def _slopes(structure: Any, at: Array) -> Array:
+    """Derivatives of the friction force and the rates of its states by all leaves of an oscillator, at some speeds."""
+
+    def forces(values: Array, v: Array) -> Array:
         machine = jax.tree.unflatten(structure, list(values))
         law, load = machine.friction, machine.normal_force
-        parts = []
-        for speed in _SPEEDS:
-            v = jnp.asarray(speed)
-            state = 0.4 * law.state_scale(load)
-            parts += [jnp.reshape(law.force(v, state, load), (1,)), law.rate(v, state, load)]
-        return jnp.concatenate(parts)
+        state = 0.4 * law.state_scale(load)
+        return jnp.append(law.rate(v, state, load), law.force(v, state, load))
 
-    slopes = np.asarray(jax.jacfwd(forces)(at))
-    return [leaf for leaf in own if np.any(slopes[:, leaf.index] != 0)]
+    return jax.vmap(jax.jacfwd(forces), (None, 0))(at, jnp.asarray(_SPEEDS))
 
 
 def law_name(oscillator: Oscillator) -> str:

@@ -1,7 +1,9 @@
 """Which law describes the runs: several laws fitted to the same samples and judged side by side."""
 
 import dataclasses
+import os
 from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -93,8 +95,10 @@ def compare(
     tables = {"bounds": bounds, "priors": priors, "tie": tie, "guess": guess}
     settings = {"nuisance": nuisance, "engine": engine, "start": start, "rig": rig, "loss": loss, **tables}
     entered = candidates(records, machines, free, names, settings)
-    entries = _again([_fitted(candidate, sigma_mode) for candidate in entered], sigma_mode)
-    rows = [_row(entry, held_out) for entry in entries]
+    # Neither the compiler nor what it has compiled holds the interpreter's lock.
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        entries = _again(list(pool.map(lambda candidate: _fitted(candidate, sigma_mode), entered)), sigma_mode)
+        rows = list(pool.map(lambda entry: _row(entry, held_out), entries))
     fits = {entry.candidate.name: entry.fit for entry in entries if entry.fit is not None}
     if not fits:
         raise UsageError(f"No law could be fitted. The first was {rows[0].status}")

@@ -14,7 +14,6 @@ more at the end: the mass does not stay at its last turning point but springs ba
 from collections.abc import Sequence
 from typing import NamedTuple
 
-import jax.numpy as jnp
 import numpy as np
 
 from ..oscillator import Oscillator
@@ -154,7 +153,7 @@ class _Strokes(NamedTuple):
             return None
         deflection = points - equilibrium(found)
         stiffness = oscillator.stiffness
-        energy = np.asarray(oscillator.restoring.potential(jnp.asarray(deflection), jnp.asarray(stiffness)))
+        energy = np.asarray(oscillator.restoring.potential(deflection, stiffness))
         noise = float(np.median(window.sigma)) * np.abs(deflection)
         variance = noise[:-1] ** 2 + noise[1:] ** 2
         shared = -(noise[1:-1] ** 2)
