@@ -13,6 +13,7 @@ from collections.abc import Callable
 from typing import Any, ClassVar
 
 import diffrax
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array
@@ -136,30 +137,37 @@ class Rodas5P(diffrax.AbstractAdaptiveSolver):
     def step(
         self, terms: Any, t0: Any, t1: Any, y0: Any, args: Any, solver_state: None, made_jump: Any
     ) -> tuple[Any, Any, dict, None, diffrax.RESULTS]:
-        """One step from `t0` to `t1`, in the form that needs no product with the Jacobian (Hairer and Wanner, IV.7)."""
-        leaves, structure = jax.tree.flatten(y0)
-        n, h = len(leaves), t1 - t0
+        return *_step(terms, t0, t1, y0, args), None, diffrax.RESULTS.successful
 
-        def field(t: Array, y: Scalars) -> Scalars:
-            return jax.tree.leaves(terms.vf(t, jax.tree.unflatten(structure, y), args))
 
-        f0, partial_t, factors = _linearise(field, t0, leaves, h)
-        stages: list[Scalars] = []
-        y = leaves
-        for i, couplings in enumerate(_C):
-            if 0 < i < len(_A):
-                y = [a + b for a, b in zip(leaves, _combine(_A[i], stages, n), strict=True)]
-            elif i >= len(_A):
-                y = [a + b for a, b in zip(y, stages[-1], strict=True)]
-            rate = f0 if i == 0 else field(t0 + _NODES[i] * h, y)
-            drift = [r + h * _TIME[i] * d for r, d in zip(rate, partial_t, strict=True)] if i < len(_TIME) else rate
-            past = _combine(tuple(c / h for c in couplings), stages, n)
-            right = [a + b for a, b in zip(drift, past, strict=True)]
-            stages.append(once(substitute(factors, right)))
-        y1 = jax.tree.unflatten(structure, [a + b for a, b in zip(y, stages[-1], strict=True)])
-        dense = [jnp.stack([_combine(row, stages, n)[i] for row in _DENSE]) for i in range(n)]
-        info = {"y0": y0, "y1": y1, "k": jax.tree.unflatten(structure, dense)}
-        return y1, jax.tree.unflatten(structure, stages[-1]), info, None, diffrax.RESULTS.successful
+@eqx.filter_jit
+def _step(terms: Any, t0: Any, t1: Any, y0: Any, args: Any) -> tuple[Any, Any, dict]:
+    """One step from `t0` to `t1`, in the form that needs no product with the Jacobian (Hairer and Wanner, IV.7)."""
+    leaves, structure = jax.tree.flatten(y0)
+    n, h = len(leaves), t1 - t0
+
+    # As a function of its own it is traced once for all stages.
+    @jax.jit
+    def field(t: Array, y: Scalars) -> Scalars:
+        return jax.tree.leaves(terms.vf(t, jax.tree.unflatten(structure, y), args))
+
+    f0, partial_t, factors = _linearise(field, t0, leaves, h)
+    stages: list[Scalars] = []
+    y = leaves
+    for i, couplings in enumerate(_C):
+        if 0 < i < len(_A):
+            y = [a + b for a, b in zip(leaves, _combine(_A[i], stages, n), strict=True)]
+        elif i >= len(_A):
+            y = [a + b for a, b in zip(y, stages[-1], strict=True)]
+        rate = f0 if i == 0 else field(t0 + _NODES[i] * h, y)
+        drift = [r + h * _TIME[i] * d for r, d in zip(rate, partial_t, strict=True)] if i < len(_TIME) else rate
+        past = _combine(tuple(c / h for c in couplings), stages, n)
+        right = [a + b for a, b in zip(drift, past, strict=True)]
+        stages.append(once(substitute(factors, right)))
+    y1 = jax.tree.unflatten(structure, [a + b for a, b in zip(y, stages[-1], strict=True)])
+    dense = [jnp.stack([_combine(row, stages, n)[i] for row in _DENSE]) for i in range(n)]
+    info = {"y0": y0, "y1": y1, "k": jax.tree.unflatten(structure, dense)}
+    return y1, jax.tree.unflatten(structure, stages[-1]), info
 
 
 def _linearise(field: Callable, t: Any, y: Scalars, h: Array) -> tuple[Scalars, Scalars, list[Scalars]]:

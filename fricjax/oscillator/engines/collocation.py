@@ -83,6 +83,8 @@ def _amplitudes_jvp(primals: tuple, tangents: tuple) -> tuple[Array, Array]:
     return amplitudes, growth * (start_change + _integral(push / growth, panels))
 
 
+# As a function of its own it is traced once for all that ask for it.
+@jax.jit
 def _rates(machine: Machine, panels: Panels, amplitudes: Array) -> tuple[Array, Array]:
     return phase_rates(*machine, amplitudes, panels.angle)
 
