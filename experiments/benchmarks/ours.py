@@ -47,14 +47,14 @@ def parts(record: Record) -> tuple[fj.Trace, dict[str, Any]]:
 
 
 def fit(record: Record) -> Outcome:
-    """The whole call: checks, noise, segmentation, fit, check by a finer solution, covariance and report."""
+    """The whole call: checks, noise, segmentation, fit, check by another solution, covariance and report."""
     measured, how = parts(record)
     found = fj.fit(measured, **how, throw=False)
     return Outcome({name: found.values[name] for name in record.names}, found.passes)
 
 
 def solver(records: list[Record]) -> Callable[[], list[Outcome]]:
-    """Levenberg-Marquardt from the standard start, and the check by a finer solution, on posed problems."""
+    """Levenberg-Marquardt from the standard start, and the check by another solution, on posed problems."""
     problems = [_posed(record) for record in records]
     if len(problems) == 1:
         return lambda: [_outcome(records[0], *solve_with_rest(problems[0]))]

@@ -59,7 +59,7 @@ class Fit:
         iterations, passes, stages: steps of Levenberg-Marquardt, each a pass over model and Jacobian; passes over the
             model in all; and stages of growing windows.
         numerical_shift: how far numerical errors can have moved any parameter, in its standard errors: the step that a
-            finer solution of all samples would still make.
+            solution of all samples on another mesh would still make.
         engine: name of the engine.
         aicc, bic: information criteria.
         oscillator: the fitted oscillator.
