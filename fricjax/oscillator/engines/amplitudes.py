@@ -27,7 +27,7 @@ _OUTSIDE = 1.05
 class Span(NamedTuple):
     """Range of turning points for which a table is made [m], as distances from the equilibrium.
 
-    It goes beyond by a `margin` on either side, a part of its reach.
+    It goes beyond the highest by a `margin`, a part of its length; below the lowest the phase may leap.
     """
 
     lowest: Array | np.ndarray
@@ -90,7 +90,8 @@ def make_table(oscillator: Oscillator, span: Span, count: int, panels: Panels) -
     band = reference_force(oscillator) / oscillator.stiffness
     between = oscillator.restoring.steepened(jnp.stack([span.lowest, span.highest]))
     ends = jax.lax.stop_gradient(oscillator.restoring.spread(between - band))
-    centre, reach = (ends[0] + ends[1]) / 2, (1 + span.margin) * (ends[1] - ends[0]) / 2
+    reach = (1 + span.margin) * (ends[1] - ends[0]) / 2
+    centre = ends[0] + reach
     points, transform = _chebyshev(count)
     turning = oscillator.restoring.unsteepened(band + oscillator.restoring.gathered(centre + reach * points))
     frame = frame_at(oscillator, jnp.ones(count), turning)
