@@ -118,7 +118,7 @@ def _acting(oscillator: Oscillator) -> list[Leaf]:
 
 
 @eqx.filter_jit
-def _slopes(structure: Any, at: Array) -> Array:
+def _slopes(structure: Any, at: Array | np.ndarray) -> Array:
     """Derivatives of the friction force and the rates of its states by all leaves of an oscillator, at some speeds."""
 
     def forces(values: Array, v: Array) -> Array:

@@ -128,8 +128,8 @@ def climb(
         sure = state.kept | (state.reach <= shortest)
         near = jnp.where(state.reach < _EVERYTHING, jnp.maximum(way.tolerance, _ON_THE_WAY), way.tolerance)
         passes = Surveys(
-            _with_weights(residual, weights(state.reach)),
-            loss,
+            residual=_with_weights(residual, weights(state.reach)),
+            loss=loss,
             doubted=jnp.where(sure, jnp.nan, state.y),
             tolerance=[part.tolerance for part in terrain],
         )
@@ -144,7 +144,7 @@ def climb(
         return jax.tree.map(lambda back, on: jnp.where(lost, back, on), shorter, onward)
 
     none, y = jnp.asarray(0), jnp.asarray(y)
-    unseen = Surveys(residual, loss, y, []).nothing(y).kept
+    unseen = Surveys(residual=residual, loss=loss, doubted=y, tolerance=[]).nothing(y).kept
     first = _State(y, none, none, none, unseen, jnp.asarray(_EVERYTHING), jnp.asarray(way.sure))
     end = jax.lax.while_loop(lambda state: state.reach <= _EVERYTHING, stage, first)
     return Climbed(end.y, end.status, end.iterations, end.stages, end.survey, settle(residual, end.y))

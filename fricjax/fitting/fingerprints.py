@@ -12,7 +12,7 @@ more at the end: the mass does not stay at its last turning point but springs ba
 """
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -151,7 +151,7 @@ class _Strokes(NamedTuple):
         points = found.turning_points
         if points.size < 3:
             return None
-        deflection = points - equilibrium(found)
+        deflection: Any = points - equilibrium(found)
         stiffness = oscillator.stiffness
         energy = np.asarray(oscillator.restoring.potential(deflection, stiffness))
         noise = float(np.median(window.sigma)) * np.abs(deflection)

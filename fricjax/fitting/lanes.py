@@ -60,37 +60,34 @@ class Landed(NamedTuple):
 
 
 def solve_lanes(problems: Sequence[Problem]) -> list[Landed]:
-    """Solve problems for engines that need no mesh."""
-    ways = [Lane(p.condensed, p.terrain, p.limits, start_coordinates(p), Way()) for p in problems]
-    ends = [at for at, _ in _gone(ways, [Squares() for _ in problems])]
-    robust = [not isinstance(problem.loss, Squares) for problem in problems]
-    losses = [problem.loss for problem in problems]
-    if any(robust):
-        ways = [
-            _on_all_samples(p, without_inputs(p.residual), at.y, ONWARDS) for p, at in zip(problems, ends, strict=True)
-        ]
-        further = _gone(ways, losses)
+    """Solve problems of one loss, for engines that need no mesh."""
+    begins = [Lane(p.condensed, p.terrain, p.limits, start_coordinates(p), Way()) for p in problems]
+    ends = [at for at, _ in _gone(begins, Squares())]
+    loss = problems[0].loss if problems else Squares()
+    if not isinstance(loss, Squares):
+        pairs = zip(problems, ends, strict=True)
+        further = _gone([_on_all_samples(p, without_inputs(p.residual), at.y, ONWARDS) for p, at in pairs], loss)
         ends = [joined(at, then) for at, (then, _) in zip(ends, further, strict=True)]
     targets = [with_inputs(problem.residual, at.y) for problem, at in zip(problems, ends, strict=True)]
     looks = [_on_all_samples(p, checking(p.residual, y), y, LOOK) for p, y in zip(problems, targets, strict=True)]
-    return [Landed(at, *found) for at, found in zip(ends, _gone(looks, losses), strict=True)]
+    return [Landed(at, *found) for at, found in zip(ends, _gone(looks, loss), strict=True)]
 
 
 def _on_all_samples(problem: Problem, residual: Residual, y: Any, way: Way) -> Lane:
     return Lane(residual, tuple(without_windows(run) for run in residual.runs), problem.limits, y, way)
 
 
-def _gone(lanes: Sequence[Lane], losses: Sequence[AbstractLoss]) -> list[tuple[Climbed, Told]]:
+def _gone(lanes: Sequence[Lane], loss: AbstractLoss) -> list[tuple[Climbed, Told]]:
     """Go all ways; at most `WIDTH` of one shape share a computation."""
     flat = [_Flat.of(lane) for lane in lanes]
     groups: dict[Hashable, list[int]] = {}
-    for i, (lane, loss) in enumerate(zip(flat, losses, strict=True)):
-        groups.setdefault((lane.shape, loss), []).append(i)
+    for i, lane in enumerate(flat):
+        groups.setdefault(lane.shape, []).append(i)
     gone: dict[int, tuple[Climbed, Told]] = {}
     for members in groups.values():
         for first in range(0, len(members), WIDTH):
             chosen = members[first : first + WIDTH]
-            gone |= dict(zip(chosen, _abreast([flat[i] for i in chosen], losses[chosen[0]]), strict=True))
+            gone |= dict(zip(chosen, _abreast([flat[i] for i in chosen], loss), strict=True))
     return [gone[i] for i in range(len(lanes))]
 
 

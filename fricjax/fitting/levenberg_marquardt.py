@@ -79,7 +79,7 @@ class LevenbergMarquardt(optx.AbstractLeastSquaresSolver):
 
     passes: AbstractPasses = DensePasses()
     max_steps: int | Int[Array, ""] = MAX_STEPS
-    tolerance: float = 1e-3
+    tolerance: float | Float[Array, ""] = 1e-3
     ftol: float = 1e-15
     xtol: float = 1e-14
     gtol: float = 1e-15

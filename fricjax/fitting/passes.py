@@ -74,14 +74,10 @@ class DensePasses(AbstractPasses):
 
     Attributes:
         loss: loss of the residuals.
-        exempt: number of residuals at the end that count with their squares whatever the loss, as those of priors do.
     """
 
     loss: AbstractLoss = Squares()
-    exempt: int = eqx.field(static=True, default=0)
 
     def __call__(self, fn: Callable, y: Float[Array, " p"], args: PyTree) -> Pass:
         residual, jacobian = residual_and_jacobian(lambda q: fn(q, args)[0], y)
-        cut = residual.size - self.exempt
-        data = gather(residual[:cut], jacobian[:cut], self.loss)
-        return jax.tree.map(jnp.add, data, gather(residual[cut:], jacobian[cut:], Squares()))
+        return gather(residual, jacobian, self.loss)

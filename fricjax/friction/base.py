@@ -45,6 +45,11 @@ def scalars(values: Iterable[Any]) -> tuple[Any, ...]:
     return tuple(scalar(value) for value in values)
 
 
+# As a number of the host, for an array would cost a program to be made.
+UNSCALED: Any = np.float64(np.inf)
+"""The velocity scale of a law that has none."""
+
+
 class AbstractFriction(eqx.Module):
     """A friction law; `load` is the normal force [N] everywhere, `v` the sliding velocity [m/s].
 
@@ -199,7 +204,7 @@ class AbstractConstant(AbstractSetValued):
         return self.dynamic_force(load) * jnp.ones_like(speed)
 
     def velocity_scale(self) -> Scalar:
-        return np.float64(np.inf)
+        return UNSCALED
 
 
 class AbstractSmooth(AbstractMemoryless):
@@ -222,4 +227,4 @@ class AbstractResistance(AbstractSmooth):
         return False
 
     def velocity_scale(self) -> Scalar:
-        return np.float64(np.inf)
+        return UNSCALED

@@ -8,9 +8,8 @@ import abc
 from typing import ClassVar
 
 import jax.numpy as jnp
-import numpy as np
 
-from .base import AbstractBristle, Scalar, State, Values
+from .base import UNSCALED, AbstractBristle, Scalar, State, Values
 
 
 class AbstractDeflection(AbstractBristle):
@@ -41,4 +40,4 @@ class AbstractDeflection(AbstractBristle):
         return self.dynamic_force(load)
 
     def velocity_scale(self) -> Scalar:
-        return np.float64(np.inf)
+        return UNSCALED

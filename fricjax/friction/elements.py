@@ -10,9 +10,8 @@ the end of each step the trial is returned to what the slider holds. No step can
 import abc
 
 import jax.numpy as jnp
-import numpy as np
 
-from .base import AbstractBristle, Scalar, State, Values
+from .base import UNSCALED, AbstractBristle, Scalar, State, Values
 
 # A slipping element is left this much beyond its limit, so that it does not seem to stick again by rounding.
 BEYOND = 1 + 1e-9
@@ -66,7 +65,7 @@ class AbstractElements(AbstractBristle):
         return jnp.sum(self.sliders()) * load
 
     def velocity_scale(self) -> Scalar:
-        return np.float64(np.inf)
+        return UNSCALED
 
     @property
     def stiff(self) -> bool:

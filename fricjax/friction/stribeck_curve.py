@@ -3,10 +3,9 @@
 from collections.abc import Mapping
 
 import jax.numpy as jnp
-import numpy as np
 from equinox import AbstractVar
 
-from .base import AbstractBristle, Scalar, Values
+from .base import UNSCALED, AbstractBristle, Scalar, Values
 from .coefficient import MU_BRISTLE, MU_S, SIGMA2, V_STRIBECK, Coefficient, check_order
 
 STRIBECK_CURVE: Mapping[str, Coefficient] = {
@@ -44,4 +43,4 @@ class AbstractStribeckCurve(AbstractBristle):
         return self.mu * load
 
     def velocity_scale(self) -> Scalar:
-        return np.float64(np.inf) if self.mu_s is None else self.v_stribeck
+        return UNSCALED if self.mu_s is None else self.v_stribeck

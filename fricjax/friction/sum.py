@@ -48,7 +48,7 @@ class Sum(AbstractFriction):
 
     def force_of(self, v: Values, state: State, rate: State, load: Scalar) -> Values:
         parts = zip(self.laws, self._split(state), self._split(rate), strict=True)
-        return sum((law.force_of(v, *both, load) for law, *both in parts), start=jnp.zeros_like(v))
+        return sum((law.force_of(v, z, change, load) for law, z, change in parts), start=jnp.zeros_like(v))
 
     def rate(self, v: Scalar, state: State, load: Scalar) -> State:
         parts = zip(self.laws, self._split(state), strict=True)

@@ -92,12 +92,3 @@ def test_the_robust_optimum_of_scipy(name):
     plain = solve(spoilt, (4.0, 1.0, 0.0))
     truth = np.asarray([5.0, 1.7, 0.5])
     assert np.linalg.norm((found.value - truth) / error) < np.linalg.norm((plain.value - truth) / error) / 2
-
-
-def test_exempt_residuals_count_with_their_squares():
-    with_prior = lambda p, args=None: jnp.concatenate([spoilt(p), jnp.stack([10 * (p[2] - 2.0), 10 * (p[0] - 1.0)])])
-    there = DensePasses(Cauchy(1.5), exempt=2)(with_function(with_prior), AT, None)
-    data = DensePasses(Cauchy(1.5))(with_function(spoilt), AT, None)
-    prior = DensePasses()(with_function(lambda p: with_prior(p)[-2:]), AT, None)
-    jax.tree.map(lambda a, b, c: np.testing.assert_allclose(a, b + c, rtol=1e-12), there, data, prior)
-    assert float(prior.cost) == pytest.approx((17.0**2 + 30.0**2) / 2, rel=1e-12)

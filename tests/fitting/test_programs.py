@@ -53,6 +53,7 @@ def test_the_check_tells_the_numerical_error_of_an_engine(nodes: int, amplitudes
     problem = posed(noisy("rolling", "Tanh", 5), machine("Tanh"), MACHINE)
     at = solve.climbed(problem, solve.start_coordinates(problem))
     given = problem.residual.engine
+    assert isinstance(given, Hybrid)
 
     def engine(nodes: int, amplitudes: int | None) -> Hybrid:
         span = given.span if amplitudes else None

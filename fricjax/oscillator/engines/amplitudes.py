@@ -32,7 +32,7 @@ class Span(NamedTuple):
 
     lowest: Array | np.ndarray
     highest: Array | np.ndarray
-    margin: Array | np.ndarray | float = 0.0
+    margin: Any = 0.0
 
 
 class Table(NamedTuple):

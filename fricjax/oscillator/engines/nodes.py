@@ -24,7 +24,7 @@ class Nodes(AbstractPath):
         t, x, v, a: time [s], displacement [m], velocity [m/s] and acceleration [m/s^2]; t never falls.
         rest_position, t_stop: where the motion ends [m], [s].
         finished: whether the mass rests there.
-        turning_points: as those of any path, where they are noted.
+        noted: its turning points, where they are noted.
     """
 
     t: Line
@@ -34,7 +34,11 @@ class Nodes(AbstractPath):
     rest_position: Float[Array, ""]
     t_stop: Float[Array, ""]
     finished: Bool[Array, ""]
-    turning_points: Float[Array, " turning_points"] = eqx.field(default_factory=lambda: jnp.zeros(0))
+    noted: Float[Array, " turning_points"] = eqx.field(default_factory=lambda: jnp.zeros(0))
+
+    @property
+    def turning_points(self) -> Float[Array, " turning_points"]:
+        return self.noted
 
     @classmethod
     def of(cls, columns: Iterable[Array], rest_position: Array, t_stop: Array, finished: Array) -> "Nodes":

@@ -3,19 +3,16 @@
 import abc
 
 import equinox as eqx
-from equinox import AbstractVar
 from jaxtyping import Array, Float
 
 
 class AbstractPath(eqx.Module):
-    """A motion that can be read off at any time; a pytree, so that its tangents can be carried along.
+    """A motion that can be read off at any time; a pytree, so that its tangents can be carried along."""
 
-    Attributes:
-        turning_points: displacements of a start at rest and of each reversal [m], NaN behind the last; empty where they
-            are not noted.
-    """
-
-    turning_points: AbstractVar[Float[Array, " turning_points"]]
+    @property
+    @abc.abstractmethod
+    def turning_points(self) -> Float[Array, " turning_points"]:
+        """Displacements of a start at rest and of each reversal [m], NaN behind the last; empty if none are noted."""
 
     @abc.abstractmethod
     def sample(self, ts: Float[Array, " samples"]) -> tuple[Float[Array, " samples"], Float[Array, " samples"]]:
