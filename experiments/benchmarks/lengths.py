@@ -26,7 +26,8 @@ SAMPLES, HALF_CYCLES = (500, 20_000), (4, 120)
 
 def record(random: np.random.Generator, samples: int) -> fj.Trace:
     """A run of so many samples, by the closed form of Coulomb friction with viscous damping."""
-    strokes = random.integers(*HALF_CYCLES)
+    # A record must show a half-cycle in some samples.
+    strokes = random.integers(HALF_CYCLES[0], min(HALF_CYCLES[1], samples // 20) + 1)
     duration = strokes / (2 * FREQUENCY)
     t = np.arange(samples) * duration / samples
     # A third of the amplitude is lost within the record, so that it ends in motion.
