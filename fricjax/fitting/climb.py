@@ -3,8 +3,9 @@
 With the number of half-cycles taken from the record the residual has no jumps, but the phase still makes local
 minima when the start value of the frequency is off by more than a part of a cycle over the record. So the window is
 halved until the motion from the start values is in phase with the record all through it, which the first pass of the
-solver tells, and then doubles until it holds the whole moving part; the rest is added last. Start values that keep the
-phase need one stage with everything. A robust loss, nearly flat far from its optimum, is led there from that of
+solver tells. From the optimum of such a window everything is tried again, with half of it, and so on down to a window
+twice as long as the last, which one that fits this far is trusted with. Start values that keep the phase need one stage
+with everything. A robust loss, nearly flat far from its optimum, is led there from that of
 squares. All of it is traced, so that many fits can be mapped over; the model stands in it once.
 
 The same program only looks at where it is, where it is given one step to take: so what checks a fit, and what goes on
@@ -95,7 +96,7 @@ class Climbed(NamedTuple):
 
 
 class _State(NamedTuple):
-    """Where a climb is, how far its window reaches, and whether the start is known to keep the phase that far."""
+    """Where a climb is, how far its window reaches, and up to where it is trusted to keep the phase."""
 
     y: Array
     status: Array
@@ -103,7 +104,7 @@ class _State(NamedTuple):
     stages: Array
     survey: Survey
     reach: Array
-    kept: Array
+    trusted: Array
 
 
 def climb(
@@ -116,8 +117,6 @@ def climb(
 ) -> Climbed:
     """Least squares from coordinates `y`, in as many stages as it needs."""
     whole = [run.weight for run in residual.runs]
-    ends_at_rest = jnp.any(jnp.stack([jnp.any(w != part.moving) for w, part in zip(whole, terrain, strict=True)]))
-    full = jnp.where(ends_at_rest, _MOVING, _EVERYTHING)
     shortest = jnp.min(jnp.stack([jnp.asarray(part.shortest) for part in terrain]))
 
     def weights(reach: Array) -> list[Array]:
@@ -125,7 +124,7 @@ def climb(
         return [jnp.where(reach >= _EVERYTHING, w, window) for w, window in zip(whole, windows, strict=True)]
 
     def stage(state: _State) -> _State:
-        sure = state.kept | (state.reach <= shortest)
+        sure = state.reach <= state.trusted
         near = jnp.where(state.reach < _EVERYTHING, jnp.maximum(way.tolerance, _ON_THE_WAY), way.tolerance)
         passes = Surveys(
             residual=_with_weights(residual, weights(state.reach)),
@@ -136,16 +135,16 @@ def climb(
         found = _least_squares(passes, limits, state.y, near, way.steps)
         told, steps = found.stats, state.iterations + found.stats["num_steps"]
         seen = told["kept"]._replace(cost=told["cost"], gradient=told["gradient"])
-        further = jnp.where(2 * state.reach < _MOVING, 2 * state.reach, full)
-        further = jnp.where(state.reach >= _MOVING, 2 * state.reach, further)
-        onward = _State(found.value, told["status"], steps, state.stages + 1, seen, further, jnp.asarray(True))
-        shorter = state._replace(reach=jnp.maximum(state.reach / 2, shortest), kept=jnp.asarray(False))
+        further = jnp.where(state.reach < _EVERYTHING, _EVERYTHING, jnp.inf)
+        onward = _State(found.value, told["status"], steps, state.stages + 1, seen, further, 2 * state.reach)
+        shorter = state._replace(reach=jnp.maximum(state.reach / 2, state.trusted))
         lost = ~sure & (told["status"] == NOT_FINITE)
         return jax.tree.map(lambda back, on: jnp.where(lost, back, on), shorter, onward)
 
     none, y = jnp.asarray(0), jnp.asarray(y)
     unseen = Surveys(residual=residual, loss=loss, doubted=y, tolerance=[]).nothing(y).kept
-    first = _State(y, none, none, none, unseen, jnp.asarray(_EVERYTHING), jnp.asarray(way.sure))
+    trusted = jnp.where(way.sure, _EVERYTHING, shortest)
+    first = _State(y, none, none, none, unseen, jnp.asarray(_EVERYTHING), trusted)
     end = jax.lax.while_loop(lambda state: state.reach <= _EVERYTHING, stage, first)
     return Climbed(end.y, end.status, end.iterations, end.stages, end.survey, settle(residual, end.y))
 

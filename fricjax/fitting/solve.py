@@ -148,11 +148,14 @@ def with_inputs(residual: Residual, y: Any) -> np.ndarray:
     return np.concatenate([y, np.zeros(residual.inputs.shape[0])])
 
 
+def look(problem: Problem, residual: Residual, y: Any) -> Climbed:
+    """What all samples say at coordinates `y` of parameters and inputs, with an engine that checks the residual's."""
+    return jax.tree.map(np.asarray, on_all_samples(problem, checking(residual, y), y, LOOK))
+
+
 def _checked(problem: Problem, residual: Residual, at: Climbed) -> Solved:
-    """Look at all samples at the optimum."""
-    y = with_inputs(residual, at.y)
-    looked = on_all_samples(problem, checking(residual, y), y, LOOK)
-    return judged(problem, *jax.tree.map(np.asarray, (at, looked)))
+    looked = look(problem, residual, with_inputs(residual, at.y))
+    return judged(problem, jax.tree.map(np.asarray, at), looked)
 
 
 def judged(problem: Problem, at: Climbed, looked: Climbed) -> Solved:
