@@ -64,7 +64,7 @@ def assert_honest(found: Fit):
 def test_small_swing_with_dry_and_viscous_friction(small_both):
     assert small_both.quantity == "rad"
     assert_misses(small_both, " are 11.7 times the noise of 45.3 urad")
-    assert small_both.residual_rms <= 6.0e-4
+    assert small_both.residual_rms <= 6.0e-4 and small_both.stages <= 3
     assert small_both.residual_rms == pytest.approx(5.3e-4, rel=0.03)
     assert small_both.values["mu"] == pytest.approx(0.152, rel=0.03)
     assert small_both.values["damping"] == pytest.approx(0.061, rel=0.1)

@@ -1,0 +1,42 @@
+"""How far the way to the optimum is: the stages of growing windows, and the numbers of half-cycles that are fitted."""
+
+import numpy as np
+import pytest
+
+from fricjax import Oscillator, fit
+from fricjax.fitting import rest
+from fricjax.fitting.solve import solve
+from fricjax.friction import Coulomb
+from tests.fitting.posed import posed
+from tests.fitting.runs import MACHINE, STIFFNESS, coulomb_run
+from tests.helpers import PROTOTYPE_DAMPING, PROTOTYPE_MASS
+
+OSCILLATOR = Oscillator(PROTOTYPE_MASS, STIFFNESS, PROTOTYPE_DAMPING, 9.66, Coulomb(0.05))
+LONG = coulomb_run(mu=0.005)
+"""Ten half-cycles, and in motion at the end."""
+
+
+@pytest.mark.parametrize("off", [1.1, 0.85])
+def test_a_start_that_loses_the_phase_gets_there_by_one_window(off):
+    at_once = fit(LONG, OSCILLATOR, MACHINE)
+    found = fit(LONG, OSCILLATOR, MACHINE, guess={"stiffness": off * STIFFNESS})
+    assert at_once.stages == 1 and found.stages == 2
+    assert found.converged and found.chi2 == pytest.approx(at_once.chi2, abs=1e-6)
+    for name in MACHINE:
+        assert abs(found.values[name] - at_once.values[name]) < 1e-2 * at_once.std_errors[name]
+
+
+@pytest.mark.parametrize("more", [1, -1])
+def test_a_number_of_half_cycles_that_misses_is_corrected_by_one_more_fit(monkeypatch, more):
+    problem = posed(coulomb_run(), OSCILLATOR, MACHINE)
+    right = int(problem.residual.runs[0].half_cycles)
+    counts = []
+
+    def counted(rival, y=None):
+        counts.append(int(rival.residual.runs[0].half_cycles))
+        return solve(rival, y)
+
+    monkeypatch.setattr(rest, "solve", counted)
+    ended, solved = rest.solve_with_rest(rest.with_counts(problem, (right + more,)))
+    assert counts == [right + more, right] and int(ended.residual.runs[0].half_cycles) == right
+    np.testing.assert_allclose(solved.y, solve(problem).y, atol=1e-9)
