@@ -95,6 +95,12 @@ class Climbed(NamedTuple):
     settled: Settled
 
 
+def like_climbed(residual: Residual, *_: Any) -> Climbed:
+    """Something of the structure of what :func:`climb` returns for a residual."""
+    survey = Survey(0, 0, 0, 0, 0, turning_points=[0 for _ in residual.runs])
+    return Climbed(0, 0, 0, 0, survey, Settled(0, 0, residual.oscillator, 0, 0))
+
+
 class _State(NamedTuple):
     """Where a climb is, how far its window reaches, and up to where it is trusted to keep the phase."""
 

@@ -5,17 +5,18 @@ several such loops run side by side in threads, for a compiled computation holds
 run abreast, and those that have finished stand still until the others have.
 """
 
-import functools
-import threading
-from collections.abc import Hashable, Sequence
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from .climb import LOOK, ONWARDS, Climbed, Limits, Terrain, Way, climb
+from ..oscillator import Program
+from ..oscillator.program import Shape, of_shape, split
+from .climb import LOOK, ONWARDS, Climbed, Limits, Terrain, Way, climb, like_climbed
 from .loss import AbstractLoss, Squares
 from .problem import Problem
 from .residual import Residual, start_of, without_inputs
@@ -79,72 +80,43 @@ def _on_all_samples(problem: Problem, residual: Residual, y: Any, way: Way) -> L
 
 def _gone(lanes: Sequence[Lane], loss: AbstractLoss) -> list[tuple[Climbed, Told]]:
     """Go all ways; at most `WIDTH` of one shape share a computation."""
-    flat = [_Flat.of(lane) for lane in lanes]
-    groups: dict[Hashable, list[int]] = {}
-    for i, lane in enumerate(flat):
-        groups.setdefault(lane.shape, []).append(i)
+    parts = [split(lane) for lane in lanes]
+    groups: dict[Shape, list[int]] = {}
+    for i, (shape, _) in enumerate(parts):
+        groups.setdefault(shape, []).append(i)
     gone: dict[int, tuple[Climbed, Told]] = {}
-    for members in groups.values():
+    for shape, members in groups.items():
         for first in range(0, len(members), WIDTH):
             chosen = members[first : first + WIDTH]
-            gone |= dict(zip(chosen, _abreast([flat[i] for i in chosen], loss), strict=True))
+            gone |= dict(zip(chosen, _abreast(shape, [parts[i][1] for i in chosen], loss), strict=True))
     return [gone[i] for i in range(len(lanes))]
 
 
-class _Flat(NamedTuple):
-    """A lane taken apart: its arrays, and the shape that it must share with another to share a computation."""
-
-    arrays: list[Any]
-    shape: tuple[Any, tuple[Any, ...], tuple[Any, ...]]
-
-    @classmethod
-    def of(cls, lane: Lane) -> "_Flat":
-        leaves, structure = jax.tree.flatten(lane)
-        arrays = [leaf for leaf in leaves if _is_array(leaf)]
-        settings = tuple(None if _is_array(leaf) else leaf for leaf in leaves)
-        return cls(arrays, (structure, settings, tuple(np.shape(array) for array in arrays)))
-
-
-def _is_array(leaf: object) -> bool:
-    return isinstance(leaf, jax.Array | np.ndarray | np.generic)
-
-
-_known: set[Hashable] = set()
-_compiling = threading.Lock()
-
-
-def _abreast(lanes: list[_Flat], loss: AbstractLoss) -> list[tuple[Climbed, Told]]:
+def _abreast(shape: Shape, lanes: list[list[Any]], loss: AbstractLoss) -> list[tuple[Climbed, Told]]:
     """Go the ways of lanes of one shape; missing ones up to `WIDTH` are copies that are never looked at."""
-    structure, settings, _ = shape = lanes[0].shape
-    filled = lanes + lanes[:1] * (WIDTH - len(lanes))
-    rows = [lane.arrays for lane in filled]
-    with _compiling:
-        # Else several threads would compile the same at once; a run of no lane only compiles.
-        if (shape, loss) not in _known:
-            jax.block_until_ready(_solve(rows, structure, settings, loss, np.asarray(0)))
-            _known.add((shape, loss))
-    found = _solve(rows, structure, settings, loss, np.asarray(len(lanes)))
-    columns, whole = jax.tree.flatten(jax.tree.map(np.asarray, found))
-    return [jax.tree.unflatten(whole, [column[i] for column in columns]) for i in range(len(lanes))]
+    columns = zip(*(lanes + lanes[:1] * (WIDTH - len(lanes))), strict=True)
+    found = _land_all(of_shape(shape, [np.stack(column) for column in columns]), loss, np.asarray(len(lanes)))
+    results, whole = jax.tree.flatten(jax.tree.map(np.asarray, found))
+    return [jax.tree.unflatten(whole, [result[i] for result in results]) for i in range(len(lanes))]
 
 
-@functools.partial(jax.jit, static_argnums=(1, 2, 3))
-def _solve(rows: list[list[Any]], structure: Any, settings: tuple[Any, ...], loss: AbstractLoss, count: Any) -> Any:
-    def one(arrays: list[Any]) -> tuple[Climbed, Told]:
-        rest = iter(arrays)
-        leaves = [next(rest) if setting is None else setting for setting in settings]
-        return _land(jax.tree.unflatten(structure, leaves), loss)
+def _all_landed(lanes: Lane, loss: AbstractLoss, count: Any) -> tuple[Climbed, Told]:
+    """What the first `count` lanes tell, one behind the other; their arrays have a leading axis."""
 
-    stacked = [jnp.stack(column) for column in zip(*rows, strict=True)]
+    def one(lane: Lane) -> tuple[Climbed, Told]:
+        return _land(lane, loss)
 
-    def lane(i: Array | int) -> list[Any]:
-        return [values[i] for values in stacked]
+    def lane(i: Array | int) -> Lane:
+        return jax.tree.map(lambda leaf: leaf[i] if eqx.is_array(leaf) else leaf, lanes)
 
     if jax.default_backend() != "cpu":
-        return jax.vmap(one)(stacked)
-    room = jax.tree.map(lambda leaf: jnp.zeros((WIDTH, *leaf.shape), leaf.dtype), jax.eval_shape(one, lane(0)))
+        return eqx.filter_vmap(one, in_axes=eqx.if_array(0))(lanes)
+    room = jax.tree.map(lambda leaf: jnp.zeros((WIDTH, *leaf.shape), leaf.dtype), eqx.filter_eval_shape(one, lane(0)))
     step = lambda i, results: jax.tree.map(lambda all_, value: all_.at[i].set(value), results, one(lane(i)))
     return jax.lax.fori_loop(0, count, step, room)
+
+
+_land_all = Program(_all_landed, lambda lanes, *_: (like_climbed(lanes.residual), Told(0, 0, 0)))
 
 
 def _land(lane: Lane, loss: AbstractLoss) -> tuple[Climbed, Told]:

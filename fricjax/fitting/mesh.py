@@ -14,7 +14,7 @@ import equinox as eqx
 import numpy as np
 
 from ..data.errors import UsageError
-from ..oscillator import Smooth
+from ..oscillator import Program, Smooth
 from ..oscillator.engines import Mesh
 from .residual import Residual, Run, start_of
 
@@ -49,8 +49,7 @@ def _with(residual: Residual, meshes: Sequence[Mesh]) -> Residual:
     return eqx.tree_at(lambda r: [run.engine for run in r.runs], residual, engines, is_leaf=lambda x: x is None)
 
 
-@eqx.filter_jit
-def _meshes(free: Smooth, residual: Residual, y: Any) -> list[Mesh]:
+def _meshed(free: Smooth, residual: Residual, y: Any) -> list[Mesh]:
     machine = residual.machine(y)
 
     def one(number: Any, run: Run) -> Mesh:
@@ -59,6 +58,9 @@ def _meshes(free: Smooth, residual: Residual, y: Any) -> list[Mesh]:
         return free.meshed(machine, start_of(machine, at), end, run.half_cycles, CAPACITY)
 
     return residual.each(one, residual.runs)
+
+
+_meshes = Program(_meshed, lambda _, residual, __: [Mesh(np.zeros(0), np.zeros(0)) for _ in residual.runs])
 
 
 def _finite(ends: Any) -> np.ndarray:

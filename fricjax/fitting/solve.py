@@ -15,9 +15,9 @@ import jax
 import numpy as np
 from jaxtyping import Float
 
-from ..oscillator import Smooth
+from ..oscillator import Program, Smooth
 from ..oscillator.engines import AbstractEngine
-from .climb import LOOK, ONWARDS, ROUNDING, Climbed, Way, climb
+from .climb import LOOK, ONWARDS, ROUNDING, Climbed, Way, climb, like_climbed
 from .loss import Squares
 from .mesh import with_mesh
 from .problem import Problem
@@ -79,7 +79,7 @@ class Solved(NamedTuple):
         return self.status in (CONVERGED, AT_BOUND, UNDETERMINED)
 
 
-climb_on = eqx.filter_jit(climb)
+climb_on = Program(climb, like_climbed)
 
 
 def solve(problem: Problem, y: Any = None) -> Solved:

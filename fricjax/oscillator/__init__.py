@@ -5,6 +5,7 @@ from .energy import Energy, energy
 from .engines import Exact, Hybrid, Smooth
 from .motion import Motion, Start
 from .oscillator import Oscillator
+from .program import Program
 from .release import AbstractRelease, ExponentialRelease
 from .results import RESULTS, is_successful
 from .rosenbrock import Rodas5P
@@ -20,6 +21,7 @@ __all__ = [
     "Hybrid",
     "Motion",
     "Oscillator",
+    "Program",
     "Rodas5P",
     "Smooth",
     "Start",

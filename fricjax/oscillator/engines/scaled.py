@@ -18,9 +18,7 @@ from .nodes import Nodes
 
 # How much larger the tolerance of an internal state may be than that of the displacement, at most.
 _LOOSEST = 1000.0
-# At rest a contact of the rate-and-state kind is so stiff that a first step of ordinary size hardly moves the mass, and
-# no error estimate of such a step sees that a true contact gives way. Behind a reversal the steps are small anyway.
-FIRST_STEP = 1e-9
+_FIRST_STEP = 1e-9
 EVERY_STEP = diffrax.SaveAt(t0=True, steps=True)
 
 
@@ -151,10 +149,25 @@ def _state_units(oscillator: Oscillator, length: Array) -> Array:
     return unit * jnp.clip(1 / felt, 1.0, _LOOSEST)
 
 
+class Cautious(diffrax.PIDController):
+    """Steps chosen by their error, the first of them tiny.
+
+    At rest a contact of the rate-and-state kind is so stiff that a first step of ordinary size hardly moves the mass,
+    and no error estimate of such a step sees that a true contact gives way. Behind a reversal the steps are small
+    anyway. Of a step that it is given itself, diffrax has the host check the sign, and what calls the host is no
+    program that can be kept.
+    """
+
+    def init(
+        self, terms: Any, t0: Any, t1: Any, y0: Any, dt0: None, args: Any, func: Any, error_order: Any
+    ) -> tuple[Any, Any]:
+        return super().init(terms, t0, t1, y0, jnp.asarray(_FIRST_STEP), args, func, error_order)
+
+
 def integrate(field: Any, solver: Any, begin: Any, end: Any, y0: tuple, args: Any, **settings: Any) -> Any:
     """Solution of a scaled motion, differentiable forwards; one that fails says so in its result.
 
-    `settings` are those of `diffrax.diffeqsolve`; without a first step the controller knows it.
+    `settings` are those of `diffrax.diffeqsolve`; the first step is the controller's.
     """
     how = {"dt0": None, "adjoint": diffrax.ForwardMode(), "throw": False, **settings}
     return diffrax.diffeqsolve(diffrax.ODETerm(field), solver, begin, end, y0=y0, args=args, **how)

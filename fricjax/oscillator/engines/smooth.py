@@ -23,10 +23,10 @@ from ..rosenbrock import Rodas5P
 from .base import AbstractEngine
 from .closing import Closing
 from .landing import Landing, last_step
-from .mesh import Given, Mesh
+from .mesh import Mesh, stepped
 from .nodes import Nodes
 from .noting import Log, Noting, after_step, closed
-from .scaled import EVERY_STEP, FIRST_STEP, Scaled, filled, integrate
+from .scaled import EVERY_STEP, Cautious, Scaled, filled, integrate
 from .turns import Span, turned, turning
 
 # The way that a mass may still go and count as resting, in tolerances.
@@ -129,12 +129,10 @@ class Smooth(AbstractEngine):
         if self.mesh is None:
             raise ValueError("A path of the smooth engine needs a mesh: make one with Smooth.meshed.")
         machine = Scaled.of(oscillator, start)
-        y0, times = machine.start(start), self.mesh.times
-        first = turned(_plain(oscillator), machine, y0, self.mesh)
-        settings = {"saveat": EVERY_STEP, "stepsize_controller": Given(times), "max_steps": times.size - 1}
-        then = _integrated(first.end, _Args(machine), times[-1], **settings)
-        tau, ys = filled(then.ts, then.ys)
-        whole = first.along.joined(machine.nodes(first.elapsed + tau, ys[0], ys[1], ys[2:]))
+        first = turned(_plain(oscillator), machine, machine.start(start), self.mesh)
+        times = jnp.asarray(self.mesh.times)
+        ys = stepped(_field, _solver(oscillator), times, first.end, _Args(machine))
+        whole = first.along.joined(machine.nodes(first.elapsed + times, ys[0], ys[1], ys[2:]))
         x, v, *states = (values[-1] for values in ys)
         place, way = machine.settling(x, v, tuple(states))
         # The mesh was made for other coefficients, with which the way was shorter than here.
@@ -250,9 +248,9 @@ class Smooth(AbstractEngine):
         """Integration in time with steps chosen by their error; `noted` as in :func:`_integrated`."""
         tolerance = self._tolerance(args.machine)
         chosen: Any = diffrax.PIDController(rtol=tolerance, atol=tolerance)
-        settings = {"saveat": saveat, "stepsize_controller": chosen, "max_steps": max_steps, "event": event}
         if args.machine.oscillator.friction.n_states:
-            settings |= {"stepsize_controller": Closing(chosen, last_step(tolerance)), "dt0": FIRST_STEP}
+            chosen = Closing(Cautious(rtol=tolerance, atol=tolerance), last_step(tolerance))
+        settings = {"saveat": saveat, "stepsize_controller": chosen, "max_steps": max_steps, "event": event}
         return _integrated(y0, args, end, noted, **settings)
 
     def _tolerance(self, machine: Scaled) -> Array:

@@ -18,8 +18,8 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from .landing import Landing, last_step
-from .mesh import Given, Mesh
-from .scaled import EVERY_STEP, FIRST_STEP, Scaled, filled, integrate
+from .mesh import Mesh, stepped
+from .scaled import Cautious, Scaled, integrate
 
 # The pull of the spring at a reversal from which the phase still carries the next half-cycle, in forces that friction
 # can hold; the least phase velocity; and how near to a reversal a phase counts as there.
@@ -65,12 +65,9 @@ def turned(solver: Any, machine: Scaled, y0: tuple, mesh: Mesh) -> Turned:
     phases = jax.lax.stop_gradient(moving)
     slopes = _field(phases[0], first, machine)
     still = tuple(value + (phases[0] - moving[0]) * slope for value, slope in zip(first, slopes, strict=True))
-    settings = {"saveat": EVERY_STEP, "stepsize_controller": Given(phases), "max_steps": phases.size - 1}
-    landing = Landing(solver, _watched, _returned)
-    solution = integrate(_field, landing, phases[0], phases[-1], still, machine, **settings)
-    theta, ys = filled(solution.ts, solution.ys)
-    nodes = machine.nodes(ys[1], *_in_time(theta, ys, machine))
-    return _ended(nodes, theta[-1], jax.tree.map(lambda values: values[-1], ys), machine)
+    ys = stepped(_field, Landing(solver, _watched, _returned), phases, still, machine)
+    nodes = machine.nodes(ys[1], *_in_time(phases, ys, machine))
+    return _ended(nodes, phases[-1], jax.tree.map(lambda values: values[-1], ys), machine)
 
 
 def turning(solver: Any, machine: Scaled, y0: tuple, tolerance: Any, span: Span, capacity: int) -> Turned:
@@ -78,7 +75,7 @@ def turning(solver: Any, machine: Scaled, y0: tuple, tolerance: Any, span: Span,
     begin, first = _in_phase(y0, machine)
     turns = (jnp.floor(begin / jnp.pi) + 1 + jnp.arange(span.capacity)) * jnp.pi
     last = turns[jnp.clip(span.half_cycles, 1, span.capacity) - 1]
-    chosen = diffrax.PIDController(rtol=tolerance, atol=tolerance, dtmax=_LONGEST, factormax=_GROWTH)
+    chosen = Cautious(rtol=tolerance, atol=tolerance, dtmax=_LONGEST, factormax=_GROWTH)
     # Elements that stick or slip see that the mass has turned at the end of a step, so one just behind is short.
     behind = turns + last_step(tolerance)
     controller = diffrax.ClipStepSizeController(chosen, jump_ts=jnp.stack([turns, behind], axis=1).reshape(-1))
@@ -90,8 +87,8 @@ def turning(solver: Any, machine: Scaled, y0: tuple, tolerance: Any, span: Span,
     ends = diffrax.SubSaveAt(t0=True, steps=True, fn=lambda theta, y, args: None)
     saveat = diffrax.SaveAt(subs=[ends, diffrax.SubSaveAt(t1=True)])
     settings = {"saveat": saveat, "stepsize_controller": controller, "max_steps": capacity}
-    settings |= {"dt0": FIRST_STEP, "event": diffrax.Event(over)}
-    solution = integrate(_field, Landing(solver, _watched, _returned), begin, end, first, machine, **settings)
+    landing, event = Landing(solver, _watched, _returned), diffrax.Event(over)
+    solution = integrate(_field, landing, begin, end, first, machine, event=event, **settings)
     phases, last = solution.ts
     return _ended(phases, last[0], jax.tree.map(lambda values: values[0], solution.ys[1]), machine)
 

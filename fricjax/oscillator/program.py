@@ -1,0 +1,271 @@
+"""Compiled functions that a later process need not trace: their lowered programs are kept beside the compiled ones.
+
+What XLA has compiled JAX keeps by itself, but to know which of it is wanted, each process traces and lowers the
+function anew, which for a bristle law takes longer than its fits. So what was lowered is kept in the same folder, in
+the exchange format of JAX, under a name made of all that it depends on: the source of this package, the versions of
+those that it is built on, and the classes, settings and array shapes of the arguments. Only arguments made of classes
+of this package are known by their names; with a law that somebody else wrote everything is as without a folder, for
+its source may change while its name does not. Whoever changes functions or constants of this package in a running
+process switches the folder off.
+"""
+
+import contextlib
+import functools
+import hashlib
+import os
+import threading
+from collections import OrderedDict
+from collections.abc import Callable, Hashable, Sequence
+from pathlib import Path
+from types import FunctionType
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax
+import numpy as np
+from jax import export
+from jax.core import Tracer
+
+from .session import ready
+
+# A program of a fit holds some hundred mappings of memory, of which a process may have 65,530. A session of all laws
+# of the catalogue with some sizes of records each stays below this number, and what goes is compiled again in seconds.
+MOST = 64
+_TRACED, _DIGEST = b"fricjax traced program 1\n", 32
+
+
+class _Bare(eqx.Module):
+    """A module without fields, to see what equinox keeps of one beside them."""
+
+
+_NOTHING = tuple(map(type, jax.tree.structure(_Bare()).node_data()[1]))
+_PLAIN = (type(None), bool, int, float, str, *_NOTHING)
+_CONTAINERS = (tuple, list, dict, type(None))
+# Of what JAX is set to, what changes the program that a function is traced to.
+_SETTINGS = ("jax_enable_x64", "jax_default_matmul_precision", "jax_numpy_dtype_promotion", "jax_random_seed_offset")
+# Under these nothing is kept: they put checks into a program, or run it step by step.
+_WATCHED = ("jax_debug_nans", "jax_debug_infs", "jax_disable_jit", "jax_enable_checks")
+
+
+class Shape(NamedTuple):
+    """What arguments must share with others to share a compiled program.
+
+    Attributes:
+        structure: of the arguments as a pytree.
+        settings: their leaves that are no arrays, each in its place, with None for those that are.
+        arrays: shape and kind of number of each array.
+    """
+
+    structure: Any
+    settings: tuple[Any, ...]
+    arrays: tuple[tuple[tuple[int, ...], Any], ...]
+
+
+def split(args: Any) -> tuple[Shape, list[Any]]:
+    """Shape of a pytree, and its arrays."""
+    leaves, structure = jax.tree.flatten(args)
+    arrays = [leaf for leaf in leaves if _is_array(leaf)]
+    settings = tuple([None if _is_array(leaf) else leaf for leaf in leaves])
+    return Shape(structure, settings, tuple([(leaf.shape, leaf.dtype) for leaf in arrays])), arrays
+
+
+def of_shape(shape: Shape, arrays: Sequence[Any]) -> Any:
+    """The pytree of a shape with some arrays."""
+    rest = iter(arrays)
+    return jax.tree.unflatten(
+        shape.structure, [next(rest) if setting is None else setting for setting in shape.settings]
+    )
+
+
+def _is_array(leaf: Any) -> bool:
+    return isinstance(leaf, jax.Array | np.ndarray | np.generic)
+
+
+class Program[*Arguments, Result]:
+    """A function compiled for each shape of its arguments, as `equinox.filter_jit` does, and kept.
+
+    The programs used last are held, `most` of them, so that a process may see any number of shapes.
+
+    Args:
+        function: what to compile; its arguments and its result are pytrees.
+        like: from the same arguments a pytree of the structure that the result has, whatever its leaves.
+    """
+
+    def __init__(
+        self, function: Callable[[*Arguments], Result], like: Callable[[*Arguments], Any], most: int = MOST
+    ) -> None:
+        self._function, self._like, self._most = function, like, most
+        self._held: OrderedDict[Hashable, _Compiled] = OrderedDict()
+        self._lock = threading.Lock()
+        functools.update_wrapper(self, function)
+
+    def __call__(self, *args: *Arguments) -> Result:
+        shape, arrays = split(args)
+        if any(isinstance(leaf, Tracer) for leaf in arrays):
+            return self._function(*args)
+        with self._lock:
+            if shape not in self._held:
+                self._held[shape] = _Compiled(self._function, self._like)
+            self._held.move_to_end(shape)
+            while len(self._held) > self._most:
+                self._held.popitem(last=False)
+            compiled = self._held[shape]
+        return compiled(args, shape, arrays)
+
+
+class _Compiled:
+    """A function for one shape of arguments: compiled once, whichever thread comes first."""
+
+    def __init__(self, function: Callable, like: Callable) -> None:
+        self._function, self._like = function, like
+        self._lock = threading.Lock()
+        self._call: Callable | None = None
+        self._structure: Any = None
+
+    def __call__(self, args: tuple, shape: Shape, arrays: list[Any]) -> Any:
+        with self._lock:
+            if self._call is None:
+                ready()
+                self._call = self._compiled(args, shape, arrays)
+        return jax.tree.unflatten(self._structure, self._call(arrays))
+
+    def _compiled(self, args: tuple, shape: Shape, arrays: list[Any]) -> Callable:
+        name = self._function.__name__
+
+        def flat(arrays: list[Any]) -> list[Any]:
+            result, self._structure = jax.tree.flatten(self._function(*of_shape(shape, arrays)))
+            return result
+
+        flat.__name__ = name
+        jitted = jax.jit(flat)
+        place = _place(self._function, shape)
+        if place is None:
+            return _ready(jitted, arrays)
+        likely = jax.tree.structure(self._like(*args))
+        traced = _read(place)
+        if traced is None or len(traced.out_avals) != likely.num_leaves:
+            try:
+                traced = export.export(jitted)(arrays)
+            except NotImplementedError:
+                # It calls the host, where only this process knows what to call.
+                return _ready(jitted, arrays)
+            if self._structure != likely:
+                raise TypeError(f"{name} returns {self._structure}, and its programs are kept as {likely}.")
+            _write(place, traced)
+        self._structure = likely
+
+        def kept(arrays: list[Any]) -> Any:
+            return traced.call(arrays)
+
+        kept.__name__ = name
+        return _ready(jax.jit(kept), arrays)
+
+
+def _ready(jitted: Any, arrays: list[Any]) -> Callable:
+    """A jitted function, compiled without being called: its first call finds what was compiled."""
+    jitted.lower(arrays).compile()
+    return jitted
+
+
+def _place(function: Callable, shape: Shape) -> Path | None:
+    """The file of a traced program; None where it cannot be kept."""
+    folder = jax.config.jax_compilation_cache_dir  # pyright: ignore[reportAttributeAccessIssue]
+    source = _source()
+    watched = any(getattr(jax.config, each) for each in _WATCHED)
+    if source is None or folder is None or not Path(folder).is_dir() or watched or not _is_ours(function):
+        return None
+    try:
+        parts = [*_names(shape.structure), *map(_plain, shape.settings)]
+    except TypeError:
+        return None
+    known = [
+        function.__module__,
+        function.__qualname__,
+        source,
+        jax.default_backend(),
+        *(str(getattr(jax.config, each)) for each in _SETTINGS),
+    ]
+    arrays = [f"{dtype}{sizes}" for sizes, dtype in shape.arrays]
+    digest = hashlib.blake2b("\n".join([*known, *parts, *arrays]).encode(), digest_size=16)
+    return Path(folder) / f"fricjax-traced-{digest.hexdigest()}"
+
+
+def _names(structure: Any) -> list[str]:
+    """Classes and settings of all nodes of a structure.
+
+    Raises:
+        TypeError: a class that is not of this package, or a setting that is no plain value.
+    """
+    node = structure.node_data()
+    if node is None:
+        return ["*"]
+    kind, settings = node
+    if not (_is_ours(kind) or kind in _CONTAINERS):
+        raise TypeError(kind)
+    own = f"{kind.__module__}.{kind.__qualname__} {_plain(settings)}"
+    return [own, *(part for child in structure.children() for part in _names(child)), "."]
+
+
+def _is_ours(value: Any) -> bool:
+    """Whether something is a class or a function of this package."""
+    return isinstance(value, type | FunctionType) and value.__module__.split(".")[0] == __name__.split(".")[0]
+
+
+def _plain(value: Any) -> str:
+    """The text of a setting made of plain values.
+
+    Raises:
+        TypeError: it is made of something else, whose text may not tell all of it.
+    """
+    if isinstance(value, tuple | list):
+        return f"({','.join(map(_plain, value))})"
+    if type(value) in _PLAIN or (isinstance(value, type) and _is_ours(value)):
+        return repr(value)
+    raise TypeError(value)
+
+
+@functools.cache
+def _source() -> str | None:
+    """A digest of the source of this package and the versions of what it is built on; None where it is in no folder."""
+    import diffrax
+    import jaxlib
+    import lineax
+    import optimistix
+
+    digest = hashlib.blake2b(digest_size=16)
+    for library in (jax, jaxlib, eqx, diffrax, lineax, optimistix, np):
+        digest.update(f"{library.__name__} {library.__version__}\n".encode())
+    root = Path(__file__).parents[1]
+    if not root.is_dir():
+        return None
+    for path in sorted(root.rglob("*.py")):
+        digest.update(str(path.relative_to(root)).encode() + path.read_bytes())
+    return digest.hexdigest()
+
+
+def _read(place: Path) -> export.Exported | None:
+    """The traced program of a file; None where there is none, or not a whole one."""
+    try:
+        data = place.read_bytes()
+    except OSError:
+        return None
+    begin = len(_TRACED) + _DIGEST
+    whole = data[begin:]
+    if data[:begin] != _TRACED + hashlib.blake2b(whole, digest_size=_DIGEST).digest():
+        return None
+    with contextlib.suppress(OSError):
+        # What was used last is let go last.
+        place.touch()
+    return export.deserialize(bytearray(whole))
+
+
+def _write(place: Path, traced: export.Exported) -> None:
+    """Keep a traced program: all of it or, where the disk is full or not ours, nothing."""
+    data = bytes(traced.serialize())
+    # Another process may write the same at the same time.
+    scratch = place.with_name(f"{place.name}-{os.getpid()}-{threading.get_ident()}")
+    try:
+        scratch.write_bytes(_TRACED + hashlib.blake2b(data, digest_size=_DIGEST).digest() + data)
+        scratch.replace(place)
+    except OSError:
+        scratch.unlink(missing_ok=True)

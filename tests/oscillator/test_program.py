@@ -1,0 +1,136 @@
+"""Programs that are kept: traced once for all processes, held in a bounded number, and never mistaken for another."""
+
+import threading
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from fricjax.friction import Coulomb
+from fricjax.oscillator import Program, Start
+
+ONE, TWO = np.ones(3), np.ones(4)
+# A class of the package to put anything into.
+holding: Any = Start
+
+
+@pytest.fixture
+def folder(tmp_path):
+    before = jax.config.jax_compilation_cache_dir  # pyright: ignore[reportAttributeAccessIssue]
+    jax.config.update("jax_compilation_cache_dir", str(tmp_path))
+    yield tmp_path
+    jax.config.update("jax_compilation_cache_dir", before)
+
+
+def counted(factor: float = 2.0) -> tuple[Callable[..., Any], list[int]]:
+    """A function that notes each of its traces, in a process that has not compiled it."""
+    traces: list[int] = []
+
+    def doubled(start: Any) -> Any:
+        traces.append(1)
+        return start._replace(x0=factor * start.x0)
+
+    doubled.__module__ = "fricjax.oscillator.nowhere"
+    return doubled, traces
+
+
+def start(x: Any, state: Any = 0.0) -> Any:
+    return holding(x, np.zeros(2), np.asarray(state))
+
+
+def same(start: Any) -> Any:
+    return start
+
+
+def traced(folder) -> list:
+    return sorted(folder.glob("fricjax-traced-*"))
+
+
+def test_what_one_process_has_traced_another_one_runs(folder):
+    for again in (False, True):
+        function, traces = counted()
+        program = Program(function, same)
+        for _ in range(2):
+            found = program(start(ONE))
+            assert isinstance(found, Start) and np.array_equal(found.x0, 2 * ONE)
+        assert len(traces) == (0 if again else 1)
+    assert len(traced(folder)) == 1
+
+
+def test_each_shape_and_each_class_has_its_own(folder):
+    function, traces = counted()
+    program = Program(function, same)
+    laws = [Coulomb(0.1), Coulomb(0.1, 0.2)]
+    for x, law in ((ONE, laws[0]), (TWO, laws[0]), (ONE.astype(np.float32), laws[0]), (ONE, laws[1])):
+        given = holding(x, law, np.zeros(0))
+        found = program(given)
+        assert np.array_equal(found.x0, 2 * x) and found.x0.dtype == x.dtype
+        assert jax.tree.structure(found) == jax.tree.structure(given)
+    assert len(traces) == len(traced(folder)) == 4
+
+
+def test_classes_of_others_are_compiled_but_not_kept(folder):
+    class Start(NamedTuple):
+        x0: Any
+
+    for _ in range(2):
+        function, traces = counted()
+        assert np.array_equal(Program(function, same)(Start(ONE)).x0, 2 * ONE)
+        assert len(traces) == 1
+    function, _ = counted()
+    function.__module__ = __name__
+    Program(function, same)(start(ONE))
+    assert not traced(folder)
+
+
+def test_nothing_is_kept_while_jax_looks_for_nan(folder):
+    function, traces = counted()
+    with jax.debug_nans(True):
+        assert np.array_equal(Program(function, same)(start(ONE)).x0, 2 * ONE)
+    assert len(traces) == 1 and not traced(folder)
+
+
+@pytest.mark.parametrize("damage", [lambda data: data[:-5], lambda data: b"", lambda data: data[:-1] + b"x"])
+def test_a_damaged_file_is_made_again(folder, damage):
+    Program(counted()[0], same)(start(ONE))
+    (file,) = traced(folder)
+    file.write_bytes(damage(file.read_bytes()))
+    for again in (False, True):
+        function, traces = counted()
+        assert np.array_equal(Program(function, same)(start(ONE)).x0, 2 * ONE)
+        assert len(traces) == (0 if again else 1)
+    assert traced(folder) == [file]
+
+
+def test_a_structure_that_is_not_that_of_the_result_is_refused(folder):
+    with pytest.raises(TypeError, match="doubled returns"):
+        Program(counted()[0], lambda start: (start, start))(start(ONE))
+
+
+def test_the_programs_used_last_are_held():
+    function, traces = counted()
+    function.__module__ = __name__
+    program = Program(function, same, most=2)
+    for x, compiled in ((ONE, 1), (TWO, 2), (ONE, 2), (np.ones(5), 3), (ONE, 3), (TWO, 4)):
+        program(start(x))
+        assert len(traces) == compiled
+
+
+def test_threads_compile_once():
+    function, traces = counted()
+    program = Program(function, same)
+    crowd = [threading.Thread(target=program, args=(start(ONE),)) for _ in range(8)]
+    for each in crowd:
+        each.start()
+    for each in crowd:
+        each.join()
+    assert len(traces) == 1
+
+
+def test_a_program_is_part_of_a_larger_one():
+    program = Program(counted()[0], same)
+    slope = jax.grad(lambda x: jnp.sum(program(start(x)).x0 ** 2))(jnp.asarray(ONE))
+    assert np.array_equal(slope, 8 * ONE)
