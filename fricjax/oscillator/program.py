@@ -140,7 +140,7 @@ class _Compiled:
         jitted = jax.jit(flat)
         place = _place(self._function, shape)
         if place is None:
-            return _ready(jitted, arrays)
+            return jitted.lower(arrays).compile()
         likely = jax.tree.structure(self._like(*args))
         traced = _read(place)
         if traced is None or len(traced.out_avals) != likely.num_leaves:
@@ -148,7 +148,7 @@ class _Compiled:
                 traced = export.export(jitted)(arrays)
             except NotImplementedError:
                 # It calls the host, where only this process knows what to call.
-                return _ready(jitted, arrays)
+                return jitted.lower(arrays).compile()
             if self._structure != likely:
                 raise TypeError(f"{name} returns {self._structure}, and its programs are kept as {likely}.")
             _write(place, traced)
@@ -158,13 +158,7 @@ class _Compiled:
             return traced.call(arrays)
 
         kept.__name__ = name
-        return _ready(jax.jit(kept), arrays)
-
-
-def _ready(jitted: Any, arrays: list[Any]) -> Callable:
-    """A jitted function, compiled without being called: its first call finds what was compiled."""
-    jitted.lower(arrays).compile()
-    return jitted
+        return jax.jit(kept).lower(arrays).compile()
 
 
 def _place(function: Callable, shape: Shape) -> Path | None:
