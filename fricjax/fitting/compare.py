@@ -2,7 +2,7 @@
 
 import dataclasses
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any, NamedTuple
 
@@ -95,10 +95,17 @@ def compare(
     tables = {"bounds": bounds, "priors": priors, "tie": tie, "guess": guess}
     settings = {"nuisance": nuisance, "engine": engine, "start": start, "rig": rig, "loss": loss, **tables}
     entered = candidates(records, machines, free, names, settings)
-    # Neither the compiler nor what it has compiled holds the interpreter's lock.
-    with ThreadPoolExecutor(os.cpu_count()) as pool:
-        entries = _again(list(pool.map(lambda candidate: _fitted(candidate, sigma_mode), entered)), sigma_mode)
-        rows = list(pool.map(lambda entry: _row(entry, held_out), entries))
+    # Laws with internal states take the longest, and the others fill the gaps.
+    longest_first = sorted(range(len(entered)), key=lambda i: -entered[i].request.oscillator.friction.n_states)
+    # Neither the compiler nor what it has compiled holds the interpreter's lock; one more thread traces meanwhile.
+    with ThreadPoolExecutor(1 + (os.cpu_count() or 1)) as pool:
+
+        def side_by_side[S, T](task: Callable[[S], T], of: Sequence[S]) -> list[T]:
+            begun = {i: pool.submit(task, of[i]) for i in longest_first}
+            return [begun[i].result() for i in range(len(of))]
+
+        entries = _again(side_by_side(lambda candidate: _fitted(candidate, sigma_mode), entered), sigma_mode)
+        rows = side_by_side(lambda entry: _row(entry, held_out), entries)
     fits = {entry.candidate.name: entry.fit for entry in entries if entry.fit is not None}
     if not fits:
         raise UsageError(f"No law could be fitted. The first was {rows[0].status}")

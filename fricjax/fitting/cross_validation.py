@@ -40,11 +40,9 @@ def held_out_score(problem: Problem, solved: Solved) -> float:
     residual = checking(problem.residual, solved.y)
     chi2, count = 0.0, 0
     for fold in _folds(problem):
-        y = _fitted(_weighing(residual, fold.fitted), solved.y, problem, None)
+        y, _ = _fitted(_weighing(residual, fold.fitted), solved.y, problem, None)
         seen = _weighing(residual, fold.predicted)
-        if fold.refitted is not None:
-            y = _fitted(seen, y, problem, fold.refitted)
-        found = _look(problem, seen, y)
+        found = _look(problem, seen, y) if fold.refitted is None else _fitted(seen, y, problem, fold.refitted)[1]
         chi2 += sum(float(part @ part) for part in problem.by_run(found.residual))
         count += int(sum(part.sum() for part in fold.predicted))
     return chi2 / count if count else float("nan")
@@ -76,8 +74,11 @@ def _weighing(residual: Residual, samples: list[np.ndarray]) -> Residual:
     return eqx.tree_at(lambda r: [run.weight for run in r.runs], residual, weights)
 
 
-def _fitted(residual: Residual, y: np.ndarray, problem: Problem, run: int | None) -> np.ndarray:
-    """Coordinates that fit `residual`, of all parameters or of those of one run, by Gauss-Newton steps from `y`."""
+def _fitted(residual: Residual, y: np.ndarray, problem: Problem, run: int | None) -> tuple[np.ndarray, Survey]:
+    """Coordinates that fit `residual`, of all parameters or of those of one run, and what is found there.
+
+    They are reached by Gauss-Newton steps from `y`.
+    """
     p = residual.n_parameters
     held = np.zeros(p, bool) if run is None else ~_own(residual, run)
     found = _look(problem, residual, y)
@@ -92,7 +93,7 @@ def _fitted(residual: Residual, y: np.ndarray, problem: Problem, run: int | None
         if trial is None or better is None:
             break
         y, found = trial, better
-    return y
+    return y, found
 
 
 def _descended(

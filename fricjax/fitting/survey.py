@@ -44,7 +44,7 @@ class Survey(NamedTuple):
 @eqx.filter_jit
 def survey(residual: Residual, y: Float[Array, " coordinates"], loss: AbstractLoss) -> Survey:
     """Residual, gradient and normal matrix at coordinates `y`, from every sample."""
-    parts = residual.each(lambda number, run: _run(residual, y, number, run, loss), residual.runs)
+    parts = residual.each(_of_runs(residual, y, loss), residual.runs)
     r, slopes = residual_and_jacobian(residual.priors, y)
     # A prior counts with its square whatever the loss.
     priors = gather(r, slopes, Squares())
@@ -81,6 +81,21 @@ class Surveys(AbstractPasses):
         tolerance = jnp.concatenate([jnp.asarray(part) for part in self.tolerance])
         used = jnp.concatenate([run.weight > 0 for run in self.residual.runs])
         return jnp.any(used & ~(jnp.abs(r[: used.size]) < tolerance))
+
+
+def _of_runs(residual: Residual, y: Array, loss: AbstractLoss) -> Callable[[Any, Run], tuple[Array, Pass, Array]]:
+    """What is asked of each run; of several, nothing is asked of one that no sample of which has any weight."""
+
+    def asked(number: Any, run: Run) -> tuple[Array, Pass, Array]:
+        return _run(residual, y, number, run, loss)
+
+    def asked_where_seen(number: Any, run: Run) -> tuple[Array, Pass, Array]:
+        known = jax.jit(asked)
+        of = jax.eval_shape(known, number, run)
+        none = lambda: jax.tree.map(lambda each: jnp.zeros(each.shape, each.dtype), of)
+        return jax.lax.cond(jnp.any(run.weight > 0), lambda: known(number, run), none)
+
+    return asked if len(residual.runs) == 1 else asked_where_seen
 
 
 def _run(residual: Residual, y: Array, number: Any, data: Run, loss: AbstractLoss) -> tuple[Array, Pass, Array]:

@@ -34,6 +34,11 @@ MOST = 64
 _TRACED, _DIGEST = b"fricjax traced program 1\n", 32
 
 
+# Tracing holds the lock of the interpreter, so that threads which trace by turns all have to wait for all of it; one
+# after the other, the first compiles while the next one traces.
+_TRACING = threading.RLock()
+
+
 class _Bare(eqx.Module):
     """A module without fields, to see what equinox keeps of one beside them."""
 
@@ -145,7 +150,8 @@ class _Compiled:
         traced = _read(place)
         if traced is None or len(traced.out_avals) != likely.num_leaves:
             try:
-                traced = export.export(jitted)(arrays)
+                with _TRACING:
+                    traced = export.export(jitted)(arrays)
             except NotImplementedError:
                 # It calls the host, where only this process knows what to call.
                 return jitted.lower(arrays).compile()
