@@ -10,7 +10,7 @@ import numpy as np
 from ..data import Record, Trace
 from ..data.errors import DataError, UsageError
 from ..data.record import trace_of
-from ..oscillator import Oscillator, Smooth, ready
+from ..oscillator import Oscillator, ready
 from ..oscillator.engines import AbstractEngine
 from ..show.progress import progressing
 from .assemble import record_time, unit_of
@@ -166,7 +166,7 @@ class _Finished(NamedTuple):
 
 
 def _solved(problems: Sequence[Problem]) -> list[_Finished]:
-    if any(isinstance(problem.residual.engine, Smooth) for problem in problems):
+    if any(problem.residual.engine.needs_mesh for problem in problems):
         return [_alone(problem) for problem in problems]
     return [_finished(problem, landed) for problem, landed in zip(problems, solve_lanes(problems), strict=True)]
 

@@ -8,7 +8,7 @@ costs no steps.
 
 import dataclasses
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, cast
 
 import equinox as eqx
 import numpy as np
@@ -32,14 +32,15 @@ def with_mesh(residual: Residual, y: Any, slack: float = 1.0) -> Residual:
     Raises:
         UsageError: more steps than a list of them can hold.
     """
-    if not isinstance(residual.engine, Smooth):
+    if not residual.engine.needs_mesh:
         return residual
     # Of the samples only the last instant matters, so that records of any length share the compilation.
     ends = [
         dataclasses.replace(run, t=run.t[-1:], x=run.x[:0], weight=run.weight[:0], engine=None) for run in residual.runs
     ]
     bare = eqx.tree_at(lambda r: r.runs, residual, tuple(ends))
-    found = _meshes(residual.engine.at_accuracy(slack * residual.engine.accuracy), bare, y)
+    engine = cast(Smooth, residual.engine)
+    found = _meshes(engine.at_accuracy(slack * engine.accuracy), bare, y)
     meshes = [Mesh(_finite(mesh.phases), _graded(_finite(mesh.times))) for mesh in found]
     return _with(residual, _alike(meshes))
 

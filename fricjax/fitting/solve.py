@@ -15,7 +15,7 @@ import jax
 import numpy as np
 from jaxtyping import Float
 
-from ..oscillator import Program, Smooth
+from ..oscillator import Program
 from ..oscillator.engines import AbstractEngine
 from .climb import LOOK, ONWARDS, ROUNDING, Climbed, Way, climb, like_climbed
 from .loss import Squares
@@ -85,13 +85,13 @@ climb_on = Program(climb, like_climbed)
 def solve(problem: Problem, y: Any = None) -> Solved:
     """Fit from the start values, or from given coordinates `y`, and check the result."""
     at = climbed(problem, start_coordinates(problem) if y is None else y[: problem.condensed.n_parameters])
-    meshed = isinstance(problem.residual.engine, Smooth)
+    meshed = problem.residual.engine.needs_mesh
     return _refined(problem, at, *((_MESHES, _ON_A_MESH) if meshed else (1, _OPTIMA)))
 
 
 def climbed(problem: Problem, begin: Any) -> Climbed:
     """The optimum of the condensed record, from coordinates `begin`; of all samples under a robust loss."""
-    few, meshed, robust = problem.condensed, isinstance(problem.condensed.engine, Smooth), _is_robust(problem)
+    few, meshed, robust = problem.condensed, problem.condensed.engine.needs_mesh, _is_robust(problem)
     along = problem.terrain, problem.limits, Squares()
     at = climb_on(with_mesh(few, begin, _ROUGH if meshed else 1.0), *along, begin, _NEAR if meshed or robust else Way())
     if robust:

@@ -21,7 +21,7 @@ from ..fitting.space import Parameter, ParameterSpace
 from ..fitting.window import NEVER
 from ..friction import Coulomb
 from ..oscillator import Motion, Oscillator, ready, simulate
-from ..oscillator.engines import AbstractEngine, Hybrid
+from ..oscillator.engines import AbstractEngine
 from ..oscillator.leaves import Leaf, leaves_of
 from ..oscillator.select import half_cycle_capacity, select_engine
 
@@ -236,7 +236,7 @@ def _run(ts: np.ndarray, noise: np.ndarray | float, oscillator: Oscillator, cour
 def creep_start(made: Plan) -> float:
     """Time from which a regularised law lets the mass creep, where a fit leaves the samples out [s]; inf for none."""
     law = made.oscillator.friction
-    if law.set_valued or law.n_states or not isinstance(made.residual.engine, Hybrid):
+    if law.set_valued or law.n_states or made.residual.engine.needs_mesh:
         return math.inf
     motion = simulate(made.oscillator, made.x0, made.ts[-1:], engine=made.residual.engine)
     return float(motion.stats["t_handover"])

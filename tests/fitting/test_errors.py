@@ -117,7 +117,7 @@ USAGE = {
     ),
     "drag in the exact engine": (
         {"engine": "exact", "free": ["mu", "drag"]},
-        r"drag is free, and the exact engine has no drag\. Use the hybrid engine\.",
+        r"The exact engine has no quadratic drag, but drag is free\. Use the hybrid engine\.",
     ),
     "no record": ({"data": []}, r"There is no record to fit: the list is empty\."),
     "a path": (

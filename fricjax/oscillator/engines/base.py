@@ -1,8 +1,11 @@
 """The interface of the engines: one oscillator, a start, the times asked for, and out comes the motion."""
 
 import abc
+from collections.abc import Sequence
+from typing import NamedTuple
 
 import equinox as eqx
+import numpy as np
 from jaxtyping import Array, Float, Int
 
 from ..motion import Motion, Start
@@ -10,17 +13,40 @@ from ..oscillator import Oscillator
 from .path import AbstractPath
 
 
+class Seen(NamedTuple):
+    """What the records of a fit show.
+
+    Attributes:
+        swings: deflections of each record from which its half-cycles start, without the last ones before a stop [m].
+        accuracy: error of the motion below which the noise of all samples leaves nothing visible [m].
+        standing: whether every motion starts at a standstill.
+    """
+
+    swings: Sequence[np.ndarray]
+    accuracy: float
+    standing: bool
+
+
 class AbstractEngine(eqx.Module):
     """A way to integrate the equation of motion.
 
     What shapes the computation is static, and numbers such as a tolerance or a mesh are arrays, so that a second call
     of the same shape compiles nothing.
+
+    Attributes:
+        needs_mesh: whether the steps of a motion have to be found before its path is a smooth function of it.
     """
+
+    needs_mesh: eqx.AbstractClassVar[bool]
 
     @staticmethod
     @abc.abstractmethod
     def refusal(oscillator: Oscillator) -> str | None:
         """Why such an engine cannot integrate this oscillator, in a sentence; None where it can."""
+
+    @abc.abstractmethod
+    def tuned(self, oscillator: Oscillator, seen: Seen) -> "AbstractEngine":
+        """The engine that a fit of an oscillator to records asks for, from what they show."""
 
     @abc.abstractmethod
     def checking(self) -> "AbstractEngine":

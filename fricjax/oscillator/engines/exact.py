@@ -7,7 +7,7 @@ turning points the map is linear, ``a_n = rho^n a_0 - (1 + rho) x_d S_n`` with `
 the state at any time follows without a loop.
 """
 
-from typing import Any
+from typing import Any, ClassVar
 
 import equinox as eqx
 import jax
@@ -20,7 +20,7 @@ from ..motion import Motion, Start
 from ..oscillator import Oscillator
 from ..restoring import Linear
 from ..results import RESULTS
-from .base import AbstractEngine
+from .base import AbstractEngine, Seen
 from .elementary import relative_expm1, swing
 from .path import AbstractPath
 
@@ -161,6 +161,7 @@ class Exact(AbstractEngine):
         max_half_cycles: length of the list of turning points; the motion itself has no such limit.
     """
 
+    needs_mesh: ClassVar[bool] = False
     max_half_cycles: int = eqx.field(static=True, default=512)
 
     @staticmethod
@@ -170,8 +171,13 @@ class Exact(AbstractEngine):
         if not isinstance(oscillator.restoring, Linear):
             return f"The exact engine knows the linear spring only, not {type(oscillator.restoring).__name__}."
         if isinstance(oscillator.drag, np.ndarray) and np.any(oscillator.drag != 0):
-            return f"The exact engine has no quadratic drag, but drag is {oscillator.drag}."
+            given = "free" if np.any(np.isnan(oscillator.drag)) else oscillator.drag
+            return f"The exact engine has no quadratic drag, but drag is {given}. Use the hybrid engine."
         return None
+
+    def tuned(self, oscillator: Oscillator, seen: Seen) -> "Exact":
+        # It computes no half-cycle that is not asked for, so that all records may share one capacity.
+        return Exact(max(Exact().max_half_cycles, self.max_half_cycles))
 
     def checking(self) -> "Exact":
         return self

@@ -12,7 +12,7 @@ therefore solves a dozen amplitudes side by side (:mod:`.collocation`) and reads
 (:mod:`.amplitudes`).
 """
 
-from typing import Any
+from typing import Any, ClassVar
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -23,7 +23,7 @@ from ..motion import Motion, Start
 from ..oscillator import Oscillator
 from ..results import RESULTS
 from .amplitudes import Span, make_table
-from .base import AbstractEngine
+from .base import AbstractEngine, Seen
 from .collocation import make_panels
 from .course import Course, by_table, one_by_one, rest_condition, to_rest
 from .creep import Creeping
@@ -31,6 +31,7 @@ from .frame import layer_width, separatrix_width
 from .nodes import Nodes
 from .path import AbstractPath
 from .strokes import Rests, enter
+from .tables import table_for
 from .turning import spliced, turning_points
 
 # How much another mesh is skewed, and how much wider its table is, for the check.
@@ -50,6 +51,7 @@ class Hybrid(AbstractEngine):
         skew: part by which the mesh is denser at the reversals, and less dense in between, than it is best.
     """
 
+    needs_mesh: ClassVar[bool] = False
     nodes: int = eqx.field(static=True, default=32)
     max_half_cycles: int = eqx.field(static=True, default=512)
     span: Span | None = None
@@ -64,6 +66,12 @@ class Hybrid(AbstractEngine):
                 f"{type(oscillator.friction).__name__} has some. Use the smooth engine."
             )
         return None
+
+    def tuned(self, oscillator: Oscillator, seen: Seen) -> "Hybrid":
+        skew, asked = np.asarray(self.skew), table_for(oscillator, seen)
+        if asked is None:
+            return Hybrid(self.nodes, self.max_half_cycles, None, skew=skew)
+        return Hybrid(self.nodes, self.max_half_cycles, *asked, skew)
 
     def checking(self) -> "Hybrid":
         # With its nodes moved the error of the interpolation between them, which goes with the sixth power of a step,

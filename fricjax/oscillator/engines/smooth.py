@@ -6,7 +6,7 @@ motion is then a smooth function of every coefficient, and its derivatives are e
 """
 
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import diffrax
 import equinox as eqx
@@ -20,7 +20,7 @@ from ..oscillator import Oscillator
 from ..release import AbstractRelease
 from ..results import RESULTS
 from ..rosenbrock import Rodas5P
-from .base import AbstractEngine
+from .base import AbstractEngine, Seen
 from .closing import Closing
 from .landing import Landing, last_step
 from .mesh import Mesh, stepped
@@ -90,6 +90,7 @@ class Smooth(AbstractEngine):
             far below the accuracy, for a lightly damped contact creeps under its ringing, hundreds of times as far.
     """
 
+    needs_mesh: ClassVar[bool] = True
     accuracy: float | Float[Array | np.ndarray, ""] = 1e-10
     mesh: Mesh | None = None
     max_steps: int = eqx.field(static=True, default=1_000_000)
@@ -109,6 +110,11 @@ class Smooth(AbstractEngine):
                 "reversal. Use the hybrid engine with a law without internal states."
             )
         return None
+
+    def tuned(self, oscillator: Oscillator, seen: Seen) -> "Smooth":
+        # Its error is some ten times smaller than the accuracy that it is asked for.
+        accuracy = np.asarray(seen.accuracy)
+        return Smooth(accuracy, None, self.max_steps, self.max_half_cycles, accuracy)
 
     def checking(self) -> "Smooth":
         return self.finer()
