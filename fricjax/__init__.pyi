@@ -1,15 +1,14 @@
-from . import calibrate, data, fitting, friction, instrument, oscillator, routes, sensitivity, show
+from . import calibrate, comparison, data, fitting, friction, instrument, oscillator, routes, sensitivity, show
 from .calibrate import Measured, Rig
 from .calibrate.added_mass import calibrate_added_mass
 from .calibrate.frf import calibrate_frf
 from .calibrate.ringdown import calibrate_ringdown
+from .comparison import Comparison, compare
 from .data import Record, Trace, read, write
 from .fitting import (
     BatchFit,
-    Comparison,
     Fit,
     Multistart,
-    compare,
     fit,
     fit_batch,
     fit_on_moving_floor,
@@ -46,6 +45,7 @@ __all__ = [
     "calibrate_ringdown",
     "compare",
     "compare_routes",
+    "comparison",
     "data",
     "energy",
     "final_displacement",

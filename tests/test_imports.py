@@ -10,8 +10,8 @@ import pytest
 import fricjax
 
 PACKAGE = Path(__file__).resolve().parents[1] / "fricjax"
-ORDER = ["show", "data", "friction", "oscillator", "instrument", "fitting", "calibrate", "routes", "uncertainty"]
-ORDER += ["sensitivity", "archive", "report", "cli"]
+ORDER = ["show", "data", "friction", "oscillator", "instrument", "estimation", "fitting", "comparison", "calibrate"]
+ORDER += ["routes", "uncertainty", "sensitivity", "archive", "report", "cli"]
 TRACED = ("friction", "oscillator")
 HOST_ONLY = {"matplotlib", "pandas", "scipy", "h5py", "pint", "typer", "rich", "pydantic", "uncertainties"}
 HEAVY = ("pandas", "matplotlib", "scipy", "h5py", "pint")
@@ -82,6 +82,12 @@ def test_a_folder_imports_only_from_those_before_it(folder):
         if target.split(".")[1:] and target.split(".")[1] not in allowed
     ]
     assert not wrong
+
+
+def test_estimation_knows_neither_records_nor_oscillators():
+    files = [file for file in FILES if file.relative_to(PACKAGE).parts[0] == "estimation"]
+    targets = {target for file in files for target in modules_of_the_package(imports(file))}
+    assert {target for target in targets if not target.startswith("fricjax.estimation")} == {"fricjax.data.errors"}
 
 
 def test_no_circle_of_modules():

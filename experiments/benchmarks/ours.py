@@ -16,8 +16,8 @@ from record import Record  # noqa: E402
 from rig import DAMPING, LOAD, MASS, NOISE, SIGMA1, STIFFNESS, V_S, X0  # noqa: E402
 
 import fricjax as fj  # noqa: E402
+from fricjax.estimation.loss import named_loss  # noqa: E402
 from fricjax.fitting.lanes import WIDTH, solve_lanes  # noqa: E402
-from fricjax.fitting.loss import named_loss  # noqa: E402
 from fricjax.fitting.parameters import Request  # noqa: E402
 from fricjax.fitting.problem import Problem, pose  # noqa: E402
 from fricjax.fitting.rest import solve_with_rest  # noqa: E402

@@ -12,7 +12,7 @@ from .output import PICTURES, check_targets, finish, log, working
 from .runtime import prepare
 
 if TYPE_CHECKING:
-    from ..fitting import Comparison
+    from ..comparison import Comparison
 
 _COMPARISON = "Comparison"
 
@@ -80,7 +80,7 @@ def _compared(
     held_out: bool,
 ) -> "tuple[Comparison, bool]":
     """The comparison, and whether the machine was given."""
-    from ..fitting import compare as compare_laws
+    from ..comparison import compare as compare_laws
     from . import machine as building
     from .records import read_records
 

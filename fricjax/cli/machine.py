@@ -11,8 +11,8 @@ import numpy as np
 from .. import friction
 from ..calibrate import Rig
 from ..calibrate.quantity import UNITS
+from ..comparison.candidates import telling
 from ..data.errors import UsageError, nearest
-from ..fitting.candidates import telling
 from ..fitting.names import find_leaf
 from ..friction import AbstractFriction, Sum
 from ..friction.falling import AbstractFalling

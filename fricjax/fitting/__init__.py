@@ -2,8 +2,6 @@
 
 from .batch import fit_batch
 from .batch_result import BatchFit
-from .compare import compare
-from .comparison import Comparison
 from .fit import fit
 from .moving_floor import fit_on_moving_floor
 from .multistart import Multistart, multistart
@@ -12,11 +10,9 @@ from .store import load_fit
 
 __all__ = [
     "BatchFit",
-    "Comparison",
     "Fit",
     "FitError",
     "Multistart",
-    "compare",
     "fit",
     "fit_batch",
     "fit_on_moving_floor",

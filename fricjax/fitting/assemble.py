@@ -7,9 +7,9 @@ import equinox as eqx
 import jax
 import numpy as np
 
+from ..estimation.covariance import COVERAGE, Covariance, covariance
 from ..oscillator import Oscillator
 from ..oscillator.leaves import leaves_of
-from .covariance import COVERAGE, Covariance, covariance
 from .names import find_leaf
 from .problem import Problem
 from .remarks import warnings_of
@@ -39,7 +39,7 @@ def assemble(problem: Problem, solved: Solved, sigma_mode: str) -> Fit:
     """The fit of a solved problem; `sigma_mode` says what its noise means."""
     dof = problem.dof
     variance = 1.0 if sigma_mode == "absolute" else solved.chi2 / dof
-    found = covariance(solved, variance)
+    found = covariance(solved.shape, solved.settled.slope, solved.survey.normal, variance)
     white = _whiteness(problem, solved)
     inflation = error_inflation(white, solved.chi2 / dof, sigma_mode)
     margins = tuple(rest_margin(problem, solved, run) for run in range(len(problem.windows)))

@@ -10,14 +10,14 @@ import numpy as np
 from ..data import Record, Trace
 from ..data.errors import DataError, UsageError
 from ..data.record import trace_of
+from ..estimation.covariance import Covariance, covariance
+from ..estimation.loss import AbstractLoss
 from ..oscillator import Oscillator, ready
 from ..oscillator.engines import AbstractEngine
 from ..show.progress import progressing
 from .assemble import record_time, unit_of
 from .batch_result import BatchFit
-from .covariance import Covariance, covariance
 from .lanes import WIDTH, Landed, solve_lanes
-from .loss import AbstractLoss
 from .parameters import Request
 from .problem import Problem, pose
 from .remarks import remarks_on
@@ -190,7 +190,8 @@ def _finished(problem: Problem, landed: Landed) -> _Finished:
 
 def _row(finished: _Finished) -> _Row:
     problem, solved, lag_one, size = finished
-    found, misfit = covariance(solved, 1.0), worst(problem, [size])
+    found = covariance(solved.shape, solved.settled.slope, solved.survey.normal, 1.0)
+    misfit = worst(problem, [size])
     inflation = error_inflation(from_neighbours(lag_one, problem.n_used), solved.chi2 / problem.dof, "absolute")
     values, errors = (
         named(problem.names, each) for each in (solved.settled.values, np.sqrt(np.diag(found.statistical)))

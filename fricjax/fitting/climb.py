@@ -21,11 +21,11 @@ import numpy as np
 import optimistix as optx
 from jaxtyping import Array, Float
 
-from .levenberg_marquardt import MAX_STEPS, LevenbergMarquardt
-from .loss import AbstractLoss, Squares
+from ..estimation.levenberg_marquardt import MAX_STEPS, LevenbergMarquardt
+from ..estimation.loss import AbstractLoss, Squares
+from ..estimation.status import NOT_FINITE
 from .residual import Residual
 from .settled import Settled, settle
-from .status import NOT_FINITE
 from .survey import Survey, Surveys
 
 ROUNDING = 1e-12

@@ -7,10 +7,10 @@ import numpy as np
 
 from ..data import Record, Trace
 from ..data.errors import UsageError, nearest
+from ..estimation.loss import AbstractLoss
 from ..oscillator import Oscillator, ready
 from ..oscillator.engines import AbstractEngine
 from .assemble import assemble
-from .loss import AbstractLoss
 from .parameters import Request
 from .problem import Problem, pose
 from .rest import solve_with_rest
@@ -69,7 +69,7 @@ def fit(
         rig: a `Rig` whose uncertain inputs enter the combined standard errors to first order.
         guess: start values by name, in place of those found in the record.
         loss: "squares", or "huber", "soft_l1" or "cauchy", which count outliers for less, or a loss of
-            :mod:`fricjax.fitting.loss`; in units of the noise. The covariance is then that of the weighted samples.
+            :mod:`fricjax.estimation.loss`; in units of the noise. The covariance is then that of the weighted samples.
         throw: raise where no optimum was found or where it leaves parameters undetermined; otherwise the status says
             so.
 

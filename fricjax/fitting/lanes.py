@@ -14,10 +14,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
+from ..estimation.loss import AbstractLoss, Squares
 from ..oscillator import Program
 from ..oscillator.program import Shape, of_shape, split
 from .climb import LOOK, ONWARDS, Climbed, Limits, Terrain, Way, climb, like_climbed
-from .loss import AbstractLoss, Squares
 from .problem import Problem
 from .residual import Residual, start_of, without_inputs
 from .runs import without_windows

@@ -18,6 +18,7 @@ import numpy as np
 
 from ..data import Record, Trace
 from ..data.errors import UsageError
+from ..estimation.space import Parameter
 from ..oscillator import Oscillator, ready
 from .fit import concluded, fit, records_of
 from .parameters import Request
@@ -25,7 +26,6 @@ from .problem import Problem, posed_on, windows_of
 from .rest import solve_with_rest
 from .result import Fit
 from .solve import climbed, start_coordinates
-from .space import Parameter
 
 # How far the logarithm of a start value is spread, as a part of that of `spread`: the decay tells these far better.
 _TOLD = {"mass": 2e-3, "stiffness": 2e-3, "mu": 0.05, "normal_force": 0.05, "mu_s": 0.1, "damping": 0.2, "drag": 0.2}

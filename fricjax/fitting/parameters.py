@@ -8,15 +8,15 @@ import jax
 import numpy as np
 
 from ..data.errors import UsageError
+from ..estimation.loss import AbstractLoss, named_loss
+from ..estimation.space import Parameter, Tie
 from ..friction.coefficient import Coefficient
 from ..oscillator import Oscillator
 from ..oscillator.engines import AbstractEngine
 from ..oscillator.leaves import Leaf
 from .guess import guess_machine
 from .law_start import guess_law, highest_of, terms_of
-from .loss import AbstractLoss, named_loss
 from .names import NUISANCES, check_identifiable, check_names, find_leaf, sole_coulomb
-from .space import Parameter, Tie
 from .window import Window
 
 

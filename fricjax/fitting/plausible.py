@@ -4,10 +4,10 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 
+from ..estimation.space import Parameter
 from ..oscillator.restoring import Pendulum
 from ..show import engineering
 from .problem import Problem
-from .space import Parameter
 
 # Clean metals in vacuum and soft rubber come to one or two.
 _LARGEST_MU = 2.0

@@ -10,14 +10,14 @@ import numpy as np
 
 from ..data import Record, Trace
 from ..data.errors import DataError
+from ..estimation.loss import AbstractLoss
+from ..estimation.space import LINEAR, Parameter, ParameterSpace
 from ..oscillator.leaves import leaves_of
 from .climb import Limits, Terrain
-from .loss import AbstractLoss
 from .parameters import Request, free_parameters, parse_priors, parse_ties, shared_leaves
 from .residual import Residual, without_inputs
 from .rig_inputs import rig_inputs
 from .runs import condensed_run, of_one_length, terrain_of, whole_run
-from .space import LINEAR, Parameter, ParameterSpace
 from .tuning import can_stop, engine_for
 from .window import Window, open_window
 

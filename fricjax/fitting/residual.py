@@ -9,10 +9,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from ..estimation.space import ParameterSpace
 from ..oscillator import Motion, Oscillator, starting_state
 from ..oscillator.engines import AbstractEngine, AbstractPath
 from ..oscillator.motion import Start
-from .space import ParameterSpace
 
 
 class Run(eqx.Module):
@@ -113,7 +113,7 @@ class Residual(eqx.Module):
         shift = y[self.n_parameters :] @ self.inputs
         leaves, structure = jax.tree.flatten(self.oscillator)
         moved = jax.tree.unflatten(structure, [leaf + shift[i] for i, leaf in enumerate(leaves)])
-        return self.space.oscillator(moved, self.values(y))
+        return self.space.model(moved, self.values(y))
 
     def own_at(self, values: Float[Array | np.ndarray, " p"], run: int) -> dict[str, Array]:
         """State and offset of one run, free or fixed, by name, from the values of the parameters."""

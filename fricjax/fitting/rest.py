@@ -13,10 +13,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
+from ..estimation.quadratic import quadratic
 from ..oscillator import Oscillator
 from .names import sole_coulomb
 from .problem import Problem, with_rests
-from .quadratic import quadratic
 from .residual import motion
 from .solve import Solved, look, solve
 from .whiteness import whiteness

@@ -9,8 +9,8 @@ import jax.numpy as jnp
 import numpy as np
 
 from ..data.errors import UsageError
+from ..estimation.covariance import correlation
 from ..oscillator import Oscillator, simulate
-from .covariance import correlation
 from .residual import Run, motion
 from .rest import Margin
 from .settled import Estimate

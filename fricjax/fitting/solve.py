@@ -15,17 +15,17 @@ import jax
 import numpy as np
 from jaxtyping import Float
 
+from ..estimation.loss import Squares
+from ..estimation.quadratic import Quadratic, quadratic
+from ..estimation.status import AT_BOUND, CONVERGED, OUT_OF_STEPS, STALLED, UNDETERMINED
 from ..oscillator import Program
 from ..oscillator.engines import AbstractEngine
 from .climb import LOOK, ONWARDS, ROUNDING, Climbed, Way, climb, like_climbed
-from .loss import Squares
 from .mesh import with_mesh
 from .problem import Problem
-from .quadratic import Quadratic, quadratic
 from .residual import Residual, without_inputs
 from .runs import without_windows
 from .settled import Settled
-from .status import AT_BOUND, CONVERGED, OUT_OF_STEPS, STALLED, UNDETERMINED
 from .survey import Survey
 
 _ACCURATE = 0.1

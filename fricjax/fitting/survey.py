@@ -13,8 +13,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, PyTree
 
-from .loss import AbstractLoss, Squares
-from .passes import AbstractPasses, Pass, gather, residual_and_jacobian
+from ..estimation.loss import AbstractLoss, Squares
+from ..estimation.passes import AbstractPasses, Pass, gather, residual_and_jacobian
 from .residual import Course, Residual, Run
 
 # Condensed records fill one or two of them; a longer chunk would read more samples of no weight.

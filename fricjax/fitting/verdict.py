@@ -6,14 +6,14 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..data.noise import NORMAL_MAD
+from ..estimation.covariance import Covariance
+from ..estimation.loss import AbstractLoss, Squares
+from ..estimation.status import NOT_FINITE, OUT_OF_STEPS, STALLED
 from ..show import engineering
-from .covariance import Covariance
-from .loss import AbstractLoss, Squares
 from .plausible import too_large
 from .problem import Problem
 from .settled import Settled
 from .solve import Solved
-from .status import NOT_FINITE, OUT_OF_STEPS, STALLED
 from .whiteness import Whiteness
 from .window import Window
 

@@ -2,12 +2,11 @@
 
 A loop stays one compiled kernel only while its body calls no library; for a system of a handful of unknowns the call
 would also cost more than the arithmetic. Inside a step of an integration each entry is a scalar of its own, and the
-factors serve several right-hand sides; elsewhere a system is an array, which compiles in a fixed time.
+factors serve several right-hand sides.
 """
 
 import jax
-import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array
 
 Entries = list[Array]
 
@@ -45,16 +44,3 @@ def substitute(factors: list[Entries], b: Entries) -> Entries:
 def once[T](values: T) -> T:
     """Keep the compiler from computing these again wherever they are used: ten times faster, a fifth to compile."""
     return jax.lax.optimization_barrier(values)
-
-
-def solve(matrix: Float[Array, "... n n"], right: Float[Array, "... n"]) -> Float[Array, "... n"]:
-    """Solutions of systems held as arrays, by Gauss-Jordan elimination without pivoting, compiled once for any size."""
-    n = right.shape[-1]
-    index = jnp.arange(n)[:, None]
-
-    def eliminate(k: Array, rows: Array) -> Array:
-        row, column = (jax.lax.dynamic_slice_in_dim(rows, k, 1, axis=axis) for axis in (-2, -1))
-        row = row / jax.lax.dynamic_slice_in_dim(row, k, 1, axis=-1)
-        return jnp.where(index == k, row, rows - column * row)
-
-    return jax.lax.fori_loop(0, n, eliminate, jnp.concatenate([matrix, right[..., None]], axis=-1))[..., n]

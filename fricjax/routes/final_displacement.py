@@ -13,9 +13,9 @@ import jax.numpy as jnp
 import numpy as np
 
 from ..data.errors import DataError, UsageError
-from ..fitting.covariance import COVERAGE
+from ..estimation.covariance import COVERAGE
+from ..estimation.space import Parameter, ParameterSpace
 from ..fitting.names import check_identifiable, find_leaf, sole_coulomb
-from ..fitting.space import Parameter, ParameterSpace
 from ..oscillator import Oscillator, ready
 from ..oscillator.leaves import leaves_of
 from ..oscillator.select import select_engine
@@ -170,7 +170,7 @@ def _assembled(
     covariance = solution.covariance * np.outer(slope, slope)
     std = np.sqrt(np.diag(covariance))
     names = tuple(parameter.name for parameter in parameters)
-    machine = model.space.oscillator(model.oscillator, jnp.asarray(values))
+    machine = model.space.model(model.oscillator, jnp.asarray(values))
     computed = np.asarray(predicted(model, jnp.asarray(solution.q)))
     static = _static(pairs, model, values, found, machine)
     scale = np.sqrt(solution.chi2 / solution.dof) if scaled else 1.0

@@ -13,9 +13,9 @@ import optimistix as optx
 from jaxtyping import Array, Float
 
 from ..data.errors import UsageError
-from ..fitting.levenberg_marquardt import LevenbergMarquardt
+from ..estimation.levenberg_marquardt import LevenbergMarquardt
+from ..estimation.status import CONVERGED, SENTENCES
 from ..fitting.names import find_leaf
-from ..fitting.status import CONVERGED, SENTENCES
 from ..friction import AbstractFriction
 from ..oscillator import Oscillator, ready
 from ..oscillator.leaves import Leaf, leaves_of

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..fitting.space import ParameterSpace
+from ..estimation.space import ParameterSpace
 from ..oscillator import Oscillator, starting_state
 from ..oscillator.engines import AbstractEngine
 from .pairs import Pairs
@@ -31,7 +31,7 @@ class PairModel(eqx.Module):
 
     def __call__(self, q: Float[Array, " p"]) -> Float[Array, " pairs"]:
         values = self.space.values(q)
-        machine = self.space.oscillator(self.oscillator, values)
+        machine = self.space.model(self.oscillator, values)
         offset = self.space.run_values(values, 0).get("offset", jnp.asarray(self.offset))
 
         def final(x0: Array, count: Array) -> Array:
@@ -84,7 +84,7 @@ def fitted_dead_band(model: PairModel, solution: Solution) -> tuple[float, float
     """Dead band x_d = mu N/k of the fitted machine [m], with its standard error."""
 
     def band(q: Array) -> Array:
-        return model.space.oscillator(model.oscillator, model.space.values(q)).dead_band
+        return model.space.model(model.oscillator, model.space.values(q)).dead_band
 
     q = jnp.asarray(solution.q)
     slope = np.asarray(jax.jacfwd(band)(q))

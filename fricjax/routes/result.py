@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from ..fitting.covariance import correlation
+from ..estimation.covariance import correlation
 
 type Estimate = tuple[float, float | None, str]
 

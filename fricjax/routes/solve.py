@@ -10,10 +10,10 @@ import numpy as np
 import optimistix as optx
 from jaxtyping import Array
 
-from ..fitting.levenberg_marquardt import LevenbergMarquardt
-from ..fitting.passes import residual_and_jacobian
-from ..fitting.quadratic import quadratic
-from ..fitting.status import CONVERGED, NOT_FINITE, UNDETERMINED
+from ..estimation.levenberg_marquardt import LevenbergMarquardt
+from ..estimation.passes import residual_and_jacobian
+from ..estimation.quadratic import quadratic
+from ..estimation.status import CONVERGED, NOT_FINITE, UNDETERMINED
 
 
 class Solution(NamedTuple):

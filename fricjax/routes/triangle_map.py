@@ -14,7 +14,7 @@ import numpy as np
 
 from ..calibrate import Rig
 from ..data.errors import DataError
-from ..fitting.covariance import COVERAGE
+from ..estimation.covariance import COVERAGE
 from ..friction import Coulomb
 from .half_cycles import Unwrapped, amplitude_after, counted, decay_ratio
 from .pairs import Pairs, checked_pairs

@@ -11,8 +11,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..fitting.quadratic import RANK_TOLERANCE
-from ..fitting.space import Parameter
+from ..estimation.quadratic import RANK_TOLERANCE
+from ..estimation.space import Parameter
 from ..show import engineering, plain
 
 NO_EFFECT = 1e-12

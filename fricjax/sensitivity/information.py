@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ..fitting.covariance import correlation
+from ..estimation.covariance import correlation
 from ..fitting.settled import Estimate
 from ..oscillator import Oscillator
 from .directions import Direction

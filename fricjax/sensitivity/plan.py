@@ -14,10 +14,10 @@ import jax
 import numpy as np
 
 from ..data.errors import UsageError, nearest
+from ..estimation.space import Parameter, ParameterSpace
 from ..fitting.mesh import with_mesh
 from ..fitting.names import NUISANCES, find_leaf
 from ..fitting.residual import Residual, Run
-from ..fitting.space import Parameter, ParameterSpace
 from ..fitting.window import NEVER
 from ..friction import Coulomb
 from ..oscillator import Motion, Oscillator, ready, simulate

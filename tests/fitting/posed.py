@@ -3,7 +3,7 @@
 from typing import Any
 
 from fricjax import Oscillator, Record, Trace
-from fricjax.fitting.loss import named_loss
+from fricjax.estimation.loss import named_loss
 from fricjax.fitting.parameters import Request
 from fricjax.fitting.problem import Problem, pose
 

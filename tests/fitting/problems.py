@@ -4,7 +4,7 @@ import jax.numpy as jnp
 import numpy as np
 import optimistix as optx
 
-from fricjax.fitting.levenberg_marquardt import LevenbergMarquardt
+from fricjax.estimation.levenberg_marquardt import LevenbergMarquardt
 
 T = np.linspace(0.0, 2.0, 40)
 NOISE = np.random.default_rng(3).standard_normal((3, T.size))

@@ -9,8 +9,8 @@ import pytest
 from scipy.optimize import least_squares
 
 from fricjax import Fit, Oscillator, Trace, fit
+from fricjax.estimation.passes import residual_and_jacobian
 from fricjax.fitting import problem
-from fricjax.fitting.passes import residual_and_jacobian
 from fricjax.friction import Coulomb
 from tests.fitting.posed import posed
 from tests.fitting.runs import MACHINE, STIFFNESS, coulomb_run

@@ -7,9 +7,9 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from fricjax.estimation.space import Parameter, ParameterSpace
 from fricjax.fitting.mesh import with_mesh
 from fricjax.fitting.residual import Residual
-from fricjax.fitting.space import Parameter, ParameterSpace
 from tests.fitting.posed import posed
 from tests.fitting.runs import MACHINE, RIGS, noisy, oscillator
 

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from fricjax import Measured, Oscillator, Rig
+from fricjax.estimation.loss import Cauchy, Huber, Squares
 from fricjax.fitting import survey as module
-from fricjax.fitting.loss import Cauchy, Huber, Squares
 from fricjax.fitting.mesh import with_mesh
 from fricjax.fitting.survey import Survey
 from fricjax.friction import Coulomb, Tanh

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from fricjax.fitting.space import Parameter
+from fricjax.estimation.space import Parameter
 from fricjax.friction import Coulomb
 from fricjax.sensitivity import fisher
 from fricjax.sensitivity.directions import directions, spectrum

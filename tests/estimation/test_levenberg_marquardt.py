@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares as scipy_least_squares
 
-from fricjax.fitting.levenberg_marquardt import LevenbergMarquardt
-from fricjax.fitting.status import AT_BOUND, CONVERGED, UNDETERMINED
+from fricjax.estimation.levenberg_marquardt import LevenbergMarquardt
+from fricjax.estimation.status import AT_BOUND, CONVERGED, UNDETERMINED
 from tests.fitting.problems import DECAY, EXACT, LINE, NOISY, T, clean_decay, decay, line, powell, solve, status, steps
 
 

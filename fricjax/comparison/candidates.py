@@ -12,12 +12,12 @@ from jaxtyping import Array
 
 from ..data import Record, Trace
 from ..data.errors import DataError, UsageError, nearest
+from ..fitting.names import NUISANCES, check_identifiable
+from ..fitting.parameters import Request
+from ..fitting.problem import windows_of
+from ..fitting.window import Window
 from ..oscillator import Oscillator
 from ..oscillator.leaves import Leaf, leaves_of
-from .names import NUISANCES, check_identifiable
-from .parameters import Request
-from .problem import windows_of
-from .window import Window
 
 _TABLES = ("bounds", "priors", "tie", "guess")
 _SPEEDS = (1e-5, 1e-4, 1e-3, 1e-2, 1e-1, -3e-3)

@@ -1,8 +1,8 @@
 """Steps on the quadratic model of a pass: damped, within bounds, and free of the coordinates that need no step.
 
 All systems have the normal matrix scaled to a unit diagonal, so that units of parameters and residuals drop out.
-Small ones are eliminated in elementwise operations (see :mod:`fricjax.oscillator.elimination`), several of them side
-by side along the leading axis.
+Small ones are eliminated in elementwise operations, without a call into LAPACK, which would cost more than the
+arithmetic, several of them side by side along the leading axis.
 """
 
 from typing import Any, NamedTuple
@@ -11,7 +11,6 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
-from ..oscillator.elimination import solve
 from .passes import Pass
 
 WEAKEST = 1e-13
@@ -46,6 +45,19 @@ def units(normal: Float[Array, "p p"]) -> Float[Array, " p"]:
     return jnp.sqrt(jnp.where(diagonal > 0, diagonal, 1.0))
 
 
+def eliminated(matrix: Float[Array, "... n n"], right: Float[Array, "... n"]) -> Float[Array, "... n"]:
+    """Solutions of systems held as arrays, by Gauss-Jordan elimination without pivoting, compiled once for any size."""
+    n = right.shape[-1]
+    index = jnp.arange(n)[:, None]
+
+    def eliminate(k: Array, rows: Array) -> Array:
+        row, column = (jax.lax.dynamic_slice_in_dim(rows, k, 1, axis=axis) for axis in (-2, -1))
+        row = row / jax.lax.dynamic_slice_in_dim(row, k, 1, axis=-1)
+        return jnp.where(index == k, row, rows - column * row)
+
+    return jax.lax.fori_loop(0, n, eliminate, jnp.concatenate([matrix, right[..., None]], axis=-1))[..., n]
+
+
 def restricted_solve(normal: Array, damping: Systems, free: Bool[Array, "k p"], right: Systems) -> Systems:
     """Solve ``(S^-1 H S^-1 + diag(damping)) S x = S^-1 right`` among the free unknowns, with the units S of H.
 
@@ -65,7 +77,7 @@ def restricted_solve(normal: Array, damping: Systems, free: Bool[Array, "k p"], 
     target = jnp.where(free, right / unit, 0.0)
     if p > _LARGEST_SMALL:
         return jax.scipy.linalg.solve(matrix, target[:, :, None], assume_a="pos")[:, :, 0] / unit
-    return solve(matrix, target) / unit
+    return eliminated(matrix, target) / unit
 
 
 def bounded_steps(

@@ -7,7 +7,7 @@ import numpy as np
 from ..show import Table, axis_label, display_unit, figure, plain
 
 if TYPE_CHECKING:
-    from .comparison import Comparison, Row
+    from .result import Comparison, Row
 
 # Differences of twice the logarithm of the evidence: Kass and Raftery, J. Am. Stat. Assoc. 90 (1995).
 _WEAK = 2.0

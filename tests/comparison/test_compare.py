@@ -8,8 +8,8 @@ import pytest
 from scipy.optimize import least_squares
 
 from fricjax import Oscillator, Trace, compare, fit
+from fricjax.comparison.candidates import telling
 from fricjax.data.errors import DataError, UsageError
-from fricjax.fitting.candidates import telling
 from fricjax.friction import Coulomb, Dahl, LuGre, Stribeck, Tanh, Windage
 from tests.fitting.runs import STIFFNESS, coulomb_run
 from tests.fitting.test_whiteness import autoregressive
@@ -177,7 +177,7 @@ def test_what_is_free_by_default(law, expected):
 
 
 def test_all_laws_see_the_same_samples():
-    from fricjax.fitting.candidates import candidates
+    from fricjax.comparison.candidates import candidates
 
     laws = [machine(Coulomb(MU)), machine(Tanh(MU, 1e-4)), machine(LuGre(MU))]
     entered = candidates([RUNS[0]], laws, None, None, {})

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from fricjax.fitting.residual_tests import judge, resonance, signs
+from fricjax.comparison.residual_tests import judge, resonance, signs
 
 T, FREQUENCY = np.arange(1500) / 2500, 12.6
 

@@ -10,17 +10,17 @@ import numpy as np
 
 from ..data import Record, Trace
 from ..data.errors import DataError, UsageError, nearest
+from ..fitting.fit import concluded, records_of
+from ..fitting.problem import Problem, posed_on
+from ..fitting.rest import solve_with_rest
+from ..fitting.result import Fit
+from ..fitting.solve import Solved
 from ..oscillator import Oscillator, ready
 from .candidates import Candidate, candidates, law_name
-from .comparison import Comparison, Row
 from .cross_validation import held_out_score
 from .fingerprints import fingerprints
-from .fit import concluded, records_of
-from .problem import Problem, posed_on
 from .residual_tests import judge
-from .rest import solve_with_rest
-from .result import Fit
-from .solve import Solved
+from .result import Comparison, Row
 
 CRITERIA = ("bic", "aicc", "held_out")
 _BEHIND = 1.5
@@ -64,7 +64,7 @@ def compare(
         free: for each oscillator the names of its free coefficients; None for damping, stiffness and all that a decay
             can tell of the law.
         names: for each oscillator a name; None for that of its law.
-        held_out: whether to compute the score of held-out samples (see `fricjax.fitting.cross_validation`).
+        held_out: whether to compute the score of held-out samples (see `fricjax.comparison.cross_validation`).
         criterion: what to rank by: "bic", "aicc" or "held_out".
         sigma_mode: as for `fit`, and so are the following.
         nuisance: each run's own parameters.

@@ -14,8 +14,6 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..oscillator import Oscillator
-
 LINEAR = frozenset({"offset", "drift"})
 
 
@@ -50,12 +48,12 @@ class Tie(NamedTuple):
 
 
 class ParameterSpace(eqx.Module):
-    """Carries coordinates to values and values into an oscillator.
+    """Carries coordinates to values and values into the leaves of a model.
 
     Attributes:
         start, scale: start values and typical sizes, shape (p,).
         fitted_as: for each parameter whether it is fitted in its value, its logarithm or its inverse root.
-        leaves: for each shared parameter the index of its leaf in the oscillator.
+        leaves: for each shared parameter the index of its leaf in the model.
         ties: leaves that follow a parameter.
         nuisances: for each run the names of its own parameters, in order after the shared ones.
     """
@@ -108,8 +106,8 @@ class ParameterSpace(eqx.Module):
     def _fitted(self, way: str) -> np.ndarray:
         return np.array([fitted == way for fitted in self.fitted_as])
 
-    def oscillator(self, template: Oscillator, values: Float[Array, " p"]) -> Oscillator:
-        """The oscillator with the shared parameters at their values."""
+    def model[Model](self, template: Model, values: Float[Array, " p"]) -> Model:
+        """The model, a pytree, with the shared parameters at their values."""
         leaves, structure = jax.tree.flatten(template)
         for position, leaf in enumerate(self.leaves):
             leaves[leaf] = values[position]

@@ -15,12 +15,12 @@ from typing import NamedTuple
 import equinox as eqx
 import numpy as np
 
-from .climb import LOOK
-from .problem import Problem
-from .quadratic import quadratic
-from .residual import Residual
-from .solve import Solved, checking, on_all_samples
-from .survey import Survey
+from ..estimation.quadratic import quadratic
+from ..fitting.climb import LOOK
+from ..fitting.problem import Problem
+from ..fitting.residual import Residual
+from ..fitting.solve import Solved, checking, on_all_samples
+from ..fitting.survey import Survey
 
 _SHARE = 2 / 3
 _STEPS, _HALVINGS = 8, 4

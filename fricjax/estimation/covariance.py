@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .solve import Solved
+from .quadratic import Quadratic
 
 COVERAGE = 1.959963984540054
 """Half-width of a 95 % interval in standard errors."""
@@ -34,14 +34,20 @@ class Covariance(NamedTuple):
     full_rank: bool
 
 
-def covariance(solved: Solved, variance: float) -> Covariance:
-    """Covariance at the optimum; `variance` is the variance of a unit-weight residual."""
-    shape, slope = solved.shape, solved.settled.slope
+def covariance(shape: Quadratic, slope: np.ndarray, normal: np.ndarray, variance: float) -> Covariance:
+    """Covariance at the optimum.
+
+    Args:
+        shape: the quadratic form of chi^2 there.
+        slope: derivative of each value with respect to its coordinate, shape (p,).
+        normal: J'J of the parameters and behind them the inputs of the rig, shape (p + inputs, p + inputs).
+        variance: variance of a residual of unit weight.
+    """
     p = slope.size
     # Where a fit has gone astray its matrices may be larger than numbers can be.
     with np.errstate(over="ignore", invalid="ignore"):
         statistical = variance * slope[:, None] * shape.inverse * slope
-        moved = slope[:, None] * (shape.inverse @ solved.survey.normal[:p, p:])
+        moved = slope[:, None] * (shape.inverse @ normal[:p, p:])
         combined = statistical + moved @ moved.T
     lost = shape.undetermined | shape.at_bound
     for matrix in (statistical, combined):

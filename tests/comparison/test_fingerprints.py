@@ -5,7 +5,7 @@ import pytest
 from scipy.optimize import brentq
 
 from fricjax import Oscillator, Trace
-from fricjax.fitting.fingerprints import fingerprints, regressed, spring_back
+from fricjax.comparison.fingerprints import fingerprints, regressed, spring_back
 from fricjax.fitting.window import open_window
 from fricjax.friction import Coulomb
 from tests.helpers import PROTOTYPE_DAMPING, PROTOTYPE_MASS

@@ -16,9 +16,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ..fitting.window import Window, equilibrium, without_ringing
 from ..oscillator import Oscillator
 from ..show import engineering, uncertain
-from .window import Window, equilibrium, without_ringing
 
 _SURE = 4.0
 _TRUSTED = 0.05

@@ -60,7 +60,7 @@ class LevenbergMarquardt(optx.AbstractLeastSquaresSolver):
     coordinates in which the residual is linear while the other columns of the Jacobian do not depend on them. Only
     unbounded ones are projected.
 
-    The solution's `stats` hold `status` (see :mod:`fricjax.fitting.status`), what the pass at the answer left behind
+    The solution's `stats` hold `status` (see :mod:`fricjax.estimation.status`), what the pass at the answer left behind
     (`cost`, `gradient`, `normal`, and what else is `kept`), and `remaining`, the square of the
     Gauss-Newton step left in standard errors. Auxiliary output of the function is dropped.
 

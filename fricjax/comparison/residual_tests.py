@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .whiteness import Whiteness, whiteness
+from ..fitting.whiteness import Whiteness, whiteness
 
 _NEIGHBOURS, _NEAREST = 24, 2
 _RARE = 1e-3

@@ -7,8 +7,8 @@ import numpy as np
 import optimistix as optx
 import pytest
 
-from fricjax.fitting.levenberg_marquardt import LevenbergMarquardt
-from fricjax.fitting.status import (
+from fricjax.estimation.levenberg_marquardt import LevenbergMarquardt
+from fricjax.estimation.status import (
     AT_BOUND,
     CONVERGED,
     NOT_FINITE,

@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 
 from ..data.errors import UsageError, nearest
+from ..fitting.result import Fit
 from .residual_tests import ResidualTests
-from .result import Fit
 
 
 @dataclasses.dataclass(frozen=True)
@@ -84,12 +84,12 @@ class Comparison:
 
     def summary(self) -> str:
         """The comparison as plain text."""
-        from .comparison_show import summary
+        from .show import summary
 
         return summary(self)
 
     def _repr_html_(self) -> str:
-        from .comparison_show import html
+        from .show import html
 
         return html(self)
 
@@ -98,12 +98,12 @@ class Comparison:
 
     def plot(self, run: int = 0) -> Any:
         """Residuals of all laws over time and their distance from the best, as a matplotlib figure."""
-        from .comparison_show import plot
+        from .show import plot
 
         return plot(self, run)
 
     def to_dict(self) -> dict[str, Any]:
         """The comparison as plain data, without the samples."""
-        from .comparison_show import to_dict
+        from .show import to_dict
 
         return to_dict(self)

@@ -1,0 +1,6 @@
+"""Which law describes the runs."""
+
+from .compare import compare
+from .result import Comparison
+
+__all__ = ["Comparison", "compare"]
