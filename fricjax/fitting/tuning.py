@@ -1,8 +1,8 @@
 """The engine of a fit: built for its records, and for an error below what their noise leaves visible."""
 
-import dataclasses
 from collections.abc import Sequence
 
+import equinox as eqx
 import numpy as np
 
 from ..data.errors import UsageError
@@ -22,7 +22,7 @@ def engine_for(request: Request, windows: Sequence[Window]) -> AbstractEngine:
     drag_free = any(name.endswith("drag") for name in request.free)
     strokes = max(_strokes(window, can_stop(request)) for window in windows)
     # A drag that is free is no number yet.
-    known = dataclasses.replace(machine, drag=np.asarray(np.nan)) if drag_free else machine
+    known = eqx.tree_at(lambda machine: machine.drag, machine, np.asarray(np.nan)) if drag_free else machine
     try:
         engine = select_engine(request.engine, known, max_half_cycles=power(strokes + 2, _CAPACITY))
     except ValueError as error:
