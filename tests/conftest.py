@@ -50,7 +50,10 @@ def _few_mappings() -> Iterator[None]:
     """Compiled functions are let go at the end of a module once they hold many mappings of memory."""
     yield
     if _MAPPINGS.is_file() and _MAPPINGS.read_bytes().count(b"\n") > _MANY_MAPPINGS:
+        from fricjax.oscillator.program import forget_programs
+
         jax.clear_caches()
+        forget_programs()
         gc.collect()
 
 

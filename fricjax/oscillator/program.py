@@ -14,6 +14,7 @@ import functools
 import hashlib
 import os
 import threading
+import weakref
 from collections import OrderedDict
 from collections.abc import Callable, Hashable, Sequence
 from pathlib import Path
@@ -28,9 +29,9 @@ from jax.core import Tracer
 
 from .session import ready
 
-# A program of a fit holds some hundred mappings of memory, of which a process may have 65,530. A session of all laws
-# of the catalogue with some sizes of records each stays below this number, and what goes is compiled again in seconds.
-MOST = 64
+# A program of a fit holds four to eight hundred mappings of memory, of which a process may have 65,530, and there are
+# three functions. What goes is loaded again in half a second; few sessions see as many laws and shapes.
+MOST = 24
 _TRACED, _DIGEST = b"fricjax traced program 1\n", 32
 
 
@@ -50,6 +51,15 @@ _CONTAINERS = (tuple, list, dict, type(None))
 _SETTINGS = ("jax_enable_x64", "jax_default_matmul_precision", "jax_numpy_dtype_promotion", "jax_random_seed_offset")
 # Under these nothing is kept: they put checks into a program, or run it step by step.
 _WATCHED = ("jax_debug_nans", "jax_debug_infs", "jax_disable_jit", "jax_enable_checks")
+
+
+_PROGRAMS: "weakref.WeakSet[Program]" = weakref.WeakSet()
+
+
+def forget_programs() -> None:
+    """Let go of all compiled programs of this package, as `jax.clear_caches` does of those of JAX."""
+    for program in list(_PROGRAMS):
+        program.forget()
 
 
 class Shape(NamedTuple):
@@ -103,6 +113,12 @@ class Program[*Arguments, Result]:
         self._held: OrderedDict[Hashable, _Compiled] = OrderedDict()
         self._lock = threading.Lock()
         functools.update_wrapper(self, function)
+        _PROGRAMS.add(self)
+
+    def forget(self) -> None:
+        """Let go of what is held."""
+        with self._lock:
+            self._held.clear()
 
     def __call__(self, *args: *Arguments) -> Result:
         shape, arrays = split(args)

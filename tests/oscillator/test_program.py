@@ -11,6 +11,7 @@ import pytest
 
 from fricjax.friction import Coulomb
 from fricjax.oscillator import Program, Start
+from fricjax.oscillator.program import forget_programs
 
 ONE, TWO = np.ones(3), np.ones(4)
 # A class of the package to put anything into.
@@ -117,6 +118,9 @@ def test_the_programs_used_last_are_held():
     for x, compiled in ((ONE, 1), (TWO, 2), (ONE, 2), (np.ones(5), 3), (ONE, 3), (TWO, 4)):
         program(start(x))
         assert len(traces) == compiled
+    forget_programs()
+    program(start(TWO))
+    assert len(traces) == 5
 
 
 def test_threads_compile_once():
