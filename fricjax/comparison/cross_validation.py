@@ -16,10 +16,9 @@ import equinox as eqx
 import numpy as np
 
 from ..estimation.quadratic import quadratic
-from ..fitting.climb import LOOK
 from ..fitting.problem import Problem
 from ..fitting.residual import Residual
-from ..fitting.solve import Solved, checking, on_all_samples
+from ..fitting.solve import Solved, checking, look
 from ..fitting.survey import Survey
 
 _SHARE = 2 / 3
@@ -42,7 +41,7 @@ def held_out_score(problem: Problem, solved: Solved) -> float:
     for fold in _folds(problem):
         y, _ = _fitted(_weighing(residual, fold.fitted), solved.y, problem, None)
         seen = _weighing(residual, fold.predicted)
-        found = _look(problem, seen, y) if fold.refitted is None else _fitted(seen, y, problem, fold.refitted)[1]
+        found = look(problem, seen, y).survey if fold.refitted is None else _fitted(seen, y, problem, fold.refitted)[1]
         chi2 += sum(float(part @ part) for part in problem.by_run(found.residual))
         count += int(sum(part.sum() for part in fold.predicted))
     return chi2 / count if count else float("nan")
@@ -81,10 +80,10 @@ def _fitted(residual: Residual, y: np.ndarray, problem: Problem, run: int | None
     """
     p = residual.n_parameters
     held = np.zeros(p, bool) if run is None else ~_own(residual, run)
-    found = _look(problem, residual, y)
+    found = look(problem, residual, y).survey
     for _ in range(_STEPS):
         at_bound = (y[:p] <= problem.limits.lower) | (y[:p] >= problem.limits.upper)
-        shape = quadratic(np.asarray(found.gradient)[:p], np.asarray(found.normal)[:p, :p], held | at_bound)
+        shape = quadratic(found.gradient[:p], found.normal[:p, :p], held | at_bound)
         scatter = max(float(found.chi2) / max(problem.n_used, 1), 1.0)
         if shape.distance < _NEAR * np.sqrt(scatter):
             break
@@ -104,14 +103,10 @@ def _descended(
     for halving in range(_HALVINGS):
         trial = y + step / 2**halving
         trial[:p] = np.clip(trial[:p], problem.limits.lower, problem.limits.upper)
-        tried = _look(problem, residual, trial)
+        tried = look(problem, residual, trial).survey
         if _cost(tried) < cost:
             return trial, tried
     return None, None
-
-
-def _look(problem: Problem, residual: Residual, y: np.ndarray) -> Survey:
-    return on_all_samples(problem, residual, y, LOOK).survey
 
 
 def _cost(found: Survey) -> float:

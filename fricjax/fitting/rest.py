@@ -18,7 +18,7 @@ from ..oscillator import Oscillator
 from .names import sole_coulomb
 from .problem import Problem, with_rests
 from .residual import motion
-from .solve import Solved, look, solve
+from .solve import Solved, checking, look, solve
 from .whiteness import whiteness
 from .window import NEVER, Window, equilibrium, standstills
 
@@ -114,7 +114,7 @@ def _foreseen(rival: Problem, solved: Solved) -> float:
 
     Where the motion is not finite there, nothing is foreseen: -inf.
     """
-    found = look(rival, rival.residual, solved.y).survey
+    found = look(rival, checking(rival.residual, solved.y), solved.y).survey
     held = solved.shape.at_bound
     shape = quadratic(found.gradient[: held.size], found.normal[: held.size, : held.size], held)
     foreseen = float(found.chi2) - shape.distance**2

@@ -149,12 +149,13 @@ def with_inputs(residual: Residual, y: Any) -> np.ndarray:
 
 
 def look(problem: Problem, residual: Residual, y: Any) -> Climbed:
-    """What all samples say at coordinates `y` of parameters and inputs, with an engine that checks the residual's."""
-    return jax.tree.map(np.asarray, on_all_samples(problem, checking(residual, y), y, LOOK))
+    """What all samples of a residual say at coordinates `y` of parameters and inputs."""
+    return jax.tree.map(np.asarray, on_all_samples(problem, residual, y, LOOK))
 
 
 def _checked(problem: Problem, residual: Residual, at: Climbed) -> Solved:
-    looked = look(problem, residual, with_inputs(residual, at.y))
+    y = with_inputs(residual, at.y)
+    looked = look(problem, checking(residual, y), y)
     return judged(problem, jax.tree.map(np.asarray, at), looked)
 
 

@@ -19,7 +19,6 @@ from .nodes import Nodes
 # How much larger the tolerance of an internal state may be than that of the displacement, at most.
 _LOOSEST = 1000.0
 _FIRST_STEP = 1e-9
-EVERY_STEP = diffrax.SaveAt(t0=True, steps=True)
 
 
 class Rates(NamedTuple):
@@ -171,10 +170,3 @@ def integrate(field: Any, solver: Any, begin: Any, end: Any, y0: tuple, args: An
     """
     how = {"dt0": None, "adjoint": diffrax.ForwardMode(), "throw": False, **settings}
     return diffrax.diffeqsolve(diffrax.ODETerm(field), solver, begin, end, y0=y0, args=args, **how)
-
-
-def filled(tau: Array, ys: Any) -> tuple[Array, Any]:
-    """Saved steps with the unused ones at their end replaced by the last that was made."""
-    made = jnp.sum(jnp.isfinite(tau)) - 1
-    kept = jnp.minimum(jnp.arange(tau.size), made)
-    return tau[kept], jax.tree.map(lambda values: values[kept], ys)

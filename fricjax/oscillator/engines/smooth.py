@@ -26,7 +26,7 @@ from .landing import Landing, last_step
 from .mesh import Mesh, stepped
 from .nodes import Nodes
 from .noting import Log, Noting, after_step, closed
-from .scaled import EVERY_STEP, Cautious, Scaled, filled, integrate
+from .scaled import Cautious, Scaled, integrate
 from .turns import Span, turned, turning
 
 # The way that a mass may still go and count as resting, in tolerances.
@@ -153,9 +153,12 @@ class Smooth(AbstractEngine):
         """
         machine = Scaled.of(oscillator, start)
         end = duration * machine.rate
-        solution = self._free(machine.start(start), _Args(machine), end, EVERY_STEP, self.max_steps)
-        tau, ys = filled(solution.ts, solution.ys)
-        return machine.nodes(tau, ys[0], ys[1], ys[2:])
+        every = diffrax.SaveAt(t0=True, steps=True)
+        solution = self._free(machine.start(start), _Args(machine), end, every, self.max_steps)
+        last = jnp.sum(jnp.isfinite(solution.ts)) - 1
+        made = jnp.minimum(jnp.arange(solution.ts.size), last)
+        tau, (x, v, *states) = jax.tree.map(lambda values: values[made], (solution.ts, solution.ys))
+        return machine.nodes(tau, x, v, tuple(states))
 
     def meshed(
         self, oscillator: Oscillator, start: Start, duration: Array, half_cycles: Array | None, capacity: int
@@ -251,13 +254,18 @@ class Smooth(AbstractEngine):
         event: Any = None,
         noted: int | None = None,
     ) -> Any:
-        """Integration in time with steps chosen by their error; `noted` as in :func:`_integrated`."""
+        """Integration in time with steps chosen by their error.
+
+        With `noted`, the length of the list, the solver keeps a log of the reversals.
+        """
         tolerance = self._tolerance(args.machine)
         chosen: Any = diffrax.PIDController(rtol=tolerance, atol=tolerance)
         if args.machine.oscillator.friction.n_states:
             chosen = Closing(Cautious(rtol=tolerance, atol=tolerance), last_step(tolerance))
         settings = {"saveat": saveat, "stepsize_controller": chosen, "max_steps": max_steps, "event": event}
-        return _integrated(y0, args, end, noted, **settings)
+        solver = _solver(args.machine.oscillator)
+        with_log = solver if noted is None else Noting(solver, noted, _note)
+        return integrate(_field, with_log, jnp.zeros(()), end, y0, args, **settings)
 
     def _tolerance(self, machine: Scaled) -> Array:
         # Over fifty half-cycles the errors of the steps add up to some thirty times the tolerance.
@@ -265,16 +273,6 @@ class Smooth(AbstractEngine):
 
 
 _ENDS = diffrax.SaveAt(t0=True, steps=True, fn=lambda t, y, args: None)
-
-
-def _integrated(y0: tuple, args: _Args, end: Array, noted: int | None = None, **settings: Any) -> Any:
-    """The motion in time from a scaled state, with the settings of :func:`.scaled.integrate`.
-
-    With `noted`, the length of the list, the solver keeps a log of the reversals.
-    """
-    solver = _solver(args.machine.oscillator)
-    chosen = solver if noted is None else Noting(solver, noted, _note)
-    return integrate(_field, chosen, jnp.zeros(()), end, y0, args, **settings)
 
 
 def _note(log: Log, before: tuple, behind: tuple, args: _Args) -> Log:
