@@ -13,10 +13,12 @@ METHODS = {
     "fricjax": "ours",
     "fricjax, solve only": "ours",
     "numba closed form": "peers.closed_form",
+    "numba closed form, own Jacobian": "peers.closed_form_jacobian",
     "numba RK4": "peers.rk4",
     "CVODES": "peers.cvodes",
     "odeint": "peers.lsoda",
     "stock optimistix": "peers.stock",
+    "stock optimistix, one by one": "peers.stock",
     "DOP853": "peers.dop853",
 }
 SLIDING_TIMES = np.arange(round(0.29842 * 20e3)) / 20e3
@@ -32,7 +34,7 @@ def fits(method: str, path: Path) -> Job:
         return module.solver(records)
     if len(records) == 1:
         return lambda: [module.fit(records[0])]
-    if hasattr(module, "fit_all"):
+    if hasattr(module, "fit_all") and not method.endswith("one by one"):
         return lambda: module.fit_all(records)
     return Pool(path, METHODS[method], len(records))
 

@@ -39,7 +39,8 @@ def ratios(rows: Sequence[Row]) -> fj.show.Table:
                 _both(a.cold, b.cold, "{:.1f}"),
             )
         )
-    return fj.show.Table(HEAD, cells, "Times: warm medians in turns; ratio: how many times faster than the peer")
+    meaning = "Times: warm medians in turns; ratio: how many times faster than the peer; solve only: without posing"
+    return fj.show.Table(HEAD, cells, meaning)
 
 
 def _both(ours: float | None, peer: float | None, form: str) -> str:

@@ -1,10 +1,12 @@
 """The benchmark command in its quick mode: every row comes out, every fit reaches the optimum. Nothing is timed."""
 
+import importlib
 import json
 import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 pytest.importorskip("numba")
@@ -12,10 +14,11 @@ pytest.importorskip("casadi")
 
 COMMAND = Path(__file__).resolve().parents[2] / "experiments" / "benchmarks" / "run.py"
 # What fixes the ratios asked for: each must have a row.
-ASKED = 9
+ASKED = 12
 # [nm]: a tenth of the noise for the peers, less for the engines.
 PEER_ERROR, ENGINE_ERROR = 0.5, 0.1
 METHODS = {"fricjax", "fricjax, solve only", "numba closed form", "numba RK4", "CVODES", "odeint", "stock optimistix"}
+METHODS |= {"numba closed form, own Jacobian", "stock optimistix, one by one"}
 ENGINES = ("exact", "hybrid", "smooth")
 
 
@@ -58,6 +61,19 @@ def test_numerical_errors_are_below_the_noise(found):
 @pytest.mark.slow
 def test_the_long_record_is_fitted(found):
     assert [row["workload"] for row in found["long"]] == ["1e+05"]
+
+
+def test_the_derivatives_of_the_closed_form_are_those_of_its_displacement(monkeypatch):
+    monkeypatch.syspath_prepend(COMMAND.parent)
+    closed = importlib.import_module("peers.closed_form")
+    slopes = importlib.import_module("peers.closed_form_jacobian").slopes
+    t, at = np.arange(4000) / 2e3, np.array([0.01, 0.2, 2574.0, 2e-3, 1e-5])
+    for strokes in (3, 40):
+        found = slopes(t, strokes, *at)
+        for k, step in enumerate(np.diag(1e-6 * at)):
+            ends = (closed.displacement(t, strokes, *(at + side * step)) for side in (1, -1))
+            difference = np.subtract(*ends) / (2 * step[k])
+            np.testing.assert_allclose(found[:, k], difference, atol=1e-6 * np.abs(difference).max())
 
 
 def test_an_unknown_workload_is_refused():
