@@ -1,5 +1,6 @@
 """From the solved problem to the fit that the caller gets: values, uncertainties and what they are worth."""
 
+import dataclasses
 from collections.abc import Sequence
 from typing import Any
 
@@ -112,7 +113,7 @@ def _of_the_runs(problem: Problem) -> dict[str, Any]:
 
 def _cut(run: Run, n: int) -> Run:
     """The run without the samples that only fill it up."""
-    return eqx.tree_at(lambda r: (r.t, r.x, r.weight), run, (run.t[:n], run.x[:n], run.weight[:n]))
+    return dataclasses.replace(run, t=run.t[:n], x=run.x[:n], weight=run.weight[:n])
 
 
 def _count(run: Run) -> int | None:

@@ -97,7 +97,7 @@ class Climbed(NamedTuple):
 
 def like_climbed(residual: Residual, *_: Any) -> Climbed:
     """Something of the structure of what :func:`climb` returns for a residual."""
-    survey = Survey(0, 0, 0, 0, 0, turning_points=[0 for _ in residual.runs])
+    survey = Survey(0, 0, 0, 0, 0, pulls=[0 for _ in residual.runs])
     return Climbed(0, 0, 0, 0, survey, Settled(0, 0, residual.oscillator, 0, 0))
 
 

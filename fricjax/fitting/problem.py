@@ -4,7 +4,6 @@ import dataclasses
 from collections.abc import Sequence
 from typing import Any
 
-import equinox as eqx
 import jax
 import numpy as np
 
@@ -15,7 +14,7 @@ from ..estimation.space import LINEAR, Parameter, ParameterSpace
 from ..oscillator.leaves import leaves_of
 from .climb import Limits, Terrain
 from .parameters import Request, free_parameters, parse_priors, parse_ties, shared_leaves
-from .residual import Residual, without_inputs
+from .residual import Residual
 from .rig_inputs import rig_inputs
 from .runs import condensed_run, of_one_length, terrain_of, whole_run
 from .tuning import can_stop, engine_for
@@ -127,7 +126,7 @@ def with_rests(problem: Problem) -> Problem:
     windows = tuple(dataclasses.replace(window, used=window.used | window.repeated) for window in problem.windows)
     pairs = zip(windows, problem.residual.runs, strict=True)
     runs = tuple(dataclasses.replace(whole_run(window, True), half_cycles=run.half_cycles) for window, run in pairs)
-    residual = eqx.tree_at(lambda r: r.runs, problem.residual, of_one_length(runs))
+    residual = dataclasses.replace(problem.residual, runs=of_one_length(runs))
     condensed = _condensed(residual, windows)
     terrain = tuple(terrain_of(window, run) for window, run in zip(windows, condensed.runs, strict=True))
     return dataclasses.replace(problem, residual=residual, condensed=condensed, terrain=terrain, windows=windows)
@@ -164,10 +163,10 @@ def _condensed(residual: Residual, windows: Sequence[Window]) -> Residual:
     """The residual of the condensed records, without the inputs of the rig."""
     pairs = zip(windows, residual.runs, strict=True)
     runs = of_one_length(tuple(condensed_run(*pair, residual.oscillator) for pair in pairs))
-    return eqx.tree_at(lambda r: r.runs, without_inputs(residual), runs)
+    return dataclasses.replace(residual, runs=runs, inputs=residual.inputs[:0])
 
 
 def _limits(space: ParameterSpace, parameters: Sequence[Parameter]) -> Limits:
-    lower, upper = (space.coordinates(np.array([getattr(p, end) for p in parameters])) for end in ("lower", "upper"))
+    lower, upper = space.coordinates(np.array([[p.lower for p in parameters], [p.upper for p in parameters]]))
     kinds = np.array([parameter.kind in LINEAR for parameter in parameters])
     return Limits(lower, upper, kinds & np.isneginf(lower) & np.isposinf(upper))

@@ -9,12 +9,9 @@ import dataclasses
 from typing import NamedTuple
 
 import equinox as eqx
-import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array
 
 from ..estimation.quadratic import quadratic
-from ..oscillator import Oscillator
 from .names import sole_coulomb
 from .problem import Problem, with_rests
 from .residual import motion
@@ -186,9 +183,10 @@ def _may_have_stopped(window: Window) -> bool:
 def far_off(problem: Problem, solved: Solved) -> bool:
     """Whether the residuals are larger than the noise, and large enough for a missed or added stroke."""
     excess = solved.chi2 / problem.n_used
+    if excess <= _ADEQUATE:
+        return False
     sigma = float(np.median(np.concatenate([w.sigma[w.used] for w in problem.windows])))
-    stroke = float(solved.settled.machine.dead_band)
-    return excess > _ADEQUATE and sigma * np.sqrt(excess) > _STROKE_SHARE * stroke
+    return sigma * np.sqrt(excess) > _STROKE_SHARE * float(solved.settled.machine.dead_band)
 
 
 def _own_count(problem: Problem, solved: Solved, run: int) -> int:
@@ -207,9 +205,9 @@ def rest_margin(problem: Problem, solved: Solved, run: int) -> Margin | None:
     count, machine = int(problem.residual.runs[run].half_cycles), solved.settled.machine
     if not machine.friction.set_valued or count >= NEVER or count < 1:
         return None
-    excess = _pulls(solved, run) - float(machine.friction.static_force(machine.normal_force))
+    excess = solved.survey.pulls[run] - float(machine.friction.static_force(machine.normal_force))
     stop, before = (float(excess[n] / machine.stiffness) for n in (count, count - 1))
-    return Margin(-stop, np.inf if count == 1 and _starts_moving(problem, solved, run) else before)
+    return Margin(-stop, np.inf if count == 1 and _starts_moving(problem, run) else before)
 
 
 def excess_at_reversals(problem: Problem, solved: Solved, run: int) -> float | None:
@@ -221,24 +219,14 @@ def excess_at_reversals(problem: Problem, solved: Solved, run: int) -> float | N
     machine, ends_in_motion = solved.settled.machine, int(problem.residual.runs[run].half_cycles) >= NEVER
     if not (machine.friction.set_valued and ends_in_motion and problem.bracketed is None):
         return None
-    moved_on = _pulls(solved, run)[int(_starts_moving(problem, solved, run)) : problem.windows[run].strokes + 1]
+    moved_on = solved.survey.pulls[run][int(_starts_moving(problem, run)) : problem.windows[run].strokes + 1]
     static = float(machine.friction.static_force(machine.normal_force))
     return float((np.min(moved_on, initial=np.inf) - static) / machine.stiffness)
 
 
-def _pulls(solved: Solved, run: int) -> np.ndarray:
-    """Size of the spring's force at the turning points of a run [N]."""
-    return np.asarray(_pull(solved.settled.machine, solved.survey.turning_points[run]))
-
-
-@eqx.filter_jit
-def _pull(machine: Oscillator, points: Array) -> Array:
-    return jnp.abs(machine.restoring_force(points)) - machine.hysteresis(points)
-
-
-def _starts_moving(problem: Problem, solved: Solved, run: int) -> bool:
+def _starts_moving(problem: Problem, run: int) -> bool:
     """Whether a run starts in mid-stroke, so that the first of its turning points is none."""
-    return bool(problem.residual.own_at(solved.settled.values, run)["v0"] != 0)
+    return "v0" in problem.windows[run].nuisances or bool(problem.residual.runs[run].fixed["v0"] != 0)
 
 
 def bracket_static(problem: Problem, solved: Solved) -> Bracket | None:
@@ -249,10 +237,10 @@ def bracket_static(problem: Problem, solved: Solved) -> Bracket | None:
     load = float(machine.normal_force)
     lower, upper = float(machine.friction.dynamic_force(machine.normal_force)) / load, np.inf
     for run, window in enumerate(problem.windows):
-        pull = _pulls(solved, run) / load
+        pull = solved.survey.pulls[run] / load
         count = int(problem.residual.runs[run].half_cycles)
         stopped = count < NEVER
-        moved_on = pull[int(_starts_moving(problem, solved, run)) : count if stopped else window.strokes]
+        moved_on = pull[int(_starts_moving(problem, run)) : count if stopped else window.strokes]
         upper = min(upper, float(np.min(moved_on, initial=np.inf)))
         lower = max(lower, float(pull[count]) if stopped else 0.0)
     sigma = max(float(np.median(window.sigma[window.used])) for window in problem.windows)

@@ -48,7 +48,7 @@ def condensed_run(window: Window, run: Run, oscillator: Oscillator) -> Run:
 def of_one_length(runs: tuple[Run, ...]) -> tuple[Run, ...]:
     """Runs of a joint fit with samples without weight added, as many as the longest has, where few are missing."""
     sizes = [run.t.size for run in runs]
-    if max(sizes) > _UNLIKE * min(sizes):
+    if len(set(sizes)) == 1 or max(sizes) > _UNLIKE * min(sizes):
         return runs
     return tuple(_with_samples(run, _up_to(max(sizes), Samples(run.t, run.x, run.weight))) for run in runs)
 

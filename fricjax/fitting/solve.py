@@ -8,9 +8,9 @@ engine. The smooth engine, whose mesh is made for one set of coordinates, gets a
 All of that is one program, called with other samples, other meshes and another way to go.
 """
 
+import dataclasses
 from typing import Any, NamedTuple
 
-import equinox as eqx
 import jax
 import numpy as np
 from jaxtyping import Float
@@ -135,7 +135,7 @@ def _refined(problem: Problem, at: Climbed, rounds: int, endings: tuple[int, ...
 
 
 def _with_engine(residual: Residual, engine: AbstractEngine) -> Residual:
-    return eqx.tree_at(lambda r: r.engine, residual, engine)
+    return dataclasses.replace(residual, engine=engine)
 
 
 def checking(residual: Residual, y: Any) -> Residual:

@@ -30,7 +30,7 @@ class Survey(NamedTuple):
         cost: half the sum of losses.
         gradient: J'r, shape (coordinates,), each sample weighted as its loss says.
         normal: J'J, shape (coordinates, coordinates), likewise.
-        turning_points: of the motion of each run, as its path notes them [m].
+        pulls: size of the spring's force at the turning points of each run, as its path notes them [N].
     """
 
     residual: Any
@@ -38,7 +38,7 @@ class Survey(NamedTuple):
     cost: Any
     gradient: Any
     normal: Any
-    turning_points: Any
+    pulls: Any
 
 
 @eqx.filter_jit
@@ -50,7 +50,7 @@ def survey(residual: Residual, y: Float[Array, " coordinates"], loss: AbstractLo
     priors = gather(r, slopes, Squares())
     sums = jax.tree.map(lambda *values: sum(values), priors, *(found for _, found, _ in parts))
     joined = jnp.concatenate([*(values for values, _, _ in parts), r])
-    return Survey(joined, joined @ joined, sums.cost, sums.gradient, sums.normal, [points for _, _, points in parts])
+    return Survey(joined, joined @ joined, sums.cost, sums.gradient, sums.normal, [pulls for _, _, pulls in parts])
 
 
 class Surveys(AbstractPasses):
@@ -99,7 +99,7 @@ def _of_runs(residual: Residual, y: Array, loss: AbstractLoss) -> Callable[[Any,
 
 
 def _run(residual: Residual, y: Array, number: Any, data: Run, loss: AbstractLoss) -> tuple[Array, Pass, Array]:
-    """Residual of one run, its sums, and its turning points."""
+    """Residual of one run, its sums, and the pulls at its turning points."""
     n = data.t.shape[0]
     pieces = -(-n // CHUNK)
     t, x = (jnp.pad(values, (0, pieces * CHUNK - n), mode="edge") for values in (data.t, data.x))
@@ -128,4 +128,5 @@ def _run(residual: Residual, y: Array, number: Any, data: Run, loss: AbstractLos
     last = jnp.max(jnp.where(weight > 0, jnp.arange(weight.size), -1))
     begin = jnp.zeros(weight.shape), Pass(jnp.zeros(()), zero, zero[:, None] * zero)
     r, sums = jax.lax.fori_loop(0, last // CHUNK + 1, chunk, begin)
-    return r[:n], sums, eqx.combine(moving, fixed).path.turning_points
+    machine, points = residual.machine(y), eqx.combine(moving, fixed).path.turning_points
+    return r[:n], sums, jnp.abs(machine.restoring_force(points)) - machine.hysteresis(points)
