@@ -205,16 +205,30 @@ def _repeated(t: np.ndarray, x: np.ndarray, fitted: np.ndarray, found: Segmentat
 def _turned(found: Segmentation) -> int | None:
     """Index of the last reversal before a stroke that hardly crosses the equilibrium; None where all strokes do.
 
-    Friction of half the deflection takes such a stroke to a creep. The end of the last stroke, which is no reversal,
-    is where the decay so far leads.
+    So does one that friction at its full strength would not let cross: a law that creeps is weaker at low speed, and
+    takes the mass there and back long after its phase has ceased to run evenly. The end of the last stroke, which is no
+    reversal, is where the decay so far leads.
     """
-    swing = np.abs(standstills(found)[1] - equilibrium(found))
+    place = standstills(found)[1] - equilibrium(found)
+    swing = np.abs(place)
     if swing.size < _FEWEST:
         return None
-    after = np.append(swing[1:], 2 * swing[-1] - swing[-2])
+    # A creep that is read as a reversal ends on the side on which it began.
+    after = np.append(-np.sign(place[:-1]) * place[1:], 2 * swing[-1] - swing[-2])
+    after = np.minimum(after, swing - 2 * _band(swing))
     short = np.flatnonzero(after < _CROSSED * swing)
     before = swing.size - found.turning_points.size
     return int(short[0]) - before if short.size and short[0] >= _FEWEST - 1 else None
+
+
+def _band(swing: np.ndarray) -> float:
+    """Dead band [m] from what successive deflections lose, to friction, damping and drag."""
+    from scipy.optimize import nnls
+
+    # Where the mass is fast, friction has its full strength.
+    mean = (swing[:-1] + swing[1:]) / 2
+    columns = np.stack([np.full(mean.size, 2.0), mean, mean**2 / swing[0]], axis=1)
+    return float(nnls(columns * mean[:, None], (swing[:-1] - swing[1:]) * mean)[0][0])
 
 
 def _half_cycles(found: Segmentation, t_start: float, turned: int | None) -> int:
