@@ -1,9 +1,10 @@
 """Records that end in the last stroke, from which friction lets the mass go by little."""
 
+import numpy as np
 import pytest
 
-from fricjax import Oscillator, fit, synthetic_run
-from fricjax.friction import Stribeck
+from fricjax import Oscillator, fit, fit_batch, synthetic_run
+from fricjax.friction import Stribeck, Tanh
 from tests.fitting.runs import STIFFNESS
 from tests.helpers import PROTOTYPE_DAMPING, PROTOTYPE_MASS
 
@@ -25,3 +26,20 @@ def test_the_last_stroke_needs_no_stop(duration: float):
     assert found.numerical_shift < 0.1
     for name, true in TRUTH.items():
         assert abs(found.values[name] - true) < 4 * found.std_errors[name], name
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("v_s", [1e-3, 1e-4])
+def test_a_law_that_creeps_is_fitted_wherever_its_record_ends(v_s: float):
+    """Slow strokes swing on within the dead band at 1e-3 m/s; at 1e-4 m/s the last creep may look like a reversal."""
+    random = np.random.default_rng(2)
+    mu, starts = random.uniform(0.005, 0.02, 24), random.uniform(0.5e-3, 3e-3, 24)
+
+    def of(coefficient: float) -> Oscillator:
+        return Oscillator(PROTOTYPE_MASS, STIFFNESS, PROTOTYPE_DAMPING, 1.89, Tanh(coefficient, v_s))
+
+    how = {"rate": 5e3, "duration": 2.0, "noise": 5e-9}
+    runs = [synthetic_run(of(m), x0, seed=i, **how) for i, (m, x0) in enumerate(zip(mu, starts, strict=True))]
+    found = fit_batch(runs, of(0.01), ["mu", "damping", "stiffness"])
+    assert found.status == ("converged",) * 24
+    assert np.all(np.abs(found.values["mu"] - mu) < 4 * found.std_errors["mu"])
