@@ -2,6 +2,10 @@
 
 Each route sees something else of a run: the trace all of it, the pairs only where it starts and ends, the energy its
 losses half-cycle by half-cycle or sample by sample. Under the right law all give the same coefficient.
+
+They see the same samples, so their errors go together, and a mean of them is no better than its best part: what a
+less precise route differs by from one that takes all there is to take is noise of its own (Hausman, Econometrica 46,
+1251, 1978). So the most precise route speaks for all, and the others test it.
 """
 
 import dataclasses
@@ -13,6 +17,7 @@ import numpy as np
 from ..calibrate import Rig
 from ..data import Record, Trace
 from ..data.errors import DataError, UsageError
+from ..estimation.covariance import COVERAGE
 from ..fitting import BatchFit, fit_batch
 from ..friction import Coulomb
 from ..show import Table, plain, uncertain
@@ -20,6 +25,8 @@ from .energy_balance import half_cycle_friction
 from .final_displacement import fit_final_displacements
 from .force_map import friction_force_map
 from .pairs import Pairs, pairs_of
+from .result import RouteFit
+from .scatter import scale_of
 from .triangle_map import fit_triangle_map
 
 _START = 0.01
@@ -27,7 +34,10 @@ _DISTANT = 3.0
 
 
 class Route(NamedTuple):
-    """One route's dynamic coefficient, its standard error from the runs alone, and from how many runs it comes."""
+    """One route's dynamic coefficient and from how many runs it comes.
+
+    Its standard error is that from the runs alone, and where it rests on few residuals widened as Student's interval is.
+    """
 
     name: str
     mu: float
@@ -42,8 +52,8 @@ class Agreement:
     Attributes:
         routes: what each route found; a route that found nothing is in `failures`, with the reason.
         failures: sentences by name of the route.
-        mu, std: weighted mean and its standard error, by the scatter between the routes where that is larger.
-        chi2: sum of squared distances from the mean in standard errors; `dof`: number of routes less one.
+        mu, std: coefficient of the most precise route and its standard error, enlarged where the others contradict it.
+        chi2: sum of squared distances of the others from it in their standard errors; `dof`: their number.
         spread: largest relative distance between two routes.
         tolerance: relative distance that counts as agreement.
     """
@@ -71,7 +81,7 @@ class Agreement:
         if self.agree:
             return f"{told}: one coefficient of Coulomb friction describes the runs."
         off = max(self.routes, key=lambda route: abs(route.mu - self.mu))
-        near = all(abs(route.mu - self.mu) <= _DISTANT * np.hypot(route.std, self.std) for route in self.routes)
+        near = all(abs(route.mu - self.mu) <= _DISTANT * route.std for route in self.routes)
         if near:
             return (
                 f"{told}, more than the tolerance of {self.tolerance:g}, if no more than their own scatter allows: the "
@@ -86,14 +96,14 @@ class Agreement:
         """One row per route."""
         rows = [[r.name, uncertain(r.mu, r.std), plain(r.mu / self.mu - 1, 2), str(r.runs)] for r in self.routes]
         rows += [[name, "", "", reason] for name, reason in self.failures.items()]
-        return Table(["Route", "mu", "From the mean (relative)", "Runs"], rows)
+        return Table(["Route", "mu", "From the most precise (relative)", "Runs"], rows)
 
     def summary(self) -> str:
         """The comparison as plain text."""
-        return f"{self.table().text()}\n\nmean: {uncertain(self.mu, self.std)}\n{self.verdict}"
+        return f"{self.table().text()}\n\nmost precise: {uncertain(self.mu, self.std)}\n{self.verdict}"
 
     def _repr_html_(self) -> str:
-        return f"{self.table().html()}<p>mean: {uncertain(self.mu, self.std)}. {self.verdict}</p>"
+        return f"{self.table().html()}<p>most precise: {uncertain(self.mu, self.std)}. {self.verdict}</p>"
 
     def to_dict(self) -> dict[str, Any]:
         """The comparison as plain data."""
@@ -135,19 +145,22 @@ def compare_routes(records: Sequence[Record | Trace], rig: Rig, *, tolerance: fl
 
 
 def _joined(routes: tuple[Route, ...], failures: dict[str, str], tolerance: float) -> Agreement:
-    values, stds = (np.array([getattr(route, name) for route in routes]) for name in ("mu", "std"))
-    mean, std, chi2 = weighted_mean(values, stds)
-    return Agreement(routes, failures, mean, std, chi2, len(routes) - 1, float(np.ptp(values) / abs(mean)), tolerance)
+    best = min(routes, key=lambda route: route.std)
+    others = [route for route in routes if route is not best]
+    chi2 = float(sum(((route.mu - best.mu) / route.std) ** 2 for route in others))
+    std = best.std * float(np.sqrt(max(chi2 / max(len(others), 1), 1.0)))
+    spread = float(np.ptp([route.mu for route in routes]) / abs(best.mu))
+    return Agreement(routes, failures, best.mu, std, chi2, len(others), spread, tolerance)
 
 
 def weighted_mean(values: np.ndarray, stds: np.ndarray) -> tuple[float, float, float]:
-    """Mean by inverse variance, its standard error, not below what the scatter says, and chi^2 of the scatter."""
+    """Mean of independent runs by inverse variance, its standard error as :class:`Route` has it, and chi^2."""
     known = np.isfinite(values) & np.isfinite(stds) & (stds > 0)
     values, weights = values[known], 1 / stds[known] ** 2
     mean = float(values @ weights / weights.sum())
     chi2 = float(((values - mean) ** 2) @ weights)
-    scatter = max(chi2 / max(values.size - 1, 1), 1.0)
-    return mean, float(np.sqrt(scatter / weights.sum())), chi2
+    scale = scale_of(chi2, values.size - 1, known=True)
+    return mean, scale.factor * scale.half_width / COVERAGE * float(weights.sum() ** -0.5), chi2
 
 
 def _by_trace(records: Sequence[Record | Trace], rig: Rig) -> tuple[float, float, int]:
@@ -170,16 +183,19 @@ def _coefficients(found: BatchFit, rig: Rig) -> tuple[np.ndarray, np.ndarray]:
 def _by_pairs(records: Sequence[Record | Trace], rig: Rig) -> tuple[float, float, int]:
     pairs = _moved(records)
     machine = rig.oscillator(Coulomb(_START))
-    found = fit_final_displacements(pairs.x0, pairs.xf, machine, half_cycles=pairs.half_cycles)
-    if not found.converged:
-        raise DataError(f"The fit is not valid, {found.status}")
-    return found.values["mu"], found.std_errors["mu"], pairs.x0.size
+    return _of_pairs(fit_final_displacements(pairs.x0, pairs.xf, machine, half_cycles=pairs.half_cycles))
 
 
 def _by_map(records: Sequence[Record | Trace], rig: Rig) -> tuple[float, float, int]:
     pairs = _moved(records)
-    found = fit_triangle_map(pairs.x0, pairs.xf, _exact(rig), half_cycles=pairs.half_cycles)
-    return found.values["mu"], found.std_errors["mu"], pairs.x0.size
+    return _of_pairs(fit_triangle_map(pairs.x0, pairs.xf, _exact(rig), half_cycles=pairs.half_cycles))
+
+
+def _of_pairs(found: RouteFit) -> tuple[float, float, int]:
+    low, high = found.intervals["mu"]
+    if not found.converged or not np.isfinite(high - low):
+        raise DataError(f"The fit is not valid, {found.status}" if not found.converged else " ".join(found.warnings))
+    return found.values["mu"], (high - low) / 2 / COVERAGE, found.x0.size
 
 
 def _by_half_cycles(records: Sequence[Record | Trace], rig: Rig) -> tuple[float, float, int]:

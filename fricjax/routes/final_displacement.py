@@ -13,7 +13,6 @@ import jax.numpy as jnp
 import numpy as np
 
 from ..data.errors import DataError, UsageError
-from ..estimation.covariance import COVERAGE
 from ..estimation.space import Parameter, ParameterSpace
 from ..fitting.names import check_identifiable, find_leaf, sole_coulomb
 from ..oscillator import Oscillator, ready
@@ -21,7 +20,7 @@ from ..oscillator.leaves import leaves_of
 from ..oscillator.select import select_engine
 from .half_cycles import Unwrapped, capacity_for, counted, decay_ratio
 from .pair_model import PairModel, fitted_dead_band, predicted, solve_pairs
-from .pair_remarks import remarks
+from .pair_remarks import remarks, status_of_counts
 from .pairs import Pairs, checked_pairs
 from .result import RouteFit
 from .solve import Solution, flags_of, status_of
@@ -174,19 +173,25 @@ def _assembled(
     computed = np.asarray(predicted(model, jnp.asarray(solution.q)))
     static = _static(pairs, model, values, found, machine)
     scale = np.sqrt(solution.chi2 / solution.dof) if scaled else 1.0
-    warnings = (*remarks(pairs, found, computed, weight * scale, machine), *solution.warnings)
+    band = fitted_dead_band(model, solution)
+    shift = model.space.run_values(jnp.asarray(values), 0).get("offset", found.offset)
+    found = found._replace(dead_band=band[0], offset=float(shift))
+    warnings = (*remarks(pairs, found, computed, weight * scale, machine, solution.scale), *solution.warnings)
+    errors, open_ = dict(zip(names, map(float, std), strict=True)), status_of_counts(found)
+    half = solution.scale.half_width
     return RouteFit(
         route="final displacements",
         names=names,
         values=dict(zip(names, map(float, values), strict=True)) | static.value,
-        std_errors=dict(zip(names, map(float, std), strict=True)),
+        std_errors=errors,
+        combined_std_errors=errors,
         units={p.name: p.unit for p in parameters} | dict.fromkeys(static.value, ""),
-        intervals={n: (v - COVERAGE * s, v + COVERAGE * s) for n, v, s in zip(names, values, std, strict=True)}
+        intervals={n: (float(v - half * s), float(v + half * s)) for n, v, s in zip(names, values, std, strict=True)}
         | static.interval,
         covariance=covariance,
         flags=flags_of(names, solution) | dict.fromkeys(static.value, ("bracketed, not fitted",)),
-        converged=solution.converged,
-        status=status_of(names, solution),
+        converged=solution.converged and open_ is None,
+        status=open_ if solution.converged and open_ is not None else status_of(names, solution),
         warnings=warnings,
         x0=pairs.x0,
         xf=pairs.xf,
@@ -196,7 +201,7 @@ def _assembled(
         sigma_source="scatter of the residuals" if scaled else "given",
         chi2=float(solution.dof) if scaled else solution.chi2,
         dof=solution.dof,
-        extras={"dead_band": fitted_dead_band(model, solution)},
+        extras={"dead_band": band},
     )
 
 

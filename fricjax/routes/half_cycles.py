@@ -4,7 +4,9 @@ Under Coulomb and viscous friction the alternating amplitude after n half-cycles
 S_n`` with ``S_n = (1 - rho^n)/(1 - rho)``, and the mass stops with ``-x_d < a_n <= x_s``. Without the number n the
 sum of squares over the dead band x_d has as many minima as there are half-cycles, like a periodogram; with it the
 problem is linear. So all dead bands are tried on a grid fine enough to miss no minimum, each with the best n for each
-pair, and judged by the residuals relative to the dead band: the wrong ones scatter evenly, whatever their size.
+pair, and judged by the residuals relative to the dead band: the wrong ones scatter evenly, whatever their size. By
+that measure the likelihood of each, its scale left open, is its score to the power of half the degrees of freedom, and
+the sum of the others over that of the best is the odds that the best one is wrong.
 """
 
 from typing import NamedTuple
@@ -19,14 +21,25 @@ _SMALLEST = 1 / 400
 # A static coefficient above the dynamic one stops the mass up to so many half-cycles earlier.
 _EARLIER = 3
 _ROUNDS = 8
+# Scores below this, in squares of the largest start, are rounding.
+_ROUNDING = 1e-26
+# Standard errors from the best dead band within which others change a coefficient by no more than its noise.
+_SAME = 5.0
 
 
 class Unwrapped(NamedTuple):
-    """Number of half-cycles of each pair, shape (pairs,); dead band x_d and offset [m] that they were found with."""
+    """Number of half-cycles of each pair, and what it was found with.
+
+    Attributes:
+        half_cycles: shape (pairs,).
+        dead_band, offset: x_d and the reading at the equilibrium [m].
+        odds: that the pairs belong to quite another dead band; zero where the numbers were given.
+    """
 
     half_cycles: np.ndarray
     dead_band: float
     offset: float
+    odds: float = 0.0
 
 
 def decay_ratio(oscillator: Oscillator) -> float:
@@ -81,11 +94,34 @@ def unwrap(x0: np.ndarray, xf: np.ndarray, rho: float, offset: float | None = No
     scores, found = _judged(x0, xf, rho, grid, np.full(grid.shape, offset or 0.0), offset)
     best = _at(found, int(np.argmin(scores)))
     for _ in range(_ROUNDS):
-        _, again = _judged(x0, xf, rho, np.array([best.dead_band]), np.array([best.offset]), offset)
+        score, again = _judged(x0, xf, rho, np.array([best.dead_band]), np.array([best.offset]), offset)
         before, best = best, _at(again, 0)
         if np.array_equal(before.half_cycles, best.half_cycles):
             break
-    return best
+    return best._replace(odds=_odds(x0, rho, best, float(score[0]), scores, found, offset))
+
+
+def _odds(
+    x0: np.ndarray,
+    rho: float,
+    best: Unwrapped,
+    score: float,
+    scores: np.ndarray,
+    found: tuple[np.ndarray, np.ndarray, np.ndarray],
+    held: float | None,
+) -> float:
+    """Odds that the pairs belong to another dead band than the best one by more than its standard error can explain."""
+    dof = x0.size - (1 if held is not None else 2)
+    if dof < 1 or not np.isfinite(score):
+        return np.inf
+    counts, bands, _ = found
+    score = max(score, _ROUNDING * (float(np.max(np.abs(x0))) / best.dead_band) ** 2)
+    columns = sensitivities(x0, best.half_cycles, rho, held)
+    slopes = np.stack(columns[: x0.size - dof], axis=1)
+    std = best.dead_band * np.sqrt(score * x0.size / dof * np.linalg.pinv(slopes.T @ slopes)[0, 0])
+    apart = np.isfinite(scores) & (np.abs(bands - best.dead_band) > _SAME * std)
+    rivals = np.unique(counts[apart], axis=0, return_index=True)[1]
+    return float(np.sum((score / np.maximum(scores[apart][rivals], score)) ** (dof / 2)))
 
 
 def counted(
@@ -122,7 +158,7 @@ def _judged(
     refined, shift, residual = linear_fit(x0, xf, n, rho, held)
     usable = (refined > 0) & (refined < 2 * bands)
     band = np.where(usable, refined, bands)
-    score = np.where(usable, np.mean((residual / band[:, None]) ** 2, axis=1), 1.0)
+    score = np.where(usable, np.mean((residual / band[:, None]) ** 2, axis=1), np.inf)
     return score, (n, band, np.where(usable, shift, offsets))
 
 
@@ -150,8 +186,7 @@ def linear_fit(
     Returns:
         Dead bands and offsets, shape (...,); zero where the pairs do not determine one. Residuals, shape (..., pairs).
     """
-    side, sign = np.sign(x0 - (held or 0.0)), (-1.0) ** n
-    by_band, by_offset = -sign * side * (1 + rho) * _sum(n, rho), 1 - sign * rho**n
+    sign, (by_band, by_offset) = (-1.0) ** n, sensitivities(x0, n, rho, held)
     left = xf - sign * rho**n * x0 - by_offset * (held or 0.0)
     aa, ab, bb = (np.sum(u * v, -1) for u, v in ((by_band, by_band), (by_band, by_offset), (by_offset, by_offset)))
     al, bl = np.sum(by_band * left, -1), np.sum(by_offset * left, -1)
@@ -163,3 +198,9 @@ def linear_fit(
     band = np.divide(al * bb - bl * ab, rest, out=np.zeros_like(rest), where=known)
     offset = np.divide(bl * aa - al * ab, rest, out=np.zeros_like(rest), where=known)
     return band, offset, left - band[..., None] * by_band - offset[..., None] * by_offset
+
+
+def sensitivities(x0: np.ndarray, n: np.ndarray, rho: float, held: float | None) -> tuple[np.ndarray, np.ndarray]:
+    """Derivatives of the final displacements with respect to the dead band and to the offset."""
+    side, sign = np.sign(x0 - (held or 0.0)), (-1.0) ** n
+    return -sign * side * (1 + rho) * _sum(n, rho), 1 - sign * rho**n

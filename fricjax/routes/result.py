@@ -18,8 +18,11 @@ class RouteFit:
         route: name of the route.
         names: fitted parameters, in the order of the covariance.
         values, std_errors, units: by name, SI; a bracketed static coefficient is in `values` with the middle of its
-            interval and has no standard error.
-        intervals: 95 % intervals; for a bracketed static coefficient the interval between stops and non-stops.
+            interval and has no standard error. Where the stated noise is too small for the residuals, the standard
+            errors are enlarged to them.
+        combined_std_errors: with the uncertainties of the rig, where the route takes one.
+        intervals: 95 % intervals of the combined errors, by Student's t where the noise is that of few residuals; for a
+            bracketed static coefficient the interval between stops and non-stops.
         covariance: shape (p, p); inf where a parameter is undetermined.
         flags: remarks on each parameter.
         converged, status: whether the numbers are valid, and the outcome in words.
@@ -35,6 +38,7 @@ class RouteFit:
     names: tuple[str, ...]
     values: dict[str, float]
     std_errors: dict[str, float]
+    combined_std_errors: dict[str, float]
     units: dict[str, str]
     intervals: dict[str, tuple[float, float]]
     covariance: np.ndarray

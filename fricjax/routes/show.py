@@ -12,15 +12,16 @@ if TYPE_CHECKING:
 
 def parameter_table(fit: "RouteFit") -> Table:
     """One row per parameter, bracketed coefficient and further estimate."""
-    rows = [[name, _shown(fit, name), "; ".join(fit.flags[name])] for name in fit.values]
-    rows += [[name.replace("_", " "), _estimate(*estimate), ""] for name, estimate in fit.extras.items()]
-    return Table(["Parameter", "Value (standard error)", "Remarks"], rows)
+    rows = [[name, *_shown(fit, name), "; ".join(fit.flags[name])] for name in fit.values]
+    rows += [[name.replace("_", " "), _estimate(*estimate), "", ""] for name, estimate in fit.extras.items()]
+    return Table(["Parameter", "Value (standard error)", "95 % interval", "Remarks"], rows)
 
 
-def _shown(fit: "RouteFit", name: str) -> str:
-    if name in fit.std_errors:
-        return uncertain(fit.values[name], fit.std_errors[name], fit.units[name])
-    return interval(*fit.intervals[name], fit.units[name])
+def _shown(fit: "RouteFit", name: str) -> tuple[str, str]:
+    within = interval(*fit.intervals[name], fit.units[name])
+    if name not in fit.combined_std_errors:
+        return "", within
+    return uncertain(fit.values[name], fit.combined_std_errors[name], fit.units[name]), within
 
 
 def _estimate(value: float, std: float | None, unit: str) -> str:

@@ -14,6 +14,7 @@ from ..estimation.levenberg_marquardt import LevenbergMarquardt
 from ..estimation.passes import residual_and_jacobian
 from ..estimation.quadratic import quadratic
 from ..estimation.status import CONVERGED, NOT_FINITE, UNDETERMINED
+from .scatter import Scale, scale_of
 
 
 class Solution(NamedTuple):
@@ -23,6 +24,7 @@ class Solution(NamedTuple):
         q: coordinates, shape (p,); `covariance`: of the coordinates, shape (p, p), inf where undetermined.
         undetermined: coordinates that the data leave open, shape (p,).
         chi2, dof: sum of squared weighted residuals and degrees of freedom, at least one.
+        scale: by which the covariance is enlarged, and what that makes of intervals.
         status: what the solver said; `warnings`: in sentences.
     """
 
@@ -31,6 +33,7 @@ class Solution(NamedTuple):
     undetermined: np.ndarray
     chi2: float
     dof: int
+    scale: Scale
     status: int
     warnings: tuple[str, ...]
 
@@ -52,14 +55,15 @@ def minimise(residual: Callable, parameters: int, *, scaled: bool, floor: float)
     """
     found = _least_squares(residual, jnp.zeros(parameters), np.asarray(floor))
     q, r, jacobian, status = (np.asarray(value) for value in found)
-    dof, chi2 = max(r.size - parameters, 1), max(float(r @ r), floor if scaled else 0.0)
+    spare, chi2 = r.size - parameters, max(float(r @ r), floor if scaled else 0.0)
     shape = quadratic(jacobian.T @ r, jacobian.T @ jacobian, np.zeros(parameters, bool))
-    covariance = (chi2 / dof if scaled else 1.0) * shape.inverse
-    covariance[shape.undetermined, :] = covariance[:, shape.undetermined] = 0.0
-    covariance[shape.undetermined, shape.undetermined] = np.inf
-    spare = r.size > parameters
+    scale = scale_of(chi2, spare, known=not scaled)
+    unknown = shape.undetermined | (not np.isfinite(scale.factor))
+    covariance = (scale.factor if np.isfinite(scale.factor) else 1.0) ** 2 * shape.inverse
+    covariance[unknown, :] = covariance[:, unknown] = 0.0
+    covariance[unknown, unknown] = np.inf
     said = () if spare or not scaled else ("As many parameters as pairs: the scatter cannot tell any uncertainty.",)
-    return Solution(q, covariance, shape.undetermined, chi2, dof, int(status), said)
+    return Solution(q, covariance, shape.undetermined, chi2, max(spare, 1), scale, int(status), said)
 
 
 @eqx.filter_jit

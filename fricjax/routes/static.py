@@ -104,7 +104,8 @@ def probit(size: np.ndarray, stopped: np.ndarray) -> Probit:
 
     Raises:
         UsageError: arrays that do not fit each other.
-        DataError: stops and non-stops that do not overlap, so that no scatter shows; :func:`bracket` then says all.
+        DataError: stops and non-stops that do not overlap, so that no scatter shows; :func:`bracket` then says all. Or
+            stops at larger deflections than non-stops.
     """
     size, stopped = np.asarray(size, float), np.asarray(stopped, bool)
     if size.ndim != 1 or size.shape != stopped.shape:
@@ -154,21 +155,31 @@ def _terms(z: np.ndarray, sign: np.ndarray, alpha: float, beta: float) -> tuple[
 
 
 def _maximum(z: np.ndarray, sign: np.ndarray) -> _Best:
-    """Newton's method with halved steps; the likelihood is concave, so it cannot fail where stops overlap."""
+    """The maximum of the likelihood, which is concave.
+
+    Raises:
+        DataError: deflections at which the mass stops no more seldom where they are larger.
+    """
+    from scipy.optimize import minimize
+
     beta = 4 / max(float(np.std(z)), 1e-9)
-    at = np.array([beta * float((z[sign > 0].max() + z[sign < 0].min()) / 2), beta])
-    value, gradient, information = _terms(z, sign, *at)
-    for _ in range(100):
-        step = np.linalg.solve(information, gradient)
-        while True:
-            trial = _terms(z, sign, *(at + step))
-            if trial[0] >= value or np.max(np.abs(step)) < 1e-12 * np.max(np.abs(at)):
-                break
-            step = step / 2
-        at, (value, gradient, information) = at + step, trial
-        if step @ information @ step < 1e-16:
-            break
-    return _Best(float(at[0]), float(at[1]), value, information)
+    start = np.array([beta * float((z[sign > 0].max() + z[sign < 0].min()) / 2), beta])
+    found = minimize(
+        lambda at: -_terms(z, sign, *at)[0],
+        start,
+        method="trust-exact",
+        jac=lambda at: -_terms(z, sign, *at)[1],
+        hess=lambda at: _terms(z, sign, *at)[2],
+        options={"gtol": 1e-9},
+    )
+    alpha, beta = map(float, found.x)
+    if not beta > 0:
+        raise DataError(
+            "The mass did not stop more seldom at larger deflections, so they tell no static friction. Check which of "
+            "the attempts are stops, or record more of them."
+        )
+    value, _, information = _terms(z, sign, alpha, beta)
+    return _Best(alpha, beta, value, information)
 
 
 def _profile_end(z: np.ndarray, sign: np.ndarray, best: _Best, side: float) -> float:

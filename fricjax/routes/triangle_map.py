@@ -5,6 +5,11 @@ segment n has the slope ``(-1)^n rho^n`` and crosses zero at ``C (rho^-n - 1)`` 
 The mass passes from n to n + 1 half-cycles at ``rho^-n (x_s + C) - C``, where the map jumps by ``(1 + rho)(x_s -
 x_d)``, and the lines of neighbouring segments meet at the height x_d. A line through each segment gives its zero,
 whatever the spacing of the runs.
+
+So the zeros, all multiples of one dead band on either side of one offset, and the slopes of the lines are found
+together by least squares. The scatter of all pairs about their lines is one, and few degrees of freedom make its
+interval Student's; with the uncertainties of the rig these are the effective ones of Welch and Satterthwaite (JCGM 100,
+G.4).
 """
 
 import itertools
@@ -14,11 +19,16 @@ import numpy as np
 
 from ..calibrate import Rig
 from ..data.errors import DataError
-from ..estimation.covariance import COVERAGE
 from ..friction import Coulomb
-from .half_cycles import Unwrapped, amplitude_after, counted, decay_ratio
+from .half_cycles import Unwrapped, amplitude_after, counted, decay_ratio, sensitivities
+from .pair_remarks import open_counts, status_of_counts
 from .pairs import Pairs, checked_pairs
 from .result import Estimate, RouteFit
+from .scatter import student
+
+# Pairs from which a line has a slope of its own, and rounds in which the place of its zero is found.
+_SLOPED, _ROUNDS = 3, 4
+_ROUNDING = 1e-15
 
 
 class _Fold(NamedTuple):
@@ -31,12 +41,29 @@ class _Fold(NamedTuple):
 
 
 class _Line(NamedTuple):
-    """Line of one segment: its number, zero and slope, and the standard deviation of the zero [m]."""
+    """Line of one segment by itself: its number, zero [m] and slope."""
 
     segment: int
     zero: float
     slope: float
+
+
+class _Map(NamedTuple):
+    """All lines together.
+
+    Attributes:
+        band, offset: dead band and reading at the equilibrium [m].
+        std: standard error of the dead band [m], inf where no scatter tells it; `dof`: what it rests on.
+        predicted: final displacements on the lines [m], shape (pairs,).
+        held: whether the offset could not be told from friction.
+    """
+
+    band: float
+    offset: float
     std: float
+    dof: int
+    predicted: np.ndarray
+    held: bool
 
 
 def fit_triangle_map(x0: Any, xf: Any, rig: Rig, *, half_cycles: Any = None) -> RouteFit:
@@ -58,56 +85,51 @@ def fit_triangle_map(x0: Any, xf: Any, rig: Rig, *, half_cycles: Any = None) -> 
         DataError: pairs that are not finite, or that reach no segment behind the first.
     """
     pairs = checked_pairs(x0, xf, half_cycles, None)
-    found, fold = _folded(pairs, rig)
-    lines = [_line(fold, int(n)) for n in np.unique(fold.segment) if n > 0]
-    if not lines:
+    found, rho = _counted(pairs, rig)
+    if not np.any(found.half_cycles > 0):
         raise DataError(
             "In none of the pairs did the mass complete a half-cycle, so the map shows no zero. Release from farther "
             "away."
         )
-    band, std = _dead_band(lines, fold)
-    mu = band * _per_band(rig)
-    combined = float(np.hypot(std * _per_band(rig), _by_rig(pairs, rig, mu)))
+    fitted = _fitted(pairs, found, rho)
+    found = found._replace(dead_band=fitted.band, offset=fitted.offset)
+    fold, band = _folded(pairs, found, rho), fitted.band
+    lines = [_line(fold, int(n)) for n in np.unique(fold.segment) if n > 0]
+    per_band = _per_band(rig)
+    mu, std = band * per_band, fitted.std * per_band
+    combined = float(np.hypot(std, _by_rig(pairs, rig, mu)))
+    half = student(fitted.dof * (combined / std) ** 4 if 0 < std < np.inf else fitted.dof) * combined
     static = _static(fold, band)
-    predicted = _predicted(pairs.x0, found, fold, band)
-    residual = pairs.xf - predicted
-    scatter = float(np.sqrt(np.sum(residual**2) / max(residual.size - 2, 1)))
-    sigma = np.full(residual.shape, max(scatter, 1e-15))
+    residual = pairs.xf - fitted.predicted
+    scatter = float(np.sqrt(np.sum(residual**2) / max(fitted.dof, 1)))
+    sigma = np.full(residual.shape, max(scatter, _ROUNDING))
+    open_ = status_of_counts(found)
     return RouteFit(
         route="triangle map",
         names=("mu",),
-        values={
-            "mu": mu,
-            "mu_s": sum(static) / 2 * _per_band(rig) if np.isfinite(static[1]) else static[0] * _per_band(rig),
-        },
-        std_errors={"mu": combined},
+        values={"mu": mu, "mu_s": (sum(static) / 2 if np.isfinite(static[1]) else static[0]) * per_band},
+        std_errors={"mu": std},
+        combined_std_errors={"mu": combined},
         units={"mu": "", "mu_s": ""},
-        intervals={
-            "mu": (mu - COVERAGE * combined, mu + COVERAGE * combined),
-            "mu_s": (static[0] * _per_band(rig), static[1] * _per_band(rig)),
-        },
-        covariance=np.array([[combined**2]]),
+        intervals={"mu": (mu - half, mu + half), "mu_s": (static[0] * per_band, static[1] * per_band)},
+        covariance=np.array([[std**2]]),
         flags={"mu": (), "mu_s": ("bracketed, not fitted",)},
-        converged=True,
-        status="converged",
-        warnings=tuple(_warnings(rig, lines)),
+        converged=open_ is None,
+        status="converged" if open_ is None else open_,
+        warnings=(*open_counts(pairs, found, sigma, rho), *_warnings(rig, lines, fitted)),
         x0=pairs.x0,
         xf=pairs.xf,
-        predicted=predicted,
+        predicted=fitted.predicted,
         half_cycles=found.half_cycles,
         sigma=sigma,
         sigma_source="scatter of the residuals",
         chi2=float(np.sum((residual / sigma) ** 2)),
-        dof=max(residual.size - 2, 1),
+        dof=max(fitted.dof, 1),
         extras={
-            "dead_band": (band, std, "m"),
+            "dead_band": (band, fitted.std, "m"),
             **_meetings(lines),
-            "jump": (
-                (1 + fold.rho) * (sum(static) / 2 - band),
-                (1 + fold.rho) * (static[1] - static[0]) / 12**0.5,
-                "m",
-            ),
-            **_naive(lines, fold, band, _per_band(rig)),
+            "jump": ((1 + rho) * (sum(static) / 2 - band), (1 + rho) * (static[1] - static[0]) / 12**0.5, "m"),
+            **_naive(lines, fold, band, per_band),
         },
     )
 
@@ -118,11 +140,47 @@ def _per_band(rig: Rig) -> float:
     return float(machine.stiffness) / float(machine.normal_force)
 
 
-def _folded(pairs: Pairs, rig: Rig) -> tuple[Unwrapped, _Fold]:
+def _counted(pairs: Pairs, rig: Rig) -> tuple[Unwrapped, float]:
+    """Numbers of half-cycles, and the ratio of successive amplitudes under the damping of the rig."""
     rho = decay_ratio(rig.oscillator(Coulomb(0.0)))
-    found = counted(pairs.x0, pairs.xf, pairs.half_cycles, rho, None if pairs.x0.size > 1 else 0.0)
+    return counted(pairs.x0, pairs.xf, pairs.half_cycles, rho, None if pairs.x0.size > 1 else 0.0), rho
+
+
+def _folded(pairs: Pairs, found: Unwrapped, rho: float) -> _Fold:
     y0, yf = pairs.x0 - found.offset, pairs.xf - found.offset
-    return found, _Fold(np.abs(y0), np.sign(y0) * yf, found.half_cycles, rho)
+    return _Fold(np.abs(y0), np.sign(y0) * yf, found.half_cycles, rho)
+
+
+def _fitted(pairs: Pairs, found: Unwrapped, rho: float) -> _Map:
+    """Dead band, offset and slopes of the lines by least squares; pairs that did not move tell nothing."""
+    moved, band, offset = found.half_cycles > 0, found.dead_band, found.offset
+    x0, n = pairs.x0[moved], found.half_cycles[moved]
+    sign = (-1.0) ** n
+    left = pairs.xf[moved] - sign * rho**n * x0
+    both = np.stack(sensitivities(x0, n, rho, offset), axis=1)
+    held = x0.size < 2 or np.linalg.matrix_rank(both, tol=1e-6 * np.linalg.norm(both)) < 2
+    for _ in range(_ROUNDS):
+        columns = np.column_stack([both[:, :1] if held else both, *_slopes(x0 - offset, n, band, rho)])
+        target = left - offset * both[:, 1] if held else left
+        unit = np.linalg.norm(columns, axis=0)
+        solution = np.linalg.lstsq(columns / unit, target, rcond=None)[0] / unit
+        band, offset = float(solution[0]), offset if held else float(solution[1])
+    off = target - columns @ solution
+    dof = x0.size - unit.size
+    lever = float(np.linalg.inv((columns / unit).T @ (columns / unit))[0, 0] ** 0.5 / unit[0])
+    std = max(float(np.sqrt(off @ off / dof)), _ROUNDING) * lever if dof > 0 else np.inf
+    predicted = pairs.x0.copy()
+    predicted[moved] = pairs.xf[moved] - off
+    return _Map(band, offset, std, dof, predicted, held)
+
+
+def _slopes(start: np.ndarray, n: np.ndarray, band: float, rho: float) -> list[np.ndarray]:
+    """For each segment of enough pairs how a slope of its own, about its zero, moves their ends."""
+    return [
+        np.where(n == segment, start - np.sign(start) * _weight(int(segment), rho) * band, 0.0)
+        for segment in np.unique(n)
+        if np.unique(np.abs(start[n == segment])).size >= _SLOPED
+    ]
 
 
 def _line(fold: _Fold, segment: int) -> _Line:
@@ -131,13 +189,9 @@ def _line(fold: _Fold, segment: int) -> _Line:
     u, w = fold.start[chosen], fold.end[chosen]
     slope = (-fold.rho) ** segment
     spread = u - u.mean()
-    if u.size >= 3 and np.any(spread):
+    if u.size >= _SLOPED and np.any(spread):
         slope = float(spread @ w / (spread @ spread))
-    zeros = u - w / slope
-    zero = float(u.mean() - w.mean() / slope)
-    leverage = 1 / u.size + ((zero - u.mean()) ** 2 / (spread @ spread) if u.size >= 3 else 0.0)
-    scatter = float(np.std(zeros - zero, ddof=2)) if u.size >= 3 else np.inf
-    return _Line(segment, zero, slope, float(scatter * leverage**0.5))
+    return _Line(segment, float(u.mean() - w.mean() / slope), slope)
 
 
 def _weight(segment: int, rho: float) -> float:
@@ -145,29 +199,12 @@ def _weight(segment: int, rho: float) -> float:
     return float(-amplitude_after(np.asarray(segment), np.asarray(0.0), 1.0, rho) / rho**segment)
 
 
-def _dead_band(lines: list[_Line], fold: _Fold) -> tuple[float, float]:
-    """Weighted mean of the dead bands that the zeros give, and its standard error from their scatter [m]."""
-    size = np.array([_weight(line.segment, fold.rho) for line in lines])
-    bands = np.array([line.zero for line in lines]) / size
-    std = np.array([line.std for line in lines]) / size
-    known = np.isfinite(std) & (std > 0)
-    weights = 1 / std[known] ** 2 if known.any() else size**2
-    used = bands[known] if known.any() else bands
-    mean = float(np.sum(weights * used) / weights.sum())
-    if used.size == 1:
-        return mean, float(std[known][0]) if known.any() else np.inf
-    spread = float(np.sqrt(np.sum(weights * (used - mean) ** 2) / weights.sum() / (used.size - 1)))
-    return mean, max(spread, float(weights.sum() ** -0.5)) if known.any() else spread
-
-
 def _by_rig(pairs: Pairs, rig: Rig, mu: float) -> float:
     """Standard uncertainty of mu by the rig's inputs, each shifted by its own (JCGM 100, 5.1)."""
     shifts = []
     for name, value in rig.inputs().items():
         other = rig.with_inputs({name: value.value + value.std})
-        _, fold = _folded(pairs, other)
-        lines = [_line(fold, int(n)) for n in np.unique(fold.segment) if n > 0]
-        shifts.append(_dead_band(lines, fold)[0] * _per_band(other) - mu)
+        shifts.append(_fitted(pairs, *_counted(pairs, other)).band * _per_band(other) - mu)
     return float(np.linalg.norm(shifts))
 
 
@@ -211,14 +248,15 @@ def _naive(lines: list[_Line], fold: _Fold, band: float, per_band: float) -> dic
     }
 
 
-def _predicted(x0: np.ndarray, found: Unwrapped, fold: _Fold, band: float) -> np.ndarray:
-    n = found.half_cycles
-    amplitude = amplitude_after(n, fold.start, band, fold.rho)
-    return found.offset + np.sign(x0 - found.offset) * (-1.0) ** n * amplitude
-
-
-def _warnings(rig: Rig, lines: list[_Line]) -> list[str]:
+def _warnings(rig: Rig, lines: list[_Line], fitted: _Map) -> list[str]:
     said = []
+    if fitted.dof < 1:
+        said.append("As many parameters as pairs: the scatter cannot tell any uncertainty.")
+    if fitted.held:
+        said.append(
+            f"The pairs do not tell an offset of the equilibrium from friction; it is taken as {fitted.offset:g} m. "
+            "Release from both sides, or from farther away."
+        )
     if rig.damping is None and rig.damping_ratio is None:
         said.append(
             "The rig has no damping, so the map is taken for undamped; damping of 0.3 % already biases mu by 3 %."

@@ -1,0 +1,161 @@
+"""Error bars of routes 2 and 3, of the agreement and of the probability of a stop, over many campaigns.
+
+Releases of the prototype rig (mu = 0.05, damping ratio 0.27 %) from 1.2 to 12 dead bands, to both sides or to one, with
+an offset and a scatter of 0.1 um of each final displacement. Printed are the share of the 95 and 68 % intervals of mu
+that hold the truth, the standard deviation of the errors in standard errors as normal scores of their Student
+distribution, how many campaigns were told to be open, and how many were given wrong numbers of half-cycles in silence.
+Campaigns whose numbers are told to be open are left out of the intervals.
+
+    python experiments/honesty/routes.py [--campaigns 400] [--only pairs|stated|agreement|probit]
+"""
+
+import argparse
+import functools
+from collections.abc import Callable, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from typing import NamedTuple
+
+import jax
+
+jax.config.update("jax_enable_x64", True)
+
+import numpy as np  # noqa: E402
+from scipy.stats import norm, t  # noqa: E402
+
+import fricjax as fj  # noqa: E402
+from fricjax.data.errors import DataError  # noqa: E402
+from fricjax.routes import RouteFit, compare_routes, fit_final_displacements, fit_triangle_map, probit  # noqa: E402
+
+MASS, STIFFNESS, DAMPING_RATIO, LOAD, MU = 0.41068, 2574.0, 0.0027, 9.66, 0.05
+DAMPING = 2 * DAMPING_RATIO * np.sqrt(MASS * STIFFNESS)
+DAMPED = float(np.exp(-np.pi * DAMPING_RATIO / np.sqrt(1 - DAMPING_RATIO**2)))
+RIG = fj.Rig(mass=MASS, stiffness=STIFFNESS, damping=DAMPING, normal_force=LOAD)
+BAND = MU * LOAD / STIFFNESS
+NOISE = 1e-7
+SIZES = (4, 6, 8, 12, 16, 24, 40)
+
+
+class Told(NamedTuple):
+    """One campaign: its error in normal scores, whether it was told to be open, and whether its numbers were wrong."""
+
+    score: float
+    is_open: bool
+    wrong: bool
+
+
+def released(y0: float, static: float = BAND) -> tuple[float, int]:
+    """Final displacement and number of half-cycles by the half-cycle map."""
+    side, a, n = np.sign(y0), abs(y0), 0
+    while a > static:
+        a, n = DAMPED * a - (1 + DAMPED) * BAND, n + 1
+    return float(side * (-1) ** n * a), n
+
+
+def campaign(pairs: int, seed: int, sides: Sequence[float]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Initial and final displacements and numbers of half-cycles."""
+    random = np.random.default_rng([pairs, seed])
+    y0 = random.uniform(1.2, 12, pairs) * BAND * random.choice(sides, pairs)
+    offset, static = random.uniform(-3e-6, 3e-6), BAND * random.uniform(1, 1.3)
+    ends, counts = zip(*(released(y, static) for y in y0), strict=True)
+    return y0 + offset, np.array(ends) + offset + NOISE * random.standard_normal(pairs), np.array(counts)
+
+
+def score(error: float, std: float, dof: float) -> float:
+    """An error in standard errors of `dof` degrees of freedom, as the normal error of the same probability."""
+    return float(norm.ppf(np.clip(t.cdf(error / std, dof), 1e-300, 1 - 1e-16)))
+
+
+def by_pairs(route: int, sides: Sequence[float], given: bool, stated: float | None, job: tuple[int, int]) -> Told:
+    """One campaign of pairs by route 2 or 3."""
+    x0, xf, counts = campaign(*job, sides)
+    how = {"half_cycles": counts if given else None}
+    if route == 2:
+        sigma = None if stated is None else NOISE * stated
+        found = fit_final_displacements(x0, xf, RIG.oscillator(fj.friction.Coulomb(0.03)), sigma=sigma, **how)
+    else:
+        found = fit_triangle_map(x0, xf, RIG, **how)
+    said = any("half-cycles" in sentence for sentence in found.warnings)
+    wrong = not np.array_equal(found.half_cycles, counts)
+    return Told(_score(found), said, wrong and not said)
+
+
+def _score(found: RouteFit) -> float:
+    half = (found.intervals["mu"][1] - found.intervals["mu"][0]) / 2
+    normal = found.sigma_source == "given" and half < 1.97 * found.std_errors["mu"]
+    return score(found.values["mu"] - MU, found.std_errors["mu"], 1e9 if normal else found.dof)
+
+
+def by_agreement(noise: float, job: tuple[int, int]) -> Told:
+    """The mean of all routes on the same records."""
+    runs, seed = job
+    random = np.random.default_rng([runs, seed])
+    machine = RIG.oscillator(fj.friction.Coulomb(MU))
+    how = {"rate": 5e3, "duration": 0.4, "noise": noise, "offset": 3e-6}
+    records = [
+        fj.synthetic_run(machine, x0, seed=1000 * seed + i, **how)
+        for i, x0 in enumerate(random.uniform(0.9e-3, 2e-3, runs))
+    ]
+    found = compare_routes(records, RIG)
+    return Told((found.mu - MU) / found.std, False, False)
+
+
+def by_stops(job: tuple[int, int]) -> Told:
+    """The static band from stops whose static friction scatters by 15 % of the dead band."""
+    random, size, stopped = np.random.default_rng(job), [], []
+    for a in random.uniform(1.31, 12, job[0]) * BAND:
+        while True:
+            size.append(abs(a))
+            stopped.append(abs(a) <= (1.3 + 0.15 * random.standard_normal()) * BAND)
+            if stopped[-1]:
+                break
+            a = abs(a) - 2 * BAND
+    try:
+        found = probit(np.array(size), np.array(stopped))
+    except DataError:
+        return Told(np.nan, True, False)
+    below, above = (abs(end - found.static_band) / norm.ppf(0.975) for end in found.interval)
+    off = found.static_band - 1.3 * BAND
+    return Told(off / (below if off > 0 else above), False, found.scatter <= 0)
+
+
+def told(name: str, one: Callable[[tuple[int, int]], Told], sizes: Sequence[int], campaigns: int) -> None:
+    """One line for each size of a campaign."""
+    with ProcessPoolExecutor() as pool:
+        for pairs in sizes:
+            found = list(pool.map(one, [(pairs, seed) for seed in range(campaigns)], chunksize=25))
+            z = np.array([each.score for each in found if not each.is_open])
+            sure = f"{np.mean(np.abs(z) < norm.ppf(0.975)):6.1%} {np.mean(np.abs(z) < 1):6.1%}  {np.std(z):4.2f}"
+            print(
+                f"{name:44s} {pairs:3d}  {sure if z.size else '   none left   '}  {sum(e.is_open for e in found):4d} "
+                f"{sum(e.wrong for e in found):4d}",
+                flush=True,
+            )
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--campaigns", type=int, default=400)
+    parser.add_argument("--only", choices=["pairs", "stated", "agreement", "probit"])
+    options = parser.parse_args()
+    print(f"{'':44s}   n    95 %   68 %    sd  open  wrong in silence")
+    wanted = lambda name: options.only in (None, name)
+    both, one = (-1.0, 1.0), (1.0,)
+    if wanted("pairs"):
+        for route in (2, 3):
+            for sides, side in ((both, "both sides"), (one, "one side")):
+                for given, what in ((False, "numbers found"), (True, "numbers given")):
+                    job = functools.partial(by_pairs, route, sides, given, None)
+                    told(f"route {route}, {side}, {what}", job, SIZES, options.campaigns)
+    if wanted("stated"):
+        for stated in (1.0, 0.2):
+            job = functools.partial(by_pairs, 2, both, True, stated)
+            told(f"route 2, noise stated as {stated:g} of the true", job, SIZES, options.campaigns)
+    if wanted("agreement"):
+        for noise in (1e-9, 1e-8):
+            told(f"all routes, {1e9 * noise:g} nm", functools.partial(by_agreement, noise), (6,), options.campaigns)
+    if wanted("probit"):
+        told("probability of a stop", by_stops, (20, 40, 80), options.campaigns)
+
+
+if __name__ == "__main__":
+    main()
