@@ -36,7 +36,7 @@ _DISTANT = 3.0
 class Route(NamedTuple):
     """One route's dynamic coefficient and from how many runs it comes.
 
-    Its standard error is that from the runs alone, and where it rests on few residuals widened as Student's interval is.
+    Its standard error is that from the runs alone, widened as Student's interval is where it rests on few residuals.
     """
 
     name: str

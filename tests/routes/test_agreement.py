@@ -43,6 +43,14 @@ def test_routes_that_find_nothing_are_named():
         compare_routes([], RIG)
 
 
+def test_the_most_precise_route_speaks_for_all():
+    """The routes share their samples: five that agree are no better than the best of them."""
+    found = compare_routes(runs(fj.friction.Coulomb(MU)), RIG)
+    best = min(found.routes, key=lambda route: route.std)
+    assert found.mu == best.mu and found.std >= best.std
+    assert "most precise" in found.summary()
+
+
 def test_the_weighted_mean():
     mean, std, chi2 = weighted_mean(np.array([1.0, 3.0]), np.array([1.0, 1.0]))
     assert (mean, chi2) == (2.0, 2.0)

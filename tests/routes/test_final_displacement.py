@@ -143,6 +143,7 @@ class TestWhatCannotBe:
         found = fit_final_displacements([1e-3], campaign(np.array([1e-3]))[0], machine(), nuisance=(), half_cycles=[3])
         assert found.values["mu"] == pytest.approx(MU, rel=1e-9)
         assert any("cannot tell any uncertainty" in sentence for sentence in found.warnings)
+        assert found.std_errors["mu"] == np.inf and found.intervals["mu"][1] == np.inf
 
     def test_pairs_of_one_half_cycle(self):
         x0 = np.array([0.25e-3, 0.3e-3, 0.4e-3, 0.5e-3])

@@ -81,6 +81,11 @@ def test_stops_that_do_not_overlap_have_no_scatter():
         probit(np.array([1.0, 2.0, 3.0, 4.0]), np.array([True, True, False, False]))
 
 
+def test_stops_at_the_larger_deflections_tell_no_static_friction():
+    with pytest.raises(DataError, match="did not stop more seldom at larger deflections"):
+        probit(np.arange(1.0, 7.0), np.array([False, False, True, False, True, True]))
+
+
 def test_the_unit_does_not_matter():
     size, stopped = stops(np.random.default_rng(4), 0.2 * BAND)
     small, large = probit(size, stopped), probit(1e6 * size, stopped)
