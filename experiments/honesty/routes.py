@@ -68,12 +68,14 @@ def score(error: float, std: float, dof: float) -> float:
 def by_pairs(route: int, sides: Sequence[float], given: bool, stated: float | None, job: tuple[int, int]) -> Told:
     """One campaign of pairs by route 2 or 3."""
     x0, xf, counts = campaign(*job, sides)
-    how = {"half_cycles": counts if given else None}
+    numbers = counts if given else None
     if route == 2:
         sigma = None if stated is None else NOISE * stated
-        found = fit_final_displacements(x0, xf, RIG.oscillator(fj.friction.Coulomb(0.03)), sigma=sigma, **how)
+        found = fit_final_displacements(
+            x0, xf, RIG.oscillator(fj.friction.Coulomb(0.03)), sigma=sigma, half_cycles=numbers
+        )
     else:
-        found = fit_triangle_map(x0, xf, RIG, **how)
+        found = fit_triangle_map(x0, xf, RIG, half_cycles=numbers)
     said = any("half-cycles" in sentence for sentence in found.warnings)
     wrong = not np.array_equal(found.half_cycles, counts)
     return Told(_score(found), said, wrong and not said)
@@ -115,7 +117,7 @@ def by_stops(job: tuple[int, int]) -> Told:
         return Told(np.nan, True, False)
     below, above = (abs(end - found.static_band) / norm.ppf(0.975) for end in found.interval)
     off = found.static_band - 1.3 * BAND
-    return Told(off / (below if off > 0 else above), False, found.scatter <= 0)
+    return Told(float(off / (below if off > 0 else above)), False, found.scatter <= 0)
 
 
 def told(name: str, one: Callable[[tuple[int, int]], Told], sizes: Sequence[int], campaigns: int) -> None:

@@ -159,13 +159,17 @@ def _fitted(pairs: Pairs, found: Unwrapped, rho: float) -> _Map:
     left = pairs.xf[moved] - sign * rho**n * x0
     both = np.stack(sensitivities(x0, n, rho, offset), axis=1)
     held = x0.size < 2 or np.linalg.matrix_rank(both, tol=1e-6 * np.linalg.norm(both)) < 2
+    target = left - offset * both[:, 1] if held else left
+
+    def lines(band: float, offset: float) -> np.ndarray:
+        return np.column_stack([both[:, :1] if held else both, *_slopes(x0 - offset, n, band, rho)])
+
     for _ in range(_ROUNDS):
-        columns = np.column_stack([both[:, :1] if held else both, *_slopes(x0 - offset, n, band, rho)])
-        target = left - offset * both[:, 1] if held else left
-        unit = np.linalg.norm(columns, axis=0)
-        solution = np.linalg.lstsq(columns / unit, target, rcond=None)[0] / unit
+        solution = np.linalg.lstsq(lines(band, offset), target, rcond=None)[0]
         band, offset = float(solution[0]), offset if held else float(solution[1])
-    off = target - columns @ solution
+    columns = lines(band, offset)
+    unit = np.linalg.norm(columns, axis=0)
+    off = target - columns / unit @ np.linalg.lstsq(columns / unit, target, rcond=None)[0]
     dof = x0.size - unit.size
     lever = float(np.linalg.inv((columns / unit).T @ (columns / unit))[0, 0] ** 0.5 / unit[0])
     std = max(float(np.sqrt(off @ off / dof)), _ROUNDING) * lever if dof > 0 else np.inf
