@@ -83,6 +83,19 @@ class Cauchy(AbstractLoss):
         return self.delta**2 * jnp.log1p(z), weight, weight * jnp.maximum((1 - z) * weight, _LEAST_CURVATURE)
 
 
+def variance_by_influence(loss: AbstractLoss, residual: Residuals, used: Array) -> Array:
+    """What the inverse normal matrix of a robust fit is to be multiplied by to be a covariance.
+
+    The mean square of the influences over the mean curvature of the losses of the samples that are used (Huber, Robust
+    Statistics, 1981, 7.6), so that errors grow by little more than the efficiency asks for; one for squares, whose
+    noise is taken as stated.
+    """
+    if isinstance(loss, Squares):
+        return jnp.ones(())
+    _, weight, curvature = loss.parts(residual)
+    return jnp.sum(jnp.where(used, (weight * residual) ** 2, 0.0)) / jnp.sum(jnp.where(used, curvature, 0.0))
+
+
 LOSSES = {"squares": Squares, "huber": Huber, "soft_l1": SoftL1, "cauchy": Cauchy}
 
 

@@ -9,6 +9,7 @@ import jax
 import numpy as np
 
 from ..estimation.covariance import COVERAGE, Covariance, covariance
+from ..estimation.loss import AbstractLoss, Squares, variance_by_influence
 from ..oscillator import Oscillator
 from ..oscillator.leaves import leaves_of
 from .names import find_leaf
@@ -39,10 +40,16 @@ _ROTARY = {
 def assemble(problem: Problem, solved: Solved, sigma_mode: str) -> Fit:
     """The fit of a solved problem; `sigma_mode` says what its noise means."""
     dof = problem.dof
-    variance = 1.0 if sigma_mode == "absolute" else solved.chi2 / dof
+    parts = [part[w.used] for part, w in zip(problem.by_run(solved.survey.residual), problem.windows, strict=True)]
+    seen = variance = solved.chi2 / dof
+    if not isinstance(problem.loss, Squares):
+        every = np.concatenate(parts)
+        seen, variance = 1.0, float(variance_by_influence(problem.loss, every, np.ones(every.shape, bool)))
+    elif sigma_mode == "absolute":
+        variance = 1.0
     found = covariance(solved.shape, solved.settled.slope, solved.survey.normal, variance)
-    white = _whiteness(problem, solved)
-    inflation = error_inflation(white, solved.chi2 / dof, sigma_mode)
+    white = _whiteness(parts, problem.loss)
+    inflation = error_inflation(white, seen, sigma_mode)
     margins = tuple(rest_margin(problem, solved, run) for run in range(len(problem.windows)))
     excesses = tuple(excess_at_reversals(problem, solved, run) for run in range(len(problem.windows)))
     residuals, rms = _residuals(problem, solved)
@@ -92,7 +99,7 @@ def assemble(problem: Problem, solved: Solved, sigma_mode: str) -> Fit:
         margins=margins,
         **{name: getattr(solved, name) for name in ("iterations", "stages", "passes", "numerical_shift")},
         engine=type(problem.residual.engine).__name__.lower(),
-        **_criteria(solved, len(problem.parameters), problem.n_used, sigma_mode),
+        **_criteria(2 * float(solved.survey.cost), len(problem.parameters), problem.n_used, sigma_mode),
         oscillator=machine,
         **_of_the_runs(problem),
         engine_used=problem.residual.engine,
@@ -136,10 +143,10 @@ def record_time(problem: Problem, values: np.ndarray) -> np.ndarray:
     return shown
 
 
-def _whiteness(problem: Problem, solved: Solved) -> Whiteness:
-    """The verdict on the run whose residuals are the least white."""
-    parts = zip(problem.by_run(solved.survey.residual), problem.windows, strict=True)
-    verdicts = [whiteness(part[window.used]) for part, window in parts]
+def _whiteness(parts: Sequence[np.ndarray], loss: AbstractLoss) -> Whiteness:
+    """The verdict on the run whose residuals are the least white, each with the weight that its loss gives it."""
+    weighted = parts if isinstance(loss, Squares) else [part * np.asarray(loss.parts(part)[1]) for part in parts]
+    verdicts = [whiteness(part) for part in weighted]
     return max(verdicts, key=lambda verdict: (not verdict.white, verdict.correlation_time))
 
 
@@ -181,8 +188,11 @@ def _intervals(names: Sequence[str], values: np.ndarray, found: Covariance) -> d
     return {name: (float(v - h), float(v + h)) for name, v, h in zip(names, values, half, strict=True)}
 
 
-def _criteria(solved: Solved, p: int, n: int, sigma_mode: str) -> dict[str, float]:
-    """Akaike's criterion for small samples and the Bayesian one, up to a constant common to all models of a record."""
-    misfit, k = (solved.chi2, p) if sigma_mode == "absolute" else (n * np.log(solved.chi2 / n), p + 1)
-    aicc = misfit + 2 * k + 2 * k * (k + 1) / max(n - k - 1, 1)
-    return {"aicc": float(aicc), "bic": float(misfit + k * np.log(n))}
+def _criteria(misfit: float, p: int, n: int, sigma_mode: str) -> dict[str, float]:
+    """Akaike's criterion for small samples and the Bayesian one, up to a constant common to all models of a record.
+
+    The sum of losses is that of the squares over the variance, or what stands for it: minus twice the log likelihood.
+    """
+    told, k = (misfit, p) if sigma_mode == "absolute" else (n * np.log(misfit / n), p + 1)
+    aicc = told + 2 * k + 2 * k * (k + 1) / max(n - k - 1, 1)
+    return {"aicc": float(aicc), "bic": float(told + k * np.log(n))}

@@ -11,7 +11,7 @@ from ..data import Record, Trace
 from ..data.errors import DataError, UsageError
 from ..data.record import trace_of
 from ..estimation.covariance import Covariance, covariance
-from ..estimation.loss import AbstractLoss
+from ..estimation.loss import AbstractLoss, Squares, variance_by_influence
 from ..oscillator import Oscillator, ready
 from ..oscillator.engines import AbstractEngine
 from ..show.progress import progressing
@@ -157,12 +157,16 @@ def _posed(record: Any, request: Request) -> Problem | Exception:
 
 
 class _Finished(NamedTuple):
-    """A solved problem, the autocorrelation of its neighbouring residuals and their typical size in stated noise."""
+    """A solved problem, and of its residuals the autocorrelation of neighbours, the typical size and the variance.
+
+    The size is in stated noise, the variance that by which the inverse normal matrix becomes a covariance.
+    """
 
     problem: Problem
     solved: Solved
     lag_one: float
     size: float
+    variance: float
 
 
 def _solved(problems: Sequence[Problem]) -> list[_Finished]:
@@ -175,7 +179,9 @@ def _alone(problem: Problem) -> _Finished:
     problem, solved = solve_with_rest(problem)
     samples = problem.by_run(solved.survey.residual)[0]
     lag_one = float(samples[1:] @ samples[:-1] / max(solved.chi2, np.finfo(float).tiny))
-    return _Finished(problem, solved, lag_one, float(typical(samples[problem.windows[0].used], problem.loss)))
+    used = problem.windows[0].used
+    size = float(typical(samples[used], problem.loss))
+    return _Finished(problem, solved, lag_one, size, float(variance_by_influence(problem.loss, samples, used)))
 
 
 def _finished(problem: Problem, landed: Landed) -> _Finished:
@@ -185,14 +191,15 @@ def _finished(problem: Problem, landed: Landed) -> _Finished:
     other = recorded < NEVER and 0 < int(landed.told.half_cycles) != recorded
     doubtful = solved.converged and (other or far_off(problem, solved) or not solved.accurate)
     told = landed.told
-    return _alone(problem) if doubtful else _Finished(problem, solved, float(told.lag_one), float(told.size))
+    return _alone(problem) if doubtful else _Finished(problem, solved, *map(float, told[:3]))
 
 
 def _row(finished: _Finished) -> _Row:
-    problem, solved, lag_one, size = finished
-    found = covariance(solved.shape, solved.settled.slope, solved.survey.normal, 1.0)
+    problem, solved, lag_one, size, variance = finished
+    found = covariance(solved.shape, solved.settled.slope, solved.survey.normal, variance)
     misfit = worst(problem, [size])
-    inflation = error_inflation(from_neighbours(lag_one, problem.n_used), solved.chi2 / problem.dof, "absolute")
+    seen = solved.chi2 / problem.dof if isinstance(problem.loss, Squares) else 1.0
+    inflation = error_inflation(from_neighbours(lag_one, problem.n_used), seen, "absolute")
     values, errors = (
         named(problem.names, each) for each in (solved.settled.values, np.sqrt(np.diag(found.statistical)))
     )

@@ -14,7 +14,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from ..estimation.loss import AbstractLoss, Squares
+from ..estimation.loss import AbstractLoss, Squares, variance_by_influence
 from ..oscillator import Program
 from ..oscillator.program import Shape, of_shape, split
 from .climb import LOOK, ONWARDS, Climbed, Limits, Terrain, Way, climb, like_climbed
@@ -44,11 +44,13 @@ class Told(NamedTuple):
     Attributes:
         lag_one: autocorrelation of neighbouring residuals.
         size: their typical size.
+        variance: by which the inverse normal matrix becomes a covariance.
         half_cycles: number of half-cycles after which the law itself would stop the mass; -1 for never.
     """
 
     lag_one: Any
     size: Any
+    variance: Any
     half_cycles: Any
 
 
@@ -116,7 +118,7 @@ def _all_landed(lanes: Lane, loss: AbstractLoss, count: Any) -> tuple[Climbed, T
     return jax.lax.fori_loop(0, count, step, room)
 
 
-_land_all = Program(_all_landed, lambda lanes, *_: (like_climbed(lanes.residual), Told(0, 0, 0)))
+_land_all = Program(_all_landed, lambda lanes, *_: (like_climbed(lanes.residual), Told(0, 0, 0, 0)))
 
 
 def _land(lane: Lane, loss: AbstractLoss) -> tuple[Climbed, Told]:
@@ -129,7 +131,8 @@ def _land(lane: Lane, loss: AbstractLoss) -> tuple[Climbed, Told]:
     size = typical(jnp.where(weights > 0, samples, jnp.nan), loss, jnp.nanmean, jnp.nanmedian)
     short = at._replace(survey=found._replace(residual=jnp.zeros(0)))
     count = jax.lax.cond(lane.way.steps > 1, lambda: jnp.asarray(-1), lambda: _own_count(residual, at.settled))
-    return short, Told(lag, size, count)
+    variance = variance_by_influence(loss, samples, weights > 0)
+    return short, Told(lag, size, variance, count)
 
 
 def _own_count(residual: Residual, settled: Settled) -> Array:

@@ -120,6 +120,14 @@ def test_outliers_are_no_misfit_under_a_robust_loss():
     robust = fit(with_outliers(), MODEL, MACHINE, loss="cauchy")
     assert robust.converged and abs(robust.values["mu"] - 0.05) < 4 * robust.std_errors["mu"]
     assert not any("does not describe" in told for told in robust.warnings)
+    clean = fit(coulomb_run(), MODEL, MACHINE)
+    # Outliers, one sample in a hundred, neither inflate its errors nor its criteria as they do those of squares.
+    assert robust.error_inflation < 1.2 and not any(robust.flags.values())
+    assert robust.aicc < clean.aicc + 0.01 * clean.dof * 2 * 2.385**2 * np.log(1e-4 / NOISE)
+    # The efficiency of this loss is 95 % for normal noise.
+    for mode in ("absolute", "scale"):
+        told = fit(with_outliers(), MODEL, MACHINE, loss="cauchy", sigma_mode=mode)
+        assert told.std_errors["mu"] == pytest.approx(clean.std_errors["mu"] / 0.95**0.5, rel=0.04)
     assert not fit(reversed_in_time(), MODEL, MACHINE, loss="cauchy", throw=False).converged
 
 
@@ -144,7 +152,7 @@ def test_a_batch_says_the_same():
     assert table["converged"].tolist() == batch.converged.tolist()
     assert "is the time in reverse" in table["warnings"][2]
     robust = fit_batch([with_outliers(), slipped()], MODEL, MACHINE, loss="cauchy")
-    assert robust.converged[0]
+    assert robust.converged[0] and robust.error_inflation[0] < 1.2
 
 
 def test_a_saved_fit_keeps_its_status(tmp_path):
