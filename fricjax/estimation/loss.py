@@ -7,6 +7,7 @@ residuals look like outliers at the start still has a positive normal matrix.
 """
 
 import abc
+from typing import Any
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -83,7 +84,7 @@ class Cauchy(AbstractLoss):
         return self.delta**2 * jnp.log1p(z), weight, weight * jnp.maximum((1 - z) * weight, _LEAST_CURVATURE)
 
 
-def variance_by_influence(loss: AbstractLoss, residual: Residuals, used: Array) -> Array:
+def variance_by_influence(loss: AbstractLoss, residual: Any, used: Any) -> Array:
     """What the inverse normal matrix of a robust fit is to be multiplied by to be a covariance.
 
     The mean square of the influences over the mean curvature of the losses of the samples that are used (Huber, Robust

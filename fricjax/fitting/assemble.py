@@ -6,6 +6,7 @@ from typing import Any
 
 import equinox as eqx
 import jax
+import jax.numpy as jnp
 import numpy as np
 
 from ..estimation.covariance import COVERAGE, Covariance, covariance
@@ -145,7 +146,9 @@ def record_time(problem: Problem, values: np.ndarray) -> np.ndarray:
 
 def _whiteness(parts: Sequence[np.ndarray], loss: AbstractLoss) -> Whiteness:
     """The verdict on the run whose residuals are the least white, each with the weight that its loss gives it."""
-    weighted = parts if isinstance(loss, Squares) else [part * np.asarray(loss.parts(part)[1]) for part in parts]
+    weighted = (
+        parts if isinstance(loss, Squares) else [part * np.asarray(loss.parts(jnp.asarray(part))[1]) for part in parts]
+    )
     verdicts = [whiteness(part) for part in weighted]
     return max(verdicts, key=lambda verdict: (not verdict.white, verdict.correlation_time))
 

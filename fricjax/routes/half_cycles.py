@@ -25,6 +25,8 @@ _ROUNDS = 8
 _ROUNDING = 1e-26
 # Standard errors from the best dead band within which others change a coefficient by no more than its noise.
 _SAME = 5.0
+# Odds at which numbers of half-cycles are told to be open.
+OPEN = 1e-3
 
 
 class Unwrapped(NamedTuple):
@@ -34,12 +36,14 @@ class Unwrapped(NamedTuple):
         half_cycles: shape (pairs,).
         dead_band, offset: x_d and the reading at the equilibrium [m].
         odds: that the pairs belong to quite another dead band; zero where the numbers were given.
+        doubtful: number of pairs that one half-cycle more or less fits as well, at odds of more than one in a thousand.
     """
 
     half_cycles: np.ndarray
     dead_band: float
     offset: float
     odds: float = 0.0
+    doubtful: int = 0
 
 
 def decay_ratio(oscillator: Oscillator) -> float:
@@ -98,7 +102,29 @@ def unwrap(x0: np.ndarray, xf: np.ndarray, rho: float, offset: float | None = No
         before, best = best, _at(again, 0)
         if np.array_equal(before.half_cycles, best.half_cycles):
             break
-    return best._replace(odds=_odds(x0, rho, best, float(score[0]), scores, found, offset))
+    odds = _odds(x0, rho, best, float(score[0]), scores, found, offset)
+    return best._replace(odds=odds, doubtful=_doubtful(x0, xf, rho, best, offset))
+
+
+def _doubtful(x0: np.ndarray, xf: np.ndarray, rho: float, best: Unwrapped, held: float | None) -> int:
+    """Number of pairs that one half-cycle more or less fits as well, dead band and offset fitted again."""
+    dof, n = x0.size - (1 if held is not None else 2), best.half_cycles
+    if dof < 1:
+        return x0.size
+    rivals = np.concatenate([n + step * np.eye(x0.size, dtype=int) for step in (1, -1)])
+    floor = _ROUNDING * float(np.max(np.abs(x0))) ** 2
+    own, *others = (max(_left(x0, xf, counts, rho, held), floor) for counts in (n, *rivals))
+    possible = np.min(rivals, axis=-1) >= 0
+    as_well = possible & ((own / np.array(others)) ** (dof / 2) > OPEN)
+    return int(np.sum(as_well.reshape(2, -1).any(axis=0)))
+
+
+def _left(x0: np.ndarray, xf: np.ndarray, n: np.ndarray, rho: float, held: float | None) -> float:
+    """Mean square that the best dead band and offset leave, also where these cannot be told apart [m^2]."""
+    sign, columns = (-1.0) ** n, np.stack(sensitivities(x0, n, rho, held), axis=1)
+    moved = xf - sign * rho**n * x0 - columns[:, 1] * (held or 0.0)
+    columns = columns if held is None else columns[:, :1]
+    return float(np.mean((moved - columns @ np.linalg.lstsq(columns, moved, rcond=1e-9)[0]) ** 2))
 
 
 def _odds(

@@ -4,12 +4,12 @@ import numpy as np
 
 from ..oscillator import Oscillator
 from ..show import engineering
-from .half_cycles import Unwrapped, amplitude_after, decay_ratio
+from .half_cycles import OPEN, Unwrapped
 from .pairs import Pairs
 from .scatter import Scale
 
-# Odds at which numbers of half-cycles are told to be open, and at which a fit that stands on them is not valid.
-_OPEN, _INVALID = 1e-3, 0.05
+# Odds of another dead band at which a fit is not valid.
+_INVALID = 0.05
 
 
 def status_of_counts(found: Unwrapped) -> str | None:
@@ -19,33 +19,19 @@ def status_of_counts(found: Unwrapped) -> str | None:
     return "open: the pairs agree with several dead bands. Give the numbers of half-cycles, or add pairs."
 
 
-def open_counts(pairs: Pairs, found: Unwrapped, sigma: np.ndarray, rho: float) -> list[str]:
-    """Sentences on numbers of half-cycles that the pairs leave open.
-
-    Args:
-        pairs: the pairs.
-        found: their numbers of half-cycles, and the dead band and offset of the fit.
-        sigma: standard deviation of each final displacement [m], shape (pairs,).
-        rho: ratio of successive amplitudes under damping alone.
-    """
-    if pairs.half_cycles is not None:
-        return []
+def open_counts(pairs: Pairs, found: Unwrapped) -> list[str]:
+    """Sentences on numbers of half-cycles that the pairs leave open."""
     said = []
-    if found.odds > _OPEN:
+    if found.odds > OPEN:
         said.append(
             f"The {pairs.x0.size} pairs may belong to another dead band than {engineering(found.dead_band, 'm')}, at "
             f"odds of about {min(found.odds, 1.0):.1g} to 1. Give their numbers of half-cycles as half_cycles, or add "
             "pairs."
         )
-    start, n = pairs.x0 - found.offset, found.half_cycles
-    steps = np.array([[0], [-1], [1]])
-    ends = (-1.0) ** (n + steps) * np.sign(start) * amplitude_after(n + steps, np.abs(start), found.dead_band, rho)
-    off = np.where(n + steps < 0, np.inf, (ends - (pairs.xf - found.offset)) / sigma) ** 2
-    doubtful = np.min(off[1:], axis=0) - off[0] < -2 * np.log(_OPEN)
-    if np.any(doubtful):
+    if found.doubtful:
         said.append(
-            f"{int(np.sum(doubtful))} pair(s) end so near to the edge of the dead band that one half-cycle more or "
-            "less leads there as well, so some numbers of half-cycles are in doubt. Give them as half_cycles."
+            f"One half-cycle more or less leads {found.doubtful} pair(s) as near to their ends, which lie at the edge "
+            "of the dead band or alone tell the offset. Give their numbers of half-cycles as half_cycles."
         )
     return said
 
@@ -54,7 +40,7 @@ def remarks(
     pairs: Pairs, found: Unwrapped, predicted: np.ndarray, sigma: np.ndarray, machine: Oscillator, scale: Scale
 ) -> list[str]:
     """Sentences on the pairs of a fit; `sigma` is the standard deviation of each final displacement [m]."""
-    said = open_counts(pairs, found, sigma, decay_ratio(machine))
+    said = open_counts(pairs, found)
     residual, band = np.abs(pairs.xf - predicted), float(machine.dead_band)
     few = int(np.sum(found.half_cycles < 2))
     if few and np.all(found.half_cycles < 2):

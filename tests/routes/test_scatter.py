@@ -93,7 +93,7 @@ def test_a_pair_at_the_edge_of_the_dead_band_is_told(beyond: float):
     x0 = np.array([*scattered(12, 1, 0.0)[0], edge - beyond + 3e-6])
     xf = campaign(x0, offset=3e-6)[0] + 2e-8 * np.random.default_rng(2).standard_normal(13)
     found = fit_triangle_map(x0, xf, RIG)
-    assert any("edge of the dead band" in sentence for sentence in found.warnings) == (beyond < 1e-7)
+    assert any("at the edge of the dead band" in sentence for sentence in found.warnings) == (beyond < 1e-7)
 
 
 @pytest.mark.parametrize("factor", [0.5, 2.0])
