@@ -51,18 +51,20 @@ def assemble(problem: Problem, solved: Solved, sigma_mode: str) -> Fit:
     found = covariance(solved.shape, solved.settled.slope, solved.survey.normal, variance)
     white = _whiteness(parts, problem.loss)
     inflation = error_inflation(white, seen, sigma_mode)
-    margins = tuple(rest_margin(problem, solved, run) for run in range(len(problem.windows)))
-    excesses = tuple(excess_at_reversals(problem, solved, run) for run in range(len(problem.windows)))
+    runs = range(len(problem.windows))
+    margins = tuple(rest_margin(problem, solved, run) for run in runs)
+    excesses = tuple(excess_at_reversals(problem, solved, run) for run in runs)
     residuals, rms = _residuals(problem, solved)
-    bracket = bracket_static(problem, solved)
+    bracket, name = bracket_static(problem, solved), problem.bracketed or "mu_s"
     machine, static = _machine(problem, solved, bracket)
-    name = problem.bracketed or "mu_s"
     shown = record_time(problem, solved.settled.values)
     std_errors = named(problem.names, np.sqrt(np.diag(found.statistical)))
-    noise = np.concatenate([w.sigma[w.used] for w in problem.windows])
     factor = np.sqrt(variance) if sigma_mode == "estimate" else 1.0
     misfit = misfit_of(problem, solved, sigma_mode != "absolute")
     status = status_of(problem, solved, found, misfit)
+    shift = solved.numerical_shift
+    on_errors = (misfit, white, inflation)
+    told = warnings_of(problem, named(problem.names, shown), std_errors, *on_errors, margins, excesses, bracket, shift)
     return Fit(
         names=problem.names,
         values={**named(problem.names, shown), **static},
@@ -75,26 +77,13 @@ def assemble(problem: Problem, solved: Solved, sigma_mode: str) -> Fit:
         flags={**flags_of(problem, found, solved, inflation), **_static_flags(name, static, bracket)},
         converged=status == CONVERGED,
         status=status,
-        warnings=warnings_of(
-            problem,
-            named(problem.names, shown),
-            std_errors,
-            misfit,
-            white,
-            inflation,
-            margins,
-            excesses,
-            bracket,
-            solved.numerical_shift,
-        ),
+        warnings=told,
         kinematics=kinematics(solved.settled, found.statistical),
         chi2=solved.chi2 / factor**2,
         dof=dof,
         residuals=residuals,
         residual_rms=rms,
-        sigma=float(np.median(noise) * factor),
-        sigma_mode=sigma_mode,
-        sigma_source="scatter of the residuals" if sigma_mode == "estimate" else problem.windows[0].sigma_source,
+        **_noise(problem, factor, sigma_mode),
         whiteness=white,
         error_inflation=inflation,
         margins=margins,
@@ -105,6 +94,13 @@ def assemble(problem: Problem, solved: Solved, sigma_mode: str) -> Fit:
         **_of_the_runs(problem),
         engine_used=problem.residual.engine,
     )
+
+
+def _noise(problem: Problem, factor: float, sigma_mode: str) -> dict[str, Any]:
+    """Size of the noise of a sample, stated times `factor`, what it means and where it comes from."""
+    stated = np.concatenate([w.sigma[w.used] for w in problem.windows])
+    source = "scatter of the residuals" if sigma_mode == "estimate" else problem.windows[0].sigma_source
+    return {"sigma": float(np.median(stated) * factor), "sigma_mode": sigma_mode, "sigma_source": source}
 
 
 def _of_the_runs(problem: Problem) -> dict[str, Any]:
