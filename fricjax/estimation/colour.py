@@ -1,0 +1,221 @@
+"""The colour of noise, told from what a fit has left, and least squares that count residuals by it.
+
+Noise that remembers makes residuals in a row tell the same again and again, and standard errors that take them for
+independent are too small by as many times. Here the noise is a process whose value follows from the last few and a
+fresh innovation,
+
+    n_i = a_1 n_(i-1) + ... + a_p n_(i-p) + u_i,
+
+so that ``n_i - a_1 n_(i-1) - ...`` is white: residuals and their derivatives go through that filter before they are
+squared, and the least squares of what comes out are the generalised ones, with the covariance that belongs to them.
+Coefficients come from least squares, which unlike those of Yule and Walker stay right for a process that hardly
+forgets; the order from Schwarz's criterion (Brockwell and Davis, Time Series, 1991, 8.7 and 9.3). A drift and the lines
+of a hum are no process but a function of time: where they show, their size is fitted beside the parameters.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+# Longest memory in rows. A hum that is no line, and a resonance under white noise, take some ten.
+MOST = 24
+# Rows that an order or a nuisance must have for each of its numbers.
+_ROWS = 8
+# Twice the logarithm of the odds from which evidence is called very strong (Kass and Raftery, J. Am. Stat. Assoc. 90,
+# 773, 1995): white noise is called coloured in one of some hundred records.
+_STRONG = 10.0
+# Rounds in which the parameters and the colour of what they leave settle to a hundredth of a standard error.
+_ROUNDS = 4
+# Standard deviations by which the variance of rows and of samples may differ in white noise.
+_LEVEL = 4.0
+# Power of a line over that of its neighbours, how many of them, how far it reaches itself, and how many lines.
+_LINE, _NEAR, _WIDE, _LINES = 30.0, 24, 3, 3
+
+
+class Series(NamedTuple):
+    """Residuals of one run in rows that follow each other at one interval of time, in units of their relative noise.
+
+    Attributes:
+        t: times [s], shape (n,).
+        residual: shape (n,); `slopes`: their derivatives by the coordinates, shape (n, p).
+        unit: what a displacement that all rows share is in each of them, one over the relative noise, shape (n,).
+        starts: number of each row that does not follow on the one before it, the first one included.
+    """
+
+    t: np.ndarray
+    residual: np.ndarray
+    slopes: np.ndarray
+    unit: np.ndarray
+    starts: np.ndarray
+
+
+class Colour(NamedTuple):
+    """What the noise of a series is.
+
+    Attributes:
+        coefficients: of the process, the nearest first, shape (order,).
+        std: standard deviation of an innovation, in units of the residuals.
+        beside: functions of time that are in the residuals besides, shape (n, k): a drift, the lines of a hum.
+        drift: whether a drift is among them, the first; `lines`: frequencies of the hum [Hz].
+        sizes: their sizes, shape (k,).
+    """
+
+    coefficients: np.ndarray
+    std: float
+    beside: np.ndarray
+    drift: bool
+    lines: tuple[float, ...]
+    sizes: np.ndarray
+
+
+def colour_of(series: Series, level: float, drifts: bool) -> Colour | None:
+    """The colour of what a fit leaves, None for white noise.
+
+    Args:
+        series: residuals of a fit and their derivatives.
+        level: variance of its rows if their samples were independent.
+        drifts: whether a drift may be in the residuals, which is not where the fit has one of its own.
+    """
+    n = series.t.size
+    alone = _Candidate.of(series, np.zeros((n, 0)), False, ())
+    u = (series.t - series.t.mean()) / max(np.ptp(series.t), np.finfo(float).tiny)
+    drift = (u * series.unit)[:, None]
+    found = [alone]
+    if drifts:
+        found.append(_Candidate.of(series, drift, True, ()))
+    for so_far in tuple(found):
+        lines = _lines(series, so_far)
+        if lines:
+            waves = [f(2 * np.pi * line * series.t) * series.unit for line in lines for f in (np.cos, np.sin)]
+            found.append(_Candidate.of(series, np.column_stack([so_far.beside, *waves]), so_far.drift, lines))
+    best = min(found, key=lambda candidate: candidate.criterion + (_STRONG if candidate.beside.size else 0.0))
+    as_white = abs(np.log(max(best.std, 1e-300) ** 2 / level)) < _LEVEL * np.sqrt(2 / n)
+    if best is alone and not best.coefficients.size and as_white:
+        return None
+    return Colour(best.coefficients, best.std, best.beside, best.drift, best.lines, best.sizes)
+
+
+class _Candidate(NamedTuple):
+    """A colour with Schwarz's criterion, and what it leaves of the residuals, the parameters fitted anew."""
+
+    coefficients: np.ndarray
+    std: float
+    beside: np.ndarray
+    drift: bool
+    lines: tuple[float, ...]
+    sizes: np.ndarray
+    criterion: float
+    left: np.ndarray
+
+    @staticmethod
+    def of(series: Series, beside: np.ndarray, drift: bool, lines: tuple[float, ...]) -> "_Candidate":
+        columns = np.column_stack([series.slopes, beside])
+        columns = columns / np.maximum(np.sqrt(np.mean(columns**2, axis=0)), np.finfo(float).tiny)
+        coefficients, criterion, sizes = np.zeros(0), np.inf, np.zeros(columns.shape[1])
+        left, variance = series.residual, 1.0
+        for _ in range(_ROUNDS):
+            white = _innovations(np.column_stack([series.residual, columns]), series.starts, coefficients)
+            sizes, _, rank, _ = np.linalg.lstsq(white[:, 1:], -white[:, 0], rcond=1e-12)
+            left = series.residual + columns @ sizes
+            dof = max(white.shape[0] - int(rank) - coefficients.size, 1)
+            variance = float(np.sum((white[:, 0] + white[:, 1:] @ sizes) ** 2)) / dof
+            before, (coefficients, criterion) = coefficients, autoregression(left, series.starts)
+            if before.shape == coefficients.shape and np.allclose(before, coefficients, rtol=0, atol=1e-3):
+                break
+        # A line has a frequency besides its two sizes.
+        criterion += (beside.shape[1] + len(lines)) * np.log(series.t.size)
+        unit = np.sqrt(np.mean(beside**2, axis=0))
+        told = sizes[series.slopes.shape[1] :] / np.where(unit > 0, unit, 1.0)
+        return _Candidate(coefficients, float(np.sqrt(variance)), beside, drift, lines, told, float(criterion), left)
+
+
+def weighed(series: Series, colour: Colour) -> tuple[np.ndarray, np.ndarray]:
+    """Innovations of unit variance, and their derivatives by the coordinates, without what other functions explain."""
+    both = np.column_stack([series.residual, series.slopes, colour.beside])
+    white = _innovations(both, series.starts, colour.coefficients) / colour.std
+    p = series.slopes.shape[1] + 1
+    told = white[:, :p]
+    if colour.beside.size:
+        basis = np.linalg.qr(white[:, p:] / np.maximum(np.linalg.norm(white[:, p:], axis=0), 1e-300))[0]
+        told = told - basis @ (basis.T @ told)
+    return told[:, 0], told[:, 1:]
+
+
+def autoregression(left: np.ndarray, starts: np.ndarray) -> tuple[np.ndarray, float]:
+    """Coefficients of the process of the order that Schwarz's criterion chooses, and the criterion.
+
+    White noise is given up for another only where the evidence is very strong.
+    """
+    rows = int(np.max(np.diff(np.append(starts, left.size)), initial=0))
+    most = min(MOST, rows // _ROWS)
+    parts = [part for part in np.split(left, starts[1:]) if part.size > most]
+    gram, n = np.zeros((most + 1, most + 1)), 0
+    for part in parts:
+        window = np.lib.stride_tricks.sliding_window_view(part, most + 1)[:, ::-1]
+        gram, n = gram + window.T @ window, n + window.shape[0]
+    if n == 0 or not gram[0, 0] > 0:
+        return np.zeros(0), np.inf
+    lags = gram[1:, 1:] + 1e-13 * gram[0, 0] * np.eye(most)
+    lower = np.linalg.cholesky(lags) if most else lags
+    # What each further order takes from the sum of squares: one factor serves all orders.
+    along = np.linalg.solve(lower, gram[1:, 0])
+    squares = gram[0, 0] - np.concatenate([[0.0], np.cumsum(along**2)])
+    criteria = n * np.log(np.maximum(squares, 1e-30 * gram[0, 0]) / n) + np.log(n) * np.arange(most + 1)
+    criteria[0] -= _STRONG
+    order = int(np.argmin(criteria))
+    return np.linalg.solve(lower[:order, :order].T, along[:order]), float(criteria[order])
+
+
+def _innovations(columns: np.ndarray, starts: np.ndarray, coefficients: np.ndarray) -> np.ndarray:
+    """The columns through the filter that whitens the noise, without the rows that have too few before them."""
+    order = coefficients.size
+    if not order:
+        return columns
+    parts = [part for part in np.split(columns, starts[1:]) if part.shape[0] > order]
+    filtered = [_filtered(part, coefficients) for part in parts]
+    return np.concatenate(filtered) if filtered else columns[:0]
+
+
+def _filtered(part: np.ndarray, coefficients: np.ndarray) -> np.ndarray:
+    order, n = coefficients.size, part.shape[0]
+    made = part[order:].copy()
+    for lag, coefficient in enumerate(coefficients, start=1):
+        made -= coefficient * part[order - lag : n - lag]
+    return made
+
+
+def _lines(series: Series, so_far: _Candidate) -> tuple[float, ...]:
+    """Frequencies of the lines that stand out of the spectrum of what a candidate leaves [Hz], the strongest first."""
+    t, left, found = series.t, so_far.left, []
+    if left.size < 4 * _NEAR:
+        return ()
+    interval = float(np.median(np.diff(t)))
+    for _ in range(_LINES):
+        line = _strongest(t, left, interval)
+        if line is None:
+            break
+        found.append(line)
+        waves = np.column_stack([f(2 * np.pi * each * t) * series.unit for each in found for f in (np.cos, np.sin)])
+        left = so_far.left - waves @ np.linalg.lstsq(waves, so_far.left, rcond=None)[0]
+    return tuple(found)
+
+
+def _strongest(t: np.ndarray, left: np.ndarray, interval: float) -> float | None:
+    """Frequency of the strongest line of a series, None where none stands out."""
+    from scipy.optimize import minimize_scalar
+
+    window = np.hanning(left.size)
+    power = np.abs(np.fft.rfft(left * window)) ** 2
+    k = int(np.argmax(power[_WIDE:])) + _WIDE
+    near = np.r_[max(k - _NEAR, 1) : max(k - _WIDE, 1), k + _WIDE + 1 : min(k + _NEAR + 1, power.size)]
+    if near.size < _NEAR // 2 or power[k] < _LINE * np.median(power[near]):
+        return None
+    step = 1 / (left.size * interval)
+
+    def lost(frequency: float) -> float:
+        return -float(np.abs(np.sum(left * window * np.exp(-2j * np.pi * frequency * t))) ** 2)
+
+    found = minimize_scalar(
+        lost, bounds=((k - 1) * step, (k + 1) * step), method="bounded", options={"xatol": 1e-4 * step}
+    )
+    return float(found.x)  # pyright: ignore[reportAttributeAccessIssue]

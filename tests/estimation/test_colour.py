@@ -1,0 +1,38 @@
+"""The colour of noise against processes whose coefficients are known, and least squares that count by it."""
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from fricjax.estimation.colour import Series, autoregression, colour_of, weighed
+
+START = np.array([0])
+
+
+def series(noise: np.ndarray) -> Series:
+    t = np.arange(noise.size) * 1e-3
+    slopes = np.column_stack([np.cos(20 * t), t])
+    return Series(t, noise, slopes, np.ones(noise.size), START)
+
+
+def test_white_noise_has_no_colour():
+    random = np.random.default_rng(0)
+    assert sum(colour_of(series(random.standard_normal(600)), 1.0, True) is not None for _ in range(100)) <= 5
+
+
+@pytest.mark.parametrize("coefficients", [[0.9], [1.0], [1.6, -0.9]])
+def test_the_coefficients_of_a_process_are_found(coefficients):
+    drive = np.random.default_rng(1).standard_normal(20_000)
+    found, _ = autoregression(lfilter([1.0], [1.0, *-np.array(coefficients)], drive), START)
+    assert found[: len(coefficients)] == pytest.approx(coefficients, abs=0.03)
+
+
+def test_coloured_residuals_come_out_white():
+    drive = np.random.default_rng(2).standard_normal(4000)
+    run = series(lfilter([1.0], [1.0, -0.95], drive))
+    colour = colour_of(run, 1.0, False)
+    assert colour is not None and not colour.drift and not colour.lines
+    residual, slopes = weighed(run, colour)
+    assert slopes.shape == (residual.size, 2)
+    assert np.std(residual) == pytest.approx(1.0, abs=0.05)
+    assert abs(np.mean(residual[1:] * residual[:-1])) < 4 / np.sqrt(residual.size)
