@@ -23,13 +23,13 @@ def test_white_noise_has_no_colour():
 @pytest.mark.parametrize("coefficients", [[0.9], [1.0], [1.6, -0.9]])
 def test_the_coefficients_of_a_process_are_found(coefficients):
     drive = np.random.default_rng(1).standard_normal(20_000)
-    found, _ = autoregression(lfilter([1.0], [1.0, *-np.array(coefficients)], drive), START)
+    found, _ = autoregression(np.asarray(lfilter([1.0], [1.0, *-np.array(coefficients)], drive)), START)
     assert found[: len(coefficients)] == pytest.approx(coefficients, abs=0.03)
 
 
 def test_coloured_residuals_come_out_white():
     drive = np.random.default_rng(2).standard_normal(4000)
-    run = series(lfilter([1.0], [1.0, -0.95], drive))
+    run = series(np.asarray(lfilter([1.0], [1.0, -0.95], drive)))
     colour = colour_of(run, 1.0, False)
     assert colour is not None and not colour.drift and not colour.lines
     residual, slopes = weighed(run, colour)
