@@ -13,12 +13,13 @@ forgets; the order from Schwarz's criterion (Brockwell and Davis, Time Series, 1
 of a hum are no process but a function of time: where they show, their size is fitted beside the parameters.
 """
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 # Longest memory in rows. A hum that is no line, and a resonance under white noise, take some ten.
-MOST = 24
+_MOST = 24
 # Rows that an order or a nuisance must have for each of its numbers.
 _ROWS = 8
 # Twice the logarithm of the odds from which evidence is called very strong (Kass and Raftery, J. Am. Stat. Assoc. 90,
@@ -86,24 +87,18 @@ def colour_of(series: Series, level: float, drifts: bool) -> Colour | None:
     for so_far in tuple(found):
         lines = _lines(series, so_far)
         if lines:
-            waves = [f(2 * np.pi * line * series.t) * series.unit for line in lines for f in (np.cos, np.sin)]
-            found.append(_Candidate.of(series, np.column_stack([so_far.beside, *waves]), so_far.drift, lines))
-    best = min(found, key=lambda candidate: candidate.criterion + (_STRONG if candidate.beside.size else 0.0))
-    as_white = abs(np.log(max(best.std, 1e-300) ** 2 / level)) < _LEVEL * np.sqrt(2 / n)
-    if best is alone and not best.coefficients.size and as_white:
-        return None
-    return Colour(best.coefficients, best.std, best.beside, best.drift, best.lines, best.sizes)
+            colour = so_far.colour
+            beside = np.column_stack([colour.beside, _waves(series, lines)])
+            found.append(_Candidate.of(series, beside, colour.drift, lines))
+    best = min(found, key=lambda candidate: candidate.criterion + (_STRONG if candidate.colour.beside.size else 0.0))
+    as_white = abs(np.log(max(best.colour.std, 1e-300) ** 2 / level)) < _LEVEL * np.sqrt(2 / n)
+    return None if best is alone and not best.colour.coefficients.size and as_white else best.colour
 
 
 class _Candidate(NamedTuple):
     """A colour with Schwarz's criterion, and what it leaves of the residuals, the parameters fitted anew."""
 
-    coefficients: np.ndarray
-    std: float
-    beside: np.ndarray
-    drift: bool
-    lines: tuple[float, ...]
-    sizes: np.ndarray
+    colour: Colour
     criterion: float
     left: np.ndarray
 
@@ -126,7 +121,8 @@ class _Candidate(NamedTuple):
         criterion += (beside.shape[1] + len(lines)) * np.log(series.t.size)
         unit = np.sqrt(np.mean(beside**2, axis=0))
         told = sizes[series.slopes.shape[1] :] / np.where(unit > 0, unit, 1.0)
-        return _Candidate(coefficients, float(np.sqrt(variance)), beside, drift, lines, told, float(criterion), left)
+        colour = Colour(coefficients, float(np.sqrt(variance)), beside, drift, lines, told)
+        return _Candidate(colour, float(criterion), left)
 
 
 def weighed(series: Series, colour: Colour) -> tuple[np.ndarray, np.ndarray]:
@@ -147,7 +143,7 @@ def autoregression(left: np.ndarray, starts: np.ndarray) -> tuple[np.ndarray, fl
     White noise is given up for another only where the evidence is very strong.
     """
     rows = int(np.max(np.diff(np.append(starts, left.size)), initial=0))
-    most = min(MOST, rows // _ROWS)
+    most = min(_MOST, rows // _ROWS)
     parts = [part for part in np.split(left, starts[1:]) if part.size > most]
     gram, n = np.zeros((most + 1, most + 1)), 0
     for part in parts:
@@ -171,17 +167,16 @@ def _innovations(columns: np.ndarray, starts: np.ndarray, coefficients: np.ndarr
     order = coefficients.size
     if not order:
         return columns
+    newest_first = np.concatenate([[1.0], -coefficients])
     parts = [part for part in np.split(columns, starts[1:]) if part.shape[0] > order]
-    filtered = [_filtered(part, coefficients) for part in parts]
-    return np.concatenate(filtered) if filtered else columns[:0]
+    windows = [np.lib.stride_tricks.sliding_window_view(part, order + 1, axis=0)[..., ::-1] for part in parts]
+    return np.concatenate([columns[:0], *(window @ newest_first for window in windows)])
 
 
-def _filtered(part: np.ndarray, coefficients: np.ndarray) -> np.ndarray:
-    order, n = coefficients.size, part.shape[0]
-    made = part[order:].copy()
-    for lag, coefficient in enumerate(coefficients, start=1):
-        made -= coefficient * part[order - lag : n - lag]
-    return made
+def _waves(series: Series, lines: Sequence[float]) -> np.ndarray:
+    """Cosine and sine of each line [Hz] in the rows of a series, shape (n, 2 lines)."""
+    waves = [f(2 * np.pi * line * series.t) * series.unit for line in lines for f in (np.cos, np.sin)]
+    return np.column_stack(waves)
 
 
 def _lines(series: Series, so_far: _Candidate) -> tuple[float, ...]:
@@ -195,7 +190,7 @@ def _lines(series: Series, so_far: _Candidate) -> tuple[float, ...]:
         if line is None:
             break
         found.append(line)
-        waves = np.column_stack([f(2 * np.pi * each * t) * series.unit for each in found for f in (np.cos, np.sin)])
+        waves = _waves(series, found)
         left = so_far.left - waves @ np.linalg.lstsq(waves, so_far.left, rcond=None)[0]
     return tuple(found)
 

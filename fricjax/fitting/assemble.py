@@ -58,16 +58,17 @@ def assemble(problem: Problem, solved: Solved, sigma_mode: str) -> Fit:
     bracket, name = bracket_static(problem, solved), problem.bracketed or "mu_s"
     machine, static = _machine(problem, solved, bracket)
     shown = record_time(problem, solved.settled.values)
+    values = named(problem.names, shown)
     std_errors = named(problem.names, np.sqrt(np.diag(found.statistical)))
     factor = np.sqrt(variance) if sigma_mode == "estimate" else 1.0
     misfit = misfit_of(problem, solved, sigma_mode != "absolute")
     status = status_of(problem, solved, found, misfit)
-    shift = solved.numerical_shift
-    on_errors = (misfit, white, inflation)
-    told = warnings_of(problem, named(problem.names, shown), std_errors, *on_errors, margins, excesses, bracket, shift)
+    told = warnings_of(
+        problem, values, std_errors, misfit, white, inflation, margins, excesses, bracket, solved.numerical_shift
+    )
     return Fit(
         names=problem.names,
-        values={**named(problem.names, shown), **static},
+        values={**values, **static},
         std_errors=std_errors,
         combined_std_errors=named(problem.names, np.sqrt(np.diag(found.combined))),
         intervals={**_intervals(problem.names, shown, found), **({} if bracket is None else {name: bracket[:2]})},

@@ -36,3 +36,18 @@ def test_coloured_residuals_come_out_white():
     assert slopes.shape == (residual.size, 2)
     assert np.std(residual) == pytest.approx(1.0, abs=0.05)
     assert abs(np.mean(residual[1:] * residual[:-1])) < 4 / np.sqrt(residual.size)
+
+
+def test_a_hum_and_a_drift_are_functions_of_time_beside_the_noise():
+    noise = np.random.default_rng(3).standard_normal(4000)
+    run = series(noise)
+    hum, drift = 60 * np.sin(2 * np.pi * 50.02 * run.t + 0.7), 100 * (run.t - run.t.mean())
+    run = run._replace(residual=noise + hum + drift, slopes=run.slopes[:, :1])
+    colour = colour_of(run, 1.0, True)
+    assert colour is not None and colour.drift and not colour.coefficients.size
+    assert colour.lines == pytest.approx((50.02,), abs=2e-3)
+    # What is added to the model to make up for them is their opposite; the drift is told over the whole series.
+    assert colour.sizes[0] == pytest.approx(-100 * np.ptp(run.t), abs=0.5)
+    assert np.hypot(*colour.sizes[1:]) == pytest.approx(60, abs=0.15)
+    residual, _ = weighed(run, colour)
+    assert colour.std == pytest.approx(1.0, abs=0.05) and np.std(residual) == pytest.approx(1.0, abs=0.05)
