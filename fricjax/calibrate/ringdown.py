@@ -33,8 +33,7 @@ def calibrate_ringdown(
 
     The decay is fitted with viscous damping alone, with all further terms, and with those of the further terms that
     exceed three standard uncertainties. Akaike's criterion chooses between the fits in which neither windage nor dead
-    band are negative. The noise is taken from the scatter of the residuals, and standard uncertainties are enlarged
-    where the residuals are not white.
+    band are negative. The noise is taken from the scatter of the residuals, with what memory it shows.
 
     Args:
         record: the run; its decay should span a factor of ten or more in amplitude.
@@ -131,14 +130,14 @@ def _stiffening(record: Record | Trace) -> dict[str, float]:
 
 def _score(found: Fit, name: str) -> float:
     """A term in standard uncertainties; positive where it dissipates, and always for the spring, that may do either."""
-    score = found.values[name] / (found.std_errors[name] * found.error_inflation)
+    score = found.values[name] / found.std_errors[name]
     return abs(score) if name == "k3" else score
 
 
 def _measured(found: Fit, name: str) -> Measured:
     """A kinematic quantity of a fit."""
     estimate = found.kinematics[name]
-    return Measured(estimate.value, estimate.std * found.error_inflation)
+    return Measured(estimate.value, estimate.std)
 
 
 def _term(name: str, found: Fit, kept: bool) -> Term:
@@ -146,7 +145,7 @@ def _term(name: str, found: Fit, kept: bool) -> Term:
     kinematic = {"mu": "dead_band", "drag": "drag_rate"}
     if name in kinematic:
         return Term(name, _measured(found, kinematic[name]), kept)
-    return Term(name, Measured(found.values[name], found.std_errors[name] * found.error_inflation), kept)
+    return Term(name, Measured(found.values[name], found.std_errors[name]), kept)
 
 
 def _label(terms: Sequence[str]) -> str:

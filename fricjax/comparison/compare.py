@@ -10,11 +10,13 @@ import numpy as np
 
 from ..data import Record, Trace
 from ..data.errors import DataError, UsageError, nearest
+from ..fitting.by_noise import Seen, colours_of, described, misfit_by_noise, remembered
 from ..fitting.fit import concluded, records_of
 from ..fitting.problem import Problem, posed_on
 from ..fitting.rest import solve_with_rest
 from ..fitting.result import Fit
 from ..fitting.solve import Solved
+from ..fitting.whiteness import whiteness
 from ..oscillator import Oscillator, ready
 from .candidates import Candidate, candidates, law_name
 from .cross_validation import held_out_score
@@ -54,9 +56,10 @@ def compare(
 
         AICc = chi2/c + 2 k + 2 k (k + 1)/(n/tau - k - 1),      BIC = chi2/c + k ln(n/tau),
 
-    with k free parameters, n samples, and the residuals of the fit of least chi2: their correlation time tau in
-    samples, and c = tau times their reduced chi2 (at least one where the noise is taken at its word). For white noise
-    as large as stated c and tau are one. Where no law describes the runs, its misfit counts as coloured noise.
+    with k free parameters and n samples. The noise is what the fit of least chi2 leaves. Where it is white, tau is one
+    and c its reduced chi2 (at least one where the noise is taken at its word). Where it is not, all laws are judged by
+    that noise: chi2/c is the sum of their squares weighed by it, and tau the time in samples over which it remembers.
+    Where no law describes the runs, tau is the correlation time of the residuals and c tau times their reduced chi2.
 
     Args:
         data: a record, a trace, or a list of either; several runs are fitted jointly.
@@ -110,7 +113,13 @@ def compare(
     if not fits:
         raise UsageError(f"No law could be fitted. The first was {rows[0].status}")
     windows = next(candidate.windows for candidate in entered if isinstance(candidate.windows, tuple))
-    return _ranked(rows, fits, criterion, sigma_mode, fingerprints(windows, machines[0]))
+    yardstick = _yardstick(entries, sigma_mode == "absolute")
+    judged = tuple(_judged(row, entry, yardstick) for row, entry in zip(rows, entries, strict=True))
+    order = sorted(
+        judged, key=lambda row: (row.tests is None, not row.ended, _place(getattr(row, criterion)), row.chi2)
+    )
+    ranking, told = tuple(row.name for row in order), fingerprints(windows, machines[0])
+    return Comparison(judged, criterion, ranking, fits, yardstick.n, yardstick.effective, yardstick.inflation, told)
 
 
 class _Entry(NamedTuple):
@@ -181,33 +190,47 @@ def _row(entry: _Entry, held_out: bool) -> Row:
     )
 
 
-def _ranked(
-    rows: Sequence[Row], fits: dict[str, Fit], criterion: str, sigma_mode: str, told: tuple[str, ...]
-) -> Comparison:
-    """The comparison of fitted rows: their criteria, and their order."""
-    n = next(int(np.isfinite(_joined(fit)).sum()) for fit in fits.values())
-    reference = min((row for row in rows if row.name in fits), key=lambda row: (not row.ended, row.chi2))
-    white = reference.tests.whiteness if reference.tests is not None else None
-    time = 1.0 if white is None or white.white else white.correlation_time
-    scatter = max(reference.chi2_reduced, 1.0) if sigma_mode == "absolute" else reference.chi2_reduced
-    effective, inflation = n / time, max(time * scatter, np.finfo(float).tiny)
-    judged = tuple(_judged(row, inflation, effective) for row in rows)
-    order = sorted(
-        judged, key=lambda row: (row.tests is None, not row.ended, _place(getattr(row, criterion)), row.chi2)
+class _Yardstick(NamedTuple):
+    """The noise by which all laws are judged.
+
+    Attributes:
+        n: number of samples; `effective`: of independent ones.
+        inflation: variance that counts as noise, in units of the stated one.
+        seen: the rows and the colour of each run's noise, none where it is white or where no law describes the runs.
+    """
+
+    n: int
+    effective: float
+    inflation: float
+    seen: Sequence[Seen]
+
+
+def _yardstick(entries: Sequence[_Entry], absolute: bool) -> _Yardstick:
+    """The noise that the fit of least chi2 leaves."""
+    best = min(
+        (entry for entry in entries if entry.fit is not None), key=lambda entry: (entry.chi2, entry.candidate.name)
     )
-    ranking = tuple(row.name for row in order)
-    return Comparison(judged, criterion, ranking, fits, n, effective, inflation, told)
-
-
-def _joined(fit: Fit) -> np.ndarray:
-    return np.concatenate(fit.residuals) if isinstance(fit.residuals, tuple) else fit.residuals
+    problem, solved = best.problem, best.solved
+    assert problem is not None and solved is not None
+    seen = colours_of(problem, solved, absolute) if solved.converged else []
+    scatter = max(solved.chi2 / problem.dof, 1.0 if absolute else np.finfo(float).tiny)
+    time = 1.0
+    if seen and described(problem, seen, absolute):
+        time = max(remembered(*run) for run in seen)
+    elif seen:
+        seen, time = [], max(whiteness(part).correlation_time for part in problem.by_run(solved.survey.residual))
+    return _Yardstick(problem.n_used, problem.n_used / time, time * scatter, seen)
 
 
 def _place(value: float) -> float:
     return np.inf if np.isnan(value) else value
 
 
-def _judged(row: Row, inflation: float, n: float) -> Row:
-    k, misfit = row.n_parameters, row.chi2 / inflation
+def _judged(row: Row, entry: _Entry, by: _Yardstick) -> Row:
+    """A row with its criteria."""
+    if entry.problem is None or entry.solved is None or not np.isfinite(row.chi2):
+        return row
+    k, n = row.n_parameters, by.effective
+    misfit = misfit_by_noise(entry.problem, entry.solved, by.seen) if by.seen else row.chi2 / by.inflation
     aicc = misfit + 2 * k + 2 * k * (k + 1) / max(n - k - 1, 1)
     return dataclasses.replace(row, aicc=float(aicc), bic=float(misfit + k * np.log(n)))

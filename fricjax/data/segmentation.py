@@ -46,7 +46,8 @@ class Segmentation:
     - `n_half_cycles`: completed strokes since the release, the last one (that ends in the stop) included. In a record
       that starts in mid-stroke the first, partial stroke counts.
     - `amplitude`: half the peak-to-peak motion since the release.
-    - `half_period`: median duration of a stroke. `cycles`: `n_half_cycles / 2`.
+    - `half_period`: median duration of a stroke. `cycles`: `n_half_cycles / 2`;
+      `frequency`: of the motion [Hz].
     - `white_noise`: the part of the noise that neighbouring samples do not share.
     - `lines`: frequency [Hz] and amplitude of each hum that stands out of the spectrum of the rest.
     - `drift`: slope of x over the rest [1/s], 0.0 where the rest is shorter than a cycle.
@@ -68,6 +69,11 @@ class Segmentation:
     drift: float = 0.0
     open: tuple[int, ...] = ()
     release_position: float | None = None
+
+    @property
+    def frequency(self) -> float:
+        """Frequency of the motion [Hz]."""
+        return 0.5 / self.half_period
 
     @property
     def cycles(self) -> float:

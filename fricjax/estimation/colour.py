@@ -13,7 +13,7 @@ forgets; the order from Schwarz's criterion (Brockwell and Davis, Time Series, 1
 of a hum are no process but a function of time: where they show, their size is fitted beside the parameters.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -31,6 +31,8 @@ _ROUNDS = 4
 _LEVEL = 4.0
 # Power of a line over that of its neighbours, how many of them, how far it reaches itself, and how many lines.
 _LINE, _NEAR, _WIDE, _LINES = 30.0, 24, 3, 3
+# Steps of Gauss and Newton to the frequency of a line, which begin within a tenth of the resolution.
+_TUNINGS = 3
 
 
 class Series(NamedTuple):
@@ -56,26 +58,29 @@ class Colour(NamedTuple):
     Attributes:
         coefficients: of the process, the nearest first, shape (order,).
         std: standard deviation of an innovation, in units of the residuals.
+        left: of the residuals, the parameters and what is beside them fitted anew, shape (n,).
         beside: functions of time that are in the residuals besides, shape (n, k): a drift, the lines of a hum.
         drift: whether a drift is among them, the first; `lines`: frequencies of the hum [Hz].
-        sizes: their sizes, shape (k,).
+        sizes: what of each is to be added to the residuals to make up for them, shape (k,).
     """
 
     coefficients: np.ndarray
     std: float
+    left: np.ndarray
     beside: np.ndarray
     drift: bool
     lines: tuple[float, ...]
     sizes: np.ndarray
 
 
-def colour_of(series: Series, level: float, drifts: bool) -> Colour | None:
+def colour_of(series: Series, level: float, drifts: bool, motion: float = 0.0) -> Colour | None:
     """The colour of what a fit leaves, None for white noise.
 
     Args:
         series: residuals of a fit and their derivatives.
         level: variance of its rows if their samples were independent.
         drifts: whether a drift may be in the residuals, which is not where the fit has one of its own.
+        motion: frequency of the motion itself [Hz]; a line near it is no hum but what the model lacks.
     """
     n = series.t.size
     alone = _Candidate.of(series, np.zeros((n, 0)), False, ())
@@ -85,7 +90,7 @@ def colour_of(series: Series, level: float, drifts: bool) -> Colour | None:
     if drifts:
         found.append(_Candidate.of(series, drift, True, ()))
     for so_far in tuple(found):
-        lines = _lines(series, so_far)
+        lines = _lines(series, so_far, motion)
         if lines:
             colour = so_far.colour
             beside = np.column_stack([colour.beside, _waves(series, lines)])
@@ -96,11 +101,10 @@ def colour_of(series: Series, level: float, drifts: bool) -> Colour | None:
 
 
 class _Candidate(NamedTuple):
-    """A colour with Schwarz's criterion, and what it leaves of the residuals, the parameters fitted anew."""
+    """A colour with Schwarz's criterion."""
 
     colour: Colour
     criterion: float
-    left: np.ndarray
 
     @staticmethod
     def of(series: Series, beside: np.ndarray, drift: bool, lines: tuple[float, ...]) -> "_Candidate":
@@ -109,7 +113,7 @@ class _Candidate(NamedTuple):
         coefficients, criterion, sizes = np.zeros(0), np.inf, np.zeros(columns.shape[1])
         left, variance = series.residual, 1.0
         for _ in range(_ROUNDS):
-            white = _innovations(np.column_stack([series.residual, columns]), series.starts, coefficients)
+            white = innovations(np.column_stack([series.residual, columns]), series.starts, coefficients)
             sizes, _, rank, _ = np.linalg.lstsq(white[:, 1:], -white[:, 0], rcond=1e-12)
             left = series.residual + columns @ sizes
             dof = max(white.shape[0] - int(rank) - coefficients.size, 1)
@@ -121,14 +125,20 @@ class _Candidate(NamedTuple):
         criterion += (beside.shape[1] + len(lines)) * np.log(series.t.size)
         unit = np.sqrt(np.mean(beside**2, axis=0))
         told = sizes[series.slopes.shape[1] :] / np.where(unit > 0, unit, 1.0)
-        colour = Colour(coefficients, float(np.sqrt(variance)), beside, drift, lines, told)
-        return _Candidate(colour, float(criterion), left)
+        colour = Colour(coefficients, float(np.sqrt(variance)), left, beside, drift, lines, told)
+        return _Candidate(colour, float(criterion))
+
+
+def white(series: Series, level: float) -> Colour:
+    """That of white noise, of which a row has a variance."""
+    nothing = np.zeros(0)
+    return Colour(nothing, float(np.sqrt(level)), series.residual, np.zeros((series.t.size, 0)), False, (), nothing)
 
 
 def weighed(series: Series, colour: Colour) -> tuple[np.ndarray, np.ndarray]:
     """Innovations of unit variance, and their derivatives by the coordinates, without what other functions explain."""
     both = np.column_stack([series.residual, series.slopes, colour.beside])
-    white = _innovations(both, series.starts, colour.coefficients) / colour.std
+    white = innovations(both, series.starts, colour.coefficients) / colour.std
     p = series.slopes.shape[1] + 1
     told = white[:, :p]
     if colour.beside.size:
@@ -162,7 +172,7 @@ def autoregression(left: np.ndarray, starts: np.ndarray) -> tuple[np.ndarray, fl
     return np.linalg.solve(lower[:order, :order].T, along[:order]), float(criteria[order])
 
 
-def _innovations(columns: np.ndarray, starts: np.ndarray, coefficients: np.ndarray) -> np.ndarray:
+def innovations(columns: np.ndarray, starts: np.ndarray, coefficients: np.ndarray) -> np.ndarray:
     """The columns through the filter that whitens the noise, without the rows that have too few before them."""
     order = coefficients.size
     if not order:
@@ -173,44 +183,55 @@ def _innovations(columns: np.ndarray, starts: np.ndarray, coefficients: np.ndarr
     return np.concatenate([columns[:0], *(window @ newest_first for window in windows)])
 
 
-def _waves(series: Series, lines: Sequence[float]) -> np.ndarray:
+def _waves(series: Series, lines: Iterable[float]) -> np.ndarray:
     """Cosine and sine of each line [Hz] in the rows of a series, shape (n, 2 lines)."""
     waves = [f(2 * np.pi * line * series.t) * series.unit for line in lines for f in (np.cos, np.sin)]
     return np.column_stack(waves)
 
 
-def _lines(series: Series, so_far: _Candidate) -> tuple[float, ...]:
+def _lines(series: Series, so_far: _Candidate, motion: float) -> tuple[float, ...]:
     """Frequencies of the lines that stand out of the spectrum of what a candidate leaves [Hz], the strongest first."""
-    t, left, found = series.t, so_far.left, []
+    whole = left = so_far.colour.left
+    found: list[float] = []
     if left.size < 4 * _NEAR:
         return ()
-    interval = float(np.median(np.diff(t)))
     for _ in range(_LINES):
-        line = _strongest(t, left, interval)
-        if line is None:
+        line = _strongest(series.t, left, motion)
+        if line is None or any(abs(line - other) * np.ptp(series.t) < _WIDE for other in found):
             break
-        found.append(line)
-        waves = _waves(series, found)
-        left = so_far.left - waves @ np.linalg.lstsq(waves, so_far.left, rcond=None)[0]
+        found, left = _tuned(series, [*found, line], whole)
     return tuple(found)
 
 
-def _strongest(t: np.ndarray, left: np.ndarray, interval: float) -> float | None:
-    """Frequency of the strongest line of a series, None where none stands out."""
-    from scipy.optimize import minimize_scalar
-
-    window = np.hanning(left.size)
-    power = np.abs(np.fft.rfft(left * window)) ** 2
-    k = int(np.argmax(power[_WIDE:])) + _WIDE
+def _strongest(t: np.ndarray, left: np.ndarray, motion: float) -> float | None:
+    """Frequency of the strongest line of a series to a part of its resolution, None where none stands out."""
+    power = np.abs(np.fft.rfft(left * np.hanning(left.size))) ** 2
+    step = 1 / (left.size * float(np.median(np.diff(t))))
+    apart = np.abs(step * np.arange(power.size) - motion) >= motion / 2
+    apart[:_WIDE] = False
+    k = int(np.argmax(power * apart))
     near = np.r_[max(k - _NEAR, 1) : max(k - _WIDE, 1), k + _WIDE + 1 : min(k + _NEAR + 1, power.size)]
     if near.size < _NEAR // 2 or power[k] < _LINE * np.median(power[near]):
         return None
-    step = 1 / (left.size * interval)
+    below, at, above = np.log(power[k - 1 : k + 2]) if k + 1 < power.size else (0.0, 1.0, 0.0)
+    if below > at:
+        return None
+    aside = 0.5 * (below - above) / (below - 2 * at + above)
+    return (k + aside) * step
 
-    def lost(frequency: float) -> float:
-        return -float(np.abs(np.sum(left * window * np.exp(-2j * np.pi * frequency * t))) ** 2)
 
-    found = minimize_scalar(
-        lost, bounds=((k - 1) * step, (k + 1) * step), method="bounded", options={"xatol": 1e-4 * step}
-    )
-    return float(found.x)  # pyright: ignore[reportAttributeAccessIssue]
+def _tuned(series: Series, lines: Sequence[float], left: np.ndarray) -> tuple[list[float], np.ndarray]:
+    """The lines with their frequencies by least squares, and what is left beside them.
+
+    With ``a cos + b sin`` the derivative by the angular frequency is ``t (b cos - a sin)``.
+    """
+    t, found = series.t - series.t.mean(), np.array(lines)
+    resolution = 1 / np.ptp(t)
+    for _ in range(_TUNINGS):
+        waves = [f(2 * np.pi * line * t) * series.unit for line in found for f in (np.cos, np.sin)]
+        columns = np.column_stack([*waves, *(t * wave for wave in waves)])
+        (a, b), (c, d) = np.linalg.lstsq(columns, left, rcond=None)[0].reshape(2, -1, 2).transpose(0, 2, 1)
+        off = (b * c - a * d) / (2 * np.pi * np.maximum(a**2 + b**2, np.finfo(float).tiny))
+        found = found + np.clip(off, -resolution / 2, resolution / 2)
+    waves = _waves(series, found)
+    return found.tolist(), left - waves @ np.linalg.lstsq(waves, left, rcond=None)[0]

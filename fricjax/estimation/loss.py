@@ -7,7 +7,6 @@ residuals look like outliers at the start still has a positive normal matrix.
 """
 
 import abc
-from typing import Any
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -82,19 +81,6 @@ class Cauchy(AbstractLoss):
         z = (residual / self.delta) ** 2
         weight = 1 / (1 + z)
         return self.delta**2 * jnp.log1p(z), weight, weight * jnp.maximum((1 - z) * weight, _LEAST_CURVATURE)
-
-
-def variance_by_influence(loss: AbstractLoss, residual: Any, used: Any) -> Array:
-    """What the inverse normal matrix of a robust fit is to be multiplied by to be a covariance.
-
-    The mean square of the influences over the mean curvature of the losses of the samples that are used (Huber, Robust
-    Statistics, 1981, 7.6), so that errors grow by little more than the efficiency asks for; one for squares, whose
-    noise is taken as stated.
-    """
-    if isinstance(loss, Squares):
-        return jnp.ones(())
-    _, weight, curvature = loss.parts(residual)
-    return jnp.sum(jnp.where(used, (weight * residual) ** 2, 0.0)) / jnp.sum(jnp.where(used, curvature, 0.0))
 
 
 LOSSES = {"squares": Squares, "huber": Huber, "soft_l1": SoftL1, "cauchy": Cauchy}

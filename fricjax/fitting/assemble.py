@@ -10,9 +10,10 @@ import jax.numpy as jnp
 import numpy as np
 
 from ..estimation.covariance import COVERAGE, Covariance, covariance
-from ..estimation.loss import AbstractLoss, Squares, variance_by_influence
+from ..estimation.loss import Squares
 from ..oscillator import Oscillator
 from ..oscillator.leaves import leaves_of
+from .by_noise import Counted
 from .names import find_leaf
 from .problem import Problem
 from .remarks import warnings_of
@@ -21,7 +22,7 @@ from .rest import CONTRADICTED, Bracket, bracket_static, excess_at_reversals, re
 from .result import Fit, named
 from .settled import kinematics
 from .solve import Solved
-from .verdict import CONVERGED, error_inflation, flags_of, misfit_of, status_of
+from .verdict import CONVERGED, flags_of, misfit_of, status_of
 from .whiteness import Whiteness, whiteness
 from .window import NEVER
 
@@ -38,19 +39,10 @@ _ROTARY = {
 }
 
 
-def assemble(problem: Problem, solved: Solved, sigma_mode: str) -> Fit:
-    """The fit of a solved problem; `sigma_mode` says what its noise means."""
-    dof = problem.dof
-    parts = [part[w.used] for part, w in zip(problem.by_run(solved.survey.residual), problem.windows, strict=True)]
-    seen = variance = solved.chi2 / dof
-    if not isinstance(problem.loss, Squares):
-        every = np.concatenate(parts)
-        seen, variance = 1.0, float(variance_by_influence(problem.loss, every, np.ones(every.shape, bool)))
-    elif sigma_mode == "absolute":
-        variance = 1.0
-    found = covariance(solved.shape, solved.settled.slope, solved.survey.normal, variance)
-    white = _whiteness(parts, problem.loss)
-    inflation = error_inflation(white, seen, sigma_mode)
+def assemble(counted: Counted, sigma_mode: str) -> Fit:
+    """The fit that is counted by its noise; `sigma_mode` says what that means."""
+    problem, solved, slope = counted.problem, counted.solved, counted.solved.settled.slope
+    found = covariance(solved.shape, slope, solved.survey.normal, counted.variance)
     runs = range(len(problem.windows))
     margins = tuple(rest_margin(problem, solved, run) for run in runs)
     excesses = tuple(excess_at_reversals(problem, solved, run) for run in runs)
@@ -60,37 +52,36 @@ def assemble(problem: Problem, solved: Solved, sigma_mode: str) -> Fit:
     shown = record_time(problem, solved.settled.values)
     values = named(problem.names, shown)
     std_errors = named(problem.names, np.sqrt(np.diag(found.statistical)))
-    factor = np.sqrt(variance) if sigma_mode == "estimate" else 1.0
-    misfit = misfit_of(problem, solved, sigma_mode != "absolute")
+    factor = np.sqrt(counted.scatter) if sigma_mode == "estimate" else 1.0
+    misfit = misfit_of(problem, solved, counted.noises, sigma_mode != "absolute")
     status = status_of(problem, solved, found, misfit)
-    told = warnings_of(
-        problem, values, std_errors, misfit, white, inflation, margins, excesses, bracket, solved.numerical_shift
-    )
+    told = warnings_of(problem, values, std_errors, misfit, margins, excesses, bracket, solved.numerical_shift)
     return Fit(
         names=problem.names,
         values={**values, **static},
         std_errors=std_errors,
+        white_std_errors=named(problem.names, counted.white * slope),
         combined_std_errors=named(problem.names, np.sqrt(np.diag(found.combined))),
         intervals={**_intervals(problem.names, shown, found), **({} if bracket is None else {name: bracket[:2]})},
         covariance=found.statistical,
         combined_covariance=found.combined,
         units={**{p.name: unit_of(p.unit, problem) for p in problem.parameters}, **dict.fromkeys(static, "")},
-        flags={**flags_of(problem, found, solved, inflation), **_static_flags(name, static, bracket)},
+        flags={**flags_of(problem, found, solved), **_static_flags(name, static, bracket)},
         converged=status == CONVERGED,
         status=status,
         warnings=told,
         kinematics=kinematics(solved.settled, found.statistical),
         chi2=solved.chi2 / factor**2,
-        dof=dof,
+        dof=problem.dof,
         residuals=residuals,
         residual_rms=rms,
         **_noise(problem, factor, sigma_mode),
-        whiteness=white,
-        error_inflation=inflation,
+        noises=counted.noises,
+        whiteness=_whiteness(problem, solved),
         margins=margins,
         **{name: getattr(solved, name) for name in ("iterations", "stages", "passes", "numerical_shift")},
         engine=type(problem.residual.engine).__name__.lower(),
-        **_criteria(2 * float(solved.survey.cost), len(problem.parameters), problem.n_used, sigma_mode),
+        **_criteria(counted, sigma_mode),
         oscillator=machine,
         **_of_the_runs(problem),
         engine_used=problem.residual.engine,
@@ -141,12 +132,12 @@ def record_time(problem: Problem, values: np.ndarray) -> np.ndarray:
     return shown
 
 
-def _whiteness(parts: Sequence[np.ndarray], loss: AbstractLoss) -> Whiteness:
+def _whiteness(problem: Problem, solved: Solved) -> Whiteness:
     """The verdict on the run whose residuals are the least white, each with the weight that its loss gives it."""
-    weighted = (
-        parts if isinstance(loss, Squares) else [part * np.asarray(loss.parts(jnp.asarray(part))[1]) for part in parts]
-    )
-    verdicts = [whiteness(part) for part in weighted]
+    parts = [part[w.used] for part, w in zip(problem.by_run(solved.survey.residual), problem.windows, strict=True)]
+    if not isinstance(problem.loss, Squares):
+        parts = [part * np.asarray(problem.loss.parts(jnp.asarray(part))[1]) for part in parts]
+    verdicts = [whiteness(part) for part in parts]
     return max(verdicts, key=lambda verdict: (not verdict.white, verdict.correlation_time))
 
 
@@ -188,11 +179,15 @@ def _intervals(names: Sequence[str], values: np.ndarray, found: Covariance) -> d
     return {name: (float(v - h), float(v + h)) for name, v, h in zip(names, values, half, strict=True)}
 
 
-def _criteria(misfit: float, p: int, n: int, sigma_mode: str) -> dict[str, float]:
+def _criteria(counted: Counted, sigma_mode: str) -> dict[str, float]:
     """Akaike's criterion for small samples and the Bayesian one, up to a constant common to all models of a record.
 
-    The sum of losses is that of the squares over the variance, or what stands for it: minus twice the log likelihood.
+    The sum of losses is that of the squares over the variance, or what stands for it: minus twice the log likelihood
+    of white noise, to which the colour of another adds what it gains, and its numbers to those of the parameters.
     """
-    told, k = (misfit, p) if sigma_mode == "absolute" else (n * np.log(misfit / n), p + 1)
+    misfit, n = 2 * float(counted.solved.survey.cost), counted.problem.n_used
+    k = len(counted.problem.parameters) + counted.numbers
+    told, k = (misfit, k) if sigma_mode == "absolute" else (n * np.log(misfit / n), k + 1)
+    told = told + counted.gain
     aicc = told + 2 * k + 2 * k * (k + 1) / max(n - k - 1, 1)
     return {"aicc": float(aicc), "bic": float(told + k * np.log(n))}

@@ -11,12 +11,13 @@ from ..data import Record, Trace
 from ..data.errors import DataError, UsageError
 from ..data.record import trace_of
 from ..estimation.covariance import Covariance, covariance
-from ..estimation.loss import AbstractLoss, Squares, variance_by_influence
+from ..estimation.loss import AbstractLoss
 from ..oscillator import Oscillator, ready
 from ..oscillator.engines import AbstractEngine
 from ..show.progress import progressing
 from .assemble import record_time, unit_of
 from .batch_result import BatchFit
+from .by_noise import Counted, counted_by_noise
 from .lanes import WIDTH, Landed, solve_lanes
 from .parameters import Request
 from .problem import Problem, pose
@@ -25,8 +26,7 @@ from .rest import far_off, solve_with_rest
 from .result import named
 from .settled import UNITS, Estimate, kinematics
 from .solve import Solved, judged
-from .verdict import CONVERGED, error_inflation, flags_of, status_of, typical, worst
-from .whiteness import from_neighbours
+from .verdict import CONVERGED, Misfit, flags_of, misfit_of, status_of, worst
 from .window import NEVER
 
 
@@ -35,14 +35,17 @@ class _Row(NamedTuple):
 
     status: str
     problem: Problem | None = None
-    solved: Solved | None = None
+    counted: Counted | None = None
     found: Covariance | None = None
-    inflation: float = np.nan
     warnings: tuple[str, ...] = ()
 
     @property
     def converged(self) -> bool:
         return self.status == CONVERGED
+
+    @property
+    def solved(self) -> Solved | None:
+        return None if self.counted is None else self.counted.solved
 
     @property
     def kinematics(self) -> dict[str, Estimate]:
@@ -59,7 +62,7 @@ class _Row(NamedTuple):
     def flags(self) -> dict[str, tuple[str, ...]]:
         if self.problem is None or self.found is None or self.solved is None:
             return {}
-        return flags_of(self.problem, self.found, self.solved, self.inflation)
+        return flags_of(self.problem, self.found, self.solved)
 
 
 def fit_batch(
@@ -157,16 +160,10 @@ def _posed(record: Any, request: Request) -> Problem | Exception:
 
 
 class _Finished(NamedTuple):
-    """A solved problem, and of its residuals the autocorrelation of neighbours, the typical size and the variance.
+    """A fit counted by its noise, and its residuals beside that."""
 
-    The size is in stated noise, the variance that by which the inverse normal matrix becomes a covariance.
-    """
-
-    problem: Problem
-    solved: Solved
-    lag_one: float
-    size: float
-    variance: float
+    counted: Counted
+    misfit: Misfit
 
 
 def _solved(problems: Sequence[Problem]) -> list[_Finished]:
@@ -177,11 +174,8 @@ def _solved(problems: Sequence[Problem]) -> list[_Finished]:
 
 def _alone(problem: Problem) -> _Finished:
     problem, solved = solve_with_rest(problem)
-    samples = problem.by_run(solved.survey.residual)[0]
-    lag_one = float(samples[1:] @ samples[:-1] / max(solved.chi2, np.finfo(float).tiny))
-    used = problem.windows[0].used
-    size = float(typical(samples[used], problem.loss))
-    return _Finished(problem, solved, lag_one, size, float(variance_by_influence(problem.loss, samples, used)))
+    counted = counted_by_noise(problem, solved, True)
+    return _Finished(counted, _misfit(counted))
 
 
 def _finished(problem: Problem, landed: Landed) -> _Finished:
@@ -190,21 +184,27 @@ def _finished(problem: Problem, landed: Landed) -> _Finished:
     recorded = int(problem.residual.runs[0].half_cycles)
     other = recorded < NEVER and 0 < int(landed.told.half_cycles) != recorded
     doubtful = solved.converged and (other or far_off(problem, solved) or not solved.accurate)
-    told = landed.told
-    return _alone(problem) if doubtful else _Finished(problem, solved, *map(float, told[:3]))
+    if doubtful:
+        return _alone(problem)
+    counted = counted_by_noise(problem, solved, True)
+    # Of a lane no samples are left; where the fit went on they were looked at again.
+    lane = worst(problem, [float(landed.told.size)], [0.0], False)
+    return _Finished(counted, _misfit(counted) if counted.went_on else lane)
+
+
+def _misfit(counted: Counted) -> Misfit:
+    return misfit_of(counted.problem, counted.solved, counted.noises, False)
 
 
 def _row(finished: _Finished) -> _Row:
-    problem, solved, lag_one, size, variance = finished
-    found = covariance(solved.shape, solved.settled.slope, solved.survey.normal, variance)
-    misfit = worst(problem, [size])
-    seen = solved.chi2 / problem.dof if isinstance(problem.loss, Squares) else 1.0
-    inflation = error_inflation(from_neighbours(lag_one, problem.n_used), seen, "absolute")
+    counted, misfit = finished
+    problem, solved = counted.problem, counted.solved
+    found = covariance(solved.shape, solved.settled.slope, solved.survey.normal, counted.variance)
     values, errors = (
         named(problem.names, each) for each in (solved.settled.values, np.sqrt(np.diag(found.statistical)))
     )
     told = tuple(remarks_on(problem, values, errors, misfit))
-    return _Row(status_of(problem, solved, found, misfit), problem, solved, found, inflation, told)
+    return _Row(status_of(problem, solved, found, misfit), problem, counted, found, told)
 
 
 def _collected(rows: Sequence[_Row]) -> BatchFit:
@@ -226,6 +226,7 @@ def _collected(rows: Sequence[_Row]) -> BatchFit:
         names=names,
         values=dict(zip(names, values.T, strict=True)),
         std_errors=dict(zip(names, deviations.T, strict=True)),
+        white_std_errors=dict(zip(names, _column(rows, _white_errors, (len(names),)).T, strict=True)),
         covariance=covariances,
         units={p.name: unit_of(p.unit, problem) for p in problem.parameters},
         converged=np.array([row.converged for row in rows]),
@@ -238,7 +239,7 @@ def _collected(rows: Sequence[_Row]) -> BatchFit:
         dof=_column(rows, lambda row: row.problem.dof),
         residual_rms=_column(rows, _rms),
         sigma=_column(rows, _sigma),
-        error_inflation=np.array([row.inflation for row in rows]),
+        noises=tuple(None if row.counted is None else row.counted.noises[0] for row in rows),
         numerical_shift=_column(rows, lambda row: row.solved.numerical_shift),
         half_cycles=np.array([row.half_cycles for row in rows]),
         iterations=np.array([row.solved.iterations if row.solved else 0 for row in rows]),
@@ -254,6 +255,10 @@ def _column(rows: Sequence[_Row], of: Callable[[Any], Any], shape: tuple[int, ..
 
 def _values(row: Any) -> np.ndarray:
     return record_time(row.problem, row.solved.settled.values)
+
+
+def _white_errors(row: Any) -> np.ndarray:
+    return row.counted.white * row.solved.settled.slope
 
 
 def _sigma(row: Any) -> float:

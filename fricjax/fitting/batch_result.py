@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from ..data.errors import DataError, UsageError, nearest
+from .noise import Noise
 from .population import Population, population
 from .verdict import optimum_found
 
@@ -16,7 +17,8 @@ class BatchFit:
 
     Attributes:
         names: free parameters in the order of the covariances.
-        values, std_errors: by name, shape (runs,), in SI units.
+        values, std_errors: by name, shape (runs,), in SI units; the standard errors count the noise that each run has.
+        white_std_errors: what they would be if the noise were white, of the size stated.
         covariance: shape (runs, p, p); inf where a parameter is undetermined or at a bound.
         units: by name.
         converged: whether an optimum was found that describes the run, as of a `Fit`, shape (runs,).
@@ -27,7 +29,7 @@ class BatchFit:
             rig, and their standard errors; by name, shape (runs,).
         chi2, dof: sum of squared weighted residuals and degrees of freedom, shape (runs,).
         residual_rms, sigma: root mean square of the residuals and median noise used, in the unit of the records.
-        error_inflation: factor by which correlated or too large residuals make the standard errors too small.
+        noises: the noise of each run as its residuals show it, None where it was rejected.
         numerical_shift: how far numerical errors can have moved any parameter, in its standard errors.
         half_cycles: number of half-cycles from the start of the fit to the stop, -1 where a record ends in motion.
         iterations, passes: steps of Levenberg-Marquardt, and passes over the model in all.
@@ -37,6 +39,7 @@ class BatchFit:
     names: tuple[str, ...]
     values: dict[str, np.ndarray]
     std_errors: dict[str, np.ndarray]
+    white_std_errors: dict[str, np.ndarray]
     covariance: np.ndarray
     units: dict[str, str]
     converged: np.ndarray
@@ -49,7 +52,7 @@ class BatchFit:
     dof: np.ndarray
     residual_rms: np.ndarray
     sigma: np.ndarray
-    error_inflation: np.ndarray
+    noises: tuple[Noise | None, ...]
     numerical_shift: np.ndarray
     half_cycles: np.ndarray
     iterations: np.ndarray
@@ -107,6 +110,7 @@ class BatchFit:
             columns |= {name: values, f"{name}_std": self.kinematics_std[name]}
         for name in _JUDGEMENT:
             columns[name] = getattr(self, name)
+        columns["noise"] = [noise and "; ".join(noise.words("")) for noise in self.noises]
         columns |= {"status": self.status, "warnings": [" ".join(told) for told in self.warnings]}
         return pd.DataFrame(columns).rename_axis("run")
 
@@ -117,7 +121,6 @@ class BatchFit:
 _JUDGEMENT = (
     "chi2_reduced",
     "residual_rms",
-    "error_inflation",
     "numerical_shift",
     "half_cycles",
     "passes",

@@ -11,6 +11,7 @@ from ..estimation.loss import AbstractLoss
 from ..oscillator import Oscillator, ready
 from ..oscillator.engines import AbstractEngine
 from .assemble import assemble
+from .by_noise import counted_by_noise
 from .parameters import Request
 from .problem import Problem, pose
 from .rest import solve_with_rest
@@ -103,7 +104,7 @@ def concluded(problem: Problem, solved: Solved, sigma_mode: str, throw: bool) ->
     """
     if solved.converged:
         check_effect(problem, solved)
-    result = assemble(problem, solved, sigma_mode)
+    result = assemble(counted_by_noise(problem, solved, sigma_mode == "absolute"), sigma_mode)
     if throw and not result.optimum_found:
         raise FitError(f"The fit is not valid, {result.status}", result)
     return result

@@ -14,7 +14,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from ..estimation.loss import AbstractLoss, Squares, variance_by_influence
+from ..estimation.loss import AbstractLoss, Squares
 from ..oscillator import Program
 from ..oscillator.program import Shape, of_shape, split
 from .climb import LOOK, ONWARDS, Climbed, Limits, Terrain, Way, climb, like_climbed
@@ -42,15 +42,11 @@ class Told(NamedTuple):
     """What all samples say where a way has ended.
 
     Attributes:
-        lag_one: autocorrelation of neighbouring residuals.
-        size: their typical size.
-        variance: by which the inverse normal matrix becomes a covariance.
+        size: typical size of the residuals, in units of the noise.
         half_cycles: number of half-cycles after which the law itself would stop the mass; -1 for never.
     """
 
-    lag_one: Any
     size: Any
-    variance: Any
     half_cycles: Any
 
 
@@ -118,7 +114,7 @@ def _all_landed(lanes: Lane, loss: AbstractLoss, count: Any) -> tuple[Climbed, T
     return jax.lax.fori_loop(0, count, step, room)
 
 
-_land_all = Program(_all_landed, lambda lanes, *_: (like_climbed(lanes.residual), Told(0, 0, 0, 0)))
+_land_all = Program(_all_landed, lambda lanes, *_: (like_climbed(lanes.residual), Told(0, 0)))
 
 
 def _land(lane: Lane, loss: AbstractLoss) -> tuple[Climbed, Told]:
@@ -126,13 +122,11 @@ def _land(lane: Lane, loss: AbstractLoss) -> tuple[Climbed, Told]:
     at = climb(*lane[:3], loss, *lane[3:])
     found, residual = at.survey, lane.residual
     samples = found.residual[: found.residual.size - residual.n_parameters]
-    lag = samples[1:] @ samples[:-1] / jnp.where(found.chi2 > 0, found.chi2, 1.0)
     weights = jnp.concatenate([run.weight for run in residual.runs])
     size = typical(jnp.where(weights > 0, samples, jnp.nan), loss, jnp.nanmean, jnp.nanmedian)
     short = at._replace(survey=found._replace(residual=jnp.zeros(0)))
     count = jax.lax.cond(lane.way.steps > 1, lambda: jnp.asarray(-1), lambda: _own_count(residual, at.settled))
-    variance = variance_by_influence(loss, samples, weights > 0)
-    return short, Told(lag, size, variance, count)
+    return short, Told(size, count)
 
 
 def _own_count(residual: Residual, settled: Settled) -> Array:

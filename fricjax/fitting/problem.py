@@ -123,7 +123,12 @@ def posed_on(windows: tuple[Window, ...], request: Request) -> Problem:
 
 def with_rests(problem: Problem) -> Problem:
     """The problem with all samples of the rests, also those at which rounding repeats an error."""
-    windows = tuple(dataclasses.replace(window, used=window.used | window.repeated) for window in problem.windows)
+    windows = (dataclasses.replace(window, used=window.used | window.repeated) for window in problem.windows)
+    return with_windows(problem, tuple(windows))
+
+
+def with_windows(problem: Problem, windows: tuple[Window, ...]) -> Problem:
+    """The problem with other samples, or others weights of them."""
     pairs = zip(windows, problem.residual.runs, strict=True)
     runs = tuple(dataclasses.replace(whole_run(window, True), half_cycles=run.half_cycles) for window, run in pairs)
     residual = dataclasses.replace(problem.residual, runs=of_one_length(runs))

@@ -10,7 +10,6 @@ from .plausible import implausible
 from .problem import Problem
 from .rest import Bracket, Margin
 from .verdict import Misfit, growth, holds_release
-from .whiteness import Whiteness
 
 # Misfit in units of the noise, and numerical error in standard errors, from which on they are told.
 _NOTICED, _VISIBLE = 3.0, 0.1
@@ -23,8 +22,6 @@ def warnings_of(
     values: Mapping[str, float],
     std_errors: Mapping[str, float],
     misfit: Misfit,
-    white: Whiteness,
-    inflation: float,
     margins: tuple[Margin | None, ...],
     excesses: tuple[float | None, ...],
     bracket: Bracket | None,
@@ -37,8 +34,6 @@ def warnings_of(
         values: fitted values by name.
         std_errors: their standard errors.
         misfit: its residuals beside its noise.
-        white: whether its residuals are white.
-        inflation: factor by which its standard errors are too small.
         margins: for each run the distance to another number of half-cycles.
         excesses: for each run that ends in motion what the law leaves for it to move on.
         bracket: interval of the static coefficient of a Coulomb law.
@@ -47,7 +42,7 @@ def warnings_of(
     return (
         *remarks_on(problem, values, std_errors, misfit),
         *_on_the_model(problem, values),
-        *_on_the_errors(white, inflation, numerical_shift),
+        *_on_the_errors(numerical_shift),
         *_on_the_rest(problem, margins, excesses),
         *_on_static_friction(bracket),
     )
@@ -121,12 +116,7 @@ def _on_the_model(problem: Problem, values: Mapping[str, float]) -> Iterator[str
         )
 
 
-def _on_the_errors(white: Whiteness, inflation: float, numerical_shift: float) -> Iterator[str]:
-    if not white.white:
-        yield (
-            f"The residuals are not white (neighbouring samples correlate by {white.lag_one:.2f}), so the standard "
-            f"errors are too small, by a factor of about {inflation:.2g}."
-        )
+def _on_the_errors(numerical_shift: float) -> Iterator[str]:
     if numerical_shift > _VISIBLE:
         yield (
             f"The numerical error of the computed motion may move a parameter by {numerical_shift:.2g} standard "

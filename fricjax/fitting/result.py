@@ -11,6 +11,7 @@ import numpy as np
 from ..data.errors import UsageError
 from ..estimation.covariance import correlation
 from ..oscillator import Oscillator, simulate
+from .noise import Noise
 from .residual import Run, motion
 from .rest import Margin
 from .settled import Estimate
@@ -33,8 +34,10 @@ class Fit:
 
     Attributes:
         names: free parameters in the order of the covariance; those of a run carry its number in a joint fit, "x0[2]".
-        values, std_errors, combined_std_errors: by name, in SI units. The standard errors come from the scatter of the
-            samples; the combined ones add the uncertainties of the rig's inputs to first order.
+        values, std_errors, combined_std_errors: by name, in SI units. The standard errors come from the noise of the
+            record, with the memory, hum, drift and jitter that it shows; the combined ones add the uncertainties of the
+            rig's inputs to first order.
+        white_std_errors: what the standard errors would be if the noise were white, of the size stated.
         intervals: 95 % intervals from the statistical standard errors, and for the static coefficient of a Coulomb law
             the interval between stops and non-stops. Where these contradict each other it is the range over which
             static friction differs from stop to stop, a flag and a warning say so, and its value is NaN.
@@ -52,8 +55,8 @@ class Fit:
             fit.
         residual_rms: root mean square of the fitted ones.
         sigma, sigma_mode, sigma_source: median noise used, how it was used, and where it came from.
-        whiteness: autocorrelation of the residuals; `error_inflation`: factor by which it makes standard errors too
-            small.
+        noises: the noise of each run as its residuals show it, and as the standard errors count it.
+        whiteness: autocorrelation of the residuals.
         margins: for each run the distance to one half-cycle more or less, None where it ends in motion.
         half_cycles: for each run the number of half-cycles from the start of the fit to the stop, None in motion.
         iterations, passes, stages: steps of Levenberg-Marquardt, each a pass over model and Jacobian; passes over the
@@ -71,6 +74,7 @@ class Fit:
     names: tuple[str, ...]
     values: dict[str, float]
     std_errors: dict[str, float]
+    white_std_errors: dict[str, float]
     combined_std_errors: dict[str, float]
     intervals: dict[str, tuple[float, float]]
     covariance: np.ndarray
@@ -88,8 +92,8 @@ class Fit:
     sigma: float
     sigma_mode: str
     sigma_source: str
+    noises: tuple[Noise, ...]
     whiteness: Whiteness
-    error_inflation: float
     margins: tuple[Margin | None, ...]
     half_cycles: tuple[int | None, ...]
     iterations: int

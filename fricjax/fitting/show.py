@@ -7,23 +7,34 @@ import numpy as np
 
 from ..show import Table, axis_label, display_unit, engineering, figure, interval, plain, uncertain
 from .rest import CONTRADICTED
-from .verdict import NOTABLE, too_small
 
 if TYPE_CHECKING:
     from .result import Fit
+
+# Ratio of standard errors from which on that of white noise is shown beside the right one.
+_NOTABLE = 1.3
 
 
 def parameter_table(fit: "Fit") -> Table:
     """One row per parameter: value with combined uncertainty, statistical standard error, flags."""
     rows = []
     for name in fit.values:
-        unit, value = fit.units[name], fit.values[name]
+        unit, value, flags = fit.units[name], fit.values[name], "; ".join(fit.flags[name])
         if name in fit.std_errors:
-            std, combined = fit.std_errors[name], fit.combined_std_errors[name]
-            rows.append([name, _value(fit, value, combined, unit), _small(std), "; ".join(fit.flags[name])])
+            std, combined, white = fit.std_errors[name], fit.combined_std_errors[name], fit.white_std_errors[name]
+            rows.append([name, _value(fit, value, combined, unit), _small(std), _small(white), flags])
         else:
-            rows.append([name, interval(*fit.intervals[name], unit), "", "; ".join(fit.flags[name])])
-    return Table(["Parameter", "Value (combined uncertainty)", "Statistical", "Remarks"], rows)
+            rows.append([name, interval(*fit.intervals[name], unit), "", "", flags])
+    columns = ["Parameter", "Value (combined uncertainty)", "Statistical", "Were the noise white", "Remarks"]
+    if not _unlike_white(fit):
+        columns, rows = [*columns[:3], columns[4]], [[*row[:3], row[4]] for row in rows]
+    return Table(columns, rows)
+
+
+def _unlike_white(fit: "Fit") -> bool:
+    """Whether white noise of the size stated would give notably other standard errors."""
+    pairs = [(fit.std_errors[name], fit.white_std_errors[name]) for name in fit.std_errors]
+    return any(np.isfinite(std) and std > 0 and not 1 / _NOTABLE <= white / std <= _NOTABLE for std, white in pairs)
 
 
 def _small(std: float) -> str:
@@ -35,12 +46,8 @@ def kinematics_table(fit: "Fit") -> Table:
     rows = []
     for name, estimate in fit.kinematics.items():
         unit = estimate.unit.replace("m", fit.quantity) if fit.quantity != "m" else estimate.unit
-        rows.append(
-            [name.replace("_", " "), _value(fit, estimate.value, estimate.std, unit), *_mark(fit, estimate.std)]
-        )
-    marked = any(len(row) > 2 for row in rows)
-    columns = ["Kinematics", "Value", "Remarks"] if marked else ["Kinematics", "Value"]
-    return Table(columns, [[*row, ""][: len(columns)] for row in rows])
+        rows.append([name.replace("_", " "), _value(fit, estimate.value, estimate.std, unit)])
+    return Table(["Kinematics", "Value"], rows)
 
 
 def _value(fit: "Fit", value: float, std: float, unit: str) -> str:
@@ -49,11 +56,6 @@ def _value(fit: "Fit", value: float, std: float, unit: str) -> str:
     text = uncertain(value, std, unit)
     bounded = "at bound" in raised and "undetermined" not in raised
     return text.replace("(undetermined)", "(at bound)") if bounded else text
-
-
-def _mark(fit: "Fit", std: float) -> list[str]:
-    """Remark on a standard error that correlated residuals make too small."""
-    return [too_small(fit.error_inflation)] if 0 < std < np.inf and fit.error_inflation > NOTABLE else []
 
 
 def facts(fit: "Fit") -> list[tuple[str, str]]:
@@ -65,17 +67,28 @@ def facts(fit: "Fit") -> list[tuple[str, str]]:
         ("status", fit.status),
         ("model", f"{_law(fit)} friction, {restoring} restoring force, {fit.engine} engine"),
         ("samples", f"{used} fitted, {stages}, {fit.iterations} iterations, {fit.passes} passes"),
-        ("noise", f"{engineering(fit.sigma, fit.quantity)} ({fit.sigma_source}), mode {fit.sigma_mode}"),
+        ("noise", "; ".join(_noise(fit))),
         *_accuracy(fit),
         *_stop(fit),
     ]
+
+
+def _noise(fit: "Fit") -> Iterator[str]:
+    """Size and source of the noise, and what makes that of each run other than white noise of that size."""
+    yield f"{engineering(fit.sigma, fit.quantity)} ({fit.sigma_source}), mode {fit.sigma_mode}"
+    for i, noise in enumerate(fit.noises):
+        where = "it" if len(fit.noises) == 1 else f"that of run {i}"
+        yield from (f"{where} {word}" for word in noise.words(fit.quantity))
 
 
 def _accuracy(fit: "Fit") -> Iterator[tuple[str, str]]:
     """How well the model describes the run, and how much of that is numerics."""
     if np.isfinite(fit.chi2):
         rms, reduced = engineering(fit.residual_rms, fit.quantity), plain(fit.chi2_reduced, 4)
-        yield "residuals", f"{rms} rms, reduced chi^2 {reduced}"
+        beside = max(noise.excess for noise in fit.noises) * fit.sigma
+        more = any(noise.drift or noise.lines for noise in fit.noises)
+        apart = f", {engineering(beside, fit.quantity)} beside drift and hum" if more else ""
+        yield "residuals", f"{rms} rms{apart}, reduced chi^2 {reduced}"
     if np.isfinite(fit.numerical_shift):
         yield "numerics", f"numerical errors move no parameter by more than {fit.numerical_shift:.2g} standard errors"
 

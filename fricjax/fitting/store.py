@@ -18,6 +18,7 @@ from ..friction import AbstractFriction
 from ..oscillator import Exact, Hybrid, Oscillator, Smooth, restoring
 from ..oscillator.engines import AbstractEngine, Span
 from ..show.files import write_text
+from .noise import Line, Noise
 from .residual import Run
 from .rest import Margin
 from .settled import Estimate
@@ -26,14 +27,14 @@ from .whiteness import Whiteness
 if TYPE_CHECKING:
     from .result import Fit
 
-SCHEMA = "fricjax.fit/2"
+SCHEMA = "fricjax.fit/3"
 
 _MODULES: dict[str, type] = {
     **{name: getattr(friction_laws, name) for name in friction_laws.__all__ if name != "AbstractFriction"},
     **{cls.__name__: cls for cls in (restoring.Linear, restoring.Cubic, restoring.Pendulum, restoring.Structural)},
     **{cls.__name__: cls for cls in (Oscillator, Exact, Hybrid, Smooth, Run)},
 }
-_TUPLES: dict[str, type] = {cls.__name__: cls for cls in (Estimate, Margin, Span, Whiteness)}
+_TUPLES: dict[str, type] = {cls.__name__: cls for cls in (Estimate, Line, Margin, Noise, Span, Whiteness)}
 _SAMPLES = ("residuals", "times", "runs", "origins", "engine_used")
 
 
@@ -114,7 +115,7 @@ def _object(value: Any) -> Any:
         fields = {k: _object(v) for k, v in value.items() if k != "type"}
         kind = value.get("type")
         if kind in _TUPLES:
-            return _TUPLES[kind](**fields)
+            return _TUPLES[kind](**{k: tuple(v) if isinstance(v, list) else v for k, v in fields.items()})
         if kind is not None and kind not in _MODULES:
             raise DataError(
                 f"The fit holds a {kind}, which fricjax does not know: laws of your own cannot be loaded. Read the "

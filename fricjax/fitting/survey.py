@@ -16,9 +16,35 @@ from jaxtyping import Array, Bool, Float, PyTree
 from ..estimation.loss import AbstractLoss, Squares
 from ..estimation.passes import AbstractPasses, Pass, gather, residual_and_jacobian
 from .residual import Course, Residual, Run
+from .sizes import power
 
 # Condensed records fill one or two of them; a longer chunk would read more samples of no weight.
 CHUNK = 512
+# Blocks of a record of any length: enough to show the colour of its noise, few enough to be kept beside its residual.
+BLOCKS = 16384
+
+
+class Blocks(NamedTuple):
+    """Sums over blocks of neighbouring samples of one run, in order; from them the noise of the run is told.
+
+    Attributes:
+        residual: weighted residuals, each as much as its loss lets it count, shape (blocks,); `square`: their squares,
+            `rough`: squares of their second differences over six, which is their variance if they are white.
+        used: number of samples of some weight, shape (blocks,); `curvature`: sum of the curvatures of their losses.
+        moved: squares of what the computed reading moves from each sample to the next, in units of the noise.
+        slopes: derivatives of `residual` by the coordinates, shape (blocks, coordinates).
+    """
+
+    residual: Any
+    square: Any
+    rough: Any
+    used: Any
+    curvature: Any
+    moved: Any
+    slopes: Any
+
+
+_SUMS = len(Blocks._fields) - 1
 
 
 class Survey(NamedTuple):
@@ -31,6 +57,7 @@ class Survey(NamedTuple):
         gradient: J'r, shape (coordinates,), each sample weighted as its loss says.
         normal: J'J, shape (coordinates, coordinates), likewise.
         pulls: size of the spring's force at the turning points of each run, as its path notes them [N].
+        blocks: sums over blocks of samples of each run.
     """
 
     residual: Any
@@ -39,6 +66,7 @@ class Survey(NamedTuple):
     gradient: Any
     normal: Any
     pulls: Any
+    blocks: Any
 
 
 @eqx.filter_jit
@@ -48,9 +76,10 @@ def survey(residual: Residual, y: Float[Array, " coordinates"], loss: AbstractLo
     r, slopes = residual_and_jacobian(residual.priors, y)
     # A prior counts with its square whatever the loss.
     priors = gather(r, slopes, Squares())
-    sums = jax.tree.map(lambda *values: sum(values), priors, *(found for _, found, _ in parts))
-    joined = jnp.concatenate([*(values for values, _, _ in parts), r])
-    return Survey(joined, joined @ joined, sums.cost, sums.gradient, sums.normal, [pulls for _, _, pulls in parts])
+    whole, passes, pulls, blocks = zip(*parts, strict=True)
+    sums = jax.tree.map(lambda *values: sum(values), priors, *passes)
+    joined = jnp.concatenate([*whole, r])
+    return Survey(joined, joined @ joined, sums.cost, sums.gradient, sums.normal, list(pulls), list(blocks))
 
 
 class Surveys(AbstractPasses):
@@ -83,13 +112,15 @@ class Surveys(AbstractPasses):
         return jnp.any(used & ~(jnp.abs(r[: used.size]) < tolerance))
 
 
-def _of_runs(residual: Residual, y: Array, loss: AbstractLoss) -> Callable[[Any, Run], tuple[Array, Pass, Array]]:
+def _of_runs(
+    residual: Residual, y: Array, loss: AbstractLoss
+) -> Callable[[Any, Run], tuple[Array, Pass, Array, Blocks]]:
     """What is asked of each run; of several, nothing is asked of one that no sample of which has any weight."""
 
-    def asked(number: Any, run: Run) -> tuple[Array, Pass, Array]:
+    def asked(number: Any, run: Run) -> tuple[Array, Pass, Array, Blocks]:
         return _run(residual, y, number, run, loss)
 
-    def asked_where_seen(number: Any, run: Run) -> tuple[Array, Pass, Array]:
+    def asked_where_seen(number: Any, run: Run) -> tuple[Array, Pass, Array, Blocks]:
         known = jax.jit(asked)
         of = jax.eval_shape(known, number, run)
         none = lambda: jax.tree.map(lambda each: jnp.zeros(each.shape, each.dtype), of)
@@ -98,10 +129,15 @@ def _of_runs(residual: Residual, y: Array, loss: AbstractLoss) -> Callable[[Any,
     return asked if len(residual.runs) == 1 else asked_where_seen
 
 
-def _run(residual: Residual, y: Array, number: Any, data: Run, loss: AbstractLoss) -> tuple[Array, Pass, Array]:
-    """Residual of one run, its sums, and the pulls at its turning points."""
+def block_length(samples: int) -> int:
+    """Samples in a block of a record of so many places."""
+    return min(power(-(-samples // BLOCKS), 1), CHUNK)
+
+
+def _run(residual: Residual, y: Array, number: Any, data: Run, loss: AbstractLoss) -> tuple[Array, Pass, Array, Blocks]:
+    """Residual of one run, its sums, the pulls at its turning points, and the sums over its blocks."""
     n = data.t.shape[0]
-    pieces = -(-n // CHUNK)
+    pieces, length = -(-n // CHUNK), block_length(n)
     t, x = (jnp.pad(values, (0, pieces * CHUNK - n), mode="edge") for values in (data.t, data.x))
     weight = jnp.pad(data.weight, (0, pieces * CHUNK - n))
 
@@ -111,8 +147,8 @@ def _run(residual: Residual, y: Array, number: Any, data: Run, loss: AbstractLos
 
     tangents, (moving, fixed) = jax.jacfwd(course, has_aux=True)(y)
 
-    def chunk(number: Array, so_far: tuple[Array, Pass]) -> tuple[Array, Pass]:
-        whole, sums = so_far
+    def chunk(number: Array, so_far: tuple[Array, Array, Pass]) -> tuple[Array, Array, Pass]:
+        whole, blocks, sums = so_far
         times, seen, used = (jax.lax.dynamic_slice(values, (number * CHUNK,), (CHUNK,)) for values in (t, x, weight))
 
         def read(at: Course) -> Array:
@@ -121,12 +157,32 @@ def _run(residual: Residual, y: Array, number: Any, data: Run, loss: AbstractLos
         r, along = jax.linearize(read, moving)
         columns = jax.vmap(along, in_axes=-1, out_axes=-1)(tangents)
         found = gather(r, columns, loss)
-        return jax.lax.dynamic_update_slice(whole, r, (number * CHUNK,)), jax.tree.map(jnp.add, sums, found)
+        _, share, curvature = loss.parts(r)
+        counts, influence = (used > 0) * 1.0, share * r
+        beside, reading = counts * jnp.roll(counts, 1), seen + r / jnp.where(used > 0, used, 1.0)
+        step = jnp.diff(reading, prepend=reading[:1])
+        bend = jnp.diff(influence, n=2, prepend=influence[:1], append=influence[-1:])
+        inside = (jnp.arange(CHUNK) % (CHUNK - 1) > 0) * beside * jnp.roll(counts, -1)
+        rough, moved = inside * bend**2 / 6, beside * (used * step) ** 2
+        curved = counts * curvature
+        own = (influence, influence**2, rough, counts, curved, moved)
+        each = jnp.column_stack([*own, curved[:, None] * columns])
+        summed = each.reshape(-1, length, each.shape[1]).sum(axis=1)
+        return (
+            jax.lax.dynamic_update_slice(whole, r, (number * CHUNK,)),
+            jax.lax.dynamic_update_slice(blocks, summed, (number * (CHUNK // length), 0)),
+            jax.tree.map(jnp.add, sums, found),
+        )
 
     zero = jnp.zeros(y.shape)
     # Behind the last sample of any weight there is only filling.
     last = jnp.max(jnp.where(weight > 0, jnp.arange(weight.size), -1))
-    begin = jnp.zeros(weight.shape), Pass(jnp.zeros(()), zero, zero[:, None] * zero)
-    r, sums = jax.lax.fori_loop(0, last // CHUNK + 1, chunk, begin)
+    begin = (
+        jnp.zeros(weight.shape),
+        jnp.zeros((weight.size // length, _SUMS + y.size)),
+        Pass(jnp.zeros(()), zero, zero[:, None] * zero),
+    )
+    r, blocks, sums = jax.lax.fori_loop(0, last // CHUNK + 1, chunk, begin)
     machine, points = residual.machine(y), eqx.combine(moving, fixed).path.turning_points
-    return r[:n], sums, jnp.abs(machine.restoring_force(points)) - machine.hysteresis(points)
+    pulls = jnp.abs(machine.restoring_force(points)) - machine.hysteresis(points)
+    return r[:n], sums, pulls, Blocks(*blocks[:, :_SUMS].T, slopes=blocks[:, _SUMS:])

@@ -10,20 +10,19 @@ from ..estimation.covariance import Covariance
 from ..estimation.loss import AbstractLoss, Squares
 from ..estimation.status import NOT_FINITE, OUT_OF_STEPS, STALLED
 from ..show import engineering
+from .noise import Noise
 from .plausible import too_large
 from .problem import Problem
 from .settled import Settled
 from .solve import Solved
-from .whiteness import Whiteness
 from .window import Window
 
 ADEQUATE = 10.0
-"""Residuals up to this multiple of the noise count as described. It is a convention: standard errors are then too small
-by more than this factor, and what the residuals hold is no longer noise but motion."""
+"""Residuals up to this multiple of the noise count as described. It is a convention: what larger ones hold is no longer
+noise but motion."""
 
 CONVERGED, AT_BOUND, MISFIT = "converged", "at a bound", "does not describe the record"
 _OPTIMA = (CONVERGED, AT_BOUND, MISFIT)
-NOTABLE = 1.5
 # Standard error of a positive quantity, in parts of its value, from which on the record hardly tells it.
 _HARDLY = 0.5
 # Part of the amplitude that the error of a computed motion may reach, 0.02 nm on 2 mm: a record without noise, as a
@@ -72,24 +71,30 @@ def typical(residual: Any, loss: AbstractLoss, mean: Any = np.mean, median: Any 
     return mean(residual**2) ** 0.5 if isinstance(loss, Squares) else median(abs(residual)) / NORMAL_MAD
 
 
-def misfit_of(problem: Problem, solved: Solved, relative: bool) -> Misfit:
-    """How large the residuals are beside the noise, in the run where that is the worst."""
-    parts = zip(problem.by_run(solved.survey.residual), problem.windows, strict=True)
-    return worst(problem, [float(typical(part[window.used], problem.loss)) for part, window in parts], relative)
+def misfit_of(problem: Problem, solved: Solved, noises: Sequence[Noise], relative: bool) -> Misfit:
+    """How large the residuals are beside the noise, in the run where that is the worst; drift and hum are noise."""
+    sizes = []
+    for part, window, noise in zip(problem.by_run(solved.survey.residual), problem.windows, noises, strict=True):
+        t = np.asarray(window.trace.t) - window.origin
+        sizes.append(float(typical((part + noise.at(t) / window.sigma)[window.used], problem.loss)))
+    return worst(problem, sizes, [noise.expected for noise in noises], relative)
 
 
-def worst(problem: Problem, sizes: Sequence[float], relative: bool = False) -> Misfit:
-    """The run whose weighted residuals, of these typical sizes, are the largest in units of its noise."""
+def worst(problem: Problem, sizes: Sequence[float], expected: Sequence[float], relative: bool) -> Misfit:
+    """The run whose residuals are the largest in units of its noise.
+
+    Args:
+        problem: the problem.
+        sizes: typical size of the weighted residuals of each run.
+        expected: that which its noise may have.
+        relative: whether stated noise only weighs the samples.
+    """
     found = []
-    for run, (size, window) in enumerate(zip(sizes, problem.windows, strict=True)):
+    for run, (size, least, window) in enumerate(zip(sizes, expected, problem.windows, strict=True)):
         stated = _stated(window)
-        found.append(Misfit(size * stated, noise_level(window, relative), np.inf if relative else stated, run))
+        noise = max(noise_level(window, relative), least * stated)
+        found.append(Misfit(size * stated, noise, np.inf if relative else stated, run))
     return max(found, key=lambda misfit: misfit.ratio)
-
-
-def too_small(inflation: float) -> str:
-    """Remark on a standard error that white noise would have been needed for."""
-    return f"standard error too small, about x{inflation:.2g}"
 
 
 def optimum_found(status: str) -> bool:
@@ -161,7 +166,7 @@ def growth(window: Window) -> tuple[float, float] | None:
     return (first, last) if grows else None
 
 
-def flags_of(problem: Problem, covariance: Covariance, solved: Solved, inflation: float) -> dict[str, tuple[str, ...]]:
+def flags_of(problem: Problem, covariance: Covariance, solved: Solved) -> dict[str, tuple[str, ...]]:
     """Flags of each parameter."""
     values, errors = solved.settled.values, np.sqrt(np.diag(covariance.statistical))
     flags: dict[str, tuple[str, ...]] = {}
@@ -177,13 +182,5 @@ def flags_of(problem: Problem, covariance: Covariance, solved: Solved, inflation
             found.append("implausible")
         if values[i] == parameter.start and not covariance.at_bound[i]:
             found.append("at start value")
-        if inflation > NOTABLE and not found:
-            found.append(too_small(inflation))
         flags[parameter.name] = tuple(found)
     return flags
-
-
-def error_inflation(white: Whiteness, chi2_reduced: float, sigma_mode: str) -> float:
-    """Factor by which correlated residuals, and noise larger than stated, make the standard errors too small."""
-    excess = max(chi2_reduced, 1.0) if sigma_mode == "absolute" else 1.0
-    return float(np.sqrt((1.0 if white.white else white.correlation_time) * excess))

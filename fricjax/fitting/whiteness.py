@@ -51,10 +51,3 @@ def _autocorrelation(centred: np.ndarray) -> np.ndarray:
     size = 1 << (2 * length - 1).bit_length()
     spectrum = sum(np.abs(np.fft.rfft(block, size)) ** 2 for block in blocks)
     return np.fft.irfft(spectrum, size)[: length // 2]
-
-
-def from_neighbours(lag_one: float, n: int) -> Whiteness:
-    """Judge `n` residuals of which only the autocorrelation of neighbours is known, as if it fell off geometrically."""
-    white = abs(lag_one) < 4 / np.sqrt(n)
-    time = 1.0 if white else max((1 + lag_one) / max(1 - lag_one, 1 / n), 1.0)
-    return Whiteness(lag_one, time, bool(white))

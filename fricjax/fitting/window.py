@@ -19,7 +19,7 @@ _ABRUPT = 0.75
 _MOVED = 1.5
 # Variance of rounded samples, in squared steps, with white noise of half a step: it averages their errors to
 # exp(-pi^2/2)/pi = 0.2 % of a step, where less leaves up to half of one (Widrow and Kollar 2008, Quantization Noise).
-_DITHERED = 1 / 4 + 1 / 12
+DITHERED = 1 / 4 + 1 / 12
 # Standstills on alternating sides that tell the equilibrium and the decay.
 _FEWEST = 3
 _DEFAULT_NUISANCES = {
@@ -197,7 +197,7 @@ def _repeated(t: np.ndarray, x: np.ndarray, fitted: np.ndarray, found: Segmentat
     steps = (x[samples] - np.median(x[held])) / found.resolution
     moves = np.flatnonzero(np.abs(steps) > _MOVED)
     rest = samples[moves[-1] + 1 :] if moves.size else samples
-    if rest.size and np.var(x[rest]) <= _DITHERED * found.resolution**2:
+    if rest.size and np.var(x[rest]) <= DITHERED * found.resolution**2:
         told[rest[1:]] = True
     return told
 

@@ -124,9 +124,7 @@ def test_a_term_of_the_wrong_sign_is_told():
 
 def stub(aicc, **terms):
     """What the choice between fits looks at, every standard error being one."""
-    return SimpleNamespace(
-        values=terms, std_errors=dict.fromkeys(terms, 1.0), error_inflation=1.0, optimum_found=True, aicc=aicc
-    )
+    return SimpleNamespace(values=terms, std_errors=dict.fromkeys(terms, 1.0), optimum_found=True, aicc=aicc)
 
 
 def test_a_fit_in_which_a_term_feeds_the_motion_is_not_chosen():

@@ -40,10 +40,12 @@ plain = functools.cache(stretched)
 
 
 def back(found: Fit, length: float = 1.0, time: float = 1.0, noise: float = 1.0) -> tuple[np.ndarray, np.ndarray]:
-    """Values and standard errors in the units of the run as it was."""
+    """Values and standard errors, of white noise as large as stated, in the units of the run as it was."""
     unit = {"t_release": time, "damping": time, "x0": length, "offset": length, "v0": length / time}
     units = np.array([unit.get(name, 1.0) for name in found.names])
-    values, errors = (np.array([by[name] for name in found.names]) / units for by in (found.values, found.std_errors))
+    values, errors = (
+        np.array([by[name] for name in found.names]) / units for by in (found.values, found.white_std_errors)
+    )
     return values, errors / noise
 
 

@@ -122,7 +122,7 @@ def test_outliers_are_no_misfit_under_a_robust_loss():
     assert not any("does not describe" in told for told in robust.warnings)
     clean = fit(coulomb_run(), MODEL, MACHINE)
     # Outliers, one sample in a hundred, neither inflate its errors nor its criteria as they do those of squares.
-    assert robust.error_inflation < 1.2 and not any(robust.flags.values())
+    assert robust.std_errors["mu"] < 1.2 * robust.white_std_errors["mu"] and not any(robust.flags.values())
     assert robust.aicc < clean.aicc + 0.01 * clean.dof * 2 * 2.385**2 * np.log(1e-4 / NOISE)
     # The efficiency of this loss is 95 % for normal noise.
     for mode in ("absolute", "scale"):
@@ -152,7 +152,7 @@ def test_a_batch_says_the_same():
     assert table["converged"].tolist() == batch.converged.tolist()
     assert "is the time in reverse" in table["warnings"][2]
     robust = fit_batch([with_outliers(), slipped()], MODEL, MACHINE, loss="cauchy")
-    assert robust.converged[0] and robust.error_inflation[0] < 1.2
+    assert robust.converged[0] and robust.std_errors["mu"][0] < 1.2 * robust.white_std_errors["mu"][0]
 
 
 def test_a_saved_fit_keeps_its_status(tmp_path):

@@ -47,7 +47,7 @@ def strict(path):
 
 def test_the_file_is_strict_json_with_a_schema(saved, found):
     content = strict(saved)
-    assert content["schema"] == "fricjax.fit/2"
+    assert content["schema"] == "fricjax.fit/3"
     assert content["values"]["mu"] == found.values["mu"]
     assert content["std_errors"]["damping"] == "inf"
     assert not list(saved.parent.glob(".*"))
@@ -102,7 +102,7 @@ def test_the_engine_of_a_fit_comes_back_as_it_was(found, tmp_path, engine):
 def test_a_numerical_error_that_shows_is_warned_of(found):
     told = functools.partial(warnings_of, posed(coulomb_run(), found.oscillator, MACHINE), found.values)
     sentences = [
-        told(found.std_errors, Misfit(1e-9, 1e-9, 1e-9, 0), found.whiteness, 1.0, found.margins, (None,), None, shift)
+        told(found.std_errors, Misfit(1e-9, 1e-9, 1e-9, 0), found.margins, (None,), None, shift)
         for shift in (0.09, 0.32)
     ]
     assert not any("numerical error" in sentence for sentence in sentences[0])
@@ -117,11 +117,11 @@ def test_a_fit_that_is_not_finite_claims_no_numerical_accuracy(found):
     ("content", "sentence"),
     [
         ("no json", r"fit\.json is not a JSON file: .* Write fits with fit\.save\(\)\."),
-        ("[1, 2]", r"fit\.json holds no fit of schema fricjax\.fit/2 but 'list'\. Write it again with fit\.save\(\)\."),
-        ('{"schema": "fricjax.fit/1"}', r"holds no fit of schema fricjax\.fit/2 but 'fricjax\.fit/1'\. Write it again"),
-        ('{"schema": "fricjax.fit/9"}', r"holds no fit of schema fricjax\.fit/2 but 'fricjax\.fit/9'"),
+        ("[1, 2]", r"fit\.json holds no fit of schema fricjax\.fit/3 but 'list'\. Write it again with fit\.save\(\)\."),
+        ('{"schema": "fricjax.fit/1"}', r"holds no fit of schema fricjax\.fit/3 but 'fricjax\.fit/1'\. Write it again"),
+        ('{"schema": "fricjax.fit/9"}', r"holds no fit of schema fricjax\.fit/3 but 'fricjax\.fit/9'"),
         (
-            '{"schema": "fricjax.fit/2"}',
+            '{"schema": "fricjax.fit/3"}',
             r"fit\.json lacks names, values, .*: only files written by fit",
         ),
     ],

@@ -51,7 +51,7 @@ def dense(residual, y, loss) -> Survey:
     priors = r[rows:] ** 2, np.ones(r.size - rows), np.ones(r.size - rows)
     rho, weight, curvature = (np.r_[np.asarray(a), b] for a, b in zip(loss.parts(r[:rows]), priors, strict=True))
     gradient, normal = jacobian.T @ (weight * r), jacobian.T @ (curvature[:, None] * jacobian)
-    return Survey(r, r @ r, np.sum(rho) / 2, gradient, normal, [])
+    return Survey(r, r @ r, np.sum(rho) / 2, gradient, normal, [], [])
 
 
 def streamed(residual, y, loss, monkeypatch, chunk) -> Survey:
@@ -106,3 +106,30 @@ def test_more_samples_than_one_chunk_holds():
     assert residual.runs[0].t.size > module.CHUNK
     y = 1e-5 * jnp.ones(residual.n_parameters)
     assert_same(residual, module.survey(residual, y, Squares()), dense(residual, y, Squares()))
+
+
+@pytest.mark.parametrize("loss", [Squares(), Huber()], ids=lambda loss: type(loss).__name__)
+def test_blocks_of_samples_add_up_to_the_whole(loss):
+    """More samples than blocks, so that each block holds four of them."""
+    residual = posed(coulomb_run(samples=20_000, rate=5e4), machine(Coulomb(0.05)), MACHINE).residual
+    y = 1e-5 * jnp.ones(residual.n_parameters)
+    blocks, run = module.survey(residual, y, loss).blocks[0], residual.runs[0]
+    assert module.block_length(run.t.size) == 4 and blocks.used.size == run.t.size // 4
+    r, jacobian = (np.asarray(part)[: run.t.size] for part in whole(residual, y))
+    _, weight, curvature = (np.asarray(part) for part in loss.parts(r))
+    used = run.weight > 0
+    expected = {
+        "residual": weight * r, "square": (weight * r) ** 2, "used": used, "curvature": used * curvature,
+        "slopes": (used * curvature)[:, None] * jacobian,
+    }  # fmt: skip
+    for name, each in expected.items():
+        four = each.reshape(-1, 4, *each.shape[1:]).sum(axis=1)
+        assert getattr(blocks, name) == pytest.approx(four, rel=1e-9, abs=1e-9 * np.max(np.abs(four))), name
+    # From one chunk to the next no difference is taken.
+    place = np.arange(r.size) % module.CHUNK
+    bend = np.convolve(weight * r, [1, -2, 1], "same") * (place > 0) * (place < module.CHUNK - 1)
+    step = np.diff(r + run.weight * run.x, prepend=0.0) * (place > 0)
+    either = used & np.roll(used, 1)
+    for name, each in {"rough": either * np.roll(used, -1) * bend**2 / 6, "moved": either * step**2}.items():
+        four = each.reshape(-1, 4).sum(axis=1)
+        assert getattr(blocks, name) == pytest.approx(four, rel=1e-6, abs=1e-6 * np.max(four)), name

@@ -1,0 +1,61 @@
+"""What the noise of a run is, in the terms of its user."""
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+
+from ..show import engineering
+
+
+class Line(NamedTuple):
+    """A hum: its frequency [Hz], and the sizes of its cosine and sine in the unit of the record, in the run's time."""
+
+    frequency: float
+    cosine: float
+    sine: float
+
+
+class Noise(NamedTuple):
+    """The noise of a run as its residuals show it.
+
+    Attributes:
+        excess: standard deviation of the samples, beside hum and drift, in units of that stated.
+        memory: time in which it forgets by a factor of e [s], 0 for white noise, inf for a random walk.
+        jitter: standard deviation of the instants of the samples [s], 0 where none shows.
+        drift: speed at which the reading drifts, in the unit of the record per second, 0 where none shows.
+        middle: instant of the run at which the drift counts as zero [s].
+        lines: the lines of a hum.
+        expected: standard deviation that the noise of the rest would have all over the run, in units of that stated;
+            0 where the rest is too short to tell.
+    """
+
+    excess: float = 1.0
+    memory: float = 0.0
+    jitter: float = 0.0
+    drift: float = 0.0
+    middle: float = 0.0
+    lines: tuple[Line, ...] = ()
+    expected: float = 0.0
+
+    def at(self, t: np.ndarray) -> np.ndarray:
+        """Drift and hum at times of the run [s], in the unit of the record."""
+        waves = sum(
+            line.cosine * np.cos(2 * np.pi * line.frequency * t) + line.sine * np.sin(2 * np.pi * line.frequency * t)
+            for line in self.lines
+        )
+        return self.drift * (t - self.middle) + waves
+
+    def words(self, unit: str) -> Iterator[str]:
+        """What makes it other than white noise of the size stated."""
+        if np.isinf(self.memory):
+            yield "walks at random"
+        elif self.memory:
+            yield f"remembers for {engineering(self.memory, 's')}"
+        if self.drift:
+            yield f"drifts by {engineering(abs(self.drift), f'{unit}/s')}"
+        for line in self.lines:
+            size = engineering(float(np.hypot(line.cosine, line.sine)), unit)
+            yield f"hums at {engineering(line.frequency, 'Hz')} by {size}"
+        if self.jitter:
+            yield f"grows with velocity, from a clock that jitters by {engineering(self.jitter, 's')}"

@@ -1,0 +1,68 @@
+"""What a fit leaves of each run, in rows of neighbouring samples: few enough to be quick, short against the motion."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from ..estimation.colour import Series
+from .problem import Problem
+from .survey import Survey, block_length
+
+# Rows in a half-cycle, and the part of its samples that a row must have.
+_ROWS, _FULL = 40.0, 0.5
+
+
+class Rows(NamedTuple):
+    """The residuals of a run in rows.
+
+    Attributes:
+        series: in units in which white noise of the size stated has variance one.
+        level: variance of a row if the samples of its run were independent.
+        samples: number of samples in a row.
+        interval: of the samples [s].
+        rough: variance of the white noise in each row, shape (rows,).
+        moved: mean square of what the reading moves from sample to sample in each row, shape (rows,).
+    """
+
+    series: Series
+    level: float
+    samples: int
+    interval: float
+    rough: np.ndarray
+    moved: np.ndarray
+
+
+def rows_of(problem: Problem, survey: Survey) -> list[Rows]:
+    """The rows of each run."""
+    return [run_in_rows(problem, survey, run) for run in range(len(problem.windows))]
+
+
+def run_in_rows(problem: Problem, survey: Survey, run: int, samples: int | None = None) -> Rows:
+    """A run in rows, of so many samples each, or as many as its motion asks for."""
+    window, record, blocks = problem.windows[run], problem.residual.runs[run], survey.blocks[run]
+    length, used = block_length(record.t.size), np.flatnonzero(window.used)
+    interval = float(record.t[used[-1]] - record.t[used[0]]) / (used[-1] - used[0])
+    wanted = samples or window.segmentation.half_period / interval / _ROWS
+    each = max(round(wanted / length), 1)
+    samples, begins = each * length, np.arange(0, blocks.used.size, each)
+    sums = np.add.reduceat(np.column_stack(blocks), begins, axis=0)
+    seen = record.weight > 0
+    weight, instants = (np.add.reduceat(values, begins * length) for values in (record.weight, record.t * seen))
+    kept = sums[:, 3] >= _FULL * samples
+    residual, square, rough, number, curvature, moved = sums[kept, :6].T
+    scale = np.sqrt(samples) / number
+    series = Series(
+        t=instants[kept] / number,
+        residual=residual * scale,
+        slopes=sums[kept, 6:] * scale[:, None],
+        unit=curvature * scale * weight[kept] / number,
+        starts=np.flatnonzero(np.diff(np.flatnonzero(kept), prepend=-2) > 1),
+    )
+    return Rows(
+        series=series,
+        level=float(square.sum() / number.sum()),
+        samples=samples,
+        interval=interval,
+        rough=rough / number,
+        moved=moved / number,
+    )

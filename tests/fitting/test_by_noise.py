@@ -1,0 +1,199 @@
+"""Fits of records whose noise is not white, against what is known of that noise."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from scipy.linalg import solve_toeplitz, toeplitz
+from scipy.signal import lfilter
+
+from fricjax import Fit, Trace, fit, fit_batch
+from fricjax.fitting import rows
+from fricjax.fitting.by_noise import counted_by_noise
+from fricjax.fitting.solve import solve
+from fricjax.friction import Coulomb
+from tests.fitting.posed import posed
+from tests.fitting.runs import MACHINE, RIGS, STIFFNESS, clean, coulomb_run, oscillator, truth
+from tests.fitting.test_survey import whole
+from tests.helpers import PROTOTYPE_DAMPING
+
+RIG = RIGS["rolling"]
+MODEL = oscillator(RIG, "Coulomb")
+T, X = clean("rolling", "Coulomb")
+SIZE = 2e-8
+
+
+def autoregressive(rho: float, seed: int, size: float = SIZE) -> np.ndarray:
+    drive = np.random.default_rng(seed).standard_normal(T.size)
+    drive[1:] *= np.sqrt(1 - rho**2)
+    return size * np.asarray(lfilter([1.0], [1.0, -rho], drive))
+
+
+def white(seed: int, size: float = SIZE) -> np.ndarray:
+    return size * np.random.default_rng(seed).standard_normal(T.size)
+
+
+def fitted(noise: np.ndarray, **settings) -> Fit:
+    return fit(Trace(T, X + noise), MODEL, MACHINE, **settings)
+
+
+def errors(found: Fit) -> np.ndarray:
+    """Distance of the coefficients of the machine from the truth, in standard errors."""
+    true = truth("rolling", "Coulomb", found)
+    return np.array([(found.values[name] - true[name]) / found.std_errors[name] for name in MACHINE])
+
+
+def assert_same(found: Fit, other: Fit, within: float = 0.1, bars: float = 0.03):
+    """Values that agree to a part of a standard error, and standard errors that agree."""
+    for name in MACHINE:
+        assert abs(found.values[name] - other.values[name]) < within * other.std_errors[name], name
+        assert found.std_errors[name] == pytest.approx(other.std_errors[name], rel=bars), name
+
+
+def test_white_noise_is_left_to_plain_least_squares():
+    problem = posed(Trace(T, X + white(0)), MODEL, MACHINE)
+    solved = solve(problem)
+    counted = counted_by_noise(problem, solved, True)
+    assert counted.solved is solved and counted.variance == 1.0 and not counted.went_on
+    assert not list(counted.noises[0].words("m"))
+    assert counted.white == pytest.approx(np.sqrt(np.diag(solved.shape.inverse)))
+
+
+@pytest.mark.parametrize("rho", [0.9, 0.99])
+def test_standard_errors_are_those_of_the_known_covariance(rho):
+    """Of generalised least squares of all samples, the noise stationary and known."""
+    problem = posed(Trace(T, X + autoregressive(rho, 3)), MODEL, MACHINE)
+    found = concluded_errors(problem)
+    jacobian = np.asarray(whole(problem.residual, solve(problem).y)[1])
+    window = problem.windows[0]
+    used = np.flatnonzero(window.used)
+    columns = jacobian[used] * window.sigma[used, None]
+    # Samples that are not used lie at the beginning, or repeat a rounding; none do so here.
+    assert np.all(np.diff(used) == 1)
+    row = SIZE**2 * rho ** np.arange(used.size)
+    scale = np.linalg.norm(columns, axis=0)
+    information = (columns / scale).T @ solve_toeplitz(row, columns / scale)
+    expected = np.sqrt(np.diag(np.linalg.inv(information))) / scale
+    assert found == pytest.approx(expected, rel=0.15)
+
+
+def concluded_errors(problem) -> np.ndarray:
+    counted = counted_by_noise(problem, solve(problem), True)
+    assert counted.went_on and counted.variance == 1.0
+    return np.sqrt(np.diag(counted.solved.shape.inverse))
+
+
+def test_a_known_covariance_solves_as_a_toeplitz_matrix_does():
+    """The oracle above, by the whole matrix."""
+    row = 0.9 ** np.arange(50)
+    right = np.random.default_rng(0).standard_normal((50, 2))
+    assert solve_toeplitz(row, right) == pytest.approx(np.linalg.solve(toeplitz(row), right))
+
+
+def walked(seed: int) -> Fit:
+    """A run to its rest on a random walk; without a rest nobody could tell that from what a model lacks."""
+    run = coulomb_run(mu=RIG.mu, load=RIG.load, samples=24000, noise=1e-15)
+    return fit(
+        Trace(run.t, run.x + np.cumsum(5e-9 * np.random.default_rng(seed).standard_normal(run.n))), MODEL, MACHINE
+    )
+
+
+@pytest.mark.parametrize(
+    "fitted", [lambda seed: fitted(autoregressive(0.9, seed)), lambda seed: fitted(autoregressive(0.99, seed)), walked]
+)
+def test_estimates_scatter_by_their_standard_errors(fitted):
+    found = [fitted(seed) for seed in range(24)]
+    true = {"mu": RIG.mu, "damping": PROTOTYPE_DAMPING, "stiffness": STIFFNESS}
+    scores = np.array([[(f.values[n] - true[n]) / f.std_errors[n] for n in MACHINE] for f in found])
+    assert np.sqrt(np.mean(scores**2, axis=0)) == pytest.approx(1.0, abs=0.4)
+    assert np.max(np.abs(scores)) < 4
+    assert all(each.converged and each.noises[0].memory > 0 for each in found)
+    assert all(each.std_errors["mu"] > 2 * each.white_std_errors["mu"] for each in found)
+
+
+def test_a_drift_is_fitted_beside_the_motion():
+    noise = white(1) + 1e-6 * T
+    found, asked = fitted(noise), fitted(noise, nuisance=("t_release", "x0", "offset", "drift"))
+    assert found.noises[0].drift == pytest.approx(1e-6, abs=4 * asked.std_errors["drift"])
+    assert_same(found, asked)
+    assert "drifts by 1 um/s" in found.summary() and found.converged
+
+
+def test_a_hum_is_taken_out():
+    noise = white(2)
+    hum = 1e-6 * np.sin(2 * np.pi * 50.03 * T + 0.4)
+    found, quiet = fitted(noise + hum), fitted(noise)
+    (line,) = found.noises[0].lines
+    assert line.frequency == pytest.approx(50.03, abs=1e-3)
+    assert np.hypot(line.cosine, line.sine) == pytest.approx(1e-6, rel=0.01)
+    # Two sizes and a frequency more are told by the same samples.
+    assert_same(found, quiet, within=0.2)
+    assert found.noises[0].at(T - found.origins[0]) == pytest.approx(hum, abs=2e-8)
+
+
+def test_jitter_of_the_clock_weighs_samples_by_their_velocity():
+    tau, speed = 2e-6, np.gradient(X, T)
+    noise = white(3, 1e-9) + tau * speed * np.random.default_rng(4).standard_normal(T.size)
+    found = fitted(noise)
+    asked = fit(Trace(T, X + noise, sigma=np.hypot(1e-9, tau * speed)), MODEL, MACHINE)
+    assert found.noises[0].jitter == pytest.approx(tau, rel=0.05)
+    assert_same(found, asked, within=0.3, bars=0.1)
+    assert np.max(np.abs(errors(found))) < 4
+
+
+def test_a_model_that_misses_the_record_is_not_whitened():
+    run = coulomb_run()
+    x = np.where(np.arange(run.n) < 500, run.x, np.asarray(run.x) + 3e-7)
+    found = fit(Trace(run.t, x, sigma=1e-9), oscillator(RIGS["sliding"], "Coulomb"), MACHINE)
+    assert found.status.startswith("does not describe the record")
+    assert all(found.std_errors[name] > 10 * found.white_std_errors[name] for name in MACHINE)
+
+
+def test_the_number_of_rows_does_not_matter(monkeypatch):
+    noise = autoregressive(0.9, 5)
+    plain = fitted(noise)
+    for factor in (0.5, 2.0):
+        monkeypatch.setattr(rows, "_ROWS", factor * 40)
+        assert_same(fitted(noise), plain, within=0.25, bars=0.1)
+
+
+@pytest.mark.parametrize(("sign", "shift"), [(-1, 0.0), (1, 1e-3)])
+def test_neither_sign_nor_offset_of_the_record_matters(sign, shift):
+    noise = autoregressive(0.9, 6)
+    found = fit(Trace(T, sign * (X + noise) + shift), MODEL, MACHINE)
+    assert_same(found, fitted(noise), within=1e-3, bars=1e-3)
+
+
+def test_noise_that_is_only_relative_counts_as_it_is():
+    noise = autoregressive(0.99, 7)
+    found = fit(Trace(T, X + noise, sigma=1.0), MODEL, MACHINE, sigma_mode="scale")
+    assert_same(found, fitted(noise), within=1e-2, bars=1e-2)
+
+
+def test_runs_of_a_joint_fit_count_by_their_own_noise():
+    traces = [Trace(T, X + white(8), sigma=SIZE), Trace(T, X + autoregressive(0.99, 9), sigma=SIZE)]
+    joint, first = fit(traces, MODEL, MACHINE), fit(traces[0], MODEL, MACHINE)
+    assert [noise.memory > 0 for noise in joint.noises] == [False, True]
+    for name in MACHINE:
+        assert 0.85 * first.std_errors[name] < joint.std_errors[name] < first.std_errors[name]
+
+
+def test_a_batch_counts_by_the_noise_of_each_run():
+    traces = [Trace(T, X + white(10)), Trace(T, X + autoregressive(0.99, 11))]
+    batch = fit_batch(traces, MODEL, MACHINE)
+    for i, trace in enumerate(traces):
+        alone = fit(trace, MODEL, MACHINE)
+        for name in MACHINE:
+            assert batch.values[name][i] == pytest.approx(alone.values[name], abs=0.02 * alone.std_errors[name])
+            assert batch.std_errors[name][i] == pytest.approx(alone.std_errors[name], rel=1e-2)
+    assert batch.to_dataframe()["noise"][0] == "" and "remembers" in batch.to_dataframe()["noise"][1]
+
+
+def test_criteria_prefer_the_colour_that_is_there():
+    """Beside the law that is right, one without friction explains less under any noise."""
+    noise = autoregressive(0.9, 12)
+    right = fitted(noise)
+    wrong = fit(Trace(T, X + noise), dataclasses.replace(MODEL, friction=Coulomb(0.0)), MACHINE[1:], throw=False)
+    assert right.aicc < wrong.aicc and right.bic < wrong.bic
+    # The likelihood of the noise as it is lies far above that of white noise.
+    assert right.aicc < right.chi2 - 1e3
