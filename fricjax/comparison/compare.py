@@ -15,6 +15,7 @@ from ..fitting.fit import concluded, records_of
 from ..fitting.problem import Problem, posed_on
 from ..fitting.rest import solve_with_rest
 from ..fitting.result import Fit
+from ..fitting.rows import rows_of
 from ..fitting.solve import Solved
 from ..fitting.whiteness import whiteness
 from ..oscillator import Oscillator, ready
@@ -212,7 +213,7 @@ def _yardstick(entries: Sequence[_Entry], absolute: bool) -> _Yardstick:
     )
     problem, solved = best.problem, best.solved
     assert problem is not None and solved is not None
-    seen = colours_of(problem, solved, absolute) if solved.converged else []
+    seen = colours_of(problem, rows_of(problem, solved.survey), absolute) if solved.converged else []
     scatter = max(solved.chi2 / problem.dof, 1.0 if absolute else np.finfo(float).tiny)
     time = 1.0
     if seen and described(problem, seen, absolute):

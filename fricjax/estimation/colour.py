@@ -87,7 +87,7 @@ def colour_of(series: Series, level: float, drifts: bool, motion: float = 0.0) -
     u = (series.t - series.t.mean()) / max(np.ptp(series.t), np.finfo(float).tiny)
     drift = (u * series.unit)[:, None]
     found = [alone]
-    if drifts:
+    if drifts and (alone.colour.coefficients.size or _shows(alone.colour.left, series.slopes, drift[:, 0])):
         found.append(_Candidate.of(series, drift, True, ()))
     for so_far in tuple(found):
         lines = _lines(series, so_far, motion)
@@ -98,6 +98,16 @@ def colour_of(series: Series, level: float, drifts: bool, motion: float = 0.0) -
     best = min(found, key=lambda candidate: candidate.criterion + (_STRONG if candidate.colour.beside.size else 0.0))
     as_white = abs(np.log(max(best.colour.std, 1e-300) ** 2 / level)) < _LEVEL * np.sqrt(2 / n)
     return None if best is alone and not best.colour.coefficients.size and as_white else best.colour
+
+
+def _shows(left: np.ndarray, slopes: np.ndarray, function: np.ndarray) -> bool:
+    """Whether a function of time may explain some of white residuals, which the derivatives do not."""
+    unit = np.maximum(np.linalg.norm(slopes, axis=0), np.finfo(float).tiny)
+    along, gram = slopes.T @ function / unit, slopes.T @ slopes / np.outer(unit, unit)
+    apart = function @ function - along @ np.linalg.pinv(gram, rcond=1e-12, hermitian=True) @ along
+    explained = (function @ left) ** 2 / max(apart, 1e-9 * (function @ function), np.finfo(float).tiny)
+    # Half the evidence that will be asked for.
+    return bool(-left.size * np.log1p(-min(explained / max(left @ left, np.finfo(float).tiny), 0.999)) > _STRONG / 2)
 
 
 class _Candidate(NamedTuple):
@@ -157,8 +167,7 @@ def autoregression(left: np.ndarray, starts: np.ndarray) -> tuple[np.ndarray, fl
     parts = [part for part in np.split(left, starts[1:]) if part.size > most]
     gram, n = np.zeros((most + 1, most + 1)), 0
     for part in parts:
-        window = np.lib.stride_tricks.sliding_window_view(part, most + 1)[:, ::-1]
-        gram, n = gram + window.T @ window, n + window.shape[0]
+        gram, n = gram + _products(part, most), n + part.size - most
     if n == 0 or not gram[0, 0] > 0:
         return np.zeros(0), np.inf
     lags = gram[1:, 1:] + 1e-13 * gram[0, 0] * np.eye(most)
@@ -170,6 +179,20 @@ def autoregression(left: np.ndarray, starts: np.ndarray) -> tuple[np.ndarray, fl
     criteria[0] -= _STRONG
     order = int(np.argmin(criteria))
     return np.linalg.solve(lower[:order, :order].T, along[:order]), float(criteria[order])
+
+
+def _products(part: np.ndarray, most: int) -> np.ndarray:
+    """Sums of products of the values `i` and `j` places before each that has `most` before it, shape (most + 1,) * 2.
+
+    Those one place further back are the same sums but for a product at either end.
+    """
+    n, sums = part.size, np.zeros((most + 1, most + 1))
+    sums[0] = [part[most:] @ part[most - lag : n - lag] for lag in range(most + 1)]
+    begin, end = part[most - 1 :: -1][:most], part[::-1][:most]
+    for i in range(most):
+        sums[i + 1, 0] = sums[0, i + 1]
+        sums[i + 1, 1:] = sums[i, :-1] + begin[i] * begin - end[i] * end
+    return sums
 
 
 def innovations(columns: np.ndarray, starts: np.ndarray, coefficients: np.ndarray) -> np.ndarray:
@@ -205,8 +228,11 @@ def _lines(series: Series, so_far: _Candidate, motion: float) -> tuple[float, ..
 
 def _strongest(t: np.ndarray, left: np.ndarray, motion: float) -> float | None:
     """Frequency of the strongest line of a series to a part of its resolution, None where none stands out."""
-    power = np.abs(np.fft.rfft(left * np.hanning(left.size))) ** 2
-    step = 1 / (left.size * float(np.median(np.diff(t))))
+    from scipy.fft import next_fast_len
+
+    size = next_fast_len(left.size, real=True)
+    power = np.abs(np.fft.rfft(left * np.hanning(left.size), size)) ** 2
+    step = 1 / (size * float(np.median(np.diff(t))))
     apart = np.abs(step * np.arange(power.size) - motion) >= motion / 2
     apart[:_WIDE] = False
     k = int(np.argmax(power * apart))

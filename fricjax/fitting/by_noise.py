@@ -24,6 +24,7 @@ from .noise import Line, Noise
 from .problem import Problem
 from .rows import Rows, rows_of, run_in_rows
 from .solve import Solved, checking, look
+from .survey import Block
 from .verdict import ADEQUATE, worst
 from .whiteness import whiteness
 from .window import Window
@@ -83,10 +84,12 @@ def counted_by_noise(problem: Problem, solved: Solved, absolute: bool) -> Counte
     plain = _plain(problem, solved, absolute)
     if not solved.converged:
         return plain
-    clocked = by_clock(problem, solved)
+    rows = rows_of(problem, solved.survey)
+    clocked = by_clock(problem, solved, rows)
     if clocked is None:
-        return _by_colour(plain, absolute)
-    counted = _by_colour(_plain(clocked.problem, clocked.solved, absolute), absolute)
+        return _by_colour(plain, rows, absolute)
+    rows = rows_of(clocked.problem, clocked.solved.survey)
+    counted = _by_colour(_plain(clocked.problem, clocked.solved, absolute), rows, absolute)
     pairs = zip(counted.noises, clocked.jitters, strict=True)
     return counted._replace(
         white=plain.white,
@@ -97,12 +100,12 @@ def counted_by_noise(problem: Problem, solved: Solved, absolute: bool) -> Counte
     )
 
 
-def _by_colour(plain: Counted, absolute: bool) -> Counted:
-    """The fit carried on where the noise of a run is coloured."""
+def _by_colour(plain: Counted, white: Sequence[Rows], absolute: bool) -> Counted:
+    """The fit carried on where the noise of a run is coloured; `white` are the rows of its least squares."""
     problem, solved = plain.problem, plain.solved
-    at = solved
+    at, rows = solved, white
     for _ in range(_ROUNDS):
-        seen = colours_of(problem, at, absolute)
+        seen = colours_of(problem, rows, absolute)
         if not seen:
             return plain
         if not described(problem, seen, absolute):
@@ -123,12 +126,12 @@ def _by_colour(plain: Counted, absolute: bool) -> Counted:
         at = _moved(problem, at, shape.step)
         if not np.isfinite(at.survey.chi2):
             break
-    return _undescribed(plain, rows_of(problem, solved.survey))
+        rows = rows_of(problem, at.survey)
+    return _undescribed(plain, white)
 
 
-def colours_of(problem: Problem, at: Solved, absolute: bool) -> list[Seen]:
-    """The residuals of each run in rows with the colour of their noise; none where that of all runs is white."""
-    rows = rows_of(problem, at.survey)
+def colours_of(problem: Problem, rows: Sequence[Rows], absolute: bool) -> list[Seen]:
+    """The rows of each run with the colour of their noise; none where that of all runs is white."""
     freedom = problem.n_used / problem.dof
     colours = [
         colour_of(row.series, freedom * row.level, "drift" not in window.nuisances, window.segmentation.frequency)
@@ -165,11 +168,14 @@ def remembered(rows: Rows, colour: Colour) -> float:
 
 def _plain(problem: Problem, solved: Solved, absolute: bool) -> Counted:
     """The fit with its residuals taken for white noise; that as large as stated is not enlarged."""
-    blocks = solved.survey.blocks
+    blocks = [Block.of(sums) for sums in solved.survey.blocks]
     reduced = solved.chi2 / problem.dof
     if not isinstance(problem.loss, Squares):
         # Mean square of the influences over the mean curvature of the losses (Huber, Robust Statistics, 1981, 7.6).
-        scatter = variance = sum(float(b.square.sum()) for b in blocks) / sum(float(b.curvature.sum()) for b in blocks)
+        squares, curvatures = zip(*((block.square, block.curvature) for block in blocks), strict=True)
+        scatter = variance = float(
+            np.concatenate(squares).sum(dtype=float) / np.concatenate(curvatures).sum(dtype=float)
+        )
     else:
         scatter = 1.0 if absolute else reduced
         variance = reduced if absolute and reduced > 1 + _SURE * np.sqrt(2 / problem.dof) else scatter

@@ -26,7 +26,7 @@ from ..estimation.loss import AbstractLoss, Squares
 from ..estimation.status import NOT_FINITE
 from .residual import Residual
 from .settled import Settled, settle
-from .survey import Blocks, Survey, Surveys
+from .survey import Survey, Surveys
 
 ROUNDING = 1e-12
 FINE = 1e-3
@@ -97,8 +97,8 @@ class Climbed(NamedTuple):
 
 def like_climbed(residual: Residual, *_: Any) -> Climbed:
     """Something of the structure of what :func:`climb` returns for a residual."""
-    runs, unknown = residual.runs, Blocks(*(0 for _ in Blocks._fields))
-    survey = Survey(0, 0, 0, 0, 0, pulls=[0 for _ in runs], blocks=[unknown for _ in runs])
+    runs = residual.runs
+    survey = Survey(0, 0, 0, 0, 0, pulls=[0 for _ in runs], blocks=[0 for _ in runs])
     return Climbed(0, 0, 0, 0, survey, Settled(0, 0, residual.oscillator, 0, 0))
 
 

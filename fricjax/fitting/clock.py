@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from .problem import Problem, with_windows
-from .rows import Rows, rows_of
+from .rows import Rows
 from .solve import Solved, checking, look, solve
 from .window import DITHERED, Window
 
@@ -56,9 +56,9 @@ class Jitter(NamedTuple):
         return self.interval * float(np.sqrt(self.moving))
 
 
-def by_clock(problem: Problem, solved: Solved) -> Clocked | None:
-    """The fit weighed by the jitter of its clock; None where none shows, or where the fit fails under it."""
-    jitters = [_seen(*run) for run in zip(problem.windows, rows_of(problem, solved.survey), strict=True)]
+def by_clock(problem: Problem, solved: Solved, rows: Sequence[Rows]) -> Clocked | None:
+    """The fit weighed by the jitter of its clock; None where none shows in its rows, or where it fails under it."""
+    jitters = [_seen(*run) for run in zip(problem.windows, rows, strict=True)]
     if not any(jitters):
         return None
     survey = solved.survey
@@ -113,6 +113,8 @@ def _variances(square: np.ndarray, moved: np.ndarray, size: np.ndarray, least: f
             told = np.where(np.arange(2) == np.argmax(alone * along), alone, 0.0)
         error = float(np.sqrt(np.mean((target - relative @ told) ** 2) * inverse[1, 1]))
         size = np.maximum(columns @ told, least)
+        if told[1] < error:
+            break
     return told / np.array([1.0, unit]), error / unit
 
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from ..estimation.colour import Series
 from .problem import Problem
-from .survey import Survey, block_length
+from .survey import Block, Survey, block_length
 
 # Rows in a half-cycle, and the part of its samples that a row must have.
 _ROWS, _FULL = 40.0, 0.5
@@ -44,25 +44,28 @@ def run_in_rows(problem: Problem, survey: Survey, run: int, samples: int | None 
     interval = float(record.t[used[-1]] - record.t[used[0]]) / (used[-1] - used[0])
     wanted = samples or window.segmentation.half_period / interval / _ROWS
     each = max(round(wanted / length), 1)
-    samples, begins = each * length, np.arange(0, blocks.used.size, each)
-    sums = np.add.reduceat(np.column_stack(blocks), begins, axis=0)
-    seen = record.weight > 0
-    weight, instants = (np.add.reduceat(values, begins * length) for values in (record.weight, record.t * seen))
-    kept = sums[:, 3] >= _FULL * samples
-    residual, square, rough, number, curvature, moved = sums[kept, :6].T
+    # Behind the last sample there is only filling.
+    samples, begins = each * length, np.arange(0, used[-1] // length + 1, each)
+    end = min((begins[-1] + each) * length, record.t.size)
+    sums = np.add.reduceat(blocks[: end // length], begins, axis=0, dtype=float)
+    weight = np.add.reduceat(record.weight[:end], begins * length)
+    instants = np.add.reduceat(record.t[:end] * (record.weight[:end] > 0), begins * length)
+    kept = sums[:, Block._fields.index("used")] >= _FULL * samples
+    row = Block.of(sums[kept])
+    number = row.used
     scale = np.sqrt(samples) / number
     series = Series(
         t=instants[kept] / number,
-        residual=residual * scale,
-        slopes=sums[kept, 6:] * scale[:, None],
-        unit=curvature * scale * weight[kept] / number,
+        residual=row.residual * scale,
+        slopes=row.slopes * scale[:, None],
+        unit=row.curvature * scale * weight[kept] / number,
         starts=np.flatnonzero(np.diff(np.flatnonzero(kept), prepend=-2) > 1),
     )
     return Rows(
         series=series,
-        level=float(square.sum() / number.sum()),
+        level=float(row.square.sum() / number.sum()),
         samples=samples,
         interval=interval,
-        rough=rough / number,
-        moved=moved / number,
+        rough=row.rough / number,
+        moved=row.moved / number,
     )

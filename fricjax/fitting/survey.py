@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Bool, Float, PyTree
 
 from ..estimation.loss import AbstractLoss, Squares
@@ -20,11 +21,13 @@ from .sizes import power
 
 # Condensed records fill one or two of them; a longer chunk would read more samples of no weight.
 CHUNK = 512
-# Blocks of a record of any length: enough to show the colour of its noise, few enough to be kept beside its residual.
-BLOCKS = 16384
+# Most blocks of a record of any length, and samples in one of a record that has more than those of a chunk times eight:
+# enough to show the colour of its noise, few enough to be kept beside its residual, in single precision, which is far
+# below the scatter of the noise in a block.
+BLOCKS, _LEAST, _SHORT = 16384, 4, 4096
 
 
-class Blocks(NamedTuple):
+class Block(NamedTuple):
     """Sums over blocks of neighbouring samples of one run, in order; from them the noise of the run is told.
 
     Attributes:
@@ -43,8 +46,11 @@ class Blocks(NamedTuple):
     moved: Any
     slopes: Any
 
-
-_SUMS = len(Blocks._fields) - 1
+    @classmethod
+    def of(cls, sums: np.ndarray) -> "Block":
+        """From the columns of such sums."""
+        n = len(cls._fields) - 1
+        return cls(*sums[:, :n].T, slopes=sums[:, n:])
 
 
 class Survey(NamedTuple):
@@ -57,7 +63,7 @@ class Survey(NamedTuple):
         gradient: J'r, shape (coordinates,), each sample weighted as its loss says.
         normal: J'J, shape (coordinates, coordinates), likewise.
         pulls: size of the spring's force at the turning points of each run, as its path notes them [N].
-        blocks: sums over blocks of samples of each run.
+        blocks: sums over blocks of samples of each run, the columns of a `Block`, shape (blocks, 6 + coordinates).
     """
 
     residual: Any
@@ -99,7 +105,7 @@ class Surveys(AbstractPasses):
 
     def nothing(self, y: Float[Array, " coordinates"]) -> Pass:
         unseen = jax.eval_shape(lambda at: survey(self.residual, at, self.loss), y)
-        return super().nothing(y)._replace(kept=jax.tree.map(lambda of: jnp.full(of.shape, jnp.nan), unseen))
+        return super().nothing(y)._replace(kept=jax.tree.map(lambda of: jnp.full(of.shape, jnp.nan, of.dtype), unseen))
 
     def __call__(self, fn: Callable, y: Float[Array, " coordinates"], args: PyTree) -> Pass:
         found = survey(self.residual, y, self.loss)
@@ -114,13 +120,13 @@ class Surveys(AbstractPasses):
 
 def _of_runs(
     residual: Residual, y: Array, loss: AbstractLoss
-) -> Callable[[Any, Run], tuple[Array, Pass, Array, Blocks]]:
+) -> Callable[[Any, Run], tuple[Array, Pass, Array, Array]]:
     """What is asked of each run; of several, nothing is asked of one that no sample of which has any weight."""
 
-    def asked(number: Any, run: Run) -> tuple[Array, Pass, Array, Blocks]:
+    def asked(number: Any, run: Run) -> tuple[Array, Pass, Array, Array]:
         return _run(residual, y, number, run, loss)
 
-    def asked_where_seen(number: Any, run: Run) -> tuple[Array, Pass, Array, Blocks]:
+    def asked_where_seen(number: Any, run: Run) -> tuple[Array, Pass, Array, Array]:
         known = jax.jit(asked)
         of = jax.eval_shape(known, number, run)
         none = lambda: jax.tree.map(lambda each: jnp.zeros(each.shape, each.dtype), of)
@@ -131,10 +137,10 @@ def _of_runs(
 
 def block_length(samples: int) -> int:
     """Samples in a block of a record of so many places."""
-    return min(power(-(-samples // BLOCKS), 1), CHUNK)
+    return 1 if samples <= _SHORT else min(power(-(-samples // BLOCKS), _LEAST), CHUNK)
 
 
-def _run(residual: Residual, y: Array, number: Any, data: Run, loss: AbstractLoss) -> tuple[Array, Pass, Array, Blocks]:
+def _run(residual: Residual, y: Array, number: Any, data: Run, loss: AbstractLoss) -> tuple[Array, Pass, Array, Array]:
     """Residual of one run, its sums, the pulls at its turning points, and the sums over its blocks."""
     n = data.t.shape[0]
     pieces, length = -(-n // CHUNK), block_length(n)
@@ -156,6 +162,8 @@ def _run(residual: Residual, y: Array, number: Any, data: Run, loss: AbstractLos
 
         r, along = jax.linearize(read, moving)
         columns = jax.vmap(along, in_axes=-1, out_axes=-1)(tangents)
+        # Both are used many times below; without a barrier the motion is computed anew for each.
+        r, columns = jax.lax.optimization_barrier((r, columns))
         found = gather(r, columns, loss)
         _, share, curvature = loss.parts(r)
         counts, influence = (used > 0) * 1.0, share * r
@@ -167,7 +175,7 @@ def _run(residual: Residual, y: Array, number: Any, data: Run, loss: AbstractLos
         curved = counts * curvature
         own = (influence, influence**2, rough, counts, curved, moved)
         each = jnp.column_stack([*own, curved[:, None] * columns])
-        summed = each.reshape(-1, length, each.shape[1]).sum(axis=1)
+        summed = each.reshape(-1, length, each.shape[1]).sum(axis=1).astype(jnp.float32)
         return (
             jax.lax.dynamic_update_slice(whole, r, (number * CHUNK,)),
             jax.lax.dynamic_update_slice(blocks, summed, (number * (CHUNK // length), 0)),
@@ -179,10 +187,10 @@ def _run(residual: Residual, y: Array, number: Any, data: Run, loss: AbstractLos
     last = jnp.max(jnp.where(weight > 0, jnp.arange(weight.size), -1))
     begin = (
         jnp.zeros(weight.shape),
-        jnp.zeros((weight.size // length, _SUMS + y.size)),
+        jnp.zeros((weight.size // length, len(Block._fields) - 1 + y.size), jnp.float32),
         Pass(jnp.zeros(()), zero, zero[:, None] * zero),
     )
     r, blocks, sums = jax.lax.fori_loop(0, last // CHUNK + 1, chunk, begin)
     machine, points = residual.machine(y), eqx.combine(moving, fixed).path.turning_points
     pulls = jnp.abs(machine.restoring_force(points)) - machine.hysteresis(points)
-    return r[:n], sums, pulls, Blocks(*blocks[:, :_SUMS].T, slopes=blocks[:, _SUMS:])
+    return r[:n], sums, pulls, blocks
