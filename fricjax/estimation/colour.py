@@ -102,8 +102,8 @@ def colour_of(series: Series, level: float, drifts: bool, motion: float = 0.0) -
 
 def _shows(left: np.ndarray, slopes: np.ndarray, function: np.ndarray) -> bool:
     """Whether a function of time may explain some of white residuals, which the derivatives do not."""
-    unit = np.maximum(np.linalg.norm(slopes, axis=0), np.finfo(float).tiny)
-    along, gram = slopes.T @ function / unit, slopes.T @ slopes / np.outer(unit, unit)
+    slopes = slopes / np.maximum(np.linalg.norm(slopes, axis=0), np.finfo(float).tiny)
+    along, gram = slopes.T @ function, slopes.T @ slopes
     apart = function @ function - along @ np.linalg.pinv(gram, rcond=1e-12, hermitian=True) @ along
     explained = (function @ left) ** 2 / max(apart, 1e-9 * (function @ function), np.finfo(float).tiny)
     # Half the evidence that will be asked for.
@@ -230,7 +230,7 @@ def _strongest(t: np.ndarray, left: np.ndarray, motion: float) -> float | None:
     """Frequency of the strongest line of a series to a part of its resolution, None where none stands out."""
     from scipy.fft import next_fast_len
 
-    size = next_fast_len(left.size, real=True)
+    size = int(next_fast_len(left.size, real=True) or left.size)
     power = np.abs(np.fft.rfft(left * np.hanning(left.size), size)) ** 2
     step = 1 / (size * float(np.median(np.diff(t))))
     apart = np.abs(step * np.arange(power.size) - motion) >= motion / 2
