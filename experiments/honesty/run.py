@@ -7,8 +7,12 @@ half-cycle behind its first reversal is rightly refused. The error of mu is give
 the true number of half-cycles have over the same records.
 
     python experiments/honesty/run.py [--runs 100] [--rig sliding] [--only "white,AR"]
+    python experiments/honesty/run.py --bars [--runs 200]
     python experiments/honesty/run.py --thresholds [--runs 5]
 
+With `--bars` a row tells instead how often the intervals of mu, damping and stiffness contain the truth, the standard
+deviation of the errors in standard errors, the largest of them that has converged, and the standard errors over the
+Cramer-Rao bound of that noise where it is known. Records that are refused or end in another status are counted.
 With `--thresholds` the thresholds of segmentation and noise are halved and doubled instead, one after the other, and a
 row tells by how many standard errors that changes mu at most.
 """
@@ -21,8 +25,9 @@ import jax
 
 jax.config.update("jax_enable_x64", True)
 
+import equinox as eqx  # noqa: E402
 import numpy as np  # noqa: E402
-from records import ASIDE, RIGS, TUNED, Rig, Run, record  # noqa: E402
+from records import ASIDE, KNOWN, RIGS, TUNED, Rig, Run, record  # noqa: E402
 
 import fricjax as fj  # noqa: E402
 from fricjax.data import disturbance, strokes, swing  # noqa: E402
@@ -30,10 +35,12 @@ from fricjax.data.errors import DataError, UsageError  # noqa: E402
 from fricjax.fitting.fit import concluded  # noqa: E402
 from fricjax.fitting.parameters import Request  # noqa: E402
 from fricjax.fitting.problem import pose  # noqa: E402
+from fricjax.fitting.residual import Residual  # noqa: E402
 from fricjax.fitting.rest import with_counts  # noqa: E402
-from fricjax.fitting.solve import solve  # noqa: E402
+from fricjax.fitting.solve import checking, solve  # noqa: E402
 
 ODDS = 2 * math.log(400)
+BOUNDED = 10  # records of a kind for which the Cramer-Rao bound is computed
 TOO_FEW = 2  # half-cycles behind the first reversal, from which friction and the offset can both be told
 THRESHOLDS = {
     strokes: ("SURE", "SOUGHT", "BELIEVED", "TINY", "STANDS_OUT", "ISOCHRONOUS", "RINGING", "CREPT", "SHORTEST_REST",
@@ -128,6 +135,67 @@ def table(rig: Rig, runs: int, wanted: list[str]) -> None:
                         print(f"    record {i}, {o.run.half_cycles} half-cycles, got {got}"[:160], flush=True)
 
 
+def bound(rig: Rig, run: Run, found: fj.Fit, kind: str) -> np.ndarray:
+    """Cramer-Rao bound of the coefficients of the machine, were the noise known; NaN where that has no known law."""
+    if kind not in KNOWN:
+        return np.full(len(rig.free), np.nan)
+    settings = {"nuisance": None, "engine": "auto", "start": "first_reversal", "bounds": None, "priors": None}
+    guess = {name: float(found.values[name]) for name in rig.free}
+    request = Request.of(rig.oscillator, list(rig.free), tie=None, rig=None, guess=guess, loss="squares", **settings)
+    problem = with_counts(pose([fj.Trace(run.t, run.x)], request), (run.half_cycles,))
+    window, solved = problem.windows[0], solve(problem)
+    used = np.flatnonzero(window.used)
+    weighted = np.asarray(derivatives(checking(problem.residual, solved.y), solved.y))[used]
+    columns = weighted * window.sigma[used, None] / np.asarray(solved.settled.slope)
+    model = run.x[used] - found.residuals[used]
+    white = KNOWN[kind](run.t[used] - run.t[used].mean(), model, columns)
+    size = np.linalg.norm(white, axis=0)
+    information = (white / size).T @ (white / size)
+    return (np.sqrt(np.diag(np.linalg.inv(information))) / size)[: len(rig.free)]
+
+
+@eqx.filter_jit
+def derivatives(residual: Residual, y: jax.Array) -> jax.Array:
+    return jax.jacfwd(residual)(y)
+
+
+def bars(rig: Rig, runs: int, wanted: list[str]) -> None:
+    """How well the intervals hold."""
+    truth = {
+        name: float(getattr(rig.oscillator.friction if name == "mu" else rig.oscillator, name)) for name in rig.free
+    }
+    for title, kinds in (("looked at while tuning", TUNED), ("kept aside", ASIDE)):
+        print(f"\n{rig.name}, {runs} records a row, kinds {title}; each for {', '.join(rig.free)}")
+        print(
+            f"{'':26s}{'refused':>8s}{'other':>6s}{'cover 95 %':>17s}{'cover 68 %':>17s}{'sd of z':>16s}"
+            f"{'largest converged':>19s}{'over the bound':>16s}"
+        )
+        for kind in kinds:
+            if not any(part in kind for part in wanted):
+                continue
+            scores, converged, over, refused = [], [], [], 0
+            for seed in range(runs):
+                run = record(rig, kind, seed)
+                loss = "cauchy" if "outliers" in kind else "squares"
+                try:
+                    found = fj.fit(fj.Trace(run.t, run.x), rig.oscillator, list(rig.free), loss=loss, throw=False)
+                except (DataError, UsageError):
+                    refused += 1
+                    continue
+                errors = np.array([found.std_errors[name] for name in rig.free])
+                scores.append([(found.values[name] - truth[name]) / found.std_errors[name] for name in rig.free])
+                converged.append(found.converged)
+                if seed < BOUNDED and found.half_cycles[0] == run.half_cycles:
+                    over.append(errors / bound(rig, run, found, kind))
+            z, right = np.abs(scores), np.array(converged)
+            told = [np.mean(z < 1.96, axis=0), np.mean(z < 0.9945, axis=0), np.sqrt(np.mean(z**2, axis=0))]
+            told += [np.max(z[right], axis=0, initial=0.0), np.median(over, axis=0)]
+            words = [
+                "  " + " ".join(f"{value:.{d}f}" for value in row) for row, d in zip(told, (2, 2, 2, 1, 2), strict=True)
+            ]
+            print(f"{kind:26s}{refused:8d}{int(np.sum(~right)):6d}" + "".join(f"{w:>17s}" for w in words), flush=True)
+
+
 def fits(rig: Rig, runs: int, wanted: list[str]) -> list[fj.Fit]:
     kinds = [kind for kind in (*TUNED, *ASIDE) if any(part in kind for part in wanted)]
     pairs = [(kind, seed) for kind in kinds for seed in range(runs)]
@@ -158,12 +226,15 @@ def main() -> None:
     parser.add_argument("--runs", type=int)
     parser.add_argument("--rig", choices=sorted(RIGS))
     parser.add_argument("--only", default="", help="parts of the names of the kinds, separated by commas")
+    parser.add_argument("--bars", action="store_true")
     parser.add_argument("--thresholds", action="store_true")
     arguments = parser.parse_args()
     wanted = [part.strip() for part in arguments.only.split(",")]
     for rig in (RIGS[arguments.rig],) if arguments.rig else RIGS.values():
         if arguments.thresholds:
             sensitivity(rig, arguments.runs or 5, wanted)
+        elif arguments.bars:
+            bars(rig, arguments.runs or 200, wanted)
         else:
             table(rig, arguments.runs or 100, wanted)
 

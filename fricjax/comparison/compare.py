@@ -213,7 +213,7 @@ def _yardstick(entries: Sequence[_Entry], absolute: bool) -> _Yardstick:
     )
     problem, solved = best.problem, best.solved
     assert problem is not None and solved is not None
-    seen = colours_of(problem, rows_of(problem, solved.survey), absolute) if solved.converged else []
+    seen = colours_of(problem, solved, rows_of(problem, solved.survey), absolute) if solved.converged else []
     scatter = max(solved.chi2 / problem.dof, 1.0 if absolute else np.finfo(float).tiny)
     time = 1.0
     if seen and described(problem, seen, absolute):

@@ -18,6 +18,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from .process import Passage, filtered, kicks_of
+
 # Longest memory in rows. A hum that is no line, and a resonance under white noise, take some ten.
 _MOST = 24
 # Rows that an order or a nuisance must have for each of its numbers.
@@ -62,6 +64,8 @@ class Colour(NamedTuple):
         beside: functions of time that are in the residuals besides, shape (n, k): a drift, the lines of a hum.
         drift: whether a drift is among them, the first; `lines`: frequencies of the hum [Hz].
         sizes: what of each is to be added to the residuals to make up for them, shape (k,).
+        kicks: spectral density of kicks that make the noise beside an independent part, in squared units of the latter.
+        passage: how a linear system carries them on; None where there are none.
     """
 
     coefficients: np.ndarray
@@ -71,6 +75,13 @@ class Colour(NamedTuple):
     drift: bool
     lines: tuple[float, ...]
     sizes: np.ndarray
+    kicks: float = 0.0
+    passage: Passage | None = None
+
+    @property
+    def numbers(self) -> int:
+        """How many numbers it has beside the variance; a line has a frequency besides its two sizes."""
+        return self.coefficients.size + self.sizes.size + len(self.lines) + (self.passage is not None)
 
 
 def colour_of(series: Series, level: float, drifts: bool, motion: float = 0.0) -> Colour | None:
@@ -131,7 +142,6 @@ class _Candidate(NamedTuple):
             before, (coefficients, criterion) = coefficients, autoregression(left, series.starts)
             if before.shape == coefficients.shape and np.allclose(before, coefficients, rtol=0, atol=1e-3):
                 break
-        # A line has a frequency besides its two sizes.
         criterion += (beside.shape[1] + len(lines)) * np.log(series.t.size)
         unit = np.sqrt(np.mean(beside**2, axis=0))
         told = sizes[series.slopes.shape[1] :] / np.where(unit > 0, unit, 1.0)
@@ -148,13 +158,46 @@ def white(series: Series, level: float) -> Colour:
 def weighed(series: Series, colour: Colour) -> tuple[np.ndarray, np.ndarray]:
     """Innovations of unit variance, and their derivatives by the coordinates, without what other functions explain."""
     both = np.column_stack([series.residual, series.slopes, colour.beside])
-    white = innovations(both, series.starts, colour.coefficients) / colour.std
+    if colour.passage is None:
+        white = innovations(both, series.starts, colour.coefficients) / colour.std
+    else:
+        white = filtered(both, series.unit, colour.passage, np.array([colour.kicks]))[0][0] / colour.std
     p = series.slopes.shape[1] + 1
     told = white[:, :p]
     if colour.beside.size:
         basis = np.linalg.qr(white[:, p:] / np.maximum(np.linalg.norm(white[:, p:], axis=0), 1e-300))[0]
         told = told - basis @ (basis.T @ told)
     return told[:, 0], told[:, 1:]
+
+
+def size_of(series: Series, colour: Colour) -> float:
+    """Sum of the logarithms of the variances of the innovations."""
+    size = series.t.size * np.log(colour.std**2)
+    if colour.passage is not None:
+        none = np.zeros((series.t.size, 0))
+        size += float(np.sum(np.log(filtered(none, series.unit, colour.passage, np.array([colour.kicks]))[1])))
+    return float(size)
+
+
+def autoregressive(series: Series) -> Colour:
+    """That of an autoregression of the residuals as they are."""
+    coefficients, _ = autoregression(series.residual, series.starts)
+    std = float(np.std(innovations(series.residual[:, None], series.starts, coefficients)))
+    nothing, beside = np.zeros(0), np.zeros((series.t.size, 0))
+    return Colour(coefficients, std, series.residual, beside, False, (), nothing)
+
+
+def thinned(series: Series, step: int) -> Series:
+    """Every so manieth row."""
+    starts = np.unique(-(-series.starts // step))
+    return Series(series.t[::step], series.residual[::step], series.slopes[::step], series.unit[::step], starts)
+
+
+def kicked(series: Series, passage: Passage) -> Colour:
+    """That of kicks which a linear system carries on, beside independent noise."""
+    found = kicks_of(series.residual, series.slopes, series.unit, passage)
+    nothing, beside = np.zeros(0), np.zeros((series.t.size, 0))
+    return Colour(nothing, found.std, found.left, beside, False, (), nothing, found.kicks, passage)
 
 
 def autoregression(left: np.ndarray, starts: np.ndarray) -> tuple[np.ndarray, float]:

@@ -16,10 +16,23 @@ from typing import NamedTuple
 import numpy as np
 
 from ..data.noise import NORMAL_MAD
-from ..estimation.colour import Colour, autoregression, colour_of, innovations, weighed, white
+from ..estimation.colour import (
+    Colour,
+    Series,
+    autoregression,
+    autoregressive,
+    colour_of,
+    innovations,
+    kicked,
+    size_of,
+    thinned,
+    weighed,
+    white,
+)
 from ..estimation.loss import Squares
 from ..estimation.quadratic import Quadratic, quadratic
 from .clock import by_clock
+from .floor import passage_of
 from .noise import Line, Noise
 from .problem import Problem
 from .rows import Rows, rows_of, run_in_rows
@@ -33,6 +46,8 @@ from .window import Window
 _SURE = 5.0
 # Rounds until step and colour settle, and the step in standard errors that is left then.
 _ROUNDS, _NEAR = 8, 0.05
+# Rows by which a floor that shakes is looked for first, for its filter takes them one by one.
+_FEW = 600
 # Rows of a rest that tell its noise.
 _RESTING = 64
 # Solutions until the weights of a jittering clock settle, and the factor by which the noise at rest may fall in each.
@@ -105,7 +120,7 @@ def _by_colour(plain: Counted, white: Sequence[Rows], absolute: bool) -> Counted
     problem, solved = plain.problem, plain.solved
     at, rows = solved, white
     for _ in range(_ROUNDS):
-        seen = colours_of(problem, rows, absolute)
+        seen = colours_of(problem, at, rows, absolute)
         if not seen:
             return plain
         if not described(problem, seen, absolute):
@@ -130,7 +145,7 @@ def _by_colour(plain: Counted, white: Sequence[Rows], absolute: bool) -> Counted
     return _undescribed(plain, white)
 
 
-def colours_of(problem: Problem, rows: Sequence[Rows], absolute: bool) -> list[Seen]:
+def colours_of(problem: Problem, at: Solved, rows: Sequence[Rows], absolute: bool) -> list[Seen]:
     """The rows of each run with the colour of their noise; none where that of all runs is white."""
     freedom = problem.n_used / problem.dof
     colours = [
@@ -139,9 +154,11 @@ def colours_of(problem: Problem, rows: Sequence[Rows], absolute: bool) -> list[S
     ]
     if not any(colours):
         return []
-    stated = absolute and isinstance(problem.loss, Squares)
-    runs = zip(rows, colours, strict=True)
-    return [Seen(row, colour or white(row.series, _level(row, stated))) for row, colour in runs]
+    stated, seen = absolute and isinstance(problem.loss, Squares), []
+    for run, (row, colour) in enumerate(zip(rows, colours, strict=True)):
+        known = white(row.series, _level(row, stated)) if colour is None else _or_shaken(problem, at, run, row, colour)
+        seen.append(Seen(row, known))
+    return seen
 
 
 def described(problem: Problem, seen: Sequence[Seen], absolute: bool) -> bool:
@@ -149,6 +166,32 @@ def described(problem: Problem, seen: Sequence[Seen], absolute: bool) -> bool:
     sizes = [float(np.sqrt(_left(*run))) for run in seen]
     expected = [_expected(window, *run) for window, run in zip(problem.windows, seen, strict=True)]
     return worst(problem, sizes, expected, not absolute).ratio <= ADEQUATE
+
+
+def _or_shaken(problem: Problem, at: Solved, run: int, row: Rows, colour: Colour) -> Colour:
+    """A colour, or that of a floor that shakes the mass, by Schwarz's criterion; first by a part of the rows."""
+    resting = colour.left[_at_rest(problem.windows[run], row)]
+    wanders = resting.size >= _RESTING and autoregression(resting - resting.mean(), np.zeros(1, int))[0].size
+    if wanders or not colour.coefficients.size:
+        # No floor moves the reading of a mass that rests, and none is as even as a drift or a hum.
+        return colour
+    few = thinned(row.series, max(row.series.t.size // _FEW, 1))
+    left = thinned(row.series._replace(residual=colour.left), max(row.series.t.size // _FEW, 1))
+    rival = _shaken(problem, at, run, few)
+    if rival is None or _criterion(few, rival) > _criterion(few, autoregressive(left)):
+        return colour
+    rival = _shaken(problem, at, run, row.series)
+    return colour if rival is None or _criterion(row.series, rival) > _criterion(row.series, colour) else rival
+
+
+def _shaken(problem: Problem, at: Solved, run: int, series: Series) -> Colour | None:
+    passage = passage_of(problem, at, run, series.t)
+    return None if passage is None else kicked(series, passage)
+
+
+def _criterion(series: Series, colour: Colour) -> float:
+    """Schwarz's criterion."""
+    return size_of(series, colour) + np.log(series.t.size) * colour.numbers
 
 
 def misfit_by_noise(problem: Problem, solved: Solved, seen: Sequence[Seen]) -> float:
@@ -207,7 +250,10 @@ def _expected(window: Window, row: Rows, colour: Colour) -> float:
     Noise that wanders slowly is larger over a run than in any piece of it. Whether it may be noise is told by its
     innovations: those that the process of the rest leaves in the motion are then no larger than those in the rest.
     """
-    still = row.series.t > (np.inf if window.segmentation.rest is None else window.segmentation.rest - window.origin)
+    if colour.passage is not None:
+        told = whiteness(weighed(row.series._replace(residual=colour.left), colour)[0]).white
+        return float(np.sqrt(_left(row, colour))) if told else 0.0
+    still = _at_rest(window, row)
     if np.sum(still) < _RESTING or still.all():
         return 0.0
     begin = np.zeros(1, int)
@@ -218,6 +264,12 @@ def _expected(window: Window, row: Rows, colour: Colour) -> float:
     typical, seen = (float(np.median(np.abs(part - np.median(part)))) / NORMAL_MAD for part in parts)
     told = np.sqrt(_left(row, colour)) * typical / max(np.std(moving), np.finfo(float).tiny)
     return float(min(told, seen * np.sqrt(still.size / np.sum(still) / row.samples)))
+
+
+def _at_rest(window: Window, row: Rows) -> np.ndarray:
+    """Which rows lie in the rest."""
+    rest = window.segmentation.rest
+    return row.series.t > (np.inf if rest is None else rest - window.origin)
 
 
 def _level(row: Rows, stated: bool) -> float:
@@ -263,12 +315,12 @@ def _noise(window: Window, row: Rows, colour: Colour) -> Noise:
         middle=float(t.mean()),
         lines=tuple(Line(f, *map(float, pair)) for f, pair in zip(colour.lines, waves, strict=True)),
         expected=_expected(window, row, colour),
+        floor=2 * colour.kicks * colour.std**2,
     )
 
 
 def _likelihood(row: Rows, colour: Colour, absolute: bool) -> tuple[float, int]:
     """What a colour adds to minus twice the logarithm of the likelihood of white noise, and how many numbers it has."""
     residual, unit = row.series.residual, 1.0 if absolute else row.level
-    counted = float(np.sum(weighed(row.series, colour)[0] ** 2))
-    gain = counted + residual.size * np.log(colour.std**2 / unit) - float(residual @ residual) / unit
-    return gain, colour.coefficients.size + colour.sizes.size + len(colour.lines)
+    counted = float(np.sum(weighed(row.series, colour)[0] ** 2)) + size_of(row.series, colour)
+    return counted - float(residual @ residual) / unit - residual.size * np.log(unit), colour.numbers

@@ -28,6 +28,8 @@ class Noise(NamedTuple):
         lines: the lines of a hum.
         expected: standard deviation that the noise of the rest would have all over the run, in units of that stated;
             0 where the rest is too short to tell.
+        floor: spectral density of an acceleration of the floor that shakes the mass, in squared units of the record
+            over s^4 Hz, 0 where none shows.
     """
 
     excess: float = 1.0
@@ -37,6 +39,7 @@ class Noise(NamedTuple):
     middle: float = 0.0
     lines: tuple[Line, ...] = ()
     expected: float = 0.0
+    floor: float = 0.0
 
     def at(self, t: np.ndarray) -> np.ndarray:
         """Drift and hum at times of the run [s], in the unit of the record."""
@@ -57,5 +60,7 @@ class Noise(NamedTuple):
         for line in self.lines:
             size = engineering(float(np.hypot(line.cosine, line.sine)), unit)
             yield f"hums at {engineering(line.frequency, 'Hz')} by {size}"
+        if self.floor:
+            yield f"is a motion of the mass, shaken by {self.floor:.2g} ({unit}/s^2)^2/Hz"
         if self.jitter:
             yield f"grows with velocity, from a clock that jitters by {engineering(self.jitter, 's')}"

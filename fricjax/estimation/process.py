@@ -1,0 +1,108 @@
+"""Noise that is a motion: what random kicks make of a linear system, and least squares that count by it.
+
+Kicks of white acceleration on the way make an error of the state that the system carries on, here position and
+velocity,
+
+    s_i = F_i s_(i-1) + k_i,   n_i = (position in s_i) + u_i,
+
+with white noise u beside it. The innovations of Kalman's filter are independent, and their squares weighed by their
+variances are those of generalised least squares (Durbin and Koopman, Time Series Analysis by State Space Methods, 2012,
+4.3 and 7.2). How strong the kicks are is told by the residuals themselves, by the restricted likelihood, which allows
+for the parameters that are fitted with them (Harville, J. Am. Stat. Assoc. 72, 320, 1977).
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+# Powers of ten of the ratio of kicks to noise over which the first search goes, in units in which kicks add as much to
+# the variance of the rows as their noise has, points of a search, and how many: each is finer by half their number.
+_DECADES, _POINTS, _SEARCHES = 6.0, 13, 3
+
+
+class Passage(NamedTuple):
+    """How a state gets from each row to the next, the first one included.
+
+    Attributes:
+        carried: transition of the state, shape (n, 2, 2).
+        kicked: covariance that kicks of unit spectral density add on the way, shape (n, 2, 2).
+    """
+
+    carried: np.ndarray
+    kicked: np.ndarray
+
+
+def filtered(
+    columns: np.ndarray, unit: np.ndarray, passage: Passage, kicks: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Columns of rows through Kalman's filter, and the variances of its innovations, by which they are weighed.
+
+    Args:
+        columns: shape (n, c), in units of the noise of a row.
+        unit: what a unit of position is in each row, shape (n,).
+        passage: of the state, which is zero before the first row.
+        kicks: spectral densities of the kicks, shape (k,).
+
+    Returns:
+        Innovations over the roots of their variances, shape (k, n, c), and these variances, shape (k, n).
+    """
+    n, c = columns.shape
+    state, spread = np.zeros((kicks.size, 2, c)), np.zeros((kicks.size, 2, 2))
+    found, variances = np.empty((kicks.size, n, c)), np.empty((kicks.size, n))
+    for i in range(n):
+        carried = passage.carried[i]
+        state = carried @ state
+        spread = carried @ spread @ carried.T + kicks[:, None, None] * passage.kicked[i]
+        seen = unit[i] * spread[:, :, 0]
+        variance = unit[i] * seen[:, 0] + 1.0
+        apart = columns[i] - unit[i] * state[:, 0]
+        gain = seen / variance[:, None]
+        state = state + gain[:, :, None] * apart[:, None, :]
+        spread = spread - gain[:, :, None] * seen[:, None, :]
+        found[:, i], variances[:, i] = apart / np.sqrt(variance)[:, None], variance
+    return found, variances
+
+
+class Kicks(NamedTuple):
+    """The strength of kicks.
+
+    Attributes:
+        kicks: their spectral density over the variance of the noise beside them.
+        std: standard deviation of that noise.
+        left: of the residuals, the parameters fitted anew, shape (n,).
+    """
+
+    kicks: float
+    std: float
+    left: np.ndarray
+
+
+def kicks_of(residual: np.ndarray, slopes: np.ndarray, unit: np.ndarray, passage: Passage) -> Kicks:
+    """How strong kicks are in residuals, whose derivatives are fitted anew beside them."""
+    scale = np.maximum(np.sqrt(np.mean(slopes**2, axis=0)), np.finfo(float).tiny)
+    columns = np.column_stack([residual, slopes / scale])
+    # Kicks that in the mean add as much as the noise has, were nothing seen on the way.
+    spread, added = np.zeros((2, 2)), 0.0
+    for carried, kicked, each in zip(*passage, unit, strict=True):
+        spread = carried @ spread @ carried.T + kicked
+        added += float(each**2 * spread[0, 0])
+    middle, reach = -np.log10(max(added / residual.size, np.finfo(float).tiny)), _DECADES
+    kicks, std, sizes = 0.0, 0.0, np.zeros(slopes.shape[1])
+    for _ in range(_SEARCHES):
+        points = 10.0 ** np.linspace(middle - reach, middle + reach, _POINTS)
+        white, variances = filtered(columns, unit, passage, points)
+        each = [_judged(*pair) for pair in zip(white, variances, strict=True)]
+        k = int(np.argmin([restricted for restricted, *_ in each]))
+        kicks, (_, std, sizes) = float(points[k]), each[k]
+        middle, reach = float(np.log10(points[k])), 2 * reach / (_POINTS - 1)
+    return Kicks(kicks, std, residual + columns[:, 1:] @ sizes)
+
+
+def _judged(white: np.ndarray, variances: np.ndarray) -> tuple[float, float, np.ndarray]:
+    """Minus twice the restricted log likelihood, standard deviation of the noise, and sizes of the derivatives."""
+    sizes, _, rank, singular = np.linalg.lstsq(white[:, 1:], -white[:, 0], rcond=1e-12)
+    dof = max(white.shape[0] - int(rank), 1)
+    variance = float(np.sum((white[:, 0] + white[:, 1:] @ sizes) ** 2)) / dof
+    information = 2 * float(np.sum(np.log(singular[: int(rank)])))
+    restricted = dof * np.log(variance) + float(np.sum(np.log(variances))) + information
+    return restricted, float(np.sqrt(variance)), sizes

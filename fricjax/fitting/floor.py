@@ -1,0 +1,76 @@
+"""The floor that shakes: how a kick of acceleration goes on through the half-cycles of a decay, to its stop.
+
+Within a half-cycle a small deviation swings as the mass does. At a reversal friction turns round, and a mass that turns
+later has less time to be accelerated back: with the accelerations a and b before and behind the reversal the deviation
+of the velocity becomes b/a of itself, (X - f)/(X + f) for a dead band f at a distance X from the equilibrium. At the
+stop nothing is left of it, the deviation of the position stays, and no further kick moves the mass.
+"""
+
+import numpy as np
+from scipy.linalg import expm
+
+from ..estimation.process import Passage
+from .problem import Problem
+from .solve import Solved
+from .window import equilibrium
+
+
+def passage_of(problem: Problem, at: Solved, run: int, t: np.ndarray) -> Passage | None:
+    """The passage of a deviation between times of a run; None where the record shows no half-cycles."""
+    window, machine = problem.windows[run], at.settled.machine
+    found = window.segmentation
+    if found.turning_times.size < 2:
+        return None
+    start = float(problem.residual.own_at(at.settled.values, run)["t_release"])
+    begin = min(start, float(t[0] - 1e-3 * (t[1] - t[0])))
+    times = found.turning_times - window.origin
+    later = times > start + found.half_period / 4
+    turns, swing = times[later], np.abs(found.turning_points - equilibrium(found))[later]
+    band = float(machine.friction.static_force(machine.normal_force)) / float(machine.stiffness)
+    ratios = np.maximum((swing - band) / (swing + band), 0.0)
+    if found.rest is not None:
+        turns, ratios = np.append(turns, found.rest - window.origin), np.append(ratios, 0.0)
+    edges = np.unique(np.concatenate([[begin], t, turns]))
+    half_cycle = np.searchsorted(turns, edges[:-1], side="right")
+    # The duration of each half-cycle serves springs of any shape.
+    rates = np.pi / np.append(np.diff(np.concatenate([[begin], turns])), found.half_period)
+    carried, kicked = _steps(np.diff(edges), rates[half_cycle], float(machine.damping) / float(machine.mass))
+    if found.rest is not None:
+        still = half_cycle == turns.size
+        carried[still], kicked[still] = np.diag([1.0, 0.0]), 0.0
+    return _joined(t, edges, carried, kicked, dict(zip(turns, ratios, strict=True)))
+
+
+def _joined(
+    t: np.ndarray, edges: np.ndarray, carried: np.ndarray, kicked: np.ndarray, turns: dict[float, float]
+) -> Passage:
+    """The passage from row to row, of steps from edge to edge and of what reversals make of the velocity."""
+    found = Passage(np.empty((t.size, 2, 2)), np.empty((t.size, 2, 2)))
+    so_far, spread, row = np.eye(2), np.zeros((2, 2)), 0
+    for edge, step, kicks in zip(edges[1:], carried, kicked, strict=True):
+        so_far, spread = step @ so_far, step @ spread @ step.T + kicks
+        if edge in turns:
+            turned = np.diag([1.0, turns[edge]])
+            so_far, spread = turned @ so_far, turned @ spread @ turned
+        if row < t.size and edge == t[row]:
+            found.carried[row], found.kicked[row] = so_far, spread
+            so_far, spread, row = np.eye(2), np.zeros((2, 2)), row + 1
+    return found
+
+
+def _steps(steps: np.ndarray, rates: np.ndarray, damping: float) -> tuple[np.ndarray, np.ndarray]:
+    """Transition of position and velocity over each step, and what kicks add to their covariance.
+
+    Both by one exponential (Van Loan, IEEE Trans. Autom. Control 23, 395, 1978), worked out once for steps that are
+    alike, which all are but those to and from a reversal.
+    """
+    unit = steps.max()
+    kinds, which = np.unique(np.round(np.stack([steps / unit, rates * unit]), 9), axis=1, return_inverse=True)
+    both = np.zeros((kinds.shape[1], 4, 4))
+    both[:, 0, 1], both[:, 1, 0], both[:, 1, 1] = -1.0, (kinds[1] / unit) ** 2, damping
+    both[:, 2:, 2:] = -np.swapaxes(both[:, :2, :2], 1, 2)
+    both[:, 1, 3] = 1.0
+    grown = np.asarray(expm(both * (kinds[0] * unit)[:, None, None]))
+    carried = np.swapaxes(grown[:, 2:, 2:], 1, 2)
+    which = which.ravel()
+    return carried[which], (carried @ grown[:, :2, 2:])[which]
