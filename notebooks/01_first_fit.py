@@ -93,8 +93,8 @@ fit
 # %% [markdown]
 # The scatter of the samples alone would give the coefficient to parts in ten million. The combined uncertainty says
 # what it is worth: the 0.5 % of the normal force, and nothing else, limit it. The report also tells that the
-# residuals are larger than the noise and not white. They show the periodic nonlinearity of the interferometer, two
-# nanometres in two millimetres.
+# noise is larger than stated, and what the errors would be if it were not. What is more is the periodic nonlinearity
+# of the interferometer, two nanometres in two millimetres.
 
 # %%
 figure = fit.plot()

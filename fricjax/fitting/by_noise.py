@@ -100,7 +100,11 @@ def counted_by_noise(problem: Problem, solved: Solved, absolute: bool) -> Counte
     if not solved.converged:
         return plain
     rows = rows_of(problem, solved.survey)
-    clocked = by_clock(problem, solved, rows)
+    # What the model lacks grows with velocity too.
+    small = (
+        worst(problem, [float(np.sqrt(row.level)) for row in rows], [0.0] * len(rows), not absolute).ratio <= ADEQUATE
+    )
+    clocked = by_clock(problem, solved, rows) if small else None
     if clocked is None:
         return _by_colour(plain, rows, absolute)
     rows = rows_of(clocked.problem, clocked.solved.survey)
@@ -170,10 +174,8 @@ def described(problem: Problem, seen: Sequence[Seen], absolute: bool) -> bool:
 
 def _or_shaken(problem: Problem, at: Solved, run: int, row: Rows, colour: Colour) -> Colour:
     """A colour, or that of a floor that shakes the mass, by Schwarz's criterion; first by a part of the rows."""
-    resting = colour.left[_at_rest(problem.windows[run], row)]
-    wanders = resting.size >= _RESTING and autoregression(resting - resting.mean(), np.zeros(1, int))[0].size
-    if wanders or not colour.coefficients.size:
-        # No floor moves the reading of a mass that rests, and none is as even as a drift or a hum.
+    # No floor moves the reading of a mass that rests, and none is as even as a drift or a hum.
+    if not colour.coefficients.size or _wanders(colour.left[_at_rest(problem.windows[run], row)]):
         return colour
     few = thinned(row.series, max(row.series.t.size // _FEW, 1))
     left = thinned(row.series._replace(residual=colour.left), max(row.series.t.size // _FEW, 1))
@@ -182,6 +184,14 @@ def _or_shaken(problem: Problem, at: Solved, run: int, row: Rows, colour: Colour
         return colour
     rival = _shaken(problem, at, run, row.series)
     return colour if rival is None or _criterion(row.series, rival) > _criterion(row.series, colour) else rival
+
+
+def _wanders(resting: np.ndarray) -> bool:
+    """Whether the reading of a rest is coloured beside a straight line; of a short one that is not known."""
+    if resting.size < _RESTING:
+        return False
+    line = np.polynomial.Polynomial.fit(np.arange(resting.size), resting, 1)(np.arange(resting.size))
+    return autoregression(resting - line, np.zeros(1, int))[0].size > 0
 
 
 def _shaken(problem: Problem, at: Solved, run: int, series: Series) -> Colour | None:

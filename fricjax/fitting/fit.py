@@ -62,11 +62,12 @@ def fit(
         bounds: lower and upper bound by name, None for none: {"damping": (0, None)}. Without one a contact is sought
             no stiffer than all samples together can show; a fit that ends there has seen a rigid contact.
         priors: mean and standard deviation by name, as a pair or a `Measured`. They weigh as another sample does, so
-            with a `sigma_mode` other than "absolute" their standard deviations are scaled with the noise.
+            with a `sigma_mode` other than "absolute" their standard deviations are scaled with white noise.
         tie: leaves that follow a free parameter: {"friction.1.mu": "friction.0.mu"} or {...: (name, factor)}.
-        sigma_mode: "absolute" takes the noise of the trace at its word (estimated from the record where it gives none);
-            "scale" takes it as relative weights and scales the standard errors by sqrt(chi^2 reduced); "estimate"
-            ignores it and takes the noise from the scatter of the residuals.
+        sigma_mode: "absolute" takes the noise of the trace at its word (estimated from the record where it gives
+            none), unless the residuals are clearly larger; "scale" takes it as relative weights and scales the standard
+            errors by sqrt(chi^2 reduced); "estimate" ignores it and takes the noise from the scatter of the residuals.
+            Noise that is not white counts in each mode as the residuals show it.
         rig: a `Rig` whose uncertain inputs enter the combined standard errors to first order.
         guess: start values by name, in place of those found in the record.
         loss: "squares", or "huber", "soft_l1" or "cauchy", which count outliers for less, or a loss of

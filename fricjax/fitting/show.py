@@ -11,7 +11,7 @@ from .rest import CONTRADICTED
 if TYPE_CHECKING:
     from .result import Fit
 
-# Ratio of standard errors from which on that of white noise is shown beside the right one.
+# Ratio from which on the errors of white noise are shown beside the right ones, and noise as larger than stated.
 _NOTABLE = 1.3
 
 
@@ -78,6 +78,8 @@ def _noise(fit: "Fit") -> Iterator[str]:
     yield f"{engineering(fit.sigma, fit.quantity)} ({fit.sigma_source}), mode {fit.sigma_mode}"
     for i, noise in enumerate(fit.noises):
         where = "it" if len(fit.noises) == 1 else f"that of run {i}"
+        if fit.sigma_mode == "absolute" and noise.excess > _NOTABLE:
+            yield f"{where} is {noise.excess:.2g} times as large"
         yield from (f"{where} {word}" for word in noise.words(fit.quantity))
 
 

@@ -1,0 +1,78 @@
+"""A deviation on its way through a decay against motions that deviate, and records from a floor that shakes."""
+
+import numpy as np
+import pytest
+
+from fricjax import Oscillator, Trace, fit, simulate
+from fricjax.fitting.floor import passage_of
+from fricjax.fitting.solve import solve
+from fricjax.friction import Coulomb
+from fricjax.instrument.driven import driven_motion
+from fricjax.instrument.floor import white_acceleration
+from tests.fitting.posed import posed
+from tests.fitting.runs import MACHINE, STIFFNESS
+from tests.helpers import PROTOTYPE_DAMPING, PROTOTYPE_MASS
+
+MODEL = Oscillator(PROTOTYPE_MASS, STIFFNESS, PROTOTYPE_DAMPING, 9.66, Coulomb(0.05))
+T = np.arange(8000) / 2e4
+FLOOR = 3e-11
+
+
+def at_rows(start: float = 2e-3, seed: int = 0):
+    """A solved run, and instants behind its first reversal."""
+    clean = np.asarray(simulate(MODEL, start, T).x)
+    problem = posed(Trace(T, clean + 1e-9 * np.random.default_rng(seed).standard_normal(T.size)), MODEL, MACHINE)
+    solved = solve(problem)
+    first = float(solved.settled.values[problem.names.index("t_release")])
+    t = np.linspace(first + 1e-3, 0.38 - problem.windows[0].origin, 200)
+    return problem, solved, first, t
+
+
+def test_a_deviation_goes_on_as_the_motion_deviates():
+    """From a first reversal that lies farther out on, through three reversals and the stop."""
+    problem, solved, first, t = at_rows()
+    passage = passage_of(problem, solved, 0, t)
+    assert passage is not None
+    begin, small = float(solved.settled.values[problem.names.index("x0")]), 1e-8
+    instants = np.sort(np.append(t - first, 0.0))
+    base, moved = (np.asarray(simulate(MODEL, start, instants).x) for start in (begin, begin + small))
+    state, expected = np.array([1.0, 0.0]), (moved - base)[1:] / small
+    found = []
+    for carried in passage.carried:
+        state = carried @ state
+        found.append(state[0])
+    assert np.max(np.abs(expected)) > 0.9 and found == pytest.approx(expected, abs=5e-3)
+    assert found[-1] == found[-20]
+
+
+def test_kicks_add_up_as_their_integral_says():
+    """What a kick at each of many instants of the first step makes of the state at its end."""
+    problem, solved, _, t = at_rows()
+    passage = passage_of(problem, solved, 0, t)
+    assert passage is not None
+    step, rate = t[11] - t[10], np.sqrt(STIFFNESS / PROTOTYPE_MASS)
+    s = (np.arange(2000) + 0.5) / 2000 * step
+    made = np.stack([np.sin(rate * s) / rate, np.cos(rate * s)]) * np.exp(-PROTOTYPE_DAMPING / PROTOTYPE_MASS / 2 * s)
+    made[1] -= PROTOTYPE_DAMPING / PROTOTYPE_MASS / 2 * made[0]
+    expected = made @ made.T * step / 2000
+    assert passage.kicked[11] == pytest.approx(expected, rel=1e-3)
+    assert not passage.kicked[-1].any()
+
+
+def shaken(seed: int) -> Trace:
+    random = np.random.default_rng(seed)
+    start, floor = random.uniform(1.8e-3, 2.6e-3), white_acceleration(T.size, 2e4, FLOOR, random)
+    motion = driven_motion(MODEL, start, T, base_acceleration=floor)
+    return Trace(T, motion.x + 1e-9 * random.standard_normal(T.size))
+
+
+def test_a_floor_that_shakes_is_told_by_the_record():
+    found = [fit(shaken(seed), MODEL, MACHINE) for seed in range(12)]
+    true = {"mu": 0.05, "damping": PROTOTYPE_DAMPING, "stiffness": STIFFNESS}
+    scores = np.array([[(f.values[name] - true[name]) / f.std_errors[name] for name in MACHINE] for f in found])
+    densities = [f.noises[0].floor for f in found]
+    assert np.exp(np.mean(np.log(densities))) == pytest.approx(FLOOR, rel=0.35)
+    assert np.sqrt(np.mean(scores**2)) < 1.6 and np.max(np.abs(scores)) < 5
+    # Standard errors of white noise would be smaller by a factor that no remark could make good.
+    assert all(f.std_errors["mu"] > 10 * f.white_std_errors["mu"] for f in found)
+    assert "is a motion of the mass, shaken by" in found[0].summary()
