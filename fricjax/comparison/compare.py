@@ -10,7 +10,7 @@ import numpy as np
 
 from ..data import Record, Trace
 from ..data.errors import DataError, UsageError, nearest
-from ..fitting.by_noise import Seen, colours_of, described, misfit_by_noise, remembered
+from ..fitting.colours import Seen, colours_of, described, misfit_by_noise, remembered
 from ..fitting.fit import concluded, records_of
 from ..fitting.problem import Problem, posed_on
 from ..fitting.rest import solve_with_rest

@@ -14,10 +14,9 @@ import numpy as np
 from .problem import Problem, with_windows
 from .rows import Rows
 from .solve import Solved, checking, look, solve
+from .verdict import SURE
 from .window import DITHERED, Window
 
-# Standard errors from which on noise that grows with the velocity is believed.
-_SURE = 5.0
 # Solutions until the weights settle to a part of themselves, and the factor by which the noise at rest may fall in one.
 _SOLUTIONS, _SETTLED, _STEP = 6, 0.05, 10.0
 # Rows that tell a jitter, rounds in which their weights settle, and the part of them that is the quietest.
@@ -92,7 +91,7 @@ def _seen(window: Window, row: Rows) -> Jitter | None:
         return None
     least = float(np.quantile(row.rough, _QUIET))
     (still, moving), error = _variances(row.rough, row.moved, np.maximum(row.rough, least), least)
-    return Jitter(max(still, least), moving, row.interval) if moving > _SURE * error else None
+    return Jitter(max(still, least), moving, row.interval) if moving > SURE * error else None
 
 
 def _variances(square: np.ndarray, moved: np.ndarray, size: np.ndarray, least: float) -> tuple[np.ndarray, float]:

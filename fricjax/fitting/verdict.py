@@ -21,6 +21,9 @@ ADEQUATE = 10.0
 """Residuals up to this multiple of the noise count as described. It is a convention: what larger ones hold is no longer
 noise but motion."""
 
+SURE = 5.0
+"""Standard errors from which on noise larger than stated, or noise that grows with the velocity, is believed."""
+
 CONVERGED, AT_BOUND, MISFIT = "converged", "at a bound", "does not describe the record"
 _OPTIMA = (CONVERGED, AT_BOUND, MISFIT)
 # Standard error of a positive quantity, in parts of its value, from which on the record hardly tells it.

@@ -1,0 +1,173 @@
+"""The noise of each run as its rows show it, and least squares that count by it.
+
+Noise that remembers, a drift and a hum are told from the residuals alone (:mod:`~fricjax.estimation.colour`). A floor
+that shakes is told by what its kicks would make of the motion; it is looked for where the noise remembers in motion and
+not at rest. What is far larger than noise is no noise, whatever would explain it.
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from ..data.noise import NORMAL_MAD
+from ..estimation.colour import (
+    Colour,
+    Series,
+    autoregression,
+    autoregressive,
+    colour_of,
+    innovations,
+    kicked,
+    size_of,
+    thinned,
+    weighed,
+    white,
+)
+from ..estimation.loss import Squares
+from ..estimation.quadratic import Quadratic, quadratic
+from .floor import passage_of
+from .problem import Problem
+from .rows import Rows, run_in_rows
+from .solve import Solved
+from .verdict import ADEQUATE, SURE, worst
+from .whiteness import whiteness
+from .window import Window
+
+# Rows by which a floor that shakes is looked for first, for its filter takes them one by one.
+_FEW = 600
+# Rows of a rest that tell its noise.
+_RESTING = 64
+
+
+class Seen(NamedTuple):
+    """The rows of a run and the colour of their noise."""
+
+    rows: Rows
+    colour: Colour
+
+
+def colours_of(problem: Problem, at: Solved, rows: Sequence[Rows], absolute: bool) -> list[Seen]:
+    """The rows of each run with the colour of their noise; none where that of all runs is white."""
+    freedom = problem.n_used / problem.dof
+    colours = [
+        colour_of(row.series, freedom * row.level, "drift" not in window.nuisances, window.segmentation.frequency)
+        for row, window in zip(rows, problem.windows, strict=True)
+    ]
+    if not any(colours):
+        return []
+    stated, seen = absolute and isinstance(problem.loss, Squares), []
+    for run, (row, colour) in enumerate(zip(rows, colours, strict=True)):
+        known = white(row.series, _level(row, stated)) if colour is None else _or_shaken(problem, at, run, row, colour)
+        seen.append(Seen(row, known))
+    return seen
+
+
+def described(problem: Problem, seen: Sequence[Seen], absolute: bool) -> bool:
+    """Whether what is left beside drift and hum is as small as noise in every run."""
+    sizes = [float(np.sqrt(variance_left(*run))) for run in seen]
+    expected = [expected_size(window, *run) for window, run in zip(problem.windows, seen, strict=True)]
+    return worst(problem, sizes, expected, not absolute).ratio <= ADEQUATE
+
+
+def _or_shaken(problem: Problem, at: Solved, run: int, row: Rows, colour: Colour) -> Colour:
+    """A colour, or that of a floor that shakes the mass, by Schwarz's criterion; first by a part of the rows."""
+    # No floor moves the reading of a mass that rests, and none is as even as a drift or a hum.
+    if not colour.coefficients.size or _wanders(colour.left[_at_rest(problem.windows[run], row)]):
+        return colour
+    few = thinned(row.series, max(row.series.t.size // _FEW, 1))
+    left = thinned(row.series._replace(residual=colour.left), max(row.series.t.size // _FEW, 1))
+    rival = _shaken(problem, at, run, few)
+    if rival is None or _criterion(few, rival) > _criterion(few, autoregressive(left)):
+        return colour
+    rival = _shaken(problem, at, run, row.series)
+    return colour if rival is None or _criterion(row.series, rival) > _criterion(row.series, colour) else rival
+
+
+def _wanders(resting: np.ndarray) -> bool:
+    """Whether the reading of a rest is coloured beside a straight line; of a short one that is not known."""
+    if resting.size < _RESTING:
+        return False
+    line = np.polynomial.Polynomial.fit(np.arange(resting.size), resting, 1)(np.arange(resting.size))
+    return autoregression(resting - line, np.zeros(1, int))[0].size > 0
+
+
+def _shaken(problem: Problem, at: Solved, run: int, series: Series) -> Colour | None:
+    passage = passage_of(problem, at, run, series.t)
+    return None if passage is None else kicked(series, passage)
+
+
+def _criterion(series: Series, colour: Colour) -> float:
+    """Schwarz's criterion."""
+    return size_of(series, colour) + np.log(series.t.size) * colour.numbers
+
+
+def remembered(rows: Rows, colour: Colour) -> float:
+    """Samples that tell as much as one: the spectral density of the noise at zero over that of independent samples."""
+    forgets = max(1 - float(np.sum(colour.coefficients)), np.finfo(float).eps)
+    return min(max((colour.std / forgets) ** 2 / rows.level, 1.0), rows.series.t.size * rows.samples / 2)
+
+
+def misfit_by_noise(problem: Problem, solved: Solved, seen: Sequence[Seen]) -> float:
+    """Sum of squares of a fit and its priors, least under noises that were seen elsewhere on the same samples."""
+    rows = [run_in_rows(problem, solved.survey, run, like.rows.samples) for run, like in enumerate(seen)]
+    runs = [Seen(row, like.colour) for row, like in zip(rows, seen, strict=True)]
+    priors = (solved.settled.values - problem.residual.prior_mean) * problem.residual.prior_weight
+    counted = sum(float(np.sum(weighed(row.series, colour)[0] ** 2)) for row, colour in runs)
+    return counted + float(priors @ priors) - least_squares(problem, solved, runs)[0].distance ** 2
+
+
+def least_squares(problem: Problem, at: Solved, seen: Sequence[Seen]) -> tuple[Quadratic, np.ndarray, np.ndarray]:
+    """Quadratic form, gradient and normal matrix of the rows weighed by their colours, and of the priors."""
+    residual, limits = problem.residual, problem.limits
+    p, n = residual.n_parameters, at.y.size
+    weight = np.asarray(residual.prior_weight)
+    slope = np.pad(at.settled.slope * weight, (0, n - p))
+    normal = np.diag(slope**2)
+    gradient = slope * np.pad((at.settled.values - residual.prior_mean) * weight, (0, n - p))
+    for row, colour in seen:
+        r, slopes = weighed(row.series, colour)
+        gradient, normal = gradient + slopes.T @ r, normal + slopes.T @ slopes
+    y, down = at.y[:p], gradient[:p]
+    held = ((y <= limits.lower) & (down >= 0)) | ((y >= limits.upper) & (down <= 0))
+    return quadratic(down, normal[:p, :p], held), gradient, normal
+
+
+def variance_left(row: Rows, colour: Colour) -> float:
+    """Variance of the samples without a drift and a hum, in that stated."""
+    removed = float(np.mean(row.series.residual**2) - np.mean(colour.left**2)) / row.samples
+    return max(row.level - removed, 0.0)
+
+
+def expected_size(window: Window, row: Rows, colour: Colour) -> float:
+    """Standard deviation that the noise of the rest would have all over the run, in that stated; zero where unknown.
+
+    Noise that wanders slowly is larger over a run than in any piece of it. Whether it may be noise is told by its
+    innovations: those that the process of the rest leaves in the motion are then no larger than those in the rest.
+    """
+    if colour.passage is not None:
+        told = whiteness(weighed(row.series._replace(residual=colour.left), colour)[0]).white
+        return float(np.sqrt(variance_left(row, colour))) if told else 0.0
+    still = _at_rest(window, row)
+    if np.sum(still) < _RESTING or still.all():
+        return 0.0
+    begin = np.zeros(1, int)
+    coefficients, _ = autoregression(colour.left[still], begin)
+    moving, resting = (innovations(colour.left[part, None], begin, coefficients) for part in (~still, still))
+    # By medians, for spikes in the rest are no noise that wanders; a random walk grows with the root of time.
+    parts = resting, colour.left[still]
+    typical, seen = (float(np.median(np.abs(part - np.median(part)))) / NORMAL_MAD for part in parts)
+    told = np.sqrt(variance_left(row, colour)) * typical / max(np.std(moving), np.finfo(float).tiny)
+    return float(min(told, seen * np.sqrt(still.size / np.sum(still) / row.samples)))
+
+
+def _at_rest(window: Window, row: Rows) -> np.ndarray:
+    """Which rows lie in the rest."""
+    rest = window.segmentation.rest
+    return row.series.t > (np.inf if rest is None else rest - window.origin)
+
+
+def _level(row: Rows, stated: bool) -> float:
+    """Variance of white noise: that `stated`, where it is and the residuals do not contradict it."""
+    enough = 1 + SURE * np.sqrt(2 / (row.series.t.size * row.samples))
+    return 1.0 if stated and row.level < enough else row.level
