@@ -34,7 +34,7 @@ from fricjax.data import disturbance, strokes, swing  # noqa: E402
 from fricjax.data.errors import DataError, UsageError  # noqa: E402
 from fricjax.fitting.fit import concluded  # noqa: E402
 from fricjax.fitting.parameters import Request  # noqa: E402
-from fricjax.fitting.problem import pose  # noqa: E402
+from fricjax.fitting.problem import Problem, pose  # noqa: E402
 from fricjax.fitting.residual import Residual  # noqa: E402
 from fricjax.fitting.rest import with_counts  # noqa: E402
 from fricjax.fitting.solve import checking, solve  # noqa: E402
@@ -95,10 +95,15 @@ def outcome(rig: Rig, run: Run, loss: str) -> Outcome:
 
 def fit_with_true_number(rig: Rig, run: Run, loss: str) -> fj.Fit:
     """The fit of a record of which the number of half-cycles is known; it is posed on what is before the stop."""
-    settings = {"nuisance": None, "engine": "auto", "start": "first_reversal", "bounds": None, "priors": None}
-    request = Request.of(rig.oscillator, list(rig.free), tie=None, rig=None, guess=None, loss=loss, **settings)
-    problem = with_counts(pose([fj.Trace(run.t, run.x)], request), (run.half_cycles,))
+    problem = posed(rig, run, loss)
     return concluded(problem, solve(problem), "absolute", False)
+
+
+def posed(rig: Rig, run: Run, loss: str, guess: dict[str, float] | None = None) -> Problem:
+    """The problem with the true number of half-cycles."""
+    settings = {"nuisance": None, "engine": "auto", "start": "first_reversal", "bounds": None, "priors": None}
+    request = Request.of(rig.oscillator, list(rig.free), tie=None, rig=None, guess=guess, loss=loss, **settings)
+    return with_counts(pose([fj.Trace(run.t, run.x)], request), (run.half_cycles,))
 
 
 def row(kind: str, outcomes: list[Outcome], truth: float) -> str:
@@ -139,10 +144,7 @@ def bound(rig: Rig, run: Run, found: fj.Fit, kind: str) -> np.ndarray:
     """Cramer-Rao bound of the coefficients of the machine, were the noise known; NaN where that has no known law."""
     if kind not in KNOWN:
         return np.full(len(rig.free), np.nan)
-    settings = {"nuisance": None, "engine": "auto", "start": "first_reversal", "bounds": None, "priors": None}
-    guess = {name: float(found.values[name]) for name in rig.free}
-    request = Request.of(rig.oscillator, list(rig.free), tie=None, rig=None, guess=guess, loss="squares", **settings)
-    problem = with_counts(pose([fj.Trace(run.t, run.x)], request), (run.half_cycles,))
+    problem = posed(rig, run, "squares", {name: float(found.values[name]) for name in rig.free})
     window, solved = problem.windows[0], solve(problem)
     used = np.flatnonzero(window.used)
     weighted = np.asarray(derivatives(checking(problem.residual, solved.y), solved.y))[used]
