@@ -55,8 +55,8 @@ class Fit:
             fit.
         residual_rms: root mean square of the fitted ones.
         sigma, sigma_mode, sigma_source: median noise used, how it was used, and where it came from.
-        noises: the noise of each run as its residuals show it, and as the standard errors count it; drift and hum are in
-            `residuals` and not in what `predict` tells.
+        noises: the noise of each run as its residuals show it, and as the standard errors count it; drift and hum are
+            in `residuals` and not in what `predict` tells.
         whiteness: autocorrelation of the residuals.
         margins: for each run the distance to one half-cycle more or less, None where it ends in motion.
         half_cycles: for each run the number of half-cycles from the start of the fit to the stop, None in motion.
