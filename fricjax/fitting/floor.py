@@ -7,7 +7,6 @@ stop nothing is left of it, the deviation of the position stays, and no further 
 """
 
 import numpy as np
-from scipy.linalg import expm
 
 from ..estimation.process import Passage
 from .problem import Problem
@@ -64,6 +63,8 @@ def _steps(steps: np.ndarray, rates: np.ndarray, damping: float) -> tuple[np.nda
     Both by one exponential (Van Loan, IEEE Trans. Autom. Control 23, 395, 1978), worked out once for steps that are
     alike, which all are but those to and from a reversal.
     """
+    from scipy.linalg import expm
+
     unit = steps.max()
     kinds, which = np.unique(np.round(np.stack([steps / unit, rates * unit]), 9), axis=1, return_inverse=True)
     both = np.zeros((kinds.shape[1], 4, 4))
