@@ -28,20 +28,24 @@ def at_rows(start: float = 2e-3, seed: int = 0):
     return problem, solved, first, t
 
 
-def test_a_deviation_goes_on_as_the_motion_deviates():
-    """From a first reversal that lies farther out on, through three reversals and the stop."""
+@pytest.mark.parametrize("deviation", [(1.0, 0.0), (0.0, 80.0)], ids=["position", "velocity"])
+def test_a_deviation_goes_on_as_the_motion_deviates(deviation):
+    """From the middle of a stroke on, through reversals that come late by it, to the stop."""
     problem, solved, first, t = at_rows()
+    t = t[t > first + 0.02]
     passage = passage_of(problem, solved, 0, t)
     assert passage is not None
     begin, small = float(solved.settled.values[problem.names.index("x0")]), 1e-8
-    instants = np.sort(np.append(t - first, 0.0))
-    base, moved = (np.asarray(simulate(MODEL, start, instants).x) for start in (begin, begin + small))
-    state, expected = np.array([1.0, 0.0]), (moved - base)[1:] / small
-    found = []
-    for carried in passage.carried:
+    at = simulate(MODEL, begin, np.array([0.0, t[0] - first]))
+    x, v = float(at.x[1]), float(at.v[1])
+    base = np.asarray(simulate(MODEL, x, t - t[0], v0=v).x)
+    moved = np.asarray(simulate(MODEL, x + small * deviation[0], t - t[0], v0=v + small * deviation[1]).x)
+    state, expected = np.array(deviation), (moved - base) / small
+    found = [deviation[0]]
+    for carried in passage.carried[1:]:
         state = carried @ state
         found.append(state[0])
-    assert np.max(np.abs(expected)) > 0.9 and found == pytest.approx(expected, abs=5e-3)
+    assert np.max(np.abs(expected)) > 0.7 and found == pytest.approx(expected, abs=1e-2)
     assert found[-1] == found[-20]
 
 
