@@ -65,6 +65,7 @@ class Colour(NamedTuple):
         drift: whether a drift is among them, the first; `lines`: frequencies of the hum [Hz].
         sizes: what of each is to be added to the residuals to make up for them, shape (k,).
         kicks: spectral density of kicks that make the noise beside an independent part, in squared units of the latter.
+        spread: sum of the logarithms of the variances of innovations over that of the latter.
         passage: how a linear system carries them on; None where there are none.
     """
 
@@ -76,7 +77,13 @@ class Colour(NamedTuple):
     lines: tuple[float, ...]
     sizes: np.ndarray
     kicks: float = 0.0
+    spread: float = 0.0
     passage: Passage | None = None
+
+    @property
+    def size(self) -> float:
+        """Sum of the logarithms of the variances of the innovations."""
+        return float(self.left.size * np.log(self.std**2)) + self.spread
 
     @property
     def numbers(self) -> int:
@@ -170,21 +177,11 @@ def weighed(series: Series, colour: Colour) -> tuple[np.ndarray, np.ndarray]:
     return told[:, 0], told[:, 1:]
 
 
-def size_of(series: Series, colour: Colour) -> float:
-    """Sum of the logarithms of the variances of the innovations."""
-    size = series.t.size * np.log(colour.std**2)
-    if colour.passage is not None:
-        none = np.zeros((series.t.size, 0))
-        size += float(np.sum(np.log(filtered(none, series.unit, colour.passage, np.array([colour.kicks]))[1])))
-    return float(size)
-
-
 def autoregressive(series: Series) -> Colour:
     """That of an autoregression of the residuals as they are."""
     coefficients, _ = autoregression(series.residual, series.starts)
-    std = float(np.std(innovations(series.residual[:, None], series.starts, coefficients)))
-    nothing, beside = np.zeros(0), np.zeros((series.t.size, 0))
-    return Colour(coefficients, std, series.residual, beside, False, (), nothing)
+    level = float(np.var(innovations(series.residual[:, None], series.starts, coefficients)))
+    return white(series, level)._replace(coefficients=coefficients)
 
 
 def thinned(series: Series, step: int) -> Series:
@@ -195,9 +192,8 @@ def thinned(series: Series, step: int) -> Series:
 
 def kicked(series: Series, passage: Passage) -> Colour:
     """That of kicks which a linear system carries on, beside independent noise."""
-    found = kicks_of(series.residual, series.slopes, series.unit, passage)
-    nothing, beside = np.zeros(0), np.zeros((series.t.size, 0))
-    return Colour(nothing, found.std, found.left, beside, False, (), nothing, found.kicks, passage)
+    kicks, std, spread, left = kicks_of(series.residual, series.slopes, series.unit, passage)
+    return white(series, std**2)._replace(left=left, kicks=kicks, spread=spread, passage=passage)
 
 
 def autoregression(left: np.ndarray, starts: np.ndarray) -> tuple[np.ndarray, float]:

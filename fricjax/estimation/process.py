@@ -69,11 +69,13 @@ class Kicks(NamedTuple):
     Attributes:
         kicks: their spectral density over the variance of the noise beside them.
         std: standard deviation of that noise.
+        spread: sum of the logarithms of the variances of the innovations over that of the noise.
         left: of the residuals, the parameters fitted anew, shape (n,).
     """
 
     kicks: float
     std: float
+    spread: float
     left: np.ndarray
 
 
@@ -87,22 +89,22 @@ def kicks_of(residual: np.ndarray, slopes: np.ndarray, unit: np.ndarray, passage
         spread = carried @ spread @ carried.T + kicked
         added += float(each**2 * spread[0, 0])
     middle, reach = -np.log10(max(added / residual.size, np.finfo(float).tiny)), _DECADES
-    kicks, std, sizes = 0.0, 0.0, np.zeros(slopes.shape[1])
+    kicks, std, logarithms, sizes = 0.0, 0.0, 0.0, np.zeros(slopes.shape[1])
     for _ in range(_SEARCHES):
         points = 10.0 ** np.linspace(middle - reach, middle + reach, _POINTS)
         white, variances = filtered(columns, unit, passage, points)
         each = [_judged(*pair) for pair in zip(white, variances, strict=True)]
         k = int(np.argmin([restricted for restricted, *_ in each]))
-        kicks, (_, std, sizes) = float(points[k]), each[k]
+        kicks, (_, std, logarithms, sizes) = float(points[k]), each[k]
         middle, reach = float(np.log10(points[k])), 2 * reach / (_POINTS - 1)
-    return Kicks(kicks, std, residual + columns[:, 1:] @ sizes)
+    return Kicks(kicks, std, logarithms, residual + columns[:, 1:] @ sizes)
 
 
-def _judged(white: np.ndarray, variances: np.ndarray) -> tuple[float, float, np.ndarray]:
-    """Minus twice the restricted log likelihood, standard deviation of the noise, and sizes of the derivatives."""
+def _judged(white: np.ndarray, variances: np.ndarray) -> tuple[float, float, float, np.ndarray]:
+    """Minus twice the restricted log likelihood, deviation of the noise, spread, and sizes of the derivatives."""
     sizes, _, rank, singular = np.linalg.lstsq(white[:, 1:], -white[:, 0], rcond=1e-12)
     dof = max(white.shape[0] - int(rank), 1)
     variance = float(np.sum((white[:, 0] + white[:, 1:] @ sizes) ** 2)) / dof
     information = 2 * float(np.sum(np.log(singular[: int(rank)])))
-    restricted = dof * np.log(variance) + float(np.sum(np.log(variances))) + information
-    return restricted, float(np.sqrt(variance)), sizes
+    spread = float(np.sum(np.log(variances)))
+    return dof * np.log(variance) + spread + information, float(np.sqrt(variance)), spread, sizes

@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..estimation.colour import Colour, size_of, weighed
+from ..estimation.colour import Colour, weighed
 from ..estimation.loss import Squares
 from .clock import by_clock
 from .colours import colours_of, described, expected_size, least_squares, variance_left
@@ -174,5 +174,5 @@ def _noise(window: Window, row: Rows, colour: Colour) -> Noise:
 def _likelihood(row: Rows, colour: Colour, absolute: bool) -> tuple[float, int]:
     """What a colour adds to minus twice the logarithm of the likelihood of white noise, and how many numbers it has."""
     residual, unit = row.series.residual, 1.0 if absolute else row.level
-    counted = float(np.sum(weighed(row.series, colour)[0] ** 2)) + size_of(row.series, colour)
+    counted = float(np.sum(weighed(row.series, colour)[0] ** 2)) + colour.size
     return counted - float(residual @ residual) / unit - residual.size * np.log(unit), colour.numbers

@@ -19,7 +19,6 @@ from ..estimation.colour import (
     colour_of,
     innovations,
     kicked,
-    size_of,
     thinned,
     weighed,
     white,
@@ -75,13 +74,13 @@ def _or_shaken(problem: Problem, at: Solved, run: int, row: Rows, colour: Colour
     # No floor moves the reading of a mass that rests, and none is as even as a drift or a hum.
     if not colour.coefficients.size or _wanders(colour.left[_at_rest(problem.windows[run], row)]):
         return colour
-    few = thinned(row.series, max(row.series.t.size // _FEW, 1))
-    left = thinned(row.series._replace(residual=colour.left), max(row.series.t.size // _FEW, 1))
-    rival = _shaken(problem, at, run, few)
-    if rival is None or _criterion(few, rival) > _criterion(few, autoregressive(left)):
+    step = max(row.series.t.size // _FEW, 1)
+    left = thinned(row.series._replace(residual=colour.left), step)
+    rival = _shaken(problem, at, run, thinned(row.series, step))
+    if rival is None or _criterion(rival) > _criterion(autoregressive(left)):
         return colour
     rival = _shaken(problem, at, run, row.series)
-    return colour if rival is None or _criterion(row.series, rival) > _criterion(row.series, colour) else rival
+    return colour if rival is None or _criterion(rival) > _criterion(colour) else rival
 
 
 def _wanders(resting: np.ndarray) -> bool:
@@ -97,9 +96,9 @@ def _shaken(problem: Problem, at: Solved, run: int, series: Series) -> Colour | 
     return None if passage is None else kicked(series, passage)
 
 
-def _criterion(series: Series, colour: Colour) -> float:
+def _criterion(colour: Colour) -> float:
     """Schwarz's criterion."""
-    return size_of(series, colour) + np.log(series.t.size) * colour.numbers
+    return colour.size + np.log(colour.left.size) * colour.numbers
 
 
 def remembered(rows: Rows, colour: Colour) -> float:
