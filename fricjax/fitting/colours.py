@@ -33,7 +33,7 @@ from .verdict import ADEQUATE, SURE, worst
 from .whiteness import whiteness
 from .window import Window
 
-# Rows by which a floor that shakes is looked for first, for its filter takes them one by one.
+# Rows of the motion by which a floor that shakes is looked for first, for its filter takes them one by one.
 _FEW = 600
 # Rows of a rest that tell its noise.
 _RESTING = 64
@@ -53,13 +53,11 @@ def colours_of(problem: Problem, at: Solved, rows: Sequence[Rows], absolute: boo
         colour_of(row.series, freedom * row.level, "drift" not in window.nuisances, window.segmentation.frequency)
         for row, window in zip(rows, problem.windows, strict=True)
     ]
-    if not any(colours):
-        return []
     stated, seen = absolute and isinstance(problem.loss, Squares), []
     for run, (row, colour) in enumerate(zip(rows, colours, strict=True)):
-        known = white(row.series, _level(row, stated)) if colour is None else _or_shaken(problem, at, run, row, colour)
-        seen.append(Seen(row, known))
-    return seen
+        known = white(row.series, _level(row, stated)) if colour is None else colour
+        seen.append(Seen(row, _or_shaken(problem, at, run, row, known)))
+    return seen if any(colours) or any(colour.passage for _, colour in seen) else []
 
 
 def described(problem: Problem, seen: Sequence[Seen], absolute: bool) -> bool:
@@ -71,16 +69,18 @@ def described(problem: Problem, seen: Sequence[Seen], absolute: bool) -> bool:
 
 def _or_shaken(problem: Problem, at: Solved, run: int, row: Rows, colour: Colour) -> Colour:
     """A colour, or that of a floor that shakes the mass, by Schwarz's criterion; first by a part of the rows."""
-    # No floor moves the reading of a mass that rests, and none is as even as a drift or a hum.
-    if not colour.coefficients.size or _wanders(colour.left[_at_rest(problem.windows[run], row)]):
+    # No floor moves the reading of a mass that rests.
+    still = _at_rest(problem.windows[run], row)
+    if _wanders(colour.left[still]) or not _remembers(colour.left[~still], row.level):
         return colour
-    step = max(row.series.t.size // _FEW, 1)
-    left = thinned(row.series._replace(residual=colour.left), step)
+    left = row.series._replace(residual=colour.left)
+    step = max(int(np.sum(~still)) // _FEW, 1)
     rival = _shaken(problem, at, run, thinned(row.series, step))
-    if rival is None or _criterion(rival) > _criterion(autoregressive(left)):
+    if rival is None or _criterion(rival) > _criterion(autoregressive(thinned(left, step))):
         return colour
     rival = _shaken(problem, at, run, row.series)
-    return colour if rival is None or _criterion(rival) > _criterion(colour) else rival
+    other = colour if colour.coefficients.size else autoregressive(left)
+    return colour if rival is None or _criterion(rival) > _criterion(other) else rival
 
 
 def _wanders(resting: np.ndarray) -> bool:
@@ -89,6 +89,14 @@ def _wanders(resting: np.ndarray) -> bool:
         return False
     line = np.polynomial.Polynomial.fit(np.arange(resting.size), resting, 1)(np.arange(resting.size))
     return autoregression(resting - line, np.zeros(1, int))[0].size > 0
+
+
+def _remembers(moving: np.ndarray, level: float) -> bool:
+    """Whether what is left in motion is coloured, or larger than white noise of the run; a long rest hides that."""
+    if moving.size == 0:
+        return False
+    larger = np.mean(moving**2) > level * (1 + SURE * np.sqrt(2 / moving.size))
+    return bool(larger or autoregression(moving, np.zeros(1, int))[0].size)
 
 
 def _shaken(problem: Problem, at: Solved, run: int, series: Series) -> Colour | None:

@@ -2,8 +2,10 @@
 
 Within a half-cycle a small deviation swings as the mass does. At a reversal friction turns round, and a mass that turns
 later has less time to be accelerated back: with the accelerations a and b before and behind the reversal the deviation
-of the velocity becomes b/a of itself, (X - f)/(X + f) for a dead band f at a distance X from the equilibrium. At the
-stop nothing is left of it, the deviation of the position stays, and no further kick moves the mass.
+of the velocity becomes b/a of itself, (X - f)/(X + f) for a dead band f at a distance X from the equilibrium. Where
+friction rises towards the reversal, deviations shrink and grow again with the accelerations before and behind, so that
+the dead band is that of sliding on either side. At the stop nothing is left of it, the deviation of the position stays,
+and no further kick moves the mass.
 """
 
 import numpy as np
@@ -25,7 +27,7 @@ def passage_of(problem: Problem, at: Solved, run: int, t: np.ndarray) -> Passage
     times = found.turning_times - window.origin
     later = times > start + found.half_period / 4
     turns, swing = times[later], np.abs(found.turning_points - equilibrium(found))[later]
-    band = float(machine.friction.static_force(machine.normal_force)) / float(machine.stiffness)
+    band = float(machine.friction.dynamic_force(machine.normal_force)) / float(machine.stiffness)
     ratios = np.maximum((swing - band) / (swing + band), 0.0)
     if found.rest is not None:
         turns, ratios = np.append(turns, found.rest - window.origin), np.append(ratios, 0.0)

@@ -6,7 +6,7 @@ import pytest
 from fricjax import Oscillator, Trace, fit, simulate
 from fricjax.fitting.floor import passage_of
 from fricjax.fitting.solve import solve
-from fricjax.friction import Coulomb
+from fricjax.friction import Coulomb, Stribeck
 from fricjax.instrument.driven import driven_motion
 from fricjax.instrument.floor import white_acceleration
 from tests.fitting.posed import posed
@@ -18,34 +18,40 @@ T = np.arange(8000) / 2e4
 FLOOR = 3e-11
 
 
-def at_rows(start: float = 2e-3, seed: int = 0):
+def at_rows(model: Oscillator = MODEL):
     """A solved run, and instants behind its first reversal."""
-    clean = np.asarray(simulate(MODEL, start, T).x)
-    problem = posed(Trace(T, clean + 1e-9 * np.random.default_rng(seed).standard_normal(T.size)), MODEL, MACHINE)
+    clean = np.asarray(simulate(model, 2e-3, T).x)
+    problem = posed(Trace(T, clean + 1e-9 * np.random.default_rng(0).standard_normal(T.size)), model, MACHINE)
     solved = solve(problem)
     first = float(solved.settled.values[problem.names.index("t_release")])
     t = np.linspace(first + 1e-3, 0.38 - problem.windows[0].origin, 200)
     return problem, solved, first, t
 
 
+# The last stroke of the second law is slow all along, where its friction falls with velocity.
+STRIBECK = Stribeck(0.05, mu_s=0.065, v_stribeck=5e-3)
+
+
+@pytest.mark.parametrize(("law", "within"), [(Coulomb(0.05), 1e-2), (STRIBECK, 8e-2)], ids=["coulomb", "stribeck"])
 @pytest.mark.parametrize("deviation", [(1.0, 0.0), (0.0, 80.0)], ids=["position", "velocity"])
-def test_a_deviation_goes_on_as_the_motion_deviates(deviation):
+def test_a_deviation_goes_on_as_the_motion_deviates(deviation, law, within):
     """From the middle of a stroke on, through reversals that come late by it, to the stop."""
-    problem, solved, first, t = at_rows()
+    model = Oscillator(PROTOTYPE_MASS, STIFFNESS, PROTOTYPE_DAMPING, 9.66, law)
+    problem, solved, first, t = at_rows(model)
     t = t[t > first + 0.02]
     passage = passage_of(problem, solved, 0, t)
     assert passage is not None
     begin, small = float(solved.settled.values[problem.names.index("x0")]), 1e-8
-    at = simulate(MODEL, begin, np.array([0.0, t[0] - first]))
+    at = simulate(model, begin, np.array([0.0, t[0] - first]))
     x, v = float(at.x[1]), float(at.v[1])
-    base = np.asarray(simulate(MODEL, x, t - t[0], v0=v).x)
-    moved = np.asarray(simulate(MODEL, x + small * deviation[0], t - t[0], v0=v + small * deviation[1]).x)
+    base = np.asarray(simulate(model, x, t - t[0], v0=v).x)
+    moved = np.asarray(simulate(model, x + small * deviation[0], t - t[0], v0=v + small * deviation[1]).x)
     state, expected = np.array(deviation), (moved - base) / small
     found = [deviation[0]]
     for carried in passage.carried[1:]:
         state = carried @ state
         found.append(state[0])
-    assert np.max(np.abs(expected)) > 0.7 and found == pytest.approx(expected, abs=1e-2)
+    assert np.max(np.abs(expected)) > 0.7 and found == pytest.approx(expected, abs=within)
     assert found[-1] == found[-20]
 
 
@@ -63,11 +69,11 @@ def test_kicks_add_up_as_their_integral_says():
     assert not passage.kicked[-1].any()
 
 
-def shaken(seed: int) -> Trace:
+def shaken(seed: int, least: float = 1.8e-3, most: float = 2.6e-3, t: np.ndarray = T) -> Trace:
     random = np.random.default_rng(seed)
-    start, floor = random.uniform(1.8e-3, 2.6e-3), white_acceleration(T.size, 2e4, FLOOR, random)
-    motion = driven_motion(MODEL, start, T, base_acceleration=floor)
-    return Trace(T, motion.x + 1e-9 * random.standard_normal(T.size))
+    start, floor = random.uniform(least, most), white_acceleration(t.size, 2e4, FLOOR, random)
+    motion = driven_motion(MODEL, start, t, base_acceleration=floor)
+    return Trace(t, motion.x + 1e-9 * random.standard_normal(t.size))
 
 
 def test_a_floor_that_shakes_is_told_by_the_record():
@@ -80,3 +86,10 @@ def test_a_floor_that_shakes_is_told_by_the_record():
     # Standard errors of white noise would be smaller by a factor that no remark could make good.
     assert all(f.std_errors["mu"] > 10 * f.white_std_errors["mu"] for f in found)
     assert "is a motion of the mass, shaken by" in found[0].summary()
+
+
+def test_a_long_rest_does_not_hide_a_floor():
+    """Of two half-cycles a fit explains most, and what it leaves is few rows among those of the rest."""
+    found = [fit(shaken(seed, 1.0e-3, 1.25e-3, np.arange(40000) / 2e4), MODEL, MACHINE) for seed in range(6)]
+    assert all(f.half_cycles[0] == 2 for f in found)
+    assert all(f.noises[0].floor == pytest.approx(FLOOR, rel=0.9) for f in found)
