@@ -27,8 +27,9 @@ _ROWS = 8
 # Twice the logarithm of the odds from which evidence is called very strong (Kass and Raftery, J. Am. Stat. Assoc. 90,
 # 773, 1995): white noise is called coloured in one of some hundred records.
 _STRONG = 10.0
-# Rounds in which the parameters and the colour of what they leave settle to a hundredth of a standard error.
-_ROUNDS = 4
+# Rounds in which the parameters and the colour of what they leave settle to a hundredth of a standard error, and in
+# which the restricted likelihood of the colour does.
+_ROUNDS, _SETTLING = 4, 12
 # Standard deviations by which the variance of rows and of samples may differ in white noise.
 _LEVEL = 4.0
 # Power of a line over that of its neighbours, how many of them, how far it reaches itself, and how many lines.
@@ -114,8 +115,39 @@ def colour_of(series: Series, level: float, drifts: bool, motion: float = 0.0) -
             beside = np.column_stack([colour.beside, _waves(series, lines)])
             found.append(_Candidate.of(series, beside, colour.drift, lines))
     best = min(found, key=lambda candidate: candidate.criterion + (_STRONG if candidate.colour.beside.size else 0.0))
+    if best.colour.coefficients.size:
+        return _restricted(series, best.colour)
     as_white = abs(np.log(max(best.colour.std, 1e-300) ** 2 / level)) < _LEVEL * np.sqrt(2 / n)
-    return None if best is alone and not best.colour.coefficients.size and as_white else best.colour
+    return None if best is alone and as_white else best.colour
+
+
+def _restricted(series: Series, colour: Colour) -> Colour:
+    """The same process by its restricted likelihood.
+
+    What functions were fitted to noise that remembers took of it is missing in the residuals, and most of it where the
+    motion itself has its power. Products of the noise are expected to be those of the residuals and of what the
+    functions took in the mean, one standard error each: a step of expectation and maximisation (Laird and Ware,
+    Biometrics 38, 963, 1982), with which the coefficients settle.
+    """
+    columns = np.column_stack([series.slopes, colour.beside])
+    scale = np.maximum(np.sqrt(np.mean(columns**2, axis=0)), np.finfo(float).tiny)
+    columns, coefficients, most = columns / scale, colour.coefficients, _most(series.t.size, series.starts)
+    left, std, sizes = colour.left, colour.std, np.zeros(scale.size)
+    for _ in range(_SETTLING):
+        white = innovations(np.column_stack([series.residual, columns]), series.starts, coefficients)
+        along, spread, across = np.linalg.svd(white[:, 1:], full_matrices=False)
+        spans = spread > 1e-12 * spread[0]
+        standard = across[spans].T / spread[spans]
+        sizes = -standard @ (along[:, spans].T @ white[:, 0])
+        left, rest = series.residual + columns @ sizes, white[:, 0] + white[:, 1:] @ sizes
+        std = float(np.sqrt(rest @ rest / max(rest.size - np.sum(spans) - coefficients.size, 1)))
+        parts = [left, *(std * (columns @ standard)).T]
+        grams, counts = zip(*(_gram(part, series.starts, most) for part in parts), strict=True)
+        before, (coefficients, _) = coefficients, _process(np.sum(grams, axis=0), counts[0])
+        if before.shape == coefficients.shape and np.allclose(before, coefficients, rtol=0, atol=1e-4):
+            break
+    told = (sizes / scale)[series.slopes.shape[1] :]
+    return colour._replace(coefficients=coefficients, std=std, left=left, sizes=told)
 
 
 def _shows(left: np.ndarray, slopes: np.ndarray, function: np.ndarray) -> bool:
@@ -201,12 +233,17 @@ def autoregression(left: np.ndarray, starts: np.ndarray) -> tuple[np.ndarray, fl
 
     White noise is given up for another only where the evidence is very strong.
     """
-    rows = int(np.max(np.diff(np.append(starts, left.size)), initial=0))
-    most = min(_MOST, rows // _ROWS)
-    parts = [part for part in np.split(left, starts[1:]) if part.size > most]
-    gram, n = np.zeros((most + 1, most + 1)), 0
-    for part in parts:
-        gram, n = gram + _products(part, most), n + part.size - most
+    return _process(*_gram(left, starts, _most(left.size, starts)))
+
+
+def _most(rows: int, starts: np.ndarray) -> int:
+    """The highest order that the longest stretch of rows may tell."""
+    return min(_MOST, int(np.max(np.diff(np.append(starts, rows)), initial=0)) // _ROWS)
+
+
+def _process(gram: np.ndarray, n: int) -> tuple[np.ndarray, float]:
+    """The same from sums of products of `n` values with those before them."""
+    most = gram.shape[0] - 1
     if n == 0 or not gram[0, 0] > 0:
         return np.zeros(0), np.inf
     lags = gram[1:, 1:] + 1e-13 * gram[0, 0] * np.eye(most)
@@ -218,6 +255,15 @@ def autoregression(left: np.ndarray, starts: np.ndarray) -> tuple[np.ndarray, fl
     criteria[0] -= _STRONG
     order = int(np.argmin(criteria))
     return np.linalg.solve(lower[:order, :order].T, along[:order]), float(criteria[order])
+
+
+def _gram(left: np.ndarray, starts: np.ndarray, most: int) -> tuple[np.ndarray, int]:
+    """Sums of products of values up to so many places apart, and how many of each."""
+    gram, n = np.zeros((most + 1, most + 1)), 0
+    for part in np.split(left, starts[1:]):
+        if part.size > most:
+            gram, n = gram + _products(part, most), n + part.size - most
+    return gram, n
 
 
 def _products(part: np.ndarray, most: int) -> np.ndarray:

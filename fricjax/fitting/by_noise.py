@@ -18,7 +18,7 @@ import numpy as np
 from ..estimation.colour import Colour, weighed
 from ..estimation.loss import Squares
 from .clock import by_clock
-from .colours import colours_of, described, expected_size, least_squares, variance_left
+from .colours import colours_of, described, expected_size, least_squares, mean_displacement, variance_left
 from .noise import Line, Noise
 from .problem import Problem
 from .rows import Rows, rows_of
@@ -163,6 +163,7 @@ def _noise(window: Window, row: Rows, colour: Colour) -> Noise:
     return Noise(
         excess=float(np.sqrt(variance_left(row, colour))),
         memory=float(memory),
+        level=-mean_displacement(row, colour),
         drift=float(colour.sizes[0] / np.ptp(t)) if colour.drift else 0.0,
         middle=float(t.mean()),
         lines=tuple(Line(f, *map(float, pair)) for f, pair in zip(colour.lines, waves, strict=True)),

@@ -140,9 +140,16 @@ def least_squares(problem: Problem, at: Solved, seen: Sequence[Seen]) -> tuple[Q
     return quadratic(down, normal[:p, :p], held), gradient, normal
 
 
+def mean_displacement(row: Rows, colour: Colour) -> float:
+    """What all rows of noise that remembers share [m]: the level about which it wanders means nothing."""
+    unit = row.series.unit
+    return float(colour.left @ unit / (unit @ unit)) if colour.coefficients.size else 0.0
+
+
 def variance_left(row: Rows, colour: Colour) -> float:
-    """Variance of the samples without a drift and a hum, in that stated."""
-    removed = float(np.mean(row.series.residual**2) - np.mean(colour.left**2)) / row.samples
+    """Variance of the samples without a drift, a hum and a level, in that stated."""
+    left = colour.left - mean_displacement(row, colour) * row.series.unit
+    removed = float(np.mean(row.series.residual**2) - np.mean(left**2)) / row.samples
     return max(row.level - removed, 0.0)
 
 
