@@ -10,7 +10,8 @@ so that ``n_i - a_1 n_(i-1) - ...`` is white: residuals and their derivatives go
 squared, and the least squares of what comes out are the generalised ones, with the covariance that belongs to them.
 Coefficients come from least squares, which unlike those of Yule and Walker stay right for a process that hardly
 forgets; the order from Schwarz's criterion (Brockwell and Davis, Time Series, 1991, 8.7 and 9.3). A drift and the lines
-of a hum are no process but a function of time: where they show, their size is fitted beside the parameters.
+of a hum are no process but a function of time, and rounding is one of the reading: their size is fitted beside the
+parameters.
 """
 
 from collections.abc import Iterable, Sequence
@@ -46,6 +47,7 @@ class Series(NamedTuple):
         residual: shape (n,); `slopes`: their derivatives by the coordinates, shape (n, p).
         unit: what a displacement that all rows share is in each of them, one over the relative noise, shape (n,).
         starts: number of each row that does not follow on the one before it, the first one included.
+        rounding: functions of the reading that its rounding leaves in the residuals, shape (n, k); k is 0 for none.
     """
 
     t: np.ndarray
@@ -53,6 +55,7 @@ class Series(NamedTuple):
     slopes: np.ndarray
     unit: np.ndarray
     starts: np.ndarray
+    rounding: np.ndarray
 
 
 class Colour(NamedTuple):
@@ -62,7 +65,7 @@ class Colour(NamedTuple):
         coefficients: of the process, the nearest first, shape (order,).
         std: standard deviation of an innovation, in units of the residuals.
         left: of the residuals, the parameters and what is beside them fitted anew, shape (n,).
-        beside: functions of time that are in the residuals besides, shape (n, k): a drift, the lines of a hum.
+        beside: functions that are in the residuals besides, shape (n, k): a drift, the lines of a hum, the rounding.
         drift: whether a drift is among them, the first; `lines`: frequencies of the hum [Hz].
         sizes: what of each is to be added to the residuals to make up for them, shape (k,).
         kicks: spectral density of kicks that make the noise beside an independent part, in squared units of the latter.
@@ -111,14 +114,14 @@ def colour_of(series: Series, level: float, drifts: bool, motion: float = 0.0) -
     for so_far in tuple(found):
         lines = _lines(series, so_far, motion)
         if lines:
-            colour = so_far.colour
-            beside = np.column_stack([colour.beside, _waves(series, lines)])
-            found.append(_Candidate.of(series, beside, colour.drift, lines))
-    best = min(found, key=lambda candidate: candidate.criterion + (_STRONG if candidate.colour.beside.size else 0.0))
+            drifting = so_far.colour.drift
+            functions = np.column_stack([drift[:, : int(drifting)], _waves(series, lines)])
+            found.append(_Candidate.of(series, functions, drifting, lines))
+    best = min(found, key=lambda candidate: candidate.criterion + (0.0 if candidate is alone else _STRONG))
     if best.colour.coefficients.size:
         return _restricted(series, best.colour)
     as_white = abs(np.log(max(best.colour.std, 1e-300) ** 2 / level)) < _LEVEL * np.sqrt(2 / n)
-    return None if best is alone and as_white else best.colour
+    return None if best is alone and as_white and not series.rounding.size else best.colour
 
 
 def _restricted(series: Series, colour: Colour) -> Colour:
@@ -167,7 +170,9 @@ class _Candidate(NamedTuple):
     criterion: float
 
     @staticmethod
-    def of(series: Series, beside: np.ndarray, drift: bool, lines: tuple[float, ...]) -> "_Candidate":
+    def of(series: Series, functions: np.ndarray, drift: bool, lines: tuple[float, ...]) -> "_Candidate":
+        """That of a process beside functions of time and the rounding."""
+        beside = np.column_stack([functions, series.rounding])
         columns = np.column_stack([series.slopes, beside])
         columns = columns / np.maximum(np.sqrt(np.mean(columns**2, axis=0)), np.finfo(float).tiny)
         coefficients, criterion, sizes = np.zeros(0), np.inf, np.zeros(columns.shape[1])
@@ -219,7 +224,8 @@ def autoregressive(series: Series) -> Colour:
 def thinned(series: Series, step: int) -> Series:
     """Every so manieth row."""
     starts = np.unique(-(-series.starts // step))
-    return Series(series.t[::step], series.residual[::step], series.slopes[::step], series.unit[::step], starts)
+    t, residual, slopes, unit, _, rounding = (values[::step] for values in series)
+    return Series(t, residual, slopes, unit, starts, rounding)
 
 
 def kicked(series: Series, passage: Passage) -> Colour:

@@ -159,10 +159,12 @@ def _noise(window: Window, row: Rows, colour: Colour) -> Noise:
     t, order = row.series.t, colour.coefficients.size
     largest = float(np.max(np.abs(np.roots(np.concatenate([[1.0], -colour.coefficients]))), initial=0.0))
     memory = 0.0 if not order else np.inf if largest >= 1 else -row.samples * row.interval / np.log(largest)
-    waves = colour.sizes[int(colour.drift) :].reshape(-1, 2)
+    first = int(colour.drift)
+    waves = colour.sizes[first : first + 2 * len(colour.lines)].reshape(-1, 2)
     return Noise(
         excess=float(np.sqrt(variance_left(row, colour))),
         memory=float(memory),
+        rounding=window.segmentation.resolution if row.series.rounding.size and colour.beside.size else 0.0,
         level=-mean_displacement(row, colour),
         drift=float(colour.sizes[0] / np.ptp(t)) if colour.drift else 0.0,
         middle=float(t.mean()),

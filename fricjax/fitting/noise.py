@@ -22,6 +22,7 @@ class Noise(NamedTuple):
     Attributes:
         excess: standard deviation of the samples, beside hum and drift, in units of that stated.
         memory: time in which it forgets by a factor of e [s], 0 for white noise, inf for a random walk.
+        rounding: steps to which the reading is rounded where that shows, in the unit of the record, else 0.
         level: what the computed reading lacks of the middle of noise that remembers, in the unit of the record.
         jitter: standard deviation of the instants of the samples [s], 0 where none shows.
         drift: speed at which the reading drifts, in the unit of the record per second, 0 where none shows.
@@ -35,6 +36,7 @@ class Noise(NamedTuple):
 
     excess: float = 1.0
     memory: float = 0.0
+    rounding: float = 0.0
     level: float = 0.0
     jitter: float = 0.0
     drift: float = 0.0
@@ -57,6 +59,8 @@ class Noise(NamedTuple):
             yield "walks at random"
         elif self.memory:
             yield f"remembers for {engineering(self.memory, 's')}"
+        if self.rounding:
+            yield f"is rounded to steps of {engineering(self.rounding, unit)}"
         if self.drift:
             yield f"drifts by {engineering(abs(self.drift), f'{unit}/s')}"
         for line in self.lines:

@@ -10,6 +10,9 @@ from .survey import Block, Survey, block_length
 
 # Rows in a half-cycle, and the part of its samples that a row must have.
 _ROWS, _FULL = 40.0, 0.5
+# Harmonics by which the error of rounding is described. The first four hold five sixths of its power, and what is left
+# comes and goes within an eighth of a step.
+_HARMONICS = 4
 
 
 class Rows(NamedTuple):
@@ -59,6 +62,7 @@ def run_in_rows(problem: Problem, survey: Survey, run: int, samples: int | None 
         residual=row.residual * scale,
         slopes=row.slopes * scale[:, None],
         unit=row.curvature * scale * weight[kept] / number,
+        rounding=_rounding(problem, survey, run, begins * length)[kept] * scale[:, None],
         starts=np.flatnonzero(np.diff(np.flatnonzero(kept), prepend=-2) > 1),
     )
     return Rows(
@@ -69,3 +73,20 @@ def run_in_rows(problem: Problem, survey: Survey, run: int, samples: int | None 
         rough=row.rough / number,
         moved=row.moved / number,
     )
+
+
+def _rounding(problem: Problem, survey: Survey, run: int, begins: np.ndarray) -> np.ndarray:
+    """Weighted sums, over the samples of each row, of what rounding makes of the computed reading; shape (rows, k).
+
+    The error of rounding to steps q is a function of the reading alone, ``q/pi sum_k (-1)^k/k sin(2 pi k x/q)``
+    (Widrow and Kollar, Quantization Noise, 2008, 3), which noise of half a step wipes out; then k is 0.
+    """
+    window, weight = problem.windows[run], np.asarray(problem.residual.runs[run].weight)
+    found, x = window.segmentation, np.asarray(window.trace.x)
+    if not found.resolution or found.white_noise > found.resolution / 2:
+        return np.zeros((begins.size, 0))
+    weight, left = weight[: x.size], problem.by_run(survey.residual)[run]
+    computed = x + np.divide(left, weight, out=np.zeros(x.size), where=weight > 0)
+    phase = 2 * np.pi * (computed - x[0]) / found.resolution
+    waves = [np.add.reduceat(weight * np.sin(k * phase), begins) for k in range(1, _HARMONICS + 1)]
+    return np.column_stack(waves)

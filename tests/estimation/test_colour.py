@@ -12,7 +12,7 @@ START = np.array([0])
 def series(noise: np.ndarray) -> Series:
     t = np.arange(noise.size) * 1e-3
     slopes = np.column_stack([np.cos(20 * t), t])
-    return Series(t, noise, slopes, np.ones(noise.size), START)
+    return Series(t, noise, slopes, np.ones(noise.size), START, np.zeros((noise.size, 0)))
 
 
 def test_white_noise_has_no_colour():
@@ -63,7 +63,7 @@ def test_what_functions_take_of_slow_noise_is_made_good():
     slopes = np.column_stack([f(k * np.pi * t) for k in (3, 4, 5, 6) for f in (np.cos, np.sin)])
     scores = []
     for _ in range(150):
-        run = Series(t, np.cumsum(random.standard_normal(rows)), slopes, np.ones(rows), START)
+        run = Series(t, np.cumsum(random.standard_normal(rows)), slopes, np.ones(rows), START, np.zeros((rows, 0)))
         colour = colour_of(run, 1.0, False)
         assert colour is not None
         residual, along = weighed(run, colour)

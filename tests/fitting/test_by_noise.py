@@ -157,6 +157,39 @@ def test_the_number_of_rows_does_not_matter(monkeypatch):
         assert_same(fitted(noise), plain, within=0.25, bars=0.1)
 
 
+def rounded(seed: int, step: float = 1e-5) -> Trace:
+    """A record of a converter of ten bit, with an offset of its own."""
+    shift = np.random.default_rng(seed).uniform(-1e-3, 1e-3)
+    return Trace(T, step * np.round((X + shift) / step))
+
+
+def test_the_error_of_rounding_is_a_function_of_the_reading():
+    found = [fit(rounded(seed), MODEL, MACHINE) for seed in range(24)]
+    scores = np.array([errors(each) for each in found])
+    assert np.sqrt(np.mean(scores**2, axis=0)) == pytest.approx(1.0, abs=0.4) and np.max(np.abs(scores)) < 4
+    assert all(each.converged and each.noises[0].rounding == pytest.approx(1e-5) for each in found)
+    # The rounding would be taken for noise otherwise, and tell as much less.
+    assert all(each.std_errors["mu"] < 0.6 * each.white_std_errors["mu"] for each in found)
+    assert "is rounded to steps of 10 um" in found[0].summary()
+
+
+def test_the_number_of_harmonics_of_the_rounding_does_not_matter(monkeypatch):
+    plain = [fit(rounded(seed), MODEL, MACHINE) for seed in range(4)]
+    for number in (2, 8):
+        monkeypatch.setattr(rows, "_HARMONICS", number)
+        for seed, each in enumerate(plain):
+            # The more of the rounding is known, the smaller is what is left of it.
+            assert_same(fit(rounded(seed), MODEL, MACHINE), each, within=2.0, bars=0.6)
+
+
+def test_noise_of_more_than_half_a_step_hides_the_rounding():
+    step, noise = 2e-8, white(8)
+    trace = Trace(T, step * np.round((X + noise) / step))
+    # Rounding to steps of one deviation adds a twelfth of the variance, independent of the noise: 0.3 standard errors.
+    assert_same(fit(trace, MODEL, MACHINE), fitted(noise), within=1.0, bars=0.06)
+    assert not fit(trace, MODEL, MACHINE).noises[0].rounding
+
+
 @pytest.mark.parametrize(("sign", "shift"), [(-1, 0.0), (1, 1e-3)])
 def test_neither_sign_nor_offset_of_the_record_matters(sign, shift):
     noise = autoregressive(0.9, 6)
