@@ -85,6 +85,23 @@ class Colour(NamedTuple):
     passage: Passage | None = None
 
     @property
+    def waves(self) -> np.ndarray:
+        """Sizes of the cosine and the sine of each line, shape (lines, 2)."""
+        first = int(self.drift)
+        return self.sizes[first : first + 2 * len(self.lines)].reshape(-1, 2)
+
+    def speed(self, t: np.ndarray) -> float:
+        """Speed of the drift over the times of a series."""
+        return float(self.sizes[0] / np.ptp(t)) if self.drift else 0.0
+
+    def at(self, t: np.ndarray, series: np.ndarray) -> np.ndarray:
+        """Drift and hum at times, which are those of a series or between them."""
+        waves = np.zeros(t.size)
+        for line, (cosine, sine) in zip(self.lines, self.waves, strict=True):
+            waves += cosine * np.cos(2 * np.pi * line * t) + sine * np.sin(2 * np.pi * line * t)
+        return self.speed(series) * (t - series.mean()) + waves
+
+    @property
     def size(self) -> float:
         """Sum of the logarithms of the variances of the innovations."""
         return float(self.left.size * np.log(self.std**2)) + self.spread
@@ -112,11 +129,10 @@ def colour_of(series: Series, level: float, drifts: bool, motion: float = 0.0) -
     if drifts and (alone.colour.coefficients.size or _shows(alone.colour.left, series.slopes, drift[:, 0])):
         found.append(_Candidate.of(series, drift, True, ()))
     for so_far in tuple(found):
-        lines = _lines(series, so_far, motion)
-        if lines:
-            drifting = so_far.colour.drift
-            functions = np.column_stack([drift[:, : int(drifting)], _waves(series, lines)])
-            found.append(_Candidate.of(series, functions, drifting, lines))
+        drifting, lines = so_far.colour.drift, _lines(series, so_far, motion)
+        for many in range(1, len(lines) + 1):
+            functions = np.column_stack([drift[:, : int(drifting)], _waves(series, lines[:many])])
+            found.append(_Candidate.of(series, functions, drifting, lines[:many]))
     best = min(found, key=lambda candidate: candidate.criterion + (0.0 if candidate is alone else _STRONG))
     if best.colour.coefficients.size:
         return _restricted(series, best.colour)
@@ -298,9 +314,10 @@ def innovations(columns: np.ndarray, starts: np.ndarray, coefficients: np.ndarra
 
 
 def _waves(series: Series, lines: Iterable[float]) -> np.ndarray:
-    """Cosine and sine of each line [Hz] in the rows of a series, shape (n, 2 lines)."""
-    waves = [f(2 * np.pi * line * series.t) * series.unit for line in lines for f in (np.cos, np.sin)]
-    return np.column_stack(waves)
+    """Cosine and sine of each line [Hz] in the rows of a series, each a mean over its time; shape (n, 2 lines)."""
+    row = float(np.median(np.diff(series.t)))
+    waves = [np.sinc(line * row) * f(2 * np.pi * line * series.t) for line in lines for f in (np.cos, np.sin)]
+    return np.column_stack(waves) * series.unit[:, None]
 
 
 def _lines(series: Series, so_far: _Candidate, motion: float) -> tuple[float, ...]:

@@ -21,7 +21,7 @@ from .clock import by_clock
 from .colours import colours_of, described, expected_size, least_squares, mean_displacement, variance_left
 from .noise import Line, Noise
 from .problem import Problem
-from .rows import Rows, rows_of
+from .rows import Rows, rounded, rows_of
 from .solve import Solved, checking, look
 from .survey import Block
 from .verdict import ADEQUATE, SURE, worst
@@ -93,6 +93,11 @@ def _by_colour(plain: Counted, first: Sequence[Rows], absolute: bool) -> Counted
     at, rows = solved, first
     for _ in range(_ROUNDS):
         seen = colours_of(problem, at, rows, absolute)
+        if not at.survey.residual.size and (seen or any(map(rounded, problem.windows))):
+            # Of a lane no residual is left of the samples.
+            at = _moved(problem, at, np.zeros(problem.residual.n_parameters))
+            rows = rows_of(problem, at.survey)
+            continue
         if not seen:
             return plain
         if not described(problem, seen, absolute):
@@ -159,16 +164,14 @@ def _noise(window: Window, row: Rows, colour: Colour) -> Noise:
     t, order = row.series.t, colour.coefficients.size
     largest = float(np.max(np.abs(np.roots(np.concatenate([[1.0], -colour.coefficients]))), initial=0.0))
     memory = 0.0 if not order else np.inf if largest >= 1 else -row.samples * row.interval / np.log(largest)
-    first = int(colour.drift)
-    waves = colour.sizes[first : first + 2 * len(colour.lines)].reshape(-1, 2)
     return Noise(
         excess=float(np.sqrt(variance_left(row, colour))),
         memory=float(memory),
         rounding=window.segmentation.resolution if row.series.rounding.size and colour.beside.size else 0.0,
         level=-mean_displacement(row, colour),
-        drift=float(colour.sizes[0] / np.ptp(t)) if colour.drift else 0.0,
+        drift=colour.speed(t),
         middle=float(t.mean()),
-        lines=tuple(Line(f, *map(float, pair)) for f, pair in zip(colour.lines, waves, strict=True)),
+        lines=tuple(Line(f, *map(float, pair)) for f, pair in zip(colour.lines, colour.waves, strict=True)),
         expected=expected_size(window, row, colour),
         floor=2 * colour.kicks * colour.std**2,
     )

@@ -147,10 +147,17 @@ def mean_displacement(row: Rows, colour: Colour) -> float:
 
 
 def variance_left(row: Rows, colour: Colour) -> float:
-    """Variance of the samples without a drift, a hum and a level, in that stated."""
-    left = colour.left - mean_displacement(row, colour) * row.series.unit
-    removed = float(np.mean(row.series.residual**2) - np.mean(left**2)) / row.samples
-    return max(row.level - removed, 0.0)
+    """Variance of the samples without a drift, a hum and a level, in that stated.
+
+    Drift and hum are taken from the samples, for rows do not show all of them; what else the rows have less of is the
+    motion that is not fitted anew yet.
+    """
+    series = row.series
+    samples = row.left + colour.at(row.t, series.t) * row.weight
+    before = series.residual + colour.beside @ colour.sizes
+    after = colour.left - mean_displacement(row, colour) * series.unit
+    moved = float(np.mean(before**2) - np.mean(after**2)) / row.samples
+    return max(float(np.mean(samples**2)) - moved, 0.0)
 
 
 def expected_size(window: Window, row: Rows, colour: Colour) -> float:

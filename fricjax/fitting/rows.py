@@ -7,6 +7,7 @@ import numpy as np
 from ..estimation.colour import Series
 from .problem import Problem
 from .survey import Block, Survey, block_length
+from .window import Window
 
 # Rows in a half-cycle, and the part of its samples that a row must have.
 _ROWS, _FULL = 40.0, 0.5
@@ -23,6 +24,8 @@ class Rows(NamedTuple):
         level: variance of a row if the samples of its run were independent.
         samples: number of samples in a row.
         interval: of the samples [s].
+        t, left, weight: time [s], weighted residual and weight of each sample in use, shape (used,); where no residual
+            is left of the samples `left` is empty.
         rough: variance of the white noise in each row, shape (rows,).
         moved: mean square of what the reading moves from sample to sample in each row, shape (rows,).
     """
@@ -31,6 +34,9 @@ class Rows(NamedTuple):
     level: float
     samples: int
     interval: float
+    t: np.ndarray
+    left: np.ndarray
+    weight: np.ndarray
     rough: np.ndarray
     moved: np.ndarray
 
@@ -70,23 +76,32 @@ def run_in_rows(problem: Problem, survey: Survey, run: int, samples: int | None 
         level=float(row.square.sum() / number.sum()),
         samples=samples,
         interval=interval,
+        t=np.asarray(record.t)[used],
+        left=problem.by_run(survey.residual)[run][used] if survey.residual.size else np.zeros(0),
+        weight=np.asarray(record.weight)[used],
         rough=row.rough / number,
         moved=row.moved / number,
     )
+
+
+def rounded(window: Window) -> bool:
+    """Whether the rounding of a record shows, which noise of half a step wipes out."""
+    found = window.segmentation
+    return 0 < found.white_noise <= found.resolution / 2
 
 
 def _rounding(problem: Problem, survey: Survey, run: int, begins: np.ndarray) -> np.ndarray:
     """Weighted sums, over the samples of each row, of what rounding makes of the computed reading; shape (rows, k).
 
     The error of rounding to steps q is a function of the reading alone, ``q/pi sum_k (-1)^k/k sin(2 pi k x/q)``
-    (Widrow and Kollar, Quantization Noise, 2008, 3), which noise of half a step wipes out; then k is 0.
+    (Widrow and Kollar, Quantization Noise, 2008, 3). Where none shows, or no residual is left of the samples, k is 0.
     """
     window, weight = problem.windows[run], np.asarray(problem.residual.runs[run].weight)
-    found, x = window.segmentation, np.asarray(window.trace.x)
-    if not found.resolution or found.white_noise > found.resolution / 2:
+    if not rounded(window) or not survey.residual.size:
         return np.zeros((begins.size, 0))
-    weight, left = weight[: x.size], problem.by_run(survey.residual)[run]
+    x, left = np.asarray(window.trace.x), problem.by_run(survey.residual)[run]
+    weight = weight[: x.size]
     computed = x + np.divide(left, weight, out=np.zeros(x.size), where=weight > 0)
-    phase = 2 * np.pi * (computed - x[0]) / found.resolution
+    phase = 2 * np.pi * (computed - x[0]) / window.segmentation.resolution
     waves = [np.add.reduceat(weight * np.sin(k * phase), begins) for k in range(1, _HARMONICS + 1)]
     return np.column_stack(waves)

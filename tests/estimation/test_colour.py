@@ -41,7 +41,8 @@ def test_coloured_residuals_come_out_white():
 def test_a_hum_and_a_drift_are_functions_of_time_beside_the_noise():
     noise = np.random.default_rng(3).standard_normal(4000)
     run = series(noise)
-    hum, drift = 60 * np.sin(2 * np.pi * 50.02 * run.t + 0.7), 100 * (run.t - run.t.mean())
+    # A row is the mean over its time.
+    hum, drift = 60 * np.sinc(0.05002) * np.sin(2 * np.pi * 50.02 * run.t + 0.7), 100 * (run.t - run.t.mean())
     run = run._replace(residual=noise + hum + drift, slopes=run.slopes[:, :1])
     colour = colour_of(run, 1.0, True)
     assert colour is not None and colour.drift and not colour.coefficients.size

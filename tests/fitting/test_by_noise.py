@@ -131,6 +131,16 @@ def test_a_hum_is_taken_out():
     assert found.noises[0].at(T - found.origins[0]) == pytest.approx(hum, abs=2e-8)
 
 
+def test_a_strong_hum_over_a_quiet_motion_needs_no_rest():
+    """Most of it is removed within the rows, where these do not show it."""
+    n = T.size // 3
+    noise = white(4, 1e-9) + 1e-6 * np.sin(2 * np.pi * 50 * T + 1)
+    found = fit(Trace(T[:n], (X + noise)[:n]), MODEL, MACHINE)
+    assert found.converged and len(found.noises[0].lines) == 1
+    assert np.hypot(*found.noises[0].lines[0][1:]) == pytest.approx(1e-6, rel=1e-3)
+    assert_same(found, fit(Trace(T[:n], (X + white(4, 1e-9))[:n]), MODEL, MACHINE), within=0.3, bars=0.05)
+
+
 def test_jitter_of_the_clock_weighs_samples_by_their_velocity():
     tau, speed = 2e-6, np.gradient(X, T)
     noise = white(3, 1e-9) + tau * speed * np.random.default_rng(4).standard_normal(T.size)
@@ -230,3 +240,13 @@ def test_criteria_prefer_the_colour_that_is_there():
     assert right.aicc < wrong.aicc and right.bic < wrong.bic
     # The likelihood of the noise as it is lies far above that of white noise.
     assert right.aicc < right.chi2 - 1e3
+
+
+def test_a_batch_knows_rounding_and_drift_of_its_runs():
+    traces = [rounded(0), Trace(T, X + white(3) + 1e-6 * T), rounded(1)]
+    batch = fit_batch(traces, MODEL, MACHINE)
+    for i, trace in enumerate(traces):
+        alone = fit(trace, MODEL, MACHINE)
+        for name in MACHINE:
+            assert batch.values[name][i] == pytest.approx(alone.values[name], abs=0.1 * alone.std_errors[name])
+            assert batch.std_errors[name][i] == pytest.approx(alone.std_errors[name], rel=0.03)
