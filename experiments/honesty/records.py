@@ -215,6 +215,29 @@ KNOWN: dict[str, Whitened] = {
 }
 
 
+# What a record does not show of its own instrument, by its standard uncertainty: the phase of a nonlinearity of 5 nm is
+# not known, and the others are as large as those of a poor encoder, so that they dwarf the noise.
+INPUTS: dict[str, dict[str, fj.Measured]] = {
+    "nonlinearity 5 nm": {"periodic_nonlinearity": fj.Measured(0.0, 5e-9 / math.sqrt(2))},
+    "displacement scale 1e-4": {"displacement_scale": fj.Measured(1.0, 1e-4)},
+    "time scale 1e-4": {"time_scale": fj.Measured(1.0, 1e-4)},
+}
+FRINGE = 316.5e-9  # m
+
+
+def read_with(rig: Rig, kind: str, seed: int) -> Run:
+    """A run under 1 nm of white noise whose instrument errs by something drawn from what is known of it."""
+    random, inputs = np.random.default_rng([3, seed]), INPUTS[kind]
+    errors = {name: given.std * random.standard_normal() for name, given in inputs.items()}
+    clock = 1 + errors.get("time_scale", 0.0)
+    run = motion(rig._replace(rate=rig.rate / clock, duration=rig.duration * clock), np.random.default_rng([1, seed]))
+    x = run.x / (1 + errors.get("displacement_scale", 0.0))
+    if "periodic_nonlinearity" in inputs:
+        amplitude = math.sqrt(2) * inputs["periodic_nonlinearity"].std
+        x = x + amplitude * np.sin(2 * np.pi * (x / FRINGE + random.uniform()))
+    return run._replace(t=rig.t, x=white(1e-9)(rig, rig.t, x, np.random.default_rng([2, seed])))
+
+
 def motion(rig: Rig, random: np.random.Generator, floor: float = 0.0) -> Run:
     """A run without noise: released from 1 to 2.6 mm on either side, about any equilibrium, at any instant.
 

@@ -8,11 +8,15 @@ the true number of half-cycles have over the same records.
 
     python experiments/honesty/run.py [--runs 100] [--rig sliding] [--only "white,AR"]
     python experiments/honesty/run.py --bars [--runs 200]
+    python experiments/honesty/run.py --inputs [--runs 60]
     python experiments/honesty/run.py --thresholds [--runs 5]
 
 With `--bars` a row tells instead how often the intervals of mu, damping and stiffness contain the truth, the standard
 deviation of the errors in standard errors, the largest of them that has converged, and the standard errors over the
 Cramer-Rao bound of that noise where it is known. Records that are refused or end in another status are counted.
+With `--inputs` the instrument errs, in each record anew, by what only the rig knows: a row tells how often the combined
+intervals contain the truth, the standard deviation of the errors in combined and in statistical standard errors, and
+how large the combined standard errors are.
 With `--thresholds` the thresholds of segmentation and noise are halved and doubled instead, one after the other, and a
 row tells by how many standard errors that changes mu at most.
 """
@@ -27,7 +31,7 @@ jax.config.update("jax_enable_x64", True)
 
 import equinox as eqx  # noqa: E402
 import numpy as np  # noqa: E402
-from records import ASIDE, KNOWN, RIGS, TUNED, Rig, Run, record  # noqa: E402
+from records import ASIDE, INPUTS, KNOWN, RIGS, TUNED, Rig, Run, read_with, record  # noqa: E402
 
 import fricjax as fj  # noqa: E402
 from fricjax.data import disturbance, strokes, swing  # noqa: E402
@@ -163,9 +167,7 @@ def derivatives(residual: Residual, y: jax.Array) -> jax.Array:
 
 def bars(rig: Rig, runs: int, wanted: list[str]) -> None:
     """How well the intervals hold."""
-    truth = {
-        name: float(getattr(rig.oscillator.friction if name == "mu" else rig.oscillator, name)) for name in rig.free
-    }
+    truth = true_values(rig)
     for title, kinds in (("looked at while tuning", TUNED), ("kept aside", ASIDE)):
         print(f"\n{rig.name}, {runs} records a row, kinds {title}; each for {', '.join(rig.free)}")
         print(
@@ -196,6 +198,51 @@ def bars(rig: Rig, runs: int, wanted: list[str]) -> None:
                 "  " + " ".join(f"{value:.{d}f}" for value in row) for row, d in zip(told, (2, 2, 2, 1, 2), strict=True)
             ]
             print(f"{kind:26s}{refused:8d}{int(np.sum(~right)):6d}" + "".join(f"{w:>17s}" for w in words), flush=True)
+
+
+def true_values(rig: Rig) -> dict[str, float]:
+    return {
+        name: float(getattr(rig.oscillator.friction if name == "mu" else rig.oscillator, name)) for name in rig.free
+    }
+
+
+def inputs(rig: Rig, runs: int, wanted: list[str]) -> None:
+    """How well the combined intervals hold where the instrument errs."""
+    truth, machine = true_values(rig), rig.oscillator
+    numbers = {name: float(getattr(machine, name)) for name in ("mass", "stiffness", "damping", "normal_force")}
+    print(f"\n{rig.name}, {runs} records a row; each for {', '.join(rig.free)}")
+    print(
+        f"{'':26s}{'refused':>8s}{'other':>6s}{'cover 95 %':>17s}{'cover 68 %':>17s}{'sd of z':>17s}"
+        f"{'without the rig':>24s}{'relative standard errors':>27s}"
+    )
+    for kind, given in INPUTS.items():
+        if not any(part in kind for part in wanted):
+            continue
+        errors, combined, statistical, other, refused = [], [], [], 0, 0
+        for seed in range(runs):
+            run = read_with(rig, kind, seed)
+            try:
+                found = fj.fit(
+                    fj.Trace(run.t, run.x), machine, list(rig.free), rig=fj.Rig(**numbers, **given), throw=False
+                )
+            except (DataError, UsageError):
+                refused += 1
+                continue
+            other += not found.converged
+            errors.append([found.values[name] - truth[name] for name in rig.free])
+            combined.append([found.combined_std_errors[name] for name in rig.free])
+            statistical.append([found.std_errors[name] for name in rig.free])
+        z, alone = np.divide(errors, combined), np.divide(errors, statistical)
+        told = [np.mean(np.abs(z) < 1.96, axis=0), np.mean(np.abs(z) < 0.9945, axis=0), np.sqrt(np.mean(z**2, axis=0))]
+        relative = np.median(combined, axis=0) / np.array(list(truth.values()))
+        words = [" ".join(f"{value:.2f}" for value in row) for row in told]
+        words += [" ".join(f"{value:.1f}" for value in np.sqrt(np.mean(alone**2, axis=0)))]
+        words += [" ".join(f"{value:.1e}" for value in relative)]
+        widths = (17, 17, 17, 24, 27)
+        print(
+            f"{kind:26s}{refused:8d}{other:6d}" + "".join(f"{w:>{n}s}" for w, n in zip(words, widths, strict=True)),
+            flush=True,
+        )
 
 
 def fits(rig: Rig, runs: int, wanted: list[str]) -> list[fj.Fit]:
@@ -229,6 +276,7 @@ def main() -> None:
     parser.add_argument("--rig", choices=sorted(RIGS))
     parser.add_argument("--only", default="", help="parts of the names of the kinds, separated by commas")
     parser.add_argument("--bars", action="store_true")
+    parser.add_argument("--inputs", action="store_true")
     parser.add_argument("--thresholds", action="store_true")
     arguments = parser.parse_args()
     wanted = [part.strip() for part in arguments.only.split(",")]
@@ -237,6 +285,8 @@ def main() -> None:
             sensitivity(rig, arguments.runs or 5, wanted)
         elif arguments.bars:
             bars(rig, arguments.runs or 200, wanted)
+        elif arguments.inputs:
+            inputs(rig, arguments.runs or 60, wanted)
         else:
             table(rig, arguments.runs or 100, wanted)
 

@@ -20,6 +20,10 @@ UNITS: Mapping[str, tuple[str, str]] = {
     "normal_force": ("N", "N m"),
     "k3": ("N/m^3", "N m/rad^3"),
     "drag": ("N s^2/m^2", "N m s^2/rad^2"),
+    "displacement_scale": ("", ""),
+    "time_scale": ("", ""),
+    "periodic_nonlinearity": ("m", "rad"),
+    "nonlinearity_period": ("m", "rad"),
 }
 _KEYS = ("value", "std", "unit")
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)"

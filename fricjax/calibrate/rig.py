@@ -3,11 +3,15 @@
 A trace alone tells the natural frequency, the damping ratio and the dead band ``x_d = mu N/k``. To turn the dead band
 into a coefficient of friction the load and either the stiffness or the moving mass must come from a calibration, and
 their uncertainties go into that of the coefficient: ``mu = omega^2 x_d m/N``.
+
+What no record shows of its own instrument is an input too: by how much all displacements and all times may be wrong in
+proportion, and how large a periodic nonlinearity may be. Their best estimates are one, one and zero, for a record is
+corrected by what is known of it before it is fitted.
 """
 
 import dataclasses
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +26,15 @@ from .quantity import UNITS, quantity
 
 type Number = float | Measured | str | Mapping[str, Any]
 RESTORING = ("linear", "cubic", "pendulum")
-_POSITIVE = ("mass", "stiffness", "frequency")
+_POSITIVE = ("mass", "stiffness", "frequency", "nonlinearity_period")
+# Half the wavelength of a helium-neon laser, 633 nm: one fringe of a single-pass interferometer [m].
+_FRINGE = 316.5e-9
+_CORRECTED = {
+    "displacement_scale": (1.0, "multiply the displacements of the record by it, and give its standard uncertainty"),
+    "time_scale": (1.0, "multiply the times of the record by it, and give its standard uncertainty"),
+    "periodic_nonlinearity": (0.0, "give its standard uncertainty alone, for an amplitude A of any phase A/sqrt(2)"),
+}
+"""Inputs of the reading: the value that each must have, and what to do with another."""
 _ALTERNATIVES = {
     "stiffness": "frequency",
     "frequency": "stiffness",
@@ -45,6 +57,12 @@ class Rig:
         restoring: form of the restoring force.
         k3: cubic coefficient of a cubic spring [N/m^3], else None.
         drag: quadratic drag coefficient [N s^2/m^2].
+        displacement_scale: true over displayed displacement [1], one: its standard uncertainty is that of wavelength,
+            refractive index, cosine and Abbe error together, in proportion to the displacement. None: exact.
+        time_scale: true over stated time [1], one: with the standard uncertainty of the clock. None: exact.
+        periodic_nonlinearity: error of the reading that is a sine of the displacement [m], zero: its standard
+            uncertainty is that of the reading, A/sqrt(2) for an amplitude A of unknown phase. None: exact.
+        nonlinearity_period: displacement over which it repeats [m], or None without one.
     """
 
     mass: Measured
@@ -56,6 +74,10 @@ class Rig:
     restoring: AbstractRestoring
     k3: Measured | None
     drag: Measured
+    displacement_scale: Measured | None
+    time_scale: Measured | None
+    periodic_nonlinearity: Measured | None
+    nonlinearity_period: Measured | None
 
     def __init__(
         self,
@@ -69,12 +91,18 @@ class Rig:
         restoring: str | AbstractRestoring = "linear",
         k3: Number | None = None,
         drag: Number = 0.0,
+        displacement_scale: Number | None = None,
+        time_scale: Number | None = None,
+        periodic_nonlinearity: Number | None = None,
+        nonlinearity_period: Number | None = None,
     ) -> None:
         """Describe a rig.
 
         Each number is a float in SI units, a `Measured`, a text such as ``"410.7(3) g"``, or a mapping with `value`,
         `std` and `unit`. `restoring` is one of :mod:`fricjax.oscillator.restoring` or its name: linear, cubic (with
-        `k3`), pendulum.
+        `k3`), pendulum. The scales have the value one and the nonlinearity zero, for only their uncertainties act:
+        ``displacement_scale="1 +/- 2e-6"``, ``periodic_nonlinearity="0 +/- 2 nm"``. Where its period is not given, a
+        nonlinearity is that of a single-pass interferometer with a helium-neon laser, 316.5 nm.
 
         Raises:
             UsageError: a value that no rig has, a unit that does not fit, or two values for one thing.
@@ -88,9 +116,16 @@ class Rig:
             "damping_ratio": damping_ratio,
             "k3": restoring.k3 if isinstance(restoring, Cubic) and k3 is None else k3,
             "drag": drag,
+            "displacement_scale": displacement_scale,
+            "time_scale": time_scale,
+            "periodic_nonlinearity": periodic_nonlinearity,
+            "nonlinearity_period": nonlinearity_period,
         }
+        if periodic_nonlinearity is not None and nonlinearity_period is None and not _is_rotary(restoring):
+            numbers["nonlinearity_period"] = _FRINGE
         values = {name: None if number is None else quantity(name, number) for name, number in numbers.items()}
         _check(values)
+        _check_reading(values)
         for name, value in values.items():
             object.__setattr__(self, name, value)
         object.__setattr__(self, "restoring", _restoring(restoring, values["k3"]))
@@ -130,6 +165,18 @@ class Rig:
         """The values that carry an uncertainty, by name: what a combined standard uncertainty is propagated from."""
         return {name: value for name, value in self.numbers().items() if value.std > 0}
 
+    def shifted(self) -> Iterator[tuple["Rig", float]]:
+        """The rig with one input after the other larger by its standard uncertainty, for methods of displacements.
+
+        Beside each rig stands what the displacements are then to be multiplied by. Neither the clock nor a periodic
+        nonlinearity is among them: the latter scatters a displacement and shows as such.
+        """
+        for name, number in self.inputs().items():
+            if name == "displacement_scale":
+                yield self, number.value + number.std
+            elif name not in _CORRECTED:
+                yield self.with_inputs({name: number.value + number.std}), 1.0
+
     def numbers(self) -> dict[str, Measured]:
         """Every value that was given, by name."""
         return {name: value for name in UNITS if (value := getattr(self, name)) is not None}
@@ -161,6 +208,8 @@ class Rig:
         displaced = {_ALTERNATIVES[name]: None for name in values if name in _ALTERNATIVES}
         if values.get("restoring", "cubic") != "cubic":
             displaced["k3"] = None
+        if values.get("periodic_nonlinearity", 0.0) is None:
+            displaced["nonlinearity_period"] = None
         return dataclasses.replace(self, **{**displaced, **values})
 
     def summary(self) -> str:
@@ -197,6 +246,22 @@ def _check(values: Mapping[str, Measured | None]) -> None:
         raise UsageError(f"A rig needs its stiffness [N/m] or its natural frequency [Hz]: give one of them, got {got}.")
     if values["damping"] is not None and values["damping_ratio"] is not None:
         raise UsageError("A rig has a damping [N s/m] or a damping_ratio [1]: give one of them, got both.")
+
+
+def _check_reading(values: Mapping[str, Measured | None]) -> None:
+    """One sentence for each way in which numbers do not tell what a reading may err by."""
+    for name, (value, remedy) in _CORRECTED.items():
+        number = values[name]
+        if number is not None and _known(number) and number.value != value:
+            raise UsageError(f"{name} must be {value:g}, got {number.value:.10g}: {remedy}.")
+    if values["nonlinearity_period"] is not None and values["periodic_nonlinearity"] is None:
+        raise UsageError("nonlinearity_period belongs to a periodic_nonlinearity: give both, or leave it out.")
+    if values["periodic_nonlinearity"] is not None and values["nonlinearity_period"] is None:
+        raise UsageError("The periodic_nonlinearity of a rotary rig needs its period: give nonlinearity_period [rad].")
+
+
+def _is_rotary(given: str | AbstractRestoring) -> bool:
+    return given == "pendulum" or isinstance(given, Pendulum)
 
 
 def _restoring(given: str | AbstractRestoring, k3: Measured | None) -> AbstractRestoring:

@@ -15,7 +15,9 @@ def table(rig: "Rig") -> Table:
     rotary = type(rig.restoring).__name__ == "Pendulum"
     rows = []
     for name, number in rig.numbers().items():
-        relative = f"{100 * number.relative:.2g} %" if number.std > 0 else "exact"
+        # Of a value of zero no part is uncertain.
+        spread = f"{100 * number.relative:.2g} %" if number.value else ""
+        relative = spread if number.std > 0 else "exact"
         value = uncertain(number.value, number.std) if number.std > 0 else f"{number.value:.10g}"
         rows.append((name, value, UNITS[name][int(rotary)], relative))
     title = f"Rig with {type(rig.restoring).__name__.lower()} restoring force"

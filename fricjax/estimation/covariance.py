@@ -22,6 +22,7 @@ class Covariance(NamedTuple):
     Attributes:
         statistical: from the scatter of the samples.
         combined: with the uncertainty of the rig's inputs.
+        contributions: change of each parameter for one standard uncertainty of each input, shape (p, inputs).
         undetermined: parameters along a direction that the record does not determine, shape (p,).
         at_bound: parameters held at a bound, shape (p,).
         full_rank: whether every movable direction is determined.
@@ -29,6 +30,7 @@ class Covariance(NamedTuple):
 
     statistical: np.ndarray
     combined: np.ndarray
+    contributions: np.ndarray
     undetermined: np.ndarray
     at_bound: np.ndarray
     full_rank: bool
@@ -47,13 +49,15 @@ def covariance(shape: Quadratic, slope: np.ndarray, normal: np.ndarray, variance
     # Where a fit has gone astray its matrices may be larger than numbers can be.
     with np.errstate(over="ignore", invalid="ignore"):
         statistical = variance * slope[:, None] * shape.inverse * slope
-        moved = slope[:, None] * (shape.inverse @ normal[:p, p:])
-        combined = statistical + moved @ moved.T
+        contributions = -slope[:, None] * (shape.inverse @ normal[:p, p:])
+        combined = statistical + contributions @ contributions.T
     lost = shape.undetermined | shape.at_bound
     for matrix in (statistical, combined):
         matrix[lost, :] = matrix[:, lost] = 0.0
         matrix[lost, lost] = np.inf
-    return Covariance(statistical, combined, shape.undetermined, shape.at_bound, not shape.undetermined.any())
+    return Covariance(
+        statistical, combined, contributions, shape.undetermined, shape.at_bound, not shape.undetermined.any()
+    )
 
 
 def correlation(matrix: np.ndarray) -> np.ndarray:

@@ -1,7 +1,7 @@
 """From the solved problem to the fit that the caller gets: values, uncertainties and what they are worth."""
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import equinox as eqx
@@ -20,7 +20,7 @@ from .remarks import warnings_of
 from .residual import Run
 from .rest import CONTRADICTED, Bracket, bracket_static, excess_at_reversals, rest_margin
 from .result import Fit, named
-from .settled import kinematics
+from .settled import Estimate, contributions, kinematics
 from .solve import Solved
 from .verdict import CONVERGED, flags_of, misfit_of, status_of
 from .whiteness import Whiteness, whiteness
@@ -55,6 +55,7 @@ def assemble(counted: Counted, sigma_mode: str) -> Fit:
     factor = np.sqrt(counted.scatter) if sigma_mode == "estimate" else 1.0
     misfit = misfit_of(problem, solved, counted.noises, sigma_mode != "absolute")
     status = status_of(problem, solved, found, misfit)
+    parts = contributions(problem.names, solved.settled, found)
     told = warnings_of(problem, values, std_errors, misfit, margins, excesses, bracket, solved.numerical_shift)
     return Fit(
         names=problem.names,
@@ -70,7 +71,8 @@ def assemble(counted: Counted, sigma_mode: str) -> Fit:
         converged=status == CONVERGED,
         status=status,
         warnings=told,
-        kinematics=kinematics(solved.settled, found.statistical),
+        kinematics=_kinematics(solved, found, parts),
+        contributions={name: named(problem.inputs, each) for name, each in parts.items()},
         chi2=solved.chi2 / factor**2,
         dof=problem.dof,
         residuals=residuals,
@@ -86,6 +88,14 @@ def assemble(counted: Counted, sigma_mode: str) -> Fit:
         **_of_the_runs(problem),
         engine_used=problem.residual.engine,
     )
+
+
+def _kinematics(solved: Solved, found: Covariance, parts: Mapping[str, np.ndarray]) -> dict[str, Estimate]:
+    """The kinematics with what the inputs of a rig contribute to their uncertainties."""
+    told = kinematics(solved.settled, found)
+    return {
+        name: each._replace(std=float(np.hypot(each.std, np.linalg.norm(parts[name])))) for name, each in told.items()
+    }
 
 
 def _noise(problem: Problem, factor: float, sigma_mode: str) -> dict[str, Any]:

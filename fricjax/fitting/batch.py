@@ -24,7 +24,7 @@ from .problem import Problem, pose
 from .remarks import remarks_on
 from .rest import far_off, solve_with_rest
 from .result import named
-from .settled import UNITS, Estimate, kinematics
+from .settled import UNITS, Estimate, contributions, kinematics
 from .solve import Solved, judged
 from .verdict import CONVERGED, Misfit, flags_of, misfit_of, status_of, worst
 from .window import NEVER
@@ -51,7 +51,13 @@ class _Row(NamedTuple):
     def kinematics(self) -> dict[str, Estimate]:
         if self.solved is None or self.found is None:
             return {}
-        return kinematics(self.solved.settled, self.found.statistical)
+        return kinematics(self.solved.settled, self.found)
+
+    @property
+    def contributions(self) -> dict[str, np.ndarray]:
+        if self.problem is None or self.found is None or self.solved is None:
+            return {}
+        return contributions(self.problem.names, self.solved.settled, self.found)
 
     @property
     def half_cycles(self) -> int:
@@ -76,6 +82,7 @@ def fit_batch(
     bounds: Mapping[str, tuple[float | None, float | None]] | None = None,
     priors: Mapping[str, Any] | None = None,
     tie: Mapping[str, Any] | None = None,
+    rig: Any = None,
     guess: Mapping[str, Any] | None = None,
     loss: str | AbstractLoss = "squares",
     progress: bool = False,
@@ -95,6 +102,7 @@ def fit_batch(
         bounds: lower and upper bound by name.
         priors: mean and standard deviation by name.
         tie: leaves that follow a free parameter.
+        rig: a `Rig` whose uncertain inputs, the same for all runs, enter the combined standard errors to first order.
         guess: start values by name, one number for all runs or an array of shape (runs,).
         loss: loss of the residuals, as in :func:`fit`.
         progress: show a progress bar on stderr.
@@ -110,7 +118,7 @@ def fit_batch(
     if not len(data):
         raise UsageError("There is no run to fit: the list is empty.")
     settings = {"nuisance": nuisance, "engine": engine, "start": start, "bounds": bounds, "priors": priors}
-    common = Request.of(oscillator, free, tie=tie, rig=None, guess=None, loss=loss, **settings)
+    common = Request.of(oscillator, free, tie=tie, rig=rig, guess=None, loss=loss, **settings)
     guesses = _per_run(guess or {}, len(data))
     order = sorted(range(len(data)), key=lambda i: _length(data[i]))
     blocks = [order[first : first + WIDTH] for first in range(0, len(order), WIDTH)]
@@ -221,7 +229,7 @@ def _collected(rows: Sequence[_Row]) -> BatchFit:
     covariances = _column(rows, lambda row: row.found.statistical, (len(names), len(names)))
     values = _column(rows, _values, (len(names),))
     deviations = np.sqrt(np.diagonal(covariances, axis1=1, axis2=2))
-    told = [row.kinematics for row in rows]
+    told, parts = [row.kinematics for row in rows], [row.contributions for row in rows]
     return BatchFit(
         names=names,
         values=dict(zip(names, values.T, strict=True)),
@@ -235,6 +243,13 @@ def _collected(rows: Sequence[_Row]) -> BatchFit:
         warnings=tuple(row.warnings for row in rows),
         kinematics={name: np.array([t[name].value if t else np.nan for t in told]) for name in UNITS},
         kinematics_std={name: np.array([t[name].std if t else np.nan for t in told]) for name in UNITS},
+        contributions={
+            name: {
+                source: np.array([p[name][i] if p else np.nan for p in parts])
+                for i, source in enumerate(problem.inputs)
+            }
+            for name in (*names, *UNITS)
+        },
         chi2=_column(rows, lambda row: row.solved.chi2),
         dof=_column(rows, lambda row: row.problem.dof),
         residual_rms=_column(rows, _rms),

@@ -26,7 +26,10 @@ class BatchFit:
         flags: for each run, by name, sentences such as "at bound".
         warnings: for each run what a reader of its numbers must know, in sentences.
         kinematics, kinematics_std: natural frequency, damping ratio, dead band and losses per unit mass, which need no
-            rig, and their standard errors; by name, shape (runs,).
+            rig, and their standard errors by the noise of each run; by name, shape (runs,).
+        contributions: of values and kinematics by name: how much one standard uncertainty of each input of the rig
+            changes that of each run, by name of the input, shape (runs,). What one input changes it changes in all runs
+            at once.
         chi2, dof: sum of squared weighted residuals and degrees of freedom, shape (runs,).
         residual_rms, sigma: root mean square of the residuals and median noise used, in the unit of the records.
         noises: the noise of each run as its residuals show it, None where it was rejected.
@@ -48,6 +51,7 @@ class BatchFit:
     warnings: tuple[tuple[str, ...], ...]
     kinematics: dict[str, np.ndarray]
     kinematics_std: dict[str, np.ndarray]
+    contributions: dict[str, dict[str, np.ndarray]]
     chi2: np.ndarray
     dof: np.ndarray
     residual_rms: np.ndarray
@@ -68,6 +72,15 @@ class BatchFit:
         return np.array([optimum_found(status) for status in self.status])
 
     @property
+    def combined_std_errors(self) -> dict[str, np.ndarray]:
+        """Standard errors of values and kinematics with the uncertainties of the rig's inputs; by name, shape (runs,).
+
+        Those of different runs are correlated, for the rig is the same.
+        """
+        noise = {**self.std_errors, **self.kinematics_std}
+        return {name: np.linalg.norm([std, *self.contributions[name].values()], axis=0) for name, std in noise.items()}
+
+    @property
     def chi2_reduced(self) -> np.ndarray:
         """Sum of squared weighted residuals per degree of freedom, shape (runs,)."""
         return self.chi2 / self.dof
@@ -75,7 +88,9 @@ class BatchFit:
     def population(self, name: str, *, only_converged: bool = True) -> Population:
         """Mean of a coefficient over the runs and its scatter from run to run, ``mu_i ~ N(mu, s^2)``.
 
-        Runs that cannot belong to the others, as those read in a wrong unit, are set aside and named.
+        Runs that cannot belong to the others, as those read in a wrong unit, are set aside and named. What is uncertain
+        in the rig, common to all runs, is no scatter and no mean takes it away: it enters the combined standard error
+        of the mean alone.
 
         Args:
             name: a free parameter, or one of the kinematics.
@@ -93,21 +108,23 @@ class BatchFit:
         errors = {**self.kinematics_std, **self.std_errors}[name]
         counted = self.converged if only_converged else self.optimum_found
         try:
-            return population(np.where(counted, known[name], np.nan), errors)
+            return population(np.where(counted, known[name], np.nan), errors, list(self.contributions[name].values()))
         except DataError as error:
             more = int(np.sum(self.optimum_found & ~counted))
             hint = f" {more} have not converged though an optimum was found: only_converged=False counts them."
             raise DataError(f"{error}{hint if more else ''}") from error
 
     def to_dataframe(self) -> Any:
-        """One row per run: values, their standard errors as `<name>_std`, and what tells how good they are."""
+        """One row per run: values, their standard errors, and what tells how good they are.
+
+        The standard errors are `<name>_std` and, with the uncertainties of the rig's inputs, `<name>_combined_std`.
+        """
         import pandas as pd
 
         columns: dict[str, Any] = {}
-        for name in self.names:
-            columns |= {name: self.values[name], f"{name}_std": self.std_errors[name]}
-        for name, values in self.kinematics.items():
-            columns |= {name: values, f"{name}_std": self.kinematics_std[name]}
+        noise, combined = {**self.std_errors, **self.kinematics_std}, self.combined_std_errors
+        for name, values in {**self.values, **self.kinematics}.items():
+            columns |= {name: values, f"{name}_std": noise[name], f"{name}_combined_std": combined[name]}
         for name in _JUDGEMENT:
             columns[name] = getattr(self, name)
         columns["noise"] = [noise and "; ".join(noise.words("")) for noise in self.noises]

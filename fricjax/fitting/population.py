@@ -13,6 +13,7 @@ left that they do. A run is an outlier where its distance from the mean of the o
 distance, is beyond Student's t at a level of one in a thousand for all runs together (Bonferroni).
 """
 
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -35,6 +36,7 @@ class Population(NamedTuple):
 
     Attributes:
         mean: of the runs; `std`: its standard error, and `interval`: its 95 % interval by Student's t.
+        combined_std: standard error of the mean with what the inputs of a rig contribute to all runs in common.
         scatter: standard deviation from run to run; `scatter_interval`: its 95 % interval.
         runs: number of runs that it rests on.
         outliers: numbers of the runs that were set aside, for they cannot belong to the others.
@@ -47,12 +49,13 @@ class Population(NamedTuple):
     scatter: float
     scatter_interval: tuple[float, float]
     runs: int
+    combined_std: float
     outliers: tuple[int, ...] = ()
     left_out: tuple[int, ...] = ()
 
     def __str__(self) -> str:
         text = (
-            f"{uncertain(self.mean, self.std, '')} over {self.runs} runs, scatter from run to run "
+            f"{uncertain(self.mean, self.combined_std, '')} over {self.runs} runs, scatter from run to run "
             f"{self.scatter:.2g} in {interval(*self.scatter_interval)}"
         )
         for what, numbers in (("outliers set aside", self.outliers), ("not valid", self.left_out)):
@@ -64,12 +67,14 @@ def _runs(numbers: tuple[int, ...]) -> str:
     return f"run{'s' if len(numbers) > 1 else ''} {', '.join(map(str, numbers))}"
 
 
-def population(values: np.ndarray, std_errors: np.ndarray) -> Population:
+def population(values: np.ndarray, std_errors: np.ndarray, contributions: Sequence[np.ndarray] = ()) -> Population:
     """Mean and scatter of a coefficient from those of single runs; runs that are not finite are left out.
 
     Args:
         values: coefficient of each run, shape (runs,).
         std_errors: its standard error by the noise of the run alone, shape (runs,).
+        contributions: how much each input of a rig that is common to all runs changes it in each of them, by one
+            standard uncertainty of the input, each of shape (runs,).
 
     Raises:
         DataError: fewer than three runs with a finite value and a finite standard error.
@@ -80,17 +85,20 @@ def population(values: np.ndarray, std_errors: np.ndarray) -> Population:
         raise DataError(f"A scatter from run to run needs at least three fitted runs, got {z.size}.")
     belongs = _belonging(z, u)
     numbers = np.flatnonzero(used)
-    return _of(z[belongs], u[belongs])._replace(
+    common = np.reshape(contributions, (-1, used.size))[:, numbers[belongs]]
+    return _of(z[belongs], u[belongs], common)._replace(
         outliers=tuple(map(int, numbers[~belongs])), left_out=tuple(map(int, np.flatnonzero(~used)))
     )
 
 
-def _of(z: np.ndarray, u: np.ndarray) -> Population:
-    """The population of runs that belong together."""
+def _of(z: np.ndarray, u: np.ndarray, common: np.ndarray) -> Population:
+    """The population of runs that belong together; `common` changes them by so much, shape (inputs, runs)."""
     scatter = _most_likely(z, u)
     mean, std = _centre(z, u, scatter)
     reach = _quantile((1 + _LEVEL) / 2, z.size - 1) * std
-    return Population(mean, std, (mean - reach, mean + reach), scatter, _interval(z, u), int(z.size))
+    weights = _mean(z, u, scatter)[1]
+    combined = float(np.linalg.norm([std, *(common @ weights / weights.sum())]))
+    return Population(mean, std, (mean - reach, mean + reach), scatter, _interval(z, u), int(z.size), combined)
 
 
 def _centre(z: np.ndarray, u: np.ndarray, scatter: float) -> tuple[float, float]:

@@ -14,7 +14,7 @@ from ..estimation.space import LINEAR, Parameter, ParameterSpace
 from ..oscillator.leaves import leaves_of
 from .climb import Limits, Terrain
 from .parameters import Request, free_parameters, parse_priors, parse_ties, shared_leaves
-from .residual import Residual
+from .residual import Residual, without_inputs
 from .rig_inputs import rig_inputs
 from .runs import condensed_run, of_one_length, terrain_of, whole_run
 from .tuning import can_stop, engine_for
@@ -31,7 +31,7 @@ class Problem:
         terrain: for each run what its windows need to know, at the condensed samples.
         limits: bounds in coordinates.
         loss: loss of the residuals.
-        parameters: the free parameters in order.
+        parameters: the free parameters in order; `inputs`: names of the uncertain inputs of the rig.
         windows: the fitted part of each record.
         bracketed: name of a static coefficient that the user freed and that is bracketed instead of fitted.
     """
@@ -42,6 +42,7 @@ class Problem:
     limits: Limits
     loss: AbstractLoss
     parameters: tuple[Parameter, ...]
+    inputs: tuple[str, ...]
     windows: tuple[Window, ...]
     bracketed: str | None
 
@@ -107,7 +108,7 @@ def posed_on(windows: tuple[Window, ...], request: Request) -> Problem:
     space = ParameterSpace.build(
         parameters, [leaf.index for leaf in shared], ties, [window.nuisances for window in windows]
     )
-    residual = _residual(request, space, windows, parameters)
+    residual, inputs = _residual(request, space, windows, parameters)
     condensed = _condensed(residual, windows)
     return Problem(
         residual=residual,
@@ -116,6 +117,7 @@ def posed_on(windows: tuple[Window, ...], request: Request) -> Problem:
         limits=_limits(space, parameters),
         loss=request.loss,
         parameters=parameters,
+        inputs=inputs,
         windows=windows,
         bracketed=bracketed,
     )
@@ -155,20 +157,21 @@ def _residual(
     space: ParameterSpace,
     windows: Sequence[Window],
     parameters: Sequence[Parameter],
-) -> Residual:
+) -> tuple[Residual, tuple[str, ...]]:
+    """The residual of all samples, and the names of the inputs of the rig in it."""
     engine = engine_for(request, windows)
     mean, weight = parse_priors(request.priors, [parameter.name for parameter in parameters], windows)
     oscillator = jax.tree.map(lambda leaf: np.asarray(leaf, float), request.oscillator)
     runs = of_one_length(tuple(whole_run(window, can_stop(request)) for window in windows))
-    inputs = rig_inputs(request.rig, oscillator, {*space.leaves, *(tie.leaf for tie in space.ties)})
-    return Residual(oscillator, space, engine, runs, np.asarray(mean), np.asarray(weight), inputs)
+    names, *inputs = rig_inputs(request.rig, oscillator, {*space.leaves, *(tie.leaf for tie in space.ties)})
+    return Residual(oscillator, space, engine, runs, np.asarray(mean), np.asarray(weight), *inputs), names
 
 
 def _condensed(residual: Residual, windows: Sequence[Window]) -> Residual:
     """The residual of the condensed records, without the inputs of the rig."""
     pairs = zip(windows, residual.runs, strict=True)
     runs = of_one_length(tuple(condensed_run(*pair, residual.oscillator) for pair in pairs))
-    return dataclasses.replace(residual, runs=runs, inputs=residual.inputs[:0])
+    return dataclasses.replace(without_inputs(residual), runs=runs)
 
 
 def _limits(space: ParameterSpace, parameters: Sequence[Parameter]) -> Limits:

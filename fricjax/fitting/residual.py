@@ -15,6 +15,10 @@ from ..oscillator import Motion, Oscillator, starting_state
 from ..oscillator.engines import AbstractEngine, AbstractPath
 from ..oscillator.motion import Start
 
+ERRORS = ("displacement_scale", "time_scale", "periodic_nonlinearity_cosine", "periodic_nonlinearity_sine")
+"""What a reading may err by: true over displayed displacement and true over stated time, each less one, and the
+amplitudes of an error that is periodic in the displacement [m]. A fit takes them for zero."""
+
 
 class Run(eqx.Module):
     """One record as the residual sees it, in numpy arrays until it is traced; times count from the run's own origin.
@@ -38,16 +42,30 @@ class Run(eqx.Module):
 
 
 class Course(eqx.Module):
-    """The motion of one run as its instrument sees it: a path that starts at `t_release`, with offset and drift."""
+    """The motion of one run as its instrument sees it: a path that starts at `t_release`, with offset and drift.
+
+    Attributes:
+        errors: what the reading errs by, as in `ERRORS`, and `period` of the periodic error [m]; None where nothing is
+            asked of them.
+    """
 
     path: AbstractPath
     t_release: Float[Array, ""]
     offset: Float[Array, ""]
     drift: Float[Array, ""]
+    errors: Float[Array, " errors"] | None = None
+    period: Any = None
 
     def read(self, t: Float[Array, " samples"]) -> Float[Array, " samples"]:
         """Reading at times `t` of the run [m]."""
-        return self.path.sample(t - self.t_release)[0] + self.offset + self.drift * t
+        x, v = self.path.sample(t - self.t_release)
+        reading = x + self.offset + self.drift * t
+        if self.errors is None:
+            return reading
+        phase = 2 * jnp.pi * reading / self.period
+        # The errors are small, so that nothing is asked of how they depend on the motion in turn.
+        by_error = jnp.stack([-reading, (v + self.drift) * t, jnp.cos(phase), jnp.sin(phase)])
+        return reading + self.errors @ jax.lax.stop_gradient(by_error)
 
 
 class Residual(eqx.Module):
@@ -64,7 +82,9 @@ class Residual(eqx.Module):
         runs: the records.
         prior_mean, prior_weight: mean and one over the standard deviation of each parameter's prior, weight zero for
             none.
-        inputs: change of each leaf of the machine for one standard uncertainty of each input.
+        inputs: change of each leaf of the machine for one standard uncertainty of each input, and behind the leaves,
+            where `period` is not None, of each of the `ERRORS` of the reading.
+        period: displacement over which the periodic error of the reading repeats [m].
     """
 
     oscillator: Oscillator
@@ -73,7 +93,8 @@ class Residual(eqx.Module):
     runs: tuple[Run, ...]
     prior_mean: Float[Array | np.ndarray, " p"]
     prior_weight: Float[Array | np.ndarray, " p"]
-    inputs: Float[Array | np.ndarray, "inputs leaves"]
+    inputs: Float[Array | np.ndarray, "inputs changes"]
+    period: Any = None
 
     @property
     def n_parameters(self) -> int:
@@ -128,7 +149,10 @@ class Residual(eqx.Module):
         """Computed motion of the run of a number."""
         machine, at = self.machine(y), self.own_of(self.values(y), number, record)
         path = (record.engine or self.engine).path(machine, start_of(machine, at), record.half_cycles)
-        return Course(path, at["t_release"], at["offset"], at["drift"])
+        own = path, at["t_release"], at["offset"], at["drift"]
+        if self.period is None:
+            return Course(*own)
+        return Course(*own, y[self.n_parameters :] @ self.inputs[:, -len(ERRORS) :], self.period)
 
 
 def _are_alike(rows: Sequence[Any]) -> bool:
@@ -149,7 +173,8 @@ def start_of(machine: Oscillator, at: Mapping[str, Any]) -> Start:
 
 def without_inputs(residual: Residual) -> Residual:
     """The residual as a function of the coordinates of the free parameters alone."""
-    return dataclasses.replace(residual, inputs=residual.inputs[:0])
+    leaves = len(jax.tree.leaves(residual.oscillator))
+    return dataclasses.replace(residual, inputs=residual.inputs[:0, :leaves], period=None)
 
 
 @eqx.filter_jit

@@ -49,7 +49,10 @@ class Fit:
         status: the outcome in words, its name before the colon: "converged", "does not describe the record", "at a
             bound", "undetermined", "out of steps", "stalled" or "not finite".
         warnings: what a reader of the numbers must know, in sentences.
-        kinematics: natural frequency, damping ratio, dead band and losses per unit mass, which need no rig.
+        kinematics: natural frequency, damping ratio, dead band and losses per unit mass, which need no rig; where one
+            is given, with the uncertainties of its inputs.
+        contributions: by name, of parameters and kinematics: how much one standard uncertainty of each input of the rig
+            changes the value. A periodic nonlinearity has two, as a cosine and as a sine of the reading.
         chi2, dof, chi2_reduced: sum of squared weighted residuals, degrees of freedom, and their ratio.
         residuals: measured minus model in the unit of the record, NaN where not fitted; a tuple of arrays in a joint
             fit.
@@ -86,6 +89,7 @@ class Fit:
     status: str
     warnings: tuple[str, ...]
     kinematics: dict[str, Estimate]
+    contributions: dict[str, dict[str, float]]
     chi2: float
     dof: int
     residuals: Any

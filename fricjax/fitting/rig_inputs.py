@@ -1,6 +1,6 @@
-"""What the uncertain inputs of a rig change in the machine."""
+"""What the uncertain inputs of a rig change in the machine and in the reading of its instrument."""
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -10,10 +10,33 @@ from jaxtyping import Array, Float
 from ..data.errors import UsageError
 from ..oscillator import Oscillator
 from ..oscillator.leaves import leaves_of
+from .residual import ERRORS
+
+# The errors of a reading that an input of the rig stands for; of a periodic one the phase is not known.
+_OF_READING = {
+    "displacement_scale": ("displacement_scale",),
+    "time_scale": ("time_scale",),
+    "periodic_nonlinearity": ("periodic_nonlinearity_cosine", "periodic_nonlinearity_sine"),
+}
 
 
-def rig_inputs(rig: Any, oscillator: Oscillator, free: set[int]) -> Float[np.ndarray, "inputs leaves"]:
-    """Change of each leaf of the machine for one standard uncertainty of each uncertain input of the rig.
+class RigInputs(NamedTuple):
+    """The uncertain inputs of a rig.
+
+    Attributes:
+        names: of the inputs; a periodic nonlinearity is two, for its phase is not known.
+        changes: change of each leaf of the machine for one standard uncertainty of each input; behind the leaves, where
+            `period` is not None, of each error of the reading.
+        period: of a periodic error [m], inf without one; None where the reading has no uncertain errors at all.
+    """
+
+    names: tuple[str, ...]
+    changes: Float[np.ndarray, "inputs changes"]
+    period: Any
+
+
+def rig_inputs(rig: Any, oscillator: Oscillator, free: set[int]) -> RigInputs:
+    """The uncertain inputs of a rig.
 
     Args:
         rig: the rig, or None for none.
@@ -23,26 +46,40 @@ def rig_inputs(rig: Any, oscillator: Oscillator, free: set[int]) -> Float[np.nda
     Raises:
         UsageError: a rig that describes another machine.
     """
-    changes = [np.zeros((0, len(jax.tree.leaves(oscillator))))]
+    leaves = len(jax.tree.leaves(oscillator))
     if rig is None:
-        return changes[0]
-    for name, measured in rig.inputs().items():
-
-        def machine(b: Array, name: str = name) -> Oscillator:
-            return rig.with_inputs({name: b}).oscillator(oscillator.friction)
-
-        at, by = jnp.asarray(float(measured.value)), jnp.asarray(float(measured.std))
-        made, change = jax.jvp(machine, (at,), (by,))
-        if jax.tree.structure(change) != jax.tree.structure(oscillator):
-            raise UsageError(
-                "The rig describes another machine than the oscillator. Build it with rig.oscillator(friction)."
-            )
-        changes.append(np.stack([np.asarray(leaf) for leaf in jax.tree.leaves(change)])[None])
-        _check_same(name, made, oscillator, free)
-    return np.concatenate(changes)
+        return RigInputs((), np.zeros((0, leaves)), None)
+    given, changes = rig.inputs(), {}
+    for name, measured in given.items():
+        if name not in _OF_READING:
+            changes[name] = np.append(_of_machine(rig, name, oscillator, free), np.zeros(len(ERRORS)))
+        for error in _OF_READING.get(name, ()):
+            changes[error] = np.append(np.zeros(leaves), [measured.std * (error == other) for other in ERRORS])
+    rows = np.array(list(changes.values())).reshape(-1, leaves + len(ERRORS))
+    if not given.keys() & _OF_READING.keys():
+        return RigInputs(tuple(changes), rows[:, :leaves], None)
+    period = rig.nonlinearity_period
+    return RigInputs(tuple(changes), rows, np.asarray(np.inf if period is None else period.value))
 
 
-def _check_same(name: str, made: Oscillator, oscillator: Oscillator, free: set[int]) -> None:
+def _of_machine(rig: Any, name: str, oscillator: Oscillator, free: set[int]) -> Float[np.ndarray, " leaves"]:
+    """Change of each leaf of the machine for one standard uncertainty of an input."""
+    measured = rig.inputs()[name]
+
+    def machine(b: Array) -> Oscillator:
+        return rig.with_inputs({name: b}).oscillator(oscillator.friction)
+
+    at, by = jnp.asarray(float(measured.value)), jnp.asarray(float(measured.std))
+    made, change = jax.jvp(machine, (at,), (by,))
+    if jax.tree.structure(change) != jax.tree.structure(oscillator):
+        raise UsageError(
+            "The rig describes another machine than the oscillator. Build it with rig.oscillator(friction)."
+        )
+    _check_same(made, oscillator, free)
+    return np.stack([np.asarray(leaf) for leaf in jax.tree.leaves(change)])
+
+
+def _check_same(made: Oscillator, oscillator: Oscillator, free: set[int]) -> None:
     """Refuse a rig whose numbers are not those of the oscillator, where these are not fitted."""
     for leaf, ours, theirs in zip(leaves_of(oscillator), *map(jax.tree.leaves, (oscillator, made)), strict=True):
         if leaf.index not in free and not np.isclose(float(ours), float(theirs), rtol=1e-9, atol=0):

@@ -3,6 +3,7 @@
 The latter are quantities in which the common scale of mass, stiffness and load drops out.
 """
 
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import jax
@@ -10,6 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from ..estimation.covariance import Covariance
 from ..oscillator import Oscillator
 from .residual import Residual
 
@@ -21,15 +23,20 @@ class Settled(NamedTuple):
         values: values of the parameters in their own units, shape (p,); `slope`: derivative of each with respect to
             its coordinate.
         machine: the oscillator.
-        kinematics: the quantities of `UNITS` in order, shape (q,); `by_value`: their derivatives with respect to the
-            values, shape (q, p).
+        kinematics: the quantities of `UNITS` in order, shape (q,); `by_coordinate`: their derivatives with respect to
+            the coordinates, those of the inputs of the rig included, shape (q, coordinates).
     """
 
     values: Any
     slope: Any
     machine: Oscillator
     kinematics: Any
-    by_value: Any
+    by_coordinate: Any
+
+    @property
+    def by_value(self) -> np.ndarray:
+        """Derivatives of the kinematics with respect to the values, shape (q, p)."""
+        return np.asarray(self.by_coordinate)[:, : len(self.slope)] / np.asarray(self.slope)
 
 
 class Estimate(NamedTuple):
@@ -53,9 +60,9 @@ def settle(residual: Residual, y: Float[Array, " coordinates"]) -> Settled:
     """What coordinates `y` stand for; traced."""
     p = residual.n_parameters
     slope = residual.space.slope(y[:p])
-    by_coordinate = jax.jacfwd(lambda at: _quantities(residual.machine(at)))(y)[:, :p]
+    by_coordinate = jax.jacfwd(lambda at: _quantities(residual.machine(at)))(y)
     machine = residual.machine(y)
-    return Settled(residual.values(y), slope, machine, _quantities(machine), by_coordinate / slope)
+    return Settled(residual.values(y), slope, machine, _quantities(machine), by_coordinate)
 
 
 def _quantities(oscillator: Oscillator) -> Float[Array, " quantities"]:
@@ -71,16 +78,31 @@ def _quantities(oscillator: Oscillator) -> Float[Array, " quantities"]:
     )
 
 
-def kinematics(settled: Settled, covariance: np.ndarray) -> dict[str, Estimate]:
+def kinematics(settled: Settled, found: Covariance) -> dict[str, Estimate]:
     """Undamped natural frequency, damping ratio, dead band mu N/k, and friction and drag per unit mass.
 
     Args:
         settled: the solved fit.
-        covariance: statistical covariance, shape (p, p), inf where undetermined.
+        found: covariances of its parameters, of which the statistical one counts.
     """
     estimates = {}
     for (name, unit), value, slope in zip(UNITS.items(), settled.kinematics, settled.by_value, strict=True):
         used = slope != 0
-        variance = slope[used] @ covariance[np.ix_(used, used)] @ slope[used]
+        variance = slope[used] @ found.statistical[np.ix_(used, used)] @ slope[used]
         estimates[name] = Estimate(float(value), float(np.sqrt(variance)), unit)
     return estimates
+
+
+def contributions(names: Sequence[str], settled: Settled, found: Covariance) -> dict[str, np.ndarray]:
+    """Change of each parameter and of each of the kinematics for one standard uncertainty of each input of the rig.
+
+    An input changes the kinematics where it is a coefficient of the machine, and as the parameters follow it.
+
+    Args:
+        names: of the parameters.
+        settled: the solved fit.
+        found: covariances of its parameters.
+    """
+    direct = np.asarray(settled.by_coordinate)[:, len(names) :]
+    followed = settled.by_value @ found.contributions
+    return dict(zip([*names, *UNITS], [*found.contributions, *(direct + followed)], strict=True))

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..show import Table, axis_label, display_unit, engineering, figure, interval, plain, uncertain
+from .names import NUISANCES
 from .rest import CONTRADICTED
 
 if TYPE_CHECKING:
@@ -68,6 +69,7 @@ def facts(fit: "Fit") -> list[tuple[str, str]]:
         ("model", f"{_law(fit)} friction, {restoring} restoring force, {fit.engine} engine"),
         ("samples", f"{used} fitted, {stages}, {fit.iterations} iterations, {fit.passes} passes"),
         ("noise", "; ".join(_noise(fit))),
+        *_budget(fit),
         *_accuracy(fit),
         *_stop(fit),
     ]
@@ -81,6 +83,27 @@ def _noise(fit: "Fit") -> Iterator[str]:
         if fit.sigma_mode == "absolute" and noise.excess > _NOTABLE:
             yield f"{where} is {noise.excess:.2g} times as large"
         yield from (f"{where} {word}" for word in noise.words(fit.quantity))
+
+
+def _budget(fit: "Fit") -> Iterator[tuple[str, str]]:
+    """What has the largest part in the combined uncertainty of each coefficient of the machine; nothing without a rig.
+
+    The two contributions of a periodic nonlinearity are one: its phase is not known.
+    """
+    told = []
+    for name in fit.names:
+        std = fit.std_errors[name]
+        if name.split("[")[0] in NUISANCES or not fit.contributions[name] or not np.isfinite(std):
+            continue
+        parts = {"the noise": std}
+        for source, change in fit.contributions[name].items():
+            source = source.removesuffix("_cosine").removesuffix("_sine")
+            parts[source] = float(np.hypot(parts.get(source, 0.0), change))
+        largest = max(parts, key=parts.__getitem__)
+        share = 100 * (parts[largest] / np.linalg.norm(list(parts.values()))) ** 2
+        told.append(f"of {name} {largest} ({share:.3g} %)")
+    if told:
+        yield "uncertainty", "largest part of the combined variance: " + ", ".join(told)
 
 
 def _accuracy(fit: "Fit") -> Iterator[tuple[str, str]]:

@@ -19,8 +19,8 @@ from ..calibrate import Measured, Rig
 from ..data import Record, Trace
 from ..oscillator import Oscillator, ready
 from ..show import Table, uncertain
-from .no_contact import contactless
-from .strokes import Decay, decay, each_of
+from .no_contact import with_losses
+from .strokes import Decay, decay, each_of, machine
 
 ROUNDS = 4  # the equilibrium enters linearly but for the restoring force's curvature and windage
 STEP = 1e-4  # of the largest swing, for the derivative with respect to the equilibrium
@@ -103,7 +103,8 @@ def half_cycle_friction(records: Any, rig: Rig, no_contact: Record | Trace | Non
         DataError: records with too few half-cycles, or sampled unevenly.
     """
     ready()
-    oscillator = contactless(rig, no_contact)
+    rig = with_losses(rig, no_contact)
+    oscillator = machine(rig)
     found, notes = each_of(records, decay)
     balances = [_balanced(each, oscillator) for each in found]
     pooled = _pooled(balances)
@@ -120,7 +121,7 @@ def half_cycle_friction(records: Any, rig: Rig, no_contact: Record | Trace | Non
         swing=swing,
         record=np.repeat(np.arange(len(found)), [each.force.size for each in balances]),
         mean=mean,
-        mu=_coefficient(found, rig, oscillator, mean),
+        mu=_coefficient(found, rig, mean),
         chi2_reduced=reduced,
         offsets=tuple(each.offset for each in balances),
         notes=notes,
@@ -200,12 +201,12 @@ def _pooled(balances: list[_Balance]) -> Measured:
     return Measured(float(weight @ values / weight.sum()), float(weight.sum() ** -0.5))
 
 
-def _coefficient(found: list[Decay], rig: Rig, oscillator: Oscillator, mean: Measured) -> Measured:
+def _coefficient(found: list[Decay], rig: Rig, mean: Measured) -> Measured:
     """Mean force over load; the calibrated inputs are moved by their standard uncertainties one after another."""
-    load = float(oscillator.normal_force)
+    load = float(rig.normal_force.value)
     value, variance = mean.value / load, (mean.std / load) ** 2
-    for name, given in rig.inputs().items():
-        moved = rig.with_inputs({name: given.value + given.std}).oscillator(oscillator.friction)
-        force = _pooled([_balanced(each, moved) for each in found]).value
-        variance += (force / float(moved.normal_force) - value) ** 2
+    for other, scale in rig.shifted():
+        stretched = (dataclasses.replace(d, points=scale * d.points, point_std=scale * d.point_std) for d in found)
+        force = _pooled([_balanced(each, machine(other)) for each in stretched]).value
+        variance += (force / float(other.normal_force.value) - value) ** 2
     return Measured(value, float(variance**0.5))

@@ -9,7 +9,12 @@ from .strokes import machine
 
 
 def contactless(rig: Rig, no_contact: Record | Trace | None = None) -> Oscillator:
-    """The rig without friction, with the losses that are not friction.
+    """The rig without friction, with the losses that are not friction; as :func:`with_losses` finds them."""
+    return machine(with_losses(rig, no_contact))
+
+
+def with_losses(rig: Rig, no_contact: Record | Trace | None = None) -> Rig:
+    """The rig with the losses that are not friction.
 
     Args:
         rig: mass, restoring force and load; without a `no_contact` run damping and drag as well.
@@ -22,8 +27,8 @@ def contactless(rig: Rig, no_contact: Record | Trace | None = None) -> Oscillato
     """
     oscillator = machine(rig, damping_known=no_contact is None)
     if no_contact is None:
-        return oscillator
+        return rig
     if not isinstance(no_contact, Record | Trace):
         raise UsageError(f"no_contact must be a record or a trace, got {type(no_contact).__name__}.")
     found = fit(no_contact, oscillator, ["damping", "drag", "stiffness"]).values
-    return rig.replace(damping=found["damping"], drag=found["drag"]).oscillator(oscillator.friction)
+    return rig.replace(damping=found["damping"], drag=found["drag"])

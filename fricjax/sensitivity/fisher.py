@@ -129,7 +129,7 @@ def engine_name(made: Plan) -> str:
 def _slopes(made: Plan) -> dict[str, tuple[float, str, dict[str, float]]]:
     """Quantities in which the common scale of mass, stiffness and load drops out, with their derivatives."""
     settled = eqx.filter_jit(settle)(made.residual, jnp.zeros(len(made.parameters)))
-    rows = zip(UNITS.items(), settled.kinematics, np.asarray(settled.by_value), strict=True)
+    rows = zip(UNITS.items(), settled.kinematics, settled.by_value, strict=True)
     return {
         name: (float(value), unit, dict(zip(made.names, map(float, slope), strict=True)))
         for (name, unit), value, slope in rows
