@@ -195,7 +195,9 @@ def _finished(problem: Problem, landed: Landed) -> _Finished:
     if doubtful:
         return _alone(problem)
     counted = counted_by_noise(problem, solved, True)
-    # Of a lane no samples are left; where the fit went on they were looked at again.
+    # Of a lane no samples are left; where the fit went on by a step they were looked at again.
+    if counted.went_on and not counted.solved.survey.residual.size:
+        return _alone(problem)
     lane = worst(problem, [float(landed.told.size)], [0.0], False)
     return _Finished(counted, _misfit(counted) if counted.went_on else lane)
 

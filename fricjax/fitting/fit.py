@@ -68,7 +68,8 @@ def fit(
             none), unless the residuals are clearly larger; "scale" takes it as relative weights and scales the standard
             errors by sqrt(chi^2 reduced); "estimate" ignores it and takes the noise from the scatter of the residuals.
             Noise that is not white counts in each mode as the residuals show it.
-        rig: a `Rig` whose uncertain inputs enter the combined standard errors to first order.
+        rig: a `Rig` whose uncertain inputs, of the machine and of its instrument, enter the combined standard errors to
+            first order. Release times stay those that the record states, whatever its clock.
         guess: start values by name, in place of those found in the record.
         loss: "squares", or "huber", "soft_l1" or "cauchy", which count outliers for less, or a loss of
             :mod:`fricjax.estimation.loss`; in units of the noise. The covariance is then that of the weighted samples.

@@ -104,6 +104,78 @@ def test_replace_exchanges_frequency_for_stiffness_and_keeps_the_rest():
     assert rig.replace(restoring=Cubic(3.0)).k3 == Measured(3.0)
 
 
+READING = {
+    "displacement_scale": Measured(1.0, 2e-6),
+    "time_scale": Measured(1.0, 1e-6),
+    "periodic_nonlinearity": Measured(0.0, 2e-9),
+}
+
+
+def test_errors_of_the_reading_are_inputs_that_leave_the_machine_alone():
+    rig, plain = uncertain_rig(**READING), uncertain_rig()
+    assert rig.nonlinearity_period == Measured(633e-9 / 2)
+    assert plain.nonlinearity_period is None
+    assert rig.inputs() == {**plain.inputs(), **READING}
+    assert jax.tree.leaves(rig.oscillator(LAW)) == jax.tree.leaves(plain.oscillator(LAW))
+    assert rig.replace(periodic_nonlinearity=None).numbers().keys() == {*plain.numbers(), *list(READING)[:2]}
+    assert uncertain_rig(**READING, nonlinearity_period="158.25 nm").nonlinearity_period.value == pytest.approx(
+        158.25e-9
+    )
+
+
+def test_shifted_moves_one_input_after_the_other():
+    moved = list(uncertain_rig(**READING).shifted())
+    machine = uncertain_rig().inputs()
+    assert [scale for _, scale in moved] == [*[1.0] * len(machine), 1 + 2e-6]
+    for (rig, _), (name, number) in zip(moved, machine.items(), strict=False):
+        assert rig.numbers()[name].value == number.value + number.std
+        assert [other for other in machine if rig.numbers()[other].value != machine[other].value] == [name]
+
+
+@pytest.mark.parametrize(
+    ("given", "sentence"),
+    [
+        (
+            {"displacement_scale": 1.00002},
+            "displacement_scale must be 1, got 1.00002: multiply the displacements of the",
+        ),
+        ({"time_scale": 0.5}, "time_scale must be 1, got 0.5: multiply the times of the record by it, and give its"),
+        (
+            {"periodic_nonlinearity": 5e-9},
+            "periodic_nonlinearity must be 0, got 5e-09: give its standard uncertainty al",
+        ),
+        ({"nonlinearity_period": 316.5e-9}, "nonlinearity_period belongs to a periodic_nonlinearity: give both, or le"),
+        ({**READING, "nonlinearity_period": 0.0}, "nonlinearity_period must be a positive number of m, got 0."),
+    ],
+)
+def test_refused_errors_of_the_reading(given, sentence):
+    with pytest.raises(UsageError) as caught:
+        uncertain_rig(**given)
+    assert str(caught.value).startswith(sentence)
+
+
+def test_a_rotary_rig_has_no_fringe_of_its_own():
+    pendulum = {"restoring": "pendulum", "k3": None, **READING}
+    with pytest.raises(UsageError, match=r"of a rotary rig needs its period: give nonlinearity_period \[rad\]"):
+        uncertain_rig(**pendulum)
+    assert uncertain_rig(**pendulum, nonlinearity_period=1e-3).nonlinearity_period == Measured(1e-3)
+
+
+def test_errors_of_the_reading_in_a_file(tmp_path):
+    path = tmp_path / "rig.toml"
+    path.write_text(
+        'mass = 0.4\nstiffness = 2574\nnormal_force = 1.89\ndisplacement_scale = { value = 1, std = "0.001 %" }\n'
+        'time_scale = "1 +/- 2e-6"\nperiodic_nonlinearity = { value = 0, std = 3.5, unit = "nm" }\n'
+    )
+    rig = Rig.from_toml(path)
+    assert (rig.displacement_scale, rig.time_scale) == (Measured(1.0, 1e-5), Measured(1.0, 2e-6))
+    assert rig.periodic_nonlinearity is not None
+    assert rig.periodic_nonlinearity.std == pytest.approx(3.5e-9)
+    rig.to_toml(path)
+    assert Rig.from_toml(path) == rig
+    assert "inf" not in rig.summary()
+
+
 def test_file_round_trip(tmp_path):
     rig = uncertain_rig()
     rig.to_toml(tmp_path / "rig.toml")

@@ -73,6 +73,19 @@ def test_fit_with_a_rig_tells_and_writes(demo, fricjax, tmp_path):
     assert np.array_equal(fj.read(files["save"]).trace.x, fj.read(RUN).trace.x)
 
 
+def test_a_rig_file_tells_what_the_instrument_may_err_by(fricjax, tmp_path):
+    rig = tmp_path / "rig.toml"
+    rig.write_text(RIG.read_text() + 'displacement_scale = "1 +/- 1e-2"\ntime_scale = "1 +/- 1e-6"\n')
+    called = fricjax("fit", RUN, "--rig", rig, "--json")
+    told = json.loads(called.out)
+    parts = told["contributions"]["mu"]
+    assert parts["displacement_scale"] == pytest.approx(1e-2 * told["values"]["mu"], rel=1e-3)
+    assert told["combined_std_errors"]["mu"] == pytest.approx(
+        np.hypot(told["std_errors"]["mu"], np.linalg.norm(list(parts.values())))
+    )
+    assert "of mu displacement_scale" in fricjax("fit", RUN, "--rig", rig).out
+
+
 def test_fit_without_a_rig_tells_the_kinematics(fricjax):
     called = fricjax("fit", RUN)
     assert called.code == 0

@@ -59,8 +59,9 @@ def test_a_fit_comes_back_as_it_was(saved, found, run):
         assert getattr(back, name) == getattr(found, name), name
     for name in ("converged", "warnings", "chi2", "dof", "sigma", "sigma_mode", "whiteness", "margins", "half_cycles"):
         assert getattr(back, name) == getattr(found, name), name
-    for name in ("iterations", "passes", "engine", "aicc", "bic", "quantity", "origins", "kinematics", "engine_used"):
+    for name in ("iterations", "passes", "engine", "aicc", "bic", "quantity", "origins", "kinematics", "contributions"):
         assert getattr(back, name) == getattr(found, name), name
+    assert back.engine_used == found.engine_used
     assert back.numerical_shift == found.numerical_shift
     assert np.array_equal(back.covariance, found.covariance)
     assert np.array_equal(back.combined_covariance, found.combined_covariance)

@@ -65,6 +65,20 @@ def test_uncertainties_of_the_rig_go_into_mu():
     assert found.mean.std < 1e-5 * FORCE
 
 
+def test_a_scale_of_the_displacement_stretches_mu():
+    rig = RIG.replace(displacement_scale=Measured(1.0, 2e-3), time_scale=Measured(1.0, 1e-3))
+    found = half_cycle_friction(coulomb_runs()[0], rig)
+    assert found.mu.std == pytest.approx(0.05 * 2e-3, rel=1e-3)
+
+
+def test_the_losses_of_a_run_without_contact_stand_where_the_rig_is_uncertain():
+    """The rig holds no losses of its own; a load that is uncertain by 0.5 % makes mu so."""
+    rig = RIG.replace(damping_ratio=None, normal_force=Measured(LOAD, 5e-3 * LOAD))
+    found = half_cycle_friction(coulomb_runs()[0], rig, run(Coulomb(0.0), 2e-3, rate=2e3, duration=3.0))
+    assert found.mu.value == pytest.approx(0.05, rel=1e-4)
+    assert found.mu.std == pytest.approx(5e-3 * found.mu.value, rel=1e-2)
+
+
 def test_the_scatter_betrays_a_law_that_depends_on_velocity():
     found = half_cycle_friction(campaign(Stribeck(0.05, 0.065, 5e-3), 1.3e-3, 2e-3, 4), RIG)
     assert found.chi2_reduced > 10

@@ -189,6 +189,8 @@ class TestTriangleMap:
         assert found.values["mu"] == pytest.approx(MU, rel=1e-9)
         # A stiffer spring also makes the given damping a smaller part of the critical one.
         assert found.combined_std_errors["mu"] == pytest.approx(0.01 * MU, rel=1e-2)
+        exact = RIG.replace(stiffness=STIFFNESS, displacement_scale=fj.Measured(1.0, 2e-3))
+        assert fit_triangle_map(STARTS, xf, exact).combined_std_errors["mu"] == pytest.approx(2e-3 * MU, rel=1e-6)
         assert found.extras["height_of_line_intersections"][0] == pytest.approx(BAND, rel=1e-8)
         low, high = found.intervals["mu_s"]
         assert low <= 1.1 * MU <= high
