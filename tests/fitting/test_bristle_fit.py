@@ -75,7 +75,7 @@ def test_a_contact_that_rings_on_at_rest_is_found_from_several_runs():
 def test_a_rigid_contact_is_found_to_be_rigid(law):
     """Coulomb's law is the limit of both; the last stroke of this run is a short one."""
     machine = Oscillator(PROTOTYPE_MASS, STIFFNESS, PROTOTYPE_DAMPING, 9.66, Coulomb(0.02))
-    run = run_of(machine, 1.4e-3, np.arange(1200) / 2e3, 5e-9, 0)
+    run = run_of(machine, 1.4e-3, np.arange(6000) / 1e4, 1.1e-8, 0)
     start = Oscillator(PROTOTYPE_MASS, STIFFNESS, 2 * PROTOTYPE_DAMPING, 9.66, law)
     found = fit(run, start, (*MACHINE, "sigma0"))
     assert found.status.startswith("at a bound: sigma0.") and found.optimum_found and found.numerical_shift <= 0.1

@@ -16,8 +16,8 @@ def machine(friction) -> Oscillator:
 
 
 def cut(law, seconds: float, seed: int = 0) -> Trace:
-    """A run that ends in motion."""
-    t = np.arange(round(20e3 * seconds)) / 20e3
+    """A run that ends in motion, of as many samples as share their compilation with the standard workloads."""
+    t = np.arange(round(40e3 * seconds)) / 40e3
     x = np.asarray(simulate(machine(law), X0, t).x)
     return Trace(t, x + 1e-9 * np.random.default_rng(seed).standard_normal(t.size), sigma=1e-9)
 

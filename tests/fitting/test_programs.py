@@ -1,13 +1,13 @@
 """What a fit compiles: its model once, in so many instructions, and an engine of its check that tells its error."""
 
 import equinox as eqx
-import jax
 import numpy as np
 import pytest
 
 from fricjax import Oscillator, fit
+from fricjax.estimation.loss import Squares
 from fricjax.fitting import mesh, solve
-from fricjax.fitting.climb import LOOK
+from fricjax.fitting.survey import survey
 from fricjax.friction import Stribeck
 from fricjax.oscillator import Hybrid
 from fricjax.oscillator.program import Shape, split
@@ -64,11 +64,10 @@ def test_the_check_tells_the_numerical_error_of_an_engine(nodes: int, amplitudes
         return Hybrid(nodes, given.max_half_cycles, span, amplitudes or 12, given.skew)
 
     def seen(engine: Hybrid):
-        residual = solve._with_engine(problem.residual, engine)
-        return jax.tree.map(np.asarray, solve.on_all_samples(problem, residual, at.y, LOOK)).survey
+        return survey(solve._with_engine(problem.residual, engine), at.y, Squares())
 
     own, checking, fine = map(seen, (engine(nodes, amplitudes), engine(nodes, amplitudes).checking(), engine(80, 64)))
-    inverse = np.linalg.inv(fine.normal)
+    inverse = np.linalg.inv(np.asarray(fine.normal))
 
     def apart(a, b) -> float:
         change = a.gradient - b.gradient

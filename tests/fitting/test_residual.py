@@ -29,9 +29,9 @@ def test_runs_of_one_shape_are_computed_as_each_for_itself(law):
     assert len({run.t.size for run in residual.runs}) == 1
     together = np.asarray(eqx.filter_jit(residual)(jnp.asarray(step)))
     values = residual.values(jnp.asarray(step))
+    read = eqx.filter_jit(lambda r, run, y, i: r.course(y, i, run).read(run.t))
     for i, run in enumerate(residual.runs):
-        read = eqx.filter_jit(lambda r, run, y, i=i: r.course(y, i, run).read(run.t))
-        alone = run.weight * (read(residual, run, jnp.asarray(step)) - run.x)
+        alone = run.weight * (read(residual, run, jnp.asarray(step), jnp.asarray(i)) - run.x)
         n = run.t.size
         np.testing.assert_allclose(together[i * n : (i + 1) * n], alone, rtol=1e-9, atol=1e-6)
         assert residual.own_at(values, i)["x0"] == values[3 + 3 * i + OWN[law].index("x0")]
