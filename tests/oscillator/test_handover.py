@@ -2,6 +2,7 @@
 
 from typing import Any, NamedTuple
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -107,8 +108,7 @@ class Hair(NamedTuple):
         return np.array([0.05, self.ratio * 0.05, self.v_stribeck, self.x0, C, K, M])
 
     def motion(self, p: Any, ts: Any, engine: Any, v0: Any = 0.0) -> Motion:
-        machine = Oscillator(p[6], p[5], p[4], N, Stribeck(p[0], p[1], p[2], self.exponent))
-        return simulate(machine, p[3], ts, v0=v0, engine=engine)
+        return motion_of(p, self.exponent, ts, engine, v0)
 
     def slide(self, p: np.ndarray, ts: np.ndarray, v0: float = 0.0) -> Slide:
         def friction(u: float) -> float:
@@ -116,6 +116,15 @@ class Hair(NamedTuple):
 
         return slide(Machine(p[6], p[4], lambda x: p[5] * x, friction, N * p[1]), p[3], v0, ts)
 
+
+def motion_of(p: Any, exponent: Any, ts: Any, engine: Any, v0: Any = 0.0) -> Motion:
+    """The motion for values as those of a `Hair`."""
+    machine = Oscillator(p[6], p[5], p[4], N, Stribeck(p[0], p[1], p[2], exponent))
+    return simulate(machine, p[3], ts, v0=v0, engine=engine)
+
+
+# One program for all of them.
+slopes = eqx.filter_jit(jax.jacfwd(lambda p, exponent, ts, engine: motion_of(p, exponent, ts, engine).x))
 
 HAIRS = [
     Hair(exponent, v_stribeck, ratio, excess, in_time)
@@ -159,7 +168,7 @@ def test_derivatives_of_a_start_by_a_hair(hair: Hair):
     ts = np.linspace(0, 0.1, 41)[1:]
     point = hair.values()
     assert np.isfinite(hair.motion(point, ts, Hybrid(48, 16)).stats["t_handover"])
-    jacobian = jax.jit(jax.jacfwd(lambda p: hair.motion(p, ts, Hybrid(48, 16)).x))(jnp.asarray(point)).T
+    jacobian = slopes(jnp.asarray(point), jnp.asarray(hair.exponent), ts, Hybrid(48, 16)).T
     steps = differences(lambda p: hair.slide(p, ts).x, point, np.array([2e-6, 2e-6, 2e-6, 2e-6, 1e-3, 2e-6, 2e-6]))
     assert_equal_slopes(jacobian * point[:, None], steps, 1e-5)
 
