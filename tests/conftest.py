@@ -35,6 +35,17 @@ settings.register_profile(
 settings.load_profile("fricjax")
 
 
+def pytest_configure(config: pytest.Config) -> None:
+    # Workers take files in the order of collection: xdist would begin with those of most tests, and end with one worker
+    # waiting for the other to check types, which is the longest test.
+    config.option.loadscopereorder = False
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """The tests of no folder, among which is the check of types, come first."""
+    items.sort(key=lambda item: item.path.parent != ROOT / "tests")
+
+
 def pytest_unconfigure() -> None:
     if _PROGRAMS is not None:
         _PROGRAMS.cleanup()

@@ -6,6 +6,7 @@ import pytest
 
 from fricjax import Oscillator, Trace, fit
 from fricjax.friction import Coulomb
+from fricjax.oscillator.program import forget_programs
 from tests.compilations import compilations
 from tests.fitting.runs import MACHINE, RIGS, STIFFNESS, coulomb_run, noisy, oscillator
 from tests.helpers import PROTOTYPE_DAMPING, PROTOTYPE_MASS
@@ -50,6 +51,14 @@ def test_smooth(law):
         trace = noisy("sliding", law, 78)
         fit(Trace(trace.t, np.asarray(trace.x) * 0.999, sigma=1.1e-9), machine, MACHINE, throw=False)
     assert not seen
+
+
+def test_the_meshes_of_a_sliding_run_share_a_program():
+    """From the coarsest, of the first climb, to the finest, of the check."""
+    forget_programs()
+    with compilations() as seen:
+        fit(noisy("sliding", "LuGre", 0), oscillator(RIGS["sliding"], "LuGre"), (*MACHINE, "sigma0"))
+    assert len([name for name in seen if "climb" in name]) == 1, seen
 
 
 def test_predict_and_report():
