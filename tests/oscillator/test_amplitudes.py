@@ -54,9 +54,9 @@ def test_the_table_gives_the_half_cycles_that_are_integrated_one_by_one(name: st
     ts = jnp.linspace(0, (capacity - 6 if half_cycles == NEVER else half_cycles + 2) * np.pi * np.sqrt(float(
         machine.mass / machine.stiffness)), 1001)  # fmt: skip
     # As arrays, all of them are arguments of one program.
-    given = *jax.tree.map(jnp.asarray, (machine, start)), count, ts
-    alone = samples(Hybrid(48, capacity), *given)
-    table = samples(Hybrid(48, capacity, span, 24), *given)
+    machine, start = jax.tree.map(jnp.asarray, (machine, start))
+    alone = samples(Hybrid(48, capacity), machine, start, count, ts)
+    table = samples(Hybrid(48, capacity, span, 24), machine, start, count, ts)
     print(f"{name}: {np.max(np.abs(table[0] - alone[0])):.1e}, derivative {np.max(np.abs(table[1] - alone[1])):.1e}")
     np.testing.assert_allclose(table[0], alone[0], rtol=0, atol=1e-12 * unit)
     np.testing.assert_allclose(table[1], alone[1], rtol=0, atol=1e-10 * unit)
