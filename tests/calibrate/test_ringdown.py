@@ -22,7 +22,7 @@ STIFFNESS, FREQUENCY, RATIO, LOAD = 2574.0, 12.6, 0.0027, 1.89
 
 def run(mu=0.0, *, duration=20.0, noise=1e-9, **machine):
     oscillator = fj.Oscillator(MASS, STIFFNESS, DAMPING, LOAD, fj.friction.Coulomb(mu), **machine)
-    return fj.synthetic_run(oscillator, 2e-3, rate=3.2e3, duration=duration, noise=noise, seed=4)
+    return fj.synthetic_run(oscillator, 2e-3, rate=1e4, duration=duration, noise=noise, seed=1)
 
 
 @pytest.fixture(scope="module")
