@@ -49,14 +49,18 @@ class Seen(NamedTuple):
 def colours_of(problem: Problem, at: Solved, rows: Sequence[Rows], absolute: bool) -> list[Seen]:
     """The rows of each run with the colour of their noise; none where that of all runs is white."""
     freedom = problem.n_used / problem.dof
+    # A coordinate that a bound holds explains nothing of what is left, nor does an input of the rig.
+    explains = np.zeros(at.y.size)
+    explains[: at.shape.at_bound.size] = ~at.shape.at_bound
+    told = [row._replace(series=row.series._replace(slopes=row.series.slopes * explains)) for row in rows]
     colours = [
         colour_of(row.series, freedom * row.level, "drift" not in window.nuisances, window.segmentation.frequency)
-        for row, window in zip(rows, problem.windows, strict=True)
+        for row, window in zip(told, problem.windows, strict=True)
     ]
     stated, seen = absolute and isinstance(problem.loss, Squares), []
-    for run, (row, colour) in enumerate(zip(rows, colours, strict=True)):
+    for run, (row, colour) in enumerate(zip(told, colours, strict=True)):
         known = white(row.series, _level(row, stated)) if colour is None else colour
-        seen.append(Seen(row, _or_shaken(problem, at, run, row, known)))
+        seen.append(Seen(rows[run], _or_shaken(problem, at, run, row, known)))
     return seen if any(colours) or any(colour.passage for _, colour in seen) else []
 
 
