@@ -49,8 +49,9 @@ class Seen(NamedTuple):
 def colours_of(problem: Problem, at: Solved, rows: Sequence[Rows], absolute: bool) -> list[Seen]:
     """The rows of each run with the colour of their noise; none where that of all runs is white."""
     freedom = problem.n_used / problem.dof
-    # A coordinate that a bound holds explains nothing of what is left, nor does an input of the rig.
-    explains = np.zeros(at.y.size)
+    # A coordinate that a bound holds explains nothing of what is left; an input of the rig, as the nonlinearity of an
+    # interferometer, may, and is then no noise besides.
+    explains = np.ones(at.y.size)
     explains[: at.shape.at_bound.size] = ~at.shape.at_bound
     told = [row._replace(series=row.series._replace(slopes=row.series.slopes * explains)) for row in rows]
     colours = [
