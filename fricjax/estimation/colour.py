@@ -161,7 +161,7 @@ def _restricted(series: Series, colour: Colour) -> Colour:
         left, rest = series.residual + columns @ sizes, white[:, 0] + white[:, 1:] @ sizes
         std = float(np.sqrt(rest @ rest / max(rest.size - np.sum(spans) - coefficients.size, 1)))
         parts = [left, *(std * (columns @ standard)).T]
-        grams, counts = zip(*(_gram(part, series.starts, most) for part in parts), strict=True)
+        grams, counts = zip(*(gram(part, series.starts, most) for part in parts), strict=True)
         before, (coefficients, _) = coefficients, _process(np.sum(grams, axis=0), counts[0])
         if before.shape == coefficients.shape and np.allclose(before, coefficients, rtol=0, atol=1e-4):
             break
@@ -255,7 +255,7 @@ def autoregression(left: np.ndarray, starts: np.ndarray) -> tuple[np.ndarray, fl
 
     White noise is given up for another only where the evidence is very strong.
     """
-    return _process(*_gram(left, starts, _most(left.size, starts)))
+    return _process(*gram(left, starts, _most(left.size, starts)))
 
 
 def _most(rows: int, starts: np.ndarray) -> int:
@@ -279,7 +279,7 @@ def _process(gram: np.ndarray, n: int) -> tuple[np.ndarray, float]:
     return np.linalg.solve(lower[:order, :order].T, along[:order]), float(criteria[order])
 
 
-def _gram(left: np.ndarray, starts: np.ndarray, most: int) -> tuple[np.ndarray, int]:
+def gram(left: np.ndarray, starts: np.ndarray, most: int) -> tuple[np.ndarray, int]:
     """Sums of products of values up to so many places apart, and how many of each."""
     gram, n = np.zeros((most + 1, most + 1)), 0
     for part in np.split(left, starts[1:]):

@@ -36,7 +36,9 @@ class Covariance(NamedTuple):
     full_rank: bool
 
 
-def covariance(shape: Quadratic, slope: np.ndarray, normal: np.ndarray, variance: float) -> Covariance:
+def covariance(
+    shape: Quadratic, slope: np.ndarray, normal: np.ndarray, variance: float, unsure: np.ndarray
+) -> Covariance:
     """Covariance at the optimum.
 
     Args:
@@ -44,11 +46,12 @@ def covariance(shape: Quadratic, slope: np.ndarray, normal: np.ndarray, variance
         slope: derivative of each value with respect to its coordinate, shape (p,).
         normal: J'J of the parameters and behind them the inputs of the rig, shape (p + inputs, p + inputs).
         variance: variance of a residual of unit weight.
+        unsure: covariance of the coordinates beside that, shape (p, p).
     """
     p = slope.size
     # Where a fit has gone astray its matrices may be larger than numbers can be.
     with np.errstate(over="ignore", invalid="ignore"):
-        statistical = variance * slope[:, None] * shape.inverse * slope
+        statistical = slope[:, None] * (variance * shape.inverse + unsure) * slope
         contributions = -slope[:, None] * (shape.inverse @ normal[:p, p:])
         combined = statistical + contributions @ contributions.T
     lost = shape.undetermined | shape.at_bound

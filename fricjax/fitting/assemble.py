@@ -42,7 +42,7 @@ _ROTARY = {
 def assemble(counted: Counted, sigma_mode: str) -> Fit:
     """The fit that is counted by its noise; `sigma_mode` says what that means."""
     problem, solved, slope = counted.problem, counted.solved, counted.solved.settled.slope
-    found = covariance(solved.shape, slope, solved.survey.normal, counted.variance)
+    found = covariance(solved.shape, slope, solved.survey.normal, counted.variance, counted.unsure)
     runs = range(len(problem.windows))
     margins = tuple(rest_margin(problem, solved, run) for run in runs)
     excesses = tuple(excess_at_reversals(problem, solved, run) for run in runs)

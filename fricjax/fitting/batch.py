@@ -209,7 +209,7 @@ def _misfit(counted: Counted) -> Misfit:
 def _row(finished: _Finished) -> _Row:
     counted, misfit = finished
     problem, solved = counted.problem, counted.solved
-    found = covariance(solved.shape, solved.settled.slope, solved.survey.normal, counted.variance)
+    found = covariance(solved.shape, solved.settled.slope, solved.survey.normal, counted.variance, counted.unsure)
     values, errors = (
         named(problem.names, each) for each in (solved.settled.values, np.sqrt(np.diag(found.statistical)))
     )

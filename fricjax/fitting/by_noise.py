@@ -17,8 +17,17 @@ import numpy as np
 
 from ..estimation.colour import Colour, weighed
 from ..estimation.loss import Squares
+from ..estimation.small_sample import unsure
 from .clock import by_clock
-from .colours import colours_of, described, expected_size, least_squares, mean_displacement, variance_left
+from .colours import (
+    colours_of,
+    described,
+    expected_size,
+    least_squares,
+    levels,
+    variance_left,
+    weighed_rows,
+)
 from .noise import Line, Noise
 from .problem import Problem
 from .rows import Rows, rounded, rows_of
@@ -42,6 +51,7 @@ class Counted(NamedTuple):
         scatter: the same for white noise of the size stated, or that of the residuals where none is taken at its word;
             `white`: standard errors of the coordinates under it.
         noises: the noise of each run.
+        unsure: what is to be added to that covariance of the coordinates for what the record leaves open of its noise.
         went_on: whether the fit went on from its least squares.
         gain: what the colour adds to minus twice the logarithm of the likelihood; `numbers`: how many numbers it has.
     """
@@ -52,6 +62,7 @@ class Counted(NamedTuple):
     scatter: float
     white: np.ndarray
     noises: tuple[Noise, ...]
+    unsure: np.ndarray
     went_on: bool = False
     gain: float = 0.0
     numbers: int = 0
@@ -102,20 +113,23 @@ def _by_colour(plain: Counted, first: Sequence[Rows], absolute: bool) -> Counted
             return plain
         if not described(problem, seen, absolute):
             break
-        shape, gradient, normal = least_squares(problem, at, seen)
-        if not shape.distance > _NEAR:
+        counted = weighed_rows(seen)
+        way = least_squares(problem, at, [*counted, *levels(seen)])[0]
+        if not way.distance > _NEAR:
+            shape, gradient, normal = least_squares(problem, at, counted)
             counts = at.survey._replace(gradient=gradient, normal=normal)
-            shift = max(solved.numerical_shift, shape.distance)
+            shift = max(solved.numerical_shift, way.distance)
             told = [_likelihood(*run, absolute) for run in seen]
             return plain._replace(
                 solved=at._replace(survey=counts, shape=shape, numerical_shift=shift),
                 variance=1.0,
+                unsure=unsure([(row.series, colour) for row, colour in seen], shape.inverse),
                 noises=tuple(_noise(window, *run) for window, run in zip(problem.windows, seen, strict=True)),
                 went_on=True,
                 gain=sum(gain for gain, _ in told),
                 numbers=sum(numbers for _, numbers in told),
             )
-        at = _moved(problem, at, shape.step)
+        at = _moved(problem, at, way.step)
         if not np.isfinite(at.survey.chi2):
             break
         rows = rows_of(problem, at.survey)
@@ -136,7 +150,10 @@ def _plain(problem: Problem, solved: Solved, absolute: bool) -> Counted:
         scatter = 1.0 if absolute else reduced
         variance = reduced if absolute and reduced > 1 + SURE * np.sqrt(2 / problem.dof) else scatter
     noises = tuple(Noise(excess=float(np.sqrt(variance))) for _ in blocks)
-    return Counted(problem, solved, variance, scatter, np.sqrt(scatter * np.diag(solved.shape.inverse)), noises)
+    inverse = solved.shape.inverse
+    return Counted(
+        problem, solved, variance, scatter, np.sqrt(scatter * np.diag(inverse)), noises, np.zeros_like(inverse)
+    )
 
 
 def _undescribed(plain: Counted, rows: Sequence[Rows]) -> Counted:
@@ -168,7 +185,6 @@ def _noise(window: Window, row: Rows, colour: Colour) -> Noise:
         excess=float(np.sqrt(variance_left(row, colour))),
         memory=float(memory),
         rounding=window.segmentation.resolution if row.series.rounding.size and colour.beside.size else 0.0,
-        level=-mean_displacement(row, colour),
         drift=colour.speed(t),
         middle=float(t.mean()),
         lines=tuple(Line(f, *map(float, pair)) for f, pair in zip(colour.lines, colour.waves, strict=True)),

@@ -5,7 +5,7 @@ that shakes is told by what its kicks would make of the motion; it is looked for
 not at rest. What is far larger than noise is no noise, whatever would explain it.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -123,32 +123,48 @@ def remembered(rows: Rows, colour: Colour) -> float:
 def misfit_by_noise(problem: Problem, solved: Solved, seen: Sequence[Seen]) -> float:
     """Sum of squares of a fit and its priors, least under noises that were seen elsewhere on the same samples."""
     rows = [run_in_rows(problem, solved.survey, run, like.rows.samples) for run, like in enumerate(seen)]
-    runs = [Seen(row, like.colour) for row, like in zip(rows, seen, strict=True)]
+    counted = weighed_rows([Seen(row, like.colour) for row, like in zip(rows, seen, strict=True)])
     priors = (solved.settled.values - problem.residual.prior_mean) * problem.residual.prior_weight
-    counted = sum(float(np.sum(weighed(row.series, colour)[0] ** 2)) for row, colour in runs)
-    return counted + float(priors @ priors) - least_squares(problem, solved, runs)[0].distance ** 2
+    squares = sum(float(np.sum(residual**2)) for residual, _ in counted) + float(priors @ priors)
+    return squares - least_squares(problem, solved, counted)[0].distance ** 2
 
 
-def least_squares(problem: Problem, at: Solved, seen: Sequence[Seen]) -> tuple[Quadratic, np.ndarray, np.ndarray]:
-    """Quadratic form, gradient and normal matrix of the rows weighed by their colours, and of the priors."""
+Weighed = tuple[np.ndarray, np.ndarray]
+"""Residuals of unit variance, shape (n,), and their derivatives by the coordinates, shape (n, p)."""
+
+
+def weighed_rows(seen: Sequence[Seen]) -> list[Weighed]:
+    """The rows of each run weighed by their noise."""
+    return [weighed(row.series, colour) for row, colour in seen]
+
+
+def levels(seen: Sequence[Seen]) -> list[Weighed]:
+    """The mean of each noise that remembers, over its size.
+
+    Noise that hardly forgets does not tell the level about which it wanders. A fit that is led by this besides comes to
+    lie in the middle of its record.
+    """
+    found = []
+    for series, colour in ((row.series, colour) for row, colour in seen if colour.coefficients.size):
+        residual, size = series.residual + colour.beside @ colour.sizes, float(np.std(colour.left / series.unit))
+        middle = series.unit / (series.unit @ series.unit) / size
+        found.append((middle[None] @ residual, middle[None] @ series.slopes))
+    return found
+
+
+def least_squares(problem: Problem, at: Solved, counted: Iterable[Weighed]) -> tuple[Quadratic, np.ndarray, np.ndarray]:
+    """Quadratic form, gradient and normal matrix of weighed residuals and of the priors."""
     residual, limits = problem.residual, problem.limits
     p, n = residual.n_parameters, at.y.size
     weight = np.asarray(residual.prior_weight)
     slope = np.pad(at.settled.slope * weight, (0, n - p))
     normal = np.diag(slope**2)
     gradient = slope * np.pad((at.settled.values - residual.prior_mean) * weight, (0, n - p))
-    for row, colour in seen:
-        r, slopes = weighed(row.series, colour)
+    for r, slopes in counted:
         gradient, normal = gradient + slopes.T @ r, normal + slopes.T @ slopes
     y, down = at.y[:p], gradient[:p]
     held = ((y <= limits.lower) & (down >= 0)) | ((y >= limits.upper) & (down <= 0))
     return quadratic(down, normal[:p, :p], held), gradient, normal
-
-
-def mean_displacement(row: Rows, colour: Colour) -> float:
-    """What all rows of noise that remembers share [m]: the level about which it wanders means nothing."""
-    unit = row.series.unit
-    return float(colour.left @ unit / (unit @ unit)) if colour.coefficients.size else 0.0
 
 
 def variance_left(row: Rows, colour: Colour) -> float:
@@ -160,7 +176,10 @@ def variance_left(row: Rows, colour: Colour) -> float:
     series = row.series
     samples = row.left + colour.at(row.t, series.t) * row.weight
     before = series.residual + colour.beside @ colour.sizes
-    after = colour.left - mean_displacement(row, colour) * series.unit
+    after = colour.left
+    if colour.coefficients.size:
+        # The level about which noise that remembers wanders means nothing.
+        after = after - series.unit * (series.unit @ after) / (series.unit @ series.unit)
     moved = float(np.mean(before**2) - np.mean(after**2)) / row.samples
     return max(float(np.mean(samples**2)) - moved, 0.0)
 

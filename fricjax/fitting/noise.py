@@ -23,7 +23,6 @@ class Noise(NamedTuple):
         excess: standard deviation of the samples, beside hum and drift, in units of that stated.
         memory: time in which it forgets by a factor of e [s], 0 for white noise, inf for a random walk.
         rounding: steps to which the reading is rounded where that shows, in the unit of the record, else 0.
-        level: what the computed reading lacks of the middle of noise that remembers, in the unit of the record.
         jitter: standard deviation of the instants of the samples [s], 0 where none shows.
         drift: speed at which the reading drifts, in the unit of the record per second, 0 where none shows.
         middle: instant of the run at which the drift counts as zero [s].
@@ -37,7 +36,6 @@ class Noise(NamedTuple):
     excess: float = 1.0
     memory: float = 0.0
     rounding: float = 0.0
-    level: float = 0.0
     jitter: float = 0.0
     drift: float = 0.0
     middle: float = 0.0
@@ -46,12 +44,12 @@ class Noise(NamedTuple):
     floor: float = 0.0
 
     def at(self, t: np.ndarray) -> np.ndarray:
-        """Level, drift and hum at times of the run [s], in the unit of the record."""
+        """Drift and hum at times of the run [s], in the unit of the record."""
         waves = sum(
             line.cosine * np.cos(2 * np.pi * line.frequency * t) + line.sine * np.sin(2 * np.pi * line.frequency * t)
             for line in self.lines
         )
-        return self.level + self.drift * (t - self.middle) + waves
+        return self.drift * (t - self.middle) + waves
 
     def words(self, unit: str) -> Iterator[str]:
         """What makes it other than white noise of the size stated."""

@@ -111,6 +111,16 @@ def test_estimates_scatter_by_their_standard_errors(fitted):
     assert all(each.std_errors["mu"] > 2 * each.white_std_errors["mu"] for each in found)
 
 
+def test_on_noise_that_never_forgets_the_fit_lies_in_the_middle_of_the_record():
+    """The level of a random walk tells no offset, whose bar says so; any would describe the innovations as well."""
+    found = [walked(seed) for seed in range(8)]
+    for each in found:
+        residuals = each.residuals[np.isfinite(each.residuals)]
+        assert abs(np.mean(residuals)) < np.std(residuals)
+        assert each.converged and np.std(residuals) < 5e-9 * np.sqrt(residuals.size)
+    assert max(each.std_errors["offset"] / each.residual_rms for each in found) > 3
+
+
 def test_a_drift_is_fitted_beside_the_motion():
     noise = white(1) + 1e-6 * T
     found, asked = fitted(noise), fitted(noise, nuisance=("t_release", "x0", "offset", "drift"))
