@@ -10,7 +10,7 @@ import numpy as np
 
 from ..data import Record, Trace
 from ..data.errors import DataError, UsageError, nearest
-from ..fitting.colours import Seen, colours_of, described, misfit_by_noise, remembered
+from ..fitting.colours import Seen, colours_of, described, remembered, under_noise
 from ..fitting.fit import concluded, records_of
 from ..fitting.problem import Problem, posed_on
 from ..fitting.rest import solve_with_rest
@@ -232,6 +232,6 @@ def _judged(row: Row, entry: _Entry, by: _Yardstick) -> Row:
     if entry.problem is None or entry.solved is None or not np.isfinite(row.chi2):
         return row
     k, n = row.n_parameters, by.effective
-    misfit = misfit_by_noise(entry.problem, entry.solved, by.seen) if by.seen else row.chi2 / by.inflation
+    misfit = under_noise(entry.problem, entry.solved, by.seen)[0] if by.seen else row.chi2 / by.inflation
     aicc = misfit + 2 * k + 2 * k * (k + 1) / max(n - k - 1, 1)
     return dataclasses.replace(row, aicc=float(aicc), bic=float(misfit + k * np.log(n)))

@@ -56,7 +56,8 @@ def assemble(counted: Counted, sigma_mode: str) -> Fit:
     misfit = misfit_of(problem, solved, counted.noises, sigma_mode != "absolute")
     status = status_of(problem, solved, found, misfit)
     parts = contributions(problem.names, solved.settled, found)
-    told = warnings_of(problem, values, std_errors, misfit, margins, excesses, bracket, solved.numerical_shift)
+    shift = solved.numerical_shift
+    told = warnings_of(problem, values, std_errors, misfit, counted.others, margins, excesses, bracket, shift)
     return Fit(
         names=problem.names,
         values={**values, **static},

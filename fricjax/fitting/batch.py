@@ -191,6 +191,7 @@ def _finished(problem: Problem, landed: Landed) -> _Finished:
     solved = judged(problem, landed.at, landed.looked)
     recorded = int(problem.residual.runs[0].half_cycles)
     other = recorded < NEVER and 0 < int(landed.told.half_cycles) != recorded
+    other = other or (recorded < NEVER and bool(problem.windows[0].segmentation.open))
     doubtful = solved.converged and (other or far_off(problem, solved) or not solved.accurate)
     if doubtful:
         return _alone(problem)
@@ -213,7 +214,7 @@ def _row(finished: _Finished) -> _Row:
     values, errors = (
         named(problem.names, each) for each in (solved.settled.values, np.sqrt(np.diag(found.statistical)))
     )
-    told = tuple(remarks_on(problem, values, errors, misfit))
+    told = tuple(remarks_on(problem, values, errors, misfit, counted.others))
     return _Row(status_of(problem, solved, found, misfit), problem, counted, found, told)
 
 

@@ -20,18 +20,21 @@ from ..estimation.loss import Squares
 from ..estimation.small_sample import unsure
 from .clock import by_clock
 from .colours import (
+    Seen,
     colours_of,
     described,
     expected_size,
     least_squares,
     levels,
+    under_noise,
     variance_left,
     weighed_rows,
 )
+from .doubt import Doubt, End, Other, doubt_of
 from .noise import Line, Noise
 from .problem import Problem
 from .rows import Rows, rounded, rows_of
-from .solve import Solved, checking, look
+from .solve import Solved, checking, half_cycles, look
 from .survey import Block
 from .verdict import ADEQUATE, SURE, worst
 from .whiteness import whiteness
@@ -51,7 +54,8 @@ class Counted(NamedTuple):
         scatter: the same for white noise of the size stated, or that of the residuals where none is taken at its word;
             `white`: standard errors of the coordinates under it.
         noises: the noise of each run.
-        unsure: what is to be added to that covariance of the coordinates for what the record leaves open of its noise.
+        unsure: what is to be added to that covariance of the coordinates for what the record leaves open of its noise
+            and of its number of half-cycles; `others`: the other numbers.
         went_on: whether the fit went on from its least squares.
         gain: what the colour adds to minus twice the logarithm of the likelihood; `numbers`: how many numbers it has.
     """
@@ -63,6 +67,7 @@ class Counted(NamedTuple):
     white: np.ndarray
     noises: tuple[Noise, ...]
     unsure: np.ndarray
+    others: tuple[Other, ...] = ()
     went_on: bool = False
     gain: float = 0.0
     numbers: int = 0
@@ -120,10 +125,12 @@ def _by_colour(plain: Counted, first: Sequence[Rows], absolute: bool) -> Counted
             counts = at.survey._replace(gradient=gradient, normal=normal)
             shift = max(solved.numerical_shift, way.distance)
             told = [_likelihood(*run, absolute) for run in seen]
+            doubt = _doubt(problem, at, seen)
             return plain._replace(
                 solved=at._replace(survey=counts, shape=shape, numerical_shift=shift),
                 variance=1.0,
-                unsure=unsure([(row.series, colour) for row, colour in seen], shape.inverse),
+                unsure=unsure([(row.series, colour) for row, colour in seen], shape.inverse) + doubt.covariance,
+                others=doubt.others,
                 noises=tuple(_noise(window, *run) for window, run in zip(problem.windows, seen, strict=True)),
                 went_on=True,
                 gain=sum(gain for gain, _ in told),
@@ -150,10 +157,22 @@ def _plain(problem: Problem, solved: Solved, absolute: bool) -> Counted:
         scatter = 1.0 if absolute else reduced
         variance = reduced if absolute and reduced > 1 + SURE * np.sqrt(2 / problem.dof) else scatter
     noises = tuple(Noise(excess=float(np.sqrt(variance))) for _ in blocks)
-    inverse = solved.shape.inverse
-    return Counted(
-        problem, solved, variance, scatter, np.sqrt(scatter * np.diag(inverse)), noises, np.zeros_like(inverse)
-    )
+    best, *ends = [
+        End(half_cycles(like), at.foreseen / variance, at.y[: at.shape.step.size] + at.shape.step)
+        for like, at in ((problem, solved), *solved.rivals)
+    ]
+    doubt = doubt_of(best, ends)
+    white = np.sqrt(np.diag(scatter * solved.shape.inverse + doubt.covariance))
+    return Counted(problem, solved, variance, scatter, white, noises, doubt.covariance, doubt.others)
+
+
+def _doubt(problem: Problem, at: Solved, seen: Sequence[Seen]) -> Doubt:
+    """The doubt in the number of half-cycles, counted by the noise that was seen with that one."""
+    ends = []
+    for like, reached in ((problem, at), *at.rivals):
+        misfit, shape = under_noise(like, reached, seen)
+        ends.append(End(half_cycles(like), misfit, reached.y[: shape.step.size] + shape.step))
+    return doubt_of(ends[0], ends[1:])
 
 
 def _undescribed(plain: Counted, rows: Sequence[Rows]) -> Counted:

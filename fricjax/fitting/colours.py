@@ -120,13 +120,17 @@ def remembered(rows: Rows, colour: Colour) -> float:
     return min(max((colour.std / forgets) ** 2 / rows.level, 1.0), rows.series.t.size * rows.samples / 2)
 
 
-def misfit_by_noise(problem: Problem, solved: Solved, seen: Sequence[Seen]) -> float:
-    """Sum of squares of a fit and its priors, least under noises that were seen elsewhere on the same samples."""
+def under_noise(problem: Problem, solved: Solved, seen: Sequence[Seen]) -> tuple[float, Quadratic]:
+    """Sum of squares of a fit and its priors, least under noises that were seen elsewhere on the same samples.
+
+    The quadratic form, from where the fit is, leads to where it is the least.
+    """
     rows = [run_in_rows(problem, solved.survey, run, like.rows.samples) for run, like in enumerate(seen)]
     counted = weighed_rows([Seen(row, like.colour) for row, like in zip(rows, seen, strict=True)])
     priors = (solved.settled.values - problem.residual.prior_mean) * problem.residual.prior_weight
     squares = sum(float(np.sum(residual**2)) for residual, _ in counted) + float(priors @ priors)
-    return squares - least_squares(problem, solved, counted)[0].distance ** 2
+    shape, *_ = least_squares(problem, solved, counted)
+    return squares - shape.distance**2, shape
 
 
 Weighed = tuple[np.ndarray, np.ndarray]

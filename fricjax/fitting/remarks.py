@@ -1,18 +1,22 @@
 """What a reader of the numbers of a fit must know, in sentences."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
 from ..show import engineering, plain
+from .doubt import Other
 from .missing import lacking
 from .plausible import implausible
 from .problem import Problem
 from .rest import Bracket, Margin
+from .solve import half_cycles
 from .verdict import Misfit, growth, holds_release
 
 # Misfit in units of the noise, and numerical error in standard errors, from which on they are told.
 _NOTICED, _VISIBLE = 3.0, 0.1
+# Probability of another number of half-cycles from which on it is told.
+_POSSIBLE = 0.01
 # Part of the stiffness beyond which no record tells a contact from a rigid one, from which on it counts as such.
 _RIGID = 1 - 1e-6
 
@@ -22,6 +26,7 @@ def warnings_of(
     values: Mapping[str, float],
     std_errors: Mapping[str, float],
     misfit: Misfit,
+    others: Sequence[Other],
     margins: tuple[Margin | None, ...],
     excesses: tuple[float | None, ...],
     bracket: Bracket | None,
@@ -34,13 +39,14 @@ def warnings_of(
         values: fitted values by name.
         std_errors: their standard errors.
         misfit: its residuals beside its noise.
+        others: other numbers of half-cycles that the record leaves possible.
         margins: for each run the distance to another number of half-cycles.
         excesses: for each run that ends in motion what the law leaves for it to move on.
         bracket: interval of the static coefficient of a Coulomb law.
         numerical_shift: how far numerical errors can have moved any parameter, in its standard errors.
     """
     return (
-        *remarks_on(problem, values, std_errors, misfit),
+        *remarks_on(problem, values, std_errors, misfit, others),
         *_on_the_model(problem, values),
         *_on_the_errors(numerical_shift),
         *_on_the_rest(problem, margins, excesses),
@@ -49,12 +55,17 @@ def warnings_of(
 
 
 def remarks_on(
-    problem: Problem, values: Mapping[str, float], std_errors: Mapping[str, float], misfit: Misfit
+    problem: Problem,
+    values: Mapping[str, float],
+    std_errors: Mapping[str, float],
+    misfit: Misfit,
+    others: Sequence[Other],
 ) -> Iterator[str]:
     """What the record and the fitted values tell by themselves, also of a run among many."""
     unit = problem.windows[0].quantity
     yield from implausible(problem, values)
     yield from _on_growth(problem)
+    yield from _on_other_numbers(problem, others)
     if values.get("damping", 0.0) < -2 * std_errors.get("damping", np.inf):
         yield (
             "The damping is negative: no passive machine has that. It is the fingerprint of a friction law that falls "
@@ -78,6 +89,18 @@ def remarks_on(
             f"The noise is larger than stated: the residuals of {size} are {misfit.size / misfit.stated:.3g} times the "
             f"stated {misfit.stated:.2e} {unit}, and so is the noise that the record itself shows."
         )
+
+
+def _on_other_numbers(problem: Problem, others: Sequence[Other]) -> Iterator[str]:
+    taken = half_cycles(problem)
+    for counts, probability in others:
+        if probability > _POSSIBLE:
+            run = next(i for i, count in enumerate(counts) if count != taken[i])
+            where = _of_run(run, problem)
+            yield (
+                f"The record leaves open whether the mass{where} stopped after {taken[run]} half-cycles or after "
+                f"{counts[run]}, with a probability of {probability:.2g}; the standard errors allow for both."
+            )
 
 
 def _on_drift(problem: Problem, misfit: Misfit) -> Iterator[str]:

@@ -15,7 +15,7 @@ from ..estimation.quadratic import quadratic
 from .names import sole_coulomb
 from .problem import Problem, with_rests
 from .residual import motion
-from .solve import Solved, checking, look, solve
+from .solve import Rival, Solved, checking, half_cycles, look, solve
 from .whiteness import whiteness
 from .window import NEVER, Window, equilibrium, standstills
 
@@ -82,10 +82,10 @@ def solve_with_rest(problem: Problem, y: np.ndarray | None = None) -> tuple[Prob
         problem = with_rests(problem)
         solved = solve(problem, solved.y)
         spent.append(solved)
-    tried = {_counts(problem)}
+    tried = {half_cycles(problem)}
     while candidates := _candidates(problem, solved) - tried:
         rivals = {candidate: with_counts(problem, candidate) for candidate in candidates}
-        foreseen = {candidate: _foreseen(rival, solved) for candidate, rival in rivals.items()}
+        foreseen = {candidate: _with_other(rival, solved).foreseen for candidate, rival in rivals.items()}
         for candidate in sorted(candidates, key=foreseen.__getitem__):
             tried.add(candidate)
             if foreseen[candidate] >= solved.chi2:
@@ -99,23 +99,29 @@ def solve_with_rest(problem: Problem, y: np.ndarray | None = None) -> tuple[Prob
         else:
             break
     if amiss and not far_off(problem, solved):
-        problem = with_counts(rounded, _counts(problem))
+        problem = with_counts(rounded, half_cycles(problem))
         solved = solve(problem, solved.y)
         spent.append(solved)
     totals = {name: sum(getattr(s, name) for s in spent) for name in ("iterations", "passes", "stages")}
-    return problem, solved._replace(**totals)
+    return problem, solved._replace(**totals, rivals=_rivals(problem, solved))
 
 
-def _foreseen(rival: Problem, solved: Solved) -> float:
-    """The chi^2 of the optimum of another number of half-cycles, were the residuals linear from the one at hand on.
+def _rivals(problem: Problem, solved: Solved) -> tuple[Rival, ...]:
+    """The other numbers of half-cycles that the record leaves open, with which it is described about as well."""
+    if not (solved.converged and problem.residual.oscillator.friction.set_valued):
+        return ()
+    others = [with_counts(problem, counts) for counts in _open(problem)]
+    found = [Rival(other, _with_other(other, solved)) for other in others]
+    reach = solved.chi2 + _by_chance(problem, solved) if found else 0.0
+    return tuple(rival for rival in found if rival.solved.foreseen < reach)
 
-    Where the motion is not finite there, nothing is foreseen: -inf.
-    """
-    found = look(rival, checking(rival.residual, solved.y), solved.y).survey
-    held = solved.shape.at_bound
+
+def _with_other(rival: Problem, solved: Solved) -> Solved:
+    """A solution as the record sees it with another number of half-cycles, from which a step leads to the optimum."""
+    looked = look(rival, checking(rival.residual, solved.y), solved.y)
+    found, held = looked.survey, solved.shape.at_bound
     shape = quadratic(found.gradient[: held.size], found.normal[: held.size, : held.size], held)
-    foreseen = float(found.chi2) - shape.distance**2
-    return foreseen if np.isfinite(foreseen) else -np.inf
+    return solved._replace(survey=found, settled=looked.settled, shape=shape)
 
 
 def _is_better(problem: Problem, rival: Problem, solved: Solved, other: Solved) -> bool:
@@ -125,11 +131,16 @@ def _is_better(problem: Problem, rival: Problem, solved: Solved, other: Solved) 
     noise as correlated as the residuals, and the drift that the rest shows, could make of it.
     """
     gain = solved.chi2 - other.chi2
-    pairs = zip(problem.windows, _counts(problem), _counts(rival), strict=True)
+    pairs = zip(problem.windows, half_cycles(problem), half_cycles(rival), strict=True)
     if all(b == a or b - a in window.segmentation.open for window, a, b in pairs):
         return gain > 0
-    correlated = max(whiteness(part).correlation_time for part in rival.by_run(other.survey.residual))
-    return gain > DECISIVE * correlated * max(map(_unexplained, problem.windows))
+    return gain > _by_chance(rival, other)
+
+
+def _by_chance(problem: Problem, solved: Solved) -> float:
+    """How far apart noise as correlated as the residuals, and the drift that the rest shows, may put two chi^2."""
+    correlated = max(whiteness(part).correlation_time for part in problem.by_run(solved.survey.residual))
+    return DECISIVE * correlated * max(map(_unexplained, problem.windows))
 
 
 def _unexplained(window: Window) -> float:
@@ -137,10 +148,6 @@ def _unexplained(window: Window) -> float:
     found, t = window.segmentation, np.asarray(window.trace.t)[window.used]
     drift = 0.0 if "drift" in window.nuisances else found.drift * (t[-1] - t[0]) / np.sqrt(12)
     return float((found.noise**2 + drift**2) / np.median(window.sigma[window.used]) ** 2)
-
-
-def _counts(problem: Problem) -> tuple[int, ...]:
-    return tuple(int(run.half_cycles) for run in problem.residual.runs)
 
 
 def with_counts(problem: Problem, counts: tuple[int, ...]) -> Problem:
@@ -153,7 +160,7 @@ def with_counts(problem: Problem, counts: tuple[int, ...]) -> Problem:
 
 def _candidates(problem: Problem, solved: Solved) -> set[tuple[int, ...]]:
     """Other numbers of half-cycles worth a fit."""
-    counts = _counts(problem)
+    counts = half_cycles(problem)
     if not problem.residual.oscillator.friction.set_valued:
         return set()
     stopping = [run for run, count in enumerate(counts) if count < NEVER]
@@ -163,14 +170,21 @@ def _candidates(problem: Problem, solved: Solved) -> set[tuple[int, ...]]:
     others: list[tuple[int, int]] = []
     if far_off(problem, solved):
         others += [(run, counts[run] + step) for run in stopping for step in (-1, 1) if counts[run] + step > 0]
-    open_counts = [(run, counts[run] + step) for run in stopping for step in problem.windows[run].segmentation.open]
-    others += [(run, count) for run, count in open_counts if count > 0]
     if solved.chi2 / problem.n_used > _ADEQUATE:
         # A mass that stopped just before its record ends seems to move to the end.
         moving = [run for run in range(len(counts)) if run not in stopping]
         others += [(run, window.strokes + 1) for run in moving if _may_have_stopped(window := problem.windows[run])]
     found |= {(*counts[:run], count, *counts[run + 1 :]) for run, count in others}
-    return found - {counts}
+    return found.union(_open(problem)) - {counts}
+
+
+def _open(problem: Problem) -> list[tuple[int, ...]]:
+    """The other numbers of half-cycles that the record itself leaves possible, that of one run at a time."""
+    counts, found = half_cycles(problem), []
+    for run, window in enumerate(problem.windows):
+        others = [counts[run] + step for step in window.segmentation.open] if counts[run] < NEVER else []
+        found += [(*counts[:run], count, *counts[run + 1 :]) for count in others if count > 0]
+    return found
 
 
 def _may_have_stopped(window: Window) -> bool:

@@ -53,6 +53,7 @@ class Solved(NamedTuple):
             whatever direction it is the longest: how far numerical errors can have moved any parameter.
         status: what the solver said.
         iterations, passes, stages: steps of Levenberg-Marquardt, passes over the model in all, and stages.
+        rivals: other numbers of half-cycles, with which the record is described about as well.
     """
 
     y: Float[np.ndarray, " coordinates"]
@@ -64,10 +65,17 @@ class Solved(NamedTuple):
     iterations: int
     passes: int
     stages: int
+    rivals: tuple["Rival", ...] = ()
 
     @property
     def chi2(self) -> float:
         return float(self.survey.chi2)
+
+    @property
+    def foreseen(self) -> float:
+        """The chi^2 at the end of the step, were the residuals linear; -inf where it is not finite here."""
+        ahead = self.chi2 - self.shape.distance**2
+        return ahead if np.isfinite(ahead) else -np.inf
 
     @property
     def accurate(self) -> bool:
@@ -77,6 +85,18 @@ class Solved(NamedTuple):
     @property
     def converged(self) -> bool:
         return self.status in (CONVERGED, AT_BOUND, UNDETERMINED)
+
+
+class Rival(NamedTuple):
+    """The problem with another number of half-cycles, and what the record says of it where that at hand was solved."""
+
+    problem: Problem
+    solved: Solved
+
+
+def half_cycles(problem: Problem) -> tuple[int, ...]:
+    """The number of half-cycles of each run."""
+    return tuple(int(run.half_cycles) for run in problem.residual.runs)
 
 
 climb_on = Program(climb, like_climbed)

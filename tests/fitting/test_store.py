@@ -103,7 +103,7 @@ def test_the_engine_of_a_fit_comes_back_as_it_was(found, tmp_path, engine):
 def test_a_numerical_error_that_shows_is_warned_of(found):
     told = functools.partial(warnings_of, posed(coulomb_run(), found.oscillator, MACHINE), found.values)
     sentences = [
-        told(found.std_errors, Misfit(1e-9, 1e-9, 1e-9, 0), found.margins, (None,), None, shift)
+        told(found.std_errors, Misfit(1e-9, 1e-9, 1e-9, 0), (), found.margins, (None,), None, shift)
         for shift in (0.09, 0.32)
     ]
     assert not any("numerical error" in sentence for sentence in sentences[0])
