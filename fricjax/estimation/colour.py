@@ -31,6 +31,12 @@ _STRONG = 10.0
 # Rounds in which the parameters and the colour of what they leave settle to a hundredth of a standard error, and in
 # which the restricted likelihood of the colour does.
 _ROUNDS, _SETTLING = 4, 12
+# Standard errors by which a process must differ from one that walks at random to be taken for one with a level. A walk
+# itself seems to by up to 4.4, the more so the more is fitted beside it (Fuller, Introduction to Statistical Time
+# Series, 1996, table 10.A.2).
+_LEVELLED = 5.0
+# By how much a sum of coefficients that is one may differ from it.
+_ROUNDING = 1e-9
 # Standard deviations by which the variance of rows and of samples may differ in white noise.
 _LEVEL = 4.0
 # Power of a line over that of its neighbours, how many of them, how far it reaches itself, and how many lines.
@@ -69,8 +75,9 @@ class Colour(NamedTuple):
         drift: whether a drift is among them, the first; `lines`: frequencies of the hum [Hz].
         sizes: what of each is to be added to the residuals to make up for them, shape (k,).
         kicks: spectral density of kicks that make the noise beside an independent part, in squared units of the latter.
-        spread: sum of the logarithms of the variances of innovations over that of the latter.
+        spread: sum of the logarithms of the variances of all rows, given those before, over that of an innovation.
         passage: how a linear system carries them on; None where there are none.
+        sides: kicks that are one standard error weaker or stronger, and the standard deviations beside them.
     """
 
     coefficients: np.ndarray
@@ -83,6 +90,7 @@ class Colour(NamedTuple):
     kicks: float = 0.0
     spread: float = 0.0
     passage: Passage | None = None
+    sides: tuple[tuple[float, float], ...] = ()
 
     @property
     def waves(self) -> np.ndarray:
@@ -100,6 +108,11 @@ class Colour(NamedTuple):
         for line, (cosine, sine) in zip(self.lines, self.waves, strict=True):
             waves += cosine * np.cos(2 * np.pi * line * t) + sine * np.sin(2 * np.pi * line * t)
         return self.speed(series) * (t - series.mean()) + waves
+
+    @property
+    def levelled(self) -> bool:
+        """Whether it has a level about which it wanders."""
+        return abs(1 - float(self.coefficients.sum())) > _ROUNDING
 
     @property
     def size(self) -> float:
@@ -154,19 +167,20 @@ def _restricted(series: Series, colour: Colour) -> Colour:
     left, std, sizes = colour.left, colour.std, np.zeros(scale.size)
     for _ in range(_SETTLING):
         white = innovations(np.column_stack([series.residual, columns]), series.starts, coefficients)
-        along, spread, across = np.linalg.svd(white[:, 1:], full_matrices=False)
-        spans = spread > 1e-12 * spread[0]
-        standard = across[spans].T / spread[spans]
+        along, singular, across = np.linalg.svd(white[:, 1:], full_matrices=False)
+        spans = singular > 1e-12 * singular[0]
+        standard = across[spans].T / singular[spans]
         sizes = -standard @ (along[:, spans].T @ white[:, 0])
         left, rest = series.residual + columns @ sizes, white[:, 0] + white[:, 1:] @ sizes
         std = float(np.sqrt(rest @ rest / max(rest.size - np.sum(spans) - coefficients.size, 1)))
         parts = [left, *(std * (columns @ standard)).T]
         grams, counts = zip(*(gram(part, series.starts, most) for part in parts), strict=True)
-        before, (coefficients, _) = coefficients, _process(np.sum(grams, axis=0), counts[0])
+        sums, before = np.sum(grams, axis=0), coefficients
+        coefficients = _without_level(_process(sums, counts[0])[0], sums, counts[0])
         if before.shape == coefficients.shape and np.allclose(before, coefficients, rtol=0, atol=1e-4):
             break
-    told = (sizes / scale)[series.slopes.shape[1] :]
-    return colour._replace(coefficients=coefficients, std=std, left=left, sizes=told)
+    told, spread = (sizes / scale)[series.slopes.shape[1] :], _spread(coefficients, series.starts, left.size)
+    return colour._replace(coefficients=coefficients, std=std, left=left, sizes=told, spread=spread)
 
 
 def _shows(left: np.ndarray, slopes: np.ndarray, function: np.ndarray) -> bool:
@@ -217,11 +231,7 @@ def white(series: Series, level: float) -> Colour:
 
 def weighed(series: Series, colour: Colour) -> tuple[np.ndarray, np.ndarray]:
     """Innovations of unit variance, and their derivatives by the coordinates, without what other functions explain."""
-    both = np.column_stack([series.residual, series.slopes, colour.beside])
-    if colour.passage is None:
-        white = innovations(both, series.starts, colour.coefficients) / colour.std
-    else:
-        white = filtered(both, series.unit, colour.passage, np.array([colour.kicks]))[0][0] / colour.std
+    white = whitened(np.column_stack([series.residual, series.slopes, colour.beside]), series, colour)
     p = series.slopes.shape[1] + 1
     told = white[:, :p]
     if colour.beside.size:
@@ -230,11 +240,19 @@ def weighed(series: Series, colour: Colour) -> tuple[np.ndarray, np.ndarray]:
     return told[:, 0], told[:, 1:]
 
 
+def whitened(columns: np.ndarray, series: Series, colour: Colour) -> np.ndarray:
+    """Columns in the rows of a series, through the filter that makes innovations of unit variance of its noise."""
+    if colour.passage is None:
+        return innovations(columns, series.starts, colour.coefficients) / colour.std
+    return filtered(columns, series.unit, colour.passage, np.array([colour.kicks]))[0][0] / colour.std
+
+
 def autoregressive(series: Series) -> Colour:
     """That of an autoregression of the residuals as they are."""
     coefficients, _ = autoregression(series.residual, series.starts)
     level = float(np.var(innovations(series.residual[:, None], series.starts, coefficients)))
-    return white(series, level)._replace(coefficients=coefficients)
+    spread = _spread(coefficients, series.starts, series.t.size)
+    return white(series, level)._replace(coefficients=coefficients, spread=spread)
 
 
 def thinned(series: Series, step: int) -> Series:
@@ -246,8 +264,8 @@ def thinned(series: Series, step: int) -> Series:
 
 def kicked(series: Series, passage: Passage) -> Colour:
     """That of kicks which a linear system carries on, beside independent noise."""
-    kicks, std, spread, left = kicks_of(series.residual, series.slopes, series.unit, passage)
-    return white(series, std**2)._replace(left=left, kicks=kicks, spread=spread, passage=passage)
+    kicks, std, spread, left, sides = kicks_of(series.residual, series.slopes, series.unit, passage)
+    return white(series, std**2)._replace(left=left, kicks=kicks, spread=spread, passage=passage, sides=sides)
 
 
 def autoregression(left: np.ndarray, starts: np.ndarray) -> tuple[np.ndarray, float]:
@@ -279,6 +297,18 @@ def _process(gram: np.ndarray, n: int) -> tuple[np.ndarray, float]:
     return np.linalg.solve(lower[:order, :order].T, along[:order]), float(criteria[order])
 
 
+def _without_level(coefficients: np.ndarray, sums: np.ndarray, n: int) -> np.ndarray:
+    """Coefficients that sum up to one, in which the noise has no level, where theirs is not clearly another."""
+    order = coefficients.size
+    if not order:
+        return coefficients
+    inverse = np.linalg.pinv(sums[1 : order + 1, 1 : order + 1], rcond=1e-13, hermitian=True)
+    square = sums[0, 0] - coefficients @ sums[1 : order + 1, 0]
+    toward, missing = inverse.sum(axis=0), 1 - coefficients.sum()
+    clearly = missing**2 >= _LEVELLED**2 * toward.sum() * square / n
+    return coefficients if clearly else coefficients + toward * missing / toward.sum()
+
+
 def gram(left: np.ndarray, starts: np.ndarray, most: int) -> tuple[np.ndarray, int]:
     """Sums of products of values up to so many places apart, and how many of each."""
     gram, n = np.zeros((most + 1, most + 1)), 0
@@ -303,14 +333,45 @@ def _products(part: np.ndarray, most: int) -> np.ndarray:
 
 
 def innovations(columns: np.ndarray, starts: np.ndarray, coefficients: np.ndarray) -> np.ndarray:
-    """The columns through the filter that whitens the noise, without the rows that have too few before them."""
+    """The columns through the filter that whitens the noise.
+
+    The first rows of a stretch, which have too few before them, are weighed by what a stationary process makes of them;
+    one that is not stationary says nothing of its level, and they are left out.
+    """
     order = coefficients.size
     if not order:
         return columns
-    newest_first = np.concatenate([[1.0], -coefficients])
-    parts = [part for part in np.split(columns, starts[1:]) if part.shape[0] > order]
-    windows = [np.lib.stride_tricks.sliding_window_view(part, order + 1, axis=0)[..., ::-1] for part in parts]
-    return np.concatenate([columns[:0], *(window @ newest_first for window in windows)])
+    newest_first, start = np.concatenate([[1.0], -coefficients]), _start(coefficients)
+    found = [columns[:0]]
+    for part in np.split(columns, starts[1:]):
+        found.append(start[: part.shape[0], : part.shape[0]] @ part[:order])
+        if part.shape[0] > order:
+            windows = np.lib.stride_tricks.sliding_window_view(part, order + 1, axis=0)[..., ::-1]
+            found.append(windows @ newest_first)
+    return np.concatenate(found)
+
+
+def _start(coefficients: np.ndarray) -> np.ndarray:
+    """What makes the first values of a stationary process as many innovations, shape (order, order).
+
+    Each is predicted by those before it: by the process of so many coefficients, which follows from that of one more
+    (Durbin's and Levinson's recursion backwards; Brockwell and Davis, 5.2). Where there is no such process: (0, order).
+    """
+    order, a, variance = coefficients.size, coefficients, 1.0
+    found = np.zeros((order, order))
+    for j in range(order - 1, -1, -1):
+        last = float(a[j])
+        if abs(last) > 1 - _ROUNDING:
+            return np.zeros((0, order))
+        a, variance = (a[:j] + last * a[:j][::-1]) / (1 - last**2), variance / (1 - last**2)
+        found[j, : j + 1] = np.concatenate([-a[::-1], [1.0]]) / np.sqrt(variance)
+    return found
+
+
+def _spread(coefficients: np.ndarray, starts: np.ndarray, rows: int) -> float:
+    """Sum of the logarithms of the variances of the first values of all stretches over that of the innovations."""
+    each = -2 * np.log(np.diag(_start(coefficients)))
+    return float(sum(each[:length].sum() for length in np.diff(np.append(starts, rows))))
 
 
 def _waves(series: Series, lines: Iterable[float]) -> np.ndarray:

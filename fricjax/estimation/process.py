@@ -71,12 +71,14 @@ class Kicks(NamedTuple):
         std: standard deviation of that noise.
         spread: sum of the logarithms of the variances of the innovations over that of the noise.
         left: of the residuals, the parameters fitted anew, shape (n,).
+        sides: both of the first, where the kicks are one standard error of their logarithm weaker and stronger.
     """
 
     kicks: float
     std: float
     spread: float
     left: np.ndarray
+    sides: tuple[tuple[float, float], ...]
 
 
 def kicks_of(residual: np.ndarray, slopes: np.ndarray, unit: np.ndarray, passage: Passage) -> Kicks:
@@ -88,16 +90,31 @@ def kicks_of(residual: np.ndarray, slopes: np.ndarray, unit: np.ndarray, passage
     for carried, kicked, each in zip(*passage, unit, strict=True):
         spread = carried @ spread @ carried.T + kicked
         added += float(each**2 * spread[0, 0])
+
+    def judged(points: np.ndarray) -> list[tuple[float, float, float, np.ndarray]]:
+        return [_judged(*pair) for pair in zip(*filtered(columns, unit, passage, points), strict=True)]
+
     middle, reach = -np.log10(max(added / residual.size, np.finfo(float).tiny)), _DECADES
-    kicks, std, logarithms, sizes = 0.0, 0.0, 0.0, np.zeros(slopes.shape[1])
+    kicks, error, best = 0.0, 0.0, (0.0, 0.0, 0.0, np.zeros(slopes.shape[1]))
     for _ in range(_SEARCHES):
         points = 10.0 ** np.linspace(middle - reach, middle + reach, _POINTS)
-        white, variances = filtered(columns, unit, passage, points)
-        each = [_judged(*pair) for pair in zip(white, variances, strict=True)]
-        k = int(np.argmin([restricted for restricted, *_ in each]))
-        kicks, (_, std, logarithms, sizes) = float(points[k]), each[k]
+        each = judged(points)
+        restricted = np.array([likelihood for likelihood, *_ in each])
+        k = int(np.argmin(restricted))
+        kicks, best, error = float(points[k]), each[k], _error(restricted, k, np.log(points[1] / points[0]))
         middle, reach = float(np.log10(points[k])), 2 * reach / (_POINTS - 1)
-    return Kicks(kicks, std, logarithms, residual + columns[:, 1:] @ sizes)
+    _, std, logarithms, sizes = best
+    near = kicks * np.exp([-error, error])
+    sides = tuple((float(point), deviation) for point, (_, deviation, *_) in zip(near, judged(near), strict=True))
+    return Kicks(kicks, std, logarithms, residual + columns[:, 1:] @ sizes, sides)
+
+
+def _error(restricted: np.ndarray, k: int, step: float) -> float:
+    """Standard error of the logarithm of kicks, by minus twice the likelihood about its least value, the one at `k`."""
+    if not 0 < k < restricted.size - 1:
+        return _DECADES
+    curvature = float(restricted[k - 1] - 2 * restricted[k] + restricted[k + 1]) / step**2
+    return min(np.sqrt(2 / max(curvature, np.finfo(float).tiny)), _DECADES)
 
 
 def _judged(white: np.ndarray, variances: np.ndarray) -> tuple[float, float, float, np.ndarray]:

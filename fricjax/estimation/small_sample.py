@@ -13,10 +13,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from .colour import Colour, Series, gram, innovations
+from .colour import Colour, Series, gram, whitened
 
 # Fewest degrees of freedom that are believed in: with two the standard deviation of Student's t is infinite.
 _FEWEST = 4.0
+# Standard errors of the coefficients over which derivatives are taken.
+_STEP = 1e-3
 
 
 def unsure(runs: Sequence[tuple[Series, Colour]], covariance: np.ndarray) -> np.ndarray:
@@ -29,43 +31,61 @@ def unsure(runs: Sequence[tuple[Series, Colour]], covariance: np.ndarray) -> np.
     variance = np.diag(covariance)
     more, scatter = np.zeros_like(covariance), np.zeros(variance.size)
     for series, colour in runs:
-        if colour.coefficients.size:
-            added, slopes = of_a_process(series, colour, covariance)
-            more, scatter = more + added, scatter + slopes
+        added, slopes = by_noise(series, colour, covariance)
+        more, scatter = more + added, scatter + slopes
     # Two over the degrees of freedom.
     few = np.minimum(np.divide(scatter, variance**2, out=np.zeros(variance.size), where=variance > 0), 2 / _FEWEST)
     wider = 1 / np.sqrt(1 - few)
     return np.outer(wider, wider) * (covariance + 2 * more) - covariance
 
 
-def of_a_process(series: Series, colour: Colour, covariance: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """What the errors of one process add to a covariance, and the variances that they give its diagonal.
+def by_noise(series: Series, colour: Colour, covariance: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """What the errors of one noise add to a covariance, and the variances that they give its diagonal.
 
-    With the residuals r, functions x, and both through the filter A of the process, estimates solve ``(A x)'A r = 0``:
-    a change of ``a_k``, and so of A by ``L^k``, moves them by ``C ((L^k x)'A r + (A x)'L^k r)``.
+    With the residuals r and the functions x through the filter of the noise, estimates solve ``x'r = 0``: where the
+    noise changes x'r they move by -C times as much, and C itself by -C d(x'x) C.
     """
-    a, std, p = colour.coefficients, colour.std, covariance.shape[0]
+    p, sides = covariance.shape[0], _sides(series, colour)
+    if not sides:
+        return np.zeros_like(covariance), np.zeros(p)
     columns = np.column_stack([series.slopes[:, :p], colour.beside])
-    white = innovations(columns, series.starts, a)
+    white = whitened(columns, series, colour)
     # What is fitted besides takes its share of each function.
     away = np.linalg.lstsq(white[:, p:], white[:, :p], rcond=1e-12)[0]
     columns = np.column_stack([columns[:, :p] - columns[:, p:] @ away, colour.left])
-    white, before = innovations(columns, series.starts, a), _before(columns, series.starts, a.size)
-    along = np.einsum("kmi,mj->kij", before[..., :p], white, optimize=True)
-    across = np.einsum("mi,km->ki", white[:, :p], before[..., p], optimize=True)
-    moves = (along[..., p] + across) @ covariance / std**2
-    # Coefficients are as uncertain as the inverse of these products tells, over the variance of the innovations.
-    products, n = gram(colour.left, series.starts, a.size)
-    known = std**2 * np.linalg.pinv(products[1:, 1:], hermitian=True)
-    # Of the diagonal: its derivatives by the coefficients, and by the logarithm of the variance.
-    slopes = 2 * np.einsum("ij,kjl,li->ki", covariance, along[..., :p], covariance, optimize=True) / std**2
-    scatter = np.sum(slopes * (known @ slopes), axis=0) + 2 / n * np.diag(covariance) ** 2
-    return moves.T @ known @ moves, scatter
+    changes = []
+    for low, high, errors in sides:
+        below, above = (whitened(columns, series, side) for side in (low, high))
+        changes.append((above[:, :p].T @ above - below[:, :p].T @ below) / errors)
+    moves = [-covariance @ change[:, p] for change in changes]
+    slopes = [np.diag(covariance @ change[:, :p] @ covariance) for change in changes]
+    # The variance of the innovations scatters besides.
+    scatter = np.sum(np.square(slopes), axis=0) + 2 / series.t.size * np.diag(covariance) ** 2
+    return np.transpose(moves) @ moves, scatter
 
 
-def _before(columns: np.ndarray, starts: np.ndarray, order: int) -> np.ndarray:
-    """The columns 1 to `order` rows before each that has so many, shape (order, m, c)."""
-    parts = [part for part in np.split(columns, starts[1:]) if part.shape[0] > order]
-    return np.concatenate(
-        [np.stack([part[order - k : part.shape[0] - k] for k in range(1, order + 1)]) for part in parts], axis=1
-    )
+def _sides(series: Series, colour: Colour) -> list[tuple[Colour, Colour, float]]:
+    """Pairs of what the noise may be as well, in independent directions, and how many standard errors lie between."""
+    if colour.sides:
+        (weak, quiet), (strong, loud) = colour.sides
+        return [(colour._replace(kicks=weak, std=quiet), colour._replace(kicks=strong, std=loud), 2.0)]
+    if not colour.coefficients.size:
+        return []
+    a = colour.coefficients
+    steps = _STEP * _directions(series, colour)
+    return [(colour._replace(coefficients=a - s), colour._replace(coefficients=a + s), 2 * _STEP) for s in steps]
+
+
+def _directions(series: Series, colour: Colour) -> np.ndarray:
+    """Independent directions in which the coefficients may be off, one standard error each, shape (k, order).
+
+    Their covariance is the inverse of these products over the variance of the innovations. Where the process walks at
+    random they keep their sum.
+    """
+    products, _ = gram(colour.left, series.starts, colour.coefficients.size)
+    known = colour.std**2 * np.linalg.pinv(products[1:, 1:], hermitian=True)
+    if not colour.levelled:
+        both = known.sum(axis=0)
+        known = known - np.outer(both, both) / both.sum()
+    sizes, vectors = np.linalg.eigh(known)
+    return (np.sqrt(np.maximum(sizes, 0.0)) * vectors).T

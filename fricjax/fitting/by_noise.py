@@ -25,7 +25,6 @@ from .colours import (
     described,
     expected_size,
     least_squares,
-    levels,
     under_noise,
     variance_left,
     weighed_rows,
@@ -118,12 +117,10 @@ def _by_colour(plain: Counted, first: Sequence[Rows], absolute: bool) -> Counted
             return plain
         if not described(problem, seen, absolute):
             break
-        counted = weighed_rows(seen)
-        way = least_squares(problem, at, [*counted, *levels(seen)])[0]
-        if not way.distance > _NEAR:
-            shape, gradient, normal = least_squares(problem, at, counted)
+        shape, gradient, normal = least_squares(problem, at, weighed_rows(seen))
+        if not shape.distance > _NEAR:
             counts = at.survey._replace(gradient=gradient, normal=normal)
-            shift = max(solved.numerical_shift, way.distance)
+            shift = max(solved.numerical_shift, shape.distance)
             told = [_likelihood(*run, absolute) for run in seen]
             doubt = _doubt(problem, at, seen)
             return plain._replace(
@@ -136,7 +133,7 @@ def _by_colour(plain: Counted, first: Sequence[Rows], absolute: bool) -> Counted
                 gain=sum(gain for gain, _ in told),
                 numbers=sum(numbers for _, numbers in told),
             )
-        at = _moved(problem, at, way.step)
+        at = _moved(problem, at, shape.step)
         if not np.isfinite(at.survey.chi2):
             break
         rows = rows_of(problem, at.survey)

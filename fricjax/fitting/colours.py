@@ -74,9 +74,9 @@ def described(problem: Problem, seen: Sequence[Seen], absolute: bool) -> bool:
 
 def _or_shaken(problem: Problem, at: Solved, run: int, row: Rows, colour: Colour) -> Colour:
     """A colour, or that of a floor that shakes the mass, by Schwarz's criterion; first by a part of the rows."""
-    # No floor moves the reading of a mass that rests.
+    # No floor moves the reading of a mass that rests, and only a rest tells kicks from what a model lacks.
     still = _at_rest(problem.windows[run], row)
-    if _wanders(colour.left[still]) or not _remembers(colour.left[~still], row.level):
+    if not _is_quiet(colour.left[still]) or not _remembers(colour.left[~still], row.level):
         return colour
     left = row.series._replace(residual=colour.left)
     step = max(int(np.sum(~still)) // _FEW, 1)
@@ -88,12 +88,12 @@ def _or_shaken(problem: Problem, at: Solved, run: int, row: Rows, colour: Colour
     return colour if rival is None or _criterion(rival) > _criterion(other) else rival
 
 
-def _wanders(resting: np.ndarray) -> bool:
-    """Whether the reading of a rest is coloured beside a straight line; of a short one that is not known."""
+def _is_quiet(resting: np.ndarray) -> bool:
+    """Whether a rest is long enough to tell that its reading is white beside a straight line."""
     if resting.size < _RESTING:
         return False
     line = np.polynomial.Polynomial.fit(np.arange(resting.size), resting, 1)(np.arange(resting.size))
-    return autoregression(resting - line, np.zeros(1, int))[0].size > 0
+    return autoregression(resting - line, np.zeros(1, int))[0].size == 0
 
 
 def _remembers(moving: np.ndarray, level: float) -> bool:
@@ -110,8 +110,9 @@ def _shaken(problem: Problem, at: Solved, run: int, series: Series) -> Colour | 
 
 
 def _criterion(colour: Colour) -> float:
-    """Schwarz's criterion."""
-    return colour.size + np.log(colour.left.size) * colour.numbers
+    """Schwarz's criterion; how a process starts is left out, for what a model lacks starts like a shaken motion."""
+    size = colour.size - (colour.spread if colour.passage is None else 0.0)
+    return size + np.log(colour.left.size) * colour.numbers
 
 
 def remembered(rows: Rows, colour: Colour) -> float:
@@ -138,17 +139,11 @@ Weighed = tuple[np.ndarray, np.ndarray]
 
 
 def weighed_rows(seen: Sequence[Seen]) -> list[Weighed]:
-    """The rows of each run weighed by their noise."""
-    return [weighed(row.series, colour) for row, colour in seen]
+    """The rows of each run weighed by their noise, and the mean of each noise that remembers, over its size.
 
-
-def levels(seen: Sequence[Seen]) -> list[Weighed]:
-    """The mean of each noise that remembers, over its size.
-
-    Noise that hardly forgets does not tell the level about which it wanders. A fit that is led by this besides comes to
-    lie in the middle of its record.
+    Noise that hardly forgets does not tell the level about which it wanders: the fit lies in the middle of its record.
     """
-    found = []
+    found = [weighed(row.series, colour) for row, colour in seen]
     for series, colour in ((row.series, colour) for row, colour in seen if colour.coefficients.size):
         residual, size = series.residual + colour.beside @ colour.sizes, float(np.std(colour.left / series.unit))
         middle = series.unit / (series.unit @ series.unit) / size

@@ -2,9 +2,10 @@
 
 import numpy as np
 import pytest
+from scipy.linalg import block_diag, solve_discrete_lyapunov, toeplitz
 from scipy.signal import lfilter
 
-from fricjax.estimation.colour import Series, autoregression, colour_of, weighed
+from fricjax.estimation.colour import Series, autoregression, colour_of, innovations, weighed
 
 START = np.array([0])
 
@@ -36,6 +37,36 @@ def test_coloured_residuals_come_out_white():
     assert slopes.shape == (residual.size, 2)
     assert np.std(residual) == pytest.approx(1.0, abs=0.05)
     assert abs(np.mean(residual[1:] * residual[:-1])) < 4 / np.sqrt(residual.size)
+
+
+@pytest.mark.parametrize("coefficients", [[0.9], [1.6, -0.9], [1.2, -0.5, 0.2]])
+def test_innovations_of_the_whole_run_are_those_of_the_stationary_covariance(coefficients):
+    """The covariance of the process, from its own state space, becomes the identity, also in two stretches."""
+    order, rows = len(coefficients), 40
+    carried = np.vstack([coefficients, np.eye(order)[:-1]]).astype(float)
+    kicked = np.outer(np.eye(order)[0], np.eye(order)[0])
+    state = solve_discrete_lyapunov(carried, kicked)
+    lags = []
+    for _ in range(rows):
+        lags.append(state[0, 0])
+        state = carried @ state
+    covariance = toeplitz(lags)
+    white = innovations(np.eye(rows), START, np.array(coefficients))
+    assert white @ covariance @ white.T == pytest.approx(np.eye(rows), abs=1e-9)
+    halves = innovations(np.eye(rows), np.array([0, rows // 2]), np.array(coefficients))
+    apart = block_diag(covariance[: rows // 2, : rows // 2], covariance[rows // 2 :, rows // 2 :])
+    assert halves @ apart @ halves.T == pytest.approx(np.eye(rows), abs=1e-9)
+
+
+def test_a_random_walk_has_no_level_and_slow_noise_has_one():
+    random = np.random.default_rng(6)
+    for _ in range(60):
+        walk = colour_of(series(np.cumsum(random.standard_normal(600))), 1.0, False)
+        assert walk is not None and not walk.levelled
+        slow = colour_of(
+            series(np.asarray(lfilter([1.0], [1.0, -0.8], random.standard_normal(1100)))[500:]), 1.0, False
+        )
+        assert slow is not None and slow.levelled
 
 
 def test_a_hum_and_a_drift_are_functions_of_time_beside_the_noise():

@@ -4,7 +4,7 @@ import numpy as np
 from scipy.signal import lfilter
 
 from fricjax.estimation.colour import Colour, Series, colour_of, gram, innovations, weighed, white
-from fricjax.estimation.small_sample import of_a_process, unsure
+from fricjax.estimation.small_sample import by_noise, unsure
 
 START = np.array([0])
 RING = np.array([2 * 0.95 * np.cos(0.1), -(0.95**2)])
@@ -33,7 +33,7 @@ def test_estimates_move_with_the_process_as_by_differences():
     colour = white(run, 1.3**2)._replace(coefficients=RING, left=fitted)
     _, along = weighed(run, colour)
     covariance = np.linalg.inv(along.T @ along)
-    added, scatter = of_a_process(run, colour, covariance)
+    added, scatter = by_noise(run, colour, covariance)
 
     products, n = gram(fitted, START, RING.size)
     known = 1.3**2 * np.linalg.inv(products[1:, 1:])
