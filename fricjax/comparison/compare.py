@@ -59,7 +59,8 @@ def compare(
 
     with k free parameters and n samples. The noise is what the fit of least chi2 leaves. Where it is white, tau is one
     and c its reduced chi2 (at least one where the noise is taken at its word). Where it is not, all laws are judged by
-    that noise: chi2/c is the sum of their squares weighed by it, and tau the time in samples over which it remembers.
+    that noise: chi2/c is the sum of their squares weighed by it, tau the time in samples over which it remembers, and
+    the tests are those of the residuals weighed so.
     Where no law describes the runs, tau is the correlation time of the residuals and c tau times their reduced chi2.
 
     Args:
@@ -178,7 +179,6 @@ def _row(entry: _Entry, held_out: bool) -> Row:
     chi2 = solved.chi2 if np.isfinite(solved.chi2) else np.inf
     times = [np.asarray(window.trace.t)[window.used] for window in problem.windows]
     parts = zip(problem.by_run(solved.survey.residual), problem.windows, strict=True)
-    frequency = entry.fit.kinematics["natural_frequency"].value
     return dataclasses.replace(
         row,
         valid=entry.fit.converged,
@@ -187,7 +187,7 @@ def _row(entry: _Entry, held_out: bool) -> Row:
         n_parameters=len(problem.parameters),
         chi2_reduced=chi2 / problem.dof,
         held_out=held_out_score(problem, solved) if held_out and solved.converged else np.nan,
-        tests=judge(times, [part[window.used] for part, window in parts], frequency),
+        tests=judge(times, [part[window.used] for part, window in parts], _frequency(entry.fit)),
     )
 
 
@@ -231,7 +231,13 @@ def _judged(row: Row, entry: _Entry, by: _Yardstick) -> Row:
     """A row with its criteria."""
     if entry.problem is None or entry.solved is None or not np.isfinite(row.chi2):
         return row
-    k, n = row.n_parameters, by.effective
-    misfit = under_noise(entry.problem, entry.solved, by.seen)[0] if by.seen else row.chi2 / by.inflation
+    k, n, misfit, tests = row.n_parameters, by.effective, row.chi2 / by.inflation, row.tests
+    if by.seen and entry.fit is not None:
+        told = under_noise(entry.problem, entry.solved, by.seen)
+        misfit, tests = told.misfit, judge(told.times, told.residuals, _frequency(entry.fit))
     aicc = misfit + 2 * k + 2 * k * (k + 1) / max(n - k - 1, 1)
-    return dataclasses.replace(row, aicc=float(aicc), bic=float(misfit + k * np.log(n)))
+    return dataclasses.replace(row, aicc=float(aicc), bic=float(misfit + k * np.log(n)), tests=tests)
+
+
+def _frequency(fit: Fit) -> float:
+    return fit.kinematics["natural_frequency"].value

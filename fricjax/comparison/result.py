@@ -23,9 +23,9 @@ class Row:
             the runs included.
         chi2_reduced: chi2 per degree of freedom.
         aicc, bic: criteria of the comparison; smaller is better.
-        held_out: mean square of the held-out residuals in units of the noise; one for the right law, NaN where
-            nothing was held out.
-        tests: tests of the residuals, None without a fit.
+        held_out: mean square of the held-out residuals in units of the noise stated; one for the right law under white
+            noise, NaN where nothing was held out.
+        tests: tests of the residuals, weighed by the noise of the best law where that is not white; None without a fit.
     """
 
     name: str

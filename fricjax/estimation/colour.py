@@ -247,6 +247,14 @@ def whitened(columns: np.ndarray, series: Series, colour: Colour) -> np.ndarray:
     return filtered(columns, series.unit, colour.passage, np.array([colour.kicks]))[0][0] / colour.std
 
 
+def instants(series: Series, colour: Colour) -> np.ndarray:
+    """Times of the rows that are left of a series once it is whitened."""
+    order = colour.coefficients.size
+    if colour.passage is not None or _start(colour.coefficients).shape[0] == order:
+        return series.t
+    return np.concatenate([part[order:] for part in np.split(series.t, series.starts[1:])])
+
+
 def autoregressive(series: Series) -> Colour:
     """That of an autoregression of the residuals as they are."""
     coefficients, _ = autoregression(series.residual, series.starts)

@@ -167,8 +167,9 @@ def _doubt(problem: Problem, at: Solved, seen: Sequence[Seen]) -> Doubt:
     """The doubt in the number of half-cycles, counted by the noise that was seen with that one."""
     ends = []
     for like, reached in ((problem, at), *at.rivals):
-        misfit, shape = under_noise(like, reached, seen)
-        ends.append(End(half_cycles(like), misfit, reached.y[: shape.step.size] + shape.step))
+        judged = under_noise(like, reached, seen)
+        step = judged.shape.step
+        ends.append(End(half_cycles(like), judged.misfit, reached.y[: step.size] + step))
     return doubt_of(ends[0], ends[1:])
 
 

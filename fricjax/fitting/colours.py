@@ -18,6 +18,7 @@ from ..estimation.colour import (
     autoregressive,
     colour_of,
     innovations,
+    instants,
     kicked,
     thinned,
     weighed,
@@ -121,17 +122,33 @@ def remembered(rows: Rows, colour: Colour) -> float:
     return min(max((colour.std / forgets) ** 2 / rows.level, 1.0), rows.series.t.size * rows.samples / 2)
 
 
-def under_noise(problem: Problem, solved: Solved, seen: Sequence[Seen]) -> tuple[float, Quadratic]:
-    """Sum of squares of a fit and its priors, least under noises that were seen elsewhere on the same samples.
+class UnderNoise(NamedTuple):
+    """A fit judged by noises that were seen elsewhere on the same samples.
 
-    The quadratic form, from where the fit is, leads to where it is the least.
+    Attributes:
+        misfit: sum of squares of its rows, weighed by the noise, and of its priors, where it is the least.
+        shape: the quadratic form that leads there from where the fit is.
+        times, residuals: of the rows of each run there, the latter of unit variance.
     """
-    rows = [run_in_rows(problem, solved.survey, run, like.rows.samples) for run, like in enumerate(seen)]
-    counted = weighed_rows([Seen(row, like.colour) for row, like in zip(rows, seen, strict=True)])
+
+    misfit: float
+    shape: Quadratic
+    times: list[np.ndarray]
+    residuals: list[np.ndarray]
+
+
+def under_noise(problem: Problem, solved: Solved, seen: Sequence[Seen]) -> UnderNoise:
+    """A fit judged by noises, one for each run."""
+    pairs = enumerate(seen)
+    runs = [Seen(run_in_rows(problem, solved.survey, run, like.rows.samples), like.colour) for run, like in pairs]
+    counted = weighed_rows(runs)
+    shape, *_ = least_squares(problem, solved, counted)
     priors = (solved.settled.values - problem.residual.prior_mean) * problem.residual.prior_weight
     squares = sum(float(np.sum(residual**2)) for residual, _ in counted) + float(priors @ priors)
-    shape, *_ = least_squares(problem, solved, counted)
-    return squares - shape.distance**2, shape
+    step = np.concatenate([shape.step, np.zeros(solved.y.size - shape.step.size)])
+    left = [residual + slopes @ step for residual, slopes in counted[: len(runs)]]
+    times = [instants(row.series, colour) for row, colour in runs]
+    return UnderNoise(squares - shape.distance**2, shape, times, left)
 
 
 Weighed = tuple[np.ndarray, np.ndarray]

@@ -117,13 +117,17 @@ def test_the_score_of_a_single_run_predicts_its_last_third(single):
 def test_coloured_noise_counts_fewer_samples(single):
     phi = 0.6
     clean = coulomb_run(1.6e-3, **{**RUN, "noise": 1e-15})
-    ratios = []
+    ratios, passed = [], 0
     for seed in range(6):
         x = np.asarray(clean.x) + NOISE * autoregressive(phi, RUN["samples"], seed)
         found = compare(Trace(clean.t, x, sigma=NOISE), MACHINES, FREE, names=NAMES, held_out=False)
         ratios.append(found.n_samples / found.n_effective)
         assert found.inflation >= 0.999 * ratios[-1]
         assert "not white" in found.summary()
+        # The tests are those of what the noise leaves once it is whitened.
+        passed += found.row("known").tests.failed == ()
+        assert set(found.row("wrong").tests.failed) >= {"white", "signs"}
+    assert passed >= 5
     assert np.mean(ratios) == pytest.approx((1 + phi) / (1 - phi), rel=0.25)
     assert single.n_effective == single.n_samples
 
