@@ -19,7 +19,7 @@ STIFFNESS, FREQUENCY, DAMPING_RATIO = 2574.0, 12.6, 0.0027
 MASS = STIFFNESS / (2 * math.pi * FREQUENCY) ** 2
 DAMPING = 2 * DAMPING_RATIO * math.sqrt(STIFFNESS * MASS)
 FLOOR = 3.4e-11  # (m/s^2)^2/Hz, of a floor of class VC-C less 40 dB
-SHAKEN = "floor motion"
+SHAKEN, RECORDED = "floor motion", "floor motion, recorded"
 FULL_SCALE = 10e-3  # of the converters that round to so many bits [m]
 
 Noise = Callable[["Rig", np.ndarray, np.ndarray, np.random.Generator], np.ndarray]
@@ -41,11 +41,15 @@ class Rig(NamedTuple):
 
 
 class Run(NamedTuple):
-    """A record, and the truth behind it: half-cycles from the first reversal to the stop."""
+    """A record, and the truth behind it: half-cycles from the first reversal to the stop.
+
+    On a floor that shakes its acceleration at the samples is known as well.
+    """
 
     t: np.ndarray
     x: np.ndarray
     half_cycles: int
+    floor: np.ndarray | None = None
 
 
 def _machine(load: float, law: fj.friction.AbstractFriction) -> fj.Oscillator:
@@ -165,6 +169,7 @@ ASIDE: dict[str, Noise] = {
     "drift 10 um/s": drift(10e-6),
     "jitter 2 us": jitter(2e-6),
     SHAKEN: white(1e-9),
+    RECORDED: white(1e-9),
 }
 
 
@@ -249,13 +254,14 @@ def motion(rig: Rig, random: np.random.Generator, floor: float = 0.0) -> Run:
     if not floor:
         slide = fj.simulate(rig.oscillator, x0, t)
         return Run(rig.t, np.asarray(slide.x) + offset, int(slide.n_half_cycles) - 1)
-    shaken = driven_motion(rig.oscillator, x0, t, base_acceleration=white_acceleration(t.size, rig.rate, floor, random))
+    acceleration = white_acceleration(t.size, rig.rate, floor, random)
+    shaken = driven_motion(rig.oscillator, x0, t, base_acceleration=acceleration)
     directions = np.sign(shaken.v[~shaken.at_rest & (shaken.v != 0)])
-    return Run(rig.t, shaken.x + offset, int(np.count_nonzero(np.diff(directions))))
+    return Run(rig.t, shaken.x + offset, int(np.count_nonzero(np.diff(directions))), acceleration)
 
 
 def record(rig: Rig, kind: str, seed: int) -> Run:
     """A run with its noise; the same seed gives the same motion under every noise."""
-    clean = motion(rig, np.random.default_rng([1, seed]), FLOOR if kind == SHAKEN else 0.0)
+    clean = motion(rig, np.random.default_rng([1, seed]), FLOOR if kind in (SHAKEN, RECORDED) else 0.0)
     noise = {**TUNED, **ASIDE}[kind]
     return clean._replace(x=noise(rig, clean.t, clean.x, np.random.default_rng([2, seed])))

@@ -31,11 +31,12 @@ jax.config.update("jax_enable_x64", True)
 
 import equinox as eqx  # noqa: E402
 import numpy as np  # noqa: E402
-from records import ASIDE, INPUTS, KNOWN, RIGS, TUNED, Rig, Run, read_with, record  # noqa: E402
+from records import ASIDE, INPUTS, KNOWN, RECORDED, RIGS, TUNED, Rig, Run, read_with, record  # noqa: E402
 
 import fricjax as fj  # noqa: E402
 from fricjax.data import disturbance, strokes, swing  # noqa: E402
 from fricjax.data.errors import DataError, UsageError  # noqa: E402
+from fricjax.fitting import fit_on_moving_floor  # noqa: E402
 from fricjax.fitting.fit import concluded  # noqa: E402
 from fricjax.fitting.parameters import Request  # noqa: E402
 from fricjax.fitting.problem import Problem, pose  # noqa: E402
@@ -82,11 +83,22 @@ class Outcome(NamedTuple):
         return self.fit is not None and self.fit.converged
 
 
-def outcome(rig: Rig, run: Run, loss: str) -> Outcome:
-    trace, free = fj.Trace(run.t, run.x), list(rig.free)
-    fit, refusal = None, ""
+def fitted(rig: Rig, run: Run, kind: str) -> fj.Fit:
+    """The fit as a user gets it; one who records the acceleration of the floor makes use of it."""
+    trace, settings = fj.Trace(run.t, run.x), {"loss": loss_for(kind), "throw": False}
+    if kind == RECORDED:
+        return fit_on_moving_floor(trace, run.floor, rig.oscillator, rig.free, **settings)
+    return fj.fit(trace, rig.oscillator, rig.free, **settings)
+
+
+def loss_for(kind: str) -> str:
+    return "cauchy" if "outliers" in kind else "squares"
+
+
+def outcome(rig: Rig, run: Run, kind: str) -> Outcome:
+    fit, refusal, loss = None, "", loss_for(kind)
     try:
-        fit = fj.fit(trace, rig.oscillator, free, loss=loss, throw=False)
+        fit = fitted(rig, run, kind)
     except (DataError, UsageError) as error:
         refusal = str(error)
     if fit is not None and fit.half_cycles[0] == run.half_cycles:
@@ -135,8 +147,7 @@ def table(rig: Rig, runs: int, wanted: list[str]) -> None:
         )
         for kind in kinds:
             if any(part in kind for part in wanted):
-                loss = "cauchy" if "outliers" in kind else "squares"
-                outcomes = [outcome(rig, record(rig, kind, seed), loss) for seed in range(runs)]
+                outcomes = [outcome(rig, record(rig, kind, seed), kind) for seed in range(runs)]
                 print(row(kind, outcomes, truth), flush=True)
                 for i, o in enumerate(outcomes):
                     if not (o.right or o.open):
@@ -180,9 +191,8 @@ def bars(rig: Rig, runs: int, wanted: list[str]) -> None:
             scores, converged, over, refused = [], [], [], 0
             for seed in range(runs):
                 run = record(rig, kind, seed)
-                loss = "cauchy" if "outliers" in kind else "squares"
                 try:
-                    found = fj.fit(fj.Trace(run.t, run.x), rig.oscillator, list(rig.free), loss=loss, throw=False)
+                    found = fitted(rig, run, kind)
                 except (DataError, UsageError):
                     refused += 1
                     continue
