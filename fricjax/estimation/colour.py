@@ -73,6 +73,7 @@ class Colour(NamedTuple):
         left: of the residuals, the parameters and what is beside them fitted anew, shape (n,).
         beside: functions that are in the residuals besides, shape (n, k): a drift, the lines of a hum, the rounding.
         drift: whether a drift is among them, the first; `lines`: frequencies of the hum [Hz].
+        excited: how many times larger than it is kept up the process starts.
         sizes: what of each is to be added to the residuals to make up for them, shape (k,).
         kicks: spectral density of kicks that make the noise beside an independent part, in squared units of the latter.
         spread: sum of the logarithms of the variances of all rows, given those before, over that of an innovation.
@@ -87,6 +88,7 @@ class Colour(NamedTuple):
     drift: bool
     lines: tuple[float, ...]
     sizes: np.ndarray
+    excited: float = 1.0
     kicks: float = 0.0
     spread: float = 0.0
     passage: Passage | None = None
@@ -164,9 +166,10 @@ def _restricted(series: Series, colour: Colour) -> Colour:
     columns = np.column_stack([series.slopes, colour.beside])
     scale = np.maximum(np.sqrt(np.mean(columns**2, axis=0)), np.finfo(float).tiny)
     columns, coefficients, most = columns / scale, colour.coefficients, _most(series.t.size, series.starts)
-    left, std, sizes = colour.left, colour.std, np.zeros(scale.size)
+    left, std, sizes, excited = colour.left, colour.std, np.zeros(scale.size), 1.0
     for _ in range(_SETTLING):
-        white = innovations(np.column_stack([series.residual, columns]), series.starts, coefficients)
+        excited = _excited(left, series.starts, coefficients, std)
+        white = innovations(np.column_stack([series.residual, columns]), series.starts, coefficients, excited)
         along, singular, across = np.linalg.svd(white[:, 1:], full_matrices=False)
         spans = singular > 1e-12 * singular[0]
         standard = across[spans].T / singular[spans]
@@ -179,8 +182,14 @@ def _restricted(series: Series, colour: Colour) -> Colour:
         coefficients = _without_level(_process(sums, counts[0])[0], sums, counts[0])
         if before.shape == coefficients.shape and np.allclose(before, coefficients, rtol=0, atol=1e-4):
             break
-    told, spread = (sizes / scale)[series.slopes.shape[1] :], _spread(coefficients, series.starts, left.size)
-    return colour._replace(coefficients=coefficients, std=std, left=left, sizes=told, spread=spread)
+    return colour._replace(
+        coefficients=coefficients,
+        std=std,
+        left=left,
+        sizes=(sizes / scale)[series.slopes.shape[1] :],
+        spread=_spread(coefficients, series.starts, left.size, excited),
+        excited=excited,
+    )
 
 
 def _shows(left: np.ndarray, slopes: np.ndarray, function: np.ndarray) -> bool:
@@ -243,7 +252,7 @@ def weighed(series: Series, colour: Colour) -> tuple[np.ndarray, np.ndarray]:
 def whitened(columns: np.ndarray, series: Series, colour: Colour) -> np.ndarray:
     """Columns in the rows of a series, through the filter that makes innovations of unit variance of its noise."""
     if colour.passage is None:
-        return innovations(columns, series.starts, colour.coefficients) / colour.std
+        return innovations(columns, series.starts, colour.coefficients, colour.excited) / colour.std
     return filtered(columns, series.unit, colour.passage, np.array([colour.kicks]))[0][0] / colour.std
 
 
@@ -340,16 +349,16 @@ def _products(part: np.ndarray, most: int) -> np.ndarray:
     return sums
 
 
-def innovations(columns: np.ndarray, starts: np.ndarray, coefficients: np.ndarray) -> np.ndarray:
+def innovations(columns: np.ndarray, starts: np.ndarray, coefficients: np.ndarray, excited: float = 1.0) -> np.ndarray:
     """The columns through the filter that whitens the noise.
 
-    The first rows of a stretch, which have too few before them, are weighed by what a stationary process makes of them;
-    one that is not stationary says nothing of its level, and they are left out.
+    The first rows of a stretch, which have too few before them, are weighed by what a stationary process makes of them,
+    `excited` as many times as large; one that is not stationary says nothing of its level, and they are left out.
     """
     order = coefficients.size
     if not order:
         return columns
-    newest_first, start = np.concatenate([[1.0], -coefficients]), _start(coefficients)
+    newest_first, start = np.concatenate([[1.0], -coefficients]), _start(coefficients) / excited
     found = [columns[:0]]
     for part in np.split(columns, starts[1:]):
         found.append(start[: part.shape[0], : part.shape[0]] @ part[:order])
@@ -376,9 +385,17 @@ def _start(coefficients: np.ndarray) -> np.ndarray:
     return found
 
 
-def _spread(coefficients: np.ndarray, starts: np.ndarray, rows: int) -> float:
+def _excited(left: np.ndarray, starts: np.ndarray, coefficients: np.ndarray, std: float) -> float:
+    """How many times larger than it is kept up a process starts, as a mode does that the release excites."""
+    start, order = _start(coefficients), coefficients.size
+    parts = [part[:order] for part in np.split(left, starts[1:])]
+    first = np.concatenate([start[: part.size, : part.size] @ part for part in parts])
+    return max(float(np.sqrt(np.mean(first**2))) / std, 1.0) if first.size else 1.0
+
+
+def _spread(coefficients: np.ndarray, starts: np.ndarray, rows: int, excited: float = 1.0) -> float:
     """Sum of the logarithms of the variances of the first values of all stretches over that of the innovations."""
-    each = -2 * np.log(np.diag(_start(coefficients)))
+    each = -2 * np.log(np.diag(_start(coefficients)) / excited)
     return float(sum(each[:length].sum() for length in np.diff(np.append(starts, rows))))
 
 

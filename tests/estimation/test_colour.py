@@ -58,6 +58,17 @@ def test_innovations_of_the_whole_run_are_those_of_the_stationary_covariance(coe
     assert halves @ apart @ halves.T == pytest.approx(np.eye(rows), abs=1e-9)
 
 
+def test_a_mode_that_the_release_excites_starts_larger_than_it_is_kept_up():
+    """Its first rows would make the innovations of all others seem as much larger."""
+    random, process = np.random.default_rng(7), [1.8, -0.95]
+    kept_up = np.asarray(lfilter([1.0], [1.0, *-np.array(process)], random.standard_normal(1500)))[500:]
+    excited = 300 * 0.95 ** (np.arange(1000) / 2) * np.cos(np.arccos(0.9 / np.sqrt(0.95)) * np.arange(1000))
+    quiet, loud = (colour_of(series(noise), 1.0, False) for noise in (kept_up, kept_up + excited))
+    assert quiet is not None and loud is not None
+    assert quiet.excited < 2.5 and loud.excited > 10
+    assert loud.std == pytest.approx(1.0, abs=0.1) and quiet.std == pytest.approx(1.0, abs=0.1)
+
+
 def test_a_random_walk_has_no_level_and_slow_noise_has_one():
     random = np.random.default_rng(6)
     for _ in range(60):
