@@ -154,11 +154,11 @@ def _plain(problem: Problem, solved: Solved, absolute: bool) -> Counted:
         scatter = 1.0 if absolute else reduced
         variance = reduced if absolute and reduced > 1 + SURE * np.sqrt(2 / problem.dof) else scatter
     noises = tuple(Noise(excess=float(np.sqrt(variance))) for _ in blocks)
-    best, *ends = [
+    ends = [
         End(half_cycles(like), at.foreseen / variance, at.y[: at.shape.step.size] + at.shape.step)
-        for like, at in ((problem, solved), *solved.rivals)
+        for like, at in (((problem, solved), *solved.rivals) if solved.rivals else ())
     ]
-    doubt = doubt_of(best, ends)
+    doubt = doubt_of(ends, problem.residual.n_parameters)
     white = np.sqrt(np.diag(scatter * solved.shape.inverse + doubt.covariance))
     return Counted(problem, solved, variance, scatter, white, noises, doubt.covariance, doubt.others)
 
@@ -166,11 +166,12 @@ def _plain(problem: Problem, solved: Solved, absolute: bool) -> Counted:
 def _doubt(problem: Problem, at: Solved, seen: Sequence[Seen]) -> Doubt:
     """The doubt in the number of half-cycles, counted by the noise that was seen with that one."""
     ends = []
-    for like, reached in ((problem, at), *at.rivals):
+    # Alone, the one that was taken is in no doubt, whatever its misfit.
+    for like, reached in ((problem, at), *at.rivals) if at.rivals else ():
         judged = under_noise(like, reached, seen)
         step = judged.shape.step
         ends.append(End(half_cycles(like), judged.misfit, reached.y[: step.size] + step))
-    return doubt_of(ends[0], ends[1:])
+    return doubt_of(ends, problem.residual.n_parameters)
 
 
 def _undescribed(plain: Counted, rows: Sequence[Rows]) -> Counted:

@@ -214,7 +214,9 @@ def expected_size(window: Window, row: Rows, colour: Colour) -> float:
         return 0.0
     begin = np.zeros(1, int)
     coefficients, _ = autoregression(colour.left[still], begin)
-    moving, resting = (innovations(colour.left[part, None], begin, coefficients) for part in (~still, still))
+    # Without the first rows, which the release may have excited.
+    whole = [innovations(colour.left[part, None], begin, coefficients) for part in (~still, still)]
+    moving, resting = (part[coefficients.size :] for part in whole)
     # By medians, for spikes in the rest are no noise that wanders; a random walk grows with the root of time.
     parts = resting, colour.left[still]
     typical, seen = (float(np.median(np.abs(part - np.median(part)))) / NORMAL_MAD for part in parts)

@@ -33,13 +33,13 @@ class End(NamedTuple):
     y: np.ndarray
 
 
-def doubt_of(best: End, rivals: Sequence[End]) -> Doubt:
-    """The doubt that other numbers of half-cycles leave in the one that was taken."""
-    if not rivals:
-        return Doubt((), np.zeros((best.y.size, best.y.size)))
-    misfits = np.array([best.misfit, *(rival.misfit for rival in rivals)])
+def doubt_of(ends: Sequence[End], parameters: int) -> Doubt:
+    """The doubt in the first of several numbers of half-cycles, which is that taken; none where there are no others."""
+    if not ends:
+        return Doubt((), np.zeros((parameters, parameters)))
+    misfits = np.array([end.misfit for end in ends])
     odds = np.exp(-(misfits - misfits.min()) / 2)
-    probabilities = odds[1:] / odds.sum()
-    moves = np.array([rival.y - best.y for rival in rivals])
-    others = [Other(rival.half_cycles, float(p)) for rival, p in zip(rivals, probabilities, strict=True)]
+    probabilities = odds / odds.sum()
+    moves = np.array([end.y - ends[0].y for end in ends])
+    others = [Other(end.half_cycles, float(p)) for end, p in zip(ends[1:], probabilities[1:], strict=True)]
     return Doubt(tuple(others), (moves.T * probabilities) @ moves)

@@ -87,7 +87,7 @@ def test_a_batch_says_and_counts_the_same(fits):
 def test_the_moments_are_those_of_draws_from_the_mixture():
     random = np.random.default_rng(0)
     ends = [End((5,), 10.0, np.array([1.0, 2.0])), End((6,), 11.0, np.array([3.0, 2.5])), End((4,), 13.0, np.zeros(2))]
-    doubt = doubt_of(ends[0], ends[1:])
+    doubt = doubt_of(ends, 2)
     odds = np.exp([-5.0, -5.5, -6.5])
     drawn = random.choice(3, 100_000, p=odds / odds.sum())
     away = np.array([end.y for end in ends])[drawn] - ends[0].y
@@ -97,5 +97,5 @@ def test_the_moments_are_those_of_draws_from_the_mixture():
 
 
 def test_a_number_without_rivals_is_not_in_doubt():
-    doubt = doubt_of(End((5,), 1e9, np.ones(3)), [])
+    doubt = doubt_of([], 3)
     assert doubt.others == () and not doubt.covariance.any() and doubt.covariance.shape == (3, 3)
