@@ -77,7 +77,7 @@ def _or_shaken(problem: Problem, at: Solved, run: int, row: Rows, colour: Colour
     """A colour, or that of a floor that shakes the mass, by Schwarz's criterion; first by a part of the rows."""
     # No floor moves the reading of a mass that rests, and only a rest tells kicks from what a model lacks.
     still = _at_rest(problem.windows[run], row)
-    if not _is_quiet(colour.left[still]) or not _remembers(colour.left[~still], row.level):
+    if not (_remembers(colour.left[~still], row.level) and _is_quiet(colour.left[still])):
         return colour
     left = row.series._replace(residual=colour.left)
     step = max(int(np.sum(~still)) // _FEW, 1)
