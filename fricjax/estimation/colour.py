@@ -20,6 +20,7 @@ from typing import NamedTuple
 import numpy as np
 
 from .process import Passage, filtered, kicks_of
+from .quadratic import RANK_TOLERANCE
 
 # Longest memory in rows. A hum that is no line, and a resonance under white noise, take some ten.
 _MOST = 24
@@ -35,7 +36,7 @@ _ROUNDS, _SETTLING = 4, 12
 # itself seems to by up to 4.4, the more so the more is fitted beside it (Fuller, Introduction to Statistical Time
 # Series, 1996, table 10.A.2).
 _LEVELLED = 5.0
-# By how much a sum of coefficients that is one may differ from it.
+# By how much a sum of coefficients that is one may differ from it, and what a filter may leave of nothing.
 _ROUNDING = 1e-9
 # Standard deviations by which the variance of rows and of samples may differ in white noise.
 _LEVEL = 4.0
@@ -170,12 +171,10 @@ def _restricted(series: Series, colour: Colour) -> Colour:
     for _ in range(_SETTLING):
         excited = _excited(left, series.starts, coefficients, std)
         white = innovations(np.column_stack([series.residual, columns]), series.starts, coefficients, excited)
-        along, singular, across = np.linalg.svd(white[:, 1:], full_matrices=False)
-        spans = singular > 1e-12 * singular[0]
-        standard = across[spans].T / singular[spans]
-        sizes = -standard @ (along[:, spans].T @ white[:, 0])
+        standard = _orthonormal(white[:, 1:])
+        sizes = -standard @ (standard.T @ (white[:, 1:].T @ white[:, 0]))
         left, rest = series.residual + columns @ sizes, white[:, 0] + white[:, 1:] @ sizes
-        std = float(np.sqrt(rest @ rest / max(rest.size - np.sum(spans) - coefficients.size, 1)))
+        std = float(np.sqrt(rest @ rest / max(rest.size - standard.shape[1] - coefficients.size, 1)))
         parts = [left, *(std * (columns @ standard)).T]
         grams, counts = zip(*(gram(part, series.starts, most) for part in parts), strict=True)
         sums, before = np.sum(grams, axis=0), coefficients
@@ -190,6 +189,20 @@ def _restricted(series: Series, colour: Colour) -> Colour:
         spread=_spread(coefficients, series.starts, left.size, excited),
         excited=excited,
     )
+
+
+def _orthonormal(columns: np.ndarray) -> np.ndarray:
+    """Combinations of columns, as many as these determine, that are orthonormal, shape (columns, rank).
+
+    The columns had a mean square of one before they went through a filter; what this leaves of one but for rounding, as
+    of a constant through that of a random walk, counts. By products: of long columns a decomposition takes ten times as
+    long, and on busy cores a hundred.
+    """
+    size = np.linalg.norm(columns, axis=0)
+    unit = np.divide(1.0, size, out=np.zeros(size.size), where=size > _ROUNDING * np.sqrt(columns.shape[0]))
+    eigenvalues, vectors = np.linalg.eigh((columns * unit).T @ (columns * unit))
+    told = eigenvalues > RANK_TOLERANCE * max(eigenvalues[-1:], default=0.0)
+    return unit[:, None] * vectors[:, told] / np.sqrt(eigenvalues[told])
 
 
 def _shows(left: np.ndarray, slopes: np.ndarray, function: np.ndarray) -> bool:
@@ -218,9 +231,10 @@ class _Candidate(NamedTuple):
         left, variance = series.residual, 1.0
         for _ in range(_ROUNDS):
             white = innovations(np.column_stack([series.residual, columns]), series.starts, coefficients)
-            sizes, _, rank, _ = np.linalg.lstsq(white[:, 1:], -white[:, 0], rcond=1e-12)
+            standard = _orthonormal(white[:, 1:])
+            sizes = -standard @ (standard.T @ (white[:, 1:].T @ white[:, 0]))
             left = series.residual + columns @ sizes
-            dof = max(white.shape[0] - int(rank) - coefficients.size, 1)
+            dof = max(white.shape[0] - standard.shape[1] - coefficients.size, 1)
             variance = float(np.sum((white[:, 0] + white[:, 1:] @ sizes) ** 2)) / dof
             before, (coefficients, criterion) = coefficients, autoregression(left, series.starts)
             if before.shape == coefficients.shape and np.allclose(before, coefficients, rtol=0, atol=1e-3):
