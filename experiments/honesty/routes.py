@@ -1,4 +1,4 @@
-"""Error bars of routes 2 and 3, of the agreement and of the probability of a stop, over many campaigns.
+"""Error bars of routes 2 to 4, of the agreement and of the probability of a stop, over many campaigns.
 
 Releases of the prototype rig (mu = 0.05, damping ratio 0.27 %) from 1.2 to 12 dead bands, to both sides or to one, with
 an offset and a scatter of 0.1 um of each final displacement. Printed are the share of the 95 and 68 % intervals of mu
@@ -6,7 +6,7 @@ that hold the truth, the standard deviation of the errors in standard errors as 
 distribution, how many campaigns were told to be open, and how many were given wrong numbers of half-cycles in silence.
 Campaigns whose numbers are told to be open are left out of the intervals.
 
-    python experiments/honesty/routes.py [--campaigns 400] [--only pairs|stated|agreement|probit]
+    python experiments/honesty/routes.py [--campaigns 400] [--only pairs|stated|energy|agreement|probit]
 """
 
 import argparse
@@ -24,7 +24,14 @@ from scipy.stats import norm, t  # noqa: E402
 
 import fricjax as fj  # noqa: E402
 from fricjax.data.errors import DataError  # noqa: E402
-from fricjax.routes import RouteFit, compare_routes, fit_final_displacements, fit_triangle_map, probit  # noqa: E402
+from fricjax.routes import (  # noqa: E402
+    RouteFit,
+    compare_routes,
+    fit_final_displacements,
+    fit_triangle_map,
+    half_cycle_friction,
+    probit,
+)
 
 MASS, STIFFNESS, DAMPING_RATIO, LOAD, MU = 0.41068, 2574.0, 0.0027, 9.66, 0.05
 DAMPING = 2 * DAMPING_RATIO * np.sqrt(MASS * STIFFNESS)
@@ -87,18 +94,27 @@ def _score(found: RouteFit) -> float:
     return score(found.values["mu"] - MU, found.std_errors["mu"], 1e9 if normal else found.dof)
 
 
-def by_agreement(noise: float, job: tuple[int, int]) -> Told:
-    """The mean of all routes on the same records."""
-    runs, seed = job
+def recorded(noise: float, runs: int, seed: int) -> list[fj.Record]:
+    """Records of the same machine from different releases."""
     random = np.random.default_rng([runs, seed])
     machine = RIG.oscillator(fj.friction.Coulomb(MU))
     how = {"rate": 5e3, "duration": 0.4, "noise": noise, "offset": 3e-6}
-    records = [
+    return [
         fj.synthetic_run(machine, x0, seed=1000 * seed + i, **how)
         for i, x0 in enumerate(random.uniform(0.9e-3, 2e-3, runs))
     ]
-    found = compare_routes(records, RIG)
+
+
+def by_agreement(noise: float, job: tuple[int, int]) -> Told:
+    """The mean of all routes on the same records."""
+    found = compare_routes(recorded(noise, *job), RIG)
     return Told((found.mu - MU) / found.std, False, False)
+
+
+def by_energy(noise: float, job: tuple[int, int]) -> Told:
+    """Route 4, from the reversals of records."""
+    found = half_cycle_friction(recorded(noise, *job), RIG)
+    return Told((found.mu.value - MU) / found.mu.std, False, False)
 
 
 def by_stops(job: tuple[int, int]) -> Told:
@@ -137,7 +153,7 @@ def told(name: str, one: Callable[[tuple[int, int]], Told], sizes: Sequence[int]
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--campaigns", type=int, default=400)
-    parser.add_argument("--only", choices=["pairs", "stated", "agreement", "probit"])
+    parser.add_argument("--only", choices=["pairs", "stated", "energy", "agreement", "probit"])
     options = parser.parse_args()
     print(f"{'':44s}   n    95 %   68 %    sd  open  wrong in silence")
     wanted = lambda name: options.only in (None, name)
@@ -152,6 +168,9 @@ def main() -> None:
         for stated in (1.0, 0.2):
             job = functools.partial(by_pairs, 2, both, True, stated)
             told(f"route 2, noise stated as {stated:g} of the true", job, SIZES, options.campaigns)
+    if wanted("energy"):
+        for noise in (1e-9, 1e-7):
+            told(f"route 4, {1e9 * noise:g} nm", functools.partial(by_energy, noise), (4, 8, 16), options.campaigns)
     if wanted("agreement"):
         for noise in (1e-9, 1e-8):
             told(f"all routes, {1e9 * noise:g} nm", functools.partial(by_agreement, noise), (6,), options.campaigns)
