@@ -280,8 +280,7 @@ def _white_errors(row: Any) -> np.ndarray:
 
 
 def _sigma(row: Any) -> float:
-    window = row.problem.windows[0]
-    return float(np.median(window.sigma[window.used]))
+    return row.problem.windows[0].stated
 
 
 def _rms(row: Any) -> float:

@@ -86,8 +86,8 @@ def _seen(window: Window, row: Rows) -> Jitter | None:
     Second differences show the white noise, and more of it where the mass moves while the instants jitter. A record
     that rounding alone makes rough tells nothing, for there it is the motion that dithers it.
     """
-    level, sigma = float(np.median(row.rough)), float(np.median(window.sigma[window.used]))
-    if row.rough.size < _FEWEST or not level * sigma**2 > DITHERED * window.segmentation.resolution**2:
+    level = float(np.median(row.rough))
+    if row.rough.size < _FEWEST or not level * window.stated**2 > DITHERED * window.segmentation.resolution**2:
         return None
     least = float(np.quantile(row.rough, _QUIET))
     (still, moving), error = _variances(row.rough, row.moved, np.maximum(row.rough, least), least)

@@ -197,7 +197,7 @@ def variance_left(row: Rows, colour: Colour) -> float:
         # The level about which noise that remembers wanders means nothing.
         after = after - series.unit * (series.unit @ after) / (series.unit @ series.unit)
     moved = float(np.mean(before**2) - np.mean(after**2)) / row.samples
-    return max(float(np.mean(samples**2)) - moved, 0.0)
+    return max(float(samples @ samples) / np.count_nonzero(row.weight) - moved, 0.0)
 
 
 def expected_size(window: Window, row: Rows, colour: Colour) -> float:

@@ -151,17 +151,16 @@ def _on_the_rest(
     problem: Problem, margins: tuple[Margin | None, ...], excesses: tuple[float | None, ...]
 ) -> Iterator[str]:
     """Whether the law stops the mass where the record does."""
-    sigma = float(np.median(np.concatenate([w.sigma[w.used] for w in problem.windows])))
     unit = problem.windows[0].quantity
     for i, margin in enumerate(margins):
-        if margin is not None and min(margin) < -_NOTICED * sigma:
+        if margin is not None and min(margin) < -_NOTICED * problem.windows[i].stated:
             yield (
                 f"The law would stop the mass{_of_run(i, problem)} after another number of half-cycles than the record "
                 f"shows (margins {margin.one_more:.2e}, {margin.one_less:.2e} {unit}): static friction or the model is "
                 "off."
             )
     for i, excess in enumerate(excesses):
-        if excess is not None and excess < -_NOTICED * sigma:
+        if excess is not None and excess < -_NOTICED * problem.windows[i].stated:
             yield (
                 f"The law would stop the mass{_of_run(i, problem)} inside the record, which shows it moving to the "
                 f"end: at a reversal the spring lacks {-excess:.2e} {unit} to overcome static friction. Static "

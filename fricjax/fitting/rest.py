@@ -147,7 +147,7 @@ def _unexplained(window: Window) -> float:
     """Variance of what is in a record beside its motion, in units of that which the samples are weighted with."""
     found, t = window.segmentation, np.asarray(window.trace.t)[window.used]
     drift = 0.0 if "drift" in window.nuisances else found.drift * (t[-1] - t[0]) / np.sqrt(12)
-    return float((found.noise**2 + drift**2) / np.median(window.sigma[window.used]) ** 2)
+    return float((found.noise**2 + drift**2) / window.stated**2)
 
 
 def with_counts(problem: Problem, counts: tuple[int, ...]) -> Problem:
@@ -257,6 +257,6 @@ def bracket_static(problem: Problem, solved: Solved) -> Bracket | None:
         moved_on = pull[int(_starts_moving(problem, run)) : count if stopped else window.strokes]
         upper = min(upper, float(np.min(moved_on, initial=np.inf)))
         lower = max(lower, float(pull[count]) if stopped else 0.0)
-    sigma = max(float(np.median(window.sigma[window.used])) for window in problem.windows)
+    sigma = max(window.stated for window in problem.windows)
     contradicted = lower - upper > _CLEAR * sigma * float(machine.stiffness) / load
     return Bracket(min(lower, upper), max(lower, upper), contradicted)

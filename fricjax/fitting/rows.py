@@ -24,8 +24,8 @@ class Rows(NamedTuple):
         level: variance of a row if the samples of its run were independent.
         samples: number of samples in a row.
         interval: of the samples [s].
-        t, left, weight: time [s], weighted residual and weight of each sample in use, shape (used,); where no residual
-            is left of the samples `left` is empty.
+        t, left, weight: time [s], weighted residual and weight of each sample, the last two zero where it is not used,
+            shape (n,); where no residual is left of the samples `left` is empty.
         rough: variance of the white noise in each row, shape (rows,).
         moved: mean square of what the reading moves from sample to sample in each row, shape (rows,).
     """
@@ -76,9 +76,9 @@ def run_in_rows(problem: Problem, survey: Survey, run: int, samples: int | None 
         level=float(row.square.sum() / number.sum()),
         samples=samples,
         interval=interval,
-        t=np.asarray(record.t)[used],
-        left=problem.by_run(survey.residual)[run][used] if survey.residual.size else np.zeros(0),
-        weight=np.asarray(record.weight)[used],
+        t=np.asarray(record.t)[: window.used.size],
+        left=problem.by_run(survey.residual)[run] if survey.residual.size else np.zeros(0),
+        weight=np.asarray(record.weight)[: window.used.size],
         rough=row.rough / number,
         moved=row.moved / number,
     )

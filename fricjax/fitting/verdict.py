@@ -62,11 +62,7 @@ def noise_level(window: Window, relative: bool = False) -> float:
         relative: whether stated noise only weighs the samples against each other, so that its size says nothing.
     """
     seen = max(window.segmentation.noise, _COMPUTED * window.segmentation.amplitude)
-    return seen if relative else max(seen, _stated(window))
-
-
-def _stated(window: Window) -> float:
-    return float(np.median(window.sigma[window.used]))
+    return seen if relative else max(seen, window.stated)
 
 
 def typical(residual: Any, loss: AbstractLoss, mean: Any = np.mean, median: Any = np.median) -> Any:
@@ -94,7 +90,7 @@ def worst(problem: Problem, sizes: Sequence[float], expected: Sequence[float], r
     """
     found = []
     for run, (size, least, window) in enumerate(zip(sizes, expected, problem.windows, strict=True)):
-        stated = _stated(window)
+        stated = window.stated
         noise = max(noise_level(window, relative), least * stated)
         found.append(Misfit(size * stated, noise, np.inf if relative else stated, run))
     return max(found, key=lambda misfit: misfit.ratio)

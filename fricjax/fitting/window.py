@@ -1,6 +1,7 @@
 """Which part of a record is fitted, where the motion in it starts, and how its samples are weighted."""
 
 import dataclasses
+import functools
 from typing import Any
 
 import numpy as np
@@ -60,6 +61,11 @@ class Window:
     half_cycles: int
     nuisances: tuple[str, ...]
     guesses: dict[str, float]
+
+    @functools.cached_property
+    def stated(self) -> float:
+        """Typical noise of the fitted samples, stated or estimated from the record."""
+        return float(np.median(self.sigma[self.used]))
 
     @property
     def strokes(self) -> int:
