@@ -198,18 +198,21 @@ def _orthonormal(columns: np.ndarray) -> np.ndarray:
     of a constant through that of a random walk, counts. By products: of long columns a decomposition takes ten times as
     long, and on busy cores a hundred.
     """
-    size = np.linalg.norm(columns, axis=0)
+    products = columns.T @ columns
+    size = np.sqrt(np.diag(products))
     unit = np.divide(1.0, size, out=np.zeros(size.size), where=size > _ROUNDING * np.sqrt(columns.shape[0]))
-    eigenvalues, vectors = np.linalg.eigh((columns * unit).T @ (columns * unit))
+    eigenvalues, vectors = np.linalg.eigh(unit[:, None] * products * unit)
     told = eigenvalues > RANK_TOLERANCE * max(eigenvalues[-1:], default=0.0)
     return unit[:, None] * vectors[:, told] / np.sqrt(eigenvalues[told])
 
 
 def _shows(left: np.ndarray, slopes: np.ndarray, function: np.ndarray) -> bool:
     """Whether a function of time may explain some of white residuals, which the derivatives do not."""
-    slopes = slopes / np.maximum(np.linalg.norm(slopes, axis=0), np.finfo(float).tiny)
-    along, gram = slopes.T @ function, slopes.T @ slopes
-    apart = function @ function - along @ np.linalg.pinv(gram, rcond=1e-12, hermitian=True) @ along
+    products = slopes.T @ slopes
+    unit = 1 / np.sqrt(np.maximum(np.diag(products), np.finfo(float).tiny))
+    along = unit * (slopes.T @ function)
+    inverse = np.linalg.pinv(unit[:, None] * products * unit, rcond=1e-12, hermitian=True)
+    apart = function @ function - along @ inverse @ along
     explained = (function @ left) ** 2 / max(apart, 1e-9 * (function @ function), np.finfo(float).tiny)
     # Half the evidence that will be asked for.
     return bool(-left.size * np.log1p(-min(explained / max(left @ left, np.finfo(float).tiny), 0.999)) > _STRONG / 2)

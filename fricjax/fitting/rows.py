@@ -56,7 +56,10 @@ def run_in_rows(problem: Problem, survey: Survey, run: int, samples: int | None 
     # Behind the last sample there is only filling.
     samples, begins = each * length, np.arange(0, used[-1] // length + 1, each)
     end = min((begins[-1] + each) * length, record.t.size)
-    sums = np.add.reduceat(blocks[: end // length], begins, axis=0, dtype=float)
+    # The filling behind the last sample makes up for what the last row lacks.
+    whole = np.zeros((begins.size * each, blocks.shape[1]))
+    whole[: end // length] = blocks[: end // length]
+    sums = whole.reshape(begins.size, each, -1).sum(axis=1)
     weight = np.add.reduceat(record.weight[:end], begins * length)
     instants = np.add.reduceat(record.t[:end] * (record.weight[:end] > 0), begins * length)
     kept = sums[:, Block._fields.index("used")] >= _FULL * samples
