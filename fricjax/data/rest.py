@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from .reversals import refine, window
+from .reversals import order_for, refine, window
 from .swing import Swing
 
 # A creep moves the mass at rest by more than noise of this many standard deviations, of any colour, spans about a line.
@@ -23,7 +23,7 @@ def find_rest(swing: Swing, begin: float, end: float) -> tuple[float, float]:
     settled = min(int(np.searchsorted(t, end + 0.1 * half, side="right")), t.size - 1)
     creeps = _creeps(t[settled:], swing.smoothed[settled:], swing.threshold)
     width = window(half, size / 2, swing.noise, swing.interval)
-    order = 4 if size > 1e3 * swing.noise else 2
+    order = order_for(size, swing.noise)
     widths = [np.maximum(width, 0.25 * half), width]
     instant, position = refine(t, x, end, np.pi / half, widths, order, after="creeping" if creeps else "still")
     return float(instant[0]), float(position[0] if creeps else x[settled:].mean())

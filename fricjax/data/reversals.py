@@ -25,6 +25,19 @@ def window(half_period: Any, amplitude: Any, noise: float, interval: float) -> n
     return np.clip(width, 0.08 * half_period, 0.3 * half_period)
 
 
+def order_for(smallest: Any, noise: float) -> np.ndarray:
+    """Highest power of time on either side of a turn between strokes, of which the smaller one is so large."""
+    return np.where(np.asarray(smallest) > 1e3 * noise, 4, 2)
+
+
+def point_std(width: Any, order: Any, noise: float, interval: float) -> np.ndarray:
+    """Standard error of the position of a turn: that of the mean of its window times 3/2, or 5/2 of order four.
+
+    These are the intercepts of least squares of the functions of `refine` with evenly spaced samples.
+    """
+    return np.where(np.asarray(order) == 4, 2.5, 1.5) * noise / np.sqrt(2 * np.asarray(width) / interval)
+
+
 def refine(
     t: np.ndarray, x: np.ndarray, guess: Any, omega: Any, widths: Sequence[Any], order: Any, before: str = "moving",
     after: str = "moving",

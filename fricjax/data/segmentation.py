@@ -17,7 +17,7 @@ from .disturbance import disturbance
 from .errors import DataError
 from .noise import interval, resolution, white_noise
 from .rest import find_rest
-from .reversals import refine, window
+from .reversals import order_for, refine, window
 from .start import find_start
 from .strokes import Strokes, find_strokes
 from .swing import Swing, extremes, smooth, without_spikes, zigzag
@@ -243,7 +243,7 @@ def _refined(swing: Swing, times: np.ndarray, release: float, end: float) -> tup
     largest, smallest = np.maximum(sizes[:-1], sizes[1:]), np.minimum(sizes[:-1], sizes[1:])
     local = np.clip(np.diff(times, prepend=release), 0.6 * swing.half_period, 1.5 * swing.half_period)
     width = window(local, largest / 2, swing.noise, swing.interval)
-    order = np.where(smallest > 1e3 * swing.noise, 4, 2)
+    order = order_for(smallest, swing.noise)
     # From afar only the simplest curve leads to the turn; its powers of time have minima of their own.
     near, _ = refine(swing.t, swing.x, times, np.pi / local, [np.maximum(width, 0.25 * local)], 2)
     return refine(swing.t, swing.x, near, np.pi / local, [width], order)

@@ -14,7 +14,7 @@ from ..calibrate import Rig
 from ..data import Record, Segmentation, Trace, segmentation_of
 from ..data.errors import DataError, UsageError
 from ..data.record import trace_of
-from ..data.reversals import window
+from ..data.reversals import order_for, point_std, window
 from ..friction import Coulomb
 from ..oscillator import Oscillator
 
@@ -131,7 +131,8 @@ def decay(record: Record | Trace, least: int = 2) -> Decay:
     noise = _noise(trace, found)
     pairs = zip(times[:-1], times[1:], np.sign(np.diff(points)).astype(int), strict=True)
     strokes = tuple(_stroke(t, x, begin, end, direction, step, noise) for begin, end, direction in pairs)
-    return Decay(strokes, times, points, _point_std(times, points, noise, step), found)
+    resting = 0.0 if found.rest is None else max((t[-1] - found.rest) / step, 1.0)
+    return Decay(strokes, times, points, _point_std(times, points, noise, step, resting), found)
 
 
 def _even_step(t: np.ndarray, mask: np.ndarray) -> float:
@@ -196,14 +197,12 @@ def _stroke(
     return Stroke(times, positions, step * block, noise / block**0.5, direction, float(begin), float(end))
 
 
-def _point_std(times: np.ndarray, points: np.ndarray, noise: float, step: float) -> np.ndarray:
-    """Standard uncertainty of reversals refined by `fricjax.data.reversals`: an intercept of a local fit.
-
-    There the position is fitted with the instant and three powers of time on either side, so that among n samples
-    its standard uncertainty is 2.6 times that of one sample, over the square root of n.
-    """
-    durations = np.diff(times)
-    local = np.append(durations, durations[-1])
-    sizes = np.abs(np.diff(points))
-    width = window(local, np.append(sizes, sizes[-1]) / 2, noise, step)
-    return 2.6 * noise / np.sqrt(2 * width / step)
+def _point_std(times: np.ndarray, points: np.ndarray, noise: float, step: float, resting: float) -> np.ndarray:
+    """Standard uncertainty of the points: of reversals by their windows, of a stop by `resting` samples behind it."""
+    durations, sizes = np.diff(times), np.abs(np.diff(points))
+    before, after = np.append(sizes[0], sizes), np.append(sizes, sizes[-1])
+    width = window(np.append(durations, durations[-1]), np.maximum(before, after) / 2, noise, step)
+    std = point_std(width, order_for(np.minimum(before, after), noise), noise, step)
+    if resting:
+        std[-1] = noise / np.sqrt(resting)
+    return std
