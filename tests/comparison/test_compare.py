@@ -125,8 +125,10 @@ def test_coloured_noise_counts_fewer_samples(single):
         assert found.inflation >= 0.999 * ratios[-1]
         assert "not white" in found.summary()
         # The tests are those of what the noise leaves once it is whitened.
-        passed += found.row("known").tests.failed == ()
-        assert set(found.row("wrong").tests.failed) >= {"white", "signs"}
+        right, wrong = found.row("known").tests, found.row("wrong").tests
+        assert right is not None and wrong is not None
+        passed += right.failed == ()
+        assert set(wrong.failed) >= {"white", "signs"}
     assert passed >= 5
     assert np.mean(ratios) == pytest.approx((1 + phi) / (1 - phi), rel=0.25)
     assert single.n_effective == single.n_samples
