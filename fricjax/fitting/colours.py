@@ -77,7 +77,8 @@ def _or_shaken(problem: Problem, at: Solved, run: int, row: Rows, colour: Colour
     """A colour, or that of a floor that shakes the mass, by Schwarz's criterion; first by a part of the rows."""
     # No floor moves the reading of a mass that rests, and only a rest tells kicks from what a model lacks.
     still = _at_rest(problem.windows[run], row)
-    if not (_remembers(colour.left[~still], row.level) and _is_quiet(colour.left[still])):
+    enough = np.sum(still) >= _RESTING
+    if not (enough and _remembers(colour.left[~still], row.level) and _is_quiet(colour.left[still])):
         return colour
     left = row.series._replace(residual=colour.left)
     step = max(int(np.sum(~still)) // _FEW, 1)
@@ -90,9 +91,7 @@ def _or_shaken(problem: Problem, at: Solved, run: int, row: Rows, colour: Colour
 
 
 def _is_quiet(resting: np.ndarray) -> bool:
-    """Whether a rest is long enough to tell that its reading is white beside a straight line."""
-    if resting.size < _RESTING:
-        return False
+    """Whether the reading of a rest is white beside a straight line."""
     line = np.polynomial.Polynomial.fit(np.arange(resting.size), resting, 1)(np.arange(resting.size))
     return autoregression(resting - line, np.zeros(1, int))[0].size == 0
 
