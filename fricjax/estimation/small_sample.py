@@ -13,7 +13,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from .colour import Colour, Series, gram, whitened
+from .autoregression import gram
+from .colour import Colour, Series, whitened
 
 # Fewest degrees of freedom that are believed in: with two the standard deviation of Student's t is infinite.
 _FEWEST = 4.0

@@ -190,8 +190,8 @@ def _finished(problem: Problem, landed: Landed) -> _Finished:
     """A lane as a solved fit; where its number of half-cycles is in doubt or it is not accurate, fitted for itself."""
     solved = judged(problem, landed.at, landed.looked)
     recorded = int(problem.residual.runs[0].half_cycles)
-    other = recorded < NEVER and 0 < int(landed.told.half_cycles) != recorded
-    other = other or (recorded < NEVER and bool(problem.windows[0].segmentation.open))
+    undecided = bool(problem.windows[0].segmentation.open)
+    other = recorded < NEVER and (undecided or 0 < int(landed.told.half_cycles) != recorded)
     doubtful = solved.converged and (other or far_off(problem, solved) or not solved.accurate)
     if doubtful:
         return _alone(problem)

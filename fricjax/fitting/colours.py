@@ -11,13 +11,12 @@ from typing import NamedTuple
 import numpy as np
 
 from ..data.noise import NORMAL_MAD
+from ..estimation.autoregression import autoregression, innovations
 from ..estimation.colour import (
     Colour,
     Series,
-    autoregression,
     autoregressive,
     colour_of,
-    innovations,
     instants,
     kicked,
     thinned,

@@ -6,6 +6,7 @@ between the spring forces at the turning points where the mass stopped and those
 """
 
 import dataclasses
+from collections.abc import Mapping
 from typing import NamedTuple
 
 import equinox as eqx
@@ -82,46 +83,48 @@ def solve_with_rest(problem: Problem, y: np.ndarray | None = None) -> tuple[Prob
         problem = with_rests(problem)
         solved = solve(problem, solved.y)
         spent.append(solved)
-    tried = {half_cycles(problem)}
+    tried, seen = {half_cycles(problem)}, dict[tuple[int, ...], Rival]()
     while candidates := _candidates(problem, solved) - tried:
-        rivals = {candidate: with_counts(problem, candidate) for candidate in candidates}
-        foreseen = {candidate: _with_other(rival, solved).foreseen for candidate, rival in rivals.items()}
-        for candidate in sorted(candidates, key=foreseen.__getitem__):
-            tried.add(candidate)
-            if foreseen[candidate] >= solved.chi2:
+        seen = {counts: _rival(problem, solved, counts) for counts in candidates}
+        for counts, rival in sorted(seen.items(), key=lambda each: each[1].solved.foreseen):
+            tried.add(counts)
+            if rival.solved.foreseen >= solved.chi2:
                 continue
             # From where the first fit started: a wrong number has led the one at hand astray.
-            result = solve(rivals[candidate], y)
+            result = solve(rival.problem, y)
             spent.append(result)
-            if result.converged and _is_better(problem, rivals[candidate], solved, result):
-                problem, solved = rivals[candidate], result
+            if result.converged and _is_better(problem, rival.problem, solved, result):
+                problem, solved, seen = rival.problem, result, {}
                 break
         else:
             break
     if amiss and not far_off(problem, solved):
         problem = with_counts(rounded, half_cycles(problem))
-        solved = solve(problem, solved.y)
+        solved, seen = solve(problem, solved.y), {}
         spent.append(solved)
     totals = {name: sum(getattr(s, name) for s in spent) for name in ("iterations", "passes", "stages")}
-    return problem, solved._replace(**totals, rivals=_rivals(problem, solved))
+    return problem, solved._replace(**totals, rivals=_rivals(problem, solved, seen))
 
 
-def _rivals(problem: Problem, solved: Solved) -> tuple[Rival, ...]:
-    """The other numbers of half-cycles that the record leaves open, with which it is described about as well."""
+def _rivals(problem: Problem, solved: Solved, seen: Mapping[tuple[int, ...], Rival]) -> tuple[Rival, ...]:
+    """The other numbers of half-cycles that the record leaves open, with which it is described about as well.
+
+    Some may have been `seen` from this solution.
+    """
     if not (solved.converged and problem.residual.oscillator.friction.set_valued):
         return ()
-    others = [with_counts(problem, counts) for counts in _open(problem)]
-    found = [Rival(other, _with_other(other, solved)) for other in others]
+    found = [seen.get(counts) or _rival(problem, solved, counts) for counts in _open(problem)]
     reach = solved.chi2 + _by_chance(problem, solved) if found else 0.0
     return tuple(rival for rival in found if rival.solved.foreseen < reach)
 
 
-def _with_other(rival: Problem, solved: Solved) -> Solved:
-    """A solution as the record sees it with another number of half-cycles, from which a step leads to the optimum."""
+def _rival(problem: Problem, solved: Solved, counts: tuple[int, ...]) -> Rival:
+    """A solution as the record sees it with other numbers of half-cycles, from which a step leads to the optimum."""
+    rival = with_counts(problem, counts)
     looked = look(rival, checking(rival.residual, solved.y), solved.y)
     found, held = looked.survey, solved.shape.at_bound
     shape = quadratic(found.gradient[: held.size], found.normal[: held.size, : held.size], held)
-    return solved._replace(survey=found, settled=looked.settled, shape=shape)
+    return Rival(rival, solved._replace(survey=found, settled=looked.settled, shape=shape))
 
 
 def _is_better(problem: Problem, rival: Problem, solved: Solved, other: Solved) -> bool:

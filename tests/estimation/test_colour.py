@@ -5,7 +5,8 @@ import pytest
 from scipy.linalg import block_diag, solve_discrete_lyapunov, toeplitz
 from scipy.signal import lfilter
 
-from fricjax.estimation.colour import Series, autoregression, colour_of, innovations, weighed
+from fricjax.estimation.autoregression import autoregression, innovations
+from fricjax.estimation.colour import Series, colour_of, weighed
 
 START = np.array([0])
 

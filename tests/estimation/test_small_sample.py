@@ -3,7 +3,8 @@
 import numpy as np
 from scipy.signal import lfilter
 
-from fricjax.estimation.colour import Colour, Series, colour_of, gram, innovations, weighed, white
+from fricjax.estimation.autoregression import gram, innovations
+from fricjax.estimation.colour import Colour, Series, colour_of, weighed, white
 from fricjax.estimation.small_sample import by_noise, unsure
 
 START = np.array([0])
