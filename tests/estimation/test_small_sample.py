@@ -53,6 +53,13 @@ def test_estimates_move_with_the_process_as_by_differences():
     expected = np.einsum("ip,ij,jp->p", slopes, known, slopes) + 2 / n * np.diag(covariance) ** 2
     np.testing.assert_allclose(scatter, expected, rtol=1e-4)
 
+    # Twice what the estimates move, for the covariance itself is too small by it; and the width of Student's t.
+    few = expected / np.diag(covariance) ** 2
+    assert np.max(few) < 0.5
+    told = covariance + unsure([(run, colour)], covariance)
+    whole = covariance + 2 * moves.T @ known @ moves
+    np.testing.assert_allclose(told, whole / np.sqrt(np.outer(1 - few, 1 - few)), rtol=1e-3)
+
 
 def test_white_noise_adds_nothing():
     run = series(np.random.default_rng(1).standard_normal(300), (3,))
