@@ -59,8 +59,8 @@ def compare(
 
     with k free parameters and n samples. The noise is what the fit of least chi2 leaves. Where it is white, tau is one
     and c its reduced chi2 (at least one where the noise is taken at its word). Where it is not, all laws are judged by
-    that noise: chi2/c is the sum of their squares weighed by it, tau the time in samples over which it remembers, and
-    the tests are those of the residuals weighed so.
+    that noise: chi2/c is the sum of their squares weighed by it, tau the time in samples over which it remembers,
+    reduced chi2 and tests are those of the residuals weighed so, and held-out samples are compared with its size.
     Where no law describes the runs, tau is the correlation time of the residuals and c tau times their reduced chi2.
 
     Args:
@@ -196,12 +196,14 @@ class _Yardstick(NamedTuple):
 
     Attributes:
         n: number of samples; `effective`: of independent ones.
-        inflation: variance that counts as noise, in units of the stated one.
+        scatter: variance of the residuals, in units of the stated noise; `inflation`: that which counts as noise in a
+            sum over all samples, which is larger by the samples that tell as much as one.
         seen: the rows and the colour of each run's noise, none where it is white or where no law describes the runs.
     """
 
     n: int
     effective: float
+    scatter: float
     inflation: float
     seen: Sequence[Seen]
 
@@ -220,7 +222,7 @@ def _yardstick(entries: Sequence[_Entry], absolute: bool) -> _Yardstick:
         time = max(remembered(*run) for run in seen)
     elif seen:
         seen, time = [], max(whiteness(part).correlation_time for part in problem.by_run(solved.survey.residual))
-    return _Yardstick(problem.n_used, problem.n_used / time, time * scatter, seen)
+    return _Yardstick(problem.n_used, problem.n_used / time, scatter, time * scatter, seen)
 
 
 def _place(value: float) -> float:
@@ -231,12 +233,18 @@ def _judged(row: Row, entry: _Entry, by: _Yardstick) -> Row:
     """A row with its criteria."""
     if entry.problem is None or entry.solved is None or not np.isfinite(row.chi2):
         return row
-    k, n, misfit, tests = row.n_parameters, by.effective, row.chi2 / by.inflation, row.tests
+    k, n, misfit = row.n_parameters, by.effective, row.chi2 / by.inflation
     if by.seen and entry.fit is not None:
         told = under_noise(entry.problem, entry.solved, by.seen)
-        misfit, tests = told.misfit, judge(told.times, told.residuals, _frequency(entry.fit))
+        misfit = told.misfit
+        row = dataclasses.replace(
+            row,
+            chi2_reduced=misfit / (sum(part.size for part in told.residuals) - k),
+            held_out=row.held_out / by.scatter,
+            tests=judge(told.times, told.residuals, _frequency(entry.fit)),
+        )
     aicc = misfit + 2 * k + 2 * k * (k + 1) / max(n - k - 1, 1)
-    return dataclasses.replace(row, aicc=float(aicc), bic=float(misfit + k * np.log(n)), tests=tests)
+    return dataclasses.replace(row, aicc=float(aicc), bic=float(misfit + k * np.log(n)))
 
 
 def _frequency(fit: Fit) -> float:

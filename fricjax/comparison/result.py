@@ -21,10 +21,11 @@ class Row:
             which a law that contains a better one reaches with coefficients that nothing determines.
         chi2, n_parameters: sum of squared residuals in units of the noise, and number of free parameters, those of
             the runs included.
-        chi2_reduced: chi2 per degree of freedom.
+        chi2_reduced: chi2 per degree of freedom; of the residuals weighed by the noise of the best law where that is
+            not white.
         aicc, bic: criteria of the comparison; smaller is better.
-        held_out: mean square of the held-out residuals in units of the noise stated; one for the right law under white
-            noise, NaN where nothing was held out.
+        held_out: mean square of the held-out residuals in units of the noise, as stated or, where it is not white, as
+            the best law leaves it; one for the right law, NaN where nothing was held out.
         tests: tests of the residuals, weighed by the noise of the best law where that is not white; None without a fit.
     """
 

@@ -11,7 +11,7 @@ from .plausible import implausible
 from .problem import Problem
 from .rest import Bracket, Margin
 from .solve import half_cycles
-from .verdict import Misfit, growth, holds_release
+from .verdict import ADEQUATE, Misfit, growth, holds_release
 
 # Misfit in units of the noise, and numerical error in standard errors, from which on they are told.
 _NOTICED, _VISIBLE = 3.0, 0.1
@@ -73,10 +73,11 @@ def remarks_on(
         )
     size = f"{misfit.size:.2e} {unit} rms"
     if misfit.ratio > _NOTICED:
-        yield (
-            f"The model does not describe the run: its residuals of {size} are {misfit.ratio:.3g} times the noise of "
-            f"{misfit.noise:.2e} {unit}."
-        )
+        times = f"residuals of {size} are {misfit.ratio:.3g} times the noise of {misfit.noise:.2e} {unit}"
+        if misfit.ratio > ADEQUATE:
+            yield f"The model does not describe the run: its {times}."
+        else:
+            yield f"The {times}, and are taken for noise, a slow one: it may as well be something that the model lacks."
         yield from lacking(problem, misfit.run, misfit.size)
         yield from _on_drift(problem, misfit)
         if any(holds_release(window) for window in problem.windows):
