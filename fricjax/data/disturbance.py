@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from .noise import middle
 from .strokes import Strokes
 from .swing import Swing
 
@@ -72,10 +73,11 @@ def _moving(swing: Swing, turns: np.ndarray) -> float | None:
     places = first[:, None] + every[:, None] * np.arange(number)
     t, x = swing.t[places], swing.x[places]
     u = 2 * (t - t[:, :1]) / (t[:, -1:] - t[:, :1]) - 1
-    basis = np.linalg.qr(np.polynomial.chebyshev.chebvander(u, ORDER))[0]
-    left = x - x.mean(axis=1, keepdims=True)
-    left = left - np.einsum("snk,sk->sn", basis, np.einsum("snk,sn->sk", basis, left))
-    return float(np.median(np.sum(left**2, axis=1))) / (number - ORDER - 1)
+    # Evenly spaced, these polynomials are so nearly orthogonal that normal equations lose no digit that counts.
+    basis = np.polynomial.chebyshev.chebvander(u, ORDER)
+    left = (x - x.mean(axis=1, keepdims=True))[:, :, None]
+    left = left - basis @ np.linalg.solve(basis.mT @ basis, basis.mT @ left)
+    return float(np.median(np.sum(left**2, axis=(1, 2)))) / (number - ORDER - 1)
 
 
 def _resting(swing: Swing, stop: float) -> float | None:
@@ -117,10 +119,14 @@ def rest_spectrum(t: np.ndarray, x: np.ndarray, stop: float, half_period: float)
     Returns:
         Frequencies [Hz] and the amplitudes that a sine there would have (a Hann window's), shape `(k,)` each.
     """
-    rest = slice(int(np.searchsorted(t, stop + RINGS * half_period)), None)
-    t, x = t[rest][-LONGEST:], x[rest][-LONGEST:]
-    if t.size < 64 or t[-1] - t[0] < 2 * STRETCH * half_period:
+    from scipy.fft import prev_fast_len
+
+    begin = int(np.searchsorted(t, stop + RINGS * half_period))
+    if t.size - begin < 64 or t[-1] - t[begin] < 2 * STRETCH * half_period:
         return np.empty(0), np.empty(0)
+    # A length with a large prime factor would take thirty times as long.
+    size = int(prev_fast_len(min(t.size - begin, LONGEST), real=True))
+    t, x = t[-size:], x[-size:]
     even = np.linspace(t[0], t[-1], t.size)
     y = np.interp(even, t, x - x.mean())
     u, weight = even - even.mean(), np.hanning(t.size)
@@ -132,10 +138,10 @@ def _lines(swing: Swing, stop: float) -> tuple[tuple[float, float], ...]:
     """The lines that stand out of the spectrum of the rest, the strongest first."""
     frequency, size = rest_spectrum(swing.t, swing.x, stop, swing.half_period)
     power, found = size**2, []
-    for k in np.argsort(power)[::-1][: 8 * LINES]:
+    for k in np.argsort(power)[::-1][: 8 * LINES].tolist():
         # A line fills some bins under the window; those beyond tell what it stands out of.
-        near = np.r_[max(k - NEAR, 1) : max(k - WIDE, 1), k + WIDE + 1 : min(k + NEAR + 1, power.size)]
+        near = np.concatenate([power[max(k - NEAR, 1) : max(k - WIDE, 1)], power[k + WIDE + 1 : k + NEAR + 1]])
         alone = k >= WIDE and all(abs(k - other) > WIDE for other in found)
-        if alone and near.size >= NEAR // 2 and power[k] > LINE * np.median(power[near]):
-            found.append(int(k))
+        if alone and near.size >= NEAR // 2 and power[k] > LINE * middle(near):
+            found.append(k)
     return tuple((float(frequency[k]), float(size[k])) for k in found[:LINES])

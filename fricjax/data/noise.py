@@ -25,10 +25,10 @@ def blocks(values: np.ndarray, enough: int = ENOUGH) -> np.ndarray:
 
 def interval(t: np.ndarray) -> float:
     """Typical time between samples [s]."""
-    return _middle(np.diff(blocks(t, SOME)))
+    return middle(np.diff(blocks(t, SOME)))
 
 
-def _middle(values: np.ndarray) -> float:
+def middle(values: np.ndarray) -> float:
     """The median, the upper one of two; several times faster than that of NumPy, which also looks for NaN."""
     half = values.size // 2
     return float(np.partition(values, half, axis=None)[half])
@@ -40,20 +40,22 @@ def resolution(x: np.ndarray) -> float:
     The values of an encoder lie on a grid: where they are dense, the gaps between them are small multiples of one step
     (roughly, if a few decimals were written); where they are sparse, exact multiples of a fraction of the smallest gap.
     """
-    x = blocks(x)
-    levels = np.unique(x)
-    gaps, rounding = np.diff(levels), 1e-11 * max(np.ptp(x), np.abs(x).max())
-    gaps = np.sort(gaps[gaps > rounding])
+    x = np.sort(blocks(x), axis=None)
+    gaps, rounding = np.diff(x), 1e-11 * max(x[-1] - x[0], x[-1], -x[0])
+    levels = 1 + np.count_nonzero(gaps)
+    gaps = gaps[gaps > rounding]
+    least = gaps.min(initial=np.inf)
     # Gaps of all sizes down to the rounding are those of noise, not of steps.
-    if gaps.size and gaps[0] < 1.5 * rounding:
+    if least < 1.5 * rounding:
         return 0.0
     if gaps.size < 10:
-        return float(gaps[0]) if gaps.size and levels.size <= x.size // 4 else 0.0
-    step = gaps[gaps < 1.5 * gaps[0]].mean()
+        return float(least) if gaps.size and levels <= x.size // 4 else 0.0
+    step = gaps[gaps < 1.5 * least].mean()
     if _on_grid(gaps[gaps < 10.5 * step] / step, 0.15):
         return float(step)
-    steps = gaps[0] / np.arange(1, 21)
-    fitting = np.flatnonzero(_on_grid(gaps[:100] / steps[:, None], 0.02))
+    smallest = np.partition(gaps, 99)[:100] if gaps.size > 100 else gaps
+    steps = least / np.arange(1, 21)
+    fitting = np.flatnonzero(_on_grid(smallest / steps[:, None], 0.02))
     return float(steps[fitting[0]]) if fitting.size else 0.0
 
 
@@ -94,5 +96,5 @@ def _estimates(t: np.ndarray, x: np.ndarray) -> list[float]:
         if order in ORDERS:
             norm = np.sqrt(np.einsum("kbm,kbm->bm", weights, weights))
             sizes = np.abs(differences) / (norm[0, 0] if even else norm)
-            estimates.append(_middle(sizes) / NORMAL_MAD)
+            estimates.append(middle(sizes) / NORMAL_MAD)
     return estimates

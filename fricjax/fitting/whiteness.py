@@ -46,8 +46,11 @@ def _autocorrelation(centred: np.ndarray) -> np.ndarray:
 
     A long record is cut into blocks, so that the cost stays linear; products across their borders are left out.
     """
+    from scipy.fft import next_fast_len
+
     length = min(centred.size, _BLOCK)
     blocks = np.pad(centred, (0, -centred.size % length)).reshape(-1, length)
-    size = 1 << (2 * length - 1).bit_length()
+    # So long that the lags do not wrap around.
+    size = int(next_fast_len(length + length // 2, real=True) or 2 * length)
     spectrum = sum(np.abs(np.fft.rfft(block, size)) ** 2 for block in blocks)
     return np.fft.irfft(spectrum, size)[: length // 2]

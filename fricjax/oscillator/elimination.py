@@ -27,6 +27,8 @@ def factorise(matrix: list[Entries]) -> list[Entries]:
     return a
 
 
+# Traced once for all right-hand sides.
+@jax.jit
 def substitute(factors: list[Entries], b: Entries) -> Entries:
     """Solution of the system whose matrix :func:`factorise` took apart, for the right-hand side `b`."""
     n = len(b)

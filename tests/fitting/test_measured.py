@@ -57,7 +57,7 @@ def assert_misses(found: Fit, *parts: str):
 def assert_honest(found: Fit):
     """Residuals of an encoder are never white; every standard error counts that."""
     assert not found.whiteness.white
-    assert any("does not describe the run" in sentence for sentence in found.warnings)
+    assert any("times the noise of" in sentence for sentence in found.warnings)
     for name in found.names:
         assert found.std_errors[name] > 10 * found.white_std_errors[name] or "at bound" in found.flags[name], name
     assert "Were the noise white" in found.summary()
