@@ -12,6 +12,7 @@ from jaxtyping import Array, Float
 
 from ..estimation.space import ParameterSpace
 from ..oscillator import Motion, Oscillator, starting_state
+from ..oscillator.elimination import once
 from ..oscillator.engines import AbstractEngine, AbstractPath
 from ..oscillator.motion import Start
 
@@ -135,7 +136,8 @@ class Residual(eqx.Module):
         shift = y[self.n_parameters :] @ self.inputs
         leaves, structure = jax.tree.flatten(self.oscillator)
         moved = jax.tree.unflatten(structure, [leaf + shift[i] for i, leaf in enumerate(leaves)])
-        return self.space.model(moved, self.values(y))
+        # All over the program its coefficients would be computed anew.
+        return once(self.space.model(moved, self.values(y)))
 
     def own_at(self, values: Float[Array | np.ndarray, " p"], run: int) -> dict[str, Array]:
         """State and offset of one run, free or fixed, by name, from the values of the parameters."""

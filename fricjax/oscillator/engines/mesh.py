@@ -1,7 +1,7 @@
 """Steps that are given beforehand, in the phase of the half-cycles and behind them in time."""
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, NamedTuple
 
 import diffrax
 import equinox as eqx
@@ -32,22 +32,35 @@ class Mesh(eqx.Module):
         return phases + late * jnp.clip((turn - phases) / (turn - first), 0.0, 1.0)
 
 
-def stepped(field: Callable, solver: Any, ends: Float[Array, " ends"], y0: Any, args: Any) -> Any:
-    """The states of a motion from `y0` at the ends of given steps; where the list repeats its last number, the last.
+class Steps(NamedTuple):
+    """Steps that are given beforehand: where each begins and ends, shape (most,), and how many of them are made."""
+
+    begins: Array
+    ends: Array
+    count: Array
+
+
+def stepped(field: Callable, solver: Any, steps: Steps, y0: Any, entered: Callable[[Array, Any], tuple]) -> Any:
+    """The states of a motion from `y0` on before the first of given steps and at the end of each, then the last one.
+
+    From the number of a step and the state at the end of the one before, `entered` tells the state at its begin and the
+    arguments of the field.
 
     The steps are those of a solver of diffrax, and so would be the motion by its `StepTo` and `diffeqsolve`; but what
     that provides for on the way, such as events and the end of a step that rounding has missed, is a sixth of all that
     a fit of a bristle law compiles.
     """
-    terms, count = diffrax.ODETerm(field), jnp.sum(ends < ends[-1])
+    terms = diffrax.ODETerm(field)
 
     def step(state: tuple) -> tuple:
         i, y, memory, saved = state
-        y, _, _, memory, _ = solver.step(terms, ends[i], ends[i + 1], y, args, memory, made_jump=False)
+        y, args = entered(i, y)
+        y, _, _, memory, _ = solver.step(terms, steps.begins[i], steps.ends[i], y, args, memory, made_jump=False)
         return i + 1, y, memory, jax.tree.map(lambda all_, one: all_.at[i + 1].set(one), saved, y)
 
-    saved = jax.tree.map(lambda one: jnp.zeros(ends.shape).at[0].set(one), y0)
-    begin = jnp.asarray(0), y0, solver.init(terms, ends[0], ends[-1], y0, args), saved
-    saved = jax.lax.while_loop(lambda state: state[0] < count, step, begin)[3]
-    made = jnp.minimum(jnp.arange(ends.size), count)
+    size, zero = steps.ends.size + 1, jnp.asarray(0)
+    saved = jax.tree.map(lambda one: jnp.zeros(size).at[0].set(one), y0)
+    memory = solver.init(terms, steps.begins[0], steps.ends[0], *entered(zero, y0))
+    saved = jax.lax.while_loop(lambda state: state[0] < steps.count, step, (zero, y0, memory, saved))[3]
+    made = jnp.minimum(jnp.arange(size), steps.count)
     return jax.tree.map(lambda values: values[made], saved)

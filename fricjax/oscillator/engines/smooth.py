@@ -23,11 +23,11 @@ from ..rosenbrock import Rodas5P
 from .base import AbstractEngine, Seen
 from .closing import Closing
 from .landing import Landing, last_step
-from .mesh import Mesh, stepped
+from .mesh import Mesh
 from .nodes import Nodes
 from .noting import Log, Noting, after_step, closed
 from .scaled import Cautious, Scaled, integrate
-from .turns import Span, turned, turning
+from .turns import Moving, Span, field, returned, travelled, turning, watched
 
 # The way that a mass may still go and count as resting, in tolerances.
 _STILL = 0.1
@@ -135,12 +135,8 @@ class Smooth(AbstractEngine):
         if self.mesh is None:
             raise ValueError("A path of the smooth engine needs a mesh: make one with Smooth.meshed.")
         machine = Scaled.of(oscillator, start)
-        first = turned(_plain(oscillator), machine, machine.start(start), self.mesh)
-        times = jnp.asarray(self.mesh.times)
-        ys = stepped(_field, _solver(oscillator), times, first.end, _Args(machine))
-        whole = first.along.joined(machine.nodes(first.elapsed + times, ys[0], ys[1], ys[2:]))
-        x, v, *states = (values[-1] for values in ys)
-        place, way = machine.settling(x, v, tuple(states))
+        whole, (x, v, states) = travelled(_plain(oscillator), machine, machine.start(start), self.mesh)
+        place, way = machine.settling(x, v, states)
         # The mesh was made for other coefficients, with which the way was shorter than here.
         held = way * machine.length < _MOVED * self.still
         position = jnp.where(held, place, x) * machine.length
@@ -174,10 +170,13 @@ class Smooth(AbstractEngine):
         span = Span(end, jnp.asarray(most if half_cycles is None else half_cycles), most)
         first = turning(_plain(oscillator), machine, machine.start(start), tolerance, span, capacity)
         left = jnp.maximum(end - first.elapsed, 0.0)
-
-        rests = _resting(tolerance, left, self.still / machine.length)
-        then = self._free(first.end, _Args(machine), left, _ENDS, capacity, diffrax.Event(rests))
-        return Mesh(first.along, then.ts)
+        waiting = Moving(machine, jnp.asarray(False))
+        rests = _resting(field, tolerance, left, self.still / machine.length)
+        solver, controller = self._chosen(machine, Landing(_plain(oscillator), watched, returned))
+        settings = {"saveat": _ENDS, "stepsize_controller": controller, "max_steps": capacity}
+        event = diffrax.Event(rests)
+        then = integrate(field, solver, jnp.zeros(()), left, first.end, waiting, event=event, **settings)
+        return Mesh(first.phases, then.ts)
 
     def solve(
         self,
@@ -215,7 +214,7 @@ class Smooth(AbstractEngine):
         machine = Scaled.of(oscillator, start)
         # A contact may ring for thousands of swings, whose errors add up.
         fine = Smooth(self.accuracy / _FINER)
-        rests = _resting(fine._tolerance(machine), jnp.asarray(_LONG), self.still / machine.length)
+        rests = _resting(_field, fine._tolerance(machine), jnp.asarray(_LONG), self.still / machine.length)
         y0, end, one = machine.start(start), jnp.asarray(_LONG), diffrax.SaveAt(t1=True)
         solution = fine._free(y0, _Args(machine), end, one, self.max_steps, diffrax.Event(rests))
         x, v, *states = (values[-1] for values in solution.ys)
@@ -258,14 +257,17 @@ class Smooth(AbstractEngine):
 
         With `noted`, the length of the list, the solver keeps a log of the reversals.
         """
-        tolerance = self._tolerance(args.machine)
-        chosen: Any = diffrax.PIDController(rtol=tolerance, atol=tolerance)
-        if args.machine.oscillator.friction.n_states:
-            chosen = Closing(Cautious(rtol=tolerance, atol=tolerance), last_step(tolerance))
-        settings = {"saveat": saveat, "stepsize_controller": chosen, "max_steps": max_steps, "event": event}
-        solver = _solver(args.machine.oscillator)
+        solver, controller = self._chosen(args.machine, Landing(_plain(args.machine.oscillator), _watched, _returned))
+        settings = {"saveat": saveat, "stepsize_controller": controller, "max_steps": max_steps, "event": event}
         with_log = solver if noted is None else Noting(solver, noted, _note)
         return integrate(_field, with_log, jnp.zeros(()), end, y0, args, **settings)
+
+    def _chosen(self, machine: Scaled, landing: Landing) -> tuple[diffrax.AbstractAdaptiveSolver, Any]:
+        """Solver and controller in time; their steps end where the rates of a law with states have a kink."""
+        tolerance = self._tolerance(machine)
+        if not machine.oscillator.friction.n_states:
+            return landing.solver, diffrax.PIDController(rtol=tolerance, atol=tolerance)
+        return landing, Closing(Cautious(rtol=tolerance, atol=tolerance), last_step(tolerance))
 
     def _tolerance(self, machine: Scaled) -> Array:
         # Over fifty half-cycles the errors of the steps add up to some thirty times the tolerance.
@@ -282,18 +284,19 @@ def _note(log: Log, before: tuple, behind: tuple, args: _Args) -> Log:
     return after_step(log, args.machine, args.shows, *ends)
 
 
-def _resting(tolerance: Any, left: Any, still: Any) -> Callable[..., Array]:
+def _resting(field: Callable, tolerance: Any, left: Any, still: Any) -> Callable[..., Array]:
     """An event: neither speed nor acceleration moves the mass any more, or the contact has all but stopped it.
 
     Args:
+        field: the vector field of the motion in time.
         tolerance: that of the integration.
         left: scaled time in which a standing mass must not show that it moves.
         still: scaled way that a contact may still spring back and ring.
     """
 
-    def rests(tau: Any, y: tuple, args: _Args, **kwargs: Any) -> Array:
+    def rests(tau: Any, y: tuple, args: Any, **kwargs: Any) -> Array:
         _, way = args.machine.settling(y[0], y[1], y[2:])
-        stands = (jnp.abs(y[1]) * (1 + left) < _STILL * tolerance) & (jnp.abs(_field(tau, y, args)[1]) < tolerance)
+        stands = (jnp.abs(y[1]) * (1 + left) < _STILL * tolerance) & (jnp.abs(field(tau, y, args)[1]) < tolerance)
         return stands | (way < still)
 
     return rests
@@ -302,12 +305,6 @@ def _resting(tolerance: Any, left: Any, still: Any) -> Callable[..., Array]:
 def _plain(oscillator: Oscillator) -> diffrax.AbstractAdaptiveSolver:
     """The method that suits a law: implicit where it is stiff."""
     return Rodas5P() if oscillator.friction.stiff else diffrax.Dopri8(scan_kind="lax")
-
-
-def _solver(oscillator: Oscillator) -> diffrax.AbstractAdaptiveSolver:
-    """The same with steps that end where the rates of the law have a kink."""
-    plain = _plain(oscillator)
-    return Landing(plain, _watched, _returned) if oscillator.friction.n_states else plain
 
 
 def _watched(tau: Any, y: tuple, args: _Args) -> Array:

@@ -1,4 +1,6 @@
-"""Integration over the phase of the half-cycles, for laws whose rates have a kink or a jump at each reversal.
+"""Integration over the phase of the half-cycles, and behind the last of them in time, by one field for both.
+
+It is for laws whose rates have a kink or a jump at each reversal.
 
 With ``x = s x_d + a cos(theta)`` and ``v = -omega a sin(theta)`` the state is the amplitude a about the place where
 dynamic friction balances the spring, the time, and the internal states of the law; the phase is what is integrated
@@ -7,7 +9,8 @@ the dead band. The mass turns where the phase is a multiple of pi, whatever the 
 once do so for all of them. In time a reversal moves with the coefficients, and a contact that settles within a
 microsecond of it would have to be met by the steps of each anew.
 
-The phase carries a motion while the spring pulls clearly more than friction holds.
+The phase carries a motion while the spring pulls clearly more than friction holds. What is left is integrated in time,
+with displacement and velocity in the places of amplitude and time. The law stands once in a program for both.
 """
 
 from typing import Any, NamedTuple
@@ -18,7 +21,8 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from .landing import Landing, last_step
-from .mesh import Mesh, stepped
+from .mesh import Mesh, Steps, stepped
+from .nodes import Nodes
 from .scaled import Cautious, Scaled, integrate
 
 # The pull of the spring at a reversal from which the phase still carries the next half-cycle, in forces that friction
@@ -29,16 +33,23 @@ _PULL, _SLOWEST, _AT_REVERSAL = 1.05, 0.1, 1e-12
 _LONGEST, _GROWTH = 0.25, 1.5
 
 
+class Moving(NamedTuple):
+    """What moves, and whether it is integrated over its phase; otherwise it is in scaled time."""
+
+    machine: Scaled
+    phased: Array
+
+
 class Turned(NamedTuple):
-    """A motion over the phase: what was asked for along it, and where it ended.
+    """Where a motion over the phase ended.
 
     Attributes:
-        along: the nodes, or the phases of the ends of the steps, inf for those that were not needed.
+        phases: ends of the steps, inf for those that were not needed.
         end: scaled displacement, velocity and internal states at the last one.
         elapsed: scaled time until there.
     """
 
-    along: Any
+    phases: Array
     end: tuple
     elapsed: Array
 
@@ -54,24 +65,43 @@ class Span(NamedTuple):
     capacity: int
 
 
-def turned(solver: Any, machine: Scaled, y0: tuple, mesh: Mesh) -> Turned:
-    """The motion from a scaled state over the phases of a mesh.
+def travelled(solver: Any, machine: Scaled, y0: tuple, mesh: Mesh) -> tuple[Nodes, tuple]:
+    """The motion from a scaled state over the phases and times of a mesh, and the scaled state in which it ends.
 
     The phases carry no derivatives, so that those of their sines and cosines need not be computed; the state is carried
     to a phase that stands still instead, by a step of no length.
     """
     begin, first = _in_phase(y0, machine)
-    moving = mesh.begun_at(begin)
+    over = Moving(machine, jnp.asarray(True))
+    moving, times = mesh.begun_at(begin), jnp.asarray(mesh.times)
     phases = jax.lax.stop_gradient(moving)
-    slopes = _field(phases[0], first, machine)
+    slopes = field(phases[0], first, over)
     still = tuple(value + (phases[0] - moving[0]) * slope for value, slope in zip(first, slopes, strict=True))
-    ys = stepped(_field, Landing(solver, _watched, _returned), phases, still, machine)
-    nodes = machine.nodes(ys[1], *_in_time(phases, ys, machine))
-    return _ended(nodes, phases[-1], jax.tree.map(lambda values: values[-1], ys), machine)
+    turns, waits = (jnp.sum(ends < ends[-1]) for ends in (phases, times))
+    number = jnp.arange(phases.size + times.size - 1)
+
+    def placed(i: Array, phased: Array) -> Array:
+        return jnp.where(phased, phases[jnp.minimum(i, phases.size - 1)], times[jnp.clip(i - turns, 0, times.size - 1)])
+
+    def entered(i: Array, y: tuple) -> tuple[tuple, Moving]:
+        x, v, _ = _places(phases[-1], y, over)
+        left = i == turns
+        y = (jnp.where(left, x, y[0]), jnp.where(left, v, y[1]), *y[2:])
+        return y, Moving(machine, i < turns)
+
+    ahead = number[:-1] < turns
+    steps = Steps(placed(number[:-1], ahead), placed(number[1:], ahead), turns + waits)
+    ys = stepped(field, Landing(solver, watched, returned), steps, still, entered)
+    made = jnp.minimum(number, turns + waits)
+    phased = made <= turns
+    since = placed(made, phased)
+    x, v, states = _places(since, ys, Moving(machine, phased))
+    nodes = machine.nodes(jnp.where(phased, ys[1], ys[1][turns] + since), x, v, states)
+    return nodes, (x[-1], v[-1], tuple(values[-1] for values in states))
 
 
 def turning(solver: Any, machine: Scaled, y0: tuple, tolerance: Any, span: Span, capacity: int) -> Turned:
-    """The same with steps chosen by their error, to the end of `span` or as far as the phase carries the motion."""
+    """The steps over the phase that their error chooses, to the end of `span` or as far as the phase carries."""
     begin, first = _in_phase(y0, machine)
     turns = (jnp.floor(begin / jnp.pi) + 1 + jnp.arange(span.capacity)) * jnp.pi
     last = turns[jnp.clip(span.half_cycles, 1, span.capacity) - 1]
@@ -80,17 +110,21 @@ def turning(solver: Any, machine: Scaled, y0: tuple, tolerance: Any, span: Span,
     behind = turns + last_step(tolerance)
     controller = diffrax.ClipStepSizeController(chosen, jump_ts=jnp.stack([turns, behind], axis=1).reshape(-1))
 
-    def over(theta: Any, y: tuple, args: Scaled, **kwargs: Any) -> Array:
+    moving = Moving(machine, jnp.asarray(True))
+
+    def over(theta: Any, y: tuple, args: Moving, **kwargs: Any) -> Array:
         return (y[1] >= span.time) | ~_carries(theta, y, args)
 
-    end = jnp.where(over(begin, first, machine), begin, last)
+    end = jnp.where(over(begin, first, moving), begin, last)
     ends = diffrax.SubSaveAt(t0=True, steps=True, fn=lambda theta, y, args: None)
     saveat = diffrax.SaveAt(subs=[ends, diffrax.SubSaveAt(t1=True)])
     settings = {"saveat": saveat, "stepsize_controller": controller, "max_steps": capacity}
-    landing, event = Landing(solver, _watched, _returned), diffrax.Event(over)
-    solution = integrate(_field, landing, begin, end, first, machine, event=event, **settings)
+    landing, event = Landing(solver, watched, returned), diffrax.Event(over)
+    solution = integrate(field, landing, begin, end, first, moving, event=event, **settings)
     phases, last = solution.ts
-    return _ended(phases, last[0], jax.tree.map(lambda values: values[0], solution.ys[1]), machine)
+    y = jax.tree.map(lambda values: values[0], solution.ys[1])
+    x, v, states = _places(last[0], y, moving)
+    return Turned(phases, (x, v, *states), y[1])
 
 
 def _in_phase(y: tuple, machine: Scaled) -> tuple[Array, tuple]:
@@ -101,46 +135,55 @@ def _in_phase(y: tuple, machine: Scaled) -> tuple[Array, tuple]:
     return jnp.arctan2(-v, away), (side * jnp.hypot(away, v), jnp.zeros(()), *y[2:])
 
 
-def _in_time(theta: Any, y: tuple, machine: Scaled) -> tuple[Array, Array, tuple]:
-    x = jnp.sign(y[0]) * machine.band + jnp.abs(y[0]) * jnp.cos(theta)
-    return x, -jnp.abs(y[0]) * jnp.sin(theta), y[2:]
+def _places(s: Any, y: tuple, moving: Moving) -> tuple[Array, Array, tuple]:
+    """Scaled displacement, velocity and internal states at a phase, or in time."""
+    machine, phased = moving
+    reach = jnp.abs(y[0])
+    x = jnp.where(phased, jnp.sign(y[0]) * machine.band + reach * jnp.cos(s), y[0])
+    return x, jnp.where(phased, -reach * jnp.sin(s), y[1]), y[2:]
 
 
-def _field(theta: Any, y: tuple, machine: Scaled) -> tuple:
-    """Derivatives of amplitude, scaled time and scaled internal states by the phase."""
-    x, v, states = _in_time(theta, y, machine)
+def field(s: Any, y: tuple, moving: Moving) -> tuple:
+    """Derivatives by the phase of amplitude, time and internal states; by time, of displacement, velocity and states.
+
+    All of it is scaled.
+    """
+    machine, phased = moving
+    x, v, states = _places(s, y, moving)
     a, z = machine.rates(x, v, states)
-    away = jnp.abs(y[0]) * jnp.cos(theta)
+    away = jnp.abs(y[0]) * jnp.cos(s)
     pace = (v**2 - away * a) / y[0] ** 2
-    return (v * (away + a) / (y[0] * pace), 1 / pace, *(rate / pace for rate in z))
+    # Derivatives go forwards, so that those of what is not chosen are not felt.
+    lasts = jnp.where(phased, 1 / pace, 1.0)
+    first = jnp.where(phased, v * (away + a) / (y[0] * pace), v)
+    return first, jnp.where(phased, lasts, a), *(rate * lasts for rate in z)
 
 
-def _carries(theta: Any, y: tuple, machine: Scaled) -> Array:
+def _carries(theta: Any, y: tuple, moving: Moving) -> Array:
     """Whether the phase goes on: the mass turns back where it has turned, and on its way the phase does not dwell."""
-    pull = jnp.abs(machine.pull(_in_time(theta, y, machine)[0]))
+    machine = moving.machine
+    pull = jnp.abs(machine.pull(_places(theta, y, moving)[0]))
     turns_back = ~_turns(theta) | (pull > _PULL * machine.hold)
-    waiting = _field(theta, y, machine)[1]
+    waiting = field(theta, y, moving)[1]
     return turns_back & (waiting < 1 / _SLOWEST) & (waiting > 0)
 
 
-def _watched(theta: Any, y: tuple, machine: Scaled) -> Array:
-    _, v, states = _in_time(theta, y, machine)
-    return machine.switches(v, states)
+def watched(s: Any, y: tuple, moving: Moving) -> Array:
+    """What the law switches by, in time the velocity among it; in the phase the steps end at the reversals anyway."""
+    _, v, states = _places(s, y, moving)
+    in_time = jnp.where(moving.phased, 1.0, v)
+    return jnp.concatenate([jnp.reshape(in_time, (1,)), moving.machine.switches(v, states)])
 
 
-def _returned(theta: Any, y: tuple, before: tuple, machine: Scaled) -> tuple:
-    """The state from which the next step begins; at a reversal friction changes sign."""
-    states = machine.mapped(*_in_time(theta, y, machine), before[2:])
+def returned(s: Any, y: tuple, before: tuple, moving: Moving) -> tuple:
+    """The state from which the next step begins; at a reversal in the phase friction changes sign."""
+    machine, phased = moving
+    states = machine.mapped(*_places(s, y, moving), before[2:])
     left = jnp.abs(y[0]) - 2 * machine.band
-    turns_back = _turns(theta) & (left > 0)
+    turns_back = phased & _turns(s) & (left > 0)
     return (jnp.where(turns_back, -jnp.sign(y[0]) * left, y[0]), y[1], *states)
 
 
 def _turns(theta: Any) -> Array:
     """Whether a phase is that of a reversal."""
     return jnp.abs(jnp.sin(theta)) < _AT_REVERSAL
-
-
-def _ended(along: Any, theta: Any, y: tuple, machine: Scaled) -> Turned:
-    x, v, states = _in_time(theta, y, machine)
-    return Turned(along, (x, v, *states), y[1])
