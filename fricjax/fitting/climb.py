@@ -73,6 +73,8 @@ class Way(NamedTuple):
 
 
 ONWARDS = Way(sure=np.asarray(True))
+# A robust loss is nearly flat far from its optimum: the way from that of squares takes some sixty small steps.
+PATIENT = ONWARDS._replace(steps=np.asarray(4 * MAX_STEPS))
 LOOK = Way(sure=np.asarray(True), steps=np.asarray(1))
 
 
@@ -173,8 +175,8 @@ def _least_squares(
     if isinstance(passes.loss, Squares):
         options["linear"] = jnp.pad(limits.linear, inputs) & (steps > 1)
     solver = LevenbergMarquardt(passes=passes, max_steps=steps, tolerance=tolerance)
-    # The passes know the model; of a function optimistix asks the shape.
-    return optx.least_squares(lambda q, _: q, solver, y, options=options, max_steps=MAX_STEPS + 1, throw=False)
+    # The passes know the model; of a function optimistix asks the shape. The solver counts its steps itself.
+    return optx.least_squares(lambda q, _: q, solver, y, options=options, max_steps=None, throw=False)
 
 
 def _with_weights(residual: Residual, weights: list[Array]) -> Residual:

@@ -17,7 +17,7 @@ from jaxtyping import Array
 from ..estimation.loss import AbstractLoss, Squares
 from ..oscillator import Program
 from ..oscillator.program import Shape, of_shape, split
-from .climb import LOOK, ONWARDS, Climbed, Limits, Terrain, Way, climb, like_climbed
+from .climb import LOOK, PATIENT, Climbed, Limits, Terrain, Way, climb, like_climbed
 from .problem import Problem
 from .residual import Residual, start_of, without_inputs
 from .runs import without_windows
@@ -65,7 +65,7 @@ def solve_lanes(problems: Sequence[Problem]) -> list[Landed]:
     loss = problems[0].loss if problems else Squares()
     if not isinstance(loss, Squares):
         pairs = zip(problems, ends, strict=True)
-        further = _gone([_on_all_samples(p, without_inputs(p.residual), at.y, ONWARDS) for p, at in pairs], loss)
+        further = _gone([_on_all_samples(p, without_inputs(p.residual), at.y, PATIENT) for p, at in pairs], loss)
         ends = [joined(at, then) for at, (then, _) in zip(ends, further, strict=True)]
     targets = [with_inputs(problem.residual, at.y) for problem, at in zip(problems, ends, strict=True)]
     looks = [_on_all_samples(p, checking(p.residual, y), y, LOOK) for p, y in zip(problems, targets, strict=True)]

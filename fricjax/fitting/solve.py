@@ -20,7 +20,7 @@ from ..estimation.quadratic import Quadratic, quadratic
 from ..estimation.status import AT_BOUND, CONVERGED, OUT_OF_STEPS, STALLED, UNDETERMINED
 from ..oscillator import Program
 from ..oscillator.engines import AbstractEngine
-from .climb import LOOK, ONWARDS, ROUNDING, Climbed, Way, climb, like_climbed
+from .climb import LOOK, ONWARDS, PATIENT, ROUNDING, Climbed, Way, climb, like_climbed
 from .mesh import with_mesh
 from .problem import Problem
 from .residual import Residual, without_inputs
@@ -115,7 +115,7 @@ def climbed(problem: Problem, begin: Any) -> Climbed:
     along = problem.terrain, problem.limits, Squares()
     at = climb_on(with_mesh(few, begin, _ROUGH if meshed else 1.0), *along, begin, _NEAR if meshed or robust else Way())
     if robust:
-        return joined(at, on_all_samples(problem, with_mesh(without_inputs(problem.residual), at.y), at.y, ONWARDS))
+        return joined(at, on_all_samples(problem, with_mesh(without_inputs(problem.residual), at.y), at.y, PATIENT))
     return joined(at, climb_on(with_mesh(few, at.y), *along, at.y, Way())) if meshed else at
 
 
@@ -138,13 +138,14 @@ def on_all_samples(problem: Problem, residual: Residual, y: Any, way: Way) -> Cl
 def _refined(problem: Problem, at: Climbed, rounds: int, endings: tuple[int, ...]) -> Solved:
     """The fit checked, and while it is not accurate carried on with all samples and a finer engine.
 
-    Only a fit that ended in one of the ways `endings` is carried on, and one that has stalled as long as that pays.
+    Only a fit that ended in one of the ways `endings` is carried on. One that has stalled goes on until that has not
+    paid twice in a row: where elements slip between the steps of a mesh, its optimum may be met on another one.
     """
     residual = problem.residual
-    solved, before = _checked(problem, residual, at), np.inf
+    solved, before, in_vain = _checked(problem, residual, at), np.inf, 0
     for _ in range(rounds):
-        stuck = solved.status == STALLED and not solved.chi2 < _PAYS * before
-        if solved.accurate or solved.status not in endings or stuck:
+        in_vain = in_vain + 1 if solved.status == STALLED and not solved.chi2 < _PAYS * before else 0
+        if solved.accurate or solved.status not in endings or in_vain == 2:
             break
         before = solved.chi2
         residual = _with_engine(problem.residual, problem.residual.engine.finer())
