@@ -125,7 +125,8 @@ def rest_spectrum(t: np.ndarray, x: np.ndarray, stop: float, half_period: float)
     if t.size - begin < 64 or t[-1] - t[begin] < 2 * STRETCH * half_period:
         return np.empty(0), np.empty(0)
     # A length with a large prime factor would take thirty times as long.
-    size = int(prev_fast_len(min(t.size - begin, LONGEST), real=True))
+    longest = min(t.size - begin, LONGEST)
+    size = int(prev_fast_len(longest, real=True) or longest)
     t, x = t[-size:], x[-size:]
     even = np.linspace(t[0], t[-1], t.size)
     y = np.interp(even, t, x - x.mean())

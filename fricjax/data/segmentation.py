@@ -158,13 +158,13 @@ def _require_density(per_half_cycle: float) -> None:
 
 def _half_period(t: np.ndarray, x: np.ndarray, noise: float, step: float) -> float:
     """Typical duration of a stroke, from the largest strokes that the trace holds at least two of."""
-    from scipy.ndimage import median_filter
-
     span = float(np.ptp(x))
     finest = max(12.0 * noise, 4.0 * step)
     sizes = [share * span for share in SHARES if share == SHARES[0] or share * span > finest]
     pivots = zigzag(x, extremes(x, sizes[0]), sizes[0])
     if len(pivots) < 4 and len(sizes) > 1:
+        from scipy.ndimage import median_filter
+
         # Spikes, of which two may stand side by side, are as large as small strokes.
         x = median_filter(x, 5, mode="nearest")
         among = extremes(x, sizes[-1])
