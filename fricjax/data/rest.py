@@ -24,8 +24,8 @@ def find_rest(swing: Swing, begin: float, end: float) -> tuple[float, float]:
     creeps = _creeps(t[settled:], swing.smoothed[settled:], swing.threshold)
     width = window(half, size / 2, swing.noise, swing.interval)
     order = order_for(size, swing.noise)
-    widths = [np.maximum(width, 0.25 * half), width]
-    instant, position = refine(t, x, end, np.pi / half, widths, order, after="creeping" if creeps else "still")
+    windows = [(np.maximum(width, 0.25 * half), order), (width, order)]
+    instant, position = refine(t, x, end, np.pi / half, windows, after="creeping" if creeps else "still")
     return float(instant[0]), float(position[0] if creeps else x[settled:].mean())
 
 

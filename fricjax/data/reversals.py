@@ -39,7 +39,7 @@ def point_std(width: Any, order: Any, noise: float, interval: float) -> np.ndarr
 
 
 def refine(
-    t: np.ndarray, x: np.ndarray, guess: Any, omega: Any, widths: Sequence[Any], order: Any, before: str = "moving",
+    t: np.ndarray, x: np.ndarray, guess: Any, omega: Any, windows: Sequence[tuple[Any, Any]], before: str = "moving",
     after: str = "moving",
 ) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
     """Fits the instants and the positions of turns, stops or starts near guesses, each on its own.
@@ -49,18 +49,18 @@ def refine(
         x: displacements, shape `(n,)`.
         guess: times of the extremes, good to about a third of the first width [s], shape `(k,)`, or one number.
         omega: angular frequency of the motion [rad/s], as `guess` or the same for all.
-        widths: half-widths of the fitted windows [s], likewise; each but the last gives the guess for the next.
-        order: highest power of time on a moving side: 2, 3 or 4, likewise.
+        windows: half-width of a fitted window [s], and the highest power of time on a moving side there, 2, 3 or 4,
+            likewise; each window but the last gives the guess for the next.
         before: what the mass does before the turn: `"moving"` or `"still"`.
         after: what it does afterwards: `"moving"`, `"still"` or `"creeping"`.
 
     Returns:
         Times and positions, shape `(k,)`. Where a window holds too few samples or its fit runs away: its guess.
     """
-    guess, omega, order = np.broadcast_arrays(*np.atleast_1d(guess, omega, order))
+    guess, omega = np.broadcast_arrays(*np.atleast_1d(guess, omega))
     time, position = guess.astype(np.float64), np.empty(guess.size)
-    for width, enough in zip(widths, [ROUGHLY] * (len(widths) - 1) + [0.0], strict=True):
-        width = np.broadcast_to(width, guess.shape)
+    for (width, order), enough in zip(windows, [ROUGHLY] * (len(windows) - 1) + [0.0], strict=True):
+        width, order = np.broadcast_to(width, guess.shape), np.broadcast_to(order, guess.shape)
         for first in range(0, guess.size, TOGETHER):
             k = slice(first, first + TOGETHER)
             near = _windows(t, x, time[k], omega[k], width[k], order[k])

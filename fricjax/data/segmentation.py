@@ -245,5 +245,5 @@ def _refined(swing: Swing, times: np.ndarray, release: float, end: float) -> tup
     width = window(local, largest / 2, swing.noise, swing.interval)
     order = order_for(smallest, swing.noise)
     # From afar only the simplest curve leads to the turn; its powers of time have minima of their own.
-    near, _ = refine(swing.t, swing.x, times, np.pi / local, [np.maximum(width, 0.25 * local)], 2)
-    return refine(swing.t, swing.x, near, np.pi / local, [width], order)
+    windows = [(np.maximum(width, 0.25 * local), 2), (width, order)]
+    return refine(swing.t, swing.x, times, np.pi / local, windows)

@@ -58,5 +58,5 @@ def _onset(swing: Swing, pivots: list[int]) -> float:
         return float(swing.t[0])
     width = window(swing.half_period, stroke / 2, swing.noise, swing.interval)
     width = np.maximum(2.0 * width, 0.15 * swing.half_period)
-    onset, _ = refine(swing.t, swing.x, guess, np.pi / swing.half_period, [width], 3, before="still")
+    onset, _ = refine(swing.t, swing.x, guess, np.pi / swing.half_period, [(width, 3)], before="still")
     return float(onset[0])

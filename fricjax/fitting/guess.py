@@ -143,8 +143,6 @@ def _at_positions(function: Callable[[Any, Any], Any], x: np.ndarray, stiffness:
 
 
 def _losses(oscillator: Oscillator, decay: _Decay, free: Sequence[str], at: Mapping[str, float]) -> dict[str, float]:
-    from scipy.optimize import nnls
-
     a = decay.mean
     ends = (_at_positions(oscillator.restoring.potential, x, at["stiffness"]) for x in (decay.before, decay.after))
     lost = np.subtract(*ends)
@@ -167,7 +165,12 @@ def _losses(oscillator: Oscillator, decay: _Decay, free: Sequence[str], at: Mapp
         return {}
     columns = np.stack([terms[name] for name in names], axis=1)
     size = np.maximum(np.abs(columns).max(axis=0), 1e-300)
-    solution = nnls(columns / size, lost)[0] / size
+    solution = np.linalg.lstsq(columns / size, lost, rcond=None)[0] / size
+    if a.size < len(names) or np.any(solution < 0):
+        # Elsewhere that library need not be imported, which a first fit would wait for.
+        from scipy.optimize import nnls
+
+        solution = nnls(columns / size, lost)[0] / size
     floor = 1e-3 * max(float(np.mean(lost)), 0.0) / np.mean(columns, axis=0)
     found = dict(zip(names, np.maximum(solution, floor), strict=True))
     return _as_coefficients(found, sought, at)

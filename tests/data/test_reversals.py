@@ -27,8 +27,7 @@ def test_the_position_of_a_turn_scatters_by_its_standard_error(noise):
                 decay.x + noise * np.random.default_rng(i).standard_normal(T.size),
                 turns,
                 np.pi / half,
-                [width],
-                order,
+                [(width, order)],
             )[1]
             for i in range(300)
         ]

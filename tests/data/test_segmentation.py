@@ -271,8 +271,10 @@ def test_turns_refined_together_are_those_refined_alone():
     exact, x, guess, order, width = turns()
     omega = np.full(49, np.pi / exact.half_period)
     guess[5] += 0.5  # far from any turn
-    together = refine(exact.t, x, guess, omega, [2 * width, width], order)
-    alone = [refine(exact.t, x, guess[k], omega[k], [2 * width[k], width[k]], order[k]) for k in range(49)]
+    together = refine(exact.t, x, guess, omega, [(2 * width, order), (width, order)])
+    alone = [
+        refine(exact.t, x, guess[k], omega[k], [(2 * width[k], order[k]), (width[k], order[k])]) for k in range(49)
+    ]
     assert together[0] == pytest.approx(np.ravel([time for time, _ in alone]), rel=0, abs=1e-10)
     assert together[1] == pytest.approx(np.ravel([point for _, point in alone]), rel=0, abs=1e-13)
 
@@ -298,14 +300,14 @@ def test_a_refined_turn_is_the_least_squares_fit(order, samples):
         lambda p: (piecewise(p, phase, order) - values) / 5e-9, start, x_scale="jac", xtol=1e-15, ftol=1e-15, gtol=1e-15
     )
     error = np.sqrt(np.diag(np.linalg.inv(fit.jac.T @ fit.jac)))
-    (time,), (point,) = refine(exact.t, x, guess[k], omega, [width[k]], order)
+    (time,), (point,) = refine(exact.t, x, guess[k], omega, [(width[k], order)])
     assert time == pytest.approx(exact.stops[k] + fit.x[0] / omega, abs=0.1 * error[0] / omega)
     assert point == pytest.approx(exact.points[k] + fit.x[1], abs=0.1 * error[1])
 
 
 def test_a_window_without_samples_gives_the_guess():
     exact, x = swinging(10_000)
-    time, point = refine(exact.t, x, [-1.0, 0.5, 3.0], 80.0, [1e-5], 4)
+    time, point = refine(exact.t, x, [-1.0, 0.5, 3.0], 80.0, [(1e-5, 4)])
     assert time == pytest.approx([-1.0, 0.5, 3.0], abs=0)
     assert point == pytest.approx(np.interp([-1.0, 0.5, 3.0], exact.t, x), abs=0)
 
