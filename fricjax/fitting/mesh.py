@@ -2,7 +2,7 @@
 
 The mesh lives in the phase of the half-cycles, and behind the last of them in scaled time, so it moves with the motion
 while the fit runs. In time neighbouring steps are made to differ little in length, so that the mesh still fits when
-the parameters have moved; the lists are filled up to one of a few lengths, so that few shapes are compiled, which
+the parameters have moved; there is room for one of a few numbers of steps, so that few shapes are compiled, which
 costs no steps.
 """
 
@@ -42,8 +42,10 @@ def with_mesh(residual: Residual, y: Any, slack: float = 1.0) -> Residual:
     bare = eqx.tree_at(lambda r: r.runs, residual, tuple(ends))
     engine = cast(Smooth, residual.engine)
     found = _meshes(engine.at_accuracy(slack * engine.accuracy), bare, y)
-    meshes = [Mesh(_finite(mesh.phases), _graded(_finite(mesh.times))) for mesh in found]
-    return _with(residual, _alike(meshes))
+    lists = [(_finite(phases), _graded(_finite(times))) for phases, times in found]
+    longest = max(phases.size + times.size - 1 for phases, times in lists)
+    size = next(size for size in _SIZES if size >= longest)
+    return _with(residual, [Mesh.of(*pair, size) for pair in lists])
 
 
 def _with(residual: Residual, meshes: Sequence[Mesh]) -> Residual:
@@ -51,10 +53,10 @@ def _with(residual: Residual, meshes: Sequence[Mesh]) -> Residual:
     return eqx.tree_at(lambda r: [run.engine for run in r.runs], residual, engines, is_leaf=lambda x: x is None)
 
 
-def _meshed(free: Smooth, residual: Residual, y: Any) -> list[Mesh]:
+def _meshed(free: Smooth, residual: Residual, y: Any) -> list[tuple[Any, Any]]:
     machine = residual.machine(y)
 
-    def one(number: Any, run: Run) -> Mesh:
+    def one(number: Any, run: Run) -> tuple[Any, Any]:
         at = residual.own_of(residual.values(y), number, run)
         end = _REACH * (run.t[-1] - at["t_release"])
         return free.meshed(machine, start_of(machine, at), end, run.half_cycles, CAPACITY)
@@ -62,7 +64,7 @@ def _meshed(free: Smooth, residual: Residual, y: Any) -> list[Mesh]:
     return residual.each(one, residual.runs)
 
 
-_meshes = Program(_meshed, lambda _, residual, __: [Mesh(np.zeros(0), np.zeros(0)) for _ in residual.runs])
+_meshes = Program(_meshed, lambda _, residual, __: [(0, 0) for _ in residual.runs])
 
 
 def _finite(ends: Any) -> np.ndarray:
@@ -79,7 +81,8 @@ def _finite(ends: Any) -> np.ndarray:
             f"The motion needs more than {CAPACITY} steps of the smooth engine. Check the law's coefficients, or crop "
             "the record to its moving part."
         )
-    return known[np.isfinite(known)]
+    # A step of no length has no rates.
+    return np.unique(known[np.isfinite(known)])
 
 
 def _graded(mesh: np.ndarray) -> np.ndarray:
@@ -91,15 +94,3 @@ def _graded(mesh: np.ndarray) -> np.ndarray:
         if not long.size:
             return mesh
         mesh = np.sort(np.concatenate([mesh, mesh[long] + h[long] / 2]))
-
-
-def _alike(meshes: Sequence[Mesh]) -> list[Mesh]:
-    """Meshes with lists of one length each, the last end repeated."""
-
-    def filled(lists: Sequence[Any]) -> list[np.ndarray]:
-        longest = max(ends.size for ends in lists)
-        size = next(size for size in _SIZES if size >= longest)
-        return [np.pad(ends, (0, size - ends.size), mode="edge") for ends in lists]
-
-    both = filled([mesh.phases for mesh in meshes]), filled([mesh.times for mesh in meshes])
-    return [Mesh(*lists) for lists in zip(*both, strict=True)]

@@ -20,7 +20,7 @@ SPAN = Span(np.asarray(3e-4), np.asarray(2.1e-3))
 FEW = 5
 # The programs are read, not run: what LLVM would make of each kernel takes half the time and does not show.
 UNTOUCHED = {"xla_backend_optimization_level": 0}
-MESH = Mesh(jnp.linspace(0, 20, 201), jnp.linspace(0, 2, 21))
+MESH = Mesh.of(np.linspace(0, 20, 201), np.linspace(0, 2, 21), 221)
 CASES = {
     "exact": (Exact(16), Coulomb(0.05), None),
     "half-cycles, Stribeck": (Hybrid(28, 16), Stribeck(0.05, 0.065, 5e-3), None),

@@ -8,28 +8,39 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Int
 
 
 class Mesh(eqx.Module):
-    """Where the steps of an integration end; a list may repeat its last number, for which no work is done.
+    """Where the steps of an integration end, over the phase first and then in time.
 
     Attributes:
-        phases: phase of the motion from the start on [rad]; the mass turns at the multiples of pi.
-        times: time from the end of the phases on, in radians of the natural frequency.
+        ends: the phase at which the motion starts and those at which steps end [rad], the mass turns at the multiples
+            of pi; behind them the times from the last one on at which steps end, in radians of the natural frequency;
+            what follows is not used.
+        turns, waits: number of steps over the phase, and in time.
     """
 
-    phases: Float[Array | np.ndarray, " phases"]
-    times: Float[Array | np.ndarray, " times"]
+    ends: Float[Array | np.ndarray, " ends"]
+    turns: Int[Array | np.ndarray, ""]
+    waits: Int[Array | np.ndarray, ""]
+
+    @classmethod
+    def of(cls, phases: np.ndarray, times: np.ndarray, size: int) -> "Mesh":
+        """A mesh with room for `size` ends, from phases and from times, each list with where it begins."""
+        ends = np.concatenate([phases, times[1:]])
+        room = np.pad(ends, (0, size - ends.size))
+        return cls(room, np.asarray(phases.size - 1), np.asarray(times.size - 1))
 
     def begun_at(self, phase: Array) -> Array:
-        """The phases of a motion that starts at `phase`: the first half-cycle is stretched, the others stay."""
-        phases = jnp.asarray(self.phases)
-        first = phases[0]
+        """The ends for a motion that starts at `phase`: the first half-cycle is stretched, the others stay."""
+        ends = jnp.asarray(self.ends)
+        first = ends[0]
         turn = (jnp.floor(first / jnp.pi) + 1) * jnp.pi
         away = phase - first
         late = jnp.arctan2(jnp.sin(away), jnp.cos(away))
-        return phases + late * jnp.clip((turn - phases) / (turn - first), 0.0, 1.0)
+        share = jnp.clip((turn - ends) / (turn - first), 0.0, 1.0)
+        return ends + late * jnp.where(jnp.arange(ends.size) <= self.turns, share, 0.0)
 
 
 class Steps(NamedTuple):

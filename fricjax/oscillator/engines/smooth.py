@@ -158,11 +158,11 @@ class Smooth(AbstractEngine):
 
     def meshed(
         self, oscillator: Oscillator, start: Start, duration: Array, half_cycles: Array | None, capacity: int
-    ) -> Mesh:
-        """The steps that the error estimate chooses until `duration` [s], inf beyond the last one of each list.
+    ) -> tuple[Array, Array]:
+        """Phases and times of the steps that the error estimate chooses until `duration` [s], for `Mesh.of`.
 
-        Those in phase end at the last reversal, after `half_cycles` where these are known, and those in time where the
-        mass rests.
+        Beyond the last one of each list there is inf. The phases end at the last reversal, after `half_cycles` where
+        these are known, and the times where the mass rests.
         """
         machine = Scaled.of(oscillator, start)
         tolerance, end = self._tolerance(machine), duration * machine.rate
@@ -176,7 +176,7 @@ class Smooth(AbstractEngine):
         settings = {"saveat": _ENDS, "stepsize_controller": controller, "max_steps": capacity}
         event = diffrax.Event(rests)
         then = integrate(field, solver, jnp.zeros(()), left, first.end, waiting, event=event, **settings)
-        return Mesh(first.phases, then.ts)
+        return first.phases, then.ts
 
     def solve(
         self,

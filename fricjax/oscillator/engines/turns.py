@@ -73,30 +73,25 @@ def travelled(solver: Any, machine: Scaled, y0: tuple, mesh: Mesh) -> tuple[Node
     """
     begin, first = _in_phase(y0, machine)
     over = Moving(machine, jnp.asarray(True))
-    moving, times = mesh.begun_at(begin), jnp.asarray(mesh.times)
-    phases = jax.lax.stop_gradient(moving)
-    slopes = field(phases[0], first, over)
-    still = tuple(value + (phases[0] - moving[0]) * slope for value, slope in zip(first, slopes, strict=True))
-    turns, waits = (jnp.sum(ends < ends[-1]) for ends in (phases, times))
-    number = jnp.arange(phases.size + times.size - 1)
-
-    def placed(i: Array, phased: Array) -> Array:
-        return jnp.where(phased, phases[jnp.minimum(i, phases.size - 1)], times[jnp.clip(i - turns, 0, times.size - 1)])
+    moving, turns = mesh.begun_at(begin), jnp.asarray(mesh.turns)
+    count = turns + mesh.waits
+    ends = jax.lax.stop_gradient(moving)
+    slopes = field(ends[0], first, over)
+    still = tuple(value + (ends[0] - moving[0]) * slope for value, slope in zip(first, slopes, strict=True))
 
     def entered(i: Array, y: tuple) -> tuple[tuple, Moving]:
-        x, v, _ = _places(phases[-1], y, over)
+        x, v, _ = _places(ends[turns], y, over)
         left = i == turns
         y = (jnp.where(left, x, y[0]), jnp.where(left, v, y[1]), *y[2:])
         return y, Moving(machine, i < turns)
 
-    ahead = number[:-1] < turns
-    steps = Steps(placed(number[:-1], ahead), placed(number[1:], ahead), turns + waits)
-    ys = stepped(field, Landing(solver, watched, returned), steps, still, entered)
-    made = jnp.minimum(number, turns + waits)
+    number = jnp.arange(ends.size)
+    begins = jnp.where(number == turns, 0.0, ends)
+    ys = stepped(field, Landing(solver, watched, returned), Steps(begins[:-1], ends[1:], count), still, entered)
+    made = jnp.minimum(number, count)
     phased = made <= turns
-    since = placed(made, phased)
-    x, v, states = _places(since, ys, Moving(machine, phased))
-    nodes = machine.nodes(jnp.where(phased, ys[1], ys[1][turns] + since), x, v, states)
+    x, v, states = _places(ends[made], ys, Moving(machine, phased))
+    nodes = machine.nodes(jnp.where(phased, ys[1], ys[1][turns] + ends[made]), x, v, states)
     return nodes, (x[-1], v[-1], tuple(values[-1] for values in states))
 
 
