@@ -121,11 +121,10 @@ def rest_spectrum(t: np.ndarray, x: np.ndarray, stop: float, half_period: float)
     """
     from scipy.fft import prev_fast_len
 
-    begin = int(np.searchsorted(t, stop + RINGS * half_period))
-    if t.size - begin < 64 or t[-1] - t[begin] < 2 * STRETCH * half_period:
+    longest = min(t.size - int(np.searchsorted(t, stop + RINGS * half_period)), LONGEST)
+    if longest < 64 or t[-1] - t[-longest] < 2 * STRETCH * half_period:
         return np.empty(0), np.empty(0)
     # A length with a large prime factor would take thirty times as long.
-    longest = min(t.size - begin, LONGEST)
     size = int(prev_fast_len(longest, real=True) or longest)
     t, x = t[-size:], x[-size:]
     even = np.linspace(t[0], t[-1], t.size)

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from fricjax.data.disturbance import LONGEST, rest_spectrum
 from fricjax.data.noise import blocks, interval, resolution, white_noise
 
 
@@ -61,3 +62,14 @@ def test_blocks_are_spread_over_a_long_record():
 def test_the_interval_is_that_of_most_samples():
     t = np.cumsum(np.tile([1e-3, 1e-3, 1e-3, 7e-3], 1000))
     assert interval(t) == pytest.approx(1e-3, rel=1e-9)
+
+
+@pytest.mark.parametrize(("half_period", "told"), [(0.99 * LONGEST / 4e6, True), (1.01 * LONGEST / 4e6, False)])
+def test_the_samples_of_a_spectrum_hold_two_cycles(half_period, told):
+    """However long the rest is; and what is cut off for a quick transform leaves the size of a line."""
+    t = np.arange(3 * LONGEST) / 1e6
+    frequency, size = rest_spectrum(t, 2e-9 * np.cos(2 * np.pi * 1e4 * t), 0.0, half_period)
+    assert bool(size.size) == told
+    if told:
+        assert frequency[np.argmax(size)] == pytest.approx(1e4, abs=8)
+        assert size.max() == pytest.approx(2e-9, rel=0.15)
