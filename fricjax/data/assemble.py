@@ -1,4 +1,4 @@
-"""From the numbers of a file to a record: units, sign, gaps, and the checks that name file, column and row."""
+"""From the columns of a file to its records: units, sign, gaps, and the checks that name file, column and row."""
 
 import dataclasses
 from collections.abc import Callable
@@ -7,53 +7,48 @@ from typing import Any
 
 import numpy as np
 
-from .errors import DataError, UsageError
+from .choice import Choice, plain
+from .choose import choose
+from .errors import DataError
 from .record import Record, Step
+from .scale import scale_of
+from .sheet import Sheet
 from .trace import MINIMUM_SAMPLES, Trace
-from .units import DISPLACEMENT, TIME, factor
+from .units import DISPLACEMENT, TIME
 
 
-@dataclasses.dataclass(frozen=True)
-class Choice:
-    """What the caller chose for any format: see `fricjax.read`."""
+def records_of(path: Path, kind: str, sheet: Sheet, choice: Choice, options: dict[str, Any]) -> Record | list[Record]:
+    """The record of a sheet, or those of all its runs where the caller asks for `run="all"`.
 
-    column: Any = None
-    time: Any = None
-    unit: str | None = None
-    time_unit: str | None = None
-    rate: float | None = None
-    sigma: Any = None
-    sign: int = 1
+    Args:
+        path: the file, named in messages and in `meta`.
+        kind: the format, for `meta`.
+        sheet: its columns.
+        choice: the common options.
+        options: all options given, for the log.
 
-    def __post_init__(self) -> None:
-        if self.rate is not None and not (np.isfinite(self.rate) and self.rate > 0):
-            raise UsageError(f"rate must be a positive number of samples per second, but it is {self.rate}.")
-        if self.rate is not None and self.time is not None:
-            raise UsageError("Give either time= (a column of times) or rate= (samples per second), not both.")
-        if self.sign not in (1, -1):
-            raise UsageError(f"sign must be 1 or -1, but it is {self.sign}.")
-
-    @property
-    def takes_all(self) -> bool:
-        """Whether nothing is said about columns and units, so that a record of the package itself comes back whole."""
-        return all(value is None for value in (self.column, self.time, self.unit, self.time_unit, self.rate))
-
-    def applied(self, record: Record) -> Record:
-        """A restored record with the noise and the direction chosen here."""
-        if self.sigma is None and self.sign == 1:
-            return record
-        old = record.trace
-        sigma = old.sigma if self.sigma is None else self.sigma
-        chosen = {"sigma": self.sigma, "sign": self.sign}
-        trace = Trace(old.t, self.sign * np.asarray(old.x), sigma, old.mask)
-        return record.with_step(Step("read", _plain(chosen), "noise or direction given by the caller"), trace=trace)
+    Raises:
+        DataError: as `choose` and `assemble` do.
+    """
+    pairs = choose(sheet, choice, path.name)
+    wanted = list(dict.fromkeys(column for pair in pairs for column in pair if column is not None))
+    values = dict(zip(wanted, sheet.load(wanted), strict=True))
+    records = []
+    for x, time in pairs:
+        columns = Columns(values[x], None, x.name, x_unit=x.unit, run=x.run, place=sheet.place)
+        if time is not None:
+            times = {"time": values[time], "time_name": time.name, "time_unit": time.unit}
+            columns = dataclasses.replace(columns, **times)
+        records.append(assemble(path, kind, columns, choice, options))
+    return records if str(choice.run).lower() == "all" else records[0]
 
 
 @dataclasses.dataclass(frozen=True)
 class Columns:
     """The two columns as a reader found them, before units.
 
-    `place(i)` words where sample `i` stands in the file ("row 17"); `time` is None where there is only a rate.
+    `place(i)` words where sample `i` stands in the file ("row 17"); `time` is None where there is only a rate,
+    `run` the label of the run where the file holds several.
     """
 
     x: np.ndarray
@@ -62,6 +57,7 @@ class Columns:
     time_name: str = "time"
     x_unit: str | None = None
     time_unit: str | None = None
+    run: str | None = None
     place: Callable[[int], str] = lambda i: f"sample {i + 1}"
 
 
@@ -78,9 +74,10 @@ def assemble(path: Path, kind: str, columns: Columns, choice: Choice, options: d
     Raises:
         DataError: too few samples, a time that is missing or does not increase, a unit that does not fit.
     """
+    columns = _without_blank_rows(columns)
     x = np.asarray(columns.x, dtype=np.float64).ravel()
-    unit = choice.unit or columns.x_unit
-    scale, quantity = factor(unit or "m", DISPLACEMENT, f"the displacement '{columns.x_name}' of {path.name}")
+    where = f"the displacement '{columns.x_name}' of {path.name}"
+    scale, quantity = scale_of(columns.x_unit, choice.unit, DISPLACEMENT, where, "unit")
     t, time_unit = _times(path, x.size, columns, choice)
     used = np.isfinite(x)
     if used.sum() < MINIMUM_SAMPLES:
@@ -88,17 +85,48 @@ def assemble(path: Path, kind: str, columns: Columns, choice: Choice, options: d
             f"{path.name} holds {int(used.sum())} usable samples in '{columns.x_name}', but a trace needs at least "
             f"{MINIMUM_SAMPLES}; check the column and the rows skipped."
         )
-    sigma = None if choice.sigma is None else np.asarray(choice.sigma, dtype=np.float64) * scale
+    sigma = None if choice.sigma is None else np.asarray(choice.sigma, dtype=np.float64) * abs(scale)
     trace = Trace(t, x * (scale * choice.sign), sigma, used)
+    unit = choice.unit or columns.x_unit
     meta = {
         "source": path.name,
         "format": kind,
         "columns": {"t": columns.time_name if choice.rate is None else None, "x": columns.x_name},
-        "units": {"t": time_unit, "x": unit or "m"},
+        "units": {"t": time_unit, "x": unit or quantity},
         "quantity": quantity,
         "release_time": None,
+        **({} if columns.run is None else {"run": columns.run}),
+        **({} if unit else {"warnings": [_unit_missing(path, columns, choice)]}),
     }
-    return Record(trace, meta, (Step("read", _plain(options), _effect(trace, columns, unit, quantity, choice)),))
+    return Record(trace, meta, (Step("read", plain(options), _effect(trace, columns, unit, quantity, choice)),))
+
+
+def _without_blank_rows(columns: Columns) -> Columns:
+    """The columns without rows that hold neither value nor time, and without blank displacements at their end.
+
+    Where runs of unequal length stand side by side, the shorter ones end in such rows.
+    """
+    x = np.asarray(columns.x, dtype=np.float64).ravel()
+    time = None if columns.time is None else np.asarray(columns.time, dtype=np.float64).ravel()
+    blank = np.isnan(x)
+    if not blank.any() or (time is not None and time.size != x.size):
+        return columns
+    filled = np.flatnonzero(~blank)
+    after = np.arange(x.size) > (filled[-1] if filled.size else -1)
+    kept = np.flatnonzero(~(after | (blank & np.isnan(time)) if time is not None else after))
+    place = columns.place
+    times = None if time is None else time[kept]
+    return dataclasses.replace(columns, x=x[kept], time=times, place=lambda i: place(int(kept[i])))
+
+
+def _unit_missing(path: Path, columns: Columns, choice: Choice) -> str:
+    """What is taken for granted where a title names no unit."""
+    bare_time = choice.rate is None and columns.time_unit is None and choice.time_unit is None
+    times = f", '{columns.time_name}' as s" if bare_time else ""
+    also = " and time_unit=" if bare_time else ""
+    return (
+        f"{path.name} names no unit for '{columns.x_name}': it is taken as m{times}. If that is not so, give unit={also}."
+    )
 
 
 def _times(path: Path, size: int, columns: Columns, choice: Choice) -> tuple[np.ndarray, str]:
@@ -106,7 +134,7 @@ def _times(path: Path, size: int, columns: Columns, choice: Choice) -> tuple[np.
         return np.arange(size) / float(choice.rate), "s"
     if columns.time is None:
         raise DataError(
-            f"{path.name} has one column ('{columns.x_name}') and no time; give rate= (samples per second) or time=."
+            f"{path.name} has no time for '{columns.x_name}'; give rate= (samples per second) or time= (a column)."
         )
     t = np.asarray(columns.time, dtype=np.float64).ravel()
     if t.size != size:
@@ -114,9 +142,10 @@ def _times(path: Path, size: int, columns: Columns, choice: Choice) -> tuple[np.
             f"In {path.name} '{columns.time_name}' has {t.size} samples and '{columns.x_name}' has {size}; choose "
             "columns of one length with time= and column=."
         )
-    unit = choice.time_unit or columns.time_unit or "s"
+    where = f"the time '{columns.time_name}' of {path.name}"
+    scale, _ = scale_of(columns.time_unit, choice.time_unit, TIME, where, "time_unit")
     _check_times(path, t, columns)
-    return t * factor(unit, TIME, f"the time '{columns.time_name}' of {path.name}")[0], unit
+    return t * scale, choice.time_unit or columns.time_unit or "s"
 
 
 def _check_times(path: Path, t: np.ndarray, columns: Columns) -> None:
@@ -140,8 +169,6 @@ def _check_times(path: Path, t: np.ndarray, columns: Columns) -> None:
 def _effect(trace: Trace, columns: Columns, unit: str | None, quantity: str, choice: Choice) -> str:
     parts = [f"{trace.n} samples of '{columns.x_name}'"]
     parts.append(f"in {unit}" if unit else "no unit found or given, taken as m")
-    if choice.unit and columns.x_unit and choice.unit != columns.x_unit:
-        parts.append(f"although the file says {columns.x_unit}")
     if unit not in (None, quantity):
         parts.append(f"converted to {quantity}")
     if choice.rate is not None:
@@ -152,12 +179,3 @@ def _effect(trace: Trace, columns: Columns, unit: str | None, quantity: str, cho
         gaps = "gap" if starts == 1 else "gaps"
         parts.append(f"{int(missing.sum())} samples without a value masked in {starts} {gaps}")
     return ", ".join(parts)
-
-
-def _plain(options: dict[str, Any]) -> dict[str, Any]:
-    """The options as JSON can hold them."""
-    return {
-        key: value.tolist() if isinstance(value, (np.ndarray, np.generic)) else value
-        for key, value in options.items()
-        if value is not None and (key, value) != ("sign", 1)
-    }

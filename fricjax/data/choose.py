@@ -1,56 +1,228 @@
-"""Which column is the time and which the displacement: by name, by index, or by the names the field uses."""
+"""Which columns of a sheet are displacement and time: by name, by number, by run, or by the names the field uses."""
 
+import re
 from collections.abc import Sequence
+from typing import NamedTuple
 
-from .errors import DataError, UsageError, nearest
-from .units import si_unit
+from ..show import Table
+from .choice import Choice
+from .errors import DataError, UsageError, nearest, quoted
+from .header import TIME_WORDS, first_word, measures
+from .sheet import Column, Sheet
 
-TIME_NAMES = ("t", "time", "times", "timestamp", "time_s", "zeit", "temps", "sec", "seconds")
-DISPLACEMENT_NAMES = (
-    "x", "displacement", "position", "pos", "disp", "distance", "theta", "angle", "phi", "y", "q", "weg", "auslenkung",
+# Names that say which column is meant even where others could be a displacement as well.
+_PLAINEST = ("x", "displacement")
+_DISPLACEMENT_WORDS = frozenset(
+    ("x", "y", "q", "displacement", "position", "pos", "disp", "distance", "deflection", "elongation", "theta", "angle")
+    + ("phi", "weg", "auslenkung", "winkel", "position_x", "deplacement", "déplacement", "angolo", "posizione")
 )  # fmt: skip
+_COUNTERS = frozenset(("index", "sample", "samples", "n", "no", "nr", "row", "point", "number", "i", "k", "frame", "step", "#", ""))
+_NUMBERED = re.compile(r"(?P<base>.*?[^\d_ ])[_ ]?(?P<number>\d{1,4})")
 
 
-def locate(wanted: str | int, names: Sequence[str], source: str, what: str) -> int:
-    """Index of the column called or numbered `wanted`; an unknown one is a `DataError` that offers the nearest name."""
+class Pair(NamedTuple):
+    """The columns of one record; `time` is None where the rate gives the times."""
+
+    x: Column
+    time: Column | None
+
+
+def choose(sheet: Sheet, choice: Choice, source: str) -> list[Pair]:
+    """The displacements and times that the caller asks for, one pair for each run.
+
+    Args:
+        sheet: the columns of the file.
+        choice: what the caller said: `run`, `column`, `time`, `rate`.
+        source: the file, for messages.
+
+    Raises:
+        DataError: an unknown column or run, several runs and none chosen, several columns that could be the displacement.
+    """
+    sheet = _with_numbered_runs(sheet)
+    runs: list[str | None] = list(sheet.runs)
+    if choice.run is not None and not runs:
+        raise DataError(f"{source} holds one run only, but run={choice.run!r} was asked for; leave run= out.")
+    if choice.run is None and len(runs) > 1:
+        named = [] if choice.column is None else _matches(choice.column, sheet.columns)
+        if choice.column is not None and not named:
+            locate(choice.column, sheet.columns, source, "column")
+        if len(named) != 1:
+            raise DataError(_question(sheet, choice, source))
+        runs = [named[0].run]
+    elif choice.run is not None and str(choice.run).lower() != "all":
+        runs = [_run(choice.run, sheet.runs, source)]
+    return [_pair(sheet, run, choice, source) for run in runs or [None]]
+
+
+def locate(wanted: str | int, columns: Sequence[Column], source: str, what: str) -> Column:
+    """The column called or numbered `wanted`; an unknown one is a `DataError` that offers the nearest name."""
     if isinstance(wanted, bool) or not isinstance(wanted, (str, int)):
         raise UsageError(f"{what}= must be a name or an index of a column, but it is {wanted!r}.")
-    if isinstance(wanted, int) or (wanted.lstrip("-").isdigit() and wanted not in names):
-        index = int(wanted)
-        if not -len(names) <= index < len(names):
-            raise DataError(f"{source} has {len(names)} columns, but {what}={index} was asked for (the first is 0).")
-        return index % len(names)
-    lowered = [name.lower() for name in names]
-    if wanted in names:
-        return list(names).index(wanted)
-    if lowered.count(wanted.lower()) == 1:
-        return lowered.index(wanted.lower())
-    known = ", ".join(f"'{name}'" for name in names)
+    found = _matches(wanted, columns)
+    if len(found) == 1:
+        return found[0]
+    names = [column.shown for column in columns]
+    if found:
+        raise DataError(f"{source} has {len(found)} columns '{wanted}'; choose one by its number, from 0: {what}=0.")
+    if _is_number(wanted):
+        raise DataError(f"{source} has {len(names)} columns, but {what}={wanted} was asked for (the first is 0).")
     raise DataError(
-        f"{source} has no column '{wanted}' (asked for with {what}=).{nearest(wanted, names)} It has {known}."
+        f"{source} has no column '{str(wanted)[:80]}' (asked for with {what}=).{nearest(wanted, names)} It has "
+        f"{quoted(names)}."
     )
 
 
-def time_index(names: Sequence[str], units: Sequence[str | None]) -> int | None:
-    """Index of the column that is a time by its name or its unit, None where none or several are."""
-    by_name = [i for i, name in enumerate(names) if name.lower() in TIME_NAMES]
-    if by_name:
-        return by_name[0]
-    by_unit = [i for i, unit in enumerate(units) if unit and (si_unit(unit) or (0, ""))[1] == "s"]
-    return by_unit[0] if len(by_unit) == 1 else None
+def _is_number(wanted: str | int) -> bool:
+    return isinstance(wanted, int) or re.fullmatch(r"-?\d{1,9}", wanted) is not None
 
 
-def displacement_index(names: Sequence[str], candidates: Sequence[int], source: str) -> int:
-    """Index of the displacement among `candidates`: the only one, or the one with a usual name.
+def _matches(wanted: str | int, columns: Sequence[Column]) -> list[Column]:
+    """Columns with this title, else this name, else this name whatever its case, else this number."""
+    text = str(wanted).strip()
+    for alike in (
+        lambda column: text in (column.shown, column.name.lstrip("/")),
+        lambda column: text == column.name,
+        lambda column: text.lower() in (column.shown.lower(), column.name.lower()),
+    ):
+        found = [column for column in columns if alike(column)]
+        if found:
+            return found
+    if _is_number(wanted) and -len(columns) <= int(wanted) < len(columns):
+        return [columns[int(wanted)]]
+    return []
 
-    Raises:
-        DataError: several candidates and no usual name among them.
-    """
-    if len(candidates) == 1:
-        return candidates[0]
-    for usual in DISPLACEMENT_NAMES:
-        for i in candidates:
-            if names[i].lower() == usual:
-                return i
-    known = ", ".join(f"'{names[i]}'" for i in candidates)
-    raise DataError(f"{source} has several columns that could be the displacement ({known}); name one with column=.")
+
+def _with_numbered_runs(sheet: Sheet) -> Sheet:
+    """The sheet where `t1, x1, t2, x2` are two runs: names that differ by a number, with a time for each number."""
+    if sheet.runs:
+        return sheet
+    found = [_NUMBERED.fullmatch(column.name) if not column.bare else None for column in sheet.columns]
+    numbered = [(match["number"], column) for match, column in zip(found, sheet.columns, strict=True) if match]
+    bases = [match["base"] for match in found if match]
+    numbers = dict.fromkeys(number for number, _ in numbered)
+    timed = {
+        number
+        for (number, column), base in zip(numbered, bases, strict=True)
+        if Column(base.rstrip("_ "), column.unit).is_time
+    }
+    if len(numbers) < 2 or set(numbers) != timed:
+        return sheet
+    columns = [
+        column if match is None else Column(**{**vars(column), "run": f"Run {match['number']}"})
+        for column, match in zip(sheet.columns, found, strict=True)
+    ]
+    return Sheet(columns, sheet.load, sheet.place, sheet.advice)
+
+
+def _run(wanted: str | int, runs: list[str], source: str) -> str:
+    """The label of the run that is called, numbered, or else counted (from 1) `wanted`."""
+    text = str(wanted).strip().lower().lstrip("#")
+    for alike in (lambda run: run.lower() == text, lambda run: re.findall(r"\d+", run)[-1:] == [text]):
+        found = [run for run in runs if alike(run)]
+        if len(found) == 1:
+            return found[0]
+    if text.isdecimal() and 1 <= int(text[:9]) <= len(runs):
+        return runs[int(text[:9]) - 1]
+    raise DataError(f"{source} has no run {str(wanted)[:80]!r}.{nearest(text, runs)} Its runs are {quoted(runs)}; or run='all'.")
+
+
+def _question(sheet: Sheet, choice: Choice, source: str) -> str:
+    """Which runs there are, as a table below one sentence."""
+    rows = []
+    for run in sheet.runs:
+        own = [column for column in sheet.columns if column.run == run and column.fault is None]
+        try:
+            x, time = _pair(sheet, run, choice, source)
+            values, *times = sheet.load([x] if time is None else [x, time])
+            used = [i for i, value in enumerate(values == values) if value]
+            span = f"{times[0][used[-1]] - times[0][used[0]]:.4g}" if times and used and time is not None else "-"
+            rows.append([run, x.name, str(len(used)), f"{span} {(time and time.unit) or 's'}", x.unit or "not found"])
+        except DataError:
+            rows.append([run, quoted([column.name for column in own], 3), "-", "-", "-"])
+    table = Table(["Run", "Displacement", "Samples", "Duration", "Unit"], rows[:20]).text()
+    more = f"\n... and {len(rows) - 20} more" if len(rows) > 20 else ""
+    first = re.findall(r"\d+", sheet.runs[0])[-1:] or [sheet.runs[0]]
+    return f"{source} holds {len(sheet.runs)} runs; choose one with run={first[0]}, or run='all'.\n{table}{more}"
+
+
+def _pair(sheet: Sheet, run: str | None, choice: Choice, source: str) -> Pair:
+    """Displacement and time of one run, with the columns that belong to no run."""
+    columns = [column for column in sheet.columns if column.run in (run, None)]
+    given = None if choice.time is None else locate(choice.time, columns, source, "time")
+    if choice.column is not None:
+        # A number counts the columns of the file, whatever run they belong to.
+        everywhere = sheet.columns if _is_number(choice.column) and not _matches(str(choice.column), columns) else columns
+        x = locate(choice.column, everywhere, source, "column")
+    else:
+        x = _displacement([column for column in columns if column is not given], choice, source)
+    if x.fault is not None:
+        raise DataError(f"'{x.shown}' in {source} {x.fault}, so it is no displacement; name another with column=.")
+    time = None if choice.rate is not None else given or x.time or _time(columns, x, source, sheet.advice)
+    if time is not None and time.fault is not None:
+        raise DataError(f"'{time.shown}' in {source} {time.fault}, so it is no time; name another with time=, or give rate=.")
+    return Pair(x, time)
+
+
+def _time(columns: Sequence[Column], x: Column, source: str, advice: str) -> Column:
+    """The time that belongs to x: one of its own run or folder before one of the file, else the first bare column."""
+    usable = [column for column in columns if column is not x and column.fault is None]
+    times = [column for column in usable if column.is_time]
+    folder = _folder(x.name)
+    near = [column for column in times if column.run == x.run and _folder(column.name) == folder]
+    for among in (near, [column for column in times if column.run == x.run], times):
+        if among:
+            # A title that is nothing but a time's name comes before one with further words, then one with a unit.
+            return min(among, key=lambda column: (column.last.lower() not in TIME_WORDS, measures(column.unit) != "s"))
+    if usable and all(column.bare for column in columns) and columns.index(usable[0]) < columns.index(x):
+        return usable[0]
+    others = f"; its columns are {quoted([column.shown for column in columns])}" if len(columns) > 1 else ""
+    raise DataError(
+        f"{source} has no time for '{x.shown}'{others}; give rate= (samples per second{advice}) or time= (a column)."
+    )
+
+
+def _folder(name: str) -> str:
+    return re.sub(r"[/.][^/.]*$", "", name) if re.search(r"[/.]", name.lstrip("/")) else ""
+
+
+def _displacement(columns: Sequence[Column], choice: Choice, source: str) -> Column:
+    """The displacement among the columns: by its name, by its unit, or since there is only one."""
+    bare = all(column.bare for column in columns)
+    usable = [column for column in columns if column.fault is None]
+    if bare and choice.rate is None and choice.time is None and len(usable) > 1:
+        usable = usable[1:]  # without any names the first column is the time
+    candidates = [
+        column
+        for column in columns
+        if not column.is_time and (column.bare or column.name.lower() not in _COUNTERS) and (not bare or column in usable)
+    ]
+    if not candidates:
+        names = quoted([column.shown for column in columns])
+        raise DataError(f"{source} holds no displacement, only {names or 'no columns'}; name one with column=.")
+    for among in ([c for c in candidates if not _folder(c.name)], candidates):
+        named = [column for column in among if _is_usual(column)]
+        plainest = [column for column in named if column.name.lower() in _PLAINEST]
+        if len(named) == 1 or len(plainest) == 1:
+            return plainest[0] if len(plainest) == 1 else named[0]
+        if named:
+            candidates = named
+            break
+    for fits in (
+        lambda column: column.fault is None and measures(column.unit) in ("m", "rad"),
+        lambda column: column.fault is None and measures(column.unit) is None,
+        lambda column: column.fault is None,
+        lambda column: True,
+    ):
+        left = [column for column in candidates if fits(column)]
+        if len(left) == 1:
+            return left[0]
+        if left:
+            candidates = left
+            break
+    names = quoted([column.shown for column in candidates])
+    raise DataError(f"{source} has several columns that could be the displacement ({names}); name one with column=.")
+
+
+def _is_usual(column: Column) -> bool:
+    last, kind = column.last.lower(), measures(column.unit)
+    return (last in _DISPLACEMENT_WORDS or first_word(last) in _DISPLACEMENT_WORDS) and kind in (None, "m", "rad")

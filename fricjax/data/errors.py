@@ -5,7 +5,7 @@ whose message names what was wrong, what was got, and the remedy; `nearest` adds
 """
 
 import difflib
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 
 class DataError(ValueError):
@@ -21,3 +21,10 @@ def nearest(name: object, options: Iterable[object]) -> str:
     lowered = {str(option).lower(): str(option) for option in options}
     close = difflib.get_close_matches(str(name).lower(), list(lowered), n=1, cutoff=0.5)
     return f" Did you mean '{lowered[close[0]]}'?" if close else ""
+
+
+def quoted(names: Sequence[object], limit: int = 12) -> str:
+    """`'a', 'b' and 3 more`: names for a sentence, long ones and long lists cut."""
+    shown = [f"'{name if len(str(name)) <= 60 else f'{str(name)[:57]}...'}'" for name in names[:limit]]
+    more = f" and {len(names) - limit} more" if len(names) > limit else ""
+    return ", ".join(shown) + more

@@ -14,7 +14,7 @@ from .errors import DataError, UsageError, nearest
 from .record import Record
 
 READERS = {
-    **dict.fromkeys((".csv", ".txt", ".dat", ".tsv", ".asc"), ("csv", "read_csv")),
+    **dict.fromkeys((".csv", ".txt", ".dat", ".tsv", ".asc", ".lvm", ".log", ".prn", ".tab"), ("csv", "read_csv")),
     ".npz": ("npz", "read_npz"),
     ".mat": ("mat", "read_mat"),
     **dict.fromkeys((".h5", ".hdf5", ".nc"), ("hdf5", "read_hdf5")),

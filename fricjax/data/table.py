@@ -7,6 +7,7 @@ import numpy as np
 
 from .errors import DataError
 from .readers.dialect import Dialect, Layout, number, sniff, split
+from .readers.text import Text
 from .units import si_unit
 
 
@@ -27,10 +28,11 @@ def read_table(path: str | Path, columns: Mapping[str, str], *, what: str) -> di
     """
     path = Path(path)
     try:
-        lines = path.read_text(encoding="utf-8-sig", errors="replace").splitlines()
+        text = Text.of(path)
+        lines = list(text.lines())
     except OSError as error:
         raise DataError(f"The file '{path}' cannot be read: {error.strerror}. Check the path.") from error
-    layout = sniff(lines, Dialect(), path.name)
+    layout = sniff(text.head, Dialect(), path.name)
     if len(layout.names) < len(columns):
         raise DataError(
             f"{path.name} has {len(layout.names)} column(s); {what} needs {len(columns)}: {', '.join(columns)}."
@@ -43,7 +45,7 @@ def read_table(path: str | Path, columns: Mapping[str, str], *, what: str) -> di
 
 
 def _holds_data(i: int, line: str, layout: Layout) -> bool:
-    return i >= layout.first_line and bool(line.strip()) and not Dialect().is_comment(line)
+    return i >= layout.first_line and Dialect().holds_data(line)
 
 
 def _row(path: Path, place: int, line: str, layout: Layout, columns: int) -> list[float]:

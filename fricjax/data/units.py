@@ -58,17 +58,3 @@ def factor(unit: str, quantities: tuple[str, ...], what: str) -> tuple[float, st
     if quantity not in quantities:
         raise DataError(f"The unit '{unit}' does not fit {what}; units that fit are {fitting}.")
     return scale, quantity
-
-
-def split_header(text: str) -> tuple[str, str | None]:
-    """Name and unit of a column header: `Time [s]`, `Displacement (um)` or `x / mm`; the unit is None where none is."""
-    text = text.strip().strip('"').strip()
-    for opening, closing in (("[", "]"), ("(", ")")):
-        if text.endswith(closing) and opening in text:
-            name, unit = text[:-1].rsplit(opening, 1)
-            return name.strip() or text, unit.strip() or None
-    if "/" in text:
-        name, unit = text.rsplit("/", 1)
-        if name.strip() and si_unit(unit.strip()) is not None:
-            return name.strip(), unit.strip()
-    return text, None

@@ -120,7 +120,7 @@ BAD_TEXT = {
     "time repeats": ("0,1\n1,2\n1,3\n3,4\n", {}, "row 3: the time is not increasing (1.0 after 1.0)"),
     "too many fields": ("t,x\n0,1\n1,2\n2,3,4\n3,4\n", {}, "row 4: 3 fields, but 2 were expected"),
     "two samples": ("t,x\n0,1\n1,2\n", {}, "holds 2 usable samples in 'x', but a trace needs at least 3"),
-    "no time": ("1\n2\n3\n4\n", {}, "one column ('column0') and no time; give rate="),
+    "no time": ("1\n2\n3\n4\n", {}, "has no time for 'column0'; give rate="),
     "unknown column": ("time,displacement\n0,1\n1,2\n2,3\n", {"column": "displacment"}, "Did you mean 'displacement'"),
     "unknown time": ("time,x\n0,1\n1,2\n2,3\n", {"time": "tine"}, "with time=). Did you mean 'time'"),
     "index too large": ("0,1\n1,2\n2,3\n", {"column": 5}, "has 2 columns, but column=5"),
@@ -204,13 +204,13 @@ def test_bad_npz(tmp_path):
     with pytest.raises(DataError, match="has no column 'displ'"):
         read(path, column="displ")
     np.savez(path, x=X)
-    with pytest.raises(DataError, match="no time; give rate="):
+    with pytest.raises(DataError, match="no time for 'x'; give rate="):
         read(path)
     np.savez(path, t=T[:4], x=X)
     with pytest.raises(DataError, match="'t' has 4 samples and 'x' has 6"):
         read(path)
     np.savez(path, t=T, x=np.zeros((6, 2)))
-    with pytest.raises(DataError, match=r"'x' in run.npz has shape \(6, 2\)"):
+    with pytest.raises(DataError, match=r"several columns that could be the displacement \('x\[0\]', 'x\[1\]'\)"):
         read(path)
     np.savez(path, t=np.array([{}], dtype=object), x=X, allow_pickle=True)
     with pytest.raises(DataError, match="pickled objects"):
@@ -318,7 +318,7 @@ def test_some_cells(mat):
         ({"column": "Theta"}, r"has no 'Theta' \(column=\). Did you mean 'Theta1'"),
         ({"column": "Theta1.signal.values"}, "Did you mean 'signals'"),
         ({"column": "run"}, "is a structure; name one of its fields: .*clock"),
-        ({"column": "label"}, "holds no real numbers"),
+        ({"column": "label"}, "'label' in run.mat holds text, so it is no displacement"),
         ({"column": "Y_a[4]", "time": "t"}, r"'Y_a' has 2 cells, but column= asks for \[4\]"),
         ({"column": "both", "time": "t", "row": 3}, "holds 2 signals, but row=3"),
         ({"column": "Y_a", "time": "Time_a", "cells": [7]}, "has 2 cells, but cells= asks for 7"),
@@ -385,10 +385,10 @@ def test_one_pair_needs_no_names(tmp_path):
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"column": "/run3/x"}, r"has no data set '/run3/x' \(column=\). Did you mean '/run\dx?/x'"),
-        ({"column": "/image", "rate": 5}, r"'/image' in run.h5 has shape \(3, 4\)"),
-        ({"column": "/scaled/axis"}, "has one column .* and no time"),
-        ({}, "several"),
+        ({"column": "/run3/x"}, r"has no column '/run3/x' \(asked for with column=\). Did you mean '/run\dx?/x'"),
+        ({"column": "/image", "rate": 5}, r"has no column '/image' .* Did you mean '/image\[\d\]'"),
+        ({"column": "/scaled/axis"}, "has no time for '/scaled/axis'"),
+        ({}, r"run.h5 holds 2 runs; choose one with run=1, or run='all'"),
         ({"column": "/run1/x", "unit": "kg"}, "'kg' does not fit"),
     ],
 )

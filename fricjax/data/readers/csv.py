@@ -1,17 +1,25 @@
-"""Tables of numbers as text: comma, tab, semicolon or blank separated, with or without a header."""
+"""Tables of numbers as text: comma, tab, semicolon or blank separated, with or without titles."""
 
+import dataclasses
 import io
+import itertools
+import mmap
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 import numpy as np
 
-from ..assemble import Choice, Columns, assemble
-from ..choose import displacement_index, locate, time_index
-from ..errors import DataError, UsageError
-from ..native import restore_text
+from ..assemble import records_of
+from ..choice import Choice
+from ..errors import DataError
+from ..header import is_time, is_unit
+from ..native import TEXT_MARK, restore_text
 from ..record import Record
-from .dialect import MISSING, Dialect, Layout, number, sniff, split
+from ..sheet import Column, Sheet
+from .clock import seconds_of
+from .dialect import BLANK, MISSING, NUMBER, WATCH, WORD, Dialect, Layout, kind_of, sniff, split
+from .text import Text
 
 
 def read_csv(
@@ -24,130 +32,207 @@ def read_csv(
     rate: float | None = None,
     sigma: Any = None,
     sign: int = 1,
+    run: str | int | None = None,
     delimiter: str | None = None,
     decimal: str | None = None,
     comment: str | None = None,
     skip_rows: int | None = None,
     header: bool | None = None,
     encoding: str | None = None,
-) -> Record:
+) -> Record | list[Record]:
     """Reads a text table; what is not given about its dialect is found in the file.
 
-    Options as in `fricjax.read` (columns by header name or by index from 0), and
+    Options as in `fricjax.read` (columns by title or by index from 0), and
 
     - `delimiter`: what separates fields: a character, or "tab", "space", "comma", "semicolon".
     - `decimal`: "." or ",".
     - `comment`: what a line of remarks begins with; by default #, %, ! and //.
     - `skip_rows`: rows to leave out at the top.
-    - `header`: False where the row before the data holds no names.
-    - `encoding`: of the text; by default UTF-8, else Latin-1.
+    - `header`: False where the row before the data holds no titles.
+    - `encoding`: of the text; by default what its byte order mark says, else UTF-8, else Latin-1.
 
     Raises:
-        DataError: no table of numbers, an unknown column, a cell that is no number (with its row).
+        DataError: no table of numbers, an unknown column or run, a cell that is no number (with its row).
     """
-    choice = Choice(column, time, unit, time_unit, rate, sigma, sign)
+    choice = Choice(column, time, unit, time_unit, rate, sigma, sign, run)
     dialect = Dialect(delimiter, decimal, comment, skip_rows, header)
     options = {**vars(choice), **vars(dialect), "encoding": encoding}
-    lines = _text(path, encoding).splitlines()
-    own = restore_text(path, lines) if choice.takes_all and dialect == Dialect() else None
-    if own is not None:
-        return choice.applied(own)
-    layout = sniff(lines, dialect, path.name)
-    x_index, t_index = _indices(path, layout, choice, lines)
-    values = _parse(path, lines, layout, dialect, [i for i in (t_index, x_index) if i is not None])
-    columns = Columns(
-        x=values[x_index],
-        time=None if t_index is None else values[t_index],
-        x_name=layout.names[x_index],
-        time_name="time" if t_index is None else layout.names[t_index],
-        x_unit=layout.units[x_index],
-        time_unit=None if t_index is None else layout.units[t_index],
-        place=lambda i: f"row {_line_numbers(lines, layout, dialect)[i]}",
-    )
-    return assemble(path, "csv", columns, choice, options)
+    text = Text.of(path, encoding)
+    if choice.takes_all and dialect == Dialect() and text.head[0].startswith(TEXT_MARK):
+        own = restore_text(path, list(text.lines()))
+        if own is not None:
+            return choice.applied(own)
+    table = Table(text, dialect, sniff(text.head, dialect, path.name))
+    return records_of(path, "csv", table.sheet(), choice, options)
 
 
-def _text(path: Path, encoding: str | None) -> str:
-    data = path.read_bytes()
-    if encoding is None:
-        encoding = "utf-16" if data[:2] in (b"\xff\xfe", b"\xfe\xff") else "utf-8-sig"
-        if encoding != "utf-16" and b"\x00" in data[:65536]:
-            raise DataError(f"{path.name} is binary, not text; its suffix {path.suffix} promises a text table.")
-    try:
-        return data.decode(encoding)
-    except UnicodeDecodeError:
-        return data.decode("latin-1")
-    except LookupError as error:
-        raise UsageError(f"'{encoding}' is no known text encoding; give one such as 'utf-8' or 'latin-1'.") from error
+# What pandas raises for cells and rows that do not fit.
+_UNREADABLE = (ValueError, TypeError, OverflowError)
 
 
-def _indices(path: Path, layout: Layout, choice: Choice, lines: list[str]) -> tuple[int, int | None]:
-    """Indices of displacement and time; an empty column (a trailing delimiter) is no candidate."""
-    names, units = layout.names, layout.units
-    x = None if choice.column is None else locate(choice.column, names, path.name, "column")
-    if choice.time is not None:
-        t = locate(choice.time, names, path.name, "time")
-    else:
-        t = time_index(names, units)
-    first = split(lines[layout.first_line], layout.delimiter)
-    filled = [i for i in range(len(names)) if first[i] or names[i] != f"column{i}"]
-    if t is None and choice.rate is None:
-        others = [i for i in filled if i != x]
-        t = others[0] if others and len(filled) > 1 and others[0] < (len(names) if x is None else x) else None
-    if x is None:
-        x = displacement_index(names, [i for i in filled if i != t] or [0], path.name)
-    if x == t and choice.time is None:
-        t = None
-    return x, None if choice.rate is not None else t
+@dataclasses.dataclass(frozen=True)
+class Table:
+    """A table of numbers in a text file whose layout is known."""
 
+    text: Text
+    dialect: Dialect
+    layout: Layout
 
-def _parse(path: Path, lines: list[str], layout: Layout, dialect: Dialect, wanted: list[int]) -> dict[int, np.ndarray]:
-    import pandas as pd
+    def sheet(self) -> Sheet:
+        """The columns; where the line of titles comes again further down, each block of rows is a run."""
+        layout = self.layout
+        columns = [self._column(i) for i in range(len(layout.titles)) if layout.kinds[i] != BLANK or layout.texts[i]]
+        if not self._is_stacked():
+            return Sheet(columns, self._load, lambda i: f"row {self._row(i)}", layout.advice)
+        blocks = self._blocks()
+        runs = range(len(blocks))
+        stacked = [dataclasses.replace(c, run=f"Run {i + 1}", key=(c.key, i)) for i in runs for c in columns]
 
-    body = [line for line in lines[layout.first_line :] if line.strip() and not dialect.is_comment(line)]
-    width = len(layout.names)
-    if any(len(line.split(None if layout.delimiter == " " else layout.delimiter)) > width for line in body):
-        raise _bad_row(path, lines, layout, dialect, wanted, "some rows have too many fields")
-    try:
+        def load(wanted: Sequence[Column]) -> list[np.ndarray]:
+            return [self._parsed_lines(blocks[run], [i])[i] for i, run in (column.key for column in wanted)]
+
+        return Sheet(stacked, load, advice=layout.advice)
+
+    def _column(self, i: int) -> Column:
+        layout = self.layout
+        title, kind = layout.titles[i], layout.kinds[i]
+        unit = title.unit or self._unit_beside(i)
+        if kind == WATCH and not is_time(title.name, unit):
+            unit = "s"
+        fault = {WORD: "holds words", BLANK: "is empty"}.get(kind)
+        return Column(title.name, unit, title.run, layout.texts[i], None, fault, not layout.texts[i], key=i)
+
+    def _unit_beside(self, i: int) -> str | None:
+        """The unit that the column to the right repeats in each row."""
+        if self.layout.kinds[i + 1 : i + 2] != [WORD]:
+            return None
+        word = split(self.text.head[self.layout.first_line], self.layout.delimiter)[i + 1]
+        return word if is_unit(word) else None
+
+    def _load(self, wanted: Sequence[Column]) -> list[np.ndarray]:
+        places = [column.key for column in wanted if isinstance(column.key, int)]
+        with self.text.open() as file:
+            file.seek(self.text.starts[self.layout.first_line])
+            try:
+                found = self._parsed(file, places)
+            except _UNREADABLE:
+                found = {}
+        if not found or not self._is_complete(found[places[0]].size, places):
+            # Remarks among the rows, words below them, or a row that is wrong: line by line.
+            lines = self._data_lines(places)
+            self._check(lines, places)
+            found = self._parsed_lines([line for _, line in lines], places)
+        return [found[i] for i in places]
+
+    def _parsed_lines(self, lines: list[str], places: list[int]) -> dict[int, np.ndarray]:
+        try:
+            return self._parsed(io.BytesIO("\n".join(lines).encode()), places)
+        except _UNREADABLE as error:
+            raise DataError(
+                f"{self.text.path.name} could not be read as a table: {str(error).strip()[:200]}; give delimiter=, "
+                "decimal= and skip_rows=."
+            ) from error
+
+    def _parsed(self, file: IO[bytes], places: list[int]) -> dict[int, np.ndarray]:
+        """The columns at `places` as numbers, shape (rows,) each; times of day become seconds."""
+        import pandas as pd
+
+        layout = self.layout
+        clocks = {i for i in places if layout.kinds[i] == WATCH}
         table = pd.read_csv(
-            io.StringIO("\n".join(body)),
+            file,
             sep=r"\s+" if layout.delimiter == " " else layout.delimiter,
             decimal=layout.decimal,
             header=None,
-            names=range(width),
-            usecols=sorted(set(wanted)),
+            names=range(len(layout.titles)),
+            usecols=sorted(set(places)) if self._is_partly(places) else None,
+            dtype={i: str if i in clocks else np.float64 for i in places},
             index_col=False,
             skipinitialspace=True,
             na_values=list(MISSING),
-            low_memory=False,
+            encoding_errors="replace",
         )
-        return {i: table[i].to_numpy(dtype=np.float64) for i in wanted}
-    except (ValueError, TypeError, pd.errors.ParserError, pd.errors.ParserWarning) as error:
-        raise _bad_row(path, lines, layout, dialect, wanted, error) from error
+        return {i: seconds_of(table[i]) if i in clocks else table[i].to_numpy(dtype=np.float64) for i in places}
 
+    def _is_partly(self, places: list[int]) -> bool:
+        """Whether columns are left out; then pandas does not notice rows of too many fields."""
+        return set(places) != set(range(len(self.layout.titles)))
 
-def _bad_row(
-    path: Path, lines: list[str], layout: Layout, dialect: Dialect, wanted: list[int], error: Exception | str
-) -> DataError:
-    """The first row that does not fit, in words."""
-    width = len(layout.names)
-    for row in _line_numbers(lines, layout, dialect):
-        fields = split(lines[row - 1], layout.delimiter)
-        for i in wanted:
-            if i < len(fields) and number(fields[i], layout.decimal) is None:
-                return DataError(
-                    f"{path.name}, row {row}, column '{layout.names[i]}': {fields[i]!r} is not a number; repair "
-                    "the cell or leave it empty."
+    def _is_complete(self, rows: int, places: list[int]) -> bool:
+        """Whether no row has more fields than the table has columns."""
+        layout, most = self.layout, len(self.layout.titles) - 1
+        if not self._is_partly(places):
+            return True
+        if layout.delimiter != " ":
+            mark = layout.delimiter.encode()
+            with self.text.open() as file:
+                file.seek(self.text.starts[layout.first_line])
+                found = sum(block.count(mark) for block in iter(lambda: file.read(1 << 22), b""))
+            if found <= rows * most and found % max(most, 1) == 0:
+                return True
+        return all(len(split(line, layout.delimiter)) <= most + 1 for _, line in self._numbered_lines())
+
+    def _is_stacked(self) -> bool:
+        """Whether the line of titles comes again below the data."""
+        layout, text = self.layout, self.text
+        if layout.title_line is None:
+            return False
+        title = text.head[layout.title_line].strip().encode(text.encoding.removesuffix("-sig"), "replace")
+        if text.wide is not None:
+            return text.wide.find(title, text.starts[layout.first_line]) >= 0
+        with text.path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
+            return data.find(title, text.starts[layout.first_line]) >= 0
+
+    def _blocks(self) -> list[list[str]]:
+        """The rows below each line of titles; lines before and after them that hold no row are left out."""
+        title = self.text.head[self.layout.title_line or 0].strip()
+        blocks: list[list[str]] = [[]]
+        for _, line in self._numbered_lines():
+            if line.strip() == title:
+                blocks.append([])
+            else:
+                blocks[-1].append(line)
+        return [trimmed for block in blocks if (trimmed := _trimmed(block, self._is_row))]
+
+    def _is_row(self, line: str) -> bool:
+        """Whether a line holds a number in a column of numbers."""
+        fields = split(line, self.layout.delimiter)
+        core = [i for i, kind in enumerate(self.layout.kinds) if kind in (NUMBER, WATCH)]
+        return any(i < len(fields) and kind_of(fields[i], self.layout.decimal) == self.layout.kinds[i] for i in core)
+
+    def _numbered_lines(self) -> Iterator[tuple[int, str]]:
+        """Lines of the body that are neither blank nor remarks, with their rows in the file, counted from 1."""
+        for i, line in enumerate(self.text.lines()):
+            if i >= self.layout.first_line and self.dialect.holds_data(line):
+                yield i + 1, line
+
+    def _data_lines(self, places: list[int]) -> list[tuple[int, str]]:
+        """The rows, without words that stand below the last of them."""
+        return _trimmed(list(self._numbered_lines()), lambda numbered: self._is_row(numbered[1]))
+
+    def _row(self, sample: int) -> int:
+        """Row in the file, counted from 1, of a sample."""
+        return next(itertools.islice(self._numbered_lines(), sample, None))[0]
+
+    def _check(self, lines: list[tuple[int, str]], places: list[int]) -> None:
+        """Refuses the first row that does not fit."""
+        layout, name = self.layout, self.text.path.name
+        for row, line in lines:
+            fields = split(line, layout.delimiter)
+            for i in places:
+                if i < len(fields) and kind_of(fields[i], layout.decimal) not in (layout.kinds[i], BLANK):
+                    raise DataError(
+                        f"{name}, row {row}, column '{layout.names[i]}': {fields[i][:60]!r} is not a number; repair "
+                        "the cell or leave it empty."
+                    )
+            if len(fields) > len(layout.titles):
+                raise DataError(
+                    f"{name}, row {row}: {len(fields)} fields, but {len(layout.titles)} were expected; repair the row, "
+                    "or give delimiter= and skip_rows=."
                 )
-        if len(fields) > width:
-            return DataError(
-                f"{path.name}, row {row}: {len(fields)} fields, but {width} were expected; repair the row, or give "
-                "delimiter= and skip_rows=."
-            )
-    return DataError(f"{path.name} could not be read as a table: {error}; give delimiter=, decimal= and skip_rows=.")
 
 
-def _line_numbers(lines: list[str], layout: Layout, dialect: Dialect) -> list[int]:
-    """Row in the file, counted from 1, of each sample."""
-    body = range(layout.first_line, len(lines))
-    return [i + 1 for i in body if lines[i].strip() and not dialect.is_comment(lines[i])]
+def _trimmed[T](items: list[T], holds: Callable[[T], bool]) -> list[T]:
+    """The items without those at either end that do not hold."""
+    kept = [i for i, item in enumerate(items) if holds(item)]
+    return items[kept[0] : kept[-1] + 1] if kept else []

@@ -1,15 +1,18 @@
 """Records in HDF5 and netCDF-4 files: data sets by path, units from the `units` attribute of the CF conventions."""
 
+import dataclasses
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from ..assemble import Choice, Columns, assemble
-from ..choose import displacement_index, time_index
-from ..errors import DataError, nearest
+from ..assemble import records_of
+from ..choice import Choice
+from ..errors import DataError
 from ..native import MARK, check_schema, decode
 from ..record import Record
+from ..sheet import Column, Sheet, array_columns, signal
 
 
 def read_hdf5(
@@ -22,21 +25,23 @@ def read_hdf5(
     rate: float | None = None,
     sigma: Any = None,
     sign: int = 1,
-) -> Record:
+    run: str | int | None = None,
+) -> Record | list[Record]:
     """Reads two data sets of an HDF5 or netCDF-4 file, or a record that `fricjax.write` put there.
 
     Options as in `fricjax.read`, where
 
     - `column`: path of the displacement, such as `"/run1/x"`.
     - `time`: path of the times; by default the dimension scale of the displacement, or a data set beside it called so.
-    - `unit`, `time_unit`: by default from the attribute `units`.
+    - `unit`, `time_unit`: by default from the attribute `units`, else from the name.
+    - `run`: which group, where several hold a time of their own.
 
     Raises:
         DataError: not such a file, an unknown path (the nearest is offered), a data set that is no vector of numbers.
     """
     import h5py
 
-    choice = Choice(column, time, unit, time_unit, rate, sigma, sign)
+    choice = Choice(column, time, unit, time_unit, rate, sigma, sign, run)
     try:
         file = h5py.File(path, "r")
     except OSError as error:
@@ -47,8 +52,7 @@ def read_hdf5(
     with file:
         if MARK in file.attrs and choice.takes_all:
             return choice.applied(_restore(file, path.name))
-        columns = _columns(file, choice, path.name)
-    return assemble(path, "hdf5", columns, choice, vars(choice))
+        return records_of(path, "hdf5", _sheet(file, path.name), choice, vars(choice))
 
 
 def _restore(file: Any, source: str) -> Record:
@@ -57,72 +61,47 @@ def _restore(file: Any, source: str) -> Record:
     return decode(arrays, {name: str(file.attrs.get(name, "")) for name in ("meta", "log")}, source)
 
 
-def _columns(file: Any, choice: Choice, source: str) -> Columns:
-    paths = _vectors(file)
-    if not paths:
+def _sheet(file: Any, source: str) -> Sheet:
+    """The data sets as columns; where several groups hold a time of their own, each group is a run."""
+    nodes = _data_sets(file)
+    if not nodes:
         raise DataError(f"{source} holds no data set of numbers that could be a record.")
-    if choice.column is None:
-        x_path = _guess(paths, choice, source)
-    else:
-        x_path = _known(choice.column, paths, source, "column")
-    t_path = None if choice.rate is not None else _time_path(file, x_path, paths, choice, source)
-    x, x_unit = _values(file[x_path], x_path, source)
-    if t_path is None:
-        return Columns(x, None, x_path, x_unit=x_unit)
-    t, t_unit = _values(file[t_path], t_path, source)
-    return Columns(x, t, x_path, t_path, x_unit, t_unit)
+    columns: dict[str, list[Column]] = {}
+    for path, node in nodes.items():
+        folder, name = f"{_folder(path)}/", path.rsplit("/", 1)[1]
+        unit = _unit(node)
+        parts = array_columns(name, node.dtype, node.shape, path, folder)
+        columns[path] = [dataclasses.replace(part, unit=unit or part.unit) for part in parts]
+    timed = dict.fromkeys(_folder(path) for path, parts in columns.items() if parts[0].is_time)
+    runs = {folder: folder.strip("/") or "/" for folder in timed} if len(timed) > 1 else {}
+
+    def complete(path: str, part: Column) -> Column:
+        scales = nodes[path].dims[0] if nodes[path].ndim else ()
+        scale = scales[0].name if len(scales) else None
+        time = columns[scale][0] if scale in columns and scale != path else None
+        return dataclasses.replace(part, run=runs.get(_folder(path), part.run), time=time)
+
+    def load(wanted: Sequence[Column]) -> list[np.ndarray]:
+        return [signal(_values(nodes[path]), index) for path, index in (column.key for column in wanted)]
+
+    return Sheet([complete(path, part) for path, parts in columns.items() for part in parts], load)
 
 
-def _vectors(file: Any) -> list[str]:
+def _data_sets(file: Any) -> dict[str, Any]:
     import h5py
 
-    found: list[str] = []
+    found: dict[str, Any] = {}
 
     def visit(name: str, node: Any) -> None:
-        if isinstance(node, h5py.Dataset) and node.dtype.kind in "fiu" and node.ndim >= 1:
-            found.append(f"/{name}")
+        if isinstance(node, h5py.Dataset) and node.ndim >= 1:
+            found[f"/{name}"] = node
 
     file.visititems(visit)
     return found
 
 
-def _known(wanted: str, paths: list[str], source: str, what: str) -> str:
-    full = str(wanted) if str(wanted).startswith("/") else f"/{wanted}"
-    if full not in paths:
-        known = ", ".join(f"'{path}'" for path in paths)
-        raise DataError(f"{source} has no data set '{wanted}' ({what}=).{nearest(full, paths)} It has {known}.")
-    return full
-
-
-def _last(path: str) -> str:
-    return path.rsplit("/", 1)[-1]
-
-
-def _guess(paths: list[str], choice: Choice, source: str) -> str:
-    given = None if choice.time is None else _known(choice.time, paths, source, "time")
-    rest = [path for path in paths if path != given]
-    t = time_index([_last(path) for path in rest], [None] * len(rest)) if given is None else None
-    candidates = [i for i in range(len(rest)) if i != t] or [0]
-    names = [_last(path) for path in rest]
-    usual = displacement_index(names, candidates, source)
-    same = [i for i in candidates if names[i] == names[usual]]
-    if len(same) > 1:
-        raise DataError(
-            f"{source} holds several '{names[usual]}' ({', '.join(rest[i] for i in same)}); name one with column=."
-        )
-    return rest[usual]
-
-
-def _time_path(file: Any, x_path: str, paths: list[str], choice: Choice, source: str) -> str | None:
-    if choice.time is not None:
-        return _known(choice.time, paths, source, "time")
-    scales = file[x_path].dims[0]
-    if len(scales):
-        return scales[0].name
-    folder = x_path.rsplit("/", 1)[0]
-    beside = [path for path in paths if path.rsplit("/", 1)[0] == folder and path != x_path]
-    index = time_index([_last(path) for path in beside], [_unit(file[path]) for path in beside])
-    return None if index is None else beside[index]
+def _folder(path: str) -> str:
+    return path.rsplit("/", 1)[0]
 
 
 def _unit(node: Any) -> str | None:
@@ -134,11 +113,9 @@ def _unit(node: Any) -> str | None:
     return str(text).split(" since ")[0].strip() or None if text is not None else None
 
 
-def _values(node: Any, path: str, source: str) -> tuple[np.ndarray, str | None]:
-    """A vector with CF's missing values, scale and offset applied, and its unit."""
-    raw = np.squeeze(np.asarray(node[()]))
-    if raw.ndim != 1:
-        raise DataError(f"'{path}' in {source} has shape {node.shape}, but a trace needs one dimension.")
+def _values(node: Any) -> np.ndarray:
+    """The numbers with CF's missing values, scale and offset applied."""
+    raw = np.asarray(node[()])
     values = raw.astype(np.float64)
     for name in ("_FillValue", "missing_value"):
         if name in node.attrs:
@@ -146,4 +123,4 @@ def _values(node: Any, path: str, source: str) -> tuple[np.ndarray, str | None]:
     scale, offset = (
         float(np.ravel(node.attrs.get(name, default))[0]) for name, default in (("scale_factor", 1), ("add_offset", 0))
     )
-    return values * scale + offset, _unit(node)
+    return values * scale + offset

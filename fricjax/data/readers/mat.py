@@ -1,15 +1,19 @@
 """Records in MATLAB files: named variables, fields of structs, Simulink's "structure with time", cells in a row."""
 
 import re
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
-from ..assemble import Choice, Columns, assemble
-from ..choose import displacement_index, time_index
-from ..errors import DataError, UsageError, nearest
+from ..assemble import records_of
+from ..choice import Choice
+from ..errors import DataError, UsageError, nearest, quoted
+from ..header import Title, split_title
 from ..record import Record
+from ..sheet import Column, Sheet, array_columns, signal
 from .matlab import load_tree
 
 PART = re.compile(r"^(?P<name>[^\[\]]+)(?P<indices>(\[\d+\])*)$")
@@ -18,8 +22,8 @@ PART = re.compile(r"^(?P<name>[^\[\]]+)(?P<indices>(\[\d+\])*)$")
 def read_mat(
     path: Path,
     *,
-    column: str | list[str] | None = None,
-    time: str | list[str] | None = None,
+    column: str | int | list[str] | None = None,
+    time: str | int | list[str] | None = None,
     unit: str | None = None,
     time_unit: str | None = None,
     rate: float | None = None,
@@ -27,7 +31,8 @@ def read_mat(
     sign: int = 1,
     row: int = 0,
     cells: list[int] | None = None,
-) -> Record:
+    run: str | int | None = None,
+) -> Record | list[Record]:
     """Reads a record from a `.mat` file of version 5 or 7.3.
 
     Options as in `fricjax.read`, where
@@ -38,37 +43,121 @@ def read_mat(
     - `time`: the times, in the same way.
     - `row`: which signal of a variable that holds several, from 0.
     - `cells`: indices of the cells to take, None for all.
+    - `run`: which structure, where several hold a time of their own; signals of Simulink go by their labels.
 
     Raises:
         DataError: damaged file, unknown name (the nearest is offered), or a variable that holds no numbers.
     """
-    choice = Choice(column, time, unit, time_unit, rate, sigma, sign)
+    choice = Choice(_text(column), _text(time), unit, time_unit, rate, sigma, sign, run)
     tree = load_tree(path)
-    x_names, t_names = _named(column), _named(time)
-    if not x_names:
-        x_names, t_names = _guess(tree, t_names, rate, path.name)
-    nodes = [_find(tree, name, path.name, "column") for name in x_names]
-    x = _joined(nodes, x_names, "values", row, cells, path.name)
-    if t_names:
-        found = [_find(tree, name, path.name, "time") for name in t_names]
-        t = _joined(found, t_names, "time", 0, cells, path.name)
-    elif rate is None and all(_carries_time(node) for node in nodes):
-        t, t_names = _joined(nodes, x_names, "time", 0, cells, path.name), [f"{name}.time" for name in x_names]
-    elif rate is None:
-        t, t_names = _usual_time(tree, path.name)
+    columns = _columns(tree)
+    for what, given in (("column", choice.column), ("time", choice.time)):
+        if isinstance(given, str) and not any(given in (known.name, known.title) for known in columns):
+            columns.append(_explicit(tree, given, path.name, what))
+    if not columns:
+        raise DataError(f"{path.name} holds no variable that could be a record; it has {quoted(list(tree)) or 'nothing'}.")
+
+    def load(wanted: Sequence[Column]) -> list[np.ndarray]:
+        return [_loaded(tree, column, row, cells, path.name) for column in wanted]
+
+    options = {**vars(choice), "row": row or None, "cells": cells}
+    return records_of(path, "mat", Sheet(columns, load), choice, options)
+
+
+def _text(given: str | int | list[str] | tuple[str, ...] | None) -> str | int | None:
+    """Names in a row as one text."""
+    return "+".join(given) if isinstance(given, (list, tuple)) else given
+
+
+def _columns(tree: dict[str, Any]) -> list[Column]:
+    """All that could be a signal: variables, fields, signals of Simulink, cells in a row; text and the like as faulty."""
+    found = [column for name, node in tree.items() for column in _walk(name, node)]
+    folders = dict.fromkeys(_folder(column.name) for column in found if column.is_time)
+    runs = {folder for folder in folders if folder} if len(folders) > 1 and "" not in folders else set()
+    return [replace(column, run=_folder(column.name)) if _folder(column.name) in runs else column for column in found]
+
+
+def _folder(name: str) -> str:
+    return name.rpartition(".")[0]
+
+
+def _walk(name: str, node: Any) -> Iterator[Column]:
+    if isinstance(node, dict):
+        series = _time_series(name, node)
+        if series:
+            yield from series
+            return
+        for key, child in node.items():
+            yield from _walk(f"{name}.{key}", child)
+    elif isinstance(node, list) and node and all(isinstance(cell, dict) for cell in node):
+        for i, cell in enumerate(node):
+            yield from _walk(f"{name}[{i}]", cell)
+    elif isinstance(node, list):
+        numbers = bool(node) and all(isinstance(cell, np.ndarray) and cell.dtype.kind in "fiu" for cell in node)
+        yield Column(name, title=name, fault=None if numbers else "holds cells that are no numbers", key=(name, None))
+    elif isinstance(node, np.ndarray):
+        if node.size != 1:
+            folder = f"{_folder(name)}." if _folder(name) else ""
+            yield from array_columns(name.removeprefix(folder), node.dtype, node.shape, name, folder)
     else:
-        t = None
-    columns = Columns(x, t, "+".join(x_names), "+".join(t_names) or "time")
-    return assemble(path, "mat", columns, choice, {**vars(choice), "row": row or None, "cells": cells})
+        kind = "holds text" if isinstance(node, str) else "is a sparse matrix or an object"
+        yield Column(name, title=name, fault=kind, key=(name, None))
 
 
-def _named(given: str | list[str] | tuple[str, ...] | None) -> list[str]:
-    if given is None:
+def _time_series(name: str, node: dict[str, Any]) -> list[Column]:
+    """The signals of Simulink's structure with time, or of an exported timeseries; empty for any other structure."""
+    keys = {key.lower(): key for key in node}
+    if "time" not in keys or not {"signals", "data"} & set(keys) or np.size(node[keys["time"]]) == 0:
         return []
-    names = given.split("+") if isinstance(given, str) else list(given)
-    if not all(isinstance(name, str) and name.strip() for name in names):
+    time = Column(f"{name}.{keys['time']}", "s", title=f"{name}.{keys['time']}", key=(f"{name}.{keys['time']}", None))
+    if "data" in keys:
+        return [time, Column(name, _unit(node), title=name, time=time, key=(f"{name}.{keys['data']}", None))]
+    signals = node[keys["signals"]]
+    if not isinstance(signals, list):
+        return [time, Column(name, title=name, time=time, key=(name, None))]
+    found = [time]
+    for i, signal_ in enumerate(signals):
+        path = f"{name}.{keys['signals']}[{i}]"
+        label = signal_.get("label") if isinstance(signal_, dict) else None
+        title = split_title(label) if isinstance(label, str) and label.strip() else Title(path)
+        found.append(Column(title.name, title.unit, title=label or path, time=time, key=(path, None)))
+    return found
+
+
+def _unit(node: dict[str, Any]) -> str | None:
+    """The unit that a timeseries states."""
+    about = next((node[key] for key in node if key.lower() == "datainfo"), node)
+    units = next((about[key] for key in about if key.lower() == "units"), None) if isinstance(about, dict) else None
+    return units.strip() or None if isinstance(units, str) else None
+
+
+def _explicit(tree: dict[str, Any], given: str, source: str, what: str) -> Column:
+    """What the caller names by its path, or several in a row; structures with time bring theirs along."""
+    names = _named(given)
+    nodes = [_find(tree, name, source, what) for name in names]
+    title = "+".join(names)
+    timed = all(_carries_time(node) for node in nodes)
+    time = Column(f"{title}.time", "s", key=("+".join(f"{name}.time" for name in names), None)) if timed else None
+    return Column(title, title=title, time=time, key=(title, None))
+
+
+def _loaded(tree: dict[str, Any], column: Column, row: int, cells: list[int] | None, source: str) -> np.ndarray:
+    """The numbers of a column: one signal of a matrix, or all that its path names, one after the other."""
+    path, index = cast(tuple[str, int | None], column.key)
+    names = path.split("+")
+    nodes = [_find(tree, name, source, "column") for name in names]
+    if index is not None:
+        return signal(nodes[0], index)
+    single = row if not column.is_time else 0
+    pieces = [_vector(node, name, single, cells, source) for node, name in zip(nodes, names, strict=True)]
+    return np.concatenate(pieces)
+
+
+def _named(given: str) -> list[str]:
+    names = [name.strip() for name in given.split("+")]
+    if not all(names):
         raise UsageError(f"Variables of a .mat file are chosen by name, but {given!r} was given.")
-    return [name.strip() for name in names]
+    return names
 
 
 def _find(tree: dict[str, Any], name: str, source: str, what: str) -> Any:
@@ -80,7 +169,7 @@ def _find(tree: dict[str, Any], name: str, source: str, what: str) -> Any:
             raise UsageError(f"{what}='{name}' is no path of variable, fields and indices such as 'run.x' or 'Y[0]'.")
         if not isinstance(node, dict) or match["name"] not in node:
             names = list(node) if isinstance(node, dict) else []
-            known = ", ".join(f"'{key}'" for key in names) or "no fields"
+            known = quoted(names) or "no fields"
             raise DataError(f"{source} has no '{name}' ({what}=).{nearest(match['name'], names)} There are {known}.")
         node = node[match["name"]]
         for index in re.findall(r"\[(\d+)\]", match["indices"]):
@@ -95,26 +184,16 @@ def _carries_time(node: Any) -> bool:
     return isinstance(node, dict) and "time" in node and "signals" in node and np.size(node["time"]) > 0
 
 
-def _joined(
-    nodes: list[Any], names: list[str], part: str, row: int, cells: list[int] | None, source: str
-) -> np.ndarray:
-    pieces = [_vector(node, name, part, row, cells, source) for node, name in zip(nodes, names, strict=True)]
-    return np.concatenate(pieces)
-
-
-def _vector(node: Any, name: str, part: str, row: int, cells: list[int] | None, source: str) -> np.ndarray:
-    """One signal as a vector: `part` of a Simulink structure, cells one after the other, or a row of an array."""
-    if isinstance(node, dict) and part == "time" and "time" in node:
-        return _vector(node["time"], f"{name}.time", part, 0, None, source)
-    if isinstance(node, dict) and "signals" in node:
-        return _vector(node["signals"], f"{name}.signals", part, row, cells, source)
-    if isinstance(node, dict) and "values" in node:
-        return _vector(node["values"], f"{name}.values", part, row, cells, source)
+def _vector(node: Any, name: str, row: int, cells: list[int] | None, source: str) -> np.ndarray:
+    """One signal as a vector: the values of a Simulink structure, cells one after the other, or a row of an array."""
+    for part in ("signals", "values"):
+        if isinstance(node, dict) and part in node:
+            return _vector(node[part], f"{name}.{part}", row, cells, source)
     if isinstance(node, dict):
-        raise DataError(f"'{name}' in {source} is a structure; name one of its fields: {', '.join(node)}.")
+        raise DataError(f"'{name}' in {source} is a structure; name one of its fields: {quoted(list(node))}.")
     if isinstance(node, list):
         chosen = _chosen(node, name, cells, source)
-        return np.concatenate([_vector(cell, f"{name}[{i}]", part, row, None, source) for i, cell in chosen])
+        return np.concatenate([_vector(cell, f"{name}[{i}]", row, None, source) for i, cell in chosen])
     if not isinstance(node, np.ndarray) or node.dtype.kind not in "fiub":
         raise DataError(f"'{name}' in {source} holds no real numbers; name another variable with column=.")
     return _row(np.squeeze(node), name, row, source)
@@ -140,33 +219,3 @@ def _row(array: np.ndarray, name: str, row: int, source: str) -> np.ndarray:
             f"'{name}' in {source} holds {signals.shape[0]} signals, but row={row} was asked for (the first is 0)."
         )
     return signals[row].astype(np.float64)
-
-
-def _vectors(tree: dict[str, Any]) -> list[str]:
-    """Names of the variables at the top that can be a signal."""
-
-    def fits(node: Any) -> bool:
-        numbers = isinstance(node, np.ndarray) and node.dtype.kind in "fiu" and node.size >= 2
-        return numbers or _carries_time(node) or (isinstance(node, list) and bool(node) and all(map(fits, node)))
-
-    return [name for name, node in tree.items() if fits(node)]
-
-
-def _guess(tree: dict[str, Any], t_names: list[str], rate: float | None, source: str) -> tuple[list[str], list[str]]:
-    names = _vectors(tree)
-    if not names:
-        raise DataError(f"{source} holds no variable that could be a record; it has {', '.join(tree) or 'nothing'}.")
-    t = time_index(names, [None] * len(names))
-    candidates = [i for i, name in enumerate(names) if i != t and name not in t_names]
-    x = displacement_index(names, candidates or [0], source)
-    usual = [names[t]] if t is not None and rate is None and t != x and not _carries_time(tree[names[x]]) else []
-    return [names[x]], t_names or usual
-
-
-def _usual_time(tree: dict[str, Any], source: str) -> tuple[np.ndarray, list[str]]:
-    names = _vectors(tree)
-    index = time_index(names, [None] * len(names))
-    if index is None:
-        known = ", ".join(f"'{name}'" for name in tree)
-        raise DataError(f"{source} has no variable that is a time by its name; give time= or rate=. There are {known}.")
-    return _vector(tree[names[index]], names[index], "time", 0, None, source), [names[index]]

@@ -1,16 +1,18 @@
 """Archives of numpy arrays, read without ever unpickling an object."""
 
 import zipfile
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from ..assemble import Choice, Columns, assemble
-from ..choose import displacement_index, locate, time_index
-from ..errors import DataError
+from ..assemble import records_of
+from ..choice import Choice
+from ..errors import DataError, quoted
 from ..native import MARK, check_schema, decode
 from ..record import Record
+from ..sheet import Column, Sheet, array_columns, signal
 
 
 def read_npz(
@@ -23,34 +25,27 @@ def read_npz(
     rate: float | None = None,
     sigma: Any = None,
     sign: int = 1,
-) -> Record:
+    run: str | int | None = None,
+) -> Record | list[Record]:
     """Reads two arrays of an `.npz` archive, or a record that `fricjax.write` put there.
 
-    The options are those of `fricjax.read`.
+    The options are those of `fricjax.read`; units may stand in the names, as in `x_mm`.
     """
-    choice = Choice(column, time, unit, time_unit, rate, sigma, sign)
+    choice = Choice(column, time, unit, time_unit, rate, sigma, sign, run)
     arrays = _load(path)
     if MARK in arrays and choice.takes_all:
         check_schema(arrays[MARK], path.name)
         texts = {name: str(arrays.get(name, "")) for name in ("meta", "log")}
         return choice.applied(decode(arrays, texts, path.name))
-    numbers = {
-        name: array for name, array in arrays.items() if array.dtype.kind in "fiub" and array.ndim and name != "mask"
-    }
-    names = list(numbers)
-    if not names:
-        raise DataError(f"{path.name} holds no arrays of numbers (only {', '.join(arrays) or 'nothing'}).")
-    t = _time_index(names, choice, path.name)
-    if choice.column is not None:
-        x = locate(choice.column, names, path.name, "column")
-    else:
-        x = displacement_index(names, [i for i in range(len(names)) if i != t] or [0], path.name)
-    columns = Columns(
-        _vector(numbers, names[x], path), None if t is None else _vector(numbers, names[t], path), names[x]
-    )
-    if t is not None:
-        columns = Columns(columns.x, columns.time, names[x], names[t])
-    return assemble(path, "npz", columns, choice, vars(choice))
+    vectors = {name: array for name, array in arrays.items() if array.ndim and name != "mask"}
+    if not vectors:
+        raise DataError(f"{path.name} holds no arrays of numbers (only {quoted(list(arrays)) or 'nothing'}).")
+    columns = [part for name, array in vectors.items() for part in array_columns(name, array.dtype, array.shape, name)]
+
+    def load(wanted: Sequence[Column]) -> list[np.ndarray]:
+        return [signal(vectors[name], index) for name, index in (column.key for column in wanted)]
+
+    return records_of(path, "npz", Sheet(columns, load), choice, vars(choice))
 
 
 def _load(path: Path) -> dict[str, np.ndarray]:
@@ -66,18 +61,3 @@ def _load(path: Path) -> dict[str, np.ndarray]:
             f"{path.name} cannot be read as .npz; it is damaged, of another format, or holds pickled objects, which "
             "are refused."
         ) from error
-
-
-def _time_index(names: list[str], choice: Choice, source: str) -> int | None:
-    if choice.rate is not None:
-        return None
-    if choice.time is not None:
-        return locate(choice.time, names, source, "time")
-    return time_index(names, [None] * len(names))
-
-
-def _vector(numbers: dict[str, np.ndarray], name: str, path: Path) -> np.ndarray:
-    array = np.squeeze(numbers[name])
-    if array.ndim != 1:
-        raise DataError(f"'{name}' in {path.name} has shape {numbers[name].shape}, but a trace needs one dimension.")
-    return array.astype(np.float64)

@@ -1,0 +1,117 @@
+"""What the title of a column says: the name, the unit, and the run that it belongs to.
+
+Programs of laboratories put the unit in brackets (`Time [s]`), behind a slash (`x / mm`), behind an underscore (`x_mm`)
+or at the end (`Weg mm`), and the run behind the name (`Position (mm) Run #3`) or in front of it (`Latest: Time (s)`).
+"""
+
+import re
+from typing import NamedTuple
+
+from .units import si_unit
+
+# What instruments count in: numbers that are a displacement only by a scale, such as 12.5 um/V.
+UNSCALED = frozenset(
+    ("v", "mv", "uv", "volt", "volts", "a", "ma", "count", "counts", "cts", "cnt", "lsb", "digit", "digits", "step", "steps")
+    + ("pulse", "pulses", "tick", "ticks", "inc", "increment", "increments", "fringe", "fringes", "px", "pixel", "pixels")
+    + ("raw", "adc", "bit", "bits", "a.u.", "arb")
+)  # fmt: skip
+TIME_WORDS = frozenset(
+    ("t", "time", "times", "timestamp", "timestamps", "zeit", "temps", "tiempo", "tempo", "sec", "secs", "second")
+    + ("seconds", "millis", "micros", "elapsed", "clock", "uhrzeit", "x_value")
+)
+_RUN = re.compile(
+    r"[\s_,;(]*(?<![A-Za-z])(?P<word>run|trial|data ?set|shot|messung|lauf|versuch|essai)[\s_]*#?[\s_]*(?P<number>\d+)\)?[\s_:]*",
+    re.IGNORECASE,
+)
+_PREFIX = re.compile(r"(?P<run>[^:()\[\]]{1,60}):\s*(?P<rest>\S.*)")
+_BRACKETS = re.compile(r"\[([^\[\]]*)\]|\(([^()]*)\)")
+# The units that count without a mark, as in `x_mm`: "in", "au" and "h" are rather parts of a name there.
+_PLAIN = frozenset(
+    ("m", "cm", "mm", "um", "µm", "μm", "nm", "pm", "inch", "micron", "microns", "meter", "metre", "meters", "metres")
+    + ("rad", "mrad", "urad", "µrad", "deg", "degree", "degrees", "°", "arcsec", "s", "ms", "us", "µs", "μs", "ns", "sec")
+)  # fmt: skip
+_COUNTED = {"millis": "ms", "micros": "us", "millis()": "ms", "micros()": "us"}  # clocks of microcontrollers
+_LONGEST = 200  # characters of a title that are looked at
+
+
+class Title(NamedTuple):
+    """A column's title taken apart; unit and run are None where it names none."""
+
+    name: str
+    unit: str | None = None
+    run: str | None = None
+
+
+def split_title(text: str) -> Title:
+    """Name, unit and run of a title: `Angle, Ch 1+2 (rad) Run #3` is `("Angle, Ch 1+2", "rad", "Run #3")`.
+
+    Brackets that hold neither a unit nor what a converter counts in stay part of the name, unless they are square.
+    """
+    text = " ".join(text.strip().strip('"').split())[:_LONGEST]
+    text, run = _split_run(text.replace("Âµ", "µ").replace("Â°", "°"))
+    name, unit = _split_unit(text)
+    unit = unit or _COUNTED.get(name.lower())
+    return Title(name or text, unit, run)
+
+
+def measures(unit: str | None) -> str | None:
+    """The SI unit of what a unit of a title measures ("m", "rad", "s", ...); None where it is no unit."""
+    found = None if unit is None else si_unit(unit)
+    return None if found is None else found[1]
+
+
+def is_unit(text: str) -> bool:
+    """Whether a text is a unit, or what a converter counts in."""
+    return text.lower() in UNSCALED or si_unit(text) is not None
+
+
+def is_time(name: str, unit: str | None) -> bool:
+    """Whether a column of this name and unit is a time."""
+    kind = measures(unit)
+    named = name.lower() in TIME_WORDS or not TIME_WORDS.isdisjoint(_words(name))
+    return kind == "s" or (named and (kind is None or unit in ("", None)))
+
+
+def first_word(name: str) -> str:
+    """The first word of a name in small letters: "angle" of "Angle, Ch 1+2"."""
+    words = _words(name)
+    return words[0] if words else ""
+
+
+def _words(name: str) -> list[str]:
+    return [word for word in re.split(r"[^a-zà-ÿ]+", name.lower()) if word]
+
+
+def _split_run(text: str) -> tuple[str, str | None]:
+    """The title without its run, and the run."""
+    match = _RUN.search(text)
+    if match is not None and (rest := f"{text[: match.start()]} {text[match.end() :]}".strip(" _,:;")):
+        return rest, f"{match['word'].capitalize()} {match['number']}"
+    match = _PREFIX.fullmatch(text)
+    if match is not None and not is_unit(match["rest"]):
+        return match["rest"], match["run"].strip()
+    return text, None
+
+
+def _split_unit(text: str) -> tuple[str, str | None]:
+    brackets = list(_BRACKETS.finditer(text))
+    for match in reversed(brackets):
+        content = (match[1] if match[1] is not None else match[2]).strip()
+        if is_unit(content) or (match[1] is not None and content and match.end() == len(text)):
+            return " ".join(f"{text[: match.start()]} {text[match.end() :]}".split()), content
+    if brackets:
+        return text, None
+    for sign in ("/", " in ", ":", " ", "_"):
+        name, found, unit = text.rpartition(sign)
+        if found and name.strip() and _follows(name.strip(), unit.strip(), marked=sign in "/ in :"):
+            return name.strip(" ,"), unit.strip()
+    return text, None
+
+
+def _follows(name: str, unit: str, *, marked: bool) -> bool:
+    """Whether the last part of a title is a unit: without a mark only one of length or angle, or of a time's name."""
+    if marked:
+        return is_unit(unit)
+    if unit.lower() in _PLAIN:
+        return measures(unit) in ("m", "rad") or is_time(name, None)
+    return len(unit) > 1 and unit.lower() in UNSCALED
