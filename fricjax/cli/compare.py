@@ -82,12 +82,13 @@ def _compared(
     """The comparison, and whether the machine was given."""
     from ..comparison import compare as compare_laws
     from . import machine as building
-    from .records import read_records
+    from .records import read_records, tell_doubts
 
     choices = building.contenders(bench, laws, guess)
     for choice in choices:
         building.engine(bench.engine, choice.oscillator)
     records = read_records(files, reading)
+    tell_doubts(records)
     found = compare_laws(
         records[0] if len(records) == 1 else records,
         [choice.oscillator for choice in choices],

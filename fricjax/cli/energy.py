@@ -46,12 +46,13 @@ def evaluated(
     from ..data.errors import UsageError
     from ..routes.energy_balance import half_cycle_friction
     from ..routes.force_map import friction_force_map
-    from .records import read_record, read_records
+    from .records import read_record, read_records, tell_doubts
 
     if rig is None:
         raise UsageError("The energy of a run needs mass, stiffness, normal force and damping: give --rig rig.toml.")
     machine, records = Rig.from_toml(rig), read_records(files, reading)
     data: Any = records[0] if len(records) == 1 else records
+    tell_doubts(records)
     free = None if no_contact is None else read_record(no_contact, reading)
     force_map = friction_force_map(data, machine, free, bins=bins)
     calibrated = machine if free is None else machine.replace(damping=force_map.damping, drag=force_map.drag)

@@ -9,7 +9,7 @@ from typer import Argument, Option
 
 from .failure import INVALID, InvalidFit
 from .options import Machine, Output, Plot, Reading, Save
-from .output import PICTURES, RECORDS, RESULTS, check_targets, finish, log, working
+from .output import PICTURES, RECORDS, RESULTS, check_targets, finish, log, numbered, working
 from .runtime import prepare
 
 if TYPE_CHECKING:
@@ -190,7 +190,7 @@ def write_outcome(
     written: dict[str, str] = {}
     # A motion that is not finite cannot be drawn.
     if plot is not None and isfinite(found.residual_rms):
-        for i, path in enumerate(_numbered(plot, len(records))):
+        for i, path in enumerate(numbered(plot, len(records))):
             written["picture" if len(records) == 1 else f"picture_{i + 1}"] = str(save_picture(found.plot(i), path))
     if out is not None:
         found.save(out)
@@ -199,8 +199,3 @@ def write_outcome(
         write(records[0], save)
         written["record"] = str(save)
     return written
-
-
-def _numbered(path: Path, count: int) -> list[Path]:
-    """One path per run: the path itself, or with a number for each of several."""
-    return [path] if count == 1 else [path.with_stem(f"{path.stem}-{i + 1}") for i in range(count)]

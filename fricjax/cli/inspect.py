@@ -6,7 +6,7 @@ from typing import Annotated
 from typer import Argument
 
 from .options import Output, Plot, Reading
-from .output import PICTURES, check_targets, finish, log, working
+from .output import PICTURES, check_targets, finish, log, numbered, working
 from .runtime import prepare
 
 
@@ -21,16 +21,23 @@ def inspect(
     with working(output, f"Inspecting {file.name}"):
         prepare(output)
         from ..data import inspect as inspect_record
-        from .records import read_record
+        from .records import read_records
 
-        record = read_record(file, reading)
-        found = inspect_record(record)
-    if plot is not None:
+        records = read_records([file], reading)
+        found = [inspect_record(record) for record in records]
+    pictures = [] if plot is None else numbered(plot, len(records))
+    for path, record in zip(pictures, records, strict=False):
         from ..show import save
         from .pictures import anatomy
 
-        save(anatomy(record), plot)
-        log(output, f"Picture: {plot}")
-    steps = [str(step) for step in record.log]
-    data = {**found.to_dict(), "log": steps, "files": {} if plot is None else {"plot": str(plot)}}
-    finish(output, data, "\n".join([found.summary(), *(f"{'log':<22}{step}" for step in steps)]))
+        save(anatomy(record), path)
+        log(output, f"Picture: {path}")
+    logs = [[str(step) for step in record.log] for record in records]
+    told = [{**each.to_dict(), "log": steps} for each, steps in zip(found, logs, strict=True)]
+    files = {f"plot{'' if len(pictures) == 1 else f'_{i + 1}'}": str(path) for i, path in enumerate(pictures)}
+    data = {**(told[0] if len(told) == 1 else {"runs": told}), "files": files}
+    texts = [
+        "\n".join([each.summary(), *(f"{'log':<22}{step}" for step in steps)])
+        for each, steps in zip(found, logs, strict=True)
+    ]
+    finish(output, data, "\n\n".join(texts))

@@ -69,9 +69,13 @@ def _chosen(machine: Machine, free: str) -> "tuple[Choice, Rig]":
 def _pairs(files: list[Path], reading: Reading, start: str) -> "Pairs":
     """Pairs from one table, or from several records."""
     from ..routes import pairs_of, read_pairs
-    from .records import read_records
+    from .records import read_records, tell_doubts
 
-    return read_pairs(files[0]) if len(files) == 1 else pairs_of(read_records(files, reading), start=start)
+    if len(files) == 1 and reading.run is None:
+        return read_pairs(files[0])
+    records = read_records(files, reading)
+    tell_doubts(records)
+    return pairs_of(records, start=start)
 
 
 def _tell(output: Output, found: "RouteFit", shape: "RouteFit", plot: Path | None) -> None:

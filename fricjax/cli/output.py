@@ -107,3 +107,8 @@ def check_targets(*targets: tuple[str, Path | None, tuple[str, ...]]) -> None:
             raise UsageError(f"{option} cannot write '{path}': that is a folder.")
     if len({path.absolute() for _, path, _ in named}) < len(named):
         raise UsageError(f"{' and '.join(option for option, _, _ in named)} name the same file. Give each its own.")
+
+
+def numbered(path: Path, count: int) -> list[Path]:
+    """One path per run: the path itself, or with a number for each of several."""
+    return [path] if count == 1 else [path.with_stem(f"{path.stem}-{i + 1}") for i in range(count)]

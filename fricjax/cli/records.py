@@ -1,6 +1,7 @@
 """Reading the records that a command works on."""
 
 import dataclasses
+import warnings
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -11,32 +12,43 @@ from . import parsing
 from .options import Reading
 
 
-def read_record(path: Path, options: Reading) -> Record:
-    """One record, read and cropped as the options say.
+def read_records(paths: Sequence[Path], options: Reading) -> list[Record]:
+    """The records of the files, all read and cropped with the same options; they must measure the same quantity.
 
     Raises:
         DataError: a file or record that cannot be used.
-        UsageError: options that do not fit the format.
+        UsageError: options that do not fit the format, or lengths and angles in one fit.
     """
-    record = read(path, **_reader_options(options))
-    if options.crop is None:
-        return record
-    return crop(record, *parsing.span("--crop", options.crop))
-
-
-def read_records(paths: Sequence[Path], options: Reading) -> list[Record]:
-    """Several records, all read with the same options; they must measure the same quantity.
-
-    Raises:
-        UsageError: lengths and angles in one fit.
-    """
-    records = [read_record(path, options) for path in paths]
-    kinds = {record.quantity for record in records}
-    if len(kinds) > 1:
+    records: list[Record] = []
+    for path in paths:
+        found = read(path, **_reader_options(options))
+        records += found if isinstance(found, list) else [found]
+    if len({record.quantity for record in records}) > 1:
         raise UsageError(
             "One fit cannot join records in m with records in rad: give files of one quantity, or a --unit."
         )
-    return records
+    if options.crop is None:
+        return records
+    return [crop(record, *parsing.span("--crop", options.crop)) for record in records]
+
+
+def read_record(path: Path, options: Reading) -> Record:
+    """The one record of a file.
+
+    Raises:
+        DataError: a file or record that cannot be used.
+        UsageError: options that do not fit the format, or several runs.
+    """
+    records = read_records([path], options)
+    if len(records) > 1:
+        raise UsageError(f"{path.name} holds {len(records)} runs, but one is needed: give its number with --run.")
+    return records[0]
+
+
+def tell_doubts(records: Sequence[Record]) -> None:
+    """Warn of what was taken for granted in reading, where the result does not say so itself."""
+    for sentence in dict.fromkeys(sentence for record in records for sentence in record.doubts):
+        warnings.warn(sentence, stacklevel=2)
 
 
 def _reader_options(options: Reading) -> dict[str, Any]:

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from .doubts import implausible_scale
 from .preprocess import segment_record
 from .record import Record
 
@@ -40,20 +41,23 @@ class Inspection:
     first_reversal: float | None
     rest: float | None
     rest_position: float | None
+    warnings: tuple[str, ...] = ()
 
     def to_dict(self) -> dict[str, Any]:
         """The findings as plain values for JSON."""
         return dataclasses.asdict(self)
 
     def summary(self) -> str:
-        """The findings as a table of plain text."""
-        return "\n".join(f"{name:<22}{value}" for name, value in _rows(self))
+        """The findings as a table of plain text, with what is doubtful below it."""
+        lines = [f"{name:<22}{value}" for name, value in _rows(self)]
+        return "\n".join([*lines, *(f"! {sentence}" for sentence in self.warnings)])
 
     def __str__(self) -> str:
         return self.summary()
 
     def _repr_html_(self) -> str:
-        rows = (f"<tr><th>{html.escape(name)}</th><td>{html.escape(value)}</td></tr>" for name, value in _rows(self))
+        shown = [*_rows(self), *(("warning", sentence) for sentence in self.warnings)]
+        rows = (f"<tr><th>{html.escape(name)}</th><td>{html.escape(value)}</td></tr>" for name, value in shown)
         return f"<table>{''.join(rows)}</table>"
 
 
@@ -70,7 +74,7 @@ def inspect(record: Record) -> Inspection:
     step = float(np.median(steps))
     holes = np.diff(used)[np.diff(used) > GAP * step]
     return Inspection(
-        source=str(record.meta.get("source", "in memory")),
+        source=", ".join(str(record.meta[key]) for key in ("source", "run") if key in record.meta) or "in memory",
         unit=record.quantity,
         samples=trace.n,
         masked=trace.n - int(trace.n_used),
@@ -93,6 +97,7 @@ def inspect(record: Record) -> Inspection:
         first_reversal=found.first_reversal,
         rest=found.rest,
         rest_position=found.rest_position,
+        warnings=(*record.doubts, *implausible_scale(found, step, angular=record.quantity == "rad")),
     )
 
 

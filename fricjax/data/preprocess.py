@@ -61,7 +61,7 @@ def convert_unit(record: Record, unit: str, time_unit: str | None = None) -> Rec
         "convert_unit", {"unit": unit, "time_unit": time_unit}, f"x multiplied by {scale:g}, t by {time_scale:g}"
     )
     units = {"t": time_unit or "s", "x": unit}
-    return record.with_step(step, trace=converted, quantity=quantity, units=units, **times, **places)
+    return record.with_step(step, trace=converted, quantity=quantity, units=units, warnings=[], **times, **places)
 
 
 def _scaled(value: float | None, scale: float) -> float | None:

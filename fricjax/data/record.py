@@ -63,6 +63,11 @@ class Record:
         """The unit of the displacement: `"m"`, or `"rad"` for a rotary rig."""
         return self.meta.get("quantity", "m")
 
+    @property
+    def doubts(self) -> tuple[str, ...]:
+        """What was taken for granted when the record was read, in sentences: a unit that its file does not name."""
+        return tuple(self.meta.get("warnings", ()))
+
     def with_step(self, step: Step, *, trace: Trace | None = None, **meta: Any) -> "Record":
         """Returns the record after `step`: with the new trace (if any), the changed facts, and one more line of log."""
         return Record(self.trace if trace is None else trace, {**self.meta, **meta}, (*self.log, step))

@@ -1,23 +1,22 @@
-"""Values that no friction oscillator has, each with the mistake that most often makes them: a wrong unit."""
+"""Values that no friction oscillator has, and what their records say of themselves."""
 
 from collections.abc import Iterator, Mapping
 
 import numpy as np
 
+from ..data.doubts import implausible_scale
 from ..estimation.space import Parameter
 from ..oscillator.restoring import Pendulum
-from ..show import engineering
 from .problem import Problem
 
 # Clean metals in vacuum and soft rubber come to one or two.
 _LARGEST_MU = 2.0
-# Springs of laboratory rigs bend by millimetres or centimetres, and a pendulum turns over beyond a half-turn to each
-# side.
-_LARGEST_AMPLITUDE, _LARGEST_SWING = 0.5, 2 * np.pi
 
 
 def implausible(problem: Problem, values: Mapping[str, float]) -> Iterator[str]:
-    """A sentence for each value that cannot be true."""
+    """A sentence for each value that cannot be true, and for what was taken for granted when a record was read."""
+    for window in problem.windows:
+        yield from window.doubts
     for parameter in problem.parameters:
         if too_large(problem, parameter, values[parameter.name]):
             yield (
@@ -27,17 +26,8 @@ def implausible(problem: Problem, values: Mapping[str, float]) -> Iterator[str]:
     angular = problem.windows[0].quantity == "rad" or isinstance(problem.residual.oscillator.restoring, Pendulum)
     for i, window in enumerate(problem.windows):
         where = "" if len(problem.windows) == 1 else f" of run {i}"
-        amplitude = window.segmentation.amplitude
-        if angular and 2 * amplitude > _LARGEST_SWING:
-            yield (
-                f"The swing{where} spans {2 * amplitude:.3g} rad, more than a full turn: were degrees taken for "
-                "radians?"
-            )
-        elif not angular and amplitude > _LARGEST_AMPLITUDE:
-            yield (
-                f"The amplitude{where} of {engineering(amplitude, 'm')} is larger than that of any friction "
-                "oscillator: check the unit of the displacement."
-            )
+        interval = float(np.median(np.diff(np.asarray(window.trace.t))))
+        yield from implausible_scale(window.segmentation, interval, angular=angular, where=where)
 
 
 def too_large(problem: Problem, parameter: Parameter, value: float) -> bool:

@@ -46,6 +46,7 @@ class Window:
             `NEVER` where the record ends in motion.
         nuisances: names of this run's own free parameters.
         guesses: start values of x0, v0, offset, drift, t_release and z0.
+        doubts: what was taken for granted when the record was read, in sentences.
     """
 
     trace: Trace
@@ -61,6 +62,7 @@ class Window:
     half_cycles: int
     nuisances: tuple[str, ...]
     guesses: dict[str, float]
+    doubts: tuple[str, ...] = ()
 
     @functools.cached_property
     def stated(self) -> float:
@@ -122,6 +124,7 @@ def open_window(
         half_cycles=_half_cycles(found, t_start, turned),
         nuisances=own,
         guesses=_guess_state(t, x, mask, found, t_start, t_first, mode, own),
+        doubts=data.doubts if isinstance(data, Record) else (),
     )
 
 
