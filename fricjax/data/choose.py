@@ -7,7 +7,7 @@ from typing import NamedTuple
 from ..show import Table
 from .choice import Choice
 from .errors import DataError, UsageError, nearest, quoted
-from .header import TIME_WORDS, first_word, measures
+from .header import TIME_WORDS, UNSCALED, first_word, measures
 from .sheet import Column, Sheet
 
 # Names that say which column is meant even where others could be a displacement as well.
@@ -16,7 +16,11 @@ _DISPLACEMENT_WORDS = frozenset(
     ("x", "y", "q", "displacement", "position", "pos", "disp", "distance", "deflection", "elongation", "theta", "angle")
     + ("phi", "weg", "auslenkung", "winkel", "position_x", "deplacement", "déplacement", "angolo", "posizione")
 )  # fmt: skip
-_COUNTERS = frozenset(("index", "sample", "samples", "n", "no", "nr", "row", "point", "number", "i", "k", "frame", "step", "#", ""))
+# Names, or units, of columns that count the rows.
+_COUNTERS = frozenset(
+    ("index", "sample", "samples", "n", "no", "no.", "nr", "nr.", "row", "point", "points", "number", "sequence", "i", "k")
+    + ("frame", "step", "#", "")
+)  # fmt: skip
 _NUMBERED = re.compile(r"(?P<base>.*?[^\d_ ])[_ ]?(?P<number>\d{1,4})")
 
 
@@ -176,8 +180,9 @@ def _time(columns: Sequence[Column], x: Column, source: str, advice: str) -> Col
     if usable and all(column.bare for column in columns) and columns.index(usable[0]) < columns.index(x):
         return usable[0]
     others = f"; its columns are {quoted([column.shown for column in columns])}" if len(columns) > 1 else ""
+    scale = f", and a scale for its {x.unit}, as unit='12.5 mm/{x.unit}'" if (x.unit or "").lower() in UNSCALED else ""
     raise DataError(
-        f"{source} has no time for '{x.shown}'{others}; give rate= (samples per second{advice}) or time= (a column)."
+        f"{source} has no time for '{x.shown}'{others}; give rate= (samples per second{advice}) or time= (a column){scale}."
     )
 
 
@@ -194,7 +199,7 @@ def _displacement(columns: Sequence[Column], choice: Choice, source: str) -> Col
     candidates = [
         column
         for column in columns
-        if not column.is_time and (column.bare or column.name.lower() not in _COUNTERS) and (not bare or column in usable)
+        if not column.is_time and (column in usable if bare else not _is_counter(column))
     ]
     if not candidates:
         names = quoted([column.shown for column in columns])
@@ -221,6 +226,11 @@ def _displacement(columns: Sequence[Column], choice: Choice, source: str) -> Col
             break
     names = quoted([column.shown for column in candidates])
     raise DataError(f"{source} has several columns that could be the displacement ({names}); name one with column=.")
+
+
+def _is_counter(column: Column) -> bool:
+    """Whether a column counts the rows."""
+    return not column.bare and not _COUNTERS.isdisjoint((column.name.lower(), (column.unit or "-").lower()))
 
 
 def _is_usual(column: Column) -> bool:

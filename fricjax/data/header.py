@@ -13,7 +13,7 @@ from .units import si_unit
 UNSCALED = frozenset(
     ("v", "mv", "uv", "volt", "volts", "a", "ma", "count", "counts", "cts", "cnt", "lsb", "digit", "digits", "step", "steps")
     + ("pulse", "pulses", "tick", "ticks", "inc", "increment", "increments", "fringe", "fringes", "px", "pixel", "pixels")
-    + ("raw", "adc", "bit", "bits", "a.u.", "arb")
+    + ("raw", "adc", "bit", "bits", "a.u.", "arb", "sequence")
 )  # fmt: skip
 TIME_WORDS = frozenset(
     ("t", "time", "times", "timestamp", "timestamps", "zeit", "temps", "tiempo", "tempo", "sec", "secs", "second")

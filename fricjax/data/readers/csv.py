@@ -170,7 +170,13 @@ class Table:
                 found = sum(block.count(mark) for block in iter(lambda: file.read(1 << 22), b""))
             if found <= rows * most and found % max(most, 1) == 0:
                 return True
-        return all(len(split(line, layout.delimiter)) <= most + 1 for _, line in self._numbered_lines())
+        return not any(self._is_too_long(split(line, layout.delimiter)) for _, line in self._numbered_lines())
+
+    def _is_too_long(self, fields: list[str]) -> bool:
+        """Whether a row has fields that belong to no column; a remark at its end may hold delimiters."""
+        beyond = fields[len(self.layout.titles) :]
+        remark = self.layout.kinds[-1] in (WORD, BLANK)
+        return bool(beyond) and not (remark and all(kind_of(field, ".") != NUMBER for field in beyond))
 
     def _is_stacked(self) -> bool:
         """Whether the line of titles comes again below the data."""
@@ -225,7 +231,7 @@ class Table:
                         f"{name}, row {row}, column '{layout.names[i]}': {fields[i][:60]!r} is not a number; repair "
                         "the cell or leave it empty."
                     )
-            if len(fields) > len(layout.titles):
+            if self._is_too_long(fields):
                 raise DataError(
                     f"{name}, row {row}: {len(fields)} fields, but {len(layout.titles)} were expected; repair the row, "
                     "or give delimiter= and skip_rows=."

@@ -24,6 +24,7 @@ WIDEST = 10_000  # fields in a row; a table of more columns than that is no reco
 _TITLE_LINES = 6  # lines above the data among which titles and units are sought, rules and blank ones not counted
 _RULE = re.compile(r"[\s\-=_*+|~.:;,]*[-=_*+~]{2}[\s\-=_*+|~.:;,]*")
 _RATE = re.compile(r"(?:sampl|scan|acquisition|abtast)\w*[ _]?(?:rate|freq\w*)?[^\d\n]{0,20}?(\d+(?:\.\d+)?)\s*(k?)Hz", re.I)
+_INTERVAL = re.compile(r"(?:delta_?x|sampl\w+ (?:interval|period))[^\d\n]{0,20}?(\d+(?:[.,]\d+)?(?:[eE][-+]?\d+)?)", re.I)
 NUMBER, BLANK, WATCH, WORD = "number", "blank", "clock", "word"
 
 
@@ -138,8 +139,14 @@ def sniff(lines: Sequence[str], dialect: Dialect, source: str) -> Layout:
     if width > WIDEST:
         raise DataError(f"{source} has rows of {width} fields, but at most {WIDEST} are read; check the delimiter.")
     first, columns = _body(kinds, width)
+    # LabVIEW's last title is Comment: rows have that field only where there is one.
+    titled = max((len(kinds[i]) for i in content if i < first and i in kinds and set(kinds[i]) == {WORD}), default=0)
+    if delimiter != " " and width < titled <= width + 3:
+        columns += [BLANK] * (titled - width)
+        width = titled
     above = [i for i in range(skip, first) if lines[i].strip()]
     titles, texts = _titles([lines[i] for i in above], width, delimiter, dialect, columns)
+    titles = _with_stated_units(titles, [lines[i] for i in above], delimiter)
     title_line = next((i for i in reversed(above) if any(texts) and _fields(lines[i], delimiter, width, columns) == texts), None)
     return Layout(delimiter, decimal, first, titles, texts, columns, title_line, _advice([lines[i] for i in above]))
 
@@ -175,12 +182,12 @@ def _separators(lines: list[str], dialect: Dialect, source: str) -> tuple[str, s
 
 
 def _score(rows: list[list[str]]) -> tuple[int, int, int]:
-    """How many rows are of one width, whether they are wider than one field, and how many numbers less words they hold."""
+    """How many rows are of one width, whether they are wider than one field, and how few of their fields are words."""
     if not rows:
         return 0, 0, 0
     width, count = max(Counter(map(len, rows)).items(), key=lambda item: (item[1], item[0]))
-    cells = Counter(cell for row in rows if len(row) == width for cell in row)
-    return count, min(width, 2), (cells[NUMBER] + cells[WATCH] - cells[WORD]) // count
+    words = sum(cell == WORD for row in rows if len(row) == width for cell in row)
+    return count, min(width, 2), -words // count
 
 
 def _width(rows: list[list[str]]) -> int:
@@ -235,8 +242,8 @@ def _titles(
     if not rows:
         return numbered
     units = [""] * width
-    while len(rows) > 1 and all(field in ("", "-") or is_unit(_bare(field)) for field in rows[-1]):
-        units = [_bare(field) for field in rows.pop()]
+    while len(rows) > 1 and _are_units(rows[-1]) and not _are_units(rows[-2]):
+        units = [field if is_unit(field) else "" for field in map(_bare, rows.pop())]
     if not any(units) and all(measures(_bare(f)) in ("m", "rad", "s") or _bare(f).lower() in UNSCALED for f in rows[-1]):
         # No names, only units.
         return [Title(title.name, _bare(field)) for title, field in zip(numbered[0], rows[-1], strict=True)], rows[-1]
@@ -245,8 +252,23 @@ def _titles(
     return [title._replace(unit=units[i] or title.unit) for i, title in enumerate(split_)], texts
 
 
+def _with_stated_units(titles: list[Title], above: list[str], delimiter: str) -> list[Title]:
+    """The titles with the units that LabVIEW writes in its preamble, in a row for all columns but that of the time."""
+    rows = (split(line, delimiter) for line in above if line.lower().startswith("y_unit_label"))
+    units = [unit for unit in next(rows, [])[1:] if unit]
+    values = [title for title in titles if title.name.lower() not in ("x_value", "comment")]
+    stated = dict(zip(values, units, strict=False))
+    return [title._replace(unit=title.unit or stated.get(title)) for title in titles]
+
+
+def _are_units(fields: list[str]) -> bool:
+    """Whether a row holds units: blanks, and the numbers that an oscilloscope puts beside them, may be among them."""
+    known = [is_unit(_bare(field)) for field in fields]
+    return any(known) and all(unit or kind_of(field, ".") != WORD for unit, field in zip(known, fields, strict=True))
+
+
 def _bare(field: str) -> str:
-    return "" if field == "-" else field.strip("[]() ")
+    return field.strip("[]() ")
 
 
 def _fields(line: str, delimiter: str, width: int, kinds: list[str]) -> list[str] | None:
@@ -273,5 +295,9 @@ def _fields(line: str, delimiter: str, width: int, kinds: list[str]) -> list[str
 
 def _advice(above: list[str]) -> str:
     """The rate that a preamble states."""
-    match = _RATE.search("\n".join(above)[-20_000:])
-    return f"; it says {float(match[1]) * (1e3 if match[2] else 1):g} Hz" if match else ""
+    text = "\n".join(above)[-20_000:]
+    rate, interval = _RATE.search(text), _INTERVAL.search(text)
+    if rate is not None:
+        return f"; it says {float(rate[1]) * (1e3 if rate[2] else 1):g} Hz"
+    step = 0.0 if interval is None else number(interval[1].replace(",", "."), ".") or 0.0
+    return f"; it says {1.0 / step:g} Hz" if step > 0 else ""
