@@ -17,6 +17,7 @@ READERS = {
     **dict.fromkeys((".csv", ".txt", ".dat", ".tsv", ".asc", ".lvm", ".log", ".prn", ".tab"), ("csv", "read_csv")),
     ".npz": ("npz", "read_npz"),
     ".mat": ("mat", "read_mat"),
+    **dict.fromkeys((".xlsx", ".xlsm"), ("excel", "read_excel")),
     **dict.fromkeys((".h5", ".hdf5", ".nc"), ("hdf5", "read_hdf5")),
 }
 PLUGIN_GROUP = "fricjax.readers"

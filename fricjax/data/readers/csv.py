@@ -93,6 +93,11 @@ class Table:
 
         return Sheet(stacked, load, advice=layout.advice)
 
+    def has_rows(self, count: int) -> bool:
+        """Whether the table has at least so many rows of numbers."""
+        rows = (line for line in self.text.head[self.layout.first_line :] if self._is_row(line))
+        return next(itertools.islice(rows, count - 1, None), None) is not None
+
     def _column(self, i: int) -> Column:
         layout = self.layout
         title, kind = layout.titles[i], layout.kinds[i]
@@ -143,6 +148,7 @@ class Table:
             file,
             sep=r"\s+" if layout.delimiter == " " else layout.delimiter,
             decimal=layout.decimal,
+            thousands=layout.thousands,
             header=None,
             names=range(len(layout.titles)),
             usecols=sorted(set(places)) if self._is_partly(places) else None,

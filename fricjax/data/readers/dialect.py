@@ -12,7 +12,7 @@ from collections import Counter
 from collections.abc import Sequence
 
 from ..errors import DataError, UsageError
-from ..header import UNSCALED, Title, is_unit, measures, split_title
+from ..header import UNSCALED, Title, is_time, is_unit, measures, split_title
 from .clock import is_clock
 
 COMMENTS = ("#", "%", "!", "//")
@@ -25,6 +25,12 @@ _TITLE_LINES = 6  # lines above the data among which titles and units are sought
 _RULE = re.compile(r"[\s\-=_*+|~.:;,]*[-=_*+~]{2}[\s\-=_*+|~.:;,]*")
 _RATE = re.compile(r"(?:sampl|scan|acquisition|abtast)\w*[ _]?(?:rate|freq\w*)?[^\d\n]{0,20}?(\d+(?:\.\d+)?)\s*(k?)Hz", re.I)
 _INTERVAL = re.compile(r"(?:delta_?x|sampl\w+ (?:interval|period))[^\d\n]{0,20}?(\d+(?:[.,]\d+)?(?:[eE][-+]?\d+)?)", re.I)
+# Thousands set apart, as in 1,038.4: only where decimals follow, since 1,038 is as well a number with a decimal comma.
+_GROUPED = {
+    ".": re.compile(r"[-+]?\d{1,3}(?P<mark>[,'])\d{3}(?:(?P=mark)\d{3})*\.\d+"),
+    ",": re.compile(r"[-+]?\d{1,3}(?P<mark>[.'])\d{3}(?:(?P=mark)\d{3})*,\d+"),
+}
+_UNIT_KEYS = ("y_unit_label", "vertical units", "vertical unit", "y units", "y unit", "yunit", "units", "unit", "einheit")
 NUMBER, BLANK, WATCH, WORD = "number", "blank", "clock", "word"
 
 
@@ -67,6 +73,7 @@ class Layout:
     - `texts`: the titles as the file writes them, empty where there are none.
     - `kinds`: what the columns hold: "number", "clock" (times of day), "word" or "blank".
     - `title_line`: index of the line of titles, None where there is none outside of remarks.
+    - `thousands`: what sets thousands apart, None for nothing.
     - `advice`: what the lines above the data say about the rate, for a message.
     """
 
@@ -77,6 +84,7 @@ class Layout:
     texts: list[str]
     kinds: list[str]
     title_line: int | None = None
+    thousands: str | None = None
     advice: str = ""
 
     @property
@@ -105,7 +113,9 @@ def number(field: str, decimal: str) -> float | None:
     """The value of a field, NaN where it is left out, None where it is no number."""
     if field.lower() in MISSING:
         return float("nan")
-    text = field.replace(",", ".") if decimal == "," else field
+    grouped = _GROUPED[decimal].fullmatch(field)
+    text = field.replace(grouped["mark"], "") if grouped else field
+    text = text.replace(",", ".") if decimal == "," else text
     if "_" in text:
         return None
     try:
@@ -146,9 +156,12 @@ def sniff(lines: Sequence[str], dialect: Dialect, source: str) -> Layout:
         width = titled
     above = [i for i in range(skip, first) if lines[i].strip()]
     titles, texts = _titles([lines[i] for i in above], width, delimiter, dialect, columns)
-    titles = _with_stated_units(titles, [lines[i] for i in above], delimiter)
+    titles = _with_stated_units(titles, [lines[i] for i in above])
     title_line = next((i for i in reversed(above) if any(texts) and _fields(lines[i], delimiter, width, columns) == texts), None)
-    return Layout(delimiter, decimal, first, titles, texts, columns, title_line, _advice([lines[i] for i in above]))
+    fields = (field for i, row in rows.items() if i >= first for field in row)
+    thousands = next((match["mark"] for field in fields if (match := _GROUPED[decimal].fullmatch(field))), None)
+    advice = _advice([lines[i] for i in above])
+    return Layout(delimiter, decimal, first, titles, texts, columns, title_line, thousands, advice)
 
 
 def _separators(lines: list[str], dialect: Dialect, source: str) -> tuple[str, str]:
@@ -204,9 +217,14 @@ def _body(rows: dict[int, list[str]], width: int) -> tuple[int, list[str]]:
     tail = list(fitting.values())[-SNIFFED_LINES:]
     kinds = [_usual(Counter(row[i] for row in tail)) for i in range(width)]
     core = [i for i, kind in enumerate(kinds) if kind in (NUMBER, WATCH)]
-    first = next(
-        i for i, row in fitting.items() if all(row[j] in (kinds[j], BLANK) for j in core) and any(row[j] == kinds[j] for j in core)
-    )  # fmt: skip
+    fits = [i for i, row in fitting.items() if all(field in (kind, BLANK) for field, kind in zip(row, kinds, strict=True))]
+    first = (fits or list(fitting))[0]
+    # An oscilloscope writes its settings beside the first rows of numbers.
+    order = list(rows)
+    for i in reversed(order[: order.index(first)]):
+        if i not in fitting or any(rows[i][j] != kinds[j] for j in core):
+            break
+        first = i
     return first, kinds
 
 
@@ -252,11 +270,14 @@ def _titles(
     return [title._replace(unit=units[i] or title.unit) for i, title in enumerate(split_)], texts
 
 
-def _with_stated_units(titles: list[Title], above: list[str], delimiter: str) -> list[Title]:
-    """The titles with the units that LabVIEW writes in its preamble, in a row for all columns but that of the time."""
-    rows = (split(line, delimiter) for line in above if line.lower().startswith("y_unit_label"))
-    units = [unit for unit in next(rows, [])[1:] if unit]
-    values = [title for title in titles if title.name.lower() not in ("x_value", "comment")]
+def _with_stated_units(titles: list[Title], above: list[str]) -> list[Title]:
+    """The titles with the units that a preamble states, as LabVIEW and oscilloscopes do for the columns but the time."""
+    units: list[str] = []
+    for line in above:
+        key, *words = (word.strip() for word in re.split(r"[:=\t;,]", line.strip("#%!/ ")))
+        if key.lower() in _UNIT_KEYS:
+            units = units or [word for word in words if is_unit(word)]
+    values = [title for title in titles if not is_time(title.name, title.unit) and title.name.lower() != "comment"]
     stated = dict(zip(values, units, strict=False))
     return [title._replace(unit=title.unit or stated.get(title)) for title in titles]
 

@@ -33,7 +33,7 @@ class Text:
     - `encoding`: of the text.
     - `head`: the complete lines among its first megabyte.
     - `starts`: offset of each of them [bytes of the stream that `open` gives].
-    - `wide`: the text in UTF-8 where the file has two or four bytes to a letter; else None.
+    - `wide`: the text in UTF-8 where the file itself is none: two bytes to a letter, a worksheet; else None.
     """
 
     path: Path
@@ -59,16 +59,21 @@ class Text:
                 raise DataError(f"{path.name} is larger than {_WIDE >> 20} MB in {known}; save it as UTF-8.")
             wide = path.read_bytes().decode(known, errors="replace").encode()
             data, known = wide[:HEAD], "utf-8-sig"
+        return cls.cut(path, known, data, wide)
+
+    @classmethod
+    def cut(cls, path: Path, encoding: str, data: bytes, wide: bytes | None) -> "Text":
+        """The text whose first megabyte is `data`, cut into lines."""
         whole = len(data) < HEAD
         head, starts = [], [0]
         for match in re.finditer(rb"[^\r\n]*(?:\r\n|\r|\n|$)", data):
             if match.end() == match.start() or (match.end() == len(data) and not whole):
                 break
-            head.append(match[0].decode(known if match.start() == 0 else known.removesuffix("-sig"), "replace"))
+            head.append(match[0].decode(encoding if match.start() == 0 else encoding.removesuffix("-sig"), "replace"))
             starts.append(match.end())
         if not head:
             raise DataError(f"{path.name} begins with a line of more than {HEAD >> 20} MB, which is no table of numbers.")
-        return cls(path, known, [_LINE_END.sub("", line) for line in head], starts, wide)
+        return cls(path, encoding, [_LINE_END.sub("", line) for line in head], starts, wide)
 
     def open(self) -> IO[bytes]:
         """The bytes of the text, in an encoding that writes digits as ASCII does."""

@@ -1,0 +1,115 @@
+"""Worksheets of Excel: each is a text table with tabs, and several that hold numbers are several runs."""
+
+import dataclasses
+import datetime
+import zipfile
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..assemble import records_of
+from ..choice import Choice
+from ..errors import DataError, UsageError
+from ..record import Record
+from ..sheet import Column, Sheet
+from .csv import Table
+from .dialect import Dialect, sniff
+from .text import HEAD, Text
+
+# Bytes of the unpacked parts of a workbook; Excel's own limit of a million rows of ten numbers needs some 400 MB.
+_LARGEST = 1 << 29
+# A worksheet of fewer rows of numbers holds settings or remarks.
+_FEWEST = 10
+
+
+def read_excel(
+    path: Path,
+    *,
+    column: str | int | None = None,
+    time: str | int | None = None,
+    unit: str | None = None,
+    time_unit: str | None = None,
+    rate: float | None = None,
+    sigma: Any = None,
+    sign: int = 1,
+    run: str | int | None = None,
+    skip_rows: int | None = None,
+    header: bool | None = None,
+) -> Record | list[Record]:
+    """Reads a worksheet of an `.xlsx` file, with the values that Excel has stored for its formulas.
+
+    Options as for text, where `run` is the name or number of a worksheet if several hold numbers.
+
+    Raises:
+        DataError: a damaged file, or no worksheet with a table of numbers.
+        UsageError: the package openpyxl is not installed.
+    """
+    choice = Choice(column, time, unit, time_unit, rate, sigma, sign, run)
+    dialect = Dialect("tab", ".", comment="\0", skip_rows=skip_rows, header=header)
+    tables: dict[str, Table] = {}
+    trouble: DataError | None = None
+    for title, text in _worksheets(path).items():
+        try:
+            table = Table(text, dialect, sniff(text.head, dialect, f"{path.name}, sheet '{title}'"))
+            if table.has_rows(_FEWEST):
+                tables[title] = table
+        except DataError as error:
+            trouble = error
+    if not tables:
+        raise trouble or DataError(f"{path.name} holds no worksheet with rows.")
+    options = {**vars(choice), "skip_rows": skip_rows, "header": header}
+    return records_of(path, "xlsx", _joined({title: table.sheet() for title, table in tables.items()}), choice, options)
+
+
+def _joined(sheets: dict[str, Sheet]) -> Sheet:
+    """The worksheets as one sheet, in which each is a run unless there is but one."""
+    if len(sheets) == 1:
+        return next(iter(sheets.values()))
+    columns = [
+        dataclasses.replace(column, run=f"{title}, {column.run}" if column.run else title, key=(title, column))
+        for title, sheet in sheets.items()
+        for column in sheet.columns
+    ]
+
+    def load(wanted: Sequence[Column]) -> list[np.ndarray]:
+        return [sheets[title].load([column])[0] for title, column in (each.key for each in wanted)]
+
+    return Sheet(columns, load)
+
+
+def _worksheets(path: Path) -> dict[str, Text]:
+    """The worksheets with rows, as texts."""
+    try:
+        import openpyxl
+    except ImportError as error:
+        raise UsageError(
+            f"{path.name} needs the package openpyxl: pip install 'fricjax[excel]', or export the sheet as .csv."
+        ) from error
+    try:
+        with zipfile.ZipFile(path) as archive:
+            size = sum(part.file_size for part in archive.infolist())
+        if size > _LARGEST:
+            raise DataError(f"{path.name} unpacks to {size >> 20} MB, more than {_LARGEST >> 20} MB; export it as .csv.")
+        book = openpyxl.load_workbook(path, read_only=True, data_only=True)
+        texts = {sheet.title: _text(sheet.iter_rows(values_only=True)) for sheet in book.worksheets}
+        book.close()
+    except DataError:
+        raise
+    except Exception as error:  # openpyxl raises what its parsers of zip and XML raise
+        raise DataError(f"{path.name} cannot be read as .xlsx; it is damaged or of another format.") from error
+    return {title: Text.cut(path, "utf-8", text[:HEAD], text) for title, text in texts.items() if text.strip()}
+
+
+def _text(rows: Any) -> bytes:
+    return "\n".join("\t".join(map(_cell, row)) for row in rows).encode()
+
+
+def _cell(value: Any) -> str:
+    """A cell as a field of a text."""
+    if value is None:
+        return ""
+    if isinstance(value, datetime.datetime | datetime.time):
+        return value.isoformat(" ") if isinstance(value, datetime.datetime) else value.isoformat()
+    return " ".join(str(value).split())
