@@ -51,7 +51,9 @@ def failure_of(error: BaseException) -> Failure:
     if isinstance(error, DataError):
         # A table below the sentence keeps its lines.
         sentence, _, table = str(error).partition("\n")
-        return Failure(sentence, "data", REJECTED, table) if "\n" in table else Failure(_sentence(error), "data", REJECTED)
+        return (
+            Failure(sentence, "data", REJECTED, table) if "\n" in table else Failure(_sentence(error), "data", REJECTED)
+        )
     if isinstance(error, OSError) and error.filename is not None:
         return Failure(f"'{error.filename}' cannot be used: {error.strerror}.", "output", USAGE)
     return Failure(

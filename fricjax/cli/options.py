@@ -21,7 +21,10 @@ class Reading:
         str | None, Option(help="Which run of a file that holds several, as 3, or all.", rich_help_panel=_READ)
     ] = None
     unit: Annotated[
-        str | None, Option(help='Unit of the displacement: m, mm, um, nm, rad, deg, or a scale as "12.5 um/V".', rich_help_panel=_READ)
+        str | None,
+        Option(
+            help='Unit of the displacement: m, mm, um, nm, rad, deg, or a scale as "12.5 um/V".', rich_help_panel=_READ
+        ),
     ] = None
     time_unit: Annotated[str | None, Option(help="Unit of the time: s, ms, us ...", rich_help_panel=_READ)] = None
     rate: Annotated[

@@ -12,15 +12,15 @@ from .sheet import Column, Sheet
 
 # Names that say which column is meant even where others could be a displacement as well.
 _PLAINEST = ("x", "displacement")
-_DISPLACEMENT_WORDS = frozenset(
-    ("x", "y", "q", "displacement", "position", "pos", "disp", "distance", "deflection", "elongation", "theta", "angle")
-    + ("phi", "weg", "auslenkung", "winkel", "position_x", "deplacement", "déplacement", "angolo", "posizione")
-)  # fmt: skip
+_DISPLACEMENT_WORDS = frozenset((
+    "x", "y", "q", "displacement", "position", "pos", "disp", "distance", "deflection", "elongation", "theta", "angle",
+    "phi", "weg", "auslenkung", "winkel", "deplacement", "déplacement", "angolo", "posizione",
+))  # fmt: skip
 # Names, or units, of columns that count the rows.
-_COUNTERS = frozenset(
-    ("index", "sample", "samples", "n", "no", "no.", "nr", "nr.", "row", "point", "points", "number", "sequence", "i", "k")
-    + ("frame", "step", "#", "")
-)  # fmt: skip
+_COUNTERS = frozenset((
+    "index", "sample", "samples", "n", "no", "no.", "nr", "nr.", "row", "point", "points", "number", "sequence", "i",
+    "k", "frame", "step", "#", "",
+))  # fmt: skip
 _NUMBERED = re.compile(r"(?P<base>.*?[^\d_ ])[_ ]?(?P<number>\d{1,4})")
 
 
@@ -40,7 +40,8 @@ def choose(sheet: Sheet, choice: Choice, source: str) -> list[Pair]:
         source: the file, for messages.
 
     Raises:
-        DataError: an unknown column or run, several runs and none chosen, several columns that could be the displacement.
+        DataError: an unknown column or run, several runs and none chosen, several columns that could be the
+            displacement.
     """
     sheet = _with_numbered_runs(sheet)
     runs: list[str | None] = list(sheet.runs)
@@ -127,7 +128,9 @@ def _run(wanted: str | int, runs: list[str], source: str) -> str:
             return found[0]
     if text.isdecimal() and 1 <= int(text[:9]) <= len(runs):
         return runs[int(text[:9]) - 1]
-    raise DataError(f"{source} has no run {str(wanted)[:80]!r}.{nearest(text, runs)} Its runs are {quoted(runs)}; or run='all'.")
+    raise DataError(
+        f"{source} has no run {str(wanted)[:80]!r}.{nearest(text, runs)} Its runs are {quoted(runs)}; or run='all'."
+    )
 
 
 def _question(sheet: Sheet, choice: Choice, source: str) -> str:
@@ -155,7 +158,9 @@ def _pair(sheet: Sheet, run: str | None, choice: Choice, source: str) -> Pair:
     given = None if choice.time is None else locate(choice.time, columns, source, "time")
     if choice.column is not None:
         # A number counts the columns of the file, whatever run they belong to.
-        everywhere = sheet.columns if _is_number(choice.column) and not _matches(str(choice.column), columns) else columns
+        everywhere = (
+            sheet.columns if _is_number(choice.column) and not _matches(str(choice.column), columns) else columns
+        )
         x = locate(choice.column, everywhere, source, "column")
     else:
         x = _displacement([column for column in columns if column is not given], choice, source)
@@ -163,7 +168,9 @@ def _pair(sheet: Sheet, run: str | None, choice: Choice, source: str) -> Pair:
         raise DataError(f"'{x.shown}' in {source} {x.fault}, so it is no displacement; name another with column=.")
     time = None if choice.rate is not None else given or x.time or _time(columns, x, source, sheet.advice)
     if time is not None and time.fault is not None:
-        raise DataError(f"'{time.shown}' in {source} {time.fault}, so it is no time; name another with time=, or give rate=.")
+        raise DataError(
+            f"'{time.shown}' in {source} {time.fault}, so it is no time; name another with time=, or give rate=."
+        )
     return Pair(x, time)
 
 
@@ -182,7 +189,8 @@ def _time(columns: Sequence[Column], x: Column, source: str, advice: str) -> Col
     others = f"; its columns are {quoted([column.shown for column in columns])}" if len(columns) > 1 else ""
     scale = f", and a scale for its {x.unit}, as unit='12.5 mm/{x.unit}'" if (x.unit or "").lower() in UNSCALED else ""
     raise DataError(
-        f"{source} has no time for '{x.shown}'{others}; give rate= (samples per second{advice}) or time= (a column){scale}."
+        f"{source} has no time for '{x.shown}'{others}; give rate= (samples per second{advice}) or time= (a column)"
+        f"{scale}."
     )
 
 
@@ -197,9 +205,7 @@ def _displacement(columns: Sequence[Column], choice: Choice, source: str) -> Col
     if bare and choice.rate is None and choice.time is None and len(usable) > 1:
         usable = usable[1:]  # without any names the first column is the time
     candidates = [
-        column
-        for column in columns
-        if not column.is_time and (column in usable if bare else not _is_counter(column))
+        column for column in columns if not column.is_time and (column in usable if bare else not _is_counter(column))
     ]
     if not candidates:
         names = quoted([column.shown for column in columns])

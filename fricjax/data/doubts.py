@@ -12,7 +12,7 @@ _LARGEST_AMPLITUDE, _LARGEST_SWING = 0.5, 2 * math.pi
 # The electronics of fast interferometers count fringes up to some 5 m/s.
 _LARGEST_SPEED = 5.0
 _GRAVITY = 9.80665  # m/s^2
-# Shot noise of a milliwatt of red light, lambda/(4 pi) sqrt(2 h nu/P) = 1.3e-15 m/sqrt(Hz): nothing on a table sees less.
+# Shot noise of a milliwatt of red light, lambda/(4 pi) sqrt(2 h nu/P) = 1.3e-15 m/sqrt(Hz).
 _LEAST_DENSITY = 1e-15
 # Noise relative to the amplitude below which a record is a computed one, without noise but its rounding.
 _COMPUTED = 1e-10
@@ -42,12 +42,12 @@ def implausible_scale(found: Segmentation, interval: float, *, angular: bool, wh
         )
     elif amplitude * omega > _LARGEST_SPEED:
         yield (
-            f"The motion{where} would reach {amplitude * omega:.3g} m/s and {amplitude * omega**2 / _GRAVITY:.3g} times "
-            "gravity, faster than an interferometer follows: check the units of displacement and time."
+            f"The motion{where} would reach {amplitude * omega:.3g} m/s and "
+            f"{amplitude * omega**2 / _GRAVITY:.3g} times gravity, faster than an interferometer follows: check the units of displacement and time."
         )
     density = found.white_noise * math.sqrt(2.0 * interval)
     if _COMPUTED * amplitude < found.white_noise and density < _LEAST_DENSITY:
         yield (
-            f"The noise{where} of {density:.1e} m/sqrt(Hz) over its bandwidth is less than that of a milliwatt of light: "
-            "check the unit of the displacement."
+            f"The noise{where} of {density:.1e} m/sqrt(Hz) over its bandwidth is less than that of a milliwatt of "
+            "light: check the unit of the displacement."
         )

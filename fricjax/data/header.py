@@ -10,26 +10,27 @@ from typing import NamedTuple
 from .units import si_unit
 
 # What instruments count in: numbers that are a displacement only by a scale, such as 12.5 um/V.
-UNSCALED = frozenset(
-    ("v", "mv", "uv", "volt", "volts", "a", "ma", "count", "counts", "cts", "cnt", "lsb", "digit", "digits", "step", "steps")
-    + ("pulse", "pulses", "tick", "ticks", "inc", "increment", "increments", "fringe", "fringes", "px", "pixel", "pixels")
-    + ("raw", "adc", "bit", "bits", "a.u.", "arb", "sequence")
-)  # fmt: skip
-TIME_WORDS = frozenset(
-    ("t", "time", "times", "timestamp", "timestamps", "zeit", "temps", "tiempo", "tempo", "sec", "secs", "second")
-    + ("seconds", "millis", "micros", "elapsed", "clock", "uhrzeit", "x_value")
-)
+UNSCALED = frozenset((
+    "v", "mv", "uv", "volt", "volts", "a", "ma", "count", "counts", "cts", "cnt", "lsb", "digit", "digits", "step",
+    "steps", "pulse", "pulses", "tick", "ticks", "inc", "increment", "increments", "fringe", "fringes", "px", "pixel",
+    "pixels", "raw", "adc", "bit", "bits", "a.u.", "arb", "sequence",
+))  # fmt: skip
+TIME_WORDS = frozenset((
+    "t", "time", "times", "timestamp", "timestamps", "zeit", "temps", "tiempo", "tempo", "sec", "secs", "second",
+    "seconds", "millis", "micros", "elapsed", "clock", "uhrzeit", "x_value",
+))  # fmt: skip
 _RUN = re.compile(
-    r"[\s_,;(]*(?<![A-Za-z])(?P<word>run|trial|data ?set|shot|messung|lauf|versuch|essai)[\s_]*#?[\s_]*(?P<number>\d+)\)?[\s_:]*",
+    r"[\s_,;(]*(?<![A-Za-z])(?P<word>run|trial|data ?set|shot|messung|lauf|versuch|essai)"
+    r"[\s_]*#?[\s_]*(?P<number>\d+)\)?[\s_:]*",
     re.IGNORECASE,
 )
 _PREFIX = re.compile(r"(?P<run>[^:()\[\]]{1,60}):\s*(?P<rest>\S.*)")
 _BRACKETS = re.compile(r"\[([^\[\]]*)\]|\(([^()]*)\)")
 # The units that count without a mark, as in `x_mm`: "in", "au" and "h" are rather parts of a name there.
-_PLAIN = frozenset(
-    ("m", "cm", "mm", "um", "µm", "μm", "nm", "pm", "inch", "micron", "microns", "meter", "metre", "meters", "metres")
-    + ("rad", "mrad", "urad", "µrad", "deg", "degree", "degrees", "°", "arcsec", "s", "ms", "us", "µs", "μs", "ns", "sec")
-)  # fmt: skip
+_PLAIN = frozenset((
+    "m", "cm", "mm", "um", "µm", "μm", "nm", "pm", "inch", "micron", "microns", "meter", "metre", "meters", "metres",
+    "rad", "mrad", "urad", "µrad", "deg", "degree", "degrees", "°", "arcsec", "s", "ms", "us", "µs", "μs", "ns", "sec",
+))  # fmt: skip
 _COUNTED = {"millis": "ms", "micros": "us", "millis()": "ms", "micros()": "us"}  # clocks of microcontrollers
 _LONGEST = 200  # characters of a title that are looked at
 

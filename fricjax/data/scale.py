@@ -36,7 +36,7 @@ def scale_of(
             )
         return factor(found or quantities[0], quantities, what)
     scale, quantity, per = _parsed(given, quantities, what)
-    if found is None or (per and per.lower() == found.lower()):
+    if found is None or (per and _plain(per) == _plain(found)):
         return scale, quantity
     if found.lower() in UNSCALED:
         if not per:
@@ -63,6 +63,11 @@ def _parsed(given: str, quantities: tuple[str, ...], what: str) -> tuple[float, 
     if number is not None and not float(number):
         raise DataError(f"{_capital(what)} cannot have the scale '{given}', which is zero.")
     return (1.0 if number is None else float(number)) * scale, quantity, per.strip()
+
+
+def _plain(unit: str) -> str:
+    """One spelling for what a converter counts in: "v" for V, Volt and volts, "count" for counts."""
+    return re.sub(r"^volt$", "v", unit.lower().removesuffix("s"))
 
 
 def _capital(text: str) -> str:

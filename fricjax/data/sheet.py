@@ -1,11 +1,12 @@
-"""What a file holds, before anything is chosen from it: named columns, in the order of the file, perhaps of several runs.
+"""What a file holds, before anything is chosen from it: named columns in their order, perhaps of several runs.
 
 Every reader describes its file as a `Sheet`; which columns are displacement and time is decided in one place for all.
 """
 
 import dataclasses
 import re
-from collections.abc import Callable, Hashable, Sequence
+from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -37,7 +38,7 @@ class Column:
     time: "Column | None" = None
     fault: str | None = None
     bare: bool = False
-    key: Hashable = None
+    key: Any = None
 
     @property
     def shown(self) -> str:
@@ -74,9 +75,7 @@ class Sheet:
         return list(dict.fromkeys(column.run for column in self.columns if column.run is not None))
 
 
-def array_columns(
-    name: str, dtype: np.dtype, shape: tuple[int, ...], key: Hashable, folder: str = ""
-) -> list[Column]:
+def array_columns(name: str, dtype: np.dtype, shape: tuple[int, ...], key: Any, folder: str = "") -> list[Column]:
     """The column of a named array, its name taken apart; a matrix of few columns is one for each of them.
 
     `folder` is put in front of the name as it is: "/run1/", "run.".

@@ -6,7 +6,8 @@ from pathlib import Path
 import numpy as np
 
 from .errors import DataError
-from .readers.dialect import Dialect, Layout, number, sniff, split
+from .readers.dialect import Dialect, Layout, sniff
+from .readers.fields import number, split
 from .readers.text import Text
 from .units import si_unit
 

@@ -18,7 +18,8 @@ from ..native import TEXT_MARK, restore_text
 from ..record import Record
 from ..sheet import Column, Sheet
 from .clock import seconds_of
-from .dialect import BLANK, MISSING, NUMBER, WATCH, WORD, Dialect, Layout, kind_of, sniff, split
+from .dialect import Dialect, Layout, sniff
+from .fields import BLANK, MISSING, NUMBER, WATCH, WORD, kind_of, split
 from .text import Text
 
 
@@ -189,7 +190,7 @@ class Table:
         layout, text = self.layout, self.text
         if layout.title_line is None:
             return False
-        title = text.head[layout.title_line].strip().encode(text.encoding.removesuffix("-sig"), "replace")
+        title = layout.title_line.strip().encode(text.encoding.removesuffix("-sig"), "replace")
         if text.wide is not None:
             return text.wide.find(title, text.starts[layout.first_line]) >= 0
         with text.path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
@@ -197,7 +198,7 @@ class Table:
 
     def _blocks(self) -> list[list[str]]:
         """The rows below each line of titles; lines before and after them that hold no row are left out."""
-        title = self.text.head[self.layout.title_line or 0].strip()
+        title = (self.layout.title_line or "").strip()
         blocks: list[list[str]] = [[]]
         for _, line in self._numbered_lines():
             if line.strip() == title:

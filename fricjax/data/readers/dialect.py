@@ -7,31 +7,19 @@ it where there is one.
 """
 
 import dataclasses
-import re
 from collections import Counter
 from collections.abc import Sequence
 
 from ..errors import DataError, UsageError
-from ..header import UNSCALED, Title, is_time, is_unit, measures, split_title
-from .clock import is_clock
+from ..header import Title
+from .fields import BLANK, NUMBER, WATCH, WORD, kind_of, split, thousands_in
+from .titles import advice_of, numbered, titles_of, with_stated_units
 
 COMMENTS = ("#", "%", "!", "//")
 DELIMITERS = ("\t", ";", "|", ",", " ")
-MISSING = ("", "nan", "na", "n/a", "null", "none", "-nan", "1.#qnan", "inf", "-inf", "+inf", "-", "--")
 NAMED = {"tab": "\t", "\\t": "\t", "space": " ", "whitespace": " ", "comma": ",", "semicolon": ";"}
 SNIFFED_LINES = 400
 WIDEST = 10_000  # fields in a row; a table of more columns than that is no record of runs
-_TITLE_LINES = 6  # lines above the data among which titles and units are sought, rules and blank ones not counted
-_RULE = re.compile(r"[\s\-=_*+|~.:;,]*[-=_*+~]{2}[\s\-=_*+|~.:;,]*")
-_RATE = re.compile(r"(?:sampl|scan|acquisition|abtast)\w*[ _]?(?:rate|freq\w*)?[^\d\n]{0,20}?(\d+(?:\.\d+)?)\s*(k?)Hz", re.I)
-_INTERVAL = re.compile(r"(?:delta_?x|sampl\w+ (?:interval|period))[^\d\n]{0,20}?(\d+(?:[.,]\d+)?(?:[eE][-+]?\d+)?)", re.I)
-# Thousands set apart, as in 1,038.4: only where decimals follow, since 1,038 is as well a number with a decimal comma.
-_GROUPED = {
-    ".": re.compile(r"[-+]?\d{1,3}(?P<mark>[,'])\d{3}(?:(?P=mark)\d{3})*\.\d+"),
-    ",": re.compile(r"[-+]?\d{1,3}(?P<mark>[.'])\d{3}(?:(?P=mark)\d{3})*,\d+"),
-}
-_UNIT_KEYS = ("y_unit_label", "vertical units", "vertical unit", "y units", "y unit", "yunit", "units", "unit", "einheit")
-NUMBER, BLANK, WATCH, WORD = "number", "blank", "clock", "word"
 
 
 @dataclasses.dataclass(frozen=True)
@@ -72,7 +60,7 @@ class Layout:
     - `titles`: of the columns; the names are "column0", ... where there are none.
     - `texts`: the titles as the file writes them, empty where there are none.
     - `kinds`: what the columns hold: "number", "clock" (times of day), "word" or "blank".
-    - `title_line`: index of the line of titles, None where there is none outside of remarks.
+    - `title_line`: the line of titles, None where there is none outside of remarks.
     - `thousands`: what sets thousands apart, None for nothing.
     - `advice`: what the lines above the data say about the rate, for a message.
     """
@@ -83,7 +71,7 @@ class Layout:
     titles: list[Title]
     texts: list[str]
     kinds: list[str]
-    title_line: int | None = None
+    title_line: str | None = None
     thousands: str | None = None
     advice: str = ""
 
@@ -96,40 +84,6 @@ class Layout:
     def units(self) -> list[str | None]:
         """Units of the columns, None where none is named."""
         return [title.unit for title in self.titles]
-
-
-def split(line: str, delimiter: str) -> list[str]:
-    """Fields of a line, stripped of blanks and quotes; a delimiter between quotes does not separate."""
-    if delimiter == " ":
-        fields = line.split()
-    elif '"' in line:
-        fields = re.split(rf'{re.escape(delimiter)}(?=(?:[^"]*"[^"]*")*[^"]*$)', line[:100_000])
-    else:
-        fields = line.split(delimiter)
-    return [field.strip().strip('"').strip() for field in fields]
-
-
-def number(field: str, decimal: str) -> float | None:
-    """The value of a field, NaN where it is left out, None where it is no number."""
-    if field.lower() in MISSING:
-        return float("nan")
-    grouped = _GROUPED[decimal].fullmatch(field)
-    text = field.replace(grouped["mark"], "") if grouped else field
-    text = text.replace(",", ".") if decimal == "," else text
-    if "_" in text:
-        return None
-    try:
-        return float(text)
-    except ValueError:
-        return None
-
-
-def kind_of(field: str, decimal: str) -> str:
-    """What a field holds: a number, a time of day, a word, or nothing."""
-    value = number(field, decimal)
-    if value is not None:
-        return NUMBER if value == value else BLANK
-    return WATCH if is_clock(field) else WORD
 
 
 def sniff(lines: Sequence[str], dialect: Dialect, source: str) -> Layout:
@@ -148,20 +102,28 @@ def sniff(lines: Sequence[str], dialect: Dialect, source: str) -> Layout:
     width = _width(list(kinds.values()))
     if width > WIDEST:
         raise DataError(f"{source} has rows of {width} fields, but at most {WIDEST} are read; check the delimiter.")
-    first, columns = _body(kinds, width)
+    first, whole, columns = _body(kinds, width)
     # LabVIEW's last title is Comment: rows have that field only where there is one.
     titled = max((len(kinds[i]) for i in content if i < first and i in kinds and set(kinds[i]) == {WORD}), default=0)
     if delimiter != " " and width < titled <= width + 3:
         columns += [BLANK] * (titled - width)
         width = titled
-    above = [i for i in range(skip, first) if lines[i].strip()]
-    titles, texts = _titles([lines[i] for i in above], width, delimiter, dialect, columns)
-    titles = _with_stated_units(titles, [lines[i] for i in above])
-    title_line = next((i for i in reversed(above) if any(texts) and _fields(lines[i], delimiter, width, columns) == texts), None)
-    fields = (field for i, row in rows.items() if i >= first for field in row)
-    thousands = next((match["mark"] for field in fields if (match := _GROUPED[decimal].fullmatch(field))), None)
-    advice = _advice([lines[i] for i in above])
-    return Layout(delimiter, decimal, first, titles, texts, columns, title_line, thousands, advice)
+    above = list(lines[skip:first])
+    titles = numbered(width)
+    if dialect.header is not False:
+        titles = titles_of(above, columns, delimiter, dialect.is_comment)
+    marks = (thousands_in(field, decimal) for i, row in rows.items() if i >= first for field in row)
+    return Layout(
+        delimiter,
+        decimal,
+        first,
+        with_stated_units(titles, [*above, *(lines[i] for i in content if first <= i < whole)], columns),
+        titles.texts,
+        columns,
+        titles.line,
+        next((mark for mark in marks if mark), None),
+        advice_of(above),
+    )
 
 
 def _separators(lines: list[str], dialect: Dialect, source: str) -> tuple[str, str]:
@@ -171,13 +133,19 @@ def _separators(lines: list[str], dialect: Dialect, source: str) -> tuple[str, s
     """
     pairs = [
         (delimiter, decimal)
-        for delimiter in (DELIMITERS if dialect.delimiter is None else (NAMED.get(dialect.delimiter, dialect.delimiter),))
+        for delimiter in (
+            DELIMITERS if dialect.delimiter is None else (NAMED.get(dialect.delimiter, dialect.delimiter),)
+        )
         for decimal in ((".", ",") if dialect.decimal is None else (dialect.decimal,))
         if delimiter != decimal
     ]
     sample = lines[-SNIFFED_LINES:]
-    read = {pair: [[kind_of(f, pair[1]) for f in split(line, pair[0])[: WIDEST + 1]] for line in sample] for pair in pairs}
-    pure = {pair: [row for row in rows if NUMBER in row and not {WORD, WATCH} & set(row)] for pair, rows in read.items()}
+    read = {
+        pair: [[kind_of(f, pair[1]) for f in split(line, pair[0])[: WIDEST + 1]] for line in sample] for pair in pairs
+    }
+    pure = {
+        pair: [row for row in rows if NUMBER in row and not {WORD, WATCH} & set(row)] for pair, rows in read.items()
+    }
     best = max(pairs, key=lambda pair: _score(pure[pair]))
     count = _score(pure[best])[0]
     if count < 0.5 * len(sample):
@@ -211,21 +179,23 @@ def _width(rows: list[list[str]]) -> int:
     return max(Counter(map(len, among)).items(), key=lambda item: (item[1], item[0]))[0]
 
 
-def _body(rows: dict[int, list[str]], width: int) -> tuple[int, list[str]]:
-    """Index of the first line of data, and what its columns hold."""
+def _body(rows: dict[int, list[str]], width: int) -> tuple[int, int, list[str]]:
+    """Index of the first line of data, that of the first line that holds nothing else, and what the columns hold."""
     fitting = {i: row for i, row in rows.items() if len(row) == width and NUMBER in row}
     tail = list(fitting.values())[-SNIFFED_LINES:]
     kinds = [_usual(Counter(row[i] for row in tail)) for i in range(width)]
     core = [i for i, kind in enumerate(kinds) if kind in (NUMBER, WATCH)]
-    fits = [i for i, row in fitting.items() if all(field in (kind, BLANK) for field, kind in zip(row, kinds, strict=True))]
-    first = (fits or list(fitting))[0]
+    fits = [
+        i for i, row in fitting.items() if all(field in (kind, BLANK) for field, kind in zip(row, kinds, strict=True))
+    ]
+    first = whole = (fits or list(fitting))[0]
     # An oscilloscope writes its settings beside the first rows of numbers.
     order = list(rows)
     for i in reversed(order[: order.index(first)]):
         if i not in fitting or any(rows[i][j] != kinds[j] for j in core):
             break
         first = i
-    return first, kinds
+    return first, whole, kinds
 
 
 def _usual(count: Counter[str]) -> str:
@@ -235,90 +205,3 @@ def _usual(count: Counter[str]) -> str:
         return BLANK
     kind = max(rest, key=lambda each: rest[each])
     return BLANK if rest[kind] < 0.05 * blanks else kind
-
-
-def _titles(
-    above: list[str], width: int, delimiter: str, dialect: Dialect, kinds: list[str]
-) -> tuple[list[Title], list[str]]:
-    """Titles from the lines above the data, numbered ones where there are none."""
-    numbered = [Title(f"column{i}") for i in range(width)], [""] * width
-    if dialect.header is False:
-        return numbered
-    lines = [line for line in above if not _RULE.fullmatch(line)]
-    content = [line for line in lines if not dialect.is_comment(line)][-_TITLE_LINES:]
-    rows: list[list[str]] = []
-    # The titles end where a line of another kind begins: a preamble, or the remark of a person.
-    for line in reversed(content):
-        fields = _fields(line, delimiter, width, kinds)
-        if fields is None:
-            break
-        rows.insert(0, fields)
-    if not rows:
-        remarks = [line for line in lines if dialect.is_comment(line)][-3:]
-        marked = [_fields(line.lstrip().lstrip("#%!/ "), delimiter, width, kinds) for line in remarks]
-        rows = [row for row in marked if row is not None and width > 1][-2:]
-    if not rows:
-        return numbered
-    units = [""] * width
-    while len(rows) > 1 and _are_units(rows[-1]) and not _are_units(rows[-2]):
-        units = [field if is_unit(field) else "" for field in map(_bare, rows.pop())]
-    if not any(units) and all(measures(_bare(f)) in ("m", "rad", "s") or _bare(f).lower() in UNSCALED for f in rows[-1]):
-        # No names, only units.
-        return [Title(title.name, _bare(field)) for title, field in zip(numbered[0], rows[-1], strict=True)], rows[-1]
-    texts = [text or numbered[0][i].name for i, text in enumerate(rows[-1])]
-    split_ = [split_title(text) for text in texts]
-    return [title._replace(unit=units[i] or title.unit) for i, title in enumerate(split_)], texts
-
-
-def _with_stated_units(titles: list[Title], above: list[str]) -> list[Title]:
-    """The titles with the units that a preamble states, as LabVIEW and oscilloscopes do for the columns but the time."""
-    units: list[str] = []
-    for line in above:
-        key, *words = (word.strip() for word in re.split(r"[:=\t;,]", line.strip("#%!/ ")))
-        if key.lower() in _UNIT_KEYS:
-            units = units or [word for word in words if is_unit(word)]
-    values = [title for title in titles if not is_time(title.name, title.unit) and title.name.lower() != "comment"]
-    stated = dict(zip(values, units, strict=False))
-    return [title._replace(unit=title.unit or stated.get(title)) for title in titles]
-
-
-def _are_units(fields: list[str]) -> bool:
-    """Whether a row holds units: blanks, and the numbers that an oscilloscope puts beside them, may be among them."""
-    known = [is_unit(_bare(field)) for field in fields]
-    return any(known) and all(unit or kind_of(field, ".") != WORD for unit, field in zip(known, fields, strict=True))
-
-
-def _bare(field: str) -> str:
-    return field.strip("[]() ")
-
-
-def _fields(line: str, delimiter: str, width: int, kinds: list[str]) -> list[str] | None:
-    """Fields of a line of titles for `width` columns: a unit after a blank does not count as a field."""
-    fields = split(line, delimiter)
-    if len(fields) != width and delimiter == " ":
-        joined = split(re.sub(r"\s+([\[(])", r"_\1", line.strip()), delimiter)
-        fields = [field.replace("_[", " [").replace("_(", " (") for field in joined]
-    if len(fields) != width and delimiter == " ":
-        wide = [field for field in re.split(r"\s{2,}", line.strip()) if field]
-        others = (split(line, other) for other in DELIMITERS[:-1])
-        fields = next((option for option in (wide, *others) if len(option) == width), fields)
-    if delimiter != " " and len(fields) != width and len(fields) > 1:
-        # Trailing delimiters, or a title such as LabVIEW's Comment over a column that is left out.
-        spare = all(kind == BLANK for kind in kinds[len(fields) :])
-        fields = fields[:width] if len(fields) > width else [*fields, *[""] * (width - len(fields))] if spare else fields
-    several = width == 1 and re.search(r"[,;|\t]", line) is not None
-    words = [kind_of(field, ".") for field in fields]
-    named = WORD in words and all(
-        word in (WORD, BLANK) or kinds[i] != word for i, word in enumerate(words[:width])
-    )
-    return fields if len(fields) == width and named and not several else None
-
-
-def _advice(above: list[str]) -> str:
-    """The rate that a preamble states."""
-    text = "\n".join(above)[-20_000:]
-    rate, interval = _RATE.search(text), _INTERVAL.search(text)
-    if rate is not None:
-        return f"; it says {float(rate[1]) * (1e3 if rate[2] else 1):g} Hz"
-    step = 0.0 if interval is None else number(interval[1].replace(",", "."), ".") or 0.0
-    return f"; it says {1.0 / step:g} Hz" if step > 0 else ""

@@ -91,7 +91,9 @@ def _worksheets(path: Path) -> dict[str, Text]:
         with zipfile.ZipFile(path) as archive:
             size = sum(part.file_size for part in archive.infolist())
         if size > _LARGEST:
-            raise DataError(f"{path.name} unpacks to {size >> 20} MB, more than {_LARGEST >> 20} MB; export it as .csv.")
+            raise DataError(
+                f"{path.name} unpacks to {size >> 20} MB, more than {_LARGEST >> 20} MB; export it as .csv."
+            )
         book = openpyxl.load_workbook(path, read_only=True, data_only=True)
         texts = {sheet.title: _text(sheet.iter_rows(values_only=True)) for sheet in book.worksheets}
         book.close()

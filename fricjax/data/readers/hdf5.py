@@ -76,7 +76,7 @@ def _sheet(file: Any, source: str) -> Sheet:
     runs = {folder: folder.strip("/") or "/" for folder in timed} if len(timed) > 1 else {}
 
     def complete(path: str, part: Column) -> Column:
-        scales = nodes[path].dims[0] if nodes[path].ndim else ()
+        scales = nodes[path].dims[0]
         scale = scales[0].name if len(scales) else None
         time = columns[scale][0] if scale in columns and scale != path else None
         return dataclasses.replace(part, run=runs.get(_folder(path), part.run), time=time)

@@ -4,7 +4,7 @@ import re
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 
@@ -52,10 +52,13 @@ def read_mat(
     tree = load_tree(path)
     columns = _columns(tree)
     for what, given in (("column", choice.column), ("time", choice.time)):
-        if isinstance(given, str) and not any(given in (known.name, known.title) for known in columns):
+        known = any(given in (column.name, column.title) for column in columns)
+        if isinstance(given, str) and not known and re.split(r"[.\[+]", given)[0].strip() in tree:
             columns.append(_explicit(tree, given, path.name, what))
     if not columns:
-        raise DataError(f"{path.name} holds no variable that could be a record; it has {quoted(list(tree)) or 'nothing'}.")
+        raise DataError(
+            f"{path.name} holds no variable that could be a record; it has {quoted(list(tree)) or 'nothing'}."
+        )
 
     def load(wanted: Sequence[Column]) -> list[np.ndarray]:
         return [_loaded(tree, column, row, cells, path.name) for column in wanted]
@@ -70,7 +73,7 @@ def _text(given: str | int | list[str] | tuple[str, ...] | None) -> str | int | 
 
 
 def _columns(tree: dict[str, Any]) -> list[Column]:
-    """All that could be a signal: variables, fields, signals of Simulink, cells in a row; text and the like as faulty."""
+    """All that could be a signal: variables, fields, signals of Simulink, cells in a row; others with their fault."""
     found = [column for name, node in tree.items() for column in _walk(name, node)]
     folders = dict.fromkeys(_folder(column.name) for column in found if column.is_time)
     runs = {folder for folder in folders if folder} if len(folders) > 1 and "" not in folders else set()
@@ -143,7 +146,7 @@ def _explicit(tree: dict[str, Any], given: str, source: str, what: str) -> Colum
 
 def _loaded(tree: dict[str, Any], column: Column, row: int, cells: list[int] | None, source: str) -> np.ndarray:
     """The numbers of a column: one signal of a matrix, or all that its path names, one after the other."""
-    path, index = cast(tuple[str, int | None], column.key)
+    path, index = column.key
     names = path.split("+")
     nodes = [_find(tree, name, source, "column") for name in names]
     if index is not None:

@@ -73,7 +73,9 @@ class Text:
             head.append(match[0].decode(encoding if match.start() == 0 else encoding.removesuffix("-sig"), "replace"))
             starts.append(match.end())
         if not head:
-            raise DataError(f"{path.name} begins with a line of more than {HEAD >> 20} MB, which is no table of numbers.")
+            raise DataError(
+                f"{path.name} begins with a line of more than {HEAD >> 20} MB, which is no table of numbers."
+            )
         return cls(path, encoding, [_LINE_END.sub("", line) for line in head], starts, wide)
 
     def open(self) -> IO[bytes]:
@@ -93,9 +95,7 @@ def _encoding(path: Path, data: bytes, given: str | None) -> str:
         try:
             return codecs.lookup(given).name
         except (LookupError, ValueError) as error:
-            raise UsageError(
-                f"'{given}' is no known text encoding; give one such as 'utf-8' or 'latin-1'."
-            ) from error
+            raise UsageError(f"'{given}' is no known text encoding; give one such as 'utf-8' or 'latin-1'.") from error
     for mark, name in _MARKS:
         if data.startswith(mark):
             return name
