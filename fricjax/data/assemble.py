@@ -124,7 +124,8 @@ def _unit_missing(path: Path, columns: Columns, choice: Choice) -> str:
     bare_time = choice.rate is None and columns.time_unit is None and choice.time_unit is None
     times = f", '{columns.time_name}' as s" if bare_time else ""
     also = " and time_unit=" if bare_time else ""
-    return f"{path.name} names no unit for '{columns.x_name}': it is taken as m{times}. If that is not so, give unit={also}."
+    named = f"{path.name} names no unit for '{columns.x_name}'"
+    return f"{named}: it is taken as m{times}. If that is not so, give unit={also}."
 
 
 def _times(path: Path, size: int, columns: Columns, choice: Choice) -> tuple[np.ndarray, str]:

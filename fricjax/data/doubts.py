@@ -43,7 +43,8 @@ def implausible_scale(found: Segmentation, interval: float, *, angular: bool, wh
     elif amplitude * omega > _LARGEST_SPEED:
         yield (
             f"The motion{where} would reach {amplitude * omega:.3g} m/s and "
-            f"{amplitude * omega**2 / _GRAVITY:.3g} times gravity, faster than an interferometer follows: check the units of displacement and time."
+            f"{amplitude * omega**2 / _GRAVITY:.3g} times gravity, faster than an interferometer follows: check the "
+            "units of displacement and time."
         )
     density = found.white_noise * math.sqrt(2.0 * interval)
     if _COMPUTED * amplitude < found.white_noise and density < _LEAST_DENSITY:

@@ -238,7 +238,10 @@ def workbook(path, **sheets):
 
 
 def test_excel(tmp_path):
-    decays = ([["Time", "Weg"], ["s", "mm"], *map(list, PAIRS)], [["Time [s]", "Weg [mm]"], *map(list, zip(*FIRST))])
+    decays = (
+        [["Time", "Weg"], ["s", "mm"], *map(list, PAIRS)],
+        [["Time [s]", "Weg [mm]"], *map(list, zip(*FIRST, strict=True))],
+    )
     decays = [[[float(c) if not isinstance(c, str) else c for c in line] for line in each] for each in decays]
     path = tmp_path / "run.xlsx"
     workbook(path, Info=[["load", 9.66], ["operator", "N. N."]], Data=decays[0])

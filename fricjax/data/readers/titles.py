@@ -22,8 +22,8 @@ _PREAMBLE = 20_000  # characters of a preamble in which a rate is sought
 class Titles(NamedTuple):
     """What stands above the columns.
 
-    `titles` are taken apart, and named by their numbers where there are none; `texts` is how the file writes them, empty
-    where it does not; `line` the text of their line, None where that is a remark or there is none.
+    `titles` are taken apart, and named by their numbers where there are none; `texts` is how the file writes them,
+    empty where it does not; `line` the text of their line, None where that is a remark or there is none.
     """
 
     titles: list[Title]
@@ -76,7 +76,7 @@ def titles_of(above: Sequence[str], kinds: list[str], delimiter: str, is_comment
 
 
 def with_stated_units(titles: Titles, preamble: Sequence[str], kinds: list[str]) -> list[Title]:
-    """The titles with the units that a preamble states, as LabVIEW and oscilloscopes do for the columns but the time."""
+    """The titles with the units that a preamble states, as LabVIEW and oscilloscopes do for all but the time."""
     units: list[str] = []
     for line in preamble:
         key, *words = (word.strip() for word in re.split(r"[:=\t;,]", line.strip("#%!/ ")))
