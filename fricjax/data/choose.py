@@ -66,7 +66,7 @@ def locate(wanted: str | int, columns: Sequence[Column], source: str, what: str)
     found = _matches(wanted, columns)
     if len(found) == 1:
         return found[0]
-    names = [column.shown for column in columns]
+    names = _labels(columns)
     if found:
         raise DataError(f"{source} has {len(found)} columns '{wanted}'; choose one by its number, from 0: {what}=0.")
     if _is_number(wanted):
@@ -75,6 +75,12 @@ def locate(wanted: str | int, columns: Sequence[Column], source: str, what: str)
         f"{source} has no column '{str(wanted)[:80]}' (asked for with {what}=).{nearest(wanted, names)} It has "
         f"{quoted(names)}."
     )
+
+
+def _labels(columns: Sequence[Column]) -> list[str]:
+    """What sentences call the columns: their names, or the whole titles where names are the same."""
+    names = [column.name for column in columns]
+    return [name if names.count(name) == 1 else column.shown for name, column in zip(names, columns, strict=True)]
 
 
 def _is_number(wanted: str | int) -> bool:
@@ -186,7 +192,7 @@ def _time(columns: Sequence[Column], x: Column, source: str, advice: str) -> Col
             return min(among, key=lambda column: (column.last.lower() not in TIME_WORDS, measures(column.unit) != "s"))
     if usable and all(column.bare for column in columns) and columns.index(usable[0]) < columns.index(x):
         return usable[0]
-    others = f"; its columns are {quoted([column.shown for column in columns])}" if len(columns) > 1 else ""
+    others = f"; its columns are {quoted(_labels(columns))}" if len(columns) > 1 else ""
     scale = f", and a scale for its {x.unit}, as unit='12.5 mm/{x.unit}'" if (x.unit or "").lower() in UNSCALED else ""
     raise DataError(
         f"{source} has no time for '{x.shown}'{others}; give rate= (samples per second{advice}) or time= (a column)"
@@ -208,7 +214,7 @@ def _displacement(columns: Sequence[Column], choice: Choice, source: str) -> Col
         column for column in columns if not column.is_time and (column in usable if bare else not _is_counter(column))
     ]
     if not candidates:
-        names = quoted([column.shown for column in columns])
+        names = quoted(_labels(columns))
         raise DataError(f"{source} holds no displacement, only {names or 'no columns'}; name one with column=.")
     for among in ([c for c in candidates if not _folder(c.name)], candidates):
         named = [column for column in among if _is_usual(column)]
@@ -230,7 +236,7 @@ def _displacement(columns: Sequence[Column], choice: Choice, source: str) -> Col
         if left:
             candidates = left
             break
-    names = quoted([column.shown for column in candidates])
+    names = quoted(_labels(candidates))
     raise DataError(f"{source} has several columns that could be the displacement ({names}); name one with column=.")
 
 
