@@ -3,14 +3,16 @@
 import dataclasses
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from .errors import DataError, UsageError
 from .record import Record, Step
-from .trace import MINIMUM_SAMPLES, Trace
 from .units import DISPLACEMENT, TIME, factor
+
+if TYPE_CHECKING:
+    from .trace import Trace
 
 
 @dataclasses.dataclass(frozen=True)
@@ -42,6 +44,8 @@ class Choice:
         """A restored record with the noise and the direction chosen here."""
         if self.sigma is None and self.sign == 1:
             return record
+        from .trace import Trace
+
         old = record.trace
         sigma = old.sigma if self.sigma is None else self.sigma
         chosen = {"sigma": self.sigma, "sign": self.sign}
@@ -78,6 +82,8 @@ def assemble(path: Path, kind: str, columns: Columns, choice: Choice, options: d
     Raises:
         DataError: too few samples, a time that is missing or does not increase, a unit that does not fit.
     """
+    from .trace import MINIMUM_SAMPLES, Trace
+
     x = np.asarray(columns.x, dtype=np.float64).ravel()
     unit = choice.unit or columns.x_unit
     scale, quantity = factor(unit or "m", DISPLACEMENT, f"the displacement '{columns.x_name}' of {path.name}")
@@ -137,7 +143,7 @@ def _check_times(path: Path, t: np.ndarray, columns: Columns) -> None:
         )
 
 
-def _effect(trace: Trace, columns: Columns, unit: str | None, quantity: str, choice: Choice) -> str:
+def _effect(trace: "Trace", columns: Columns, unit: str | None, quantity: str, choice: Choice) -> str:
     parts = [f"{trace.n} samples of '{columns.x_name}'"]
     parts.append(f"in {unit}" if unit else "no unit found or given, taken as m")
     if choice.unit and columns.x_unit and choice.unit != columns.x_unit:
