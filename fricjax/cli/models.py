@@ -3,7 +3,7 @@
 import dataclasses
 import math
 import re
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from typer import Argument
@@ -13,6 +13,9 @@ from .options import Output
 from .output import finish
 from .runtime import prepare
 
+if TYPE_CHECKING:
+    from ..friction.catalogue import Law
+
 _MARKUP = re.compile(r":\w+:`([^`]+)`")
 
 
@@ -20,10 +23,10 @@ def models(context: typer.Context, output: Output) -> None:
     """List the friction laws with their coefficients and units; `models show NAME` tells all of one."""
     if context.invoked_subcommand is not None:
         return
-    prepare(output)
-    from .machine import catalogue
+    from ..friction.catalogue import CATALOGUE
 
-    found = [describe(name, law) for name, law in catalogue().items()]
+    prepare(output)
+    found = [describe(law) for law in CATALOGUE.values()]
     lines = ["Friction laws for --friction; join them with +, as coulomb+windage.", ""]
     for entry in found:
         units = [f"{c['name']} [{c['unit'] or '1'}]" for c in entry["coefficients"]]
@@ -39,11 +42,12 @@ def show(
     output: Output,
 ) -> None:
     """All of one law: equation, coefficients with bounds, source, engine, and what a decay tells of it."""
-    prepare(output)
-    from .machine import catalogue, find_law
+    from ..friction.catalogue import CATALOGUE
+    from .laws import find_law
 
-    law = find_law(name, catalogue())
-    entry = describe(law.__name__.lower(), law)
+    chosen = find_law(name, CATALOGUE)
+    prepare(output)
+    entry = describe(chosen)
     finish(output, entry, _page(entry))
 
 
@@ -52,16 +56,17 @@ app.callback(invoke_without_command=True)(grouped(models))
 app.command("show")(grouped(show))
 
 
-def describe(name: str, law: Any) -> dict[str, Any]:
+def describe(entry: "Law") -> dict[str, Any]:
     """A law as data."""
-    from .machine import laws
+    from .. import friction
 
+    law = getattr(friction, entry.name)
     paragraphs = (law.__doc__ or "").split("Attributes:")[0].strip().split("\n\n")
     about, *details = (" ".join(_MARKUP.sub(r"\1", part).replace("`", "").split()) for part in paragraphs)
     return {
-        "name": name,
+        "name": entry.name.lower(),
         "kind": _kind(law),
-        "on_command_line": name in laws(),
+        "on_command_line": not entry.lists,
         "engine": _engine(law),
         "about": about,
         "details": details,

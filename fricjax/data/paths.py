@@ -31,13 +31,13 @@ def _missing(path: Path) -> str:
         matching = sorted(path.parent.glob(path.name)) if path.parent.is_dir() else []
         if matching:
             return (
-                f"{path} is a pattern, and {len(matching)} files match it: {_named(matching)}. Name each file, or leave "
+                f"{path} is a pattern, which {len(matching)} files match: {_named(matching)}. Name each file, or leave "
                 "the pattern without quotes, so that the shell puts the names in its place."
             )
         return f"There is no file {path}, and none that matches this pattern. Check the folder and the ending."
-    siblings = [entry.name for entry in path.parent.iterdir()] if path.parent.is_dir() else []
     if not path.parent.is_dir():
-        return f"There is no file {path}: there is no folder {path.parent}. Check the path."
+        return f"There is no file {path}, for there is no folder {path.parent}. Check the path."
+    siblings = [entry.name for entry in path.parent.iterdir()]
     return f"There is no file {path}.{nearest(path.name, siblings)} Check the path."
 
 

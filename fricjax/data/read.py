@@ -97,9 +97,10 @@ def _check_options(reader: "Callable[..., Record]", path: Path, options: Collect
     parameters = inspect.signature(reader).parameters
     if any(parameter.kind is parameter.VAR_KEYWORD for parameter in parameters.values()):
         return
-    known = [name for name, parameter in parameters.items() if parameter.kind is parameter.KEYWORD_ONLY]
+    known = [f"{name}=" for name, parameter in parameters.items() if parameter.kind is parameter.KEYWORD_ONLY]
     for name in options:
-        if name not in known:
+        if f"{name}=" not in known:
             raise UsageError(
-                f"'{name}' is no option for {path.suffix} files.{nearest(name, known)} Options are {', '.join(known)}."
+                f"{name}= is no option for {path.suffix} files.{nearest(f'{name}=', known)} Options are "
+                f"{', '.join(known)}."
             )

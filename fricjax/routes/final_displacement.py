@@ -111,7 +111,7 @@ def _check_motion(found: Unwrapped, pairs: Pairs, parameters: int) -> None:
     if distinct < parameters:
         raise DataError(
             f"{distinct} different pair(s) cannot determine {parameters} parameters. Record more runs from different "
-            "initial displacements, or fix the offset (nuisance=())."
+            "initial displacements."
         )
 
 

@@ -13,11 +13,12 @@ import equinox as eqx
 import jax
 import numpy as np
 
-from ..data.errors import UsageError, nearest
+from ..data.errors import UsageError
 from ..estimation.space import Parameter, ParameterSpace
 from ..fitting.mesh import with_mesh
 from ..fitting.names import NUISANCES, find_leaf
 from ..fitting.residual import Residual, Run
+from ..fitting.settings import check_nuisance, check_once
 from ..fitting.window import NEVER
 from ..friction import Coulomb
 from ..oscillator import Motion, Oscillator, ready, simulate
@@ -187,13 +188,9 @@ def _parameters(
     oscillator: Oscillator, x0: float, shared: Sequence[Leaf], nuisance: tuple[str, ...]
 ) -> tuple[Parameter, ...]:
     for name in nuisance:
-        if name not in NUISANCES:
-            known = ", ".join(NUISANCES)
-            raise UsageError(f"There is no nuisance parameter {name!r}.{nearest(name, NUISANCES)} Known are {known}.")
+        check_nuisance(name)
     names = [*(leaf.name for leaf in shared), *nuisance]
-    twice = [name for name in names if names.count(name) > 1]
-    if twice:
-        raise UsageError(f"{twice[0]} is named twice. Name it once.")
+    check_once(names)
     if not names:
         raise UsageError("No parameter is named: name at least one coefficient or nuisance parameter.")
     flat = jax.tree.leaves(oscillator)

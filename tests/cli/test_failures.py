@@ -84,7 +84,7 @@ USAGE = [
     (("--sigma-mode", "relative"), "There is no sigma_mode 'relative'."),
     (("--plot", "fit.gif"), "--plot cannot write 'fit.gif': give it the ending .png or .svg or .pdf."),
     (("--out", "nowhere/fit.json"), "there is no folder 'nowhere'. Make it first."),
-    (("--row", "1"), "'row' is no option for .csv files."),
+    (("--row", "1"), "--row is no option for .csv files. Did you mean '--skip-rows'?"),
     (("--rate", "-5", "--column", "1"), "rate must be a positive number"),
     (("--frobnicate",), "No such option: --frobnicate"),
     (("--rate", "fast"), "Invalid value for '--rate'"),
