@@ -50,7 +50,7 @@ def checked(given: Mapping[str, Any], restoring: str = "linear") -> dict[str, Me
     if restoring == "cubic" and values["k3"] is None:
         raise UsageError("A cubic spring needs its coefficient: give k3 [N/m^3].")
     if restoring != "cubic" and values["k3"] is not None:
-        raise UsageError("k3 belongs to a cubic spring: give restoring = 'cubic' with it, or leave it out.")
+        raise UsageError("k3 belongs to a cubic spring: give restoring='cubic' with it, or leave it out.")
     return values
 
 

@@ -2,7 +2,11 @@
 
 import dataclasses
 
+from .wording import in_options
+
 DONE, FAULT, USAGE, INVALID, REJECTED, INTERRUPTED = 0, 1, 2, 3, 4, 130
+# A file can have thousands of columns, and a sentence that names them all hides its beginning.
+_LONGEST = 2000
 
 
 @dataclasses.dataclass(frozen=True)
@@ -71,7 +75,8 @@ def _of_command_line(error: BaseException) -> Failure:
 
 
 def _sentence(error: BaseException) -> str:
-    return " ".join(str(error).split())
+    sentence = in_options(" ".join(str(error).split()))
+    return sentence if len(sentence) <= _LONGEST else f"{sentence[: _LONGEST - 4]} ..."
 
 
 def _first_line(error: BaseException) -> str:

@@ -18,6 +18,7 @@ def check_records(paths: Sequence[Path], options: Reading) -> None:
         DataError: a file that is missing, empty, of an unknown format or named twice, or a unit that does not fit.
         UsageError: an option that does not fit the format, or that contradicts another.
     """
+    from ..data.errors import UsageError
     from ..data.paths import check_distinct, check_file
     from ..data.read import check
     from . import parsing
@@ -26,7 +27,9 @@ def check_records(paths: Sequence[Path], options: Reading) -> None:
         check_file(path)
     check_distinct(paths)
     if options.crop is not None:
-        parsing.span("--crop", options.crop)
+        low, high = parsing.span("--crop", options.crop)
+        if low is not None and high is not None and not low < high:
+            raise UsageError(f"--crop '{options.crop}' ends before it begins; write the earlier time first.")
     given = _given(options)
     for path in paths:
         check(path, given)

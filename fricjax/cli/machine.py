@@ -110,6 +110,9 @@ def choose(options: Machine, free: str | None = None, tied: Collection[str] = ()
     for name in fixed:
         if name in named:
             raise UsageError(f"{name} is both fixed and free. Take it out of --fix or of --free.")
+    if "k3" in named and "k3" not in starts:
+        # A spring that a fit is to bend begins straight.
+        starts["k3"] = 0.0
     described, placeholder = _described(options, {**fixed, **starts})
     names = named if free is not None else [n for n in ("mu", "damping", placeholder or "stiffness") if n not in fixed]
     choice = _choice(options, options.friction, described, {**fixed, **starts}, {*names, *tied})

@@ -13,6 +13,7 @@ import typer
 from . import calibrate, check, compare, demo, doctor, energy, fit, inspect, map, models, simulate
 from .failure import INTERRUPTED, Failure, failure_of
 from .groups import grouped
+from .output import tell, tell_json
 
 app = typer.Typer(
     name="fricjax",
@@ -75,18 +76,16 @@ def run(arguments: Sequence[str]) -> int:
         if "--debug" in arguments and not isinstance(error, KeyboardInterrupt):
             import traceback
 
-            traceback.print_exc(file=sys.stderr)
+            tell(sys.stderr, traceback.format_exc().rstrip())
         return _report(failure_of(error), as_json="--json" in arguments)
     return code if isinstance(code, int) else 0
 
 
 def _report(failure: Failure, *, as_json: bool) -> int:
     if as_json:
-        from .output import json_text
-
-        sys.stdout.write(json_text(failure.to_dict()) + "\n")
+        tell_json(sys.stdout, failure.to_dict())
     elif failure.text:
-        sys.stderr.write(f"{failure.text}\n")
+        tell(sys.stderr, failure.text)
     return failure.exit_code
 
 

@@ -3,7 +3,7 @@
 import dataclasses
 import math
 import re
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
 from typer import Argument
@@ -12,9 +12,6 @@ from .groups import grouped
 from .options import Output
 from .output import finish
 from .runtime import prepare
-
-if TYPE_CHECKING:
-    from ..friction.catalogue import Law
 
 _MARKUP = re.compile(r":\w+:`([^`]+)`")
 
@@ -26,7 +23,9 @@ def models(context: typer.Context, output: Output) -> None:
     from ..friction.catalogue import CATALOGUE
 
     prepare(output)
-    found = [describe(law) for law in CATALOGUE.values()]
+    from .. import friction
+
+    found = [describe(name, getattr(friction, law.name)) for name, law in CATALOGUE.items()]
     lines = ["Friction laws for --friction; join them with +, as coulomb+windage.", ""]
     for entry in found:
         units = [f"{c['name']} [{c['unit'] or '1'}]" for c in entry["coefficients"]]
@@ -47,7 +46,9 @@ def show(
 
     chosen = find_law(name, CATALOGUE)
     prepare(output)
-    entry = describe(chosen)
+    from .. import friction
+
+    entry = describe(chosen.name.lower(), getattr(friction, chosen.name))
     finish(output, entry, _page(entry))
 
 
@@ -56,17 +57,16 @@ app.callback(invoke_without_command=True)(grouped(models))
 app.command("show")(grouped(show))
 
 
-def describe(entry: "Law") -> dict[str, Any]:
+def describe(name: str, law: Any) -> dict[str, Any]:
     """A law as data."""
-    from .. import friction
+    from .laws import laws
 
-    law = getattr(friction, entry.name)
     paragraphs = (law.__doc__ or "").split("Attributes:")[0].strip().split("\n\n")
     about, *details = (" ".join(_MARKUP.sub(r"\1", part).replace("`", "").split()) for part in paragraphs)
     return {
-        "name": entry.name.lower(),
+        "name": name,
         "kind": _kind(law),
-        "on_command_line": not entry.lists,
+        "on_command_line": name in laws(),
         "engine": _engine(law),
         "about": about,
         "details": details,

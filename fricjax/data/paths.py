@@ -3,7 +3,7 @@
 from collections.abc import Iterable
 from pathlib import Path
 
-from .errors import DataError, nearest
+from .errors import DataError, UsageError, nearest
 
 _WILD = "*?["
 # Files that a sentence names as examples.
@@ -50,11 +50,11 @@ def check_distinct(paths: Iterable[Path]) -> None:
     """Refuse a list that leads to one file twice, whose samples would then count twice.
 
     Raises:
-        DataError: names the file.
+        UsageError: names the file.
     """
     seen: dict[Path, Path] = {}
     for path in paths:
         first = seen.setdefault(path.resolve(), path)
         if first is not path:
             also = "" if str(first) == str(path) else f", also as {first}"
-            raise DataError(f"{path} is given twice{also}: its samples would count twice. Leave one of them out.")
+            raise UsageError(f"{path} is given twice{also}: its samples would count twice. Leave one of them out.")

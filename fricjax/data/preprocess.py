@@ -27,7 +27,7 @@ def crop(record: Record, start: float | None = None, stop: float | None = None) 
     trace, t = record.trace, np.asarray(record.trace.t)
     low, high = (-math.inf if start is None else start), (math.inf if stop is None else stop)
     if not high > low:
-        raise UsageError(f"stop must come after start, but start={start} s and stop={stop} s were given.")
+        raise UsageError(f"stop must come after start, but {start} s and {stop} s were given for them.")
     keep = (t >= low) & (t <= high)
     if keep.sum() < MINIMUM_SAMPLES:
         raise DataError(
