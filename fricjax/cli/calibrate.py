@@ -8,7 +8,7 @@ from typer import Argument, Option
 
 from .failure import InvalidFit
 from .files import check_records
-from .groups import grouped
+from .groups import example, grouped
 from .options import Output, Reading
 from .output import check_targets, finish, log, working
 from .runtime import prepare
@@ -117,5 +117,7 @@ def _tell(output: Output, data: dict[str, Any], text: str, rig: "Rig | None", ou
 app = typer.Typer(
     name="calibrate", help="Calibrate the rig, from a ring-down or from an impact test.", no_args_is_help=True
 )
-app.command("ringdown")(grouped(ringdown))
-app.command("frf")(grouped(frf))
+app.command("ringdown", epilog=example("calibrate ringdown swing.csv --mass 0.41 --normal-force 9.66 --out rig.toml"))(
+    grouped(ringdown)
+)
+app.command("frf", epilog=example("calibrate frf receptance.csv --normal-force 9.66 --out rig.toml"))(grouped(frf))

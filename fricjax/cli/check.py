@@ -67,6 +67,7 @@ def _asked(run: Planned, machine: Machine) -> "tuple[Choice, dict[str, Any]]":
     """The machine, and the keywords of `fricjax.sensitivity.fisher`, checked by name and number."""
     from ..fitting.names import find_leaf
     from ..fitting.settings import check_nuisance, check_once
+    from ..sensitivity.settings import check_noise, check_sampling
     from . import parsing
     from .machine import known
 
@@ -79,12 +80,15 @@ def _asked(run: Planned, machine: Machine) -> "tuple[Choice, dict[str, Any]]":
     for name in nuisance:
         check_nuisance(name)
     check_once([*leaves, *nuisance])
+    rate, noise = parsing.per_second("--rate", run.rate), parsing.displacement("--noise", run.noise)
+    check_sampling(rate, run.duration)
+    check_noise(noise)
     return choice, {
         "x0": parsing.displacement("--x0", run.x0),
         "names": None if run.free is None else names,
-        "rate": parsing.per_second("--rate", run.rate),
+        "rate": rate,
         "duration": run.duration,
-        "noise": parsing.displacement("--noise", run.noise),
+        "noise": noise,
         "nuisance": nuisance,
         "engine": machine.engine,
     }

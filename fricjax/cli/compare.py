@@ -27,7 +27,8 @@ def compare(
         list[str] | None,
         Option(
             metavar="LAW",
-            help="A law to compare, once for each: coulomb, stribeck, lugre; + adds. Default: coulomb and stribeck.",
+            help="A law to compare, once for each: coulomb, stribeck, lugre; + adds. Default: coulomb and stribeck. "
+            "fricjax models lists all laws.",
             rich_help_panel=_COMPARISON,
         ),
     ] = None,

@@ -27,8 +27,11 @@ def energy(
     out: Annotated[Path | None, Option(help="Write the result (.json).", rich_help_panel="Output")] = None,
 ) -> None:
     """Find friction from the rate of energy loss: the force against velocity, and its mean in each half-cycle."""
+    from ..routes.settings import check_bins
+
     check_targets(("--plot", plot, PICTURES), ("--out", out, RESULTS))
     machine = _bench(files, reading, rig, no_contact)
+    check_bins(bins)
     with working(output, f"Evaluating {', '.join(file.name for file in files)}"):
         prepare(output)
         force_map, balance = evaluated(files, reading, machine, no_contact, bins)

@@ -14,6 +14,11 @@ from typing import Any, get_type_hints
 from .wording import options_of, speak
 
 
+def example(words: str) -> str:
+    """The line of a help page that shows how the command is used."""
+    return f"Example: fricjax {words.strip()}"
+
+
 def grouped(command: Callable[..., Any]) -> Callable[..., Any]:
     """A command whose dataclass arguments are spread into one option per field."""
     parameters = inspect.signature(command).parameters

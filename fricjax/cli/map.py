@@ -39,8 +39,11 @@ def map_(
     plot: Plot = None,
 ) -> None:
     """Friction from final against initial displacements: mu by route 2 and 3, mu_s between stops and non-stops."""
+    from ..routes.settings import check_scatter
+
     check_targets(("--plot", plot, PICTURES))
     chosen = _chosen(files, reading, machine, free, start)
+    check_scatter(mu_scatter)
     with working(output, "Fitting the map"):
         prepare(output)
         from ..routes import fit_final_displacements, fit_triangle_map

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 import typer
 from typer import Argument
 
-from .groups import grouped
+from .groups import example, grouped
 from .options import Output
 from .output import finish
 from .runtime import prepare
@@ -54,7 +54,7 @@ def show(
 
 app = typer.Typer(rich_markup_mode="rich")
 app.callback(invoke_without_command=True)(grouped(models))
-app.command("show")(grouped(show))
+app.command("show", epilog=example("models show lugre"))(grouped(show))
 
 
 def describe(name: str, law: Any) -> dict[str, Any]:

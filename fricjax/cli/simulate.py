@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
 _RUN, _EYE = "Run", "Instrument"
 _TAIL = 0.05
+_FOREVER = 1e9
 
 
 @dataclasses.dataclass(frozen=True)
@@ -73,7 +74,7 @@ def simulate(
 ) -> None:
     """Compute the motion of a machine whose coefficients are known, and write it as a record."""
     check_targets(("--out", out, RECORDS), ("--plot", plot, PICTURES))
-    choice, x0 = _known(run, machine)
+    choice, x0 = _known(run, machine, instrument)
     with working(output, "Simulating"):
         prepare(output)
         motion, record, facts = simulated(run, choice, x0, instrument)
@@ -83,12 +84,23 @@ def simulate(
         log(output, f"{name.capitalize()}: {path}")
 
 
-def _known(run: Run, machine: Machine) -> "tuple[Choice, float]":
-    """The machine, and the displacement at release [m or rad]."""
+def _known(run: Run, machine: Machine, instrument: Instrument) -> "tuple[Choice, float]":
+    """The machine and the displacement at release [m or rad], all numbers of the run and the instrument checked."""
+    from ..instrument.interferometer import Interferometer
+    from ..instrument.run import Run as Numbers
+    from ..instrument.run import check_seed
     from . import parsing
     from .machine import known
 
-    return known(machine), parsing.displacement("--x0", run.x0)
+    choice, x0 = known(machine), parsing.displacement("--x0", run.x0)
+    given = dataclasses.asdict(run) | {"x0": x0}
+    del given["accuracy"]
+    # How long the motion lasts is not known yet, but no run is longer than this.
+    Numbers(**{**given, "duration": _FOREVER if run.duration is None else run.duration})
+    eye = dataclasses.asdict(instrument)
+    check_seed(eye.pop("seed"))
+    Interferometer(**eye)
+    return choice, x0
 
 
 def simulated(run: Run, choice: "Choice", x0: float, instrument: Instrument) -> "tuple[Motion, Record, dict[str, Any]]":

@@ -64,7 +64,8 @@ def lacking(problem: Problem, run: int, size: float) -> Iterator[str]:
         names = [parameter.name for parameter in problem.parameters if "[" not in parameter.name]
         shared = [name for name in names if name.rsplit(".", 1)[-1] not in NUISANCES]
         what, how = _advice(term, shared, window.quantity)
-        yield f"{what} would leave {engineering(left, window.quantity)} of these residuals at the reversals: fit with {how}."
+        rest = engineering(left, window.quantity)
+        yield f"{what} would leave {rest} of these residuals at the reversals: fit with {how}."
 
 
 def _advice(term: str, free: list[str], quantity: str) -> tuple[str, str]:

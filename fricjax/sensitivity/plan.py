@@ -25,6 +25,7 @@ from ..oscillator import Motion, Oscillator, ready, simulate
 from ..oscillator.engines import AbstractEngine
 from ..oscillator.leaves import Leaf, leaves_of
 from ..oscillator.select import half_cycle_capacity, select_engine
+from .settings import check_sampling
 
 TAIL = 0.05
 """Time at rest that a record should hold behind the stop [s]."""
@@ -119,13 +120,10 @@ def planned_times(course: Course, rate: float, duration: float | None) -> np.nda
     Raises:
         UsageError: a rate or duration that is no positive number, or a mass that never stops.
     """
-    if not (math.isfinite(rate) and rate > 0):
-        raise UsageError(f"The rate must be a positive number of samples per second, got {rate}.")
+    check_sampling(rate, duration)
     if duration is None and not math.isfinite(course.t_stop):
         raise UsageError("The mass does not come to rest by itself here: say with the duration how long to record.")
     length = course.t_stop + TAIL if duration is None else float(duration)
-    if not (math.isfinite(length) and length > 0):
-        raise UsageError(f"The duration must be a positive number of seconds, got {duration}.")
     return np.arange(max(round(length * rate), 2)) / rate
 
 
