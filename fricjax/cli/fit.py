@@ -136,11 +136,12 @@ class Asked:
             DataError: files that cannot be read.
             UsageError: names or values that do not fit.
         """
-        from ..fitting.settings import check_settings
         from .files import check_records
-        from .machine import choose
 
         check_records(files, reading)
+        from ..fitting.settings import check_settings
+        from .machine import choose
+
         settings = _settings(fitting)
         choice = choose(machine, fitting.free, tuple(settings["tie"]))
         check_settings(choice.model, choice.free, len(files), settings)

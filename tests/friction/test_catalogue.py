@@ -76,7 +76,7 @@ def test_a_sum_that_no_engine_integrates_is_refused_in_the_same_words():
     from fricjax.cli.laws import summands
 
     with pytest.raises(ValueError) as by_classes:
-        Coulomb(0.1) + friction.LuGre(0.1)
+        Sum((Coulomb(0.1), friction.LuGre(0.1)))
     with pytest.raises(ValueError) as by_names:
         summands("coulomb+lugre")
     assert str(by_classes.value) == str(by_names.value)
