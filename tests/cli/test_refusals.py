@@ -4,11 +4,12 @@ All refusals are made one after the other in one fresh process, which reports af
 """
 
 import json
-import re
 import subprocess
 import sys
 
 import pytest
+
+from tests.helpers import python_in
 
 LARGE = ("jax", "jaxlib", "equinox", "diffrax", "scipy", "pandas", "h5py", "matplotlib", "pint")
 _ALL = f"""
@@ -171,7 +172,4 @@ def test_a_refusal_says_what_is_wrong_before_anything_large_is_imported(told, wo
 
 @pytest.mark.parametrize("words", [words for words, *_ in CASES], ids=" ".join)
 def test_no_refusal_speaks_python(told, words):
-    """No argument with its equals sign, but what follows an option; no call, no method; no list."""
-    error = re.sub(r"--[a-z-]+ \S+", "", told[words][1])
-    error = re.sub(r"write \w+ = |\w+ = \"[^\"]*\"|mass = 1\.0|'[^']*'", "", error)
-    assert not re.search(r"[A-Za-z_]+=|\w\(\)|\[['\"]|\b(?:True|False|None)\b", error), error
+    assert not python_in(told[words][1])
