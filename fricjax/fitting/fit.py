@@ -142,7 +142,7 @@ def check_effect(problem: Problem, solved: Solved) -> None:
     idle = [p.name for p, slope in zip(problem.parameters, slopes, strict=False) if slope == 0]
     if idle:
         raise UsageError(
-            f"{' and '.join(idle)} cannot be fitted: the fitted motion does not depend on it. Take it out of free."
+            f"{' and '.join(idle)} cannot be fitted: the fitted motion does not depend on it. Take it out of free=."
         )
 
 
