@@ -23,6 +23,8 @@ def find_law(name: str, known: Mapping[str, Law]) -> Law:
         UsageError: no such law.
     """
     word = name.strip().lower()
+    if word in CATALOGUE and word not in known:
+        raise UsageError(f"The law '{word}' is made in Python only, for its coefficients are lists of numbers.")
     if word not in known:
         raise UsageError(f"There is no friction law '{name}'.{nearest(word, known)} Known are {', '.join(known)}.")
     return known[word]

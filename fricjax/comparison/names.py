@@ -18,7 +18,7 @@ def check_criterion(criterion: str, held_out: bool) -> None:
             f"There is no ranking by {criterion!r}.{nearest(criterion, CRITERIA)} Choose one of {', '.join(CRITERIA)}."
         )
     if criterion == "held_out" and not held_out:
-        raise UsageError("There is no ranking by 'held_out' where no run is held out: ask for it, or rank by 'bic'.")
+        raise UsageError("There is no ranking by 'held_out' with held_out=False: leave it out, or rank by 'bic'.")
 
 
 def check_different(names: Sequence[str]) -> None:

@@ -5,7 +5,6 @@ from pathlib import Path
 
 from .errors import DataError, UsageError, nearest
 
-_WILD = "*?["
 # Files that a sentence names as examples.
 _SHOWN = 3
 
@@ -25,25 +24,25 @@ def check_file(path: Path) -> None:
 def _missing(path: Path) -> str:
     if path.is_dir():
         files = sorted(entry for entry in path.iterdir() if entry.is_file() and not entry.name.startswith("."))
-        inside = f"; it holds {len(files)} files: {_named(files)}" if files else ""
+        inside = f"; it holds {_named(files)}" if files else ""
         return f"{path} is a folder, not a file; name one record in it{inside}."
-    if any(sign in path.name for sign in _WILD):
-        matching = sorted(path.parent.glob(path.name)) if path.parent.is_dir() else []
-        if matching:
-            return (
-                f"{path} is a pattern, which {len(matching)} files match: {_named(matching)}. Name each file, or leave "
-                "the pattern without quotes, so that the shell puts the names in its place."
-            )
-        return f"There is no file {path}, and none that matches this pattern. Check the folder and the ending."
     if not path.parent.is_dir():
         return f"There is no file {path}, for there is no folder {path.parent}. Check the path."
+    matching = sorted(path.parent.glob(path.name)) if any(sign in path.name for sign in "*?[") else []
+    if matching:
+        return (
+            f"{path} is a pattern, not a file; it matches {_named(matching)}. Name each file, or leave the pattern "
+            "without quotes, so that the shell puts the names in its place."
+        )
+    if any(sign in path.name for sign in "*?"):
+        return f"There is no file {path}, and none that matches this pattern. Check the folder and the ending."
     siblings = [entry.name for entry in path.parent.iterdir()]
     return f"There is no file {path}.{nearest(path.name, siblings)} Check the path."
 
 
 def _named(files: list[Path]) -> str:
-    shown = ", ".join(str(file) for file in files[:_SHOWN])
-    return shown if len(files) <= _SHOWN else f"{shown} ..."
+    more = len(files) - _SHOWN
+    return ", ".join(str(file) for file in files[:_SHOWN]) + (f" and {more} more" if more > 0 else "")
 
 
 def check_distinct(paths: Iterable[Path]) -> None:
