@@ -1,5 +1,6 @@
 """Tables shared by the tests: golden motions, rigs, friction laws, and finite differences."""
 
+import re
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -79,3 +80,12 @@ def central_differences(f: Callable[[jax.Array], jax.Array], p: jax.Array, step:
     values = jnp.split(jax.lax.map(lambda d: f(p + d), offsets), 4)
     near, far = (values[0] - values[1]) / (2 * step), (values[2] - values[3]) / (4 * step)
     return (4 * near - far) / 3, near
+
+
+def python_in(sentence: str) -> list[str]:
+    """Words of Python in a sentence: arguments with their equals sign, calls, lists, constants.
+
+    What follows an option, such as ``--fix mu=...``, what is quoted, and what belongs into a rig file is none.
+    """
+    left = re.sub(r"--[a-z-]+ \S+|'[^']*'|\w+ = (?:\"[^\"]*\"|\S+)", "", sentence)
+    return re.findall(r"\w+=|\w\(\)|\[['\"]|\b(?:True|False|None)\b", left)

@@ -1,7 +1,5 @@
 """Calibration: the rig's mass, stiffness, damping and load, with the uncertainties they were measured with."""
 
-from . import corrections
-from .measured import Measured
-from .rig import Rig
+import lazy_loader as _lazy_loader
 
-__all__ = ["Measured", "Rig", "corrections"]
+__getattr__, __dir__, __all__ = _lazy_loader.attach_stub(__name__, __file__)

@@ -2,10 +2,8 @@
 
 import dataclasses
 import math
+import sys
 from typing import Any
-
-import numpy as np
-from jax.core import Tracer
 
 from ..data.errors import UsageError
 from ..show.numbers import uncertain
@@ -38,16 +36,24 @@ class Measured:
         return self.std / abs(self.value) if self.value else (math.inf if self.std else 0.0)
 
     def __repr__(self) -> str:
-        if isinstance(self.value, Tracer):
+        if is_traced(self.value):
             return f"Measured({self.value}, {self.std:g})"
         return uncertain(self.value, self.std) if self.std > 0 else f"{self.value:.10g}"
 
 
+def is_traced(value: Any) -> bool:
+    """Whether a value is not known yet, for JAX traces it; without JAX none is."""
+    jax = sys.modules.get("jax")
+    return jax is not None and isinstance(value, jax.core.Tracer)
+
+
 def _finite(field: str, number: Any) -> Any:
     """A finite float; a tracer passes, for its value is not known yet."""
-    if isinstance(number, Tracer):
+    if is_traced(number):
         return number
-    if isinstance(number, bool | np.bool_ | str) or np.ndim(number) != 0:
+    # Numbers of NumPy and arrays of none dimension know their own kind and shape.
+    boolean = isinstance(number, bool) or getattr(getattr(number, "dtype", None), "kind", "") == "b"
+    if boolean or isinstance(number, str) or getattr(number, "ndim", 0) != 0:
         raise UsageError(f"The {field} of a Measured must be one number, got {number!r}.")
     try:
         converted = float(number)

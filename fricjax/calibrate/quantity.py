@@ -9,6 +9,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from ..data.errors import UsageError, nearest
+from ..data.units import si_unit
 from .measured import Measured
 
 UNITS: Mapping[str, tuple[str, str]] = {
@@ -120,20 +121,21 @@ def _converted(name: str, value: float, std: float, unit: str) -> Measured:
 
 def _factor(name: str, unit: str) -> float:
     """What one `unit` is in the SI unit of the input."""
-    import pint
-
-    registry = pint.get_application_registry()
-    try:
-        parsed = registry.Unit(unit.replace("^", "**"))
-    except Exception as error:
-        raise UsageError(f"{name} has the unknown unit '{unit}'; use for example {_examples(name)}.") from error
-    if name == "frequency" and "radian" in str(registry.get_base_units(parsed)[1]):
+    found = si_unit(unit)
+    if found is None:
+        raise UsageError(f"{name} has the unknown unit '{unit}'; use for example {_examples(name)}.")
+    if name == "frequency" and found[1] == _dimension("rad/s"):
         raise UsageError(f"frequency counts cycles: give it in Hz, not in '{unit}' (1 Hz is 2 pi rad/s).")
     for target in UNITS[name]:
-        goal = registry.Unit(target.replace("^", "**"))
-        if parsed.is_compatible_with(goal):
-            return float(registry.Quantity(1.0, parsed).to(goal).magnitude)
+        # A radian is one: a stiffness in N m is one in N m/rad.
+        if found[1] in (_dimension(target), _dimension(target.partition("/rad")[0])):
+            return found[0]
     raise UsageError(f"The unit '{unit}' does not fit {name}; use for example {_examples(name)}.")
+
+
+def _dimension(unit: str) -> str | None:
+    found = si_unit(unit)
+    return None if found is None else found[1]
 
 
 def _examples(name: str) -> str:

@@ -15,32 +15,15 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from jax.core import Tracer
-
 from ..data.errors import UsageError, nearest
 from ..friction import AbstractFriction
 from ..oscillator import Oscillator
 from ..oscillator.restoring import AbstractRestoring, Cubic, Linear, Pendulum
+from .inputs import CORRECTED, check_restoring, checked, replaced
 from .measured import Measured
-from .quantity import UNITS, quantity
+from .quantity import UNITS
 
 type Number = float | Measured | str | Mapping[str, Any]
-RESTORING = ("linear", "cubic", "pendulum")
-_POSITIVE = ("mass", "stiffness", "frequency", "nonlinearity_period")
-# Half the wavelength of a helium-neon laser, 633 nm: one fringe of a single-pass interferometer [m].
-_FRINGE = 316.5e-9
-_CORRECTED = {
-    "displacement_scale": (1.0, "multiply the displacements of the record by it, and give its standard uncertainty"),
-    "time_scale": (1.0, "multiply the times of the record by it, and give its standard uncertainty"),
-    "periodic_nonlinearity": (0.0, "give its standard uncertainty alone, for an amplitude A of any phase A/sqrt(2)"),
-}
-"""Inputs of the reading: the value that each must have, and what to do with another."""
-_ALTERNATIVES = {
-    "stiffness": "frequency",
-    "frequency": "stiffness",
-    "damping": "damping_ratio",
-    "damping_ratio": "damping",
-}
 
 
 @dataclasses.dataclass(frozen=True, init=False)
@@ -121,11 +104,7 @@ class Rig:
             "periodic_nonlinearity": periodic_nonlinearity,
             "nonlinearity_period": nonlinearity_period,
         }
-        if periodic_nonlinearity is not None and nonlinearity_period is None and not _is_rotary(restoring):
-            numbers["nonlinearity_period"] = _FRINGE
-        values = {name: None if number is None else quantity(name, number) for name, number in numbers.items()}
-        _check(values)
-        _check_reading(values)
+        values = checked(numbers, _named(restoring))
         for name, value in values.items():
             object.__setattr__(self, name, value)
         object.__setattr__(self, "restoring", _restoring(restoring, values["k3"]))
@@ -174,7 +153,7 @@ class Rig:
         for name, number in self.inputs().items():
             if name == "displacement_scale":
                 yield self, number.value + number.std
-            elif name not in _CORRECTED:
+            elif name not in CORRECTED:
                 yield self.with_inputs({name: number.value + number.std}), 1.0
 
     def numbers(self) -> dict[str, Measured]:
@@ -201,16 +180,7 @@ class Rig:
 
     def replace(self, **values: Any) -> "Rig":
         """The rig with some arguments of `Rig` given anew; a stiffness replaces a frequency and the other way round."""
-        known = tuple(field.name for field in dataclasses.fields(self))
-        for name in values:
-            if name not in known:
-                raise UsageError(f"A rig has no '{name}'; known are {', '.join(known)}.{nearest(name, known)}")
-        displaced = {_ALTERNATIVES[name]: None for name in values if name in _ALTERNATIVES}
-        if values.get("restoring", "cubic") != "cubic":
-            displaced["k3"] = None
-        if values.get("periodic_nonlinearity", 0.0) is None:
-            displaced["nonlinearity_period"] = None
-        return dataclasses.replace(self, **{**displaced, **values})
+        return dataclasses.replace(self, **replaced(values))
 
     def summary(self) -> str:
         """The rig's values as a plain table with units and relative uncertainties."""
@@ -228,54 +198,20 @@ def _value(number: Measured | None) -> Any:
     return 0.0 if number is None else number.value
 
 
-def _known(number: Measured | None) -> bool:
-    return number is not None and not isinstance(number.value, Tracer)
+def _named(given: "str | AbstractRestoring") -> str:
+    """Name of the form of a restoring force, given by name or as an instance.
 
-
-def _check(values: Mapping[str, Measured | None]) -> None:
-    """One sentence for each way in which numbers do not make a rig."""
-    for name in _POSITIVE:
-        number = values[name]
-        if number is not None and _known(number) and not number.value > 0:
-            raise UsageError(f"{name} must be a positive number of {UNITS[name][0]}, got {number.value:g}.")
-    load = values["normal_force"]
-    if load is not None and _known(load) and not load.value >= 0:
-        raise UsageError(f"normal_force must not be negative, got {load.value:g} N.")
-    if (values["stiffness"] is None) == (values["frequency"] is None):
-        got = "neither" if values["stiffness"] is None else "both"
-        raise UsageError(f"A rig needs its stiffness [N/m] or its natural frequency [Hz]: give one of them, got {got}.")
-    if values["damping"] is not None and values["damping_ratio"] is not None:
-        raise UsageError("A rig has a damping [N s/m] or a damping_ratio [1]: give one of them, got both.")
-
-
-def _check_reading(values: Mapping[str, Measured | None]) -> None:
-    """One sentence for each way in which numbers do not tell what a reading may err by."""
-    for name, (value, remedy) in _CORRECTED.items():
-        number = values[name]
-        if number is not None and _known(number) and number.value != value:
-            raise UsageError(f"{name} must be {value:g}, got {number.value:.10g}: {remedy}.")
-    if values["nonlinearity_period"] is not None and values["periodic_nonlinearity"] is None:
-        raise UsageError("nonlinearity_period belongs to a periodic_nonlinearity: give both, or leave it out.")
-    if values["periodic_nonlinearity"] is not None and values["nonlinearity_period"] is None:
-        raise UsageError("The periodic_nonlinearity of a rotary rig needs its period: give nonlinearity_period [rad].")
-
-
-def _is_rotary(given: str | AbstractRestoring) -> bool:
-    return given == "pendulum" or isinstance(given, Pendulum)
+    Raises:
+        UsageError: what is neither, or an unknown name.
+    """
+    if isinstance(given, AbstractRestoring):
+        return type(given).__name__.lower()
+    check_restoring(given)
+    return given
 
 
 def _restoring(given: str | AbstractRestoring, k3: Measured | None) -> AbstractRestoring:
     """The restoring force by instance or by name."""
-    if isinstance(given, str) and given not in RESTORING:
-        raise UsageError(
-            f"There is no restoring force '{given}'; known are {', '.join(RESTORING)}.{nearest(given, RESTORING)}"
-        )
-    if not isinstance(given, str | AbstractRestoring):
-        raise UsageError(f"restoring must be a restoring force or its name ({', '.join(RESTORING)}), got {given!r}.")
-    if given == "cubic" or isinstance(given, Cubic):
-        if k3 is None:
-            raise UsageError("A cubic spring needs its coefficient: give k3 [N/m^3].")
-        return Cubic(k3.value)
     if k3 is not None:
-        raise UsageError("k3 belongs to a cubic spring: give restoring = 'cubic' with it, or leave it out.")
+        return Cubic(k3.value)
     return {"linear": Linear, "pendulum": Pendulum}[given]() if isinstance(given, str) else given

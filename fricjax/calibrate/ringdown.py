@@ -10,12 +10,12 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from ..data import Record, Trace, segmentation_of
-from ..data.errors import UsageError, nearest
 from ..fitting import Fit, fit
 from ..fitting.result import FitError
 from ..friction import Coulomb
 from ..oscillator import Oscillator
 from ..oscillator.restoring import AbstractRestoring, Cubic, Linear, Pendulum
+from .inputs import check_restoring
 from .measured import Measured
 from .ringdown_calibration import SIGNIFICANT, TERMS, RingdownCalibration, Term
 
@@ -71,10 +71,7 @@ def _spring(restoring: str | AbstractRestoring | None) -> AbstractRestoring:
     if isinstance(restoring, AbstractRestoring):
         return Cubic(0.0) if isinstance(restoring, Cubic) else restoring
     name = "linear" if restoring is None else str(restoring)
-    if name not in _SPRINGS:
-        raise UsageError(
-            f"There is no restoring force {name!r}; known are {', '.join(_SPRINGS)}.{nearest(name, _SPRINGS)}"
-        )
+    check_restoring(name)
     return Cubic(0.0) if name == "cubic" else _SPRINGS[name]()
 
 

@@ -7,21 +7,17 @@ restoring = "linear"
 """
 
 import tomllib
-from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..data.errors import UsageError, nearest
-from ..oscillator.restoring import Cubic, Linear, Pendulum
 from ..show.files import write_text
+from .inputs import ARGUMENTS, RESTORING
 from .measured import Measured
-from .quantity import UNITS
 
 if TYPE_CHECKING:
     from .rig import Rig
 
-_KEYS = (*UNITS, "restoring")
-_NAMES = {Linear: "linear", Cubic: "cubic", Pendulum: "pendulum"}
 _HEAD = (
     "# A rig, in SI units: kg, N/m, N s/m, N; for rotary rigs kg m^2, N m/rad, N m s/rad, N m.",
     '# std is the standard uncertainty (k = 1); a unit may be added, as in { value = 410.7, std = 0.3, unit = "g" }.',
@@ -32,27 +28,40 @@ def read_rig(path: Path) -> "Rig":
     """The rig that a file describes; every refusal names the file, the key and the value."""
     from .rig import Rig
 
-    table = _table(path)
-    for key in table:
-        if key not in _KEYS:
-            raise UsageError(
-                f"{path}: there is no key '{key}' in a rig file; known are {', '.join(_KEYS)}.{nearest(key, _KEYS)}"
-            )
-    for key in ("mass", "normal_force"):
-        if key not in table:
-            raise UsageError(f"{path}: '{key}' is missing; add a line such as {key} = 1.0.")
+    table = read_table(path)
     try:
         return Rig(**table)
     except UsageError as error:
         raise UsageError(f"{path}: {error}") from error
 
 
-def _table(path: Path) -> Mapping[str, Any]:
+def read_table(path: Path) -> dict[str, Any]:
+    """The arguments of `Rig` that a file holds, as they stand there.
+
+    Raises:
+        UsageError: no file, no TOML, an unknown key, or one that is missing.
+    """
+    table = _parsed(path)
+    for key in table:
+        if key not in ARGUMENTS:
+            known = ", ".join(ARGUMENTS)
+            raise UsageError(
+                f"{path}: there is no key '{key}' in a rig file; known are {known}.{nearest(key, ARGUMENTS)}"
+            )
+    for key in ("mass", "normal_force"):
+        if key not in table:
+            raise UsageError(f"{path}: '{key}' is missing; add a line such as {key} = 1.0.")
+    return table
+
+
+def _parsed(path: Path) -> dict[str, Any]:
     try:
         return tomllib.loads(path.read_text(encoding="utf-8"))
     except FileNotFoundError as error:
+        siblings = [entry.name for entry in path.parent.glob("*.toml")] if path.parent.is_dir() else []
         raise UsageError(
-            f"There is no rig file '{path}'; give the path of a TOML file with mass, stiffness, ..."
+            f"There is no rig file '{path}'.{nearest(path.name, siblings)} Give the path of a TOML file with mass, "
+            "stiffness, ..."
         ) from error
     except OSError as error:
         raise UsageError(f"The rig file '{path}' cannot be read: {error.strerror}.") from error
@@ -71,9 +80,8 @@ def _entry(number: Measured) -> str:
 
 
 def _restoring_line(rig: "Rig") -> str:
-    name = _NAMES.get(type(rig.restoring))
-    if name is None:
-        raise UsageError(
-            f"A rig file cannot hold the restoring force {type(rig.restoring).__name__}; build that rig in Python."
-        )
+    form = type(rig.restoring).__name__
+    name = form.lower()
+    if name not in RESTORING:
+        raise UsageError(f"A rig file cannot hold the restoring force {form}; build that rig in Python.")
     return f'restoring = "{name}"'

@@ -7,7 +7,8 @@ import typer
 from typer import Argument, Option
 
 from .failure import InvalidFit
-from .groups import grouped
+from .files import check_records
+from .groups import example, grouped
 from .options import Output, Reading
 from .output import check_targets, finish, log, working
 from .runtime import prepare
@@ -41,6 +42,10 @@ def ringdown(
 ) -> None:
     """Frequency, damping, windage and residual friction of a rig that swings without contact."""
     _check_out(out, {"--normal-force": normal_force, "--mass": mass})
+    from ..calibrate.inputs import check_restoring
+
+    check_records([file], reading)
+    check_restoring(restoring)
     with working(output, f"Calibrating from {file.name}"):
         prepare(output)
         from ..calibrate.ringdown import calibrate_ringdown
@@ -72,6 +77,9 @@ def frf(
 ) -> None:
     """Mass, stiffness and damping from a receptance, displacement over force."""
     _check_out(out, {"--normal-force": normal_force})
+    from ..data.paths import check_file
+
+    check_file(file)
     with working(output, f"Calibrating from {file.name}"):
         prepare(output)
         from ..calibrate.frf import calibrate_frf
@@ -85,6 +93,11 @@ def frf(
 def _check_out(out: Path | None, needed: dict[str, str | None]) -> None:
     """Refuse a rig file of which numbers are missing, before any work is done."""
     check_targets(("--out", out, (".toml",)))
+    from ..calibrate.quantity import quantity
+
+    for option, text in needed.items():
+        if text is not None:
+            quantity(option.removeprefix("--").replace("-", "_"), text)
     missing = [name for name, value in needed.items() if value is None]
     if out is not None and missing:
         from ..data.errors import UsageError
@@ -104,5 +117,7 @@ def _tell(output: Output, data: dict[str, Any], text: str, rig: "Rig | None", ou
 app = typer.Typer(
     name="calibrate", help="Calibrate the rig, from a ring-down or from an impact test.", no_args_is_help=True
 )
-app.command("ringdown")(grouped(ringdown))
-app.command("frf")(grouped(frf))
+app.command("ringdown", epilog=example("calibrate ringdown swing.csv --mass 0.41 --normal-force 9.66 --out rig.toml"))(
+    grouped(ringdown)
+)
+app.command("frf", epilog=example("calibrate frf receptance.csv --normal-force 9.66 --out rig.toml"))(grouped(frf))

@@ -2,7 +2,7 @@
 
 import dataclasses
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 from typer import Exit, Option
 
@@ -12,6 +12,7 @@ from .runtime import prepare
 
 if TYPE_CHECKING:
     from ..sensitivity import Information
+    from .machine import Choice
 
 _RUN = "Planned run"
 
@@ -48,9 +49,12 @@ class Planned:
 def check(run: Planned, machine: Machine, output: Output, plot: Plot = None) -> None:
     """Tell what a planned run will determine and how well; ends with 3 where a coefficient of --free will not be."""
     check_targets(("--plot", plot, PICTURES))
+    choice, settings = _asked(run, machine)
     with working(output, "Checking"):
         prepare(output)
-        found = checked(run, machine)
+        from ..sensitivity import fisher
+
+        found = fisher(choice.oscillator, **settings)
     data = {**found.to_dict(), "files": _write(found, plot)}
     finish(output, data, found.summary())
     for name, path in data["files"].items():
@@ -59,26 +63,35 @@ def check(run: Planned, machine: Machine, output: Output, plot: Plot = None) -> 
         raise Exit(3)
 
 
-def checked(run: Planned, machine: Machine) -> "Information":
-    """The information of the run that the options plan."""
-    from ..sensitivity import fisher
+def _asked(run: Planned, machine: Machine) -> "tuple[Choice, dict[str, Any]]":
+    """The machine, and the keywords of `fricjax.sensitivity.fisher`, checked by name and number."""
+    from ..fitting.names import find_leaf
+    from ..fitting.settings import check_nuisance, check_once
+    from ..sensitivity.settings import check_noise, check_sampling
     from . import parsing
-    from .machine import engine, known
+    from .machine import known
 
     entries = parsing.words(run.free)
     given = [entry for entry in entries if "=" in entry]
-    oscillator = known(dataclasses.replace(machine, fix=[*(machine.fix or []), *given]))
-    engine(machine.engine, oscillator)
-    return fisher(
-        oscillator,
-        parsing.displacement("--x0", run.x0),
-        names=None if run.free is None else [entry.partition("=")[0].strip() for entry in entries],
-        rate=parsing.per_second("--rate", run.rate),
-        duration=run.duration,
-        noise=parsing.displacement("--noise", run.noise),
-        nuisance=parsing.words(run.nuisance),
-        engine=machine.engine,
-    )
+    choice = known(dataclasses.replace(machine, fix=[*(machine.fix or []), *given]))
+    names = [entry.partition("=")[0].strip() for entry in entries]
+    nuisance = parsing.words(run.nuisance)
+    leaves = [find_leaf(name, choice.model.leaves).name for name in names]
+    for name in nuisance:
+        check_nuisance(name)
+    check_once([*leaves, *nuisance])
+    rate, noise = parsing.per_second("--rate", run.rate), parsing.displacement("--noise", run.noise)
+    check_sampling(rate, run.duration)
+    check_noise(noise)
+    return choice, {
+        "x0": parsing.displacement("--x0", run.x0),
+        "names": None if run.free is None else names,
+        "rate": rate,
+        "duration": run.duration,
+        "noise": noise,
+        "nuisance": nuisance,
+        "engine": machine.engine,
+    }
 
 
 def _write(found: "Information", plot: Path | None) -> dict[str, str]:

@@ -13,6 +13,7 @@ from .runtime import prepare
 
 if TYPE_CHECKING:
     from ..comparison import Comparison
+    from .machine import Choice
 
 _COMPARISON = "Comparison"
 
@@ -26,7 +27,8 @@ def compare(
         list[str] | None,
         Option(
             metavar="LAW",
-            help="A law to compare, once for each: coulomb, stribeck, lugre; + adds. Default: coulomb and stribeck.",
+            help="A law to compare, once for each: coulomb, stribeck, lugre; + adds. Default: coulomb and stribeck. "
+            "fricjax models lists all laws.",
             rich_help_panel=_COMPARISON,
         ),
     ] = None,
@@ -51,9 +53,12 @@ def compare(
     """Compare friction laws on the same runs: criteria, prediction of held-out runs, tests of the residuals."""
     check_targets(("--plot", plot, PICTURES))
     laws = friction or ["coulomb", "stribeck"]
+    choices = _choices(files, laws, bench, reading, guess)
+    how = _settings(criterion, start, held_out)
+    calibrated = choices[0].calibrated
     with working(output, f"Comparing {', '.join(laws)}"):
         prepare(output)
-        found, calibrated = _compared(files, laws, bench, reading, guess, criterion, start, held_out)
+        found = _compared(files, laws, choices, reading, how)
     data: dict[str, Any] = {**found.to_dict(), "calibrated": calibrated, "files": {}}
     text = _report(found, calibrated)
     if plot is not None:
@@ -69,38 +74,42 @@ def compare(
         raise_invalid(output, best.status)
 
 
+def _choices(
+    files: list[Path], laws: list[str], bench: Bench, reading: Reading, guess: list[str] | None
+) -> "list[Choice]":
+    """The machine with each of the laws, once the files are known to be there."""
+    from ..comparison.names import check_different
+    from .files import check_records
+    from .machine import contenders
+
+    check_records(files, reading)
+    choices = contenders(bench, laws, guess)
+    check_different(laws)
+    return choices
+
+
+def _settings(criterion: str, start: str, held_out: bool) -> dict[str, Any]:
+    """Keywords of `fricjax.compare`, checked."""
+    from ..comparison.names import check_criterion
+    from ..fitting.settings import check_start
+
+    check_criterion(criterion, held_out)
+    check_start(start)
+    return {"criterion": criterion, "start": start, "held_out": held_out}
+
+
 def _compared(
-    files: list[Path],
-    laws: list[str],
-    bench: Bench,
-    reading: Reading,
-    guess: list[str] | None,
-    criterion: str,
-    start: str,
-    held_out: bool,
-) -> "tuple[Comparison, bool]":
-    """The comparison, and whether the machine was given."""
+    files: list[Path], laws: list[str], choices: "list[Choice]", reading: Reading, how: dict[str, Any]
+) -> "Comparison":
     from ..comparison import compare as compare_laws
-    from . import machine as building
     from .records import read_records, tell_doubts
 
-    choices = building.contenders(bench, laws, guess)
-    for choice in choices:
-        building.engine(bench.engine, choice.oscillator)
+    oscillators = [choice.oscillator for choice in choices]
     records = read_records(files, reading)
     tell_doubts(records)
-    found = compare_laws(
-        records[0] if len(records) == 1 else records,
-        [choice.oscillator for choice in choices],
-        [choice.free for choice in choices],
-        names=laws,
-        held_out=held_out,
-        criterion=criterion,
-        engine=bench.engine,
-        start=start,
-        rig=choices[0].rig,
-    )
-    return found, choices[0].rig is not None
+    data = records[0] if len(records) == 1 else records
+    settings = {"engine": choices[0].engine, "rig": choices[0].rig, **how}
+    return compare_laws(data, oscillators, [choice.free for choice in choices], names=laws, **settings)
 
 
 def _report(found: "Comparison", calibrated: bool) -> str:

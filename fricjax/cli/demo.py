@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from typer import Option
 
-from .fit import Fitting, fitted, report
+from .fit import Asked, Fitting, fitted, report
 from .options import Machine, Output, Reading
 from .output import finish, working
 from .runtime import prepare
@@ -28,8 +28,9 @@ def demo(
         from ..data.examples import example_paths
 
         run, rig = example_paths()
-        records, choice, found = fitted([run], Fitting(), Machine(rig=rig), Reading())
-    data, text = report(found, choice)
+        asked = Asked.of([run], Fitting(), Machine(rig=rig), Reading())
+        records, found = fitted(asked)
+    data, text = report(found, asked.choice)
     data["truth"] = records[0].meta["coefficients"]
     data["files"] = _write(out, run, rig, found)
     data["next"] = _next(out)

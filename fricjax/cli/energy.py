@@ -27,10 +27,14 @@ def energy(
     out: Annotated[Path | None, Option(help="Write the result (.json).", rich_help_panel="Output")] = None,
 ) -> None:
     """Find friction from the rate of energy loss: the force against velocity, and its mean in each half-cycle."""
+    from ..routes.settings import check_bins
+
     check_targets(("--plot", plot, PICTURES), ("--out", out, RESULTS))
+    machine = _bench(files, reading, rig, no_contact)
+    check_bins(bins)
     with working(output, f"Evaluating {', '.join(file.name for file in files)}"):
         prepare(output)
-        force_map, balance = evaluated(files, reading, rig, no_contact, bins)
+        force_map, balance = evaluated(files, reading, machine, no_contact, bins)
     data = {"force_map": force_map.to_dict(), "half_cycles": balance.to_dict()}
     written = write_outcome(force_map, data, plot, out)
     finish(output, {**data, "files": written}, _text(force_map, balance))
@@ -38,19 +42,28 @@ def energy(
         log(output, f"{name.capitalize()}: {path}")
 
 
+def _bench(files: list[Path], reading: Reading, rig: Path | None, no_contact: Path | None) -> dict[str, Any]:
+    """The arguments of the rig, once the files are known to be there."""
+    from ..data.errors import UsageError
+    from .files import check_records
+    from .machine import bench
+
+    check_records([*files, *([] if no_contact is None else [no_contact])], reading)
+    if rig is None:
+        raise UsageError("The energy of a run needs mass, stiffness, normal force and damping: give --rig rig.toml.")
+    return bench(rig)
+
+
 def evaluated(
-    files: list[Path], reading: Reading, rig: Path | None, no_contact: Path | None, bins: int
+    files: list[Path], reading: Reading, described: dict[str, Any], no_contact: Path | None, bins: int
 ) -> "tuple[ForceMap, HalfCycleFriction]":
     """Read the files; force map and balance of the half-cycles."""
     from ..calibrate import Rig
-    from ..data.errors import UsageError
     from ..routes.energy_balance import half_cycle_friction
     from ..routes.force_map import friction_force_map
     from .records import read_record, read_records, tell_doubts
 
-    if rig is None:
-        raise UsageError("The energy of a run needs mass, stiffness, normal force and damping: give --rig rig.toml.")
-    machine, records = Rig.from_toml(rig), read_records(files, reading)
+    machine, records = Rig(**described), read_records(files, reading)
     data: Any = records[0] if len(records) == 1 else records
     tell_doubts(records)
     free = None if no_contact is None else read_record(no_contact, reading)

@@ -2,7 +2,11 @@
 
 import dataclasses
 
+from .wording import in_options
+
 DONE, FAULT, USAGE, INVALID, REJECTED, INTERRUPTED = 0, 1, 2, 3, 4, 130
+# A file can have thousands of columns, and a sentence that names them all hides its beginning.
+_LONGEST = 2000
 
 
 @dataclasses.dataclass(frozen=True)
@@ -29,7 +33,8 @@ class Failure:
 
     def to_dict(self) -> dict[str, object]:
         """The failure as JSON can hold it."""
-        return {"error": self.message, "kind": self.kind, "exit_code": self.exit_code}
+        table = {"details": self.hint} if self.kind == "data" and self.hint else {}
+        return {"error": self.message, "kind": self.kind, "exit_code": self.exit_code, **table}
 
 
 class InvalidFit(Exception):
@@ -51,9 +56,8 @@ def failure_of(error: BaseException) -> Failure:
     if isinstance(error, DataError):
         # A table below the sentence keeps its lines.
         sentence, _, table = str(error).partition("\n")
-        return (
-            Failure(sentence, "data", REJECTED, table) if "\n" in table else Failure(_sentence(error), "data", REJECTED)
-        )
+        whole = "\n" not in table
+        return Failure(_sentence(error if whole else sentence), "data", REJECTED, "" if whole else table)
     if isinstance(error, OSError) and error.filename is not None:
         return Failure(f"'{error.filename}' cannot be used: {error.strerror}.", "output", USAGE)
     return Failure(
@@ -74,8 +78,9 @@ def _of_command_line(error: BaseException) -> Failure:
     return Failure(message, "usage", getattr(error, "exit_code", USAGE), f"Try '{path} --help'.")
 
 
-def _sentence(error: BaseException) -> str:
-    return " ".join(str(error).split())
+def _sentence(error: BaseException | str) -> str:
+    sentence = in_options(" ".join(str(error).split()))
+    return sentence if len(sentence) <= _LONGEST else f"{sentence[: _LONGEST - 4]} ..."
 
 
 def _first_line(error: BaseException) -> str:

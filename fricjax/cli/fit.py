@@ -89,10 +89,11 @@ def fit(
         raise UsageError(
             "--save writes one record, but several files were given. Fit them one by one, or leave it out."
         )
+    asked = Asked.of(files, fitting, machine, reading)
     with working(output, f"Fitting {', '.join(file.name for file in files)}"):
         prepare(output)
-        records, choice, found = fitted(files, fitting, machine, reading)
-    data, text = report(found, choice)
+        records, found = fitted(asked)
+    data, text = report(found, asked.choice)
     data["files"] = write_outcome(found, records, plot, out, save)
     if not found.converged:
         data |= {"error": found.status, "kind": "fit", "exit_code": INVALID}
@@ -112,23 +113,51 @@ def raise_invalid(output: Output, status: str) -> None:
     raise InvalidFit(f"The fit has not converged, {status} Its results are marked so.")
 
 
-def fitted(
-    files: list[Path], fitting: Fitting, machine: Machine, reading: Reading
-) -> "tuple[list[Record], Choice, Fit]":
-    """Read the files, build the machine, fit."""
+@dataclasses.dataclass(frozen=True)
+class Asked:
+    """A fit as asked for, of which everything has been checked that needs no look into the files.
+
+    Attributes:
+        files, reading: the records, and how they are read.
+        choice: the machine.
+        settings: the keywords of `fricjax.fit`.
+    """
+
+    files: list[Path]
+    reading: Reading
+    choice: "Choice"
+    settings: dict[str, Any]
+
+    @classmethod
+    def of(cls, files: list[Path], fitting: Fitting, machine: Machine, reading: Reading) -> "Asked":
+        """What the options ask for.
+
+        Raises:
+            DataError: files that cannot be read.
+            UsageError: names or values that do not fit.
+        """
+        from .files import check_records
+
+        check_records(files, reading)
+        from ..fitting.settings import check_settings
+        from .machine import choose
+
+        settings = _settings(fitting)
+        choice = choose(machine, fitting.free, tuple(settings["tie"]))
+        check_settings(choice.model, choice.free, len(files), settings)
+        return cls(files, reading, choice, settings)
+
+
+def fitted(asked: Asked) -> "tuple[list[Record], Fit]":
+    """Build the machine, read the files, fit."""
     from ..fitting import fit as fit_records
-    from . import machine as building
     from .records import read_records
 
-    settings = _settings(fitting)
-    choice = building.choose(machine, fitting.free, tuple(settings["tie"]))
-    building.engine(machine.engine, choice.oscillator)
-    records = read_records(files, reading)
+    choice, oscillator = asked.choice, asked.choice.oscillator
+    records = read_records(asked.files, asked.reading)
     data = records[0] if len(records) == 1 else records
-    found = fit_records(
-        data, choice.oscillator, choice.free, engine=machine.engine, rig=choice.rig, throw=False, **settings
-    )
-    return records, choice, found
+    settings = {"engine": choice.engine, "rig": choice.rig, **asked.settings}
+    return records, fit_records(data, oscillator, choice.free, throw=False, **settings)
 
 
 def _settings(fitting: Fitting) -> dict[str, Any]:

@@ -11,6 +11,13 @@ import inspect
 from collections.abc import Callable
 from typing import Any, get_type_hints
 
+from .wording import options_of, speak
+
+
+def example(words: str) -> str:
+    """The line of a help page that shows how the command is used."""
+    return f"Example: fricjax {words.strip()}"
+
 
 def grouped(command: Callable[..., Any]) -> Callable[..., Any]:
     """A command whose dataclass arguments are spread into one option per field."""
@@ -21,12 +28,14 @@ def grouped(command: Callable[..., Any]) -> Callable[..., Any]:
 
     @functools.wraps(command)
     def spread(**given: Any) -> Any:
+        speak(options)
         made = {name: group(**{field: given.pop(field) for field in _fields(group)}) for name, group in groups.items()}
         return command(**given, **made)
 
     shown: list[inspect.Parameter] = []
     for name, parameter in parameters.items():
         shown += _fields(groups[name]).values() if name in groups else [parameter.replace(kind=parameter.KEYWORD_ONLY)]
+    options = options_of(shown)
     spread.__signature__ = inspect.Signature(shown)  # type: ignore[attr-defined]
     spread.__annotations__ = {parameter.name: parameter.annotation for parameter in shown}
     return spread

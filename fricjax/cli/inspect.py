@@ -5,6 +5,7 @@ from typing import Annotated
 
 from typer import Argument
 
+from .files import check_records
 from .options import Output, Plot, Reading
 from .output import PICTURES, check_targets, finish, log, numbered, working
 from .runtime import prepare
@@ -18,6 +19,7 @@ def inspect(
 ) -> None:
     """Show what a record is like: rate, gaps, noise, amplitude, half-cycles, release, rest."""
     check_targets(("--plot", plot, PICTURES))
+    check_records([file], reading)
     with working(output, f"Inspecting {file.name}"):
         prepare(output)
         from ..data import inspect as inspect_record

@@ -1,63 +1,28 @@
-"""From the options to an oscillator: the rig's values, the friction law by name, and which coefficients are free."""
+"""From the options to a machine: the rig's values, the friction law by name, and which coefficients are free.
+
+All that can be refused is refused here, by name and number; the oscillator itself is built when it is asked for.
+"""
 
 import dataclasses
-import inspect
+import functools
 from collections.abc import Collection, Mapping, Sequence
-from typing import Any, get_origin
+from typing import TYPE_CHECKING, Any
 
-import jax
-import numpy as np
-
-from .. import friction
-from ..calibrate import Rig
+from ..calibrate.inputs import check_restoring, checked, replaced
 from ..calibrate.quantity import UNITS
-from ..comparison.candidates import telling
-from ..data.errors import UsageError, nearest
+from ..calibrate.toml import read_table
+from ..data.errors import UsageError
 from ..fitting.names import find_leaf
-from ..friction import AbstractFriction, Sum
-from ..friction.falling import AbstractFalling
-from ..oscillator import Oscillator
-from ..oscillator.engines import AbstractEngine
-from ..oscillator.leaves import leaves_of
-from ..oscillator.select import select_engine
+from ..fitting.settings import Model
+from ..friction.catalogue import Law
+from ..oscillator.names import check_engine, coefficient_names
 from . import parsing
+from .laws import CONTACT, arguments, summands
 from .options import Bench, Machine
 
-# Where a law asks for a coefficient that nobody gave, a fit begins here; mu and windage are then found from the decay.
-_STARTS = {"mu": 0.01, "v_s": 1e-4, "windage": 0.0}
-# The same for what bends before it slides, where it is free: the record then tells where to begin.
-_CONTACT = {"sigma0": 1e6, "length": 1e-5}
-
-
-def laws() -> dict[str, type[AbstractFriction]]:
-    """The friction laws by their names on the command line: those that a few numbers describe."""
-    return {name: law for name, law in catalogue().items() if not _has_lists(law)}
-
-
-def catalogue() -> dict[str, type[AbstractFriction]]:
-    """All friction laws by their names in small letters, without their sums."""
-    members: dict[str, Any] = {name.lower(): getattr(friction, name) for name in friction.__all__}
-    return {name: law for name, law in members.items() if not inspect.isabstract(law) and law is not Sum}
-
-
-def find_law(name: str, known: Mapping[str, type[AbstractFriction]]) -> type[AbstractFriction]:
-    """The law of that name among those `known`.
-
-    Raises:
-        UsageError: no such law.
-    """
-    word = name.strip().lower()
-    if word not in known:
-        raise UsageError(f"There is no friction law '{name}'.{nearest(word, known)} Known are {', '.join(known)}.")
-    return known[word]
-
-
-def _summands(named: str) -> list[type[AbstractFriction]]:
-    return [find_law(word, laws()) for word in named.split("+")]
-
-
-def _has_lists(law: type[AbstractFriction]) -> bool:
-    return any(get_origin(field.type) is tuple for field in dataclasses.fields(law))
+if TYPE_CHECKING:
+    from ..calibrate import Rig
+    from ..oscillator import Oscillator
 
 
 @dataclasses.dataclass(frozen=True)
@@ -65,14 +30,67 @@ class Choice:
     """The machine that the options describe.
 
     Attributes:
-        oscillator: the machine with its law.
-        rig: its calibrated values; None where none was given and mass and load are one.
-        free: names of the free coefficients.
+        described: the arguments of its `Rig`.
+        calibrated: whether they are those of a real one; else mass and load are one.
+        laws: its friction law, or the summands of it.
+        given: for each of them its coefficients.
+        values: all coefficients that were given, by short or dotted name.
+        named: names of the free coefficients; None for all that a decay can tell and that are not fixed.
+        fixed: names of the coefficients that are not.
+        placeholder: which of mass and stiffness is free to come from the trace, for it is not known.
+        engine: name of the engine.
     """
 
-    oscillator: Oscillator
-    rig: Rig | None
-    free: tuple[str, ...]
+    described: Mapping[str, Any]
+    calibrated: bool
+    laws: tuple[Law, ...]
+    given: tuple[Mapping[str, float], ...]
+    values: Mapping[str, float]
+    named: tuple[str, ...] | None
+    fixed: tuple[str, ...]
+    placeholder: str | None
+    engine: str
+
+    @property
+    def model(self) -> Model:
+        """Names and kinds, as far as a fit asks for them."""
+        spring = ("k3",) if self.described.get("restoring") == "cubic" else ()
+        holding = [law.name for law in self.laws if law.kind == "set-valued"]
+        remembers = any(law.kind == "bristle" for law in self.laws)
+        return Model(coefficient_names(self.laws, self.given, spring), holding == ["Coulomb"], remembers)
+
+    @property
+    def rig(self) -> "Rig | None":
+        """Its calibrated values; None where none were given."""
+        return self._bench if self.calibrated else None
+
+    @functools.cached_property
+    def _bench(self) -> "Rig":
+        from ..calibrate import Rig
+
+        return Rig(**self.described)
+
+    @functools.cached_property
+    def oscillator(self) -> "Oscillator":
+        """The machine with its law.
+
+        Raises:
+            UsageError: coefficients outside of their bounds, or an engine that cannot integrate this oscillator.
+        """
+        from .build import built
+
+        return built(self._bench, self.laws, self.given, self.values, self.engine)
+
+    @functools.cached_property
+    def free(self) -> tuple[str, ...]:
+        """Names of the free coefficients."""
+        if self.named is not None:
+            return self.named
+        from ..comparison.candidates import telling
+
+        told = telling(self.oscillator)
+        names = ["mass" if name == "stiffness" and self.placeholder == "mass" else name for name in told]
+        return tuple(name for name in names if name not in self.fixed)
 
 
 def choose(options: Machine, free: str | None = None, tied: Collection[str] = ()) -> Choice:
@@ -92,16 +110,18 @@ def choose(options: Machine, free: str | None = None, tied: Collection[str] = ()
     for name in fixed:
         if name in named:
             raise UsageError(f"{name} is both fixed and free. Take it out of --fix or of --free.")
-    rig, placeholder = _rig(options, {**fixed, **starts})
+    if "k3" in named and "k3" not in starts:
+        # A spring that a fit is to bend begins straight.
+        starts["k3"] = 0.0
+    described, placeholder = _described(options, {**fixed, **starts})
     names = named if free is not None else [n for n in ("mu", "damping", placeholder or "stiffness") if n not in fixed]
-    oscillator = assemble(rig, options.friction, {**fixed, **starts}, {*names, *tied})
+    choice = _choice(options, options.friction, described, {**fixed, **starts}, {*names, *tied})
     if placeholder and placeholder not in names:
         known = "without a rig" if placeholder == "stiffness" else "without its mass"
         raise UsageError(
             f"{known.capitalize()} the {placeholder} must be free, for it comes from the trace: add it to --free."
         )
-    calibrated = options.rig or options.normal_force
-    return Choice(oscillator, rig if calibrated else None, tuple(names))
+    return dataclasses.replace(choice, named=tuple(names), fixed=tuple(fixed), placeholder=placeholder)
 
 
 def contenders(options: Bench, laws: Sequence[str], guess: list[str] | None = None) -> list[Choice]:
@@ -120,73 +140,76 @@ def contenders(options: Bench, laws: Sequence[str], guess: list[str] | None = No
         if name in starts:
             raise UsageError(f"{name} is fixed and has a start value. Take it out of --fix or of --guess.")
     values = {**fixed, **starts}
-    rig, placeholder = _rig(options, values)
-    calibrated = rig if options.rig or options.normal_force else None
-    kinds = [_summands(named) for named in laws]
-    of_laws = [{name for kind in parts for name in kind.coefficients} for parts in kinds]
+    kinds = [summands(named) for named in laws]
+    described, placeholder = _described(options, values)
+    of_laws = [{name for law in parts for name in law.coefficients} for parts in kinds]
     choices = []
     for named, parts, own in zip(laws, kinds, of_laws, strict=True):
         others = set().union(*of_laws) - own
         mine = {name: value for name, value in values.items() if name.rsplit(".", 1)[-1] not in others}
-        falls = any(issubclass(kind, AbstractFalling) for kind in parts)
-        oscillator = assemble(rig, named, mine, {*({"mu_s"} if falls else ()), *(own & set(_CONTACT))})
-        free = ["mass" if name == "stiffness" and placeholder == "mass" else name for name in telling(oscillator)]
-        choices.append(Choice(oscillator, calibrated, tuple(name for name in free if name not in fixed)))
+        falls = any(law.falls for law in parts)
+        mentioned = {*({"mu_s"} if falls else ()), *(own & set(CONTACT))}
+        choice = _choice(options, named, described, mine, mentioned)
+        choices.append(dataclasses.replace(choice, fixed=tuple(fixed), placeholder=placeholder))
     return choices
 
 
-def known(options: Machine) -> Oscillator:
+def known(options: Machine) -> Choice:
     """The machine of a simulation, of which every coefficient must be given.
 
     Raises:
         UsageError: a coefficient that is missing, unknown, or does not fit.
     """
     fixed = _numbers("--fix", options.fix)
-    rig, placeholder = _rig(options, fixed)
+    described, placeholder = _described(options, fixed)
     if placeholder or not (options.rig or options.normal_force):
         raise UsageError("A simulation needs the machine: give --rig, or --mass, --stiffness and --normal-force.")
-    return assemble(rig, options.friction, fixed, (), complete=True)
+    return _choice(options, options.friction, described, fixed, (), complete=True)
 
 
-def assemble(
-    rig: Rig, named: str, values: Mapping[str, float], mentioned: Collection[str], *, complete: bool = False
-) -> Oscillator:
-    """The rig's oscillator with the law of that name and the given coefficients.
-
-    Args:
-        rig: the machine; coefficients that it holds itself are taken from there.
-        named: law, or laws joined by ``+``.
-        values: coefficients by short or dotted name.
-        mentioned: further coefficients that must exist, such as a free mu_s.
-        complete: refuse coefficients without a value instead of starting somewhere.
-    """
-    kinds = _summands(named)
-    places = [None] if len(kinds) == 1 else range(len(kinds))
-    try:
-        made = [_instance(kind, i, values, mentioned, complete) for i, kind in zip(places, kinds, strict=True)]
-        law = made[0] if len(made) == 1 else Sum(tuple(made))
-    except ValueError as error:
-        raise UsageError(str(error)) from error
-    oscillator = rig.oscillator(law)
-    leaves, found = jax.tree.leaves(oscillator), leaves_of(oscillator)
-    for name, value in values.items():
-        if name not in UNITS:
-            leaves[find_leaf(name, found).index] = np.asarray(value, dtype=np.float64)
-    for name in mentioned:
-        find_leaf(name, found)
-    return jax.tree.unflatten(jax.tree.structure(oscillator), leaves)
-
-
-def engine(name: str, oscillator: Oscillator) -> AbstractEngine:
-    """The engine of that name.
+def bench(path: Any) -> dict[str, Any]:
+    """The arguments of the rig that a file describes.
 
     Raises:
-        UsageError: no such engine, or one that cannot integrate this oscillator.
+        UsageError: no such file, or values that no rig has.
     """
+    table = read_table(path)
     try:
-        return select_engine(name, oscillator)
+        _check_rig(table)
+    except UsageError as error:
+        raise UsageError(f"{path}: {error}") from error
+    return table
+
+
+def _check_rig(described: Mapping[str, Any]) -> None:
+    restoring = described.get("restoring", "linear")
+    check_restoring(restoring)
+    checked(described, restoring)
+
+
+def _choice(
+    options: Bench,
+    named: str,
+    described: Mapping[str, Any],
+    values: Mapping[str, float],
+    mentioned: Collection[str],
+    *,
+    complete: bool = False,
+) -> Choice:
+    """The rig with the law of that name and the given coefficients, each of which must exist."""
+    try:
+        check_engine(options.engine)
     except ValueError as error:
         raise UsageError(str(error)) from error
+    laws = summands(named)
+    places = [None] if len(laws) == 1 else range(len(laws))
+    given = tuple(arguments(law, i, values, mentioned, complete) for i, law in zip(places, laws, strict=True))
+    calibrated = bool(options.rig or getattr(options, "normal_force", None))
+    choice = Choice(described, calibrated, laws, given, values, None, (), None, options.engine)
+    leaves = choice.model.leaves
+    for name in [*(name for name in values if name not in UNITS), *mentioned]:
+        find_leaf(name, leaves)
+    return choice
 
 
 def _numbers(option: str, given: list[str] | None) -> dict[str, float]:
@@ -203,65 +226,29 @@ def _free(text: str | None) -> tuple[list[str], dict[str, float]]:
     return [name.strip() for name, _, _ in entries], starts
 
 
-def _rig(options: Bench, values: Mapping[str, float]) -> tuple[Rig, str | None]:
-    """The rig, and which of mass and stiffness is only a placeholder until the trace tells it."""
+def _described(options: Bench, values: Mapping[str, float]) -> tuple[dict[str, Any], str | None]:
+    """The arguments of the rig, and which of mass and stiffness is a placeholder until the trace tells it.
+
+    Raises:
+        UsageError: values that no rig has, or too few.
+    """
     own = {name: getattr(options, name) for name in ("mass", "stiffness", "normal_force", "restoring", "drag")}
     given = {name: value for name, value in own.items() if value is not None}
     given |= {name: value for name, value in values.items() if name in UNITS}
+    described, placeholder = _completed(options, given)
+    _check_rig(described)
+    return described, placeholder
+
+
+def _completed(options: Bench, given: Mapping[str, Any]) -> tuple[dict[str, Any], str | None]:
     if options.rig is not None:
-        return Rig.from_toml(options.rig).replace(**given), None
+        return {**bench(options.rig), **replaced(given)}, None
     if options.normal_force is None and options.mass is None and options.stiffness is None:
-        return _normalised(given), "stiffness"
+        # Of unit mass under unit load its stiffness is omega^2, its mu the friction per unit mass.
+        return {"mass": 1.0, "stiffness": 1.0, "normal_force": 1.0, **replaced(given)}, "stiffness"
     if "normal_force" not in given or not {"mass", "stiffness", "frequency"} & set(given):
         raise UsageError("For mu both the load and the mass (or stiffness) are needed: give --normal-force and --mass.")
     stiff = {"stiffness", "frequency"} & set(given)
     if "mass" in given:
-        return Rig(**(given if stiff else {**given, "stiffness": 1.0})), None if stiff else "stiffness"
-    return Rig(**{**given, "mass": 1.0}), "mass"
-
-
-def _normalised(given: Mapping[str, Any]) -> Rig:
-    """A machine of unit mass under unit load: its stiffness is omega^2, its mu the friction per unit mass."""
-    return Rig(mass=1.0, stiffness=1.0, normal_force=1.0).replace(**given)
-
-
-def _instance(
-    kind: type[AbstractFriction],
-    index: int | None,
-    values: Mapping[str, float],
-    mentioned: Collection[str],
-    complete: bool,
-) -> AbstractFriction:
-    """One law with the coefficients given, and placeholders for those that are free or found from the decay."""
-    arguments: dict[str, Any] = {}
-    for field in dataclasses.fields(kind):
-        names = (field.name, f"friction.{field.name}" if index is None else f"friction.{index}.{field.name}")
-        given = [values[name] for name in names if name in values]
-        named = given or any(name in mentioned for name in names)
-        required = field.default is dataclasses.MISSING
-        if given:
-            arguments[field.name] = given[0]
-        elif required and complete:
-            raise UsageError(f"{kind.__name__} friction needs {field.name}: give it with --fix {field.name}=...")
-        elif required and named and field.name in _CONTACT:
-            arguments[field.name] = _CONTACT[field.name]
-        elif required and field.name not in _STARTS:
-            raise UsageError(
-                f"{kind.__name__} friction needs {field.name}: give it with --fix or --free {field.name}=..."
-            )
-        elif required:
-            arguments[field.name] = _STARTS[field.name]
-        elif named and field.name == "mu_s":
-            arguments[field.name] = 1.3 * arguments.get("mu", 1.0)
-        elif named and field.default is None:
-            raise UsageError(f"{field.name} is free: give its start value, as in --free {field.name}=...")
-    _check_fall(kind, arguments)
-    return kind(**arguments)
-
-
-def _check_fall(kind: type[AbstractFriction], arguments: Mapping[str, float]) -> None:
-    if issubclass(kind, AbstractFalling) and "mu_s" not in arguments:
-        raise UsageError(
-            f"{kind.__name__} friction without mu_s is Coulomb's law: give it with --fix mu_s=..., or free it with its "
-            "start value, as in --free mu,mu_s=0.02,damping."
-        )
+        return (dict(given), None) if stiff else ({**given, "stiffness": 1.0}, "stiffness")
+    return {**given, "mass": 1.0}, "mass"

@@ -12,28 +12,30 @@ import typer
 
 from . import calibrate, check, compare, demo, doctor, energy, fit, inspect, map, models, simulate
 from .failure import INTERRUPTED, Failure, failure_of
-from .groups import grouped
+from .groups import example, grouped
+from .output import tell, tell_json
 
 app = typer.Typer(
     name="fricjax",
     help="Friction coefficients from a measured free decay.\n\nStart with: fricjax demo",
+    epilog=example("fit run.csv --rig rig.toml"),
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
     rich_markup_mode="rich",
 )
-for _name, _function in {
-    "demo": demo.demo,
-    "inspect": inspect.inspect,
-    "check": check.check,
-    "fit": fit.fit,
-    "compare": compare.compare,
-    "map": map.map_,
-    "energy": energy.energy,
-    "simulate": simulate.simulate,
-    "doctor": doctor.doctor,
-}.items():
-    app.command(_name)(grouped(_function))
+for _name, _function, _example in (
+    ("demo", demo.demo, ""),
+    ("inspect", inspect.inspect, "run.csv --plot run.png"),
+    ("check", check.check, '--rig rig.toml --x0 "2 mm" --free mu=0.01,damping'),
+    ("fit", fit.fit, "run.csv --rig rig.toml"),
+    ("compare", compare.compare, "run.csv --rig rig.toml --friction coulomb --friction stribeck"),
+    ("map", map.map_, "run1.csv run2.csv run3.csv --rig rig.toml"),
+    ("energy", energy.energy, "run.csv --rig rig.toml"),
+    ("simulate", simulate.simulate, '--rig rig.toml --x0 "2 mm" --fix mu=0.02 --out run.csv'),
+    ("doctor", doctor.doctor, ""),
+):
+    app.command(_name, epilog=example(f"{_name} {_example}"))(grouped(_function))
 app.add_typer(calibrate.app, name="calibrate")
 app.add_typer(models.app, name="models")
 
@@ -75,18 +77,16 @@ def run(arguments: Sequence[str]) -> int:
         if "--debug" in arguments and not isinstance(error, KeyboardInterrupt):
             import traceback
 
-            traceback.print_exc(file=sys.stderr)
+            tell(sys.stderr, traceback.format_exc().rstrip())
         return _report(failure_of(error), as_json="--json" in arguments)
     return code if isinstance(code, int) else 0
 
 
 def _report(failure: Failure, *, as_json: bool) -> int:
     if as_json:
-        from .output import json_text
-
-        sys.stdout.write(json_text(failure.to_dict()) + "\n")
+        tell_json(sys.stdout, failure.to_dict())
     elif failure.text:
-        sys.stderr.write(f"{failure.text}\n")
+        tell(sys.stderr, failure.text)
     return failure.exit_code
 
 

@@ -39,12 +39,16 @@ def map_(
     plot: Plot = None,
 ) -> None:
     """Friction from final against initial displacements: mu by route 2 and 3, mu_s between stops and non-stops."""
+    from ..routes.settings import check_scatter
+
     check_targets(("--plot", plot, PICTURES))
+    chosen = _chosen(files, reading, machine, free, start)
+    check_scatter(mu_scatter)
     with working(output, "Fitting the map"):
         prepare(output)
         from ..routes import fit_final_displacements, fit_triangle_map
 
-        chosen, rig = _chosen(machine, free)
+        rig = _rig(chosen)
         pairs = _pairs(files, reading, start)
         how = {"half_cycles": pairs.half_cycles, "sigma": pairs.sigma, "mu_scatter": mu_scatter}
         found = fit_final_displacements(pairs.x0, pairs.xf, chosen.oscillator, chosen.free, **how)
@@ -54,16 +58,32 @@ def map_(
         raise InvalidFit(f"The fit is not valid, {found.status}")
 
 
-def _chosen(machine: Machine, free: str) -> "tuple[Choice, Rig]":
-    """The machine and its rig, without whose numbers the period of a map tells no coefficient."""
+def _chosen(files: list[Path], reading: Reading, machine: Machine, free: str, start: str) -> "Choice":
+    """The machine, once files and names are known to fit."""
     from ..data.errors import UsageError
+    from ..data.paths import check_file
+    from ..fitting.names import chosen
+    from ..fitting.settings import check_start
+    from .files import check_records
     from .machine import choose
 
+    if len(files) == 1:
+        check_file(files[0])
+    else:
+        check_records(files, reading)
     given = machine.rig is not None or None not in (machine.normal_force, machine.mass, machine.stiffness)
-    chosen = choose(machine, free) if given else None
-    if chosen is None or chosen.rig is None:
+    if not given:
         raise UsageError("A map tells mu only with its rig: give --rig, or --mass, --stiffness and --normal-force.")
-    return chosen, chosen.rig
+    check_start(start, "first_reversal or release")
+    choice = choose(machine, free)
+    chosen(choice.free, choice.model.leaves, choice.model.bracketable)
+    return choice
+
+
+def _rig(choice: "Choice") -> "Rig":
+    """The rig, without whose numbers the period of a map tells no coefficient."""
+    assert choice.rig is not None, "a map is not asked for without a rig"
+    return choice.rig
 
 
 def _pairs(files: list[Path], reading: Reading, start: str) -> "Pairs":

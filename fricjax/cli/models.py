@@ -8,7 +8,7 @@ from typing import Annotated, Any
 import typer
 from typer import Argument
 
-from .groups import grouped
+from .groups import example, grouped
 from .options import Output
 from .output import finish
 from .runtime import prepare
@@ -20,10 +20,12 @@ def models(context: typer.Context, output: Output) -> None:
     """List the friction laws with their coefficients and units; `models show NAME` tells all of one."""
     if context.invoked_subcommand is not None:
         return
-    prepare(output)
-    from .machine import catalogue
+    from ..friction.catalogue import CATALOGUE
 
-    found = [describe(name, law) for name, law in catalogue().items()]
+    prepare(output)
+    from .. import friction
+
+    found = [describe(name, getattr(friction, law.name)) for name, law in CATALOGUE.items()]
     lines = ["Friction laws for --friction; join them with +, as coulomb+windage.", ""]
     for entry in found:
         units = [f"{c['name']} [{c['unit'] or '1'}]" for c in entry["coefficients"]]
@@ -39,22 +41,25 @@ def show(
     output: Output,
 ) -> None:
     """All of one law: equation, coefficients with bounds, source, engine, and what a decay tells of it."""
-    prepare(output)
-    from .machine import catalogue, find_law
+    from ..friction.catalogue import CATALOGUE
+    from .laws import find_law
 
-    law = find_law(name, catalogue())
-    entry = describe(law.__name__.lower(), law)
+    chosen = find_law(name, CATALOGUE)
+    prepare(output)
+    from .. import friction
+
+    entry = describe(chosen.name.lower(), getattr(friction, chosen.name))
     finish(output, entry, _page(entry))
 
 
 app = typer.Typer(rich_markup_mode="rich")
 app.callback(invoke_without_command=True)(grouped(models))
-app.command("show")(grouped(show))
+app.command("show", epilog=example("models show lugre"))(grouped(show))
 
 
 def describe(name: str, law: Any) -> dict[str, Any]:
     """A law as data."""
-    from .machine import laws
+    from .laws import laws
 
     paragraphs = (law.__doc__ or "").split("Attributes:")[0].strip().split("\n\n")
     about, *details = (" ".join(_MARKUP.sub(r"\1", part).replace("`", "").split()) for part in paragraphs)

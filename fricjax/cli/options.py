@@ -87,7 +87,11 @@ class Machine(Bench):
     """The rig and its friction law."""
 
     friction: Annotated[
-        str, Option(help="Law: coulomb, tanh, stribeck or lugre; + adds, as coulomb+windage.", rich_help_panel=_MODEL)
+        str,
+        Option(
+            help="Law: coulomb, tanh, stribeck, lugre ...; + adds, as coulomb+windage. fricjax models lists all laws.",
+            rich_help_panel=_MODEL,
+        ),
     ] = "coulomb"
 
 

@@ -3,11 +3,14 @@
 import contextlib
 import json
 import math
+import re
 import sys
 import time
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TextIO
+
+from .wording import in_options
 
 if TYPE_CHECKING:
     from .options import Output
@@ -16,6 +19,10 @@ PICTURES = (".png", ".svg", ".pdf")
 RECORDS = (".npz", ".csv", ".h5", ".hdf5")
 RESULTS = (".json",)
 PATIENCE = 2.0
+# Control characters but tab and newline, marks that turn the direction of writing, halves of characters.
+_UNSEEN = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200b-\u200f\u2028-\u202e\u2060-\u206f\ufeff\ud800-\udfff]")
+# Keys of an outcome under which sentences stand.
+_SENTENCES = ("status", "warnings", "error", "notes", "remarks")
 
 
 def plain(value: Any) -> Any:
@@ -31,21 +38,61 @@ def plain(value: Any) -> Any:
     return value if value is None or isinstance(value, bool | int | str) else str(value)
 
 
-def json_text(value: Mapping[str, Any]) -> str:
-    """A mapping as JSON that every parser accepts."""
-    return json.dumps(plain(value), indent=2, ensure_ascii=False, allow_nan=False)
+def json_text(value: Mapping[str, Any], *, ascii_only: bool = False) -> str:
+    """A mapping as JSON that every parser accepts and no terminal obeys."""
+    text = json.dumps(plain(value), indent=2, ensure_ascii=ascii_only, allow_nan=False)
+    return _UNSEEN.sub(lambda match: f"\\u{ord(match[0]):04x}", text)
+
+
+def tell(stream: TextIO, text: str) -> None:
+    """Write lines of text to a stream, the one way by which text leaves the program.
+
+    Names and cells of files may hold what a terminal would obey, and what its encoding does not know: both are written
+    as escapes.
+    """
+    text = visible(text) + "\n"
+    try:
+        stream.write(text)
+    except UnicodeEncodeError:
+        encoding = stream.encoding or "ascii"
+        stream.write(text.encode(encoding, "backslashreplace").decode(encoding))
+
+
+def tell_json(stream: TextIO, value: Mapping[str, Any]) -> None:
+    """The same of one JSON object, which stays one in every encoding."""
+    try:
+        stream.write(json_text(value) + "\n")
+    except UnicodeEncodeError:
+        stream.write(json_text(value, ascii_only=True) + "\n")
+
+
+def visible(text: str) -> str:
+    """Text in which what would move the cursor, change colours or hide itself is an escape that can be seen."""
+    return _UNSEEN.sub(lambda match: match[0].encode("unicode_escape", "surrogatepass").decode("ascii"), text)
 
 
 def finish(output: "Output", data: Mapping[str, Any], text: str) -> None:
     """Tell the outcome on stdout: `data` as JSON where that was asked for, else `text`."""
-    sys.stdout.write((json_text(data) if output.json else text) + "\n")
+    if output.json:
+        tell_json(sys.stdout, reworded(data))
+    else:
+        tell(sys.stdout, in_options(text))
     sys.stdout.flush()
+
+
+def reworded(value: Any, told: bool = False) -> Any:
+    """The same data with its sentences in the words of the command line."""
+    if isinstance(value, Mapping):
+        return {key: reworded(item, key in _SENTENCES) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [reworded(item, told) for item in value]
+    return in_options(value) if told and isinstance(value, str) else value
 
 
 def log(output: "Output", text: str) -> None:
     """One line on stderr, unless JSON or quiet was asked for."""
     if not (output.json or output.quiet):
-        sys.stderr.write(f"{text}\n")
+        tell(sys.stderr, in_options(text.replace("\n", "\\n")))
 
 
 @contextlib.contextmanager
@@ -67,9 +114,9 @@ def _spinner(text: str) -> Iterator[None]:
     from rich.console import Console
     from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
-    columns = SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn()
+    columns = SpinnerColumn(), TextColumn("{task.description}", markup=False), TimeElapsedColumn()
     with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
-        progress.add_task(text, total=None)
+        progress.add_task(visible(text), total=None)
         yield
 
 
@@ -77,7 +124,7 @@ def _spinner(text: str) -> Iterator[None]:
 def _late_line(text: str) -> Iterator[None]:
     import threading
 
-    timer = threading.Timer(PATIENCE, lambda: sys.stderr.write(f"{text} ...\n"))
+    timer = threading.Timer(PATIENCE, lambda: tell(sys.stderr, f"{text} ..."))
     timer.daemon = True
     timer.start()
     try:

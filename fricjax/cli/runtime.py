@@ -5,6 +5,9 @@ import warnings
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from .output import tell
+from .wording import in_options
+
 if TYPE_CHECKING:
     from .options import Output
 
@@ -22,6 +25,6 @@ def _word_warnings(output: "Output") -> None:
 
     def show(message: Warning | str, category: Any, filename: str, *_: Any, **__: Any) -> None:
         if not output.quiet and "fricjax" in Path(filename).parts:
-            sys.stderr.write(f"Warning: {' '.join(str(message).split())}\n")
+            tell(sys.stderr, in_options(f"Warning: {' '.join(str(message).split())}"))
 
     warnings.showwarning = show

@@ -14,9 +14,11 @@ from .runtime import prepare
 if TYPE_CHECKING:
     from ..data import Record
     from ..oscillator import Motion, Oscillator
+    from .machine import Choice
 
 _RUN, _EYE = "Run", "Instrument"
 _TAIL = 0.05
+_FOREVER = 1e9
 
 
 @dataclasses.dataclass(frozen=True)
@@ -72,24 +74,40 @@ def simulate(
 ) -> None:
     """Compute the motion of a machine whose coefficients are known, and write it as a record."""
     check_targets(("--out", out, RECORDS), ("--plot", plot, PICTURES))
+    choice, x0 = _known(run, machine, instrument)
     with working(output, "Simulating"):
         prepare(output)
-        motion, record, facts = simulated(run, machine, instrument)
+        motion, record, facts = simulated(run, choice, x0, instrument)
     facts["files"] = _write(motion, record, out, plot)
     finish(output, facts, _text(facts, record.quantity))
     for name, path in facts["files"].items():
         log(output, f"{name.capitalize()}: {path}")
 
 
-def simulated(run: Run, machine: Machine, instrument: Instrument) -> "tuple[Motion, Record, dict[str, Any]]":
+def _known(run: Run, machine: Machine, instrument: Instrument) -> "tuple[Choice, float]":
+    """The machine and the displacement at release [m or rad], all numbers of the run and the instrument checked."""
+    from ..instrument.interferometer import Interferometer
+    from ..instrument.run import Run as Numbers
+    from ..instrument.run import check_seed
+    from . import parsing
+    from .machine import known
+
+    choice, x0 = known(machine), parsing.displacement("--x0", run.x0)
+    given = dataclasses.asdict(run) | {"x0": x0}
+    del given["accuracy"]
+    # How long the motion lasts is not known yet, but no run is longer than this.
+    Numbers(**{**given, "duration": _FOREVER if run.duration is None else run.duration})
+    eye = dataclasses.asdict(instrument)
+    check_seed(eye.pop("seed"))
+    Interferometer(**eye)
+    return choice, x0
+
+
+def simulated(run: Run, choice: "Choice", x0: float, instrument: Instrument) -> "tuple[Motion, Record, dict[str, Any]]":
     """The motion itself, the record of it, and what there is to say about both."""
     from ..instrument import synthetic_run
-    from . import parsing
-    from .machine import engine, known
 
-    oscillator = known(machine)
-    engine(machine.engine, oscillator)
-    x0 = parsing.displacement("--x0", run.x0)
+    oscillator = choice.oscillator
     duration = _duration(oscillator, x0, run) if run.duration is None else run.duration
     record = synthetic_run(
         oscillator,
@@ -102,7 +120,7 @@ def simulated(run: Run, machine: Machine, instrument: Instrument) -> "tuple[Moti
         floor_acceleration_psd=run.floor_acceleration_psd,
         **dataclasses.asdict(instrument),
     )
-    motion = _motion(oscillator, x0, record, run, machine.engine)
+    motion = _motion(oscillator, x0, record, run, choice.engine)
     return motion, record, _facts(motion, record, run)
 
 

@@ -1,6 +1,5 @@
 """Which law describes the runs."""
 
-from .compare import compare
-from .result import Comparison
+import lazy_loader as _lazy_loader
 
-__all__ = ["Comparison", "compare"]
+__getattr__, __dir__, __all__ = _lazy_loader.attach_stub(__name__, __file__)

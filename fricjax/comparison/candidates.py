@@ -18,6 +18,7 @@ from ..fitting.problem import windows_of
 from ..fitting.window import Window
 from ..oscillator import Oscillator
 from ..oscillator.leaves import Leaf, leaves_of
+from .names import check_different
 
 _TABLES = ("bounds", "priors", "tie", "guess")
 _SPEEDS = (1e-5, 1e-4, 1e-3, 1e-2, 1e-1, -3e-3)
@@ -146,8 +147,7 @@ def _check_lengths(oscillators: Sequence[Oscillator], free: Sequence[Sequence[st
     for given, what in ((free, "lists of free coefficients"), (names, "names")):
         if len(given) != len(oscillators):
             raise UsageError(f"There are {len(oscillators)} oscillators but {len(given)} {what}. Give one for each.")
-    if len(set(names)) < len(names):
-        raise UsageError(f"The names {', '.join(names)} are not all different. Give each candidate its own.")
+    check_different(names)
 
 
 def _check_tables(

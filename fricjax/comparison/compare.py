@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..data import Record, Trace
-from ..data.errors import DataError, UsageError, nearest
+from ..data.errors import DataError, UsageError
 from ..fitting.colours import Seen, colours_of, described, remembered, under_noise
 from ..fitting.fit import concluded, records_of
 from ..fitting.problem import Problem, posed_on
@@ -22,10 +22,10 @@ from ..oscillator import Oscillator, ready
 from .candidates import Candidate, candidates, law_name
 from .cross_validation import held_out_score
 from .fingerprints import fingerprints
+from .names import check_criterion
 from .residual_tests import judge
 from .result import Comparison, Row
 
-CRITERIA = ("bic", "aicc", "held_out")
 _BEHIND = 1.5
 
 
@@ -91,8 +91,7 @@ def compare(
         DataError: records that cannot be fitted by any law.
     """
     ready()
-    if criterion not in CRITERIA or (criterion == "held_out" and not held_out):
-        raise UsageError(f"There is no ranking by {criterion!r}.{nearest(criterion, CRITERIA)} Choose of {CRITERIA}.")
+    check_criterion(criterion, held_out)
     machines: tuple[Oscillator, ...] = tuple(oscillators) if isinstance(oscillators, list | tuple) else ()
     if not machines or not all(isinstance(machine, Oscillator) for machine in machines):
         raise UsageError("compare needs a list of oscillators, each the machine with one of the laws.")

@@ -3,48 +3,6 @@
 This folder knows time series and units, and no physics of friction.
 """
 
-from .disturbance import rest_spectrum
-from .errors import DataError, UsageError, nearest
-from .examples import example_paths
-from .inspect import Inspection, inspect
-from .preprocess import (
-    convert_unit,
-    crop,
-    estimate_noise,
-    find_first_reversal,
-    find_release,
-    find_rest,
-    flip_sign,
-    segment_record,
-)
-from .read import read
-from .record import Record, Step, segmentation_of
-from .segmentation import Segmentation, segment
-from .trace import Trace
-from .write import write
+import lazy_loader as _lazy_loader
 
-__all__ = [
-    "DataError",
-    "Inspection",
-    "Record",
-    "Segmentation",
-    "Step",
-    "Trace",
-    "UsageError",
-    "convert_unit",
-    "crop",
-    "estimate_noise",
-    "example_paths",
-    "find_first_reversal",
-    "find_release",
-    "find_rest",
-    "flip_sign",
-    "inspect",
-    "nearest",
-    "read",
-    "rest_spectrum",
-    "segment",
-    "segment_record",
-    "segmentation_of",
-    "write",
-]
+__getattr__, __dir__, __all__ = _lazy_loader.attach_stub(__name__, __file__)

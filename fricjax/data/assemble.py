@@ -3,7 +3,7 @@
 import dataclasses
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -13,8 +13,10 @@ from .errors import DataError
 from .record import Record, Step
 from .scale import scale_of
 from .sheet import Sheet
-from .trace import MINIMUM_SAMPLES, Trace
 from .units import DISPLACEMENT, TIME
+
+if TYPE_CHECKING:
+    from .trace import Trace
 
 
 def records_of(path: Path, kind: str, sheet: Sheet, choice: Choice, options: dict[str, Any]) -> Record | list[Record]:
@@ -74,6 +76,8 @@ def assemble(path: Path, kind: str, columns: Columns, choice: Choice, options: d
     Raises:
         DataError: too few samples, a time that is missing or does not increase, a unit that does not fit.
     """
+    from .trace import MINIMUM_SAMPLES, Trace
+
     columns = _without_blank_rows(columns)
     x = np.asarray(columns.x, dtype=np.float64).ravel()
     where = f"the displacement '{columns.x_name}' of {path.name}"
@@ -165,7 +169,7 @@ def _check_times(path: Path, t: np.ndarray, columns: Columns) -> None:
         )
 
 
-def _effect(trace: Trace, columns: Columns, unit: str | None, quantity: str, choice: Choice) -> str:
+def _effect(trace: "Trace", columns: Columns, unit: str | None, quantity: str, choice: Choice) -> str:
     parts = [f"{trace.n} samples of '{columns.x_name}'"]
     parts.append(f"in {unit}" if unit else "no unit found or given, taken as m")
     if unit not in (None, quantity):

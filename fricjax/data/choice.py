@@ -7,7 +7,6 @@ import numpy as np
 
 from .errors import UsageError
 from .record import Record, Step
-from .trace import Trace
 
 
 @dataclasses.dataclass(frozen=True)
@@ -41,6 +40,8 @@ class Choice:
         """A restored record with the noise and the direction chosen here."""
         if self.sigma is None and self.sign == 1:
             return record
+        from .trace import Trace
+
         old = record.trace
         sigma = old.sigma if self.sigma is None else self.sigma
         chosen = {"sigma": self.sigma, "sign": self.sign}

@@ -11,7 +11,6 @@ import numpy as np
 
 from .errors import DataError
 from .record import Record, Step
-from .trace import Trace
 
 SCHEMA = 1
 MARK = "fricjax_record"
@@ -35,6 +34,8 @@ def encode(record: Record) -> tuple[dict[str, np.ndarray], dict[str, str]]:
 
 def decode(arrays: dict[str, np.ndarray], texts: dict[str, str], source: str) -> Record:
     """The record that `encode` took apart."""
+    from .trace import Trace
+
     try:
         meta, log = json.loads(texts["meta"]), json.loads(texts["log"])
         steps = tuple(Step(entry["name"], entry["parameters"], entry["effect"]) for entry in log)

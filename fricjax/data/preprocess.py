@@ -7,7 +7,6 @@ import numpy as np
 from .errors import DataError, UsageError
 from .record import Record, Step
 from .segmentation import Segmentation
-from .trace import MINIMUM_SAMPLES, Trace
 from .units import DISPLACEMENT, TIME, factor
 
 
@@ -23,10 +22,12 @@ def crop(record: Record, start: float | None = None, stop: float | None = None) 
         UsageError: `stop` is not after `start`.
         DataError: fewer than three samples would remain.
     """
+    from .trace import MINIMUM_SAMPLES, Trace
+
     trace, t = record.trace, np.asarray(record.trace.t)
     low, high = (-math.inf if start is None else start), (math.inf if stop is None else stop)
     if not high > low:
-        raise UsageError(f"stop must come after start, but start={start} s and stop={stop} s were given.")
+        raise UsageError(f"stop must come after start, but {start} s and {stop} s were given for them.")
     keep = (t >= low) & (t <= high)
     if keep.sum() < MINIMUM_SAMPLES:
         raise DataError(
@@ -50,6 +51,8 @@ def convert_unit(record: Record, unit: str, time_unit: str | None = None) -> Rec
     Raises:
         DataError: a unit that does not fit; examples that do are named.
     """
+    from .trace import Trace
+
     trace = record.trace
     scale, quantity = factor(unit, DISPLACEMENT, "the displacement")
     time_scale = 1.0 if time_unit is None else factor(time_unit, TIME, "the time")[0]
@@ -70,6 +73,8 @@ def _scaled(value: float | None, scale: float) -> float | None:
 
 def flip_sign(record: Record) -> Record:
     """Turns the direction of the displacement round."""
+    from .trace import Trace
+
     trace = record.trace
     flipped = Trace(trace.t, -np.asarray(trace.x), trace.sigma, trace.mask)
     places = {key: -value for key, value in record.meta.items() if key == "rest_position" and value is not None}
@@ -124,6 +129,8 @@ def estimate_noise(record: Record) -> Record:
     Raises:
         DataError: x is constant or sampled too sparsely, or the record is free of noise.
     """
+    from .trace import Trace
+
     trace, found = record.trace, segment_record(record)
     if not found.white_noise > 0:
         raise DataError("The record shows no noise at all, as a computed one does; give sigma= yourself.")

@@ -6,12 +6,15 @@ suffix without its dot, the object a function `(path, **options) -> Record`.
 
 import importlib
 import inspect
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from .errors import DataError, UsageError, nearest
-from .record import Record
+from .paths import check_file
+
+if TYPE_CHECKING:
+    from .record import Record
 
 READERS = {
     **dict.fromkeys((".csv", ".txt", ".dat", ".tsv", ".asc", ".lvm", ".log", ".prn", ".tab"), ("csv", "read_csv")),
@@ -23,7 +26,7 @@ READERS = {
 PLUGIN_GROUP = "fricjax.readers"
 
 
-def read(path: str | Path, **options: Any) -> Record:
+def read(path: str | Path, **options: Any) -> "Record":
     """Reads a displacement record from a file of any supported format.
 
     Args:
@@ -50,23 +53,29 @@ def read(path: str | Path, **options: Any) -> Record:
         UsageError: an option is unknown to the format or contradicts another.
     """
     path = Path(path)
-    if not path.is_file():
-        raise DataError(_missing(path))
-    if path.stat().st_size == 0:
-        raise DataError(f"{path.name} is empty: it holds no data at all.")
+    check_file(path)
     reader = _reader(path)
     _check_options(reader, path, options)
     return reader(path, **options)
 
 
-def _missing(path: Path) -> str:
-    if path.is_dir():
-        return f"{path} is a folder, not a file; name one record in it."
-    siblings = [entry.name for entry in path.parent.iterdir()] if path.parent.is_dir() else []
-    return f"There is no file {path}.{nearest(path.name, siblings)} Check the path."
+def check(path: Path, options: Collection[str] = ()) -> None:
+    """Refuse, before anything large is imported, what `read` would refuse without looking into the file.
+
+    Args:
+        path: the file.
+        options: names of the options that are to be given.
+
+    Raises:
+        DataError: no such file, one that is empty, or of an unknown format.
+        UsageError: an option that is unknown to the format.
+    """
+    check_file(path)
+    if path.suffix.lower() not in READERS or options:
+        _check_options(_reader(path), path, options)
 
 
-def _reader(path: Path) -> Callable[..., Record]:
+def _reader(path: Path) -> "Callable[..., Record]":
     suffix = path.suffix.lower()
     if suffix in READERS:
         module, name = READERS[suffix]
@@ -85,13 +94,14 @@ def _plugins() -> dict[str, Any]:
     return {point.name.lower().removeprefix("."): point for point in entry_points(group=PLUGIN_GROUP)}
 
 
-def _check_options(reader: Callable[..., Record], path: Path, options: dict[str, Any]) -> None:
+def _check_options(reader: "Callable[..., Record]", path: Path, options: Collection[str]) -> None:
     parameters = inspect.signature(reader).parameters
     if any(parameter.kind is parameter.VAR_KEYWORD for parameter in parameters.values()):
         return
-    known = [name for name, parameter in parameters.items() if parameter.kind is parameter.KEYWORD_ONLY]
+    known = [f"{name}=" for name, parameter in parameters.items() if parameter.kind is parameter.KEYWORD_ONLY]
     for name in options:
-        if name not in known:
+        if f"{name}=" not in known:
             raise UsageError(
-                f"'{name}' is no option for {path.suffix} files.{nearest(name, known)} Options are {', '.join(known)}."
+                f"{name}= is no option for {path.suffix} files.{nearest(f'{name}=', known)} Options are "
+                f"{', '.join(known)}."
             )

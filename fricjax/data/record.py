@@ -7,12 +7,14 @@ place: each step of preprocessing returns a new one with one more line in its lo
 import dataclasses
 import functools
 import html
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from .segmentation import Segmentation, segment
-from .trace import Trace
+
+if TYPE_CHECKING:
+    from .trace import Trace
 
 
 @dataclasses.dataclass(frozen=True)
@@ -40,7 +42,7 @@ class Record:
     - `log`: the steps that led here, in order.
     """
 
-    trace: Trace
+    trace: "Trace"
     meta: dict[str, Any] = dataclasses.field(default_factory=dict)
     log: tuple[Step, ...] = ()
 
@@ -68,7 +70,7 @@ class Record:
         """What was taken for granted when the record was read, in sentences: a unit that its file does not name."""
         return tuple(self.meta.get("warnings", ()))
 
-    def with_step(self, step: Step, *, trace: Trace | None = None, **meta: Any) -> "Record":
+    def with_step(self, step: Step, *, trace: "Trace | None" = None, **meta: Any) -> "Record":
         """Returns the record after `step`: with the new trace (if any), the changed facts, and one more line of log."""
         return Record(self.trace if trace is None else trace, {**self.meta, **meta}, (*self.log, step))
 
@@ -103,11 +105,11 @@ def _facts(record: Record) -> list[tuple[str, str]]:
     return facts if record.release is None else [*facts, ("release", f"{record.release:.9g} s")]
 
 
-def trace_of(data: Record | Trace) -> Trace:
+def trace_of(data: "Record | Trace") -> "Trace":
     """The trace of a record; a trace itself."""
     return data.trace if isinstance(data, Record) else data
 
 
-def segmentation_of(data: Record | Trace) -> Segmentation:
+def segmentation_of(data: "Record | Trace") -> Segmentation:
     """The segmentation kept with a record, or that of a bare trace."""
     return data.segmentation if isinstance(data, Record) else segment(data.t, data.x, data.sigma, data.mask)

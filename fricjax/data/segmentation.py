@@ -21,7 +21,6 @@ from .reversals import order_for, refine, window
 from .start import find_start
 from .strokes import Strokes, find_strokes
 from .swing import Swing, extremes, smooth, without_spikes, zigzag
-from .trace import MINIMUM_SAMPLES
 
 MINIMUM_PER_HALF_CYCLE = 8
 SHARES = (0.3, 0.1, 0.03, 0.01, 0.003)  # of the span: strokes this large are looked for
@@ -130,6 +129,8 @@ def segment(t: Any, x: Any, sigma: Any = None, mask: Any = None) -> Segmentation
 
 
 def _used_samples(t: Any, x: Any, mask: Any) -> tuple[np.ndarray, np.ndarray]:
+    from .trace import MINIMUM_SAMPLES
+
     t, x = np.asarray(t, dtype=np.float64), np.asarray(x, dtype=np.float64)
     used = np.isfinite(x) if mask is None else np.asarray(mask, dtype=bool) & np.isfinite(x)
     count = int(np.count_nonzero(used))

@@ -12,7 +12,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ..data.errors import UsageError, nearest
+from .names import LOSSES, check_loss
 
 _LEAST_CURVATURE = 0.1
 
@@ -83,7 +83,7 @@ class Cauchy(AbstractLoss):
         return self.delta**2 * jnp.log1p(z), weight, weight * jnp.maximum((1 - z) * weight, _LEAST_CURVATURE)
 
 
-LOSSES = {"squares": Squares, "huber": Huber, "soft_l1": SoftL1, "cauchy": Cauchy}
+_NAMED = dict(zip(LOSSES, (Squares, Huber, SoftL1, Cauchy), strict=True))
 
 
 def named_loss(loss: str | AbstractLoss) -> AbstractLoss:
@@ -94,6 +94,5 @@ def named_loss(loss: str | AbstractLoss) -> AbstractLoss:
     """
     if isinstance(loss, AbstractLoss):
         return loss
-    if loss not in LOSSES:
-        raise UsageError(f"There is no loss {loss!r}.{nearest(loss, LOSSES)} Choose one of {', '.join(LOSSES)}.")
-    return LOSSES[loss]()
+    check_loss(loss)
+    return _NAMED[loss]()

@@ -1,21 +1,5 @@
 """Fitting oscillators to records."""
 
-from .batch import fit_batch
-from .batch_result import BatchFit
-from .fit import fit
-from .moving_floor import fit_on_moving_floor
-from .multistart import Multistart, multistart
-from .result import Fit, FitError
-from .store import load_fit
+import lazy_loader as _lazy_loader
 
-__all__ = [
-    "BatchFit",
-    "Fit",
-    "FitError",
-    "Multistart",
-    "fit",
-    "fit_batch",
-    "fit_on_moving_floor",
-    "load_fit",
-    "multistart",
-]
+__getattr__, __dir__, __all__ = _lazy_loader.attach_stub(__name__, __file__)

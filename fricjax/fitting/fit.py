@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from ..data import Record, Trace
-from ..data.errors import UsageError, nearest
+from ..data.errors import UsageError
 from ..estimation.loss import AbstractLoss
 from ..oscillator import Oscillator, ready
 from ..oscillator.engines import AbstractEngine
@@ -16,9 +16,8 @@ from .parameters import Request
 from .problem import Problem, pose
 from .rest import solve_with_rest
 from .result import Fit, FitError
+from .settings import check_sigma_mode
 from .solve import Solved
-
-SIGMA_MODES = ("absolute", "scale", "estimate")
 
 
 def fit(
@@ -120,10 +119,7 @@ def records_of(data: Any, sigma_mode: str) -> tuple[Record | Trace, ...]:
     Raises:
         UsageError: no records, something else than records, or an unknown `sigma_mode`.
     """
-    if sigma_mode not in SIGMA_MODES:
-        raise UsageError(
-            f"There is no sigma_mode {sigma_mode!r}.{nearest(sigma_mode, SIGMA_MODES)} Choose {SIGMA_MODES}."
-        )
+    check_sigma_mode(sigma_mode)
     records = tuple(data) if isinstance(data, list | tuple) else (data,)
     if not records:
         raise UsageError("There is no record to fit: the list is empty.")
@@ -146,7 +142,7 @@ def check_effect(problem: Problem, solved: Solved) -> None:
     idle = [p.name for p, slope in zip(problem.parameters, slopes, strict=False) if slope == 0]
     if idle:
         raise UsageError(
-            f"{' and '.join(idle)} cannot be fitted: the fitted motion does not depend on it. Take it out of free."
+            f"{' and '.join(idle)} cannot be fitted: the fitted motion does not depend on it. Take it out of free=."
         )
 
 

@@ -64,27 +64,24 @@ def lacking(problem: Problem, run: int, size: float) -> Iterator[str]:
         names = [parameter.name for parameter in problem.parameters if "[" not in parameter.name]
         shared = [name for name in names if name.rsplit(".", 1)[-1] not in NUISANCES]
         what, how = _advice(term, shared, window.quantity)
-        yield f"{what} would leave {engineering(left, window.quantity)} of these residuals at the reversals: {how}."
+        rest = engineering(left, window.quantity)
+        yield f"{what} would leave {rest} of these residuals at the reversals: fit with {how}."
 
 
 def _advice(term: str, free: list[str], quantity: str) -> tuple[str, str]:
-    """What is lacking, and how it is fitted, in Python and on the command line."""
-
-    def freed(name: str, start: str = "") -> str:
-        return f"free={[*free, name]} (--free {','.join([*free, name + start])})"
-
+    """What is lacking, and how it is fitted."""
     if term == "damping":
-        return "A viscous damping", freed("damping")
+        return "A viscous damping", f"free={[*free, 'damping']}"
     if term == "drag":
-        return "A drag with the square of the speed", freed("drag")
+        return "A drag with the square of the speed", f"free={[*free, 'drag']}"
     if term == "contact":
-        return "A contact that bends before it slides", "fit the law Dahl or LuGre (--friction dahl)"
+        return "A contact that bends before it slides", "friction=Dahl(...) or friction=LuGre(...)"
     if term == "falling":
-        return "Friction that falls with velocity", "fit the law Stribeck (--friction stribeck)"
+        return "Friction that falls with velocity", "friction=Stribeck(...)"
     if term == "softening" and quantity == "rad":
-        return "The restoring force of a pendulum", "restoring=Pendulum() (--restoring pendulum)"
+        return "The restoring force of a pendulum", "restoring=Pendulum()"
     spring = f"A spring that {term.removesuffix('ing')}s with deflection"
-    return spring, f"restoring=Cubic(0.0) with {freed('k3', '=0')}, --restoring cubic"
+    return spring, f"restoring=Cubic(0.0) with free={[*free, 'k3']}"
 
 
 def _energies(decay: _Decay, machine: Oscillator, kinds: set[str]) -> _Sums:

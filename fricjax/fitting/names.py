@@ -1,10 +1,12 @@
 """Names of coefficients: which leaf of an oscillator is meant, and which of them a trace can tell apart."""
 
 from collections.abc import Iterable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any, Protocol
 
 from ..data.errors import UsageError, nearest
-from ..friction import AbstractFriction, Coulomb, Sum
-from ..oscillator.leaves import Leaf
+
+if TYPE_CHECKING:
+    from ..friction import AbstractFriction, Coulomb
 
 NUISANCES = {"x0": "m", "v0": "m/s", "offset": "m", "drift": "m/s", "t_release": "s", "z0": ""}
 
@@ -17,7 +19,17 @@ _SAME_FORCE = (
 )
 
 
-def find_leaf(name: str, leaves: Sequence[Leaf]) -> Leaf:
+class Named(Protocol):
+    """What has a short and a whole name, as a leaf of an oscillator has."""
+
+    @property
+    def name(self) -> str: ...
+
+    @property
+    def dotted(self) -> str: ...
+
+
+def find_leaf[L: Named](name: str, leaves: Sequence[L]) -> L:
     """The leaf of that name, short or dotted.
 
     Raises:
@@ -35,13 +47,56 @@ def find_leaf(name: str, leaves: Sequence[Leaf]) -> Leaf:
     raise UsageError(f"This oscillator has no coefficient {name!r}.{nearest(name, known)} It has {', '.join(known)}.")
 
 
-def sole_coulomb(law: AbstractFriction) -> Coulomb | None:
+def sole_coulomb(law: "AbstractFriction") -> "Coulomb | None":
     """The Coulomb law that alone holds the mass at rest, if it does: its static coefficient can be bracketed."""
+    from ..friction import Coulomb, Sum
+
     holding = [part for part in (law.laws if isinstance(law, Sum) else (law,)) if part.set_valued]
     return holding[0] if len(holding) == 1 and isinstance(holding[0], Coulomb) else None
 
 
-def check_identifiable(free: Iterable[str], leaves: Sequence[Leaf]) -> None:
+def chosen[L: Named](free: Sequence[str], leaves: Sequence[L], bracketable: bool) -> tuple[list[L], str | None]:
+    """The free leaves without the static coefficient of a Coulomb law, which has no gradient; and its name, if free.
+
+    Args:
+        free: names of the free coefficients.
+        leaves: all coefficients.
+        bracketable: whether the static coefficient is bracketed instead of fitted.
+
+    Raises:
+        UsageError: nothing free, an unknown name, one given twice, or some that no trace can tell apart.
+    """
+    if not free:
+        raise UsageError(f"Nothing is free. Name at least one of {', '.join(leaf.name for leaf in leaves)}.")
+    found = [find_leaf(name, leaves) for name in free]
+    if len(set(found)) < len(found):
+        raise UsageError(f"A parameter is named twice in free={list(free)}.")
+    check_identifiable([leaf.name for leaf in found], leaves)
+    static = [leaf for leaf in found if bracketable and leaf.dotted.endswith("mu_s")]
+    kept = [leaf for leaf in found if leaf not in static]
+    if not kept:
+        raise UsageError("mu_s of a Coulomb law is bracketed from stops, not fitted. Free mu as well.")
+    return kept, static[0].name if static else None
+
+
+def tied[L: Named](tie: Mapping[str, Any], leaves: Sequence[L], names: Sequence[str]) -> list[tuple[L, str, float]]:
+    """Leaves that follow a free parameter, with its name and a factor, from {leaf: name} or {leaf: (name, factor)}.
+
+    Raises:
+        UsageError: an unknown leaf or parameter, or a leaf that is free itself.
+    """
+    ties = []
+    for target, source in tie.items():
+        leaf = find_leaf(target, leaves)
+        name, factor = source if isinstance(source, tuple | list) else (source, 1.0)
+        if leaf.name in names:
+            raise UsageError(f"{target} is tied to {name} and cannot be free as well. Take it out of free=.")
+        check_names({name: None}, names, "Ties")
+        ties.append((leaf, name, float(factor)))
+    return ties
+
+
+def check_identifiable(free: Iterable[str], leaves: Sequence[Named]) -> None:
     """Refuse sets of free parameters of which no trace can tell one from the other.
 
     Raises:

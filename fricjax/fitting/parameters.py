@@ -16,7 +16,8 @@ from ..oscillator.engines import AbstractEngine
 from ..oscillator.leaves import Leaf
 from .guess import guess_machine
 from .law_start import guess_law, highest_of, terms_of
-from .names import NUISANCES, check_identifiable, check_names, find_leaf, sole_coulomb
+from .names import NUISANCES, check_names, chosen, sole_coulomb, tied
+from .settings import check_bounds, own_names
 from .window import Window
 
 
@@ -57,18 +58,7 @@ class Request:
 
 def shared_leaves(request: Request, leaves: Sequence[Leaf]) -> tuple[list[Leaf], str | None]:
     """The free leaves, without the static coefficient of a Coulomb law, which has no gradient."""
-    if not request.free:
-        raise UsageError(f"Nothing is free. Name at least one of {', '.join(leaf.name for leaf in leaves)}.")
-    found = [find_leaf(name, leaves) for name in request.free]
-    if len(set(found)) < len(found):
-        raise UsageError(f"A parameter is named twice in free={list(request.free)}.")
-    check_identifiable([leaf.name for leaf in found], leaves)
-    bracketable = sole_coulomb(request.oscillator.friction) is not None
-    static = [leaf for leaf in found if bracketable and leaf.dotted.endswith("mu_s")]
-    kept = [leaf for leaf in found if leaf not in static]
-    if not kept:
-        raise UsageError("mu_s of a Coulomb law is bracketed from stops, not fitted. Free mu as well.")
-    return kept, static[0].name if static else None
+    return chosen(request.free, leaves, sole_coulomb(request.oscillator.friction) is not None)
 
 
 class _Entry(NamedTuple):
@@ -130,11 +120,10 @@ def _lower(bounds: Any, name: str) -> float:
 def _own_entries(windows: Sequence[Window]) -> Iterator[_Entry]:
     """The parameters of each run."""
     for i, window in enumerate(windows):
-        suffix = "" if len(windows) == 1 else f"[{i}]"
         sizes = _run_scales(window)
-        for name in window.nuisances:
+        for name, called in zip(window.nuisances, own_names(window.nuisances, i, len(windows)), strict=True):
             known = Coefficient(NUISANCES[name], "")
-            yield _Entry(f"{name}{suffix}", known, window.guesses[name], sizes[name])
+            yield _Entry(called, known, window.guesses[name], sizes[name])
 
 
 def _highest(
@@ -195,10 +184,9 @@ def _bounded(entry: _Entry, rigid: float, bounds: Mapping[str, tuple], origin: f
     # In its logarithm or its inverse root a coefficient never reaches zero.
     default = (known.lower if known.fitted_as == "value" else None, min(known.upper, rigid))
     low, high = _pair(bounds.get(name, default), f"The bounds of {name} must be a lower and an upper value or None")
+    check_bounds(name, low, high)
     lower = -np.inf if low is None else float(low) - origin
     upper = np.inf if high is None else float(high) - origin
-    if not lower < upper:
-        raise UsageError(f"The bounds of {name} must be a lower and a larger upper value, got {low} and {high}.")
     start = min(max(start, lower), upper)
     return Parameter(name, known.unit, start, scale, lower, upper, known.fitted_as, rigid)
 
@@ -217,15 +205,7 @@ def parse_ties(tie: Mapping[str, Any], leaves: Sequence[Leaf], names: Sequence[s
     Raises:
         UsageError: an unknown leaf or parameter, or a leaf that is free itself.
     """
-    ties = []
-    for target, source in tie.items():
-        leaf = find_leaf(target, leaves)
-        name, factor = source if isinstance(source, tuple | list) else (source, 1.0)
-        if leaf.name in names:
-            raise UsageError(f"{target} is tied to {name} and cannot be free as well. Take it out of free.")
-        check_names({name: None}, names, "Ties")
-        ties.append(Tie(leaf.index, names.index(name), float(factor)))
-    return ties
+    return [Tie(leaf.index, names.index(name), factor) for leaf, name, factor in tied(tie, leaves, names)]
 
 
 def parse_priors(

@@ -148,7 +148,7 @@ def _check_windows(windows: Sequence[Window]) -> None:
             raise DataError(
                 f"The fitted window{where} holds {window.strokes} complete half-cycle(s), and with the offset free "
                 "friction is undetermined from fewer than two. Release from farther away, start at the release, or fix "
-                "the offset (nuisance without 'offset')."
+                "the offset (nuisance= without 'offset')."
             )
 
 

@@ -7,10 +7,9 @@ from typing import Any
 import numpy as np
 
 from ..data import Record, Segmentation, Trace, segmentation_of
-from ..data.errors import DataError, UsageError, nearest
-from .names import NUISANCES
+from ..data.errors import DataError, UsageError
+from .settings import check_start, nuisances_of
 
-STARTS = ("first_reversal", "release")
 NEVER = 10**9
 # Deflection at the end of a stroke, as a part of that at its start, below which it may creep in.
 _CROSSED = 0.16
@@ -23,11 +22,6 @@ _MOVED = 1.5
 DITHERED = 1 / 4 + 1 / 12
 # Standstills on alternating sides that tell the equilibrium and the decay.
 _FEWEST = 3
-_DEFAULT_NUISANCES = {
-    "first_reversal": ("t_release", "x0", "offset"),
-    "release": ("x0", "offset"),
-    "seconds": ("x0", "v0", "offset"),
-}
 
 
 @dataclasses.dataclass(frozen=True)
@@ -108,8 +102,7 @@ def open_window(
     repeated = _repeated(t, x, fitted, found)
     used = fitted & ~repeated
     sigma, source = _noise(trace, found)
-    own = _DEFAULT_NUISANCES[mode] if nuisance is None else tuple(nuisance)
-    _check_nuisances(own, keeps_memory)
+    own = nuisances_of(mode, nuisance, keeps_memory)
     return Window(
         trace=trace,
         quantity=quantity,
@@ -164,26 +157,11 @@ def _start(data: Any, start: str | float, found: Segmentation, t: np.ndarray) ->
             raise DataError(f"The logged release at {at:.6g} s lies behind the record, which ends at {t[-1]:.6g} s.")
         return "release", at, at
     if isinstance(start, str):
-        raise UsageError(
-            f"There is no start {start!r}.{nearest(start, STARTS)} Choose first_reversal, release or a number of "
-            "seconds from the first sample."
-        )
+        check_start(start)
     at = float(t[0]) + float(start)
     if not t[0] <= at < t[-1]:
         raise UsageError(f"start={start} s lies outside the record, which lasts {t[-1] - t[0]:.6g} s.")
     return "seconds", at, at
-
-
-def _check_nuisances(names: tuple[str, ...], keeps_memory: bool) -> None:
-    for name in names:
-        if name not in NUISANCES:
-            raise UsageError(
-                f"There is no nuisance parameter {name!r}.{nearest(name, NUISANCES)} Known are {', '.join(NUISANCES)}."
-            )
-    if "v0" in names and "t_release" in names:
-        raise UsageError("v0 and t_release cannot both be free: each shifts the motion in time. Leave one of them out.")
-    if "z0" in names and not keeps_memory:
-        raise UsageError("z0 is the start of a law's internal state, and this law has none. Leave it out of nuisance.")
 
 
 def _noise(trace: Trace, found: Segmentation) -> tuple[np.ndarray, str]:

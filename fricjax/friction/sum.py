@@ -8,6 +8,7 @@ from typing import ClassVar
 import jax.numpy as jnp
 
 from .base import AbstractFriction, Scalar, State, Values
+from .catalogue import check_summands
 from .coefficient import Coefficient
 
 
@@ -26,9 +27,8 @@ class Sum(AbstractFriction):
 
     def __init__(self, *groups: tuple[AbstractFriction, ...]) -> None:
         self.laws = tuple(law for group in groups for law in group)
-        if self.set_valued and self.n_states:
-            names = " + ".join(type(law).__name__ for law in self.laws)
-            raise ValueError(f"{names} adds a set-valued law to one with internal states; no engine integrates both.")
+        names = [type(law).__name__ for law in self.laws]
+        check_summands(names, jumps=self.set_valued, remembers=self.n_states > 0)
 
     @property
     def set_valued(self) -> bool:  # pyright: ignore[reportIncompatibleVariableOverride]

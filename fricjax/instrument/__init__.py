@@ -1,8 +1,5 @@
 """The interferometer and what it sees: synthetic runs with the imperfections of a real rig."""
 
-from .driven import DrivenMotion, driven_motion
-from .floor import white_acceleration
-from .interferometer import Interferometer
-from .synthetic import synthetic_run
+import lazy_loader as _lazy_loader
 
-__all__ = ["DrivenMotion", "Interferometer", "driven_motion", "synthetic_run", "white_acceleration"]
+__getattr__, __dir__, __all__ = _lazy_loader.attach_stub(__name__, __file__)

@@ -13,51 +13,18 @@ import numpy as np
 
 from ..data.errors import UsageError, nearest
 from ..data.record import Record, Step
-from ..data.trace import MINIMUM_SAMPLES, Trace
+from ..data.trace import Trace
 from ..oscillator import RESULTS, ExponentialRelease, Oscillator, is_successful, simulate
 from ..oscillator.leaves import leaves_of
 from ..oscillator.restoring import Pendulum
-from .checks import not_negative, number, positive
+from .checks import number
 from .driven import driven_motion
 from .floor import white_acceleration
 from .interferometer import Interferometer
+from .run import Run, check_seed
 
 # The order is part of what a seed means: add new streams at the end.
 _STREAMS = ("floor", "sampling_jitter", "noise")
-
-
-@dataclasses.dataclass(frozen=True)
-class _Run:
-    """What happens to the mass before any instrument looks."""
-
-    x0: float
-    v0: float
-    rate: float
-    duration: float
-    hold: float
-    release_time_constant: float
-    floor_acceleration_psd: float
-
-    def __post_init__(self) -> None:
-        for name, unit in (("x0", "m"), ("v0", "m/s")):
-            object.__setattr__(self, name, number(name, getattr(self, name), unit))
-        for name, unit in (("rate", "Hz"), ("duration", "s")):
-            object.__setattr__(self, name, positive(name, getattr(self, name), unit))
-        for name, unit in (("hold", "s"), ("release_time_constant", "s"), ("floor_acceleration_psd", "(m/s^2)^2/Hz")):
-            object.__setattr__(self, name, not_negative(name, getattr(self, name), unit))
-        if self.samples < MINIMUM_SAMPLES:
-            raise UsageError(
-                f"A run of {self.duration:g} s at {self.rate:g} Hz has {self.samples} samples, and at least "
-                f"{MINIMUM_SAMPLES} are needed; make rate or duration larger."
-            )
-        if self.hold >= self.duration:
-            raise UsageError(
-                f"hold is {self.hold:g} s, but the whole run lasts {self.duration:g} s; make duration larger than hold."
-            )
-
-    @property
-    def samples(self) -> int:
-        return int(np.floor(self.rate * self.duration + 1e-6))
 
 
 def synthetic_run(
@@ -98,7 +65,7 @@ def synthetic_run(
         UsageError: an unknown keyword or a value outside of its range.
         RuntimeError: JAX computes in single precision.
     """
-    run = _Run(x0, v0, rate, duration, hold, release_time_constant, floor_acceleration_psd)
+    run = Run(x0, v0, rate, duration, hold, release_time_constant, floor_acceleration_psd)
     eye = _interferometer(noise, instrument)
     coefficients = _coefficients(oscillator)
     generators = _generators(seed)
@@ -110,7 +77,7 @@ def synthetic_run(
 
 
 def _interferometer(noise: float, instrument: dict[str, Any]) -> Interferometer:
-    names = [field.name for field in (*dataclasses.fields(Interferometer), *dataclasses.fields(_Run))]
+    names = [field.name for field in (*dataclasses.fields(Interferometer), *dataclasses.fields(Run))]
     known = [*names, "seed"]
     for name in instrument:
         if name not in known:
@@ -120,14 +87,13 @@ def _interferometer(noise: float, instrument: dict[str, Any]) -> Interferometer:
 
 def _generators(seed: int) -> dict[str, np.random.Generator]:
     """One independent stream of random numbers per effect."""
-    if not isinstance(seed, int | np.integer) or isinstance(seed, bool) or seed < 0:
-        raise UsageError(f"seed must be a whole number, zero or more, got {seed!r}.")
+    check_seed(seed)
     children = np.random.SeedSequence(int(seed)).spawn(len(_STREAMS))
     return {name: np.random.default_rng(child) for name, child in zip(_STREAMS, children, strict=True)}
 
 
 def _motion(
-    oscillator: Oscillator, run: _Run, t: np.ndarray, generator: np.random.Generator
+    oscillator: Oscillator, run: Run, t: np.ndarray, generator: np.random.Generator
 ) -> tuple[np.ndarray, np.ndarray, tuple[Step, ...]]:
     """True displacement and velocity at the times of the record, and the steps that led to them."""
     given = {"x0": run.x0, "v0": run.v0, "rate": run.rate, "duration": run.duration, "hold": run.hold}
@@ -147,7 +113,7 @@ def _motion(
 
 
 def _integrate(
-    oscillator: Oscillator, run: _Run, ts: np.ndarray, floor: np.ndarray | None, release: ExponentialRelease | None
+    oscillator: Oscillator, run: Run, ts: np.ndarray, floor: np.ndarray | None, release: ExponentialRelease | None
 ) -> tuple[np.ndarray, np.ndarray]:
     """The motion by whichever engine can follow it; times before the release mean nothing here."""
     drive: dict[str, Any] = {"v0": run.v0, "base_acceleration": floor, "release": release}
@@ -169,7 +135,7 @@ def _coefficients(oscillator: Oscillator) -> dict[str, float]:
 
 
 def _meta(
-    oscillator: Oscillator, coefficients: dict[str, float], run: _Run, eye: Interferometer, seed: int
+    oscillator: Oscillator, coefficients: dict[str, float], run: Run, eye: Interferometer, seed: int
 ) -> dict[str, Any]:
     quantity = "rad" if isinstance(oscillator.restoring, Pendulum) else "m"
     laws = getattr(oscillator.friction, "laws", (oscillator.friction,))

@@ -1,35 +1,5 @@
 """The oscillator and the engines that integrate it."""
 
-from . import restoring
-from .energy import Energy, energy
-from .engines import Exact, Hybrid, Smooth
-from .motion import Motion, Start
-from .oscillator import Oscillator
-from .program import Program
-from .release import AbstractRelease, ExponentialRelease
-from .results import RESULTS, is_successful
-from .rosenbrock import Rodas5P
-from .session import ready
-from .simulate import final_displacement, simulate, starting_state
+import lazy_loader as _lazy_loader
 
-__all__ = [
-    "RESULTS",
-    "AbstractRelease",
-    "Energy",
-    "Exact",
-    "ExponentialRelease",
-    "Hybrid",
-    "Motion",
-    "Oscillator",
-    "Program",
-    "Rodas5P",
-    "Smooth",
-    "Start",
-    "energy",
-    "final_displacement",
-    "is_successful",
-    "ready",
-    "restoring",
-    "simulate",
-    "starting_state",
-]
+__getattr__, __dir__, __all__ = _lazy_loader.attach_stub(__name__, __file__)

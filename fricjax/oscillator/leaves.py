@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 import jax
 
 from ..friction.coefficient import Coefficient
+from .names import named
 from .oscillator import Oscillator
 
 
@@ -32,10 +33,8 @@ def leaves_of(oscillator: Oscillator) -> tuple[Leaf, ...]:
     """All coefficients of an oscillator in the order of its leaves."""
     paths = [path for path, _ in jax.tree_util.tree_flatten_with_path(oscillator)[0]]
     dotted = [".".join(_parts(path)) for path in paths]
-    last = [name.rsplit(".", 1)[-1] for name in dotted]
-    names = [short if last.count(short) == 1 else full for short, full in zip(last, dotted, strict=True)]
-    known = [_coefficient(oscillator, path) for path in paths]
-    return tuple(Leaf(*entry) for entry in zip(names, dotted, range(len(paths)), known, strict=True))
+    pairs = zip(named(dotted), paths, strict=True)
+    return tuple(Leaf(*name, i, _coefficient(oscillator, path)) for i, (name, path) in enumerate(pairs))
 
 
 def _parts(path: Sequence) -> list[str]:

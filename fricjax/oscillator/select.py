@@ -12,9 +12,8 @@ from .engines.base import AbstractEngine
 from .engines.exact import Exact
 from .engines.hybrid import Hybrid
 from .engines.smooth import Smooth
+from .names import ENGINES, check_engine
 from .oscillator import Oscillator
-
-ENGINES = ("auto", "exact", "hybrid", "smooth")
 
 
 def select_engine(
@@ -42,8 +41,7 @@ def _named(name: str, oscillator: Oscillator, accuracy: float, max_half_cycles: 
     engines = _engines(accuracy, max_half_cycles, oscillator.friction.refinement)
     if name in engines:
         return engines[name]
-    if name != "auto":
-        raise ValueError(f"There is no engine {name!r}. Choose one of {', '.join(ENGINES)}.")
+    check_engine(name)
     # A drag that is being differentiated counts as present, whatever its value.
     without_drag = isinstance(oscillator.drag, np.ndarray)
     candidates = [engines[candidate] for candidate in ENGINES[1 if without_drag else 2 :]]

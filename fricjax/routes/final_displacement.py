@@ -23,6 +23,7 @@ from .pair_model import PairModel, fitted_dead_band, predicted, solve_pairs
 from .pair_remarks import remarks, status_of_counts
 from .pairs import Pairs, checked_pairs
 from .result import RouteFit
+from .settings import check_scatter
 from .solve import Solution, flags_of, status_of
 from .static import Bracket, bracket
 
@@ -90,8 +91,7 @@ def _check(names: Sequence[str], nuisance: Sequence[str], mu_scatter: float) -> 
     unknown = [name for name in nuisance if name != "offset"]
     if unknown:
         raise UsageError(f"Pairs have no nuisance parameter {unknown[0]!r}; the only one is 'offset'.")
-    if not 0 <= mu_scatter < 1:
-        raise UsageError(f"mu_scatter is a relative standard deviation, zero or more and below 1, got {mu_scatter:g}.")
+    check_scatter(mu_scatter)
 
 
 def _counted(pairs: Pairs, oscillator: Oscillator, offset_free: bool) -> Unwrapped:
@@ -111,7 +111,7 @@ def _check_motion(found: Unwrapped, pairs: Pairs, parameters: int) -> None:
     if distinct < parameters:
         raise DataError(
             f"{distinct} different pair(s) cannot determine {parameters} parameters. Record more runs from different "
-            "initial displacements, or fix the offset (nuisance=())."
+            "initial displacements."
         )
 
 

@@ -17,6 +17,7 @@ from ..oscillator import Oscillator, ready
 from .cells import BIAS_SHARE, cells, pooled
 from .no_contact import contactless
 from .sampled import Sampled, sampled
+from .settings import check_bins
 from .strokes import decay, each_of
 
 DECADES_BELOW = 2.5  # of the largest speed: where the lowest range of speeds ends
@@ -148,8 +149,7 @@ def _forces(record: Any, oscillator: Oscillator, offset: float | None, window: f
 def _edges(bins: Any, fastest: float) -> np.ndarray:
     """Limits of the ranges of speed [m/s]: given, or from rest in equal ratios to the largest speed."""
     if np.ndim(bins) == 0:
-        if not isinstance(bins, int | np.integer) or bins < 2:
-            raise UsageError(f"bins must be a whole number of at least 2, or limits in m/s, got {bins!r}.")
+        check_bins(bins)
         return np.append(0.0, fastest * np.geomspace(10**-DECADES_BELOW, 1 + 1e-12, int(bins)))
     edges = np.asarray(bins, float)
     if edges.ndim != 1 or edges.size < 2 or not np.all(np.diff(edges) > 0) or edges[0] < 0:

@@ -12,11 +12,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..data import Record, Trace, segmentation_of
-from ..data.errors import DataError, UsageError, nearest
+from ..data.errors import DataError, UsageError
 from ..data.record import trace_of
 from ..data.table import read_table
-
-STARTS = ("first_reversal", "release")
+from ..fitting.settings import check_start
 
 
 class Pairs(NamedTuple):
@@ -46,8 +45,7 @@ def pairs_of(records: Sequence[Record | Trace], *, start: str = "first_reversal"
         UsageError: no records, or an unknown start.
         DataError: a run that does not come to rest, or has no reversal to start from.
     """
-    if start not in STARTS:
-        raise UsageError(f"There is no start {start!r}.{nearest(start, STARTS)} Choose first_reversal or release.")
+    check_start(start, "first_reversal or release")
     if not records:
         raise UsageError("There is no run to take a pair from: the list is empty.")
     rows = [_pair(record, start, i) for i, record in enumerate(records)]

@@ -77,8 +77,8 @@ def machine(rig: Rig, *, damping_known: bool = True) -> Oscillator:
         raise UsageError(f"rig must be a fricjax.Rig, got {type(rig).__name__}. Read one with Rig.from_toml(path).")
     if damping_known and rig.damping is None and rig.damping_ratio is None:
         raise UsageError(
-            "The rig has no damping, so that its viscous loss would count as friction. Give the rig damping= or "
-            "damping_ratio= (0 for none), or a no-contact run."
+            "The rig has no damping, so that its viscous loss would count as friction. Give the rig its damping "
+            "or damping_ratio (0 for none), or a no-contact run."
         )
     return rig.oscillator(Coulomb(0.0))
 

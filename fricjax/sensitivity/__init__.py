@@ -1,8 +1,5 @@
 """What a run can tell: derivatives of the motion, and the information of a planned run about each coefficient."""
 
-from .directions import Direction
-from .fisher import fisher
-from .information import Information
-from .local import local
+import lazy_loader as _lazy_loader
 
-__all__ = ["Direction", "Information", "fisher", "local"]
+__getattr__, __dir__, __all__ = _lazy_loader.attach_stub(__name__, __file__)

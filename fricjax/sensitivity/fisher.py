@@ -24,6 +24,7 @@ from .directions import directions, spectrum
 from .information import Information
 from .local import checked_times
 from .plan import Plan, course_of, creep_start, plan, planned_times
+from .settings import check_noise
 
 # Least number of samples to provide for.
 _FEWEST = 4096
@@ -66,8 +67,7 @@ def fisher(
         RuntimeError: JAX computes in single precision.
         UsageError: names or settings that do not fit, or a mass that never stops without a `duration`.
     """
-    if not noise > 0:
-        raise UsageError(f"The noise must be a positive standard deviation in metres, got {noise}.")
+    check_noise(noise)
     course = course_of(oscillator, float(x0))
     times = planned_times(course, rate, duration) if ts is None else checked_times(ts)
     made = plan(oscillator, x0, times, names, nuisance, noise=noise, engine=engine, course=course)

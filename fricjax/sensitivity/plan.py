@@ -13,17 +13,19 @@ import equinox as eqx
 import jax
 import numpy as np
 
-from ..data.errors import UsageError, nearest
+from ..data.errors import UsageError
 from ..estimation.space import Parameter, ParameterSpace
 from ..fitting.mesh import with_mesh
 from ..fitting.names import NUISANCES, find_leaf
 from ..fitting.residual import Residual, Run
+from ..fitting.settings import check_nuisance, check_once
 from ..fitting.window import NEVER
 from ..friction import Coulomb
 from ..oscillator import Motion, Oscillator, ready, simulate
 from ..oscillator.engines import AbstractEngine
 from ..oscillator.leaves import Leaf, leaves_of
 from ..oscillator.select import half_cycle_capacity, select_engine
+from .settings import check_sampling
 
 TAIL = 0.05
 """Time at rest that a record should hold behind the stop [s]."""
@@ -118,13 +120,10 @@ def planned_times(course: Course, rate: float, duration: float | None) -> np.nda
     Raises:
         UsageError: a rate or duration that is no positive number, or a mass that never stops.
     """
-    if not (math.isfinite(rate) and rate > 0):
-        raise UsageError(f"The rate must be a positive number of samples per second, got {rate}.")
+    check_sampling(rate, duration)
     if duration is None and not math.isfinite(course.t_stop):
         raise UsageError("The mass does not come to rest by itself here: say with the duration how long to record.")
     length = course.t_stop + TAIL if duration is None else float(duration)
-    if not (math.isfinite(length) and length > 0):
-        raise UsageError(f"The duration must be a positive number of seconds, got {duration}.")
     return np.arange(max(round(length * rate), 2)) / rate
 
 
@@ -187,13 +186,9 @@ def _parameters(
     oscillator: Oscillator, x0: float, shared: Sequence[Leaf], nuisance: tuple[str, ...]
 ) -> tuple[Parameter, ...]:
     for name in nuisance:
-        if name not in NUISANCES:
-            known = ", ".join(NUISANCES)
-            raise UsageError(f"There is no nuisance parameter {name!r}.{nearest(name, NUISANCES)} Known are {known}.")
+        check_nuisance(name)
     names = [*(leaf.name for leaf in shared), *nuisance]
-    twice = [name for name in names if names.count(name) > 1]
-    if twice:
-        raise UsageError(f"{twice[0]} is named twice. Name it once.")
+    check_once(names)
     if not names:
         raise UsageError("No parameter is named: name at least one coefficient or nuisance parameter.")
     flat = jax.tree.leaves(oscillator)

@@ -1,6 +1,7 @@
 """`fricjax energy`: friction against velocity and in half-cycles, told, drawn and as JSON."""
 
 import json
+import shutil
 
 import pytest
 
@@ -23,8 +24,9 @@ def test_energy_tells_and_draws(fricjax, tmp_path):
     assert written["force_map"]["mu"]["value"] == pytest.approx(TRUTH["mu"], rel=1e-3)
 
 
-def test_energy_as_json_holds_the_truth(fricjax):
-    called = fricjax("energy", RUN, RUN, "--rig", RIG, "--json")
+def test_energy_as_json_holds_the_truth(fricjax, tmp_path):
+    again = shutil.copy(RUN, tmp_path)
+    called = fricjax("energy", RUN, again, "--rig", RIG, "--json")
     assert (called.code, called.err) == (0, "")
     told = json.loads(called.out)
     mean = told["half_cycles"]["mean"]

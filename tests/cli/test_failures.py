@@ -7,6 +7,7 @@ import pytest
 
 from fricjax.cli.failure import failure_of
 from fricjax.data.examples import example_paths
+from tests.helpers import python_in
 
 RUN, RIG = example_paths()
 WITH_RIG = (RUN, "--rig", RIG)
@@ -31,6 +32,10 @@ def files(tmp_path):
         "units.csv": table(t, x, "Time [s],Displacement [kg]"),
         "short.csv": table(t[short], x[short]),
         "good.csv": table(t, x),
+        "words.csv": "one two three\nfour five six\n",
+        "two.txt": "t,left,right\n" + "\n".join(f"{a},{b},{b}" for a, b in zip(t, x, strict=True)),
+        "alone.csv": "x\n" + "\n".join(map(str, x)),
+        "rise.csv": table(t, 1 - np.exp(-10 * t)),
         "empty.csv": "",
         "run.xyz": "1 2 3",
         "rig.toml": "mass = -0.4\nstiffness = 2574\nnormal_force = 9.66\n",
@@ -56,6 +61,11 @@ DATA = [
     (("empty.csv",), "empty.csv is empty"),
     (("short.csv",), "with the offset free friction is undetermined from fewer than two"),
     (("good.csv", "--crop", "5:9"), "Only 0 samples lie between 5 s and 9 s"),
+    (("words.csv",), "or give --delimiter, --decimal and --skip-rows."),
+    (("two.txt",), "; name one with --column."),
+    (("good.csv", "--column", "7"), "has 2 columns, but --column 7 was asked for"),
+    (("alone.csv",), "has no time for 'x'; give --rate (samples per second) or --time (a column)."),
+    (("rise.csv",), "Fit from the release: --start release."),
 ]
 USAGE = [
     (("--rig", "rig.toml"), "mass must be a positive number of kg, got -0.4."),
@@ -84,7 +94,7 @@ USAGE = [
     (("--sigma-mode", "relative"), "There is no sigma_mode 'relative'."),
     (("--plot", "fit.gif"), "--plot cannot write 'fit.gif': give it the ending .png or .svg or .pdf."),
     (("--out", "nowhere/fit.json"), "there is no folder 'nowhere'. Make it first."),
-    (("--row", "1"), "'row' is no option for .csv files."),
+    (("--row", "1"), "--row is no option for .csv files. Did you mean '--skip-rows'?"),
     (("--rate", "-5", "--column", "1"), "rate must be a positive number"),
     (("--frobnicate",), "No such option: --frobnicate"),
     (("--rate", "fast"), "Invalid value for '--rate'"),
@@ -108,6 +118,7 @@ def check(fricjax, folder, monkeypatch, words, sentence, code):
     assert sentence in report["error"]
     assert (report["kind"], report["exit_code"]) == ({2: "usage", 4: "data"}[code], code)
     assert "\n" not in report["error"]
+    assert not python_in(report["error"])
     assert sorted(path.name for path in folder.iterdir()) == before
 
 

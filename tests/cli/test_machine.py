@@ -5,7 +5,8 @@ import math
 import pytest
 
 from fricjax import friction
-from fricjax.cli.machine import choose, known, laws
+from fricjax.cli.laws import laws
+from fricjax.cli.machine import choose, known
 from fricjax.cli.options import Machine
 from fricjax.data.errors import UsageError
 from fricjax.data.examples import example_paths
@@ -135,7 +136,7 @@ def test_refusals_by_their_text(options, free, sentence):
 
 
 def test_a_simulation_needs_every_coefficient():
-    assert float(known(Machine(rig=RIG, fix=["mu=0.02"])).friction.mu) == 0.02  # type: ignore[attr-defined]
+    assert float(known(Machine(rig=RIG, fix=["mu=0.02"])).oscillator.friction.mu) == 0.02  # type: ignore[attr-defined]
     with pytest.raises(UsageError, match="Coulomb friction needs mu: give it with --fix mu="):
         known(Machine(rig=RIG))
     with pytest.raises(UsageError, match="A simulation needs the machine"):

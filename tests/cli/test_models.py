@@ -10,8 +10,8 @@ from fricjax import friction
 
 LAWS: dict[str, Any] = {
     name.lower(): law
-    for name, law in vars(friction).items()
-    if inspect.isclass(law) and not inspect.isabstract(law) and law is not friction.Sum
+    for name in friction.__all__
+    if not inspect.isabstract(law := getattr(friction, name)) and law is not friction.Sum
 }
 
 

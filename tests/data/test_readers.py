@@ -149,7 +149,7 @@ def test_bad_text(tmp_path, name):
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"colum": "x"}, "'colum' is no option for .csv files. Did you mean 'column'"),
+        ({"colum": "x"}, "colum= is no option for .csv files. Did you mean 'column='"),
         ({"rate": 0}, "rate must be a positive number"),
         ({"rate": 5, "time": "t"}, "either time= .* or rate="),
         ({"sign": 2}, "sign must be 1 or -1"),

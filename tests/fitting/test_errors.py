@@ -91,7 +91,7 @@ USAGE = {
     ),
     "tie of what is free": (
         {"tie": {"damping": "mu"}},
-        r"damping is tied to mu and cannot be free as well\. Take it out of free\.",
+        r"damping is tied to mu and cannot be free as well\. Take it out of free=\.",
     ),
     "sigma mode": (
         {"sigma_mode": "absolut"},

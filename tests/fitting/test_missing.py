@@ -22,11 +22,11 @@ def said(found: Fit) -> list[str]:
 
 
 LACKING = {
-    "drag": (machine(Coulomb(0.01), drag=0.5), "--free mu,damping,stiffness,drag"),
-    "little drag": (machine(Coulomb(0.01), drag=0.01), "--free mu,damping,stiffness,drag"),
-    "falling friction": (machine(Stribeck(0.01, 0.013, 0.02)), "--friction stribeck"),
-    "Dahl contact": (machine(Dahl(0.01, 1e4)), "--friction dahl"),
-    "LuGre contact": (machine(LuGre(0.01, sigma0=3e4, sigma1=60.0)), "--friction dahl"),
+    "drag": (machine(Coulomb(0.01), drag=0.5), "free=['mu', 'damping', 'stiffness', 'drag']"),
+    "little drag": (machine(Coulomb(0.01), drag=0.01), "free=['mu', 'damping', 'stiffness', 'drag']"),
+    "falling friction": (machine(Stribeck(0.01, 0.013, 0.02)), "friction=Stribeck(...)"),
+    "Dahl contact": (machine(Dahl(0.01, 1e4)), "friction=Dahl(...)"),
+    "LuGre contact": (machine(LuGre(0.01, sigma0=3e4, sigma1=60.0)), "friction=Dahl(...)"),
     "stiffening": (machine(Coulomb(0.01), restoring=Cubic(1e7)), "stiffens with deflection"),
     "softening": (machine(Coulomb(0.01), restoring=Cubic(-1e7)), "softens with deflection"),
 }

@@ -1,0 +1,56 @@
+"""Whether the files that a command names can be read with its options, asked before any is opened."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from .options import Reading
+
+
+def check_records(paths: Sequence[Path], options: Reading) -> None:
+    """Refuse files and options of reading that cannot go together.
+
+    Args:
+        paths: the records.
+        options: how they are read.
+
+    Raises:
+        DataError: a file that is missing, empty, of an unknown format or named twice, or a unit that does not fit.
+        UsageError: an option that does not fit the format, or that contradicts another.
+    """
+    from ..data.errors import UsageError
+    from ..data.paths import check_distinct, check_file
+    from ..data.read import check
+    from . import parsing
+
+    for path in paths:
+        check_file(path)
+    check_distinct(paths)
+    if options.crop is not None:
+        low, high = parsing.span("--crop", options.crop)
+        if low is not None and high is not None and not low < high:
+            raise UsageError(f"--crop '{options.crop}' ends before it begins; write the earlier time first.")
+    given = _given(options)
+    for path in paths:
+        check(path, given)
+    if given:
+        _check_values(options)
+
+
+def _given(options: Reading) -> dict[str, Any]:
+    """The options of `fricjax.read` that were given."""
+    if options == Reading():
+        return {}
+    from .records import _reader_options
+
+    return _reader_options(options)
+
+
+def _check_values(options: Reading) -> None:
+    from ..data.choice import Choice
+    from ..data.scale import scale_of
+    from ..data.units import DISPLACEMENT, TIME
+
+    Choice(time=options.time, rate=options.rate, sign=1 if options.sign is None else options.sign)
+    scale_of(None, options.unit, DISPLACEMENT, "the displacement", "unit")
+    scale_of(None, options.time_unit, TIME, "the time", "time_unit")

@@ -1,0 +1,19 @@
+from .batch import fit_batch
+from .batch_result import BatchFit
+from .fit import fit
+from .moving_floor import fit_on_moving_floor
+from .multistart import Multistart, multistart
+from .result import Fit, FitError
+from .store import load_fit
+
+__all__ = [
+    "BatchFit",
+    "Fit",
+    "FitError",
+    "Multistart",
+    "fit",
+    "fit_batch",
+    "fit_on_moving_floor",
+    "load_fit",
+    "multistart",
+]

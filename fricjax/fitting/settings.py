@@ -1,0 +1,143 @@
+"""What a fit can be asked for: checked by name alone, before a record is read or JAX is imported."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any, NamedTuple
+
+from ..data.errors import UsageError, nearest
+from ..estimation.names import check_loss
+from .names import NUISANCES, Named, check_names, chosen, tied
+
+STARTS = ("first_reversal", "release")
+SIGMA_MODES = ("absolute", "scale", "estimate")
+_NUISANCES = {
+    "first_reversal": ("t_release", "x0", "offset"),
+    "release": ("x0", "offset"),
+    "seconds": ("x0", "v0", "offset"),
+}
+
+
+class Model(NamedTuple):
+    """A model as far as its names go.
+
+    Attributes:
+        leaves: its coefficients.
+        bracketable: whether its static coefficient is bracketed from stops, as that of Coulomb's law.
+        keeps_memory: whether its law has internal states.
+    """
+
+    leaves: Sequence[Named]
+    bracketable: bool
+    keeps_memory: bool
+
+
+def check_settings(model: Model, free: Sequence[str], runs: int, settings: Mapping[str, Any]) -> None:
+    """Refuse names and settings of a fit that do not fit, as the fit itself would.
+
+    Args:
+        model: what is fitted.
+        free: names of the free coefficients.
+        runs: number of records.
+        settings: the keywords of `fricjax.fit` that are checked: `nuisance`, `start`, `bounds`, `priors`, `tie`,
+            `sigma_mode`, `guess` and `loss`.
+
+    Raises:
+        UsageError: as `fricjax.fit` words it.
+    """
+    check_sigma_mode(settings["sigma_mode"])
+    check_loss(settings["loss"])
+    start = settings["start"]
+    if isinstance(start, str):
+        check_start(start)
+    own = nuisances_of(start if isinstance(start, str) else "seconds", settings["nuisance"], model.keeps_memory)
+    kept, _ = chosen(free, model.leaves, model.bracketable)
+    names = [leaf.name for leaf in kept] + [name for run in range(runs) for name in own_names(own, run, runs)]
+    check_names(settings["bounds"], names, "Bounds")
+    for name, (low, high) in settings["bounds"].items():
+        check_bounds(name, low, high)
+    check_names(settings["guess"], names, "Start values")
+    check_names(settings["priors"], names, "Priors")
+    tied(settings["tie"], model.leaves, names)
+
+
+def check_sigma_mode(mode: str) -> None:
+    """Refuse an unknown way to take the noise.
+
+    Raises:
+        UsageError: names those that there are.
+    """
+    if mode not in SIGMA_MODES:
+        raise UsageError(
+            f"There is no sigma_mode {mode!r}.{nearest(mode, SIGMA_MODES)} Choose one of {', '.join(SIGMA_MODES)}."
+        )
+
+
+def check_start(
+    start: str, choices: str = "first_reversal, release or a number of seconds from the first sample"
+) -> None:
+    """Refuse a start that has no name.
+
+    Raises:
+        UsageError: offers the nearest one and the `choices`.
+    """
+    if start not in STARTS:
+        raise UsageError(f"There is no start {start!r}.{nearest(start, STARTS)} Choose {choices}.")
+
+
+def nuisances_of(mode: str, given: Iterable[str] | None, keeps_memory: bool) -> tuple[str, ...]:
+    """Names of a run's own parameters.
+
+    Args:
+        mode: "first_reversal", "release" or "seconds".
+        given: the names that the caller gave, or None for those that belong to the mode.
+        keeps_memory: whether the law has internal states; it is then fitted from the middle of a stroke.
+
+    Raises:
+        UsageError: an unknown name, or two that cannot be told apart.
+    """
+    mode = "seconds" if mode == "first_reversal" and keeps_memory else mode
+    names = _NUISANCES[mode] if given is None else tuple(given)
+    for name in names:
+        check_nuisance(name)
+    if "v0" in names and "t_release" in names:
+        raise UsageError("v0 and t_release cannot both be free: each shifts the motion in time. Leave one of them out.")
+    if "z0" in names and not keeps_memory:
+        raise UsageError("z0 is the start of a law's internal state, and this law has none. Leave it out of nuisance=.")
+    return names
+
+
+def check_nuisance(name: str) -> None:
+    """Refuse the name of a parameter that no run has.
+
+    Raises:
+        UsageError: offers the nearest one.
+    """
+    if name not in NUISANCES:
+        raise UsageError(
+            f"There is no nuisance parameter {name!r}.{nearest(name, NUISANCES)} Known are {', '.join(NUISANCES)}."
+        )
+
+
+def check_once(names: Sequence[str]) -> None:
+    """Refuse a parameter that is named twice.
+
+    Raises:
+        UsageError: names it.
+    """
+    twice = [name for name in names if names.count(name) > 1]
+    if twice:
+        raise UsageError(f"{twice[0]} is named twice. Name it once.")
+
+
+def own_names(nuisances: Iterable[str], run: int, runs: int) -> list[str]:
+    """Names of a run's own parameters among those of several runs."""
+    return [name if runs == 1 else f"{name}[{run}]" for name in nuisances]
+
+
+def check_bounds(name: str, low: float | None, high: float | None) -> None:
+    """Refuse bounds between which nothing lies; None is no bound.
+
+    Raises:
+        UsageError: names both.
+    """
+    if low is not None and high is not None and not low < high:
+        raise UsageError(f"The bounds of {name} must be a lower and a larger upper value, got {low} and {high}.")

@@ -1,0 +1,50 @@
+from .ageing import Ageing
+from .base import AbstractFriction
+from .bliman_sorine import BlimanSorine
+from .bouc_wen import BoucWen
+from .coulomb import Coulomb
+from .dahl import Dahl
+from .elasto_plastic import ElastoPlastic
+from .generalised_maxwell_slip import GeneralisedMaxwellSlip
+from .leuven import Leuven
+from .load_dependent import LoadDependent
+from .lorentzian import Lorentzian
+from .lugre import LuGre
+from .makkar import Makkar
+from .maxwell_slip import Jenkins, MaxwellSlip
+from .rate_state import RateState, RateStateSlip
+from .rolling import Rolling
+from .spline import MonotoneSpline, Spline
+from .stribeck import Stribeck
+from .sum import Sum
+from .tanh import Tanh
+from .viscous import Viscous
+from .windage import Windage
+
+__all__ = [
+    "AbstractFriction",
+    "Ageing",
+    "BlimanSorine",
+    "BoucWen",
+    "Coulomb",
+    "Dahl",
+    "ElastoPlastic",
+    "GeneralisedMaxwellSlip",
+    "Jenkins",
+    "Leuven",
+    "LoadDependent",
+    "Lorentzian",
+    "LuGre",
+    "Makkar",
+    "MaxwellSlip",
+    "MonotoneSpline",
+    "RateState",
+    "RateStateSlip",
+    "Rolling",
+    "Spline",
+    "Stribeck",
+    "Sum",
+    "Tanh",
+    "Viscous",
+    "Windage",
+]

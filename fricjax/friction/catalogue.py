@@ -1,0 +1,102 @@
+"""The laws by name, and what each is made of, without their equations: to be asked before JAX is imported.
+
+A misspelt name is so refused at once. `tests/friction/test_catalogue.py` holds this table against the classes: a law
+that is missing here, or differs, fails it.
+"""
+
+import dataclasses
+from collections.abc import Collection, Iterator, Mapping
+from typing import Literal
+
+
+@dataclasses.dataclass(frozen=True)
+class Law:
+    """A law as far as its name, its coefficients and its kind go.
+
+    Attributes:
+        name: name of the class.
+        kind: "set-valued", "smooth" or "bristle" (with internal states), as :mod:`fricjax.friction.base` tells them.
+        needed: coefficients that must be given.
+        optional: those that are there only where they are given.
+        coefficients: all of them, in the order of the class.
+        falls: whether it is Coulomb's law where no static coefficient is given.
+        lists: whether some of its coefficients are lists of numbers, which no option holds.
+    """
+
+    name: str
+    kind: Literal["set-valued", "smooth", "bristle"]
+    needed: tuple[str, ...]
+    optional: tuple[str, ...]
+    coefficients: tuple[str, ...]
+    falls: bool = False
+    lists: bool = False
+
+    def present(self, given: Collection[str]) -> tuple[str, ...]:
+        """The coefficients that the law has where these are given."""
+        return tuple(name for name in self.coefficients if name not in self.optional or name in given)
+
+
+def _law(name: str, kind: Literal["set-valued", "smooth", "bristle"], written: str, **more: bool) -> Law:
+    """A law from its coefficients: ``mu`` is needed, ``mu_s?`` optional, ``exponent=`` has a default."""
+    words = written.split()
+    names = tuple(word.rstrip("?=") for word in words)
+    needed = tuple(word for word in words if word[-1] not in "?=")
+    return Law(name, kind, needed, tuple(word[:-1] for word in words if word[-1] == "?"), names, **more)
+
+
+_ALL = (
+    _law("Ageing", "set-valued", "mu beta dwell mu_s? dwell_scale="),
+    _law("BlimanSorine", "bristle", "mu1 mu2 eta epsilon"),
+    _law("BoucWen", "bristle", "mu sigma0 n= beta="),
+    _law("Coulomb", "set-valued", "mu mu_s?"),
+    _law("Dahl", "bristle", "mu sigma0 exponent="),
+    _law("ElastoPlastic", "bristle", "mu mu_s? v_stribeck= sigma0= sigma1= sigma2= breakaway_fraction= v_damping?"),
+    _law("GeneralisedMaxwellSlip", "bristle", "mu mu_s v_stribeck stiffnesses shares attraction sigma2", lists=True),
+    _law("Jenkins", "bristle", "mu sigma0="),
+    _law("Leuven", "bristle", "mu mu_s v_stribeck stiffnesses shares exponent sigma1 sigma2", lists=True),
+    _law("LoadDependent", "set-valued", "mu exponent= reference_load= adhesion="),
+    _law("Lorentzian", "set-valued", "mu mu_s? v_stribeck= exponent=", falls=True),
+    _law("LuGre", "bristle", "mu mu_s? v_stribeck= sigma0= sigma1= sigma2= v_damping?"),
+    _law("Makkar", "smooth", "gamma1 gamma2 gamma3 gamma4 gamma5 gamma6="),
+    _law("MaxwellSlip", "bristle", "stiffnesses limits", lists=True),
+    _law("MonotoneSpline", "set-valued", "knots forces", lists=True),
+    _law("RateState", "bristle", "mu a b slip_distance v_reference="),
+    _law("RateStateSlip", "bristle", "mu a b slip_distance v_reference="),
+    _law("Rolling", "bristle", "mu length load_exponent= reference_load="),
+    _law("Spline", "set-valued", "knots forces", lists=True),
+    _law("Stribeck", "set-valued", "mu mu_s? v_stribeck= exponent=", falls=True),
+    _law("Tanh", "smooth", "mu v_s"),
+    _law("Viscous", "smooth", "sigma2"),
+    _law("Windage", "smooth", "windage"),
+)
+CATALOGUE: Mapping[str, Law] = {law.name.lower(): law for law in _ALL}
+"""All laws by their names in small letters, without their sums."""
+
+
+def check_summands(names: Collection[str], *, jumps: bool, remembers: bool) -> None:
+    """Refuse a sum that no engine integrates.
+
+    Args:
+        names: the laws that are added.
+        jumps: whether one of them is set-valued.
+        remembers: whether one of them has internal states.
+
+    Raises:
+        ValueError: names the laws.
+    """
+    if jumps and remembers:
+        raise ValueError(
+            f"{' + '.join(names)} adds a set-valued law to one with internal states; no engine integrates both."
+        )
+
+
+def dotted(laws: Collection[Law], given: Collection[Collection[str]]) -> Iterator[str]:
+    """Names of the coefficients of a law, or of a sum of several, as an oscillator has them.
+
+    Args:
+        laws: the law, or the summands.
+        given: for each of them the names of the coefficients that are given.
+    """
+    for i, (law, names) in enumerate(zip(laws, given, strict=True)):
+        place = "friction" if len(laws) == 1 else f"friction.{i}"
+        yield from (f"{place}.{name}" for name in law.present(names))

@@ -1,0 +1,50 @@
+"""What is said of a path that leads to no file that can be read."""
+
+import pytest
+
+from fricjax.data.errors import DataError, UsageError
+from fricjax.data.paths import check_distinct, check_file
+
+
+@pytest.fixture
+def folder(tmp_path):
+    for i in range(5):
+        (tmp_path / f"run{i}.csv").write_text("t,x")
+    (tmp_path / "empty.csv").touch()
+    (tmp_path / "deeper").mkdir()
+    return tmp_path
+
+
+@pytest.mark.parametrize(
+    ("name", "sentence"),
+    [
+        ("rum3.csv", "Did you mean 'run"),
+        ("none/run.csv", "for there is no folder"),
+        (".", "is a folder, not a file; name one record in it; it holds "),
+        ("deeper", "is a folder, not a file; name one record in it."),
+        ("run*.csv", "is a pattern, not a file; it matches "),
+        ("run[34].csv", "run3.csv, "),
+        ("run[9]x.csv", "Did you mean 'run"),
+        ("x?.csv", "and none that matches this pattern."),
+        ("empty.csv", "empty.csv is empty: it holds no data at all."),
+    ],
+)
+def test_what_is_wrong_and_what_to_type(folder, name, sentence):
+    with pytest.raises(DataError) as caught:
+        check_file(folder / name)
+    assert sentence in str(caught.value)
+
+
+def test_only_some_of_many_files_are_named(folder):
+    with pytest.raises(DataError) as caught:
+        check_file(folder / "run*.csv")
+    assert "run2.csv and 2 more." in str(caught.value) and "run3.csv" not in str(caught.value)
+
+
+def test_one_file_counts_once(folder, monkeypatch):
+    check_distinct([folder / "run0.csv", folder / "run1.csv"])
+    with pytest.raises(UsageError, match=r"run0.csv is given twice: its samples would count twice\."):
+        check_distinct([folder / "run0.csv", folder / "run0.csv"])
+    (folder / "link.csv").symlink_to(folder / "run0.csv")
+    with pytest.raises(UsageError, match=r"link.csv is given twice, also as .*run0.csv"):
+        check_distinct([folder / "run0.csv", folder / "link.csv"])
