@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from jax.core import Tracer
 
-from ..data.errors import UsageError
+from ..data.errors import UsageError, brief
 from ..show.numbers import uncertain
 
 
@@ -47,12 +47,13 @@ def _finite(field: str, number: Any) -> Any:
     """A finite float; a tracer passes, for its value is not known yet."""
     if isinstance(number, Tracer):
         return number
-    if isinstance(number, bool | np.bool_ | str) or np.ndim(number) != 0:
-        raise UsageError(f"The {field} of a Measured must be one number, got {number!r}.")
     try:
-        converted = float(number)
-    except (TypeError, ValueError) as error:
-        raise UsageError(f"The {field} of a Measured must be one number, got {number!r}.") from error
+        single = not isinstance(number, bool | np.bool_ | str) and np.ndim(number) == 0
+        converted = float(number) if single else None
+    except (TypeError, ValueError, OverflowError):
+        converted = None
+    if converted is None:
+        raise UsageError(f"The {field} of a Measured must be one number, got {brief(number)}.")
     if not math.isfinite(converted):
         raise UsageError(f"The {field} of a Measured must be finite, got {converted}.")
     return converted

@@ -17,7 +17,7 @@ from typing import Any
 
 from jax.core import Tracer
 
-from ..data.errors import UsageError, nearest
+from ..data.errors import UsageError, brief, nearest
 from ..friction import AbstractFriction
 from ..oscillator import Oscillator
 from ..oscillator.restoring import AbstractRestoring, Cubic, Linear, Pendulum
@@ -26,6 +26,8 @@ from .quantity import UNITS, quantity
 
 type Number = float | Measured | str | Mapping[str, Any]
 RESTORING = ("linear", "cubic", "pendulum")
+# No machine is so large or so small, and squares and products of such numbers still are numbers [SI units].
+_HUGE, _TINY = 1e60, 1e-60
 _POSITIVE = ("mass", "stiffness", "frequency", "nonlinearity_period")
 # Half the wavelength of a helium-neon laser, 633 nm: one fringe of a single-pass interferometer [m].
 _FRINGE = 316.5e-9
@@ -234,9 +236,12 @@ def _known(number: Measured | None) -> bool:
 
 def _check(values: Mapping[str, Measured | None]) -> None:
     """One sentence for each way in which numbers do not make a rig."""
+    for name, number in values.items():
+        if number is not None and _known(number) and max(abs(number.value), number.std) > _HUGE:
+            raise UsageError(f"{name} is no number of a rig: {number.value:g} with a standard uncertainty {number.std:g}.")
     for name in _POSITIVE:
         number = values[name]
-        if number is not None and _known(number) and not number.value > 0:
+        if number is not None and _known(number) and not number.value > _TINY:
             raise UsageError(f"{name} must be a positive number of {UNITS[name][0]}, got {number.value:g}.")
     load = values["normal_force"]
     if load is not None and _known(load) and not load.value >= 0:
@@ -268,10 +273,10 @@ def _restoring(given: str | AbstractRestoring, k3: Measured | None) -> AbstractR
     """The restoring force by instance or by name."""
     if isinstance(given, str) and given not in RESTORING:
         raise UsageError(
-            f"There is no restoring force '{given}'; known are {', '.join(RESTORING)}.{nearest(given, RESTORING)}"
+            f"There is no restoring force {brief(given)}; known are {', '.join(RESTORING)}.{nearest(given, RESTORING)}"
         )
     if not isinstance(given, str | AbstractRestoring):
-        raise UsageError(f"restoring must be a restoring force or its name ({', '.join(RESTORING)}), got {given!r}.")
+        raise UsageError(f"restoring must be a restoring force or its name ({', '.join(RESTORING)}), got {brief(given)}.")
     if given == "cubic" or isinstance(given, Cubic):
         if k3 is None:
             raise UsageError("A cubic spring needs its coefficient: give k3 [N/m^3].")

@@ -11,7 +11,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ..data.errors import UsageError, nearest
+from ..data.content import content
+from ..data.errors import UsageError, brief, nearest
 from ..oscillator.restoring import Cubic, Linear, Pendulum
 from ..show.files import write_text
 from .measured import Measured
@@ -21,6 +22,11 @@ if TYPE_CHECKING:
     from .rig import Rig
 
 _KEYS = (*UNITS, "restoring")
+_LARGEST, _WIDEST = 100_000, 1_000
+"""Bytes of the largest file that can be a rig's, and characters of its longest line; one has a few hundred in all.
+
+The time that a dotted key takes grows with the square of its length.
+"""
 _NAMES = {Linear: "linear", Cubic: "cubic", Pendulum: "pendulum"}
 _HEAD = (
     "# A rig, in SI units: kg, N/m, N s/m, N; for rotary rigs kg m^2, N m/rad, N m s/rad, N m.",
@@ -36,7 +42,7 @@ def read_rig(path: Path) -> "Rig":
     for key in table:
         if key not in _KEYS:
             raise UsageError(
-                f"{path}: there is no key '{key}' in a rig file; known are {', '.join(_KEYS)}.{nearest(key, _KEYS)}"
+                f"{path}: there is no key {brief(key)} in a rig file; known are {', '.join(_KEYS)}.{nearest(key, _KEYS)}"
             )
     for key in ("mass", "normal_force"):
         if key not in table:
@@ -49,15 +55,23 @@ def read_rig(path: Path) -> "Rig":
 
 def _table(path: Path) -> Mapping[str, Any]:
     try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
+        # Editors on Windows begin a file with a mark of its encoding, which is no TOML.
+        text = content(path, _LARGEST, UsageError).decode("utf-8-sig")
+        if any(len(line) > _WIDEST for line in text.splitlines()):
+            raise UsageError(f"{path}: this is no rig file: a line has more than {_WIDEST} characters.")
+        return tomllib.loads(text)
     except FileNotFoundError as error:
         raise UsageError(
             f"There is no rig file '{path}'; give the path of a TOML file with mass, stiffness, ..."
         ) from error
     except OSError as error:
         raise UsageError(f"The rig file '{path}' cannot be read: {error.strerror}.") from error
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise UsageError(f"{path}: this is no valid TOML file: {error}.") from error
+    except RecursionError as error:
+        raise UsageError(f"{path}: this is no rig file: its tables are nested too deeply.") from error
+    except UsageError:
+        raise
+    except ValueError as error:  # TOML that is none, other encodings, and numbers of thousands of digits
+        raise UsageError(f"{path}: this is no valid TOML file: {str(error)[:200]}.") from error
 
 
 def write_rig(rig: "Rig", path: Path) -> None:

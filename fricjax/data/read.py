@@ -10,6 +10,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from .content import check_regular
 from .errors import DataError, UsageError, nearest
 from .record import Record
 
@@ -49,8 +50,10 @@ def read(path: str | Path, **options: Any) -> Record:
         UsageError: an option is unknown to the format or contradicts another.
     """
     path = Path(path)
-    if not path.is_file():
-        raise DataError(_missing(path))
+    try:
+        check_regular(path)
+    except OSError as error:
+        raise DataError(_missing(path)) from error
     if path.stat().st_size == 0:
         raise DataError(f"{path.name} is empty: it holds no data at all.")
     reader = _reader(path)
@@ -59,9 +62,10 @@ def read(path: str | Path, **options: Any) -> Record:
 
 
 def _missing(path: Path) -> str:
-    if path.is_dir():
-        return f"{path} is a folder, not a file; name one record in it."
-    siblings = [entry.name for entry in path.parent.iterdir()] if path.parent.is_dir() else []
+    try:
+        siblings = [entry.name for entry in path.parent.iterdir()]
+    except OSError:
+        siblings = []
     return f"There is no file {path}.{nearest(path.name, siblings)} Check the path."
 
 

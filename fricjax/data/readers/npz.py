@@ -1,6 +1,5 @@
 """Archives of numpy arrays, read without ever unpickling an object."""
 
-import zipfile
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +10,7 @@ from ..choose import displacement_index, locate, time_index
 from ..errors import DataError
 from ..native import MARK, check_schema, decode
 from ..record import Record
+from .archive import load_arrays
 
 
 def read_npz(
@@ -29,7 +29,7 @@ def read_npz(
     The options are those of `fricjax.read`.
     """
     choice = Choice(column, time, unit, time_unit, rate, sigma, sign)
-    arrays = _load(path)
+    arrays = load_arrays(path)
     if MARK in arrays and choice.takes_all:
         check_schema(arrays[MARK], path.name)
         texts = {name: str(arrays.get(name, "")) for name in ("meta", "log")}
@@ -51,21 +51,6 @@ def read_npz(
     if t is not None:
         columns = Columns(columns.x, columns.time, names[x], names[t])
     return assemble(path, "npz", columns, choice, vars(choice))
-
-
-def _load(path: Path) -> dict[str, np.ndarray]:
-    try:
-        with np.load(path, allow_pickle=False) as archive:
-            if not hasattr(archive, "files"):
-                raise DataError(f"{path.name} is a single array, not an archive of named arrays.")
-            return {name: archive[name] for name in archive.files}
-    except DataError:
-        raise
-    except (ValueError, OSError, EOFError, zipfile.BadZipFile, AttributeError) as error:
-        raise DataError(
-            f"{path.name} cannot be read as .npz; it is damaged, of another format, or holds pickled objects, which "
-            "are refused."
-        ) from error
 
 
 def _time_index(names: list[str], choice: Choice, source: str) -> int | None:
