@@ -238,7 +238,9 @@ def _check(values: Mapping[str, Measured | None]) -> None:
     """One sentence for each way in which numbers do not make a rig."""
     for name, number in values.items():
         if number is not None and _known(number) and max(abs(number.value), number.std) > _HUGE:
-            raise UsageError(f"{name} is no number of a rig: {number.value:g} with a standard uncertainty {number.std:g}.")
+            raise UsageError(
+                f"{name} is no number of a rig: {number.value:g} with a standard uncertainty {number.std:g}."
+            )
     for name in _POSITIVE:
         number = values[name]
         if number is not None and _known(number) and not number.value > _TINY:
@@ -276,7 +278,9 @@ def _restoring(given: str | AbstractRestoring, k3: Measured | None) -> AbstractR
             f"There is no restoring force {brief(given)}; known are {', '.join(RESTORING)}.{nearest(given, RESTORING)}"
         )
     if not isinstance(given, str | AbstractRestoring):
-        raise UsageError(f"restoring must be a restoring force or its name ({', '.join(RESTORING)}), got {brief(given)}.")
+        raise UsageError(
+            f"restoring must be a restoring force or its name ({', '.join(RESTORING)}), got {brief(given)}."
+        )
     if given == "cubic" or isinstance(given, Cubic):
         if k3 is None:
             raise UsageError("A cubic spring needs its coefficient: give k3 [N/m^3].")

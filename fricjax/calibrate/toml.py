@@ -42,7 +42,8 @@ def read_rig(path: Path) -> "Rig":
     for key in table:
         if key not in _KEYS:
             raise UsageError(
-                f"{path}: there is no key {brief(key)} in a rig file; known are {', '.join(_KEYS)}.{nearest(key, _KEYS)}"
+                f"{path}: there is no key {brief(key)} in a rig file; known are {', '.join(_KEYS)}."
+                f"{nearest(key, _KEYS)}"
             )
     for key in ("mass", "normal_force"):
         if key not in table:

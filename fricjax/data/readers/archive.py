@@ -7,6 +7,7 @@ what follows is, and both can lie.
 import math
 import warnings
 import zipfile
+from collections import Counter
 from pathlib import Path
 from typing import IO, Any
 
@@ -55,27 +56,33 @@ def _check_ends(path: Path) -> None:
     if not head.startswith(b"PK") or not end.startswith(_END_OF_DIRECTORY) or len(end) < 22:
         raise DataError(f"{path.name} cannot be read as .npz; {_HINT}.")
     if int.from_bytes(end[12:16], "little") > _DIRECTORY:
-        raise DataError(f"{path.name} has more members than a record; write time and displacement into a file of theirs.")
+        raise DataError(
+            f"{path.name} has more members than a record; write time and displacement into a file of theirs."
+        )
 
 
 def _check_members(path: Path, members: list[zipfile.ZipInfo]) -> None:
     if len(members) > _MEMBERS:
         raise DataError(f"{path.name} has {len(members)} arrays, but at most {_MEMBERS} are expected of a record.")
-    names = [member.filename for member in members]
-    for name in names:
+    counts = Counter(member.filename for member in members)
+    for name, count in counts.items():
         if len(name) > _LONGEST_NAME or not name.isprintable():
-            raise DataError(f"{path.name} has a member of the name {brief(name)}, which is none of an array; rename it.")
-        if names.count(name) > 1:
+            raise DataError(
+                f"{path.name} has a member of the name {brief(name)}, which is none of an array; rename it."
+            )
+        if count > 1:
             raise DataError(f"{path.name} has several members '{name}'; write it again with names of their own.")
     size, allowed = sum(member.file_size for member in members), allowance(path)
     if size > allowed:
         raise DataError(
-            f"{path.name} would have {gigabytes(size)} unpacked, but {gigabytes(allowed)} at most are expected of a file "
-            "of this size; write time and displacement into a file of theirs."
+            f"{path.name} would have {gigabytes(size)} unpacked, but at most {gigabytes(allowed)} are expected of a "
+            "file of this size; write time and displacement into a file of theirs."
         )
     for member in members:
         if member.compress_type not in _PACKINGS:
-            raise DataError(f"{path.name}: '{member.filename}' is packed otherwise than numpy does; write it with numpy.")
+            raise DataError(
+                f"{path.name}: '{member.filename}' is packed otherwise than numpy does; write it with numpy."
+            )
 
 
 def _array(path: Path, member: zipfile.ZipInfo, file: IO[bytes]) -> np.ndarray:

@@ -7,9 +7,10 @@ import numpy as np
 
 from ..assemble import Choice, Columns, assemble
 from ..choose import displacement_index, time_index
-from ..errors import DataError, nearest
-from ..native import MARK, check_schema, decode
+from ..errors import DataError, brief, nearest
+from ..native import COLUMNS, MARK, check_schema, decode
 from ..record import Record
+from .nodes import Tree, opened
 
 
 def read_hdf5(
@@ -34,56 +35,49 @@ def read_hdf5(
     Raises:
         DataError: not such a file, an unknown path (the nearest is offered), a data set that is no vector of numbers.
     """
-    import h5py
-
     choice = Choice(column, time, unit, time_unit, rate, sigma, sign)
-    try:
-        file = h5py.File(path, "r")
-    except OSError as error:
-        hint = "; netCDF-3 files must be converted to netCDF-4" if path.suffix.lower() == ".nc" else ""
-        raise DataError(
-            f"{path.name} cannot be read as HDF5 (it is damaged or of another format{hint}): {error}."
-        ) from error
-    with file:
-        if MARK in file.attrs and choice.takes_all:
-            return choice.applied(_restore(file, path.name))
-        columns = _columns(file, choice, path.name)
+    hint = "it is damaged or of another format"
+    if path.suffix.lower() == ".nc":
+        hint += "; netCDF-3 files must be converted to netCDF-4"
+    with opened(path, hint=hint) as tree:
+        mark = tree.attribute(tree.file, MARK)
+        if mark is not None and choice.takes_all:
+            return choice.applied(_restore(tree, mark))
+        columns = _columns(tree, choice, path.name)
     return assemble(path, "hdf5", columns, choice, vars(choice))
 
 
-def _restore(file: Any, source: str) -> Record:
-    check_schema(file.attrs[MARK], source)
-    arrays = {name: np.asarray(node[()]) for name, node in file.items()}
-    return decode(arrays, {name: str(file.attrs.get(name, "")) for name in ("meta", "log")}, source)
+def _restore(tree: Tree, mark: Any) -> Record:
+    check_schema(mark, tree.path.name)
+    nodes = tree.data_sets()
+    arrays = {name: tree.read(nodes[f"/{name}"]) for name in COLUMNS if f"/{name}" in nodes}
+    texts = {name: str(tree.attribute(tree.file, name, "")) for name in ("meta", "log")}
+    return decode(arrays, texts, tree.path.name)
 
 
-def _columns(file: Any, choice: Choice, source: str) -> Columns:
-    paths = _vectors(file)
+def _columns(tree: Tree, choice: Choice, source: str) -> Columns:
+    nodes = {path: node for path, node in tree.data_sets().items() if _fits(node)}
+    paths = list(nodes)
     if not paths:
         raise DataError(f"{source} holds no data set of numbers that could be a record.")
     if choice.column is None:
         x_path = _guess(paths, choice, source)
     else:
         x_path = _known(choice.column, paths, source, "column")
-    t_path = None if choice.rate is not None else _time_path(file, x_path, paths, choice, source)
-    x, x_unit = _values(file[x_path], x_path, source)
+    t_path = None if choice.rate is not None else _time_path(tree, x_path, nodes, choice, source)
+    x, x_unit = _values(tree, nodes[x_path], x_path)
     if t_path is None:
         return Columns(x, None, x_path, x_unit=x_unit)
-    t, t_unit = _values(file[t_path], t_path, source)
+    t, t_unit = _values(tree, nodes[t_path], t_path)
     return Columns(x, t, x_path, t_path, x_unit, t_unit)
 
 
-def _vectors(file: Any) -> list[str]:
-    import h5py
-
-    found: list[str] = []
-
-    def visit(name: str, node: Any) -> None:
-        if isinstance(node, h5py.Dataset) and node.dtype.kind in "fiu" and node.ndim >= 1:
-            found.append(f"/{name}")
-
-    file.visititems(visit)
-    return found
+def _fits(node: Any) -> bool:
+    """Whether a data set can be a signal; one of a type that numpy does not know cannot."""
+    try:
+        return node.dtype.kind in "fiu" and node.ndim >= 1
+    except TypeError:
+        return False
 
 
 def _known(wanted: str, paths: list[str], source: str, what: str) -> str:
@@ -113,37 +107,44 @@ def _guess(paths: list[str], choice: Choice, source: str) -> str:
     return rest[usual]
 
 
-def _time_path(file: Any, x_path: str, paths: list[str], choice: Choice, source: str) -> str | None:
+def _time_path(tree: Tree, x_path: str, nodes: dict[str, Any], choice: Choice, source: str) -> str | None:
     if choice.time is not None:
-        return _known(choice.time, paths, source, "time")
-    scales = file[x_path].dims[0]
-    if len(scales):
-        return scales[0].name
+        return _known(choice.time, list(nodes), source, "time")
+    scales = nodes[x_path].dims[0]
+    scale = scales[0].name if len(scales) else None
+    if scale in nodes:
+        return scale
     folder = x_path.rsplit("/", 1)[0]
-    beside = [path for path in paths if path.rsplit("/", 1)[0] == folder and path != x_path]
-    index = time_index([_last(path) for path in beside], [_unit(file[path]) for path in beside])
+    beside = [path for path in nodes if path.rsplit("/", 1)[0] == folder and path != x_path]
+    index = time_index([_last(path) for path in beside], [_unit(tree, nodes[path]) for path in beside])
     return None if index is None else beside[index]
 
 
-def _unit(node: Any) -> str | None:
-    text = node.attrs.get("units")
-    if isinstance(text, np.ndarray):
-        text = text.ravel()[0] if text.size else None
-    text = text.decode() if isinstance(text, bytes) else text
+def _unit(tree: Tree, node: Any) -> str | None:
+    text = tree.attribute(node, "units")
     # "seconds since 2020-01-01" counts seconds
     return str(text).split(" since ")[0].strip() or None if text is not None else None
 
 
-def _values(node: Any, path: str, source: str) -> tuple[np.ndarray, str | None]:
+def _values(tree: Tree, node: Any, path: str) -> tuple[np.ndarray, str | None]:
     """A vector with CF's missing values, scale and offset applied, and its unit."""
-    raw = np.squeeze(np.asarray(node[()]))
+    raw = np.squeeze(tree.read(node))
     if raw.ndim != 1:
-        raise DataError(f"'{path}' in {source} has shape {node.shape}, but a trace needs one dimension.")
+        raise DataError(f"'{path}' in {tree.path.name} has shape {node.shape}, but a trace needs one dimension.")
     values = raw.astype(np.float64)
     for name in ("_FillValue", "missing_value"):
-        if name in node.attrs:
-            values[raw == np.ravel(node.attrs[name])[0]] = np.nan
-    scale, offset = (
-        float(np.ravel(node.attrs.get(name, default))[0]) for name, default in (("scale_factor", 1), ("add_offset", 0))
-    )
-    return values * scale + offset, _unit(node)
+        missing = tree.attribute(node, name)
+        if missing is not None:
+            values[raw == missing] = np.nan
+    scale, offset = _number(tree, node, "scale_factor", 1.0), _number(tree, node, "add_offset", 0.0)
+    return values * scale + offset, _unit(tree, node)
+
+
+def _number(tree: Tree, node: Any, name: str, default: float) -> float:
+    given = tree.attribute(node, name, default)
+    try:
+        return float(given)
+    except (TypeError, ValueError) as error:
+        raise DataError(
+            f"The attribute {name} of '{node.name}' in {tree.path.name} is {brief(given)}, no number."
+        ) from error

@@ -1,0 +1,172 @@
+"""HDF5 files of unknown origin: what lies in the file itself and is not larger than plausible, and nothing else.
+
+Only hard links are followed, for soft and external ones lead anywhere, and storage in other files is refused. Sizes are
+declared apart from the data, chunks may be packed a thousandfold, and several may lie in one place; all that is looked
+at before the library reads, since its own buffers grow without a bound.
+"""
+
+import math
+import zlib
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..content import allowance, damage, gigabytes
+from ..errors import DataError
+
+if TYPE_CHECKING:
+    import h5py
+
+DEEPEST = 32
+"""Levels of groups below which nothing is looked for."""
+MOST = 10_000
+"""Groups and data sets that are looked at."""
+# Chunks of one data set: ten million samples in chunks of a hundred. More of them take seconds to be found.
+_CHUNKS = 200_000
+_DEFLATE, _FLETCHER = 1, 3
+# The library's filters that give back as much as is packed says; n-bit and scale-offset trust their parameters.
+_UNSAFE_FILTERS = (5, 6)
+# By how much a packed chunk may exceed the unpacked one: a thousandth, and headers.
+_SLACK = 1024
+_ATTRIBUTE = 64  # entries of the longest attribute that is read
+
+
+class Tree:
+    """An open file.
+
+    Attributes:
+        path: where it lies.
+        file: its root group.
+    """
+
+    def __init__(self, path: Path, file: "h5py.File") -> None:
+        self.path, self.file = path, file
+        self._left, self._looked_at = allowance(path), 0
+
+    def children(self, group: Any) -> dict[str, Any]:
+        """Groups and data sets that lie in a group by hard links, by name.
+
+        Raises:
+            DataError: there are more than `MOST` in all.
+        """
+        import h5py
+
+        self._looked_at += group.id.get_num_objs()
+        if self._looked_at > MOST:
+            raise DataError(f"{self.path.name} has more than {MOST} groups and data sets; save one run in a file.")
+        hard = [name for name in group.id if group.id.links.get_info(name).type == h5py.h5l.TYPE_HARD]
+        kinds = {h5py.h5i.GROUP: h5py.Group, h5py.h5i.DATASET: h5py.Dataset}
+        opened = {name: h5py.h5o.open(group.id, name) for name in hard}
+        typed = {name: (kinds.get(h5py.h5i.get_type(node)), node) for name, node in opened.items()}
+        return {name.decode("utf-8", "replace"): kind(node) for name, (kind, node) in typed.items() if kind is not None}
+
+    def data_sets(self) -> dict[str, "h5py.Dataset"]:
+        """All data sets by path, such as `"/run1/x"`; each group is visited once."""
+        import h5py
+
+        found: dict[str, h5py.Dataset] = {}
+        waiting, seen = [("", self.file["/"], 0)], set()
+        while waiting:
+            folder, group, depth = waiting.pop(0)
+            address = h5py.h5o.get_info(group.id).addr
+            if address in seen:
+                continue
+            seen.add(address)
+            if depth > DEEPEST:
+                raise DataError(f"{self.path.name} has groups nested more than {DEEPEST} deep; save one run in a file.")
+            for name, node in self.children(group).items():
+                if isinstance(node, h5py.Group):
+                    waiting.append((f"{folder}/{name}", node, depth + 1))
+                else:
+                    found[f"{folder}/{name}"] = node
+        return found
+
+    def refusal(self, node: "h5py.Dataset") -> str | None:
+        """Why a data set is not read, None where it is."""
+        import h5py
+
+        if node.is_virtual or node.external:
+            return "its data lie in another file, which is not opened"
+        if node.dtype.hasobject and h5py.check_ref_dtype(node.dtype) is None:
+            return "it holds texts or lists of varying length"
+        chunks = 0 if node.chunks is None else _positions(node) * _bytes(node.chunks, node.dtype)
+        size = max(_bytes(node.shape or (), node.dtype), chunks)
+        if size > self._left:
+            return f"it is declared to have {gigabytes(size)}, more than plausible for a file of this size"
+        return None if node.chunks is None else _unsafe_chunks(node)
+
+    def read(self, node: "h5py.Dataset") -> np.ndarray:
+        """The content of a data set.
+
+        Raises:
+            DataError: it is not to be read, with the reason, or damaged.
+        """
+        reason = self.refusal(node)
+        if reason is not None:
+            raise DataError(f"'{node.name}' in {self.path.name} is not read: {reason}.")
+        value = np.asarray(node[()]) if node.shape is not None else np.zeros(0)
+        self._left -= value.nbytes
+        return value
+
+    def attribute(self, node: Any, name: str, default: Any = None) -> Any:
+        """A number or text beside a group or a data set; texts are decoded, and of several entries the first counts."""
+        if name not in node.attrs:
+            return default
+        shape = node.attrs.get_id(name).shape
+        if shape is None or not 0 < math.prod(shape) <= _ATTRIBUTE:
+            return default
+        value = np.ravel(np.asarray(node.attrs[name], dtype=object))[0]
+        return value.decode("utf-8", "replace") if isinstance(value, bytes) else value
+
+
+@contextmanager
+def opened(path: Path, kind: str = "HDF5", hint: str = "it is damaged or of another format") -> Iterator[Tree]:
+    """The file while the block lasts, in which whatever the library cannot read becomes a `DataError`."""
+    import h5py
+
+    with damage(path, kind, hint), h5py.File(path, "r") as file:
+        yield Tree(path, file)
+
+
+def _bytes(shape: tuple[int, ...], dtype: np.dtype) -> int:
+    return math.prod(shape) * dtype.itemsize
+
+
+def _positions(node: "h5py.Dataset") -> int:
+    """How many chunks cover a data set."""
+    return math.prod(-(-extent // chunk) for extent, chunk in zip(node.shape, node.chunks, strict=True))
+
+
+def _unsafe_chunks(node: "h5py.Dataset") -> str | None:
+    """Why the chunks of a data set are not to be unpacked, None where they are what they claim to be."""
+    if _positions(node) > _CHUNKS:
+        return f"it lies in more than {_CHUNKS} pieces; write it again in larger chunks"
+    settings = node.id.get_create_plist()
+    filters = [settings.get_filter(i)[0] for i in range(settings.get_nfilters())]
+    if set(filters) & set(_UNSAFE_FILTERS) or filters.count(_DEFLATE) > 1:
+        return "it is packed in an unusual way; write it again with gzip"
+    places: list[Any] = []
+    node.id.chunk_iter(places.append)
+    size = _bytes(node.chunks, node.dtype)
+    if len({place.byte_offset for place in places}) < len(places):
+        return "several of its chunks lie in one place"
+    if any(place.size > size + size // 1000 + _SLACK for place in places):
+        return "its chunks are larger packed than unpacked"
+    if _DEFLATE in filters:
+        at = filters.index(_DEFLATE)
+        if set(filters[at + 1 :]) - {_FLETCHER}:
+            return "it is packed in an unusual way; write it again with gzip"
+        if any(_swells(node, place, at, size) for place in places):
+            return "its chunks are larger than they claim"
+    return None
+
+
+def _swells(node: "h5py.Dataset", place: Any, at: int, size: int) -> bool:
+    """Whether a chunk that is packed by the filter number `at` unpacks to more than `size` bytes."""
+    skipped, packed = node.id.read_direct_chunk(place.chunk_offset)
+    unpacked = b"" if skipped >> at & 1 else zlib.decompressobj().decompress(packed, size + _SLACK)
+    # A checksum that comes before the packing adds a few bytes.
+    return len(unpacked) >= size + _SLACK
