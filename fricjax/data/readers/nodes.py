@@ -10,15 +10,12 @@ import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from ..content import allowance, damage, gigabytes
 from ..errors import DataError
-
-if TYPE_CHECKING:
-    import h5py
 
 DEEPEST = 32
 """Levels of groups below which nothing is looked for."""
@@ -39,10 +36,10 @@ class Tree:
 
     Attributes:
         path: where it lies.
-        file: its root group.
+        file: its root group, of h5py.
     """
 
-    def __init__(self, path: Path, file: "h5py.File") -> None:
+    def __init__(self, path: Path, file: Any) -> None:
         self.path, self.file = path, file
         self._left, self._looked_at = allowance(path), 0
 
@@ -52,39 +49,38 @@ class Tree:
         Raises:
             DataError: there are more than `MOST` in all.
         """
-        import h5py
+        from h5py import Dataset, Group, h5d, h5g, h5l, h5o  # pyright: ignore[reportAttributeAccessIssue]
 
         self._looked_at += group.id.get_num_objs()
         if self._looked_at > MOST:
             raise DataError(f"{self.path.name} has more than {MOST} groups and data sets; save one run in a file.")
-        hard = [name for name in group.id if group.id.links.get_info(name).type == h5py.h5l.TYPE_HARD]
-        kinds = {h5py.h5i.GROUP: h5py.Group, h5py.h5i.DATASET: h5py.Dataset}
-        opened = {name: h5py.h5o.open(group.id, name) for name in hard}
-        typed = {name: (kinds.get(h5py.h5i.get_type(node)), node) for name, node in opened.items()}
-        return {name.decode("utf-8", "replace"): kind(node) for name, (kind, node) in typed.items() if kind is not None}
+        hard = [name for name in group.id if group.id.links.get_info(name).type == h5l.TYPE_HARD]
+        kinds = {h5g.GroupID: Group, h5d.DatasetID: Dataset}
+        opened = {name.decode("utf-8", "replace"): h5o.open(group.id, name) for name in hard}
+        return {name: kinds[type(node)](node) for name, node in opened.items() if type(node) in kinds}
 
-    def data_sets(self) -> dict[str, "h5py.Dataset"]:
+    def data_sets(self) -> dict[str, Any]:
         """All data sets by path, such as `"/run1/x"`; each group is visited once."""
-        import h5py
+        from h5py import Group, h5o  # pyright: ignore[reportAttributeAccessIssue]
 
-        found: dict[str, h5py.Dataset] = {}
+        found: dict[str, Any] = {}
         waiting, seen = [("", self.file["/"], 0)], set()
         while waiting:
             folder, group, depth = waiting.pop(0)
-            address = h5py.h5o.get_info(group.id).addr
+            address = h5o.get_info(group.id).addr
             if address in seen:
                 continue
             seen.add(address)
             if depth > DEEPEST:
                 raise DataError(f"{self.path.name} has groups nested more than {DEEPEST} deep; save one run in a file.")
             for name, node in self.children(group).items():
-                if isinstance(node, h5py.Group):
+                if isinstance(node, Group):
                     waiting.append((f"{folder}/{name}", node, depth + 1))
                 else:
                     found[f"{folder}/{name}"] = node
         return found
 
-    def refusal(self, node: "h5py.Dataset") -> str | None:
+    def refusal(self, node: Any) -> str | None:
         """Why a data set is not read, None where it is."""
         import h5py
 
@@ -98,7 +94,7 @@ class Tree:
             return f"it is declared to have {gigabytes(size)}, more than plausible for a file of this size"
         return None if node.chunks is None else _unsafe_chunks(node)
 
-    def read(self, node: "h5py.Dataset") -> np.ndarray:
+    def read(self, node: Any) -> np.ndarray:
         """The content of a data set.
 
         Raises:
@@ -135,12 +131,12 @@ def _bytes(shape: tuple[int, ...], dtype: np.dtype) -> int:
     return math.prod(shape) * dtype.itemsize
 
 
-def _positions(node: "h5py.Dataset") -> int:
+def _positions(node: Any) -> int:
     """How many chunks cover a data set."""
     return math.prod(-(-extent // chunk) for extent, chunk in zip(node.shape, node.chunks, strict=True))
 
 
-def _unsafe_chunks(node: "h5py.Dataset") -> str | None:
+def _unsafe_chunks(node: Any) -> str | None:
     """Why the chunks of a data set are not to be unpacked, None where they are what they claim to be."""
     if _positions(node) > _CHUNKS:
         return f"it lies in more than {_CHUNKS} pieces; write it again in larger chunks"
@@ -164,7 +160,7 @@ def _unsafe_chunks(node: "h5py.Dataset") -> str | None:
     return None
 
 
-def _swells(node: "h5py.Dataset", place: Any, at: int, size: int) -> bool:
+def _swells(node: Any, place: Any, at: int, size: int) -> bool:
     """Whether a chunk that is packed by the filter number `at` unpacks to more than `size` bytes."""
     skipped, packed = node.id.read_direct_chunk(place.chunk_offset)
     unpacked = b"" if skipped >> at & 1 else zlib.decompressobj().decompress(packed, size + _SLACK)
