@@ -129,5 +129,7 @@ def restore_text(path: Path, lines: list[str]) -> Record | None:
         if head.get("sigma", "null") != "null":
             arrays["sigma"] = np.asarray(float(head["sigma"]))
     except ValueError as error:
-        raise DataError(f"{path.name} claims to be a fricjax record, but its table is damaged: {str(error)[:120]}.") from error
+        raise DataError(
+            f"{path.name} claims to be a fricjax record, but its table is damaged: {str(error)[:120]}."
+        ) from error
     return decode(arrays, head, path.name)

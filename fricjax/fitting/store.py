@@ -118,9 +118,8 @@ def _check(fit: "Fit") -> None:
         absent = [name for name in names if name not in getattr(fit, field)]
         if absent:
             raise DataError(f"'{field}' lacks '{absent[0]}'")
-    stds = {**fit.combined_std_errors, **fit.std_errors, **fit.white_std_errors}
-    stds |= {name: estimate.std for name, estimate in fit.kinematics.items()}
-    for name, std in stds.items():
+    stds = [*fit.std_errors.items(), *fit.white_std_errors.items(), *fit.combined_std_errors.items()]
+    for name, std in [*stds, *((name, estimate.std) for name, estimate in fit.kinematics.items())]:
         if std < 0:
             raise DataError(f"the standard error of '{name}' is negative: {std:g}")
     p, n = len(fit.names), len(fit.runs)

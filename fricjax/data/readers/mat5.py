@@ -1,8 +1,8 @@
-"""MATLAB files of version 4 and 5 before they are read: are their parts where and as large as they claim?
+"""MATLAB files of version 5, read here because the usual reader crashes the process on damaged ones.
 
-A file of version 5 is a row of elements, each with a tag of its type and size; matrices hold elements in their turn,
-and a packed element holds one matrix. scipy believes the tags and the dimensions. The format is that of "MAT-File
-Format" (The MathWorks, 2019).
+A file is a row of elements, each with a tag of its type and size. Matrices hold elements in their turn: flags,
+dimensions, a name, and numbers, texts or further matrices; a packed element holds one matrix. Types, sizes and
+dimensions are believed only as far as the bytes are there ("MAT-File Format", The MathWorks, 2019).
 """
 
 import math
@@ -10,49 +10,39 @@ import mmap
 import struct
 import zlib
 from pathlib import Path
+from typing import Any, NamedTuple
 
-from ..content import allowance, gigabytes
+import numpy as np
+
+from ..content import allowance
 from ..errors import DataError
 from .nodes import DEEPEST
 
-_UINT32, _MATRIX, _PACKED = 6, 14, 15
-_CELL, _STRUCT, _OBJECT, _SPARSE, _OPAQUE = 1, 2, 3, 5, 17
-_TAG = 8  # bytes
-# Elements of one file; a cell takes four.
-_ELEMENTS = 200_000
-_HEADER = 128
-# Dimensions of characters that are left out, as blanks are, may exceed the bytes that follow.
-_BLANKS = 10_000
-_V4_SIZES = (8, 4, 4, 2, 2, 1)
+_HEADER, _TAG = 128, 8  # bytes
+_INT8, _INT32, _UINT32, _MATRIX, _PACKED, _UTF8 = 1, 5, 6, 14, 15, 16
+_CELL, _STRUCT, _OBJECT, _CHAR, _SPARSE, _FUNCTION, _OPAQUE = 1, 2, 3, 4, 5, 16, 17
+_COMPLEX, _LOGICAL = 0x0800, 0x0200
+_STORED = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 9: "f8", 12: "i8", 13: "u8"}
+_CLASSES = {6: "f8", 7: "f4", 8: "i1", 9: "u1", 10: "i2", 11: "u2", 12: "i4", 13: "u4", 14: "i8", 15: "u8"}
+_ENCODINGS = {1: "latin-1", 2: "latin-1", 4: "utf-16", 16: "utf-8", 17: "utf-16", 18: "utf-32"}
+_NOT_READ = {_SPARSE: "a sparse matrix", _OBJECT: "an object of a class", _FUNCTION: "a function", _OPAQUE: "an object"}
+# Matrices of one file that are read; reading a million takes seconds.
+_PARTS = 200_000
 
 
-def check_v4(path: Path) -> None:
-    """Refuses a file of version 4 whose matrices do not lie in it one after the other."""
-    size = path.stat().st_size
-    if size > allowance(path):
-        raise DataError(f"{path.name} has {gigabytes(size)}; save time and displacement into a file of theirs.")
-    with path.open("rb") as file:
-        place = 0
-        while place < size:
-            file.seek(place)
-            head = file.read(20)
-            order = "<" if int.from_bytes(head[:4], "little") < 5000 else ">"
-            kind, rows, columns, imaginary, name = struct.unpack(f"{order}5i", head)
-            if not 0 <= kind // 10 % 10 < len(_V4_SIZES) or min(rows, columns) < 0 or not 0 < name < 1000:
-                raise DataError(f"{path.name} cannot be read as a MATLAB file; it is damaged or of another format.")
-            numbers = rows * columns * (2 if imaginary and kind % 10 != 2 else 1)
-            place += 20 + name + numbers * _V4_SIZES[kind // 10 % 10]
-    if place != size:
-        raise DataError(f"{path.name} cannot be read as a MATLAB file; it is damaged: its end is missing.")
+class Opaque(NamedTuple):
+    """What is no number, text, structure or cell array, or is not read: what it is, in words that follow "it is"."""
+
+    kind: str
 
 
-def sound_variables(path: Path) -> tuple[list[str], dict[str, str]]:
-    """Names of the variables of a version 5 file that can be read, and why not for those that cannot.
+def load_v5(path: Path) -> dict[str, Any]:
+    """Variables by name as arrays, texts, dicts of structs, lists of cells, and `Opaque`.
 
     Raises:
         DataError: the file is damaged.
     """
-    left, sound, refused = allowance(path), [], {}
+    left, parts, found = allowance(path), _PARTS, {}
     with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
         order = ">" if data[126:128] == b"MI" else "<"
         place = _HEADER
@@ -60,93 +50,142 @@ def sound_variables(path: Path) -> tuple[list[str], dict[str, str]]:
             kind, size = struct.unpack_from(f"{order}2I", data, place)
             end = place + _TAG + size
             if kind not in (_MATRIX, _PACKED) or end > len(data):
-                raise _damaged(path, f"byte {place}")
-            packed = data[place + _TAG : end] if kind == _PACKED else None
-            matrix = data[place:end] if packed is None else zlib.decompressobj().decompress(packed, left + 1)
-            checked = _Matrix(path, matrix, order)
-            reason = checked.refusal() if len(matrix) <= left else "more than plausible for a file of this size"
-            if reason is None:
-                sound.append(checked.name)
-                left -= len(matrix)
+                raise damaged(path, f"byte {place}")
+            # Of what is too large the beginning tells at least the name.
+            cut = min(end, place + left)
+            part = data[place:cut] if kind == _MATRIX else _unpacked(data[place + _TAG : cut], left + 1)
+            variable = _Variable(path, part, order, parts)
+            name = variable.name()
+            if len(part) > left or cut < end:
+                found[name] = Opaque("not read: it is larger than plausible for a file of this size")
             else:
-                refused[checked.name] = reason
+                found[name] = variable.matrix(_TAG, len(part), 0)
+                left, parts = left - len(part), variable.left
             place = end
-    return sound, refused
+    # What has no name are workspaces of functions.
+    return {name: value for name, value in found.items() if name and not name.startswith("__")}
 
 
-def _damaged(path: Path, where: str) -> DataError:
-    return DataError(
-        f"{path.name} cannot be read as a MATLAB file: at {where} is no variable; it is damaged or of another format."
-    )
+def _unpacked(data: bytes, most: int) -> bytes:
+    unpacking = zlib.decompressobj()
+    part = unpacking.decompress(data, most)
+    # Packed data that end early are a damage, whose checksum cannot tell.
+    if len(part) < most and not unpacking.eof:
+        raise EOFError("a packed part ends early")
+    return part
 
 
-class _Matrix:
-    """One variable as its bytes, from its tag on."""
+def damaged(path: Path, where: str) -> DataError:
+    """The refusal of a file that holds something else at a place than its format demands."""
+    return DataError(f"{path.name} cannot be read as a MATLAB file: {where} does not fit; it is damaged.")
 
-    def __init__(self, path: Path, data: bytes, order: str) -> None:
+
+class _Variable:
+    """One variable as its bytes, from its tag on; `left` tells how many more matrices are read."""
+
+    def __init__(self, path: Path, data: bytes, order: str, left: int) -> None:
         self._path, self._data, self._order = path, data, order
-        self.name = ""
-        if len(data) > _TAG and struct.unpack_from(f"{order}I", data)[0] == _MATRIX:
-            _, _, dimensions_end = self._shape(_TAG, len(data))
-            _, start, size, _ = self._element(dimensions_end, len(data))
-            self.name = data[start : start + size].decode("latin-1")
+        self.left = left
+        if len(data) < _TAG or struct.unpack_from(f"{order}I", data)[0] != _MATRIX:
+            raise damaged(path, "the beginning of a variable")
 
-    def refusal(self) -> str | None:
-        """Why the variable is not read; None where all that it holds lies in it."""
-        kind, start, size, _ = self._element(0, len(self._data))
-        if kind != _MATRIX:
-            raise _damaged(self._path, "the beginning of a packed part")
-        waiting, elements = [(start, start + size, 0)], 0
-        while waiting:
-            place, end, depth = waiting.pop()
-            if depth > DEEPEST:
-                return f"nested more than {DEEPEST} deep"
-            if place < end:
-                place = self._contents(place, end)
-            while place + _TAG <= end:
-                kind, start, size, following = self._element(place, end)
-                elements += 1
-                if kind == _MATRIX:
-                    waiting.append((start, start + size, depth + 1))
-                place = following
-            if elements > _ELEMENTS:
-                return f"it has more than {_ELEMENTS} parts"
-        return None
+    def name(self) -> str:
+        """Its name, which stands behind flags and dimensions."""
+        place, end = _TAG, len(self._data)
+        flags, place = self._flags(place, end)
+        if flags & 0xFF != _OPAQUE:
+            _, place = self._shape(place, end)
+        return self._part(place, end, (_INT8, _UTF8))[1].decode("utf-8", "replace")
 
-    def _contents(self, place: int, end: int) -> int:
-        """Where the parts of a matrix begin, whose flags and dimensions must be such as its size can hold."""
-        kind, count, following = self._shape(place, end)
-        rest = end - following
-        most = rest // _TAG if kind in (_CELL, _STRUCT, _OBJECT) else rest + _BLANKS
-        if kind != _SPARSE and count > most:
-            raise DataError(
-                f"{self._path.name} cannot be read as a MATLAB file: a variable claims {count:.3g} entries in {rest} "
-                "bytes; it is damaged."
-            )
-        return following
+    def matrix(self, place: int, end: int, depth: int) -> Any:
+        """What the matrix between two places holds; its class chooses how the rest is read."""
+        self.left -= 1
+        if depth > DEEPEST:
+            return Opaque(f"nested more than {DEEPEST} deep")
+        if self.left < 0:
+            return Opaque(f"in a file of more than {_PARTS} cells and fields")
+        if place == end:
+            return np.zeros((0, 0))
+        flags, place = self._flags(place, end)
+        kind = flags & 0xFF
+        if kind in _NOT_READ:
+            return Opaque(_NOT_READ[kind])
+        shape, place = self._shape(place, end)
+        _, _, place = self._part(place, end, (_INT8, _UTF8))
+        if kind == _CELL:
+            return self._matrices(math.prod(shape), place, end, depth)
+        if kind == _STRUCT:
+            return self._structs(math.prod(shape), place, end, depth)
+        if kind == _CHAR:
+            return self._text(shape, place, end)
+        if kind not in _CLASSES:
+            raise damaged(self._path, f"a variable of class {kind}")
+        values, place = self._numbers(shape, place, end)
+        if flags & _COMPLEX:
+            return values + 1j * self._numbers(shape, place, end)[0]
+        return values != 0 if flags & _LOGICAL else values.astype(_CLASSES[kind])
 
-    def _shape(self, place: int, end: int) -> tuple[int, int, int]:
-        """Class of the matrix whose flags lie at a place, number of its entries, and where its dimensions end."""
-        kind, start, size, following = self._element(place, end)
-        if (kind, size) != (_UINT32, 8):
-            raise _damaged(self._path, f"byte {place} of a variable")
-        flags = struct.unpack_from(f"{self._order}I", self._data, start)[0] & 0xFF
-        if flags == _OPAQUE:
-            return flags, 0, following
-        _, start, size, following = self._element(following, end)
-        dimensions = struct.unpack_from(f"{self._order}{size // 4}i", self._data, start)
-        if min(dimensions, default=-1) < 0:
-            raise _damaged(self._path, f"byte {start} of a variable")
-        return flags, math.prod(dimensions), following
-
-    def _element(self, place: int, end: int) -> tuple[int, int, int, int]:
-        """Type of the element at a place, where its data begin, how many bytes they are, and where the next one is."""
+    def _part(self, place: int, end: int, kinds: Any) -> tuple[int, bytes, int]:
+        """Type and data of the element at a place, which must be of one of some types, and the next place."""
+        if place + _TAG > end:
+            raise damaged(self._path, "the end of a variable")
         kind, size = struct.unpack_from(f"{self._order}2I", self._data, place)
+        start, following = place + _TAG, 0
         if kind >> 16:
-            # Up to four bytes lie in the tag itself, whose first half then holds type and size.
-            return kind & 0xFFFF, place + 4, min(kind >> 16, 4), place + _TAG
-        start = place + _TAG
-        if start + size > end:
-            raise _damaged(self._path, f"byte {place} of a variable")
-        padded = size if kind == _MATRIX else size + -size % _TAG
-        return kind, start, size, min(start + padded, end)
+            # Up to four bytes lie in the tag itself, whose first half then holds size and type.
+            kind, size, start, following = kind & 0xFFFF, kind >> 16, place + 4, start
+        if kind not in kinds or start + size > end or (following and size > 4):
+            raise damaged(self._path, f"an element of type {kind} and {size} bytes")
+        return kind, self._data[start : start + size], following or min(start + size + -size % _TAG, end)
+
+    def _flags(self, place: int, end: int) -> tuple[int, int]:
+        _, data, place = self._part(place, end, (_UINT32,))
+        return struct.unpack_from(f"{self._order}I", data)[0], place
+
+    def _shape(self, place: int, end: int) -> tuple[tuple[int, ...], int]:
+        _, data, place = self._part(place, end, (_INT32, _UINT32))
+        shape = struct.unpack(f"{self._order}{len(data) // 4}i", data)
+        if not 2 <= len(shape) <= 32 or min(shape) < 0:
+            raise damaged(self._path, f"a variable of shape {shape[:32]}")
+        return shape, place
+
+    def _numbers(self, shape: tuple[int, ...], place: int, end: int) -> tuple[np.ndarray, int]:
+        kind, data, place = self._part(place, end, _STORED)
+        values = np.frombuffer(data, self._order + _STORED[kind])
+        if values.size != math.prod(shape):
+            raise damaged(self._path, f"a variable of shape {shape} with {values.size} numbers")
+        return values.reshape(shape, order="F"), place
+
+    def _text(self, shape: tuple[int, ...], place: int, end: int) -> str:
+        """The text, of several lines the first; lines lie in the columns of its array."""
+        kind, data, _ = self._part(place, end, _ENCODINGS)
+        wide = {"<": "-le", ">": "-be"}[self._order] if _ENCODINGS[kind] in ("utf-16", "utf-32") else ""
+        text = data.decode(_ENCODINGS[kind] + wide, "replace")
+        return text[:: shape[0]] if shape[0] > 1 and len(text) == math.prod(shape) else text
+
+    def _matrices(self, count: int, place: int, end: int, depth: int) -> list[Any]:
+        if count > (end - place) // _TAG:
+            raise damaged(self._path, f"a variable of {count} parts in {end - place} bytes")
+        found = []
+        for _ in range(count):
+            kind, size = struct.unpack_from(f"{self._order}2I", self._data, place) if place + _TAG <= end else (0, 0)
+            following = place + _TAG + size
+            if kind != _MATRIX or following > end:
+                raise damaged(self._path, f"an element of type {kind} and {size} bytes among cells or fields")
+            found.append(self.matrix(place + _TAG, following, depth + 1))
+            place = following
+        return found
+
+    def _structs(self, count: int, place: int, end: int, depth: int) -> Any:
+        """The fields by name; of an array of structs a list of them."""
+        _, data, place = self._part(place, end, (_INT32, _UINT32))
+        length = struct.unpack_from(f"{self._order}i", data)[0]
+        _, data, place = self._part(place, end, (_INT8, _UTF8))
+        if length < 1:
+            raise damaged(self._path, f"a structure with names of {length} letters")
+        names = [data[i : i + length].split(b"\0")[0].decode("utf-8", "replace") for i in range(0, len(data), length)]
+        if not names:
+            return {}
+        values = self._matrices(count * len(names), place, end, depth)
+        structs = [dict(zip(names, values[i : i + len(names)], strict=True)) for i in range(0, len(values), len(names))]
+        return structs[0] if len(structs) == 1 else structs

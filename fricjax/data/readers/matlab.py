@@ -1,28 +1,21 @@
 """MATLAB files, old and new, as one tree: dicts for structs, lists for cells, arrays for numbers, strings for text.
 
-Version 4 and 5 files are read with scipy once :mod:`.mat5` has found them sound; version 7.3 files are HDF5 with
-MATLAB's conventions (reversed dimensions, references for cells). Behind this module nobody needs to know which one a
-file was.
+Files of version 4 and 5 have a format each of their own; version 7.3 files are HDF5 with MATLAB's conventions (reversed
+dimensions, references for cells). Behind this module nobody needs to know which one a file was.
 """
 
-import warnings
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from ..content import damage
 from ..errors import DataError
-from .mat5 import check_v4, sound_variables
-from .nodes import DEEPEST, MOST, Tree, opened
+from .mat4 import load_v4
+from .mat5 import Opaque, load_v5
+from .nodes import DEEPEST, MOST, NotRead, Tree, opened
 
 _HDF5 = b"\x89HDF\r\n\x1a\n"
-
-
-class Opaque(NamedTuple):
-    """What is no number, text, structure or cell array, or is not read: what it is, in words that follow "it is"."""
-
-    kind: str
 
 
 def load_tree(path: Path) -> dict[str, Any]:
@@ -38,46 +31,8 @@ def load_tree(path: Path) -> dict[str, Any]:
         with opened(path, "a MATLAB file") as tree:
             return _Branches(tree).of(tree.file["/"], 0)
     with damage(path, "a MATLAB file"):
-        return _load_old(path, head)
-
-
-def _load_old(path: Path, head: bytes) -> dict[str, Any]:
-    import scipy.io
-
-    refused: dict[str, str] = {}
-    sound = None
-    # The four letters at the beginning are text from version 5 on and a small number before.
-    if 0 in head[:4]:
-        check_v4(path)
-    else:
-        sound, refused = sound_variables(path)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        variables = scipy.io.loadmat(path, variable_names=sound)
-    found = {name: _from_v5(value) for name, value in variables.items() if not name.startswith("__")}
-    return {**found, **{name: Opaque(reason) for name, reason in refused.items()}}
-
-
-def _from_v5(value: Any) -> Any:
-    import scipy.sparse
-    from scipy.io.matlab import MatlabFunction, MatlabObject, MatlabOpaque
-
-    if scipy.sparse.issparse(value):
-        return Opaque("a sparse matrix")
-    if isinstance(value, MatlabFunction):
-        return Opaque("a function")
-    if isinstance(value, MatlabObject | MatlabOpaque):
-        return Opaque("an object of a class")
-    if not isinstance(value, np.ndarray):
-        return value
-    if value.dtype.names:
-        structs = [{name: _from_v5(item[name]) for name in value.dtype.names} for item in value.ravel(order="F")]
-        return structs[0] if len(structs) == 1 else structs
-    if value.dtype == object:
-        return [_from_v5(item) for item in value.ravel(order="F")]
-    if value.dtype.kind in "US":
-        return str(value.ravel()[0]) if value.size else ""
-    return value
+        # The four letters at the beginning are text from version 5 on, and a small number before.
+        return load_v4(path) if 0 in head[:4] else load_v5(path)
 
 
 class _Branches:
@@ -85,6 +40,8 @@ class _Branches:
 
     def __init__(self, tree: Tree) -> None:
         self._tree, self._left = tree, MOST
+        # By address what a cell refers to and how many nodes that are, for many may refer to the same.
+        self._known: dict[Any, tuple[Any, int]] = {}
 
     def of(self, node: Any, depth: int) -> Any:
         """A struct, a cell array, text, numbers, or why it is none of them."""
@@ -103,28 +60,33 @@ class _Branches:
             return {name: self.of(child, depth + 1) for name, child in children.items() if not name.startswith("#")}
         if attribute("MATLAB_empty"):
             return "" if attribute("MATLAB_class") == "char" else np.zeros((0, 0))
-        reason = self._tree.refusal(node)
-        if reason is not None:
-            return Opaque(f"not read: {reason}")
-        return self._value(self._tree.read(node), attribute("MATLAB_class"), depth)
-
-    def _value(self, value: np.ndarray, kind: Any, depth: int) -> Any:
-        import h5py
-
+        try:
+            value = self._tree.read(node)
+        except NotRead as error:
+            return Opaque(f"not read: {error.reason}")
         if h5py.check_ref_dtype(value.dtype) is not None:
-            if value.size > self._left:
-                return Opaque(f"a cell array in a file of more than {MOST} cells and variables")
-            return [self._cell(reference, depth) for reference in value.ravel()]
-        if kind == "char" and value.dtype.kind in "iu":
+            return self._cells(value.ravel(), depth)
+        if attribute("MATLAB_class") == "char" and value.dtype.kind in "iu":
             return value.astype("<u2").tobytes().decode("utf-16-le", "replace")
         if value.dtype.names == ("real", "imag"):
             return (value["real"] + 1j * value["imag"]).T
-        return value.T
+        return value.T != 0 if attribute("MATLAB_class") == "logical" else value.T
+
+    def _cells(self, references: np.ndarray, depth: int) -> Any:
+        if references.size > self._left:
+            return Opaque(f"a cell array in a file of more than {MOST} cells and variables")
+        return [self._cell(reference, depth) for reference in references]
 
     def _cell(self, reference: Any, depth: int) -> Any:
-        if self._left <= 0:
-            return Opaque(f"in a file of more than {MOST} cells and variables")
-        node = self._tree.file[reference]
-        if not hasattr(node, "attrs"):
+        node = self._tree.referred(reference)
+        if node is None:
             raise DataError(f"A cell of {self._tree.path.name} refers to nothing; the file is damaged.")
-        return self.of(node, depth + 1)
+        before, (value, size) = self._left, self._known.get(node.id, (None, 0))
+        if size > before:
+            return Opaque(f"in a file of more than {MOST} cells and variables")
+        if size:
+            self._left -= size
+            return value
+        value = self.of(node, depth + 1)
+        self._known[node.id] = value, before - self._left
+        return value

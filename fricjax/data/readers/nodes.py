@@ -31,6 +31,14 @@ _SLACK = 1024
 _ATTRIBUTE = 64  # entries of the longest attribute that is read
 
 
+class NotRead(DataError):
+    """A data set that is not read, for a `reason` that follows "it is not read: "."""
+
+    def __init__(self, place: str, reason: str) -> None:
+        super().__init__(f"{place} is not read: {reason}.")
+        self.reason = reason
+
+
 class Tree:
     """An open file.
 
@@ -49,15 +57,20 @@ class Tree:
         Raises:
             DataError: there are more than `MOST` in all.
         """
-        from h5py import Dataset, Group, h5d, h5g, h5l, h5o  # pyright: ignore[reportAttributeAccessIssue]
+        from h5py import h5l, h5o  # pyright: ignore[reportAttributeAccessIssue]
 
         self._looked_at += group.id.get_num_objs()
         if self._looked_at > MOST:
             raise DataError(f"{self.path.name} has more than {MOST} groups and data sets; save one run in a file.")
         hard = [name for name in group.id if group.id.links.get_info(name).type == h5l.TYPE_HARD]
-        kinds = {h5g.GroupID: Group, h5d.DatasetID: Dataset}
-        opened = {name.decode("utf-8", "replace"): h5o.open(group.id, name) for name in hard}
-        return {name: kinds[type(node)](node) for name, node in opened.items() if type(node) in kinds}
+        found = {name.decode("utf-8", "replace"): _node(h5o.open(group.id, name)) for name in hard}
+        return {name: node for name, node in found.items() if node is not None}
+
+    def referred(self, reference: Any) -> Any:
+        """The group or data set of this file that a reference names; None where it names none."""
+        from h5py import h5r  # pyright: ignore[reportAttributeAccessIssue]
+
+        return _node(h5r.dereference(reference, self.file.id))
 
     def data_sets(self) -> dict[str, Any]:
         """All data sets by path, such as `"/run1/x"`; each group is visited once."""
@@ -80,7 +93,7 @@ class Tree:
                     found[f"{folder}/{name}"] = node
         return found
 
-    def refusal(self, node: Any) -> str | None:
+    def _refusal(self, node: Any) -> str | None:
         """Why a data set is not read, None where it is."""
         import h5py
 
@@ -98,18 +111,20 @@ class Tree:
         """The content of a data set.
 
         Raises:
-            DataError: it is not to be read, with the reason, or damaged.
+            NotRead: it is not to be read.
         """
-        reason = self.refusal(node)
+        reason = self._refusal(node)
         if reason is not None:
-            raise DataError(f"'{node.name}' in {self.path.name} is not read: {reason}.")
+            raise NotRead(f"'{node.name}' in {self.path.name}", reason)
         value = np.asarray(node[()]) if node.shape is not None else np.zeros(0)
         self._left -= value.nbytes
         return value
 
     def attribute(self, node: Any, name: str, default: Any = None) -> Any:
         """A number or text beside a group or a data set; texts are decoded, and of several entries the first counts."""
-        if name not in node.attrs:
+        from h5py import h5a  # pyright: ignore[reportAttributeAccessIssue]
+
+        if not h5a.exists(node.id, name.encode()):
             return default
         shape = node.attrs.get_id(name).shape
         if shape is None or not 0 < math.prod(shape) <= _ATTRIBUTE:
@@ -125,6 +140,15 @@ def opened(path: Path, kind: str = "HDF5", hint: str = "it is damaged or of anot
 
     with damage(path, kind, hint), h5py.File(path, "r") as file:
         yield Tree(path, file)
+
+
+def _node(opened: Any) -> Any:
+    """A group or data set by its identifier; None for what is neither."""
+    from h5py import Dataset, Group, h5d, h5g  # pyright: ignore[reportAttributeAccessIssue]
+
+    if isinstance(opened, h5d.DatasetID):
+        return Dataset(opened)
+    return Group(opened) if isinstance(opened, h5g.GroupID) else None
 
 
 def _bytes(shape: tuple[int, ...], dtype: np.dtype) -> int:
