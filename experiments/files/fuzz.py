@@ -7,105 +7,109 @@ writes them there. The files are read in a process of its own, which is started 
 
 import argparse
 import json
+import os
+import selectors
 import subprocess
 import sys
 import tempfile
 import time
 from collections import Counter
 from pathlib import Path
+from typing import Any
 
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT))
 
 from experiments.files.mutate import mutated  # noqa: E402
-from experiments.files.outcome import SECONDS, attempt, limit_memory  # noqa: E402
+from experiments.files.outcome import Outcome, attempt, limit_memory  # noqa: E402
 from experiments.files.seeds import SEEDS, write_seeds  # noqa: E402
 
-_GRACE = 3 * SECONDS
+_PATIENCE = 60.0  # seconds without a word from the process that reads
+type Line = list[Any]
+"""Number of the file, how it ended, words, seconds and gigabytes."""
 
 
-def work(folder: Path, name: str, first: int, last: int) -> None:
-    """Reads the mutations of one seed and prints a line for each."""
-    content = (folder / "seeds" / name).read_bytes()
-    target = folder / f"case-{name}"
+def jobs(names: list[str], mutations: int, first: int) -> list[tuple[str, int]]:
+    """Seed and number of each mutation."""
+    share = -(-mutations // len(names))
+    return [(name, number) for name in names for number in range(first, first + share)]
+
+
+def work(folder: Path, files: list[tuple[str, int]], start: int) -> None:
+    """Reads the files from one on and prints a line for each."""
+    seeds = {name: (folder / "seeds" / name).read_bytes() for name in {name for name, _ in files}}
+    for name in seeds:
+        attempt(folder / "seeds" / name)
     limit_memory(4.0)
-    for number in range(first, last):
-        target.write_bytes(mutated(name, content, number))
-        print(json.dumps([number, *attempt(target)]), flush=True)
+    for place in range(start, len(files)):
+        name, number = files[place]
+        target = folder / f"case-{name}"
+        target.write_bytes(mutated(name, seeds[name], number))
+        print(json.dumps([place, *attempt(target)]), flush=True)
 
 
-def supervised(folder: Path, name: str, first: int, last: int) -> list[list]:
-    """Outcomes of all mutations of one seed, whatever becomes of the process that reads them."""
-    lines: list[list] = []
-    while first < last:
-        command = [sys.executable, __file__, "--worker", str(folder), name, str(first), str(last)]
-        with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True) as worker:
-            first, ended = _followed(worker, first, lines)
-        if first < last and ended:
-            lines.append([first, ended, "", 0.0, 0.0])
-            first += 1
+def supervised(folder: Path, count: int, arguments: list[str]) -> list[Line]:
+    """Outcomes of all files, whatever becomes of the process that reads them."""
+    lines: list[Line] = []
+    while len(lines) < count:
+        command = [sys.executable, __file__, *arguments, "--worker", str(folder), str(len(lines))]
+        with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL) as worker:
+            ended = _followed(worker, lines)
+        if len(lines) < count:
+            lines.append([len(lines), ended, "", 0.0, 0.0])
     return lines
 
 
-def _followed(worker: subprocess.Popen, first: int, lines: list[list]) -> tuple[int, str]:
-    """The number after the last mutation that was read, and how the process ended where it was killed."""
-    import os
-    import selectors
-
+def _followed(worker: subprocess.Popen, lines: list[Line]) -> str:
+    """Takes up what a process tells until it ends or tells nothing more; how it ended."""
     assert worker.stdout is not None
-    os.set_blocking(worker.stdout.fileno(), False)
-    waiting, rest, patience = selectors.DefaultSelector(), "", 120.0
+    waiting, rest = selectors.DefaultSelector(), b""
     waiting.register(worker.stdout, selectors.EVENT_READ)
-    while True:
-        if not waiting.select(patience):
-            worker.kill()
-            return first, "hangs"
-        text = worker.stdout.read()
+    while waiting.select(_PATIENCE):
+        text = os.read(worker.stdout.fileno(), 1 << 16)
         if not text:
-            code = worker.wait()
-            return first, "" if code == 0 else f"killed ({code})"
-        *whole, rest = (rest + text).split("\n")
-        for line in whole:
-            lines.append(json.loads(line))
-            first, patience = lines[-1][0] + 1, _GRACE
+            return f"killed ({worker.wait()})"
+        *whole, rest = (rest + text).split(b"\n")
+        lines += map(json.loads, whole)
+    worker.kill()
+    return "hangs"
 
 
-def main() -> None:
+def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--mutations", type=int, default=1000)
     parser.add_argument("--first", type=int, default=0)
     parser.add_argument("--only", nargs="*", default=list(SEEDS))
     parser.add_argument("--keep", type=Path)
-    parser.add_argument("--worker", nargs=4)
+    parser.add_argument("--worker", nargs=2, help=argparse.SUPPRESS)
     options = parser.parse_args()
+    files = jobs(options.only, options.mutations, options.first)
     if options.worker:
-        folder, name, first, last = options.worker
-        return work(Path(folder), name, int(first), int(last))
+        work(Path(options.worker[0]), files, int(options.worker[1]))
+        return 0
+    begin = time.perf_counter()
     with tempfile.TemporaryDirectory() as scratch:
-        folder = Path(scratch)
-        seeds = write_seeds(folder / "seeds")
-        share = -(-options.mutations // len(options.only))
-        begin, rows, faults = time.perf_counter(), {}, []
-        for name in options.only:
-            found = supervised(folder, name, options.first, options.first + share)
-            rows[name] = found
-            faults += [(name, *line) for line in found if line[1] not in ("read", "DataError", "UsageError")]
-            _print_row(name, found)
-        print(f"{sum(map(len, rows.values()))} files in {time.perf_counter() - begin:.0f} s, {len(faults)} faults")
-        for name, number, end, words, seconds, gigabytes in faults:
-            print(f"  {name} {number}: {end}, {seconds:.1f} s, {gigabytes:.2f} GB: {words[:160]!r}")
-            if options.keep:
-                options.keep.mkdir(parents=True, exist_ok=True)
-                (options.keep / f"{number}-{name}").write_bytes(mutated(name, seeds[name], number))
-    return None
+        seeds = write_seeds(Path(scratch) / "seeds")
+        lines = supervised(Path(scratch), len(files), sys.argv[1:])
+    faults = [line for line in lines if not Outcome(*line[1:]).sound]
+    for name in options.only:
+        _print_row(name, [line for line in lines if files[line[0]][0] == name])
+    print(f"{len(files)} files in {time.perf_counter() - begin:.0f} s, {len(faults)} faults")
+    for place, end, words, seconds, gigabytes in faults:
+        name, number = files[place]
+        print(f"  {name} {number}: {end}, {seconds:.1f} s, {gigabytes:.2f} GB: {words[:160]!r}")
+        if options.keep:
+            options.keep.mkdir(parents=True, exist_ok=True)
+            (options.keep / f"{number}-{name}").write_bytes(mutated(name, seeds[name], number))
+    return bool(faults)
 
 
-def _print_row(name: str, found: list[list]) -> None:
+def _print_row(name: str, found: list[Line]) -> None:
     ends = Counter(line[1] for line in found)
     slowest, largest = max(line[3] for line in found), max(line[4] for line in found)
     told = ", ".join(f"{end} {count}" for end, count in sorted(ends.items()))
-    print(f"{name:12} {len(found):6} files: {told}; slowest {slowest:.2f} s, largest {largest:.2f} GB", flush=True)
+    print(f"{name:12} {len(found):6} files: {told}; slowest {slowest:.2f} s, largest {largest:.2f} GB more", flush=True)
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

@@ -1,6 +1,7 @@
 """Text files that hope for trouble: headers with units that calculate, rigs, saved fits, and files that are none."""
 
 import copy
+import functools
 import json
 import os
 import socket
@@ -84,6 +85,7 @@ RIGS: dict[str, Hostile] = {
 }
 
 
+@functools.cache
 def _document() -> dict[str, Any]:
     with tempfile.TemporaryDirectory() as folder:
         return json.loads(fit().save(Path(folder) / "fit.json").read_text())

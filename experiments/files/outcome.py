@@ -14,8 +14,9 @@ from fricjax import Rig, load_fit, read
 from fricjax.data import DataError, UsageError
 from fricjax.friction import Coulomb
 
-SECONDS, GIGABYTES = 5.0, 1.0
-"""What a file may take at most."""
+SECONDS, GIGABYTES = 5.0, 0.75
+"""What a file may take at most: time of computing, and memory beside the quarter of a GB of the package itself."""
+_PATIENCE = 30.0  # seconds after which what neither computes nor ends is given up
 _LONGEST_SENTENCE = 2000
 
 
@@ -47,16 +48,16 @@ def use(path: Path) -> None:
 
 
 def attempt(path: Path) -> Outcome:
-    """The outcome of one file, with the time that it took and the largest memory of the process meanwhile."""
+    """The outcome of one file, with the time of computing that it took and the memory that was added at most."""
     _forget_peak()
-    begin = time.perf_counter()
+    begin, before = time.process_time(), _peak()
     end, words = "read", ""
     try:
-        with _limit(SECONDS), warnings.catch_warnings():
+        with _limit(), warnings.catch_warnings():
             warnings.simplefilter("error")
             use(path)
     except (DataError, UsageError) as error:
-        end, words = type(error).__name__, str(error)
+        end, words = "UsageError" if isinstance(error, UsageError) else "DataError", str(error)
         wanted = UsageError if path.suffix == ".toml" else DataError
         if not isinstance(error, wanted) or path.name not in words:
             end = "wrong words"
@@ -66,12 +67,12 @@ def attempt(path: Path) -> Outcome:
         if isinstance(error, KeyboardInterrupt):
             raise
         end, words = type(error).__name__, str(error)[:200]
-    took, peak = time.perf_counter() - begin, _peak()
+    took, grown = time.process_time() - begin, _peak() - before
     if took > SECONDS:
         end = "slow"
-    elif peak > GIGABYTES:
+    elif grown > GIGABYTES:
         end = "large"
-    return Outcome(end, words, took, peak)
+    return Outcome(end, words, took, grown)
 
 
 class _TooSlow(BaseException):
@@ -79,15 +80,18 @@ class _TooSlow(BaseException):
 
 
 @contextlib.contextmanager
-def _limit(seconds: float) -> Iterator[None]:
+def _limit() -> Iterator[None]:
     def stop(*_: object) -> None:
         raise _TooSlow
 
     signal.signal(signal.SIGALRM, stop)
-    signal.setitimer(signal.ITIMER_REAL, seconds)
+    signal.signal(signal.SIGPROF, stop)
+    signal.setitimer(signal.ITIMER_REAL, _PATIENCE)
+    signal.setitimer(signal.ITIMER_PROF, SECONDS)
     try:
         yield
     finally:
+        signal.setitimer(signal.ITIMER_PROF, 0)
         signal.setitimer(signal.ITIMER_REAL, 0)
 
 

@@ -46,6 +46,8 @@ def load_v5(path: Path) -> dict[str, Any]:
     with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
         order = ">" if data[126:128] == b"MI" else "<"
         place = _HEADER
+        if len(data) < place:
+            raise damaged(path, f"an end after {len(data)} bytes")
         while place + _TAG <= len(data):
             kind, size = struct.unpack_from(f"{order}2I", data, place)
             end = place + _TAG + size
