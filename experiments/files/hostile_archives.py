@@ -111,6 +111,7 @@ ARCHIVES: dict[str, Hostile] = {
     "lzma.npz": (_with("x.npy", X, method=zipfile.ZIP_LZMA), "packed otherwise"),
     "huge.npz": (_described("(1000000000000,)"), PROMISES),
     "product.npz": (_described("(4294967296, 4294967296)"), PROMISES),
+    "bytes.npz": (_with("x.npy", np.zeros(2**25, "u1")), "more than a record"),
     "negative.npz": (_described("(-40,)"), PROMISES),
     "short.npz": (_described(f"({N},)", data=b"1234"), PROMISES),
     "surplus.npz": (_described(f"({N},)", data=bytes(999)), PROMISES),

@@ -21,6 +21,10 @@ _PACKED = 16
 _LARGEST = 1 << 31
 
 
+NUMBER = 8
+"""Bytes that a number of any type takes as soon as it is part of a record."""
+
+
 def allowance(path: Path) -> int:
     """How many bytes the arrays of a file may have in all."""
     return min(max(_ALWAYS, _PACKED * path.stat().st_size), _LARGEST)

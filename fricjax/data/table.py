@@ -5,9 +5,13 @@ from pathlib import Path
 
 import numpy as np
 
-from .errors import DataError
+from .content import content
+from .errors import DataError, brief
 from .readers.dialect import Dialect, Layout, number, sniff, split
 from .units import si_unit
+
+_LARGEST = 100_000_000
+"""Bytes of the largest table; a receptance with a million frequencies has half of them."""
 
 
 def read_table(path: str | Path, columns: Mapping[str, str], *, what: str) -> dict[str, np.ndarray]:
@@ -27,7 +31,7 @@ def read_table(path: str | Path, columns: Mapping[str, str], *, what: str) -> di
     """
     path = Path(path)
     try:
-        lines = path.read_text(encoding="utf-8-sig", errors="replace").splitlines()
+        lines = content(path, _LARGEST).decode("utf-8-sig", "replace").splitlines()
     except OSError as error:
         raise DataError(f"The file '{path}' cannot be read: {error.strerror}. Check the path.") from error
     layout = sniff(lines, Dialect(), path.name)
@@ -65,6 +69,6 @@ def _factor(path: Path, layout: Layout, place: int, name: str, target: str, what
     found, goal = si_unit(unit), si_unit(target)
     if found is None or goal is None or found[1] != goal[1]:
         raise DataError(
-            f"{path.name}: the unit '{unit}' does not fit the {name} of {what}; use for example '{target}'."
+            f"{path.name}: the unit {brief(unit)} does not fit the {name} of {what}; use for example '{target}'."
         )
     return found[0]

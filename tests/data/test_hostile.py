@@ -1,5 +1,6 @@
 """Damaged and hostile files end in one sentence, in time, in memory, and without a trace elsewhere."""
 
+import os
 import subprocess
 import sys
 import types
@@ -14,6 +15,7 @@ from experiments.files.hostile import FILES, verdict
 from experiments.files.hostile_trees import KINDS, save_kinds
 from experiments.files.seeds import SEEDS
 from fricjax import read
+from fricjax.calibrate.frf_file import read_frf
 from fricjax.data import DataError
 from fricjax.data import content as content_module
 from fricjax.data.errors import brief
@@ -44,7 +46,7 @@ def run(script, *arguments):
 def test_bombs_do_not_go_off():
     done = run("hostile.py", "bombs")
     assert done.returncode == 0, done.stdout + done.stderr
-    assert "7 files, 0 not as expected" in done.stdout
+    assert f"{len(FILES['bombs'])} files, 0 not as expected" in done.stdout
 
 
 def test_random_damage_is_refused_or_read():
@@ -67,6 +69,15 @@ def test_a_path_that_is_none(path):
         read(path)
 
 
+def test_tables_of_receptances_are_files_as_well(tmp_path):
+    os.mkfifo(tmp_path / "pipe.csv")
+    with pytest.raises(DataError, match="is a device, a pipe or a socket"):
+        read_frf(tmp_path / "pipe.csv")
+    (tmp_path / "frf.csv").write_text("f [9**9**9**9 Hz],Re,Im\n" + "1,2,3\n" * 9)
+    with pytest.raises(DataError, match=r"the unit '9\*\*9\*\*9\*\*9 Hz' does not fit"):
+        read_frf(tmp_path / "frf.csv")
+
+
 def test_what_is_no_displacement_comes_back_as_such(tmp_path):
     save_kinds(tmp_path / "kinds.mat")
     tree = load_tree(tmp_path / "kinds.mat")
@@ -77,7 +88,7 @@ def test_what_is_no_displacement_comes_back_as_such(tmp_path):
 
 VARIABLES = {
     "real": np.arange(6.0).reshape(2, 3),
-    "single": np.float32([[1.5]]),
+    "single": np.array([[1.5]], np.float32),
     **{f"i{bits}": np.array([[-1, 2]], f"i{bits}") for bits in (1, 2, 4, 8)},
     **{f"u{bits}": np.array([[1], [2]], f"u{bits}") for bits in (1, 2, 4, 8)},
     "complex": np.array([[1 + 2j, 3.5j]]),

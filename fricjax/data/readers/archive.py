@@ -13,7 +13,7 @@ from typing import IO, Any
 
 import numpy as np
 
-from ..content import allowance, damage, gigabytes
+from ..content import NUMBER, allowance, damage, gigabytes
 from ..errors import DataError, brief
 
 # Members, and bytes of the list of members at the end of the archive; numpy takes about 60 for each.
@@ -99,6 +99,8 @@ def _array(path: Path, member: zipfile.ZipInfo, file: IO[bytes]) -> np.ndarray:
             f"{path.name} is damaged: '{member.filename}' promises {dtype} of shape {brief(shape)} and holds "
             f"{member.file_size} bytes."
         )
+    if math.prod(shape) * NUMBER > allowance(path):
+        raise DataError(f"{path.name}: '{member.filename}' has {math.prod(shape):.3g} numbers, more than a record.")
     return _filled(file, size, dtype).reshape(shape, order="F" if by_columns else "C")
 
 

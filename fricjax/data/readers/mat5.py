@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..content import allowance
+from ..content import NUMBER, allowance
 from ..errors import DataError
 from .nodes import DEEPEST
 
@@ -26,6 +26,7 @@ _STORED = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 9: "f8
 _CLASSES = {6: "f8", 7: "f4", 8: "i1", 9: "u1", 10: "i2", 11: "u2", 12: "i4", 13: "u4", 14: "i8", 15: "u8"}
 _ENCODINGS = {1: "latin-1", 2: "latin-1", 4: "utf-16", 16: "utf-8", 17: "utf-16", 18: "utf-32"}
 _NOT_READ = {_SPARSE: "a sparse matrix", _OBJECT: "an object of a class", _FUNCTION: "a function", _OPAQUE: "an object"}
+_TOO_LARGE = "not read: it is larger than plausible for a file of this size"
 # Matrices of one file that are read; reading a million takes seconds.
 _PARTS = 200_000
 
@@ -59,7 +60,7 @@ def load_v5(path: Path) -> dict[str, Any]:
             variable = _Variable(path, part, order, parts)
             name = variable.name()
             if len(part) > left or cut < end:
-                found[name] = Opaque("not read: it is larger than plausible for a file of this size")
+                found[name] = Opaque(_TOO_LARGE)
             else:
                 found[name] = variable.matrix(_TAG, len(part), 0)
                 left, parts = left - len(part), variable.left
@@ -122,6 +123,8 @@ class _Variable:
             return self._text(shape, place, end)
         if kind not in _CLASSES:
             raise damaged(self._path, f"a variable of class {kind}")
+        if math.prod(shape) * NUMBER > allowance(self._path):
+            return Opaque(_TOO_LARGE)
         values, place = self._numbers(shape, place, end)
         if flags & _COMPLEX:
             return values + 1j * self._numbers(shape, place, end)[0]

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from ..content import allowance, damage, gigabytes
+from ..content import NUMBER, allowance, damage, gigabytes
 from ..errors import DataError
 
 DEEPEST = 32
@@ -152,7 +152,8 @@ def _node(opened: Any) -> Any:
 
 
 def _bytes(shape: tuple[int, ...], dtype: np.dtype) -> int:
-    return math.prod(shape) * dtype.itemsize
+    """What an array takes as part of a record."""
+    return math.prod(shape) * max(dtype.itemsize, NUMBER)
 
 
 def _positions(node: Any) -> int:
@@ -170,7 +171,7 @@ def _unsafe_chunks(node: Any) -> str | None:
         return "it is packed in an unusual way; write it again with gzip"
     places: list[Any] = []
     node.id.chunk_iter(places.append)
-    size = _bytes(node.chunks, node.dtype)
+    size = math.prod(node.chunks) * node.dtype.itemsize
     if len({place.byte_offset for place in places}) < len(places):
         return "several of its chunks lie in one place"
     if any(place.size > size + size // 1000 + _SLACK for place in places):
