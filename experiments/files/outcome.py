@@ -111,5 +111,7 @@ def _peak() -> float:
 
 def limit_memory(extra: float) -> None:
     """Lets the process map so many more gigabytes than now, so that a bomb fails before the machine does."""
-    pages = int(Path("/proc/self/statm").read_text().split()[0]) * os.sysconf("SC_PAGE_SIZE")
-    resource.setrlimit(resource.RLIMIT_AS, (pages + int(extra * 1e9),) * 2)
+    state = Path("/proc/self/statm")
+    if state.is_file():
+        pages = int(state.read_text().split()[0]) * os.sysconf("SC_PAGE_SIZE")
+        resource.setrlimit(resource.RLIMIT_AS, (pages + int(extra * 1e9),) * 2)

@@ -117,11 +117,11 @@ def _check(fit: "Fit") -> None:
     for field, names in named.items():
         absent = [name for name in names if name not in getattr(fit, field)]
         if absent:
-            raise DataError(f"'{field}' lacks '{absent[0]}'")
+            raise DataError(f"'{field}' lacks {brief(absent[0])}")
     stds = [*fit.std_errors.items(), *fit.white_std_errors.items(), *fit.combined_std_errors.items()]
     for name, std in [*stds, *((name, estimate.std) for name, estimate in fit.kinematics.items())]:
         if std < 0:
-            raise DataError(f"the standard error of '{name}' is negative: {std:g}")
+            raise DataError(f"the standard error of {brief(name)} is negative: {std:g}")
     p, n = len(fit.names), len(fit.runs)
     for field in ("covariance", "combined_covariance"):
         if getattr(fit, field).shape != (p, p):
