@@ -96,6 +96,17 @@ def _own(**attributes: Any) -> Callable[[Path], object]:
     return write_it
 
 
+def _heap(change: Callable[[bytearray, int], object]) -> Callable[[Path], object]:
+    """A record of the package's own whose texts lie in a damaged collection."""
+
+    def write_it(path: Path) -> None:
+        data = bytearray(write(record(), path).read_bytes())
+        change(data, data.index(b"GCOL"))
+        path.write_bytes(data)
+
+    return write_it
+
+
 def _cut(seed: str, end: float) -> Callable[[Path], object]:
     def write_it(path: Path) -> None:
         SEEDS[seed](path)
@@ -155,6 +166,9 @@ HDF5: dict[str, Hostile] = {
     "fill_none.h5": (_attribute("_FillValue", np.zeros(0)), ""),
     "fill_text.h5": (_attribute("_FillValue", "text"), ""),
     "fill_many.h5": (_attribute("_FillValue", np.zeros(5000)), ""),
+    "heap_zero.h5": (_heap(lambda data, at: data.__setitem__(slice(at + 16, at + 32), bytes(16))), "texts at byte"),
+    "heap_size.h5": (_heap(lambda data, at: struct.pack_into("<Q", data, at + 24, 2**64 - 16)), "texts at byte"),
+    "heap_end.h5": (_heap(lambda data, at: struct.pack_into("<Q", data, at + 8, 2**40)), "texts at byte"),
     "own_list.h5": (_own(meta="[]"), "'meta' must be an object"),
     "own_five.h5": (_own(meta=5), "'meta' must be an object"),
     "own_none.h5": (_own(meta=h5py.Empty("S1")), "'meta' is no JSON"),

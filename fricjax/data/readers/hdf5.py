@@ -110,8 +110,7 @@ def _guess(paths: list[str], choice: Choice, source: str) -> str:
 def _time_path(tree: Tree, x_path: str, nodes: dict[str, Any], choice: Choice, source: str) -> str | None:
     if choice.time is not None:
         return _known(choice.time, list(nodes), source, "time")
-    scales = nodes[x_path].dims[0]
-    scale = scales[0].name if len(scales) else None
+    scale = tree.scale(nodes[x_path])
     if scale in nodes:
         return scale
     folder = x_path.rsplit("/", 1)[0]

@@ -6,6 +6,7 @@ at before the library reads, since its own buffers grow without a bound.
 """
 
 import math
+import mmap
 import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -29,6 +30,9 @@ _UNSAFE_FILTERS = (5, 6)
 # By how much a packed chunk may exceed the unpacked one: a thousandth, and headers.
 _SLACK = 1024
 _ATTRIBUTE = 64  # entries of the longest attribute that is read
+# How a collection of texts of any length begins: its signature, its version, and three bytes of nothing. Its size
+# follows, and then one text after the other, each behind its number, its references, four bytes and its size.
+_HEAP, _HEAP_HEAD, _TEXT_HEAD = b"GCOL\x01\0\0\0", 16, 16
 
 
 class NotRead(DataError):
@@ -49,7 +53,7 @@ class Tree:
 
     def __init__(self, path: Path, file: Any) -> None:
         self.path, self.file = path, file
-        self._left, self._looked_at = allowance(path), 0
+        self._left, self._looked_at, self._heaps_are_sound = allowance(path), 0, False
 
     def children(self, group: Any) -> dict[str, Any]:
         """Groups and data sets that lie in a group by hard links, by name.
@@ -126,11 +130,36 @@ class Tree:
 
         if not h5a.exists(node.id, name.encode()):
             return default
-        shape = node.attrs.get_id(name).shape
-        if shape is None or not 0 < math.prod(shape) <= _ATTRIBUTE:
+        held = node.attrs.get_id(name)
+        if held.shape is None or not 0 < math.prod(held.shape) <= _ATTRIBUTE:
             return default
+        if held.dtype.hasobject:
+            self._check_heaps()
         value = np.ravel(np.asarray(node.attrs[name], dtype=object))[0]
         return value.decode("utf-8", "replace") if isinstance(value, bytes) else value
+
+    def scale(self, node: Any) -> str | None:
+        """Path of the data set that holds the places along the first dimension, by the convention of netCDF."""
+        from h5py import h5a  # pyright: ignore[reportAttributeAccessIssue]
+
+        if not h5a.exists(node.id, b"DIMENSION_LIST"):
+            return None
+        self._check_heaps()
+        scales = node.dims[0]
+        return scales[0].name if len(scales) else None
+
+    def _check_heaps(self) -> None:
+        """Refuses a file whose texts of any length lie in damaged collections, for over some the library never ends."""
+        if not self._heaps_are_sound:
+            with self.path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
+                place = data.find(_HEAP)
+                while place >= 0:
+                    if not _sound_heap(data, place):
+                        raise DataError(
+                            f"{self.path.name} is damaged: the texts at byte {place} do not fit their place."
+                        )
+                    place = data.find(_HEAP, place + 1)
+            self._heaps_are_sound = True
 
 
 @contextmanager
@@ -140,6 +169,22 @@ def opened(path: Path, kind: str = "HDF5", hint: str = "it is damaged or of anot
 
     with damage(path, kind, hint), h5py.File(path, "r") as file:
         yield Tree(path, file)
+
+
+def _sound_heap(data: mmap.mmap, place: int) -> bool:
+    """Whether the texts of a collection lie in it one after the other; the room behind them has the number zero."""
+    size = int.from_bytes(data[place + 8 : place + _HEAP_HEAD], "little")
+    end, place = place + size, place + _HEAP_HEAD
+    while place + _TEXT_HEAD <= end <= len(data):
+        number, held = (
+            int.from_bytes(data[place : place + 2], "little"),
+            int.from_bytes(data[place + 8 : place + 16], "little"),
+        )
+        step = held if number == 0 else _TEXT_HEAD + held + -held % 8
+        if step < _TEXT_HEAD or place + step > end:
+            return False
+        place += step
+    return end <= len(data)
 
 
 def _node(opened: Any) -> Any:
