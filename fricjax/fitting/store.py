@@ -4,6 +4,7 @@ import dataclasses
 import json
 import math
 import os
+from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, get_type_hints
 
@@ -111,9 +112,13 @@ def _stored(path: Path) -> dict[str, Any]:
 
 def _check(fit: "Fit") -> None:
     """One sentence for fields that do not belong to one another."""
-    named = {"std_errors": fit.names, "white_std_errors": fit.names, "combined_std_errors": fit.names}
+    named: dict[str, Iterable[str]] = {
+        "std_errors": fit.names,
+        "white_std_errors": fit.names,
+        "combined_std_errors": fit.names,
+    }
     named |= {"contributions": fit.names, "values": fit.names, "units": fit.values, "flags": fit.values}
-    named |= {"intervals": fit.values}
+    named |= {"intervals": [name for name in fit.values if name not in fit.std_errors]}
     for field, names in named.items():
         absent = [name for name in names if name not in getattr(fit, field)]
         if absent:
