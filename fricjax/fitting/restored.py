@@ -7,6 +7,7 @@ the field.
 
 import dataclasses
 import functools
+import math
 import types
 import typing
 from collections.abc import Callable, Mapping
@@ -37,6 +38,8 @@ TUPLES: Mapping[str, type] = {cls.__name__: cls for cls in (Estimate, Line, Marg
 _WORDS = {float: "a number", int: "a whole number", str: "a text", bool: "true or false", types.NoneType: "null"}
 # Integers beyond are no counts, and floating-point numbers do not tell them from one another.
 _LARGEST_COUNT = 1 << 53
+# No fit has larger numbers, and the squares of these are numbers still; what is not finite is said to be so.
+_LARGEST = 1e150
 
 
 def restored(kind: Any, value: Any, place: str) -> Any:
@@ -111,7 +114,8 @@ def _number(value: Any, place: str) -> float | int:
     if value in ("nan", "inf", "-inf"):
         return float(value)
     counted = isinstance(value, int) and not isinstance(value, bool) and abs(value) <= _LARGEST_COUNT
-    return _expect(counted or isinstance(value, float), value, place, "a number")
+    real = isinstance(value, float) and not _LARGEST < abs(value) < math.inf
+    return _expect(counted or real, value, place, "a number")
 
 
 def _array(value: Any, place: str) -> np.ndarray:

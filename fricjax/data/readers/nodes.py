@@ -100,11 +100,15 @@ class Tree:
     def _refusal(self, node: Any) -> str | None:
         """Why a data set is not read, None where it is."""
         import h5py
+        from h5py import h5t  # pyright: ignore[reportAttributeAccessIssue]
 
         if node.is_virtual or node.external:
             return "its data lie in another file, which is not opened"
         if node.dtype.hasobject and h5py.check_ref_dtype(node.dtype) is None:
             return "it holds texts or lists of varying length"
+        # Numbers whose sign or exponent lies elsewhere, as damaged types say, are converted beyond their memory.
+        if not node.dtype.hasobject and not h5t.py_create(node.dtype, logical=True).equal(node.id.get_type()):
+            return "its numbers are of no usual type"
         chunks = 0 if node.chunks is None else _positions(node) * _bytes(node.chunks, node.dtype)
         size = max(_bytes(node.shape or (), node.dtype), chunks)
         if size > self._left:
