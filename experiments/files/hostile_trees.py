@@ -80,6 +80,12 @@ def _swelling(file: h5py.File, size: int) -> None:
     node.id.write_direct_chunk((0,), zlib.compress(bytes(size), 9))
 
 
+def _too_short(file: h5py.File) -> None:
+    """A chunk shorter than the checksum that the library takes away."""
+    node = file.create_dataset("x", (N,), "f8", chunks=(N,), fletcher32=True)
+    node.id.write_direct_chunk((0,), b"1")
+
+
 def _attribute(name: str, value: Any, **options: Any) -> Callable[[Path], object]:
     def build(file: h5py.File) -> None:
         file["x"] = X
@@ -148,7 +154,9 @@ HDF5: dict[str, Hostile] = {
         "unusual way",
     ),
     "double.h5": (_beside(_double_gzip), "unusual way"),
-    "swells.h5": (_beside(lambda file: _swelling(file, 10**6)), "larger than they claim"),
+    "swells.h5": (_beside(lambda file: _swelling(file, 10**6)), "not of the size that they claim"),
+    "shrinks.h5": (_beside(lambda file: _swelling(file, 100)), "not of the size that they claim"),
+    "too_short.h5": (_beside(_too_short), "hold nothing"),
     "length.h5": (_beside(lambda file: file.create_dataset("x", (3,), h5py.vlen_dtype(float))), None),
     "words.h5": (_beside(lambda file: file.__setitem__("x", ["a"] * N)), None),
     "null.h5": (_beside(lambda file: file.create_dataset("x", data=h5py.Empty("f8"))), None),
