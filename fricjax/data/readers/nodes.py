@@ -6,7 +6,6 @@ at before the library reads, since its own buffers grow without a bound.
 """
 
 import math
-import mmap
 import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -32,6 +31,8 @@ _SLACK = 1024
 _ATTRIBUTE = 64  # entries of the longest attribute that is read
 # How a collection of texts of any length begins: its signature, its version, and three bytes of nothing. Its size
 # follows, and then one text after the other, each behind its number, its references, four bytes and its size.
+# They are looked for where a file begins, for texts are written before long traces; all of a file could take minutes.
+_SCANNED = 1 << 28
 _HEAP, _HEAP_HEAD, _TEXT_HEAD = b"GCOL\x01\0\0\0", 16, 16
 
 
@@ -155,14 +156,13 @@ class Tree:
     def _check_heaps(self) -> None:
         """Refuses a file whose texts of any length lie in damaged collections, for over some the library never ends."""
         if not self._heaps_are_sound:
-            with self.path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
-                place = data.find(_HEAP)
-                while place >= 0:
-                    if not _sound_heap(data, place):
-                        raise DataError(
-                            f"{self.path.name} is damaged: the texts at byte {place} do not fit their place."
-                        )
-                    place = data.find(_HEAP, place + 1)
+            with self.path.open("rb") as file:
+                data = file.read(_SCANNED)
+            place = data.find(_HEAP)
+            while place >= 0:
+                if not _sound_heap(data, place):
+                    raise DataError(f"{self.path.name} is damaged: the texts at byte {place} do not fit; try h5repack.")
+                place = data.find(_HEAP, place + 1)
             self._heaps_are_sound = True
 
 
@@ -175,20 +175,18 @@ def opened(path: Path, kind: str = "HDF5", hint: str = "it is damaged or of anot
         yield Tree(path, file)
 
 
-def _sound_heap(data: mmap.mmap, place: int) -> bool:
+def _sound_heap(data: bytes, place: int) -> bool:
     """Whether the texts of a collection lie in it one after the other; the room behind them has the number zero."""
-    size = int.from_bytes(data[place + 8 : place + _HEAP_HEAD], "little")
-    end, place = place + size, place + _HEAP_HEAD
-    while place + _TEXT_HEAD <= end <= len(data):
-        number, held = (
-            int.from_bytes(data[place : place + 2], "little"),
-            int.from_bytes(data[place + 8 : place + 16], "little"),
-        )
+    end = place + int.from_bytes(data[place + 8 : place + _HEAP_HEAD], "little")
+    place += _HEAP_HEAD
+    while place + _TEXT_HEAD <= min(end, len(data)):
+        number = int.from_bytes(data[place : place + 2], "little")
+        held = int.from_bytes(data[place + 8 : place + _TEXT_HEAD], "little")
         step = held if number == 0 else _TEXT_HEAD + held + -held % 8
         if step < _TEXT_HEAD or place + step > end:
             return False
         place += step
-    return end <= len(data)
+    return end <= len(data) or len(data) == _SCANNED
 
 
 def _node(opened: Any) -> Any:
