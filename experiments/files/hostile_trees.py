@@ -253,6 +253,7 @@ MATLAB: dict[str, Hostile] = {
     "circle73.mat": (_matlab73(lambda file: _cells(file, 0, 1)), None),
     "tree73.mat": (_matlab73(lambda file: _cells(file, 22, 2)), None),
     "wide73.mat": (_matlab73(lambda file: _cells(file, 3, 1000)), None),
+    "root73.mat": (_matlab73(lambda file: file.attrs.update(MATLAB_sparse=5, MATLAB_object_decode=3)), None),
     "soft73.mat": (_matlab73(lambda file: file.__setitem__("x", h5py.SoftLink("/x"))), None),
     "group73.mat": (_matlab73(lambda file: file.__setitem__("x", file["/"])), None),
     "external73.mat": (_matlab73(lambda file: file.__setitem__("x", h5py.ExternalLink("/etc/passwd", "/"))), None),

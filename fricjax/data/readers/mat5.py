@@ -65,8 +65,7 @@ def load_v5(path: Path) -> dict[str, Any]:
                 found[name] = variable.matrix(_TAG, len(part), 0)
                 left, parts = left - len(part), variable.left
             place = end
-    # What has no name are workspaces of functions.
-    return {name: value for name, value in found.items() if name and not name.startswith("__")}
+    return found
 
 
 def _unpacked(data: bytes, most: int) -> bytes:

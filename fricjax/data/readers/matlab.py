@@ -29,10 +29,13 @@ def load_tree(path: Path) -> dict[str, Any]:
     # Files of version 7.3 carry HDF5's signature after a block of text of 512 bytes.
     if head.startswith(_HDF5) or head[512:520] == _HDF5:
         with opened(path, "a MATLAB file") as tree:
-            return _Branches(tree).of(tree.file["/"], 0)
-    with damage(path, "a MATLAB file"):
-        # The four letters at the beginning are text from version 5 on, and a small number before.
-        return load_v4(path) if 0 in head[:4] else load_v5(path)
+            found = _Branches(tree).fields(tree.file["/"], 0)
+    else:
+        with damage(path, "a MATLAB file"):
+            # The four letters at the beginning are text from version 5 on, and a small number before.
+            found = load_v4(path) if 0 in head[:4] else load_v5(path)
+    # Workspaces of functions have no name, and what version 7.3 keeps for itself has one that no variable can have.
+    return {name: value for name, value in found.items() if name.isidentifier()}
 
 
 class _Branches:
@@ -56,8 +59,7 @@ class _Branches:
         if attribute("MATLAB_object_decode"):
             return Opaque(f"an object of the class {attribute('MATLAB_class')}")
         if isinstance(node, h5py.Group):
-            children = self._tree.children(node)
-            return {name: self.of(child, depth + 1) for name, child in children.items() if not name.startswith("#")}
+            return self.fields(node, depth)
         if attribute("MATLAB_empty"):
             return "" if attribute("MATLAB_class") == "char" else np.zeros((0, 0))
         try:
@@ -71,6 +73,11 @@ class _Branches:
         if value.dtype.names == ("real", "imag"):
             return (value["real"] + 1j * value["imag"]).T
         return value.T != 0 if attribute("MATLAB_class") == "logical" else value.T
+
+    def fields(self, group: Any, depth: int) -> dict[str, Any]:
+        """What lies in a group, by name."""
+        children = self._tree.children(group)
+        return {name: self.of(child, depth + 1) for name, child in children.items() if not name.startswith("#")}
 
     def _cells(self, references: np.ndarray, depth: int) -> Any:
         if references.size > self._left:
