@@ -6,12 +6,14 @@ This is asked before a machine is built of them, and without what building one t
 from collections.abc import Mapping
 from typing import Any
 
-from ..data.errors import UsageError, nearest
+from ..data.errors import UsageError, brief, nearest
 from .measured import Measured, is_traced
 from .quantity import UNITS, quantity
 
 RESTORING = ("linear", "cubic", "pendulum")
 ARGUMENTS = (*UNITS, "restoring")
+# No machine is so large or so small, and squares and products of such numbers still are numbers [SI units].
+_HUGE, _TINY = 1e60, 1e-60
 _POSITIVE = ("mass", "stiffness", "frequency", "nonlinearity_period")
 # Half the wavelength of a helium-neon laser, 633 nm: one fringe of a single-pass interferometer [m].
 _FRINGE = 316.5e-9
@@ -62,9 +64,9 @@ def check_restoring(name: Any) -> None:
     """
     known = ", ".join(RESTORING)
     if not isinstance(name, str):
-        raise UsageError(f"restoring must be a restoring force or its name ({known}), got {name!r}.")
+        raise UsageError(f"restoring must be a restoring force or its name ({known}), got {brief(name)}.")
     if name not in RESTORING:
-        raise UsageError(f"There is no restoring force '{name}'; known are {known}.{nearest(name, RESTORING)}")
+        raise UsageError(f"There is no restoring force {brief(name)}; known are {known}.{nearest(name, RESTORING)}")
 
 
 def replaced(values: Mapping[str, Any]) -> dict[str, Any]:
@@ -90,9 +92,14 @@ def _known(number: Measured | None) -> bool:
 
 def _check(values: Mapping[str, Measured | None]) -> None:
     """One sentence for each way in which numbers do not make a rig."""
+    for name, number in values.items():
+        if number is not None and _known(number) and max(abs(number.value), number.std) > _HUGE:
+            raise UsageError(
+                f"{name} is no number of a rig: {number.value:g} with a standard uncertainty {number.std:g}."
+            )
     for name in _POSITIVE:
         number = values[name]
-        if number is not None and _known(number) and not number.value > 0:
+        if number is not None and _known(number) and not number.value > _TINY:
             raise UsageError(f"{name} must be a positive number of {UNITS[name][0]}, got {number.value:g}.")
     load = values["normal_force"]
     if load is not None and _known(load) and not load.value >= 0:

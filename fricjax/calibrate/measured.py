@@ -5,7 +5,7 @@ import math
 import sys
 from typing import Any
 
-from ..data.errors import UsageError
+from ..data.errors import UsageError, brief
 from ..show.numbers import uncertain
 
 
@@ -53,12 +53,13 @@ def _finite(field: str, number: Any) -> Any:
         return number
     # Numbers of NumPy and arrays of none dimension know their own kind and shape.
     boolean = isinstance(number, bool) or getattr(getattr(number, "dtype", None), "kind", "") == "b"
-    if boolean or isinstance(number, str) or getattr(number, "ndim", 0) != 0:
-        raise UsageError(f"The {field} of a Measured must be one number, got {number!r}.")
+    single = not boolean and not isinstance(number, str) and getattr(number, "ndim", 0) == 0
     try:
-        converted = float(number)
-    except (TypeError, ValueError) as error:
-        raise UsageError(f"The {field} of a Measured must be one number, got {number!r}.") from error
+        converted = float(number) if single else None
+    except (TypeError, ValueError, OverflowError):
+        converted = None
+    if converted is None:
+        raise UsageError(f"The {field} of a Measured must be one number, got {brief(number)}.")
     if not math.isfinite(converted):
         raise UsageError(f"The {field} of a Measured must be finite, got {converted}.")
     return converted

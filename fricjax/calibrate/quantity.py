@@ -8,8 +8,9 @@ import re
 from collections.abc import Mapping
 from typing import Any
 
-from ..data.errors import UsageError, nearest
-from ..data.units import si_unit
+from ..data.errors import UsageError, brief, nearest
+from ..data.units import LONGEST as LONGEST_UNIT
+from ..data.units import Unit, unit_of
 from .measured import Measured
 
 UNITS: Mapping[str, tuple[str, str]] = {
@@ -27,6 +28,8 @@ UNITS: Mapping[str, tuple[str, str]] = {
     "nonlinearity_period": ("m", "rad"),
 }
 _KEYS = ("value", "std", "unit")
+_LONGEST = 3 * LONGEST_UNIT
+"""Characters of the longest text that can be a quantity: two numbers and a unit."""
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)"
 _TEXT = re.compile(
     rf"\s*(?P<value>{_NUMBER})(?:\((?P<digits>\d+)\))?(?P<exponent>[eE][-+]?\d+)?"
@@ -54,7 +57,7 @@ def quantity(name: str, given: Any) -> Measured:
     try:
         return Measured(given)
     except UsageError as error:
-        raise UsageError(f"{name} must be a finite number{_of(name)}, got {given!r}.") from error
+        raise UsageError(f"{name} must be a finite number{_of(name)}, got {brief(given)}.") from error
 
 
 def _of(name: str) -> str:
@@ -63,7 +66,7 @@ def _of(name: str) -> str:
 
 def written(text: str) -> tuple[float, float, str] | None:
     """Value, standard uncertainty and unit of a text such as ``"410.7(3) g"``; None where it is no quantity."""
-    match = _TEXT.fullmatch(text)
+    match = _TEXT.fullmatch(text) if len(text) <= _LONGEST else None
     if match is None or (match["digits"] and match["std"]):
         return None
     value = float(match["value"] + (match["exponent"] or ""))
@@ -74,7 +77,7 @@ def _from_text(name: str, text: str) -> Measured:
     found = written(text)
     if found is None:
         raise UsageError(
-            f'{name} = "{text}" is no quantity; write a number, its uncertainty and its unit, '
+            f'{name} = "{text[:_LONGEST]}" is no quantity; write a number, its uncertainty and its unit, '
             f'such as "410.7(3) g" or "9.66 +/- 0.05 N".'
         )
     return _converted(name, *found)
@@ -93,21 +96,27 @@ def _written_std(match: re.Match[str], value: float) -> float:
 def _from_mapping(name: str, given: Mapping[str, Any]) -> Measured:
     for key in given:
         if key not in _KEYS:
-            raise UsageError(f"{name} has no entry '{key}'; known are {', '.join(_KEYS)}.{nearest(key, _KEYS)}")
+            raise UsageError(f"{name} has no entry {brief(key)}; known are {', '.join(_KEYS)}.{nearest(key, _KEYS)}")
     if "value" not in given:
-        raise UsageError(f"{name} = {dict(given)} lacks its value; write {name} = {{ value = ..., std = ... }}.")
-    value = _number(name, "value", given["value"])
-    return _converted(name, value, _std(name, given.get("std", 0.0), value), str(given.get("unit", "")))
+        raise UsageError(f"{name} = {brief(dict(given))} lacks its value; write {name} = {{ value = ..., std = ... }}.")
+    value, unit = _number(name, "value", given["value"]), given.get("unit", "")
+    if not isinstance(unit, str):
+        raise UsageError(f"The unit of {name} must be a text such as {_examples(name)}, got {brief(unit)}.")
+    return _converted(name, value, _std(name, given.get("std", 0.0), value), unit.strip())
 
 
 def _number(name: str, key: str, given: Any) -> float:
     if isinstance(given, bool) or not isinstance(given, int | float):
-        raise UsageError(f"The {key} of {name} must be a number, got {given!r}.")
-    return float(given)
+        raise UsageError(f"The {key} of {name} must be a number, got {brief(given)}.")
+    try:
+        return float(given)
+    except OverflowError as error:
+        raise UsageError(f"The {key} of {name} must be finite, got {brief(given)}.") from error
 
 
 def _std(name: str, given: Any, value: float) -> float:
-    relative = re.fullmatch(rf"\s*({_NUMBER})\s*%\s*", given) if isinstance(given, str) else None
+    short = isinstance(given, str) and len(given) <= _LONGEST
+    relative = re.fullmatch(rf"\s*({_NUMBER})\s*%\s*", given) if short else None
     return float(relative[1]) / 100 * abs(value) if relative else _number(name, "std", given)
 
 
@@ -121,21 +130,19 @@ def _converted(name: str, value: float, std: float, unit: str) -> Measured:
 
 def _factor(name: str, unit: str) -> float:
     """What one `unit` is in the SI unit of the input."""
-    found = si_unit(unit)
+    found = unit_of(unit)
     if found is None:
-        raise UsageError(f"{name} has the unknown unit '{unit}'; use for example {_examples(name)}.")
-    if name == "frequency" and found[1] == _dimension("rad/s"):
+        raise UsageError(f"{name} has the unknown unit {brief(unit)}; use for example {_examples(name)}.")
+    if name == "frequency" and "rad" in found.powers:
         raise UsageError(f"frequency counts cycles: give it in Hz, not in '{unit}' (1 Hz is 2 pi rad/s).")
-    for target in UNITS[name]:
-        # A radian is one: a stiffness in N m is one in N m/rad.
-        if found[1] in (_dimension(target), _dimension(target.partition("/rad")[0])):
-            return found[0]
-    raise UsageError(f"The unit '{unit}' does not fit {name}; use for example {_examples(name)}.")
+    if not any(_dimension(found) == _dimension(unit_of(goal) or Unit(1.0, {})) for goal in UNITS[name]):
+        raise UsageError(f"The unit '{unit}' does not fit {name}; use for example {_examples(name)}.")
+    return found.scale
 
 
-def _dimension(unit: str) -> str | None:
-    found = si_unit(unit)
-    return None if found is None else found[1]
+def _dimension(unit: Unit) -> dict[str, int]:
+    """Powers of the SI units, without the radian, which may be left out: a stiffness is given in N m as in N m/rad."""
+    return {name: power for name, power in unit.powers.items() if name != "rad"}
 
 
 def _examples(name: str) -> str:

@@ -10,7 +10,8 @@ import tomllib
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ..data.errors import UsageError, nearest
+from ..data.content import content
+from ..data.errors import UsageError, brief, nearest
 from ..show.files import write_text
 from .inputs import ARGUMENTS, RESTORING
 from .measured import Measured
@@ -18,6 +19,11 @@ from .measured import Measured
 if TYPE_CHECKING:
     from .rig import Rig
 
+_LARGEST, _WIDEST = 100_000, 1_000
+"""Bytes of the largest file that can be a rig's, and characters of its longest line; one has a few hundred in all.
+
+The time that a dotted key takes grows with the square of its length.
+"""
 _HEAD = (
     "# A rig, in SI units: kg, N/m, N s/m, N; for rotary rigs kg m^2, N m/rad, N m s/rad, N m.",
     '# std is the standard uncertainty (k = 1); a unit may be added, as in { value = 410.7, std = 0.3, unit = "g" }.',
@@ -46,7 +52,7 @@ def read_table(path: Path) -> dict[str, Any]:
         if key not in ARGUMENTS:
             known = ", ".join(ARGUMENTS)
             raise UsageError(
-                f"{path}: there is no key '{key}' in a rig file; known are {known}.{nearest(key, ARGUMENTS)}"
+                f"{path}: there is no key {brief(key)} in a rig file; known are {known}.{nearest(key, ARGUMENTS)}"
             )
     for key in ("mass", "normal_force"):
         if key not in table:
@@ -56,7 +62,11 @@ def read_table(path: Path) -> dict[str, Any]:
 
 def _parsed(path: Path) -> dict[str, Any]:
     try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
+        # Editors on Windows begin a file with a mark of its encoding, which is no TOML.
+        text = content(path, _LARGEST, UsageError).decode("utf-8-sig")
+        if any(len(line) > _WIDEST for line in text.splitlines()):
+            raise UsageError(f"{path}: this is no rig file: a line has more than {_WIDEST} characters.")
+        return tomllib.loads(text)
     except FileNotFoundError as error:
         siblings = [entry.name for entry in path.parent.glob("*.toml")] if path.parent.is_dir() else []
         raise UsageError(
@@ -65,8 +75,12 @@ def _parsed(path: Path) -> dict[str, Any]:
         ) from error
     except OSError as error:
         raise UsageError(f"The rig file '{path}' cannot be read: {error.strerror}.") from error
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise UsageError(f"{path}: this is no valid TOML file: {error}.") from error
+    except RecursionError as error:
+        raise UsageError(f"{path}: this is no rig file: its tables are nested too deeply.") from error
+    except UsageError:
+        raise
+    except ValueError as error:  # TOML that is none, other encodings, and numbers of thousands of digits
+        raise UsageError(f"{path}: this is no valid TOML file: {str(error)[:200]}.") from error
 
 
 def write_rig(rig: "Rig", path: Path) -> None:

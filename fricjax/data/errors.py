@@ -5,6 +5,7 @@ whose message names what was wrong, what was got, and the remedy; `nearest` adds
 """
 
 import difflib
+import reprlib
 from collections.abc import Iterable, Sequence
 
 
@@ -19,7 +20,7 @@ class UsageError(ValueError):
 def nearest(name: object, options: Iterable[object]) -> str:
     """Returns `" Did you mean 'x'?"` for the option closest to `name`, or an empty string where none is close."""
     lowered = {str(option).lower(): str(option) for option in options}
-    close = difflib.get_close_matches(str(name).lower(), list(lowered), n=1, cutoff=0.5)
+    close = difflib.get_close_matches(str(name).lower()[:100], list(lowered), n=1, cutoff=0.5)
     return f" Did you mean '{lowered[close[0]]}'?" if close else ""
 
 
@@ -28,3 +29,14 @@ def quoted(names: Sequence[object], limit: int = 12) -> str:
     shown = [f"'{name if len(str(name)) <= 60 else f'{str(name)[:57]}...'}'" for name in names[:limit]]
     more = f" and {len(names) - limit} more" if len(names) > limit else ""
     return ", ".join(shown) + more
+
+
+_BRIEF = reprlib.Repr(maxlevel=3, maxstring=80, maxother=80, maxlong=40)
+
+
+def brief(value: object) -> str:
+    """A value as messages show it, however long or deep it is."""
+    try:
+        return _BRIEF.repr(value)
+    except ValueError:  # more digits than may be turned into decimal ones
+        return "a number of thousands of digits"

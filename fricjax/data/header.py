@@ -48,7 +48,9 @@ def split_title(text: str) -> Title:
 
     Brackets that hold neither a unit nor what a converter counts in stay part of the name, unless they are square.
     """
-    text = " ".join(text.strip().strip('"').split())[:_LONGEST]
+    text = " ".join(text.strip().strip('"').split())
+    if len(text) > _LONGEST:
+        text = f"{text[: _LONGEST // 2]} ... {text[-_LONGEST // 2 :]}"
     text, run = _split_run(text.replace("Âµ", "µ").replace("Â°", "°"))
     name, unit = _split_unit(text)
     unit = unit or _COUNTED.get(name.lower())

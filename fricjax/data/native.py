@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from .errors import DataError
+from .errors import DataError, brief
 from .record import Record, Step
 
 SCHEMA = 1
@@ -33,23 +33,66 @@ def encode(record: Record) -> tuple[dict[str, np.ndarray], dict[str, str]]:
 
 
 def decode(arrays: dict[str, np.ndarray], texts: dict[str, str], source: str) -> Record:
-    """The record that `encode` took apart."""
+    """The record that `encode` took apart; what else the file may hold is told in one sentence."""
+    for name in ("t", "x", "mask"):
+        if name not in arrays:
+            raise _damaged(source, f"'{name}' is missing")
+    for name, array in arrays.items():
+        if name in COLUMNS and np.asarray(array).dtype.kind not in "fiub":
+            raise _damaged(source, f"'{name}' holds {np.asarray(array).dtype} instead of real numbers")
+    mask = np.asarray(arrays["mask"])
+    if not np.all((mask == 0) | (mask == 1)):
+        raise _damaged(source, "'mask' holds other values than 0 and 1")
     from .trace import Trace
 
+    meta, steps = _meta(texts, source), _log(texts, source)
     try:
-        meta, log = json.loads(texts["meta"]), json.loads(texts["log"])
-        steps = tuple(Step(entry["name"], entry["parameters"], entry["effect"]) for entry in log)
-        trace = Trace(arrays["t"], arrays["x"], arrays.get("sigma"), arrays["mask"].astype(bool))
-    except (KeyError, TypeError, json.JSONDecodeError) as error:
-        raise DataError(f"{source} claims to be a fricjax record, but it is damaged: {error!r}.") from error
-    return Record(trace, meta, steps)
+        return Record(Trace(arrays["t"], arrays["x"], arrays.get("sigma"), mask.astype(bool)), meta, steps)
+    except DataError as error:
+        raise _damaged(source, str(error).rstrip(".")) from error
+
+
+def _damaged(source: str, what: str) -> DataError:
+    return DataError(f"{source} claims to be a fricjax record, but it is damaged: {what}.")
+
+
+def _json(texts: dict[str, str], name: str, source: str) -> Any:
+    try:
+        return json.loads(texts.get(name, ""))
+    except (ValueError, RecursionError) as error:
+        words = "nested too deeply" if isinstance(error, RecursionError) else str(error)[:120]
+        raise _damaged(source, f"'{name}' is no JSON ({words})") from error
+
+
+def _meta(texts: dict[str, str], source: str) -> dict[str, Any]:
+    """The plain facts, of which the package itself uses a few."""
+    meta = _json(texts, "meta", source)
+    if not isinstance(meta, dict):
+        raise _damaged(source, f"'meta' must be an object, but it is {brief(meta)}")
+    if meta.get("quantity", "m") not in ("m", "rad"):
+        raise _damaged(source, f"'quantity' must be 'm' or 'rad', but it is {brief(meta['quantity'])}")
+    release = meta.get("release_time")
+    if release is not None and not (isinstance(release, float | int) and abs(release) < 1e300):
+        raise _damaged(source, f"'release_time' must be a number of seconds, but it is {brief(release)}")
+    return meta
+
+
+def _log(texts: dict[str, str], source: str) -> tuple[Step, ...]:
+    log = _json(texts, "log", source)
+    kinds = {"name": str, "parameters": dict, "effect": str}
+    for entry in log if isinstance(log, list) else [log]:
+        if not isinstance(entry, dict) or not all(isinstance(entry.get(key), kind) for key, kind in kinds.items()):
+            raise _damaged(source, f"'log' must be a list of steps with {', '.join(kinds)}, but has {brief(entry)}")
+    return tuple(Step(entry["name"], entry["parameters"], entry["effect"]) for entry in log)
 
 
 def check_schema(version: Any, source: str) -> None:
     """Refuses a record that a later version of the package wrote."""
-    if not str(version).strip().isdigit() or int(version) > SCHEMA:
+    text = str(version).strip()
+    # Digits of other scripts are digits as well, and thousands of them make no number.
+    if not (text.isascii() and text.isdigit() and len(text) < 5 and 1 <= int(text) <= SCHEMA):
         raise DataError(
-            f"{source} is a fricjax record of schema {version}, but this version reads up to {SCHEMA}; update."
+            f"{source} is a fricjax record of schema {text[:20]}, but this version reads up to {SCHEMA}; update."
         )
 
 
@@ -87,5 +130,7 @@ def restore_text(path: Path, lines: list[str]) -> Record | None:
         if head.get("sigma", "null") != "null":
             arrays["sigma"] = np.asarray(float(head["sigma"]))
     except ValueError as error:
-        raise DataError(f"{path.name} claims to be a fricjax record, but its table is damaged: {error}.") from error
+        raise DataError(
+            f"{path.name} claims to be a fricjax record, but its table is damaged: {str(error)[:120]}."
+        ) from error
     return decode(arrays, head, path.name)

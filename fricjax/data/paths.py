@@ -1,8 +1,10 @@
 """Whether a path leads to a file that can be read at all: what is asked before anything is opened or imported."""
 
+import os
 from collections.abc import Iterable
 from pathlib import Path
 
+from .content import check_regular
 from .errors import DataError, UsageError, nearest
 
 # Files that a sentence names as examples.
@@ -13,20 +15,24 @@ def check_file(path: Path) -> None:
     """Refuse a path that leads to no file, or to one that holds nothing.
 
     Raises:
-        DataError: no such file (the nearest name is offered), a pattern, a folder, or an empty file.
+        DataError: no such file (the nearest name is offered), a pattern, a folder, a device, or an empty file.
     """
-    if not path.is_file():
+    if os.path.isdir(path):
         raise DataError(_missing(path))
+    try:
+        check_regular(path)
+    except OSError as error:
+        raise DataError(_missing(path)) from error
     if path.stat().st_size == 0:
         raise DataError(f"{path.name} is empty: it holds no data at all.")
 
 
 def _missing(path: Path) -> str:
-    if path.is_dir():
+    if os.path.isdir(path):
         files = sorted(entry for entry in path.iterdir() if entry.is_file() and not entry.name.startswith("."))
         inside = f"; it holds {_named(files)}" if files else ""
         return f"{path} is a folder, not a file; name one record in it{inside}."
-    if not path.parent.is_dir():
+    if not os.path.isdir(path.parent):
         return f"There is no file {path}, for there is no folder {path.parent}. Check the path."
     matching = sorted(path.parent.glob(path.name)) if any(sign in path.name for sign in "*?[") else []
     if matching:
@@ -36,7 +42,10 @@ def _missing(path: Path) -> str:
         )
     if any(sign in path.name for sign in "*?"):
         return f"There is no file {path}, and none that matches this pattern. Check the folder and the ending."
-    siblings = [entry.name for entry in path.parent.iterdir()]
+    try:
+        siblings = [entry.name for entry in path.parent.iterdir()]
+    except OSError:
+        siblings = []
     return f"There is no file {path}.{nearest(path.name, siblings)} Check the path."
 
 

@@ -71,8 +71,9 @@ class Sheet:
 
     @property
     def runs(self) -> list[str]:
-        """Labels of the runs, in the order of the file."""
-        return list(dict.fromkeys(column.run for column in self.columns if column.run is not None))
+        """Labels of the runs, in the order of the file: of what has more than a time."""
+        values = (column for column in self.columns if column.fault is None and not column.is_time)
+        return list(dict.fromkeys(column.run for column in values if column.run is not None))
 
 
 def array_columns(name: str, dtype: np.dtype, shape: tuple[int, ...], key: Any, folder: str = "") -> list[Column]:

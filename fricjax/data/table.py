@@ -5,7 +5,8 @@ from pathlib import Path
 
 import numpy as np
 
-from .errors import DataError
+from .content import check_regular
+from .errors import DataError, brief
 from .readers.dialect import Dialect, Layout, sniff
 from .readers.fields import number, split
 from .readers.text import Text
@@ -29,6 +30,7 @@ def read_table(path: str | Path, columns: Mapping[str, str], *, what: str) -> di
     """
     path = Path(path)
     try:
+        check_regular(path)
         text = Text.of(path)
         lines = list(text.lines())
     except OSError as error:
@@ -55,7 +57,7 @@ def _row(path: Path, place: int, line: str, layout: Layout, columns: int) -> lis
     values = [number(field, layout.decimal) for field in fields]
     if len(values) < columns or any(value is None or not np.isfinite(value) for value in values):
         raise DataError(
-            f"{path.name}, row {place}: {line.strip()[:60]!r} does not hold {columns} numbers; repair the row."
+            f"{path.name}, row {place}: {brief(line.strip())} does not hold {columns} numbers; repair the row."
         )
     return [float(value) for value in values if value is not None]
 

@@ -1,42 +1,157 @@
 """Units at the edge: what a file calls a micrometre or a degree becomes metres, radians and seconds here, once.
 
-Only three quantities occur in a record: a length or an angle for the displacement, and a time.
+A unit is a product of powers of known symbols, and nothing else is one: its text comes from files that anybody can have
+written, so that it is read by a grammar of its own and never calculated. Records hold only a length or an angle and a
+time, but a row of units is told as such by all of its entries, and a rig has masses, forces and their quotients.
 """
 
 import functools
-from typing import Any
+import math
+import re
+from collections import Counter
+from typing import NamedTuple
 
 from .errors import DataError
 
 EXAMPLES = {"m": "'m', 'mm', 'um' or 'nm'", "rad": "'rad', 'mrad' or 'deg'", "s": "'s', 'ms' or 'us'"}
 DISPLACEMENT = ("m", "rad")
 TIME = ("s",)
+LONGEST = 40
+"""Characters of the longest text that can be a unit; "kg m^2/s^2" has ten."""
 
 
-@functools.lru_cache(maxsize=1)
-def _registry() -> Any:
-    import pint
+class Unit(NamedTuple):
+    """A unit as its factor to SI and the powers of the SI units that it is made of, those of zero left out."""
 
-    return pint.UnitRegistry()
+    scale: float
+    powers: dict[str, int]
+
+    @property
+    def symbol(self) -> str:
+        """The SI unit, such as `"kg m s^-2"`; empty for a pure number."""
+        return " ".join(name if power == 1 else f"{name}^{power}" for name, power in sorted(self.powers.items()))
+
+
+_PREFIXES = {
+    "f": 1e-15, "p": 1e-12, "n": 1e-9, "u": 1e-6, "m": 1e-3, "c": 1e-2, "d": 0.1, "": 1.0,
+    "da": 10.0, "h": 1e2, "k": 1e3, "M": 1e6, "G": 1e9, "T": 1e12,
+    "femto": 1e-15, "pico": 1e-12, "nano": 1e-9, "micro": 1e-6, "milli": 1e-3, "centi": 1e-2, "kilo": 1e3, "mega": 1e6,
+}  # fmt: skip
+_FORCE, _PRESSURE = {"kg": 1, "m": 1, "s": -2}, {"kg": 1, "m": -1, "s": -2}
+_VOLTAGE = {"kg": 1, "m": 2, "s": -3, "A": -1}
+_ENERGY = {"kg": 1, "m": 2, "s": -2}
+_GRAVITY = 9.80665  # standard acceleration of fall [m/s^2], which defines the kilogram-force
+_POUND = 0.45359237  # [kg], by definition
+# Names that take a prefix, of one letter before a symbol and spelt out before a word.
+_PREFIXED = {
+    "m": Unit(1.0, {"m": 1}),
+    "s": Unit(1.0, {"s": 1}),
+    "rad": Unit(1.0, {"rad": 1}),
+    "g": Unit(1e-3, {"kg": 1}),
+    "N": Unit(1.0, _FORCE),
+    "Hz": Unit(1.0, {"s": -1}),
+    "Pa": Unit(1.0, _PRESSURE),
+    "bar": Unit(1e5, _PRESSURE),
+    "J": Unit(1.0, _ENERGY),
+    "W": Unit(1.0, {"kg": 1, "m": 2, "s": -3}),
+    "V": Unit(1.0, _VOLTAGE),
+    "A": Unit(1.0, {"A": 1}),
+    "K": Unit(1.0, {"K": 1}),
+    "sec": Unit(1.0, {"s": 1}),
+    "arcsec": Unit(math.pi / 648000, {"rad": 1}),
+    "deg": Unit(math.pi / 180, {"rad": 1}),
+    "gf": Unit(1e-3 * _GRAVITY, _FORCE),
+    **dict.fromkeys(("metre", "meter", "metres", "meters"), Unit(1.0, {"m": 1})),
+    **dict.fromkeys(("second", "seconds"), Unit(1.0, {"s": 1})),
+    **dict.fromkeys(("radian", "radians"), Unit(1.0, {"rad": 1})),
+    **dict.fromkeys(("gram", "grams"), Unit(1e-3, {"kg": 1})),
+    **dict.fromkeys(("newton", "newtons"), Unit(1.0, _FORCE)),
+    **dict.fromkeys(("volt", "volts"), Unit(1.0, _VOLTAGE)),
+    "hertz": Unit(1.0, {"s": -1}),
+    "Nm": Unit(1.0, _ENERGY),
+}
+_WHOLE = {
+    **dict.fromkeys(("micron", "microns"), Unit(1e-6, {"m": 1})),
+    **dict.fromkeys(("Å", "angstrom"), Unit(1e-10, {"m": 1})),
+    **dict.fromkeys(("in", "inch", "inches"), Unit(0.0254, {"m": 1})),
+    **dict.fromkeys(("uin", "microinch"), Unit(2.54e-8, {"m": 1})),
+    "thou": Unit(2.54e-5, {"m": 1}),
+    **dict.fromkeys(("ft", "foot", "feet"), Unit(0.3048, {"m": 1})),
+    **dict.fromkeys(("°", "degree", "degrees", "Grad"), Unit(math.pi / 180, {"rad": 1})),
+    "arcmin": Unit(math.pi / 10800, {"rad": 1}),
+    **dict.fromkeys(("gon", "grad"), Unit(math.pi / 200, {"rad": 1})),
+    **dict.fromkeys(("turn", "turns", "revolution", "revolutions"), Unit(2 * math.pi, {"rad": 1})),
+    "rpm": Unit(math.pi / 30, {"rad": 1, "s": -1}),
+    **dict.fromkeys(("secs", "Sek", "Sekunde", "Sekunden"), Unit(1.0, {"s": 1})),
+    **dict.fromkeys(("min", "minute", "minutes"), Unit(60.0, {"s": 1})),
+    **dict.fromkeys(("h", "hr", "hour", "hours"), Unit(3600.0, {"s": 1})),
+    **dict.fromkeys(("d", "day", "days"), Unit(86400.0, {"s": 1})),
+    **dict.fromkeys(("lb", "lbs", "pound", "pounds"), Unit(_POUND, {"kg": 1})),
+    "oz": Unit(_POUND / 16, {"kg": 1}),
+    "lbf": Unit(_POUND * _GRAVITY, _FORCE),
+    "ozf": Unit(_POUND / 16 * _GRAVITY, _FORCE),
+    "dyn": Unit(1e-5, _FORCE),
+    "psi": Unit(_POUND * _GRAVITY / 0.0254**2, _PRESSURE),
+    **dict.fromkeys(("degC", "°C", "celsius"), Unit(1.0, {"K": 1})),
+    **dict.fromkeys(("%", "percent"), Unit(1e-2, {})),
+    "‰": Unit(1e-3, {}),
+    "ppm": Unit(1e-6, {}),
+    "1": Unit(1.0, {}),
+}
+_SPELT = str.maketrans(
+    {"µ": "u", "μ": "u", "\u212b": "Å", "℃": "°C", ".": "*", "·": "*", "⋅": "*", "×": "*", "⁻": "^-"}
+    | {digit: f"^{value}" for value, digit in enumerate("⁰¹²³⁴⁵⁶⁷⁸⁹")}
+)
+# A symbol with a power of one digit, or a product in brackets; a one stands only before a quotient.
+_ITEM = re.compile(
+    r"\s*(?P<mark>[*/]?)\s*(?:\((?P<group>[^()]*)\)"
+    r"|(?P<name>[^\W\d_]+|°C?|[%‰]|1(?=\s*/))(?:(?:\^|\*\*)(?P<power>[-+]?\d)(?!\d))?)"
+)
 
 
 @functools.lru_cache(maxsize=256)
+def unit_of(text: str) -> Unit | None:
+    """The unit that a text such as `"um"`, `"N s/m"` or `"kg m^2"` names, None where it names none."""
+    if len(text) > LONGEST:
+        return None
+    # Superscripts of two signs, as of one over a second, have become two marks of a power.
+    found = _product(text.strip().rstrip(".").translate(_SPELT).replace("^-^", "^-"))
+    return found if found is not None and 0 < found.scale < math.inf else None
+
+
+def _product(text: str) -> Unit | None:
+    """Symbols, powers and groups multiplied and divided from left to right; None where something else stands there."""
+    scale, powers, place = 1.0, Counter[str](), 0
+    text = text.strip()
+    while place < len(text) or not text:
+        found = _ITEM.match(text, place)
+        if found is None or (place == 0 and found["mark"]):
+            return None
+        item = _symbol(found["name"]) if found["group"] is None else _product(found["group"])
+        if item is None:
+            return None
+        power = int(found["power"] or 1) * (-1 if found["mark"] == "/" else 1)
+        scale *= item.scale**power
+        powers.update({name: power * own for name, own in item.powers.items()})
+        place = found.end()
+    return Unit(scale, {name: power for name, power in powers.items() if power})
+
+
+def _symbol(name: str) -> Unit | None:
+    """A unit by its name, with a prefix or without."""
+    if name in _WHOLE:
+        return _WHOLE[name]
+    for prefix, multiple in _PREFIXES.items():
+        base = _PREFIXED.get(name[len(prefix) :]) if name.startswith(prefix) else None
+        if base is not None:
+            return Unit(multiple * base.scale, base.powers)
+    return None
+
+
 def si_unit(unit: str) -> tuple[float, str] | None:
     """Factor to SI and the SI unit of the quantity: `("um") -> (1e-6, "m")`; None where the text is no unit at all."""
-    import pint
-
-    text = unit.strip().replace("°", "deg")
-    if text in ("m", "rad", "s"):
-        return 1.0, text
-    try:
-        base = _registry().Quantity(1, text).to_base_units()
-        return float(f"{base.magnitude:.16g}"), f"{base.units:~}"
-    except (pint.errors.PintError, AttributeError, TypeError, ValueError, AssertionError, SyntaxError):
-        return None
-    except Exception as error:  # the parser of units raises what the tokenizer of the language raises
-        if type(error).__module__ == "tokenize":
-            return None
-        raise
+    found = unit_of(unit)
+    return None if found is None else (found.scale, found.symbol)
 
 
 def factor(unit: str, quantities: tuple[str, ...], what: str) -> tuple[float, str]:
@@ -53,7 +168,8 @@ def factor(unit: str, quantities: tuple[str, ...], what: str) -> tuple[float, st
     fitting = " or ".join(EXAMPLES[quantity] for quantity in quantities)
     found = si_unit(unit)
     if found is None:
-        raise DataError(f"'{unit}' is not a known unit, but {what} has it; give one such as {fitting}.")
+        shown = unit if len(unit) <= LONGEST else f"{unit[:LONGEST]}..."
+        raise DataError(f"'{shown}' is not a known unit, but {what} has it; give one such as {fitting}.")
     scale, quantity = found
     if quantity not in quantities:
         raise DataError(f"The unit '{unit}' does not fit {what}; units that fit are {fitting}.")

@@ -4,38 +4,29 @@ import dataclasses
 import json
 import math
 import os
+from collections.abc import Iterable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, get_type_hints
 
 import equinox as eqx
-import jax
-import jax.numpy as jnp
 import numpy as np
 
-from .. import friction as friction_laws
-from ..data.errors import DataError
-from ..friction import AbstractFriction
-from ..oscillator import Exact, Hybrid, Oscillator, Smooth, restoring
-from ..oscillator.engines import AbstractEngine, Span
+from ..data.content import content as read_content
+from ..data.errors import DataError, brief
+from ..oscillator.engines import AbstractEngine
 from ..show.files import write_text
-from .noise import Line, Noise
-from .residual import Run
-from .rest import Margin
-from .settled import Estimate
-from .whiteness import Whiteness
+from .restored import TUPLES, restored
 
 if TYPE_CHECKING:
     from .result import Fit
 
 SCHEMA = "fricjax.fit/4"
 
-_MODULES: dict[str, type] = {
-    **{name: getattr(friction_laws, name) for name in friction_laws.__all__ if name != "AbstractFriction"},
-    **{cls.__name__: cls for cls in (restoring.Linear, restoring.Cubic, restoring.Pendulum, restoring.Structural)},
-    **{cls.__name__: cls for cls in (Oscillator, Exact, Hybrid, Smooth, Run)},
-}
-_TUPLES: dict[str, type] = {cls.__name__: cls for cls in (Estimate, Line, Margin, Noise, Span, Whiteness)}
+_LARGEST = 1_000_000_000
+"""Bytes of the largest file that is read; a million samples take about 100 MB."""
 _SAMPLES = ("residuals", "times", "runs", "origins", "engine_used")
+_KINDS = {"residuals": tuple[np.ndarray, ...] | np.ndarray, "engine_used": AbstractEngine}
+"""Kinds of the fields that are declared to hold anything."""
 
 
 def to_dict(fit: "Fit") -> dict[str, Any]:
@@ -49,7 +40,7 @@ def _plain(value: Any) -> Any:
     if isinstance(value, eqx.Module):
         fields = {field.name: _plain(getattr(value, field.name)) for field in dataclasses.fields(value)}
         return {"type": type(value).__name__, **fields}
-    if type(value).__name__ in _TUPLES:
+    if type(value).__name__ in TUPLES:
         return {"type": type(value).__name__, **{k: _plain(v) for k, v in value._asdict().items()}}
     if isinstance(value, dict):
         return {str(k): _plain(v) for k, v in value.items()}
@@ -74,84 +65,84 @@ def load_fit(path: str | os.PathLike[str]) -> "Fit":
     """Read a fit that :meth:`Fit.save` wrote.
 
     Raises:
-        DataError: no such file, or one that does not hold a fit of this schema.
+        DataError: no such file, or one that does not hold a fit of this schema; the sentence names the field.
     """
     from .result import Fit
 
+    source = Path(path)
+    stored = _stored(source)
+    kinds = {**get_type_hints(Fit), **_KINDS}
     try:
-        content = json.loads(Path(path).read_text(encoding="utf-8"))
+        fit = Fit(**{name: restored(kinds[name], stored[name], name) for name in stored})
+        _check(fit)
+    except DataError as error:
+        raise DataError(f"{source}: {str(error).rstrip('.')}. Write fits with fit.save().") from error
+    return fit
+
+
+def _stored(path: Path) -> dict[str, Any]:
+    """What the file has for each field of a fit."""
+    from .result import Fit
+
+    try:
+        content = json.loads(read_content(path, _LARGEST))
     except FileNotFoundError as error:
         raise DataError(f"There is no file {path}. Check the path.") from error
-    except (UnicodeDecodeError, json.JSONDecodeError) as error:
-        raise DataError(f"{path} is not a JSON file: {error}. Write fits with fit.save().") from error
+    except OSError as error:
+        raise DataError(f"The file {path} cannot be read: {error.strerror}.") from error
+    except RecursionError as error:
+        raise DataError(
+            f"{path} holds no fit: its objects are nested too deeply. Write fits with fit.save()."
+        ) from error
+    except DataError:
+        raise
+    except ValueError as error:  # no JSON, another encoding, or a number of thousands of digits
+        raise DataError(f"{path} is not a JSON file: {str(error)[:200]}. Write fits with fit.save().") from error
     if not isinstance(content, dict) or content.get("schema") != SCHEMA:
         found = content.get("schema") if isinstance(content, dict) else type(content).__name__
-        raise DataError(f"{path} holds no fit of schema {SCHEMA} but {found!r}. Write it again with fit.save().")
-    merged = {**content, **content.get("samples", {})}
-    missing = [field.name for field in dataclasses.fields(Fit) if field.name not in merged]
+        raise DataError(f"{path} holds no fit of schema {SCHEMA} but {brief(found)}. Write it again with fit.save().")
+    samples = content.get("samples", {})
+    merged = {**content, **(samples if isinstance(samples, dict) else {})}
+    names = [field.name for field in dataclasses.fields(Fit)]
+    missing = [name for name in names if name not in merged]
     if missing:
         raise DataError(f"{path} lacks {', '.join(missing)}: only files written by fit.save() can be loaded.")
-    return Fit(**{field.name: _restore(field.name, merged[field.name]) for field in dataclasses.fields(Fit)})
+    return {name: merged[name] for name in names}
 
 
-def _restore(name: str, value: Any) -> Any:
-    if name == "kinematics":
-        return {key: Estimate(*(_scalar(entry[k]) for k in Estimate._fields)) for key, entry in value.items()}
-    if name in ("covariance", "combined_covariance"):
-        return np.asarray([[_scalar(v) for v in row] for row in value], float)
-    if name in ("flags", "intervals"):
-        return {key: tuple(_scalar(v) for v in entry) for key, entry in value.items()}
-    if name == "residuals":
-        joint = bool(value) and isinstance(value[0], list)
-        return tuple(map(_array, value)) if joint else _array(value)
-    if name == "times":
-        return tuple(map(_array, value))
-    restored = _object(value)
-    return tuple(restored) if isinstance(restored, list) else restored
-
-
-def _object(value: Any) -> Any:
-    if isinstance(value, dict):
-        fields = {k: _object(v) for k, v in value.items() if k != "type"}
-        kind = value.get("type")
-        if kind in _TUPLES:
-            return _TUPLES[kind](**{k: tuple(v) if isinstance(v, list) else v for k, v in fields.items()})
-        if kind is not None and kind not in _MODULES:
-            raise DataError(
-                f"The fit holds a {kind}, which fricjax does not know: laws of your own cannot be loaded. Read the "
-                "file as plain JSON."
-            )
-        return fields if kind is None else _module(_MODULES[kind], fields)
-    return [_object(v) for v in value] if isinstance(value, list) else _scalar(value)
-
-
-def _module(cls: type, fields: dict[str, Any]) -> Any:
-    if cls is friction_laws.Sum:
-        return friction_laws.Sum(tuple(fields["laws"]))
-    if issubclass(cls, AbstractFriction):
-        return _law(cls, fields)
-    if cls is Run:
-        fields = jax.tree.map(jnp.asarray, fields)
-    if issubclass(cls, AbstractEngine):
-        # As arrays its numbers are traced, as they were in the fit, and a second prediction compiles nothing.
-        fields = jax.tree.map(lambda value: jnp.asarray(value) if isinstance(value, float) else value, fields)
-    return cls(**fields)
-
-
-def _law(cls: type[AbstractFriction], fields: dict[str, Any]) -> AbstractFriction:
-    """A law with these coefficients, unchecked: a fit may end where its user would not be let begin."""
-    law = object.__new__(cls)
-    for field in dataclasses.fields(cls):
-        value = fields[field.name]
-        listed = tuple(value) if isinstance(value, list) else value
-        known = listed if field.metadata.get("static") else jax.tree.map(lambda v: np.asarray(v, float), listed)
-        object.__setattr__(law, field.name, known)
-    return law
-
-
-def _scalar(value: Any) -> Any:
-    return float(value) if value in ("nan", "inf", "-inf") else value
-
-
-def _array(values: list) -> np.ndarray:
-    return np.asarray([_scalar(v) for v in values], float)
+def _check(fit: "Fit") -> None:
+    """One sentence for fields that do not belong to one another."""
+    named: dict[str, Iterable[str]] = {
+        "std_errors": fit.names,
+        "white_std_errors": fit.names,
+        "combined_std_errors": fit.names,
+    }
+    named |= {"contributions": fit.names, "values": fit.names, "units": fit.values, "flags": fit.values}
+    named |= {"intervals": [name for name in fit.values if name not in fit.std_errors]}
+    for field, names in named.items():
+        absent = [name for name in names if name not in getattr(fit, field)]
+        if absent:
+            raise DataError(f"'{field}' lacks {brief(absent[0])}")
+    stds = [*fit.std_errors.items(), *fit.white_std_errors.items(), *fit.combined_std_errors.items()]
+    for name, std in [*stds, *((name, estimate.std) for name, estimate in fit.kinematics.items())]:
+        if std < 0:
+            raise DataError(f"the standard error of {brief(name)} is negative: {std:g}")
+    p, n = len(fit.names), len(fit.runs)
+    for field in ("covariance", "combined_covariance"):
+        if getattr(fit, field).shape != (p, p):
+            raise DataError(f"'{field}' has shape {getattr(fit, field).shape} for {p} parameters")
+    residuals = fit.residuals if isinstance(fit.residuals, tuple) else (fit.residuals,)
+    listed = {"residuals": residuals} | {
+        name: getattr(fit, name) for name in ("times", "origins", "noises", "margins", "half_cycles")
+    }
+    for field, entries in listed.items():
+        if len(entries) != n or n == 0:
+            raise DataError(f"'{field}' has {len(entries)} entries for {n} runs")
+    for i, (run, times, left) in enumerate(zip(fit.runs, fit.times, residuals, strict=True)):
+        shapes = {np.shape(each) for each in (run.t, run.x, run.weight, times, left)}
+        if len(shapes) > 1 or len(next(iter(shapes))) != 1:
+            raise DataError(f"times, displacements, weights and residuals of run {i} differ in number")
+    if fit.dof < 1 or fit.quantity not in ("m", "rad"):
+        raise DataError(
+            f"'dof' must be positive and 'quantity' m or rad, but they are {fit.dof} and {fit.quantity[:80]!r}"
+        )

@@ -5,10 +5,12 @@ What was held fixed and what the data do not determine is said in words and neve
 """
 
 import math
-from decimal import ROUND_HALF_EVEN, Decimal
+from decimal import ROUND_HALF_EVEN, Context, Decimal
 
 from fricjax.show.units import display_unit
 
+# The largest of all numbers with the uncertainty of the smallest has so many digits, as a file can hold it.
+_ROUNDED = Context(prec=700, rounding=ROUND_HALF_EVEN)
 _SMALLEST_FIXED = -4  # below 1e-4 the leading zeros take longer to count than an exponent to read
 
 
@@ -85,7 +87,7 @@ def _shorthand(value: Decimal, std: Decimal) -> str:
     """Value and standard uncertainty, rounded at the second digit of the latter."""
     last = _last_digit(std)
     step = Decimal(1).scaleb(last)
-    leading = max(value.quantize(step, ROUND_HALF_EVEN).adjusted() if value else last, last + 1)
+    leading = max(value.quantize(step, context=_ROUNDED).adjusted() if value else last, last + 1)
     if last > 0 or leading < _SMALLEST_FIXED:
         return f"{_bracket(value.scaleb(-leading), std.scaleb(-leading), last - leading)}e{leading:+03d}"
     return _bracket(value, std, last)
@@ -94,13 +96,13 @@ def _shorthand(value: Decimal, std: Decimal) -> str:
 def _last_digit(std: Decimal) -> int:
     """Power of ten of the second significant digit, after rounding has carried (0.0996 becomes 0.10)."""
     last = std.adjusted() - 1
-    return std.quantize(Decimal(1).scaleb(last), ROUND_HALF_EVEN).adjusted() - 1
+    return std.quantize(Decimal(1).scaleb(last), context=_ROUNDED).adjusted() - 1
 
 
 def _bracket(value: Decimal, std: Decimal, last: int) -> str:
     """`value(std)` with the digits down to the power of ten `last`, which is not positive."""
     step = Decimal(1).scaleb(last)
-    value, std = value.quantize(step, ROUND_HALF_EVEN), std.quantize(step, ROUND_HALF_EVEN)
+    value, std = value.quantize(step, context=_ROUNDED), std.quantize(step, context=_ROUNDED)
     digits = f"{std:f}" if std >= 1 else f"{std.scaleb(-last):.0f}"
     return f"{value:f}({digits})"
 

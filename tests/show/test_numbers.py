@@ -117,3 +117,8 @@ def test_interval_tells_the_ends_apart():
 )
 def test_duration(seconds, text):
     assert duration(seconds) == text
+
+
+def test_a_value_that_is_known_beyond_all_digits_is_shown():
+    assert uncertain(1e40, 1e-3) == "10000000000000000000000000000000000000000.0000(10)"
+    assert uncertain(1e308, 5e-324).endswith("(50)")

@@ -12,7 +12,7 @@ import numpy as np
 
 from ..assemble import records_of
 from ..choice import Choice
-from ..errors import DataError
+from ..errors import DataError, brief
 from ..header import is_time, is_unit
 from ..native import TEXT_MARK, restore_text
 from ..record import Record
@@ -235,7 +235,7 @@ class Table:
             for i in places:
                 if i < len(fields) and kind_of(fields[i], layout.decimal) not in (layout.kinds[i], BLANK):
                     raise DataError(
-                        f"{name}, row {row}, column '{layout.names[i]}': {fields[i][:60]!r} is not a number; repair "
+                        f"{name}, row {row}, column '{layout.names[i]}': {brief(fields[i])} is not a number; repair "
                         "the cell or leave it empty."
                     )
             if self._is_too_long(fields):

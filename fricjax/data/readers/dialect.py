@@ -10,7 +10,7 @@ import dataclasses
 from collections import Counter
 from collections.abc import Sequence
 
-from ..errors import DataError, UsageError
+from ..errors import DataError, UsageError, brief
 from ..header import Title
 from .fields import BLANK, NUMBER, WATCH, WORD, kind_of, split, thousands_in
 from .titles import advice_of, numbered, titles_of, with_stated_units
@@ -156,7 +156,7 @@ def _separators(lines: list[str], dialect: Dialect, source: str) -> tuple[str, s
             best, count = other, _score(mixed[other])[0]
     if not count:
         raise DataError(
-            f"{source} holds no rows of numbers (its first line reads {lines[0].strip()[:60]!r}); check the file, or "
+            f"{source} holds no rows of numbers (its first line reads {brief(lines[0].strip())}); check the file, or "
             "give delimiter=, decimal= and skip_rows=."
         )
     return best

@@ -9,17 +9,18 @@ import numpy as np
 
 from ..assemble import records_of
 from ..choice import Choice
-from ..errors import DataError
-from ..native import MARK, check_schema, decode
+from ..errors import DataError, brief
+from ..native import COLUMNS, MARK, check_schema, decode
 from ..record import Record
 from ..sheet import Column, Sheet, array_columns, signal
+from .nodes import Tree, opened
 
 
 def read_hdf5(
     path: Path,
     *,
-    column: str | None = None,
-    time: str | None = None,
+    column: str | int | None = None,
+    time: str | int | None = None,
     unit: str | None = None,
     time_unit: str | None = None,
     rate: float | None = None,
@@ -39,88 +40,81 @@ def read_hdf5(
     Raises:
         DataError: not such a file, an unknown path (the nearest is offered), a data set that is no vector of numbers.
     """
-    import h5py
-
     choice = Choice(column, time, unit, time_unit, rate, sigma, sign, run)
-    try:
-        file = h5py.File(path, "r")
-    except OSError as error:
-        hint = "; netCDF-3 files must be converted to netCDF-4" if path.suffix.lower() == ".nc" else ""
-        raise DataError(
-            f"{path.name} cannot be read as HDF5 (it is damaged or of another format{hint}): {error}."
-        ) from error
-    with file:
-        if MARK in file.attrs and choice.takes_all:
-            return choice.applied(_restore(file, path.name))
-        return records_of(path, "hdf5", _sheet(file, path.name), choice, vars(choice))
+    hint = "it is damaged or of another format"
+    if path.suffix.lower() == ".nc":
+        hint += "; netCDF-3 files must be converted to netCDF-4"
+    with opened(path, hint=hint) as tree:
+        mark = tree.attribute(tree.file, MARK)
+        if mark is not None and choice.takes_all:
+            return choice.applied(_restore(tree, mark))
+        return records_of(path, "hdf5", _sheet(tree, path.name), choice, vars(choice))
 
 
-def _restore(file: Any, source: str) -> Record:
-    check_schema(file.attrs[MARK], source)
-    arrays = {name: np.asarray(node[()]) for name, node in file.items()}
-    return decode(arrays, {name: str(file.attrs.get(name, "")) for name in ("meta", "log")}, source)
+def _restore(tree: Tree, mark: Any) -> Record:
+    check_schema(mark, tree.path.name)
+    nodes = tree.data_sets()
+    arrays = {name: tree.read(nodes[f"/{name}"]) for name in COLUMNS if f"/{name}" in nodes}
+    texts = {name: str(tree.attribute(tree.file, name, "")) for name in ("meta", "log")}
+    return decode(arrays, texts, tree.path.name)
 
 
-def _sheet(file: Any, source: str) -> Sheet:
+def _sheet(tree: Tree, source: str) -> Sheet:
     """The data sets as columns; where several groups hold a time of their own, each group is a run."""
-    nodes = _data_sets(file)
-    if not nodes:
+    nodes = {path: node for path, node in tree.data_sets().items() if node.ndim}
+    columns = {path: _columns(tree, path, node) for path, node in nodes.items()}
+    if not any(part.fault is None for parts in columns.values() for part in parts):
         raise DataError(f"{source} holds no data set of numbers that could be a record.")
-    columns: dict[str, list[Column]] = {}
-    for path, node in nodes.items():
-        folder, name = f"{_folder(path)}/", path.rsplit("/", 1)[1]
-        unit = _unit(node)
-        parts = array_columns(name, node.dtype, node.shape, path, folder)
-        columns[path] = [dataclasses.replace(part, unit=unit or part.unit) for part in parts]
     timed = dict.fromkeys(_folder(path) for path, parts in columns.items() if parts[0].is_time)
     runs = {folder: folder.strip("/") or "/" for folder in timed} if len(timed) > 1 else {}
 
     def complete(path: str, part: Column) -> Column:
-        scales = nodes[path].dims[0]
-        scale = scales[0].name if len(scales) else None
+        scale = tree.scale(nodes[path])
         time = columns[scale][0] if scale in columns and scale != path else None
         return dataclasses.replace(part, run=runs.get(_folder(path), part.run), time=time)
 
     def load(wanted: Sequence[Column]) -> list[np.ndarray]:
-        return [signal(_values(nodes[path]), index) for path, index in (column.key for column in wanted)]
+        return [signal(_values(tree, nodes[path]), index) for path, index in (column.key for column in wanted)]
 
     return Sheet([complete(path, part) for path, parts in columns.items() for part in parts], load)
 
 
-def _data_sets(file: Any) -> dict[str, Any]:
-    import h5py
-
-    found: dict[str, Any] = {}
-
-    def visit(name: str, node: Any) -> None:
-        if isinstance(node, h5py.Dataset) and node.ndim >= 1:
-            found[f"/{name}"] = node
-
-    file.visititems(visit)
-    return found
+def _columns(tree: Tree, path: str, node: Any) -> list[Column]:
+    name = path.rsplit("/", 1)[1]
+    try:
+        parts = array_columns(name, node.dtype, node.shape, path, f"{_folder(path)}/")
+    except TypeError:  # a type of numbers that numpy does not know
+        return [Column(path, title=path, fault="holds no numbers", key=(path, 0))]
+    unit = _unit(tree, node)
+    return [dataclasses.replace(part, unit=unit or part.unit) for part in parts]
 
 
 def _folder(path: str) -> str:
     return path.rsplit("/", 1)[0]
 
 
-def _unit(node: Any) -> str | None:
-    text = node.attrs.get("units")
-    if isinstance(text, np.ndarray):
-        text = text.ravel()[0] if text.size else None
-    text = text.decode() if isinstance(text, bytes) else text
+def _unit(tree: Tree, node: Any) -> str | None:
+    text = tree.attribute(node, "units")
     # "seconds since 2020-01-01" counts seconds
     return str(text).split(" since ")[0].strip() or None if text is not None else None
 
 
-def _values(node: Any) -> np.ndarray:
+def _values(tree: Tree, node: Any) -> np.ndarray:
     """The numbers with CF's missing values, scale and offset applied."""
-    raw = np.asarray(node[()])
+    raw = np.asarray(tree.read(node))
     values = raw.astype(np.float64)
     for name in ("_FillValue", "missing_value"):
-        if name in node.attrs:
-            values[raw == np.ravel(node.attrs[name])[0]] = np.nan
-    scale, offset = (
-        float(np.ravel(node.attrs.get(name, default))[0]) for name, default in (("scale_factor", 1), ("add_offset", 0))
-    )
-    return values * scale + offset
+        missing = tree.attribute(node, name)
+        if missing is not None:
+            values[raw == missing] = np.nan
+    return values * _number(tree, node, "scale_factor", 1.0) + _number(tree, node, "add_offset", 0.0)
+
+
+def _number(tree: Tree, node: Any, name: str, default: float) -> float:
+    given = tree.attribute(node, name, default)
+    try:
+        return float(given)
+    except (TypeError, ValueError) as error:
+        raise DataError(
+            f"The attribute {name} of '{node.name}' in {tree.path.name} is {brief(given)}, no number."
+        ) from error

@@ -14,6 +14,7 @@ from ..errors import DataError, UsageError, nearest, quoted
 from ..header import Title, split_title
 from ..record import Record
 from ..sheet import Column, Sheet, array_columns, signal
+from .mat5 import Opaque
 from .matlab import load_tree
 
 PART = re.compile(r"^(?P<name>[^\[\]]+)(?P<indices>(\[\d+\])*)$")
@@ -103,7 +104,7 @@ def _walk(name: str, node: Any) -> Iterator[Column]:
             folder = f"{_folder(name)}." if _folder(name) else ""
             yield from array_columns(name.removeprefix(folder), node.dtype, node.shape, name, folder)
     else:
-        kind = "holds text" if isinstance(node, str) else "is a sparse matrix or an object"
+        kind = f"is {node.kind}" if isinstance(node, Opaque) else "holds text"
         yield Column(name, title=name, fault=kind, key=(name, None))
 
 

@@ -1,89 +1,99 @@
 """MATLAB files, old and new, as one tree: dicts for structs, lists for cells, arrays for numbers, strings for text.
 
-Version 5 files are read with scipy; version 7.3 files are HDF5 with MATLAB's conventions (reversed dimensions,
-references for cells). Behind this module nobody needs to know which one a file was.
+Files of version 4 and 5 have a format each of their own; version 7.3 files are HDF5 with MATLAB's conventions (reversed
+dimensions, references for cells). Behind this module nobody needs to know which one a file was.
 """
 
-import zlib
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from ..content import damage
 from ..errors import DataError
+from .mat4 import load_v4
+from .mat5 import Opaque, load_v5
+from .nodes import DEEPEST, MOST, NotRead, Tree, opened
+
+_HDF5 = b"\x89HDF\r\n\x1a\n"
 
 
 def load_tree(path: Path) -> dict[str, Any]:
-    """Variables of a `.mat` file as a tree of dicts, lists, arrays and strings."""
+    """Variables of a `.mat` file as a tree of dicts, lists, arrays (of which some are complex), strings and `Opaque`.
+
+    Raises:
+        DataError: a damaged file, or one of another format.
+    """
     with path.open("rb") as file:
         head = file.read(1024)
     # Files of version 7.3 carry HDF5's signature after a block of text of 512 bytes.
-    if head[:8] == b"\x89HDF\r\n\x1a\n" or head[512:520] == b"\x89HDF\r\n\x1a\n":
-        return _load_hdf5(path)
-    return _load_v5(path)
+    if head.startswith(_HDF5) or head[512:520] == _HDF5:
+        with opened(path, "a MATLAB file") as tree:
+            found = _Branches(tree).fields(tree.file["/"], 0)
+    else:
+        with damage(path, "a MATLAB file"):
+            # The four letters at the beginning are text from version 5 on, and a small number before.
+            found = load_v4(path) if 0 in head[:4] else load_v5(path)
+    # Workspaces of functions have no name, and what version 7.3 keeps for itself has one that no variable can have.
+    return {name: value for name, value in found.items() if name.isidentifier()}
 
 
-def _load_v5(path: Path) -> dict[str, Any]:
-    import scipy.io
+class _Branches:
+    """The nodes of an HDF5 file as MATLAB means them; cells refer to nodes, and may do so in a circle."""
 
-    try:
-        variables = scipy.io.loadmat(path)
-    except (
-        ValueError,
-        TypeError,
-        OSError,
-        KeyError,
-        IndexError,
-        NotImplementedError,
-        zlib.error,
-        MemoryError,
-    ) as error:
-        raise _unreadable(path, error) from error
-    except Exception as error:  # MatReadError is an Exception of its own
-        if type(error).__name__ != "MatReadError":
-            raise
-        raise _unreadable(path, error) from error
-    return {name: _from_v5(value) for name, value in variables.items() if not name.startswith("__")}
+    def __init__(self, tree: Tree) -> None:
+        self._tree, self._left = tree, MOST
+        # By address what a cell refers to and how many nodes that are, for many may refer to the same.
+        self._known: dict[Any, tuple[Any, int]] = {}
 
+    def of(self, node: Any, depth: int) -> Any:
+        """A struct, a cell array, text, numbers, or why it is none of them."""
+        import h5py
 
-def _unreadable(path: Path, error: Exception) -> DataError:
-    return DataError(f"{path.name} cannot be read as a MATLAB file ({error}); it is damaged or of another format.")
+        self._left -= 1
+        if depth > DEEPEST:
+            return Opaque(f"nested more than {DEEPEST} deep")
+        attribute = lambda name: self._tree.attribute(node, name)
+        if attribute("MATLAB_sparse") is not None:
+            return Opaque("a sparse matrix")
+        if attribute("MATLAB_object_decode"):
+            return Opaque(f"an object of the class {attribute('MATLAB_class')}")
+        if isinstance(node, h5py.Group):
+            return self.fields(node, depth)
+        if attribute("MATLAB_empty"):
+            return "" if attribute("MATLAB_class") == "char" else np.zeros((0, 0))
+        try:
+            value = self._tree.read(node)
+        except NotRead as error:
+            return Opaque(f"not read: {error.reason}")
+        if h5py.check_ref_dtype(value.dtype) is not None:
+            return self._cells(value.ravel(), depth)
+        if attribute("MATLAB_class") == "char" and value.dtype.kind in "iu":
+            return value.astype("<u2").tobytes().decode("utf-16-le", "replace")
+        if value.dtype.names == ("real", "imag"):
+            return (value["real"] + 1j * value["imag"]).T
+        return value.T != 0 if attribute("MATLAB_class") == "logical" else value.T
 
+    def fields(self, group: Any, depth: int) -> dict[str, Any]:
+        """What lies in a group, by name."""
+        children = self._tree.children(group)
+        return {name: self.of(child, depth + 1) for name, child in children.items() if not name.startswith("#")}
 
-def _from_v5(value: Any) -> Any:
-    if not isinstance(value, np.ndarray):
+    def _cells(self, references: np.ndarray, depth: int) -> Any:
+        if references.size > self._left:
+            return Opaque(f"a cell array in a file of more than {MOST} cells and variables")
+        return [self._cell(reference, depth) for reference in references]
+
+    def _cell(self, reference: Any, depth: int) -> Any:
+        node = self._tree.referred(reference)
+        if node is None:
+            raise DataError(f"A cell of {self._tree.path.name} refers to nothing; the file is damaged.")
+        before, (value, size) = self._left, self._known.get(node.id, (None, 0))
+        if size > before:
+            return Opaque(f"in a file of more than {MOST} cells and variables")
+        if size:
+            self._left -= size
+            return value
+        value = self.of(node, depth + 1)
+        self._known[node.id] = value, before - self._left
         return value
-    if value.dtype.names:
-        structs = [{name: _from_v5(item[name]) for name in value.dtype.names} for item in value.ravel(order="F")]
-        return structs[0] if len(structs) == 1 else structs
-    if value.dtype == object:
-        return [_from_v5(item) for item in value.ravel(order="F")]
-    if value.dtype.kind in "US":
-        return str(value.ravel()[0]) if value.size else ""
-    return value
-
-
-def _load_hdf5(path: Path) -> dict[str, Any]:
-    import h5py
-
-    try:
-        with h5py.File(path, "r") as file:
-            return {name: _from_hdf5(file, node) for name, node in file.items() if not name.startswith("#")}
-    except OSError as error:
-        raise _unreadable(path, error) from error
-
-
-def _from_hdf5(file: Any, node: Any) -> Any:
-    import h5py
-
-    if isinstance(node, h5py.Group):
-        return {name: _from_hdf5(file, child) for name, child in node.items()}
-    kind = node.attrs.get("MATLAB_class", b"")
-    if node.attrs.get("MATLAB_empty", 0):
-        return "" if kind == b"char" else np.zeros((0, 0))
-    value = node[()]
-    if h5py.check_ref_dtype(node.dtype) is not None:
-        return [_from_hdf5(file, file[reference]) for reference in np.asarray(value).ravel()]
-    if kind == b"char":
-        return "".join(chr(code) for code in np.asarray(value).ravel())
-    return np.asarray(value).T

@@ -1,6 +1,5 @@
 """Archives of numpy arrays, read without ever unpickling an object."""
 
-import zipfile
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -13,6 +12,7 @@ from ..errors import DataError, quoted
 from ..native import MARK, check_schema, decode
 from ..record import Record
 from ..sheet import Column, Sheet, array_columns, signal
+from .archive import load_arrays
 
 
 def read_npz(
@@ -32,7 +32,7 @@ def read_npz(
     The options are those of `fricjax.read`; units may stand in the names, as in `x_mm`.
     """
     choice = Choice(column, time, unit, time_unit, rate, sigma, sign, run)
-    arrays = _load(path)
+    arrays = load_arrays(path)
     if MARK in arrays and choice.takes_all:
         check_schema(arrays[MARK], path.name)
         texts = {name: str(arrays.get(name, "")) for name in ("meta", "log")}
@@ -46,18 +46,3 @@ def read_npz(
         return [signal(vectors[name], index) for name, index in (column.key for column in wanted)]
 
     return records_of(path, "npz", Sheet(columns, load), choice, vars(choice))
-
-
-def _load(path: Path) -> dict[str, np.ndarray]:
-    try:
-        with np.load(path, allow_pickle=False) as archive:
-            if not hasattr(archive, "files"):
-                raise DataError(f"{path.name} is a single array, not an archive of named arrays.")
-            return {name: archive[name] for name in archive.files}
-    except DataError:
-        raise
-    except (ValueError, OSError, EOFError, zipfile.BadZipFile, AttributeError) as error:
-        raise DataError(
-            f"{path.name} cannot be read as .npz; it is damaged, of another format, or holds pickled objects, which "
-            "are refused."
-        ) from error

@@ -1,0 +1,78 @@
+"""Reads some three hundred files that were made to do harm, and tells how each ends.
+
+Run `python experiments/files/hostile.py`, perhaps with the names of some kinds (`bombs`). Each must be read or refused
+by the sentence expected, within 5 s and 1 GB; nothing may be executed or written elsewhere, for which a folder stands
+watch.
+"""
+
+import os
+import re
+import sys
+import tempfile
+from collections import Counter
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[2]
+sys.path.insert(0, str(ROOT))
+
+from experiments.files.hostile_archives import ARCHIVES  # noqa: E402
+from experiments.files.hostile_texts import FITS, NO_FILES, RIGS, TABLES, Hostile  # noqa: E402
+from experiments.files.hostile_trees import BOMBS, HDF5, MATLAB  # noqa: E402
+from experiments.files.outcome import Outcome, attempt, limit_memory  # noqa: E402
+
+FILES: dict[str, dict[str, Hostile]] = {
+    "tables": TABLES,
+    "no files": NO_FILES,
+    "archives": ARCHIVES,
+    "HDF5": HDF5,
+    "MATLAB": MATLAB,
+    "rigs": RIGS,
+    "fits": FITS,
+    "bombs": BOMBS,
+}
+
+
+def verdict(folder: Path, name: str, hostile: Hostile) -> tuple[str, str]:
+    """How reading the file ends, with what differs from what is expected; empty where nothing does."""
+    build, expected = hostile
+    path = folder / name
+    build(path)
+    before = sorted(os.listdir(folder))
+    outcome = attempt(path)
+    if sorted(os.listdir(folder)) != before or (folder / "PWNED").exists():
+        return outcome.end, "something was written"
+    if not outcome.sound:
+        return outcome.end, f"{outcome.seconds:.1f} s, {outcome.gigabytes:.2f} GB: {outcome.words}"
+    if not _as_expected(outcome, expected):
+        return outcome.end, f"expected {expected!r}, got {outcome.words!r}"
+    return outcome.end, ""
+
+
+def _as_expected(outcome: Outcome, expected: str) -> bool:
+    return (outcome.end == "read") == (not expected) and re.search(expected, outcome.words) is not None
+
+
+def main() -> int:
+    limit_memory(4.0)
+    chosen = {kind: FILES[kind] for kind in sys.argv[1:] or FILES}
+    wrong = 0
+    with tempfile.TemporaryDirectory() as folder:
+        os.chdir(folder)
+        for kind, files in chosen.items():
+            ends: Counter[str] = Counter()
+            for name, hostile in files.items():
+                end, difference = verdict(Path(folder), name, hostile)
+                ends[end] += 1
+                if difference:
+                    wrong += 1
+                    print(f"  {name}: {end}, {difference[:300]}")
+            print(
+                f"{kind:10} {len(files):4} files: {', '.join(f'{end} {count}' for end, count in sorted(ends.items()))}"
+            )
+        os.chdir(ROOT)
+    print(f"{sum(map(len, chosen.values()))} files, {wrong} not as expected")
+    return bool(wrong)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

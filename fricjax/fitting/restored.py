@@ -1,0 +1,189 @@
+"""From the plain data of a file back to the objects of a fit, each field checked against its annotation.
+
+What may stand in a file is said once, by the annotations of the classes: a number where one is declared, a list of as
+many as are declared, an object with just the fields of its class. Everything else is refused by a sentence that names
+the field.
+"""
+
+import dataclasses
+import functools
+import math
+import types
+import typing
+from collections.abc import Callable, Mapping
+from typing import Any, Union, get_args, get_origin
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from .. import friction as friction_laws
+from ..data.errors import DataError, brief, nearest
+from ..friction import AbstractFriction
+from ..oscillator import Exact, Hybrid, Oscillator, Smooth, restoring
+from ..oscillator.engines import AbstractEngine, Span
+from .noise import Line, Noise
+from .residual import Run
+from .rest import Margin
+from .settled import Estimate
+from .whiteness import Whiteness
+
+MODULES: Mapping[str, type] = {
+    **{name: getattr(friction_laws, name) for name in friction_laws.__all__ if name != "AbstractFriction"},
+    **{cls.__name__: cls for cls in (restoring.Linear, restoring.Cubic, restoring.Pendulum, restoring.Structural)},
+    **{cls.__name__: cls for cls in (Oscillator, Exact, Hybrid, Smooth, Run)},
+}
+TUPLES: Mapping[str, type] = {cls.__name__: cls for cls in (Estimate, Line, Margin, Noise, Span, Whiteness)}
+_WORDS = {float: "a number", int: "a whole number", str: "a text", bool: "true or false", types.NoneType: "null"}
+# Integers beyond are no counts, and floating-point numbers do not tell them from one another.
+_LARGEST_COUNT = 1 << 53
+# No fit has larger numbers, and the squares of these are numbers still; what is not finite is said to be so.
+_LARGEST = 1e150
+
+
+def restored(kind: Any, value: Any, place: str) -> Any:
+    """What a field declared as `kind` holds.
+
+    Args:
+        kind: the annotation of the field.
+        value: what the file has for it.
+        place: where that stands, for the message: "runs[0].fixed".
+
+    Raises:
+        DataError: something else than is declared.
+    """
+    if get_origin(kind) in (Union, types.UnionType):
+        return _one_of(get_args(kind), value, place)
+    if get_origin(kind) is tuple:
+        return _listed(get_args(kind), value, place)
+    if get_origin(kind) is dict:
+        entries = _expect(isinstance(value, dict), value, place, "an object")
+        return {name: restored(get_args(kind)[1], entry, f"{place}.{name}") for name, entry in entries.items()}
+    if kind in _WORDS:
+        return _plain(kind, value, place)
+    if kind is np.ndarray:
+        return _array(_expect(isinstance(value, list), value, place, "a list of numbers"), place)
+    if isinstance(kind, type) and issubclass(kind, eqx.Module):
+        return _module(kind, value, place)
+    if isinstance(kind, type) and kind in TUPLES.values():
+        fields = _fields(kind, typing.get_type_hints(kind), value, place)
+        return kind(**fields)
+    # What is left are numbers whose shape only traced code declares: one, or an array.
+    return _array(value, place) if isinstance(value, list) else _number(value, place)
+
+
+def _expect(fits: bool, value: Any, place: str, what: str) -> Any:
+    if not fits:
+        raise DataError(f"'{place[:200]}' must be {what}, but it is {brief(value)}")
+    return value
+
+
+def _one_of(kinds: tuple[Any, ...], value: Any, place: str) -> Any:
+    """The first of several kinds that fits; the refusal is that of the first."""
+    if value is None and types.NoneType in kinds:
+        return None
+    refusals = []
+    for kind in kinds:
+        try:
+            return restored(kind, value, place)
+        except DataError as error:
+            refusals.append(error)
+    raise refusals[0]
+
+
+def _listed(kinds: tuple[Any, ...], value: Any, place: str) -> tuple[Any, ...]:
+    length = None if kinds[-1] is Ellipsis else len(kinds)
+    what = "a list" if length is None else f"a list of {length}"
+    entries = _expect(isinstance(value, list) and length in (None, len(value)), value, place, what)
+    declared = kinds[:1] * len(entries) if length is None else kinds
+    return tuple(
+        restored(kind, entry, f"{place}[{i}]") for i, (kind, entry) in enumerate(zip(declared, entries, strict=True))
+    )
+
+
+def _plain(kind: type, value: Any, place: str) -> Any:
+    if kind is float:
+        return float(_number(value, place))
+    fits = isinstance(value, kind) and not (kind is int and (isinstance(value, bool) or abs(value) > _LARGEST_COUNT))
+    return _expect(fits, value, place, _WORDS[kind])
+
+
+def _number(value: Any, place: str) -> float | int:
+    """A number; those that are not finite are written as texts."""
+    if value in ("nan", "inf", "-inf"):
+        return float(value)
+    counted = isinstance(value, int) and not isinstance(value, bool) and abs(value) <= _LARGEST_COUNT
+    real = isinstance(value, float) and not _LARGEST < abs(value) < math.inf
+    return _expect(counted or real, value, place, "a number")
+
+
+def _array(value: Any, place: str) -> np.ndarray:
+    """Numbers in rows of one length, as float64."""
+    if isinstance(value, list) and value and isinstance(value[0], list):
+        rows = [_array(_expect(isinstance(row, list), row, place, "a list of rows"), place) for row in value]
+        _expect(len({row.shape for row in rows}) == 1, value, place, "a list of rows of one length")
+        return np.stack(rows)
+    return np.asarray([_number(entry, place) for entry in value], float)
+
+
+def _module(base: type, value: Any, place: str) -> Any:
+    """A law, a machine, an engine or a run, by the name of its class."""
+    _expect(isinstance(value, dict), value, place, f"an object of the type {base.__name__.removeprefix('Abstract')}")
+    name = value.get("type")
+    cls = MODULES.get(name) if isinstance(name, str) else None
+    if cls is None:
+        raise DataError(
+            f"The fit holds a {str(name)[:80]}, which fricjax does not know: laws of your own cannot be loaded. Read "
+            "the file as plain JSON"
+        )
+    _expect(issubclass(cls, base), name, f"{place}.type", f"a {base.__name__.removeprefix('Abstract')}")
+    declared = {field.name: _annotations(cls)[field.name] for field in dataclasses.fields(cls)}
+    fields = _fields(cls, declared, value, place)
+    try:
+        return _built(cls)(**fields)
+    except (ValueError, TypeError) as error:
+        raise DataError(f"'{place[:200]}' is no {cls.__name__} ({str(error).rstrip('.')})") from error
+
+
+@functools.cache
+def _annotations(cls: type) -> dict[str, Any]:
+    return typing.get_type_hints(cls)
+
+
+def _fields(cls: type, declared: Mapping[str, Any], value: Any, place: str) -> dict[str, Any]:
+    """The fields of an object, no more and no fewer than its class has."""
+    _expect(isinstance(value, dict), value, place, f"an object of the type {cls.__name__}")
+    for name in value:
+        if name not in declared and name != "type":
+            raise DataError(
+                f"'{place[:200]}' has an entry {brief(name)} that no {cls.__name__} has.{nearest(name, declared)}"
+            )
+    for name in declared:
+        if name not in value:
+            raise DataError(f"'{place[:200]}' lacks its entry '{name}'")
+    return {name: restored(kind, value[name], f"{place}.{name}") for name, kind in declared.items()}
+
+
+def _built(cls: type) -> Callable[..., Any]:
+    """What makes an object of its fields."""
+    if cls is friction_laws.Sum or not issubclass(cls, AbstractFriction | AbstractEngine | Run):
+        return cls
+    if issubclass(cls, AbstractFriction):
+        return functools.partial(_law, cls)
+    # As arrays the numbers of a run and of an engine are traced, as they were in the fit, and a second prediction
+    # compiles nothing. What an engine counts is static.
+    kinds = float | int | np.ndarray if cls is Run else float
+    return lambda **fields: cls(
+        **jax.tree.map(lambda leaf: jnp.asarray(leaf) if isinstance(leaf, kinds) else leaf, fields)
+    )
+
+
+def _law(cls: type[AbstractFriction], **fields: Any) -> AbstractFriction:
+    """A law with these coefficients, unchecked: a fit may end where its user would not be let begin."""
+    law = object.__new__(cls)
+    for field in dataclasses.fields(cls):
+        value = fields[field.name]
+        known = value if field.metadata.get("static") else jax.tree.map(lambda leaf: np.asarray(leaf, float), value)
+        object.__setattr__(law, field.name, known)
+    return law
