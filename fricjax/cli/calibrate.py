@@ -8,8 +8,8 @@ from typer import Argument, Option
 
 from .failure import InvalidFit
 from .groups import grouped
-from .options import Output, Reading
-from .output import check_targets, finish, log, working
+from .options import Reading, Writing
+from .output import check_targets, deliver, working
 from .runtime import prepare
 
 if TYPE_CHECKING:
@@ -29,7 +29,7 @@ NormalForce = Annotated[
 def ringdown(
     file: Annotated[Path, Argument(help="Free decay without contact.", show_default=False)],
     reading: Reading,
-    output: Output,
+    output: Writing,
     restoring: Annotated[
         str, Option(help="Restoring force: linear, cubic or pendulum.", rich_help_panel=_RIG)
     ] = "linear",
@@ -40,7 +40,7 @@ def ringdown(
     out: Out = None,
 ) -> None:
     """Frequency, damping, windage and residual friction of a rig that swings without contact."""
-    _check_out(out, {"--normal-force": normal_force, "--mass": mass})
+    _check_out(output, out, {"--normal-force": normal_force, "--mass": mass})
     with working(output, f"Calibrating from {file.name}"):
         prepare(output)
         from ..calibrate.ringdown import calibrate_ringdown
@@ -59,7 +59,7 @@ def frf(
     file: Annotated[
         Path, Argument(help="Table of frequency, real and imaginary part of X/F, in Hz and m/N.", show_default=False)
     ],
-    output: Output,
+    output: Writing,
     duration: Annotated[
         float | None,
         Option(help="Length of the record in s; default: one over the line spacing.", rich_help_panel=_RIG),
@@ -71,7 +71,7 @@ def frf(
     out: Out = None,
 ) -> None:
     """Mass, stiffness and damping from a receptance, displacement over force."""
-    _check_out(out, {"--normal-force": normal_force})
+    _check_out(output, out, {"--normal-force": normal_force})
     with working(output, f"Calibrating from {file.name}"):
         prepare(output)
         from ..calibrate.frf import calibrate_frf
@@ -82,9 +82,9 @@ def frf(
     _tell(output, found.to_dict(), found.summary(), rig, out)
 
 
-def _check_out(out: Path | None, needed: dict[str, str | None]) -> None:
+def _check_out(output: Writing, out: Path | None, needed: dict[str, str | None]) -> None:
     """Refuse a rig file of which numbers are missing, before any work is done."""
-    check_targets(("--out", out, (".toml",)))
+    check_targets(output, ("--out", out, (".toml",)))
     missing = [name for name, value in needed.items() if value is None]
     if out is not None and missing:
         from ..data.errors import UsageError
@@ -92,13 +92,13 @@ def _check_out(out: Path | None, needed: dict[str, str | None]) -> None:
         raise UsageError(f"A rig file needs numbers that this calibration does not give: add {' and '.join(missing)}.")
 
 
-def _tell(output: Output, data: dict[str, Any], text: str, rig: "Rig | None", out: Path | None) -> None:
+def _tell(output: Writing, data: dict[str, Any], text: str, rig: "Rig | None", out: Path | None) -> None:
     """Write the rig where it was asked for, and tell the outcome."""
-    if rig is not None and out is not None:
-        rig.to_toml(out)
-    finish(output, {**data, "files": {} if out is None else {"rig": str(out)}}, text)
-    if out is not None:
-        log(output, f"Rig: {out}")
+
+    def write() -> dict[str, str]:
+        return {} if rig is None or out is None else {"rig": str(rig.to_toml(out, overwrite=output.force))}
+
+    deliver(output, data, text, write)
 
 
 app = typer.Typer(

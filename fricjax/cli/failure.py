@@ -50,6 +50,8 @@ def failure_of(error: BaseException) -> Failure:
         return Failure(_sentence(error), "usage", USAGE)
     if isinstance(error, DataError):
         return Failure(_sentence(error), "data", REJECTED)
+    if isinstance(error, FileExistsError):
+        return Failure(f"'{error.filename}' exists already. Add --force, or give another name.", "output", USAGE)
     if isinstance(error, OSError) and error.filename is not None:
         return Failure(f"'{error.filename}' cannot be used: {error.strerror}.", "output", USAGE)
     return Failure(

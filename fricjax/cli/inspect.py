@@ -1,23 +1,26 @@
 """``fricjax inspect``: what a record is like, before anything is fitted to it."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 from typer import Argument
 
-from .options import Output, Plot, Reading
-from .output import PICTURES, check_targets, finish, log, working
+from .options import Plot, Reading, Writing
+from .output import PICTURES, check_targets, deliver, working, write_picture
 from .runtime import prepare
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 
 def inspect(
     file: Annotated[Path, Argument(help="File with a displacement over time.", show_default=False)],
     reading: Reading,
-    output: Output,
+    output: Writing,
     plot: Plot = None,
 ) -> None:
     """Show what a record is like: rate, gaps, noise, amplitude, half-cycles, release, rest."""
-    check_targets(("--plot", plot, PICTURES))
+    check_targets(output, ("--plot", plot, PICTURES))
     with working(output, f"Inspecting {file.name}"):
         prepare(output)
         from ..data import inspect as inspect_record
@@ -25,12 +28,12 @@ def inspect(
 
         record = read_record(file, reading)
         found = inspect_record(record)
-    if plot is not None:
-        from ..show import save
+    steps = [str(step) for step in record.log]
+    text = "\n".join([found.summary(), *(f"{'log':<22}{step}" for step in steps)])
+
+    def draw() -> "Figure":
         from .pictures import anatomy
 
-        save(anatomy(record), plot)
-        log(output, f"Picture: {plot}")
-    steps = [str(step) for step in record.log]
-    data = {**found.to_dict(), "log": steps, "files": {} if plot is None else {"plot": str(plot)}}
-    finish(output, data, "\n".join([found.summary(), *(f"{'log':<22}{step}" for step in steps)]))
+        return anatomy(record)
+
+    deliver(output, {**found.to_dict(), "log": steps}, text, lambda: write_picture(output, plot, draw))

@@ -82,7 +82,7 @@ def test_an_existing_file_is_replaced_or_kept_whole(record, tmp_path, monkeypatc
     path.write_bytes(b"old")
     monkeypatch.setattr(np, "savez_compressed", lambda *_, **__: (_ for _ in ()).throw(OSError("disk full")))
     with pytest.raises(OSError, match="disk full"):
-        write(record, path)
+        write(record, path, overwrite=True)
     assert path.read_bytes() == b"old"
     assert [entry.name for entry in tmp_path.iterdir()] == ["run.npz"]
 

@@ -64,7 +64,7 @@ def test_a_failed_write_keeps_the_old_file(tmp_path, monkeypatch):
     target.write_text("old")
     monkeypatch.setattr(made, "savefig", lambda *a, **k: (_ for _ in ()).throw(OSError("disk full")))
     with pytest.raises(OSError, match="disk full"):
-        save(made, target)
+        save(made, target, overwrite=True)
     assert [each.read_text() for each in tmp_path.iterdir()] == ["old"]
 
 
