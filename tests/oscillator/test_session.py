@@ -8,7 +8,8 @@ import sys
 
 import pytest
 
-from fricjax.oscillator.session import _prune, programs_folder
+from fricjax.oscillator.kept import prune
+from fricjax.oscillator.session import programs_folder
 
 SCRIPT = """
 import json
@@ -77,7 +78,7 @@ def test_what_was_not_used_for_long_goes(tmp_path):
         path = tmp_path / name
         path.write_bytes(bytes(100))
         os.utime(path, (1e9 - age, 1e9 - age))
-    _prune(tmp_path, 300)
+    prune(tmp_path, 300)
     assert len(list(tmp_path.iterdir())) == 3
-    _prune(tmp_path, 299)  # down to 80 %
+    prune(tmp_path, 299)  # down to 80 %
     assert {path.name for path in tmp_path.iterdir()} == {"new", "old"}
