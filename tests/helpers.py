@@ -1,6 +1,8 @@
 """Tables shared by the tests: golden motions, rigs, friction laws, and finite differences."""
 
-from collections.abc import Callable
+import resource
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import NamedTuple
 
 import jax
@@ -79,3 +81,14 @@ def central_differences(f: Callable[[jax.Array], jax.Array], p: jax.Array, step:
     values = jnp.split(jax.lax.map(lambda d: f(p + d), offsets), 4)
     near, far = (values[0] - values[1]) / (2 * step), (values[2] - values[3]) / (4 * step)
     return (4 * near - far) / 3, near
+
+
+@contextmanager
+def largest(size: int) -> Iterator[None]:
+    """No file that this process writes may become larger than `size` bytes, as on a disk that is full."""
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size, before[1]))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)

@@ -1,8 +1,10 @@
 """From an exception to what the user is told: one sentence, its kind, and the exit code."""
 
 import dataclasses
+import errno
 
 DONE, FAULT, USAGE, INVALID, REJECTED, INTERRUPTED = 0, 1, 2, 3, 4, 130
+NO_SPACE = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -54,6 +56,9 @@ def failure_of(error: BaseException) -> Failure:
         return Failure(f"'{error.filename}' exists already. Add --force, or give another name.", "output", USAGE)
     if isinstance(error, OSError) and error.filename is not None:
         return Failure(f"'{error.filename}' cannot be used: {error.strerror}.", "output", USAGE)
+    if isinstance(error, OSError) and error.errno in NO_SPACE:
+        words = f"Something cannot be written: {error.strerror}. Make room, or write elsewhere."
+        return Failure(words, "output", USAGE)
     return Failure(
         f"Unexpected {type(error).__name__}: {_first_line(error)}",
         "internal",

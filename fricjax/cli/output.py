@@ -46,11 +46,9 @@ def finish(output: "Output", data: Mapping[str, Any], text: str) -> None:
     except BrokenPipeError:
         raise
     except OSError as error:
-        from ..show.files import refused
-
         # What could not be written would be tried again when the process ends.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        raise refused(error.errno, "stdout") from error
+        raise OSError(error.errno, error.strerror, "stdout") from error
 
 
 def deliver(

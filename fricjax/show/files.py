@@ -33,7 +33,6 @@ _REASONS = {
     errno.EROFS: "its folder cannot be written to; give another one",
     errno.EISDIR: "it is a folder; give the name of a file",
 }
-NO_SPACE = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 
 
 def write_bytes(path: str | os.PathLike[str], content: bytes | memoryview, *, overwrite: bool = False) -> Path:
