@@ -1,12 +1,13 @@
 """Commands killed while they write: `python experiments/files/kills.py [--kills 20]`.
 
-Each command runs in a folder in which its files lie already, and gets SIGKILL at a random instant between its first
-change of the folder and its end. Each file must then be the old one or the new one to the last byte. The table counts
+Each command runs in a folder in which its files lie already, and gets SIGKILL as soon as some change of the folder is
+seen: the first, second, ... of all that it makes, drawn by chance. Each file must then be the old one or the new one to the last byte. The table counts
 the kills after which all files were old, all were new, some were old and some new, or one was neither; and those that
 left a temporary file, which the next run must remove.
 """
 
 import argparse
+import math
 import os
 import random
 import shutil
@@ -69,31 +70,31 @@ def state(folder: Path) -> frozenset:
     return frozenset(found)
 
 
-def started(words: list[str], folder: Path) -> tuple[subprocess.Popen, float]:
-    """The command, and when it first changed the folder."""
-    before = state(folder)
+def run(words: list[str], folder: Path, most: float = math.inf) -> int:
+    """Run the command to its end, or until a number of changes of the folder was seen; how many there were."""
     process = subprocess.Popen(
         [*LAUNCH, *words, "--force", "--quiet"], cwd=folder, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE
     )
-    while state(folder) == before and process.poll() is None:
-        time.sleep(1e-4)
-    return process, time.perf_counter()
-
-
-def finished(words: list[str], folder: Path) -> float:
-    """Run the command to its end; seconds that it took from its first change."""
-    process, changed = started(words, folder)
+    seen, changes = state(folder), 0
+    while process.poll() is None and changes < most:
+        found = state(folder)
+        changes += found != seen
+        seen = found
+        # Looking all the time would take the core from the command that still computes.
+        time.sleep(0.0 if changes else 2e-3)
+    if changes >= most:
+        process.send_signal(signal.SIGKILL)
     _, told = process.communicate()
-    if process.returncode:
+    if process.returncode > 0:
         raise RuntimeError(f"fricjax {' '.join(words)} ended with {process.returncode}: {told.decode()}")
-    return time.perf_counter() - changed
+    return changes
 
 
 def killed(words: list[str], names: list[str], kills: int, seed: int, scratch: Path) -> dict[str, int]:
     """What was found after each of the kills."""
     folder = Path(tempfile.mkdtemp(dir=scratch))
-    finished(words, folder)
-    writing = finished(words, folder)
+    run(words, folder)
+    changes = run(words, folder)
     new = {name: (folder / name).read_bytes() for name in names}
     rng = random.Random(seed)
     counts = dict.fromkeys(("old", "new", "mixed", "damaged", "temporary"), 0)
@@ -102,15 +103,12 @@ def killed(words: list[str], names: list[str], kills: int, seed: int, scratch: P
         folder.mkdir()
         for name in names:
             (folder / name).write_bytes(OLD)
-        process, changed = started(words, folder)
-        time.sleep(max(0.0, changed + rng.uniform(0.0, writing) - time.perf_counter()))
-        process.send_signal(signal.SIGKILL)
-        process.communicate()
+        run(words, folder, rng.randint(1, changes))
         found = {name: (folder / name).read_bytes() for name in names}
         kinds = {"old" if found[name] == OLD else "new" if found[name] == new[name] else "damaged" for name in names}
         counts["damaged" if "damaged" in kinds else "mixed" if len(kinds) > 1 else kinds.pop()] += 1
         counts["temporary"] += sorted(os.listdir(folder)) != sorted(names)
-    finished(words, folder)
+    run(words, folder)
     if sorted(os.listdir(folder)) != sorted(names):
         raise RuntimeError(f"{words[0]} has left {sorted(os.listdir(folder))}.")
     return counts
