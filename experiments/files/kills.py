@@ -1,9 +1,9 @@
 """Commands killed while they write: `python experiments/files/kills.py [--kills 20]`.
 
 Each command runs in a folder in which its files lie already, and gets SIGKILL as soon as some change of the folder is
-seen: the first, second, ... of all that it makes, drawn by chance. Each file must then be the old one or the new one to the last byte. The table counts
-the kills after which all files were old, all were new, some were old and some new, or one was neither; and those that
-left a temporary file, which the next run must remove.
+seen: the first, second, ... of all that it makes, drawn by chance. Each file must then be the old one or the new one to
+the last byte. The table counts the kills after which all files were old, all were new, some were old and some new, or
+one was neither; and those that left a temporary file, which the next run must remove.
 """
 
 import argparse
