@@ -61,8 +61,9 @@ def _hdf5(record: Record) -> memoryview:
     with h5py.File(content, "w") as file:
         file.attrs.update({"Conventions": "CF-1.11", MARK: SCHEMA, **texts})
         nodes = {name: file.create_dataset(name, data=array) for name, array in arrays.items()}
-        for name in nodes.keys() - {"mask"}:
-            nodes[name].attrs["units"] = "s" if name == "t" else record.quantity
+        for name, node in nodes.items():
+            if name != "mask":
+                node.attrs["units"] = "s" if name == "t" else record.quantity
         nodes["t"].make_scale("t")
         nodes["x"].dims[0].attach_scale(nodes["t"])
     return content.getbuffer()
