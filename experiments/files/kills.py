@@ -39,8 +39,8 @@ COMMANDS = {
         ["rig.toml"],
     ),
     "simulate": (
-        ["simulate", "--rig", RIG, "--fix", "mu=0.02", "--x0", "2 mm", "--out", "run.npz", "--plot", "run.svg"],
-        ["run.npz", "run.svg"],
+        ["simulate", "--rig", RIG, "--fix", "mu=0.02", "--x0", "2 mm", "--out", "run.npz", "--plot", "run.png"],
+        ["run.npz", "run.png"],
     ),
     "inspect": (["inspect", RUN, "--plot", "run.pdf"], ["run.pdf"]),
     "energy": (
@@ -48,6 +48,8 @@ COMMANDS = {
         ["force.png", "force.json"],
     ),
 }
+# Else a PDF says when it was made, and no two are the same.
+SAME_DATE = {**os.environ, "SOURCE_DATE_EPOCH": "0"}
 OLD = b"the old file\n" * 1000
 
 
@@ -73,7 +75,11 @@ def state(folder: Path) -> frozenset:
 def run(words: list[str], folder: Path, most: float = math.inf) -> int:
     """Run the command to its end, or until a number of changes of the folder was seen; how many there were."""
     process = subprocess.Popen(
-        [*LAUNCH, *words, "--force", "--quiet"], cwd=folder, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE
+        [*LAUNCH, *words, "--force", "--quiet"],
+        cwd=folder,
+        env=SAME_DATE,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
     )
     seen, changes = state(folder), 0
     while process.poll() is None and changes < most:
