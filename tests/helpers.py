@@ -1,7 +1,9 @@
 """Tables shared by the tests: golden motions, rigs, friction laws, and finite differences."""
 
 import re
-from collections.abc import Callable
+import resource
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import NamedTuple
 
 import jax
@@ -89,3 +91,14 @@ def python_in(sentence: str) -> list[str]:
     """
     left = re.sub(r"--[a-z-]+ \S+|'[^']*'|\w+ = (?:\"[^\"]*\"|\S+)", "", sentence)
     return re.findall(r"\w+=|\w\(\)|\[['\"]|\b(?:True|False|None)\b", left)
+
+
+@contextmanager
+def largest(size: int) -> Iterator[None]:
+    """No file that this process writes may become larger than `size` bytes, as on a disk that is full."""
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size, before[1]))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)

@@ -82,4 +82,4 @@ def plot(rows: Sequence[Row], path: Path) -> Path:
     only.axvline(1.0, color="black", linewidth=0.8)
     only.set_xlabel("Times faster than the peer")
     only.legend(fontsize=8)
-    return fj.show.save(picture, path)
+    return fj.show.save(picture, path, overwrite=True)

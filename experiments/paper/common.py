@@ -83,4 +83,4 @@ def write(study: Study, name: str, folder: Path) -> list[Path]:
         writer = csv.writer(file)
         writer.writerow(study.columns)
         writer.writerows(zip(*(np.asarray(column).tolist() for column in study.columns.values()), strict=True))
-    return [fj.show.save(study.picture, folder / f"{name}.png"), table]
+    return [fj.show.save(study.picture, folder / f"{name}.png", overwrite=True), table]

@@ -120,15 +120,24 @@ class Rig:
 
         return read_rig(Path(path))
 
-    def to_toml(self, path: str | Path) -> None:
-        """Write the rig to a TOML file in SI units; the file appears complete or not at all.
+    def to_toml(self, path: str | Path, *, overwrite: bool = False) -> Path:
+        """Write the rig to a TOML file in SI units; the file appears whole or not at all.
+
+        Args:
+            path: the file.
+            overwrite: replace a file that exists.
+
+        Returns:
+            The path.
 
         Raises:
             UsageError: the restoring force is not one that a file can name.
+            FileExistsError: there is such a file, and `overwrite` is not given.
+            OSError: the file cannot be written, as on a full disk; what was there is as it was.
         """
         from .toml import write_rig
 
-        write_rig(self, Path(path))
+        return write_rig(self, Path(path), overwrite=overwrite)
 
     def oscillator(self, friction: AbstractFriction) -> Oscillator:
         """The rig's oscillator with a friction law; unknown damping starts at zero."""

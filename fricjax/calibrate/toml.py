@@ -83,10 +83,10 @@ def _parsed(path: Path) -> dict[str, Any]:
         raise UsageError(f"{path}: this is no valid TOML file: {str(error)[:200]}.") from error
 
 
-def write_rig(rig: "Rig", path: Path) -> None:
+def write_rig(rig: "Rig", path: Path, *, overwrite: bool = False) -> Path:
     """Write a rig as TOML, whole or not at all."""
     lines = [*_HEAD, *(f"{name} = {_entry(value)}" for name, value in rig.numbers().items()), _restoring_line(rig)]
-    write_text(path, "\n".join(lines) + "\n")
+    return write_text(path, "\n".join(lines) + "\n", overwrite=overwrite)
 
 
 def _entry(number: Measured) -> str:

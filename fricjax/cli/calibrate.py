@@ -9,8 +9,8 @@ from typer import Argument, Option
 from .failure import InvalidFit
 from .files import check_records
 from .groups import example, grouped
-from .options import Output, Reading
-from .output import check_targets, finish, log, working
+from .options import Reading, Writing
+from .output import check_targets, deliver, working
 from .runtime import prepare
 
 if TYPE_CHECKING:
@@ -30,7 +30,7 @@ NormalForce = Annotated[
 def ringdown(
     file: Annotated[Path, Argument(help="Free decay without contact.", show_default=False)],
     reading: Reading,
-    output: Output,
+    output: Writing,
     restoring: Annotated[
         str, Option(help="Restoring force: linear, cubic or pendulum.", rich_help_panel=_RIG)
     ] = "linear",
@@ -41,7 +41,7 @@ def ringdown(
     out: Out = None,
 ) -> None:
     """Frequency, damping, windage and residual friction of a rig that swings without contact."""
-    _check_out(out, {"--normal-force": normal_force, "--mass": mass})
+    _check_out(output, out, {"--normal-force": normal_force, "--mass": mass})
     from ..calibrate.inputs import check_restoring
 
     check_records([file], reading)
@@ -64,7 +64,7 @@ def frf(
     file: Annotated[
         Path, Argument(help="Table of frequency, real and imaginary part of X/F, in Hz and m/N.", show_default=False)
     ],
-    output: Output,
+    output: Writing,
     duration: Annotated[
         float | None,
         Option(help="Length of the record in s; default: one over the line spacing.", rich_help_panel=_RIG),
@@ -76,7 +76,7 @@ def frf(
     out: Out = None,
 ) -> None:
     """Mass, stiffness and damping from a receptance, displacement over force."""
-    _check_out(out, {"--normal-force": normal_force})
+    _check_out(output, out, {"--normal-force": normal_force})
     from ..data.paths import check_file
 
     check_file(file)
@@ -90,9 +90,9 @@ def frf(
     _tell(output, found.to_dict(), found.summary(), rig, out)
 
 
-def _check_out(out: Path | None, needed: dict[str, str | None]) -> None:
+def _check_out(output: Writing, out: Path | None, needed: dict[str, str | None]) -> None:
     """Refuse a rig file of which numbers are missing, before any work is done."""
-    check_targets(("--out", out, (".toml",)))
+    check_targets(output, ("--out", out, (".toml",)))
     from ..calibrate.quantity import quantity
 
     for option, text in needed.items():
@@ -105,13 +105,13 @@ def _check_out(out: Path | None, needed: dict[str, str | None]) -> None:
         raise UsageError(f"A rig file needs numbers that this calibration does not give: add {' and '.join(missing)}.")
 
 
-def _tell(output: Output, data: dict[str, Any], text: str, rig: "Rig | None", out: Path | None) -> None:
+def _tell(output: Writing, data: dict[str, Any], text: str, rig: "Rig | None", out: Path | None) -> None:
     """Write the rig where it was asked for, and tell the outcome."""
-    if rig is not None and out is not None:
-        rig.to_toml(out)
-    finish(output, {**data, "files": {} if out is None else {"rig": str(out)}}, text)
-    if out is not None:
-        log(output, f"Rig: {out}")
+
+    def write() -> dict[str, str]:
+        return {} if rig is None or out is None else {"rig": str(rig.to_toml(out, overwrite=output.force))}
+
+    deliver(output, data, text, write)
 
 
 app = typer.Typer(

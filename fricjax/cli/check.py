@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from typer import Exit, Option
 
-from .options import Machine, Output, Plot
-from .output import PICTURES, check_targets, finish, log, working
+from .options import Machine, Plot, Writing
+from .output import PICTURES, check_targets, deliver, working, write_picture
 from .runtime import prepare
 
 if TYPE_CHECKING:
@@ -46,19 +46,16 @@ class Planned:
     ] = "1nm"
 
 
-def check(run: Planned, machine: Machine, output: Output, plot: Plot = None) -> None:
+def check(run: Planned, machine: Machine, output: Writing, plot: Plot = None) -> None:
     """Tell what a planned run will determine and how well; ends with 3 where a coefficient of --free will not be."""
-    check_targets(("--plot", plot, PICTURES))
+    check_targets(output, ("--plot", plot, PICTURES))
     choice, settings = _asked(run, machine)
     with working(output, "Checking"):
         prepare(output)
         from ..sensitivity import fisher
 
         found = fisher(choice.oscillator, **settings)
-    data = {**found.to_dict(), "files": _write(found, plot)}
-    finish(output, data, found.summary())
-    for name, path in data["files"].items():
-        log(output, f"{name.capitalize()}: {path}")
+    deliver(output, found.to_dict(), found.summary(), lambda: write_picture(output, plot, found.plot))
     if run.free is not None and found.undetermined:
         raise Exit(3)
 
@@ -92,11 +89,3 @@ def _asked(run: Planned, machine: Machine) -> "tuple[Choice, dict[str, Any]]":
         "nuisance": nuisance,
         "engine": machine.engine,
     }
-
-
-def _write(found: "Information", plot: Path | None) -> dict[str, str]:
-    if plot is None:
-        return {}
-    from ..show import save
-
-    return {"picture": str(save(found.plot(), plot))}

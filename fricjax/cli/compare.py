@@ -7,8 +7,8 @@ from typer import Argument, Option
 
 from .failure import INVALID
 from .fit import raise_invalid
-from .options import Bench, Output, Plot, Reading
-from .output import PICTURES, check_targets, finish, log, working
+from .options import Bench, Plot, Reading, Writing
+from .output import PICTURES, check_targets, deliver, working, write_picture
 from .runtime import prepare
 
 if TYPE_CHECKING:
@@ -22,7 +22,7 @@ def compare(
     files: Annotated[list[Path], Argument(help="One run, or several of one machine.", show_default=False)],
     bench: Bench,
     reading: Reading,
-    output: Output,
+    output: Writing,
     friction: Annotated[
         list[str] | None,
         Option(
@@ -51,7 +51,7 @@ def compare(
     plot: Plot = None,
 ) -> None:
     """Compare friction laws on the same runs: criteria, prediction of held-out runs, tests of the residuals."""
-    check_targets(("--plot", plot, PICTURES))
+    check_targets(output, ("--plot", plot, PICTURES))
     laws = friction or ["coulomb", "stribeck"]
     choices = _choices(files, laws, bench, reading, guess)
     how = _settings(criterion, start, held_out)
@@ -59,17 +59,11 @@ def compare(
     with working(output, f"Comparing {', '.join(laws)}"):
         prepare(output)
         found = _compared(files, laws, choices, reading, how)
-    data: dict[str, Any] = {**found.to_dict(), "calibrated": calibrated, "files": {}}
-    text = _report(found, calibrated)
-    if plot is not None:
-        from ..show import save
-
-        data["files"] = {"plot": str(save(found.plot(), plot))}
-        log(output, f"Picture: {plot}")
+    data: dict[str, Any] = {**found.to_dict(), "calibrated": calibrated}
     best = found.best
     if not best.converged:
         data |= {"error": best.status, "kind": "fit", "exit_code": INVALID}
-    finish(output, data, text)
+    deliver(output, data, _report(found, calibrated), lambda: write_picture(output, plot, found.plot))
     if not best.converged:
         raise_invalid(output, best.status)
 

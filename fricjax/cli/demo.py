@@ -1,14 +1,13 @@
 """``fricjax demo``: the main job on the example that comes with the package, and what to type next."""
 
-import shutil
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 from typer import Option
 
 from .fit import Asked, Fitting, fitted, report
-from .options import Machine, Output, Reading
-from .output import finish, working
+from .options import Machine, Reading, Writing
+from .output import check_folder, deliver, working
 from .runtime import prepare
 
 if TYPE_CHECKING:
@@ -17,12 +16,11 @@ if TYPE_CHECKING:
 
 
 def demo(
-    output: Output,
+    output: Writing,
     out: Annotated[Path, Option(help="Folder to write into.")] = Path("fricjax-demo"),
-    force: Annotated[bool, Option("--force", help="Write into a folder that is not empty.")] = False,
 ) -> None:
     """Fit the run that comes with fricjax: writes the run, its rig file, the fit and a picture."""
-    _check_folder(out, force)
+    _check_folder(out, output.force)
     with working(output, "Fitting the example run"):
         prepare(output)
         from ..data.examples import example_paths
@@ -32,31 +30,36 @@ def demo(
         records, found = fitted(asked)
     data, text = report(found, asked.choice)
     data["truth"] = records[0].meta["coefficients"]
-    data["files"] = _write(out, run, rig, found)
     data["next"] = _next(out)
-    finish(output, data, "\n\n".join([text, _comparison(found, records[0]), _advice(data["files"], data["next"])]))
+    advice = "Next:\n" + "\n".join(f"  {command}" for command in data["next"])
+    text = f"{text}\n\n{_comparison(found, records[0])}"
+    deliver(output, data, text, lambda: _write(out, run, rig, found, output.force), after=advice)
 
 
 def _check_folder(out: Path, force: bool) -> None:
+    """Refuse a folder that holds something, and one that could not be made, before any work is done."""
     from ..data.errors import UsageError
 
     if out.exists() and not out.is_dir():
         raise UsageError(f"--out '{out}' is a file. Name a folder.")
     if out.is_dir() and any(out.iterdir()) and not force:
         raise UsageError(f"The folder '{out}' is not empty. Name another with --out, or add --force to write into it.")
+    check_folder(next(each for each in (out, *out.absolute().parents) if each.is_dir()), out)
 
 
-def _write(out: Path, run: Path, rig: Path, found: "Fit") -> dict[str, str]:
+def _write(out: Path, run: Path, rig: Path, found: "Fit", force: bool) -> dict[str, str]:
     """The four files of the demonstration."""
     from ..show import save
+    from ..show.files import write_bytes
 
     out.mkdir(parents=True, exist_ok=True)
-    files = {name: out / name for name in ("run.csv", "rig.toml", "fit.json", "fit.png")}
-    shutil.copyfile(run, files["run.csv"])
-    shutil.copyfile(rig, files["rig.toml"])
-    found.save(files["fit.json"])
-    save(found.plot(), files["fit.png"])
-    return {name.replace(".", "_"): str(path) for name, path in files.items()}
+    files = {
+        "run": write_bytes(out / "run.csv", run.read_bytes(), overwrite=force),
+        "rig": write_bytes(out / "rig.toml", rig.read_bytes(), overwrite=force),
+        "fit": found.save(out / "fit.json", overwrite=force),
+        "picture": save(found.plot(), out / "fit.png", overwrite=force),
+    }
+    return {name: str(path) for name, path in files.items()}
 
 
 def _comparison(found: "Fit", record: "Record") -> str:
@@ -82,8 +85,3 @@ def _next(out: Path) -> list[str]:
         f"fricjax fit {run} --rig {rig} --friction tanh --fix v_s=1e-5",
         "fricjax fit --help",
     ]
-
-
-def _advice(files: dict[str, Any], commands: list[str]) -> str:
-    written = "\n".join(f"  {path}" for path in files.values())
-    return f"Written:\n{written}\n\nNext:\n" + "\n".join(f"  {command}" for command in commands)

@@ -76,14 +76,18 @@ def platform_facts() -> dict[str, Any]:
 
 
 def cache_facts() -> dict[str, Any]:
-    """The folder of compiled programs that is in use, the number of its files, and their size in bytes."""
+    """The folder of compiled programs in use, the number of its files, their size in bytes, and why not to trust it."""
     import jax
 
+    from ..oscillator.kept import asked_folder, distrust
+
     named = jax.config.jax_compilation_cache_dir
+    folder = Path(named) if named else asked_folder()
+    doubt = None if folder is None else distrust(folder)
     if not named or not Path(named).is_dir():
-        return {"folder": None, "entries": 0, "bytes": 0}
+        return {"folder": None, "entries": 0, "bytes": 0, "doubt": doubt}
     sizes = [path.stat().st_size for path in Path(named).iterdir() if path.is_file()]
-    return {"folder": str(named), "entries": len(sizes), "bytes": sum(sizes)}
+    return {"folder": str(named), "entries": len(sizes), "bytes": sum(sizes), "doubt": doubt}
 
 
 def _watched_cache() -> Counter[str]:
@@ -135,18 +139,11 @@ def tiny_fit() -> tuple[bool, str]:
 
 def _text(findings: dict[str, Any], checks: dict[str, Any], verdict: str) -> str:
     cache = findings["cache"]
-    kept = f"{cache['folder']}, {cache['entries']} files, {cache['bytes'] / 2**20:.0f} MB"
-    used = f"these checks loaded {cache['loaded']} programs from it and compiled {cache['compiled']}"
     rows = [
         *findings["versions"].items(),
         ("precision", "64 bits" if findings["x64"] else "32 bits"),
         ("devices", ", ".join(findings["devices"])),
-        (
-            "cache",
-            f"{kept}; {used}"
-            if cache["folder"]
-            else "off: FRICJAX_CACHE_DIR says so, or its folder cannot be written to",
-        ),
+        ("cache", _cache_text(cache)),
         ("formats", " ".join(findings["formats"])),
     ]
     lines = [f"{name:<18}{value}" for name, value in rows] + [""]
@@ -154,3 +151,11 @@ def _text(findings: dict[str, Any], checks: dict[str, Any], verdict: str) -> str
         mark = "ok" if check["ok"] else "FAILED"
         lines.append(f"{name.replace('_', ' '):<18}{mark}: {check['detail']} ({check['seconds']:.1f} s)")
     return "\n".join([*lines, "", verdict])
+
+
+def _cache_text(cache: dict[str, Any]) -> str:
+    if cache["folder"] is None:
+        return f"off: {cache['doubt'] or 'FRICJAX_CACHE_DIR says so, or its folder cannot be written to'}"
+    kept = f"{cache['folder']}, {cache['entries']} files, {cache['bytes'] / 2**20:.0f} MB"
+    used = f"these checks loaded {cache['loaded']} programs from it and compiled {cache['compiled']}"
+    return "; ".join([kept, used, *([f"beware, {cache['doubt']}"] if cache["doubt"] else [])])

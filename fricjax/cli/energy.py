@@ -5,8 +5,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from typer import Argument, Option
 
-from .options import Output, Plot, Reading
-from .output import PICTURES, RESULTS, check_targets, finish, json_text, log, working
+from .options import Plot, Reading, Writing
+from .output import PICTURES, RESULTS, check_targets, deliver, json_text, working, write_picture
 from .runtime import prepare
 
 if TYPE_CHECKING:
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 def energy(
     files: Annotated[list[Path], Argument(help="One run, or several that are pooled.", show_default=False)],
     reading: Reading,
-    output: Output,
+    output: Writing,
     rig: Annotated[Path | None, Option(help="Rig file (TOML): mass, stiffness, normal force, damping.")] = None,
     no_contact: Annotated[
         Path | None, Option(help="Run without contact, from which damping and drag are fitted.")
@@ -29,17 +29,15 @@ def energy(
     """Find friction from the rate of energy loss: the force against velocity, and its mean in each half-cycle."""
     from ..routes.settings import check_bins
 
-    check_targets(("--plot", plot, PICTURES), ("--out", out, RESULTS))
+    check_targets(output, ("--plot", plot, PICTURES), ("--out", out, RESULTS))
     machine = _bench(files, reading, rig, no_contact)
     check_bins(bins)
     with working(output, f"Evaluating {', '.join(file.name for file in files)}"):
         prepare(output)
         force_map, balance = evaluated(files, reading, machine, no_contact, bins)
     data = {"force_map": force_map.to_dict(), "half_cycles": balance.to_dict()}
-    written = write_outcome(force_map, data, plot, out)
-    finish(output, {**data, "files": written}, _text(force_map, balance))
-    for name, path in written.items():
-        log(output, f"{name.capitalize()}: {path}")
+    text = _text(force_map, balance)
+    deliver(output, data, text, lambda: write_outcome(output, force_map, data, plot, out))
 
 
 def _bench(files: list[Path], reading: Reading, rig: Path | None, no_contact: Path | None) -> dict[str, Any]:
@@ -72,18 +70,15 @@ def evaluated(
     return force_map, half_cycle_friction(data, calibrated)
 
 
-def write_outcome(force_map: "ForceMap", data: dict[str, Any], plot: Path | None, out: Path | None) -> dict[str, str]:
+def write_outcome(
+    output: Writing, force_map: "ForceMap", data: dict[str, Any], plot: Path | None, out: Path | None
+) -> dict[str, str]:
     """Write the files that were asked for and return them by what they are."""
-    written: dict[str, str] = {}
-    if plot is not None:
-        from ..show import save
-
-        written["picture"] = str(save(force_map.plot(), plot))
+    written = write_picture(output, plot, force_map.plot)
     if out is not None:
         from ..show.files import write_text
 
-        write_text(out, json_text(data))
-        written["result"] = str(out)
+        written["result"] = str(write_text(out, json_text(data), overwrite=output.force))
     return written
 
 

@@ -1,12 +1,14 @@
 """From an exception to what the user is told: one sentence, its kind, and the exit code."""
 
 import dataclasses
+import errno
 
 from .wording import in_options
 
 DONE, FAULT, USAGE, INVALID, REJECTED, INTERRUPTED = 0, 1, 2, 3, 4, 130
 # A file can have thousands of columns, and a sentence that names them all hides its beginning.
 _LONGEST = 2000
+NO_SPACE = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -58,8 +60,13 @@ def failure_of(error: BaseException) -> Failure:
         sentence, _, table = str(error).partition("\n")
         whole = "\n" not in table
         return Failure(_sentence(error if whole else sentence), "data", REJECTED, "" if whole else table)
+    if isinstance(error, FileExistsError):
+        return Failure(f"'{error.filename}' exists already. Add --force, or give another name.", "output", USAGE)
     if isinstance(error, OSError) and error.filename is not None:
         return Failure(f"'{error.filename}' cannot be used: {error.strerror}.", "output", USAGE)
+    if isinstance(error, OSError) and error.errno in NO_SPACE:
+        words = f"Something cannot be written: {error.strerror}. Make room, or write elsewhere."
+        return Failure(words, "output", USAGE)
     return Failure(
         f"Unexpected {type(error).__name__}: {_first_line(error)}",
         "internal",

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 from typer import Argument, Option
 
 from .failure import INVALID, InvalidFit
-from .options import Machine, Output, Plot, Reading, Save
-from .output import PICTURES, RECORDS, RESULTS, check_targets, finish, log, numbered, working
+from .options import Machine, Output, Plot, Reading, Save, Writing
+from .output import PICTURES, RECORDS, RESULTS, check_targets, deliver, numbered, working
 from .runtime import prepare
 
 if TYPE_CHECKING:
@@ -76,13 +76,14 @@ def fit(
     fitting: Fitting,
     machine: Machine,
     reading: Reading,
-    output: Output,
+    output: Writing,
     plot: Plot = None,
     out: Annotated[Path | None, Option(help="Write the fit (.json).", rich_help_panel="Output")] = None,
     save: Save = None,
 ) -> None:
     """Fit friction and damping to a free decay. Without a rig: natural frequency, damping ratio and dead band."""
-    check_targets(("--plot", plot, PICTURES), ("--out", out, RESULTS), ("--save", save, RECORDS))
+    pictures = [("--plot", path, PICTURES) for path in numbered(plot, len(files))]
+    check_targets(output, *pictures, ("--out", out, RESULTS), ("--save", save, RECORDS))
     if save is not None and len(files) > 1:
         from ..data.errors import UsageError
 
@@ -94,12 +95,9 @@ def fit(
         prepare(output)
         records, found = fitted(asked)
     data, text = report(found, asked.choice)
-    data["files"] = write_outcome(found, records, plot, out, save)
     if not found.converged:
         data |= {"error": found.status, "kind": "fit", "exit_code": INVALID}
-    finish(output, data, text)
-    for name, path in data["files"].items():
-        log(output, f"{name.capitalize()}: {path}")
+    deliver(output, data, text, lambda: write_outcome(found, records, plot, out, save, output.force))
     if not found.converged:
         raise_invalid(output, found.status)
 
@@ -210,7 +208,7 @@ def _doubts(found: "Fit") -> list[str]:
 
 
 def write_outcome(
-    found: "Fit", records: "list[Record]", plot: Path | None, out: Path | None, save: Path | None
+    found: "Fit", records: "list[Record]", plot: Path | None, out: Path | None, save: Path | None, force: bool
 ) -> dict[str, str]:
     """Write the files that were asked for and return them by what they are."""
     from ..data import write
@@ -218,13 +216,12 @@ def write_outcome(
 
     written: dict[str, str] = {}
     # A motion that is not finite cannot be drawn.
-    if plot is not None and isfinite(found.residual_rms):
+    if isfinite(found.residual_rms):
         for i, path in enumerate(numbered(plot, len(records))):
-            written["picture" if len(records) == 1 else f"picture_{i + 1}"] = str(save_picture(found.plot(i), path))
+            name = "picture" if len(records) == 1 else f"picture_{i + 1}"
+            written[name] = str(save_picture(found.plot(i), path, overwrite=force))
     if out is not None:
-        found.save(out)
-        written["fit"] = str(out)
+        written["fit"] = str(found.save(out, overwrite=force))
     if save is not None:
-        write(records[0], save)
-        written["record"] = str(save)
+        written["record"] = str(write(records[0], save, overwrite=force))
     return written

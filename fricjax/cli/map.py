@@ -1,13 +1,13 @@
 """``fricjax map``: coefficients from initial and final displacements, by routes 2 and 3."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 from typer import Argument, Option
 
 from .failure import InvalidFit
-from .options import Machine, Output, Plot, Reading
-from .output import PICTURES, check_targets, finish, log, working
+from .options import Machine, Plot, Reading, Writing
+from .output import PICTURES, check_targets, deliver, working, write_picture
 from .runtime import prepare
 
 if TYPE_CHECKING:
@@ -28,7 +28,7 @@ def map_(
     ],
     reading: Reading,
     machine: Machine,
-    output: Output,
+    output: Writing,
     free: Annotated[str, Option(help="Free coefficients, as mu or mu,damping.", rich_help_panel=_MAP)] = "mu",
     start: Annotated[
         str, Option(help="Of records: first_reversal, which no release biases, or release.", rich_help_panel=_MAP)
@@ -41,7 +41,7 @@ def map_(
     """Friction from final against initial displacements: mu by route 2 and 3, mu_s between stops and non-stops."""
     from ..routes.settings import check_scatter
 
-    check_targets(("--plot", plot, PICTURES))
+    check_targets(output, ("--plot", plot, PICTURES))
     chosen = _chosen(files, reading, machine, free, start)
     check_scatter(mu_scatter)
     with working(output, "Fitting the map"):
@@ -98,13 +98,7 @@ def _pairs(files: list[Path], reading: Reading, start: str) -> "Pairs":
     return pairs_of(records, start=start)
 
 
-def _tell(output: Output, found: "RouteFit", shape: "RouteFit", plot: Path | None) -> None:
-    files: dict[str, Any] = {}
-    if plot is not None:
-        from ..show import save
-
-        save(found.plot(), plot)
-        files["plot"] = str(plot)
-        log(output, f"Picture: {plot}")
-    data = {"final_displacements": found.to_dict(), "triangle_map": shape.to_dict(), "files": files}
-    finish(output, data, f"{found.summary()}\n\n{shape.summary()}")
+def _tell(output: Writing, found: "RouteFit", shape: "RouteFit", plot: Path | None) -> None:
+    data = {"final_displacements": found.to_dict(), "triangle_map": shape.to_dict()}
+    text = f"{found.summary()}\n\n{shape.summary()}"
+    deliver(output, data, text, lambda: write_picture(output, plot, found.plot))

@@ -108,5 +108,12 @@ class Output:
     ] = False
 
 
+@dataclasses.dataclass(frozen=True)
+class Writing(Output):
+    """How the outcome is told by a command that writes files."""
+
+    force: Annotated[bool, Option("--force", help="Replace files that exist.", rich_help_panel=_OUT)] = False
+
+
 Plot = Annotated[Path | None, Option(help="Write a picture (.png, .svg, .pdf).", rich_help_panel=_OUT)]
 Save = Annotated[Path | None, Option(help="Write the record (.npz, .csv, .h5).", rich_help_panel=_OUT)]

@@ -1,19 +1,21 @@
 """Where results go: text or JSON on stdout, the log on stderr, files that appear complete or not at all."""
 
 import contextlib
+import errno
 import json
 import math
+import os
 import re
 import sys
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
 
 from .wording import in_options
 
 if TYPE_CHECKING:
-    from .options import Output
+    from .options import Output, Writing
 
 PICTURES = (".png", ".svg", ".pdf")
 RECORDS = (".npz", ".csv", ".h5", ".hdf5")
@@ -73,11 +75,50 @@ def visible(text: str) -> str:
 
 def finish(output: "Output", data: Mapping[str, Any], text: str) -> None:
     """Tell the outcome on stdout: `data` as JSON where that was asked for, else `text`."""
-    if output.json:
-        tell_json(sys.stdout, reworded(data))
-    else:
-        tell(sys.stdout, in_options(text))
-    sys.stdout.flush()
+    try:
+        if output.json:
+            tell_json(sys.stdout, reworded(data))
+        else:
+            tell(sys.stdout, in_options(text))
+        sys.stdout.flush()
+    except BrokenPipeError:
+        raise
+    except OSError as error:
+        # What could not be written would be tried again when the process ends.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        raise OSError(error.errno, error.strerror, "stdout") from error
+
+
+def deliver(
+    output: "Writing", data: Mapping[str, Any], text: str, write: Callable[[], dict[str, str]], after: str = ""
+) -> None:
+    """Write the files that were asked for, and tell the outcome, also where a file cannot be written.
+
+    Args:
+        output: how it is told.
+        data: the outcome as JSON can hold it, without its files.
+        text: the same to be read.
+        write: writes the files and returns their paths by what they are.
+        after: text that is true only once the files are there.
+
+    Raises:
+        OSError: a file cannot be written; the numbers have been told.
+    """
+    try:
+        files = write()
+    except OSError as error:
+        from typer import Exit
+
+        from .failure import failure_of
+
+        failure = failure_of(error)
+        finish(output, {**data, "files": {}, **failure.to_dict()}, text)
+        if output.json:
+            raise Exit(failure.exit_code) from error
+        raise
+    finish(output, {**data, "files": files}, f"{text}\n\n{after}" if after else text)
+    for name, path in files.items():
+        log(output, f"{name.capitalize()}: {path}")
 
 
 def reworded(value: Any, told: bool = False) -> Any:
@@ -133,14 +174,25 @@ def _late_line(text: str) -> Iterator[None]:
         timer.cancel()
 
 
-def check_targets(*targets: tuple[str, Path | None, tuple[str, ...]]) -> None:
+def write_picture(output: "Writing", plot: Path | None, draw: Callable[[], Any]) -> dict[str, str]:
+    """Draw and write a picture where one was asked for; its path by what it is."""
+    if plot is None:
+        return {}
+    from ..show import save
+
+    return {"picture": str(save(draw(), plot, overwrite=output.force))}
+
+
+def check_targets(output: "Writing", *targets: tuple[str, Path | None, tuple[str, ...]]) -> None:
     """Refuse, before any work is done, files that could not be written at its end.
 
     Args:
+        output: says whether files that exist may be replaced.
         *targets: for each file the name of its option, its path or None, and the suffixes that it may have.
 
     Raises:
-        UsageError: a suffix that does not fit, a folder that does not exist, or two files in one place.
+        UsageError: a suffix that does not fit, a folder that does not exist, a file that does, or two in one place.
+        OSError: a folder that cannot be written to.
     """
     from ..data.errors import UsageError
 
@@ -152,10 +204,27 @@ def check_targets(*targets: tuple[str, Path | None, tuple[str, ...]]) -> None:
             raise UsageError(f"{option} cannot write '{path}': there is no folder '{path.parent}'. Make it first.")
         if path.is_dir():
             raise UsageError(f"{option} cannot write '{path}': that is a folder.")
+        if path.exists() and not output.force:
+            raise UsageError(f"{option} cannot write '{path}': it exists already. Add --force, or give another name.")
+        check_folder(path.resolve().parent, path)
     if len({path.absolute() for _, path, _ in named}) < len(named):
         raise UsageError(f"{' and '.join(option for option, _, _ in named)} name the same file. Give each its own.")
 
 
-def numbered(path: Path, count: int) -> list[Path]:
-    """One path per run: the path itself, or with a number for each of several."""
+def check_folder(folder: Path, path: Path) -> None:
+    """Refuse to make a path in a folder that cannot be written to.
+
+    Raises:
+        OSError: it cannot.
+    """
+    if not os.access(folder, os.W_OK):
+        from ..show.files import refused
+
+        raise refused(errno.EACCES, path)
+
+
+def numbered(path: Path | None, count: int) -> list[Path]:
+    """One path per run: the path itself, or with a number for each of several; none where no picture is wanted."""
+    if path is None:
+        return []
     return [path] if count == 1 else [path.with_stem(f"{path.stem}-{i + 1}") for i in range(count)]

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from typer import Option
 
-from .options import Machine, Output, Plot
-from .output import PICTURES, RECORDS, check_targets, finish, log, working
+from .options import Machine, Plot, Writing
+from .output import PICTURES, RECORDS, check_targets, deliver, working, write_picture
 from .runtime import prepare
 
 if TYPE_CHECKING:
@@ -66,22 +66,20 @@ def simulate(
     run: Run,
     machine: Machine,
     instrument: Instrument,
-    output: Output,
+    output: Writing,
     out: Annotated[
         Path | None, Option("--out", "--save", help="Write the record (.csv, .npz, .h5).", rich_help_panel="Output")
     ] = None,
     plot: Plot = None,
 ) -> None:
     """Compute the motion of a machine whose coefficients are known, and write it as a record."""
-    check_targets(("--out", out, RECORDS), ("--plot", plot, PICTURES))
+    check_targets(output, ("--out", out, RECORDS), ("--plot", plot, PICTURES))
     choice, x0 = _known(run, machine, instrument)
     with working(output, "Simulating"):
         prepare(output)
         motion, record, facts = simulated(run, choice, x0, instrument)
-    facts["files"] = _write(motion, record, out, plot)
-    finish(output, facts, _text(facts, record.quantity))
-    for name, path in facts["files"].items():
-        log(output, f"{name.capitalize()}: {path}")
+    text = _text(facts, record.quantity)
+    deliver(output, facts, text, lambda: _write(output, motion, record, out, plot))
 
 
 def _known(run: Run, machine: Machine, instrument: Instrument) -> "tuple[Choice, float]":
@@ -194,17 +192,9 @@ def _text(facts: dict[str, Any], unit: str) -> str:
     return "\n".join(f"{name:<16}{value}" for name, value in rows.items())
 
 
-def _write(motion: "Motion", record: "Record", out: Path | None, plot: Path | None) -> dict[str, str]:
-    written: dict[str, str] = {}
-    if out is not None:
-        from ..data import write
+def _write(output: Writing, motion: "Motion", record: "Record", out: Path | None, plot: Path | None) -> dict[str, str]:
+    from ..data import write
+    from .pictures import motion_picture
 
-        write(record, out)
-        written["record"] = str(out)
-    if plot is not None:
-        from ..show import save
-        from .pictures import motion_picture
-
-        save(motion_picture(motion, record), plot)
-        written["picture"] = str(plot)
-    return written
+    written = {} if out is None else {"record": str(write(record, out, overwrite=output.force))}
+    return written | write_picture(output, plot, lambda: motion_picture(motion, record))

@@ -1,30 +1,34 @@
 """Writing a record so that reading it gives the same record: arrays to the last bit, facts and log included.
 
-The file appears whole or not at all: it is written beside its place under a temporary name and then moved there.
+The file appears whole or not at all, and replaces another one only where told to.
 """
 
+import io
 from pathlib import Path
 
 import numpy as np
 
-from ..show.files import whole
+from ..show.files import write_bytes
 from .errors import UsageError
 from .native import MARK, SCHEMA, encode, to_text
 from .record import Record
 
 
-def write(record: Record, path: str | Path) -> Path:
+def write(record: Record, path: str | Path, *, overwrite: bool = False) -> Path:
     """Writes a record as `.csv` (text), `.npz` or `.h5`/`.hdf5` (CF units), never pickled.
 
     Args:
         record: what to write.
-        path: where; the suffix chooses the format, an existing file is replaced.
+        path: where; the suffix chooses the format.
+        overwrite: replace a file that exists.
 
     Returns:
         The path.
 
     Raises:
         UsageError: the suffix is none of these, or the folder does not exist.
+        FileExistsError: there is such a file, and `overwrite` is not given.
+        OSError: the file cannot be written, as on a full disk; what was there is as it was.
     """
     path = Path(path)
     writer = WRITERS.get(path.suffix.lower())
@@ -34,32 +38,35 @@ def write(record: Record, path: str | Path) -> Path:
         )
     if not path.parent.is_dir():
         raise UsageError(f"There is no folder {path.parent} to write {path.name} into; make it first.")
-    with whole(path) as temporary:
-        writer(record, temporary)
-    return path
+    return write_bytes(path, writer(record), overwrite=overwrite)
 
 
-def _write_csv(record: Record, path: Path) -> None:
-    path.write_text(to_text(record), encoding="utf-8")
+def _csv(record: Record) -> bytes:
+    return to_text(record).encode("utf-8")
 
 
-def _write_npz(record: Record, path: Path) -> None:
+def _npz(record: Record) -> memoryview:
     arrays, texts = encode(record)
     strings = {name: np.array(text) for name, text in texts.items()}
-    np.savez_compressed(path, allow_pickle=False, **{MARK: np.array(SCHEMA)}, **strings, **arrays)
+    file = io.BytesIO()
+    np.savez_compressed(file, allow_pickle=False, **{MARK: np.array(SCHEMA)}, **strings, **arrays)
+    return file.getbuffer()
 
 
-def _write_hdf5(record: Record, path: Path) -> None:
+def _hdf5(record: Record) -> memoryview:
     import h5py
 
     arrays, texts = encode(record)
-    with h5py.File(path, "w") as file:
+    content = io.BytesIO()
+    with h5py.File(content, "w") as file:
         file.attrs.update({"Conventions": "CF-1.11", MARK: SCHEMA, **texts})
         nodes = {name: file.create_dataset(name, data=array) for name, array in arrays.items()}
-        for name in nodes.keys() - {"mask"}:
-            nodes[name].attrs["units"] = "s" if name == "t" else record.quantity
+        for name, node in nodes.items():
+            if name != "mask":
+                node.attrs["units"] = "s" if name == "t" else record.quantity
         nodes["t"].make_scale("t")
         nodes["x"].dims[0].attach_scale(nodes["t"])
+    return content.getbuffer()
 
 
-WRITERS = {".csv": _write_csv, ".npz": _write_npz, ".h5": _write_hdf5, ".hdf5": _write_hdf5}
+WRITERS = {".csv": _csv, ".npz": _npz, ".h5": _hdf5, ".hdf5": _hdf5}

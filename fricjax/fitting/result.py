@@ -206,11 +206,16 @@ class Fit:
 
         return to_dict(self)
 
-    def save(self, path: str | os.PathLike[str]) -> Path:
-        """Write the fit with its samples to a JSON file, whole or not at all."""
+    def save(self, path: str | os.PathLike[str], *, overwrite: bool = False) -> Path:
+        """Write the fit with its samples to a JSON file, whole or not at all.
+
+        Raises:
+            FileExistsError: there is such a file, and `overwrite` is not given.
+            OSError: the file cannot be written, as on a full disk; what was there is as it was.
+        """
         from .store import save
 
-        return save(self, path)
+        return save(self, path, overwrite=overwrite)
 
 
 def named(names: tuple[str, ...], values: Any) -> dict[str, float]:

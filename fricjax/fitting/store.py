@@ -53,12 +53,10 @@ def _plain(value: Any) -> Any:
     return value
 
 
-def save(fit: "Fit", path: str | os.PathLike[str]) -> Path:
+def save(fit: "Fit", path: str | os.PathLike[str], *, overwrite: bool = False) -> Path:
     """Write the fit with its samples; the file appears whole or not at all."""
-    target = Path(path)
     content = {**to_dict(fit), "samples": {name: _plain(getattr(fit, name)) for name in _SAMPLES}}
-    write_text(target, json.dumps(content, allow_nan=False))
-    return target
+    return write_text(path, json.dumps(content, allow_nan=False), overwrite=overwrite)
 
 
 def load_fit(path: str | os.PathLike[str]) -> "Fit":

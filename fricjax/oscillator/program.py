@@ -9,10 +9,8 @@ its source may change while its name does not. Whoever changes functions or cons
 process switches the folder off.
 """
 
-import contextlib
 import functools
 import hashlib
-import os
 import threading
 import weakref
 from collections import OrderedDict
@@ -27,13 +25,12 @@ import numpy as np
 from jax import export
 from jax.core import Tracer
 
+from .kept import keep, recall
 from .session import ready
 
 # A program of a fit holds four to eight hundred mappings of memory, of which a process may have 65,530, and there are
 # three functions. What goes is loaded again in half a second; few sessions see as many laws and shapes.
 MOST = 24
-_TRACED, _DIGEST = b"fricjax traced program 1\n", 32
-
 
 # Tracing holds the lock of the interpreter, so that threads which trace by turns all have to wait for all of it; one
 # after the other, the first compiles while the next one traces.
@@ -173,7 +170,7 @@ class _Compiled:
                 return jitted.lower(arrays).compile()
             if self._structure != likely:
                 raise TypeError(f"{name} returns {self._structure}, and its programs are kept as {likely}.")
-            _write(place, traced)
+            keep(place, bytes(traced.serialize()))
         self._structure = likely
 
         def kept(arrays: list[Any]) -> Any:
@@ -261,27 +258,5 @@ def _source() -> str | None:
 
 def _read(place: Path) -> export.Exported | None:
     """The traced program of a file; None where there is none, or not a whole one."""
-    try:
-        data = place.read_bytes()
-    except OSError:
-        return None
-    begin = len(_TRACED) + _DIGEST
-    whole = data[begin:]
-    if data[:begin] != _TRACED + hashlib.blake2b(whole, digest_size=_DIGEST).digest():
-        return None
-    with contextlib.suppress(OSError):
-        # What was used last is let go last.
-        place.touch()
-    return export.deserialize(bytearray(whole))
-
-
-def _write(place: Path, traced: export.Exported) -> None:
-    """Keep a traced program: all of it or, where the disk is full or not ours, nothing."""
-    data = bytes(traced.serialize())
-    # Another process may write the same at the same time.
-    scratch = place.with_name(f"{place.name}-{os.getpid()}-{threading.get_ident()}")
-    try:
-        scratch.write_bytes(_TRACED + hashlib.blake2b(data, digest_size=_DIGEST).digest() + data)
-        scratch.replace(place)
-    except OSError:
-        scratch.unlink(missing_ok=True)
+    data = recall(place)
+    return None if data is None else export.deserialize(bytearray(data))

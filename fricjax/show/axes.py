@@ -4,13 +4,14 @@ matplotlib is imported when the first figure is asked for. Figures are made thro
 the user's own plotting state is touched and no display is needed.
 """
 
+import io
 import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from fricjax.show.files import whole
+from fricjax.show.files import write_bytes
 from fricjax.show.units import display_unit
 
 if TYPE_CHECKING:
@@ -87,26 +88,30 @@ def scaled(values: Any, unit: str) -> tuple[np.ndarray, str]:
     return array * factor, shown
 
 
-def save(figure: "Figure", path: str | os.PathLike[str]) -> Path:
+def save(figure: "Figure", path: str | os.PathLike[str], *, overwrite: bool = False) -> Path:
     """Writes a figure; the file appears whole or not at all. The suffix chooses the format.
 
     Args:
         figure: what to write.
         path: the file; `.png`, `.svg`, `.pdf` or another format that matplotlib can write.
+        overwrite: replace a file that exists.
 
     Returns:
         The path written.
 
     Raises:
         ValueError: if the suffix names no picture format; nothing is written.
+        FileExistsError: there is such a file, and `overwrite` is not given.
+        OSError: the file cannot be written; what was there is as it was.
     """
     path = Path(path)
     known = figure.canvas.get_supported_filetypes()
-    if path.suffix[1:].lower() not in known:
+    ending = path.suffix[1:].lower()
+    if ending not in known:
         raise ValueError(f"A plot cannot be written as '{path.name}': give it one of the endings {_endings(known)}.")
-    with whole(path) as temporary:
-        figure.savefig(temporary, dpi=150)
-    return path
+    drawn = io.BytesIO()
+    figure.savefig(drawn, format=ending, dpi=150)
+    return write_bytes(path, drawn.getbuffer(), overwrite=overwrite)
 
 
 def _endings(formats: Any) -> str:

@@ -1,37 +1,181 @@
-"""Files that appear whole or not at all, whatever interrupts their writing."""
+"""Files that appear whole or not at all, whatever interrupts their writing, and that replace others only where told to.
 
+What is to be written lies in memory, so that a full disk, a limit or a kill can meet one place only, which is here.
+"""
+
+import contextlib
+import errno
 import os
-import tempfile
+import re
+import secrets
+import stat
 from collections.abc import Iterator
-from contextlib import contextmanager
+from io import FileIO
 from pathlib import Path
 
+try:
+    import fcntl
+except ImportError:  # Windows, where what a killed process leaves stays until somebody removes it
+    fcntl = None
 
-@contextmanager
-def whole(path: str | os.PathLike[str]) -> Iterator[Path]:
-    """A temporary file beside `path` to write to, which takes its place when the block ends without an exception.
+# What a killed process leaves is known by this name, and by nobody holding a lock on it.
+_TEMPORARY = re.compile(r"\.fricjax-[0-9a-f]{16}\.tmp")
+_HAS_NO_LINKS = (errno.EPERM, errno.EOPNOTSUPP, errno.ENOSYS, errno.EMLINK, errno.EINVAL, errno.ENOTSUP)
+_NOTHING = "; nothing was written, and what was there is as it was"
+_REASONS = {
+    errno.ENOSPC: f"no space left on its disk{_NOTHING}",
+    errno.EDQUOT: f"no space left in the quota of its disk{_NOTHING}",
+    errno.EFBIG: f"no space left for a file of this size, by a limit of its disk or of the process{_NOTHING}",
+    errno.EEXIST: "exists already; give overwrite=True, or another name",
+    errno.ENOENT: "its folder does not exist; make it first",
+    errno.EACCES: "its folder cannot be written to; give another one",
+    errno.EPERM: "it is protected, or belongs to somebody else; give another name",
+    errno.EROFS: "its folder cannot be written to; give another one",
+    errno.EISDIR: "it is a folder; give the name of a file",
+}
+
+
+def write_bytes(path: str | os.PathLike[str], content: bytes | memoryview, *, overwrite: bool = False) -> Path:
+    """Write a file, which appears whole or not at all, and is on the disk when this returns.
+
+    Where `path` is a symbolic link, the file that it names is written. A file that is replaced hands on its mode and,
+    where the process may do so, its owner and group; a new one gets the mode that the process gives to files. Other
+    processes and threads may write the same file at the same time: without `overwrite` one of them does, and with it
+    the last one stays.
 
     Args:
-        path: the file to be; its folder must exist.
+        path: the file; its folder must exist.
+        content: all of it.
+        overwrite: replace a file that exists.
 
-    Yields:
-        The temporary path, with the same ending.
+    Returns:
+        The path.
+
+    Raises:
+        FileExistsError: there is such a file, and `overwrite` is not given.
+        OSError: it cannot be written: no folder, no permission, no space. The error carries `path` as its file name,
+            and nothing has changed.
     """
-    target = Path(path)
-    handle, name = tempfile.mkstemp(prefix=f".{target.stem}-", suffix=target.suffix, dir=target.parent)
-    os.close(handle)
-    temporary = Path(name)
+    target = Path(os.path.realpath(path))
     try:
-        yield temporary
-        umask = os.umask(0)
-        os.umask(umask)
-        temporary.chmod(0o666 & ~umask)
-        os.replace(temporary, target)
+        before = _before(target, overwrite)
+        _remove_orphans(target.parent)
+        with _temporary(target.parent, 0o666 if before is None else 0o600) as file:
+            _fill(file, content, before)
+            _publish(Path(file.name), target, overwrite)
+        _settle(target.parent)
+    except OSError as error:
+        raise refused(error.errno, path) from error
+    return Path(path)
+
+
+def write_text(path: str | os.PathLike[str], text: str, *, overwrite: bool = False) -> Path:
+    """Write a text file in UTF-8 as `write_bytes` does."""
+    return write_bytes(path, text.encode("utf-8"), overwrite=overwrite)
+
+
+def refused(code: int | None, path: str | os.PathLike[str]) -> OSError:
+    """The error of a file that cannot be written, with a reason that says what to do where that is known."""
+    known = errno.EIO if code is None else code
+    return OSError(known, _REASONS.get(known, os.strerror(known)), str(path))
+
+
+def _before(target: Path, overwrite: bool) -> os.stat_result | None:
+    """What is to be replaced; None where there is nothing."""
+    try:
+        found = target.stat()
+    except FileNotFoundError:
+        return None
+    if stat.S_ISDIR(found.st_mode):
+        raise IsADirectoryError(errno.EISDIR, "")
+    if not overwrite:
+        raise FileExistsError(errno.EEXIST, "")
+    return found
+
+
+@contextlib.contextmanager
+def _temporary(folder: Path, mode: int) -> Iterator[FileIO]:
+    """An empty file beside the target, locked as long as its process lives; gone at the end unless it was moved."""
+    file = _locked(folder, mode)
+    try:
+        yield file
     finally:
-        temporary.unlink(missing_ok=True)
+        # Before the lock goes, or others might find the file and take it for an orphan.
+        Path(file.name).unlink(missing_ok=True)
+        file.close()
 
 
-def write_text(path: str | os.PathLike[str], text: str) -> None:
-    """Write a text file in UTF-8, whole or not at all."""
-    with whole(path) as temporary:
-        temporary.write_text(text, encoding="utf-8")
+def _locked(folder: Path, mode: int) -> FileIO:
+    """A new file, locked before somebody has taken it for an orphan."""
+    # The kernel applies the umask to the mode; a process can learn its own only by changing it, for all its threads.
+    while True:
+        path = folder / f".fricjax-{secrets.token_hex(8)}.tmp"
+        file = FileIO(path, "x+", opener=lambda name, flags: os.open(name, flags, mode))
+        if fcntl is None:
+            return file
+        # Some network disks know no locks; there nobody can lock an orphan either, and all stay.
+        with contextlib.suppress(OSError):
+            fcntl.flock(file, fcntl.LOCK_EX)
+        if os.fstat(file.fileno()).st_nlink:
+            return file
+        file.close()
+
+
+def _remove_orphans(folder: Path) -> None:
+    """Remove what killed processes have left in a folder: temporary files on which nobody holds the lock."""
+    if fcntl is None:
+        return
+    with os.scandir(folder) as entries:
+        names = [entry.path for entry in entries if _TEMPORARY.fullmatch(entry.name)]
+    for name in names:
+        # It may be gone by now, locked, or somebody else's.
+        with contextlib.suppress(OSError):
+            handle = os.open(name, os.O_RDWR | os.O_NOFOLLOW | os.O_NONBLOCK)
+            try:
+                fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                os.unlink(name)
+            finally:
+                os.close(handle)
+
+
+def _fill(file: FileIO, content: bytes | memoryview, before: os.stat_result | None) -> None:
+    """Write the content down to the disk, with mode and owner of the file that it replaces."""
+    rest = memoryview(content).cast("B")
+    while rest:
+        rest = rest[file.write(rest) :]
+    if before is not None and hasattr(os, "fchown"):
+        # Only root may give files away; the group may be one of ours.
+        for owner in ((before.st_uid, before.st_gid), (-1, before.st_gid)):
+            with contextlib.suppress(OSError):
+                os.fchown(file.fileno(), *owner)
+                break
+        # After the owner, whose change takes bits away.
+        os.fchmod(file.fileno(), stat.S_IMODE(before.st_mode))
+    os.fsync(file.fileno())
+    if fcntl is None:
+        # Windows moves no file that is open.
+        file.close()
+
+
+def _publish(temporary: Path, target: Path, overwrite: bool) -> None:
+    """Give the file its name, in one step that replaces nothing unless told to."""
+    if not overwrite:
+        try:
+            os.link(temporary, target)
+            return
+        except OSError as error:
+            if error.errno not in _HAS_NO_LINKS:
+                raise
+        if target.exists():
+            raise FileExistsError(errno.EEXIST, "")
+    os.replace(temporary, target)
+
+
+def _settle(folder: Path) -> None:
+    """Bring the names of a folder to the disk; not every system can."""
+    with contextlib.suppress(OSError):
+        handle = os.open(folder, os.O_RDONLY)
+        try:
+            os.fsync(handle)
+        finally:
+            os.close(handle)

@@ -12,6 +12,7 @@ from fricjax.data.errors import UsageError
 from fricjax.friction import Coulomb
 from fricjax.oscillator import Oscillator
 from fricjax.oscillator.restoring import Cubic, Linear, Pendulum
+from tests.helpers import largest
 
 LAW = Coulomb(0.01)
 
@@ -170,7 +171,7 @@ def test_errors_of_the_reading_in_a_file(tmp_path):
     assert (rig.displacement_scale, rig.time_scale) == (Measured(1.0, 1e-5), Measured(1.0, 2e-6))
     assert rig.periodic_nonlinearity is not None
     assert rig.periodic_nonlinearity.std == pytest.approx(3.5e-9)
-    rig.to_toml(path)
+    rig.to_toml(path, overwrite=True)
     assert Rig.from_toml(path) == rig
     assert "inf" not in rig.summary()
 
@@ -180,6 +181,16 @@ def test_file_round_trip(tmp_path):
     rig.to_toml(tmp_path / "rig.toml")
     assert Rig.from_toml(tmp_path / "rig.toml") == rig
     assert [path.name for path in tmp_path.iterdir()] == ["rig.toml"]
+
+
+def test_a_good_rig_goes_only_where_it_may_and_where_there_is_space(tmp_path):
+    path = uncertain_rig().to_toml(tmp_path / "rig.toml")
+    before = path.read_text()
+    with pytest.raises(FileExistsError, match="give overwrite=True"):
+        uncertain_rig(mass=1.0).to_toml(path)
+    with largest(50), pytest.raises(OSError, match="no space left"):
+        uncertain_rig(mass=1.0).to_toml(path, overwrite=True)
+    assert [each.read_text() for each in tmp_path.iterdir()] == [before]
 
 
 def test_file_with_units(tmp_path):

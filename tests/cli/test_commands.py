@@ -131,7 +131,7 @@ def test_a_fit_that_does_not_describe_its_record_ends_with_three_and_is_written_
     found = fj.load_fit(files["json"])
     assert not found.converged and found.status.startswith("does not describe the record")
     assert files["png"].read_bytes().startswith(b"\x89PNG")
-    told = fricjax(*words, "--json")
+    told = fricjax(*words, "--json", "--force")
     report = json.loads(told.out)
     assert (told.code, report["kind"], report["exit_code"], report["converged"]) == (3, "fit", 3, False)
     assert report["error"] == report["status"] == found.status

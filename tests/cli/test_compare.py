@@ -20,7 +20,7 @@ def test_the_law_of_the_example_run(fricjax, tmp_path):
     )
     assert (called.code, called.err) == (0, "")
     told = json.loads(called.out)
-    assert (told["best"], told["calibrated"], told["files"]) == ("coulomb", True, {"plot": str(picture)})
+    assert (told["best"], told["calibrated"], told["files"]) == ("coulomb", True, {"picture": str(picture)})
     assert told["rows"][0]["free"] == ["mu", "damping", "stiffness"]
     assert told["rows"][0]["tests"]["failed"] == []
     assert picture.stat().st_size > 10_000

@@ -10,6 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fricjax.data import DataError, Record, Step, Trace, UsageError, read, write
+from tests.helpers import largest
 
 SUFFIXES = ["csv", "npz", "h5", "hdf5"]
 numbers = st.floats(-1e3, 1e3, allow_subnormal=True)
@@ -82,9 +83,23 @@ def test_an_existing_file_is_replaced_or_kept_whole(record, tmp_path, monkeypatc
     path.write_bytes(b"old")
     monkeypatch.setattr(np, "savez_compressed", lambda *_, **__: (_ for _ in ()).throw(OSError("disk full")))
     with pytest.raises(OSError, match="disk full"):
-        write(record, path)
+        write(record, path, overwrite=True)
     assert path.read_bytes() == b"old"
     assert [entry.name for entry in tmp_path.iterdir()] == ["run.npz"]
+
+
+@pytest.mark.parametrize("suffix", [*SUFFIXES, "NPZ"])
+def test_a_file_goes_only_where_it_may_and_where_there_is_space(record, tmp_path, suffix):
+    path = tmp_path / f"run.{suffix}"
+    path.write_text("old")
+    with pytest.raises(FileExistsError, match="exists already; give overwrite=True, or another name"):
+        write(record, path)
+    with largest(50), pytest.raises(OSError, match="no space left") as caught:
+        write(record, path, overwrite=True)
+    assert caught.value.filename == str(path)
+    assert path.read_text() == "old"
+    assert read(write(record, path, overwrite=True)).meta == record.meta
+    assert list(tmp_path.iterdir()) == [path]
 
 
 def test_where_nothing_can_be_written(record, tmp_path):

@@ -17,7 +17,7 @@ from fricjax.oscillator import Exact, Hybrid, Smooth
 from fricjax.oscillator.engines import Span
 from tests.fitting.posed import posed
 from tests.fitting.runs import MACHINE, coulomb_run
-from tests.helpers import PROTOTYPE_DAMPING, PROTOTYPE_MASS
+from tests.helpers import PROTOTYPE_DAMPING, PROTOTYPE_MASS, largest
 
 LOAD = 9.66
 
@@ -144,6 +144,17 @@ def test_a_law_of_the_users_own_cannot_be_loaded(saved, tmp_path):
 def test_a_missing_file(tmp_path):
     with pytest.raises(DataError, match=r"There is no file .*absent\.json\. Check the path\."):
         load_fit(tmp_path / "absent.json")
+
+
+def test_a_fit_goes_only_where_it_may_and_where_there_is_space(found, tmp_path):
+    path = found.save(tmp_path / "fit.json")
+    before = path.read_bytes()
+    with pytest.raises(FileExistsError, match="give overwrite=True"):
+        found.save(path)
+    with largest(50), pytest.raises(OSError, match="no space left"):
+        found.save(path, overwrite=True)
+    assert [each.read_bytes() for each in tmp_path.iterdir()] == [before]
+    assert found.save(path, overwrite=True) == path
 
 
 def test_a_save_that_fails_leaves_nothing(found, tmp_path):

@@ -123,7 +123,7 @@ def test_the_programs_used_last_are_held():
     assert len(traces) == 5
 
 
-def test_threads_compile_once():
+def test_threads_compile_once(folder):
     function, traces = counted()
     program = Program(function, same)
     crowd = [threading.Thread(target=program, args=(start(ONE),)) for _ in range(8)]

@@ -1,14 +1,20 @@
 """What was compiled once is not compiled again in the next process, and nobody else's settings are touched."""
 
+import itertools
 import json
 import os
+import shutil
 import stat
 import subprocess
 import sys
+import time
+from pathlib import Path
 
+import jax
 import pytest
 
-from fricjax.oscillator.session import _prune, programs_folder
+from fricjax.oscillator.kept import asked_folder, distrust, prune
+from fricjax.oscillator.session import programs_folder
 
 SCRIPT = """
 import json
@@ -21,29 +27,129 @@ jnp.arange(3.0).sum()  # a program before the first of fricjax: JAX has looked f
 import fricjax as fj
 imported = jax.config.jax_compilation_cache_dir
 fj.simulate(fj.Oscillator(1.0, 5000.0, 0.0, 9.81, fj.friction.Coulomb(0.1)), 3e-3, jnp.array([0.5]))
+for factor in (2.0, 3.0, 4.0):
+    jax.jit(lambda x: factor * x)(jnp.arange(3.0))
 at = jax.config.jax_compilation_cache_dir
 counts = {"hits": seen.count("cache_hits"), "misses": seen.count("cache_misses")}
 print(json.dumps({"imported": imported, "at": at, **counts}))
 """
 
 
-def told(**variables):
-    """What a fresh process tells of its cache, with these environment variables and none of the tests' own."""
+def ran(**variables):
+    """A fresh process, with these environment variables and none of the tests' own."""
     kept = {name: value for name, value in os.environ.items() if not name.startswith(("JAX_", "FRICJAX_"))}
-    ran = subprocess.run(
+    return subprocess.run(
         [sys.executable, "-c", SCRIPT], env={**kept, **variables}, capture_output=True, text=True, check=True
     )
-    return json.loads(ran.stdout)
 
 
-def test_the_next_process_compiles_nothing_again(tmp_path):
-    first, second = (told(FRICJAX_CACHE_DIR=str(tmp_path)) for _ in range(2))
+def told(**variables):
+    """What it tells of its cache."""
+    return json.loads(ran(**variables).stdout)
+
+
+@pytest.fixture(scope="module")
+def filled(tmp_path_factory):
+    """A folder of compiled programs, and what the process told that made it."""
+    folder = tmp_path_factory.mktemp("programs")
+    return folder, told(FRICJAX_CACHE_DIR=str(folder))
+
+
+@pytest.fixture
+def programs(filled, tmp_path):
+    """A copy of it."""
+    return shutil.copytree(filled[0], tmp_path / "programs")
+
+
+def test_the_next_process_compiles_nothing_again(filled):
+    tmp_path, first = filled
+    second = told(FRICJAX_CACHE_DIR=str(tmp_path))
     assert first["imported"] is None
     assert first["hits"] == 0 < first["misses"] == second["hits"]
     assert second["misses"] == 0
     (folder,) = tmp_path.iterdir()
     assert first["at"] == str(folder)
     assert stat.S_IMODE(folder.stat().st_mode) == 0o700
+
+
+DAMAGE = {
+    "cut": lambda data: data[: len(data) // 2],
+    "empty": lambda data: b"",
+    "flipped": lambda data: bytes([*data[:-40], data[-40] ^ 1, *data[-39:]]),
+    "text": lambda data: b"no program at all",
+}
+
+
+def test_damaged_programs_are_made_again_in_silence(filled, programs):
+    first, (folder,) = filled[1], programs.iterdir()
+    files = sorted(folder.iterdir())
+    assert len(files) >= len(DAMAGE)
+    for path, damage in zip(files, itertools.cycle(DAMAGE.values()), strict=False):
+        path.write_bytes(damage(path.read_bytes()))
+    again = ran(FRICJAX_CACHE_DIR=str(programs))
+    assert again.stderr == ""
+    assert json.loads(again.stdout)["misses"] == first["misses"]
+    last = told(FRICJAX_CACHE_DIR=str(programs))
+    assert (last["hits"], last["misses"]) == (first["misses"], 0)
+    assert sorted(folder.iterdir()) == files
+
+
+def test_nothing_is_loaded_from_where_others_can_write(programs):
+    (folder,) = programs.iterdir()
+    before = {path: path.stat().st_mtime_ns for path in folder.iterdir()}
+    folder.chmod(0o770)
+    found = ran(FRICJAX_CACHE_DIR=str(programs))
+    assert found.stderr.count("Warning") == 1
+    assert f"others can write to {folder}" in found.stderr and f"'chmod go-w {folder}'" in found.stderr
+    at = json.loads(found.stdout)
+    assert (at["at"], at["hits"]) == (None, 0)
+    assert {path: path.stat().st_mtime_ns for path in folder.iterdir()} == before
+
+
+@pytest.mark.parametrize(
+    ("above", "mode", "owner", "sentence"),
+    [
+        (0o700, 0o700, None, None),
+        (0o755, 0o755, None, None),
+        (0o1777, 0o700, None, None),  # as /tmp: others may add, and not replace
+        (0o700, 0o720, None, "others can write to"),
+        (0o700, 0o702, None, "others can write to"),
+        (0o700, 0o1777, None, "others can write to"),
+        (0o777, 0o700, None, "others can write to"),
+        (0o700, 0o700, "folder", "belongs to another user"),
+        (0o700, 0o700, "above", "belongs to another user"),
+    ],
+)
+def test_whose_folder_it_must_be(tmp_path, monkeypatch, above, mode, owner, sentence):
+    root, folder = tmp_path / "programs", tmp_path / "programs" / "processor"
+    folder.mkdir(parents=True)
+    root.chmod(above)
+    folder.chmod(mode)
+    stranger = {"folder": folder, "above": root}.get(owner)
+    real = Path.stat
+    if stranger is not None:
+        # Only root can give folders away.
+        changed = lambda path: os.stat_result((*real(path)[:4], os.getuid() + 1, *real(path)[5:]))
+        monkeypatch.setattr(Path, "stat", lambda path, **_: changed(path) if path == stranger else real(path))
+    found = distrust(folder)
+    assert (found is None) if sentence is None else (found is not None and sentence in found), found
+
+
+def test_doctor_says_why_there_is_no_cache(tmp_path, monkeypatch):
+    from fricjax.cli.doctor import _cache_text, cache_facts
+
+    monkeypatch.setenv("FRICJAX_CACHE_DIR", str(tmp_path))
+    folder = asked_folder()
+    assert folder is not None
+    folder.mkdir(mode=0o700)
+    folder.chmod(0o777)
+    with pytest.warns(UserWarning, match="neither kept nor loaded: others can write to"):
+        assert programs_folder() is None
+    named = jax.config.jax_compilation_cache_dir  # pyright: ignore[reportAttributeAccessIssue]
+    jax.config.update("jax_compilation_cache_dir", None)
+    found = _cache_text(cache_facts())
+    jax.config.update("jax_compilation_cache_dir", named)
+    assert found.startswith(f"off: others can write to {folder}, ")
 
 
 def test_a_folder_that_the_user_gave_to_jax_stays(tmp_path):
@@ -77,7 +183,14 @@ def test_what_was_not_used_for_long_goes(tmp_path):
         path = tmp_path / name
         path.write_bytes(bytes(100))
         os.utime(path, (1e9 - age, 1e9 - age))
-    _prune(tmp_path, 300)
+    prune(tmp_path, 300)
     assert len(list(tmp_path.iterdir())) == 3
-    _prune(tmp_path, 299)  # down to 80 %
+    for age in (0, 7200):
+        path = tmp_path / f"killed{age}.unfinished"
+        path.write_bytes(b"")
+        os.utime(path, (time.time() - age, time.time() - age))
+    prune(tmp_path, 300)
+    assert len(list(tmp_path.iterdir())) == 4
+    (tmp_path / "killed0.unfinished").unlink()
+    prune(tmp_path, 299)  # down to 80 %
     assert {path.name for path in tmp_path.iterdir()} == {"new", "old"}

@@ -9,6 +9,7 @@ import pytest
 from matplotlib.image import imread
 
 from fricjax.show import axis_label, figure, save, scaled
+from tests.helpers import largest
 
 
 def decay():
@@ -58,13 +59,24 @@ def test_a_wrong_ending_leaves_nothing(tmp_path):
     assert not list(tmp_path.iterdir())
 
 
+def test_a_picture_goes_only_where_it_may_and_where_there_is_space(tmp_path):
+    made, _ = picture()
+    target = save(made, tmp_path / "plot.png")
+    before = target.read_bytes()
+    with pytest.raises(FileExistsError, match="give overwrite=True"):
+        save(made, target)
+    with largest(50), pytest.raises(OSError, match="no space left"):
+        save(made, target, overwrite=True)
+    assert [each.read_bytes() for each in tmp_path.iterdir()] == [before]
+
+
 def test_a_failed_write_keeps_the_old_file(tmp_path, monkeypatch):
     made, _ = picture()
     target = tmp_path / "plot.png"
     target.write_text("old")
     monkeypatch.setattr(made, "savefig", lambda *a, **k: (_ for _ in ()).throw(OSError("disk full")))
     with pytest.raises(OSError, match="disk full"):
-        save(made, target)
+        save(made, target, overwrite=True)
     assert [each.read_text() for each in tmp_path.iterdir()] == ["old"]
 
 

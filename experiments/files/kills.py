@@ -1,0 +1,139 @@
+"""Commands killed while they write: `python experiments/files/kills.py [--kills 20]`.
+
+Each command runs in a folder in which its files lie already, and gets SIGKILL as soon as some change of the folder is
+seen: the first, second, ... of all that it makes, drawn by chance. Each file must then be the old one or the new one to
+the last byte. The table counts the kills after which all files were old, all were new, some were old and some new, or
+one was neither; and those that left a temporary file, which the next run must remove.
+"""
+
+import argparse
+import math
+import os
+import random
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+import jax
+
+import fricjax as fj
+from fricjax.data.examples import example_paths
+
+jax.config.update("jax_enable_x64", True)
+
+RUN, RIG = map(str, example_paths())
+LAUNCH = [sys.executable, "-c", "from fricjax.cli.main import main; main()"]
+# The words of each command, and the files that it writes.
+COMMANDS = {
+    "demo": (["demo", "--out", "."], ["run.csv", "rig.toml", "fit.json", "fit.png"]),
+    "fit": (
+        ["fit", RUN, "--rig", RIG, "--plot", "fit.png", "--out", "fit.json", "--save", "record.h5"],
+        ["fit.png", "fit.json", "record.h5"],
+    ),
+    "calibrate": (
+        ["calibrate", "ringdown", "{free}", "--mass", "0.41", "--normal-force", "1.89", "--out", "rig.toml"],
+        ["rig.toml"],
+    ),
+    "simulate": (
+        ["simulate", "--rig", RIG, "--fix", "mu=0.02", "--x0", "2 mm", "--out", "run.npz", "--plot", "run.png"],
+        ["run.npz", "run.png"],
+    ),
+    "inspect": (["inspect", RUN, "--plot", "run.pdf"], ["run.pdf"]),
+    "energy": (
+        ["energy", RUN, "--rig", RIG, "--plot", "force.png", "--out", "force.json"],
+        ["force.png", "force.json"],
+    ),
+}
+# Else a PDF says when it was made, and no two are the same.
+SAME_DATE = {**os.environ, "SOURCE_DATE_EPOCH": "0"}
+OLD = b"the old file\n" * 1000
+
+
+def free_decay(folder: Path) -> Path:
+    """The record that `calibrate` reads."""
+    machine = fj.Oscillator(0.41, 2574.0, 0.175, 1.0, fj.friction.Coulomb(0.0))
+    return fj.write(fj.synthetic_run(machine, 2e-3, rate=2e3, duration=5.0, noise=5e-9, seed=2), folder / "free.npz")
+
+
+def state(folder: Path) -> frozenset:
+    """What lies in a folder: names, files and sizes."""
+    found = set()
+    with os.scandir(folder) as entries:
+        for entry in entries:
+            try:
+                about = entry.stat()
+            except FileNotFoundError:
+                continue
+            found.add((entry.name, about.st_ino, about.st_size, about.st_mtime_ns))
+    return frozenset(found)
+
+
+def run(words: list[str], folder: Path, most: float = math.inf) -> int:
+    """Run the command to its end, or until a number of changes of the folder was seen; how many there were."""
+    process = subprocess.Popen(
+        [*LAUNCH, *words, "--force", "--quiet"],
+        cwd=folder,
+        env=SAME_DATE,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+    )
+    seen, changes = state(folder), 0
+    while process.poll() is None and changes < most:
+        found = state(folder)
+        changes += found != seen
+        seen = found
+        # Looking all the time would take the core from the command that still computes.
+        time.sleep(0.0 if changes else 2e-3)
+    if changes >= most:
+        process.send_signal(signal.SIGKILL)
+    _, told = process.communicate()
+    if process.returncode > 0:
+        raise RuntimeError(f"fricjax {' '.join(words)} ended with {process.returncode}: {told.decode()}")
+    return changes
+
+
+def killed(words: list[str], names: list[str], kills: int, seed: int, scratch: Path) -> dict[str, int]:
+    """What was found after each of the kills."""
+    folder = Path(tempfile.mkdtemp(dir=scratch))
+    run(words, folder)
+    changes = run(words, folder)
+    new = {name: (folder / name).read_bytes() for name in names}
+    rng = random.Random(seed)
+    counts = dict.fromkeys(("old", "new", "mixed", "damaged", "temporary"), 0)
+    for _ in range(kills):
+        shutil.rmtree(folder)
+        folder.mkdir()
+        for name in names:
+            (folder / name).write_bytes(OLD)
+        run(words, folder, rng.randint(1, changes))
+        found = {name: (folder / name).read_bytes() for name in names}
+        kinds = {"old" if found[name] == OLD else "new" if found[name] == new[name] else "damaged" for name in names}
+        counts["damaged" if "damaged" in kinds else "mixed" if len(kinds) > 1 else kinds.pop()] += 1
+        counts["temporary"] += sorted(os.listdir(folder)) != sorted(names)
+    run(words, folder)
+    if sorted(os.listdir(folder)) != sorted(names):
+        raise RuntimeError(f"{words[0]} has left {sorted(os.listdir(folder))}.")
+    return counts
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--kills", type=int, default=20)
+    parser.add_argument("--commands", nargs="*", default=list(COMMANDS), choices=list(COMMANDS))
+    options = parser.parse_args()
+    print(f"{'command':12}{'kills':>6}{'old':>6}{'new':>6}{'mixed':>7}{'damaged':>9}{'temporary':>11}")
+    with tempfile.TemporaryDirectory() as scratch:
+        free = str(free_decay(Path(scratch)))
+        for seed, name in enumerate(options.commands):
+            words, names = COMMANDS[name]
+            told = killed([word.format(free=free) for word in words], names, options.kills, seed, Path(scratch))
+            numbers = "".join(f"{told[kind]:>{width}}" for kind, width in zip(told, (6, 6, 7, 9, 11), strict=True))
+            print(f"{name:12}{options.kills:>6}{numbers}", flush=True)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,139 @@
+"""What commands write replaces nothing unasked, and a disk without space costs neither old files nor new numbers."""
+
+import errno
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+import typer
+
+from fricjax.cli import demo
+from fricjax.cli.failure import failure_of
+from fricjax.cli.main import app
+from fricjax.data.examples import example_paths
+from fricjax.show import files
+
+RUN, RIG = example_paths()
+# No input is there: what is refused is refused before anything is read.
+WRITING = {
+    "inspect": [("none.csv", "--plot", "old.png")],
+    "check": [("--x0", "2 mm", "--plot", "old.png")],
+    "fit": [
+        ("none.csv", "--plot", "old.png"),
+        ("none.csv", "--out", "old.json"),
+        ("none.csv", "--save", "old.npz"),
+        ("none.csv", "none.csv", "--plot", "more.png"),
+    ],
+    "compare": [("none.csv", "--plot", "old.png")],
+    "map": [("none.csv", "--plot", "old.png")],
+    "energy": [("none.csv", "--plot", "old.png"), ("none.csv", "--out", "old.json")],
+    "simulate": [("--x0", "2 mm", "--plot", "old.png"), ("--x0", "2 mm", "--out", "old.npz")],
+    "calibrate ringdown": [("none.csv", "--mass", "1", "--normal-force", "9", "--out", "old.toml")],
+    "calibrate frf": [("none.csv", "--normal-force", "9", "--out", "old.toml")],
+    "demo": [("--out", ".")],
+}
+OLD = ("old.png", "old.json", "old.npz", "old.toml", "more-2.png")
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    """A folder in which every name is taken."""
+    for name in OLD:
+        (tmp_path / name).write_text("old")
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def contents(folder) -> dict[str, str]:
+    return {path.name: path.read_text() for path in folder.iterdir()}
+
+
+@pytest.mark.parametrize(("command", "words"), [(name, words) for name, each in WRITING.items() for words in each])
+def test_a_file_that_exists_is_refused_before_any_work(fricjax, folder, command, words):
+    called = fricjax(*command.split(), *words)
+    assert called.code == 2
+    assert "add --force" in called.err.lower() and "Traceback" not in called.err
+    told = json.loads(fricjax(*command.split(), *words, "--json").out)
+    assert (told["kind"], told["exit_code"]) == ("usage", 2)
+    assert contents(folder) == dict.fromkeys(OLD, "old")
+
+
+def test_every_command_that_writes_is_tried_above():
+    def leaves(group, before=""):
+        for name, command in group.commands.items():
+            yield from leaves(command, f"{name} ") if hasattr(command, "commands") else [(before + name, command)]
+
+    options = {name: {each.name for each in found.params} for name, found in leaves(typer.main.get_command(app))}
+    assert {name for name, found in options.items() if found & {"out", "plot", "save"}} == set(WRITING)
+    assert {name for name, found in options.items() if "force" in found} == set(WRITING)
+
+
+def test_it_is_replaced_with_force(fricjax, folder):
+    assert fricjax("inspect", RUN, "--plot", "old.png", "--force").code == 0
+    assert (folder / "old.png").read_bytes().startswith(b"\x89PNG")
+
+
+def full(*_):
+    raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+
+def test_without_space_the_numbers_are_told_and_the_old_file_stays(fricjax, folder, monkeypatch):
+    words = ("inspect", RUN, "--plot", "old.png", "--force")
+    monkeypatch.setattr(files, "_fill", full)
+    called = fricjax(*words)
+    assert called.code == 2
+    assert called.err == (
+        "Error: 'old.png' cannot be used: no space left on its disk; nothing was written, and what was there is as it "
+        "was.\n"
+    )
+    assert called.out == fricjax("inspect", RUN).out
+    told = fricjax(*words, "--json")
+    report = json.loads(told.out)
+    assert (told.code, told.err, report["kind"], report["exit_code"]) == (2, "", "output", 2)
+    assert report["error"] == called.err.removeprefix("Error: ").strip()
+    assert (report["files"], report["samples"]) == ({}, json.loads(fricjax("inspect", RUN, "--json").out)["samples"])
+    assert contents(folder) == dict.fromkeys(OLD, "old")
+
+
+def test_the_demonstration_names_its_own_file(tmp_path, monkeypatch):
+    monkeypatch.setattr(files, "_fill", full)
+    nothing: demo.Fit = None  # pyright: ignore[reportAssignmentType, reportPrivateImportUsage, reportAttributeAccessIssue]
+    with pytest.raises(OSError, match="no space left") as caught:
+        demo._write(tmp_path, RUN, RIG, nothing, False)
+    assert caught.value.filename == str(tmp_path / "run.csv")
+
+
+@pytest.mark.parametrize("words", [("inspect", RUN, "--plot", "run.png"), ("demo", "--out", "new/folder")])
+def test_a_folder_that_cannot_be_written_to_is_refused_before_any_work(fricjax, tmp_path, monkeypatch, words):
+    monkeypatch.chdir(tmp_path)
+    real = os.access
+    monkeypatch.setattr(os, "access", lambda path, mode, **more: mode != os.W_OK and real(path, mode, **more))
+    called = fricjax(*words)
+    assert called.code == 2
+    assert "its folder cannot be written to" in called.err
+    assert json.loads(fricjax(*words, "--json").out)["kind"] == "output"
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="has no device that is full")
+def test_an_output_that_is_full_is_told_so():
+    with open("/dev/full", "w") as out:
+        words = [sys.executable, "-c", "from fricjax.cli.main import main; main()", "models"]
+        ran = subprocess.run(words, stdout=out, stderr=subprocess.PIPE, text=True)
+    assert (ran.returncode, ran.stderr.count("\n")) == (2, 1), ran.stderr
+    assert ran.stderr == "Error: 'stdout' cannot be used: No space left on device.\n"
+
+
+def test_no_space_is_no_fault_of_the_program_wherever_it_shows():
+    failure = failure_of(OSError(errno.EDQUOT, "Disk quota exceeded"))
+    assert failure.text == "Error: Something cannot be written: Disk quota exceeded. Make room, or write elsewhere."
+    assert (failure.kind, failure.exit_code) == ("output", 2)
+
+
+def test_a_file_that_came_in_between_is_told_in_the_words_of_the_command_line():
+    failure = failure_of(files.refused(errno.EEXIST, "fit.json"))
+    assert failure.text == "Error: 'fit.json' exists already. Add --force, or give another name."
+    assert (failure.kind, failure.exit_code) == ("output", 2)
