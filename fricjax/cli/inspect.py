@@ -27,9 +27,8 @@ def inspect(
         found = inspect_record(record)
     if plot is not None:
         from ..show import save
-        from .pictures import anatomy
 
-        save(anatomy(record), plot)
+        save(record.plot(), plot)
         log(output, f"Picture: {plot}")
     steps = [str(step) for step in record.log]
     data = {**found.to_dict(), "log": steps, "files": {} if plot is None else {"plot": str(plot)}}

@@ -70,7 +70,7 @@ def inspect(record: Record) -> Inspection:
     step = float(np.median(steps))
     holes = np.diff(used)[np.diff(used) > GAP * step]
     return Inspection(
-        source=str(record.meta.get("source", "in memory")),
+        source=record.name or "in memory",
         unit=record.quantity,
         samples=trace.n,
         masked=trace.n - int(trace.n_used),
