@@ -188,13 +188,3 @@ def labels(names: Sequence[str]) -> tuple[str, ...]:
     often = Counter(names)
     numbered = (f"run {i} ({name})" if name else f"run {i}" for i, name in enumerate(names))
     return tuple(name if often[name] == 1 and name else number for name, number in zip(names, numbered, strict=True))
-
-
-def trace_of(data: Record | Trace) -> Trace:
-    """The trace of a record; a trace itself."""
-    return data.trace if isinstance(data, Record) else data
-
-
-def segmentation_of(data: Record | Trace) -> Segmentation:
-    """The segmentation kept with a record, or that of a bare trace."""
-    return data.segmentation if isinstance(data, Record) else segment(data.t, data.x, data.sigma, data.mask)

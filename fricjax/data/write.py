@@ -4,20 +4,22 @@ The file appears whole or not at all: it is written beside its place under a tem
 """
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from ..show.files import whole
 from .errors import UsageError
+from .gather import record_of
 from .native import MARK, SCHEMA, encode, to_text
 from .record import Record
 
 
-def write(record: Record, path: str | Path) -> Path:
+def write(record: Any, path: str | Path) -> Path:
     """Writes a record as `.csv` (text), `.npz` or `.h5`/`.hdf5` (CF units), never pickled.
 
     Args:
-        record: what to write.
+        record: what to write; a record, or whatever `fricjax.read` makes one of without options.
         path: where; the suffix chooses the format, an existing file is replaced.
 
     Returns:
@@ -25,7 +27,12 @@ def write(record: Record, path: str | Path) -> Path:
 
     Raises:
         UsageError: the suffix is none of these, or the folder does not exist.
+
+    ```python
+    fricjax.write((t, x), "run.h5")
+    ```
     """
+    record = record_of(record)
     path = Path(path)
     writer = WRITERS.get(path.suffix.lower())
     if writer is None:

@@ -27,7 +27,7 @@ from .whiteness import Whiteness
 if TYPE_CHECKING:
     from .result import Fit
 
-SCHEMA = "fricjax.fit/4"
+SCHEMA = "fricjax.fit/5"
 
 _MODULES: dict[str, type] = {
     **{name: getattr(friction_laws, name) for name in friction_laws.__all__ if name != "AbstractFriction"},

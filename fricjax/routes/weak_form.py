@@ -40,7 +40,7 @@ def weak_form(records: Any, rig: Rig) -> Estimates:
     Good as a start for any fit: nothing has to be guessed.
 
     Args:
-        records: a record or trace, or several of one machine.
+        records: a run, or a list of runs of one machine, each given as to :func:`fricjax.fit`.
         rig: mass and load, which turn the deceleration into a coefficient of friction.
 
     Returns:
