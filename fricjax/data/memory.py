@@ -153,7 +153,7 @@ def _read(columns: list[Column], kind: str, choice: Choice, source: str | None) 
         others = [i for i in usable if i != x]
         t = others[0] if others and len(usable) > 1 and others[0] < (len(names) if x is None else x) else None
     if x is None:
-        candidates = [i for i in usable if i != t] or usable
+        candidates = [i for i in usable if i != t]
         if not candidates:
             raise DataError(f"{kind} holds no column of numbers beside its times; it has {', '.join(names) or 'none'}.")
         x = displacement_index(names, candidates, kind)

@@ -66,7 +66,7 @@ def _mark(axes: Any, t: np.ndarray, found: Segmentation, factor: float) -> None:
         zorder=3,
     )
     if found.release > t[0]:
-        axes.axvspan(t[0], found.release, color="#E3F1EC", label=f"hold until {found.release:.4g} s", zorder=0)
+        axes.axvspan(t[0], found.release, color="#E3F1EC", label="hold", zorder=0)
     axes.axvline(found.release, color="#009E73", linestyle=":", label=f"release {found.release:.4g} s")
     if found.rest is not None:
         axes.axvspan(found.rest, t[-1], color="0.92", label=f"rest from {found.rest:.4g} s", zorder=0)

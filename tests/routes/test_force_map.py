@@ -44,7 +44,7 @@ def test_the_curve_is_sharp_at_the_stribeck_velocity():
 
 def test_runs_without_two_half_cycles_are_left_out_and_named():
     notes = stribeck_map().notes
-    assert [note.split(" was")[0] for note in notes] == ["Record 0", "Record 1", "Record 2"]
+    assert [note.split(":")[0] for note in notes] == [f"Left out run {i} (synthetic run)" for i in range(3)]
     assert len(stribeck_map().offsets) == 4
 
 
@@ -124,7 +124,7 @@ def test_dense_samples_are_averaged_in_blocks():
 def test_the_report_shows_branches_and_units():
     found = stribeck_map()
     text = found.summary()
-    assert "+ accelerating" in text and "- decelerating" in text and "mm/s" in text and "was left out" in text
+    assert "+ accelerating" in text and "- decelerating" in text and "mm/s" in text and "Left out run" in text
     assert "<table>" in found._repr_html_()
     assert len(found.plot().axes[0].containers) == 4
     plain = found.to_dict()
@@ -172,8 +172,8 @@ def test_too_few_half_cycles_are_refused(x0, says):
         ({"rig": "rig.toml"}, "rig must be a fricjax.Rig, got str"),
         ({"bins": 1}, "bins must be a whole number of at least 2"),
         ({"bins": [1e-3, 1e-3]}, "limits of bins must be speeds"),
-        ({"no_contact": "free.csv"}, "no_contact must be a record or a trace, got str"),
-        ({"records": "run.csv"}, "A record or trace is needed, got str"),
+        ({"no_contact": 1.0}, "A record cannot be made of float"),
+        ({"records": 1.0}, "A record cannot be made of float"),
         ({"records": []}, "the list is empty"),
     ],
 )
