@@ -295,7 +295,8 @@ def test_a_table_of_a_record_is_read_back(from_file):
 @pytest.mark.parametrize(("size", "unit"), [(1.0, "mm"), (1e-3, "um"), (1e-6, "nm")])
 def test_the_picture_has_units_and_marks(size, unit):
     held = np.concatenate([np.full(100, X[0]), X])
-    drawing = fj.Record(x=size * held + 1e-12 * np.random.default_rng(0).standard_normal(held.size), rate=500.0).plot()
+    noise = 1e-9 * np.random.default_rng(0).standard_normal(held.size)
+    drawing = fj.Record(x=size * (held + noise), rate=500.0).plot()
     axes = drawing.axes[0]
     assert axes.get_xlabel() == "Time [s]" and axes.get_ylabel() == f"Displacement [{unit}]"
     words = [text.get_text() for text in axes.get_legend().get_texts()]

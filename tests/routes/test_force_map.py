@@ -106,7 +106,7 @@ def test_smoothing_follows_a_quartic_exactly_and_knows_its_noise():
 def test_no_window_reaches_over_a_reversal():
     t, omega, band = np.arange(8000) / 20e3, 2 * np.pi * 12.6, 1.876e-4
     exact = coulomb_viscous(t, 2e-3, frequency=12.6, zeta=0.0, dead_band=band)
-    strokes = decay(Trace(t, exact.x + 1e-13 * np.random.default_rng(0).standard_normal(t.size))).strokes
+    strokes = decay(Record(t, exact.x + 1e-13 * np.random.default_rng(0).standard_normal(t.size))).strokes
     assert len(strokes) == exact.n_half_cycles - 1
     for stroke, begin, end in zip(strokes, exact.stops[:-1], exact.stops[1:], strict=True):
         assert begin - 1e-7 < stroke.t[0] < stroke.t[-1] < end + 1e-7
