@@ -67,6 +67,10 @@ def energy_of(record: Any, rig: Rig, no_contact: Any = None, *, offset: float | 
         RuntimeError: JAX computes in single precision.
         UsageError: arguments that do not fit, or a rig without damping.
         DataError: a record with too few half-cycles, or sampled unevenly.
+
+    ```python
+    fricjax.routes.energy.energy_of("run.csv", rig).plot()
+    ```
     """
     ready()
     oscillator = contactless(rig, no_contact)

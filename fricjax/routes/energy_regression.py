@@ -42,6 +42,10 @@ def integral_friction(
         RuntimeError: JAX computes in single precision.
         UsageError: arguments that do not fit, or a rig without damping.
         DataError: records with too few half-cycles, or sampled unevenly.
+
+    ```python
+    fricjax.routes.integral_friction(["run1.csv", "run2.csv"], rig).values["coulomb"]
+    ```
     """
     ready()
     shapes = _shapes(v_stribeck)

@@ -50,6 +50,10 @@ def weak_form(records: Any, rig: Rig) -> Estimates:
         RuntimeError: JAX computes in single precision.
         UsageError: arguments that do not fit.
         DataError: records with too few half-cycles, or sampled unevenly.
+
+    ```python
+    fricjax.routes.weak_form("run.csv", rig).values["mu"]
+    ```
     """
     ready()
     oscillator = machine(rig, damping_known=False)

@@ -75,9 +75,9 @@ def test_sentences_name_the_run(paths, folder):
     short = fj.data.crop(record, None, float(record.segmentation.turning_times[1]))
     with pytest.raises(DataError, match=r"The fitted window of run1\.csv holds \d complete half-cycle"):
         fj.fit([paths[0], short], SLIDING, MACHINE)
-    off = fj.Record(fj.Trace(record.t, record.x + 1e-5 * np.sin(300 * record.t) * record.t), record.meta)
-    missed = fj.fit([paths[0], off], SLIDING, MACHINE, throw=False)
-    assert "in run1.csv are" in missed.status
+    off = fj.Record(coulomb_run(2.5e-3, mu=0.06), {"source": "off.csv"})
+    missed = fj.fit([paths[0], off, paths[2]], SLIDING, MACHINE, throw=False)
+    assert " in off.csv are " in missed.status
     with pytest.raises(DataError, match=r"There is no final displacement of run1\.csv, which does not come to rest"):
         fj.pairs_of([paths[0], short])
     notes = fj.half_cycle_friction([paths[0], fj.data.crop(record, None, 0.05)], RIG).notes
