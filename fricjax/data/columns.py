@@ -68,7 +68,15 @@ def table_columns(source: Any) -> list[Column]:
 
 def _vectors(named: Mapping[Any, Any]) -> list[Column]:
     """The one-dimensional ones of named arrays."""
-    return [column_of(values, str(name)) for name, values in named.items() if np.ndim(np.squeeze(values)) == 1]
+    return [column_of(values, str(name)) for name, values in named.items() if is_vector(values)]
+
+
+def is_vector(values: Any) -> bool:
+    """Whether values are those of one run, also as a single row or column."""
+    try:
+        return np.ndim(np.squeeze(values)) == 1
+    except ValueError:  # rows of different lengths
+        return False
 
 
 def _index(table: Any, headers: Sequence[Any]) -> list[Column]:

@@ -49,5 +49,6 @@ def record_of(source: Any, where: str = "") -> Record:
         return read(source)
     except (DataError, UsageError) as error:
         what = repr(str(source)) if is_file else "..."
-        hint = f" Read it first: fricjax.read({what}, ...)." if _OPTION.search(str(error)) else ""
+        asks = _OPTION.search(str(error)) and "fricjax.read(" not in str(error)
+        hint = f" Read it first: fricjax.read({what}, ...)." if asks else ""
         raise type(error)(f"{'' if is_file else where}{error}{hint}") from error

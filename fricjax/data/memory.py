@@ -14,7 +14,7 @@ import numpy as np
 
 from .assemble import Choice, Columns, assemble
 from .choose import displacement_index, locate, time_index
-from .columns import Column, column_of, floats_of, header_of, table_columns
+from .columns import Column, column_of, floats_of, header_of, is_vector, table_columns
 from .errors import DataError, UsageError
 from .record import Record
 from .trace import Trace
@@ -47,12 +47,13 @@ def memory_reader(source: Any) -> tuple[Callable[..., Record], str]:
 
 def is_pair(source: Any) -> bool:
     """Whether an object is a tuple of times and displacements."""
-    return isinstance(source, tuple) and len(source) == 2 and all(map(_is_vector, source))
+    return isinstance(source, tuple) and len(source) == 2 and all(map(_is_array, source))
 
 
-def _is_vector(source: Any) -> bool:
-    listed = isinstance(source, list | tuple) and is_numbers(source)
-    return listed or (hasattr(source, "__array__") and not hasattr(source, "columns") and np.squeeze(source).ndim == 1)
+def _is_array(source: Any) -> bool:
+    if isinstance(source, list | tuple):
+        return is_numbers(source)
+    return hasattr(source, "__array__") and not hasattr(source, "columns") and is_vector(source)
 
 
 def is_numbers(source: Any) -> bool:

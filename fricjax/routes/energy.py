@@ -69,7 +69,7 @@ def energy_of(record: Any, rig: Rig, no_contact: Any = None, *, offset: float | 
         DataError: a record with too few half-cycles, or sampled unevenly.
 
     ```python
-    fricjax.routes.energy.energy_of("run.csv", rig).plot()
+    fricjax.routes.energy_of("run.csv", rig).plot()
     ```
     """
     ready()

@@ -66,7 +66,7 @@ TABLES = {
     "series of both": (NUMBERS["Time [ms]"], NUMBERS["Displacement [um]"]),
     "objects": NUMBERS.astype(object),
     "nullable": NUMBERS.convert_dtypes(),
-    "dict": {"Time [ms]": MS, "Displacement [um]": list(UM), "name": "run 7"},
+    "dict": {"Time [ms]": MS, "Displacement [um]": list(UM), "name": "run 7", "ragged": [[1.0], [2.0, 3.0]]},
     "structured": np.rec.fromarrays([MS, UM], names=["Time [ms]", "Displacement [um]"]),
     "xarray": Labelled(UM, "um", "Displacement", {"time": Labelled(MS, "ms", "time")}),
     "pint": (quantity(MS, "ms"), quantity(UM, "um")),
@@ -134,6 +134,9 @@ def test_displacements_with_a_rate_or_times(file):
         assert np.array_equal(record.t, T) and np.array_equal(record.x, X)
     assert np.array_equal(fj.read(UM, t=MS, unit="um", time_unit="ms").x, fj.read(file).x)
     assert np.array_equal(fj.read(NUMBERS, column=1, rate=500.0).x, fj.read(file, column=1, rate=500.0).x)
+    counted = pd.DataFrame({"a [um]": UM}, pd.Index(range(N), name="sample"))
+    assert np.array_equal(fj.read(counted, rate=500.0).x, fj.read(file).x)
+    assert np.array_equal(fj.read(counted, time="sample", time_unit="ms").t, np.arange(N) * 1e-3)
     turned = fj.read((T, np.rad2deg(X)), unit="deg", sign=-1, sigma=0.1)
     assert turned.quantity == "rad" and np.allclose(turned.x, -X) and turned.sigma == pytest.approx(np.deg2rad(0.1))
 
@@ -247,10 +250,12 @@ def test_what_needs_options_is_read_first(tmp_path):
         DataError, match=r"name one with column=\. Read it first: fricjax\.read\('.*two\.csv', \.\.\.\)\."
     ):
         gather(path)
-    with pytest.raises(
-        UsageError, match=r"run 1: An array is read .* Read it first: fricjax\.read\(\.\.\., \.\.\.\)\."
-    ):
+    with pytest.raises(UsageError, match=r"^run 1: An array is read as displacements.*, rate=5000\.0\)\.$"):
         gather([(T, X), X])
+    with pytest.raises(
+        DataError, match=r"run 1: Series has one column .* Read it first: fricjax\.read\(\.\.\., \.\.\.\)\."
+    ):
+        gather([(T, X), pd.Series(X)])
     with pytest.raises(DataError, match=r"There is no file .*none\.csv\..* Check the path\.$"):
         gather(tmp_path / "none.csv")
 
