@@ -65,6 +65,7 @@ def fit() -> Fit:
         "times": (T,),
         "runs": (Run(T, X, np.full(N, 1e9), np.asarray(4), {"x0": np.asarray(1e-3), "v0": np.asarray(0.0)}),),
         "origins": (0.0,),
+        "sources": ("run.csv",),
         "engine_used": Exact(16),
     }
     plain = {bool: True, int: 3, float: 0.5, str: "text"}

@@ -6,10 +6,12 @@ trace knows no mass, so that all of them are found per unit mass.
 """
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
-from ..data import Record, Trace, segmentation_of
+from ..data import Record
+from ..data.gather import record_of
 from ..fitting import Fit, fit
 from ..fitting.result import FitError
 from ..friction import Coulomb
@@ -23,7 +25,7 @@ _SPRINGS = {"linear": Linear, "cubic": Cubic, "pendulum": Pendulum}
 
 
 def calibrate_ringdown(
-    record: Record | Trace,
+    record: Any,
     *,
     restoring: str | AbstractRestoring | None = None,
     drag: bool = True,
@@ -36,7 +38,7 @@ def calibrate_ringdown(
     band are negative. The noise is taken from the scatter of the residuals, with what memory it shows.
 
     Args:
-        record: the run; its decay should span a factor of ten or more in amplitude.
+        record: the run, given as to :func:`fricjax.fit`; its decay should span a factor of ten or more in amplitude.
         restoring: restoring force or its name: linear (None), cubic, of which the coefficient is fitted as well, or
             pendulum.
         drag: whether to look for windage.
@@ -50,7 +52,12 @@ def calibrate_ringdown(
         UsageError: an unknown restoring force.
         DataError: a record that cannot be fitted.
         FitError: the decay is not that of a free oscillator.
+
+    ```python
+    fricjax.calibrate_ringdown("free.csv").summary()
+    ```
     """
+    record = record_of(record)
     spring = _spring(restoring)
     wanted = {"mu": friction, "drag": drag, "k3": isinstance(spring, Cubic)}
     asked = tuple(name for name in TERMS if wanted[name])
@@ -75,7 +82,7 @@ def _spring(restoring: str | AbstractRestoring | None) -> AbstractRestoring:
     return Cubic(0.0) if name == "cubic" else _SPRINGS[name]()
 
 
-def _fits(record: Record | Trace, spring: AbstractRestoring, asked: tuple[str, ...]) -> dict[tuple[str, ...], Fit]:
+def _fits(record: Record, spring: AbstractRestoring, asked: tuple[str, ...]) -> dict[tuple[str, ...], Fit]:
     """The fits by their further terms: none of those asked for, all, and the significant ones.
 
     Raises:
@@ -107,7 +114,7 @@ def _best(fits: Mapping[tuple[str, ...], Fit]) -> tuple[str, ...]:
     return min(passive, key=lambda terms: fits[terms].aicc)
 
 
-def _fitted(record: Record | Trace, spring: AbstractRestoring, terms: Sequence[str]) -> Fit:
+def _fitted(record: Record, spring: AbstractRestoring, terms: Sequence[str]) -> Fit:
     """The fit of a machine of unit mass under unit load. A dead band may come out negative, by its noise."""
     shape = Linear() if isinstance(spring, Cubic) and "k3" not in terms else spring
     machine = Oscillator(1.0, 1.0, 0.0, 1.0, Coulomb(0.0), restoring=shape)
@@ -117,9 +124,9 @@ def _fitted(record: Record | Trace, spring: AbstractRestoring, terms: Sequence[s
     return fit(record, machine, free, bounds=bounds, guess=guess, sigma_mode="estimate", throw=False)
 
 
-def _stiffening(record: Record | Trace) -> dict[str, float]:
+def _stiffening(record: Record) -> dict[str, float]:
     """Start values of a cubic spring: the line ``w^2 = k + (3/4) k3 a^2`` through the half-cycles (Duffing, 1918)."""
-    found = segmentation_of(record)
+    found = record.segmentation
     squares = (np.diff(found.turning_points) / 2) ** 2
     slope, stiffness = np.polyfit(squares, (np.pi / np.diff(found.turning_times)) ** 2, 1)
     return {"stiffness": float(stiffness), "k3": float(slope) / 0.75}

@@ -1,7 +1,6 @@
 """``fricjax check``: what a planned run will tell, before it is made."""
 
 import dataclasses
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from typer import Exit, Option
@@ -11,7 +10,6 @@ from .output import PICTURES, check_targets, deliver, working, write_picture
 from .runtime import prepare
 
 if TYPE_CHECKING:
-    from ..sensitivity import Information
     from .machine import Choice
 
 _RUN = "Planned run"

@@ -10,6 +10,7 @@ from .options import Plot, Reading, Writing
 from .output import PICTURES, check_targets, deliver, numbered, working
 from .runtime import prepare
 
+
 def inspect(
     file: Annotated[Path, Argument(help="File with a displacement over time.", show_default=False)],
     reading: Reading,

@@ -8,7 +8,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..data import Record, Trace
 from ..data.errors import DataError, UsageError
 from ..fitting.colours import Seen, colours_of, described, remembered, under_noise
 from ..fitting.fit import concluded, records_of
@@ -30,7 +29,7 @@ _BEHIND = 1.5
 
 
 def compare(
-    data: Record | Trace | Sequence[Record | Trace],
+    data: Any,
     oscillators: Sequence[Oscillator],
     free: Sequence[Sequence[str]] | None = None,
     *,
@@ -64,7 +63,7 @@ def compare(
     Where no law describes the runs, tau is the correlation time of the residuals and c tau times their reduced chi2.
 
     Args:
-        data: a record, a trace, or a list of either; several runs are fitted jointly.
+        data: a run, or a list of runs, which are fitted jointly; each given as to :func:`fricjax.fit`.
         oscillators: the machine with one law after the other.
         free: for each oscillator the names of its free coefficients; None for damping, stiffness and all that a decay
             can tell of the law.
@@ -89,6 +88,10 @@ def compare(
         RuntimeError: JAX computes in single precision.
         UsageError: arguments that do not fit, or no law that could be fitted.
         DataError: records that cannot be fitted by any law.
+
+    ```python
+    fricjax.compare(["run1.csv", "run2.csv"], [rig.oscillator(law) for law in laws]).summary()
+    ```
     """
     ready()
     check_criterion(criterion, held_out)

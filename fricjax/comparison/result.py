@@ -68,6 +68,11 @@ class Comparison:
     fingerprints: tuple[str, ...]
 
     @property
+    def sources(self) -> tuple[str, ...]:
+        """Name of the file of each run, empty where it has none."""
+        return self.best.sources
+
+    @property
     def best(self) -> Fit:
         """The fit of the law that comes first."""
         return self.fits[self.ranking[0]]

@@ -79,10 +79,15 @@ def _doubts(comparison: "Comparison", rows: "list[Row]") -> list[str]:
     return found
 
 
+def _head(comparison: "Comparison") -> str:
+    """What the columns are, and of which files they tell."""
+    told = "Distances of AICc and BIC from the smallest; held out: mean square of predicted residuals over the noise."
+    return f"Fitted to {', '.join(comparison.best.labels)}. {told}" if any(comparison.sources) else told
+
+
 def summary(comparison: "Comparison") -> str:
     """The comparison as plain text."""
-    head = "Distances of AICc and BIC from the smallest; held out: mean square of predicted residuals over the noise."
-    return "\n\n".join([table(comparison).text(), head, "\n".join(remarks(comparison))])
+    return "\n\n".join([table(comparison).text(), _head(comparison), "\n".join(remarks(comparison))])
 
 
 def html(comparison: "Comparison") -> str:
@@ -92,7 +97,7 @@ def html(comparison: "Comparison") -> str:
 
 def to_dict(comparison: "Comparison") -> dict[str, Any]:
     """The comparison as plain data."""
-    names = ("criterion", "ranking", "n_samples", "n_effective", "inflation", "fingerprints")
+    names = ("sources", "criterion", "ranking", "n_samples", "n_effective", "inflation", "fingerprints")
     return {
         **{name: getattr(comparison, name) for name in names},
         "best": comparison.ranking[0],

@@ -13,7 +13,7 @@ from .preprocess import (
     segment_record,
 )
 from .read import read
-from .record import Record, Step, segmentation_of
+from .record import Record, Step
 from .segmentation import Segmentation, segment
 from .trace import Trace
 from .write import write
@@ -40,6 +40,5 @@ __all__ = [
     "rest_spectrum",
     "segment",
     "segment_record",
-    "segmentation_of",
     "write",
 ]

@@ -7,8 +7,7 @@ from typing import Any
 import numpy as np
 
 from .doubts import implausible_scale
-from .preprocess import segment_record
-from .record import Record
+from .gather import record_of
 
 REGULAR = 1e-3  # largest deviation of an interval from the median one, relative
 GAP = 1.5  # intervals longer than this many median ones
@@ -61,25 +60,30 @@ class Inspection:
         return f"<table>{''.join(rows)}</table>"
 
 
-def inspect(record: Record) -> Inspection:
-    """Inspects a record.
+def inspect(record: Any) -> Inspection:
+    """Inspects a record, or whatever `fricjax.read` makes one of without options.
 
     Raises:
         DataError: x is constant, or sampled too sparsely to tell its half-cycles.
+
+    ```python
+    print(fricjax.data.inspect("run.csv"))
+    ```
     """
-    trace, found = record.trace, segment_record(record)
+    record = record_of(record)
+    trace, found = record.trace, record.segmentation
     t = np.asarray(trace.t)
     used = t[np.asarray(trace.mask)]
     steps = np.diff(t)
     step = float(np.median(steps))
     holes = np.diff(used)[np.diff(used) > GAP * step]
     return Inspection(
-        source=", ".join(str(record.meta[key]) for key in ("source", "run") if key in record.meta) or "in memory",
+        source=record.name or "in memory",
         unit=record.quantity,
         samples=trace.n,
         masked=trace.n - int(trace.n_used),
         duration=float(trace.duration),
-        rate=1.0 / step,
+        rate=record.rate,
         regular=bool(np.all(np.abs(steps - step) <= REGULAR * step)),
         gaps=int(holes.size),
         longest_gap=float(holes.max()) if holes.size else 0.0,

@@ -1,4 +1,4 @@
-"""One entry for every format: the suffix of the file chooses the reader.
+"""One entry for every source of a record: a file is read by its suffix, what is in memory by what it is.
 
 Readers of further formats join through the entry point group `fricjax.readers`: the name of the entry point is the
 suffix without its dot, the object a function `(path, **options) -> Record`.
@@ -6,9 +6,10 @@ suffix without its dot, the object a function `(path, **options) -> Record`.
 
 import importlib
 import inspect
+import os
 from collections.abc import Callable, Collection
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal, overload
 
 from .errors import DataError, UsageError, nearest
 from .paths import check_file
@@ -26,36 +27,61 @@ READERS = {
 PLUGIN_GROUP = "fricjax.readers"
 
 
-def read(path: str | Path, **options: Any) -> "Record":
-    """Reads a displacement record from a file of any supported format.
+@overload
+def read(source: Any, *, run: Literal["all"], **options: Any) -> "list[Record]": ...
+@overload
+def read(source: Any, **options: Any) -> "Record": ...
+def read(source: Any, **options: Any) -> Any:
+    """Reads a displacement record from a file of any supported format, or from what is in memory.
 
     Args:
-        path: a `.csv`, `.txt`, `.dat`, `.tsv`, `.asc`, `.npz`, `.mat`, `.h5`, `.hdf5` or `.nc` file, or one for which a
-            plug-in is installed.
-        **options: for every format
+        source: a path, a table, arrays, a trace or a record. Files are texts (`.csv`, `.txt`, `.dat`, `.tsv`, `.asc`,
+            `.lvm`, `.log`, `.prn`, `.tab`), `.xlsx`, `.npz`, `.mat`, `.h5`, `.hdf5` or `.nc`, or of a format for which
+            a plug-in is installed. Tables are those of pandas
+            or polars (the index is the time where it is named so, or holds dates, durations or decimal numbers),
+            series, dicts, xarray's and structured arrays; units in headers and attributes count. Arrays are times and
+            displacements as a tuple `(t, x)`, or displacements with `rate=` or `t=`; without units they are in seconds
+            and metres.
+        **options: for every file and table
 
             - `column`, `time`: the columns of displacement and time, by name or index (text formats), variable
               (`.npz`, `.mat`: also `"s.signals.values"`, `"cells[0]"`, `"a+b"`) or path (`.h5`: `"/run1/x"`)
-            - `unit`, `time_unit`: their units, instead of those in the file (default m and s)
-            - `rate`: samples per second, for a file without times
+            - `run`: which run of a file that holds several, by number or name; "all" for a list of them
+            - `unit`, `time_unit`: their units where the file names none (default m and s), or the scale of what an
+              instrument counts in, as "12.5 um/V"; what contradicts the file is refused
+            - `rate`: samples per second, where there are no times
             - `sigma`: standard deviation of the noise, in the unit of the displacement
             - `sign`: -1 turns the direction round
 
             and for text formats `delimiter`, `decimal`, `comment`, `skip_rows`, `header`, `encoding`; for `.mat`
-            files `row` and `cells`.
+            files `row` and `cells`. Arrays take all of the former but columns, and `t`, the times; records take
+            `sigma` and `sign`.
 
     Returns:
-        A `Record` in SI units: metres or radians over seconds. Samples without a value are masked and counted in its
-        log.
+        A `Record` in SI units: metres or radians over seconds; a list of them for `run="all"`. Samples without a value
+        are masked and counted in its log.
 
     Raises:
         DataError: the file is missing, of an unknown format, damaged, or holds no usable record.
-        UsageError: an option is unknown to the format or contradicts another.
+        UsageError: an option is unknown to the format or contradicts another, or no record can be made of the source.
+
+    ```python
+    fricjax.read("run.csv", unit="um")
+    fricjax.read(pandas.DataFrame({"Time [ms]": t, "Displacement [um]": x}))
+    fricjax.read((t, x))
+    fricjax.read(x, rate=5000.0, unit="nm")
+    ```
     """
-    path = Path(path)
+    if not isinstance(source, str | os.PathLike):
+        from .memory import memory_reader
+
+        reader, kind = memory_reader(source)
+        _check_options(reader, kind, options)
+        return reader(source, **options)
+    path = Path(source)
     check_file(path)
     reader = _reader(path)
-    _check_options(reader, path, options)
+    _check_options(reader, f"{path.suffix} files", options)
     return reader(path, **options)
 
 
@@ -72,7 +98,7 @@ def check(path: Path, options: Collection[str] = ()) -> None:
     """
     check_file(path)
     if path.suffix.lower() not in READERS or options:
-        _check_options(_reader(path), path, options)
+        _check_options(_reader(path), f"{path.suffix} files", options)
 
 
 def _reader(path: Path) -> "Callable[..., Record]":
@@ -94,7 +120,7 @@ def _plugins() -> dict[str, Any]:
     return {point.name.lower().removeprefix("."): point for point in entry_points(group=PLUGIN_GROUP)}
 
 
-def _check_options(reader: "Callable[..., Record]", path: Path, options: Collection[str]) -> None:
+def _check_options(reader: "Callable[..., Any]", kind: str, options: Collection[str]) -> None:
     parameters = inspect.signature(reader).parameters
     if any(parameter.kind is parameter.VAR_KEYWORD for parameter in parameters.values()):
         return
@@ -102,6 +128,5 @@ def _check_options(reader: "Callable[..., Record]", path: Path, options: Collect
     for name in options:
         if f"{name}=" not in known:
             raise UsageError(
-                f"{name}= is no option for {path.suffix} files.{nearest(f'{name}=', known)} Options are "
-                f"{', '.join(known)}."
+                f"{name}= is no option for {kind}.{nearest(f'{name}=', known)} Options are {', '.join(known)}."
             )

@@ -7,7 +7,9 @@ place: each step of preprocessing returns a new one with one more line in its lo
 import dataclasses
 import functools
 import html
-from typing import TYPE_CHECKING, Any
+from collections import Counter
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
 
@@ -30,9 +32,12 @@ class Step:
         return f"{self.name}({given}): {self.effect}"
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True, init=False)
 class Record:
     """A measured or synthetic run.
+
+    It is made of a trace, its facts and its log, or of what makes a trace: `Record(t, x)`, `Record(x=x, rate=5000.0)`.
+    Files, tables and other units are read by `fricjax.read`.
 
     **Fields:**
 
@@ -40,11 +45,71 @@ class Record:
     - `meta`: plain facts that JSON can hold: `source`, `format`, `columns`, `units` (as found in the source),
       `quantity` (`"m"` or `"rad"`), `release_time` [s] where it is known, and what later steps add.
     - `log`: the steps that led here, in order.
+
+    ```python
+    record = fricjax.Record(t, x, sigma=1e-9)
+    record.rate, record.duration, record.plot()
+    ```
     """
 
     trace: "Trace"
     meta: dict[str, Any] = dataclasses.field(default_factory=dict)
     log: tuple[Step, ...] = ()
+
+    @overload
+    def __init__(self, trace: "Trace", meta: dict[str, Any] | None = None, log: Sequence[Step] = ()) -> None: ...
+    @overload
+    def __init__(
+        self, t: Any = None, x: Any = None, sigma: Any = None, mask: Any = None, *, rate: float | None = None
+    ) -> None: ...
+    def __init__(self, *given: Any, **named: Any) -> None:
+        from .trace import Trace
+
+        whole = "trace" in named or (given and isinstance(given[0], Trace))
+        self._set(*given, **named) if whole else self._set(Trace(*given, **named))
+
+    def _set(self, trace: "Trace", meta: dict[str, Any] | None = None, log: Sequence[Step] = ()) -> None:
+        for name, value in (("trace", trace), ("meta", {} if meta is None else meta), ("log", tuple(log))):
+            object.__setattr__(self, name, value)
+
+    def __len__(self) -> int:
+        """Number of samples, masked ones included."""
+        return self.trace.n
+
+    @property
+    def t(self) -> np.ndarray:
+        """Times of the samples [s], shape (n,)."""
+        return np.asarray(self.trace.t)
+
+    @property
+    def x(self) -> np.ndarray:
+        """Displacements [m] or angles [rad], shape (n,); 0 where a sample has no value, which `mask` tells."""
+        return np.asarray(self.trace.x)
+
+    @property
+    def sigma(self) -> np.ndarray | None:
+        """Standard deviation of the noise of `x`, one number or shape (n,); None where it is not known."""
+        return None if self.trace.sigma is None else np.asarray(self.trace.sigma)
+
+    @property
+    def mask(self) -> np.ndarray:
+        """True where a sample is used, shape (n,)."""
+        return np.asarray(self.trace.mask)
+
+    @property
+    def rate(self) -> float:
+        """Samples per second, from the median interval."""
+        return 1.0 / float(np.median(np.diff(self.t)))
+
+    @property
+    def duration(self) -> float:
+        """Time from the first to the last sample [s]."""
+        return float(self.trace.duration)
+
+    @property
+    def name(self) -> str:
+        """Name of the file or other source of the record, and of its run there; empty where it has none."""
+        return ", ".join(str(self.meta[key]) for key in ("source", "run") if self.meta.get(key))
 
     @functools.cached_property
     def segmentation(self) -> Segmentation:
@@ -74,6 +139,28 @@ class Record:
         """Returns the record after `step`: with the new trace (if any), the changed facts, and one more line of log."""
         return Record(self.trace if trace is None else trace, {**self.meta, **meta}, (*self.log, step))
 
+    def plot(self) -> Any:
+        """The trace with hold, release, reversals and rest marked, and the spectrum of its rest; a matplotlib figure.
+
+        Where the record cannot be told apart so, as one that never moves, the title says why.
+        """
+        from .show import anatomy
+
+        return anatomy(self)
+
+    def to_dataframe(self) -> Any:
+        """A pandas table with the columns `t`, `x` and `used`; its `attrs` hold their units and the source.
+
+        Samples without a value are NaN. `fricjax.read` takes the table back, without `sigma` and what was masked by
+        hand.
+        """
+        import pandas as pd
+
+        x = np.where(~self.mask & (self.x == 0.0), np.nan, self.x)
+        table = pd.DataFrame({"t": self.t, "x": x, "used": self.mask})
+        table.attrs.update({"units": {"t": "s", "x": self.quantity}, "source": self.name})
+        return table
+
     def summary(self) -> str:
         """The record in a few lines of plain text: source, size, span, and the log."""
         lines = [f"{name:<10}{value}" for name, value in _facts(self)]
@@ -81,7 +168,7 @@ class Record:
         return "\n".join(lines)
 
     def __repr__(self) -> str:
-        source = self.meta.get("source", "in memory")
+        source = self.name or "in memory"
         span = f"{float(self.trace.t[0]):.6g}..{float(self.trace.t[-1]):.6g} s"
         return f"Record({source!r}, {self.trace.n} samples, {span}, x in {self.quantity}, {len(self.log)} steps)"
 
@@ -96,7 +183,7 @@ def _facts(record: Record) -> list[tuple[str, str]]:
     used = np.asarray(trace.x)[np.asarray(trace.mask)]
     span = f"{used.min():.9g} to {used.max():.9g} {unit}" if used.size else "no sample is used"
     facts = [
-        ("source", f"{record.meta.get('source', 'in memory')} ({record.meta.get('format', '-')})"),
+        ("source", f"{record.name or 'in memory'} ({record.meta.get('format', '-')})"),
         ("samples", f"{trace.n}, {int(trace.n_used)} used"),
         ("time", f"{float(trace.t[0]):.9g} to {float(trace.t[-1]):.9g} s"),
         ("x", span),
@@ -105,11 +192,8 @@ def _facts(record: Record) -> list[tuple[str, str]]:
     return facts if record.release is None else [*facts, ("release", f"{record.release:.9g} s")]
 
 
-def trace_of(data: "Record | Trace") -> "Trace":
-    """The trace of a record; a trace itself."""
-    return data.trace if isinstance(data, Record) else data
-
-
-def segmentation_of(data: "Record | Trace") -> Segmentation:
-    """The segmentation kept with a record, or that of a bare trace."""
-    return data.segmentation if isinstance(data, Record) else segment(data.t, data.x, data.sigma, data.mask)
+def labels(names: Sequence[str]) -> tuple[str, ...]:
+    """What sentences call each of several runs: its name, and its number where it has none or shares it."""
+    often = Counter(names)
+    numbered = (f"run {i} ({name})" if name else f"run {i}" for i, name in enumerate(names))
+    return tuple(name if often[name] == 1 and name else number for name, number in zip(names, numbered, strict=True))

@@ -15,7 +15,7 @@ import numpy as np
 from jax.core import Tracer
 from jaxtyping import Array, Bool, Float
 
-from .errors import DataError
+from .errors import DataError, UsageError
 
 MINIMUM_SAMPLES = 3
 
@@ -29,8 +29,15 @@ class Trace(eqx.Module):
     - `x`: displacements [m] or angles [rad], shape `(n,)`. Samples that are not finite are masked out and held as 0.
     - `sigma`: standard deviation of the noise of `x` [m or rad], one number or shape `(n,)`; None: not known.
     - `mask`: shape `(n,)`, True where a sample is used; None: wherever `x` is finite.
+    - `rate`: samples per second, in place of times; the first sample is then at 0 s.
 
-    Raises `DataError` with one sentence where the arrays do not make a trace.
+    Raises `DataError` with one sentence where the arrays do not make a trace, and `UsageError` where there are not as
+    many of them as it takes.
+
+    ```python
+    fricjax.Trace(t, x, sigma=1e-9)
+    fricjax.Trace(x=x, rate=5000.0)
+    ```
     """
 
     t: Float[Array | np.ndarray, " n"]
@@ -38,8 +45,14 @@ class Trace(eqx.Module):
     sigma: Float[Array | np.ndarray, "*sigma"] | None
     mask: Bool[Array | np.ndarray, " n"]
 
-    def __init__(self, t: Any, x: Any, sigma: Any = None, mask: Any = None):
-        t, x = _floats(t, "t"), _floats(x, "x")
+    def __init__(self, t: Any = None, x: Any = None, sigma: Any = None, mask: Any = None, *, rate: float | None = None):
+        if x is None or (t is None) == (rate is None):
+            raise UsageError(
+                "A trace is made of displacements and either their times or their rate: Trace(t, x) or "
+                "Trace(x=x, rate=5000.0). A file or a table is read by fricjax.read."
+            )
+        x = _floats(x, "x")
+        t = _floats(t, "t") if rate is None else _times_at(rate, x)
         sigma = None if sigma is None else _floats(sigma, "sigma")
         _check_shapes(t, x, sigma)
         mask = _used(x, mask)
@@ -63,9 +76,20 @@ class Trace(eqx.Module):
         return self.mask.sum(axis=-1)
 
 
+def _times_at(rate: float, x: Any) -> np.ndarray:
+    if not (np.isfinite(rate) and rate > 0):
+        raise UsageError(f"rate must be a positive number of samples per second, but it is {rate}.")
+    return np.arange(x.size) / float(rate)
+
+
 def _floats(values: Any, name: str) -> Any:
+    # The casts of numpy and jax drop imaginary parts, and make numbers of dates.
+    if getattr(getattr(values, "dtype", None), "kind", "f") in "cmM":
+        raise DataError(f"{name} must hold real numbers, but its type is {values.dtype}.")
     if isinstance(values, jax.Array):
         return values if jnp.issubdtype(values.dtype, jnp.floating) else values.astype(float)
+    if isinstance(values, np.ma.MaskedArray):
+        values = np.ma.filled(values.astype(np.float64), np.nan)
     try:
         return np.asarray(values, dtype=np.float64)
     except (TypeError, ValueError) as error:

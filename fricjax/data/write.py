@@ -5,20 +5,22 @@ The file appears whole or not at all, and replaces another one only where told t
 
 import io
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from ..show.files import write_bytes
 from .errors import UsageError
+from .gather import record_of
 from .native import MARK, SCHEMA, encode, to_text
 from .record import Record
 
 
-def write(record: Record, path: str | Path, *, overwrite: bool = False) -> Path:
+def write(record: Any, path: str | Path, *, overwrite: bool = False) -> Path:
     """Writes a record as `.csv` (text), `.npz` or `.h5`/`.hdf5` (CF units), never pickled.
 
     Args:
-        record: what to write.
+        record: what to write; a record, or whatever `fricjax.read` makes one of without options.
         path: where; the suffix chooses the format.
         overwrite: replace a file that exists.
 
@@ -29,7 +31,12 @@ def write(record: Record, path: str | Path, *, overwrite: bool = False) -> Path:
         UsageError: the suffix is none of these, or the folder does not exist.
         FileExistsError: there is such a file, and `overwrite` is not given.
         OSError: the file cannot be written, as on a full disk; what was there is as it was.
+
+    ```python
+    fricjax.write((t, x), "run.h5")
+    ```
     """
+    record = record_of(record)
     path = Path(path)
     writer = WRITERS.get(path.suffix.lower())
     if writer is None:

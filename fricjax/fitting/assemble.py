@@ -112,6 +112,7 @@ def _of_the_runs(problem: Problem) -> dict[str, Any]:
     return {
         "half_cycles": tuple(_count(run) for run in runs),
         "quantity": windows[0].quantity,
+        "sources": tuple(w.name for w in windows),
         "times": tuple(np.asarray(w.trace.t) for w in windows),
         "runs": tuple(_cut(run, w.used.size) for run, w in zip(runs, windows, strict=True)),
         "origins": tuple(w.origin for w in windows),

@@ -3,13 +3,14 @@
 import os
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..data import Record, Trace
+from ..data import Record
 from ..data.errors import DataError, UsageError
-from ..data.record import trace_of
+from ..data.gather import listed, record_of
 from ..estimation.covariance import Covariance, covariance
 from ..estimation.loss import AbstractLoss
 from ..oscillator import Oscillator, ready
@@ -72,7 +73,7 @@ class _Row(NamedTuple):
 
 
 def fit_batch(
-    data: Sequence[Record | Trace],
+    data: Any,
     oscillator: Oscillator,
     free: Sequence[str],
     *,
@@ -93,7 +94,7 @@ def fit_batch(
     guard or setting is needed; memory is bounded by the runs that are at work.
 
     Args:
-        data: records or traces, of any lengths.
+        data: a list of runs of any lengths, each given as to :func:`fit`: a record, a path, a table, ``(t, x)``.
         oscillator: the machine and its friction law, the same for every run.
         free: names of the coefficients to fit.
         nuisance: names of each run's own parameters; None for those that belong to `start`.
@@ -113,25 +114,32 @@ def fit_batch(
     Raises:
         RuntimeError: JAX computes in single precision.
         UsageError: names or settings that fit no run at all.
+
+    ```python
+    fricjax.fit_batch(sorted(Path("runs").glob("*.csv")), oscillator, ["mu", "stiffness"]).to_dataframe()
+    ```
     """
     ready()
-    if not len(data):
+    sources = listed(data)
+    if not sources:
         raise UsageError("There is no run to fit: the list is empty.")
+    runs = [_opened(source) for source in sources]
     settings = {"nuisance": nuisance, "engine": engine, "start": start, "bounds": bounds, "priors": priors}
     common = Request.of(oscillator, free, tie=tie, rig=rig, guess=None, loss=loss, **settings)
-    guesses = _per_run(guess or {}, len(data))
-    order = sorted(range(len(data)), key=lambda i: _length(data[i]))
+    guesses = _per_run(guess or {}, len(runs))
+    order = sorted(range(len(runs)), key=lambda i: _length(runs[i]))
     blocks = [order[first : first + WIDTH] for first in range(0, len(order), WIDTH)]
 
     def work(block: list[int]) -> list[_Row]:
-        return _fit_block([data[i] for i in block], [common.with_guess(guesses[i]) for i in block])
+        return _fit_block([runs[i] for i in block], [common.with_guess(guesses[i]) for i in block])
 
     rows: dict[int, _Row] = {}
     with ThreadPoolExecutor(os.cpu_count()) as pool:
         results = progressing(pool.map(work, blocks), len(blocks), "fitting", shown=progress)
         for block, found in zip(blocks, results, strict=True):
             rows |= dict(zip(block, found, strict=True))
-    return _collected([rows[i] for i in range(len(data))])
+    names = tuple(map(_name, sources, runs))
+    return _collected([rows[i] for i in range(len(runs))], names)
 
 
 def _per_run(guess: Mapping[str, Any], runs: int) -> list[dict[str, float]]:
@@ -145,9 +153,23 @@ def _per_run(guess: Mapping[str, Any], runs: int) -> list[dict[str, float]]:
     return [{name: float(values[i]) for name, values in columns.items()} for i in range(runs)]
 
 
-def _length(data: Any) -> int:
-    trace = trace_of(data)
-    return trace.n if isinstance(trace, Trace) else 0
+def _opened(source: Any) -> Record | Exception:
+    """The record of a run, or why there is none."""
+    try:
+        return record_of(source)
+    except (DataError, UsageError) as error:
+        return error
+
+
+def _length(run: Record | Exception) -> int:
+    return len(run) if isinstance(run, Record) else 0
+
+
+def _name(source: Any, run: Record | Exception) -> str:
+    """What names a run, also one whose file cannot be read; empty where nothing does."""
+    if isinstance(run, Record):
+        return run.name
+    return Path(source).name if isinstance(source, str | os.PathLike) else ""
 
 
 def _fit_block(records: Sequence[Any], requests: Sequence[Request]) -> list[_Row]:
@@ -157,10 +179,10 @@ def _fit_block(records: Sequence[Any], requests: Sequence[Request]) -> list[_Row
     return [_row(next(solved)) if isinstance(p, Problem) else _Row(f"rejected: {p}") for p in posed]
 
 
-def _posed(record: Any, request: Request) -> Problem | Exception:
+def _posed(record: Record | Exception, request: Request) -> Problem | Exception:
     """The problem of one run, or why there is none."""
-    if not isinstance(record, Record | Trace):
-        return UsageError(f"a run must be a record or a trace, not {type(record).__name__}.")
+    if isinstance(record, Exception):
+        return record
     try:
         return pose((record,), request)
     except (DataError, UsageError) as error:
@@ -218,7 +240,7 @@ def _row(finished: _Finished) -> _Row:
     return _Row(status_of(problem, solved, found, misfit), problem, counted, found, told)
 
 
-def _collected(rows: Sequence[_Row]) -> BatchFit:
+def _collected(rows: Sequence[_Row], sources: tuple[str, ...]) -> BatchFit:
     """The rows as columns.
 
     Raises:
@@ -263,6 +285,7 @@ def _collected(rows: Sequence[_Row]) -> BatchFit:
         iterations=np.array([row.solved.iterations if row.solved else 0 for row in rows]),
         passes=np.array([row.solved.passes if row.solved else 0 for row in rows]),
         engine=type(problem.residual.engine).__name__.lower(),
+        sources=sources,
     )
 
 

@@ -37,6 +37,7 @@ class BatchFit:
         half_cycles: number of half-cycles from the start of the fit to the stop, -1 where a record ends in motion.
         iterations, passes: steps of Levenberg-Marquardt, and passes over the model in all.
         engine: name of the engine.
+        sources: name of the file of each run, empty where it has none.
     """
 
     names: tuple[str, ...]
@@ -62,6 +63,7 @@ class BatchFit:
     iterations: np.ndarray
     passes: np.ndarray
     engine: str
+    sources: tuple[str, ...]
 
     def __len__(self) -> int:
         return len(self.status)
@@ -115,13 +117,13 @@ class BatchFit:
             raise DataError(f"{error}{hint if more else ''}") from error
 
     def to_dataframe(self) -> Any:
-        """One row per run: values, their standard errors, and what tells how good they are.
+        """One row per run: the name of its file, values, their standard errors, and what tells how good they are.
 
         The standard errors are `<name>_std` and, with the uncertainties of the rig's inputs, `<name>_combined_std`.
         """
         import pandas as pd
 
-        columns: dict[str, Any] = {}
+        columns: dict[str, Any] = {"source": self.sources}
         noise, combined = {**self.std_errors, **self.kinematics_std}, self.combined_std_errors
         for name, values in {**self.values, **self.kinematics}.items():
             columns |= {name: values, f"{name}_std": noise[name], f"{name}_combined_std": combined[name]}

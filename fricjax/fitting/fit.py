@@ -7,6 +7,7 @@ import numpy as np
 
 from ..data import Record, Trace
 from ..data.errors import UsageError
+from ..data.gather import gather
 from ..estimation.loss import AbstractLoss
 from ..oscillator import Oscillator, ready
 from ..oscillator.engines import AbstractEngine
@@ -21,7 +22,7 @@ from .solve import Solved
 
 
 def fit(
-    data: Record | Trace | Sequence[Record | Trace],
+    data: Any,
     oscillator: Oscillator,
     free: Sequence[str],
     *,
@@ -43,7 +44,8 @@ def fit(
     matter for what is not free and for the extras of the law.
 
     Args:
-        data: a record, a trace, or a list of either for a joint fit of one machine to several runs.
+        data: a run, or a list of runs for a joint fit of one machine to them. A run is a record, a path, a table, times
+            and displacements as a tuple ``(t, x)``: whatever `fricjax.read` takes without options.
         oscillator: the machine and its friction law.
         free: names of the coefficients to fit: "mu", "damping", "stiffness", "sigma0" ...; where two leaves share a
             name the dotted path, "friction.0.mu". The static coefficient of a Coulomb law is bracketed, not fitted.
@@ -84,6 +86,11 @@ def fit(
         UsageError: names or settings that do not fit, or parameters that no trace can tell apart.
         DataError: a record that cannot be fitted.
         FitError: a fit without an optimum or with undetermined parameters, unless `throw` is False.
+
+    ```python
+    fricjax.fit("run.csv", oscillator, ["mu", "damping", "stiffness"])
+    fricjax.fit((t, x), oscillator, ["mu", "damping", "stiffness"])
+    ```
     """
     ready()
     records = records_of(data, sigma_mode)
@@ -111,24 +118,17 @@ def concluded(problem: Problem, solved: Solved, sigma_mode: str, throw: bool) ->
     return result
 
 
-def records_of(data: Any, sigma_mode: str) -> tuple[Record | Trace, ...]:
+def records_of(data: Any, sigma_mode: str) -> tuple[Record, ...]:
     """The records to fit, also where there is but one.
 
     With the noise to be estimated, stated noise is left out so that all samples weigh the same.
 
     Raises:
-        UsageError: no records, something else than records, or an unknown `sigma_mode`.
+        UsageError: no run, something of which no record can be made, or an unknown `sigma_mode`.
+        DataError: a run that cannot be read.
     """
     check_sigma_mode(sigma_mode)
-    records = tuple(data) if isinstance(data, list | tuple) else (data,)
-    if not records:
-        raise UsageError("There is no record to fit: the list is empty.")
-    for record in records:
-        if not isinstance(record, Record | Trace):
-            raise UsageError(
-                f"fit takes records or traces, got {type(record).__name__}. Read a file with fricjax.read(path), or "
-                "wrap arrays as fricjax.Trace(t, x)."
-            )
+    records = gather(data)
     return tuple(map(_without_sigma, records)) if sigma_mode == "estimate" else records
 
 
@@ -146,7 +146,6 @@ def check_effect(problem: Problem, solved: Solved) -> None:
         )
 
 
-def _without_sigma(record: Record | Trace) -> Record | Trace:
-    if isinstance(record, Record):
-        return Record(_without_sigma(record.trace), record.meta, record.log)  # type: ignore[arg-type]
-    return Trace(record.t, record.x, mask=record.mask)
+def _without_sigma(record: Record) -> Record:
+    trace = record.trace
+    return Record(Trace(trace.t, trace.x, mask=trace.mask), record.meta, record.log)

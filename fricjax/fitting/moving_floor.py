@@ -13,7 +13,7 @@ import numpy as np
 
 from ..data import Record, Trace
 from ..data.errors import DataError, UsageError
-from ..data.record import trace_of
+from ..data.gather import record_of
 from ..instrument import driven_motion
 from ..oscillator import Oscillator, simulate
 from .fit import fit
@@ -24,12 +24,12 @@ _SETTLED = 1e-2
 
 
 def fit_on_moving_floor(
-    data: Record | Trace, base_acceleration: Any, oscillator: Oscillator, free: Sequence[str], **settings: Any
+    data: Any, base_acceleration: Any, oscillator: Oscillator, free: Sequence[str], **settings: Any
 ) -> Fit:
     """Fit one run whose floor acceleration was recorded with it.
 
     Args:
-        data: the run, relative to the floor, as an interferometer on that floor sees it.
+        data: the run, relative to the floor, as an interferometer on that floor sees it; whatever `fricjax.read` takes.
         base_acceleration: acceleration of the floor at the samples of the record [m/s^2], shape (samples,).
         oscillator: the machine.
         free: names of the coefficients to fit.
@@ -42,13 +42,17 @@ def fit_on_moving_floor(
         UsageError: an acceleration of another shape; as in :func:`fricjax.fit`.
         DataError: an acceleration that is not finite; as in :func:`fricjax.fit`.
         FitError: a fit that is not valid.
+
+    ```python
+    fricjax.fit_on_moving_floor("run.csv", floor_acceleration, oscillator, ["mu", "damping", "stiffness"])
+    ```
     """
-    trace = trace_of(data)
-    floor = _checked(base_acceleration, trace)
-    found = fit(data, oscillator, free, **settings)
+    record = record_of(data)
+    floor = _checked(base_acceleration, record.trace)
+    found = fit(record, oscillator, free, **settings)
     for _ in range(_ROUNDS):
         before = found
-        found = fit(_without(data, _response(found, np.asarray(trace.t), floor)), oscillator, free, **settings)
+        found = fit(_without(record, _response(found, record.t, floor)), oscillator, free, **settings)
         if _moved(before, found) < _SETTLED:
             break
     return found
@@ -83,11 +87,10 @@ def _moved_by(oscillator: Oscillator, x0: float, v0: float, ts: np.ndarray, floo
     return np.asarray(simulate(oscillator, x0, ts, v0=v0, base_acceleration=floor).x)
 
 
-def _without(data: Record | Trace, response: np.ndarray) -> Record | Trace:
+def _without(record: Record, response: np.ndarray) -> Record:
     """The run without what the floor added to it."""
-    if isinstance(data, Record):
-        return Record(_without(data.trace, response), data.meta, data.log)  # pyright: ignore[reportArgumentType]
-    return Trace(data.t, np.asarray(data.x) - response, sigma=data.sigma, mask=data.mask)
+    trace = Trace(record.t, record.x - response, sigma=record.sigma, mask=record.mask)
+    return Record(trace, record.meta, record.log)
 
 
 def _moved(before: Fit, after: Fit) -> float:

@@ -16,7 +16,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..data import Record, Trace
 from ..data.errors import UsageError
 from ..estimation.space import Parameter
 from ..oscillator import Oscillator, ready
@@ -80,7 +79,7 @@ class Multistart:
 
 
 def multistart(
-    data: Record | Trace | Sequence[Record | Trace],
+    data: Any,
     oscillator: Oscillator,
     free: Sequence[str],
     *,
@@ -92,7 +91,7 @@ def multistart(
     """Fit from many start values, and keep the best fit.
 
     Args:
-        data: a record, a trace, or a list of either for a joint fit.
+        data: a run, or a list of runs for a joint fit, as for :func:`fit`.
         oscillator: the machine and its friction law.
         free: names of the coefficients to fit.
         starts: number of starts; the first is the automatic one, the others are a Latin hypercube about it.
@@ -109,6 +108,10 @@ def multistart(
         UsageError: names or settings that do not fit.
         DataError: a record that cannot be fitted.
         FitError: the best fit is not valid, unless `throw=False` is among the settings.
+
+    ```python
+    fricjax.multistart("run.csv", oscillator, ["mu", "damping", "stiffness"], starts=8).best
+    ```
     """
     ready()
     if starts < 1 or not spread > 1:

@@ -9,6 +9,7 @@ import numpy as np
 
 from ..data import Record, Trace
 from ..data.errors import DataError
+from ..data.record import labels
 from ..estimation.loss import AbstractLoss
 from ..estimation.space import LINEAR, Parameter, ParameterSpace
 from ..oscillator.leaves import leaves_of
@@ -49,6 +50,11 @@ class Problem:
     @property
     def names(self) -> tuple[str, ...]:
         return tuple(parameter.name for parameter in self.parameters)
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """What sentences call each run."""
+        return labels([window.name for window in self.windows])
 
     def by_run(self, residual: Any) -> list[np.ndarray]:
         """The weighted residual of each run at the samples of its record, without those of the priors."""
@@ -140,8 +146,8 @@ def with_windows(problem: Problem, windows: tuple[Window, ...]) -> Problem:
 
 
 def _check_windows(windows: Sequence[Window]) -> None:
-    for i, window in enumerate(windows):
-        where = "" if len(windows) == 1 else f" of run {i}"
+    for window, label in zip(windows, labels([window.name for window in windows]), strict=True):
+        where = "" if len(windows) == 1 else f" of {label}"
         if window.used.sum() < 8:
             raise DataError(f"The fitted window{where} holds only {int(window.used.sum())} samples. Widen it.")
         if "offset" in window.nuisances and window.strokes < 2:

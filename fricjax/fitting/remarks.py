@@ -180,4 +180,4 @@ def _on_static_friction(bracket: Bracket | None) -> Iterator[str]:
 
 
 def _of_run(number: int, problem: Problem) -> str:
-    return "" if len(problem.windows) == 1 else f" of run {number}"
+    return "" if len(problem.windows) == 1 else f" of {problem.labels[number]}"

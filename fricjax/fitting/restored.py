@@ -167,7 +167,9 @@ def _fields(cls: type, declared: Mapping[str, Any], value: Any, place: str) -> d
 
 def _built(cls: type) -> Callable[..., Any]:
     """What makes an object of its fields."""
-    if cls is friction_laws.Sum or not issubclass(cls, AbstractFriction | AbstractEngine | Run):
+    if cls is friction_laws.Sum:
+        return lambda laws: cls(laws)
+    if not issubclass(cls, AbstractFriction | AbstractEngine | Run):
         return cls
     if issubclass(cls, AbstractFriction):
         return functools.partial(_law, cls)

@@ -9,6 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from ..data.errors import UsageError
+from ..data.record import labels
 from ..estimation.covariance import correlation
 from ..oscillator import Oscillator, simulate
 from .noise import Noise
@@ -71,6 +72,7 @@ class Fit:
         aicc, bic: information criteria.
         oscillator: the fitted oscillator.
         quantity: "m", or "rad" for a rotary rig.
+        sources: name of the file of each run, empty where it has none.
         times: times of the samples [s], one array per run.
         runs, origins: what `predict` needs.
     """
@@ -110,6 +112,7 @@ class Fit:
     bic: float
     oscillator: Oscillator
     quantity: str
+    sources: tuple[str, ...]
     times: tuple[np.ndarray, ...]
     runs: tuple[Run, ...]
     origins: tuple[float, ...]
@@ -119,6 +122,11 @@ class Fit:
     def optimum_found(self) -> bool:
         """Whether an optimum of full rank was found, also where the model misses the record or a bound holds it."""
         return optimum_found(self.status)
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """What the report calls each run: the name of its file, or its number."""
+        return labels(self.sources)
 
     @property
     def chi2_reduced(self) -> float:

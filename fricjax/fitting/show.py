@@ -12,6 +12,8 @@ from .rest import CONTRADICTED
 if TYPE_CHECKING:
     from .result import Fit
 
+# Most files whose names the report lists.
+_LISTED = 4
 # Ratio from which on the errors of white noise are shown beside the right ones, and noise as larger than stated.
 _NOTABLE = 1.3
 
@@ -65,6 +67,7 @@ def facts(fit: "Fit") -> list[tuple[str, str]]:
     used = sum(int(np.isfinite(r).sum()) for r in _runs(fit))
     stages = "1 stage" if fit.stages == 1 else f"{fit.stages} stages"
     return [
+        *_sources(fit),
         ("status", fit.status),
         ("model", f"{_law(fit)} friction, {restoring} restoring force, {fit.engine} engine"),
         ("samples", f"{used} fitted, {stages}, {fit.iterations} iterations, {fit.passes} passes"),
@@ -75,11 +78,18 @@ def facts(fit: "Fit") -> list[tuple[str, str]]:
     ]
 
 
+def _sources(fit: "Fit") -> Iterator[tuple[str, str]]:
+    """The files that were fitted; nothing where none has a name."""
+    if any(fit.sources):
+        more = len(fit.labels) - _LISTED
+        yield "record", ", ".join(fit.labels[:_LISTED]) + (f" and {more} more" if more > 0 else "")
+
+
 def _noise(fit: "Fit") -> Iterator[str]:
     """Size and source of the noise, and what makes that of each run other than white noise of that size."""
     yield f"{engineering(fit.sigma, fit.quantity)} ({fit.sigma_source}), mode {fit.sigma_mode}"
-    for i, noise in enumerate(fit.noises):
-        where = "it" if len(fit.noises) == 1 else f"that of run {i}"
+    for label, noise in zip(fit.labels, fit.noises, strict=True):
+        where = "it" if len(fit.noises) == 1 else f"that of {label}"
         if fit.sigma_mode == "absolute" and noise.excess > _NOTABLE:
             yield f"{where} is {noise.excess:.2g} times as large"
         yield from (f"{where} {word}" for word in noise.words(fit.quantity))
@@ -120,10 +130,11 @@ def _accuracy(fit: "Fit") -> Iterator[tuple[str, str]]:
 
 def _stop(fit: "Fit") -> Iterator[tuple[str, str]]:
     """What the stops tell of the number of half-cycles and of static friction."""
-    for count, margin in zip(fit.half_cycles, fit.margins, strict=True):
+    for label, count, margin in zip(fit.labels, fit.half_cycles, fit.margins, strict=True):
+        where = "" if len(fit.labels) == 1 else f" of {label}"
         if count is not None and margin is not None and not np.any(np.isnan(margin)):
             more, less = (engineering(value, fit.quantity) for value in margin)
-            yield "half-cycles", f"{count} to the stop; margin to one more {more}, to one less {less}"
+            yield "half-cycles", f"{count} to the stop{where}; margin to one more {more}, to one less {less}"
     bracket = fit.intervals.get("mu_s")
     if bracket is not None and "mu_s" not in fit.values and not np.any(np.isnan(bracket)):
         where = f"{CONTRADICTED}, over" if CONTRADICTED in fit.flags.get("mu_s", ()) else "between"
@@ -177,7 +188,8 @@ def _draw_trace(axes: Any, fit: "Fit", run: int) -> None:
     axes.plot(t, model, color="#8C2D04", linewidth=1.0, label="model")
     axes.set_ylabel(axis_label("Displacement" if fit.quantity == "m" else "Angle", unit))
     axes.legend(loc="upper right", fontsize=8, framealpha=0.9)
-    axes.set_title(f"{_law(fit)} friction, {fit.engine} engine: {fit.status.split(':')[0]}", fontsize=9, loc="left")
+    title = f"{_law(fit)} friction, {fit.engine} engine: {fit.status.split(':')[0]}"
+    axes.set_title(", ".join(filter(None, [fit.sources[run], title])), fontsize=9, loc="left")
 
 
 def _draw_residuals(axes: Any, fit: "Fit", run: int) -> None:

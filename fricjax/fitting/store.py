@@ -20,7 +20,7 @@ from .restored import TUPLES, restored
 if TYPE_CHECKING:
     from .result import Fit
 
-SCHEMA = "fricjax.fit/4"
+SCHEMA = "fricjax.fit/5"
 
 _LARGEST = 1_000_000_000
 """Bytes of the largest file that is read; a million samples take about 100 MB."""

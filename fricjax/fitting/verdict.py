@@ -132,7 +132,7 @@ def _listed(problem: Problem, which: np.ndarray) -> str:
 def _compared(problem: Problem, misfit: Misfit) -> str:
     unit = problem.windows[0].quantity
     size, noise = (engineering(value, unit) for value in (misfit.size, misfit.noise))
-    where = "" if len(problem.windows) == 1 else f" in run {misfit.run}"
+    where = "" if len(problem.windows) == 1 else f" in {problem.labels[misfit.run]}"
     return f"residuals of {size}{where} are {misfit.ratio:.3g} times the noise of {noise}"
 
 

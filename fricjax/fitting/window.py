@@ -2,11 +2,10 @@
 
 import dataclasses
 import functools
-from typing import Any
 
 import numpy as np
 
-from ..data import Record, Segmentation, Trace, segmentation_of
+from ..data import Record, Segmentation, Trace
 from ..data.errors import DataError, UsageError
 from .settings import check_start, nuisances_of
 
@@ -41,6 +40,7 @@ class Window:
         nuisances: names of this run's own free parameters.
         guesses: start values of x0, v0, offset, drift, t_release and z0.
         doubts: what was taken for granted when the record was read, in sentences.
+        name: of the file that the record comes from; empty where it has none.
     """
 
     trace: Trace
@@ -57,6 +57,7 @@ class Window:
     nuisances: tuple[str, ...]
     guesses: dict[str, float]
     doubts: tuple[str, ...] = ()
+    name: str = ""
 
     @functools.cached_property
     def stated(self) -> float:
@@ -88,9 +89,10 @@ def open_window(
         DataError: a record without the motion that `start` asks for.
         UsageError: an unknown `start` or nuisance parameter.
     """
-    trace, quantity = (data.trace, data.quantity) if isinstance(data, Record) else (data, "m")
+    data = data if isinstance(data, Record) else Record(data)
+    trace = data.trace
     t, x, mask = (np.asarray(a) for a in (trace.t, trace.x, trace.mask))
-    found = segmentation_of(data)
+    found = data.segmentation
     found = without_ringing(found) if keeps_memory else found
     mode, t_start, t_first = _start(data, start, found, t)
     if mode == "first_reversal" and keeps_memory:
@@ -105,7 +107,7 @@ def open_window(
     own = nuisances_of(mode, nuisance, keeps_memory)
     return Window(
         trace=trace,
-        quantity=quantity,
+        quantity=data.quantity,
         segmentation=found,
         origin=t_first,
         t_start=t_start,
@@ -118,6 +120,7 @@ def open_window(
         nuisances=own,
         guesses=_guess_state(t, x, mask, found, t_start, t_first, mode, own),
         doubts=data.doubts if isinstance(data, Record) else (),
+        name=data.name,
     )
 
 
@@ -144,15 +147,14 @@ def without_ringing(found: Segmentation) -> Segmentation:
     )
 
 
-def _start(data: Any, start: str | float, found: Segmentation, t: np.ndarray) -> tuple[str, float, float]:
+def _start(data: Record, start: str | float, found: Segmentation, t: np.ndarray) -> tuple[str, float, float]:
     """Kind of start, time of the starting state, and time from which samples are used."""
     if start == "first_reversal":
         if not found.turning_times.size:
             raise DataError("The record holds no reversal to start from. Fit from the release: start='release'.")
         return "first_reversal", float(found.turning_times[0]), float(found.turning_times[0])
     if start == "release":
-        logged = data.release if isinstance(data, Record) else None
-        at = float(t[0]) if logged is None else float(logged)
+        at = float(t[0]) if data.release is None else float(data.release)
         if not at < t[-1]:
             raise DataError(f"The logged release at {at:.6g} s lies behind the record, which ends at {t[-1]:.6g} s.")
         return "release", at, at

@@ -15,8 +15,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..calibrate import Rig
-from ..data import Record, Trace
+from ..data import Record
 from ..data.errors import DataError, UsageError
+from ..data.gather import gather
+from ..data.record import labels
 from ..estimation.covariance import COVERAGE
 from ..fitting import BatchFit, fit_batch
 from ..friction import Coulomb
@@ -56,6 +58,7 @@ class Agreement:
         chi2: sum of squared distances of the others from it in their standard errors; `dof`: their number.
         spread: largest relative distance between two routes.
         tolerance: relative distance that counts as agreement.
+        sources: name of the file of each run, empty where it has none.
     """
 
     routes: tuple[Route, ...]
@@ -66,6 +69,7 @@ class Agreement:
     dof: int
     spread: float
     tolerance: float
+    sources: tuple[str, ...]
 
     @property
     def agree(self) -> bool:
@@ -100,7 +104,8 @@ class Agreement:
 
     def summary(self) -> str:
         """The comparison as plain text."""
-        return f"{self.table().text()}\n\nmost precise: {uncertain(self.mu, self.std)}\n{self.verdict}"
+        told = f"runs: {', '.join(labels(self.sources))}\n" if any(self.sources) else ""
+        return f"{self.table().text()}\n\n{told}most precise: {uncertain(self.mu, self.std)}\n{self.verdict}"
 
     def _repr_html_(self) -> str:
         return f"{self.table().html()}<p>most precise: {uncertain(self.mu, self.std)}. {self.verdict}</p>"
@@ -108,49 +113,58 @@ class Agreement:
     def to_dict(self) -> dict[str, Any]:
         """The comparison as plain data."""
         return {
-            **{name: getattr(self, name) for name in ("mu", "std", "chi2", "dof", "spread", "tolerance", "failures")},
+            **{
+                name: getattr(self, name)
+                for name in ("sources", "mu", "std", "chi2", "dof", "spread", "tolerance", "failures")
+            },
             "routes": [route._asdict() for route in self.routes],
             "agree": self.agree,
             "verdict": self.verdict,
         }
 
 
-def compare_routes(records: Sequence[Record | Trace], rig: Rig, *, tolerance: float = 1e-3) -> Agreement:
+def compare_routes(records: Any, rig: Rig, *, tolerance: float = 1e-3) -> Agreement:
     """The dynamic coefficient of Coulomb friction by every route from the same runs.
 
     The uncertainties of the rig move all routes together and are left out.
 
     Args:
-        records: runs that come to rest, better with several half-cycles each.
+        records: runs that come to rest, better with several half-cycles each; each given as to :func:`fricjax.fit`.
         rig: the machine, with its damping.
         tolerance: relative distance that counts as agreement.
 
     Raises:
         UsageError: no records, or no route that gave a number; the sentence names why the first one failed.
+        DataError: a run that cannot be read.
         RuntimeError: JAX computes in single precision.
+
+    ```python
+    fricjax.compare_routes(["run1.csv", "run2.csv", "run3.csv"], rig).summary()
+    ```
     """
-    if not records:
-        raise UsageError("There is no run to compare the routes on: the list is empty.")
+    runs = gather(records)
     routes, failures = [], {}
     for name, route in _ROUTES.items():
         try:
-            found = route(records, rig)
+            found = route(runs, rig)
         except (DataError, UsageError) as error:
             failures[name] = str(error)
         else:
             routes.append(Route(name, *found))
     if not routes:
         raise UsageError(f"No route gave a number. {next(iter(failures))}: {next(iter(failures.values()))}")
-    return _joined(tuple(routes), failures, tolerance)
+    return _joined(tuple(routes), failures, tolerance, tuple(run.name for run in runs))
 
 
-def _joined(routes: tuple[Route, ...], failures: dict[str, str], tolerance: float) -> Agreement:
+def _joined(
+    routes: tuple[Route, ...], failures: dict[str, str], tolerance: float, sources: tuple[str, ...]
+) -> Agreement:
     best = min(routes, key=lambda route: route.std)
     others = [route for route in routes if route is not best]
     chi2 = float(sum(((route.mu - best.mu) / route.std) ** 2 for route in others))
     std = best.std * float(np.sqrt(max(chi2 / max(len(others), 1), 1.0)))
     spread = float(np.ptp([route.mu for route in routes]) / abs(best.mu))
-    return Agreement(routes, failures, best.mu, std, chi2, len(others), spread, tolerance)
+    return Agreement(routes, failures, best.mu, std, chi2, len(others), spread, tolerance, sources)
 
 
 def weighted_mean(values: np.ndarray, stds: np.ndarray) -> tuple[float, float, float]:
@@ -163,7 +177,7 @@ def weighted_mean(values: np.ndarray, stds: np.ndarray) -> tuple[float, float, f
     return mean, scale.factor * scale.half_width / COVERAGE * float(weights.sum() ** -0.5), chi2
 
 
-def _by_trace(records: Sequence[Record | Trace], rig: Rig) -> tuple[float, float, int]:
+def _by_trace(records: Sequence[Record], rig: Rig) -> tuple[float, float, int]:
     """Route 1: every trace by itself, from its first reversal."""
     found: BatchFit = fit_batch(records, rig.oscillator(Coulomb(_START)), ("mu", "stiffness"))
     good = found.optimum_found & np.isfinite(found.std_errors["mu"])
@@ -180,13 +194,13 @@ def _coefficients(found: BatchFit, rig: Rig) -> tuple[np.ndarray, np.ndarray]:
     return found.kinematics["dead_band"] * scale, found.kinematics_std["dead_band"] * scale
 
 
-def _by_pairs(records: Sequence[Record | Trace], rig: Rig) -> tuple[float, float, int]:
+def _by_pairs(records: Sequence[Record], rig: Rig) -> tuple[float, float, int]:
     pairs = _moved(records)
     machine = rig.oscillator(Coulomb(_START))
     return _of_pairs(fit_final_displacements(pairs.x0, pairs.xf, machine, half_cycles=pairs.half_cycles))
 
 
-def _by_map(records: Sequence[Record | Trace], rig: Rig) -> tuple[float, float, int]:
+def _by_map(records: Sequence[Record], rig: Rig) -> tuple[float, float, int]:
     pairs = _moved(records)
     return _of_pairs(fit_triangle_map(pairs.x0, pairs.xf, _exact(rig), half_cycles=pairs.half_cycles))
 
@@ -198,17 +212,17 @@ def _of_pairs(found: RouteFit) -> tuple[float, float, int]:
     return found.values["mu"], (high - low) / 2 / COVERAGE, found.x0.size
 
 
-def _by_half_cycles(records: Sequence[Record | Trace], rig: Rig) -> tuple[float, float, int]:
+def _by_half_cycles(records: Sequence[Record], rig: Rig) -> tuple[float, float, int]:
     found = half_cycle_friction(list(records), _exact(rig))
     return found.mu.value, found.mu.std, len(found.offsets)
 
 
-def _by_samples(records: Sequence[Record | Trace], rig: Rig) -> tuple[float, float, int]:
+def _by_samples(records: Sequence[Record], rig: Rig) -> tuple[float, float, int]:
     found = friction_force_map(list(records), _exact(rig))
     return found.mu.value, found.mu.std, len(found.offsets)
 
 
-_ROUTES: dict[str, Callable[[Sequence[Record | Trace], Rig], tuple[float, float, int]]] = {
+_ROUTES: dict[str, Callable[[Sequence[Record], Rig], tuple[float, float, int]]] = {
     "1 traces": _by_trace,
     "2 final displacements": _by_pairs,
     "3 triangle map": _by_map,
@@ -217,7 +231,7 @@ _ROUTES: dict[str, Callable[[Sequence[Record | Trace], Rig], tuple[float, float,
 }
 
 
-def _moved(records: Sequence[Record | Trace]) -> Pairs:
+def _moved(records: Sequence[Record]) -> Pairs:
     """Pairs from the first reversal of those runs in which the mass moves on after it."""
     usable = [pair for record in records if (pair := _pair(record)) is not None]
     if not usable:
@@ -226,7 +240,7 @@ def _moved(records: Sequence[Record | Trace]) -> Pairs:
     return Pairs(*columns)
 
 
-def _pair(record: Record | Trace) -> Pairs | None:
+def _pair(record: Record) -> Pairs | None:
     try:
         pair = pairs_of([record])
     except DataError:

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from ..calibrate import Rig
-from ..data import Record, Trace
+from ..data.gather import record_of
 from ..oscillator import ready
 from ..show import axis_label, figure, scaled
 from .no_contact import contactless
@@ -54,13 +54,11 @@ class EnergyLoss:
         return drawing
 
 
-def energy_of(
-    record: Record | Trace, rig: Rig, no_contact: Record | Trace | None = None, *, offset: float | None = None
-) -> EnergyLoss:
+def energy_of(record: Any, rig: Rig, no_contact: Any = None, *, offset: float | None = None) -> EnergyLoss:
     """Energy of a record and the rate of its loss.
 
     Args:
-        record: a free decay.
+        record: a free decay, given as to :func:`fricjax.fit`.
         rig: mass, restoring force, damping and drag.
         no_contact: a run without contact, from which damping and drag are fitted in place of those of the rig.
         offset: equilibrium position in the record [m]; None: found as by `friction_force_map`.
@@ -69,10 +67,14 @@ def energy_of(
         RuntimeError: JAX computes in single precision.
         UsageError: arguments that do not fit, or a rig without damping.
         DataError: a record with too few half-cycles, or sampled unevenly.
+
+    ```python
+    fricjax.routes.energy_of("run.csv", rig).plot()
+    ```
     """
     ready()
     oscillator = contactless(rig, no_contact)
-    found = sampled(decay(record, 2 if offset is None else 1), oscillator, offset)
+    found = sampled(decay(record_of(record), 2 if offset is None else 1), oscillator, offset)
     mass, v, speed = float(oscillator.mass), found.v, np.abs(found.v)
     net = mass * found.a + np.asarray(oscillator.restoring_force(found.x))  # pyright: ignore[reportArgumentType]
     potential = oscillator.restoring.potential(found.x, oscillator.stiffness)  # pyright: ignore[reportArgumentType]

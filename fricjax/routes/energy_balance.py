@@ -16,7 +16,6 @@ from typing import Any
 import numpy as np
 
 from ..calibrate import Measured, Rig
-from ..data import Record, Trace
 from ..oscillator import Oscillator, ready
 from ..show import Table, uncertain
 from .no_contact import with_losses
@@ -87,13 +86,13 @@ class HalfCycleFriction:
         ]
 
 
-def half_cycle_friction(records: Any, rig: Rig, no_contact: Record | Trace | None = None) -> HalfCycleFriction:
+def half_cycle_friction(records: Any, rig: Rig, no_contact: Any = None) -> HalfCycleFriction:
     """Mean friction force of each half-cycle after the first reversal, from the positions at the reversals alone.
 
     The equilibrium of each record is the one about which the same friction acts in all its half-cycles.
 
     Args:
-        records: a record or trace, or several of one machine.
+        records: a run, or a list of runs of one machine, each given as to :func:`fricjax.fit`.
         rig: restoring force, mass, load, and the damping and drag to subtract.
         no_contact: a run without contact, from which damping and drag are fitted in place of those of the rig.
 
@@ -101,6 +100,10 @@ def half_cycle_friction(records: Any, rig: Rig, no_contact: Record | Trace | Non
         RuntimeError: JAX computes in single precision.
         UsageError: arguments that do not fit, or a rig without damping.
         DataError: records with too few half-cycles, or sampled unevenly.
+
+    ```python
+    fricjax.half_cycle_friction("run.csv", rig).summary()
+    ```
     """
     ready()
     rig = with_losses(rig, no_contact)

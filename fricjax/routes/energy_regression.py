@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 
 from ..calibrate import Rig
-from ..data import Record, Trace
 from ..data.errors import UsageError
 from ..oscillator import Oscillator, ready
 from .estimates import Estimates
@@ -27,14 +26,14 @@ UNITS = {"coulomb": "N", "stribeck": "N", "viscous": "N s/m", "quadratic": "N s^
 def integral_friction(
     records: Any,
     rig: Rig,
-    no_contact: Record | Trace | None = None,
+    no_contact: Any = None,
     *,
     v_stribeck: float | None = None,
 ) -> Estimates:
     """Coefficients of ``F = coulomb + stribeck exp(-(v/v_stribeck)^2) + viscous |v| + quadratic v^2``.
 
     Args:
-        records: a record or trace, or several of one machine.
+        records: a run, or a list of runs of one machine, each given as to :func:`fricjax.fit`.
         rig: mass, restoring force, and the damping and drag to subtract; what is found comes on top of them.
         no_contact: a run without contact, from which damping and drag are fitted in place of those of the rig.
         v_stribeck: Stribeck velocity [m/s]; None: without the second term.
@@ -43,6 +42,10 @@ def integral_friction(
         RuntimeError: JAX computes in single precision.
         UsageError: arguments that do not fit, or a rig without damping.
         DataError: records with too few half-cycles, or sampled unevenly.
+
+    ```python
+    fricjax.routes.integral_friction(["run1.csv", "run2.csv"], rig).values["coulomb"]
+    ```
     """
     ready()
     shapes = _shapes(v_stribeck)

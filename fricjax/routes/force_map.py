@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 
 from ..calibrate import Measured, Rig
-from ..data import Record, Trace
 from ..data.errors import UsageError
+from ..data.gather import gather
 from ..oscillator import Oscillator, ready
 from .cells import BIAS_SHARE, cells, pooled
 from .no_contact import contactless
@@ -93,7 +93,7 @@ class ForceMap:
 def friction_force_map(
     records: Any,
     rig: Rig,
-    no_contact: Record | Trace | None = None,
+    no_contact: Any = None,
     *,
     bins: Any = 24,
     offset: float | None = None,
@@ -104,7 +104,7 @@ def friction_force_map(
     Used are the half-cycles after the first reversal, which the release no longer disturbs.
 
     Args:
-        records: a record or trace, or several of one machine, which are pooled.
+        records: a run, or a list of runs of one machine, each given as to :func:`fricjax.fit`; they are pooled.
         rig: mass, restoring force, load, and the damping and drag to subtract.
         no_contact: a run without contact, from which damping and drag are fitted in place of those of the rig.
         bins: number of ranges of speed, from rest to the largest speed, or their limits [m/s], increasing.
@@ -119,13 +119,17 @@ def friction_force_map(
         RuntimeError: JAX computes in single precision.
         UsageError: arguments that do not fit, or a rig without damping.
         DataError: a record that cannot be used: sampled unevenly, or with too few half-cycles.
+
+    ```python
+    fricjax.friction_force_map(["run1.csv", "run2.csv"], rig, "free.csv").plot()
+    ```
     """
     ready()
     oscillator = contactless(rig, no_contact)
+    records = gather(records)
     pairs, notes = each_of(records, lambda record: _forces(record, oscillator, offset, window))
     forces = [found for found, _ in pairs]
     edges = _edges(bins, max(float(np.max(force.speed)) for force in forces))
-    first = records[0] if isinstance(records, list | tuple) else records
     return ForceMap(
         **pooled([cells(*pair, edges) for pair in pairs], edges),
         edges=edges,
@@ -134,7 +138,7 @@ def friction_force_map(
         damping=float(oscillator.damping),
         drag=float(oscillator.drag),
         offsets=tuple(Measured(force.offset, force.offset_std) for force in forces),
-        quantity=getattr(first, "quantity", "m"),
+        quantity=records[0].quantity,
         notes=notes,
     )
 

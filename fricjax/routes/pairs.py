@@ -5,15 +5,15 @@ hand, makes the held displacement a bad measure of it; the first reversal is fre
 release: ``a_1`` and the rest position are a pair with one half-cycle less.
 """
 
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..data import Record, Trace, segmentation_of
+from ..data import Record
 from ..data.errors import DataError, UsageError
-from ..data.record import trace_of
+from ..data.gather import gather
+from ..data.record import labels
 from ..data.table import read_table
 from ..fitting.settings import check_start
 
@@ -33,37 +33,38 @@ class Pairs(NamedTuple):
     sigma: np.ndarray | None
 
 
-def pairs_of(records: Sequence[Record | Trace], *, start: str = "first_reversal") -> Pairs:
+def pairs_of(records: Any, *, start: str = "first_reversal") -> Pairs:
     """Initial and final displacements of recorded runs, with their numbers of half-cycles.
 
     Args:
-        records: runs that come to rest.
+        records: runs that come to rest, each given as to :func:`fricjax.fit`.
         start: "first_reversal", which no release can bias, or "release": the held displacement, or the first sample of
             a trace that begins with the motion.
 
     Raises:
         UsageError: no records, or an unknown start.
         DataError: a run that does not come to rest, or has no reversal to start from.
+
+    ```python
+    pairs = fricjax.pairs_of(["run1.csv", "run2.csv"])
+    ```
     """
     check_start(start, "first_reversal or release")
-    if not records:
-        raise UsageError("There is no run to take a pair from: the list is empty.")
-    rows = [_pair(record, start, i) for i, record in enumerate(records)]
+    runs = gather(records)
+    rows = [_pair(run, start, label) for run, label in zip(runs, labels([run.name for run in runs]), strict=True)]
     x0, xf, count, sigma = (np.array(column) for column in zip(*rows, strict=True))
     return Pairs(x0, xf, count.astype(int), sigma)
 
 
-def _pair(record: Record | Trace, start: str, number: int) -> tuple[float, float, int, float]:
-    trace = trace_of(record)
-    t, x, mask = (np.asarray(values) for values in (trace.t, trace.x, trace.mask))
-    found = segmentation_of(record)
+def _pair(record: Record, start: str, label: str) -> tuple[float, float, int, float]:
+    t, x, mask, found = record.t, record.x, record.mask, record.segmentation
     if found.rest is None or found.rest_position is None:
-        raise DataError(f"Run {number} does not come to rest within its record, so it has no final displacement.")
+        raise DataError(f"There is no final displacement of {label}, which does not come to rest within its record.")
     resting = max(int(np.sum(mask & (t >= found.rest))), 1)
     noise = max(found.noise, 1e-12 * found.amplitude) / np.sqrt(resting)
     if start == "first_reversal":
         if not found.turning_points.size:
-            raise DataError(f"Run {number} has no reversal before its rest; take its pair from the release.")
+            raise DataError(f"There is no reversal in {label} before its rest; take its pair from the release.")
         return float(found.turning_points[0]), found.rest_position, found.n_half_cycles_after_first_reversal, noise
     held = mask & (t <= found.release)
     return float(np.mean(x[held])), found.rest_position, found.n_half_cycles, noise

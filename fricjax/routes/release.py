@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from ..data import Record, Trace, segmentation_of
+from ..data import Record
 from ..data.errors import DataError, UsageError
-from ..data.record import trace_of
+from ..data.gather import record_of
 from ..fitting import Fit
 from ..instrument import driven_motion
 from ..oscillator import ExponentialRelease, Oscillator
@@ -23,11 +23,11 @@ _LEAST = 8
 _TYPICAL, _STEPS, _ACCURACY = 1e-3, np.array([1e-3, 1e-6, 1e-9]), 1e-11
 
 
-def fit_release(data: Record | Trace, found: Fit) -> Estimates:
+def fit_release(data: Any, found: Fit) -> Estimates:
     """Time constant of the holding force, moment of the release and held displacement.
 
     Args:
-        data: the run, from before its release or from early in its first stroke.
+        data: the run, given as to :func:`fricjax.fit`, from before its release or from early in its first stroke.
         found: its fit from the first reversal on, whose machine and offset are taken as exact.
 
     Returns:
@@ -37,10 +37,14 @@ def fit_release(data: Record | Trace, found: Fit) -> Estimates:
     Raises:
         UsageError: a law without a jump at rest.
         DataError: too few samples before the first reversal, or a mass that would not leave its held displacement.
+
+    ```python
+    fricjax.fit_release("run.csv", fricjax.fit("run.csv", oscillator, ["mu", "damping", "stiffness"]))
+    ```
     """
     from scipy.optimize import least_squares
 
-    t, x, sigma, turned = _first_stroke(data, found)
+    t, x, sigma, turned = _first_stroke(record_of(data))
     machine, offset = found.oscillator, found.own("offset")
     if not machine.friction.set_valued:
         raise UsageError(f"fit_release needs a set-valued law such as Coulomb, got {type(machine.friction).__name__}.")
@@ -73,19 +77,17 @@ def _released(machine: Oscillator, t: np.ndarray, log_decay: float, t_release: f
     return driven_motion(machine, x0, t - t_release, release=release, accuracy=_ACCURACY).x
 
 
-def _first_stroke(data: Record | Trace, found: Fit) -> tuple[Any, ...]:
+def _first_stroke(record: Record) -> tuple[Any, ...]:
     """Times, displacements and noise before the first reversal, and the time of that reversal."""
-    trace = trace_of(data)
-    t, x, mask = (np.asarray(values) for values in (trace.t, trace.x, trace.mask))
-    shape = segmentation_of(data)
+    t, x, shape = record.t, record.x, record.segmentation
     if not shape.turning_times.size:
         raise DataError("The record holds no reversal, so there is no first stroke to look at.")
     turned = float(shape.turning_times[0])
-    used = mask & (t < turned)
+    used = record.mask & (t < turned)
     if used.sum() < _LEAST:
         raise DataError(
             f"Only {int(used.sum())} samples lie before the first reversal, and at least {_LEAST} are needed. Record "
             "the run from before its release."
         )
-    noise = np.broadcast_to(shape.noise if trace.sigma is None else np.asarray(trace.sigma, float), t.shape)
+    noise = np.broadcast_to(shape.noise if record.sigma is None else record.sigma, t.shape)
     return t[used], x[used], np.maximum(noise[used], 1e-13), turned

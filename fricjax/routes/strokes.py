@@ -11,9 +11,10 @@ from typing import Any
 import numpy as np
 
 from ..calibrate import Rig
-from ..data import Record, Segmentation, Trace, segmentation_of
+from ..data import Record, Segmentation
 from ..data.errors import DataError, UsageError
-from ..data.record import trace_of
+from ..data.gather import gather
+from ..data.record import labels
 from ..data.reversals import order_for, point_std, window
 from ..friction import Coulomb
 from ..oscillator import Oscillator
@@ -87,48 +88,41 @@ def each_of[T](records: Any, evaluate: Callable[[Any], T]) -> tuple[list[T], tup
     """What `evaluate` makes of one record or of several; those of several that cannot be used are left out and named.
 
     Args:
-        records: a record, a trace, or a list of them.
-        evaluate: raises a `DataError` for a record that cannot be used.
+        records: a run, or a list of runs, each given as to :func:`fricjax.fit`.
+        evaluate: what is made of a record; raises a `DataError` for one that cannot be used.
 
     Returns:
         The results, and a sentence for each record left out.
 
     Raises:
-        UsageError: no record at all, or something else than records.
+        UsageError: no run at all, or something of which no record can be made.
         DataError: a single record that cannot be used, or none of several.
     """
-    if not isinstance(records, list | tuple):
-        return [evaluate(records)], ()
-    if not records:
-        raise UsageError("There is no record to evaluate: the list is empty.")
+    runs = gather(records)
+    if len(runs) == 1:
+        return [evaluate(runs[0])], ()
     found, notes = [], []
-    for i, record in enumerate(records):
+    for label, run in zip(labels([run.name for run in runs]), runs, strict=True):
         try:
-            found.append(evaluate(record))
+            found.append(evaluate(run))
         except DataError as error:
-            notes.append(f"Record {i} was left out: {error}")
+            notes.append(f"Left out {label}: {error}")
     if not found:
-        raise DataError(f"None of the {len(records)} records can be used. {notes[0]}")
+        raise DataError(f"None of the {len(runs)} records can be used. {notes[0]}")
     return found, tuple(notes)
 
 
-def decay(record: Record | Trace, least: int = 2) -> Decay:
+def decay(record: Record, least: int = 2) -> Decay:
     """The strokes of a record from its first reversal on.
 
     Raises:
-        UsageError: something else than a record or a trace.
         DataError: uneven sampling, no reversal, or fewer than `least` half-cycles after the first reversal.
     """
-    trace = trace_of(record)
-    if not isinstance(trace, Trace):
-        raise UsageError(
-            f"A record or trace is needed, got {type(trace).__name__}. Read a file with fricjax.read(path)."
-        )
-    t, x = np.asarray(trace.t, float), np.asarray(trace.x, float)
-    step = _even_step(t, np.asarray(trace.mask))
-    found = segmentation_of(record)
+    t, x = np.asarray(record.t, float), np.asarray(record.x, float)
+    step = _even_step(t, record.mask)
+    found = record.segmentation
     times, points = _ends(found, least)
-    noise = _noise(trace, found)
+    noise = _noise(record, found)
     pairs = zip(times[:-1], times[1:], np.sign(np.diff(points)).astype(int), strict=True)
     strokes = tuple(_stroke(t, x, begin, end, direction, step, noise) for begin, end, direction in pairs)
     resting = 0.0 if found.rest is None else max((t[-1] - found.rest) / step, 1.0)
@@ -174,9 +168,9 @@ def _ends(found: Segmentation, least: int) -> tuple[np.ndarray, np.ndarray]:
     return times, points
 
 
-def _noise(trace: Trace, found: Segmentation) -> float:
+def _noise(record: Record, found: Segmentation) -> float:
     """Standard deviation of a sample [m]: the stated one, else the one found; never zero."""
-    stated = found.noise if trace.sigma is None else float(np.median(np.asarray(trace.sigma)))
+    stated = found.noise if record.sigma is None else float(np.median(record.sigma))
     return max(stated, 1e-12 * found.amplitude)
 
 

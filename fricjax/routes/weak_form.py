@@ -40,7 +40,7 @@ def weak_form(records: Any, rig: Rig) -> Estimates:
     Good as a start for any fit: nothing has to be guessed.
 
     Args:
-        records: a record or trace, or several of one machine.
+        records: a run, or a list of runs of one machine, each given as to :func:`fricjax.fit`.
         rig: mass and load, which turn the deceleration into a coefficient of friction.
 
     Returns:
@@ -50,6 +50,10 @@ def weak_form(records: Any, rig: Rig) -> Estimates:
         RuntimeError: JAX computes in single precision.
         UsageError: arguments that do not fit.
         DataError: records with too few half-cycles, or sampled unevenly.
+
+    ```python
+    fricjax.routes.weak_form("run.csv", rig).values["mu"]
+    ```
     """
     ready()
     oscillator = machine(rig, damping_known=False)

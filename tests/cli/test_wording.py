@@ -114,7 +114,7 @@ def test_a_name_that_no_encoding_holds_is_no_traceback(tmp_path, encoding, how):
     assert done.returncode == 4
     assert b"Traceback" not in done.stderr
     told = done.stdout if how else done.stderr
-    assert b"There is no file" in told
+    assert b"is no name of a file" in told
     assert b"\x1b" not in told
     if how:
         assert json.loads(told)["exit_code"] == 4

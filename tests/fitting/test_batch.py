@@ -50,10 +50,11 @@ def test_the_truth_lies_within_the_errors(batch: fj.BatchFit):
 def test_a_bad_run_does_not_stop_the_others(traces: list[fj.Trace]):
     t = np.arange(2000) / 5e3
     still = fj.Trace(t, 1e-9 * np.random.default_rng(0).standard_normal(t.size))
-    found = fj.fit_batch([traces[0], still, "run.csv", traces[1]], SLIDING, MACHINE)  # type: ignore[list-item]
+    found = fj.fit_batch([traces[0], still, "run.csv", traces[1]], SLIDING, MACHINE)
     assert [s.split(":")[0] for s in found.status] == ["converged", "rejected", "rejected", "converged"]
     assert "x is constant" in found.status[1]
-    assert "must be a record or a trace, not str" in found.status[2]
+    assert "rejected: There is no file run.csv." in found.status[2]
+    assert found.sources == ("", "", "run.csv", "")
     assert np.isnan(found.values["mu"][1]) and np.isfinite(found.values["mu"][3])
     np.testing.assert_array_equal(found.converged, [True, False, False, True])
     table = found.to_dataframe()

@@ -119,12 +119,12 @@ USAGE = {
         {"engine": "exact", "free": ["mu", "drag"]},
         r"The exact engine has no quadratic drag, but drag is free\. Use the hybrid engine\.",
     ),
-    "no record": ({"data": []}, r"There is no record to fit: the list is empty\."),
-    "a path": (
-        {"data": "run.csv"},
-        r"fit takes records or traces, got str\. Read a file with fricjax\.read\(path\), or wrap arrays as",
+    "no record": ({"data": []}, r"There is no run: the list is empty\."),
+    "no run": ({"data": 3.0}, r"A record cannot be made of float\. Give a path, a record, a pandas table or series,"),
+    "an array without times": (
+        {"data": RUN.x},
+        r"needs either their rate or their times: a tuple \(t, x\), or fricjax\.read\(x, rate=5000\.0\)\.",
     ),
-    "arrays": ({"data": (RUN.t, RUN.x)}, r"fit takes records or traces, got ndarray\."),
     "no oscillator": (
         {"oscillator": Coulomb(0.1)},
         r"fit needs an Oscillator, got Coulomb\. Build one, or take rig\.oscillator\(friction\)\.",

@@ -11,6 +11,7 @@ import pytest
 
 from fricjax.cli.models import describe
 from fricjax.fitting import store
+from fricjax.fitting.restored import restored
 from fricjax.friction import AbstractFriction, Sum
 from fricjax.oscillator import Oscillator, energy, is_successful, simulate
 from tests.cases.case import LOAD
@@ -94,7 +95,7 @@ def test_it_acts_on_many_speeds_at_once(name: str):
 @pytest.mark.parametrize("name", LAWS)
 def test_it_is_stored_and_restored(name: str):
     law = LAWS[name].law
-    back = store._object(json.loads(json.dumps(store._plain(law))))
+    back = restored(AbstractFriction, json.loads(json.dumps(store._plain(law))), "law")
     assert jax.tree.structure(back) == jax.tree.structure(law)
     assert jax.tree.leaves(back) == jax.tree.leaves(law)
 

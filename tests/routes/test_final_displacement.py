@@ -173,7 +173,7 @@ class TestWhatCannotBe:
 
     def test_a_run_that_does_not_stop(self):
         moving = fj.synthetic_run(machine(MU), 2e-3, rate=10e3, duration=0.1, noise=1e-9)
-        with pytest.raises(DataError, match="Run 0 does not come to rest"):
+        with pytest.raises(DataError, match="no final displacement of synthetic run, which does not come to rest"):
             pairs_of([moving])
 
 

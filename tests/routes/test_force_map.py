@@ -44,7 +44,7 @@ def test_the_curve_is_sharp_at_the_stribeck_velocity():
 
 def test_runs_without_two_half_cycles_are_left_out_and_named():
     notes = stribeck_map().notes
-    assert [note.split(" was")[0] for note in notes] == ["Record 0", "Record 1", "Record 2"]
+    assert [note.split(":")[0] for note in notes] == [f"Left out run {i} (synthetic run)" for i in range(3)]
     assert len(stribeck_map().offsets) == 4
 
 
@@ -106,7 +106,7 @@ def test_smoothing_follows_a_quartic_exactly_and_knows_its_noise():
 def test_no_window_reaches_over_a_reversal():
     t, omega, band = np.arange(8000) / 20e3, 2 * np.pi * 12.6, 1.876e-4
     exact = coulomb_viscous(t, 2e-3, frequency=12.6, zeta=0.0, dead_band=band)
-    strokes = decay(Trace(t, exact.x + 1e-13 * np.random.default_rng(0).standard_normal(t.size))).strokes
+    strokes = decay(Record(t, exact.x + 1e-13 * np.random.default_rng(0).standard_normal(t.size))).strokes
     assert len(strokes) == exact.n_half_cycles - 1
     for stroke, begin, end in zip(strokes, exact.stops[:-1], exact.stops[1:], strict=True):
         assert begin - 1e-7 < stroke.t[0] < stroke.t[-1] < end + 1e-7
@@ -124,7 +124,7 @@ def test_dense_samples_are_averaged_in_blocks():
 def test_the_report_shows_branches_and_units():
     found = stribeck_map()
     text = found.summary()
-    assert "+ accelerating" in text and "- decelerating" in text and "mm/s" in text and "was left out" in text
+    assert "+ accelerating" in text and "- decelerating" in text and "mm/s" in text and "Left out run" in text
     assert "<table>" in found._repr_html_()
     assert len(found.plot().axes[0].containers) == 4
     plain = found.to_dict()
@@ -172,8 +172,8 @@ def test_too_few_half_cycles_are_refused(x0, says):
         ({"rig": "rig.toml"}, "rig must be a fricjax.Rig, got str"),
         ({"bins": 1}, "bins must be a whole number of at least 2"),
         ({"bins": [1e-3, 1e-3]}, "limits of bins must be speeds"),
-        ({"no_contact": "free.csv"}, "no_contact must be a record or a trace, got str"),
-        ({"records": "run.csv"}, "A record or trace is needed, got str"),
+        ({"no_contact": 1.0}, "A record cannot be made of float"),
+        ({"records": 1.0}, "A record cannot be made of float"),
         ({"records": []}, "the list is empty"),
     ],
 )

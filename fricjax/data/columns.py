@@ -1,0 +1,178 @@
+"""Named columns of what is in memory: their units and numbers, whatever pandas, xarray, pint or NumPy keep them in.
+
+None of these is imported: their objects are known by what they have.
+"""
+
+import dataclasses
+import datetime
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from .errors import DataError, UsageError
+from .header import split_title
+from .readers.fields import number
+
+_LOOKED_AT = 1000  # cells from which it is told whether a column holds numbers
+
+
+@dataclasses.dataclass(frozen=True)
+class Cells:
+    """One column of a table in memory: its header as it stands there, the name and unit in it, and what it holds.
+
+    The index of a table, with `is_index`, may be the time but is no displacement unless asked for.
+    """
+
+    header: str
+    name: str
+    unit: str | None
+    run: str | None
+    values: np.ndarray
+    is_index: bool = False
+
+    @property
+    def fault(self) -> str | None:
+        """Why it can be neither a displacement nor a time; None where it can."""
+        if self.values.dtype.kind == "c":
+            return "holds complex numbers"
+        if self.values.dtype.kind in "fiu":
+            return "is empty" if np.all(np.isnan(self.values)) else None
+        cells = [_number(cell) for cell in self.values[:_LOOKED_AT]] if self.values.dtype.kind in "OUT" else []
+        # One word among numbers is told with its row; a column of words is none of numbers.
+        return None if any(cell is not None and cell == cell for cell in cells) else "holds words"
+
+
+def table_columns(source: Any) -> list[Cells]:
+    """The columns of a table, the index first where it may be a time.
+
+    Raises:
+        DataError: headers of several levels, or one that occurs twice.
+    """
+    if hasattr(source, "coords") and hasattr(source, "dims"):
+        held = source.data_vars if hasattr(source, "data_vars") else {}
+        own = [] if held else [column_of(source, header_of(source, "x"))]
+        return [*_vectors({**source.coords, **held}), *own]
+    if isinstance(source, Mapping):
+        return _vectors(source)
+    if not hasattr(source, "columns"):
+        names = getattr(source.dtype, "names", None)
+        if names:
+            return _vectors({name: source[name] for name in names})
+        return [*_index(source, ()), column_of(source, header_of(source, "x"))]
+    headers = list(source.columns)
+    several = next((header for header in headers if isinstance(header, tuple)), None)
+    if several is not None:
+        raise DataError(
+            f"The columns of the table have several levels, as {several} has; take one, table[{several[0]!r}]."
+        )
+    twice = next((header for header in headers if headers.count(header) > 1), None)
+    if twice is not None:
+        raise DataError(f"The table has the column {twice!r} more than once; rename or drop one of them.")
+    return [*_index(source, headers), *(column_of(source[header], str(header)) for header in headers)]
+
+
+def _vectors(named: Mapping[Any, Any]) -> list[Cells]:
+    """The one-dimensional ones of named arrays."""
+    return [column_of(values, str(name)) for name, values in named.items() if is_vector(values)]
+
+
+def is_vector(values: Any) -> bool:
+    """Whether values are those of one run, also as a single row or column."""
+    try:
+        return np.ndim(np.squeeze(values)) == 1
+    except ValueError:  # rows of different lengths
+        return False
+
+
+def _index(table: Any, headers: Sequence[Any]) -> list[Cells]:
+    """The index of a pandas table as a column, unless it only counts the rows."""
+    index = getattr(table, "index", None)
+    if index is None or getattr(index, "nlevels", 1) > 1 or (index.name is not None and index.name in headers):
+        return []
+    column = dataclasses.replace(column_of(index, header_of(index, "index")), is_index=True)
+    if index.name is None and column.values.dtype.kind == "f":
+        # Nothing but times would be there: a counter is whole.
+        column = dataclasses.replace(column, unit="s")
+    return [column] if index.name is not None or column.unit else []
+
+
+def header_of(values: Any, otherwise: str) -> str:
+    """The header that values carry themselves, as a series does."""
+    own = getattr(values, "name", None)
+    return own if isinstance(own, str) and own else otherwise
+
+
+def column_of(values: Any, header: str) -> Cells:
+    """Values with the name and unit that their header, their attributes or they themselves have."""
+    name, unit, run = split_title(header)
+    told = getattr(values, "attrs", {}).get("units")
+    told = told.get(header) if isinstance(told, Mapping) else told
+    unit = unit or (told if isinstance(told, str) and told else None)
+    if hasattr(values, "magnitude"):
+        values, unit = values.magnitude, str(values.units)
+    array = _vector(values, name)
+    seconds = _seconds(array)
+    return Cells(header, name, unit if seconds is None else "s", run, array if seconds is None else seconds)
+
+
+def _vector(values: Any, name: str) -> np.ndarray:
+    if isinstance(values, np.ma.MaskedArray):
+        values = np.ma.filled(values.astype(np.float64), np.nan)
+    array = np.asarray(values)
+    array = array.ravel() if array.ndim == 2 and 1 in array.shape else array
+    if array.ndim == 1:
+        return array
+    if array.ndim == 2 and 2 in array.shape:
+        first, second = ("a[:, 0]", "a[:, 1]") if array.shape[-1] == 2 else ("a[0]", "a[1]")
+        raise UsageError(
+            f"Is the array of shape {array.shape} a run or two? Write ({first}, {second}) for times and displacements, "
+            f"or read each for itself, fricjax.read({second}, rate=5000.0)."
+        )
+    raise UsageError(f"'{name}' must be one-dimensional, but it has shape {array.shape}; give one run at a time.")
+
+
+def _seconds(array: np.ndarray) -> np.ndarray | None:
+    """Durations, or dates from the first one, in seconds; None for anything else."""
+    if array.dtype.kind in "mM":
+        return (array - array[:1] if array.dtype.kind == "M" else array) / np.timedelta64(1, "s")
+    first = array[0] if array.dtype.kind == "O" and array.size else None
+    if isinstance(first, datetime.datetime | datetime.timedelta):
+        spans = (each - first if isinstance(first, datetime.datetime) else each for each in array)
+        return np.array([span.total_seconds() for span in spans])
+    return None
+
+
+def floats_of(column: Cells, kind: str) -> np.ndarray:
+    """The numbers of a column; cells left out are NaN.
+
+    Raises:
+        DataError: complex numbers, or a cell that is no number.
+    """
+    if column.values.dtype.kind == "c":
+        raise DataError(
+            f"{kind} holds complex numbers in '{column.header}', but a displacement is real; take their real part."
+        )
+    if column.values.dtype.kind in "fiub":
+        return column.values.astype(np.float64)
+    cells = [_number(cell) for cell in column.values]
+    if None in cells:
+        i = cells.index(None)
+        raise DataError(
+            f"{kind}, column '{column.header}', row {i} (the first is 0): {column.values[i]!r} is not a number; repair "
+            "the cell or leave it empty."
+        )
+    return np.array(cells, dtype=np.float64)
+
+
+def _number(cell: Any) -> float | None:
+    """The value of a cell, NaN where it is left out, None where it is no number."""
+    if isinstance(cell, str):
+        return number(cell.strip(), ".")
+    # pandas has a missing value that no comparison tells.
+    if cell is None or type(cell).__name__ in ("NAType", "NaTType"):
+        return float("nan")
+    try:
+        return float(cell)
+    except (TypeError, ValueError):
+        return None

@@ -1,0 +1,171 @@
+"""From what a program holds in memory to a record: tables, series and arrays are read as files are.
+
+Whatever it is becomes named columns with units, of which time and displacement are chosen by name and unit as in a text
+file.
+"""
+
+import numbers
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from .assemble import Columns, assemble, records_of
+from .choice import Choice
+from .columns import Cells, column_of, floats_of, header_of, is_vector, table_columns
+from .errors import UsageError
+from .record import Record
+from .sheet import Column, Sheet
+from .trace import Trace
+
+_PLACE = lambda i: f"row {i} (the first is 0)"
+
+
+def memory_reader(source: Any) -> tuple[Callable[..., Any], str]:
+    """The reader of an object in memory, and what messages call its kind.
+
+    Raises:
+        UsageError: nothing that a record can be made of, or several runs at once.
+    """
+    if isinstance(source, Record | Trace):
+        return _read_record, "records"
+    if is_pair(source):
+        return _read_pair, "times and displacements"
+    if is_table(source):
+        return _read_table, "tables"
+    if is_numbers(source):
+        return _read_array, "arrays"
+    if isinstance(source, list | tuple):
+        raise UsageError(
+            f"read takes one run, got a {type(source).__name__} of {len(source)}. Write a tuple (t, x) for times and "
+            "displacements, and [fricjax.read(run) for run in runs] for several runs."
+        )
+    raise UsageError(
+        f"A record cannot be made of {type(source).__name__}. Give a path, a record, a pandas table or series, times "
+        "and displacements as a tuple (t, x), or displacements with their rate, fricjax.read(x, rate=5000.0)."
+    )
+
+
+def is_pair(source: Any) -> bool:
+    """Whether an object is a tuple of times and displacements."""
+    return isinstance(source, tuple) and len(source) == 2 and all(map(_is_array, source))
+
+
+def _is_array(source: Any) -> bool:
+    if isinstance(source, list | tuple):
+        return is_numbers(source)
+    return hasattr(source, "__array__") and not hasattr(source, "columns") and is_vector(source)
+
+
+def is_numbers(source: Any) -> bool:
+    """Whether an object is an array, or a list of numbers."""
+    if isinstance(source, list | tuple):
+        first: Any = source[0] if source else None
+        return isinstance(first, numbers.Number) or (hasattr(first, "__array__") and np.ndim(first) == 0)
+    return hasattr(source, "__array__") or hasattr(source, "magnitude")
+
+
+def is_table(source: Any) -> bool:
+    """Whether an object has named columns: a table of pandas or polars, a series, a dict, an array of xarray."""
+    series = hasattr(source, "index") and hasattr(source, "to_numpy")
+    labelled = hasattr(source, "coords") and hasattr(source, "dims")
+    structured = getattr(getattr(source, "dtype", None), "names", None) is not None
+    return isinstance(source, Mapping) or hasattr(source, "columns") or series or labelled or structured
+
+
+def _read_record(source: Record | Trace, *, sigma: Any = None, sign: int = 1) -> Record:
+    """A record as it is, or with another noise or direction; a trace becomes one."""
+    record = source if isinstance(source, Record) else Record(source)
+    return Choice(sigma=sigma, sign=sign).applied(record)
+
+
+def _read_table(
+    source: Any,
+    *,
+    column: str | int | None = None,
+    time: str | int | None = None,
+    unit: str | None = None,
+    time_unit: str | None = None,
+    rate: float | None = None,
+    sigma: Any = None,
+    sign: int = 1,
+    run: str | int | None = None,
+) -> Record | list[Record]:
+    """Reads a table with named columns; the options are those of `fricjax.read`."""
+    choice = Choice(column, time, unit, time_unit, rate, sigma, sign, run)
+    kind, told = type(source).__name__, getattr(source, "attrs", {})
+    return _read(table_columns(source), kind, choice, told.get("source"))
+
+
+def _read_pair(
+    source: tuple[Any, Any],
+    *,
+    unit: str | None = None,
+    time_unit: str | None = None,
+    sigma: Any = None,
+    sign: int = 1,
+) -> Record:
+    """Reads times and displacements, in s and m where neither they nor the options have units."""
+    t, x = (column_of(values, header_of(values, header)) for values, header in zip(source, ("t", "x"), strict=True))
+    return _read_arrays(t, x, Choice(unit=unit, time_unit=time_unit, sigma=sigma, sign=sign))
+
+
+def _read_array(
+    source: Any,
+    *,
+    t: Any = None,
+    rate: float | None = None,
+    unit: str | None = None,
+    time_unit: str | None = None,
+    sigma: Any = None,
+    sign: int = 1,
+) -> Record:
+    """Reads displacements whose times or rate are given beside them.
+
+    Raises:
+        UsageError: neither or both of `t` and `rate`.
+    """
+    x = column_of(source, header_of(source, "x"))
+    if (t is None) == (rate is None):
+        raise UsageError(
+            "An array is read as displacements, and needs either their rate or their times: a tuple (t, x), or "
+            "fricjax.read(x, rate=5000.0)."
+        )
+    choice = Choice(unit=unit, time_unit=time_unit, rate=rate, sigma=sigma, sign=sign)
+    return _read_arrays(None if t is None else column_of(t, header_of(t, "t")), x, choice)
+
+
+def _read_arrays(t: Cells | None, x: Cells, choice: Choice) -> Record:
+    # Bare numbers are in SI units, of which nothing needs to be said.
+    found = Columns(
+        floats_of(x, "array"),
+        None if t is None else floats_of(t, "array"),
+        x.name,
+        "time" if t is None else t.name,
+        x.unit or (None if choice.unit else "m"),
+        None if t is None else t.unit or (None if choice.time_unit else "s"),
+        place=_PLACE,
+    )
+    return _of(assemble(Path("array"), "array", found, choice, vars(choice)), None)
+
+
+def _read(held: list[Cells], kind: str, choice: Choice, source: str | None) -> Record | list[Record]:
+    """The record of the columns that are the time and the displacement by the rules of files, or those of all runs."""
+    # The index comes last, so that numbers count the columns of the table.
+    held = sorted(held, key=lambda cells: cells.is_index)
+    columns = [
+        Column(cells.name, cells.unit, cells.run, cells.header, fault=cells.fault, key=i)
+        for i, cells in enumerate(held)
+    ]
+
+    def load(wanted: Sequence[Column]) -> list[np.ndarray]:
+        return [floats_of(held[column.key], kind) for column in wanted]
+
+    found = records_of(Path(kind), kind, Sheet(columns, load, _PLACE), choice, vars(choice))
+    return [_of(record, source) for record in found] if isinstance(found, list) else _of(found, source)
+
+
+def _of(record: Record, source: str | None) -> Record:
+    """The record with the source that its table names."""
+    return Record(record.trace, {**record.meta, "source": source}, record.log)
