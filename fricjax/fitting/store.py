@@ -131,7 +131,7 @@ def _check(fit: "Fit") -> None:
             raise DataError(f"'{field}' has shape {getattr(fit, field).shape} for {p} parameters")
     residuals = fit.residuals if isinstance(fit.residuals, tuple) else (fit.residuals,)
     listed = {"residuals": residuals} | {
-        name: getattr(fit, name) for name in ("times", "origins", "noises", "margins", "half_cycles")
+        name: getattr(fit, name) for name in ("times", "origins", "noises", "margins", "half_cycles", "sources")
     }
     for field, entries in listed.items():
         if len(entries) != n or n == 0:

@@ -125,9 +125,10 @@ def _fields(line: str, kinds: list[str], delimiter: str) -> list[str] | None:
 
 
 def _are_units(fields: list[str]) -> bool:
-    """Whether a row holds units: blanks, and the numbers that an oscilloscope puts beside them, may be among them."""
+    """Whether a row holds units, perhaps with its name, blanks, or the numbers that an oscilloscope puts beside them."""
     known = [is_unit(_bare(field)) for field in fields]
-    return any(known) and all(unit or kind_of(field, ".") != WORD for unit, field in zip(known, fields, strict=True))
+    rest = [field for field, unit in zip(fields, known, strict=True) if not unit]
+    return any(known) and all(kind_of(field, ".") != WORD or field.lower() in _STATED for field in rest)
 
 
 def _bare(field: str) -> str:
