@@ -195,7 +195,7 @@ def _time(columns: Sequence[Column], x: Column, source: str, advice: str) -> Col
     others = f"; its columns are {quoted(_labels(columns))}" if len(columns) > 1 else ""
     scale = f", and a scale for its {x.unit}, as unit='12.5 mm/{x.unit}'" if (x.unit or "").lower() in UNSCALED else ""
     raise DataError(
-        f"{source} has no time for '{x.shown}'{others}; give rate= (samples per second{advice}) or time= (a column)"
+        f"{source} has no time for '{x.name}'{others}; give rate= (samples per second{advice}) or time= (a column)"
         f"{scale}."
     )
 

@@ -1,0 +1,149 @@
+"""What is chosen from a file, what is asked back, and what is told of what was taken for granted."""
+
+import json
+
+import numpy as np
+import pytest
+import scipy.io
+
+from fricjax.data import DataError, inspect, read
+from fricjax.data.scale import scale_of
+
+from ..cli.conftest import call
+from .test_laboratory import MM, PAIRS, T, X, lines, row, rows
+
+
+def written(path, title, pairs=PAIRS):
+    path.write_text(lines(title, *(row(*pair, digits=9) for pair in pairs)))
+    return path
+
+
+SCALES = {
+    "no unit": (None, None, 1.0),
+    "unit of the title": ("mm", None, 1e-3),
+    "unit given": (None, "um", 1e-6),
+    "the same unit": ("um", "micron", 1e-6),
+    "scale for volts": ("V", "12.5 um/V", 12.5e-6),
+    "scale for volts spelt out": ("Volts", "-2 mm/V", -2e-3),
+    "scale for counts": ("counts", "0.31 nm/count", 0.31e-9),
+    "scale without a title": (None, "633e-9 m", 633e-9),
+    "title that is no unit": ("furlongs", "mm", 1e-3),
+}
+
+
+@pytest.mark.parametrize("name", SCALES)
+def test_scale(name):
+    found, given, expected = SCALES[name]
+    scale, quantity = scale_of(found, given, ("m", "rad"), "the displacement 'x'", "unit")
+    assert scale == pytest.approx(expected, rel=1e-14)
+    assert quantity == "m"
+
+
+CONTRADICTIONS = {
+    "other unit": ("m", "micron", "'x' is in m by its title, but unit='micron' says otherwise: leave unit= out"),
+    "other quantity": ("m", "deg", "is in m by its title, but unit='deg' says otherwise"),
+    "volts": ("V", None, "is in V, which only a scale makes a displacement or a time; give it as unit='12.5 mm/V'"),
+    "unit for volts": ("V", "mm", "is in V; give the scale as unit='12.5 mm/V'"),
+    "scale for something else": ("mV", "12.5 um/V", "is in mV, but unit='12.5 um/V' is a scale for V"),
+    "no unit": ("furlongs", None, "'furlongs' is not a known unit, but the displacement 'x' has it"),
+    "scale of zero": (None, "0 mm", "cannot have the scale '0 mm', which is zero"),
+    "time": (None, "2 ms", "The unit 'ms' does not fit the displacement 'x'"),
+}
+
+
+@pytest.mark.parametrize("name", CONTRADICTIONS)
+def test_contradictions(name):
+    found, given, sentence = CONTRADICTIONS[name]
+    with pytest.raises(DataError) as caught:
+        scale_of(found, given, ("m", "rad"), "the displacement 'x'", "unit")
+    assert sentence in str(caught.value)
+
+
+def test_a_contradiction_ends_the_command(tmp_path):
+    path = written(tmp_path / "run.csv", "Time [s],Displacement [m]", zip(T, X, strict=True))
+    called = call("inspect", path, "--unit", "micron")
+    assert called.code == 4
+    assert "'Displacement' of run.csv is in m by its title, but --unit micron says otherwise" in called.err
+
+
+ASKED = {
+    "no time among titles": ("position,velocity", "has no time for 'position'; its columns are 'position', 'velocity'"),
+    "two positions": ("Position 1,Position 2", "several columns that could be the displacement"),
+    "only times": ("Time (s),Elapsed (s)", "holds no displacement, only 'Time', 'Elapsed'"),
+    "samples and values": ("Index,x [mm]", "has no time for 'x'; its columns are 'Index', 'x'; give rate="),
+}
+
+
+@pytest.mark.parametrize("name", ASKED)
+def test_what_is_asked_back(tmp_path, name):
+    title, sentence = ASKED[name]
+    with pytest.raises(DataError) as caught:
+        read(written(tmp_path / "run.csv", title))
+    assert sentence in str(caught.value)
+
+
+def test_a_rate_in_the_preamble_is_offered(tmp_path):
+    path = tmp_path / "run.txt"
+    path.write_text(lines("# sampling rate: 2.5 kHz", *(f"{x:.6f}" for x in MM)))
+    with pytest.raises(DataError, match=r"give rate= \(samples per second; it says 2500 Hz\)"):
+        read(path)
+
+
+UNUSABLE = {
+    "complex": X + 1j * X,
+    "empty": np.zeros(0),
+    "words": np.array(["a"] * X.size),
+    "records": np.zeros(X.size, "f8,i4"),
+}
+
+
+@pytest.mark.parametrize("kind", UNUSABLE)
+def test_the_time_never_stands_in_for_the_displacement(tmp_path, kind):
+    np.savez(tmp_path / "run.npz", t=T, x=UNUSABLE[kind])
+    with pytest.raises(DataError, match=r"'x' in run\.npz (holds|is) .*, so it is no displacement"):
+        read(tmp_path / "run.npz")
+
+
+@pytest.mark.parametrize("value", [X + 1j * X, "text", np.zeros((0, 0)), scipy.sparse.csc_array(np.diag(X))])
+def test_nor_in_matlab(tmp_path, value):
+    scipy.io.savemat(tmp_path / "run.mat", {"t": T, "x": value})
+    with pytest.raises(DataError, match=r"'x' in run\.mat .*, so it is no displacement"):
+        read(tmp_path / "run.mat")
+
+
+def test_a_unit_that_is_not_there_is_told_everywhere(tmp_path):
+    path = written(tmp_path / "run.csv", "t,x", zip(T, X, strict=True))
+    sentence = "run.csv names no unit for 'x': it is taken as m, 't' as s."
+    record = read(path)
+    assert record.doubts[0].startswith(sentence)
+    assert inspect(record).warnings == record.doubts
+    assert f"! {sentence} If that is not so, give --unit and --time-unit." in call("inspect", path).out
+    assert json.loads(call("inspect", path, "--json").out)["warnings"][0].startswith(sentence)
+    assert not read(path, unit="m").doubts and not read(path, unit="um").doubts
+
+
+def test_scales_that_cannot_be_are_told(tmp_path):
+    pairs = list(zip(T, X, strict=True))
+    metres = read(written(tmp_path / "a.csv", "t [s],x [m]", [(t, 1e3 * x) for t, x in pairs]))
+    assert "larger than that of any friction oscillator" in inspect(metres).warnings[0]
+    fast = read(written(tmp_path / "b.csv", "t [ms],x [m]", [(t, 100 * x) for t, x in pairs]))
+    assert "m/s and" in inspect(fast).warnings[0] and "times gravity" in inspect(fast).warnings[0]
+    turns = read(written(tmp_path / "c.csv", "t [s],angle [rad]", [(t, 1e4 * x) for t, x in pairs]))
+    assert "more than a full turn: were degrees taken for radians?" in inspect(turns).warnings[0]
+    noise = 1e-3 * np.random.default_rng(0).standard_normal(T.size)
+    small = read(
+        written(tmp_path / "d.csv", "t [s],x [pm]", [(t, 1e3 * x + e) for (t, x), e in zip(pairs, noise, strict=True)])
+    )
+    assert "less than that of a milliwatt of light" in inspect(small).warnings[0]
+    assert inspect(read(written(tmp_path / "e.csv", "t [s],x [mm]"))).warnings == ()
+
+
+def test_a_bad_row_among_long_ones(tmp_path):
+    path = tmp_path / "run.csv"
+    body = rows()
+    path.write_text(lines("t [s],x [mm]", *body[:300], "1.5,2.0,3.0", *body[300:]))
+    with pytest.raises(DataError, match=r"run.csv, row 302: 3 fields, but 2 were expected"):
+        read(path)
+    path.write_text(lines("t [s],x [mm],note", *(f"{each},ok" for each in body[:300]), "1.5,oops,ok", *body[300:]))
+    with pytest.raises(DataError, match=r"run.csv, row 302, column 'x': 'oops' is not a number"):
+        read(path)
