@@ -68,7 +68,8 @@ def locate(wanted: str | int, columns: Sequence[Column], source: str, what: str)
         return found[0]
     names = _labels(columns)
     if found:
-        raise DataError(f"{source} has {len(found)} columns '{wanted}'; choose one by its number, from 0: {what}=0.")
+        places = " or ".join(f"{what}={i}" for i, column in enumerate(columns) if column in found)
+        raise DataError(f"{source} has {len(found)} columns '{wanted}'; choose one by its number, {places}.")
     if _is_number(wanted):
         raise DataError(f"{source} has {len(names)} columns, but {what}={wanted} was asked for (the first is 0).")
     raise DataError(
@@ -161,13 +162,14 @@ def _question(sheet: Sheet, choice: Choice, source: str) -> str:
 def _pair(sheet: Sheet, run: str | None, choice: Choice, source: str) -> Pair:
     """Displacement and time of one run, with the columns that belong to no run."""
     columns = [column for column in sheet.columns if column.run in (run, None)]
-    given = None if choice.time is None else locate(choice.time, columns, source, "time")
-    if choice.column is not None:
+
+    def named(wanted: str | int, what: str) -> Column:
         # A number counts the columns of the file, whatever run they belong to.
-        everywhere = (
-            sheet.columns if _is_number(choice.column) and not _matches(str(choice.column), columns) else columns
-        )
-        x = locate(choice.column, everywhere, source, "column")
+        return locate(wanted, sheet.columns if _is_number(wanted) else columns, source, what)
+
+    given = None if choice.time is None else named(choice.time, "time")
+    if choice.column is not None:
+        x = named(choice.column, "column")
     else:
         x = _displacement([column for column in columns if column is not given], choice, source)
     if x.fault is not None:

@@ -147,3 +147,12 @@ def test_a_bad_row_among_long_ones(tmp_path):
     path.write_text(lines("t [s],x [mm],note", *(f"{each},ok" for each in body[:300]), "1.5,oops,ok", *body[300:]))
     with pytest.raises(DataError, match=r"run.csv, row 302, column 'x': 'oops' is not a number"):
         read(path)
+
+
+def test_numbers_count_the_columns_of_the_file(tmp_path):
+    path = tmp_path / "run.csv"
+    path.write_text(lines(*(f",{1e3 * b:.6f},,{a:.6f}," for a, b in PAIRS)))
+    assert read(path, column=1, time=3, unit="um").x == pytest.approx(X, abs=1e-12)
+    path.write_text(lines("t,x,x", *(row(a, b, b) for a, b in PAIRS)))
+    with pytest.raises(DataError, match=r"has 2 columns 'x'; choose one by its number, column=1 or column=2\."):
+        read(path, column="x")

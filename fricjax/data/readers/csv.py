@@ -82,7 +82,7 @@ class Table:
     def sheet(self) -> Sheet:
         """The columns; where the line of titles comes again further down, each block of rows is a run."""
         layout = self.layout
-        columns = [self._column(i) for i in range(len(layout.titles)) if layout.kinds[i] != BLANK or layout.texts[i]]
+        columns = [self._column(i) for i in range(len(layout.titles))]
         if not self._is_stacked():
             return Sheet(columns, self._load, lambda i: f"row {self._row(i)}", layout.advice)
         blocks = self._blocks()

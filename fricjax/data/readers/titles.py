@@ -125,7 +125,7 @@ def _fields(line: str, kinds: list[str], delimiter: str) -> list[str] | None:
 
 
 def _are_units(fields: list[str]) -> bool:
-    """Whether a row holds units, perhaps with its name, blanks, or the numbers that an oscilloscope puts beside them."""
+    """Whether a row holds units, and perhaps its name, blanks, or numbers as an oscilloscope puts them beside units."""
     known = [is_unit(_bare(field)) for field in fields]
     rest = [field for field, unit in zip(fields, known, strict=True) if not unit]
     return any(known) and all(kind_of(field, ".") != WORD or field.lower() in _STATED for field in rest)
