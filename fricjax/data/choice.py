@@ -1,12 +1,13 @@
 """What the caller chose about a file, whatever its format."""
 
 import dataclasses
-from typing import Any
-
-import numpy as np
+import math
+from typing import TYPE_CHECKING, Any
 
 from .errors import UsageError
-from .record import Record, Step
+
+if TYPE_CHECKING:
+    from .record import Record
 
 
 @dataclasses.dataclass(frozen=True)
@@ -23,7 +24,7 @@ class Choice:
     run: Any = None
 
     def __post_init__(self) -> None:
-        if self.rate is not None and not (np.isfinite(self.rate) and self.rate > 0):
+        if self.rate is not None and not (math.isfinite(self.rate) and self.rate > 0):
             raise UsageError(f"rate must be a positive number of samples per second, but it is {self.rate}.")
         if self.rate is not None and self.time is not None:
             raise UsageError("Give either time= (a column of times) or rate= (samples per second), not both.")
@@ -36,23 +37,24 @@ class Choice:
         told = (self.column, self.time, self.unit, self.time_unit, self.rate, self.run)
         return all(value is None for value in told)
 
-    def applied(self, record: Record) -> Record:
+    def applied(self, record: "Record") -> "Record":
         """A restored record with the noise and the direction chosen here."""
         if self.sigma is None and self.sign == 1:
             return record
+        from .record import Step
         from .trace import Trace
 
         old = record.trace
         sigma = old.sigma if self.sigma is None else self.sigma
         chosen = {"sigma": self.sigma, "sign": self.sign}
-        trace = Trace(old.t, self.sign * np.asarray(old.x), sigma, old.mask)
+        trace = Trace(old.t, self.sign * record.x, sigma, old.mask)
         return record.with_step(Step("read", plain(chosen), "noise or direction given by the caller"), trace=trace)
 
 
 def plain(options: dict[str, Any]) -> dict[str, Any]:
     """The options as JSON can hold them."""
     return {
-        key: value.tolist() if isinstance(value, (np.ndarray, np.generic)) else value
+        key: value.tolist() if hasattr(value, "tolist") else value
         for key, value in options.items()
         if value is not None and (key, value) != ("sign", 1)
     }

@@ -80,20 +80,8 @@ def _read_record(source: Record | Trace, *, sigma: Any = None, sign: int = 1) ->
     return Choice(sigma=sigma, sign=sign).applied(record)
 
 
-def _read_table(
-    source: Any,
-    *,
-    column: str | int | None = None,
-    time: str | int | None = None,
-    unit: str | None = None,
-    time_unit: str | None = None,
-    rate: float | None = None,
-    sigma: Any = None,
-    sign: int = 1,
-    run: str | int | None = None,
-) -> Record | list[Record]:
-    """Reads a table with named columns; the options are those of `fricjax.read`."""
-    choice = Choice(column, time, unit, time_unit, rate, sigma, sign, run)
+def _read_table(source: Any, choice: Choice) -> Record | list[Record]:
+    """Reads a table with named columns."""
     kind, told = type(source).__name__, getattr(source, "attrs", {})
     return _read(table_columns(source), kind, choice, told.get("source"))
 

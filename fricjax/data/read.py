@@ -4,13 +4,15 @@ Readers of further formats join through the entry point group `fricjax.readers`:
 suffix without its dot, the object a function `(path, **options) -> Record`.
 """
 
+import dataclasses
 import importlib
 import inspect
 import os
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, overload
 
+from .choice import Choice
 from .errors import DataError, UsageError, nearest
 from .paths import check_file
 
@@ -25,6 +27,8 @@ READERS = {
     **dict.fromkeys((".h5", ".hdf5", ".nc"), ("hdf5", "read_hdf5")),
 }
 PLUGIN_GROUP = "fricjax.readers"
+# What may be said of every file and table.
+_COMMON = tuple(field.name for field in dataclasses.fields(Choice))
 
 
 @overload
@@ -72,17 +76,19 @@ def read(source: Any, **options: Any) -> Any:
     fricjax.read(x, rate=5000.0, unit="nm")
     ```
     """
-    if not isinstance(source, str | os.PathLike):
+    if isinstance(source, str | os.PathLike):
+        source = Path(source)
+        check_file(source)
+        reader, kind = _reader(source), f"{source.suffix} files"
+    else:
         from .memory import memory_reader
 
         reader, kind = memory_reader(source)
-        _check_options(reader, kind, options)
+    _check_options(reader, kind, options)
+    if "choice" not in inspect.signature(reader).parameters:
         return reader(source, **options)
-    path = Path(source)
-    check_file(path)
-    reader = _reader(path)
-    _check_options(reader, f"{path.suffix} files", options)
-    return reader(path, **options)
+    own = {name: options.pop(name) for name in list(options) if name not in _COMMON}
+    return reader(source, Choice(**options), **own)
 
 
 def check(path: Path, options: Collection[str] = ()) -> None:
@@ -120,11 +126,17 @@ def _plugins() -> dict[str, Any]:
     return {point.name.lower().removeprefix("."): point for point in entry_points(group=PLUGIN_GROUP)}
 
 
+def _own(parameters: Mapping[str, inspect.Parameter]) -> list[str]:
+    """The options of a reader itself."""
+    return [name for name, parameter in parameters.items() if parameter.kind is parameter.KEYWORD_ONLY]
+
+
 def _check_options(reader: "Callable[..., Any]", kind: str, options: Collection[str]) -> None:
     parameters = inspect.signature(reader).parameters
     if any(parameter.kind is parameter.VAR_KEYWORD for parameter in parameters.values()):
         return
-    known = [f"{name}=" for name, parameter in parameters.items() if parameter.kind is parameter.KEYWORD_ONLY]
+    common = _COMMON if "choice" in parameters else ()
+    known = [f"{name}=" for name in (*common, *_own(parameters))]
     for name in options:
         if f"{name}=" not in known:
             raise UsageError(

@@ -6,7 +6,7 @@ import itertools
 import mmap
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import IO, Any
+from typing import IO
 
 import numpy as np
 
@@ -25,15 +25,8 @@ from .text import Text
 
 def read_csv(
     path: Path,
+    choice: Choice,
     *,
-    column: str | int | None = None,
-    time: str | int | None = None,
-    unit: str | None = None,
-    time_unit: str | None = None,
-    rate: float | None = None,
-    sigma: Any = None,
-    sign: int = 1,
-    run: str | int | None = None,
     delimiter: str | None = None,
     decimal: str | None = None,
     comment: str | None = None,
@@ -55,7 +48,6 @@ def read_csv(
     Raises:
         DataError: no table of numbers, an unknown column or run, a cell that is no number (with its row).
     """
-    choice = Choice(column, time, unit, time_unit, rate, sigma, sign, run)
     dialect = Dialect(delimiter, decimal, comment, skip_rows, header)
     options = {**vars(choice), **vars(dialect), "encoding": encoding}
     text = Text.of(path, encoding)

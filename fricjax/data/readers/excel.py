@@ -26,15 +26,8 @@ _FEWEST = 10
 
 def read_excel(
     path: Path,
+    choice: Choice,
     *,
-    column: str | int | None = None,
-    time: str | int | None = None,
-    unit: str | None = None,
-    time_unit: str | None = None,
-    rate: float | None = None,
-    sigma: Any = None,
-    sign: int = 1,
-    run: str | int | None = None,
     skip_rows: int | None = None,
     header: bool | None = None,
 ) -> Record | list[Record]:
@@ -46,7 +39,6 @@ def read_excel(
         DataError: a damaged file, or no worksheet with a table of numbers.
         UsageError: the package openpyxl is not installed.
     """
-    choice = Choice(column, time, unit, time_unit, rate, sigma, sign, run)
     dialect = Dialect("tab", ".", comment="\0", skip_rows=skip_rows, header=header)
     tables: dict[str, Table] = {}
     trouble: DataError | None = None

@@ -16,18 +16,7 @@ from ..sheet import Column, Sheet, array_columns, signal
 from .nodes import Tree, opened
 
 
-def read_hdf5(
-    path: Path,
-    *,
-    column: str | int | None = None,
-    time: str | int | None = None,
-    unit: str | None = None,
-    time_unit: str | None = None,
-    rate: float | None = None,
-    sigma: Any = None,
-    sign: int = 1,
-    run: str | int | None = None,
-) -> Record | list[Record]:
+def read_hdf5(path: Path, choice: Choice) -> Record | list[Record]:
     """Reads two data sets of an HDF5 or netCDF-4 file, or a record that `fricjax.write` put there.
 
     Options as in `fricjax.read`, where
@@ -40,7 +29,6 @@ def read_hdf5(
     Raises:
         DataError: not such a file, an unknown path (the nearest is offered), a data set that is no vector of numbers.
     """
-    choice = Choice(column, time, unit, time_unit, rate, sigma, sign, run)
     hint = "it is damaged or of another format"
     if path.suffix.lower() == ".nc":
         hint += "; netCDF-3 files must be converted to netCDF-4"

@@ -22,17 +22,10 @@ PART = re.compile(r"^(?P<name>[^\[\]]+)(?P<indices>(\[\d+\])*)$")
 
 def read_mat(
     path: Path,
+    choice: Choice,
     *,
-    column: str | int | list[str] | None = None,
-    time: str | int | list[str] | None = None,
-    unit: str | None = None,
-    time_unit: str | None = None,
-    rate: float | None = None,
-    sigma: Any = None,
-    sign: int = 1,
     row: int = 0,
     cells: list[int] | None = None,
-    run: str | int | None = None,
 ) -> Record | list[Record]:
     """Reads a record from a `.mat` file of version 5 or 7.3.
 
@@ -49,7 +42,7 @@ def read_mat(
     Raises:
         DataError: damaged file, unknown name (the nearest is offered), or a variable that holds no numbers.
     """
-    choice = Choice(_text(column), _text(time), unit, time_unit, rate, sigma, sign, run)
+    choice = replace(choice, column=_text(choice.column), time=_text(choice.time))
     tree = load_tree(path)
     columns = _columns(tree)
     for what, given in (("column", choice.column), ("time", choice.time)):

@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -15,23 +14,11 @@ from ..sheet import Column, Sheet, array_columns, signal
 from .archive import load_arrays
 
 
-def read_npz(
-    path: Path,
-    *,
-    column: str | int | None = None,
-    time: str | int | None = None,
-    unit: str | None = None,
-    time_unit: str | None = None,
-    rate: float | None = None,
-    sigma: Any = None,
-    sign: int = 1,
-    run: str | int | None = None,
-) -> Record | list[Record]:
+def read_npz(path: Path, choice: Choice) -> Record | list[Record]:
     """Reads two arrays of an `.npz` archive, or a record that `fricjax.write` put there.
 
     The options are those of `fricjax.read`; units may stand in the names, as in `x_mm`.
     """
-    choice = Choice(column, time, unit, time_unit, rate, sigma, sign, run)
     arrays = load_arrays(path)
     if MARK in arrays and choice.takes_all:
         check_schema(arrays[MARK], path.name)
