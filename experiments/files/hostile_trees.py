@@ -1,6 +1,7 @@
 """HDF5 and MATLAB files that lead elsewhere, in circles or too deep, or promise what they do not hold."""
 
 import struct
+import zipfile
 import zlib
 from collections.abc import Callable
 from pathlib import Path
@@ -277,7 +278,27 @@ def save_kinds(path: Path) -> None:
     scipy.io.savemat(path, KINDS)
 
 
+def _long_line(field: str) -> Callable[[Path], object]:
+    """A text of fifty million fields in its first line."""
+    return lambda path: path.write_text(field * 50_000_000)
+
+
+def _zipped(name: str, size: int) -> Callable[[Path], object]:
+    """An archive of one part, which is nothing but zeros."""
+
+    def write_it(path: Path) -> None:
+        with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive, archive.open(name, "w") as part:
+            for _ in range(size >> 24):
+                part.write(bytes(2**24))
+
+    return write_it
+
+
 BOMBS: dict[str, Hostile] = {
+    "columns.csv": (_long_line("1,"), "fields|a line of more than 1 MB"),
+    "blanks.txt": (_long_line("1 "), "a line of more than 1 MB"),
+    "word.csv": (_long_line("a"), "a line of more than 1 MB"),
+    "bomb.xlsx": (_zipped("xl/worksheets/sheet1.xml", 2**30), "unpacks to 1024 MB"),
     "bomb.h5": (
         _beside(
             lambda file: file.create_dataset("x", (2**31,), "u1", chunks=(2**24,), compression="gzip", fillvalue=0)

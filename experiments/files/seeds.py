@@ -117,9 +117,33 @@ def _matlab73(path: Path) -> None:
         raw.write(b"MATLAB 7.3 MAT-file".ljust(124) + b"\x00\x02IM")
 
 
+PAIRS = list(zip(range(N), map(float, X), strict=True))
+
+
+def _logger(path: Path) -> None:
+    """Times of day, a word in each row, and titles with a unit."""
+    rows = (f"2024-03-05 14:23:{i:02}.5,{x},ok\n" for i, x in PAIRS)
+    path.write_text("Logger 5\n\nTime,x [mm],state\n" + "".join(rows))
+
+
+def _workbook(path: Path) -> None:
+    import openpyxl
+
+    book = openpyxl.Workbook()
+    sheet = book[book.sheetnames[0]]
+    for row in [("t [s]", "x [mm]"), *PAIRS]:
+        sheet.append(row)
+    book.save(path)
+
+
 SEEDS: dict[str, Callable[[Path], object]] = {
     "comma.csv": _text,
     "blanks.txt": lambda path: _text(path, " ", "# t x"),
+    "clock.csv": _logger,
+    "wide.tsv": lambda path: path.write_bytes(
+        "".join(f"{t},5\t{x}\n".replace(".", ",") for t, x in PAIRS).encode("utf-16")
+    ),
+    "book.xlsx": _workbook,
     "own.csv": lambda path: write(record(), path),
     "stored.npz": lambda path: np.savez(path, t=T, x=X),
     "packed.npz": lambda path: np.savez_compressed(path, t=T, x=X),
