@@ -118,6 +118,7 @@ def _matlab73(path: Path) -> None:
 
 
 PAIRS = list(zip(range(N), map(float, X), strict=True))
+GERMAN = [(t, str(x).replace(".", ",")) for t, x in PAIRS]
 
 
 def _logger(path: Path) -> None:
