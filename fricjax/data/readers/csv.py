@@ -108,7 +108,7 @@ class Table:
         return word if is_unit(word) else None
 
     def _load(self, wanted: Sequence[Column]) -> list[np.ndarray]:
-        places = [column.key for column in wanted if isinstance(column.key, int)]
+        places = [column.key for column in wanted]
         with self.text.open() as file:
             file.seek(self.text.starts[self.layout.first_line])
             try:
@@ -117,7 +117,7 @@ class Table:
                 found = {}
         if not found or not self._is_complete(found[places[0]].size, places):
             # Remarks among the rows, words below them, or a row that is wrong: line by line.
-            lines = self._data_lines(places)
+            lines = self._data_lines()
             self._check(lines, places)
             found = self._parsed_lines([line for _, line in lines], places)
         return [found[i] for i in places]
@@ -167,7 +167,7 @@ class Table:
             with self.text.open() as file:
                 file.seek(self.text.starts[layout.first_line])
                 found = sum(block.count(mark) for block in iter(lambda: file.read(1 << 22), b""))
-            if found <= rows * most and found % max(most, 1) == 0:
+            if found == rows * most:
                 return True
         return not any(self._is_too_long(split(line, layout.delimiter)) for _, line in self._numbered_lines())
 
@@ -211,7 +211,7 @@ class Table:
             if i >= self.layout.first_line and self.dialect.holds_data(line):
                 yield i + 1, line
 
-    def _data_lines(self, places: list[int]) -> list[tuple[int, str]]:
+    def _data_lines(self) -> list[tuple[int, str]]:
         """The rows, without words that stand below the last of them."""
         return _trimmed(list(self._numbered_lines()), lambda numbered: self._is_row(numbered[1]))
 
