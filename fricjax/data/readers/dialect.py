@@ -18,7 +18,7 @@ from .titles import advice_of, numbered, titles_of, with_stated_units
 COMMENTS = ("#", "%", "!", "//")
 DELIMITERS = ("\t", ";", "|", ",", " ")
 NAMED = {"tab": "\t", "\\t": "\t", "space": " ", "whitespace": " ", "comma": ",", "semicolon": ";"}
-SNIFFED_LINES = 400
+SNIFFED_LINES = 200  # of the rows, from which the layout is told
 WIDEST = 10_000  # fields in a row; a table of more columns than that is no record of runs
 
 

@@ -12,7 +12,7 @@ from ..errors import DataError, UsageError
 
 # Enough for the preamble of any instrument and some hundred rows; a longer line is no table that a person wrote.
 HEAD = 1 << 20
-LINES = 2000  # lines of the head that are kept: the preamble, and far more rows than are needed to know the layout
+LINES = 1000  # lines of the head that are kept: the preamble, and far more rows than are needed to know the layout
 _MARKS = (
     (codecs.BOM_UTF8, "utf-8-sig"),
     (codecs.BOM_UTF32_LE, "utf-32"),
@@ -32,7 +32,7 @@ class Text:
 
     - `path`: the file, named in messages.
     - `encoding`: of the text.
-    - `head`: the first two thousand complete lines, as far as they lie in the first megabyte.
+    - `head`: the first thousand complete lines, as far as they lie in the first megabyte.
     - `starts`: offset of each of them [bytes of the stream that `open` gives].
     - `wide`: the text in UTF-8 where the file itself is none: two bytes to a letter, a worksheet; else None.
     """
