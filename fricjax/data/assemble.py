@@ -83,14 +83,14 @@ def assemble(path: Path, kind: str, columns: Columns, choice: Choice, options: d
     where = f"the displacement '{columns.x_name}' of {path.name}"
     scale, quantity = scale_of(columns.x_unit, choice.unit, DISPLACEMENT, where, "unit")
     t, time_unit = _times(path, x.size, columns, choice)
-    used = np.isfinite(x)
-    if used.sum() < MINIMUM_SAMPLES:
+    used = np.count_nonzero(np.isfinite(x))
+    if used < MINIMUM_SAMPLES:
         raise DataError(
-            f"{path.name} holds {int(used.sum())} usable samples in '{columns.x_name}', but a trace needs at least "
+            f"{path.name} holds {used} usable samples in '{columns.x_name}', but a trace needs at least "
             f"{MINIMUM_SAMPLES}; check the column and the rows skipped."
         )
     sigma = None if choice.sigma is None else np.asarray(choice.sigma, dtype=np.float64) * abs(scale)
-    trace = Trace(t, x * (scale * choice.sign), sigma, used)
+    trace = Trace(t, _scaled(x, scale * choice.sign), sigma)
     unit = choice.unit or columns.x_unit
     meta = {
         "source": path.name,
@@ -148,21 +148,27 @@ def _times(path: Path, size: int, columns: Columns, choice: Choice) -> tuple[np.
     where = f"the time '{columns.time_name}' of {path.name}"
     scale, _ = scale_of(columns.time_unit, choice.time_unit, TIME, where, "time_unit")
     _check_times(path, t, columns)
-    return t * scale, choice.time_unit or columns.time_unit or "s"
+    return _scaled(t, scale), choice.time_unit or columns.time_unit or "s"
+
+
+def _scaled(values: np.ndarray, factor: float) -> np.ndarray:
+    """The values in SI units; a long record in SI units already is not copied."""
+    return values if factor == 1.0 else values * factor
 
 
 def _check_times(path: Path, t: np.ndarray, columns: Columns) -> None:
+    from .trace import first_not_later
+
     remedy = "repair or drop that row, choose another column with time=, or give rate= instead."
-    missing = np.flatnonzero(~np.isfinite(t))
-    if missing.size:
-        i = int(missing[0])
+    finite = np.isfinite(t)
+    if not finite.all():
+        i = int(np.argmin(finite))
         raise DataError(
             f"{path.name}, column '{columns.time_name}', {columns.place(i)}: the time is {t[i]} (NaN, infinite or "
             f"missing); {remedy}"
         )
-    back = np.flatnonzero(np.diff(t) <= 0)
-    if back.size:
-        i = int(back[0]) + 1
+    i = first_not_later(t)
+    if i is not None:
         raise DataError(
             f"{path.name}, column '{columns.time_name}', {columns.place(i)}: the time is not increasing "
             f"({float(t[i])} after {float(t[i - 1])}); {remedy}"

@@ -145,15 +145,19 @@ def _check_values(t: Any, sigma: Any) -> None:
 
 
 def _check_times(t: np.ndarray) -> None:
-    missing = np.flatnonzero(~np.isfinite(t))
-    if missing.size:
+    finite = np.isfinite(t)
+    if not finite.all():
+        i = int(np.argmin(finite))
+        raise DataError(f"t must be finite, but sample {i} is {t[i]}; drop such samples or give a rate.")
+    i = first_not_later(t)
+    if i is not None:
         raise DataError(
-            f"t must be finite, but sample {missing[0]} is {t[missing[0]]}; drop such samples or give a rate."
-        )
-    steps_back = np.flatnonzero(np.diff(t) <= 0)
-    if steps_back.size:
-        i = steps_back[0]
-        raise DataError(
-            f"t must increase strictly, but sample {i + 1} is {float(t[i + 1])} s after {float(t[i])} s; sort the "
+            f"t must increase strictly, but sample {i} is {float(t[i])} s after {float(t[i - 1])} s; sort the "
             "samples and drop repeated ones."
         )
+
+
+def first_not_later(t: np.ndarray) -> int | None:
+    """Index of the first time that is not later than the one before it; None where all are."""
+    later = t[1:] > t[:-1]
+    return None if later.all() else int(np.argmin(later)) + 1

@@ -131,19 +131,19 @@ class Table:
         first, text = self.layout.first_line, self.text
         if any(line.count('"') % 2 for line in text.head[:first]):
             return {}  # the parser would take the lines behind an open quote for one
-        # Numbers without gaps are read in two thirds of the time.
+        # Numbers without gaps and blanks are read in two thirds of the time.
         for gaps in (False, True):
             try:
                 # From a path pandas reads faster than from an open file.
                 whole = text.path if text.wide is None else io.BytesIO(text.wide)
-                return self._parsed(whole, places, skiprows=first, na_filter=gaps)
+                return self._parsed(whole, places, skiprows=first, na_filter=gaps, skipinitialspace=gaps)
             except _UNREADABLE:
                 continue
         return {}
 
     def _parsed_lines(self, lines: list[str], places: list[int]) -> dict[int, np.ndarray]:
         try:
-            return self._parsed(io.BytesIO("\n".join(lines).encode()), places)
+            return self._parsed(io.BytesIO("\n".join(lines).encode()), places, skipinitialspace=True)
         except _UNREADABLE as error:
             raise DataError(
                 f"{self.text.path.name} could not be read as a table: {str(error).strip()[:200]}; give delimiter=, "
@@ -166,7 +166,6 @@ class Table:
             usecols=sorted(set(places)) if self._is_partly(places) else None,
             dtype={i: str if i in clocks else np.float64 for i in places},
             index_col=False,
-            skipinitialspace=True,
             na_values=list(MISSING),
             encoding_errors="replace",
             **how,

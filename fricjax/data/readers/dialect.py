@@ -131,15 +131,16 @@ def _separators(lines: list[str], dialect: Dialect, source: str) -> tuple[str, s
 
     Where that are fewer than half of the lines, rows that hold words or times of day beside numbers count too.
     """
+    sample = lines[-SNIFFED_LINES:]
+    # The tab stands for a table of one column too, in which nothing separates.
+    occurring = [mark for mark in DELIMITERS if mark == "\t" or any(mark in line for line in sample)]
+    given = [] if dialect.delimiter is None else [NAMED.get(dialect.delimiter, dialect.delimiter)]
     pairs = [
         (delimiter, decimal)
-        for delimiter in (
-            DELIMITERS if dialect.delimiter is None else (NAMED.get(dialect.delimiter, dialect.delimiter),)
-        )
+        for delimiter in given or occurring
         for decimal in ((".", ",") if dialect.decimal is None else (dialect.decimal,))
         if delimiter != decimal
     ]
-    sample = lines[-SNIFFED_LINES:]
     read = {
         pair: [[kind_of(f, pair[1]) for f in split(line, pair[0])[: WIDEST + 1]] for line in sample] for pair in pairs
     }
