@@ -19,6 +19,7 @@ import time
 from pathlib import Path
 
 import jax
+import numpy as np
 
 import fricjax as fj
 from fricjax.data.examples import example_paths
@@ -47,6 +48,15 @@ COMMANDS = {
         ["energy", RUN, "--rig", RIG, "--plot", "force.png", "--out", "force.json"],
         ["force.png", "force.json"],
     ),
+    "check": (
+        ["check", "--rig", RIG, "--friction", "coulomb", "--fix", "mu=0.02", "--x0", "2 mm", "--plot", "told.png"],
+        ["told.png"],
+    ),
+    "map": (["map", "{pairs}", "--rig", RIG, "--plot", "map.png"], ["map.png"]),
+    "compare": (
+        ["compare", RUN, "--rig", RIG, "--friction", "coulomb", "--no-held-out", "--plot", "laws.png"],
+        ["laws.png"],
+    ),
 }
 # Else a PDF says when it was made, and no two are the same.
 SAME_DATE = {**os.environ, "SOURCE_DATE_EPOCH": "0"}
@@ -57,6 +67,17 @@ def free_decay(folder: Path) -> Path:
     """The record that `calibrate` reads."""
     machine = fj.Oscillator(0.41, 2574.0, 0.175, 1.0, fj.friction.Coulomb(0.0))
     return fj.write(fj.synthetic_run(machine, 2e-3, rate=2e3, duration=5.0, noise=5e-9, seed=2), folder / "free.npz")
+
+
+def pairs_of_displacements(folder: Path) -> Path:
+    """The table that `map` reads."""
+    band = 0.02 * 9.66 / 2574.0
+    x0 = np.linspace(1.1e-3, 2e-3, 12)
+    table = folder / "pairs.csv"
+    # Each half-cycle takes two dead bands, until the mass stays.
+    xf = [(-1) ** round(n) * (x - 2 * n * band) for x in x0 for n in [np.ceil((x / band - 1) / 2)]]
+    table.write_text("x0 [m],xf [m]\n" + "".join(f"{a!r},{b!r}\n" for a, b in zip(x0.tolist(), xf, strict=True)))
+    return table
 
 
 def state(folder: Path) -> frozenset:
@@ -127,10 +148,10 @@ def main() -> None:
     options = parser.parse_args()
     print(f"{'command':12}{'kills':>6}{'old':>6}{'new':>6}{'mixed':>7}{'damaged':>9}{'temporary':>11}")
     with tempfile.TemporaryDirectory() as scratch:
-        free = str(free_decay(Path(scratch)))
+        made = {"free": free_decay(Path(scratch)), "pairs": pairs_of_displacements(Path(scratch))}
         for seed, name in enumerate(options.commands):
             words, names = COMMANDS[name]
-            told = killed([word.format(free=free) for word in words], names, options.kills, seed, Path(scratch))
+            told = killed([word.format(**made) for word in words], names, options.kills, seed, Path(scratch))
             numbers = "".join(f"{told[kind]:>{width}}" for kind, width in zip(told, (6, 6, 7, 9, 11), strict=True))
             print(f"{name:12}{options.kills:>6}{numbers}", flush=True)
 
