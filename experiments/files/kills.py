@@ -75,7 +75,7 @@ def pairs_of_displacements(folder: Path) -> Path:
     x0 = np.linspace(1.1e-3, 2e-3, 12)
     table = folder / "pairs.csv"
     # Each half-cycle takes two dead bands, until the mass stays.
-    xf = [(-1) ** round(n) * (x - 2 * n * band) for x in x0 for n in [np.ceil((x / band - 1) / 2)]]
+    xf = [float((-1) ** round(n) * (x - 2 * n * band)) for x in x0 for n in [np.ceil((x / band - 1) / 2)]]
     table.write_text("x0 [m],xf [m]\n" + "".join(f"{a!r},{b!r}\n" for a, b in zip(x0.tolist(), xf, strict=True)))
     return table
 
