@@ -128,7 +128,9 @@ def fit_triangle_map(x0: Any, xf: Any, rig: Rig, *, half_cycles: Any = None) -> 
         extras={
             "dead_band": (band, fitted.std, "m"),
             **_meetings(lines),
-            "jump": ((1 + rho) * (sum(static) / 2 - band), (1 + rho) * (static[1] - static[0]) / 12**0.5, "m"),
+            # Edges that contradict each other, since a run stopped farther out than one that moved on, are as
+            # uncertain as they differ.
+            "jump": ((1 + rho) * (sum(static) / 2 - band), (1 + rho) * abs(static[1] - static[0]) / 12**0.5, "m"),
             **_naive(lines, fold, band, per_band),
         },
     )

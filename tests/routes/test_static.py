@@ -4,6 +4,8 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
+from fricjax import Rig, fit_triangle_map
+from fricjax.data import example_paths
 from fricjax.data.errors import DataError
 from fricjax.routes import attempts, bracket, probit
 from tests.routes.campaigns import BAND, LOAD, MU, STIFFNESS, machine, released
@@ -92,3 +94,13 @@ def test_the_unit_does_not_matter():
     assert large.static_band == pytest.approx(1e6 * small.static_band, rel=1e-9)
     assert large.interval[1] == pytest.approx(1e6 * small.interval[1], rel=1e-6)
     assert STIFFNESS * small.static_band / LOAD == pytest.approx(0.065, rel=0.05)
+
+
+def test_edges_that_contradict_each_other_have_a_width():
+    """Runs of a machine without damping under a rig that has some: one stops farther out than another moved on."""
+    rig = Rig.from_toml(example_paths().rig)
+    band, x0 = 0.02 * 9.66 / 2574.0, np.linspace(1.1e-3, 2e-3, 12)
+    n = np.ceil((x0 / band - 1) / 2)
+    found = fit_triangle_map(x0, (-1.0) ** n * (x0 - 2 * n * band), rig)
+    assert found.extras["jump"][1] > 0
+    assert "jump" in found.summary()
