@@ -1,5 +1,6 @@
 """Whether the files that a command names can be read with its options, asked before any is opened."""
 
+import dataclasses
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -30,20 +31,22 @@ def check_records(paths: Sequence[Path], options: Reading) -> None:
         low, high = parsing.span("--crop", options.crop)
         if low is not None and high is not None and not low < high:
             raise UsageError(f"--crop '{options.crop}' ends before it begins; write the earlier time first.")
-    given = _given(options)
+    told = given(options)
     for path in paths:
-        check(path, given)
-    if given:
+        check(path, told)
+    if told:
         _check_values(options)
 
 
-def _given(options: Reading) -> dict[str, Any]:
+def given(options: Reading) -> dict[str, Any]:
     """The options of `fricjax.read` that were given."""
-    if options == Reading():
-        return {}
-    from .records import _reader_options
+    from . import parsing
 
-    return _reader_options(options)
+    every = {field.name: getattr(options, field.name) for field in dataclasses.fields(options)}
+    told = {name: value for name, value in every.items() if value is not None and name != "crop"}
+    if "cells" in told:
+        told["cells"] = [int(parsing.number("--cells", word)) for word in parsing.words(told["cells"])]
+    return told
 
 
 def _check_values(options: Reading) -> None:

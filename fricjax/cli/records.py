@@ -1,14 +1,13 @@
 """Reading the records that a command works on."""
 
-import dataclasses
 import warnings
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 from ..data import Record, crop, read
 from ..data.errors import UsageError
 from . import parsing
+from .files import given
 from .options import Reading
 
 
@@ -21,7 +20,7 @@ def read_records(paths: Sequence[Path], options: Reading) -> list[Record]:
     """
     records: list[Record] = []
     for path in paths:
-        found = read(path, **_reader_options(options))
+        found = read(path, **given(options))
         records += found if isinstance(found, list) else [found]
     if len({record.quantity for record in records}) > 1:
         raise UsageError(
@@ -49,13 +48,3 @@ def tell_doubts(records: Sequence[Record]) -> None:
     """Warn of what was taken for granted in reading, where the result does not say so itself."""
     for sentence in dict.fromkeys(sentence for record in records for sentence in record.doubts):
         warnings.warn(sentence, stacklevel=2)
-
-
-def _reader_options(options: Reading) -> dict[str, Any]:
-    given = {field.name: getattr(options, field.name) for field in dataclasses.fields(options)}
-    given = {name: value for name, value in given.items() if value is not None and name != "crop"}
-    if "cells" in given:
-        given["cells"] = [int(parsing.number("--cells", word)) for word in parsing.words(given["cells"])]
-    if given.get("delimiter") in ("\\t", "tab"):
-        given["delimiter"] = "\t"
-    return given

@@ -10,6 +10,16 @@ if TYPE_CHECKING:
     from .record import Record
 
 
+def check_rate(rate: float) -> None:
+    """Refuse what is no rate of samples.
+
+    Raises:
+        UsageError: it is not positive and finite.
+    """
+    if not (math.isfinite(rate) and rate > 0):
+        raise UsageError(f"rate must be a positive number of samples per second, but it is {rate}.")
+
+
 @dataclasses.dataclass(frozen=True)
 class Choice:
     """What the caller chose for any format: see `fricjax.read`."""
@@ -24,8 +34,8 @@ class Choice:
     run: Any = None
 
     def __post_init__(self) -> None:
-        if self.rate is not None and not (math.isfinite(self.rate) and self.rate > 0):
-            raise UsageError(f"rate must be a positive number of samples per second, but it is {self.rate}.")
+        if self.rate is not None:
+            check_rate(self.rate)
         if self.rate is not None and self.time is not None:
             raise UsageError("Give either time= (a column of times) or rate= (samples per second), not both.")
         if self.sign not in (1, -1):

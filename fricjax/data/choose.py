@@ -2,13 +2,16 @@
 
 import re
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import NamedTuple
+
+import numpy as np
 
 from ..show import Table
 from .choice import Choice
 from .errors import DataError, UsageError, nearest, quoted
 from .header import TIME_WORDS, UNSCALED, first_word, measures
-from .sheet import Column, Sheet
+from .sheet import Column, Sheet, folder_of
 
 # Names that say which column is meant even where others could be a displacement as well.
 _PLAINEST = ("x", "displacement")
@@ -21,6 +24,7 @@ _COUNTERS = frozenset((
     "index", "sample", "samples", "n", "no", "no.", "nr", "nr.", "row", "point", "points", "number", "sequence", "i",
     "k", "frame", "step", "#", "",
 ))  # fmt: skip
+_LISTED = 20  # runs that a table of them shows
 _NUMBERED = re.compile(r"(?P<base>.*?[^\d_ ])[_ ]?(?P<number>\d{1,4})")
 
 
@@ -48,12 +52,9 @@ def choose(sheet: Sheet, choice: Choice, source: str) -> list[Pair]:
     if choice.run is not None and not runs:
         raise DataError(f"{source} holds one run only, but run={choice.run!r} was asked for; leave run= out.")
     if choice.run is None and len(runs) > 1:
-        named = [] if choice.column is None else _matches(choice.column, sheet.columns)
-        if choice.column is not None and not named:
-            locate(choice.column, sheet.columns, source, "column")
-        if len(named) != 1:
+        if choice.column is None or len(_matches(choice.column, sheet.columns)) > 1:
             raise DataError(_question(sheet, choice, source))
-        runs = [named[0].run]
+        runs = [locate(choice.column, sheet.columns, source, "column").run]
     elif choice.run is not None and str(choice.run).lower() != "all":
         runs = [_run(choice.run, sheet.runs, source)]
     return [_pair(sheet, run, choice, source) for run in runs or [None]]
@@ -108,22 +109,15 @@ def _with_numbered_runs(sheet: Sheet) -> Sheet:
     """The sheet where `t1, x1, t2, x2` are two runs: names that differ by a number, with a time for each number."""
     if sheet.runs:
         return sheet
-    found = [_NUMBERED.fullmatch(column.name) if not column.bare else None for column in sheet.columns]
-    numbered = [(match["number"], column) for match, column in zip(found, sheet.columns, strict=True) if match]
-    bases = [match["base"] for match in found if match]
-    numbers = dict.fromkeys(number for number, _ in numbered)
-    timed = {
-        number
-        for (number, column), base in zip(numbered, bases, strict=True)
-        if Column(base.rstrip("_ "), column.unit).is_time
+    found = [(column, None if column.bare else _NUMBERED.fullmatch(column.name)) for column in sheet.columns]
+    numbers = {match["number"] for _, match in found if match}
+    times = {
+        match["number"] for column, match in found if match and replace(column, name=match["base"].rstrip("_ ")).is_time
     }
-    if len(numbers) < 2 or set(numbers) != timed:
+    if len(numbers) < 2 or numbers != times:
         return sheet
-    columns = [
-        column if match is None else Column(**{**vars(column), "run": f"Run {match['number']}"})
-        for column, match in zip(sheet.columns, found, strict=True)
-    ]
-    return Sheet(columns, sheet.load, sheet.place, sheet.advice)
+    columns = [replace(column, run=f"Run {match['number']}") if match else column for column, match in found]
+    return replace(sheet, columns=columns)
 
 
 def _run(wanted: str | int, runs: list[str], source: str) -> str:
@@ -143,18 +137,18 @@ def _run(wanted: str | int, runs: list[str], source: str) -> str:
 def _question(sheet: Sheet, choice: Choice, source: str) -> str:
     """Which runs there are, as a table below one sentence."""
     rows = []
-    for run in sheet.runs:
+    for run in sheet.runs[:_LISTED]:
         own = [column for column in sheet.columns if column.run == run and column.fault is None]
         try:
             x, time = _pair(sheet, run, choice, source)
             values, *times = sheet.load([x] if time is None else [x, time])
-            used = [i for i, value in enumerate(values == values) if value]
-            span = f"{times[0][used[-1]] - times[0][used[0]]:.4g}" if times and used and time is not None else "-"
-            rows.append([run, x.name, str(len(used)), f"{span} {(time and time.unit) or 's'}", x.unit or "not found"])
+            used = np.flatnonzero(~np.isnan(values))
+            span = f"{times[0][used[-1]] - times[0][used[0]]:.4g}" if times and used.size else "-"
+            rows.append([run, x.name, str(used.size), f"{span} {(time and time.unit) or 's'}", x.unit or "not found"])
         except DataError:
             rows.append([run, quoted([column.name for column in own], 3), "-", "-", "-"])
-    table = Table(["Run", "Displacement", "Samples", "Duration", "Unit"], rows[:20]).text()
-    more = f"\n... and {len(rows) - 20} more" if len(rows) > 20 else ""
+    table = Table(["Run", "Displacement", "Samples", "Duration", "Unit"], rows).text()
+    more = f"\n... and {len(sheet.runs) - _LISTED} more" if len(sheet.runs) > _LISTED else ""
     first = re.findall(r"\d+", sheet.runs[0])[-1:] or [sheet.runs[0]]
     return f"{source} holds {len(sheet.runs)} runs; choose one with run={first[0]}, or run='all'.\n{table}{more}"
 
@@ -186,8 +180,8 @@ def _time(columns: Sequence[Column], x: Column, source: str, advice: str) -> Col
     """The time that belongs to x: one of its own run or folder before one of the file, else the first bare column."""
     usable = [column for column in columns if column is not x and column.fault is None]
     times = [column for column in usable if column.is_time]
-    folder = _folder(x.name)
-    near = [column for column in times if column.run == x.run and _folder(column.name) == folder]
+    folder = folder_of(x.name)
+    near = [column for column in times if column.run == x.run and folder_of(column.name) == folder]
     for among in (near, [column for column in times if column.run == x.run], times):
         if among:
             # A title that is nothing but a time's name comes before one with further words, then one with a unit.
@@ -202,10 +196,6 @@ def _time(columns: Sequence[Column], x: Column, source: str, advice: str) -> Col
     )
 
 
-def _folder(name: str) -> str:
-    return re.sub(r"[/.][^/.]*$", "", name) if re.search(r"[/.]", name.lstrip("/")) else ""
-
-
 def _displacement(columns: Sequence[Column], choice: Choice, source: str) -> Column:
     """The displacement among the columns: by its name, by its unit, or since there is only one."""
     bare = all(column.bare for column in columns)
@@ -218,7 +208,7 @@ def _displacement(columns: Sequence[Column], choice: Choice, source: str) -> Col
     if not candidates:
         names = quoted(_labels(columns))
         raise DataError(f"{source} holds no displacement, only {names or 'no columns'}; name one with column=.")
-    for among in ([c for c in candidates if not _folder(c.name)], candidates):
+    for among in ([c for c in candidates if not folder_of(c.name)], candidates):
         named = [column for column in among if _is_usual(column)]
         plainest = [column for column in named if column.name.lower() in _PLAINEST]
         if len(named) == 1 or len(plainest) == 1:

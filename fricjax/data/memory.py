@@ -81,9 +81,20 @@ def _read_record(source: Record | Trace, *, sigma: Any = None, sign: int = 1) ->
 
 
 def _read_table(source: Any, choice: Choice) -> Record | list[Record]:
-    """Reads a table with named columns."""
-    kind, told = type(source).__name__, getattr(source, "attrs", {})
-    return _read(table_columns(source), kind, choice, told.get("source"))
+    """The record of the columns that are the time and the displacement by the rules of files, or those of all runs."""
+    kind, told = type(source).__name__, getattr(source, "attrs", {}).get("source")
+    # The index comes last, so that numbers count the columns of the table.
+    held = sorted(table_columns(source), key=lambda cells: cells.is_index)
+    columns = [
+        Column(cells.name, cells.unit, cells.run, cells.header, fault=cells.fault, key=i)
+        for i, cells in enumerate(held)
+    ]
+
+    def load(wanted: Sequence[Column]) -> list[np.ndarray]:
+        return [floats_of(held[column.key], kind) for column in wanted]
+
+    found = records_of(Path(kind), kind, Sheet(columns, load, _PLACE), choice, vars(choice))
+    return [_of(record, told) for record in found] if isinstance(found, list) else _of(found, told)
 
 
 def _read_pair(
@@ -136,22 +147,6 @@ def _read_arrays(t: Cells | None, x: Cells, choice: Choice) -> Record:
         place=_PLACE,
     )
     return _of(assemble(Path("array"), "array", found, choice, vars(choice)), None)
-
-
-def _read(held: list[Cells], kind: str, choice: Choice, source: str | None) -> Record | list[Record]:
-    """The record of the columns that are the time and the displacement by the rules of files, or those of all runs."""
-    # The index comes last, so that numbers count the columns of the table.
-    held = sorted(held, key=lambda cells: cells.is_index)
-    columns = [
-        Column(cells.name, cells.unit, cells.run, cells.header, fault=cells.fault, key=i)
-        for i, cells in enumerate(held)
-    ]
-
-    def load(wanted: Sequence[Column]) -> list[np.ndarray]:
-        return [floats_of(held[column.key], kind) for column in wanted]
-
-    found = records_of(Path(kind), kind, Sheet(columns, load, _PLACE), choice, vars(choice))
-    return [_of(record, source) for record in found] if isinstance(found, list) else _of(found, source)
 
 
 def _of(record: Record, source: str | None) -> Record:

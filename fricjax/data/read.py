@@ -8,7 +8,7 @@ import dataclasses
 import importlib
 import inspect
 import os
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, overload
 
@@ -126,17 +126,13 @@ def _plugins() -> dict[str, Any]:
     return {point.name.lower().removeprefix("."): point for point in entry_points(group=PLUGIN_GROUP)}
 
 
-def _own(parameters: Mapping[str, inspect.Parameter]) -> list[str]:
-    """The options of a reader itself."""
-    return [name for name, parameter in parameters.items() if parameter.kind is parameter.KEYWORD_ONLY]
-
-
 def _check_options(reader: "Callable[..., Any]", kind: str, options: Collection[str]) -> None:
     parameters = inspect.signature(reader).parameters
     if any(parameter.kind is parameter.VAR_KEYWORD for parameter in parameters.values()):
         return
     common = _COMMON if "choice" in parameters else ()
-    known = [f"{name}=" for name in (*common, *_own(parameters))]
+    own = [name for name, parameter in parameters.items() if parameter.kind is parameter.KEYWORD_ONLY]
+    known = [f"{name}=" for name in (*common, *own)]
     for name in options:
         if f"{name}=" not in known:
             raise UsageError(

@@ -56,6 +56,11 @@ class Column:
         return re.split(r"[/.](?=[^\s/.])", self.name)[-1]
 
 
+def folder_of(name: str) -> str:
+    """What holds a column, by its name: "/run1" of "/run1/x", "run" of "run.x"; empty for one at the top."""
+    return re.sub(r"[/.][^/.]*$", "", name) if re.search(r"[/.]", name.lstrip("/")) else ""
+
+
 @dataclasses.dataclass(frozen=True)
 class Sheet:
     """The columns of a file, and how their numbers are got.

@@ -15,6 +15,7 @@ import numpy as np
 from jax.core import Tracer
 from jaxtyping import Array, Bool, Float
 
+from .choice import check_rate
 from .errors import DataError, UsageError
 
 MINIMUM_SAMPLES = 3
@@ -77,8 +78,7 @@ class Trace(eqx.Module):
 
 
 def _times_at(rate: float, x: Any) -> np.ndarray:
-    if not (np.isfinite(rate) and rate > 0):
-        raise UsageError(f"rate must be a positive number of samples per second, but it is {rate}.")
+    check_rate(rate)
     return np.arange(x.size) / float(rate)
 
 

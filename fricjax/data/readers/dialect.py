@@ -144,9 +144,7 @@ def _separators(lines: list[str], dialect: Dialect, source: str) -> tuple[str, s
     read = {
         pair: [[kind_of(f, pair[1]) for f in split(line, pair[0])[: WIDEST + 1]] for line in sample] for pair in pairs
     }
-    pure = {
-        pair: [row for row in rows if NUMBER in row and not {WORD, WATCH} & set(row)] for pair, rows in read.items()
-    }
+    pure = {pair: [row for row in rows if _is_pure(row)] for pair, rows in read.items()}
     best = max(pairs, key=lambda pair: _score(pure[pair]))
     count = _score(pure[best])[0]
     if count < 0.5 * len(sample):
@@ -167,17 +165,26 @@ def _score(rows: list[list[str]]) -> tuple[int, int, int]:
     """How many rows are of one width, whether they are wider than one field, and how few of their fields are words."""
     if not rows:
         return 0, 0, 0
-    width, count = max(Counter(map(len, rows)).items(), key=lambda item: (item[1], item[0]))
+    width, count = _commonest_width(rows)
     words = sum(cell == WORD for row in rows if len(row) == width for cell in row)
     return count, min(width, 2), -words // count
 
 
 def _width(rows: list[list[str]]) -> int:
     """Fields in most rows that hold numbers: of those without words where there are such."""
-    pure = [row for row in rows if NUMBER in row and WORD not in row and WATCH not in row]
+    pure = [row for row in rows if _is_pure(row)]
     mixed = [row for row in rows if NUMBER in row]
-    among = pure if 2 * len(pure) >= len(mixed) else mixed
-    return max(Counter(map(len, among)).items(), key=lambda item: (item[1], item[0]))[0]
+    return _commonest_width(pure if 2 * len(pure) >= len(mixed) else mixed)[0]
+
+
+def _is_pure(row: list[str]) -> bool:
+    """Whether a row holds numbers and blanks only."""
+    return NUMBER in row and WORD not in row and WATCH not in row
+
+
+def _commonest_width(rows: list[list[str]]) -> tuple[int, int]:
+    """Fields in most rows, of several equally common numbers the largest, and how many rows have so many."""
+    return max(Counter(map(len, rows)).items(), key=lambda item: (item[1], item[0]))
 
 
 def _body(rows: dict[int, list[str]], width: int) -> tuple[int, int, list[str]]:

@@ -13,7 +13,7 @@ from ..choice import Choice
 from ..errors import DataError, UsageError, nearest, quoted
 from ..header import Title, split_title
 from ..record import Record
-from ..sheet import Column, Sheet, array_columns, signal
+from ..sheet import Column, Sheet, array_columns, folder_of, signal
 from .mat5 import Opaque
 from .matlab import load_tree
 
@@ -69,13 +69,9 @@ def _text(given: str | int | list[str] | tuple[str, ...] | None) -> str | int | 
 def _columns(tree: dict[str, Any]) -> list[Column]:
     """All that could be a signal: variables, fields, signals of Simulink, cells in a row; others with their fault."""
     found = [column for name, node in tree.items() for column in _walk(name, node)]
-    folders = dict.fromkeys(_folder(column.name) for column in found if column.is_time)
-    runs = {folder for folder in folders if folder} if len(folders) > 1 and "" not in folders else set()
-    return [replace(column, run=_folder(column.name)) if _folder(column.name) in runs else column for column in found]
-
-
-def _folder(name: str) -> str:
-    return name.rpartition(".")[0]
+    folders = {folder_of(column.name) for column in found if column.is_time}
+    runs = folders if len(folders) > 1 and "" not in folders else set()
+    return [replace(column, run=folder) if (folder := folder_of(column.name)) in runs else column for column in found]
 
 
 def _walk(name: str, node: Any) -> Iterator[Column]:
@@ -94,7 +90,7 @@ def _walk(name: str, node: Any) -> Iterator[Column]:
         yield Column(name, title=name, fault=None if numbers else "holds cells that are no numbers", key=(name, None))
     elif isinstance(node, np.ndarray):
         if node.size != 1:
-            folder = f"{_folder(name)}." if _folder(name) else ""
+            folder = f"{folder_of(name)}." if folder_of(name) else ""
             yield from array_columns(name.removeprefix(folder), node.dtype, node.shape, name, folder)
     else:
         kind = f"is {node.kind}" if isinstance(node, Opaque) else "holds text"
@@ -208,11 +204,7 @@ def _row(array: np.ndarray, name: str, row: int, source: str) -> np.ndarray:
     """One signal of an array whose longer side is the time."""
     if array.ndim > 2:
         raise DataError(f"'{name}' in {source} has {array.ndim} dimensions, but at most two are expected.")
-    signals = np.atleast_2d(array)
-    if signals.shape[0] > signals.shape[1]:
-        signals = signals.T
-    if not 0 <= row < signals.shape[0]:
-        raise DataError(
-            f"'{name}' in {source} holds {signals.shape[0]} signals, but row={row} was asked for (the first is 0)."
-        )
-    return signals[row].astype(np.float64)
+    count = min(array.shape) if array.ndim == 2 else 1
+    if not 0 <= row < count:
+        raise DataError(f"'{name}' in {source} holds {count} signals, but row={row} was asked for (the first is 0).")
+    return signal(array, row)
