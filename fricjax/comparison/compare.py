@@ -33,6 +33,8 @@ def compare(
     oscillators: Sequence[Oscillator],
     free: Sequence[Sequence[str]] | None = None,
     *,
+    t: Any = None,
+    rate: float | None = None,
     names: Sequence[str] | None = None,
     held_out: bool = True,
     criterion: str = "bic",
@@ -71,6 +73,8 @@ def compare(
         held_out: whether to compute the score of held-out samples (see `fricjax.comparison.cross_validation`).
         criterion: what to rank by: "bic", "aicc" or "held_out".
         sigma_mode: as for `fit`, and so are the following.
+        t: times of runs that are given as bare displacements, shape (samples,) in seconds, for all runs or one of each.
+        rate: samples per second of such runs, in place of times: ``fit(x, ..., rate=5000.0)``.
         nuisance: each run's own parameters.
         engine: name of the engine, or an engine.
         start: where the motion starts.
@@ -98,7 +102,7 @@ def compare(
     machines: tuple[Oscillator, ...] = tuple(oscillators) if isinstance(oscillators, list | tuple) else ()
     if not machines or not all(isinstance(machine, Oscillator) for machine in machines):
         raise UsageError("compare needs a list of oscillators, each the machine with one of the laws.")
-    records = records_of(data, sigma_mode)
+    records = records_of(data, t, rate, sigma_mode)
     tables = {"bounds": bounds, "priors": priors, "tie": tie, "guess": guess}
     settings = {"nuisance": nuisance, "engine": engine, "start": start, "rig": rig, "loss": loss, **tables}
     entered = candidates(records, machines, free, names, settings)

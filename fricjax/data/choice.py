@@ -10,14 +10,18 @@ if TYPE_CHECKING:
     from .record import Record
 
 
-def check_rate(rate: float) -> None:
+def check_rate(rate: Any) -> None:
     """Refuse what is no rate of samples.
 
     Raises:
-        UsageError: it is not positive and finite.
+        UsageError: it is not a number, not positive or not finite.
     """
-    if not (math.isfinite(rate) and rate > 0):
-        raise UsageError(f"rate must be a positive number of samples per second, but it is {rate}.")
+    try:
+        usable = 0 < float(rate) < math.inf
+    except (TypeError, ValueError):
+        usable = False
+    if not usable:
+        raise UsageError(f"rate must be a positive number of samples per second, but it is {rate!r}.")
 
 
 @dataclasses.dataclass(frozen=True)

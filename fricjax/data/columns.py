@@ -129,7 +129,8 @@ def _vector(values: Any, name: str) -> np.ndarray:
             f"Is the array of shape {array.shape} a run or two? Write ({first}, {second}) for times and displacements, "
             f"or read each for itself, fricjax.read({second}, rate=5000.0)."
         )
-    raise UsageError(f"'{name}' must be one-dimensional, but it has shape {array.shape}; give one run at a time.")
+    rows = f", or its rows as runs to a fit, fricjax.fit_batch({name}, ..., rate=5000.0)" if array.ndim == 2 else ""
+    raise UsageError(f"'{name}' must be one-dimensional, but it has shape {array.shape}; give one run at a time{rows}.")
 
 
 def _seconds(array: np.ndarray) -> np.ndarray | None:

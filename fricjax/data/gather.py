@@ -3,7 +3,9 @@
 import os
 import re
 from collections.abc import Iterator
-from typing import Any
+from typing import Any, NamedTuple
+
+import numpy as np
 
 from .errors import DataError, UsageError
 from .memory import is_numbers, is_pair
@@ -13,42 +15,73 @@ from .record import Record
 _OPTION = re.compile(r"\b(column|time|unit|time_unit|rate|delimiter|skip_rows|decimal|run)=")
 
 
-def gather(data: Any) -> tuple[Record, ...]:
+class Given(NamedTuple):
+    """A run as the caller has it, and what he says of it: options of `fricjax.read`."""
+
+    run: Any
+    options: dict[str, Any]
+
+
+def gather(data: Any, t: Any = None, rate: float | None = None) -> tuple[Record, ...]:
     """The records of one run or of several.
 
     Args:
-        data: a run as `fricjax.read` takes it without options, or a list of such; a record is taken as it is.
+        data: a run as `fricjax.read` takes it, or a list of such; a record is taken as it is.
+        t: times of displacements that are given bare, those of all runs or a list of one per run.
+        rate: samples per second, where there are no times.
 
     Raises:
         UsageError: an empty list, or something of which no record can be made.
         DataError: a file or table that cannot be read.
     """
-    sources = listed(data)
-    if not sources:
+    given = listed(data, t, rate)
+    if not given:
         raise UsageError("There is no run: the list is empty.")
-    return tuple(record_of(source, f"run {i}: " if len(sources) > 1 else "") for i, source in enumerate(sources))
+    several = len(given) > 1
+    return tuple(record_of(run, f"run {i}: " if several else "", **options) for i, (run, options) in enumerate(given))
 
 
-def listed(data: Any) -> list[Any]:
-    """The runs one by one: those of a list, a tuple or an iterator; (t, x) and a list of numbers are one run."""
+def listed(data: Any, t: Any = None, rate: float | None = None) -> list[Given]:
+    """The runs one by one: those of a list, a tuple or an iterator; (t, x) and a list of numbers are one run.
+
+    With `t` or `rate`, the rows of an array are runs.
+
+    Raises:
+        UsageError: times of another number of runs.
+    """
+    bare = t is not None or rate is not None
     several = isinstance(data, Iterator) or (isinstance(data, list | tuple) and not (is_pair(data) or is_numbers(data)))
-    return list(data) if several else [data]
+    runs = list(data) if several or (bare and _has_rows(data)) else [data]
+    of_each: Any = t if _has_rows(t) or (isinstance(t, list | tuple) and not is_numbers(t)) else [t] * len(runs)
+    times = list(of_each)
+    if len(times) != len(runs):
+        raise UsageError(f"t= holds the times of {len(times)} runs, but there are {len(runs)}.")
+    said = [{"t": each, "rate": rate} for each in times]
+    return [
+        Given(run, {name: value for name, value in options.items() if value is not None})
+        for run, options in zip(runs, said, strict=True)
+    ]
 
 
-def record_of(source: Any, where: str = "") -> Record:
-    """The record of one run; `where` goes before the message of one that is in memory.
+def _has_rows(source: Any) -> bool:
+    """Whether an object is an array of more than one row."""
+    return is_numbers(source) and not hasattr(source, "columns") and np.ndim(source) == 2 and np.shape(source)[0] > 1
+
+
+def record_of(source: Any, where: str = "", **options: Any) -> Record:
+    """The record of one run, read with options; `where` goes before the message of one that is in memory.
 
     Raises:
         UsageError: something of which no record can be made.
         DataError: a file or table that cannot be read.
     """
-    if isinstance(source, Record):
+    if isinstance(source, Record) and not options:
         return source
     is_file = isinstance(source, str | os.PathLike)
     try:
-        return read(source)
+        return read(source, **options)
     except (DataError, UsageError) as error:
         what = repr(str(source)) if is_file else "..."
-        asks = _OPTION.search(str(error)) and "fricjax.read(" not in str(error)
+        asks = not options and _OPTION.search(str(error)) and "fricjax." not in str(error)
         hint = f" Read it first: fricjax.read({what}, ...)." if asks else ""
         raise type(error)(f"{'' if is_file else where}{error}{hint}") from error

@@ -14,7 +14,7 @@ import numpy as np
 from .assemble import Columns, assemble, records_of
 from .choice import Choice
 from .columns import Cells, column_of, floats_of, header_of, is_vector, table_columns
-from .errors import UsageError
+from .errors import DataError, UsageError
 from .record import Record
 from .sheet import Column, Sheet
 from .trace import Trace
@@ -124,18 +124,21 @@ def _read_array(
 
     Raises:
         UsageError: neither or both of `t` and `rate`.
+        DataError: another number of times.
     """
     x = column_of(source, header_of(source, "x"))
     if (t is None) == (rate is None):
         raise UsageError(
-            "An array is read as displacements, and needs either their rate or their times: a tuple (t, x), or "
-            "fricjax.read(x, rate=5000.0)."
+            "An array is read as displacements, and needs either their rate or their times: a tuple (t, x), "
+            "fricjax.read(x, rate=5000.0) or fricjax.fit(x, ..., rate=5000.0)."
         )
     choice = Choice(unit=unit, time_unit=time_unit, rate=rate, sigma=sigma, sign=sign)
     return _read_arrays(None if t is None else column_of(t, header_of(t, "t")), x, choice)
 
 
 def _read_arrays(t: Cells | None, x: Cells, choice: Choice) -> Record:
+    if t is not None and t.values.size != x.values.size:
+        raise DataError(f"There are {t.values.size} times and {x.values.size} displacements; give as many of each.")
     # Bare numbers are in SI units, of which nothing needs to be said.
     found = Columns(
         floats_of(x, "array"),

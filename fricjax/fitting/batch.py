@@ -10,7 +10,7 @@ import numpy as np
 
 from ..data import Record
 from ..data.errors import DataError, UsageError
-from ..data.gather import listed, record_of
+from ..data.gather import Given, listed, record_of
 from ..estimation.covariance import Covariance, covariance
 from ..estimation.loss import AbstractLoss
 from ..oscillator import Oscillator, ready
@@ -77,6 +77,8 @@ def fit_batch(
     oscillator: Oscillator,
     free: Sequence[str],
     *,
+    t: Any = None,
+    rate: float | None = None,
     nuisance: Sequence[str] | None = None,
     engine: str | AbstractEngine = "auto",
     start: str | float = "first_reversal",
@@ -94,9 +96,12 @@ def fit_batch(
     guard or setting is needed; memory is bounded by the runs that are at work.
 
     Args:
-        data: a list of runs of any lengths, each given as to :func:`fit`: a record, a path, a table, ``(t, x)``.
+        data: a list of runs of any lengths, each given as to :func:`fit`: a record, a path, a table,
+            ``(t, x)``, and with `t` or `rate` also bare displacements, an array of shape (runs, samples) too.
         oscillator: the machine and its friction law, the same for every run.
         free: names of the coefficients to fit.
+        t: times of runs that are given as bare displacements, shape (samples,) in seconds, for all runs or one of each.
+        rate: samples per second of such runs, in place of times: ``fit(x, ..., rate=5000.0)``.
         nuisance: names of each run's own parameters; None for those that belong to `start`.
         engine: "auto", "exact", "hybrid", "smooth" or an engine.
         start: "first_reversal", "release" or a number of seconds, as in :func:`fit`.
@@ -117,13 +122,14 @@ def fit_batch(
 
     ```python
     fricjax.fit_batch(sorted(Path("runs").glob("*.csv")), oscillator, ["mu", "stiffness"]).to_dataframe()
+    fricjax.fit_batch(x, oscillator, ["mu", "stiffness"], rate=5000.0)  # x of shape (runs, samples)
     ```
     """
     ready()
-    sources = listed(data)
-    if not sources:
+    given = listed(data, t, rate)
+    if not given:
         raise UsageError("There is no run to fit: the list is empty.")
-    runs = [_opened(source) for source in sources]
+    runs = [_opened(each) for each in given]
     settings = {"nuisance": nuisance, "engine": engine, "start": start, "bounds": bounds, "priors": priors}
     common = Request.of(oscillator, free, tie=tie, rig=rig, guess=None, loss=loss, **settings)
     guesses = _per_run(guess or {}, len(runs))
@@ -138,7 +144,7 @@ def fit_batch(
         results = progressing(pool.map(work, blocks), len(blocks), "fitting", shown=progress)
         for block, found in zip(blocks, results, strict=True):
             rows |= dict(zip(block, found, strict=True))
-    names = tuple(map(_name, sources, runs))
+    names = tuple(_name(each.run, run) for each, run in zip(given, runs, strict=True))
     return _collected([rows[i] for i in range(len(runs))], names)
 
 
@@ -153,10 +159,10 @@ def _per_run(guess: Mapping[str, Any], runs: int) -> list[dict[str, float]]:
     return [{name: float(values[i]) for name, values in columns.items()} for i in range(runs)]
 
 
-def _opened(source: Any) -> Record | Exception:
+def _opened(given: Given) -> Record | Exception:
     """The record of a run, or why there is none."""
     try:
-        return record_of(source)
+        return record_of(given.run, **given.options)
     except (DataError, UsageError) as error:
         return error
 

@@ -26,6 +26,8 @@ def fit(
     oscillator: Oscillator,
     free: Sequence[str],
     *,
+    t: Any = None,
+    rate: float | None = None,
     nuisance: Sequence[str] | None = None,
     engine: str | AbstractEngine = "auto",
     start: str | float = "first_reversal",
@@ -45,10 +47,13 @@ def fit(
 
     Args:
         data: a run, or a list of runs for a joint fit of one machine to them. A run is a record, a path, a table, times
-            and displacements as a tuple ``(t, x)``: whatever `fricjax.read` takes without options.
+            and displacements as a tuple ``(t, x)``: whatever `fricjax.read` takes without options. With `t` or `rate`
+            the rows of an array of shape (runs, samples) are runs.
         oscillator: the machine and its friction law.
         free: names of the coefficients to fit: "mu", "damping", "stiffness", "sigma0" ...; where two leaves share a
             name the dotted path, "friction.0.mu". The static coefficient of a Coulomb law is bracketed, not fitted.
+        t: times of runs that are given as bare displacements, shape (samples,) in seconds, for all runs or one of each.
+        rate: samples per second of such runs, in place of times: ``fit(x, ..., rate=5000.0)``.
         nuisance: names of each run's own parameters (x0, v0, offset, drift, t_release, z0); None for those that
             belong to `start`. z0 is the internal state of a bristle law at a start from rest, in units of that after a
             slow pull: 1 for a pull, 0 for a relaxed contact. An offset or a drift that is not among them is zero, the
@@ -90,10 +95,11 @@ def fit(
     ```python
     fricjax.fit("run.csv", oscillator, ["mu", "damping", "stiffness"])
     fricjax.fit((t, x), oscillator, ["mu", "damping", "stiffness"])
+    fricjax.fit(x, oscillator, ["mu", "damping", "stiffness"], rate=5000.0)
     ```
     """
     ready()
-    records = records_of(data, sigma_mode)
+    records = records_of(data, t, rate, sigma_mode)
     if not isinstance(oscillator, Oscillator):
         raise UsageError(
             f"fit needs an Oscillator, got {type(oscillator).__name__}. Build one, or take rig.oscillator(friction)."
@@ -118,7 +124,7 @@ def concluded(problem: Problem, solved: Solved, sigma_mode: str, throw: bool) ->
     return result
 
 
-def records_of(data: Any, sigma_mode: str) -> tuple[Record, ...]:
+def records_of(data: Any, t: Any, rate: float | None, sigma_mode: str) -> tuple[Record, ...]:
     """The records to fit, also where there is but one.
 
     With the noise to be estimated, stated noise is left out so that all samples weigh the same.
@@ -128,7 +134,7 @@ def records_of(data: Any, sigma_mode: str) -> tuple[Record, ...]:
         DataError: a run that cannot be read.
     """
     check_sigma_mode(sigma_mode)
-    records = gather(data)
+    records = gather(data, t, rate)
     return tuple(map(_without_sigma, records)) if sigma_mode == "estimate" else records
 
 

@@ -117,9 +117,9 @@ def multistart(
     if starts < 1 or not spread > 1:
         raise UsageError(f"multistart needs at least one start and a spread above 1, got {starts} and {spread:g}.")
     given = _settings(data, oscillator, free, settings)
-    sigma_mode, throw = given.pop("sigma_mode"), given.pop("throw")
+    t, rate, sigma_mode, throw = map(given.pop, ("t", "rate", "sigma_mode", "throw"))
     request = Request.of(oscillator, free, **given)
-    windows = windows_of(records_of(data, sigma_mode), request)
+    windows = windows_of(records_of(data, t, rate, sigma_mode), request)
     first = posed_on(windows, request)
     points = _points(first, starts, spread, seed)
     problems = [first, *(posed_on(windows, request.with_guess({**request.guess, **at})) for at in points)]

@@ -165,7 +165,7 @@ def test_samples_left_out_are_masked():
 SQUARE = np.stack([T, X])
 REFUSED = {
     "nothing": (None, {}, UsageError, r"A record cannot be made of NoneType\. Give a path, a record, a pandas table"),
-    "no times": (X, {}, UsageError, r"needs either their rate or their times: a tuple \(t, x\), or fricjax\.read\(x, "),
+    "no times": (X, {}, UsageError, r"needs either their rate or their times: a tuple \(t, x\), fricjax\.read\(x, rate=5000"),
     "both": (X, {"rate": 1.0, "t": T}, UsageError, "needs either their rate or their times"),
     "no times beside a series": (pd.Series(X), {}, DataError, "Series has no time for 'x'; give rate="),
     "two rows": (SQUARE, {}, UsageError, r"shape \(2, 400\) a run or two\? Write \(a\[0\], a\[1\]\) for times and dis"),
@@ -218,7 +218,7 @@ REFUSED = {
     ),
     "a date as x": ((T, CLOCKS["dates"]), {}, DataError, "The unit 's' does not fit the displacement"),
     "time back": ((T[::-1], X), {}, DataError, r"column 't', row 1 \(the first is 0\): the time is not increasing"),
-    "lengths": ((T[1:], X), {}, DataError, "In array 't' has 399 samples and 'x' has 400"),
+    "lengths": ((T[1:], X), {}, DataError, r"^There are 399 times and 400 displacements; give as many of each\.$"),
     "wrong option": (NUMBERS, {"colum": 1}, UsageError, "colum= is no option for tables. Did you mean 'column='"),
     "option of files": ((T, X), {"decimal": ","}, UsageError, "decimal= is no option for times and displacements"),
     "unit of a record": (fj.Record(T, X), {"unit": "mm"}, UsageError, "unit= is no option for records"),

@@ -53,6 +53,60 @@ def test_the_fit_does_not_depend_on_how_the_run_is_given(paths):
     assert expected.plot().axes[0].get_title(loc="left").startswith("run0.csv, Coulomb friction")
 
 
+def test_bare_displacements_are_fitted_with_their_rate_or_times(paths):
+    traces = [fj.read(path).trace for path in paths[:2]]
+    n = min(np.size(trace.x) for trace in traces)
+    t, x = np.arange(n) / 5000.0, np.array([np.asarray(trace.x)[:n] for trace in traces])
+    expected = fj.fit([(t, row) for row in x], SLIDING, MACHINE).values
+    given = (
+        {"data": x, "rate": 5000.0},
+        {"data": list(x), "t": t},
+        {"data": x, "t": [t, list(t)]},
+        {"data": x, "t": np.tile(t, (2, 1))},
+    )
+    for each in given:
+        assert fj.fit(oscillator=SLIDING, free=MACHINE, **each).values == expected
+        assert fj.fit_batch(oscillator=SLIDING, free=MACHINE, **each).converged.tolist() == [True, True]
+    alone = fj.fit((t, x[0]), SLIDING, MACHINE).values
+    assert fj.fit(x[0].tolist(), SLIDING, MACHINE, rate=5000.0).values == alone
+    best = fj.multistart(x[0], SLIDING, MACHINE, starts=1, rate=5000.0).best
+    assert best.values == pytest.approx(alone, rel=1e-7)
+    assert fj.compare(x[0], [SLIDING], rate=5000.0, held_out=False).fits["Coulomb"].values == alone
+
+
+REFUSED = {
+    "no times": (
+        {"data": np.zeros(9)},
+        r"either their rate or their times: .* fricjax\.fit\(x, \.\.\., rate=5000\.0\)\.$",
+    ),
+    "both": ({"data": np.zeros(9), "t": np.zeros(9), "rate": 5.0}, r"either their rate or their times"),
+    "fewer times": ({"data": np.zeros(9), "t": np.arange(8.0)}, r"There are 8 times and 9 displacements; give as many"),
+    "times of another number of runs": (
+        {"data": np.zeros((2, 9)), "t": [np.zeros(9)] * 3},
+        "the times of 3 runs, but there are 2",
+    ),
+    "a record": (
+        {"data": coulomb_run(), "rate": 5.0},
+        r"rate= is no option for records\. Options are sigma=, sign=\.$",
+    ),
+    "a word": (
+        {"data": np.zeros(9), "rate": "fast"},
+        r"rate must be a positive number of samples per second, but it is 'fast'\.",
+    ),
+    "rows without rate": (
+        {"data": np.zeros((3, 9))},
+        r"shape \(3, 9\); give one run at a time, or its rows .* rate=5000\.0\)\.$",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", REFUSED)
+def test_displacements_without_times_are_refused(name):
+    given, message = REFUSED[name]
+    with pytest.raises((DataError, UsageError), match=message):
+        fj.fit(oscillator=SLIDING, free=MACHINE, **given)
+
+
 def test_a_joint_fit_names_its_runs(joint, tmp_path):
     assert joint.sources == joint.labels == ("run0.csv", "run1.csv", "run2.csv")
     report = joint.summary()
