@@ -11,6 +11,7 @@ from .files import check_records
 from .groups import example, grouped
 from .options import Reading, Writing
 from .output import check_targets, deliver, working
+from .records import read_record
 from .runtime import prepare
 
 if TYPE_CHECKING:
@@ -47,13 +48,13 @@ def ringdown(
     check_records([file], reading)
     check_restoring(restoring)
     with working(output, f"Calibrating from {file.name}"):
+        record = read_record(file, reading)
         prepare(output)
         from ..calibrate.ringdown import calibrate_ringdown
         from ..fitting.result import FitError
-        from .records import read_record
 
         try:
-            found = calibrate_ringdown(read_record(file, reading), restoring=restoring)
+            found = calibrate_ringdown(record, restoring=restoring)
         except FitError as error:
             raise InvalidFit(str(error)) from error
     rig = found.rig(mass, normal_force) if out is not None and mass and normal_force else None

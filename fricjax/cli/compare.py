@@ -9,10 +9,12 @@ from .failure import INVALID
 from .fit import raise_invalid
 from .options import Bench, Plot, Reading, Writing
 from .output import PICTURES, check_targets, deliver, working, write_picture
+from .records import read_records, tell_doubts
 from .runtime import prepare
 
 if TYPE_CHECKING:
     from ..comparison import Comparison
+    from ..data import Record
     from .machine import Choice
 
 _COMPARISON = "Comparison"
@@ -57,8 +59,10 @@ def compare(
     how = _settings(criterion, start, held_out)
     calibrated = choices[0].calibrated
     with working(output, f"Comparing {', '.join(laws)}"):
+        records = read_records(files, reading)
         prepare(output)
-        found = _compared(files, laws, choices, reading, how)
+        tell_doubts(records)
+        found = _compared(records, laws, choices, how)
     data: dict[str, Any] = {**found.to_dict(), "calibrated": calibrated}
     best = found.best
     if not best.converged:
@@ -92,15 +96,10 @@ def _settings(criterion: str, start: str, held_out: bool) -> dict[str, Any]:
     return {"criterion": criterion, "start": start, "held_out": held_out}
 
 
-def _compared(
-    files: list[Path], laws: list[str], choices: "list[Choice]", reading: Reading, how: dict[str, Any]
-) -> "Comparison":
+def _compared(records: "list[Record]", laws: list[str], choices: "list[Choice]", how: dict[str, Any]) -> "Comparison":
     from ..comparison import compare as compare_laws
-    from .records import read_records, tell_doubts
 
     oscillators = [choice.oscillator for choice in choices]
-    records = read_records(files, reading)
-    tell_doubts(records)
     data = records[0] if len(records) == 1 else records
     settings = {"engine": choices[0].engine, "rig": choices[0].rig, **how}
     return compare_laws(data, oscillators, [choice.free for choice in choices], names=laws, **settings)

@@ -8,6 +8,7 @@ from typer import Option
 from .fit import Asked, Fitting, fitted, report
 from .options import Machine, Reading, Writing
 from .output import check_folder, deliver, working
+from .records import read_record
 from .runtime import prepare
 
 if TYPE_CHECKING:
@@ -22,17 +23,18 @@ def demo(
     """Fit the run that comes with fricjax: writes the run, its rig file, the fit and a picture."""
     _check_folder(out, output.force)
     with working(output, "Fitting the example run"):
-        prepare(output)
         from ..data.examples import example_paths
 
         run, rig = example_paths()
         asked = Asked.of([run], Fitting(), Machine(rig=rig), Reading())
-        records, found = fitted(asked)
+        record = read_record(run, Reading())
+        prepare(output)
+        found = fitted(asked, [record])
     data, text = report(found, asked.choice)
-    data["truth"] = records[0].meta["coefficients"]
+    data["truth"] = record.meta["coefficients"]
     data["next"] = _next(out)
     advice = "Next:\n" + "\n".join(f"  {command}" for command in data["next"])
-    text = f"{text}\n\n{_comparison(found, records[0])}"
+    text = f"{text}\n\n{_comparison(found, record)}"
     deliver(output, data, text, lambda: _write(out, run, rig, found, output.force), after=advice)
 
 

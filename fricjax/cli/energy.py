@@ -7,9 +7,11 @@ from typer import Argument, Option
 
 from .options import Plot, Reading, Writing
 from .output import PICTURES, RESULTS, check_targets, deliver, json_text, working, write_picture
+from .records import read_record, read_records, tell_doubts
 from .runtime import prepare
 
 if TYPE_CHECKING:
+    from ..data import Record
     from ..routes.energy_balance import HalfCycleFriction
     from ..routes.force_map import ForceMap
 
@@ -33,8 +35,11 @@ def energy(
     machine = _bench(files, reading, rig, no_contact)
     check_bins(bins)
     with working(output, f"Evaluating {', '.join(file.name for file in files)}"):
+        records = read_records(files, reading)
+        free = None if no_contact is None else read_record(no_contact, reading)
         prepare(output)
-        force_map, balance = evaluated(files, reading, machine, no_contact, bins)
+        tell_doubts(records)
+        force_map, balance = evaluated(records, machine, free, bins)
     data = {"force_map": force_map.to_dict(), "half_cycles": balance.to_dict()}
     text = _text(force_map, balance)
     deliver(output, data, text, lambda: write_outcome(output, force_map, data, plot, out))
@@ -53,18 +58,15 @@ def _bench(files: list[Path], reading: Reading, rig: Path | None, no_contact: Pa
 
 
 def evaluated(
-    files: list[Path], reading: Reading, described: dict[str, Any], no_contact: Path | None, bins: int
+    records: "list[Record]", described: dict[str, Any], free: "Record | None", bins: int
 ) -> "tuple[ForceMap, HalfCycleFriction]":
-    """Read the files; force map and balance of the half-cycles."""
+    """Force map and balance of the half-cycles; `free` is the run without contact."""
     from ..calibrate import Rig
     from ..routes.energy_balance import half_cycle_friction
     from ..routes.force_map import friction_force_map
-    from .records import read_record, read_records, tell_doubts
 
-    machine, records = Rig(**described), read_records(files, reading)
+    machine = Rig(**described)
     data: Any = records[0] if len(records) == 1 else records
-    tell_doubts(records)
-    free = None if no_contact is None else read_record(no_contact, reading)
     force_map = friction_force_map(data, machine, free, bins=bins)
     calibrated = machine if free is None else machine.replace(damping=force_map.damping, drag=force_map.drag)
     return force_map, half_cycle_friction(data, calibrated)

@@ -10,6 +10,7 @@ from typer import Argument, Option
 from .failure import INVALID, InvalidFit
 from .options import Machine, Output, Plot, Reading, Save, Writing
 from .output import PICTURES, RECORDS, RESULTS, check_targets, deliver, numbered, working
+from .records import read_records
 from .runtime import prepare
 
 if TYPE_CHECKING:
@@ -92,8 +93,9 @@ def fit(
         )
     asked = Asked.of(files, fitting, machine, reading)
     with working(output, f"Fitting {', '.join(file.name for file in files)}"):
+        records = read_records(files, reading)
         prepare(output)
-        records, found = fitted(asked)
+        found = fitted(asked, records)
     data, text = report(found, asked.choice)
     if not found.converged:
         data |= {"error": found.status, "kind": "fit", "exit_code": INVALID}
@@ -116,13 +118,10 @@ class Asked:
     """A fit as asked for, of which everything has been checked that needs no look into the files.
 
     Attributes:
-        files, reading: the records, and how they are read.
         choice: the machine.
         settings: the keywords of `fricjax.fit`.
     """
 
-    files: list[Path]
-    reading: Reading
     choice: "Choice"
     settings: dict[str, Any]
 
@@ -143,19 +142,17 @@ class Asked:
         settings = _settings(fitting)
         choice = choose(machine, fitting.free, tuple(settings["tie"]))
         check_settings(choice.model, choice.free, len(files), settings)
-        return cls(files, reading, choice, settings)
+        return cls(choice, settings)
 
 
-def fitted(asked: Asked) -> "tuple[list[Record], Fit]":
-    """Build the machine, read the files, fit."""
+def fitted(asked: Asked, records: "list[Record]") -> "Fit":
+    """Build the machine, and fit it to the records."""
     from ..fitting import fit as fit_records
-    from .records import read_records
 
     choice, oscillator = asked.choice, asked.choice.oscillator
-    records = read_records(asked.files, asked.reading)
     data = records[0] if len(records) == 1 else records
     settings = {"engine": choice.engine, "rig": choice.rig, **asked.settings}
-    return records, fit_records(data, oscillator, choice.free, throw=False, **settings)
+    return fit_records(data, oscillator, choice.free, throw=False, **settings)
 
 
 def _settings(fitting: Fitting) -> dict[str, Any]:

@@ -8,7 +8,7 @@ from typer import Argument
 from .files import check_records
 from .options import Plot, Reading, Writing
 from .output import PICTURES, check_targets, deliver, numbered, working
-from .runtime import prepare
+from .records import read_records
 
 
 def inspect(
@@ -21,11 +21,9 @@ def inspect(
     check_targets(output, ("--plot", plot, PICTURES))
     check_records([file], reading)
     with working(output, f"Inspecting {file.name}"):
-        prepare(output)
-        from ..data import inspect as inspect_record
-        from .records import read_records
-
         records = read_records([file], reading)
+        from ..data import inspect as inspect_record
+
         found = [inspect_record(record) for record in records]
     told: list[dict[str, Any]] = []
     texts: list[str] = []

@@ -8,11 +8,12 @@ from typer import Argument, Option
 from .failure import InvalidFit
 from .options import Machine, Plot, Reading, Writing
 from .output import PICTURES, check_targets, deliver, working, write_picture
+from .records import read_records, tell_doubts
 from .runtime import prepare
 
 if TYPE_CHECKING:
     from ..calibrate import Rig
-    from ..routes import Pairs, RouteFit
+    from ..routes import RouteFit
     from .machine import Choice
 
 _MAP = "Map"
@@ -45,11 +46,13 @@ def map_(
     chosen = _chosen(files, reading, machine, free, start)
     check_scatter(mu_scatter)
     with working(output, "Fitting the map"):
+        records = None if len(files) == 1 and reading.run is None else read_records(files, reading)
         prepare(output)
-        from ..routes import fit_final_displacements, fit_triangle_map
+        from ..routes import fit_final_displacements, fit_triangle_map, pairs_of, read_pairs
 
+        tell_doubts(records or ())
+        pairs = read_pairs(files[0]) if records is None else pairs_of(records, start=start)
         rig = _rig(chosen)
-        pairs = _pairs(files, reading, start)
         how = {"half_cycles": pairs.half_cycles, "sigma": pairs.sigma, "mu_scatter": mu_scatter}
         found = fit_final_displacements(pairs.x0, pairs.xf, chosen.oscillator, chosen.free, **how)
         shape = fit_triangle_map(pairs.x0, pairs.xf, rig, half_cycles=pairs.half_cycles)
@@ -84,18 +87,6 @@ def _rig(choice: "Choice") -> "Rig":
     """The rig, without whose numbers the period of a map tells no coefficient."""
     assert choice.rig is not None, "a map is not asked for without a rig"
     return choice.rig
-
-
-def _pairs(files: list[Path], reading: Reading, start: str) -> "Pairs":
-    """Pairs from one table, or from several records."""
-    from ..routes import pairs_of, read_pairs
-    from .records import read_records, tell_doubts
-
-    if len(files) == 1 and reading.run is None:
-        return read_pairs(files[0])
-    records = read_records(files, reading)
-    tell_doubts(records)
-    return pairs_of(records, start=start)
 
 
 def _tell(output: Writing, found: "RouteFit", shape: "RouteFit", plot: Path | None) -> None:

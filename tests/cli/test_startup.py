@@ -6,6 +6,8 @@ import sys
 
 import pytest
 
+from fricjax.data.examples import example_paths
+
 _HEAVY = ("jax", "numpy", "pandas", "scipy", "matplotlib", "equinox", "pint", "h5py")
 _HELP = """
 import sys
@@ -24,6 +26,17 @@ def python(code: str, *arguments: str) -> subprocess.CompletedProcess:
 def test_help_imports_nothing_heavy(words):
     done = python(_HELP.format(heavy=_HEAVY), *words)
     assert done.returncode == 0, done.stderr
+    assert done.stdout.rstrip().endswith("[]")
+
+
+@pytest.mark.parametrize("command", ["fit", "inspect", "compare", "energy", "calibrate ringdown"])
+def test_a_column_that_is_not_there_is_refused_without_jax(command, tmp_path):
+    run = tmp_path / "run.csv"
+    run.write_text("t [s],x [um]\n" + "".join(f"{i / 100},{i}\n" for i in range(20)))
+    rig = ["--rig", str(example_paths()[1])] if command == "energy" else []
+    done = python(_HELP.format(heavy=("jax", "equinox")), *command.split(), str(run), "--column", "y", *rig)
+    assert done.returncode == 4
+    assert "run.csv has no column 'y' (asked for with --column)" in done.stderr
     assert done.stdout.rstrip().endswith("[]")
 
 
