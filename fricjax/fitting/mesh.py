@@ -21,14 +21,18 @@ from .residual import Residual, Run, start_of
 CAPACITY = 1 << 17
 _REACH = 1.05
 _GROWTH = 4.0
-# Of sliding runs of five half-cycles the coarsest mesh has 350 phases and the finest 1200: one shape, one compilation.
-_SIZES = tuple(2**power for power in (11, 13, 16, 19))
+# Of a bristle law a rough mesh has 1100 steps over five half-cycles and 2900 over fifty, and the finest one twice as
+# many: all of them share a compilation. What is not used of 8192 places costs nothing, of 65536 as much as the steps.
+_SIZES = tuple(2**power for power in (13, 15, 17, 19))
+# Order of the error in the length of the steps: the number of steps grows by the root of the gain in accuracy.
+_ORDER = 5
 
 
 def with_mesh(residual: Residual, y: Any, slack: float = 1.0) -> Residual:
     """The residual with a mesh for each run, made for coordinates `y`; unchanged for engines that need none.
 
-    `slack` is the factor by which the error may be larger than the engine's.
+    `slack` is the factor by which the error may be larger than the engine's. There is room for the steps of the
+    engine's own error too, and for those of a mesh that is replaced, so that both share a compilation.
 
     Raises:
         UsageError: more steps than a list of them can hold.
@@ -44,7 +48,9 @@ def with_mesh(residual: Residual, y: Any, slack: float = 1.0) -> Residual:
     found = _meshes(engine.at_accuracy(slack * engine.accuracy), bare, y)
     lists = [(_finite(phases), _graded(_finite(times))) for phases, times in found]
     longest = max(phases.size + times.size - 1 for phases, times in lists)
-    size = next(size for size in _SIZES if size >= longest)
+    replaced: list[Any] = [run.engine for run in residual.runs if run.engine is not None]
+    rooms = [min(longest * slack ** (1 / _ORDER), _SIZES[-1]), *(engine.mesh.ends.size for engine in replaced)]
+    size = next(size for size in _SIZES if size >= max(rooms))
     return _with(residual, [Mesh.of(*pair, size) for pair in lists])
 
 

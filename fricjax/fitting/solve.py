@@ -15,6 +15,7 @@ import jax
 import numpy as np
 from jaxtyping import Float
 
+from ..data.errors import UsageError
 from ..estimation.loss import Squares
 from ..estimation.quadratic import Quadratic, quadratic
 from ..estimation.status import AT_BOUND, CONVERGED, OUT_OF_STEPS, STALLED, UNDETERMINED
@@ -111,9 +112,10 @@ def solve(problem: Problem, y: Any = None) -> Solved:
 
 def climbed(problem: Problem, begin: Any) -> Climbed:
     """The optimum of the condensed record, from coordinates `begin`; of all samples under a robust loss."""
-    few, meshed, robust = problem.condensed, problem.condensed.engine.needs_mesh, _is_robust(problem)
+    meshed, robust = problem.condensed.engine.needs_mesh, _is_robust(problem)
+    few = with_mesh(problem.condensed, begin, _ROUGH)
     along = problem.terrain, problem.limits, Squares()
-    at = climb_on(with_mesh(few, begin, _ROUGH if meshed else 1.0), *along, begin, _NEAR if meshed or robust else Way())
+    at = climb_on(few, *along, begin, _NEAR if meshed or robust else Way())
     if robust:
         return joined(at, on_all_samples(problem, with_mesh(without_inputs(problem.residual), at.y), at.y, PATIENT))
     return joined(at, climb_on(with_mesh(few, at.y), *along, at.y, Way())) if meshed else at
@@ -136,7 +138,7 @@ def on_all_samples(problem: Problem, residual: Residual, y: Any, way: Way) -> Cl
 
 
 def _refined(problem: Problem, at: Climbed, rounds: int, endings: tuple[int, ...]) -> Solved:
-    """The fit checked, and while it is not accurate carried on with all samples and a finer engine.
+    """The fit checked, and while it is not accurate carried on with all samples, each time with a finer engine.
 
     Only a fit that ended in one of the ways `endings` is carried on. One that has stalled goes on until that has not
     paid twice in a row: where elements slip between the steps of a mesh, its optimum may be met on another one.
@@ -148,10 +150,14 @@ def _refined(problem: Problem, at: Climbed, rounds: int, endings: tuple[int, ...
         if solved.accurate or solved.status not in endings or in_vain == 2:
             break
         before = solved.chi2
-        residual = _with_engine(problem.residual, problem.residual.engine.finer())
-        target = with_mesh(without_inputs(residual), at.y)
-        at = joined(at, on_all_samples(problem, target, at.y, ONWARDS))
-        solved = _checked(problem, residual, at)
+        residual = _with_engine(residual, residual.engine.finer())
+        try:
+            target = with_mesh(without_inputs(residual), at.y)
+            then = joined(at, on_all_samples(problem, target, at.y, ONWARDS))
+            at, solved = then, _checked(problem, residual, then)
+        except UsageError:
+            # No mesh holds so many steps: the numerical shift tells what is left.
+            break
     return solved
 
 

@@ -125,6 +125,11 @@ class AbstractFriction(eqx.Module):
         return True
 
     @property
+    def n_modes(self) -> int:
+        """How many of the internal states, the last ones, only :meth:`return_map` changes: their rates are zero."""
+        return 0
+
+    @property
     def refinement(self) -> int:
         """How many times finer than usual the law must be integrated: steps of a half-cycle, or error of a step."""
         return 1

@@ -19,7 +19,8 @@ BEYOND = 1 + 1e-9
 
 def held(trial: Values, limits: Values) -> Values:
     """Deflections that the sliders allow, from trial ones."""
-    return jnp.clip(trial, -limits, limits)
+    # Less than half of what clip compiles to, whose derivatives share ties between both sides.
+    return jnp.where(trial > limits, limits, jnp.where(trial < -limits, -limits, trial))
 
 
 class AbstractElements(AbstractBristle):

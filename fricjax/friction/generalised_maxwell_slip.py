@@ -69,6 +69,10 @@ class GeneralisedMaxwellSlip(AbstractStribeckElements):
     def n_states(self) -> int:  # pyright: ignore[reportIncompatibleVariableOverride]
         return 2 * len(self.stiffnesses)
 
+    @property
+    def n_modes(self) -> int:
+        return len(self.stiffnesses)
+
     def _capacity(self, v: Values, load: Scalar) -> Values:
         """Force of each element in steady sliding [N]."""
         return self.all_shares() * self.limit(jnp.abs(v), load)

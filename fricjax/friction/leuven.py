@@ -77,6 +77,10 @@ class Leuven(AbstractStribeckElements):
     def n_states(self) -> int:  # pyright: ignore[reportIncompatibleVariableOverride]
         return len(self.stiffnesses) + 2
 
+    @property
+    def n_modes(self) -> int:
+        return 2
+
     def _limits(self, load: Scalar) -> Values:
         """Deflection at which each element yields [m]."""
         return self.all_shares() * self.static_force(load) / self.springs()
@@ -99,7 +103,13 @@ class Leuven(AbstractStribeckElements):
         return jnp.append(self._creep(v, state, load) * jnp.ones(len(self.stiffnesses)), jnp.zeros(2))
 
     def force(self, v: Values, state: State, load: Scalar) -> Values:
-        return self._hysteresis(state, load) + self.sigma1 * self._creep(v, state, load) + self.sigma2 * v
+        return self._force(v, state, self._creep(v, state, load), load)
+
+    def force_of(self, v: Values, state: State, rate: State, load: Scalar) -> Values:
+        return self._force(v, state, rate[0], load)
+
+    def _force(self, v: Values, state: State, creep: Values, load: Scalar) -> Values:
+        return self._hysteresis(state, load) + self.sigma1 * creep + self.sigma2 * v
 
     def return_map(self, v: Scalar, a: Scalar, state: State, load: Scalar) -> State:
         now = self._hysteresis(state, load) / jnp.sum(self.springs())

@@ -87,6 +87,10 @@ class Sum(AbstractFriction):
         return all(law.forgets for law in self.laws)
 
     @property
+    def n_modes(self) -> int:
+        return self.laws[-1].n_modes
+
+    @property
     def refinement(self) -> int:
         return max(law.refinement for law in self.laws)
 

@@ -47,6 +47,17 @@ def test_the_force_is_odd_in_velocity(case):
     np.testing.assert_allclose(forwards, -backwards, rtol=1e-14)
 
 
+def test_modes_are_the_last_states_and_have_no_rate(case):
+    law, random = case.law, np.random.default_rng(1)
+    for speed in (-0.1, 1e-4):
+        state = law.state_scale(LOAD_ARRAY) * random.uniform(-1, 1, law.n_states)
+        rate = np.asarray(law.rate(jnp.asarray(speed), state, LOAD_ARRAY))
+        moving = law.n_states - law.n_modes
+        assert np.all(rate[:moving] != 0) and np.all(rate[moving:] == 0)
+        found = law.force_of(jnp.asarray(speed), state, rate, LOAD_ARRAY)
+        np.testing.assert_allclose(found, law.force(jnp.asarray(speed), state, LOAD_ARRAY), rtol=1e-14)
+
+
 def test_states_stand_still_in_the_steady_state_and_follow_a_mirrored_motion(case):
     n = case.law.n_states
     for speed in (1e-4, 0.1):

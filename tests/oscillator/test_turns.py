@@ -70,6 +70,15 @@ def test_phase_and_time_give_the_same_motion(name):
     np.testing.assert_allclose(found, in_time(oscillator, 2e-3, 0.0, ts), rtol=0, atol=ACCURACY)
 
 
+def test_a_list_that_is_too_short_is_full():
+    few, start = 40, starting_state(machine(LAWS["Jenkins"]), 2e-3, 0.0)
+    ends = jax.jit(Smooth(ACCURACY).meshed, static_argnums=4)
+    _, times = ends(machine(LAWS["Jenkins"]), start, jnp.asarray(END), jnp.asarray(1), few)
+    assert times.size < 64 and np.isfinite(times).all()
+    _, reached = _meshed(machine(LAWS["Jenkins"]), 2e-3, 0.0, 1)
+    assert np.isinf(reached[-1])
+
+
 @pytest.mark.parametrize(("x0", "v0"), [(-2e-3, 0.0), (3e-4, -0.14), (-1.5e-3, 0.05), (1.5e-3, 0.05)])
 def test_a_motion_may_start_anywhere_in_its_swing(x0, v0):
     oscillator, ts = machine(LAWS["LuGre"]), np.linspace(0, END, TIMES)

@@ -161,7 +161,8 @@ class Smooth(AbstractEngine):
     ) -> tuple[Array, Array]:
         """Phases and times of the steps that the error estimate chooses until `duration` [s], for `Mesh.of`.
 
-        Beyond the last one of each list there is inf. The phases end at the last reversal, after `half_cycles` where
+        Beyond the last one of each list there is inf; not so where `capacity` steps, those counted that were rejected,
+        did not lead to the end, and the list is full. The phases end at the last reversal, after `half_cycles` where
         these are known, and the times where the mass rests.
         """
         machine = Scaled.of(oscillator, start)
@@ -176,7 +177,8 @@ class Smooth(AbstractEngine):
         settings = {"saveat": _ENDS, "stepsize_controller": controller, "max_steps": capacity}
         event = diffrax.Event(rests)
         then = integrate(field, solver, jnp.zeros(()), left, first.end, waiting, event=event, **settings)
-        return first.phases, then.ts
+        short = then.result == diffrax.RESULTS.max_steps_reached
+        return first.phases, jnp.where(short & jnp.isinf(then.ts), left, then.ts)
 
     def solve(
         self,
@@ -304,7 +306,8 @@ def _resting(field: Callable, tolerance: Any, left: Any, still: Any) -> Callable
 
 def _plain(oscillator: Oscillator) -> diffrax.AbstractAdaptiveSolver:
     """The method that suits a law: implicit where it is stiff."""
-    return Rodas5P() if oscillator.friction.stiff else diffrax.Dopri8(scan_kind="lax")
+    law = oscillator.friction
+    return Rodas5P(held=law.n_modes) if law.stiff else diffrax.Dopri8(scan_kind="lax")
 
 
 def _watched(tau: Any, y: tuple, args: _Args) -> Array:
