@@ -182,7 +182,8 @@ def _fit_block(records: Sequence[Any], requests: Sequence[Request]) -> list[_Row
     posed = [_posed(record, request) for record, request in zip(records, requests, strict=True)]
     problems = [problem for problem in posed if isinstance(problem, Problem)]
     solved = iter(_solved(problems))
-    return [_row(next(solved)) if isinstance(p, Problem) else _Row(f"rejected: {p}") for p in posed]
+    ended = [next(solved) if isinstance(p, Problem) else p for p in posed]
+    return [_row(each) if isinstance(each, _Finished) else _Row(f"rejected: {each}") for each in ended]
 
 
 def _posed(record: Record | Exception, request: Request) -> Problem | Exception:
@@ -202,19 +203,22 @@ class _Finished(NamedTuple):
     misfit: Misfit
 
 
-def _solved(problems: Sequence[Problem]) -> list[_Finished]:
+def _solved(problems: Sequence[Problem]) -> list[_Finished | UsageError]:
     if any(problem.residual.engine.needs_mesh for problem in problems):
         return [_alone(problem) for problem in problems]
     return [_finished(problem, landed) for problem, landed in zip(problems, solve_lanes(problems), strict=True)]
 
 
-def _alone(problem: Problem) -> _Finished:
-    problem, solved = solve_with_rest(problem)
-    counted = counted_by_noise(problem, solved, True)
+def _alone(problem: Problem) -> _Finished | UsageError:
+    """The fit of one run, or why its motion cannot be computed."""
+    try:
+        counted = counted_by_noise(*solve_with_rest(problem), True)
+    except UsageError as error:
+        return error
     return _Finished(counted, _misfit(counted))
 
 
-def _finished(problem: Problem, landed: Landed) -> _Finished:
+def _finished(problem: Problem, landed: Landed) -> _Finished | UsageError:
     """A lane as a solved fit; where its number of half-cycles is in doubt or it is not accurate, fitted for itself."""
     solved = judged(problem, landed.at, landed.looked)
     recorded = int(problem.residual.runs[0].half_cycles)

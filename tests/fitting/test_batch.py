@@ -5,7 +5,7 @@ import pytest
 
 import fricjax as fj
 from fricjax.data.errors import UsageError
-from fricjax.fitting import lanes
+from fricjax.fitting import lanes, mesh
 from tests.compilations import compilations
 from tests.fitting.runs import MACHINE, RIGS, coulomb_run, noisy, oscillator
 
@@ -60,6 +60,20 @@ def test_a_bad_run_does_not_stop_the_others(traces: list[fj.Trace]):
     table = found.to_dataframe()
     assert list(table["status"]) == list(found.status)
     assert table["mu"].isna().tolist() == [False, True, True, False]
+
+
+def test_a_run_that_needs_too_many_steps_does_not_stop_the_others(monkeypatch):
+    finite, most = mesh._finite, 1500
+
+    def bounded(ends):
+        if np.isfinite(np.asarray(ends)).sum() > most:
+            raise UsageError("The motion needs more steps.")
+        return finite(ends)
+
+    monkeypatch.setattr(mesh, "_finite", bounded)
+    runs = [noisy("sliding", "LuGre", 0), noisy("rolling", "LuGre", 0)]
+    found = fj.fit_batch(runs, oscillator(RIGS["sliding"], "LuGre"), (*MACHINE, "sigma0"))
+    assert found.status == ("converged", "rejected: The motion needs more steps.")
 
 
 def test_settings_that_fit_no_run_are_an_error(traces: list[fj.Trace]):

@@ -71,10 +71,10 @@ def test_phase_and_time_give_the_same_motion(name):
 
 
 def test_a_list_that_is_too_short_is_full():
-    few, start = 40, starting_state(machine(LAWS["Jenkins"]), 2e-3, 0.0)
+    few, start = 400, starting_state(machine(LAWS["Jenkins"]), 2e-3, 0.0)
     ends = jax.jit(Smooth(ACCURACY).meshed, static_argnums=4)
     _, times = ends(machine(LAWS["Jenkins"]), start, jnp.asarray(END), jnp.asarray(1), few)
-    assert times.size < 64 and np.isfinite(times).all()
+    assert times.size < 450 and np.isfinite(times).all()
     _, reached = _meshed(machine(LAWS["Jenkins"]), 2e-3, 0.0, 1)
     assert np.isinf(reached[-1])
 

@@ -161,8 +161,8 @@ class Smooth(AbstractEngine):
     ) -> tuple[Array, Array]:
         """Phases and times of the steps that the error estimate chooses until `duration` [s], for `Mesh.of`.
 
-        Beyond the last one of each list there is inf; not so where `capacity` steps, those counted that were rejected,
-        did not lead to the end, and the list is full. The phases end at the last reversal, after `half_cycles` where
+        Beyond the last one of each list there is inf; not so where `capacity` steps do not lead to the end, and the
+        list is full. The phases end at the last reversal, after `half_cycles` where
         these are known, and the times where the mass rests.
         """
         machine = Scaled.of(oscillator, start)
@@ -177,7 +177,8 @@ class Smooth(AbstractEngine):
         settings = {"saveat": _ENDS, "stepsize_controller": controller, "max_steps": capacity}
         event = diffrax.Event(rests)
         then = integrate(field, solver, jnp.zeros(()), left, first.end, waiting, event=event, **settings)
-        short = then.result == diffrax.RESULTS.max_steps_reached
+        # Steps that were rejected count too; where most were, the motion grows without bound and needs no more of them.
+        short = (then.result == diffrax.RESULTS.max_steps_reached) & jnp.isfinite(then.ts[capacity // 2])
         return first.phases, jnp.where(short & jnp.isinf(then.ts), left, then.ts)
 
     def solve(
