@@ -100,9 +100,8 @@ def _compared(records: "list[Record]", laws: list[str], choices: "list[Choice]",
     from ..comparison import compare as compare_laws
 
     oscillators = [choice.oscillator for choice in choices]
-    data = records[0] if len(records) == 1 else records
     settings = {"engine": choices[0].engine, "rig": choices[0].rig, **how}
-    return compare_laws(data, oscillators, [choice.free for choice in choices], names=laws, **settings)
+    return compare_laws(records, oscillators, [choice.free for choice in choices], names=laws, **settings)
 
 
 def _report(found: "Comparison", calibrated: bool) -> str:

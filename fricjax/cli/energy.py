@@ -66,10 +66,9 @@ def evaluated(
     from ..routes.force_map import friction_force_map
 
     machine = Rig(**described)
-    data: Any = records[0] if len(records) == 1 else records
-    force_map = friction_force_map(data, machine, free, bins=bins)
+    force_map = friction_force_map(records, machine, free, bins=bins)
     calibrated = machine if free is None else machine.replace(damping=force_map.damping, drag=force_map.drag)
-    return force_map, half_cycle_friction(data, calibrated)
+    return force_map, half_cycle_friction(records, calibrated)
 
 
 def write_outcome(

@@ -150,9 +150,8 @@ def fitted(asked: Asked, records: "list[Record]") -> "Fit":
     from ..fitting import fit as fit_records
 
     choice, oscillator = asked.choice, asked.choice.oscillator
-    data = records[0] if len(records) == 1 else records
     settings = {"engine": choice.engine, "rig": choice.rig, **asked.settings}
-    return fit_records(data, oscillator, choice.free, throw=False, **settings)
+    return fit_records(records, oscillator, choice.free, throw=False, **settings)
 
 
 def _settings(fitting: Fitting) -> dict[str, Any]:

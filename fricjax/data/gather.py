@@ -56,11 +56,8 @@ def listed(data: Any, t: Any = None, rate: float | None = None) -> list[Given]:
     times = list(of_each)
     if len(times) != len(runs):
         raise UsageError(f"t= holds the times of {len(times)} runs, but there are {len(runs)}.")
-    said = [{"t": each, "rate": rate} for each in times]
-    return [
-        Given(run, {name: value for name, value in options.items() if value is not None})
-        for run, options in zip(runs, said, strict=True)
-    ]
+    common = {} if rate is None else {"rate": rate}
+    return [Given(run, common if t is None else {**common, "t": own}) for run, own in zip(runs, times, strict=True)]
 
 
 def _has_rows(source: Any) -> bool:

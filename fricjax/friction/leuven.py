@@ -103,13 +103,11 @@ class Leuven(AbstractStribeckElements):
         return jnp.append(self._creep(v, state, load) * jnp.ones(len(self.stiffnesses)), jnp.zeros(2))
 
     def force(self, v: Values, state: State, load: Scalar) -> Values:
-        return self._force(v, state, self._creep(v, state, load), load)
+        return self.force_of(v, state, self.rate(v, state, load), load)
 
     def force_of(self, v: Values, state: State, rate: State, load: Scalar) -> Values:
-        return self._force(v, state, rate[0], load)
-
-    def _force(self, v: Values, state: State, creep: Values, load: Scalar) -> Values:
-        return self._hysteresis(state, load) + self.sigma1 * creep + self.sigma2 * v
+        # All elements follow the mean deflection of the bristles, and the first rate is that of them all.
+        return self._hysteresis(state, load) + self.sigma1 * rate[0] + self.sigma2 * v
 
     def return_map(self, v: Scalar, a: Scalar, state: State, load: Scalar) -> State:
         now = self._hysteresis(state, load) / jnp.sum(self.springs())

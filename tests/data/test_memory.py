@@ -165,7 +165,13 @@ def test_samples_left_out_are_masked():
 SQUARE = np.stack([T, X])
 REFUSED = {
     "nothing": (None, {}, UsageError, r"A record cannot be made of NoneType\. Give a path, a record, a pandas table"),
-    "no times": (X, {}, UsageError, r"either their rate or their times: a tuple \(t, x\), fricjax\.read\(x"),
+    "no times": (
+        X,
+        {},
+        UsageError,
+        r"needs either their rate or their times: a tuple \(t, x\), fricjax\.read\(x, rate=5000\.0\) or "
+        r"fricjax\.fit\(x, \.\.\., rate=5000\.0\)\.$",
+    ),
     "both": (X, {"rate": 1.0, "t": T}, UsageError, "needs either their rate or their times"),
     "no times beside a series": (pd.Series(X), {}, DataError, "Series has no time for 'x'; give rate="),
     "two rows": (SQUARE, {}, UsageError, r"shape \(2, 400\) a run or two\? Write \(a\[0\], a\[1\]\) for times and dis"),

@@ -123,7 +123,8 @@ USAGE = {
     "no run": ({"data": 3.0}, r"A record cannot be made of float\. Give a path, a record, a pandas table or series,"),
     "an array without times": (
         {"data": RUN.x},
-        r"needs either their rate or their times: a tuple \(t, x\), fricjax\.read\(x, rate=5000\.0\) or fricjax\.fit\(",
+        r"needs either their rate or their times: a tuple \(t, x\), fricjax\.read\(x, rate=5000\.0\) or "
+        r"fricjax\.fit\(x, \.\.\., rate=5000\.0\)\.$",
     ),
     "no oscillator": (
         {"oscillator": Coulomb(0.1)},

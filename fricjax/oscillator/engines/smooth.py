@@ -162,8 +162,8 @@ class Smooth(AbstractEngine):
         """Phases and times of the steps that the error estimate chooses until `duration` [s], for `Mesh.of`.
 
         Beyond the last one of each list there is inf; not so where `capacity` steps do not lead to the end, and the
-        list is full. The phases end at the last reversal, after `half_cycles` where
-        these are known, and the times where the mass rests.
+        list is full. The phases end at the last reversal, after `half_cycles` where these are known, and the times
+        where the mass rests.
         """
         machine = Scaled.of(oscillator, start)
         tolerance, end = self._tolerance(machine), duration * machine.rate
