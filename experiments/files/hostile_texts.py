@@ -121,6 +121,10 @@ EDITS: list[tuple[str, tuple[Any, ...], str]] = [
     ("values.more", (1.0,), "'units' lacks 'more'"),
     ("std_errors.mu", (-1.0,), "is negative"),
     ("std_errors.mu", (None,), "'std_errors.mu' must be a number"),
+    *(
+        (f"{kind}std_errors.more", (1.0,), "'more', which is not among the names")
+        for kind in ("", "white_", "combined_")
+    ),
     ("names", ("mu",), "'names' must be a list"),
     ("names", ([1, 2],), r"'names\[0\]' must be a text"),
     ("names", (["mu"],), "shape"),

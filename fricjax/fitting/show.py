@@ -103,15 +103,16 @@ def _budget(fit: "Fit") -> Iterator[tuple[str, str]]:
     told = []
     for name in fit.names:
         std = fit.std_errors[name]
-        if name.split("[")[0] in NUISANCES or not fit.contributions[name] or not np.isfinite(std):
+        if name.split("[")[0] in NUISANCES or not fit.contributions[name]:
             continue
         parts = {"the noise": std}
         for source, change in fit.contributions[name].items():
             source = source.removesuffix("_cosine").removesuffix("_sine")
             parts[source] = float(np.hypot(parts.get(source, 0.0), change))
-        largest = max(parts, key=parts.__getitem__)
-        share = 100 * (parts[largest] / np.linalg.norm(list(parts.values()))) ** 2
-        told.append(f"of {name} {largest} ({share:.3g} %)")
+        whole = float(np.linalg.norm(list(parts.values())))
+        if 0 < whole < np.inf:
+            largest = max(parts, key=parts.__getitem__)
+            told.append(f"of {name} {largest} ({100 * (parts[largest] / whole) ** 2:.3g} %)")
     if told:
         yield "uncertainty", "largest part of the combined variance: " + ", ".join(told)
 

@@ -110,18 +110,15 @@ def _stored(path: Path) -> dict[str, Any]:
 
 def _check(fit: "Fit") -> None:
     """One sentence for fields that do not belong to one another."""
-    named: dict[str, Iterable[str]] = {
-        "std_errors": fit.names,
-        "white_std_errors": fit.names,
-        "combined_std_errors": fit.names,
-    }
+    errors = ("std_errors", "white_std_errors", "combined_std_errors")
+    named: dict[str, Iterable[str]] = dict.fromkeys(errors, fit.names)
     named |= {"contributions": fit.names, "values": fit.names, "units": fit.values, "flags": fit.values}
     named |= {"intervals": [name for name in fit.values if name not in fit.std_errors]}
     for field, names in named.items():
         absent = [name for name in names if name not in getattr(fit, field)]
         if absent:
             raise DataError(f"'{field}' lacks {brief(absent[0])}")
-    stds = [*fit.std_errors.items(), *fit.white_std_errors.items(), *fit.combined_std_errors.items()]
+    stds = [(name, std) for field in errors for name, std in getattr(fit, field).items()]
     for name, std in [*stds, *((name, estimate.std) for name, estimate in fit.kinematics.items())]:
         if std < 0:
             raise DataError(f"the standard error of {brief(name)} is negative: {std:g}")
@@ -129,6 +126,9 @@ def _check(fit: "Fit") -> None:
     for field in ("covariance", "combined_covariance"):
         if getattr(fit, field).shape != (p, p):
             raise DataError(f"'{field}' has shape {getattr(fit, field).shape} for {p} parameters")
+    for name, _ in stds:
+        if name not in fit.names:
+            raise DataError(f"a standard error is that of {brief(name)}, which is not among the names")
     residuals = fit.residuals if isinstance(fit.residuals, tuple) else (fit.residuals,)
     listed = {"residuals": residuals} | {
         name: getattr(fit, name) for name in ("times", "origins", "noises", "margins", "half_cycles", "sources")

@@ -166,6 +166,16 @@ def test_a_save_that_fails_leaves_nothing(found, tmp_path):
     assert [path.name for path in tmp_path.iterdir()] == ["taken"]
 
 
+@pytest.mark.parametrize("part", [np.inf, -np.inf, np.nan])
+def test_a_part_of_the_uncertainty_that_is_not_finite_has_no_share(found, part):
+    odd = dataclasses.replace(found, contributions={**found.contributions, "mu": {"mass": part}})
+    assert "largest part of the combined variance: of mu" not in odd.summary()
+    even = dataclasses.replace(
+        found, contributions={**found.contributions, "mu": {"mass": 10 * found.std_errors["mu"]}}
+    )
+    assert "largest part of the combined variance: of mu mass (99 %)" in even.summary()
+
+
 def test_the_summary_says_what_a_reader_needs(found):
     text = found.summary()
     assert found.status.startswith("does not describe the record: residuals of ") and not found.converged
