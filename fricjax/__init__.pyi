@@ -1,5 +1,17 @@
-from . import calibrate, comparison, data, fitting, friction, instrument, oscillator, routes, sensitivity, show
-from .calibrate import Measured, Rig
+from . import (
+    calibrate,
+    comparison,
+    data,
+    errors,
+    fitting,
+    friction,
+    instrument,
+    oscillator,
+    rig,
+    routes,
+    sensitivity,
+    show,
+)
 from .calibrate.added_mass import calibrate_added_mass
 from .calibrate.frf import calibrate_frf
 from .calibrate.ringdown import calibrate_ringdown
@@ -17,6 +29,7 @@ from .fitting import (
 )
 from .instrument import synthetic_run
 from .oscillator import Motion, Oscillator, energy, final_displacement, restoring, simulate
+from .rig import Measured, Rig
 from .routes.agreement import compare_routes
 from .routes.energy_balance import half_cycle_friction
 from .routes.final_displacement import fit_final_displacements
@@ -48,6 +61,7 @@ __all__ = [
     "comparison",
     "data",
     "energy",
+    "errors",
     "final_displacement",
     "fit",
     "fit_batch",
@@ -67,6 +81,7 @@ __all__ = [
     "pairs_of",
     "read",
     "restoring",
+    "rig",
     "routes",
     "sensitivity",
     "show",

@@ -10,8 +10,8 @@ import pytest
 import fricjax
 
 PACKAGE = Path(__file__).resolve().parents[1] / "fricjax"
-ORDER = ["show", "data", "friction", "oscillator", "instrument", "estimation", "fitting", "comparison", "calibrate"]
-ORDER += ["routes", "uncertainty", "sensitivity", "archive", "report", "cli"]
+ORDER = ["errors", "show", "data", "friction", "oscillator", "instrument", "rig", "estimation", "fitting", "comparison"]
+ORDER += ["calibrate", "routes", "uncertainty", "sensitivity", "archive", "report", "cli"]
 TRACED = ("friction", "oscillator")
 HOST_ONLY = {"matplotlib", "pandas", "scipy", "h5py", "pint", "typer", "rich", "pydantic", "uncertainties"}
 HEAVY = ("pandas", "matplotlib", "scipy", "h5py", "pint")
@@ -68,7 +68,7 @@ def modules_of_the_package(names):
 def test_every_folder_has_its_place():
     folders = {path.parent.name for path in PACKAGE.glob("*/__init__.py")}
     assert folders <= set(ORDER)
-    assert [path.name for path in PACKAGE.glob("*.py")] == ["__init__.py"]
+    assert {path.name for path in PACKAGE.glob("*.py")} == {"__init__.py", "errors.py"}
 
 
 @pytest.mark.parametrize("folder", ORDER)
@@ -87,7 +87,7 @@ def test_a_folder_imports_only_from_those_before_it(folder):
 def test_estimation_knows_neither_records_nor_oscillators():
     files = [file for file in FILES if file.relative_to(PACKAGE).parts[0] == "estimation"]
     targets = {target for file in files for target in modules_of_the_package(imports(file))}
-    assert {target for target in targets if not target.startswith("fricjax.estimation")} == {"fricjax.data.errors"}
+    assert {target for target in targets if not target.startswith("fricjax.estimation")} == {"fricjax.errors"}
 
 
 def test_no_circle_of_modules():

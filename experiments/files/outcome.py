@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from fricjax import Rig, load_fit, read
-from fricjax.data import DataError, UsageError
+from fricjax.errors import DataError, UsageError
 from fricjax.friction import Coulomb
 
 SECONDS, GIGABYTES = 5.0, 0.75

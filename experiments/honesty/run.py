@@ -35,7 +35,7 @@ from records import ASIDE, INPUTS, KNOWN, RECORDED, RIGS, TUNED, Rig, Run, read_
 
 import fricjax as fj  # noqa: E402
 from fricjax.data import disturbance, strokes, swing  # noqa: E402
-from fricjax.data.errors import DataError, UsageError  # noqa: E402
+from fricjax.errors import DataError, UsageError  # noqa: E402
 from fricjax.fitting import fit_on_moving_floor  # noqa: E402
 from fricjax.fitting.fit import concluded  # noqa: E402
 from fricjax.fitting.parameters import Request  # noqa: E402

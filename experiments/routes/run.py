@@ -23,7 +23,7 @@ import numpy as np  # noqa: E402
 from static import bracketed, coverage  # noqa: E402
 
 import fricjax as fj  # noqa: E402
-from fricjax.data.errors import DataError  # noqa: E402
+from fricjax.errors import DataError  # noqa: E402
 from fricjax.routes import (  # noqa: E402
     compare_routes,
     fit_final_displacements,

@@ -1,5 +1,5 @@
-from . import corrections
-from .measured import Measured
-from .rig import Rig
+from .added_mass import calibrate_added_mass
+from .frf import calibrate_frf
+from .ringdown import calibrate_ringdown
 
-__all__ = ["Measured", "Rig", "corrections"]
+__all__ = ["calibrate_added_mass", "calibrate_frf", "calibrate_ringdown"]

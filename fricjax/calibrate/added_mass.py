@@ -5,11 +5,11 @@ to 1e-6 from a ring-down and masses to 1e-5 from a balance: this is the best way
 stiffness. Leaf springs that carry load change their stiffness with it: put the mass where it loads them as before.
 """
 
-from ..data.errors import UsageError
-from .measured import Measured
-from .propagate import positive, propagated
-from .quantity import quantity
-from .rig import Number
+from ..errors import UsageError
+from ..rig.measured import Measured
+from ..rig.propagate import positive, propagated
+from ..rig.quantity import quantity
+from ..rig.rig import Number
 
 
 def calibrate_added_mass(frequency: Number, frequency_loaded: Number, added_mass: Number) -> Measured:

@@ -11,12 +11,12 @@ from typing import Any
 
 import numpy as np
 
-from ..data.errors import DataError
-from .measured import Measured
+from ..errors import DataError
+from ..rig.measured import Measured
+from ..rig.propagate import positive
 from .modal import Modal, fit_mode
 from .modal_calibration import ModalCalibration
 from .peaks import NAMES, SCALED, pick, picking_error
-from .propagate import positive
 
 _LEAST_LINES = 8
 _BANDWIDTHS = 5.0

@@ -10,8 +10,8 @@ import math
 
 import numpy as np
 
-from ..data.errors import DataError, UsageError
-from .propagate import positive
+from ..errors import DataError, UsageError
+from ..rig.propagate import positive
 
 _STRONG = 0.5
 

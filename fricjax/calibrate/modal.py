@@ -9,8 +9,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..data.errors import DataError
-from .measured import Measured
+from ..errors import DataError
+from ..rig.measured import Measured
 from .peaks import Picked
 
 _ROUNDS = 10

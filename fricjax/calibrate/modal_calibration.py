@@ -5,13 +5,13 @@ from collections.abc import Mapping
 from html import escape
 from typing import Any
 
+from ..rig.measured import Measured
+from ..rig.quantity import UNITS
+from ..rig.rig import Number, Rig
 from ..show.numbers import duration as spoken
 from ..show.numbers import uncertain
 from ..show.tables import Table
-from .measured import Measured
 from .peaks import NAMES
-from .quantity import UNITS
-from .rig import Number, Rig
 
 
 @dataclasses.dataclass(frozen=True, eq=False)

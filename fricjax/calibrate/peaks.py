@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..data.errors import DataError
+from ..errors import DataError
 
 NAMES = ("mass", "stiffness", "damping", "frequency", "damping_ratio")
 SCALED = ("mass", "stiffness", "damping")  # these go with one over the scale of the receptance

@@ -17,8 +17,8 @@ from ..fitting.result import FitError
 from ..friction import Coulomb
 from ..oscillator import Oscillator
 from ..oscillator.restoring import AbstractRestoring, Cubic, Linear, Pendulum
-from .inputs import check_restoring
-from .measured import Measured
+from ..rig.inputs import check_restoring
+from ..rig.measured import Measured
 from .ringdown_calibration import SIGNIFICANT, TERMS, RingdownCalibration, Term
 
 _SPRINGS = {"linear": Linear, "cubic": Cubic, "pendulum": Pendulum}

@@ -9,12 +9,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..fitting import Fit
+from ..rig.measured import Measured
+from ..rig.propagate import positive, propagated
+from ..rig.quantity import quantity
+from ..rig.rig import Number, Rig
 from ..show.numbers import uncertain
 from ..show.tables import Table
-from .measured import Measured
-from .propagate import positive, propagated
-from .quantity import quantity
-from .rig import Number, Rig
 
 SIGNIFICANT = 3.0  # standard uncertainties
 

@@ -3,13 +3,13 @@
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
-from ..calibrate.quantity import UNITS
-from ..data.errors import UsageError
+from ..errors import UsageError
 from ..friction.catalogue import Law
+from ..rig.quantity import UNITS
 
 if TYPE_CHECKING:
-    from ..calibrate import Rig
     from ..oscillator import Oscillator
+    from ..rig import Rig
 
 
 def built(

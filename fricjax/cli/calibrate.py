@@ -15,7 +15,7 @@ from .records import read_record
 from .runtime import prepare
 
 if TYPE_CHECKING:
-    from ..calibrate import Rig
+    from ..rig import Rig
 
 _RIG = "Rig"
 
@@ -43,7 +43,7 @@ def ringdown(
 ) -> None:
     """Frequency, damping, windage and residual friction of a rig that swings without contact."""
     _check_out(output, out, {"--normal-force": normal_force, "--mass": mass})
-    from ..calibrate.inputs import check_restoring
+    from ..rig.inputs import check_restoring
 
     check_records([file], reading)
     check_restoring(restoring)
@@ -94,14 +94,14 @@ def frf(
 def _check_out(output: Writing, out: Path | None, needed: dict[str, str | None]) -> None:
     """Refuse a rig file of which numbers are missing, before any work is done."""
     check_targets(output, ("--out", out, (".toml",)))
-    from ..calibrate.quantity import quantity
+    from ..rig.quantity import quantity
 
     for option, text in needed.items():
         if text is not None:
             quantity(option.removeprefix("--").replace("-", "_"), text)
     missing = [name for name, value in needed.items() if value is None]
     if out is not None and missing:
-        from ..data.errors import UsageError
+        from ..errors import UsageError
 
         raise UsageError(f"A rig file needs numbers that this calibration does not give: add {' and '.join(missing)}.")
 

@@ -40,7 +40,7 @@ def demo(
 
 def _check_folder(out: Path, force: bool) -> None:
     """Refuse a folder that holds something, and one that could not be made, before any work is done."""
-    from ..data.errors import UsageError
+    from ..errors import UsageError
 
     if out.exists() and not out.is_dir():
         raise UsageError(f"--out '{out}' is a file. Name a folder.")

@@ -47,7 +47,7 @@ def energy(
 
 def _bench(files: list[Path], reading: Reading, rig: Path | None, no_contact: Path | None) -> dict[str, Any]:
     """The arguments of the rig, once the files are known to be there."""
-    from ..data.errors import UsageError
+    from ..errors import UsageError
     from .files import check_records
     from .machine import bench
 
@@ -61,7 +61,7 @@ def evaluated(
     records: "list[Record]", described: dict[str, Any], free: "Record | None", bins: int
 ) -> "tuple[ForceMap, HalfCycleFriction]":
     """Force map and balance of the half-cycles; `free` is the run without contact."""
-    from ..calibrate import Rig
+    from ..rig import Rig
     from ..routes.energy_balance import half_cycle_friction
     from ..routes.force_map import friction_force_map
 

@@ -49,7 +49,7 @@ def failure_of(error: BaseException) -> Failure:
         return Failure("Interrupted; nothing more was written.", "interrupted", INTERRUPTED)
     if hasattr(error, "format_message"):
         return _of_command_line(error)
-    from ..data.errors import DataError, UsageError
+    from ..errors import DataError, UsageError
 
     if isinstance(error, InvalidFit):
         return Failure(_sentence(error), "fit", INVALID)

@@ -19,9 +19,9 @@ def check_records(paths: Sequence[Path], options: Reading) -> None:
         DataError: a file that is missing, empty, of an unknown format or named twice, or a unit that does not fit.
         UsageError: an option that does not fit the format, or that contradicts another.
     """
-    from ..data.errors import UsageError
     from ..data.paths import check_distinct, check_file
     from ..data.read import check
+    from ..errors import UsageError
     from . import parsing
 
     for path in paths:

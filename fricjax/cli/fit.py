@@ -86,7 +86,7 @@ def fit(
     pictures = [("--plot", path, PICTURES) for path in numbered(plot, len(files))]
     check_targets(output, *pictures, ("--out", out, RESULTS), ("--save", save, RECORDS))
     if save is not None and len(files) > 1:
-        from ..data.errors import UsageError
+        from ..errors import UsageError
 
         raise UsageError(
             "--save writes one record, but several files were given. Fit them one by one, or leave it out."

@@ -2,7 +2,7 @@
 
 from collections.abc import Collection, Mapping
 
-from ..data.errors import UsageError, nearest
+from ..errors import UsageError, nearest
 from ..friction.catalogue import CATALOGUE, Law, check_summands
 
 # Where a law asks for a coefficient that nobody gave, a fit begins here; mu and windage are then found from the decay.

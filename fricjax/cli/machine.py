@@ -8,21 +8,21 @@ import functools
 from collections.abc import Collection, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from ..calibrate.inputs import check_restoring, checked, replaced
-from ..calibrate.quantity import UNITS
-from ..calibrate.toml import read_table
-from ..data.errors import UsageError
+from ..errors import UsageError
 from ..fitting.names import find_leaf
 from ..fitting.settings import Model
 from ..friction.catalogue import Law
 from ..oscillator.names import check_engine, coefficient_names
+from ..rig.inputs import check_restoring, checked, replaced
+from ..rig.quantity import UNITS
+from ..rig.toml import read_table
 from . import parsing
 from .laws import CONTACT, arguments, summands
 from .options import Bench, Machine
 
 if TYPE_CHECKING:
-    from ..calibrate import Rig
     from ..oscillator import Oscillator
+    from ..rig import Rig
 
 
 @dataclasses.dataclass(frozen=True)
@@ -66,7 +66,7 @@ class Choice:
 
     @functools.cached_property
     def _bench(self) -> "Rig":
-        from ..calibrate import Rig
+        from ..rig import Rig
 
         return Rig(**self.described)
 

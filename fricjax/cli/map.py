@@ -12,7 +12,7 @@ from .records import read_records, tell_doubts
 from .runtime import prepare
 
 if TYPE_CHECKING:
-    from ..calibrate import Rig
+    from ..rig import Rig
     from ..routes import RouteFit
     from .machine import Choice
 
@@ -63,8 +63,8 @@ def map_(
 
 def _chosen(files: list[Path], reading: Reading, machine: Machine, free: str, start: str) -> "Choice":
     """The machine, once files and names are known to fit."""
-    from ..data.errors import UsageError
     from ..data.paths import check_file
+    from ..errors import UsageError
     from ..fitting.names import chosen
     from ..fitting.settings import check_start
     from .files import check_records

@@ -194,7 +194,7 @@ def check_targets(output: "Writing", *targets: tuple[str, Path | None, tuple[str
         UsageError: a suffix that does not fit, a folder that does not exist, a file that does, or two in one place.
         OSError: a folder that cannot be written to.
     """
-    from ..data.errors import UsageError
+    from ..errors import UsageError
 
     named = [(option, path, suffixes) for option, path, suffixes in targets if path is not None]
     for option, path, suffixes in named:

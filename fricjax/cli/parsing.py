@@ -3,7 +3,7 @@
 import re
 from collections.abc import Iterable
 
-from ..data.errors import UsageError
+from ..errors import UsageError
 
 
 def words(given: Iterable[str] | str | None) -> list[str]:
@@ -63,7 +63,7 @@ def estimate(what: str, text: str) -> tuple[float, float]:
     Raises:
         UsageError: no such text.
     """
-    from ..calibrate.quantity import written
+    from ..rig.quantity import written
 
     value, std, unit = written(text) or (0.0, 0.0, "")
     if not std > 0 or unit:
@@ -94,8 +94,8 @@ def displacement(option: str, text: str) -> float:
         raise UsageError(f"{option} must be a displacement such as 2e-3 or '2 mm', got '{text}'.")
     if not match[2]:
         return float(match[1])
-    from ..data.errors import DataError
     from ..data.units import DISPLACEMENT, factor
+    from ..errors import DataError
 
     try:
         return float(match[1]) * factor(match[2].strip(), DISPLACEMENT, option)[0]

@@ -21,7 +21,7 @@ def read_records(paths: Sequence[Path], options: Reading) -> list["Record"]:
         UsageError: options that do not fit the format, or lengths and angles in one fit.
     """
     from ..data import crop, read
-    from ..data.errors import UsageError
+    from ..errors import UsageError
 
     records: list[Record] = []
     for path in paths:
@@ -43,7 +43,7 @@ def read_record(path: Path, options: Reading) -> "Record":
         DataError: a file or record that cannot be used.
         UsageError: options that do not fit the format, or several runs.
     """
-    from ..data.errors import UsageError
+    from ..errors import UsageError
 
     records = read_records([path], options)
     if len(records) > 1:

@@ -126,7 +126,7 @@ def _motion(oscillator: "Oscillator", x0: float, record: "Record", run: Run, eng
     """The motion without the imperfections of instrument, floor and release."""
     import numpy as np
 
-    from ..data.errors import UsageError
+    from ..errors import UsageError
     from ..oscillator import RESULTS, is_successful
     from ..oscillator import simulate as integrate
 
@@ -143,7 +143,7 @@ def _duration(oscillator: "Oscillator", x0: float, run: Run) -> float:
     """Until the mass rests, and a little longer; without damping it rests the latest."""
     import numpy as np
 
-    from ..data.errors import UsageError
+    from ..errors import UsageError
     from ..oscillator import simulate as integrate
 
     band, omega = float(oscillator.dead_band), float(oscillator.angular_frequency)

@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Array
 
 from ..data import Record, Trace
-from ..data.errors import DataError, UsageError, nearest
+from ..errors import DataError, UsageError, nearest
 from ..fitting.names import NUISANCES, check_identifiable
 from ..fitting.parameters import Request
 from ..fitting.problem import windows_of

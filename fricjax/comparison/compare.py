@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..data.errors import DataError, UsageError
+from ..errors import DataError, UsageError
 from ..fitting.colours import Seen, colours_of, described, remembered, under_noise
 from ..fitting.fit import concluded, records_of
 from ..fitting.problem import Problem, posed_on

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from ..data.errors import UsageError, nearest
+from ..errors import UsageError, nearest
 
 CRITERIA = ("bic", "aicc", "held_out")
 

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from ..data.errors import UsageError, nearest
+from ..errors import UsageError, nearest
 from ..fitting.result import Fit
 from .residual_tests import ResidualTests
 

@@ -1,5 +1,4 @@
 from .disturbance import rest_spectrum
-from .errors import DataError, UsageError, nearest
 from .examples import example_paths
 from .inspect import Inspection, inspect
 from .preprocess import (
@@ -19,13 +18,11 @@ from .trace import Trace
 from .write import write
 
 __all__ = [
-    "DataError",
     "Inspection",
     "Record",
     "Segmentation",
     "Step",
     "Trace",
-    "UsageError",
     "convert_unit",
     "crop",
     "estimate_noise",
@@ -35,7 +32,6 @@ __all__ = [
     "find_rest",
     "flip_sign",
     "inspect",
-    "nearest",
     "read",
     "rest_spectrum",
     "segment",

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..errors import DataError
 from .choice import Choice, plain
 from .choose import choose
-from .errors import DataError
 from .record import Record, Step
 from .scale import scale_of
 from .sheet import Sheet

@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from .errors import DataError, UsageError
+from ..errors import DataError, UsageError
 
 # What any file may hold unpacked: 16.7 million numbers. With the copies that a record takes this stays below 1 GB.
 _ALWAYS = 1 << 27

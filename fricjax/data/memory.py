@@ -11,10 +11,10 @@ from typing import Any
 
 import numpy as np
 
+from ..errors import DataError, UsageError
 from .assemble import Columns, assemble, records_of
 from .choice import Choice
 from .columns import Cells, column_of, floats_of, header_of, is_vector, table_columns
-from .errors import DataError, UsageError
 from .record import Record
 from .sheet import Column, Sheet
 from .trace import Trace

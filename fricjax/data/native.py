@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from .errors import DataError, brief
+from ..errors import DataError, brief
 from .record import Record, Step
 
 SCHEMA = 1

@@ -4,8 +4,8 @@ import os
 from collections.abc import Iterable
 from pathlib import Path
 
+from ..errors import DataError, UsageError, nearest
 from .content import check_regular
-from .errors import DataError, UsageError, nearest
 
 # Files that a sentence names as examples.
 _SHOWN = 3

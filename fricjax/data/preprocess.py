@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from .errors import DataError, UsageError
+from ..errors import DataError, UsageError
 from .record import Record, Step
 from .segmentation import Segmentation
 from .units import DISPLACEMENT, TIME, factor

@@ -12,8 +12,8 @@ from collections.abc import Callable, Collection
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, overload
 
+from ..errors import DataError, UsageError, nearest
 from .choice import Choice
-from .errors import DataError, UsageError, nearest
 from .paths import check_file
 
 if TYPE_CHECKING:

@@ -5,7 +5,7 @@ A caller's unit may hold a factor, for what a converter counts in: `12.5 um/V`, 
 
 import re
 
-from .errors import DataError
+from ..errors import DataError
 from .header import UNSCALED
 from .units import EXAMPLES, factor, si_unit
 

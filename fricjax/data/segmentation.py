@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 
+from ..errors import DataError
 from .disturbance import disturbance
-from .errors import DataError
 from .noise import interval, resolution, white_noise
 from .rest import find_rest
 from .reversals import order_for, refine, window

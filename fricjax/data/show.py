@@ -4,9 +4,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..errors import DataError
 from ..show import axis_label, display_unit, figure
 from .disturbance import rest_spectrum
-from .errors import DataError
 from .segmentation import Segmentation
 
 if TYPE_CHECKING:

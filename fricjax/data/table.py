@@ -5,8 +5,8 @@ from pathlib import Path
 
 import numpy as np
 
+from ..errors import DataError, brief
 from .content import check_regular
-from .errors import DataError, brief
 from .readers.dialect import Dialect, Layout, sniff
 from .readers.fields import number, split
 from .readers.text import Text

@@ -15,8 +15,8 @@ import numpy as np
 from jax.core import Tracer
 from jaxtyping import Array, Bool, Float
 
+from ..errors import DataError, UsageError
 from .choice import check_rate
-from .errors import DataError, UsageError
 
 MINIMUM_SAMPLES = 3
 

@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
+from ..errors import UsageError
 from ..show.files import write_bytes
-from .errors import UsageError
 from .gather import record_of
 from .native import MARK, SCHEMA, encode, to_text
 from .record import Record

@@ -1,6 +1,6 @@
 """Names of the losses, known without their formulas."""
 
-from ..data.errors import UsageError, nearest
+from ..errors import UsageError, nearest
 
 LOSSES: tuple[str, ...] = ("squares", "huber", "soft_l1", "cauchy")
 

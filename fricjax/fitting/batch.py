@@ -9,8 +9,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..data import Record
-from ..data.errors import DataError, UsageError
 from ..data.gather import Given, listed, record_of
+from ..errors import DataError, UsageError
 from ..estimation.covariance import Covariance, covariance
 from ..estimation.loss import AbstractLoss
 from ..oscillator import Oscillator, ready

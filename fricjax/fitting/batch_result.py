@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from ..data.errors import DataError, UsageError, nearest
+from ..errors import DataError, UsageError, nearest
 from .noise import Noise
 from .population import Population, population
 from .verdict import optimum_found

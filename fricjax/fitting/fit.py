@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 
 from ..data import Record, Trace
-from ..data.errors import UsageError
 from ..data.gather import gather
+from ..errors import UsageError
 from ..estimation.loss import AbstractLoss
 from ..oscillator import Oscillator, ready
 from ..oscillator.engines import AbstractEngine

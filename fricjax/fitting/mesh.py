@@ -13,7 +13,7 @@ from typing import Any, cast
 import equinox as eqx
 import numpy as np
 
-from ..data.errors import UsageError
+from ..errors import UsageError
 from ..oscillator import Program, Smooth
 from ..oscillator.engines import Mesh
 from .residual import Residual, Run, start_of

@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 
 from ..data import Record, Trace
-from ..data.errors import DataError, UsageError
 from ..data.gather import record_of
+from ..errors import DataError, UsageError
 from ..instrument import driven_motion
 from ..oscillator import Oscillator, simulate
 from .fit import fit

@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..data.errors import UsageError
+from ..errors import UsageError
 from ..estimation.space import Parameter
 from ..oscillator import Oscillator, ready
 from .fit import concluded, fit, records_of

@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Protocol
 
-from ..data.errors import UsageError, nearest
+from ..errors import UsageError, nearest
 
 if TYPE_CHECKING:
     from ..friction import AbstractFriction, Coulomb

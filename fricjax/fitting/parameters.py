@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import jax
 import numpy as np
 
-from ..data.errors import UsageError
+from ..errors import UsageError
 from ..estimation.loss import AbstractLoss, named_loss
 from ..estimation.space import Parameter, Tie
 from ..friction.coefficient import Coefficient

@@ -18,8 +18,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..data.errors import DataError
 from ..data.noise import NORMAL_MAD
+from ..errors import DataError
 from ..show import interval, uncertain
 
 _LEVEL = 0.95

@@ -8,8 +8,8 @@ import jax
 import numpy as np
 
 from ..data import Record, Trace
-from ..data.errors import DataError
 from ..data.record import labels
+from ..errors import DataError
 from ..estimation.loss import AbstractLoss
 from ..estimation.space import LINEAR, Parameter, ParameterSpace
 from ..oscillator.leaves import leaves_of

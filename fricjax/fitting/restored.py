@@ -19,7 +19,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from .. import friction as friction_laws
-from ..data.errors import DataError, brief, nearest
+from ..errors import DataError, brief, nearest
 from ..friction import AbstractFriction
 from ..oscillator import Exact, Hybrid, Oscillator, Smooth, restoring
 from ..oscillator.engines import AbstractEngine, Span

@@ -8,8 +8,8 @@ from typing import Any
 import jax.numpy as jnp
 import numpy as np
 
-from ..data.errors import UsageError
 from ..data.record import labels
+from ..errors import UsageError
 from ..estimation.covariance import correlation
 from ..oscillator import Oscillator, simulate
 from .noise import Noise

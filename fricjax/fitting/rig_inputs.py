@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..data.errors import UsageError
+from ..errors import UsageError
 from ..oscillator import Oscillator
 from ..oscillator.leaves import leaves_of
 from .residual import ERRORS

@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
-from ..data.errors import UsageError, nearest
+from ..errors import UsageError, nearest
 from ..estimation.names import check_loss
 from .names import NUISANCES, Named, check_names, chosen, tied
 

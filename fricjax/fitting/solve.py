@@ -15,7 +15,7 @@ import jax
 import numpy as np
 from jaxtyping import Float
 
-from ..data.errors import UsageError
+from ..errors import UsageError
 from ..estimation.loss import Squares
 from ..estimation.quadratic import Quadratic, quadratic
 from ..estimation.status import AT_BOUND, CONVERGED, OUT_OF_STEPS, STALLED, UNDETERMINED

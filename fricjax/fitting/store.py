@@ -12,7 +12,7 @@ import equinox as eqx
 import numpy as np
 
 from ..data.content import content as read_content
-from ..data.errors import DataError, brief
+from ..errors import DataError, brief
 from ..oscillator.engines import AbstractEngine
 from ..show.files import write_text
 from .restored import TUPLES, restored

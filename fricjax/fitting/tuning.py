@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import equinox as eqx
 import numpy as np
 
-from ..data.errors import UsageError
+from ..errors import UsageError
 from ..oscillator.engines import UNTABLED, AbstractEngine, Seen
 from ..oscillator.select import select_engine
 from .parameters import Request

@@ -6,7 +6,7 @@ import functools
 import numpy as np
 
 from ..data import Record, Segmentation, Trace
-from ..data.errors import DataError, UsageError
+from ..errors import DataError, UsageError
 from .settings import check_start, nuisances_of
 
 NEVER = 10**9

@@ -3,7 +3,7 @@
 import math
 from typing import Any
 
-from ..data.errors import UsageError
+from ..errors import UsageError
 
 
 def number(name: str, value: Any, unit: str = "") -> float:

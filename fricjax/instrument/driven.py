@@ -13,7 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..data.errors import UsageError
+from ..errors import UsageError
 from ..friction.base import Scalar
 from ..oscillator import ExponentialRelease, Oscillator, ready
 from .stepping import Floor, Machine, State, advance, direction_at_standstill

@@ -11,8 +11,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..data.errors import UsageError
 from ..data.record import Step
+from ..errors import UsageError
 from . import effects
 from .checks import not_negative, number, pair, positive
 

@@ -5,7 +5,7 @@ import math
 import numbers
 from typing import Any
 
-from ..data.errors import UsageError
+from ..errors import UsageError
 from .checks import not_negative, number, positive
 
 # As many as a trace needs.

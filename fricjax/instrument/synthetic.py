@@ -11,9 +11,9 @@ from typing import Any
 import jax
 import numpy as np
 
-from ..data.errors import UsageError, nearest
 from ..data.record import Record, Step
 from ..data.trace import Trace
+from ..errors import UsageError, nearest
 from ..oscillator import RESULTS, ExponentialRelease, Oscillator, is_successful, simulate
 from ..oscillator.leaves import leaves_of
 from ..oscillator.restoring import Pendulum

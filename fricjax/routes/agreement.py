@@ -14,14 +14,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..calibrate import Rig
 from ..data import Record
-from ..data.errors import DataError, UsageError
 from ..data.gather import gather
 from ..data.record import labels
+from ..errors import DataError, UsageError
 from ..estimation.covariance import COVERAGE
 from ..fitting import BatchFit, fit_batch
 from ..friction import Coulomb
+from ..rig import Rig
 from ..show import Table, plain, uncertain
 from .energy_balance import half_cycle_friction
 from .final_displacement import fit_final_displacements

@@ -5,9 +5,9 @@ from typing import Any
 
 import numpy as np
 
-from ..calibrate import Rig
 from ..data.gather import record_of
 from ..oscillator import ready
+from ..rig import Rig
 from ..show import axis_label, figure, scaled
 from .no_contact import contactless
 from .sampled import sampled

@@ -15,8 +15,8 @@ from typing import Any
 
 import numpy as np
 
-from ..calibrate import Measured, Rig
 from ..oscillator import Oscillator, ready
+from ..rig import Measured, Rig
 from ..show import Table, uncertain
 from .no_contact import with_losses
 from .strokes import Decay, decay, each_of, machine

@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from ..calibrate import Rig
-from ..data.errors import UsageError
+from ..errors import UsageError
 from ..oscillator import Oscillator, ready
+from ..rig import Rig
 from .estimates import Estimates
 from .no_contact import contactless
 from .sampled import sampled

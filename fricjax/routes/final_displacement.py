@@ -12,7 +12,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from ..data.errors import DataError, UsageError
+from ..errors import DataError, UsageError
 from ..estimation.space import Parameter, ParameterSpace
 from ..fitting.names import check_identifiable, find_leaf, sole_coulomb
 from ..oscillator import Oscillator, ready

@@ -12,7 +12,7 @@ import numpy as np
 import optimistix as optx
 from jaxtyping import Array, Float
 
-from ..data.errors import UsageError
+from ..errors import UsageError
 from ..estimation.levenberg_marquardt import LevenbergMarquardt
 from ..estimation.status import CONVERGED, SENTENCES
 from ..fitting.names import find_leaf

@@ -10,10 +10,10 @@ from typing import Any
 
 import numpy as np
 
-from ..calibrate import Measured, Rig
-from ..data.errors import UsageError
 from ..data.gather import gather
+from ..errors import UsageError
 from ..oscillator import Oscillator, ready
+from ..rig import Measured, Rig
 from .cells import BIAS_SHARE, cells, pooled
 from .no_contact import contactless
 from .sampled import Sampled, sampled

@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..data.errors import UsageError
+from ..errors import UsageError
 from ..oscillator import Oscillator
 
 _STEP = 0.1

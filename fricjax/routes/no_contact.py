@@ -2,9 +2,9 @@
 
 from typing import Any
 
-from ..calibrate import Rig
 from ..fitting import fit
 from ..oscillator import Oscillator
+from ..rig import Rig
 from .strokes import machine
 
 

@@ -11,10 +11,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..data import Record
-from ..data.errors import DataError, UsageError
 from ..data.gather import gather
 from ..data.record import labels
 from ..data.table import read_table
+from ..errors import DataError, UsageError
 from ..fitting.settings import check_start
 
 

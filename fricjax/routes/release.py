@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from ..data import Record
-from ..data.errors import DataError, UsageError
 from ..data.gather import record_of
+from ..errors import DataError, UsageError
 from ..fitting import Fit
 from ..instrument import driven_motion
 from ..oscillator import ExponentialRelease, Oscillator

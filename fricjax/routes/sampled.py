@@ -11,7 +11,7 @@ from typing import Any
 import jax
 import numpy as np
 
-from ..data.errors import DataError
+from ..errors import DataError
 from ..oscillator import Oscillator
 from .smoothing import Motion, smooth
 from .strokes import Decay

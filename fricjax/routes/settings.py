@@ -3,7 +3,7 @@
 import numbers
 from typing import Any
 
-from ..data.errors import UsageError
+from ..errors import UsageError
 
 
 def check_bins(bins: Any) -> None:

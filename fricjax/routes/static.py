@@ -11,7 +11,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from ..data.errors import DataError, UsageError
+from ..errors import DataError, UsageError
 from ..oscillator import Oscillator, starting_state
 from ..oscillator.engines import AbstractEngine
 from ..oscillator.select import select_engine

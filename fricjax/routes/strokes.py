@@ -10,14 +10,14 @@ from typing import Any
 
 import numpy as np
 
-from ..calibrate import Rig
 from ..data import Record, Segmentation
-from ..data.errors import DataError, UsageError
 from ..data.gather import gather
 from ..data.record import labels
 from ..data.reversals import order_for, point_std, window
+from ..errors import DataError, UsageError
 from ..friction import Coulomb
 from ..oscillator import Oscillator
+from ..rig import Rig
 
 EVEN = 1e-3  # largest deviation of a sampling interval from the mean one, relative
 DENSE = 2000  # samples per half-cycle; denser ones are averaged in blocks, which loses nothing that friction tells

@@ -17,9 +17,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..calibrate import Rig
-from ..data.errors import DataError
+from ..errors import DataError
 from ..friction import Coulomb
+from ..rig import Rig
 from .half_cycles import Unwrapped, amplitude_after, counted, decay_ratio, sensitivities
 from .pair_remarks import open_counts, status_of_counts
 from .pairs import Pairs, checked_pairs

@@ -13,8 +13,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..calibrate import Rig
 from ..oscillator import ready
+from ..rig import Rig
 from .estimates import Estimates
 from .strokes import Decay, decay, each_of, machine
 

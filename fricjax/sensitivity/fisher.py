@@ -13,7 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import ArrayLike
 
-from ..data.errors import UsageError
+from ..errors import UsageError
 from ..estimation.loss import Squares
 from ..estimation.quadratic import quadratic
 from ..fitting.settled import UNITS, settle

@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Float
 
-from ..data.errors import UsageError
+from ..errors import UsageError
 from ..fitting.names import NUISANCES
 from ..fitting.residual import Residual
 from ..oscillator import Oscillator

@@ -13,7 +13,7 @@ import equinox as eqx
 import jax
 import numpy as np
 
-from ..data.errors import UsageError
+from ..errors import UsageError
 from ..estimation.space import Parameter, ParameterSpace
 from ..fitting.mesh import with_mesh
 from ..fitting.names import NUISANCES, find_leaf

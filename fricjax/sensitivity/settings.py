@@ -2,7 +2,7 @@
 
 import math
 
-from ..data.errors import UsageError
+from ..errors import UsageError
 
 
 def check_sampling(rate: float, duration: float | None) -> None:

@@ -5,9 +5,9 @@ import math
 import numpy as np
 import pytest
 
-from fricjax.calibrate import Measured
 from fricjax.calibrate.added_mass import calibrate_added_mass
-from fricjax.data.errors import UsageError
+from fricjax.errors import UsageError
+from fricjax.rig import Measured
 
 MASS, STIFFNESS, ADDED = 0.41068, 2574.0, 0.1
 

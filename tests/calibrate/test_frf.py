@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from fricjax.calibrate import Measured
 from fricjax.calibrate.frf import calibrate_frf
 from fricjax.calibrate.frf_file import read_frf
 from fricjax.calibrate.impact import ImpactTest, force_noise, impact_test, receptance
-from fricjax.data.errors import DataError, UsageError
+from fricjax.errors import DataError, UsageError
+from fricjax.rig import Measured
 
 MASS, STIFFNESS, RATIO = 0.41068, 2574.0, 0.0027
 DAMPING = 2 * RATIO * math.sqrt(STIFFNESS * MASS)

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 import fricjax as fj
-from fricjax.calibrate import Measured
 from fricjax.calibrate.ringdown import _best, calibrate_ringdown
 from fricjax.calibrate.ringdown_calibration import Term
-from fricjax.data.errors import UsageError
+from fricjax.errors import UsageError
 from fricjax.oscillator.restoring import Cubic
+from fricjax.rig import Measured
 from tests.helpers import PROTOTYPE_DAMPING as DAMPING
 from tests.helpers import PROTOTYPE_MASS as MASS
 

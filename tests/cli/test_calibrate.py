@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import fricjax as fj
-from fricjax.calibrate import Measured, Rig
+from fricjax.rig import Measured, Rig
 from tests.helpers import PROTOTYPE_DAMPING as DAMPING
 from tests.helpers import PROTOTYPE_MASS as MASS
 

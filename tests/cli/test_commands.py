@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import fricjax as fj
-from fricjax.calibrate import Rig
 from fricjax.data.examples import example_paths
+from fricjax.rig import Rig
 
 RUN, RIG = example_paths()
 

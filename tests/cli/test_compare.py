@@ -7,8 +7,8 @@ import pytest
 
 from fricjax.cli.machine import contenders
 from fricjax.cli.options import Bench
-from fricjax.data.errors import UsageError
 from fricjax.data.examples import example_paths
+from fricjax.errors import UsageError
 
 RUN, RIG = example_paths()
 

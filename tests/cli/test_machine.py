@@ -8,8 +8,8 @@ from fricjax import friction
 from fricjax.cli.laws import laws
 from fricjax.cli.machine import choose, known
 from fricjax.cli.options import Machine
-from fricjax.data.errors import UsageError
 from fricjax.data.examples import example_paths
+from fricjax.errors import UsageError
 from fricjax.friction import Coulomb, LuGre, Stribeck, Sum, Tanh, Windage
 from fricjax.oscillator.restoring import Cubic, Pendulum
 

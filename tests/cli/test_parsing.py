@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fricjax.cli import parsing
-from fricjax.data.errors import UsageError
+from fricjax.errors import UsageError
 
 finite = st.floats(allow_nan=False, allow_infinity=False)
 

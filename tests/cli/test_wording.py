@@ -15,7 +15,7 @@ from typer import Option
 from fricjax.cli import compare, energy, fit, output, wording
 from fricjax.cli.failure import failure_of
 from fricjax.cli.groups import grouped
-from fricjax.data.errors import DataError
+from fricjax.errors import DataError
 
 
 @pytest.fixture

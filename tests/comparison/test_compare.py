@@ -9,7 +9,7 @@ from scipy.optimize import least_squares
 
 from fricjax import Oscillator, Trace, compare, fit
 from fricjax.comparison.candidates import telling
-from fricjax.data.errors import DataError, UsageError
+from fricjax.errors import DataError, UsageError
 from fricjax.friction import Coulomb, Dahl, LuGre, Stribeck, Tanh, Windage
 from tests.fitting.runs import STIFFNESS, coulomb_run
 from tests.fitting.test_whiteness import autoregressive

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 import scipy.io
 
-from fricjax.data import DataError, inspect, read
+from fricjax.data import inspect, read
 from fricjax.data.scale import scale_of
+from fricjax.errors import DataError
 
 from ..cli.conftest import call
 from .test_laboratory import MM, PAIRS, T, X, lines, row, rows

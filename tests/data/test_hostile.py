@@ -16,12 +16,11 @@ from experiments.files.hostile_trees import KINDS, save_kinds
 from experiments.files.seeds import SEEDS
 from fricjax import read
 from fricjax.calibrate.frf_file import read_frf
-from fricjax.data import DataError
 from fricjax.data import content as content_module
-from fricjax.data.errors import brief
 from fricjax.data.readers.archive import load_arrays
 from fricjax.data.readers.matlab import Opaque, load_tree
 from fricjax.data.readers.nodes import opened
+from fricjax.errors import DataError, brief
 
 ROOT = Path(__file__).resolve().parents[2]
 QUICK = {name: hostile for kind, files in FILES.items() if kind != "bombs" for name, hostile in files.items()}

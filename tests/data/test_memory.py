@@ -10,8 +10,8 @@ import pandas as pd
 import pytest
 
 import fricjax as fj
-from fricjax.data import DataError, UsageError
 from fricjax.data.gather import gather
+from fricjax.errors import DataError, UsageError
 
 N = 400
 T = np.arange(N) / 500.0

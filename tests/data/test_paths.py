@@ -2,8 +2,8 @@
 
 import pytest
 
-from fricjax.data.errors import DataError, UsageError
 from fricjax.data.paths import check_distinct, check_file
+from fricjax.errors import DataError, UsageError
 
 
 @pytest.fixture

@@ -6,10 +6,8 @@ import numpy as np
 import pytest
 
 from fricjax.data import (
-    DataError,
     Record,
     Trace,
-    UsageError,
     convert_unit,
     crop,
     estimate_noise,
@@ -19,6 +17,7 @@ from fricjax.data import (
     flip_sign,
     inspect,
 )
+from fricjax.errors import DataError, UsageError
 from tests.oracles import coulomb_viscous
 
 NOISE = 2e-9

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 import scipy.io
 
-from fricjax.data import DataError, Record, Trace, UsageError, read
+from fricjax.data import Record, Trace, read
+from fricjax.errors import DataError, UsageError
 
 T = np.arange(6) * 0.5e-3
 X = np.array([2.0, 1.5, 1.0, 0.25, -0.5, -1.125]) * 1e-3

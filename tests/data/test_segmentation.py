@@ -9,9 +9,10 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 from scipy.optimize import least_squares
 
-from fricjax.data import DataError, read, segment, segment_record
+from fricjax.data import read, segment, segment_record
 from fricjax.data.reversals import refine
 from fricjax.data.swing import extremes, smooth, zigzag
+from fricjax.errors import DataError
 from tests.oracles import coulomb_viscous
 
 FREQUENCY = 12.6

@@ -5,7 +5,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from fricjax.data import DataError, Trace
+from fricjax.data import Trace
+from fricjax.errors import DataError
 
 T = [0.0, 0.1, 0.25, 0.3]
 

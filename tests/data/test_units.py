@@ -98,7 +98,7 @@ def test_other_texts_are_no_units(text):
 
 
 def test_what_is_refused_is_shown_in_brief():
-    from fricjax.data import DataError
+    from fricjax.errors import DataError
 
     with pytest.raises(DataError) as caught:
         factor("m" * 5000, ("m",), "the displacement 'x' of run.csv")

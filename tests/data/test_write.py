@@ -9,7 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fricjax.data import DataError, Record, Step, Trace, UsageError, read, write
+from fricjax.data import Record, Step, Trace, read, write
+from fricjax.errors import DataError, UsageError
 from tests.helpers import largest
 
 SUFFIXES = ["csv", "npz", "h5", "hdf5"]

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import fricjax as fj
-from fricjax.data.errors import UsageError
+from fricjax.errors import UsageError
 from fricjax.fitting import lanes, mesh
 from tests.compilations import compilations
 from tests.fitting.runs import MACHINE, RIGS, coulomb_run, noisy, oscillator

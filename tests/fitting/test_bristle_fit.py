@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from fricjax import Fit, Oscillator, Trace, fit, simulate
-from fricjax.data.errors import UsageError
+from fricjax.errors import UsageError
 from fricjax.friction import Coulomb, Dahl, LuGre, MaxwellSlip, RateState
 from tests.fitting.runs import MACHINE, RIGS, SIGMA0, SIGMA1, STIFFNESS, coulomb_run, noisy, truth
 from tests.helpers import PROTOTYPE_DAMPING, PROTOTYPE_MASS

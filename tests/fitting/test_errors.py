@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from fricjax import Oscillator, Record, Trace, fit
-from fricjax.data import DataError, UsageError
+from fricjax.errors import DataError, UsageError
 from fricjax.friction import Coulomb, LuGre, Stribeck, Tanh, Windage
 from tests.fitting.runs import MACHINE, coulomb_run
 from tests.helpers import PROTOTYPE_MASS

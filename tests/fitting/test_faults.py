@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from fricjax import Fit, Oscillator, fit
-from fricjax.data import UsageError
+from fricjax.errors import UsageError
 from fricjax.fitting import FitError
 from fricjax.friction import Coulomb
 from fricjax.friction.base import Scalar, scalar

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import fricjax as fj
-from fricjax.data.errors import DataError, UsageError
+from fricjax.errors import DataError, UsageError
 from fricjax.fitting import fit_on_moving_floor
 from fricjax.instrument import driven_motion
 from tests.fitting.runs import MACHINE, RIGS, oscillator

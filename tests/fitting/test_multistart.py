@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from fricjax import Oscillator, fit
-from fricjax.data.errors import UsageError
+from fricjax.errors import UsageError
 from fricjax.fitting.multistart import Multistart, multistart
 from fricjax.friction import Coulomb
 from tests.fitting.runs import MACHINE, STIFFNESS, coulomb_run

@@ -5,7 +5,7 @@ import pytest
 from scipy.stats import norm
 
 import fricjax as fj
-from fricjax.data.errors import DataError, UsageError
+from fricjax.errors import DataError, UsageError
 from fricjax.fitting.population import population
 from tests.fitting.runs import RIGS, coulomb_run, oscillator
 

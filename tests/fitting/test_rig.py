@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from fricjax import Measured, Rig, fit
-from fricjax.data import UsageError
+from fricjax.errors import UsageError
 from fricjax.friction import Coulomb
 from fricjax.oscillator.restoring import Pendulum
 from tests.fitting.runs import FREQUENCY, coulomb_run

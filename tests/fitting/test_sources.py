@@ -5,9 +5,10 @@ import pandas as pd
 import pytest
 
 import fricjax as fj
-from fricjax.calibrate import Measured
-from fricjax.data import DataError, UsageError, inspect
+from fricjax.data import inspect
+from fricjax.errors import DataError, UsageError
 from fricjax.friction import Coulomb
+from fricjax.rig import Measured
 from fricjax.routes.energy import energy_of
 from fricjax.routes.energy_regression import integral_friction
 from fricjax.routes.weak_form import weak_form

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from fricjax import Fit, Oscillator, Record, Trace, fit, load_fit, simulate
-from fricjax.data import DataError, UsageError
+from fricjax.errors import DataError, UsageError
 from fricjax.fitting.remarks import warnings_of
 from fricjax.fitting.verdict import Misfit
 from fricjax.friction import Coulomb

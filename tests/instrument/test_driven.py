@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fricjax.data.errors import UsageError
+from fricjax.errors import UsageError
 from fricjax.friction import Ageing, Coulomb, Stribeck, Tanh
 from fricjax.instrument import driven_motion, white_acceleration
 from fricjax.oscillator import ExponentialRelease, Oscillator, restoring, simulate

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import fricjax as fj
-from fricjax.data.errors import UsageError
+from fricjax.errors import UsageError
 from fricjax.friction import Coulomb, LuGre, Tanh, Windage
 from fricjax.instrument import Interferometer, synthetic_run
 from fricjax.oscillator import Oscillator, restoring, simulate

@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from fricjax.calibrate import Rig
 from fricjax.data import Record
 from fricjax.friction import AbstractFriction
 from fricjax.instrument import synthetic_run
+from fricjax.rig import Rig
 
 LOAD, OFFSET = 9.66, 3e-6
 RIG = Rig(mass=0.41068, stiffness=2574.0, normal_force=LOAD, damping_ratio=0.0027)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import fricjax as fj
-from fricjax.data.errors import UsageError
+from fricjax.errors import UsageError
 from fricjax.routes import compare_routes
 from fricjax.routes.agreement import weighted_mean
 from tests.routes.campaigns import DAMPING, LOAD, MASS, MU, STIFFNESS

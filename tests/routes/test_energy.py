@@ -6,11 +6,11 @@ import json
 import numpy as np
 import pytest
 
-from fricjax.calibrate import Measured
 from fricjax.data import Trace
-from fricjax.data.errors import DataError, UsageError
+from fricjax.errors import DataError, UsageError
 from fricjax.friction import Coulomb, Stribeck
 from fricjax.oscillator.restoring import Cubic
+from fricjax.rig import Measured
 from fricjax.routes.energy import energy_of
 from fricjax.routes.energy_balance import half_cycle_friction
 from fricjax.routes.energy_regression import integral_friction

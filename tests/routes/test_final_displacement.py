@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import fricjax as fj
-from fricjax.data.errors import DataError, UsageError
+from fricjax.errors import DataError, UsageError
 from fricjax.routes import fit_final_displacements, fit_triangle_map, pairs_of
 from tests.compilations import compilations
 from tests.routes.campaigns import BAND, DAMPED, DAMPING, LOAD, MASS, MU, STIFFNESS, campaign, machine, released

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from scipy.optimize import curve_fit
 
-from fricjax.calibrate import Measured
-from fricjax.data.errors import UsageError
+from fricjax.errors import UsageError
 from fricjax.friction import Coulomb, LuGre, Stribeck, Tanh, Windage
+from fricjax.rig import Measured
 from fricjax.routes.force_fit import fit_force_map
 from fricjax.routes.force_map import ForceMap, friction_force_map
 from tests.routes.energy_runs import LOAD, RIG, campaign

@@ -5,10 +5,10 @@ import functools
 import numpy as np
 import pytest
 
-from fricjax.calibrate import Rig
 from fricjax.data import Record, Trace
-from fricjax.data.errors import DataError, UsageError
+from fricjax.errors import DataError, UsageError
 from fricjax.friction import Coulomb, Stribeck
+from fricjax.rig import Rig
 from fricjax.routes.force_map import friction_force_map
 from fricjax.routes.smoothing import smooth
 from fricjax.routes.strokes import Stroke, decay

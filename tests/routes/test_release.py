@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import fricjax as fj
-from fricjax.data.errors import DataError
+from fricjax.errors import DataError
 from fricjax.routes.release import fit_release
 from tests.fitting.runs import MACHINE, RIGS, oscillator
 

@@ -6,7 +6,7 @@ from scipy.stats import norm
 
 from fricjax import Rig, fit_triangle_map
 from fricjax.data import example_paths
-from fricjax.data.errors import DataError
+from fricjax.errors import DataError
 from fricjax.routes import attempts, bracket, probit
 from tests.routes.campaigns import BAND, LOAD, MU, STIFFNESS, machine, released
 

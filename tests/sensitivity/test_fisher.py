@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from fricjax.data.errors import UsageError
+from fricjax.errors import UsageError
 from fricjax.friction import Coulomb, Stribeck
 from fricjax.oscillator import Oscillator
 from fricjax.sensitivity import fisher

@@ -4,7 +4,7 @@ import jax
 import numpy as np
 import pytest
 
-from fricjax.data.errors import UsageError
+from fricjax.errors import UsageError
 from fricjax.friction import Coulomb, LuGre, Stribeck
 from fricjax.oscillator import simulate
 from fricjax.oscillator.leaves import leaves_of

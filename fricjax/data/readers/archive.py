@@ -13,8 +13,8 @@ from typing import IO, Any
 
 import numpy as np
 
+from ...errors import DataError, brief
 from ..content import NUMBER, allowance, damage, gigabytes
-from ..errors import DataError, brief
 
 # Members, and bytes of the list of members at the end of the archive; numpy takes about 60 for each.
 _MEMBERS, _DIRECTORY = 10_000, 1_000_000

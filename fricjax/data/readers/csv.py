@@ -11,9 +11,9 @@ from typing import IO, Any
 
 import numpy as np
 
+from ...errors import DataError, brief
 from ..assemble import records_of
 from ..choice import Choice
-from ..errors import DataError, brief
 from ..header import is_time, is_unit
 from ..native import TEXT_MARK, restore_text
 from ..record import Record

@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
+from ...errors import DataError, UsageError
 from ..assemble import records_of
 from ..choice import Choice
-from ..errors import DataError, UsageError
 from ..record import Record
 from ..sheet import Column, Sheet
 from .csv import Table

@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
+from ...errors import DataError, brief
 from ..assemble import records_of
 from ..choice import Choice
-from ..errors import DataError, brief
 from ..native import COLUMNS, MARK, check_schema, decode
 from ..record import Record
 from ..sheet import Column, Sheet, array_columns, signal

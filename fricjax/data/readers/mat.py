@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
+from ...errors import DataError, UsageError, nearest, quoted
 from ..assemble import records_of
 from ..choice import Choice
-from ..errors import DataError, UsageError, nearest, quoted
 from ..header import Title, split_title
 from ..record import Record
 from ..sheet import Column, Sheet, array_columns, folder_of, signal

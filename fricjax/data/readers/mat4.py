@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
+from ...errors import DataError
 from ..content import allowance, gigabytes
-from ..errors import DataError
 from .mat5 import Opaque, damaged
 
 _HEAD = 20  # bytes

@@ -14,8 +14,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ...errors import DataError
 from ..content import NUMBER, allowance
-from ..errors import DataError
 from .nodes import DEEPEST
 
 _HEADER, _TAG = 128, 8  # bytes

@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
+from ...errors import DataError
 from ..content import damage
-from ..errors import DataError
 from .mat4 import load_v4
 from .mat5 import Opaque, load_v5
 from .nodes import DEEPEST, MOST, NotRead, Tree, opened

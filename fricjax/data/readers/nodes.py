@@ -14,8 +14,8 @@ from typing import Any
 
 import numpy as np
 
+from ...errors import DataError
 from ..content import NUMBER, allowance, damage, gigabytes
-from ..errors import DataError
 
 DEEPEST = 32
 """Levels of groups below which nothing is looked for."""

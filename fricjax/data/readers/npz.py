@@ -5,9 +5,9 @@ from pathlib import Path
 
 import numpy as np
 
+from ...errors import DataError, quoted
 from ..assemble import records_of
 from ..choice import Choice
-from ..errors import DataError, quoted
 from ..native import MARK, check_schema, decode
 from ..record import Record
 from ..sheet import Column, Sheet, array_columns, signal

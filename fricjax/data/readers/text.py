@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import IO
 
-from ..errors import DataError, UsageError
+from ...errors import DataError, UsageError
 
 # Enough for the preamble of any instrument and some hundred rows; a longer line is no table that a person wrote.
 HEAD = 1 << 20

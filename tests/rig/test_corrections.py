@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.integrate import quad, solve_ivp
 
-from fricjax.calibrate import corrections
-from fricjax.data.errors import UsageError
+from fricjax.errors import UsageError
+from fricjax.rig import corrections
 
 K, N, MU, FREQUENCY = 2574.0, 9.66, 0.05, 12.6
 OMEGA = 2 * np.pi * FREQUENCY

@@ -8,9 +8,9 @@ import re
 from collections.abc import Mapping
 from typing import Any
 
-from ..data.errors import UsageError, brief, nearest
 from ..data.units import LONGEST as LONGEST_UNIT
 from ..data.units import Unit, unit_of
+from ..errors import UsageError, brief, nearest
 from .measured import Measured
 
 UNITS: Mapping[str, tuple[str, str]] = {

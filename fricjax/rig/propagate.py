@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from ..data.errors import UsageError
+from ..errors import UsageError
 from .measured import Measured
 
 

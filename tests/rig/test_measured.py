@@ -4,9 +4,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fricjax.calibrate import Measured
-from fricjax.calibrate.quantity import quantity
-from fricjax.data.errors import UsageError
+from fricjax.errors import UsageError
+from fricjax.rig import Measured
+from fricjax.rig.quantity import quantity
 
 
 def test_repr_is_the_shorthand_of_the_field():

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..data.errors import UsageError
+from ..errors import UsageError
 
 GRAVITY = 9.80665
 

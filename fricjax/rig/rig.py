@@ -15,7 +15,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from ..data.errors import UsageError, nearest
+from ..errors import UsageError, nearest
 from ..friction import AbstractFriction
 from ..oscillator import Oscillator
 from ..oscillator.restoring import AbstractRestoring, Cubic, Linear, Pendulum

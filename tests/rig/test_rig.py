@@ -7,11 +7,11 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from fricjax.calibrate import Measured, Rig
-from fricjax.data.errors import UsageError
+from fricjax.errors import UsageError
 from fricjax.friction import Coulomb
 from fricjax.oscillator import Oscillator
 from fricjax.oscillator.restoring import Cubic, Linear, Pendulum
+from fricjax.rig import Measured, Rig
 from tests.helpers import largest
 
 LAW = Coulomb(0.01)

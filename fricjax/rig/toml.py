@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..data.content import content
-from ..data.errors import UsageError, brief, nearest
+from ..errors import UsageError, brief, nearest
 from ..show.files import write_text
 from .inputs import ARGUMENTS, RESTORING
 from .measured import Measured

@@ -6,7 +6,7 @@ This is asked before a machine is built of them, and without what building one t
 from collections.abc import Mapping
 from typing import Any
 
-from ..data.errors import UsageError, brief, nearest
+from ..errors import UsageError, brief, nearest
 from .measured import Measured, is_traced
 from .quantity import UNITS, quantity
 

@@ -5,7 +5,7 @@ import math
 import sys
 from typing import Any
 
-from ..data.errors import UsageError, brief
+from ..errors import UsageError, brief
 from ..show.numbers import uncertain
 
 

@@ -1,0 +1,189 @@
+"""How easy the package is to read, in figures: ``python experiments/structure/run.py [FOLDER of the package ...]``.
+
+A stranger has to hold in mind every file, every helper and every word that no paper uses; a comment saves a guess
+and an example a search. Each figure is counted from the source alone; what is asked for stands beside it.
+"""
+
+import ast
+import io
+import re
+import sys
+import tokenize
+from collections import Counter
+from collections.abc import Iterator
+from pathlib import Path
+
+PACKAGE = Path(__file__).resolve().parents[2] / "fricjax"
+SHORT, MANY = 60, 10
+# Words of a private English, and the field's own for them. CONTRIBUTING.md has the glossary.
+RETIRED = {
+    "found": "what it is: segmentation, fit, covariance ...",
+    "climb": "solve in stages",
+    "onwards": "continue",
+    "terrain": "stage weights",
+    "lane": "batch member",
+    "landed": "solution",
+    "abreast": "chunk",
+    "told": "determined, identifiable, reported",
+    "telling": "identifiable",
+    "settle": "derive (quantities)",
+    "settled": "derived quantities",
+    "survey": "evaluation, evaluate",
+    "look": "evaluation, evaluate",
+    "verdict": "diagnostics, final status",
+    "admission": "final status",
+    "judged": "diagnosed",
+    "pose": "build problem",
+    "posed": "problem",
+    "course": "reversals, planned motion",
+    "stroke": "half-cycle",
+    "turns": "reversals",
+    "turning": "phase integration (turning points are the field's word)",
+    "turned": "reversal",
+    "standstill": "state at reversal",
+    "carried": "transition, resolved",
+    "landing": "switching",
+    "closing": "secant steps",
+    "given": "fixed, what it is",
+    "sharp": "set-valued limit",
+    "forgets": "fading memory",
+    "refinement": "step refinement",
+    "remark": "warning",
+    "own": "of the run, of the law",
+    "held": "fixed, at bound, sticking",
+    "idle": "without effect",
+    "windage": "quadratic drag",
+    "eye": "interferometer",
+    "whole": "full, atomic",
+}
+# In sentences only these stumble; the others are English there.
+JARGON = (
+    "climb",
+    "onwards",
+    "terrain",
+    "lane",
+    "abreast",
+    "telling",
+    "stroke",
+    "standstill",
+    "windage",
+    "idle",
+    "told",
+)
+KEPT = re.compile(r"turning_(points?|times?)|held_out(_\w+)?|closing_bracket|given_back")
+
+
+def main() -> None:
+    roots = [Path(name).resolve() for name in sys.argv[1:]] or [PACKAGE]
+    sources = {path: path.read_text() for root in roots for path in sorted(root.rglob("*.py"))}
+    trees = {path: ast.parse(source) for path, source in sources.items()}
+    lines = sum(source.count("\n") for source in sources.values())
+    short = sum(source.count("\n") < SHORT for source in sources.values())
+    comments = sum(map(_comments, sources.values()))
+    once = list(_used_once(trees))
+    public = list(_public(trees))
+    without = [name for name, text in public if ">>>" not in text]
+    wide = [f"{path.name}:{node.lineno} {node.name}" for path, node in _functions(trees) if _parameters(node) > MANY]
+    words = Counter(word for source in sources.values() for word in retired_words(source))
+    print(f"files                                   {len(sources):8d}  (190)")
+    print(f"lines                                   {lines:8d}  (22500)")
+    print(f"files below {SHORT} lines                    {100 * short / len(sources):7.0f} %  (12)")
+    print(f"private functions used once / 1000 lines {1000 * len(once) / lines:7.1f}  (12)")
+    print(f"full-line comments / 1000 lines         {1000 * comments / lines:8.1f}  (20)")
+    print(f"functions of more than {MANY} parameters     {len(wide):8d}  (3)  {', '.join(wide)}")
+    print(f"modules in cycles of imports            {len(cycles(trees)):8d}  (0)  {' '.join(sorted(cycles(trees)))}")
+    print(f"public objects without an example       {len(without):8d}  (0) of {len(public)}")
+    print(f"retired words                           {sum(words.values()):8d}  (0)  {dict(words.most_common())}")
+
+
+def _comments(source: str) -> int:
+    tokens = tokenize.generate_tokens(io.StringIO(source).readline)
+    return sum(token.type == tokenize.COMMENT and not token.line[: token.start[1]].strip() for token in tokens)
+
+
+def _functions(trees: dict[Path, ast.Module]) -> Iterator[tuple[Path, ast.FunctionDef]]:
+    for path, tree in trees.items():
+        yield from ((path, node) for node in ast.walk(tree) if isinstance(node, ast.FunctionDef))
+
+
+def _parameters(node: ast.FunctionDef) -> int:
+    of = node.args
+    return len([*of.posonlyargs, *of.args, *of.kwonlyargs])
+
+
+def _used_once(trees: dict[Path, ast.Module]) -> Iterator[str]:
+    """Private functions of modules whose name stands once in its module besides where it is defined."""
+    for path, tree in trees.items():
+        names = Counter(node.id for node in ast.walk(tree) if isinstance(node, ast.Name))
+        for node in tree.body:
+            if isinstance(node, ast.FunctionDef) and node.name.startswith("_") and names[node.name] == 1:
+                yield f"{path.name}:{node.name}"
+
+
+def _public(trees: dict[Path, ast.Module]) -> Iterator[tuple[str, str]]:
+    """Functions and classes that a folder's stub exports, with their docstrings and those of their methods."""
+    exported = {
+        alias.asname or alias.name
+        for path in PACKAGE.rglob("__init__.pyi")
+        for node in ast.walk(ast.parse(path.read_text()))
+        if isinstance(node, ast.ImportFrom)
+        for alias in node.names
+    }
+    for path, tree in trees.items():
+        for node in tree.body:
+            if isinstance(node, ast.FunctionDef | ast.ClassDef) and node.name in exported:
+                documented = [part for part in ast.walk(node) if isinstance(part, ast.FunctionDef | ast.ClassDef)]
+                yield f"{path.name}:{node.name}", " ".join(ast.get_docstring(part) or "" for part in documented)
+
+
+def cycles(trees: dict[Path, ast.Module]) -> set[str]:
+    """Modules that import one another in a circle, imports inside functions and for types included."""
+    names = {_module(path): path for path in trees if path.name != "__init__.py"}
+    graph = {name: set(_imports(path, trees[path], names)) - {name} for name, path in names.items()}
+    while free := [name for name, targets in graph.items() if not targets & graph.keys()]:
+        for name in free:
+            del graph[name]
+    # What merely leads into a circle is left over as well: peel from the other end.
+    while ends := [name for name in graph if not any(name in targets for targets in graph.values())]:
+        for name in ends:
+            del graph[name]
+    return set(graph)
+
+
+def _module(path: Path) -> str:
+    return ".".join(path.relative_to(PACKAGE.parent).with_suffix("").parts)
+
+
+def _imports(path: Path, tree: ast.Module, names: dict[str, Path]) -> Iterator[str]:
+    for node in ast.walk(tree):
+        if isinstance(node, ast.ImportFrom):
+            package = path.relative_to(PACKAGE.parent).parent.parts
+            base = package[: len(package) - node.level + 1] if node.level else ()
+            base = ".".join((*base, *([node.module] if node.module else [])))
+            yield from {base, *(f"{base}.{alias.name}" for alias in node.names)} & names.keys()
+
+
+def retired_words(source: str) -> Iterator[str]:
+    """Retired words in identifiers, and jargon in sentences; docstrings and comments are not counted."""
+    documents = {
+        id(node.body[0].value)
+        for node in ast.walk(ast.parse(source))
+        if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef) and ast.get_docstring(node) is not None
+        if isinstance(node.body[0], ast.Expr)
+    }
+    for token in tokenize.generate_tokens(io.StringIO(source).readline):
+        if token.type == tokenize.NAME and not KEPT.fullmatch(token.string.strip("_").lower()):
+            yield from (word for word in _words(re.sub(r"([A-Z])", r"_\1", token.string)) if word in RETIRED)
+    for node in ast.walk(ast.parse(source)):
+        if isinstance(node, ast.Constant) and isinstance(node.value, str) and id(node) not in documents:
+            yield from (word for word in _words(node.value) if word in JARGON)
+
+
+def _words(text: str) -> Iterator[str]:
+    """Words in lower case; a plural counts as its singular where that is retired."""
+    for word in re.findall("[a-z]+", text.lower()):
+        yield word[:-1] if word.endswith("s") and word not in RETIRED and word[:-1] in RETIRED else word
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,5 @@
+"""The rig: mass, stiffness, damping, load and their standard uncertainties, in memory and in a file."""
+
+import lazy_loader as _lazy_loader
+
+__getattr__, __dir__, __all__ = _lazy_loader.attach_stub(__name__, __file__)
