@@ -2,13 +2,14 @@ from . import (
     calibrate,
     comparison,
     data,
+    energy_loss,
     errors,
     fitting,
     friction,
     instrument,
     oscillator,
+    pairs,
     rig,
-    routes,
     sensitivity,
     show,
 )
@@ -17,6 +18,10 @@ from .calibrate.frf import calibrate_frf
 from .calibrate.ringdown import calibrate_ringdown
 from .comparison import Comparison, compare
 from .data import Record, Trace, read, write
+from .energy_loss.agreement import compare_routes
+from .energy_loss.force_fit import fit_force_map
+from .energy_loss.force_map import friction_force_map
+from .energy_loss.half_cycles import half_cycle_friction
 from .fitting import (
     BatchFit,
     Fit,
@@ -29,15 +34,11 @@ from .fitting import (
 )
 from .instrument import synthetic_run
 from .oscillator import Motion, Oscillator, energy, final_displacement, restoring, simulate
+from .pairs.displacements import pairs_of
+from .pairs.final_displacement import fit_final_displacements
+from .pairs.release import fit_release
+from .pairs.triangle_map import fit_triangle_map
 from .rig import Measured, Rig
-from .routes.agreement import compare_routes
-from .routes.energy_balance import half_cycle_friction
-from .routes.final_displacement import fit_final_displacements
-from .routes.force_fit import fit_force_map
-from .routes.force_map import friction_force_map
-from .routes.pairs import pairs_of
-from .routes.release import fit_release
-from .routes.triangle_map import fit_triangle_map
 
 __version__: str
 
@@ -61,6 +62,7 @@ __all__ = [
     "comparison",
     "data",
     "energy",
+    "energy_loss",
     "errors",
     "final_displacement",
     "fit",
@@ -78,11 +80,11 @@ __all__ = [
     "load_fit",
     "multistart",
     "oscillator",
+    "pairs",
     "pairs_of",
     "read",
     "restoring",
     "rig",
-    "routes",
     "sensitivity",
     "show",
     "simulate",

@@ -11,7 +11,7 @@ import fricjax
 
 PACKAGE = Path(__file__).resolve().parents[1] / "fricjax"
 ORDER = ["errors", "show", "data", "friction", "oscillator", "instrument", "rig", "estimation", "fitting", "comparison"]
-ORDER += ["calibrate", "routes", "uncertainty", "sensitivity", "archive", "report", "cli"]
+ORDER += ["calibrate", "pairs", "energy_loss", "uncertainty", "sensitivity", "archive", "report", "cli"]
 TRACED = ("friction", "oscillator")
 HOST_ONLY = {"matplotlib", "pandas", "scipy", "h5py", "pint", "typer", "rich", "pydantic", "uncertainties"}
 HEAVY = ("pandas", "matplotlib", "scipy", "h5py", "pint")

@@ -23,15 +23,14 @@ import numpy as np  # noqa: E402
 from scipy.stats import norm, t  # noqa: E402
 
 import fricjax as fj  # noqa: E402
-from fricjax.errors import DataError  # noqa: E402
-from fricjax.routes import (  # noqa: E402
-    RouteFit,
+from fricjax import (  # noqa: E402
     compare_routes,
     fit_final_displacements,
     fit_triangle_map,
     half_cycle_friction,
-    probit,
 )
+from fricjax.errors import DataError  # noqa: E402
+from fricjax.pairs import RouteFit, probit  # noqa: E402
 
 MASS, STIFFNESS, DAMPING_RATIO, LOAD, MU = 0.41068, 2574.0, 0.0027, 9.66, 0.05
 DAMPING = 2 * DAMPING_RATIO * np.sqrt(MASS * STIFFNESS)

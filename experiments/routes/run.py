@@ -23,14 +23,14 @@ import numpy as np  # noqa: E402
 from static import bracketed, coverage  # noqa: E402
 
 import fricjax as fj  # noqa: E402
-from fricjax.errors import DataError  # noqa: E402
-from fricjax.routes import (  # noqa: E402
+from fricjax import (  # noqa: E402
     compare_routes,
     fit_final_displacements,
     fit_triangle_map,
     friction_force_map,
     pairs_of,
 )
+from fricjax.errors import DataError  # noqa: E402
 
 MASS, STIFFNESS, DAMPING_RATIO, LOAD, MU = 0.41068, 2574.0, 0.0027, 9.66, 0.05
 DAMPING = 2 * DAMPING_RATIO * np.sqrt(MASS * STIFFNESS)

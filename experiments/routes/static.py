@@ -4,7 +4,7 @@ import numpy as np
 
 import fricjax as fj
 from fricjax.errors import DataError
-from fricjax.routes import bracket, probit
+from fricjax.pairs import bracket, probit
 
 MASS, STIFFNESS, LOAD, MU = 0.41068, 2574.0, 9.66, 0.05
 BAND = MU * LOAD / STIFFNESS

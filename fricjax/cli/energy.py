@@ -12,8 +12,8 @@ from .runtime import prepare
 
 if TYPE_CHECKING:
     from ..data import Record
-    from ..routes.energy_balance import HalfCycleFriction
-    from ..routes.force_map import ForceMap
+    from ..energy_loss.force_map import ForceMap
+    from ..energy_loss.half_cycles import HalfCycleFriction
 
 
 def energy(
@@ -29,7 +29,7 @@ def energy(
     out: Annotated[Path | None, Option(help="Write the result (.json).", rich_help_panel="Output")] = None,
 ) -> None:
     """Find friction from the rate of energy loss: the force against velocity, and its mean in each half-cycle."""
-    from ..routes.settings import check_bins
+    from ..energy_loss.settings import check_bins
 
     check_targets(output, ("--plot", plot, PICTURES), ("--out", out, RESULTS))
     machine = _bench(files, reading, rig, no_contact)
@@ -61,9 +61,9 @@ def evaluated(
     records: "list[Record]", described: dict[str, Any], free: "Record | None", bins: int
 ) -> "tuple[ForceMap, HalfCycleFriction]":
     """Force map and balance of the half-cycles; `free` is the run without contact."""
+    from ..energy_loss.force_map import friction_force_map
+    from ..energy_loss.half_cycles import half_cycle_friction
     from ..rig import Rig
-    from ..routes.energy_balance import half_cycle_friction
-    from ..routes.force_map import friction_force_map
 
     machine = Rig(**described)
     force_map = friction_force_map(records, machine, free, bins=bins)

@@ -12,8 +12,8 @@ from .records import read_records, tell_doubts
 from .runtime import prepare
 
 if TYPE_CHECKING:
+    from ..pairs import RouteFit
     from ..rig import Rig
-    from ..routes import RouteFit
     from .machine import Choice
 
 _MAP = "Map"
@@ -40,7 +40,7 @@ def map_(
     plot: Plot = None,
 ) -> None:
     """Friction from final against initial displacements: mu by route 2 and 3, mu_s between stops and non-stops."""
-    from ..routes.settings import check_scatter
+    from ..pairs.settings import check_scatter
 
     check_targets(output, ("--plot", plot, PICTURES))
     chosen = _chosen(files, reading, machine, free, start)
@@ -48,7 +48,7 @@ def map_(
     with working(output, "Fitting the map"):
         records = None if len(files) == 1 and reading.run is None else read_records(files, reading)
         prepare(output)
-        from ..routes import fit_final_displacements, fit_triangle_map, pairs_of, read_pairs
+        from ..pairs import fit_final_displacements, fit_triangle_map, pairs_of, read_pairs
 
         tell_doubts(records or ())
         pairs = read_pairs(files[0]) if records is None else pairs_of(records, start=start)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import fricjax as fj
-from tests.routes.campaigns import BAND, DAMPING, LOAD, MASS, MU, STIFFNESS, campaign, machine
+from tests.pairs.campaigns import BAND, DAMPING, LOAD, MASS, MU, STIFFNESS, campaign, machine
 
 RIG = ("--mass", str(MASS), "--stiffness", str(STIFFNESS), "--normal-force", str(LOAD), "--fix", f"damping={DAMPING}")
 STARTS = np.linspace(0.25e-3, 2e-3, 24)

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import fricjax as fj
+from fricjax import half_cycle_friction
 from fricjax.data.reversals import order_for, point_std, refine, window
-from fricjax.routes import half_cycle_friction
 from tests.oracles import coulomb_viscous
 
 RATE, FREQUENCY, BAND = 10e3, 12.6, 1.876e-4

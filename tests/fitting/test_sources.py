@@ -6,12 +6,12 @@ import pytest
 
 import fricjax as fj
 from fricjax.data import inspect
+from fricjax.energy_loss.energy import energy_of
+from fricjax.energy_loss.regression import integral_friction
+from fricjax.energy_loss.weak import weak_form
 from fricjax.errors import DataError, UsageError
 from fricjax.friction import Coulomb
 from fricjax.rig import Measured
-from fricjax.routes.energy import energy_of
-from fricjax.routes.energy_regression import integral_friction
-from fricjax.routes.weak_form import weak_form
 from tests.fitting.runs import MACHINE, coulomb_run
 from tests.helpers import PROTOTYPE_DAMPING, PROTOTYPE_MASS
 

@@ -10,12 +10,12 @@ import pytest
 from scipy.interpolate import CubicHermiteSpline, CubicSpline
 
 from fricjax import Oscillator, Trace, fit
+from fricjax.energy_loss.force_fit import fit_force_map
+from fricjax.energy_loss.force_map import ForceMap
 from fricjax.friction import Coulomb, MonotoneSpline, Spline, Stribeck, Tanh
 from fricjax.oscillator import simulate
 from fricjax.oscillator.leaves import leaves_of
 from fricjax.rig import Measured
-from fricjax.routes.force_fit import fit_force_map
-from fricjax.routes.force_map import ForceMap
 from tests.helpers import PROTOTYPE_DAMPING, PROTOTYPE_MASS
 from tests.oracles import Machine, slide
 

@@ -1,0 +1,91 @@
+"""The energy of a measured decay and the rate at which it is lost (Fig. 9 of the paper)."""
+
+import dataclasses
+from typing import Any
+
+import numpy as np
+
+from ..data.gather import record_of
+from ..oscillator import ready
+from ..rig import Rig
+from ..show import axis_label, figure, scaled
+from .decay import decay
+from .force_samples import sampled
+from .no_contact import contactless
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class EnergyLoss:
+    """Energy along a measured decay from the first reversal on; arrays of shape (n,).
+
+    Attributes:
+        t: times [s].
+        energy: kinetic and potential energy [J], from the equilibrium at `offset`.
+        rate: its rate of change v (m a + R(x)) [W], negative where energy is lost.
+        rate_std: standard deviation of the rate from the noise of the record [W].
+        viscous_power, windage_power: loss to damping, c v^2, and to drag, drag |v|^3 [W].
+        friction_power: what is left of the loss [W].
+        offset: equilibrium position in the record [m].
+    """
+
+    t: np.ndarray
+    energy: np.ndarray
+    rate: np.ndarray
+    rate_std: np.ndarray
+    viscous_power: np.ndarray
+    windage_power: np.ndarray
+    friction_power: np.ndarray
+    offset: float
+
+    def plot(self) -> Any:
+        """Energy and loss rates against time, as a matplotlib figure."""
+        drawing, axes = figure(2, 1, share_x=True)
+        top, bottom = axes[:, 0]
+        values, unit = scaled(self.energy, "J")
+        top.plot(self.t, values)
+        top.set_ylabel(axis_label("Energy", unit))
+        shown = {"all": -self.rate, "friction": self.friction_power, "viscous": self.viscous_power}
+        powers, unit = scaled(np.array(list(shown.values())), "W")
+        for name, power in zip(shown, powers, strict=True):
+            bottom.plot(self.t, power, label=name)
+        bottom.set_ylabel(axis_label("Loss rate", unit))
+        bottom.set_xlabel(axis_label("Time", "s"))
+        bottom.legend(loc="upper right", fontsize=8)
+        return drawing
+
+
+def energy_of(record: Any, rig: Rig, no_contact: Any = None, *, offset: float | None = None) -> EnergyLoss:
+    """Energy of a record and the rate of its loss.
+
+    Args:
+        record: a free decay, given as to :func:`fricjax.fit`.
+        rig: mass, restoring force, damping and drag.
+        no_contact: a run without contact, from which damping and drag are fitted in place of those of the rig.
+        offset: equilibrium position in the record [m]; None: found as by `friction_force_map`.
+
+    Raises:
+        RuntimeError: JAX computes in single precision.
+        UsageError: arguments that do not fit, or a rig without damping.
+        DataError: a record with too few half-cycles, or sampled unevenly.
+
+    ```python
+    fricjax.energy_loss.energy_of("run.csv", rig).plot()
+    ```
+    """
+    ready()
+    oscillator = contactless(rig, no_contact)
+    found = sampled(decay(record_of(record), 2 if offset is None else 1), oscillator, offset)
+    mass, v, speed = float(oscillator.mass), found.v, np.abs(found.v)
+    net = mass * found.a + np.asarray(oscillator.restoring_force(found.x))  # pyright: ignore[reportArgumentType]
+    potential = oscillator.restoring.potential(found.x, oscillator.stiffness)  # pyright: ignore[reportArgumentType]
+    viscous, windage = float(oscillator.damping) * v**2, float(oscillator.drag) * speed**3
+    return EnergyLoss(
+        t=np.concatenate([motion.stroke.t for motion in found.motions]),
+        energy=mass * v**2 / 2 + np.asarray(potential),
+        rate=v * net,
+        rate_std=found.std((v * found.weights[0], net, mass * v)),
+        viscous_power=viscous,
+        windage_power=windage,
+        friction_power=-v * net - viscous - windage,
+        offset=found.offset,
+    )

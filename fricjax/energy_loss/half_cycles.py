@@ -1,0 +1,215 @@
+"""Friction from the energy that a half-cycle loses, of which only the positions at its reversals need to be known.
+
+Between two reversals the potential energy falls by the work of friction and the viscous loss. Of the motion under
+Coulomb and viscous friction on a linear spring the latter is known exactly: with alternating amplitudes a_n and the
+amplitude ratio rho = exp(-pi zeta/sqrt(1 - zeta^2)), ``a_{n+1} = rho a_n - (1 + rho) F/k``, so that
+
+    F_n = k (rho a_n - a_{n+1})/(1 + rho)
+
+is the mean friction force of the half-cycle, and what it leaves of the energy is the viscous loss.
+"""
+
+import dataclasses
+from html import escape
+from typing import Any
+
+import numpy as np
+
+from ..oscillator import Oscillator, ready
+from ..rig import Measured, Rig
+from ..show import Table, uncertain
+from .decay import Decay, decay, each_of, machine
+from .no_contact import with_losses
+
+ROUNDS = 4  # the equilibrium enters linearly but for the restoring force's curvature and windage
+STEP = 1e-4  # of the largest swing, for the derivative with respect to the equilibrium
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class HalfCycleFriction:
+    """Mean friction force of each half-cycle; arrays of shape (n,), those of several records one after another.
+
+    Attributes:
+        force: mean friction force over the path of the half-cycle [N].
+        std: its standard uncertainty from the noise [N].
+        swing: length of the path [m].
+        record: number of the record that it belongs to, among those used.
+        mean: weighted mean of the forces [N], with the uncertainty of the noise or of their scatter, the larger one.
+        mu: coefficient of friction: mean over load, with the uncertainties of the rig to first order [1].
+        chi2_reduced: scatter of the forces about their weighted means, over what the noise explains; above one the
+            friction changes with amplitude, as it does where it depends on velocity.
+        offsets: equilibrium position in each record [m].
+        notes: sentences on records that were left out.
+    """
+
+    force: np.ndarray
+    std: np.ndarray
+    swing: np.ndarray
+    record: np.ndarray
+    mean: Measured
+    mu: Measured
+    chi2_reduced: float
+    offsets: tuple[Measured, ...]
+    notes: tuple[str, ...]
+
+    def table(self) -> Table:
+        """One row per half-cycle."""
+        cells = zip(self.record.tolist(), 1e3 * self.swing, self.force, self.std, strict=True)
+        rows = [[i, float(swing), uncertain(force, std)] for i, swing, force, std in cells]
+        return Table(["Record", "Path [mm]", "Mean friction force [N]"], rows)
+
+    def summary(self) -> str:
+        """The result as plain text."""
+        return "\n".join(f"{name:<25}{value}" for name, value in self._facts()) + f"\n\n{self.table().text()}"
+
+    def _repr_html_(self) -> str:
+        rows = "".join(f"<tr><th>{escape(name)}</th><td>{escape(value)}</td></tr>" for name, value in self._facts())
+        return f"<table>{rows}</table>{self.table().html()}"
+
+    def to_dict(self) -> dict[str, Any]:
+        """The result as plain data, in SI units."""
+        return {
+            **{name: getattr(self, name).tolist() for name in ("force", "std", "swing", "record")},
+            **{name: dataclasses.asdict(getattr(self, name)) for name in ("mean", "mu")},
+            "chi2_reduced": self.chi2_reduced,
+            "offsets": [dataclasses.asdict(offset) for offset in self.offsets],
+            "notes": list(self.notes),
+        }
+
+    def _facts(self) -> list[tuple[str, str]]:
+        return [
+            ("mean friction force", uncertain(self.mean.value, self.mean.std, "N")),
+            ("coefficient of friction", uncertain(self.mu.value, self.mu.std)),
+            ("scatter over noise", f"{self.chi2_reduced:.3g} (reduced chi^2)"),
+            ("data", f"{self.force.size} half-cycles in {len(self.offsets)} records"),
+            *(("note", note) for note in self.notes),
+        ]
+
+
+def half_cycle_friction(records: Any, rig: Rig, no_contact: Any = None) -> HalfCycleFriction:
+    """Mean friction force of each half-cycle after the first reversal, from the positions at the reversals alone.
+
+    The equilibrium of each record is the one about which the same friction acts in all its half-cycles.
+
+    Args:
+        records: a run, or a list of runs of one machine, each given as to :func:`fricjax.fit`.
+        rig: restoring force, mass, load, and the damping and drag to subtract.
+        no_contact: a run without contact, from which damping and drag are fitted in place of those of the rig.
+
+    Raises:
+        RuntimeError: JAX computes in single precision.
+        UsageError: arguments that do not fit, or a rig without damping.
+        DataError: records with too few half-cycles, or sampled unevenly.
+
+    ```python
+    fricjax.half_cycle_friction("run.csv", rig).summary()
+    ```
+    """
+    ready()
+    rig = with_losses(rig, no_contact)
+    oscillator = machine(rig)
+    found, notes = each_of(records, decay)
+    balances = [_balanced(each, oscillator) for each in found]
+    pooled = _pooled(balances)
+    force, std, swing = (
+        np.concatenate([getattr(each, name) for each in balances]) for name in ("force", "std", "swing")
+    )
+    freedom = max(sum(each.force.size - 2 for each in balances) + len(balances) - 1, 1)
+    chi2 = sum(each.chi2 + ((each.mean.value - pooled.value) / each.mean.std) ** 2 for each in balances)
+    reduced = float(chi2) / freedom
+    mean = Measured(pooled.value, pooled.std * max(reduced, 1.0) ** 0.5)
+    return HalfCycleFriction(
+        force=force,
+        std=std,
+        swing=swing,
+        record=np.repeat(np.arange(len(found)), [each.force.size for each in balances]),
+        mean=mean,
+        mu=_coefficient(found, rig, mean),
+        chi2_reduced=reduced,
+        offsets=tuple(each.offset for each in balances),
+        notes=notes,
+    )
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class _Balance:
+    """What the reversals of one record tell."""
+
+    force: np.ndarray
+    std: np.ndarray
+    swing: np.ndarray
+    mean: Measured
+    offset: Measured
+    chi2: float
+
+
+def _balanced(decay: Decay, oscillator: Oscillator) -> _Balance:
+    """One friction force and the equilibrium of a record by generalised least squares."""
+    points, step = decay.points, STEP * float(np.ptp(decay.points))
+    offset = float(np.mean([points[:-1].mean(), points[1:].mean()]))
+    for _ in range(ROUNDS):
+        offset += _solved(points - offset, decay.point_std, oscillator, step)[0][1]
+    (mean, _), inverse, chi2 = _solved(points - offset, decay.point_std, oscillator, step)
+    deviation = np.sqrt(np.diag(inverse))
+    return _Balance(
+        force=_forces(points - offset, oscillator),
+        std=np.sqrt(np.diag(_covariance(points - offset, decay.point_std, oscillator, step))),
+        swing=np.abs(np.diff(points)),
+        mean=Measured(mean, deviation[0]),
+        offset=Measured(offset, deviation[1]),
+        chi2=chi2,
+    )
+
+
+def _solved(
+    y: np.ndarray, std: np.ndarray, oscillator: Oscillator, step: float
+) -> tuple[np.ndarray, np.ndarray, float]:
+    """Mean force [N] and shift of the equilibrium [m], their covariance, and chi^2: neighbours share a reversal."""
+    force = _forces(y, oscillator)
+    slope = (_forces(y + step, oscillator) - _forces(y - step, oscillator)) / (2 * step)
+    covariance = _covariance(y, std, oscillator, step)
+    basis = np.column_stack([np.ones_like(force), slope])
+    weighted = np.linalg.solve(covariance, basis)
+    inverse = np.linalg.inv(basis.T @ weighted)
+    found = inverse @ (weighted.T @ force)
+    left = force - basis @ found
+    return found, inverse, float(left @ np.linalg.solve(covariance, left))
+
+
+def _forces(y: np.ndarray, oscillator: Oscillator) -> np.ndarray:
+    """Mean friction force of each half-cycle between reversals at `y` from the equilibrium [N]."""
+    omega, zeta = float(oscillator.angular_frequency), float(oscillator.damping_ratio)
+    rho, stiffness = np.exp(-np.pi * zeta / np.sqrt(1 - zeta**2)), float(oscillator.stiffness)
+    sign = np.sign(y[:-1] - y[1:])
+    before, after = sign * y[:-1], -sign * y[1:]
+    potential = np.asarray(oscillator.restoring.potential(y, oscillator.stiffness))  # pyright: ignore[reportArgumentType]
+    elastic = -np.diff(potential) / (before + after)
+    # Of a linear spring: the energy lost, over the path, less the friction force.
+    viscous = stiffness * ((before - after) / 2 - (rho * before - after) / (1 + rho))
+    windage = float(oscillator.drag) * (2 / 3) * omega**2 * ((before + after) / 2) ** 2
+    return elastic - viscous - windage
+
+
+def _covariance(y: np.ndarray, std: np.ndarray, oscillator: Oscillator, step: float) -> np.ndarray:
+    """Covariance of the forces by the uncertainty of the reversals, shape (n, n)."""
+    moved = [_forces(y + step * unit, oscillator) - _forces(y - step * unit, oscillator) for unit in np.eye(y.size)]
+    slopes = np.array(moved).T / (2 * step) * std
+    return slopes @ slopes.T
+
+
+def _pooled(balances: list[_Balance]) -> Measured:
+    """Weighted mean over the records."""
+    weight = np.array([each.mean.std**-2 for each in balances])
+    values = np.array([each.mean.value for each in balances])
+    return Measured(float(weight @ values / weight.sum()), float(weight.sum() ** -0.5))
+
+
+def _coefficient(found: list[Decay], rig: Rig, mean: Measured) -> Measured:
+    """Mean force over load; the calibrated inputs are moved by their standard uncertainties one after another."""
+    load = float(rig.normal_force.value)
+    value, variance = mean.value / load, (mean.std / load) ** 2
+    for other, scale in rig.shifted():
+        stretched = (dataclasses.replace(d, points=scale * d.points, point_std=scale * d.point_std) for d in found)
+        force = _pooled([_balanced(each, machine(other)) for each in stretched]).value
+        variance += (force / float(other.normal_force.value) - value) ** 2
+    return Measured(value, float(variance**0.5))

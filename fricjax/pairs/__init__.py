@@ -1,0 +1,5 @@
+"""Routes 2 and 3: coefficients from pairs of initial and final displacement, without a trace."""
+
+import lazy_loader as _lazy_loader
+
+__getattr__, __dir__, __all__ = _lazy_loader.attach_stub(__name__, __file__)

@@ -1,0 +1,270 @@
+"""Route 3: coefficients from the shape of the map of final against initial displacement.
+
+Without damping the map is a triangular wave of period ``4 x_d`` whose amplitude is the static band. With damping its
+segment n has the slope ``(-1)^n rho^n`` and crosses zero at ``C (rho^-n - 1)`` with ``C = x_d (1 + rho)/(1 - rho)``.
+The mass passes from n to n + 1 half-cycles at ``rho^-n (x_s + C) - C``, where the map jumps by ``(1 + rho)(x_s -
+x_d)``, and the lines of neighbouring segments meet at the height x_d. A line through each segment gives its zero,
+whatever the spacing of the runs.
+
+So the zeros, all multiples of one dead band on either side of one offset, and the slopes of the lines are found
+together by least squares. The scatter of all pairs about their lines is one, and few degrees of freedom make its
+interval Student's; with the uncertainties of the rig these are the effective ones of Welch and Satterthwaite (JCGM 100,
+G.4).
+"""
+
+import itertools
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ..errors import DataError
+from ..friction import Coulomb
+from ..rig import Rig
+from .displacements import Pairs, checked_pairs
+from .pair_remarks import open_counts, status_of_counts
+from .result import Estimate, RouteFit
+from .scatter import student
+from .unwrapping import Unwrapped, amplitude_after, counted, decay_ratio, sensitivities
+
+# Pairs from which a line has a slope of its own, and rounds in which the place of its zero is found.
+_SLOPED, _ROUNDS = 3, 4
+_ROUNDING = 1e-15
+
+
+class _Fold(NamedTuple):
+    """Pairs folded to one side: distance of the start and alternating end [m], their segment, and the damping."""
+
+    start: np.ndarray
+    end: np.ndarray
+    segment: np.ndarray
+    rho: float
+
+
+class _Line(NamedTuple):
+    """Line of one segment by itself: its number, zero [m] and slope."""
+
+    segment: int
+    zero: float
+    slope: float
+
+
+class _Map(NamedTuple):
+    """All lines together.
+
+    Attributes:
+        band, offset: dead band and reading at the equilibrium [m].
+        std: standard error of the dead band [m], inf where no scatter tells it; `dof`: what it rests on.
+        predicted: final displacements on the lines [m], shape (pairs,).
+        held: whether the offset could not be told from friction.
+    """
+
+    band: float
+    offset: float
+    std: float
+    dof: int
+    predicted: np.ndarray
+    held: bool
+
+
+def fit_triangle_map(x0: Any, xf: Any, rig: Rig, *, half_cycles: Any = None) -> RouteFit:
+    """Fit mu to the period of the triangle map, and bracket mu_s by its edges.
+
+    Args:
+        x0: initial displacements in the reading of the instrument [m], shape (pairs,), of any sign and in any order.
+        xf: final displacements [m], shape (pairs,).
+        rig: the machine: stiffness or mass and frequency, damping and load, with their uncertainties.
+        half_cycles: number of half-cycles of each pair, shape (pairs,); None: found from the pairs.
+
+    Returns:
+        The fit. Its `extras` hold the dead band, the height at which neighbouring lines meet (x_d again), the jump of
+        the map, and beside them the formulas that neglect damping and spacing: mu from the period and mu_s from the
+        largest final displacement, with the relative bias of the former as the rig's damping explains it.
+
+    Raises:
+        UsageError: arrays that do not fit each other.
+        DataError: pairs that are not finite, or that reach no segment behind the first.
+    """
+    pairs = checked_pairs(x0, xf, half_cycles, None)
+    found, rho = _counted(pairs, rig)
+    if not np.any(found.half_cycles > 0):
+        raise DataError(
+            "In none of the pairs did the mass complete a half-cycle, so the map shows no zero. Release from farther "
+            "away."
+        )
+    fitted = _fitted(pairs, found, rho)
+    found = found._replace(dead_band=fitted.band, offset=fitted.offset)
+    fold, band = _folded(pairs, found, rho), fitted.band
+    lines = [_line(fold, int(n)) for n in np.unique(fold.segment) if n > 0]
+    per_band = _per_band(rig)
+    mu, std = band * per_band, fitted.std * per_band
+    combined = float(np.hypot(std, _by_rig(pairs, rig, mu)))
+    half = student(fitted.dof * (combined / std) ** 4 if 0 < std < np.inf else fitted.dof) * combined
+    static = _static(fold, band)
+    residual = pairs.xf - fitted.predicted
+    scatter = float(np.sqrt(np.sum(residual**2) / max(fitted.dof, 1)))
+    sigma = np.full(residual.shape, max(scatter, _ROUNDING))
+    open_ = status_of_counts(found)
+    return RouteFit(
+        route="triangle map",
+        names=("mu",),
+        values={"mu": mu, "mu_s": (sum(static) / 2 if np.isfinite(static[1]) else static[0]) * per_band},
+        std_errors={"mu": std},
+        combined_std_errors={"mu": combined},
+        units={"mu": "", "mu_s": ""},
+        intervals={"mu": (mu - half, mu + half), "mu_s": (static[0] * per_band, static[1] * per_band)},
+        covariance=np.array([[std**2]]),
+        flags={"mu": (), "mu_s": ("bracketed, not fitted",)},
+        converged=open_ is None,
+        status="converged" if open_ is None else open_,
+        warnings=(*open_counts(pairs, found), *_warnings(rig, lines, fitted)),
+        x0=pairs.x0,
+        xf=pairs.xf,
+        predicted=fitted.predicted,
+        half_cycles=found.half_cycles,
+        sigma=sigma,
+        sigma_source="scatter of the residuals",
+        chi2=float(np.sum((residual / sigma) ** 2)),
+        dof=max(fitted.dof, 1),
+        extras={
+            "dead_band": (band, fitted.std, "m"),
+            **_meetings(lines),
+            # Edges that contradict each other, since a run stopped farther out than one that moved on, are as
+            # uncertain as they differ.
+            "jump": ((1 + rho) * (sum(static) / 2 - band), (1 + rho) * abs(static[1] - static[0]) / 12**0.5, "m"),
+            **_naive(lines, fold, band, per_band),
+        },
+    )
+
+
+def _per_band(rig: Rig) -> float:
+    """Coefficient of friction per dead band, k/N [1/m]."""
+    machine = rig.oscillator(Coulomb(0.0))
+    return float(machine.stiffness) / float(machine.normal_force)
+
+
+def _counted(pairs: Pairs, rig: Rig) -> tuple[Unwrapped, float]:
+    """Numbers of half-cycles, and the ratio of successive amplitudes under the damping of the rig."""
+    rho = decay_ratio(rig.oscillator(Coulomb(0.0)))
+    return counted(pairs.x0, pairs.xf, pairs.half_cycles, rho, None if pairs.x0.size > 1 else 0.0), rho
+
+
+def _folded(pairs: Pairs, found: Unwrapped, rho: float) -> _Fold:
+    y0, yf = pairs.x0 - found.offset, pairs.xf - found.offset
+    return _Fold(np.abs(y0), np.sign(y0) * yf, found.half_cycles, rho)
+
+
+def _fitted(pairs: Pairs, found: Unwrapped, rho: float) -> _Map:
+    """Dead band, offset and slopes of the lines by least squares; pairs that did not move tell nothing."""
+    moved, band, offset = found.half_cycles > 0, found.dead_band, found.offset
+    x0, n = pairs.x0[moved], found.half_cycles[moved]
+    sign = (-1.0) ** n
+    left = pairs.xf[moved] - sign * rho**n * x0
+    both = np.stack(sensitivities(x0, n, rho, offset), axis=1)
+    held = x0.size < 2 or np.linalg.matrix_rank(both, tol=1e-6 * np.linalg.norm(both)) < 2
+    target = left - offset * both[:, 1] if held else left
+
+    def lines(band: float, offset: float) -> np.ndarray:
+        return np.column_stack([both[:, :1] if held else both, *_slopes(x0 - offset, n, band, rho)])
+
+    for _ in range(_ROUNDS):
+        solution = np.linalg.lstsq(lines(band, offset), target, rcond=None)[0]
+        band, offset = float(solution[0]), offset if held else float(solution[1])
+    columns = lines(band, offset)
+    unit = np.linalg.norm(columns, axis=0)
+    off = target - columns / unit @ np.linalg.lstsq(columns / unit, target, rcond=None)[0]
+    dof = x0.size - unit.size
+    lever = float(np.linalg.inv((columns / unit).T @ (columns / unit))[0, 0] ** 0.5 / unit[0])
+    std = max(float(np.sqrt(off @ off / dof)), _ROUNDING) * lever if dof > 0 else np.inf
+    predicted = pairs.x0.copy()
+    predicted[moved] = pairs.xf[moved] - off
+    return _Map(band, offset, std, dof, predicted, held)
+
+
+def _slopes(start: np.ndarray, n: np.ndarray, band: float, rho: float) -> list[np.ndarray]:
+    """For each segment of enough pairs how a slope of its own, about its zero, moves their ends."""
+    return [
+        np.where(n == segment, start - np.sign(start) * _weight(int(segment), rho) * band, 0.0)
+        for segment in np.unique(n)
+        if np.unique(np.abs(start[n == segment])).size >= _SLOPED
+    ]
+
+
+def _line(fold: _Fold, segment: int) -> _Line:
+    """Straight line through a segment: with its own slope where its pairs tell one, else with that of the damping."""
+    chosen = fold.segment == segment
+    u, w = fold.start[chosen], fold.end[chosen]
+    slope = (-fold.rho) ** segment
+    spread = u - u.mean()
+    if u.size >= _SLOPED and np.any(spread):
+        slope = float(spread @ w / (spread @ spread))
+    return _Line(segment, float(u.mean() - w.mean() / slope), slope)
+
+
+def _weight(segment: int, rho: float) -> float:
+    """Zero of a segment in dead bands."""
+    return float(-amplitude_after(np.asarray(segment), np.asarray(0.0), 1.0, rho) / rho**segment)
+
+
+def _by_rig(pairs: Pairs, rig: Rig, mu: float) -> float:
+    """Standard uncertainty of mu by the rig's inputs, each shifted by its own (JCGM 100, 5.1)."""
+    # The map is linear in the displacements.
+    moved = [_fitted(pairs, *_counted(pairs, rig)).band * scale * _per_band(rig) for rig, scale in rig.shifted()]
+    return float(np.linalg.norm(np.subtract(moved, mu)))
+
+
+def _static(fold: _Fold, band: float) -> tuple[float, float]:
+    """Static band between the starts from which the mass made n and more than n half-cycles [m]."""
+    lower, upper = max(band, float(np.max(np.abs(fold.end[fold.segment > 0])))), np.inf
+    for n in np.unique(fold.segment):
+        beyond = fold.start[fold.segment > n]
+        below = fold.start[fold.segment <= n]
+        lower = max(lower, float(amplitude_after(n, below.max(), band, fold.rho)))
+        if beyond.size:
+            upper = min(upper, float(amplitude_after(n, beyond.min(), band, fold.rho)))
+    return lower, upper
+
+
+def _meetings(lines: list[_Line]) -> dict[str, Estimate]:
+    """Mean height at which the lines of neighbouring segments meet: the dead band once more."""
+    heights = []
+    for left, right in itertools.pairwise(lines):
+        if right.segment == left.segment + 1 and right.slope != left.slope:
+            at = (left.slope * left.zero - right.slope * right.zero) / (left.slope - right.slope)
+            heights.append(abs(left.slope * (at - left.zero)))
+    if not heights:
+        return {}
+    std = float(np.std(heights, ddof=1) / len(heights) ** 0.5) if len(heights) > 1 else None
+    return {"height_of_line_intersections": (float(np.mean(heights)), std, "m")}
+
+
+def _naive(lines: list[_Line], fold: _Fold, band: float, per_band: float) -> dict[str, Estimate]:
+    """The formulas without damping, and what the damping makes the first one err by."""
+    largest = float(np.max(np.abs(fold.end[fold.segment > 0])))
+    first, last = lines[0], lines[-1]
+    strokes = last.segment - first.segment if len(lines) > 1 else first.segment
+    spacing = (last.zero - first.zero if len(lines) > 1 else first.zero) / strokes
+    ends = [_weight(line.segment, fold.rho) for line in (first, last)]
+    expected = (ends[1] - ends[0] if len(lines) > 1 else ends[0]) / strokes
+    return {
+        "mu_from_period_without_damping": (spacing / 2 * per_band, None, ""),
+        "bias_of_that_by_damping": (expected / 2 - 1, None, ""),
+        "mu_s_from_largest_final_displacement": (largest * per_band, None, ""),
+    }
+
+
+def _warnings(rig: Rig, lines: list[_Line], fitted: _Map) -> list[str]:
+    said = []
+    if fitted.dof < 1:
+        said.append("As many parameters as pairs: the scatter cannot tell any uncertainty.")
+    if fitted.held:
+        said.append(
+            f"The pairs do not tell an offset of the equilibrium from friction; it is taken as {fitted.offset:g} m. "
+            "Release from both sides, or from farther away."
+        )
+    if rig.damping is None and rig.damping_ratio is None:
+        said.append(
+            "The rig has no damping, so the map is taken for undamped; damping of 0.3 % already biases mu by 3 %."
+        )
+    if len(lines) == 1:
+        said.append("The pairs reach one segment only; runs from farther away would check the period.")
+    return said
