@@ -4,7 +4,7 @@ from .force_fit import ForceFit, fit_force_map
 from .force_map import ForceMap, friction_force_map
 from .half_cycles import HalfCycleFriction, half_cycle_friction
 from .regression import integral_friction
-from .weak_form import weak_form
+from .weak import weak_form
 
 __all__ = [
     "Agreement",
