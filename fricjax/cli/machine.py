@@ -86,9 +86,9 @@ class Choice:
         """Names of the free coefficients."""
         if self.named is not None:
             return self.named
-        from ..comparison.candidates import telling
+        from ..comparison.candidates import identifiable_coefficients
 
-        told = telling(self.oscillator)
+        told = identifiable_coefficients(self.oscillator)
         names = ["mass" if name == "stiffness" and self.placeholder == "mass" else name for name in told]
         return tuple(name for name in names if name not in self.fixed)
 

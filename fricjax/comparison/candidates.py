@@ -52,7 +52,11 @@ def candidates(
         UsageError: lists that do not fit to each other, or entries that belong to no candidate.
         DataError: records to which no candidate can be fitted.
     """
-    lists = [telling(machine) for machine in oscillators] if free is None else [tuple(entry) for entry in free]
+    lists = (
+        [identifiable_coefficients(machine) for machine in oscillators]
+        if free is None
+        else [tuple(entry) for entry in free]
+    )
     names = _names(oscillators) if names is None else tuple(names)
     _check_lengths(oscillators, lists, names)
     _check_tables(settings, oscillators, lists)
@@ -85,7 +89,7 @@ def _restricted(
     )
 
 
-def telling(oscillator: Oscillator) -> tuple[str, ...]:
+def identifiable_coefficients(oscillator: Oscillator) -> tuple[str, ...]:
     """The coefficients that a comparison frees by default.
 
     Those are damping, stiffness, and what the law's force depends on while it slides: without a static coefficient of

@@ -22,7 +22,7 @@ from .candidates import Candidate, candidates, law_name
 from .cross_validation import held_out_score
 from .fingerprints import fingerprints
 from .names import check_criterion
-from .residual_tests import judge
+from .residual_tests import diagnose
 from .result import Comparison, Row
 
 _BEHIND = 1.5
@@ -193,7 +193,7 @@ def _row(entry: _Entry, held_out: bool) -> Row:
         n_parameters=len(problem.parameters),
         chi2_reduced=chi2 / problem.dof,
         held_out=held_out_score(problem, solved) if held_out and solved.converged else np.nan,
-        tests=judge(times, [part[window.used] for part, window in parts], _frequency(entry.fit)),
+        tests=diagnose(times, [part[window.used] for part, window in parts], _frequency(entry.fit)),
     )
 
 
@@ -247,7 +247,7 @@ def _judged(row: Row, entry: _Entry, by: _Yardstick) -> Row:
             row,
             chi2_reduced=misfit / (sum(part.size for part in told.residuals) - k),
             held_out=row.held_out / by.scatter,
-            tests=judge(told.times, told.residuals, _frequency(entry.fit)),
+            tests=diagnose(told.times, told.residuals, _frequency(entry.fit)),
         )
     aicc = misfit + 2 * k + 2 * k * (k + 1) / max(n - k - 1, 1)
     return dataclasses.replace(row, aicc=float(aicc), bic=float(misfit + k * np.log(n)))

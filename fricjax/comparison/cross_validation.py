@@ -15,7 +15,7 @@ from typing import NamedTuple
 import equinox as eqx
 import numpy as np
 
-from ..estimation.quadratic import quadratic
+from ..estimation.covariance import quadratic
 from ..fitting.problem import Problem
 from ..fitting.residual import Residual
 from ..fitting.solve import Solved, checking, look

@@ -60,7 +60,7 @@ class ResidualTests(NamedTuple):
         return tuple(name for name, passed in verdicts.items() if not passed)
 
 
-def judge(times: Sequence[np.ndarray], residuals: Sequence[np.ndarray], frequency: float) -> ResidualTests:
+def diagnose(times: Sequence[np.ndarray], residuals: Sequence[np.ndarray], frequency: float) -> ResidualTests:
     """Test the residuals of one or several runs.
 
     Args:

@@ -25,9 +25,9 @@ from .autoregression import (
     start_of,
     without_level,
 )
+from .covariance import RANK_TOLERANCE
 from .hum import lines_of, waves_of
-from .process import Passage, filtered, kicks_of
-from .quadratic import RANK_TOLERANCE
+from .process import StateTransition, filtered, kicks_of
 
 # Rounds in which the parameters and the colour of what they leave settle to a hundredth of a standard error, and in
 # which the restricted likelihood of the colour does.
@@ -68,7 +68,7 @@ class Colour(NamedTuple):
         excited: how many times larger than it is kept up the process starts.
         kicks: spectral density of kicks that make the noise beside an independent part, in squared units of the latter.
         spread: sum of the logarithms of the variances of all rows, given those before, over that of an innovation.
-        passage: how a linear system carries them on; None where there are none.
+        transition: how a linear system carries them on; None where there are none.
         sides: kicks that are one standard error weaker or stronger, and the standard deviations beside them.
     """
 
@@ -82,7 +82,7 @@ class Colour(NamedTuple):
     excited: float = 1.0
     kicks: float = 0.0
     spread: float = 0.0
-    passage: Passage | None = None
+    transition: StateTransition | None = None
     sides: tuple[tuple[float, float], ...] = ()
 
     @property
@@ -103,7 +103,7 @@ class Colour(NamedTuple):
         return self.speed(series) * (t - series.mean()) + waves
 
     @property
-    def levelled(self) -> bool:
+    def has_level(self) -> bool:
         """Whether it has a level about which it wanders."""
         return abs(1 - float(self.coefficients.sum())) > ROUNDING
 
@@ -115,7 +115,7 @@ class Colour(NamedTuple):
     @property
     def numbers(self) -> int:
         """How many numbers it has beside the variance; a line has a frequency besides its two sizes."""
-        return self.coefficients.size + self.sizes.size + len(self.lines) + (self.passage is not None)
+        return self.coefficients.size + self.sizes.size + len(self.lines) + (self.transition is not None)
 
 
 def colour_of(series: Series, level: float, drifts: bool, motion: float = 0.0) -> Colour | None:
@@ -249,9 +249,9 @@ def white(series: Series, level: float) -> Colour:
     return Colour(nothing, float(np.sqrt(level)), series.residual, np.zeros((series.t.size, 0)), False, (), nothing)
 
 
-def weighed(series: Series, colour: Colour) -> tuple[np.ndarray, np.ndarray]:
+def whitened(series: Series, colour: Colour) -> tuple[np.ndarray, np.ndarray]:
     """Innovations of unit variance, and their derivatives by the coordinates, without what other functions explain."""
-    white = whitened(np.column_stack([series.residual, series.slopes, colour.beside]), series, colour)
+    white = whitened_columns(np.column_stack([series.residual, series.slopes, colour.beside]), series, colour)
     p = series.slopes.shape[1] + 1
     told = white[:, :p]
     if colour.beside.size:
@@ -260,17 +260,17 @@ def weighed(series: Series, colour: Colour) -> tuple[np.ndarray, np.ndarray]:
     return told[:, 0], told[:, 1:]
 
 
-def whitened(columns: np.ndarray, series: Series, colour: Colour) -> np.ndarray:
+def whitened_columns(columns: np.ndarray, series: Series, colour: Colour) -> np.ndarray:
     """Columns in the rows of a series, through the filter that makes innovations of unit variance of its noise."""
-    if colour.passage is None:
+    if colour.transition is None:
         return innovations(columns, series.starts, colour.coefficients, colour.excited) / colour.std
-    return filtered(columns, series.unit, colour.passage, np.array([colour.kicks]))[0][0] / colour.std
+    return filtered(columns, series.unit, colour.transition, np.array([colour.kicks]))[0][0] / colour.std
 
 
 def instants(series: Series, colour: Colour) -> np.ndarray:
     """Times of the rows that are left of a series once it is whitened."""
     order = colour.coefficients.size
-    if colour.passage is not None or start_of(colour.coefficients).shape[0] == order:
+    if colour.transition is not None or start_of(colour.coefficients).shape[0] == order:
         return series.t
     return np.concatenate([part[order:] for part in np.split(series.t, series.starts[1:])])
 
@@ -290,7 +290,7 @@ def thinned(series: Series, step: int) -> Series:
     return Series(t, residual, slopes, unit, starts, rounding)
 
 
-def kicked(series: Series, passage: Passage) -> Colour:
+def kicked(series: Series, transition: StateTransition) -> Colour:
     """That of kicks which a linear system carries on, beside independent noise."""
-    kicks, std, spread, left, sides = kicks_of(series.residual, series.slopes, series.unit, passage)
-    return white(series, std**2)._replace(left=left, kicks=kicks, spread=spread, passage=passage, sides=sides)
+    kicks, std, spread, left, sides = kicks_of(series.residual, series.slopes, series.unit, transition)
+    return white(series, std**2)._replace(left=left, kicks=kicks, spread=spread, transition=transition, sides=sides)

@@ -21,11 +21,10 @@ import jax.numpy as jnp
 import optimistix as optx
 from jaxtyping import Array, Bool, Float, Int, PyTree
 
-from .admission import admitted_status
 from .damped_step import Ahead, Setting, look_ahead, pressed, project, units
 from .loss import Squares
 from .passes import AbstractPasses, DensePasses, Pass
-from .status import CONVERGED, NOT_FINITE, OUT_OF_STEPS, RUNNING, STALLED
+from .status import CONVERGED, NOT_FINITE, OUT_OF_STEPS, RUNNING, STALLED, final_status
 
 MAX_STEPS = 60
 _FIRST_DAMPING = 1e-4
@@ -186,5 +185,5 @@ class LevenbergMarquardt(optx.AbstractLeastSquaresSolver):
         result: optx.RESULTS,
     ) -> tuple[Array, None, dict[str, Any]]:
         here = state.accepted
-        status = admitted_status(state.status, y, here.normal, Setting.of(options))
+        status = final_status(state.status, y, here.normal, Setting.of(options))
         return y, None, {"status": status, **here._asdict(), "remaining": state.remaining}

@@ -14,7 +14,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from .autoregression import gram
-from .colour import Colour, Series, whitened
+from .colour import Colour, Series, whitened_columns
 
 # Fewest degrees of freedom that are believed in: with two the standard deviation of Student's t is infinite.
 _FEWEST = 4.0
@@ -22,7 +22,7 @@ _FEWEST = 4.0
 _STEP = 1e-3
 
 
-def unsure(runs: Sequence[tuple[Series, Colour]], covariance: np.ndarray) -> np.ndarray:
+def small_sample_covariance(runs: Sequence[tuple[Series, Colour]], covariance: np.ndarray) -> np.ndarray:
     """What is to be added to the covariance of coordinates that come from runs with the noise seen in them.
 
     Args:
@@ -32,7 +32,7 @@ def unsure(runs: Sequence[tuple[Series, Colour]], covariance: np.ndarray) -> np.
     variance = np.diag(covariance)
     more, scatter = np.zeros_like(covariance), np.zeros(variance.size)
     for series, colour in runs:
-        added, slopes = by_noise(series, colour, covariance)
+        added, slopes = covariance_by_noise(series, colour, covariance)
         more, scatter = more + added, scatter + slopes
     # Two over the degrees of freedom.
     few = np.minimum(np.divide(scatter, variance**2, out=np.zeros(variance.size), where=variance > 0), 2 / _FEWEST)
@@ -40,7 +40,7 @@ def unsure(runs: Sequence[tuple[Series, Colour]], covariance: np.ndarray) -> np.
     return np.outer(wider, wider) * (covariance + 2 * more) - covariance
 
 
-def by_noise(series: Series, colour: Colour, covariance: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def covariance_by_noise(series: Series, colour: Colour, covariance: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """What the errors of one noise add to a covariance, and the variances that they give its diagonal.
 
     With the residuals r and the functions x through the filter of the noise, estimates solve ``x'r = 0``: where the
@@ -50,13 +50,13 @@ def by_noise(series: Series, colour: Colour, covariance: np.ndarray) -> tuple[np
     if not sides:
         return np.zeros_like(covariance), np.zeros(p)
     columns = np.column_stack([series.slopes[:, :p], colour.beside])
-    white = whitened(columns, series, colour)
+    white = whitened_columns(columns, series, colour)
     # What is fitted besides takes its share of each function.
     away = np.linalg.lstsq(white[:, p:], white[:, :p], rcond=1e-12)[0]
     columns = np.column_stack([columns[:, :p] - columns[:, p:] @ away, colour.left])
     changes = []
     for low, high, errors in sides:
-        below, above = (whitened(columns, series, side) for side in (low, high))
+        below, above = (whitened_columns(columns, series, side) for side in (low, high))
         changes.append((above[:, :p].T @ above - below[:, :p].T @ below) / errors)
     moves = [-covariance @ change[:, p] for change in changes]
     slopes = [np.diag(covariance @ change[:, :p] @ covariance) for change in changes]
@@ -85,7 +85,7 @@ def _directions(series: Series, colour: Colour) -> np.ndarray:
     """
     products, _ = gram(colour.left, series.starts, colour.coefficients.size)
     known = colour.std**2 * np.linalg.pinv(products[1:, 1:], hermitian=True)
-    if not colour.levelled:
+    if not colour.has_level:
         both = known.sum(axis=0)
         known = known - np.outer(both, both) / both.sum()
     sizes, vectors = np.linalg.eigh(known)

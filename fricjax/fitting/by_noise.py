@@ -15,9 +15,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..estimation.colour import Colour, weighed
+from ..estimation.colour import Colour, whitened
 from ..estimation.loss import Squares
-from ..estimation.small_sample import unsure
+from ..estimation.small_sample import small_sample_covariance
 from .clock import by_clock
 from .colours import (
     Seen,
@@ -126,7 +126,8 @@ def _by_colour(plain: Counted, first: Sequence[Rows], absolute: bool) -> Counted
             return plain._replace(
                 solved=at._replace(survey=counts, shape=shape, numerical_shift=shift),
                 variance=1.0,
-                unsure=unsure([(row.series, colour) for row, colour in seen], shape.inverse) + doubt.covariance,
+                unsure=small_sample_covariance([(row.series, colour) for row, colour in seen], shape.inverse)
+                + doubt.covariance,
                 others=doubt.others,
                 noises=tuple(_noise(window, *run) for window, run in zip(problem.windows, seen, strict=True)),
                 went_on=True,
@@ -214,5 +215,5 @@ def _noise(window: Window, row: Rows, colour: Colour) -> Noise:
 def _likelihood(row: Rows, colour: Colour, absolute: bool) -> tuple[float, int]:
     """What a colour adds to minus twice the logarithm of the likelihood of white noise, and how many numbers it has."""
     residual, unit = row.series.residual, 1.0 if absolute else row.level
-    counted = float(np.sum(weighed(row.series, colour)[0] ** 2)) + colour.size
+    counted = float(np.sum(whitened(row.series, colour)[0] ** 2)) + colour.size
     return counted - float(residual @ residual) / unit - residual.size * np.log(unit), colour.numbers

@@ -20,11 +20,11 @@ from ..estimation.colour import (
     instants,
     kicked,
     thinned,
-    weighed,
     white,
+    whitened,
 )
+from ..estimation.covariance import Quadratic, quadratic
 from ..estimation.loss import Squares
-from ..estimation.quadratic import Quadratic, quadratic
 from .floor import passage_of
 from .problem import Problem
 from .rows import Rows, run_in_rows
@@ -62,7 +62,7 @@ def colours_of(problem: Problem, at: Solved, rows: Sequence[Rows], absolute: boo
     for run, (row, colour) in enumerate(zip(told, colours, strict=True)):
         known = white(row.series, _level(row, stated)) if colour is None else colour
         seen.append(Seen(rows[run], _or_shaken(problem, at, run, row, known)))
-    return seen if any(colours) or any(colour.passage for _, colour in seen) else []
+    return seen if any(colours) or any(colour.transition for _, colour in seen) else []
 
 
 def described(problem: Problem, seen: Sequence[Seen], absolute: bool) -> bool:
@@ -110,7 +110,7 @@ def _shaken(problem: Problem, at: Solved, run: int, series: Series) -> Colour | 
 
 def _criterion(colour: Colour) -> float:
     """Schwarz's criterion; how a process starts is left out, for what a model lacks starts like a shaken motion."""
-    size = colour.size - (colour.spread if colour.passage is None else 0.0)
+    size = colour.size - (colour.spread if colour.transition is None else 0.0)
     return size + np.log(colour.left.size) * colour.numbers
 
 
@@ -158,7 +158,7 @@ def weighed_rows(seen: Sequence[Seen]) -> list[Weighed]:
 
     Noise that hardly forgets does not tell the level about which it wanders: the fit lies in the middle of its record.
     """
-    found = [weighed(row.series, colour) for row, colour in seen]
+    found = [whitened(row.series, colour) for row, colour in seen]
     for series, colour in ((row.series, colour) for row, colour in seen if colour.coefficients.size):
         residual, size = series.residual + colour.beside @ colour.sizes, float(np.std(colour.left / series.unit))
         middle = series.unit / (series.unit @ series.unit) / size
@@ -204,8 +204,8 @@ def expected_size(window: Window, row: Rows, colour: Colour) -> float:
     Noise that wanders slowly is larger over a run than in any piece of it. Whether it may be noise is told by its
     innovations: those that the process of the rest leaves in the motion are then no larger than those in the rest.
     """
-    if colour.passage is not None:
-        told = whiteness(weighed(row.series._replace(residual=colour.left), colour)[0]).white
+    if colour.transition is not None:
+        told = whiteness(whitened(row.series._replace(residual=colour.left), colour)[0]).white
         return float(np.sqrt(variance_left(row, colour))) if told else 0.0
     still = _at_rest(window, row)
     if np.sum(still) < _RESTING or still.all():

@@ -10,13 +10,13 @@ and no further kick moves the mass.
 
 import numpy as np
 
-from ..estimation.process import Passage
+from ..estimation.process import StateTransition
 from .problem import Problem
 from .solve import Solved
 from .window import equilibrium
 
 
-def passage_of(problem: Problem, at: Solved, run: int, t: np.ndarray) -> Passage | None:
+def passage_of(problem: Problem, at: Solved, run: int, t: np.ndarray) -> StateTransition | None:
     """The passage of a deviation between times of a run; None where the record shows no half-cycles."""
     window, machine = problem.windows[run], at.settled.machine
     found = window.segmentation
@@ -44,9 +44,9 @@ def passage_of(problem: Problem, at: Solved, run: int, t: np.ndarray) -> Passage
 
 def _joined(
     t: np.ndarray, edges: np.ndarray, carried: np.ndarray, kicked: np.ndarray, turns: dict[float, float]
-) -> Passage:
+) -> StateTransition:
     """The passage from row to row, of steps from edge to edge and of what reversals make of the velocity."""
-    found = Passage(np.empty((t.size, 2, 2)), np.empty((t.size, 2, 2)))
+    found = StateTransition(np.empty((t.size, 2, 2)), np.empty((t.size, 2, 2)))
     so_far, spread, row = np.eye(2), np.zeros((2, 2)), 0
     for edge, step, kicks in zip(edges[1:], carried, kicked, strict=True):
         so_far, spread = step @ so_far, step @ spread @ step.T + kicks
@@ -54,7 +54,7 @@ def _joined(
             turned = np.diag([1.0, turns[edge]])
             so_far, spread = turned @ so_far, turned @ spread @ turned
         if row < t.size and edge == t[row]:
-            found.carried[row], found.kicked[row] = so_far, spread
+            found.matrix[row], found.noise[row] = so_far, spread
             so_far, spread, row = np.eye(2), np.zeros((2, 2)), row + 1
     return found
 

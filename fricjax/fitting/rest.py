@@ -12,7 +12,7 @@ from typing import NamedTuple
 import equinox as eqx
 import numpy as np
 
-from ..estimation.quadratic import quadratic
+from ..estimation.covariance import quadratic
 from .names import sole_coulomb
 from .problem import Problem, with_rests
 from .residual import motion

@@ -16,8 +16,8 @@ import numpy as np
 from jaxtyping import Float
 
 from ..errors import UsageError
+from ..estimation.covariance import Quadratic, quadratic
 from ..estimation.loss import Squares
-from ..estimation.quadratic import Quadratic, quadratic
 from ..estimation.status import AT_BOUND, CONVERGED, OUT_OF_STEPS, STALLED, UNDETERMINED
 from ..oscillator import Program
 from ..oscillator.engines import AbstractEngine

@@ -10,9 +10,9 @@ import numpy as np
 import optimistix as optx
 from jaxtyping import Array
 
+from ..estimation.covariance import quadratic
 from ..estimation.levenberg_marquardt import LevenbergMarquardt
 from ..estimation.passes import residual_and_jacobian
-from ..estimation.quadratic import quadratic
 from ..estimation.status import CONVERGED, NOT_FINITE, UNDETERMINED
 from .scatter import Scale, scale_of
 

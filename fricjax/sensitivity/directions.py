@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..estimation.quadratic import RANK_TOLERANCE
+from ..estimation.covariance import RANK_TOLERANCE
 from ..estimation.space import Parameter
 from ..show import engineering, plain
 

@@ -14,8 +14,8 @@ import numpy as np
 from jaxtyping import ArrayLike
 
 from ..errors import UsageError
+from ..estimation.covariance import quadratic
 from ..estimation.loss import Squares
-from ..estimation.quadratic import quadratic
 from ..fitting.settled import UNITS, settle
 from ..fitting.survey import survey
 from ..oscillator import Oscillator

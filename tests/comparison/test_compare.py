@@ -8,7 +8,7 @@ import pytest
 from scipy.optimize import least_squares
 
 from fricjax import Oscillator, Trace, compare, fit
-from fricjax.comparison.candidates import telling
+from fricjax.comparison.candidates import identifiable_coefficients
 from fricjax.errors import DataError, UsageError
 from fricjax.friction import Coulomb, Dahl, LuGre, Stribeck, Tanh, Windage
 from tests.fitting.runs import STIFFNESS, coulomb_run
@@ -182,7 +182,7 @@ def test_how_it_looks(joint, single):
     ],
 )
 def test_what_is_free_by_default(law, expected):
-    assert telling(machine(law)) == (*expected, "damping", "stiffness")
+    assert identifiable_coefficients(machine(law)) == (*expected, "damping", "stiffness")
 
 
 def test_all_laws_see_the_same_samples():

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from fricjax.comparison.residual_tests import judge, resonance, signs
+from fricjax.comparison.residual_tests import diagnose, resonance, signs
 
 T, FREQUENCY = np.arange(1500) / 2500, 12.6
 
@@ -42,19 +42,19 @@ def test_the_chance_of_a_resonance_is_uniform_in_noise():
 
 def test_a_motion_at_the_natural_frequency_is_seen_below_the_noise():
     hidden = 0.3 * np.sin(2 * np.pi * FREQUENCY * T + 1.0)
-    tests = judge([T], [noise(5) + hidden], FREQUENCY)
+    tests = diagnose([T], [noise(5) + hidden], FREQUENCY)
     # Its power is n a^2/4 of a mean of one: 1500 * 0.3^2/4.
     assert tests.resonance.ratio == pytest.approx(1 + 1500 * 0.09 / 4, rel=0.5)
     assert "resonance" in tests.failed
-    assert judge([T], [noise(5)], FREQUENCY).failed == ()
+    assert diagnose([T], [noise(5)], FREQUENCY).failed == ()
 
 
 def test_slow_residuals_fail_by_their_signs_and_neighbours():
-    tests = judge([T], [noise(2) + 2 * np.sin(2 * np.pi * 0.7 * FREQUENCY * T)], FREQUENCY)
+    tests = diagnose([T], [noise(2) + 2 * np.sin(2 * np.pi * 0.7 * FREQUENCY * T)], FREQUENCY)
     assert {"white", "signs"} <= set(tests.failed)
     assert tests.signs.score < -5
 
 
 def test_too_few_residuals_tell_of_no_resonance():
     assert np.isnan(resonance([T[:30]], [noise(1, 30)], FREQUENCY).chance)
-    assert judge([T[:30]], [noise(1, 30)], FREQUENCY).failed == ()
+    assert diagnose([T[:30]], [noise(1, 30)], FREQUENCY).failed == ()

@@ -6,7 +6,7 @@ from scipy.linalg import block_diag, solve_discrete_lyapunov, toeplitz
 from scipy.signal import lfilter
 
 from fricjax.estimation.autoregression import autoregression, innovations
-from fricjax.estimation.colour import Series, colour_of, weighed
+from fricjax.estimation.colour import Series, colour_of, whitened
 
 START = np.array([0])
 
@@ -34,7 +34,7 @@ def test_coloured_residuals_come_out_white():
     run = series(np.asarray(lfilter([1.0], [1.0, -0.95], drive)))
     colour = colour_of(run, 1.0, False)
     assert colour is not None and not colour.drift and not colour.lines
-    residual, slopes = weighed(run, colour)
+    residual, slopes = whitened(run, colour)
     assert slopes.shape == (residual.size, 2)
     assert np.std(residual) == pytest.approx(1.0, abs=0.05)
     assert abs(np.mean(residual[1:] * residual[:-1])) < 4 / np.sqrt(residual.size)
@@ -74,11 +74,11 @@ def test_a_random_walk_has_no_level_and_slow_noise_has_one():
     random = np.random.default_rng(6)
     for _ in range(60):
         walk = colour_of(series(np.cumsum(random.standard_normal(600))), 1.0, False)
-        assert walk is not None and not walk.levelled
+        assert walk is not None and not walk.has_level
         slow = colour_of(
             series(np.asarray(lfilter([1.0], [1.0, -0.8], random.standard_normal(1100)))[500:]), 1.0, False
         )
-        assert slow is not None and slow.levelled
+        assert slow is not None and slow.has_level
 
 
 def test_a_hum_and_a_drift_are_functions_of_time_beside_the_noise():
@@ -93,7 +93,7 @@ def test_a_hum_and_a_drift_are_functions_of_time_beside_the_noise():
     # What is added to the model to make up for them is their opposite; the drift is told over the whole series.
     assert colour.sizes[0] == pytest.approx(-100 * np.ptp(run.t), abs=0.5)
     assert np.hypot(*colour.sizes[1:]) == pytest.approx(60, abs=0.15)
-    residual, _ = weighed(run, colour)
+    residual, _ = whitened(run, colour)
     assert colour.std == pytest.approx(1.0, abs=0.05) and np.std(residual) == pytest.approx(1.0, abs=0.05)
 
 
@@ -110,7 +110,7 @@ def test_what_functions_take_of_slow_noise_is_made_good():
         run = Series(t, np.cumsum(random.standard_normal(rows)), slopes, np.ones(rows), START, np.zeros((rows, 0)))
         colour = colour_of(run, 1.0, False)
         assert colour is not None
-        residual, along = weighed(run, colour)
+        residual, along = whitened(run, colour)
         covariance = np.linalg.inv(along.T @ along)
         scores.append(covariance @ along.T @ residual / np.sqrt(np.diag(covariance)))
     assert 0.8 < np.sqrt(np.mean(np.square(scores))) < 1.45

@@ -4,8 +4,8 @@ import numpy as np
 from scipy.signal import lfilter
 
 from fricjax.estimation.autoregression import gram, innovations
-from fricjax.estimation.colour import Colour, Series, colour_of, weighed, white
-from fricjax.estimation.small_sample import by_noise, unsure
+from fricjax.estimation.colour import Colour, Series, colour_of, white, whitened
+from fricjax.estimation.small_sample import covariance_by_noise, small_sample_covariance
 
 START = np.array([0])
 RING = np.array([2 * 0.95 * np.cos(0.1), -(0.95**2)])
@@ -32,9 +32,9 @@ def test_estimates_move_with_the_process_as_by_differences():
     run = series(drawn(random, rows), (10, 13))
     fitted = run.residual + run.slopes @ estimated(run, RING)
     colour = white(run, 1.3**2)._replace(coefficients=RING, left=fitted)
-    _, along = weighed(run, colour)
+    _, along = whitened(run, colour)
     covariance = np.linalg.inv(along.T @ along)
-    added, scatter = by_noise(run, colour, covariance)
+    added, scatter = covariance_by_noise(run, colour, covariance)
 
     products, n = gram(fitted, START, RING.size)
     known = 1.3**2 * np.linalg.inv(products[1:, 1:])
@@ -44,7 +44,7 @@ def test_estimates_move_with_the_process_as_by_differences():
 
     # The scatter of the diagonal: by differences of the covariance, whose size varies as that of n squares besides.
     def diagonal(coefficients: np.ndarray) -> np.ndarray:
-        _, along = weighed(run, colour._replace(coefficients=coefficients))
+        _, along = whitened(run, colour._replace(coefficients=coefficients))
         return np.diag(np.linalg.inv(along.T @ along))
 
     slopes = np.array(
@@ -56,14 +56,14 @@ def test_estimates_move_with_the_process_as_by_differences():
     # Twice what the estimates move, for the covariance itself is too small by it; and the width of Student's t.
     few = expected / np.diag(covariance) ** 2
     assert np.max(few) < 0.5
-    told = covariance + unsure([(run, colour)], covariance)
+    told = covariance + small_sample_covariance([(run, colour)], covariance)
     whole = covariance + 2 * moves.T @ known @ moves
     np.testing.assert_allclose(told, whole / np.sqrt(np.outer(1 - few, 1 - few)), rtol=1e-3)
 
 
 def test_white_noise_adds_nothing():
     run = series(np.random.default_rng(1).standard_normal(300), (3,))
-    assert not unsure([(run, white(run, 1.0))], np.eye(2)).any()
+    assert not small_sample_covariance([(run, white(run, 1.0))], np.eye(2)).any()
 
 
 def test_functions_that_are_fitted_besides_take_their_share():
@@ -74,9 +74,9 @@ def test_functions_that_are_fitted_besides_take_their_share():
     beside: Colour = colour._replace(beside=whole.slopes[:, 3:], sizes=np.zeros(1))
     found = []
     for run, seen in ((whole, colour), (part, beside)):
-        _, along = weighed(run, seen)
+        _, along = whitened(run, seen)
         covariance = np.linalg.inv(along.T @ along)
-        found.append((covariance + unsure([(run, seen)], covariance))[:3, :3])
+        found.append((covariance + small_sample_covariance([(run, seen)], covariance))[:3, :3])
     np.testing.assert_allclose(*found, rtol=1e-6)
 
 
@@ -88,8 +88,8 @@ def test_intervals_hold_for_noise_that_forgets_a_few_times_only():
         run = series(drawn(random, 640, process), (3, 4, 5, 6))
         colour = colour_of(run, 1.0, False)
         assert colour is not None
-        residual, along = weighed(run, colour)
+        residual, along = whitened(run, colour)
         covariance = np.linalg.inv(along.T @ along)
-        whole = covariance + unsure([(run, colour)], covariance)
+        whole = covariance + small_sample_covariance([(run, colour)], covariance)
         scores.append(covariance @ along.T @ residual / np.sqrt(np.diag(whole)))
     assert 0.875 < np.mean(np.abs(scores) < 1.96) < 0.98

@@ -48,7 +48,7 @@ def test_a_deviation_goes_on_as_the_motion_deviates(deviation, law, within):
     moved = np.asarray(simulate(model, x + small * deviation[0], t - t[0], v0=v + small * deviation[1]).x)
     state, expected = np.array(deviation), (moved - base) / small
     found = [deviation[0]]
-    for carried in passage.carried[1:]:
+    for carried in passage.matrix[1:]:
         state = carried @ state
         found.append(state[0])
     assert np.max(np.abs(expected)) > 0.7 and found == pytest.approx(expected, abs=within)
@@ -65,8 +65,8 @@ def test_kicks_add_up_as_their_integral_says():
     made = np.stack([np.sin(rate * s) / rate, np.cos(rate * s)]) * np.exp(-PROTOTYPE_DAMPING / PROTOTYPE_MASS / 2 * s)
     made[1] -= PROTOTYPE_DAMPING / PROTOTYPE_MASS / 2 * made[0]
     expected = made @ made.T * step / 2000
-    assert passage.kicked[11] == pytest.approx(expected, rel=1e-3)
-    assert not passage.kicked[-1].any()
+    assert passage.noise[11] == pytest.approx(expected, rel=1e-3)
+    assert not passage.noise[-1].any()
 
 
 def shaken(seed: int, least: float = 1.8e-3, most: float = 2.6e-3, t: np.ndarray = T) -> Trace:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from fricjax.estimation.quadratic import quadratic
+from fricjax.estimation.covariance import quadratic
 
 FREE = np.zeros(4, bool)
 RNG = np.random.default_rng(8)
