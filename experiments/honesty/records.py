@@ -12,8 +12,8 @@ import numpy as np
 from scipy.signal import lfilter
 
 import fricjax as fj
-from fricjax.instrument.driven import driven_motion
-from fricjax.instrument.floor import white_acceleration
+from fricjax.instrument import white_acceleration
+from fricjax.oscillator import driven_motion
 
 STIFFNESS, FREQUENCY, DAMPING_RATIO = 2574.0, 12.6, 0.0027
 MASS = STIFFNESS / (2 * math.pi * FREQUENCY) ** 2

@@ -79,7 +79,7 @@ def cache_facts() -> dict[str, Any]:
     """The folder of compiled programs in use, the number of its files, their size in bytes, and why not to trust it."""
     import jax
 
-    from ..oscillator.kept import asked_folder, distrust
+    from ..oscillator.cache import asked_folder, distrust
 
     named = jax.config.jax_compilation_cache_dir
     folder = Path(named) if named else asked_folder()

@@ -14,8 +14,7 @@ import numpy as np
 from ..data import Record, Trace
 from ..data.gather import record_of
 from ..errors import DataError, UsageError
-from ..instrument import driven_motion
-from ..oscillator import Oscillator, simulate
+from ..oscillator import Oscillator, driven_motion, simulate
 from .fit import fit
 from .result import Fit
 

@@ -12,8 +12,8 @@ from jaxtyping import Array, Float
 
 from ..estimation.space import ParameterSpace
 from ..oscillator import Motion, Oscillator, starting_state
-from ..oscillator.elimination import once
 from ..oscillator.engines import AbstractEngine, AbstractPath
+from ..oscillator.engines.elementary import once
 from ..oscillator.motion import Start
 
 ERRORS = ("displacement_scale", "time_scale", "periodic_nonlinearity_cosine", "periodic_nonlinearity_sine")

@@ -6,20 +6,14 @@ that is not zero and leaves one line in the log of the record.
 """
 
 import dataclasses
-from collections.abc import Callable, Iterator, Mapping
-from typing import Any, NamedTuple
+from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 
 from ..data.record import Step
 from ..errors import UsageError
-from . import effects
-from .checks import not_negative, number, pair, positive
-
-
-class _Effect(NamedTuple):
-    step: Step
-    apply: Callable[[np.ndarray], np.ndarray]
+from .run import not_negative, number, pair, positive
 
 
 @dataclasses.dataclass(frozen=True)
@@ -39,6 +33,12 @@ class Interferometer:
 
     Raises:
         UsageError: a value outside of its range; the message names it.
+
+    Examples:
+        The standard deviation of a reading, with noise and rounding to whole counts:
+
+        >>> print(f"{Interferometer(noise=3e-10, quantisation=633e-9 / 2048).sigma:.3g} m")
+        3.13e-10 m
     """
 
     noise: float = 1e-9
@@ -83,40 +83,37 @@ class Interferometer:
             v: true velocity [m/s], shape (samples,).
             generators: sources of random numbers, `"sampling_jitter"` and `"noise"`.
         """
-        steps = []
-        for effect in self._effects(t, v, generators):
-            x = effect.apply(x)
-            steps.append(effect.step)
-        return x, tuple(steps)
+        steps: list[Step] = []
 
-    def _effects(
-        self, t: np.ndarray, v: np.ndarray, generators: Mapping[str, np.random.Generator]
-    ) -> Iterator[_Effect]:
-        """The effects that are switched on, in the order of the light."""
+        def log(name: str, effect: str, *further: str) -> None:
+            steps.append(Step(name, {key: getattr(self, key) for key in (name, *further)}, effect))
+
         if self.sampling_jitter:
-            step = self._step("sampling_jitter", f"sampling instants scatter by {self.sampling_jitter:g} s")
-            yield _Effect(step, lambda x: effects.jitter(x, v, self.sampling_jitter, generators["sampling_jitter"]))
+            log("sampling_jitter", f"sampling instants scatter by {self.sampling_jitter:g} s")
+            # To first order in the delay; what is neglected, a dt^2/2, is below 1e-14 m for 50 ns at 10 m/s^2.
+            x = x + v * (self.sampling_jitter * generators["sampling_jitter"].standard_normal(x.shape))
         if self.scale_error:
-            step = self._step("scale_error", f"displacements times 1 {self.scale_error:+g}")
-            yield _Effect(step, lambda x: effects.scale(x, self.scale_error))
+            log("scale_error", f"displacements times 1 {self.scale_error:+g}")
+            x = x * (1.0 + self.scale_error)
         if self.offset:
-            yield _Effect(self._step("offset", f"{self.offset:+g} m"), lambda x: effects.shift(x, self.offset))
+            log("offset", f"{self.offset:+g} m")
+            x = x + self.offset
         if self.drift:
-            step = self._step("drift", f"{self.drift:+g} m/s from the first sample on")
-            yield _Effect(step, lambda x: effects.drift(t, x, self.drift))
+            log("drift", f"{self.drift:+g} m/s from the first sample on")
+            x = x + self.drift * (t - t[0])
         first, second = pair("periodic_nonlinearity", self.periodic_nonlinearity, "m")
         if first or second:
+            # Leakage between the beams errs with the optical phase: one fringe per half wavelength in a single-pass
+            # interferometer, per quarter in a double-pass one.
             fringe = self.wavelength / (2 * self.passes)
             text = f"{first:g} m of first and {second:g} m of second order over fringes of {fringe:g} m"
-            step = self._step("periodic_nonlinearity", text, "wavelength", "passes")
-            leak = (first, second, self.wavelength, self.passes)
-            yield _Effect(step, lambda x: effects.periodic_nonlinearity(x, *leak))
+            log("periodic_nonlinearity", text, "wavelength", "passes")
+            theta = 4 * np.pi * self.passes * x / self.wavelength
+            x = x + first * np.sin(theta) + second * np.sin(2 * theta)
         if self.noise:
-            step = self._step("noise", f"white, standard deviation {self.noise:g} m")
-            yield _Effect(step, lambda x: effects.white_noise(x, self.noise, generators["noise"]))
+            log("noise", f"white, standard deviation {self.noise:g} m")
+            x = x + self.noise * generators["noise"].standard_normal(x.shape)
         if self.quantisation:
-            step = self._step("quantisation", f"rounded to whole counts of {self.quantisation:g} m")
-            yield _Effect(step, lambda x: effects.quantise(x, self.quantisation))
-
-    def _step(self, name: str, effect: str, *further: str) -> Step:
-        return Step(name, {key: getattr(self, key) for key in (name, *further)}, effect)
+            log("quantisation", f"rounded to whole counts of {self.quantisation:g} m")
+            x = np.round(x / self.quantisation) * self.quantisation
+        return x, tuple(steps)

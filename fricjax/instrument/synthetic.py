@@ -15,13 +15,11 @@ from ..data.record import Record, Step
 from ..data.trace import Trace
 from ..errors import UsageError, nearest
 from ..oscillator import RESULTS, ExponentialRelease, Oscillator, is_successful, simulate
+from ..oscillator.engines.driven import driven_motion
 from ..oscillator.leaves import leaves_of
 from ..oscillator.restoring import Pendulum
-from .checks import number
-from .driven import driven_motion
-from .floor import white_acceleration
 from .interferometer import Interferometer
-from .run import Run, check_seed
+from .run import Run, check_seed, number
 
 # The order is part of what a seed means: add new streams at the end.
 _STREAMS = ("floor", "sampling_jitter", "noise")
@@ -153,3 +151,23 @@ def _meta(
         "coefficients": coefficients,
         "parameters": parameters,
     }
+
+
+def white_acceleration(samples: int, rate: float, density: float, generator: np.random.Generator) -> np.ndarray:
+    """Floor acceleration at the sample times [m/s^2], shape (samples,), white up to half the sampling rate.
+
+    It drives the mass as the force ``-m a_floor``: process noise, of which what it does at one instant is carried on
+    through all later samples, unlike the noise of the interferometer. Over half a period ``H`` a one-sided density
+    ``S`` kicks the amplitude at random by ``sqrt(S H)/(2 omega)``, and a mass without contact swings with the variance
+    ``S/(8 zeta omega^3)`` (Miles, 1954).
+
+    Between samples the motion takes it as linear, which multiplies its density at the frequency ``f`` by
+    ``sinc^4(f/rate)``: 1 - 4e-5 at 13 Hz and 5 kHz.
+
+    Args:
+        samples: number of samples.
+        rate: sampling rate [Hz].
+        density: one-sided power spectral density [(m/s^2)^2/Hz].
+        generator: source of random numbers.
+    """
+    return np.sqrt(density * rate / 2) * generator.standard_normal(samples)

@@ -1,18 +1,19 @@
 from . import restoring
+from .drive import AbstractRelease, ExponentialRelease
 from .energy import Energy, energy
 from .engines import Exact, Hybrid, Smooth
-from .motion import Motion, Start
+from .engines.driven import DrivenMotion, driven_motion
+from .engines.smooth.rosenbrock import Rodas5P
+from .motion import RESULTS, Motion, Start, is_successful
 from .oscillator import Oscillator
 from .program import Program
-from .release import AbstractRelease, ExponentialRelease
-from .results import RESULTS, is_successful
-from .rosenbrock import Rodas5P
 from .session import ready
 from .simulate import final_displacement, simulate, starting_state
 
 __all__ = [
     "RESULTS",
     "AbstractRelease",
+    "DrivenMotion",
     "Energy",
     "Exact",
     "ExponentialRelease",
@@ -23,6 +24,7 @@ __all__ = [
     "Rodas5P",
     "Smooth",
     "Start",
+    "driven_motion",
     "energy",
     "final_displacement",
     "is_successful",

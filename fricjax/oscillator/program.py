@@ -25,7 +25,7 @@ import numpy as np
 from jax import export
 from jax.core import Tracer
 
-from .kept import keep, recall
+from .cache import keep, recall
 from .session import ready
 
 # A program of a fit holds four to eight hundred mappings of memory, of which a process may have 65,530, and there are

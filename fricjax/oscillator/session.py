@@ -12,7 +12,7 @@ import jax
 from jax._src import compilation_cache
 from jax.experimental.compilation_cache.compilation_cache import reset_cache
 
-from . import kept
+from . import cache
 
 
 def ready() -> None:
@@ -41,7 +41,7 @@ def _keep_programs() -> None:
     folder = programs_folder()
     if folder is None:
         return
-    kept.prune(folder)
+    cache.prune(folder)
     jax.config.update("jax_compilation_cache_dir", str(folder))
     jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
     jax.config.update("jax_persistent_cache_min_entry_size_bytes", -1)
@@ -53,10 +53,10 @@ def programs_folder() -> Path | None:
 
     None where it is off, where it cannot be written to, or, with a warning, where another user might write to it.
     """
-    folder = kept.asked_folder()
-    if folder is None or not kept.made(folder):
+    folder = cache.asked_folder()
+    if folder is None or not cache.made(folder):
         return None
-    doubt = kept.distrust(folder)
+    doubt = cache.distrust(folder)
     if doubt is not None:
         warnings.warn(f"Compiled programs are neither kept nor loaded: {doubt}", stacklevel=1)
         return None
@@ -69,4 +69,4 @@ def _hand_over(folder: Path) -> None:
     reset_cache()
     # JAX has no public way to name another store. Without this line all is kept, but damaged programs stay.
     if hasattr(compilation_cache, "_cache"):
-        compilation_cache._cache = kept.Store(folder)
+        compilation_cache._cache = cache.Store(folder)

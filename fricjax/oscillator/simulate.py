@@ -10,11 +10,11 @@ import numpy as np
 from jax.core import Tracer
 from jaxtyping import Array, ArrayLike, Float
 
+from .drive import AbstractRelease, Drive
 from .engines.base import AbstractEngine
-from .engines.smooth import Drive, Smooth
+from .engines.smooth import Smooth
 from .motion import Motion, Start
 from .oscillator import Oscillator
-from .release import AbstractRelease
 from .select import concrete, half_cycle_capacity, select_engine
 from .session import ready
 

@@ -13,8 +13,7 @@ from ..data import Record
 from ..data.gather import record_of
 from ..errors import DataError, UsageError
 from ..fitting import Fit
-from ..instrument import driven_motion
-from ..oscillator import ExponentialRelease, Oscillator
+from ..oscillator import ExponentialRelease, Oscillator, driven_motion
 from .estimates import Estimates
 
 _UNITS = {"time_constant": "s", "t_release": "s", "x0": "m"}

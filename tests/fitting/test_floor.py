@@ -7,8 +7,8 @@ from fricjax import Oscillator, Trace, fit, simulate
 from fricjax.fitting.floor import passage_of
 from fricjax.fitting.solve import solve
 from fricjax.friction import Coulomb, Stribeck
-from fricjax.instrument.driven import driven_motion
-from fricjax.instrument.floor import white_acceleration
+from fricjax.instrument import white_acceleration
+from fricjax.oscillator import driven_motion
 from tests.fitting.posed import posed
 from tests.fitting.runs import MACHINE, STIFFNESS
 from tests.helpers import PROTOTYPE_DAMPING, PROTOTYPE_MASS

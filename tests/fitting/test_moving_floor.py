@@ -6,7 +6,7 @@ import pytest
 import fricjax as fj
 from fricjax.errors import DataError, UsageError
 from fricjax.fitting import fit_on_moving_floor
-from fricjax.instrument import driven_motion
+from fricjax.oscillator import driven_motion
 from tests.fitting.runs import MACHINE, RIGS, oscillator
 
 SLIDING = oscillator(RIGS["sliding"], "Coulomb")

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from fricjax.estimation.damped_step import eliminated
-from fricjax.oscillator.elimination import factorise, substitute
+from fricjax.oscillator.engines.smooth.rosenbrock import factorise, substitute
 
 
 def systems(n, seed):

@@ -13,7 +13,7 @@ from pathlib import Path
 import jax
 import pytest
 
-from fricjax.oscillator.kept import asked_folder, distrust, prune
+from fricjax.oscillator.cache import asked_folder, distrust, prune
 from fricjax.oscillator.session import programs_folder
 
 SCRIPT = """

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from fricjax.oscillator import Rodas5P
-from fricjax.oscillator.engines.mesh import Steps, stepped
+from fricjax.oscillator.engines.smooth.mesh import Steps, stepped
 
 ENDS = np.array([0.3, 0.35, 0.5, 0.8, 1.0, 1.6, 1.6, 1.6])
 Y0 = (jnp.asarray(1.0), jnp.asarray(-0.5))

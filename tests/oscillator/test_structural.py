@@ -7,8 +7,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from fricjax.friction import Coulomb, LuGre
-from fricjax.instrument import driven_motion
-from fricjax.oscillator import Oscillator, energy, simulate
+from fricjax.oscillator import Oscillator, driven_motion, energy, simulate
 from fricjax.oscillator.restoring import Structural
 from tests.helpers import PROTOTYPE_DAMPING, PROTOTYPE_MASS
 

@@ -1,12 +1,12 @@
 """Three ways to integrate one oscillator, with one interface."""
 
-from .amplitudes import Span
-from .base import AbstractEngine, Seen
-from .course import UNTABLED
+from ..drive import Drive
+from .base import AbstractEngine, AbstractPath, Seen
 from .exact import Exact
 from .hybrid import Hybrid
-from .mesh import Mesh
-from .path import AbstractPath
-from .smooth import Drive, Smooth
+from .hybrid.amplitude_table import Span
+from .hybrid.decay import UNTABLED
+from .smooth import Smooth
+from .smooth.mesh import Mesh
 
 __all__ = ["UNTABLED", "AbstractEngine", "AbstractPath", "Drive", "Exact", "Hybrid", "Mesh", "Seen", "Smooth", "Span"]

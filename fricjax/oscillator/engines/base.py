@@ -10,7 +10,6 @@ from jaxtyping import Array, Float, Int
 
 from ..motion import Motion, Start
 from ..oscillator import Oscillator
-from .path import AbstractPath
 
 
 class Seen(NamedTuple):
@@ -25,6 +24,19 @@ class Seen(NamedTuple):
     swings: Sequence[np.ndarray]
     accuracy: float
     standing: bool
+
+
+class AbstractPath(eqx.Module):
+    """A motion that can be read off at any time; a pytree, so that its tangents can be carried along."""
+
+    @property
+    @abc.abstractmethod
+    def turning_points(self) -> Float[Array, " turning_points"]:
+        """Displacements of a start at rest and of each reversal [m], NaN behind the last; empty if none are noted."""
+
+    @abc.abstractmethod
+    def sample(self, ts: Float[Array, " samples"]) -> tuple[Float[Array, " samples"], Float[Array, " samples"]]:
+        """Displacement [m] and velocity [m/s] at `ts` [s] after the start."""
 
 
 class AbstractEngine(eqx.Module):

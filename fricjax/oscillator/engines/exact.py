@@ -16,13 +16,11 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 
 from ...friction.base import AbstractConstant, Scalar
-from ..motion import Motion, Start
+from ..motion import RESULTS, Motion, Start
 from ..oscillator import Oscillator
 from ..restoring import Linear
-from ..results import RESULTS
-from .base import AbstractEngine, Seen
+from .base import AbstractEngine, AbstractPath, Seen
 from .elementary import relative_expm1, swing
-from .path import AbstractPath
 
 
 @jax.custom_jvp

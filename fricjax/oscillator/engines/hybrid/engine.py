@@ -5,38 +5,81 @@ of them. So there is no event to search, no jump to step over, and the derivativ
 itself. At each reversal the rest condition ``|R(y)| <= F_s`` decides whether the mass moves on.
 
 A half-cycle whose phase does not run evenly forwards is integrated in time: under a set-valued law one that starts by
-a hair (:mod:`.grazing`), under a regularised law all that is left once the mass creeps (:mod:`.creep`).
+a hair (:mod:`.grazing`), under a regularised law all that is left once the mass creeps (:class:`Creeping`).
 
 Half-cycles of one law differ only in their amplitude. A fit, which knows the range of amplitudes from its record,
 therefore solves a dozen amplitudes side by side (:mod:`.collocation`) and reads the half-cycles off that table
-(:mod:`.amplitudes`).
+(:mod:`.amplitude_table`).
 """
 
 from typing import Any, ClassVar
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Bool, Float, Int
 
-from ..motion import Motion, Start
-from ..oscillator import Oscillator
-from ..results import RESULTS
-from .amplitudes import Span, make_table
-from .base import AbstractEngine, Seen
+from ...motion import RESULTS, Motion, Start
+from ...oscillator import Oscillator
+from ..base import AbstractEngine, AbstractPath, Seen
+from ..nodes import Nodes, spliced, turning_points
+from ..smooth import Smooth
+from .amplitude_table import Span, make_table, table_for
 from .collocation import make_panels
-from .course import Course, by_table, one_by_one, rest_condition, to_rest
-from .creep import Creeping
+from .decay import Course, by_table, one_by_one, rest_condition, to_rest
 from .frame import layer_width, separatrix_width
-from .nodes import Nodes
-from .path import AbstractPath
-from .strokes import Rests, enter
-from .tables import table_for
-from .turning import spliced, turning_points
+from .half_cycles import Rests, enter
 
 # How much another mesh is skewed, and how much wider its table is, for the check.
 _SKEW, _MARGIN = 0.2, 0.05
 _CODES: Any = RESULTS  # an equinox enumeration, whose members pyright does not know
+
+
+_STEPS = 1024
+_ROUNDING = 1e-12
+
+
+class Creeping(AbstractPath):
+    """Half-cycles, and behind the last one whose phase carries it the motion that the smooth engine gives.
+
+    Attributes:
+        strokes: nodes of the half-cycles.
+        oscillator: with a regularised law.
+        start, time: where the half-cycles end: the state there, and the time [s].
+        handed: False where there is another half-cycle, and the list of them is too short.
+    """
+
+    strokes: Nodes
+    oscillator: Oscillator
+    start: Start
+    time: Float[Array, ""]
+    handed: Bool[Array, ""]
+
+    @property
+    def turning_points(self) -> Float[Array, " turning_points"]:
+        return self.strokes.turning_points
+
+    def sample(self, ts: Float[Array, " samples"]) -> tuple[Float[Array, " samples"], Float[Array, " samples"]]:
+        return self.strokes.joined(self.creep(jnp.max(ts))).sample(ts)
+
+    def creep(self, limit: Float[Array, ""]) -> Nodes:
+        """The motion behind the half-cycles until `limit` [s]; no work is done where that lies before them."""
+        strokes = self.strokes
+
+        def integrated() -> Nodes:
+            # A little further, so that rounding cannot leave the last sample out.
+            duration = limit * (1 + _ROUNDING) - self.time
+            nodes = Smooth(max_steps=_STEPS).trail(self.oscillator, self.start, duration)
+            return Nodes(nodes.t + self.time, nodes.x, nodes.v, nodes.a, strokes.rest_position, strokes.t_stop, never)
+
+        def none() -> Nodes:
+            columns = (jnp.broadcast_to(values[-1], (_STEPS + 1,)) for values in (strokes.t, strokes.x))
+            zero = jnp.zeros(_STEPS + 1)
+            return Nodes.of((*columns, zero, zero), strokes.rest_position, strokes.t_stop, never)
+
+        never = jnp.asarray(False)
+        return jax.lax.cond(self.handed & (limit > self.time), integrated, none)
 
 
 class Hybrid(AbstractEngine):

@@ -15,7 +15,7 @@ import numpy as np
 from jaxtyping import Array, Float
 from numpy.polynomial import chebyshev
 
-from ..oscillator import Oscillator
+from ...oscillator import Oscillator
 from .frame import Angle, Frame, mesh_fractions, phase_of, phase_rates
 
 # The first approximation is constant; each step squares what the last one left of some per cent.

@@ -10,8 +10,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..elimination import once
-from ..oscillator import Oscillator
+from ...oscillator import Oscillator
+from ..elementary import once
 from .frame import Angle, Frame, phase_rates
 
 _TABLEAU = diffrax.Dopri8.tableau

@@ -6,6 +6,9 @@ more, and no error estimate of the motion sees that. So the estimate is raised f
 another quantity that a law switches by, changes sign: the controller then closes in on the switch, at the price of a
 few short steps. Elements that stick and slip change their mode only between two steps, so that within a step no stage
 shows the switch; the square of the step, in scaled time, stands for its error then.
+
+Left alone a controller would halve its way towards the reversal. The velocities at both ends of a refused step tell
+where it is, so the next step ends there, by the secant.
 """
 
 from collections.abc import Callable
@@ -71,3 +74,54 @@ class Landing(diffrax.AbstractAdaptiveSolver, diffrax.AbstractWrappedSolver):
         y1 = jax.tree.map(lambda end, begin: jnp.where(finite, end, begin), y1, y0)
         raised = jax.tree.map(lambda e: jnp.where(finite, e, jnp.inf), raised)
         return self.returned(t1, y1, y0, args), raised, dense, state, result
+
+
+# Of a refused step at most this part is tried next, for a secant of a bad step may hardly shorten it.
+_LONGEST = 0.95
+
+
+class Closing(diffrax.AbstractAdaptiveStepSizeController):
+    """A controller that ends a step just before the reversal, and the next one just behind it.
+
+    Attributes:
+        controller: what chooses the steps elsewhere; the velocity is the second component of the state.
+        last: step that is certainly accepted across a reversal, in scaled time.
+    """
+
+    controller: diffrax.PIDController
+    last: Any
+
+    def __init__(self, controller: diffrax.PIDController, last: Any) -> None:
+        self.controller, self.last = controller, last
+
+    @property
+    def rtol(self) -> Any:  # pyright: ignore[reportIncompatibleVariableOverride]
+        return self.controller.rtol
+
+    @property
+    def atol(self) -> Any:  # pyright: ignore[reportIncompatibleVariableOverride]
+        return self.controller.atol
+
+    @property
+    def norm(self) -> Any:  # pyright: ignore[reportIncompatibleVariableOverride]
+        return self.controller.norm
+
+    def wrap(self, direction: Any) -> "Closing":
+        return Closing(self.controller.wrap(direction), self.last)
+
+    def init(self, *start: Any) -> Any:
+        return self.controller.init(*start)
+
+    def adapt_step_size(
+        self, t0: Any, t1: Any, y0: Any, y1_candidate: Any, args: Any, y_error: Any, error_order: Any, state: Any
+    ) -> Any:
+        kept, next_t0, next_t1, jump, state, result = self.controller.adapt_step_size(
+            t0, t1, y0, y1_candidate, args, y_error, error_order, state
+        )
+        before, behind = y0[1], y1_candidate[1]
+        crossed = ~kept & (before * behind < 0)
+        share = before / jnp.where(crossed, before - behind, 1.0)
+        reach = jnp.minimum(share, _LONGEST) * (t1 - t0)
+        across = jnp.minimum(self.last, next_t1 - next_t0)
+        short = jnp.where(reach > self.last / 2, reach - self.last / 4, across)
+        return kept, next_t0, jnp.where(crossed, next_t0 + short, next_t1), jump, state, result

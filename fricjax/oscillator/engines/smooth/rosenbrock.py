@@ -18,7 +18,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from .elimination import factorise, once, substitute
+from ..elementary import once
 
 _GAMMA = 0.21193756319429014
 _A = (
@@ -90,6 +90,38 @@ _DENSE = (
 )
 
 Scalars = list[Array]
+
+
+def factorise(matrix: list[Scalars]) -> list[Scalars]:
+    """Triangular factors of a small matrix without pivoting, the lower ones in place and the pivots inverted.
+
+    Without pivoting the matrix should be positive definite or dominated by its diagonal.
+    """
+    a = [list(row) for row in matrix]
+    n = len(a)
+    for k in range(n):
+        a[k][k] = 1 / a[k][k]
+        for i in range(k + 1, n):
+            a[i][k] = a[i][k] * a[k][k]
+            for j in range(k + 1, n):
+                a[i][j] = a[i][j] - a[i][k] * a[k][j]
+    return a
+
+
+# Traced once for all right-hand sides.
+@jax.jit
+def substitute(factors: list[Scalars], b: Scalars) -> Scalars:
+    """Solution of the system whose matrix :func:`factorise` took apart, for the right-hand side `b`."""
+    n = len(b)
+    y = list(b)
+    for i in range(n):
+        for j in range(i):
+            y[i] = y[i] - factors[i][j] * y[j]
+    for i in reversed(range(n)):
+        for j in range(i + 1, n):
+            y[i] = y[i] - factors[i][j] * y[j]
+        y[i] = y[i] * factors[i][i]
+    return y
 
 
 def _combine(weights: tuple[float | Array, ...], vectors: list[Scalars], n: int) -> Scalars:

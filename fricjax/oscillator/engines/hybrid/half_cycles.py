@@ -7,8 +7,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ..motion import Start
-from ..oscillator import Oscillator
+from ...motion import Start
+from ...oscillator import Oscillator
 from .collocation import Panels, collocate
 from .frame import Angle, Frame, amplitude_at, frame_at, is_resolved, motion_at, phases, turned_at
 from .phase_steps import integrate_phase

@@ -1,8 +1,8 @@
 """Driven motion under set-valued friction: a floor that shakes, a holding force that dies away.
 
 Half-cycles in closed form or in phase angle need a mass that is left to itself. A driven one is integrated in time, by
-steps that end at every reversal and every slip (:mod:`.stepping`), and with half the step again until both agree to the
-accuracy asked for.
+steps that end at every reversal and every slip (:mod:`.stick_slip`), and with half the step again until both agree to
+the accuracy asked for.
 """
 
 from typing import NamedTuple
@@ -13,10 +13,12 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..errors import UsageError
-from ..friction.base import Scalar
-from ..oscillator import ExponentialRelease, Oscillator, ready
-from .stepping import Floor, Machine, State, advance, direction_at_standstill
+from ...errors import UsageError
+from ...friction.base import Scalar
+from ..drive import ExponentialRelease
+from ..oscillator import Oscillator
+from ..session import ready
+from .stick_slip import Floor, Machine, State, advance, direction_at_standstill
 
 _PHASE_PER_STEP = 0.02
 _STEPS_PER_DECAY = 4

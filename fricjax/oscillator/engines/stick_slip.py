@@ -14,8 +14,9 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from ..friction.base import Scalar
-from ..oscillator import ExponentialRelease, Oscillator
+from ...friction.base import Scalar
+from ..drive import ExponentialRelease
+from ..oscillator import Oscillator
 
 _PHASES = 8  # slides and rests in one step; more would be chatter, which ends as rest
 _ROOT_ITERATIONS = 12

@@ -1,9 +1,10 @@
-"""How the force that held the mass vanishes when it is released."""
+"""What moves a mass besides its own spring: a floor that shakes, and the force that held it, as it dies away."""
 
 import abc
 
 import equinox as eqx
 import jax.numpy as jnp
+from jaxtyping import Array, Float
 
 from ..friction.base import Scalar, scalar
 
@@ -27,3 +28,15 @@ class ExponentialRelease(AbstractRelease):
 
     def force(self, t: Scalar, hold: Scalar) -> Scalar:
         return hold * jnp.exp(-t / self.time_constant)
+
+
+class Drive(eqx.Module):
+    """What moves the mass besides its own spring.
+
+    Attributes:
+        base_acceleration: acceleration of the floor at the sample times [m/s^2]; linear between them.
+        release: law by which the force that held the mass decays.
+    """
+
+    base_acceleration: Float[Array, " samples"] | None = None
+    release: AbstractRelease | None = None

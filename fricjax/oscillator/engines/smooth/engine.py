@@ -15,19 +15,17 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from ..motion import Motion, Start
-from ..oscillator import Oscillator
-from ..release import AbstractRelease
-from ..results import RESULTS
-from ..rosenbrock import Rodas5P
-from .base import AbstractEngine, Seen
-from .closing import Closing
-from .landing import Landing, last_step
+from ...drive import Drive
+from ...motion import RESULTS, Motion, Start
+from ...oscillator import Oscillator
+from ..base import AbstractEngine, Seen
+from ..nodes import Nodes
 from .mesh import Mesh
-from .nodes import Nodes
-from .noting import Log, Noting, after_step, closed
+from .phase import Moving, Span, field, returned, travelled, turning, watched
+from .reversals import Log, Noting, after_step, closed
+from .rosenbrock import Rodas5P
 from .scaled import Cautious, Scaled, integrate
-from .turns import Moving, Span, field, returned, travelled, turning, watched
+from .switching import Closing, Landing, last_step
 
 # The way that a mass may still go and count as resting, in tolerances.
 _STILL = 0.1
@@ -39,18 +37,6 @@ _SHOWS = 0.1
 _FINER = 100.0
 # How much longer than `still` the way of a mass that rests may be on a mesh that was made for another motion.
 _MOVED = 2.0
-
-
-class Drive(eqx.Module):
-    """What moves the mass besides its own spring.
-
-    Attributes:
-        base_acceleration: acceleration of the floor at the sample times [m/s^2]; linear between them.
-        release: law by which the force that held the mass decays.
-    """
-
-    base_acceleration: Float[Array, " samples"] | None = None
-    release: AbstractRelease | None = None
 
 
 class _Args(NamedTuple):

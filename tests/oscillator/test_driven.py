@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 
 from fricjax.errors import UsageError
 from fricjax.friction import Ageing, Coulomb, Stribeck, Tanh
-from fricjax.instrument import driven_motion, white_acceleration
-from fricjax.oscillator import ExponentialRelease, Oscillator, restoring, simulate
+from fricjax.instrument import white_acceleration
+from fricjax.oscillator import ExponentialRelease, Oscillator, driven_motion, restoring, simulate
 from tests.helpers import PROTOTYPE_DAMPING, PROTOTYPE_MASS
 
 STIFFNESS = 2574.0

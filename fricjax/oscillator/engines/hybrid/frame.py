@@ -15,9 +15,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ..elimination import once
-from ..oscillator import Oscillator
-from .elementary import rotation
+from ...oscillator import Oscillator
+from ..elementary import once, rotation
 
 _LARGEST_LEAP = 0.6
 _LOGARITHMIC_SHARE = 0.6

@@ -12,9 +12,9 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from ..motion import Start
-from ..oscillator import Oscillator
-from .nodes import Nodes
+from ...motion import Start
+from ...oscillator import Oscillator
+from ..nodes import Nodes
 
 # How much larger the tolerance of an internal state may be than that of the displacement, at most.
 _LOOSEST = 1000.0

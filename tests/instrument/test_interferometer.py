@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fricjax.instrument import Interferometer, effects
+from fricjax.instrument import Interferometer
 
 T = np.arange(400) / 1e3 + 0.5
 X = 1e-3 * np.cos(80 * T)
@@ -57,14 +57,15 @@ def test_one_number_is_the_first_order():
 
 
 def test_jitter_is_velocity_times_delay():
-    x = effects.jitter(X, V, 20e-9, np.random.default_rng(1))
-    delays = (x - X) / V
-    np.testing.assert_allclose(delays, 20e-9 * np.random.default_rng(1).standard_normal(X.size), rtol=1e-4, atol=1e-13)
+    delays = (seen(sampling_jitter=20e-9) - X) / V
+    late = generators()["sampling_jitter"]
+    np.testing.assert_allclose(delays, 20e-9 * late.standard_normal(X.size), rtol=1e-4, atol=1e-13)
 
 
 def test_white_noise_is_normal_and_white():
     n = 100_000
-    noise = effects.white_noise(np.zeros(n), 2e-9, np.random.default_rng(0)) / 2e-9
+    still = np.zeros(n)
+    noise = Interferometer(noise=2e-9).observe(still, still, still, generators())[0] / 2e-9
     assert abs(noise.mean()) < 5 / np.sqrt(n)
     assert abs(noise.var() - 1) < 5 * np.sqrt(2 / n)
     assert abs(np.mean(noise[1:] * noise[:-1])) < 5 / np.sqrt(n)

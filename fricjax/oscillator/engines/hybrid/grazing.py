@@ -13,12 +13,12 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ..motion import Start
-from ..oscillator import Oscillator
+from ...motion import Start
+from ...oscillator import Oscillator
+from ..nodes import Nodes
 from .frame import Angle, frame_at, is_resolved, layer_width, mesh_fractions, motion_at, turned_at
-from .nodes import Nodes
+from .half_cycles import Rests, Standstill, Stroke, advance
 from .phase_steps import integrate_phase
-from .strokes import Rests, Standstill, Stroke, advance
 
 STROKES = 3
 _STEPS = 160

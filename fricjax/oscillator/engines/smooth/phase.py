@@ -20,10 +20,10 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from .landing import Landing, last_step
+from ..nodes import Nodes
 from .mesh import Mesh, Steps, stepped
-from .nodes import Nodes
 from .scaled import Cautious, Scaled, integrate
+from .switching import Landing, last_step
 
 # The pull of the spring at a reversal from which the phase still carries the next half-cycle, in forces that friction
 # can hold; the least phase velocity; and how near to a reversal a phase counts as there.

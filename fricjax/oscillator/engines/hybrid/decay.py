@@ -7,14 +7,13 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ..motion import Start
-from ..oscillator import Oscillator
-from .amplitudes import Table, strokes_from_table
+from ...motion import Start
+from ...oscillator import Oscillator
+from ..nodes import Nodes, spliced
+from .amplitude_table import Table, strokes_from_table
 from .collocation import Panels
 from .grazing import STROKES, grazing_strokes
-from .nodes import Nodes
-from .strokes import Reached, Rests, Standstill, Stroke, advance, collocated_stroke, enter, stroke_from
-from .turning import spliced
+from .half_cycles import Reached, Rests, Standstill, Stroke, advance, collocated_stroke, enter, stroke_from
 
 UNTABLED = 2
 """Half-cycles before a stop that are integrated each for itself, not read off a table."""

@@ -14,7 +14,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
-from .nodes import quintic
+from ..nodes import quintic
 from .scaled import Scaled
 
 # Duration of a swing, as a part of the half-period of the spring, below which the contact swings and not the spring.
