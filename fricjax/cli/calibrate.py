@@ -78,7 +78,7 @@ def frf(
 ) -> None:
     """Mass, stiffness and damping from a receptance, displacement over force."""
     _check_out(output, out, {"--normal-force": normal_force})
-    from ..data.paths import check_file
+    from ..data.files import check_file
 
     check_file(file)
     with working(output, f"Calibrating from {file.name}"):

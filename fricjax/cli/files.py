@@ -19,7 +19,7 @@ def check_records(paths: Sequence[Path], options: Reading) -> None:
         DataError: a file that is missing, empty, of an unknown format or named twice, or a unit that does not fit.
         UsageError: an option that does not fit the format, or that contradicts another.
     """
-    from ..data.paths import check_distinct, check_file
+    from ..data.files import check_distinct, check_file
     from ..data.read import check
     from ..errors import UsageError
     from . import parsing
@@ -50,8 +50,8 @@ def given(options: Reading) -> dict[str, Any]:
 
 
 def _check_values(options: Reading) -> None:
-    from ..data.choice import Choice
-    from ..data.scale import scale_of
+    from ..data.readers.choice import Choice
+    from ..data.readers.header import scale_of
     from ..data.units import DISPLACEMENT, TIME
 
     Choice(time=options.time, rate=options.rate, sign=1 if options.sign is None else options.sign)

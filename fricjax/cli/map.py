@@ -63,7 +63,7 @@ def map_(
 
 def _chosen(files: list[Path], reading: Reading, machine: Machine, free: str, start: str) -> "Choice":
     """The machine, once files and names are known to fit."""
-    from ..data.paths import check_file
+    from ..data.files import check_file
     from ..errors import UsageError
     from ..fitting.names import chosen
     from ..fitting.settings import check_start

@@ -1,4 +1,3 @@
-from .disturbance import rest_spectrum
 from .examples import example_paths
 from .inspect import Inspection, inspect
 from .preprocess import (
@@ -13,7 +12,7 @@ from .preprocess import (
 )
 from .read import read
 from .record import Record, Step
-from .segmentation import Segmentation, segment
+from .segmentation import Segmentation, rest_spectrum, segment
 from .trace import Trace
 from .write import write
 

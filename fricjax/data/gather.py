@@ -8,8 +8,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..errors import DataError, UsageError
-from .memory import is_numbers, is_pair
 from .read import read
+from .readers.memory import is_numbers, is_pair
 from .record import Record
 
 _OPTION = re.compile(r"\b(column|time|unit|time_unit|rate|delimiter|skip_rows|decimal|run)=")

@@ -6,7 +6,7 @@ import numpy as np
 
 from ..errors import DataError, UsageError
 from .record import Record, Step
-from .segmentation import Segmentation
+from .segmentation.decay import Segmentation
 from .units import DISPLACEMENT, TIME, factor
 
 

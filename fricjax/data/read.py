@@ -13,8 +13,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, overload
 
 from ..errors import DataError, UsageError, nearest
-from .choice import Choice
-from .paths import check_file
+from .files import check_file
+from .readers.choice import Choice
 
 if TYPE_CHECKING:
     from .record import Record
@@ -81,7 +81,7 @@ def read(source: Any, **options: Any) -> Any:
         check_file(source)
         reader, kind = _reader(source), f"{source.suffix} files"
     else:
-        from .memory import memory_reader
+        from .readers.memory import memory_reader
 
         reader, kind = memory_reader(source)
     _check_options(reader, kind, options)

@@ -13,7 +13,8 @@ from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
 
-from .segmentation import Segmentation, segment
+from ..errors import DataError
+from .segmentation.decay import Segmentation, segment
 
 if TYPE_CHECKING:
     from .trace import Trace
@@ -142,11 +143,16 @@ class Record:
     def plot(self) -> Any:
         """The trace with hold, release, reversals and rest marked, and the spectrum of its rest; a matplotlib figure.
 
-        Where the record cannot be told apart so, as one that never moves, the title says why.
+        Of a record that cannot be segmented, as one that never moves, only the trace is drawn, and the title says why.
         """
-        from .show import anatomy
+        from .show import record_figure
 
-        return anatomy(self)
+        try:
+            segmentation, refusal = self.segmentation, ""
+        except DataError as error:
+            segmentation, refusal = None, str(error)
+        title = ": ".join(filter(None, [self.name, refusal]))
+        return record_figure(self.trace, self.quantity, segmentation, title)
 
     def to_dataframe(self) -> Any:
         """A pandas table with the columns `t`, `x` and `used`; its `attrs` hold their units and the source.

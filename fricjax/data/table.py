@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import DataError, brief
-from .content import check_regular
+from .files import check_regular
 from .readers.dialect import Dialect, Layout, sniff
 from .readers.fields import number, split
 from .readers.text import Text

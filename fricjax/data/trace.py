@@ -16,7 +16,7 @@ from jax.core import Tracer
 from jaxtyping import Array, Bool, Float
 
 from ..errors import DataError, UsageError
-from .choice import check_rate
+from .units import check_rate
 
 MINIMUM_SAMPLES = 3
 

@@ -9,9 +9,9 @@ import functools
 import math
 import re
 from collections import Counter
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
-from ..errors import DataError
+from ..errors import DataError, UsageError
 
 EXAMPLES = {"m": "'m', 'mm', 'um' or 'nm'", "rad": "'rad', 'mrad' or 'deg'", "s": "'s', 'ms' or 'us'"}
 DISPLACEMENT = ("m", "rad")
@@ -174,3 +174,17 @@ def factor(unit: str, quantities: tuple[str, ...], what: str) -> tuple[float, st
     if quantity not in quantities:
         raise DataError(f"The unit '{unit}' does not fit {what}; units that fit are {fitting}.")
     return scale, quantity
+
+
+def check_rate(rate: Any) -> None:
+    """Refuse what is no rate of samples.
+
+    Raises:
+        UsageError: it is not a number, not positive or not finite.
+    """
+    try:
+        usable = 0 < float(rate) < math.inf
+    except (TypeError, ValueError):
+        usable = False
+    if not usable:
+        raise UsageError(f"rate must be a positive number of samples per second, but it is {rate!r}.")

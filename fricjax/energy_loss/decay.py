@@ -13,7 +13,7 @@ import numpy as np
 from ..data import Record, Segmentation
 from ..data.gather import gather
 from ..data.record import labels
-from ..data.reversals import order_for, point_std, window
+from ..data.segmentation.reversals import order_for, point_std, window
 from ..errors import DataError, UsageError
 from ..friction import Coulomb
 from ..oscillator import Oscillator

@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from ..data.reversals import window as extreme_window
+from ..data.segmentation.reversals import window as extreme_window
 from ..oscillator import Oscillator
 from ..oscillator.restoring import Pendulum
 from .condense import DEGREE, Samples, condense

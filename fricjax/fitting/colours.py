@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..data.noise import NORMAL_MAD
+from ..data.segmentation.noise import NORMAL_MAD
 from ..estimation.autoregression import autoregression, innovations
 from ..estimation.colour import (
     Colour,

@@ -4,7 +4,7 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 
-from ..data.doubts import implausible_scale
+from ..data.inspect import implausible_scale
 from ..estimation.space import Parameter
 from ..oscillator.restoring import Pendulum
 from .problem import Problem

@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..data.noise import NORMAL_MAD
+from ..data.segmentation.noise import NORMAL_MAD
 from ..errors import DataError
 from ..show import interval, uncertain
 

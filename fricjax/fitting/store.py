@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, get_type_hints
 import equinox as eqx
 import numpy as np
 
-from ..data.content import content as read_content
+from ..data.files import content as read_content
 from ..errors import DataError, brief
 from ..oscillator.engines import AbstractEngine
 from ..show.files import write_text

@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..data.noise import NORMAL_MAD
+from ..data.segmentation.noise import NORMAL_MAD
 from ..estimation.covariance import Covariance
 from ..estimation.loss import AbstractLoss, Squares
 from ..estimation.status import NOT_FINITE, OUT_OF_STEPS, STALLED

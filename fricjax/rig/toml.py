@@ -10,7 +10,7 @@ import tomllib
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ..data.content import content
+from ..data.files import content
 from ..errors import UsageError, brief, nearest
 from ..show.files import write_text
 from .inputs import ARGUMENTS, RESTORING

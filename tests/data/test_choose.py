@@ -7,7 +7,7 @@ import pytest
 import scipy.io
 
 from fricjax.data import inspect, read
-from fricjax.data.scale import scale_of
+from fricjax.data.readers.header import scale_of
 from fricjax.errors import DataError
 
 from ..cli.conftest import call

@@ -2,7 +2,7 @@
 
 import pytest
 
-from fricjax.data.header import is_time, split_title
+from fricjax.data.readers.header import is_time, split_title
 
 TITLES = {
     "Time [s]": ("Time", "s", None),

@@ -16,10 +16,10 @@ from experiments.files.hostile_trees import KINDS, save_kinds
 from experiments.files.seeds import SEEDS
 from fricjax import read
 from fricjax.calibrate.frf_file import read_frf
-from fricjax.data import content as content_module
-from fricjax.data.readers.archive import load_arrays
+from fricjax.data import files as content_module
 from fricjax.data.readers.matlab import Opaque, load_tree
 from fricjax.data.readers.nodes import opened
+from fricjax.data.readers.npz import load_arrays
 from fricjax.errors import DataError, brief
 
 ROOT = Path(__file__).resolve().parents[2]

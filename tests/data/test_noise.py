@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from fricjax.data.disturbance import LONGEST, rest_spectrum
-from fricjax.data.noise import blocks, interval, resolution, white_noise
+from fricjax.data.segmentation.disturbance import LONGEST, rest_spectrum
+from fricjax.data.segmentation.noise import blocks, interval, resolution, white_noise
 
 
 def motion(samples, *, noise=0.0, rate=5e3, uneven=False):

@@ -2,7 +2,7 @@
 
 import pytest
 
-from fricjax.data.paths import check_distinct, check_file
+from fricjax.data.files import check_distinct, check_file
 from fricjax.errors import DataError, UsageError
 
 

@@ -5,7 +5,7 @@ import pytest
 
 import fricjax as fj
 from fricjax import half_cycle_friction
-from fricjax.data.reversals import order_for, point_std, refine, window
+from fricjax.data.segmentation.reversals import order_for, point_std, refine, window
 from tests.oracles import coulomb_viscous
 
 RATE, FREQUENCY, BAND = 10e3, 12.6, 1.876e-4

@@ -10,8 +10,8 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import least_squares
 
 from fricjax.data import read, segment, segment_record
-from fricjax.data.reversals import refine
-from fricjax.data.swing import extremes, smooth, zigzag
+from fricjax.data.segmentation.reversals import refine
+from fricjax.data.segmentation.swing import extremes, smooth, zigzag
 from fricjax.errors import DataError
 from tests.oracles import coulomb_viscous
 

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from fricjax.data import disturbance, segment, strokes, swing
+from fricjax.data import segment
+from fricjax.data.segmentation import disturbance, half_cycles, swing
 from tests.oracles import Machine, coulomb_viscous, slide
 
 RATE, FREQUENCY = 2500.0, 12.6
@@ -158,7 +159,7 @@ def test_a_pendulum_whose_period_goes_with_its_swing(x0):
 
 
 THRESHOLDS = [
-    (strokes, name)
+    (half_cycles, name)
     for name in ("SURE", "SOUGHT", "BELIEVED", "TINY", "STANDS_OUT", "ISOCHRONOUS", "RINGING", "CREPT", "SHORTEST_REST",
                  "CREEP", "OPEN", "PER_STROKE")
 ] + [(disturbance, name) for name in ("STRETCH", "RINGS", "LINE", "STROKES", "SAMPLES")] + [

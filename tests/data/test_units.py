@@ -5,7 +5,7 @@ import itertools
 import pint
 import pytest
 
-from fricjax.data.header import split_title
+from fricjax.data.readers.header import split_title
 from fricjax.data.units import _PREFIXED, _PREFIXES, _WHOLE, factor, si_unit, unit_of
 
 REGISTRY = pint.UnitRegistry()

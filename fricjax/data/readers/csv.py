@@ -12,15 +12,14 @@ from typing import IO, Any
 import numpy as np
 
 from ...errors import DataError, brief
-from ..assemble import records_of
-from ..choice import Choice
-from ..header import is_time, is_unit
 from ..native import TEXT_MARK, restore_text
 from ..record import Record
-from ..sheet import Column, Sheet
-from .clock import seconds_of
+from .assemble import records_of, with_choice
+from .choice import Choice
 from .dialect import Dialect, Layout, sniff
-from .fields import BLANK, MISSING, NUMBER, WATCH, WORD, kind_of, split
+from .fields import BLANK, MISSING, NUMBER, WATCH, WORD, kind_of, seconds_of, split
+from .header import is_time, is_unit
+from .sheet import Column, Sheet
 from .text import Text
 
 
@@ -55,7 +54,7 @@ def read_csv(
     if choice.takes_all and dialect == Dialect() and text.head[0].startswith(TEXT_MARK):
         own = restore_text(path, list(text.lines()))
         if own is not None:
-            return choice.applied(own)
+            return with_choice(own, choice)
     table = Table(text, dialect, sniff(text.head, dialect, path.name))
     return records_of(path, "csv", table.sheet(), choice, options)
 

@@ -11,8 +11,8 @@ from collections import Counter
 from collections.abc import Sequence
 
 from ...errors import DataError, UsageError, brief
-from ..header import Title
 from .fields import BLANK, NUMBER, WATCH, WORD, kind_of, split, thousands_in
+from .header import Title
 from .titles import advice_of, numbered, titles_of, with_stated_units
 
 COMMENTS = ("#", "%", "!", "//")

@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 
 from ...errors import DataError, UsageError
-from ..assemble import records_of
-from ..choice import Choice
 from ..record import Record
-from ..sheet import Column, Sheet
+from .assemble import records_of
+from .choice import Choice
 from .csv import Table
 from .dialect import Dialect, sniff
+from .sheet import Column, Sheet
 from .text import HEAD, Text
 
 # Bytes of the unpacked parts of a workbook; Excel's own limit of a million rows of ten numbers needs some 400 MB.

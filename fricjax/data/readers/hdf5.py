@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 
 from ...errors import DataError, brief
-from ..assemble import records_of
-from ..choice import Choice
 from ..native import COLUMNS, MARK, check_schema, decode
 from ..record import Record
-from ..sheet import Column, Sheet, array_columns, signal
+from .assemble import records_of, with_choice
+from .choice import Choice
 from .nodes import Tree, opened
+from .sheet import Column, Sheet, array_columns, signal
 
 
 def read_hdf5(path: Path, choice: Choice) -> Record | list[Record]:
@@ -35,7 +35,7 @@ def read_hdf5(path: Path, choice: Choice) -> Record | list[Record]:
     with opened(path, hint=hint) as tree:
         mark = tree.attribute(tree.file, MARK)
         if mark is not None and choice.takes_all:
-            return choice.applied(_restore(tree, mark))
+            return with_choice(_restore(tree, mark), choice)
         return records_of(path, "hdf5", _sheet(tree, path.name), choice, vars(choice))
 
 

@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 
 from ...errors import DataError, UsageError, nearest, quoted
-from ..assemble import records_of
-from ..choice import Choice
-from ..header import Title, split_title
 from ..record import Record
-from ..sheet import Column, Sheet, array_columns, folder_of, signal
+from .assemble import records_of
+from .choice import Choice
+from .header import Title, split_title
 from .mat5 import Opaque
 from .matlab import load_tree
+from .sheet import Column, Sheet, array_columns, folder_of, signal
 
 PART = re.compile(r"^(?P<name>[^\[\]]+)(?P<indices>(\[\d+\])*)$")
 

@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ...errors import DataError
-from ..content import NUMBER, allowance
+from ..files import NUMBER, allowance
 from .nodes import DEEPEST
 
 _HEADER, _TAG = 128, 8  # bytes

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from ...errors import DataError
-from ..content import NUMBER, allowance, damage, gigabytes
+from ..files import NUMBER, allowance, damage, gigabytes
 
 DEEPEST = 32
 """Levels of groups below which nothing is looked for."""

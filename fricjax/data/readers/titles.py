@@ -4,8 +4,8 @@ import re
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
-from ..header import UNSCALED, Title, is_time, is_unit, measures, split_title
 from .fields import BLANK, NUMBER, WORD, kind_of, number, split
+from .header import UNSCALED, Title, is_time, is_unit, measures, split_title
 
 _NEAR = 6  # lines above the data among which titles and units are sought, rules and blank ones not counted
 _RULE = re.compile(r"[\s\-=_*+|~.:;,]*[-=_*+~]{2}[\s\-=_*+|~.:;,]*")

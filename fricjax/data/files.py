@@ -1,16 +1,77 @@
-"""Files that anybody can have written: what is looked at before they are read, and how much may come out of them.
+"""Files that anybody can have written: what is asked before they are opened, and how much may come out of them.
 
-A file of a few kilobytes can declare an array of terabytes or be compressed a thousandfold. Sizes are therefore
-compared with that of the file before anything is unpacked.
+A path may lead to nothing, to a pipe that never ends, or to a file of a few kilobytes that declares an array of
+terabytes. Sizes are therefore compared with that of the file before anything is unpacked.
 """
 
 import os
 import stat
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from ..errors import DataError, UsageError
+from ..errors import DataError, UsageError, nearest
+
+# Files that a sentence names as examples.
+_SHOWN = 3
+
+
+def check_file(path: Path) -> None:
+    """Refuse a path that leads to no file, or to one that holds nothing.
+
+    Raises:
+        DataError: no such file (the nearest name is offered), a pattern, a folder, a device, or an empty file.
+    """
+    if os.path.isdir(path):
+        raise DataError(_missing(path))
+    try:
+        check_regular(path)
+    except OSError as error:
+        raise DataError(_missing(path)) from error
+    if path.stat().st_size == 0:
+        raise DataError(f"{path.name} is empty: it holds no data at all.")
+
+
+def _missing(path: Path) -> str:
+    if os.path.isdir(path):
+        files = sorted(entry for entry in path.iterdir() if entry.is_file() and not entry.name.startswith("."))
+        inside = f"; it holds {_named(files)}" if files else ""
+        return f"{path} is a folder, not a file; name one record in it{inside}."
+    if not os.path.isdir(path.parent):
+        return f"There is no file {path}, for there is no folder {path.parent}. Check the path."
+    matching = sorted(path.parent.glob(path.name)) if any(sign in path.name for sign in "*?[") else []
+    if matching:
+        return (
+            f"{path} is a pattern, not a file; it matches {_named(matching)}. Name each file, or leave the pattern "
+            "without quotes, so that the shell puts the names in its place."
+        )
+    if any(sign in path.name for sign in "*?"):
+        return f"There is no file {path}, and none that matches this pattern. Check the folder and the ending."
+    try:
+        siblings = [entry.name for entry in path.parent.iterdir()]
+    except OSError:
+        siblings = []
+    return f"There is no file {path}.{nearest(path.name, siblings)} Check the path."
+
+
+def _named(files: list[Path]) -> str:
+    more = len(files) - _SHOWN
+    return ", ".join(str(file) for file in files[:_SHOWN]) + (f" and {more} more" if more > 0 else "")
+
+
+def check_distinct(paths: Iterable[Path]) -> None:
+    """Refuse a list that leads to one file twice, whose samples would then count twice.
+
+    Raises:
+        UsageError: names the file.
+    """
+    seen: dict[Path, Path] = {}
+    for path in paths:
+        first = seen.setdefault(path.resolve(), path)
+        if first is not path:
+            also = "" if str(first) == str(path) else f", also as {first}"
+            raise UsageError(f"{path} is given twice{also}: its samples would count twice. Leave one of them out.")
+
 
 # What any file may hold unpacked: 16.7 million numbers. With the copies that a record takes this stays below 1 GB.
 _ALWAYS = 1 << 27

@@ -13,13 +13,12 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import DataError
+from ...errors import DataError
 from .disturbance import disturbance
+from .half_cycles import Strokes, find_strokes
 from .noise import interval, resolution, white_noise
-from .rest import find_rest
+from .release import find_rest, find_start
 from .reversals import order_for, refine, window
-from .start import find_start
-from .strokes import Strokes, find_strokes
 from .swing import Swing, extremes, smooth, without_spikes, zigzag
 
 MINIMUM_PER_HALF_CYCLE = 8
@@ -129,7 +128,7 @@ def segment(t: Any, x: Any, sigma: Any = None, mask: Any = None) -> Segmentation
 
 
 def _used_samples(t: Any, x: Any, mask: Any) -> tuple[np.ndarray, np.ndarray]:
-    from .trace import MINIMUM_SAMPLES
+    from ..trace import MINIMUM_SAMPLES
 
     t, x = np.asarray(t, dtype=np.float64), np.asarray(x, dtype=np.float64)
     used = np.isfinite(x) if mask is None else np.asarray(mask, dtype=bool) & np.isfinite(x)

@@ -9,8 +9,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from .half_cycles import Strokes
 from .noise import middle
-from .strokes import Strokes
 from .swing import Swing
 
 # Part of a stroke that is looked at, and the order of a polynomial that leaves 1e-11 of a half-cosine there.

@@ -11,13 +11,13 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import DataError, UsageError
-from .assemble import Columns, assemble, records_of
+from ...errors import DataError, UsageError
+from ..record import Record
+from ..trace import Trace
+from .assemble import Columns, assemble, records_of, with_choice
 from .choice import Choice
-from .columns import Cells, column_of, floats_of, header_of, is_vector, table_columns
-from .record import Record
 from .sheet import Column, Sheet
-from .trace import Trace
+from .tables import Cells, column_of, floats_of, header_of, is_vector, table_columns
 
 _PLACE = lambda i: f"row {i} (the first is 0)"
 
@@ -77,7 +77,7 @@ def is_table(source: Any) -> bool:
 def _read_record(source: Record | Trace, *, sigma: Any = None, sign: int = 1) -> Record:
     """A record as it is, or with another noise or direction; a trace becomes one."""
     record = source if isinstance(source, Record) else Record(source)
-    return Choice(sigma=sigma, sign=sign).applied(record)
+    return with_choice(record, Choice(sigma=sigma, sign=sign))
 
 
 def _read_table(source: Any, choice: Choice) -> Record | list[Record]:

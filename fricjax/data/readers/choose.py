@@ -7,8 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..errors import DataError, UsageError, nearest, quoted
-from ..show import Table
+from ...errors import DataError, UsageError, nearest, quoted
+from ...show import Table
 from .choice import Choice
 from .header import TIME_WORDS, UNSCALED, first_word, measures
 from .sheet import Column, Sheet, folder_of

@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import DataError, UsageError
+from ...errors import DataError, UsageError
+from .fields import number
 from .header import split_title
-from .readers.fields import number
 
 _LOOKED_AT = 1000  # cells from which it is told whether a column holds numbers
 

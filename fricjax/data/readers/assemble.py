@@ -7,16 +7,16 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..errors import DataError
-from .choice import Choice, plain
+from ...errors import DataError
+from ..record import Record, Step
+from ..units import DISPLACEMENT, TIME
+from .choice import Choice
 from .choose import choose
-from .record import Record, Step
-from .scale import scale_of
+from .header import scale_of
 from .sheet import Sheet
-from .units import DISPLACEMENT, TIME
 
 if TYPE_CHECKING:
-    from .trace import Trace
+    from ..trace import Trace
 
 
 def records_of(path: Path, kind: str, sheet: Sheet, choice: Choice, options: dict[str, Any]) -> Record | list[Record]:
@@ -76,7 +76,7 @@ def assemble(path: Path, kind: str, columns: Columns, choice: Choice, options: d
     Raises:
         DataError: too few samples, a time that is missing or does not increase, a unit that does not fit.
     """
-    from .trace import MINIMUM_SAMPLES, Trace
+    from ..trace import MINIMUM_SAMPLES, Trace
 
     columns = _without_blank_rows(columns)
     x = np.asarray(columns.x, dtype=np.float64).ravel()
@@ -102,7 +102,28 @@ def assemble(path: Path, kind: str, columns: Columns, choice: Choice, options: d
         **({} if columns.run is None else {"run": columns.run}),
         **({} if unit else {"warnings": [_unit_missing(path, columns, choice)]}),
     }
-    return Record(trace, meta, (Step("read", plain(options), _effect(trace, columns, unit, quantity, choice)),))
+    return Record(trace, meta, (Step("read", _plain(options), _effect(trace, columns, unit, quantity, choice)),))
+
+
+def with_choice(record: Record, choice: Choice) -> Record:
+    """A record of the package itself with the noise and the direction that the caller chose."""
+    from ..trace import Trace
+
+    if choice.sigma is None and choice.sign == 1:
+        return record
+    sigma = record.trace.sigma if choice.sigma is None else choice.sigma
+    trace = Trace(record.trace.t, choice.sign * record.x, sigma, record.trace.mask)
+    chosen = _plain({"sigma": choice.sigma, "sign": choice.sign})
+    return record.with_step(Step("read", chosen, "noise or direction given by the caller"), trace=trace)
+
+
+def _plain(options: dict[str, Any]) -> dict[str, Any]:
+    """The options as JSON can hold them."""
+    return {
+        key: value.tolist() if hasattr(value, "tolist") else value
+        for key, value in options.items()
+        if value is not None and (key, value) != ("sign", 1)
+    }
 
 
 def _without_blank_rows(columns: Columns) -> Columns:
@@ -157,7 +178,7 @@ def _scaled(values: np.ndarray, factor: float) -> np.ndarray:
 
 
 def _check_times(path: Path, t: np.ndarray, columns: Columns) -> None:
-    from .trace import first_not_later
+    from ..trace import first_not_later
 
     remedy = "repair or drop that row, choose another column with time=, or give rate= instead."
     finite = np.isfinite(t)

@@ -1,0 +1,5 @@
+"""The segmentation of a free decay into hold, release, half-cycles and rest, and the noise that is left of a record."""
+
+import lazy_loader as _lazy_loader
+
+__getattr__, __dir__, __all__ = _lazy_loader.attach_stub(__name__, __file__)
