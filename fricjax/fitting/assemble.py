@@ -13,6 +13,7 @@ from ..estimation.covariance import COVERAGE, Covariance, covariance
 from ..estimation.loss import Squares
 from ..oscillator import Oscillator
 from ..oscillator.leaves import leaves_of
+from ..show import rotary_unit
 from .by_noise import Counted
 from .names import find_leaf
 from .problem import Problem
@@ -25,18 +26,6 @@ from .solve import Solved
 from .verdict import CONVERGED, flags_of, misfit_of, status_of
 from .whiteness import Whiteness, whiteness
 from .window import NEVER
-
-# On a rotary rig angles stand for displacements, torques for forces and the moment of inertia for the mass.
-_ROTARY = {
-    "m": "rad",
-    "m/s": "rad/s",
-    "kg": "kg m^2",
-    "N": "N m",
-    "N/m": "N m/rad",
-    "N/m^3": "N m/rad^3",
-    "N s/m": "N m s/rad",
-    "N s^2/m^2": "N m s^2/rad^2",
-}
 
 
 def assemble(counted: Counted, sigma_mode: str) -> Fit:
@@ -130,7 +119,7 @@ def _count(run: Run) -> int | None:
 
 def unit_of(unit: str, problem: Problem) -> str:
     """The unit of a parameter, on a rotary rig that of the rotary quantity."""
-    return _ROTARY.get(unit, unit) if problem.windows[0].quantity == "rad" else unit
+    return rotary_unit(unit, problem.windows[0].quantity)
 
 
 def record_time(problem: Problem, values: np.ndarray) -> np.ndarray:

@@ -15,7 +15,6 @@ from ..estimation.covariance import Covariance, covariance
 from ..estimation.loss import AbstractLoss
 from ..oscillator import Oscillator, ready
 from ..oscillator.engines import AbstractEngine
-from ..show.progress import progressing
 from .assemble import record_time, unit_of
 from .batch_result import BatchFit
 from .by_noise import Counted, counted_by_noise
@@ -141,7 +140,12 @@ def fit_batch(
 
     rows: dict[int, _Row] = {}
     with ThreadPoolExecutor(os.cpu_count()) as pool:
-        results = progressing(pool.map(work, blocks), len(blocks), "fitting", shown=progress)
+        results = pool.map(work, blocks)
+        if progress:
+            from rich.console import Console
+            from rich.progress import track
+
+            results = track(results, "fitting", len(blocks), console=Console(stderr=True))
         for block, found in zip(blocks, results, strict=True):
             rows |= dict(zip(block, found, strict=True))
     names = tuple(_name(each.run, run) for each, run in zip(given, runs, strict=True))

@@ -1,9 +1,12 @@
 from .axes import axis_label, figure, save, scaled
-from .numbers import duration, engineering, interval, plain, uncertain
+from .numbers import duration, engineering, interval, parse_uncertain, plain, uncertain
+from .report import Report, Reported, plain_data
 from .tables import Table
-from .units import display_unit
+from .units import display_unit, rotary_unit
 
 __all__ = [
+    "Report",
+    "Reported",
     "Table",
     "axis_label",
     "display_unit",
@@ -11,7 +14,10 @@ __all__ = [
     "engineering",
     "figure",
     "interval",
+    "parse_uncertain",
     "plain",
+    "plain_data",
+    "rotary_unit",
     "save",
     "scaled",
     "uncertain",

@@ -4,6 +4,7 @@ matplotlib is imported when the first figure is asked for. Figures are made thro
 the user's own plotting state is touched and no display is needed.
 """
 
+import functools
 import io
 import os
 from pathlib import Path
@@ -11,14 +12,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from fricjax.show.files import write_bytes
-from fricjax.show.units import display_unit
+from .files import write_bytes
+from .units import display_unit
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-# Okabe and Ito's palette: told apart also by colour-blind readers.
+# Okabe and Ito's palette: readers who do not see red and green apart can tell these colours.
 STYLE: dict[str, Any] = {
     "colours": ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000"),
     "line_width": 1.1,
@@ -42,16 +43,42 @@ def figure(
 
     Returns:
         The figure and its axes, an object array of shape (rows, columns).
-    """
-    from fricjax.show.canvas import PlainFigure
 
+    Examples:
+        >>> from fricjax.show import axis_label, figure
+        >>> drawing, axes = figure(2, share_x=True)
+        >>> axes.shape
+        (2, 1)
+        >>> label = axes[1, 0].set_xlabel(axis_label("Time", "s"))
+    """
     size = (STYLE["width"], STYLE["row_height"] * rows)
-    made = PlainFigure(figsize=size, layout="constrained")
+    made = _notebook_figure()(figsize=size, layout="constrained")
     shared = "col" if share_x else False
     axes = made.subplots(rows, columns, squeeze=False, sharex=shared, gridspec_kw={"height_ratios": heights})
     for each in axes.flat:
         style(each)
     return made, axes
+
+
+@functools.cache
+def _notebook_figure() -> type["Figure"]:
+    """The class of figures that notebooks show by themselves: no window, no pyplot, no global state."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    class NotebookFigure(Figure):
+        """A figure that draws itself as PNG wherever rich output is understood."""
+
+        def __init__(self, *args: object, **kwargs: object) -> None:
+            super().__init__(*args, **kwargs)  # pyright: ignore[reportArgumentType]
+            FigureCanvasAgg(self)
+
+        def _repr_png_(self) -> bytes:
+            buffer = io.BytesIO()
+            self.savefig(buffer, format="png", dpi=110)
+            return buffer.getvalue()
+
+    return NotebookFigure
 
 
 def style(axes: "Axes") -> None:
@@ -68,7 +95,13 @@ def style(axes: "Axes") -> None:
 
 
 def axis_label(name: str, unit: str) -> str:
-    """The text beside an axis: `Displacement [mm]`; a bare name where the quantity has no unit."""
+    """The text beside an axis: `Displacement [mm]`; a bare name where the quantity has no unit.
+
+    Examples:
+        >>> from fricjax.show import axis_label
+        >>> axis_label("Displacement", "mm"), axis_label("Coefficient of friction", "")
+        ('Displacement [mm]', 'Coefficient of friction')
+    """
     return f"{name} [{unit}]" if unit else name
 
 
@@ -81,6 +114,11 @@ def scaled(values: Any, unit: str) -> tuple[np.ndarray, str]:
 
     Returns:
         The values as a float64 array of the same shape, and their unit, e.g. "mm".
+
+    Examples:
+        >>> from fricjax.show import scaled
+        >>> scaled([1e-3, 2e-3], "m")
+        (array([1., 2.]), 'mm')
     """
     array = np.asarray(values, dtype=np.float64)
     finite = np.abs(array[np.isfinite(array)])
@@ -89,7 +127,7 @@ def scaled(values: Any, unit: str) -> tuple[np.ndarray, str]:
 
 
 def save(figure: "Figure", path: str | os.PathLike[str], *, overwrite: bool = False) -> Path:
-    """Writes a figure; the file appears whole or not at all. The suffix chooses the format.
+    """Writes a figure; the file appears complete or not at all. The suffix chooses the format.
 
     Args:
         figure: what to write.
@@ -103,17 +141,21 @@ def save(figure: "Figure", path: str | os.PathLike[str], *, overwrite: bool = Fa
         ValueError: if the suffix names no picture format; nothing is written.
         FileExistsError: there is such a file, and `overwrite` is not given.
         OSError: the file cannot be written; what was there is as it was.
+
+    Examples:
+        >>> import tempfile
+        >>> from fricjax.show import figure, save
+        >>> drawing, axes = figure()
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     save(drawing, f"{folder}/empty.png").name
+        'empty.png'
     """
     path = Path(path)
     known = figure.canvas.get_supported_filetypes()
     ending = path.suffix[1:].lower()
     if ending not in known:
-        raise ValueError(f"A plot cannot be written as '{path.name}': give it one of the endings {_endings(known)}.")
+        endings = ", ".join(f".{name}" for name in sorted(known))
+        raise ValueError(f"A plot cannot be written as '{path.name}': give it one of the endings {endings}.")
     drawn = io.BytesIO()
     figure.savefig(drawn, format=ending, dpi=150)
     return write_bytes(path, drawn.getbuffer(), overwrite=overwrite)
-
-
-def _endings(formats: Any) -> str:
-    """`.pdf, .png, .svg` of the formats that a canvas knows."""
-    return ", ".join(f".{name}" for name in sorted(formats))

@@ -1,4 +1,4 @@
-"""Files that appear whole or not at all, whatever interrupts their writing, and that replace others only where told to.
+"""Files that appear complete or not at all, whatever interrupts their writing, and replace others only where asked to.
 
 What is to be written lies in memory, so that a full disk, a limit or a kill can meet one place only, which is here.
 """
@@ -36,7 +36,7 @@ _REASONS = {
 
 
 def write_bytes(path: str | os.PathLike[str], content: bytes | memoryview, *, overwrite: bool = False) -> Path:
-    """Write a file, which appears whole or not at all, and is on the disk when this returns.
+    """Write a file, which appears complete or not at all, and is on the disk when this returns.
 
     Where `path` is a symbolic link, the file that it names is written. A file that is replaced hands on its mode and,
     where the process may do so, its owner and group; a new one gets the mode that the process gives to files. Other
@@ -56,14 +56,26 @@ def write_bytes(path: str | os.PathLike[str], content: bytes | memoryview, *, ov
         OSError: it cannot be written: no folder, no permission, no space. The error carries `path` as its file name,
             and nothing has changed.
     """
-    target = Path(os.path.realpath(path))
+    target, existing = Path(os.path.realpath(path)), None
     try:
-        before = _before(target, overwrite)
+        with contextlib.suppress(FileNotFoundError):
+            existing = target.stat()
+        if existing is not None and stat.S_ISDIR(existing.st_mode):
+            raise IsADirectoryError(errno.EISDIR, "")
+        if existing is not None and not overwrite:
+            raise FileExistsError(errno.EEXIST, "")
         _remove_orphans(target.parent)
-        with _temporary(target.parent, 0o666 if before is None else 0o600) as file:
-            _fill(file, content, before)
+        # What replaces a file is nobody else's to read until it has the mode of that file.
+        with _temporary(target.parent, 0o666 if existing is None else 0o600) as file:
+            _fill(file, content, existing)
             _publish(Path(file.name), target, overwrite)
-        _settle(target.parent)
+        # The name is on the disk once its folder is; not every system can write a folder down.
+        with contextlib.suppress(OSError):
+            folder = os.open(target.parent, os.O_RDONLY)
+            try:
+                os.fsync(folder)
+            finally:
+                os.close(folder)
     except OSError as error:
         raise refused(error.errno, path) from error
     return Path(path)
@@ -80,44 +92,27 @@ def refused(code: int | None, path: str | os.PathLike[str]) -> OSError:
     return OSError(known, _REASONS.get(known, os.strerror(known)), str(path))
 
 
-def _before(target: Path, overwrite: bool) -> os.stat_result | None:
-    """What is to be replaced; None where there is nothing."""
-    try:
-        found = target.stat()
-    except FileNotFoundError:
-        return None
-    if stat.S_ISDIR(found.st_mode):
-        raise IsADirectoryError(errno.EISDIR, "")
-    if not overwrite:
-        raise FileExistsError(errno.EEXIST, "")
-    return found
-
-
 @contextlib.contextmanager
 def _temporary(folder: Path, mode: int) -> Iterator[FileIO]:
     """An empty file beside the target, locked as long as its process lives; gone at the end unless it was moved."""
-    file = _locked(folder, mode)
+    while True:
+        path = folder / f".fricjax-{secrets.token_hex(8)}.tmp"
+        # The kernel applies the umask to the mode; a process can learn it only by changing it, for all its threads.
+        file = FileIO(path, "x+", opener=lambda name, flags: os.open(name, flags, mode))
+        if fcntl is None:
+            break
+        # Some network disks know no locks; there nobody can lock an orphan either, and all stay.
+        with contextlib.suppress(OSError):
+            fcntl.flock(file, fcntl.LOCK_EX)
+        # Before it was locked, another process may have taken it for an orphan.
+        if os.fstat(file.fileno()).st_nlink:
+            break
+        file.close()
     try:
         yield file
     finally:
         # Before the lock goes, or others might find the file and take it for an orphan.
         Path(file.name).unlink(missing_ok=True)
-        file.close()
-
-
-def _locked(folder: Path, mode: int) -> FileIO:
-    """A new file, locked before somebody has taken it for an orphan."""
-    # The kernel applies the umask to the mode; a process can learn its own only by changing it, for all its threads.
-    while True:
-        path = folder / f".fricjax-{secrets.token_hex(8)}.tmp"
-        file = FileIO(path, "x+", opener=lambda name, flags: os.open(name, flags, mode))
-        if fcntl is None:
-            return file
-        # Some network disks know no locks; there nobody can lock an orphan either, and all stay.
-        with contextlib.suppress(OSError):
-            fcntl.flock(file, fcntl.LOCK_EX)
-        if os.fstat(file.fileno()).st_nlink:
-            return file
         file.close()
 
 
@@ -138,19 +133,19 @@ def _remove_orphans(folder: Path) -> None:
                 os.close(handle)
 
 
-def _fill(file: FileIO, content: bytes | memoryview, before: os.stat_result | None) -> None:
+def _fill(file: FileIO, content: bytes | memoryview, existing: os.stat_result | None) -> None:
     """Write the content down to the disk, with mode and owner of the file that it replaces."""
     rest = memoryview(content).cast("B")
     while rest:
         rest = rest[file.write(rest) :]
-    if before is not None and hasattr(os, "fchown"):
+    if existing is not None and hasattr(os, "fchown"):
         # Only root may give files away; the group may be one of ours.
-        for owner in ((before.st_uid, before.st_gid), (-1, before.st_gid)):
+        for owner in ((existing.st_uid, existing.st_gid), (-1, existing.st_gid)):
             with contextlib.suppress(OSError):
                 os.fchown(file.fileno(), *owner)
                 break
         # After the owner, whose change takes bits away.
-        os.fchmod(file.fileno(), stat.S_IMODE(before.st_mode))
+        os.fchmod(file.fileno(), stat.S_IMODE(existing.st_mode))
     os.fsync(file.fileno())
     if fcntl is None:
         # Windows moves no file that is open.
@@ -158,7 +153,7 @@ def _fill(file: FileIO, content: bytes | memoryview, before: os.stat_result | No
 
 
 def _publish(temporary: Path, target: Path, overwrite: bool) -> None:
-    """Give the file its name, in one step that replaces nothing unless told to."""
+    """Give the file its name, in one step that replaces nothing unless asked to."""
     if not overwrite:
         try:
             os.link(temporary, target)
@@ -169,13 +164,3 @@ def _publish(temporary: Path, target: Path, overwrite: bool) -> None:
         if target.exists():
             raise FileExistsError(errno.EEXIST, "")
     os.replace(temporary, target)
-
-
-def _settle(folder: Path) -> None:
-    """Bring the names of a folder to the disk; not every system can."""
-    with contextlib.suppress(OSError):
-        handle = os.open(folder, os.O_RDONLY)
-        try:
-            os.fsync(handle)
-        finally:
-            os.close(handle)

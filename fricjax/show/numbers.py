@@ -1,15 +1,19 @@
-"""Numbers as the field prints them: 0.21452(31) for a value with its standard uncertainty, 12.3 um for a length.
+"""Numbers as the field writes them: 0.21452(31) for a value with its standard uncertainty, 12.3 um for a length.
 
 The digits in brackets are the standard uncertainty in units of the last digits shown (GUM 7.2.2), two of them always.
-What was held fixed and what the data do not determine is said in words and never printed as a zero uncertainty.
+What was fixed and what the data do not determine is said in words and never printed as a zero uncertainty.
 """
 
 import math
+import re
 from decimal import ROUND_HALF_EVEN, Context, Decimal
 
-from fricjax.show.units import display_unit
+from .units import display_unit
 
-# The largest of all numbers with the uncertainty of the smallest has so many digits, as a file can hold it.
+# The package `uncertainties` writes and reads the same shorthand, but it imports NumPy, which alone would take half of
+# the time in which the command line answers.
+
+# 1e308 with an uncertainty of 5e-324 has 309 digits before and 325 behind the point, and a saved fit may hold that.
 _ROUNDED = Context(prec=700, rounding=ROUND_HALF_EVEN)
 _SMALLEST_FIXED = -4  # below 1e-4 the leading zeros take longer to count than an exponent to read
 
@@ -19,7 +23,7 @@ def uncertain(value: float, std: float | None, unit: str = "") -> str:
 
     Args:
         value: the estimate.
-        std: its standard uncertainty, in the unit of the value. None or 0: held fixed. inf or nan: undetermined.
+        std: its standard uncertainty, in the unit of the value. None or 0: fixed. inf or nan: undetermined.
         unit: appended after a space.
 
     Returns:
@@ -27,6 +31,11 @@ def uncertain(value: float, std: float | None, unit: str = "") -> str:
 
     Raises:
         ValueError: if `std` is negative.
+
+    Examples:
+        >>> from fricjax.show import uncertain
+        >>> uncertain(0.214523, 0.000312), uncertain(120.34, 1.23, "N/m"), uncertain(0.01, None)
+        ('0.21452(31)', '120.3(1.2) N/m', '0.0100 (fixed)')
     """
     if std is not None and std < 0:
         raise ValueError(f"A standard uncertainty cannot be negative, got {std}: give its absolute value.")
@@ -40,7 +49,13 @@ def uncertain(value: float, std: float | None, unit: str = "") -> str:
 
 
 def plain(value: float, digits: int = 6) -> str:
-    """A bare number with at most `digits` and at least three significant digits: `0.0100`, `0.214523`, `1.00e-05`."""
+    """A bare number with at most `digits` and at least three significant digits.
+
+    Examples:
+        >>> from fricjax.show import plain
+        >>> plain(0.01), plain(0.2145234), plain(1e-5)
+        ('0.0100', '0.214523', '1.00e-05')
+    """
     if isinstance(value, int) or not math.isfinite(value):
         return str(value)
     if value == 0:
@@ -53,7 +68,13 @@ def plain(value: float, digits: int = 6) -> str:
 
 
 def engineering(value: float, unit: str, digits: int = 3) -> str:
-    """A value with an SI prefix and at most `digits` significant digits: `12.3 um`, `5 nm`, `1.5 kN/m`."""
+    """A value with an SI prefix and at most `digits` significant digits.
+
+    Examples:
+        >>> from fricjax.show import engineering
+        >>> engineering(12.3e-6, "m"), engineering(1500.0, "N/m")
+        ('12.3 um', '1.5 kN/m')
+    """
     if not math.isfinite(value):
         return _with_unit(str(value), unit)
     rounded = float(f"{value:.{digits - 1}e}")
@@ -63,7 +84,13 @@ def engineering(value: float, unit: str, digits: int = 3) -> str:
 
 
 def interval(low: float, high: float, unit: str = "") -> str:
-    """The two ends of an interval with as many digits as tell them apart: `[0.2101, 0.2134]`."""
+    """The two ends of an interval with as many digits as tell them apart.
+
+    Examples:
+        >>> from fricjax.show import interval
+        >>> interval(0.21014, 0.21344)
+        '[0.2101, 0.2134]'
+    """
     width = high - low
     if not math.isfinite(width) or width <= 0:
         return _with_unit(f"[{plain(low)}, {plain(high)}]", unit)
@@ -73,7 +100,14 @@ def interval(low: float, high: float, unit: str = "") -> str:
 
 
 def duration(seconds: float) -> str:
-    """A span of time as one says it: `3.2 ms`, `4.7 s`, `2 min 05 s`, `1 h 03 min`."""
+    """A span of time as one says it.
+
+    Examples:
+        >>> from fricjax.show import duration
+        >>> duration(3.2e-3), duration(125.0), duration(3780.0)
+        ('3.2 ms', '2 min 05 s', '1 h 03 min')
+    """
+    # From 59.95 s on three digits would round to a minute.
     if not math.isfinite(seconds) or abs(seconds) < 59.95:
         return engineering(seconds, "s")
     minutes, rest = divmod(round(seconds), 60)
@@ -85,18 +119,14 @@ def duration(seconds: float) -> str:
 
 def _shorthand(value: Decimal, std: Decimal) -> str:
     """Value and standard uncertainty, rounded at the second digit of the latter."""
-    last = _last_digit(std)
+    last = std.adjusted() - 1
+    # Rounding can carry (0.0996 becomes 0.10), and the second digit then stands one place higher.
+    last = std.quantize(Decimal(1).scaleb(last), context=_ROUNDED).adjusted() - 1
     step = Decimal(1).scaleb(last)
     leading = max(value.quantize(step, context=_ROUNDED).adjusted() if value else last, last + 1)
     if last > 0 or leading < _SMALLEST_FIXED:
         return f"{_bracket(value.scaleb(-leading), std.scaleb(-leading), last - leading)}e{leading:+03d}"
     return _bracket(value, std, last)
-
-
-def _last_digit(std: Decimal) -> int:
-    """Power of ten of the second significant digit, after rounding has carried (0.0996 becomes 0.10)."""
-    last = std.adjusted() - 1
-    return std.quantize(Decimal(1).scaleb(last), context=_ROUNDED).adjusted() - 1
 
 
 def _bracket(value: Decimal, std: Decimal, last: int) -> str:
@@ -108,5 +138,46 @@ def _bracket(value: Decimal, std: Decimal, last: int) -> str:
 
 
 def _with_unit(text: str, unit: str) -> str:
-    """Number, space, unit; no space where there is no unit."""
     return f"{text} {unit}" if unit else text
+
+
+NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)"
+# Two numbers and a unit have so many characters at most. Longer texts are refused unread, for the pattern tries every
+# way to divide them.
+LONGEST = 120
+_UNCERTAIN = re.compile(
+    rf"\s*(?P<value>{NUMBER})(?:\((?P<digits>\d+\.?\d*)\))?(?P<exponent>[eE][-+]?\d+)?"
+    rf"(?:\s*(?:\+/-|±)\s*(?P<std>{NUMBER}(?:[eE][-+]?\d+)?)\s*(?P<percent>%)?)?\s*(?P<unit>(?:1/)?[^\d\s].*?)?\s*"
+)
+
+
+def parse_uncertain(text: str) -> tuple[float, float, str] | None:
+    """Read what `uncertain` writes, and the other ways to write a value with its standard uncertainty.
+
+    Args:
+        text: such as ``"410.7(3) g"``, ``"9.66 +/- 0.05 N"``, ``"9.66 ± 0.5 % N"`` or ``"2 mm"``. Digits in brackets
+            count the last digits of the value, but those with a point, as in ``120.3(1.2)``, its unit; a percentage is
+            relative to it.
+
+    Returns:
+        Value and standard uncertainty, in the unit of the text, and that unit, empty where there is none. An
+        uncertainty that is not written is zero. None where the text is no such number.
+
+    Examples:
+        >>> from fricjax.show import parse_uncertain
+        >>> parse_uncertain("410.7(3) g"), parse_uncertain("9.66 +/- 0.5 % N"), parse_uncertain("heavy")
+        ((410.7, 0.3, 'g'), (9.66, 0.0483, 'N'), None)
+    """
+    match = _UNCERTAIN.fullmatch(text) if len(text) <= LONGEST else None
+    if match is None or (match["digits"] and match["std"]):
+        return None
+    exponent = match["exponent"] or ""
+    value, std = float(match["value"] + exponent), 0.0
+    if match["digits"] and "." in match["digits"]:
+        std = float(match["digits"] + exponent)
+    elif match["digits"]:
+        decimals = len(match["value"].partition(".")[2])
+        std = float(f"{match['digits']}e{-decimals}") * float("1" + exponent)
+    elif match["std"]:
+        std = float(match["std"]) * (abs(value) / 100 if match["percent"] else 1.0)
+    return value, std, match["unit"] or ""

@@ -7,8 +7,12 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from html import escape
+from typing import TYPE_CHECKING
 
-from fricjax.show.numbers import plain
+from .numbers import plain
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
 
 _NUMERIC = re.compile(r"\s*([-+−±\[]?\.?\d|inf\b|nan\b|undetermined\b|-?$)")
 
@@ -20,8 +24,16 @@ class Table:
     Attributes:
         columns: the heads, with units where the cells carry none, e.g. "Displacement [mm]".
         rows: one sequence of cells per row, each as long as `columns`; text is shown as it is, a float through
-            `plain`, None as an empty cell.
+            `plain`, None as an empty cell, anything else, such as a `Measured`, as its own text.
         title: a line above the table; empty: none.
+
+    Examples:
+        >>> from fricjax.rig import Measured
+        >>> from fricjax.show import Table
+        >>> print(Table(["coefficient", "value"], [["mu", Measured(0.214523, 0.000312)]]))
+        coefficient        value
+        ───────────  ───────────
+        mu           0.21452(31)
     """
 
     columns: Sequence[str]
@@ -50,6 +62,17 @@ class Table:
         body = "".join(_html_row("td", row, styles) for row in self._cells())
         return f"<table>{caption}<thead>{head}</thead><tbody>{body}</tbody></table>"
 
+    def to_dataframe(self) -> "DataFrame":
+        """The cells as they are, with all their digits; a value with its uncertainty takes two columns, `NAME std`."""
+        import pandas as pd
+
+        columns: dict[str, list[object]] = {}
+        for head, cells in zip(self.columns, zip(*self.rows, strict=True), strict=True):
+            columns[head] = [getattr(cell, "value", cell) for cell in cells]
+            if any(hasattr(cell, "std") for cell in cells):
+                columns[f"{head} std".strip()] = [getattr(cell, "std", None) for cell in cells]
+        return pd.DataFrame(columns)
+
     def __str__(self) -> str:
         return self.text()
 
@@ -57,7 +80,8 @@ class Table:
         return self.html()
 
     def _cells(self) -> list[list[str]]:
-        return [[_cell(value) for value in row] for row in self.rows]
+        shown = lambda cell: "" if cell is None else plain(cell) if isinstance(cell, float) else str(cell)
+        return [[shown(cell) for cell in row] for row in self.rows]
 
     def _numeric(self) -> list[bool]:
         cells = self._cells()
@@ -66,13 +90,6 @@ class Table:
     def _line(self, row: Sequence[str], widths: Sequence[int]) -> str:
         aligned = zip(row, widths, self._numeric(), strict=True)
         return "  ".join(cell.rjust(width) if right else cell.ljust(width) for cell, width, right in aligned).rstrip()
-
-
-def _cell(value: object) -> str:
-    """The text of one cell."""
-    if value is None:
-        return ""
-    return plain(value) if isinstance(value, float) else str(value)
 
 
 def _html_row(tag: str, cells: Sequence[str], styles: Sequence[str]) -> str:

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from uncertainties import ufloat_fromstr
 
-from fricjax.show import duration, engineering, interval, plain, uncertain
+from fricjax.show import display_unit, duration, engineering, interval, parse_uncertain, plain, rotary_unit, uncertain
 
 
 @pytest.mark.parametrize(
@@ -44,6 +44,15 @@ def test_uncertain_reads_back_within_half_a_unit_of_the_last_digit(value, sign, 
     half = 0.5 * 10.0 ** (int(f"{std:.1e}".split("e")[1]) - 1) * (1 + 1e-6)
     assert abs(read.nominal_value - sign * value) <= half + 1e-15 * value
     assert abs(read.std_dev - std) <= half
+
+
+@given(value=st.one_of(st.just(0.0), magnitudes), sign=st.sampled_from([-1, 1]), std=magnitudes)
+def test_the_shorthand_is_read_as_an_independent_library_reads_it(value, sign, std):
+    text = uncertain(sign * value, std)
+    read, expected = parse_uncertain(f"{text} N/m"), ufloat_fromstr(text)
+    assert read is not None
+    assert read[:2] == pytest.approx((expected.nominal_value, expected.std_dev), rel=1e-14)
+    assert read[2] == "N/m"
 
 
 def test_negative_uncertainty_is_refused():
@@ -122,3 +131,9 @@ def test_duration(seconds, text):
 def test_a_value_that_is_known_beyond_all_digits_is_shown():
     assert uncertain(1e40, 1e-3) == "10000000000000000000000000000000000000000.0000(10)"
     assert uncertain(1e308, 5e-324).endswith("(50)")
+
+
+def test_a_rotary_rig_has_torques_for_forces():
+    assert [rotary_unit(unit, "rad") for unit in ("m", "N", "kg", "Hz", "")] == ["rad", "N m", "kg m^2", "Hz", ""]
+    assert rotary_unit("N s^2/m^2", "m") == "N s^2/m^2"
+    assert display_unit(2e-3, "rad") == (1e3, "mrad")
