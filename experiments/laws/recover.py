@@ -90,10 +90,10 @@ WORKLOADS = {
         ("mu", "sigma2", "stiffness"),
         SLIDING,
     ),
-    "Windage": Workload(
-        lambda mu, windage: fj.friction.Coulomb(mu) + fj.friction.Windage(windage),
-        {"mu": 0.05, "windage": 1.0},
-        (*MACHINE, "windage"),
+    "QuadraticDrag": Workload(
+        lambda mu, drag: fj.friction.Coulomb(mu) + fj.friction.QuadraticDrag(drag),
+        {"mu": 0.05, "quadratic_drag": 1.0},
+        (*MACHINE, "quadratic_drag"),
         SLIDING,
     ),
     "LoadDependent": Workload(

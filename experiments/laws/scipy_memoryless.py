@@ -24,14 +24,14 @@ def memoryless(sliding: Callable[[float], float], static: float = 0.0) -> Law:
     return Law(act, static=static)
 
 
-def constant(kinetic: float, static: float | None = None, viscous: float = 0.0, windage: float = 0.0) -> Law:
+def constant(kinetic: float, static: float | None = None, viscous: float = 0.0, drag: float = 0.0) -> Law:
     """Coulomb friction, with what an oil and the air add."""
-    return memoryless(lambda u: kinetic + (viscous + windage * u) * u, kinetic if static is None else static)
+    return memoryless(lambda u: kinetic + (viscous + drag * u) * u, kinetic if static is None else static)
 
 
-def stribeck(kinetic: float, static: float, v_s: float, viscous: float = 0.0, windage: float = 0.0) -> Law:
+def stribeck(kinetic: float, static: float, v_s: float, viscous: float = 0.0, drag: float = 0.0) -> Law:
     more = static - kinetic
-    return memoryless(lambda u: kinetic + more * exp(-((u / v_s) ** 2)) + (viscous + windage * u) * u, static)
+    return memoryless(lambda u: kinetic + more * exp(-((u / v_s) ** 2)) + (viscous + drag * u) * u, static)
 
 
 def lorentzian(kinetic: float, static: float, v_s: float) -> Law:

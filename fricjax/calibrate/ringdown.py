@@ -1,7 +1,7 @@
 """Ring-down calibration: natural frequency, damping and what else the rig itself dissipates, without contact.
 
 The rig swings freely with the sample lifted off. Beside the viscous damping of air film and springs there may be
-windage, quadratic in the velocity, the friction of guides, seen as a residual dead band, and a spring that stiffens. A
+drag, quadratic in the velocity, the friction of guides, seen as a residual dead band, and a spring that stiffens. A
 trace knows no mass, so that all of them are found per unit mass.
 """
 
@@ -34,14 +34,14 @@ def calibrate_ringdown(
     """Frequency and damping of a rig from a free decay without contact.
 
     The decay is fitted with viscous damping alone, with all further terms, and with those of the further terms that
-    exceed three standard uncertainties. Akaike's criterion chooses between the fits in which neither windage nor dead
-    band are negative. The noise is taken from the scatter of the residuals, with what memory it shows.
+    exceed three standard uncertainties. Akaike's criterion chooses between the fits in which neither drag nor dead band
+    is negative. The noise is taken from the scatter of the residuals, with what memory it shows.
 
     Args:
         record: the run, given as to :func:`fricjax.fit`; its decay should span a factor of ten or more in amplitude.
         restoring: restoring force or its name: linear (None), cubic, of which the coefficient is fitted as well, or
             pendulum.
-        drag: whether to look for windage.
+        drag: whether to look for quadratic drag.
         friction: whether to look for a residual dead band.
 
     Returns:

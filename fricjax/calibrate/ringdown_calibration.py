@@ -30,7 +30,7 @@ class Kind(NamedTuple):
 
 TERMS: Mapping[str, Kind] = {
     "mu": Kind("dead band", "dead_band", "m", "rad"),
-    "drag": Kind("windage", "windage", "1/m", ""),
+    "drag": Kind("quadratic drag", "quadratic_drag", "1/m", ""),
     "k3": Kind("cubic term", "cubic", "N/(m^3 kg)", "1/(rad^2 s^2)"),
 }
 
@@ -86,7 +86,7 @@ class RingdownCalibration:
         return self._number("mu")
 
     @property
-    def windage(self) -> Measured | None:
+    def quadratic_drag(self) -> Measured | None:
         """Quadratic drag per unit mass [1/m]; None: not looked for."""
         return self._number("drag")
 
@@ -101,9 +101,9 @@ class RingdownCalibration:
         return tuple(note for term in self.terms if (note := term.note()))
 
     def damping_ratio_at(self, amplitude: Any) -> np.ndarray:
-        """Equivalent viscous damping ratio at an amplitude [m], with windage and residual friction where kept.
+        """Equivalent viscous damping ratio at an amplitude [m], with quadratic drag and residual friction where kept.
 
-        Averaged over a cycle of a linear spring, ``zeta + 4 d A/(3 pi) + 2 x_d/(pi A)`` with the windage d and the dead
+        Averaged over a cycle of a linear spring, ``zeta + 4 d A/(3 pi) + 2 x_d/(pi A)`` with the drag d and the dead
         band x_d, from the same loss per cycle (Jacobsen, 1930).
         """
         kept = {term.name: term.number.value for term in self.terms if term.kept}
@@ -112,7 +112,7 @@ class RingdownCalibration:
         return self.damping_ratio.value + quadratic + 2 / math.pi * kept.get("mu", 0.0) / a
 
     def rig(self, mass: Number, normal_force: Number, **others: Any) -> Rig:
-        """The rig with the calibrated frequency and damping ratio, and with windage and cubic spring where kept.
+        """The rig with the calibrated frequency and damping ratio, and with quadratic drag and cubic spring where kept.
 
         Args:
             mass: moving mass [kg].
@@ -157,7 +157,7 @@ class RingdownCalibration:
         for name, number, kept in self.terms:
             kind = TERMS[name]
             rows.append((kind.title, _shown(number), kind.rotary if rotary else kind.unit, "" if kept else "left out"))
-        title = "Ring-down calibration; windage and cubic term per unit mass"
+        title = "Ring-down calibration; quadratic drag and cubic term per unit mass"
         return Table(("quantity", "value", "unit", "remark"), rows, title)
 
     def _repr_html_(self) -> str:

@@ -41,7 +41,7 @@ def ringdown(
     normal_force: NormalForce = None,
     out: Out = None,
 ) -> None:
-    """Frequency, damping, windage and residual friction of a rig that swings without contact."""
+    """Frequency, damping, quadratic drag and residual friction of a rig that swings without contact."""
     _check_out(output, out, {"--normal-force": normal_force, "--mass": mass})
     from ..rig.inputs import check_restoring
 

@@ -5,8 +5,8 @@ from collections.abc import Collection, Mapping
 from ..errors import UsageError, nearest
 from ..friction.catalogue import CATALOGUE, Law, check_summands
 
-# Where a law asks for a coefficient that nobody gave, a fit begins here; mu and windage are then found from the decay.
-_STARTS = {"mu": 0.01, "v_s": 1e-4, "windage": 0.0}
+# Where a law asks for a coefficient that nobody gave, a fit begins here; mu and the drag follow from the decay.
+_STARTS = {"mu": 0.01, "v_s": 1e-4, "quadratic_drag": 0.0}
 # The same for what bends before it slides, where it is free: the record then tells where to begin.
 CONTACT = {"sigma0": 1e6, "length": 1e-5}
 
@@ -39,7 +39,7 @@ def summands(named: str) -> tuple[Law, ...]:
     words = named.split("+")
     if not all(word.strip() for word in words):
         lacking = f"'{named}' lacks a law beside its +" if len(words) > 1 else "names no law"
-        raise UsageError(f"--friction {lacking}; write for example --friction coulomb+windage.")
+        raise UsageError(f"--friction {lacking}; write for example --friction coulomb+quadraticdrag.")
     found = tuple(find_law(word, laws()) for word in words)
     kinds = {law.kind for law in found}
     try:

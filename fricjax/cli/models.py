@@ -26,7 +26,7 @@ def models(context: typer.Context, output: Output) -> None:
     from .. import friction
 
     found = [describe(name, getattr(friction, law.name)) for name, law in CATALOGUE.items()]
-    lines = ["Friction laws for --friction; join them with +, as coulomb+windage.", ""]
+    lines = ["Friction laws for --friction; join them with +, as coulomb+quadraticdrag.", ""]
     for entry in found:
         units = [f"{c['name']} [{c['unit'] or '1'}]" for c in entry["coefficients"]]
         only = "" if entry["on_command_line"] else "; from Python only, for its coefficients are lists"
@@ -132,7 +132,7 @@ def _kind(law: Any) -> str:
 
 
 def _engine(law: Any) -> str:
-    from ..friction.base import AbstractConstant
+    from ..friction.kinds import AbstractConstant
 
     if law.n_states:
         return "smooth"

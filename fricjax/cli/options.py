@@ -89,7 +89,7 @@ class Machine(Bench):
     friction: Annotated[
         str,
         Option(
-            help="Law: coulomb, tanh, stribeck, lugre ...; + adds, as coulomb+windage. fricjax models lists all laws.",
+            help="Law: coulomb, tanh, stribeck, lugre ...; + adds, as coulomb+quadraticdrag. see fricjax models.",
             rich_help_panel=_MODEL,
         ),
     ] = "coulomb"

@@ -128,7 +128,7 @@ def _times(decay: _Decay, machine: Oscillator) -> _Sums:
 
 def _is_constant(machine: Oscillator) -> bool:
     law = machine.friction
-    return not law.n_states and isinstance(law.sharp(), Coulomb)
+    return not law.n_states and isinstance(law.set_valued_limit(), Coulomb)
 
 
 def _summed(terms: np.ndarray) -> np.ndarray:

@@ -13,7 +13,7 @@ NUISANCES = {"x0": "m", "v0": "m/s", "offset": "m", "drift": "m/s", "t_release":
 _SAME_FORCE = (
     ("mass", "stiffness", "a trace tells only their ratio, the natural frequency"),
     ("mu", "normal_force", "a trace tells only their product, the friction force"),
-    ("drag", "windage", "both are the same force, quadratic in the velocity"),
+    ("drag", "quadratic_drag", "both are the same force, quadratic in the velocity"),
     ("damping", "eta_h", "at one frequency both take the same share of the energy in each half-cycle"),
     ("damping", "sigma2", "both are the same force, linear in the velocity"),
 )
@@ -104,9 +104,9 @@ def check_identifiable(free: Iterable[str], leaves: Sequence[Named]) -> None:
     """
     kinds = [name.rsplit(".", 1)[-1] for name in free]
     present = {leaf.name.rsplit(".", 1)[-1] for leaf in leaves}
-    if "windage" in present and "drag" in kinds:
+    if "quadratic_drag" in present and "drag" in kinds:
         raise UsageError(
-            "drag cannot be free beside a law with windage: both are the same force. Leave one of them out."
+            "drag cannot be free beside a law with quadratic drag: both are the same force. Leave one of them out."
         )
     for first, second, reason in _SAME_FORCE:
         if first in kinds and second in kinds:

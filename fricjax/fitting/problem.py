@@ -96,7 +96,7 @@ def windows_of(records: Sequence[Record | Trace], request: Request) -> tuple[Win
         DataError: a record without the motion that the start asks for.
     """
     law = request.oscillator.friction
-    creeps = not law.set_valued and not law.n_states
+    creeps = law.kind == "smooth"
     return tuple(
         open_window(record, request.start, request.nuisance, keeps_memory=law.n_states > 0, creeps=creeps)
         for record in records

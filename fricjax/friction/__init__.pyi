@@ -1,28 +1,31 @@
 from .ageing import Ageing
-from .base import AbstractFriction
+from .base import AbstractFriction, Sum
 from .bliman_sorine import BlimanSorine
 from .bouc_wen import BoucWen
 from .coulomb import Coulomb
 from .dahl import Dahl
 from .elasto_plastic import ElastoPlastic
 from .generalised_maxwell_slip import GeneralisedMaxwellSlip
+from .kinds import AbstractBristle, AbstractSetValued, AbstractSmooth
 from .leuven import Leuven
 from .load_dependent import LoadDependent
 from .lorentzian import Lorentzian
 from .lugre import LuGre
 from .makkar import Makkar
 from .maxwell_slip import Jenkins, MaxwellSlip
+from .quadratic_drag import QuadraticDrag
 from .rate_state import RateState, RateStateSlip
 from .rolling import Rolling
 from .spline import MonotoneSpline, Spline
 from .stribeck import Stribeck
-from .sum import Sum
 from .tanh import Tanh
 from .viscous import Viscous
-from .windage import Windage
 
 __all__ = [
+    "AbstractBristle",
     "AbstractFriction",
+    "AbstractSetValued",
+    "AbstractSmooth",
     "Ageing",
     "BlimanSorine",
     "BoucWen",
@@ -38,6 +41,7 @@ __all__ = [
     "Makkar",
     "MaxwellSlip",
     "MonotoneSpline",
+    "QuadraticDrag",
     "RateState",
     "RateStateSlip",
     "Rolling",
@@ -46,5 +50,4 @@ __all__ = [
     "Sum",
     "Tanh",
     "Viscous",
-    "Windage",
 ]

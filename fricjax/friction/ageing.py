@@ -6,8 +6,9 @@ from typing import ClassVar
 import equinox as eqx
 import jax.numpy as jnp
 
-from .base import AbstractConstant, Scalar, scalar
+from .base import Scalar, scalar
 from .coefficient import MU, MU_S, Coefficient, check_order, not_negative, positive
+from .kinds import AbstractConstant
 
 
 class Ageing(AbstractConstant):
@@ -22,6 +23,14 @@ class Ageing(AbstractConstant):
         dwell: time of rest under load before the release [s].
         mu_s: static coefficient of friction without dwell [1]; at least `mu`; None ties it to `mu`.
         dwell_scale: dwell time from which the growth is logarithmic [s].
+
+    Examples:
+        >>> import numpy as np
+        >>> import fricjax as fj
+        >>> law = fj.friction.Ageing(mu=0.2, beta=0.01, dwell=100.0)
+        >>> load = np.float64(10.0)
+        >>> round(float(law.dynamic_force(load)), 3), round(float(law.breakaway_force(load)), 3)  # N
+        (2.0, 2.462)
     """
 
     coefficients: ClassVar[Mapping[str, Coefficient]] = {

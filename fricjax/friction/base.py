@@ -10,7 +10,9 @@ and an engine asks only which one it has before it:
 """
 
 import abc
+import functools
 from collections.abc import Iterable, Mapping
+from itertools import accumulate
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import equinox as eqx
@@ -19,6 +21,7 @@ import numpy as np
 from equinox import AbstractClassVar, AbstractVar
 from jaxtyping import Array, Float
 
+from .catalogue import Kind, check_summands
 from .coefficient import Coefficient, check_coefficients
 
 if TYPE_CHECKING:
@@ -45,6 +48,17 @@ def scalars(values: Iterable[Any]) -> tuple[Any, ...]:
     return tuple(scalar(value) for value in values)
 
 
+def power(base: Values, exponent: Scalar) -> Values:
+    """``|base|^exponent`` for an exponent of zero or more, with finite derivatives also where the base is zero."""
+    # The stiff solver takes second derivatives, in which the inverse square of a lower floor would overflow.
+    return jnp.exp(exponent * jnp.log(jnp.maximum(jnp.abs(base), 1e-150)))
+
+
+def signed_power(base: Values, exponent: Scalar) -> Values:
+    """``|base|^exponent sgn(base)`` for an exponent of one or more."""
+    return base * power(base, exponent - 1.0)
+
+
 # As a number of the host, for an array would cost a program to be made.
 UNSCALED: Any = np.float64(np.inf)
 """The velocity scale of a law that has none."""
@@ -56,18 +70,39 @@ class AbstractFriction(eqx.Module):
     Attributes:
         coefficients: what is known of each coefficient: unit, meaning, bounds.
         source: where the law was published.
-        identifies: what a free decay can and cannot tell of the coefficients, in a sentence or two.
+        identifies: which coefficients a free decay identifies, in a sentence or two.
         set_valued: whether the force jumps at rest, where it holds the mass.
         n_states: number of internal states.
 
     Raises:
         ValueError: a coefficient outside of its bounds; names it with its value and the bound.
         TypeError: a number that `coefficients` does not describe.
+
+    Examples:
+        A law of one's own says what its coefficients are and how it resists steady sliding; this one is set-valued,
+        and a fit takes it like any other.
+
+        >>> import equinox as eqx
+        >>> import jax.numpy as jnp
+        >>> import numpy as np
+        >>> from fricjax.friction import AbstractSetValued
+        >>> from fricjax.friction.base import scalar
+        >>> from fricjax.friction.coefficient import MU, positive
+        >>> class Saturating(AbstractSetValued):
+        ...     coefficients = {"mu": MU, "v_half": positive("m/s", "speed of half the rise")}
+        ...     mu: float = eqx.field(converter=scalar)
+        ...     v_half: float = eqx.field(converter=scalar)
+        ...
+        ...     def sliding_force(self, speed, load):
+        ...         return self.mu * load * (1 + speed / (speed + self.v_half))
+        >>> law = Saturating(mu=0.2, v_half=0.1)
+        >>> law.kind, float(law.sliding_force(np.float64(0.1), np.float64(10.0)))
+        ('set-valued', 3.0)
     """
 
     coefficients: AbstractClassVar[Mapping[str, Coefficient]]
-    source: AbstractClassVar[str]
-    identifies: AbstractClassVar[str]
+    source: ClassVar[str] = ""
+    identifies: ClassVar[str] = ""
     set_valued: AbstractVar[bool]
     n_states: AbstractVar[int]
 
@@ -106,11 +141,18 @@ class AbstractFriction(eqx.Module):
     def dynamic_force(self, load: Scalar) -> Scalar:
         """Dynamic (kinetic) friction force mu N [N], which sets the dead band."""
 
-    @abc.abstractmethod
     def velocity_scale(self) -> Scalar:
         """Speed over which the sliding force changes fast near rest [m/s]; inf for a law without such a range."""
+        return UNSCALED
 
-    def sharp(self) -> "AbstractFriction":
+    @property
+    def kind(self) -> Kind:
+        """What an engine asks for: a jump at rest, a smooth force, or internal states."""
+        if self.n_states:
+            return "bristle"
+        return "set-valued" if self.set_valued else "smooth"
+
+    def set_valued_limit(self) -> "AbstractFriction":
         """The set-valued law that a regularised one tends to; every other law returns itself."""
         return self
 
@@ -120,7 +162,7 @@ class AbstractFriction(eqx.Module):
         return True
 
     @property
-    def forgets(self) -> bool:
+    def has_fading_memory(self) -> bool:
         """Whether an error of the states fades over the travel in which they settle; elements that stick keep it."""
         return True
 
@@ -130,7 +172,7 @@ class AbstractFriction(eqx.Module):
         return 0
 
     @property
-    def refinement(self) -> int:
+    def step_refinement(self) -> int:
         """How many times finer than usual the law must be integrated: steps of a half-cycle, or error of a step."""
         return 1
 
@@ -143,7 +185,7 @@ class AbstractFriction(eqx.Module):
         # A million metres per second leaves dynamic friction alone; infinity would make the derivatives NaN.
         return self.steady_state(jnp.asarray(1e6), direction, load)
 
-    def remarks(self, load: float) -> tuple[str, ...]:
+    def warnings(self, load: float) -> tuple[str, ...]:
         """What a user should know of these coefficients at this load [N], a sentence or two each; outside of traces."""
         return ()
 
@@ -167,69 +209,115 @@ class AbstractFriction(eqx.Module):
         return jnp.full(self.n_states, jnp.inf)
 
     def __add__(self, other: "AbstractFriction") -> "AbstractFriction":
-        from .sum import Sum
-
         return Sum(*(law.laws if isinstance(law, Sum) else (law,) for law in (self, other)))
 
 
-class AbstractMemoryless(AbstractFriction):
-    """A law without internal states: the force is a function of velocity and load alone."""
+class Sum(AbstractFriction):
+    """The sum of laws; it jumps where one of them jumps, and strings their internal states together.
 
-    n_states: ClassVar[int] = 0
+    Attributes:
+        laws: the summands; a fit names their coefficients ``friction.0.mu``, ``friction.1.quadratic_drag`` and so on.
 
-    def rate(self, v: Scalar, state: State, load: Scalar) -> State:
-        return jnp.zeros(0)
+    Examples:
+        >>> import numpy as np
+        >>> import fricjax as fj
+        >>> law = fj.friction.Coulomb(0.2) + fj.friction.Viscous(3.0)
+        >>> [type(part).__name__ for part in law.laws]
+        ['Coulomb', 'Viscous']
+        >>> speed, load = np.array([1e-4, 1e-2]), np.float64(10.0)  # m/s, N
+        >>> np.round(law.sliding_force(speed, load), 4)  # N, of steady sliding
+        Array([2.0003, 2.03  ], dtype=float64)
+    """
 
-    def steady_state(self, v: Scalar, direction: Scalar, load: Scalar) -> State:
-        return jnp.zeros(0)
+    coefficients: ClassVar[Mapping[str, Coefficient]] = {}
+    source: ClassVar[str] = "Superposition of forces"
+    identifies: ClassVar[str] = "What its laws tell, as far as their forces depend on velocity in different ways."
 
-    def state_scale(self, load: Scalar) -> State:
-        return jnp.zeros(0)
+    laws: tuple[AbstractFriction, ...]
 
+    def __init__(self, *groups: tuple[AbstractFriction, ...]) -> None:
+        self.laws = tuple(law for group in groups for law in group)
+        names = [type(law).__name__ for law in self.laws]
+        check_summands(names, jumps=self.set_valued, remembers=self.n_states > 0)
 
-class AbstractBristle(AbstractFriction):
-    """A law with internal states, by whose deflection it holds the mass at rest."""
+    @property
+    def set_valued(self) -> bool:  # pyright: ignore[reportIncompatibleVariableOverride]
+        return any(law.set_valued for law in self.laws)
 
-    set_valued: ClassVar[bool] = False
+    @property
+    def n_states(self) -> int:  # pyright: ignore[reportIncompatibleVariableOverride]
+        return sum(law.n_states for law in self.laws)
 
-
-class AbstractSetValued(AbstractMemoryless):
-    """A memoryless law with a jump at rest; its zero-velocity limit is at most its static force."""
-
-    set_valued: ClassVar[bool] = True
+    def _split(self, state: State) -> list[Values]:
+        ends = list(accumulate(law.n_states for law in self.laws))
+        return [state[end - law.n_states : end] for law, end in zip(self.laws, ends, strict=True)]
 
     def force(self, v: Values, state: State, load: Scalar) -> Values:
-        return jnp.sign(v) * self.sliding_force(jnp.abs(v), load)
+        parts = zip(self.laws, self._split(state), strict=True)
+        return sum((law.force(v, part, load) for law, part in parts), start=jnp.zeros_like(v))
 
+    def force_of(self, v: Values, state: State, rate: State, load: Scalar) -> Values:
+        parts = zip(self.laws, self._split(state), self._split(rate), strict=True)
+        return sum((law.force_of(v, z, change, load) for law, z, change in parts), start=jnp.zeros_like(v))
 
-class AbstractConstant(AbstractSetValued):
-    """A set-valued law whose force does not depend on how fast the mass slides."""
+    def rate(self, v: Scalar, state: State, load: Scalar) -> State:
+        parts = zip(self.laws, self._split(state), strict=True)
+        return jnp.concatenate([law.rate(v, part, load) for law, part in parts])
+
+    def steady_state(self, v: Scalar, direction: Scalar, load: Scalar) -> State:
+        return jnp.concatenate([law.steady_state(v, direction, load) for law in self.laws])
+
+    def pulled_state(self, direction: Scalar, load: Scalar) -> State:
+        return jnp.concatenate([law.pulled_state(direction, load) for law in self.laws])
+
+    def warnings(self, load: float) -> tuple[str, ...]:
+        return tuple(warning for law in self.laws for warning in law.warnings(load))
+
+    def state_scale(self, load: Scalar) -> State:
+        return jnp.concatenate([law.state_scale(load) for law in self.laws])
 
     def sliding_force(self, speed: Values, load: Scalar) -> Values:
-        return self.dynamic_force(load) * jnp.ones_like(speed)
-
-    def velocity_scale(self) -> Scalar:
-        return UNSCALED
-
-
-class AbstractSmooth(AbstractMemoryless):
-    """A memoryless law without a jump: it holds nothing at rest."""
-
-    set_valued: ClassVar[bool] = False
+        return sum((law.sliding_force(speed, load) for law in self.laws), start=jnp.zeros_like(speed))
 
     def static_force(self, load: Scalar) -> Scalar:
-        return jnp.zeros_like(load)
+        return sum((law.static_force(load) for law in self.laws), start=jnp.zeros_like(load))
 
-
-class AbstractResistance(AbstractSmooth):
-    """What grows with the speed from zero, such as drag: a summand that neither holds nor stops the mass."""
+    def breakaway_force(self, load: Scalar) -> Scalar:
+        return sum((law.breakaway_force(load) for law in self.laws), start=jnp.zeros_like(load))
 
     def dynamic_force(self, load: Scalar) -> Scalar:
-        return jnp.zeros_like(load)
+        return sum((law.dynamic_force(load) for law in self.laws), start=jnp.zeros_like(load))
 
     @property
     def stiff(self) -> bool:
-        return False
+        return any(law.stiff for law in self.laws)
+
+    @property
+    def has_fading_memory(self) -> bool:
+        return all(law.has_fading_memory for law in self.laws)
+
+    @property
+    def n_modes(self) -> int:
+        return self.laws[-1].n_modes
+
+    @property
+    def step_refinement(self) -> int:
+        return max(law.step_refinement for law in self.laws)
+
+    def switches(self, v: Scalar, state: State, load: Scalar) -> Values:
+        parts = zip(self.laws, self._split(state), strict=True)
+        return jnp.concatenate([law.switches(v, part, load) for law, part in parts])
+
+    def return_map(self, v: Scalar, a: Scalar, state: State, load: Scalar) -> State:
+        parts = zip(self.laws, self._split(state), strict=True)
+        return jnp.concatenate([law.return_map(v, a, part, load) for law, part in parts])
+
+    def reach(self, load: Scalar) -> State:
+        return jnp.concatenate([law.reach(load) for law in self.laws])
 
     def velocity_scale(self) -> Scalar:
-        return UNSCALED
+        return functools.reduce(jnp.minimum, (law.velocity_scale() for law in self.laws))
+
+    def set_valued_limit(self) -> "Sum":
+        # A sum with memory has no set-valued twin that an engine could integrate.
+        return self if self.n_states else Sum(tuple(law.set_valued_limit() for law in self.laws))

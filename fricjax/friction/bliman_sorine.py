@@ -6,8 +6,9 @@ from typing import ClassVar
 import equinox as eqx
 import jax.numpy as jnp
 
-from .base import AbstractBristle, Scalar, State, Values, scalar
+from .base import Scalar, State, Values, scalar
 from .coefficient import Coefficient, check_order, fraction, not_negative, positive
+from .kinds import AbstractBristle
 
 
 class BlimanSorine(AbstractBristle):
@@ -23,6 +24,14 @@ class BlimanSorine(AbstractBristle):
         mu2: coefficient of the slow contact [1], below mu1.
         eta: length of the fast contact as a fraction of that of the slow one [1], between 0 and 1.
         epsilon: travel over which the slow contact settles [m].
+
+    Examples:
+        >>> import numpy as np
+        >>> import fricjax as fj
+        >>> law = fj.friction.BlimanSorine(mu1=0.5, mu2=0.3, eta=0.2, epsilon=1e-5)
+        >>> load = np.float64(10.0)
+        >>> round(float(law.dynamic_force(load)), 3), round(float(law.static_force(load)), 3)  # N
+        (2.0, 3.413)
     """
 
     coefficients: ClassVar[Mapping[str, Coefficient]] = {

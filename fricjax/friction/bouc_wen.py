@@ -6,10 +6,9 @@ from typing import ClassVar
 import equinox as eqx
 import jax.numpy as jnp
 
-from .base import Scalar, State, Values, scalar
+from .base import Scalar, State, Values, power, scalar
 from .coefficient import MU_BRISTLE, SIGMA0, Coefficient, within
 from .deflection import AbstractDeflection
-from .powers import power
 
 
 class BoucWen(AbstractDeflection):
@@ -23,6 +22,13 @@ class BoucWen(AbstractDeflection):
         sigma0: stiffness of the contact before it slides [N/m], whatever the load.
         n: how suddenly the contact yields [1], 1 or more; large for a bilinear one.
         beta: share of the loss on the way back [1], between 0.5 and 1: 0.5 unloads along a straight line.
+
+    Examples:
+        >>> import numpy as np
+        >>> import fricjax as fj
+        >>> law = fj.friction.BoucWen(mu=0.2, sigma0=1e5)
+        >>> float(law.dynamic_force(np.float64(10.0)))  # N
+        2.0
     """
 
     coefficients: ClassVar[Mapping[str, Coefficient]] = {

@@ -85,7 +85,7 @@ class AbstractBrush(AbstractStribeckCurve):
             return 0.0
         return float(self.sigma1 * (self.mu_s - self.mu) / self.mu)
 
-    def remarks(self, load: float) -> tuple[str, ...]:
+    def warnings(self, load: float) -> tuple[str, ...]:
         if self.passive(load):
             return ()
         name, least = type(self).__name__, self._least_sigma2

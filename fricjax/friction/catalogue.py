@@ -8,6 +8,8 @@ import dataclasses
 from collections.abc import Collection, Iterator, Mapping
 from typing import Literal
 
+type Kind = Literal["set-valued", "smooth", "bristle"]
+
 
 @dataclasses.dataclass(frozen=True)
 class Law:
@@ -15,7 +17,7 @@ class Law:
 
     Attributes:
         name: name of the class.
-        kind: "set-valued", "smooth" or "bristle" (with internal states), as :mod:`fricjax.friction.base` tells them.
+        kind: "set-valued", "smooth" or "bristle" (with internal states), see :mod:`fricjax.friction.kinds`.
         needed: coefficients that must be given.
         optional: those that are there only where they are given.
         coefficients: all of them, in the order of the class.
@@ -24,7 +26,7 @@ class Law:
     """
 
     name: str
-    kind: Literal["set-valued", "smooth", "bristle"]
+    kind: Kind
     needed: tuple[str, ...]
     optional: tuple[str, ...]
     coefficients: tuple[str, ...]
@@ -36,7 +38,7 @@ class Law:
         return tuple(name for name in self.coefficients if name not in self.optional or name in given)
 
 
-def _law(name: str, kind: Literal["set-valued", "smooth", "bristle"], written: str, **more: bool) -> Law:
+def _law(name: str, kind: Kind, written: str, **more: bool) -> Law:
     """A law from its coefficients: ``mu`` is needed, ``mu_s?`` optional, ``exponent=`` has a default."""
     words = written.split()
     names = tuple(word.rstrip("?=") for word in words)
@@ -60,6 +62,7 @@ _ALL = (
     _law("Makkar", "smooth", "gamma1 gamma2 gamma3 gamma4 gamma5 gamma6="),
     _law("MaxwellSlip", "bristle", "stiffnesses limits", lists=True),
     _law("MonotoneSpline", "set-valued", "knots forces", lists=True),
+    _law("QuadraticDrag", "smooth", "quadratic_drag"),
     _law("RateState", "bristle", "mu a b slip_distance v_reference="),
     _law("RateStateSlip", "bristle", "mu a b slip_distance v_reference="),
     _law("Rolling", "bristle", "mu length load_exponent= reference_load="),
@@ -67,7 +70,6 @@ _ALL = (
     _law("Stribeck", "set-valued", "mu mu_s? v_stribeck= exponent=", falls=True),
     _law("Tanh", "smooth", "mu v_s"),
     _law("Viscous", "smooth", "sigma2"),
-    _law("Windage", "smooth", "windage"),
 )
 CATALOGUE: Mapping[str, Law] = {law.name.lower(): law for law in _ALL}
 """All laws by their names in small letters, without their sums."""

@@ -6,8 +6,9 @@ from typing import ClassVar
 import equinox as eqx
 import jax.numpy as jnp
 
-from .base import AbstractConstant, Scalar, scalar
+from .base import Scalar, scalar
 from .coefficient import MU, MU_S, Coefficient, check_order
+from .kinds import AbstractConstant
 
 
 class Coulomb(AbstractConstant):
@@ -19,6 +20,14 @@ class Coulomb(AbstractConstant):
     Attributes:
         mu: dynamic coefficient of friction [1].
         mu_s: static coefficient of friction [1]; at least `mu`; None ties it to `mu`.
+
+    Examples:
+        >>> import numpy as np
+        >>> import fricjax as fj
+        >>> law = fj.friction.Coulomb(mu=0.2, mu_s=0.25)
+        >>> load = np.float64(10.0)
+        >>> float(law.dynamic_force(load)), float(law.static_force(load))  # N
+        (2.0, 2.5)
     """
 
     coefficients: ClassVar[Mapping[str, Coefficient]] = {"mu": MU, "mu_s": MU_S}

@@ -6,10 +6,9 @@ from typing import ClassVar
 import equinox as eqx
 import jax.numpy as jnp
 
-from .base import Scalar, State, scalar
+from .base import Scalar, State, scalar, signed_power
 from .coefficient import MU_BRISTLE, SIGMA0, Coefficient, within
 from .deflection import AbstractDeflection
-from .powers import signed_power
 
 
 class Dahl(AbstractDeflection):
@@ -22,6 +21,14 @@ class Dahl(AbstractDeflection):
         mu: dynamic coefficient of friction [1].
         sigma0: stiffness of the contact before it slides [N/m], whatever the load.
         exponent: how the contact yields [1], between 1 and 2: 1 like a ductile material.
+
+    Examples:
+        >>> import numpy as np
+        >>> import fricjax as fj
+        >>> law = fj.friction.Dahl(mu=0.2, sigma0=1e5)
+        >>> load = np.float64(10.0)
+        >>> [float(1e6 * z) for z in law.state_scale(load)]  # um of presliding before the contact slides
+        [20.0]
     """
 
     coefficients: ClassVar[Mapping[str, Coefficient]] = {

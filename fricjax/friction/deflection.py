@@ -9,7 +9,8 @@ from typing import ClassVar
 
 import jax.numpy as jnp
 
-from .base import UNSCALED, AbstractBristle, Scalar, State, Values
+from .base import Scalar, State, Values
+from .kinds import AbstractBristle
 
 
 class AbstractDeflection(AbstractBristle):
@@ -38,6 +39,3 @@ class AbstractDeflection(AbstractBristle):
 
     def static_force(self, load: Scalar) -> Scalar:
         return self.dynamic_force(load)
-
-    def velocity_scale(self) -> Scalar:
-        return UNSCALED

@@ -11,7 +11,8 @@ import abc
 
 import jax.numpy as jnp
 
-from .base import UNSCALED, AbstractBristle, Scalar, State, Values
+from .base import Scalar, State, Values
+from .kinds import AbstractBristle
 
 # A slipping element is left this much beyond its limit, so that it does not seem to stick again by rounding.
 BEYOND = 1 + 1e-9
@@ -65,13 +66,10 @@ class AbstractElements(AbstractBristle):
     def dynamic_force(self, load: Scalar) -> Scalar:
         return jnp.sum(self.sliders()) * load
 
-    def velocity_scale(self) -> Scalar:
-        return UNSCALED
-
     @property
     def stiff(self) -> bool:
         return False
 
     @property
-    def forgets(self) -> bool:
+    def has_fading_memory(self) -> bool:
         return False

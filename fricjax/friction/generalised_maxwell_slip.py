@@ -34,6 +34,15 @@ class GeneralisedMaxwellSlip(AbstractStribeckElements):
 
     Raises:
         ValueError: not one share less than stiffnesses, or shares that leave nothing to the last element.
+
+    Examples:
+        >>> import numpy as np
+        >>> import fricjax as fj
+        >>> law = fj.friction.GeneralisedMaxwellSlip(
+        ...     mu=0.2, mu_s=0.25, v_stribeck=5e-3, stiffnesses=[1e5, 5e4], shares=[0.6], attraction=1e3, sigma2=0.0
+        ... )
+        >>> [round(float(share), 3) for share in law.all_shares()]  # the last element carries the rest
+        [0.6, 0.4]
     """
 
     coefficients: ClassVar[Mapping[str, Coefficient]] = {

@@ -5,10 +5,9 @@ from typing import Any, ClassVar
 
 import jax.numpy as jnp
 
-from .base import Scalar, State, Values, scalar, scalars
+from .base import Scalar, State, Values, scalar, scalars, signed_power
 from .coefficient import SIGMA1, Coefficient, within
 from .elements import BEYOND, held
-from .powers import signed_power
 from .stribeck_elements import STRIBECK_ELEMENTS, AbstractStribeckElements
 
 # Least part of the force of steady sliding that is taken to lie between the last reversal and steady sliding.
@@ -39,6 +38,17 @@ class Leuven(AbstractStribeckElements):
 
     Raises:
         ValueError: not one share less than stiffnesses, or shares that leave nothing to the last element.
+
+    Examples:
+        >>> import numpy as np
+        >>> import fricjax as fj
+        >>> law = fj.friction.Leuven(
+        ...     mu=0.2, mu_s=0.25, v_stribeck=5e-3, stiffnesses=[1e5, 5e4], shares=[0.6],
+        ...     exponent=2.0, sigma1=10.0, sigma2=0.0,
+        ... )
+        >>> speed, load = np.array([1e-4, 1e-2]), np.float64(10.0)  # m/s, N
+        >>> np.round(law.sliding_force(speed, load), 4)  # N, of steady sliding
+        Array([2.4998, 2.0092], dtype=float64)
     """
 
     coefficients: ClassVar[Mapping[str, Coefficient]] = {

@@ -5,8 +5,9 @@ from typing import ClassVar
 
 import equinox as eqx
 
-from .base import AbstractConstant, Scalar, scalar
+from .base import Scalar, scalar
 from .coefficient import MU, Coefficient, not_negative, positive
+from .kinds import AbstractConstant
 
 
 class LoadDependent(AbstractConstant):
@@ -20,6 +21,13 @@ class LoadDependent(AbstractConstant):
         exponent: power with which the friction force grows with the load [1].
         reference_load: load at which `mu` holds [N].
         adhesion: friction force without load [N].
+
+    Examples:
+        >>> import numpy as np
+        >>> import fricjax as fj
+        >>> law = fj.friction.LoadDependent(mu=0.2, exponent=2 / 3, reference_load=10.0)
+        >>> [round(float(law.dynamic_force(np.float64(load))), 3) for load in (5.0, 10.0, 20.0)]  # N
+        [1.26, 2.0, 3.175]
     """
 
     coefficients: ClassVar[Mapping[str, Coefficient]] = {

@@ -9,7 +9,7 @@ import jax.numpy as jnp
 
 from .base import Scalar, Values, scalar
 from .coefficient import MU, MU_S, V_STRIBECK, Coefficient, positive
-from .falling import AbstractFalling
+from .stribeck_curve import AbstractFalling
 
 
 class Lorentzian(AbstractFalling):
@@ -23,6 +23,14 @@ class Lorentzian(AbstractFalling):
         mu_s: static coefficient of friction [1]; None ties it to `mu`, which leaves Coulomb's law.
         v_stribeck: Stribeck velocity [m/s], at which half of the difference is gone.
         exponent: shape of the fall [1].
+
+    Examples:
+        >>> import numpy as np
+        >>> import fricjax as fj
+        >>> law = fj.friction.Lorentzian(mu=0.2, mu_s=0.25, v_stribeck=5e-3)
+        >>> speed, load = np.array([1e-4, 1e-2]), np.float64(10.0)  # m/s, N
+        >>> np.round(law.sliding_force(speed, load), 4)  # N, of steady sliding
+        Array([2.4998, 2.1   ], dtype=float64)
     """
 
     coefficients: ClassVar[Mapping[str, Coefficient]] = {

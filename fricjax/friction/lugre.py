@@ -26,6 +26,14 @@ class LuGre(AbstractBrush):
         sigma1: damping of the bristles [N s/m].
         sigma2: viscous coefficient of the contact [N s/m].
         v_damping: speed over which the damping fades [m/s], ``sigma1 exp(-(v/v_damping)^2)``; None: it does not.
+
+    Examples:
+        >>> import numpy as np
+        >>> import fricjax as fj
+        >>> law = fj.friction.LuGre(mu=0.2, mu_s=0.25, v_stribeck=5e-3, sigma0=1e5, sigma1=30.0)
+        >>> speed, load = np.array([1e-4, 1e-2]), np.float64(10.0)  # m/s, N
+        >>> np.round(law.sliding_force(speed, load), 4)  # N, of steady sliding
+        Array([2.4998, 2.0092], dtype=float64)
     """
 
     coefficients: ClassVar[Mapping[str, Coefficient]] = BRUSH

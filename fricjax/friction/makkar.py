@@ -6,8 +6,9 @@ from typing import ClassVar
 import equinox as eqx
 import jax.numpy as jnp
 
-from .base import AbstractSetValued, AbstractSmooth, Scalar, State, Values, scalar
+from .base import Scalar, State, Values, scalar
 from .coefficient import Coefficient, check_order, not_negative, positive
+from .kinds import AbstractSetValued, AbstractSmooth
 
 _GAMMA1 = not_negative("", "excess of the static over the dynamic coefficient")
 _GAMMA3 = positive("s/m", "inverse of the speed over which friction falls")
@@ -66,6 +67,14 @@ class Makkar(AbstractSmooth):
         gamma4: dynamic coefficient of friction [1].
         gamma5: inverse of the width with which the jump of the dynamic force is smoothed [s/m].
         gamma6: viscous coefficient of the contact [N s/m].
+
+    Examples:
+        >>> import numpy as np
+        >>> import fricjax as fj
+        >>> law = fj.friction.Makkar(gamma1=0.05, gamma2=1e3, gamma3=200.0, gamma4=0.2, gamma5=1e4)
+        >>> speed, load = np.array([1e-4, 1e-2]), np.float64(10.0)  # m/s, N
+        >>> np.round(law.sliding_force(speed, load), 4)  # N, of steady sliding
+        Array([1.563, 2.018], dtype=float64)
     """
 
     coefficients: ClassVar[Mapping[str, Coefficient]] = {
@@ -105,5 +114,5 @@ class Makkar(AbstractSmooth):
     def velocity_scale(self) -> Scalar:
         return 1 / jnp.maximum(self.gamma2, self.gamma5)
 
-    def sharp(self) -> MakkarLimit:
+    def set_valued_limit(self) -> MakkarLimit:
         return MakkarLimit(self.gamma1, self.gamma3, self.gamma4, self.gamma6)

@@ -25,6 +25,14 @@ class MaxwellSlip(AbstractElements):
 
     Raises:
         ValueError: no elements, or not as many limits as stiffnesses.
+
+    Examples:
+        >>> import numpy as np
+        >>> import fricjax as fj
+        >>> law = fj.friction.MaxwellSlip(stiffnesses=[1e5, 5e4], limits=[0.12, 0.08])
+        >>> load = np.float64(10.0)
+        >>> [round(float(1e6 * z), 1) for z in law.limits_of_deflection(load)]  # um at which each element slips
+        [12.0, 16.0]
     """
 
     coefficients: ClassVar[Mapping[str, Coefficient]] = {
@@ -69,6 +77,13 @@ class Jenkins(AbstractElements):
     Attributes:
         mu: dynamic coefficient of friction [1].
         sigma0: stiffness of the contact before it slides [N/m], whatever the load.
+
+    Examples:
+        >>> import numpy as np
+        >>> import fricjax as fj
+        >>> law = fj.friction.Jenkins(mu=0.2, sigma0=1e5)
+        >>> [round(float(1e6 * z), 1) for z in law.limits_of_deflection(np.float64(10.0))]  # um at which it slips
+        [20.0]
     """
 
     coefficients: ClassVar[Mapping[str, Coefficient]] = {"mu": MU_BRISTLE, "sigma0": SIGMA0}

@@ -14,8 +14,9 @@ import jax
 import jax.numpy as jnp
 from equinox import AbstractVar
 
-from .base import AbstractBristle, Scalar, State, Values, scalar
+from .base import Scalar, State, Values, scalar
 from .coefficient import MU, Coefficient, not_negative, positive
+from .kinds import AbstractBristle
 
 _STEEPEST = 300.0  # the square of its exponential is still a number
 _TINY = 1e-300
@@ -104,7 +105,7 @@ class AbstractRateState(AbstractBristle):
         return self.v_reference
 
     @property
-    def refinement(self) -> int:
+    def step_refinement(self) -> int:
         # From stroke to stroke the contact ages by many e-folds, and what a step misses there stays in the motion.
         return 4
 
@@ -121,6 +122,14 @@ class RateState(AbstractRateState):
         b: evolution effect [1]; friction falls with velocity where b > a.
         slip_distance: travel D_c over which contacts renew [m], typically 0.5 to 20 um.
         v_reference: velocity to which mu refers [m/s]; keep it fixed in fits.
+
+    Examples:
+        >>> import numpy as np
+        >>> import fricjax as fj
+        >>> law = fj.friction.RateState(mu=0.2, a=0.01, b=0.015, slip_distance=1e-6, v_reference=1e-3)
+        >>> speed, load = np.array([1e-4, 1e-2]), np.float64(10.0)  # m/s, N
+        >>> np.round(law.sliding_force(speed, load), 4)  # N, of steady sliding
+        Array([2.1151, 1.8849], dtype=float64)
     """
 
     coefficients: ClassVar[Mapping[str, Coefficient]] = RATE_STATE
@@ -148,6 +157,14 @@ class RateStateSlip(AbstractRateState):
         b: evolution effect [1]; friction falls with velocity where b > a.
         slip_distance: travel D_c over which contacts renew [m], typically 0.5 to 20 um.
         v_reference: velocity to which mu refers [m/s]; keep it fixed in fits.
+
+    Examples:
+        >>> import numpy as np
+        >>> import fricjax as fj
+        >>> law = fj.friction.RateStateSlip(mu=0.2, a=0.01, b=0.015, slip_distance=1e-6, v_reference=1e-3)
+        >>> speed, load = np.array([1e-4, 1e-2]), np.float64(10.0)  # m/s, N
+        >>> np.round(law.sliding_force(speed, load), 4)  # N, of steady sliding
+        Array([2.1151, 1.8849], dtype=float64)
     """
 
     coefficients: ClassVar[Mapping[str, Coefficient]] = RATE_STATE

@@ -23,6 +23,13 @@ class Rolling(AbstractDeflection):
         length: travel over which the force settles [m]; about the radius of the contact, 0.05 to 0.2 mm.
         load_exponent: growth of the coefficient with the load [1]: 0 none, 1/3 elastic hysteresis.
         reference_load: load to which `mu` refers [N]; keep it fixed in fits.
+
+    Examples:
+        >>> import numpy as np
+        >>> import fricjax as fj
+        >>> law = fj.friction.Rolling(mu=2e-3, length=2e-5)
+        >>> float(law.dynamic_force(np.float64(10.0)))  # N
+        0.02
     """
 
     coefficients: ClassVar[Mapping[str, Coefficient]] = {

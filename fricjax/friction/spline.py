@@ -16,8 +16,9 @@ import numpy as np
 from equinox import AbstractVar
 from jaxtyping import Array
 
-from .base import AbstractFriction, AbstractSetValued, Scalar, Values, scalars
+from .base import AbstractFriction, Scalar, Values, scalars
 from .coefficient import Coefficient, not_negative
+from .kinds import AbstractSetValued
 
 
 def _speeds(knots: Iterable[Any]) -> tuple[float, ...]:
@@ -65,8 +66,9 @@ class AbstractSpline(AbstractSetValued):
             load: normal force at which the law is evaluated [N].
         """
         speeds = _speeds(knots)
-        forces = law.sharp().sliding_force(jnp.asarray(speeds), jnp.asarray(float(load)))
-        return cls(speeds, np.asarray(forces) / load)  # pyright: ignore[reportCallIssue]
+        forces = law.set_valued_limit().sliding_force(jnp.asarray(speeds), jnp.asarray(float(load)))
+        # The converter of the field takes any list of numbers.
+        return cls(speeds, np.asarray(forces) / load)  # pyright: ignore[reportCallIssue, reportArgumentType]
 
     @abc.abstractmethod
     def _slopes(self, widths: np.ndarray, rises: Array) -> Array:
@@ -110,6 +112,14 @@ class Spline(AbstractSpline):
     Attributes:
         knots: speeds [m/s], increasing from zero; about two for each halving of the speed resolve a Stribeck curve.
         forces: friction force over load at each of them [1]; at zero that with which sliding begins.
+
+    Examples:
+        >>> import numpy as np
+        >>> import fricjax as fj
+        >>> law = fj.friction.Spline(knots=[0.0, 5e-3, 2e-2], forces=[0.25, 0.21, 0.2])
+        >>> speed, load = np.array([1e-4, 1e-2]), np.float64(10.0)  # m/s, N
+        >>> np.round(law.sliding_force(speed, load), 4)  # N, of steady sliding
+        Array([2.4865, 2.012 ], dtype=float64)
     """
 
     source: ClassVar[str] = "C. de Boor, A Practical Guide to Splines (1978), with the end conditions of a friction law"
@@ -134,6 +144,14 @@ class MonotoneSpline(AbstractSpline):
     Attributes:
         knots: speeds [m/s], increasing from zero.
         forces: friction force over load at each of them [1]; at zero that with which sliding begins.
+
+    Examples:
+        >>> import numpy as np
+        >>> import fricjax as fj
+        >>> law = fj.friction.MonotoneSpline(knots=[0.0, 5e-3, 2e-2], forces=[0.25, 0.21, 0.2])
+        >>> speed, load = np.array([1e-4, 1e-2]), np.float64(10.0)  # m/s, N
+        >>> np.round(law.sliding_force(speed, load), 4)  # N, of steady sliding
+        Array([2.4865, 2.0173], dtype=float64)
     """
 
     source: ClassVar[str] = "J. M. Hyman, SIAM J. Sci. Stat. Comput. 4 (1983)"
@@ -149,7 +167,7 @@ class MonotoneSpline(AbstractSpline):
         return jnp.clip(_smoothest(tuple(widths.tolist())) @ rises, 3 * lowest, 3 * highest)
 
     @property
-    def refinement(self) -> int:
+    def step_refinement(self) -> int:
         return 3
 
 

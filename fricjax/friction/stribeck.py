@@ -8,7 +8,7 @@ import jax.numpy as jnp
 
 from .base import Scalar, Values, scalar
 from .coefficient import MU, MU_S, V_STRIBECK, Coefficient, positive
-from .falling import AbstractFalling
+from .stribeck_curve import AbstractFalling
 
 
 class Stribeck(AbstractFalling):
@@ -19,6 +19,14 @@ class Stribeck(AbstractFalling):
         mu_s: static coefficient of friction [1]; None ties it to `mu`, which leaves Coulomb's law.
         v_stribeck: Stribeck velocity [m/s].
         exponent: shape of the fall [1]: 2 Gaussian, 1 exponential (Tustin).
+
+    Examples:
+        >>> import numpy as np
+        >>> import fricjax as fj
+        >>> law = fj.friction.Stribeck(mu=0.2, mu_s=0.25, v_stribeck=5e-3)
+        >>> speed, load = np.array([1e-4, 1e-2]), np.float64(10.0)  # m/s, N
+        >>> np.round(law.sliding_force(speed, load), 4)  # N, of steady sliding
+        Array([2.4998, 2.0092], dtype=float64)
     """
 
     coefficients: ClassVar[Mapping[str, Coefficient]] = {

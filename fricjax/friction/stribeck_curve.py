@@ -1,12 +1,14 @@
-"""Bristle laws whose force of steady sliding falls from the static to the dynamic one (Stribeck 1902)."""
+"""Laws whose force of steady sliding falls from the static to the dynamic one (Stribeck 1902)."""
 
+import abc
 from collections.abc import Mapping
 
 import jax.numpy as jnp
 from equinox import AbstractVar
 
-from .base import UNSCALED, AbstractBristle, Scalar, Values
+from .base import UNSCALED, Scalar, Values
 from .coefficient import MU_BRISTLE, MU_S, SIGMA2, V_STRIBECK, Coefficient, check_order
+from .kinds import AbstractBristle, AbstractSetValued
 
 STRIBECK_CURVE: Mapping[str, Coefficient] = {
     "mu": MU_BRISTLE,
@@ -14,6 +16,34 @@ STRIBECK_CURVE: Mapping[str, Coefficient] = {
     "v_stribeck": V_STRIBECK,
     "sigma2": SIGMA2,
 }
+
+
+class AbstractFalling(AbstractSetValued):
+    """``F = N [mu + (mu_s - mu) s(|v|)] sgn(v)``; its final classes say how ``s`` falls from one to zero."""
+
+    mu: AbstractVar[Scalar]
+    mu_s: AbstractVar[Scalar | None]
+    v_stribeck: AbstractVar[Scalar]
+
+    def __check_init__(self) -> None:
+        check_order(self, "mu", "mu_s")
+
+    @abc.abstractmethod
+    def remaining(self, speed: Values) -> Values:
+        """Share of the difference between static and dynamic friction that is left at `speed` >= 0 [m/s]."""
+
+    def sliding_force(self, speed: Values, load: Scalar) -> Values:
+        static = self.mu if self.mu_s is None else self.mu_s
+        return load * (self.mu + (static - self.mu) * self.remaining(speed))
+
+    def static_force(self, load: Scalar) -> Scalar:
+        return (self.mu if self.mu_s is None else self.mu_s) * load
+
+    def dynamic_force(self, load: Scalar) -> Scalar:
+        return self.mu * load
+
+    def velocity_scale(self) -> Scalar:
+        return self.v_stribeck
 
 
 class AbstractStribeckCurve(AbstractBristle):

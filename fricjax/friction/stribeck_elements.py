@@ -47,5 +47,5 @@ class AbstractStribeckElements(AbstractStribeckCurve):
         return jnp.append(first, 1 - jnp.sum(first))
 
     @property
-    def forgets(self) -> bool:
+    def has_fading_memory(self) -> bool:
         return False

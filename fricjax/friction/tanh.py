@@ -6,9 +6,10 @@ from typing import ClassVar
 import equinox as eqx
 import jax.numpy as jnp
 
-from .base import AbstractSmooth, Scalar, State, Values, scalar
+from .base import Scalar, State, Values, scalar
 from .coefficient import MU, Coefficient, positive
 from .coulomb import Coulomb
+from .kinds import AbstractSmooth
 
 
 class Tanh(AbstractSmooth):
@@ -20,6 +21,14 @@ class Tanh(AbstractSmooth):
     Attributes:
         mu: dynamic coefficient of friction [1].
         v_s: regularisation width [m/s].
+
+    Examples:
+        >>> import numpy as np
+        >>> import fricjax as fj
+        >>> law = fj.friction.Tanh(mu=0.2, v_s=1e-4)
+        >>> speed, load = np.array([1e-4, 1e-2]), np.float64(10.0)  # m/s, N
+        >>> np.round(law.sliding_force(speed, load), 4)  # N, of steady sliding
+        Array([1.5232, 2.    ], dtype=float64)
     """
 
     coefficients: ClassVar[Mapping[str, Coefficient]] = {
@@ -46,5 +55,5 @@ class Tanh(AbstractSmooth):
     def velocity_scale(self) -> Scalar:
         return self.v_s
 
-    def sharp(self) -> Coulomb:
+    def set_valued_limit(self) -> Coulomb:
         return Coulomb(self.mu)

@@ -5,8 +5,9 @@ from typing import ClassVar
 
 import equinox as eqx
 
-from .base import AbstractResistance, Scalar, State, Values, scalar
+from .base import Scalar, State, Values, scalar
 from .coefficient import SIGMA2, Coefficient
+from .kinds import AbstractResistance
 
 
 class Viscous(AbstractResistance):
@@ -17,6 +18,14 @@ class Viscous(AbstractResistance):
 
     Attributes:
         sigma2: viscous coefficient of the contact [N s/m]; may be negative, the fingerprint of a falling friction law.
+
+    Examples:
+        >>> import numpy as np
+        >>> import fricjax as fj
+        >>> law = fj.friction.Coulomb(0.2) + fj.friction.Viscous(sigma2=3.0)
+        >>> speed, load = np.array([1e-4, 1e-2]), np.float64(10.0)  # m/s, N
+        >>> np.round(law.sliding_force(speed, load), 4)  # N, of steady sliding
+        Array([2.0003, 2.03  ], dtype=float64)
     """
 
     coefficients: ClassVar[Mapping[str, Coefficient]] = {"sigma2": SIGMA2}

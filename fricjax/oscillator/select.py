@@ -38,7 +38,7 @@ def select_engine(
 
 
 def _named(name: str, oscillator: Oscillator, accuracy: float, max_half_cycles: int) -> AbstractEngine:
-    engines = _engines(accuracy, max_half_cycles, oscillator.friction.refinement)
+    engines = _engines(accuracy, max_half_cycles, oscillator.friction.step_refinement)
     if name in engines:
         return engines[name]
     check_engine(name)

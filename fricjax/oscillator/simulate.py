@@ -71,7 +71,7 @@ def simulate(
 
 def _sharp_engine(oscillator: Oscillator, capacity: int) -> AbstractEngine | None:
     """The engine for the set-valued law that a regularised one stands for; None where it stands for none."""
-    sharp = None if oscillator.friction.set_valued else oscillator.friction.sharp()
+    sharp = None if oscillator.friction.set_valued else oscillator.friction.set_valued_limit()
     if sharp is None or not sharp.set_valued:
         return None
     return select_engine("auto", dataclasses.replace(oscillator, friction=sharp), max_half_cycles=capacity)
@@ -139,7 +139,7 @@ def _solve(
 
 def _bias(motion: Motion, sharp: AbstractEngine, oscillator: Oscillator, start: Start) -> Array:
     """Largest distance to the motion under the law without regularisation, which is for the engine `sharp`."""
-    reference = dataclasses.replace(oscillator, friction=oscillator.friction.sharp())
+    reference = dataclasses.replace(oscillator, friction=oscillator.friction.set_valued_limit())
     return jnp.max(jnp.abs(sharp.solve(reference, start._replace(state=jnp.zeros(0)), motion.t).x - motion.x))
 
 
@@ -164,7 +164,7 @@ def final_displacement(oscillator: Oscillator, x0: ArrayLike, *, engine: str | A
     """
     ready()
     law = oscillator.friction
-    if not law.set_valued and not law.n_states:
+    if law.kind == "smooth":
         raise ValueError(
             f"Under {type(law).__name__} the mass creeps and never rests, so it has no final displacement. Use a law "
             "that holds the mass, such as Coulomb."

@@ -50,7 +50,7 @@ def remarks(found: "Information") -> tuple[str, ...]:
     """Advice on the run."""
     law = found.oscillator.friction
     parts = (_release(found), _edge(found), _record(found), _ridge(found), _alike(found), _weak(found))
-    return (*itertools.chain(*parts), *law.remarks(float(found.oscillator.normal_force)))
+    return (*itertools.chain(*parts), *law.warnings(float(found.oscillator.normal_force)))
 
 
 def _release(found: "Information") -> Iterator[str]:

@@ -27,13 +27,13 @@ def run(mu=0.0, *, duration=20.0, noise=1e-9, **machine):
 
 @pytest.fixture(scope="module")
 def viscous():
-    """The prototype without contact; the test of the command line looks for windage as well."""
+    """The prototype without contact; the test of the command line looks for quadratic drag as well."""
     return calibrate_ringdown(run(), drag=False)
 
 
 @pytest.fixture(scope="module")
 def cubic():
-    """A rig with windage and a spring that stiffens."""
+    """A rig with quadratic drag and a spring that stiffens."""
     return calibrate_ringdown(run(restoring=Cubic(4e6), drag=7e-3), restoring="cubic", friction=False)
 
 
@@ -48,15 +48,15 @@ def test_a_nanometre_gives_frequency_and_damping(viscous):
 def test_a_term_that_is_not_there_is_said_to_be_insignificant(viscous):
     assert [term.kept for term in viscous.terms] == [False]
     assert abs(viscous.dead_band.value) < 3 * viscous.dead_band.std < 1e-12
-    assert (viscous.windage, viscous.cubic) == (None, None)
+    assert (viscous.quadratic_drag, viscous.cubic) == (None, None)
     assert len(viscous.notes) == 1
     assert viscous.notes[0].startswith("The dead band is not significant, ")
     assert viscous.notes[0].endswith(" standard uncertainties from zero; it was left out.")
     assert viscous.aicc["damping"] == 0 < viscous.aicc["damping + dead band"]
 
 
-def test_windage_and_cubic_spring_are_found(cubic):
-    for number, true in ((cubic.windage, 7e-3 / MASS), (cubic.cubic, 4e6 / MASS), (cubic.frequency, FREQUENCY)):
+def test_quadratic_drag_and_cubic_spring_are_found(cubic):
+    for number, true in ((cubic.quadratic_drag, 7e-3 / MASS), (cubic.cubic, 4e6 / MASS), (cubic.frequency, FREQUENCY)):
         assert abs(number.value - true) < 4 * number.std < 1e-4 * true
     assert cubic.damping_ratio.value == pytest.approx(RATIO, rel=1e-5)
     assert cubic.dead_band is None
@@ -113,7 +113,7 @@ def test_summary_and_plain_data(viscous):
 
 def test_a_term_of_the_wrong_sign_is_told():
     assert Term("drag", Measured(-1.0, 0.1), True).note() == (
-        "The windage is negative by 10 standard uncertainties, as in no passive rig: the model lacks something. "
+        "The quadratic drag is negative by 10 standard uncertainties, as in no passive rig: the model lacks something. "
         "It was kept."
     )
     assert Term("k3", Measured(-1.0, 0.1), True).note() == ""

@@ -6,11 +6,11 @@ from fricjax.friction import (
     Dahl,
     ElastoPlastic,
     LuGre,
+    QuadraticDrag,
     RateState,
     RateStateSlip,
     Rolling,
     Tanh,
-    Windage,
 )
 from tests.cases.case import LawCase
 
@@ -22,7 +22,7 @@ BRISTLE = {
     "LuGre static": LawCase(LuGre(0.1, 0.15, 5e-3, sigma0=1e4, sigma1=1e2, sigma2=60.0), 0.3, 0.2),
     "LuGre fading": LawCase(LuGre(0.1, 0.15, 5e-3, sigma0=1e4, sigma1=1e2, v_damping=0.01), 0.3, 0.2),
     "LuGre not passive": LawCase(LuGre(0.5, 0.75, 1e-3, sigma0=1e5, sigma1=316.2, sigma2=0.4), 1.5, 1.0, passive=False),
-    "Sum smooth": LawCase(Tanh(0.1, 1e-3) + LuGre(0.1) + Windage(0.5), 0.2, 0.4),
+    "Sum smooth": LawCase(Tanh(0.1, 1e-3) + LuGre(0.1) + QuadraticDrag(0.5), 0.2, 0.4),
     "Dahl": LawCase(Dahl(0.1, 1e4), 0.2, 0.2),
     "Dahl exponent": LawCase(Dahl(0.1, 1e4, 1.5), 0.2, 0.2),
     "BlimanSorine": LawCase(BlimanSorine(0.15, 0.05, 0.5, 2e-5), _PEAK, 0.2),

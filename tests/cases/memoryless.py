@@ -7,11 +7,11 @@ from fricjax.friction import (
     Lorentzian,
     Makkar,
     MonotoneSpline,
+    QuadraticDrag,
     Spline,
     Stribeck,
     Tanh,
     Viscous,
-    Windage,
 )
 from tests.cases.case import LawCase
 
@@ -31,6 +31,6 @@ MEMORYLESS = {
     "Stribeck exponential": LawCase(Stribeck(0.1, 0.15, 5e-3, 1.0), 0.3, 0.2),
     "Tanh": LawCase(Tanh(0.1, 1e-3), 0.0, 0.2),
     "Viscous": LawCase(Viscous(0.5), 0.0, 0.0),
-    "Windage": LawCase(Windage(0.5), 0.0, 0.0),
-    "Sum": LawCase(Stribeck(0.1, 0.15, 5e-3) + Windage(0.5), 0.3, 0.2),
+    "QuadraticDrag": LawCase(QuadraticDrag(0.5), 0.0, 0.0),
+    "Sum": LawCase(Stribeck(0.1, 0.15, 5e-3) + QuadraticDrag(0.5), 0.3, 0.2),
 }

@@ -68,12 +68,12 @@ def test_ringdown_tells_and_writes_a_rig(fricjax, decay, tmp_path):
     told = json.loads(called.out)
     assert told["frequency"]["value"] == pytest.approx(FREQUENCY, rel=1e-8)
     assert told["damping_ratio"]["value"] == pytest.approx(RATIO, rel=1e-5)
-    assert abs(told["windage"]["value"]) < 3 * told["windage"]["std"]
+    assert abs(told["quadratic_drag"]["value"]) < 3 * told["quadratic_drag"]["std"]
     assert abs(told["dead_band"]["value"]) < 3 * told["dead_band"]["std"]
     assert told["kept"] == []
     assert [note.split(",")[0] for note in told["notes"]] == [
         "The dead band is not significant",
-        "The windage is not significant",
+        "The quadratic drag is not significant",
     ]
     assert told["files"] == {"rig": str(out)}
     rig = Rig.from_toml(out)

@@ -196,7 +196,7 @@ def test_simulate_adds_what_the_instrument_adds(fricjax, tmp_path):
 
 def test_models_lists_every_law_with_units(fricjax):
     told = json.loads(fricjax("models", "--json").out)
-    assert {entry["name"] for entry in told["models"]} >= {"coulomb", "tanh", "stribeck", "lugre", "windage"}
+    assert {entry["name"] for entry in told["models"]} >= {"coulomb", "tanh", "stribeck", "lugre", "quadraticdrag"}
     tanh = next(e for e in told["models"] if e["name"] == "tanh")
     assert [(c["name"], c["unit"]) for c in tanh["coefficients"]] == [("mu", ""), ("v_s", "m/s")]
     assert "v_stribeck [m/s]" in fricjax("models").out

@@ -77,8 +77,8 @@ USAGE = [
     ),
     (("--rig", RIG, "--free", "mu,mass,stiffness"), "mass and stiffness cannot both be free"),
     (
-        ("--friction", "coulomb+windage", "--free", "mu,windage,drag,stiffness"),
-        "drag cannot be free beside a law with windage",
+        ("--friction", "coulomb+quadraticdrag", "--free", "mu,quadratic_drag,drag,stiffness"),
+        "drag cannot be free beside a law with quadratic drag",
     ),
     (("--rig", RIG, "--free", "mu,dampng"), "Did you mean 'damping'?"),
     (("--bounds", "dampin=0:"), "Did you mean 'damping'?"),

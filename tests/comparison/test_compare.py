@@ -10,7 +10,7 @@ from scipy.optimize import least_squares
 from fricjax import Oscillator, Trace, compare, fit
 from fricjax.comparison.candidates import identifiable_coefficients
 from fricjax.errors import DataError, UsageError
-from fricjax.friction import Coulomb, Dahl, LuGre, Stribeck, Tanh, Windage
+from fricjax.friction import Coulomb, Dahl, LuGre, QuadraticDrag, Stribeck, Tanh
 from tests.fitting.runs import STIFFNESS, coulomb_run
 from tests.fitting.test_whiteness import autoregressive
 from tests.helpers import PROTOTYPE_DAMPING, PROTOTYPE_MASS
@@ -178,7 +178,7 @@ def test_how_it_looks(joint, single):
         (LuGre(0.1), ("mu", "sigma0", "sigma1")),
         (LuGre(0.1, 0.13), ("mu", "mu_s", "v_stribeck", "sigma0", "sigma1")),
         (Dahl(0.1, 1e5), ("mu", "sigma0")),
-        (Coulomb(0.1) + Windage(0.0), ("mu", "windage")),
+        (Coulomb(0.1) + QuadraticDrag(0.0), ("mu", "quadratic_drag")),
     ],
 )
 def test_what_is_free_by_default(law, expected):

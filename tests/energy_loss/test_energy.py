@@ -48,7 +48,7 @@ def test_the_viscous_loss_of_a_half_cycle_is_exact():
     assert found.swing == pytest.approx(np.abs(np.diff(exact.points)), rel=1e-6)
 
 
-def test_windage_and_a_cubic_spring_are_taken_into_account():
+def test_quadratic_drag_and_a_cubic_spring_are_taken_into_account():
     machine = Machine(1.0, 0.5, lambda x: 5000 * x + 2e8 * x**3, lambda speed: 0.981, 0.981, drag=0.4)
     t = np.arange(10_000) / 20e3
     moved = slide(machine, 3e-3, 0.0, t)

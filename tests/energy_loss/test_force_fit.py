@@ -11,7 +11,7 @@ from scipy.optimize import curve_fit
 from fricjax.energy_loss.force_fit import fit_force_map
 from fricjax.energy_loss.force_map import ForceMap, friction_force_map
 from fricjax.errors import UsageError
-from fricjax.friction import Coulomb, LuGre, Stribeck, Tanh, Windage
+from fricjax.friction import Coulomb, LuGre, QuadraticDrag, Stribeck, Tanh
 from fricjax.rig import Measured
 from tests.energy_loss.energy_runs import LOAD, RIG, campaign
 
@@ -73,10 +73,12 @@ def test_what_the_map_does_not_tell_is_infinite():
 
 
 def test_sums_of_laws_take_their_names():
-    found = fit_force_map(made(), Stribeck(0.05, 0.07, 4e-3) + Windage(0.0), ["mu", "mu_s", "v_stribeck", "windage"])
-    assert abs(found.values["windage"]) < 4 * found.std_errors["windage"]
-    assert found.units["windage"] == "N s^2/m^2"
-    assert "Stribeck + Windage" in found.summary()
+    found = fit_force_map(
+        made(), Stribeck(0.05, 0.07, 4e-3) + QuadraticDrag(0.0), ["mu", "mu_s", "v_stribeck", "quadratic_drag"]
+    )
+    assert abs(found.values["quadratic_drag"]) < 4 * found.std_errors["quadratic_drag"]
+    assert found.units["quadratic_drag"] == "N s^2/m^2"
+    assert "Stribeck + QuadraticDrag" in found.summary()
 
 
 def test_the_report_is_plain():

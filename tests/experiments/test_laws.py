@@ -20,7 +20,7 @@ MACHINE = Machine(0.41068, 2574.0, 0.17557, 9.66)
 
 def test_every_law_is_in_the_table_on_both_motions():
     rows = [(work.law.split(",")[0], work.run.name) for work in workloads()]
-    for law in set(friction.__all__) - {"AbstractFriction"}:
+    for law in {name for name in friction.__all__ if not name.startswith("Abstract")}:
         assert {(law, "sliding"), (law, "rolling")} <= set(rows)
     assert {law for law, _ in rows} < set(friction.__all__)
 

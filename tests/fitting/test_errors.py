@@ -8,7 +8,7 @@ import pytest
 
 from fricjax import Oscillator, Record, Trace, fit
 from fricjax.errors import DataError, UsageError
-from fricjax.friction import Coulomb, LuGre, Stribeck, Tanh, Windage
+from fricjax.friction import Coulomb, LuGre, QuadraticDrag, Stribeck, Tanh
 from tests.fitting.runs import MACHINE, coulomb_run
 from tests.helpers import PROTOTYPE_MASS
 
@@ -28,17 +28,20 @@ USAGE = {
         {"free": ["mass", "stiffness", "mu"]},
         r"mass and stiffness cannot both be free, for they are not identifiable: a trace tells only their ratio",
     ),
-    "windage and drag": (
-        {"oscillator": machine(Coulomb(0.05) + Windage(0.1)), "free": ["mu", "drag"]},
-        r"drag cannot be free beside a law with windage: both are the same force\. Leave one of them out\.",
+    "quadratic drag and drag": (
+        {"oscillator": machine(Coulomb(0.05) + QuadraticDrag(0.1)), "free": ["mu", "drag"]},
+        r"drag cannot be free beside a law with quadratic drag: both are the same force\. Leave one of them out\.",
     ),
     "viscous twice": (
         {"oscillator": machine(LuGre(0.05)), "free": ["mu", "damping", "sigma2"]},
         r"damping and sigma2 cannot both be free, for they are not identifiable: both are the same force",
     ),
-    "windage twice": (
-        {"oscillator": machine(Windage(0.1) + Windage(0.2)), "free": ["friction.0.windage", "friction.1.windage"]},
-        r"windage is free twice, for the same force\. Free it once\.",
+    "quadratic drag twice": (
+        {
+            "oscillator": machine(QuadraticDrag(0.1) + QuadraticDrag(0.2)),
+            "free": [f"friction.{i}.quadratic_drag" for i in (0, 1)],
+        },
+        r"quadratic_drag is free twice, for the same force\. Free it once\.",
     ),
     "unknown name": (
         {"free": ["mu", "dampign"]},

@@ -6,7 +6,7 @@ import pytest
 from fricjax import Fit, Measured, Oscillator, Record, Trace, fit, synthetic_run
 from fricjax.data import segment_record
 from fricjax.fitting import FitError, window
-from fricjax.friction import Coulomb, Stribeck, Windage
+from fricjax.friction import Coulomb, QuadraticDrag, Stribeck
 from tests.fitting.runs import MACHINE, STIFFNESS, X0, coulomb_run
 from tests.helpers import PROTOTYPE_DAMPING, PROTOTYPE_MASS
 
@@ -361,10 +361,10 @@ class TestHalfCycles:
         lows, highs = zip(*narrow, strict=True)
         assert min(highs) - max(lows) < 0.02 and max(lows) <= mu_s <= min(highs)
 
-    def test_static_friction_is_bracketed_beside_windage(self):
+    def test_static_friction_is_bracketed_beside_quadratic_drag(self):
         """Only one of the summed laws holds the mass, so the bracket is that of this law alone."""
         alone = fit(coulomb_run(mu_s=0.065), machine(Coulomb(0.05, 0.05)), ("mu", "mu_s", "stiffness"))
-        law = Coulomb(0.05, 0.05) + Windage(0.0)
+        law = Coulomb(0.05, 0.05) + QuadraticDrag(0.0)
         found = fit(coulomb_run(mu_s=0.065), machine(law), ("mu", "mu_s", "stiffness"))
         assert found.intervals["mu_s"] == pytest.approx(alone.intervals["mu_s"], rel=1e-6)
         assert found.intervals["mu_s"][0] <= 0.065 <= found.intervals["mu_s"][1]

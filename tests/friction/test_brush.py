@@ -63,7 +63,7 @@ def test_the_coefficients_of_1995_are_not_passive(kind: type):
     law = kind(1.0, 1.5, 1e-3, sigma0=1e5, sigma1=316.2, sigma2=0.4)
     assert not law.passive(1.0)
     assert jump(law, 0.1, 1.0) < 0
-    (remark,) = law.remarks(1.0)
+    (remark,) = law.warnings(1.0)
     assert remark == (
         f"With these coefficients {kind.__name__} can give back more work than it took in: sigma2 = 0.4 N s/m is below "
         "sigma1 (mu_s - mu)/mu = 158.1 N s/m. Raise sigma2, lower sigma1, or let sigma1 fade with speed by v_damping."
@@ -75,7 +75,7 @@ def test_constant_damping_is_passive_from_the_bound_of_barabanov_and_ortega(sigm
     law = LuGre(0.1, 0.15, 5e-3, sigma0=1e4, sigma1=100.0, sigma2=sigma2)
     assert law.passive(2.0) is passive
     assert (jump(law, 1e3, 2.0) > 0) is passive
-    assert bool(law.remarks(2.0)) is not passive
+    assert bool(law.warnings(2.0)) is not passive
 
 
 @pytest.mark.parametrize(("times", "passive"), [(0.99, True), (20.0, False)])
@@ -89,15 +89,15 @@ def test_fading_damping_is_passive_where_it_fades_soon(times: float, passive: bo
     force = jax.vmap(lambda v, z: law.force(v, z, LOAD))(jnp.asarray(v), jnp.asarray(bend)[:, None])
     rate = jax.vmap(lambda v, z: law.rate(v, z, LOAD))(jnp.asarray(v), jnp.asarray(bend)[:, None])[:, 0]
     assert bool(np.all(force * v - 1e4 * bend * rate >= -1e-12)) is passive
-    assert [("fades too slowly" in remark) for remark in law.remarks(2.0)] == [True] * (not passive)
+    assert [("fades too slowly" in remark) for remark in law.warnings(2.0)] == [True] * (not passive)
 
 
 def test_negative_viscous_friction_is_not_passive():
     law = LuGre(0.1, sigma2=-0.5)
     assert not law.passive(2.0)
-    assert "sigma2 = -0.5 N s/m is negative" in law.remarks(2.0)[0]
+    assert "sigma2 = -0.5 N s/m is negative" in law.warnings(2.0)[0]
 
 
 def test_a_sum_tells_the_remarks_of_its_laws():
     law = LuGre(0.1, sigma2=-0.5) + LuGre(0.1) + LuGre(0.1, sigma2=-0.2)
-    assert len(law.remarks(2.0)) == 2
+    assert len(law.warnings(2.0)) == 2

@@ -10,7 +10,7 @@ import pytest
 from fricjax import friction
 from fricjax.friction import Coulomb, Sum
 from fricjax.friction.catalogue import CATALOGUE
-from fricjax.friction.falling import AbstractFalling
+from fricjax.friction.stribeck_curve import AbstractFalling
 from fricjax.oscillator import Oscillator
 from fricjax.oscillator.leaves import leaves_of
 from fricjax.oscillator.names import coefficient_names

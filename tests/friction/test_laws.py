@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import fricjax.friction as friction
-from fricjax.friction import AbstractFriction, Coulomb, LuGre, Stribeck, Tanh, Windage
+from fricjax.friction import AbstractFriction, Coulomb, LuGre, QuadraticDrag, Stribeck, Tanh
 from fricjax.friction.base import Scalar, scalar
 from fricjax.oscillator import restoring
 from tests.cases.case import LOAD
@@ -110,14 +110,14 @@ def test_derivatives_of_the_force_are_finite_from_rest_to_any_speed(case):
         assert np.all(np.isfinite(slopes)), speed
 
 
-@pytest.mark.parametrize("law", [Coulomb(0.1, 0.15), Stribeck(0.1, 0.15), LuGre(0.1), Windage(0.1)])
+@pytest.mark.parametrize("law", [Coulomb(0.1, 0.15), Stribeck(0.1, 0.15), LuGre(0.1), QuadraticDrag(0.1)])
 def test_a_law_without_a_jump_to_sharpen_is_its_own_sharp_law(law):
-    assert law.sharp() is law
+    assert law.set_valued_limit() is law
 
 
 def test_tanh_tends_to_its_sharp_law():
     v = jnp.asarray([-1e-3, -1e-5, 1e-5, 1e-3])
-    sharp = Tanh(0.1, 1e-9).sharp()
+    sharp = Tanh(0.1, 1e-9).set_valued_limit()
     assert isinstance(sharp, Coulomb)
     smooth = Tanh(0.1, 1e-9).force(v, jnp.zeros(0), LOAD_ARRAY)
     np.testing.assert_allclose(smooth, sharp.force(v, jnp.zeros(0), LOAD_ARRAY), rtol=1e-14)
@@ -155,12 +155,12 @@ def test_a_tied_static_coefficient_follows_mu():
     ("law", "scale"),
     [
         (Coulomb(0.1, 0.15), np.inf),
-        (Windage(0.5), np.inf),
+        (QuadraticDrag(0.5), np.inf),
         (Stribeck(0.1, 0.15, 5e-3), 5e-3),
         (Tanh(0.1, 1e-3), 1e-3),
         (LuGre(0.1), np.inf),
         (LuGre(0.1, 0.15, 5e-3), 5e-3),
-        (Windage(0.5) + Tanh(0.1, 1e-3) + Tanh(0.1, 1e-4), 1e-4),
+        (QuadraticDrag(0.5) + Tanh(0.1, 1e-3) + Tanh(0.1, 1e-4), 1e-4),
     ],
 )
 def test_velocity_scale(law: AbstractFriction, scale: float):

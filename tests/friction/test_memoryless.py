@@ -12,12 +12,12 @@ from fricjax.friction import (
     Lorentzian,
     Makkar,
     MonotoneSpline,
+    QuadraticDrag,
     Spline,
     Stribeck,
     Sum,
     Tanh,
     Viscous,
-    Windage,
 )
 
 LOAD = 2.0
@@ -33,7 +33,7 @@ def test_coulomb_viscous_is_a_sum():
     law = Coulomb(0.01) + Viscous(2.0)
     assert isinstance(law, Sum)
     np.testing.assert_allclose(sliding(law), 0.01 * LOAD + 2.0 * SPEED, rtol=1e-15)
-    np.testing.assert_allclose(sliding(law.sharp()), sliding(law), rtol=1e-15)
+    np.testing.assert_allclose(sliding(law.set_valued_limit()), sliding(law), rtol=1e-15)
 
 
 def test_a_viscous_force_asks_for_no_implicit_steps():
@@ -60,7 +60,7 @@ def test_makkar_is_the_published_law_with_its_forces_per_load():
 
 def test_makkar_tends_to_its_sharp_law():
     steep = Makkar(0.05, 1e9, 1e2, 0.1, 1e9, 0.5)
-    sharp = steep.sharp()
+    sharp = steep.set_valued_limit()
     assert sharp.set_valued
     np.testing.assert_allclose(sliding(steep, SPEED[1:]), sliding(sharp, SPEED[1:]), rtol=1e-14)
     load = jnp.asarray(LOAD)
@@ -94,7 +94,9 @@ def test_no_other_law_ages():
     assert aged.breakaway_force(load) == pytest.approx((0.1 + 0.01 * np.log(61) + 0.15) * LOAD)
 
 
-@pytest.mark.parametrize(("law", "scale"), [(MAKKAR, 1 / 2e3), (MAKKAR.sharp(), 1e-2), (Viscous(1.0), np.inf)])
+@pytest.mark.parametrize(
+    ("law", "scale"), [(MAKKAR, 1 / 2e3), (MAKKAR.set_valued_limit(), 1e-2), (Viscous(1.0), np.inf)]
+)
 def test_velocity_scale(law, scale):
     assert law.velocity_scale() == scale
 
@@ -109,7 +111,7 @@ def test_a_tied_static_coefficient_follows_mu():
     ("build", "says"),
     [
         (lambda: Viscous(np.nan), r"sigma2 of Viscous must be a number of N s/m, got nan N s/m\."),
-        (lambda: Windage("much"), "A coefficient must be a number in SI units, got the text 'much'"),
+        (lambda: QuadraticDrag("much"), "A coefficient must be a number in SI units, got the text 'much'"),
         (lambda: Lorentzian(-0.1), r"mu of Lorentzian must not be negative, got -0\.1\."),
         (lambda: Lorentzian(0.1, 0.05), r"mu_s of Lorentzian must be at least mu = 0\.1, got 0\.05\."),
         (lambda: Lorentzian(0.1, 0.2, 0.0), r"v_stribeck of Lorentzian must be a positive number of m/s, got 0\.0\."),

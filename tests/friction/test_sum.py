@@ -4,7 +4,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from fricjax.friction import Coulomb, LuGre, Stribeck, Sum, Tanh, Windage
+from fricjax.friction import Coulomb, LuGre, QuadraticDrag, Stribeck, Sum, Tanh
 
 LOAD = jnp.asarray(2.0)
 V = jnp.asarray(0.03)
@@ -12,7 +12,7 @@ NO_STATE = jnp.zeros(0)
 
 
 def test_forces_add():
-    parts = Coulomb(0.1), Windage(0.5), Stribeck(0.02, 0.03, 0.01)
+    parts = Coulomb(0.1), QuadraticDrag(0.5), Stribeck(0.02, 0.03, 0.01)
     total = sum(float(law.force(V, NO_STATE, LOAD)) for law in parts)
     law = parts[0] + parts[1] + parts[2]
     assert law.force(V, NO_STATE, LOAD) == pytest.approx(total, rel=1e-15)
@@ -22,9 +22,9 @@ def test_forces_add():
 
 
 def test_sums_are_flat():
-    law = (Coulomb(0.1) + Windage(0.5)) + (Coulomb(0.2) + Windage(0.1))
+    law = (Coulomb(0.1) + QuadraticDrag(0.5)) + (Coulomb(0.2) + QuadraticDrag(0.1))
     assert isinstance(law, Sum)
-    assert [type(part) for part in law.laws] == [Coulomb, Windage, Coulomb, Windage]
+    assert [type(part) for part in law.laws] == [Coulomb, QuadraticDrag, Coulomb, QuadraticDrag]
 
 
 def test_internal_states_keep_to_their_law():
@@ -44,12 +44,12 @@ def test_a_jump_and_a_bristle_do_not_go_together():
 
 
 def test_the_sharp_sum_sharpens_each_part():
-    law = (Tanh(0.1, 1e-4) + Windage(0.5)).sharp()
+    law = (Tanh(0.1, 1e-4) + QuadraticDrag(0.5)).set_valued_limit()
     assert isinstance(law, Sum)
-    assert [type(part) for part in law.laws] == [Coulomb, Windage]
+    assert [type(part) for part in law.laws] == [Coulomb, QuadraticDrag]
     assert law.set_valued
 
 
 def test_a_sum_with_memory_has_no_sharp_twin():
     law = Tanh(0.1, 1e-4) + LuGre(0.1)
-    assert law.sharp() is law
+    assert law.set_valued_limit() is law

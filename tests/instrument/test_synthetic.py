@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 import fricjax as fj
 from fricjax.errors import UsageError
-from fricjax.friction import Coulomb, LuGre, Tanh, Windage
+from fricjax.friction import Coulomb, LuGre, QuadraticDrag, Tanh
 from fricjax.instrument import Interferometer, synthetic_run
 from fricjax.oscillator import Oscillator, restoring, simulate
 from tests.helpers import PROTOTYPE_DAMPING, PROTOTYPE_MASS
@@ -115,12 +115,12 @@ def test_sigma_is_that_of_the_reading():
 
 
 def test_names_and_units_of_other_rigs():
-    laws = Coulomb(0.002) + Windage(0.01)
+    laws = Coulomb(0.002) + QuadraticDrag(0.01)
     swing = Oscillator(1.0, 30.0, 0.01, 1.0, laws, restoring=restoring.Pendulum())
     record = synthetic_run(swing, 0.3, rate=200, duration=1.0, noise=1e-4, release_time_constant=1e-3)
     assert record.quantity == "rad"
-    assert record.meta["friction"] == "Coulomb + Windage"
-    assert {"mu", "windage", "mass", "drag"} <= set(record.meta["coefficients"])
+    assert record.meta["friction"] == "Coulomb + QuadraticDrag"
+    assert {"mu", "quadratic_drag", "mass", "drag"} <= set(record.meta["coefficients"])
     twice = Oscillator(1.0, 30.0, 0.01, 1.0, Coulomb(0.002) + Coulomb(0.001))
     record = synthetic_run(twice, 1e-3, rate=200, duration=1.0, release_time_constant=1e-3)
     assert {"friction.0.mu", "friction.1.mu"} <= set(record.meta["coefficients"])

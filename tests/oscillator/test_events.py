@@ -6,7 +6,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from fricjax.friction import Coulomb, Stribeck, Windage
+from fricjax.friction import Coulomb, QuadraticDrag, Stribeck
 from fricjax.oscillator import Exact, Hybrid, Oscillator, restoring, simulate
 from tests.helpers import PROTOTYPE_DAMPING, PROTOTYPE_MASS
 from tests.oracles import Machine, Slide, slide
@@ -90,8 +90,8 @@ HYBRID = {
         Machine(M, C, lambda x: K * x + 3e8 * x**3, stribeck, 9.66 * 0.065, drag=0.5),
         [(2e-3, 0.0), (-1.5e-3, -0.08)],
     ),
-    "windage in a sum": (
-        Oscillator(M, K, C, 9.66, Coulomb(0.03) + Windage(0.5)),
+    "drag in a sum": (
+        Oscillator(M, K, C, 9.66, Coulomb(0.03) + QuadraticDrag(0.5)),
         Machine(M, C, lambda x: K * x, lambda u: 9.66 * 0.03 + 0.5 * u * u, 9.66 * 0.03),
         [(2e-3, 0.0), (0.0, -0.15)],
     ),
@@ -102,7 +102,12 @@ HYBRID = {
     ),
 }
 # Largest error as a fraction of the first amplitude: 0.15 nm on 2 mm for the linear spring, as the engine promises.
-HYBRID_TOLERANCE = {"sliding": 7.5e-8, "drag and cubic spring": 7.5e-8, "windage in a sum": 7.5e-8, "pendulum": 1e-7}
+HYBRID_TOLERANCE = {
+    "sliding": 7.5e-8,
+    "drag and cubic spring": 7.5e-8,
+    "drag in a sum": 7.5e-8,
+    "pendulum": 1e-7,
+}
 
 
 @pytest.mark.parametrize("name", HYBRID)

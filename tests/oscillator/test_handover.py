@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from fricjax.friction import Coulomb, Stribeck, Tanh, Windage
+from fricjax.friction import Coulomb, QuadraticDrag, Stribeck, Tanh
 from fricjax.oscillator import Hybrid, Motion, Oscillator, is_successful, simulate, starting_state
 from tests.helpers import PROTOTYPE_DAMPING, PROTOTYPE_MASS
 from tests.oracles import Machine, Slide, slide, tanh_motion
@@ -194,7 +194,7 @@ def test_a_campaign_of_random_starts():
 
 def test_heavy_drag_takes_the_first_half_cycle_in_time():
     ts, drag = np.linspace(0, 0.15, 151), 2.5e3
-    motion = simulate(Oscillator(M, K, C, N, Coulomb(0.01) + Windage(drag)), 2e-3, ts)
+    motion = simulate(Oscillator(M, K, C, N, Coulomb(0.01) + QuadraticDrag(drag)), 2e-3, ts)
     plain = Machine(M, C, lambda x: K * x, lambda u: N * 0.01 + drag * u * u, N * 0.01)
     expected = slide(plain, 2e-3, 0.0, ts)
     assert motion.stats["t_handover"] == 0

@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from fricjax.friction import Coulomb, LuGre, Stribeck, Tanh, Windage
+from fricjax.friction import Coulomb, LuGre, QuadraticDrag, Stribeck, Tanh
 from fricjax.oscillator import (
     RESULTS,
     Exact,
@@ -43,9 +43,9 @@ def words(motion: Motion) -> str:
         (Oscillator(*RIG, Coulomb(0.1), restoring=restoring.Cubic(1e6)), Hybrid),
         (Oscillator(*RIG, Coulomb(0.1), restoring=restoring.Pendulum()), Hybrid),
         (Oscillator(*RIG, Stribeck(0.1, 0.2)), Hybrid),
-        (Oscillator(*RIG, Coulomb(0.1) + Windage(0.1)), Hybrid),
+        (Oscillator(*RIG, Coulomb(0.1) + QuadraticDrag(0.1)), Hybrid),
         (Oscillator(*RIG, Tanh(0.1, 1e-3)), Hybrid),
-        (Oscillator(*RIG, Tanh(0.1, 1e-3) + Windage(0.1)), Hybrid),
+        (Oscillator(*RIG, Tanh(0.1, 1e-3) + QuadraticDrag(0.1)), Hybrid),
         (Oscillator(*RIG, LuGre(0.1)), Smooth),
         (Oscillator(*RIG, LuGre(0.1) + Tanh(0.1, 1e-3)), Smooth),
     ],

@@ -15,7 +15,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from ...friction.base import AbstractConstant, Scalar
+from ...friction.base import Scalar
+from ...friction.kinds import AbstractConstant
 from ..motion import RESULTS, Motion, Start
 from ..oscillator import Oscillator
 from ..restoring import Linear

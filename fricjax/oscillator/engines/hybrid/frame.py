@@ -60,7 +60,7 @@ def frame_at(oscillator: Oscillator, side: Array, x: Array) -> Frame:
 
 def reference_force(oscillator: Oscillator) -> Array:
     """Friction force as sliding begins [N], without the regularisation."""
-    return oscillator.friction.sharp().sliding_force(jnp.zeros(()), oscillator.normal_force)  # pyright: ignore[reportReturnType]
+    return oscillator.friction.set_valued_limit().sliding_force(jnp.zeros(()), oscillator.normal_force)  # pyright: ignore[reportReturnType]
 
 
 class Place(NamedTuple):

@@ -141,7 +141,7 @@ def _state_units(oscillator: Oscillator, length: Array) -> Array:
     """
     law, load = oscillator.friction, oscillator.normal_force
     unit = jnp.maximum(law.state_scale(load), jnp.finfo(float).tiny)
-    if not law.n_states or not law.forgets:
+    if not law.n_states or not law.has_fading_memory:
         return unit
     travel = unit / jnp.abs(law.rate(jnp.ones(()), jnp.zeros(law.n_states), load))
     felt = jnp.sqrt(2 * travel * oscillator.dead_band) / length
