@@ -39,7 +39,7 @@ from fricjax.errors import DataError, UsageError  # noqa: E402
 from fricjax.fitting import fit_on_moving_floor  # noqa: E402
 from fricjax.fitting.fit import concluded  # noqa: E402
 from fricjax.fitting.parameters import Request  # noqa: E402
-from fricjax.fitting.problem import Problem, pose  # noqa: E402
+from fricjax.fitting.problem import Problem  # noqa: E402
 from fricjax.fitting.residual import Residual  # noqa: E402
 from fricjax.fitting.rest import with_counts  # noqa: E402
 from fricjax.fitting.solve import checking, solve  # noqa: E402
@@ -119,7 +119,7 @@ def posed(rig: Rig, run: Run, loss: str, guess: dict[str, float] | None = None) 
     """The problem with the true number of half-cycles."""
     settings = {"nuisance": None, "engine": "auto", "start": "first_reversal", "bounds": None, "priors": None}
     request = Request.of(rig.oscillator, list(rig.free), tie=None, rig=None, guess=guess, loss=loss, **settings)
-    return with_counts(pose([fj.Trace(run.t, run.x)], request), (run.half_cycles,))
+    return with_counts(build_problem([fj.Trace(run.t, run.x)], request), (run.half_cycles,))
 
 
 def row(kind: str, outcomes: list[Outcome], truth: float) -> str:
@@ -163,7 +163,7 @@ def bound(rig: Rig, run: Run, found: fj.Fit, kind: str) -> np.ndarray:
     window, solved = problem.windows[0], solve(problem)
     used = np.flatnonzero(window.used)
     weighted = np.asarray(derivatives(checking(problem.residual, solved.y), solved.y))[used]
-    columns = weighted * window.sigma[used, None] / np.asarray(solved.settled.slope)
+    columns = weighted * window.sigma[used, None] / np.asarray(solved.derived.slope)
     model = run.x[used] - found.residuals[used]
     white = KNOWN[kind](run.t[used] - run.t[used].mean(), model, columns)
     size = np.linalg.norm(white, axis=0)

@@ -11,11 +11,11 @@ import numpy as np
 from ..errors import DataError, UsageError
 from ..fitting.colours import Seen, colours_of, described, remembered, under_noise
 from ..fitting.fit import concluded, records_of
-from ..fitting.problem import Problem, posed_on
+from ..fitting.problem import Problem, problem_on
 from ..fitting.rest import solve_with_rest
 from ..fitting.result import Fit
 from ..fitting.rows import rows_of
-from ..fitting.solve import Solved
+from ..fitting.solve import Solution
 from ..fitting.whiteness import whiteness
 from ..oscillator import Oscillator, ready
 from .candidates import Candidate, candidates, law_name
@@ -136,7 +136,7 @@ class _Entry(NamedTuple):
     candidate: Candidate
     status: str
     problem: Problem | None = None
-    solved: Solved | None = None
+    solved: Solution | None = None
     fit: Fit | None = None
 
     @property
@@ -150,7 +150,7 @@ def _fitted(candidate: Candidate, sigma_mode: str) -> _Entry:
     try:
         if not isinstance(candidate.windows, tuple):
             raise candidate.windows
-        problem, solved = solve_with_rest(posed_on(candidate.windows, candidate.request))
+        problem, solved = solve_with_rest(problem_on(candidate.windows, candidate.request))
         fit = concluded(problem, solved, sigma_mode, throw=False)
     except (DataError, UsageError, RuntimeError) as error:
         return _Entry(candidate, f"rejected: {' '.join(str(error).split())}")
@@ -184,7 +184,7 @@ def _row(entry: _Entry, held_out: bool) -> Row:
         return row
     chi2 = solved.chi2 if np.isfinite(solved.chi2) else np.inf
     times = [np.asarray(window.trace.t)[window.used] for window in problem.windows]
-    parts = zip(problem.by_run(solved.survey.residual), problem.windows, strict=True)
+    parts = zip(problem.by_run(solved.evaluation.residual), problem.windows, strict=True)
     return dataclasses.replace(
         row,
         valid=entry.fit.converged,
@@ -221,13 +221,13 @@ def _yardstick(entries: Sequence[_Entry], absolute: bool) -> _Yardstick:
     )
     problem, solved = best.problem, best.solved
     assert problem is not None and solved is not None
-    seen = colours_of(problem, solved, rows_of(problem, solved.survey), absolute) if solved.converged else []
+    seen = colours_of(problem, solved, rows_of(problem, solved.evaluation), absolute) if solved.converged else []
     scatter = max(solved.chi2 / problem.dof, 1.0 if absolute else np.finfo(float).tiny)
     time = 1.0
     if seen and described(problem, seen, absolute):
         time = max(remembered(*run) for run in seen)
     elif seen:
-        seen, time = [], max(whiteness(part).correlation_time for part in problem.by_run(solved.survey.residual))
+        seen, time = [], max(whiteness(part).correlation_time for part in problem.by_run(solved.evaluation.residual))
     return _Yardstick(problem.n_used, problem.n_used / time, scatter, time * scatter, seen)
 
 

@@ -16,10 +16,10 @@ import equinox as eqx
 import numpy as np
 
 from ..estimation.covariance import quadratic
+from ..fitting.evaluation import Evaluation
 from ..fitting.problem import Problem
 from ..fitting.residual import Residual
-from ..fitting.solve import Solved, checking, look
-from ..fitting.survey import Survey
+from ..fitting.solve import Solution, checking, evaluate_at
 
 _SHARE = 2 / 3
 _STEPS, _HALVINGS = 8, 4
@@ -34,14 +34,18 @@ class _Fold(NamedTuple):
     refitted: int | None
 
 
-def held_out_score(problem: Problem, solved: Solved) -> float:
+def held_out_score(problem: Problem, solved: Solution) -> float:
     """Mean square of the held-out residuals in units of their noise; NaN where nothing can be held out."""
     residual = checking(problem.residual, solved.y)
     chi2, count = 0.0, 0
     for fold in _folds(problem):
         y, _ = _fitted(_weighing(residual, fold.fitted), solved.y, problem, None)
         seen = _weighing(residual, fold.predicted)
-        found = look(problem, seen, y).survey if fold.refitted is None else _fitted(seen, y, problem, fold.refitted)[1]
+        found = (
+            evaluate_at(problem, seen, y).evaluation
+            if fold.refitted is None
+            else _fitted(seen, y, problem, fold.refitted)[1]
+        )
         chi2 += sum(float(part @ part) for part in problem.by_run(found.residual))
         count += int(sum(part.sum() for part in fold.predicted))
     return chi2 / count if count else float("nan")
@@ -73,14 +77,14 @@ def _weighing(residual: Residual, samples: list[np.ndarray]) -> Residual:
     return eqx.tree_at(lambda r: [run.weight for run in r.runs], residual, weights)
 
 
-def _fitted(residual: Residual, y: np.ndarray, problem: Problem, run: int | None) -> tuple[np.ndarray, Survey]:
+def _fitted(residual: Residual, y: np.ndarray, problem: Problem, run: int | None) -> tuple[np.ndarray, Evaluation]:
     """Coordinates that fit `residual`, of all parameters or of those of one run, and what is found there.
 
     They are reached by Gauss-Newton steps from `y`.
     """
     p = residual.n_parameters
     held = np.zeros(p, bool) if run is None else ~_own(residual, run)
-    found = look(problem, residual, y).survey
+    found = evaluate_at(problem, residual, y).evaluation
     for _ in range(_STEPS):
         at_bound = (y[:p] <= problem.limits.lower) | (y[:p] >= problem.limits.upper)
         shape = quadratic(found.gradient[:p], found.normal[:p, :p], held | at_bound)
@@ -96,20 +100,20 @@ def _fitted(residual: Residual, y: np.ndarray, problem: Problem, run: int | None
 
 
 def _descended(
-    residual: Residual, y: np.ndarray, step: np.ndarray, found: Survey, problem: Problem
-) -> tuple[np.ndarray | None, Survey | None]:
+    residual: Residual, y: np.ndarray, step: np.ndarray, found: Evaluation, problem: Problem
+) -> tuple[np.ndarray | None, Evaluation | None]:
     """The longest of the halved steps that makes the fit better, and what is found there."""
     p, cost = residual.n_parameters, _cost(found)
     for halving in range(_HALVINGS):
         trial = y + step / 2**halving
         trial[:p] = np.clip(trial[:p], problem.limits.lower, problem.limits.upper)
-        tried = look(problem, residual, trial).survey
+        tried = evaluate_at(problem, residual, trial).evaluation
         if _cost(tried) < cost:
             return trial, tried
     return None, None
 
 
-def _cost(found: Survey) -> float:
+def _cost(found: Evaluation) -> float:
     return float(found.cost) if np.isfinite(found.cost) else np.inf
 
 

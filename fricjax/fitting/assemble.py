@@ -14,38 +14,38 @@ from ..estimation.loss import Squares
 from ..oscillator import Oscillator
 from ..oscillator.leaves import leaves_of
 from ..show import rotary_unit
-from .by_noise import Counted
+from .derived import Estimate, contributions, kinematics
+from .diagnostics import CONVERGED, flags_of, misfit_of, status_of
 from .names import find_leaf
+from .noise_weighting import NoiseWeighted
 from .problem import Problem
-from .remarks import warnings_of
 from .residual import Run
 from .rest import CONTRADICTED, Bracket, bracket_static, excess_at_reversals, rest_margin
 from .result import Fit, named
-from .settled import Estimate, contributions, kinematics
-from .solve import Solved
-from .verdict import CONVERGED, flags_of, misfit_of, status_of
+from .solve import Solution
+from .warnings import warnings_of
 from .whiteness import Whiteness, whiteness
 from .window import NEVER
 
 
-def assemble(counted: Counted, sigma_mode: str) -> Fit:
+def assemble(counted: NoiseWeighted, sigma_mode: str) -> Fit:
     """The fit that is counted by its noise; `sigma_mode` says what that means."""
-    problem, solved, slope = counted.problem, counted.solved, counted.solved.settled.slope
-    found = covariance(solved.shape, slope, solved.survey.normal, counted.variance, counted.unsure)
+    problem, solution, slope = counted.problem, counted.solution, counted.solution.derived.slope
+    found = covariance(solution.shape, slope, solution.evaluation.normal, counted.variance, counted.unsure)
     runs = range(len(problem.windows))
-    margins = tuple(rest_margin(problem, solved, run) for run in runs)
-    excesses = tuple(excess_at_reversals(problem, solved, run) for run in runs)
-    residuals, rms = _residuals(problem, solved)
-    bracket, name = bracket_static(problem, solved), problem.bracketed or "mu_s"
-    machine, static = _machine(problem, solved, bracket)
-    shown = record_time(problem, solved.settled.values)
+    margins = tuple(rest_margin(problem, solution, run) for run in runs)
+    excesses = tuple(excess_at_reversals(problem, solution, run) for run in runs)
+    residuals, rms = _residuals(problem, solution)
+    bracket, name = bracket_static(problem, solution), problem.bracketed or "mu_s"
+    machine, static = _machine(problem, solution, bracket)
+    shown = record_time(problem, solution.derived.values)
     values = named(problem.names, shown)
     std_errors = named(problem.names, np.sqrt(np.diag(found.statistical)))
     factor = np.sqrt(counted.scatter) if sigma_mode == "estimate" else 1.0
-    misfit = misfit_of(problem, solved, counted.noises, sigma_mode != "absolute")
-    status = status_of(problem, solved, found, misfit)
-    parts = contributions(problem.names, solved.settled, found)
-    shift = solved.numerical_shift
+    misfit = misfit_of(problem, solution, counted.noises, sigma_mode != "absolute")
+    status = status_of(problem, solution, found, misfit)
+    parts = contributions(problem.names, solution.derived, found)
+    shift = solution.numerical_shift
     told = warnings_of(problem, values, std_errors, misfit, counted.others, margins, excesses, bracket, shift)
     return Fit(
         names=problem.names,
@@ -57,21 +57,21 @@ def assemble(counted: Counted, sigma_mode: str) -> Fit:
         covariance=found.statistical,
         combined_covariance=found.combined,
         units={**{p.name: unit_of(p.unit, problem) for p in problem.parameters}, **dict.fromkeys(static, "")},
-        flags={**flags_of(problem, found, solved), **_static_flags(name, static, bracket)},
+        flags={**flags_of(problem, found, solution), **_static_flags(name, static, bracket)},
         converged=status == CONVERGED,
         status=status,
         warnings=told,
-        kinematics=_kinematics(solved, found, parts),
+        kinematics=_kinematics(solution, found, parts),
         contributions={name: named(problem.inputs, each) for name, each in parts.items()},
-        chi2=solved.chi2 / factor**2,
+        chi2=solution.chi2 / factor**2,
         dof=problem.dof,
         residuals=residuals,
         residual_rms=rms,
         **_noise(problem, factor, sigma_mode),
         noises=counted.noises,
-        whiteness=_whiteness(problem, solved),
+        whiteness=_whiteness(problem, solution),
         margins=margins,
-        **{name: getattr(solved, name) for name in ("iterations", "stages", "passes", "numerical_shift")},
+        **{name: getattr(solution, name) for name in ("iterations", "stages", "passes", "numerical_shift")},
         engine=type(problem.residual.engine).__name__.lower(),
         **_criteria(counted, sigma_mode),
         oscillator=machine,
@@ -80,9 +80,9 @@ def assemble(counted: Counted, sigma_mode: str) -> Fit:
     )
 
 
-def _kinematics(solved: Solved, found: Covariance, parts: Mapping[str, np.ndarray]) -> dict[str, Estimate]:
+def _kinematics(solution: Solution, found: Covariance, parts: Mapping[str, np.ndarray]) -> dict[str, Estimate]:
     """The kinematics with what the inputs of a rig contribute to their uncertainties."""
-    told = kinematics(solved.settled, found)
+    told = kinematics(solution.derived, found)
     return {
         name: each._replace(std=float(np.hypot(each.std, np.linalg.norm(parts[name])))) for name, each in told.items()
     }
@@ -133,31 +133,33 @@ def record_time(problem: Problem, values: np.ndarray) -> np.ndarray:
     return shown
 
 
-def _whiteness(problem: Problem, solved: Solved) -> Whiteness:
+def _whiteness(problem: Problem, solution: Solution) -> Whiteness:
     """The verdict on the run whose residuals are the least white, each with the weight that its loss gives it."""
-    parts = [part[w.used] for part, w in zip(problem.by_run(solved.survey.residual), problem.windows, strict=True)]
+    parts = [
+        part[w.used] for part, w in zip(problem.by_run(solution.evaluation.residual), problem.windows, strict=True)
+    ]
     if not isinstance(problem.loss, Squares):
         parts = [part * np.asarray(problem.loss.parts(jnp.asarray(part))[1]) for part in parts]
     verdicts = [whiteness(part) for part in parts]
     return max(verdicts, key=lambda verdict: (not verdict.white, verdict.correlation_time))
 
 
-def _residuals(problem: Problem, solved: Solved) -> tuple[Any, float]:
+def _residuals(problem: Problem, solution: Solution) -> tuple[Any, float]:
     """Measured minus model for each run, and the root mean square of all."""
-    weighted = zip(problem.by_run(solved.survey.residual), problem.windows, strict=True)
+    weighted = zip(problem.by_run(solution.evaluation.residual), problem.windows, strict=True)
     parts = [np.where(window.used, -part * window.sigma, np.nan) for part, window in weighted]
     fitted = np.concatenate([part[window.used] for part, window in zip(parts, problem.windows, strict=True)])
     rms = float(np.sqrt(np.mean(fitted**2)))
     return (parts[0] if len(parts) == 1 else tuple(parts)), rms
 
 
-def _machine(problem: Problem, solved: Solved, bracket: Bracket | None) -> tuple[Oscillator, dict[str, float]]:
+def _machine(problem: Problem, solution: Solution, bracket: Bracket | None) -> tuple[Oscillator, dict[str, float]]:
     """The fitted oscillator, with a bracketed static coefficient at the middle of its interval, and that value.
 
     Where there is none that the stops agree on, its value is NaN, and that of the oscillator the dynamic one.
     """
     # As numpy arrays its values are known outside of jit, so that a simulation may choose the fastest engine.
-    machine = solved.settled.machine
+    machine = solution.derived.machine
     if bracket is None or problem.bracketed is None:
         return machine, {}
     known = bracket.upper < np.inf and not bracket.contradicted
@@ -180,13 +182,13 @@ def _intervals(names: Sequence[str], values: np.ndarray, found: Covariance) -> d
     return {name: (float(v - h), float(v + h)) for name, v, h in zip(names, values, half, strict=True)}
 
 
-def _criteria(counted: Counted, sigma_mode: str) -> dict[str, float]:
+def _criteria(counted: NoiseWeighted, sigma_mode: str) -> dict[str, float]:
     """Akaike's criterion for small samples and the Bayesian one, up to a constant common to all models of a record.
 
     The sum of losses is that of the squares over the variance, or what stands for it: minus twice the log likelihood
     of white noise, to which the colour of another adds what it gains, and its numbers to those of the parameters.
     """
-    misfit, n = 2 * float(counted.solved.survey.cost), counted.problem.n_used
+    misfit, n = 2 * float(counted.solution.evaluation.cost), counted.problem.n_used
     k = len(counted.problem.parameters) + counted.numbers
     told, k = (misfit, k) if sigma_mode == "absolute" else (n * np.log(misfit / n), k + 1)
     told = told + counted.gain

@@ -17,16 +17,16 @@ from ..oscillator import Oscillator, ready
 from ..oscillator.engines import AbstractEngine
 from .assemble import record_time, unit_of
 from .batch_result import BatchFit
-from .by_noise import Counted, counted_by_noise
-from .lanes import WIDTH, Landed, solve_lanes
+from .derived import UNITS, Estimate, contributions, kinematics
+from .diagnostics import CONVERGED, Misfit, flags_of, misfit_of, status_of, worst
+from .lanes import WIDTH, BatchIterate, solve_batch
+from .noise_weighting import NoiseWeighted, weigh_by_noise
 from .parameters import Request
-from .problem import Problem, pose
-from .remarks import remarks_on
+from .problem import Problem, build_problem
 from .rest import far_off, solve_with_rest
 from .result import named
-from .settled import UNITS, Estimate, contributions, kinematics
-from .solve import Solved, judged
-from .verdict import CONVERGED, Misfit, flags_of, misfit_of, status_of, worst
+from .solve import Solution, solution_of
+from .warnings import warnings_of_run
 from .window import NEVER
 
 
@@ -35,7 +35,7 @@ class _Row(NamedTuple):
 
     status: str
     problem: Problem | None = None
-    counted: Counted | None = None
+    counted: NoiseWeighted | None = None
     found: Covariance | None = None
     warnings: tuple[str, ...] = ()
 
@@ -44,20 +44,20 @@ class _Row(NamedTuple):
         return self.status == CONVERGED
 
     @property
-    def solved(self) -> Solved | None:
-        return None if self.counted is None else self.counted.solved
+    def solution(self) -> Solution | None:
+        return None if self.counted is None else self.counted.solution
 
     @property
     def kinematics(self) -> dict[str, Estimate]:
-        if self.solved is None or self.found is None:
+        if self.solution is None or self.found is None:
             return {}
-        return kinematics(self.solved.settled, self.found)
+        return kinematics(self.solution.derived, self.found)
 
     @property
     def contributions(self) -> dict[str, np.ndarray]:
-        if self.problem is None or self.found is None or self.solved is None:
+        if self.problem is None or self.found is None or self.solution is None:
             return {}
-        return contributions(self.problem.names, self.solved.settled, self.found)
+        return contributions(self.problem.names, self.solution.derived, self.found)
 
     @property
     def half_cycles(self) -> int:
@@ -66,9 +66,9 @@ class _Row(NamedTuple):
 
     @property
     def flags(self) -> dict[str, tuple[str, ...]]:
-        if self.problem is None or self.found is None or self.solved is None:
+        if self.problem is None or self.found is None or self.solution is None:
             return {}
-        return flags_of(self.problem, self.found, self.solved)
+        return flags_of(self.problem, self.found, self.solution)
 
 
 def fit_batch(
@@ -185,8 +185,8 @@ def _name(source: Any, run: Record | Exception) -> str:
 def _fit_block(records: Sequence[Any], requests: Sequence[Request]) -> list[_Row]:
     posed = [_posed(record, request) for record, request in zip(records, requests, strict=True)]
     problems = [problem for problem in posed if isinstance(problem, Problem)]
-    solved = iter(_solved(problems))
-    ended = [next(solved) if isinstance(p, Problem) else p for p in posed]
+    solution = iter(_solved(problems))
+    ended = [next(solution) if isinstance(p, Problem) else p for p in posed]
     return [_row(each) if isinstance(each, _Finished) else _Row(f"rejected: {each}") for each in ended]
 
 
@@ -195,7 +195,7 @@ def _posed(record: Record | Exception, request: Request) -> Problem | Exception:
     if isinstance(record, Exception):
         return record
     try:
-        return pose((record,), request)
+        return build_problem((record,), request)
     except (DataError, UsageError) as error:
         return error
 
@@ -203,55 +203,57 @@ def _posed(record: Record | Exception, request: Request) -> Problem | Exception:
 class _Finished(NamedTuple):
     """A fit counted by its noise, and its residuals beside that."""
 
-    counted: Counted
+    counted: NoiseWeighted
     misfit: Misfit
 
 
 def _solved(problems: Sequence[Problem]) -> list[_Finished | UsageError]:
     if any(problem.residual.engine.needs_mesh for problem in problems):
         return [_alone(problem) for problem in problems]
-    return [_finished(problem, landed) for problem, landed in zip(problems, solve_lanes(problems), strict=True)]
+    return [_finished(problem, landed) for problem, landed in zip(problems, solve_batch(problems), strict=True)]
 
 
 def _alone(problem: Problem) -> _Finished | UsageError:
     """The fit of one run, or why its motion cannot be computed."""
     try:
-        counted = counted_by_noise(*solve_with_rest(problem), True)
+        counted = weigh_by_noise(*solve_with_rest(problem), True)
     except UsageError as error:
         return error
     return _Finished(counted, _misfit(counted))
 
 
-def _finished(problem: Problem, landed: Landed) -> _Finished | UsageError:
+def _finished(problem: Problem, landed: BatchIterate) -> _Finished | UsageError:
     """A lane as a solved fit; where its number of half-cycles is in doubt or it is not accurate, fitted for itself."""
-    solved = judged(problem, landed.at, landed.looked)
+    solution = solution_of(problem, landed.at, landed.looked)
     recorded = int(problem.residual.runs[0].half_cycles)
     undecided = bool(problem.windows[0].segmentation.open)
     other = recorded < NEVER and (undecided or 0 < int(landed.told.half_cycles) != recorded)
-    doubtful = solved.converged and (other or far_off(problem, solved) or not solved.accurate)
+    doubtful = solution.converged and (other or far_off(problem, solution) or not solution.accurate)
     if doubtful:
         return _alone(problem)
-    counted = counted_by_noise(problem, solved, True)
+    counted = weigh_by_noise(problem, solution, True)
     # Of a lane no samples are left; where the fit went on by a step they were looked at again.
-    if counted.went_on and not counted.solved.survey.residual.size:
+    if counted.went_on and not counted.solution.evaluation.residual.size:
         return _alone(problem)
     lane = worst(problem, [float(landed.told.size)], [0.0], False)
     return _Finished(counted, _misfit(counted) if counted.went_on else lane)
 
 
-def _misfit(counted: Counted) -> Misfit:
-    return misfit_of(counted.problem, counted.solved, counted.noises, False)
+def _misfit(counted: NoiseWeighted) -> Misfit:
+    return misfit_of(counted.problem, counted.solution, counted.noises, False)
 
 
 def _row(finished: _Finished) -> _Row:
     counted, misfit = finished
-    problem, solved = counted.problem, counted.solved
-    found = covariance(solved.shape, solved.settled.slope, solved.survey.normal, counted.variance, counted.unsure)
-    values, errors = (
-        named(problem.names, each) for each in (solved.settled.values, np.sqrt(np.diag(found.statistical)))
+    problem, solution = counted.problem, counted.solution
+    found = covariance(
+        solution.shape, solution.derived.slope, solution.evaluation.normal, counted.variance, counted.unsure
     )
-    told = tuple(remarks_on(problem, values, errors, misfit, counted.others))
-    return _Row(status_of(problem, solved, found, misfit), problem, counted, found, told)
+    values, errors = (
+        named(problem.names, each) for each in (solution.derived.values, np.sqrt(np.diag(found.statistical)))
+    )
+    told = tuple(warnings_of_run(problem, values, errors, misfit, counted.others))
+    return _Row(status_of(problem, solution, found, misfit), problem, counted, found, told)
 
 
 def _collected(rows: Sequence[_Row], sources: tuple[str, ...]) -> BatchFit:
@@ -289,15 +291,15 @@ def _collected(rows: Sequence[_Row], sources: tuple[str, ...]) -> BatchFit:
             }
             for name in (*names, *UNITS)
         },
-        chi2=_column(rows, lambda row: row.solved.chi2),
+        chi2=_column(rows, lambda row: row.solution.chi2),
         dof=_column(rows, lambda row: row.problem.dof),
         residual_rms=_column(rows, _rms),
         sigma=_column(rows, _sigma),
         noises=tuple(None if row.counted is None else row.counted.noises[0] for row in rows),
-        numerical_shift=_column(rows, lambda row: row.solved.numerical_shift),
+        numerical_shift=_column(rows, lambda row: row.solution.numerical_shift),
         half_cycles=np.array([row.half_cycles for row in rows]),
-        iterations=np.array([row.solved.iterations if row.solved else 0 for row in rows]),
-        passes=np.array([row.solved.passes if row.solved else 0 for row in rows]),
+        iterations=np.array([row.solution.iterations if row.solution else 0 for row in rows]),
+        passes=np.array([row.solution.passes if row.solution else 0 for row in rows]),
         engine=type(problem.residual.engine).__name__.lower(),
         sources=sources,
     )
@@ -309,11 +311,11 @@ def _column(rows: Sequence[_Row], of: Callable[[Any], Any], shape: tuple[int, ..
 
 
 def _values(row: Any) -> np.ndarray:
-    return record_time(row.problem, row.solved.settled.values)
+    return record_time(row.problem, row.solution.derived.values)
 
 
 def _white_errors(row: Any) -> np.ndarray:
-    return row.counted.white * row.solved.settled.slope
+    return row.counted.white * row.solution.derived.slope
 
 
 def _sigma(row: Any) -> float:
@@ -322,4 +324,4 @@ def _sigma(row: Any) -> float:
 
 def _rms(row: Any) -> float:
     """Root mean square of the residuals, exact where all samples have the same noise."""
-    return _sigma(row) * float(np.sqrt(row.solved.chi2 / row.problem.n_used))
+    return _sigma(row) * float(np.sqrt(row.solution.chi2 / row.problem.n_used))

@@ -6,9 +6,9 @@ from typing import Any
 import numpy as np
 
 from ..errors import DataError, UsageError, nearest
+from .diagnostics import optimum_found
 from .noise import Noise
 from .population import Population, population
-from .verdict import optimum_found
 
 
 @dataclasses.dataclass(frozen=True, eq=False)

@@ -11,10 +11,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from .diagnostics import SURE
 from .problem import Problem, with_windows
 from .rows import Rows
-from .solve import Solved, checking, look, solve
-from .verdict import SURE
+from .solve import Solution, checking, evaluate_at, solve
 from .window import DITHERED, Window
 
 # Solutions until the weights settle to a part of themselves, and the factor by which the noise at rest may fall in one.
@@ -27,13 +27,13 @@ class Clocked(NamedTuple):
     """A fit whose samples are weighed by their jitter.
 
     Attributes:
-        problem: with other weights of the samples; `solved`: its solution.
+        problem: with other weights of the samples; `solution`: its solution.
         jitters: of each run, None where nothing shows.
         gain: what the weights add to minus twice the logarithm of the likelihood.
     """
 
     problem: Problem
-    solved: Solved
+    solution: Solution
     jitters: Sequence["Jitter | None"]
     gain: float
 
@@ -55,17 +55,17 @@ class Jitter(NamedTuple):
         return self.interval * float(np.sqrt(self.moving))
 
 
-def by_clock(problem: Problem, solved: Solved, rows: Sequence[Rows]) -> Clocked | None:
+def by_clock(problem: Problem, solution: Solution, rows: Sequence[Rows]) -> Clocked | None:
     """The fit weighed by the jitter of its clock; None where none shows in its rows, or where it fails under it."""
     jitters = [_seen(*run) for run in zip(problem.windows, rows, strict=True)]
     if not any(jitters):
         return None
-    survey = solved.survey
-    if not survey.residual.size:
-        survey = look(problem, checking(problem.residual, solved.y), solved.y).survey
-    weighed, again = problem, solved
+    evaluation = solution.evaluation
+    if not evaluation.residual.size:
+        evaluation = evaluate_at(problem, checking(problem.residual, solution.y), solution.y).evaluation
+    weighed, again = problem, solution
     for _ in range(_SOLUTIONS):
-        parts = zip(weighed.by_run(survey.residual), weighed.windows, strict=True)
+        parts = zip(weighed.by_run(evaluation.residual), weighed.windows, strict=True)
         errors = [part * window.sigma for part, window in parts]
         before, jitters = jitters, [_refined(*run) for run in zip(problem.windows, errors, jitters, strict=True)]
         if weighed is not problem and all(map(_alike, before, jitters)):
@@ -74,7 +74,7 @@ def by_clock(problem: Problem, solved: Solved, rows: Sequence[Rows]) -> Clocked 
         again = solve(weighed, again.y)
         if not again.converged:
             return None
-        survey = again.survey
+        evaluation = again.evaluation
     pairs = zip(problem.windows, weighed.windows, strict=True)
     gain = sum(2 * float(np.sum(np.log(after.sigma / before.sigma)[before.used])) for before, after in pairs)
     return Clocked(weighed, again, jitters, gain)

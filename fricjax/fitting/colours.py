@@ -25,11 +25,11 @@ from ..estimation.colour import (
 )
 from ..estimation.covariance import Quadratic, quadratic
 from ..estimation.loss import Squares
+from .diagnostics import ADEQUATE, SURE, worst
 from .floor import passage_of
 from .problem import Problem
 from .rows import Rows, run_in_rows
-from .solve import Solved
-from .verdict import ADEQUATE, SURE, worst
+from .solve import Solution
 from .whiteness import whiteness
 from .window import Window
 
@@ -46,7 +46,7 @@ class Seen(NamedTuple):
     colour: Colour
 
 
-def colours_of(problem: Problem, at: Solved, rows: Sequence[Rows], absolute: bool) -> list[Seen]:
+def colours_of(problem: Problem, at: Solution, rows: Sequence[Rows], absolute: bool) -> list[Seen]:
     """The rows of each run with the colour of their noise; none where that of all runs is white."""
     freedom = problem.n_used / problem.dof
     # A coordinate that a bound holds explains nothing of what is left; an input of the rig, as the nonlinearity of an
@@ -72,7 +72,7 @@ def described(problem: Problem, seen: Sequence[Seen], absolute: bool) -> bool:
     return worst(problem, sizes, expected, not absolute).ratio <= ADEQUATE
 
 
-def _or_shaken(problem: Problem, at: Solved, run: int, row: Rows, colour: Colour) -> Colour:
+def _or_shaken(problem: Problem, at: Solution, run: int, row: Rows, colour: Colour) -> Colour:
     """A colour, or that of a floor that shakes the mass, by Schwarz's criterion; first by a part of the rows."""
     # No floor moves the reading of a mass that rests, and only a rest tells kicks from what a model lacks.
     still = _at_rest(problem.windows[run], row)
@@ -103,7 +103,7 @@ def _remembers(moving: np.ndarray, level: float) -> bool:
     return bool(larger or autoregression(moving, np.zeros(1, int))[0].size)
 
 
-def _shaken(problem: Problem, at: Solved, run: int, series: Series) -> Colour | None:
+def _shaken(problem: Problem, at: Solution, run: int, series: Series) -> Colour | None:
     passage = passage_of(problem, at, run, series.t)
     return None if passage is None else kicked(series, passage)
 
@@ -121,7 +121,7 @@ def remembered(rows: Rows, colour: Colour) -> float:
 
 
 class UnderNoise(NamedTuple):
-    """A fit judged by noises that were seen elsewhere on the same samples.
+    """A fit weighed by noises that were seen elsewhere on the same samples.
 
     Attributes:
         misfit: sum of squares of its rows, weighed by the noise, and of its priors, where it is the least.
@@ -135,15 +135,15 @@ class UnderNoise(NamedTuple):
     residuals: list[np.ndarray]
 
 
-def under_noise(problem: Problem, solved: Solved, seen: Sequence[Seen]) -> UnderNoise:
-    """A fit judged by noises, one for each run."""
+def under_noise(problem: Problem, solution: Solution, seen: Sequence[Seen]) -> UnderNoise:
+    """A fit weighed by noises, one for each run."""
     pairs = enumerate(seen)
-    runs = [Seen(run_in_rows(problem, solved.survey, run, like.rows.samples), like.colour) for run, like in pairs]
+    runs = [Seen(run_in_rows(problem, solution.evaluation, run, like.rows.samples), like.colour) for run, like in pairs]
     counted = weighed_rows(runs)
-    shape, *_ = least_squares(problem, solved, counted)
-    priors = (solved.settled.values - problem.residual.prior_mean) * problem.residual.prior_weight
+    shape, *_ = least_squares(problem, solution, counted)
+    priors = (solution.derived.values - problem.residual.prior_mean) * problem.residual.prior_weight
     squares = sum(float(np.sum(residual**2)) for residual, _ in counted) + float(priors @ priors)
-    step = np.concatenate([shape.step, np.zeros(solved.y.size - shape.step.size)])
+    step = np.concatenate([shape.step, np.zeros(solution.y.size - shape.step.size)])
     left = [residual + slopes @ step for residual, slopes in counted[: len(runs)]]
     times = [instants(row.series, colour) for row, colour in runs]
     return UnderNoise(squares - shape.distance**2, shape, times, left)
@@ -166,14 +166,16 @@ def weighed_rows(seen: Sequence[Seen]) -> list[Weighed]:
     return found
 
 
-def least_squares(problem: Problem, at: Solved, counted: Iterable[Weighed]) -> tuple[Quadratic, np.ndarray, np.ndarray]:
+def least_squares(
+    problem: Problem, at: Solution, counted: Iterable[Weighed]
+) -> tuple[Quadratic, np.ndarray, np.ndarray]:
     """Quadratic form, gradient and normal matrix of weighed residuals and of the priors."""
     residual, limits = problem.residual, problem.limits
     p, n = residual.n_parameters, at.y.size
     weight = np.asarray(residual.prior_weight)
-    slope = np.pad(at.settled.slope * weight, (0, n - p))
+    slope = np.pad(at.derived.slope * weight, (0, n - p))
     normal = np.diag(slope**2)
-    gradient = slope * np.pad((at.settled.values - residual.prior_mean) * weight, (0, n - p))
+    gradient = slope * np.pad((at.derived.values - residual.prior_mean) * weight, (0, n - p))
     for r, slopes in counted:
         gradient, normal = gradient + slopes.T @ r, normal + slopes.T @ slopes
     y, down = at.y[:p], gradient[:p]

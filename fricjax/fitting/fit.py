@@ -12,13 +12,13 @@ from ..estimation.loss import AbstractLoss
 from ..oscillator import Oscillator, ready
 from ..oscillator.engines import AbstractEngine
 from .assemble import assemble
-from .by_noise import counted_by_noise
+from .noise_weighting import weigh_by_noise
 from .parameters import Request
-from .problem import Problem, pose
+from .problem import Problem, build_problem
 from .rest import solve_with_rest
 from .result import Fit, FitError
 from .settings import check_sigma_mode
-from .solve import Solved
+from .solve import Solution
 
 
 def fit(
@@ -106,19 +106,19 @@ def fit(
         )
     settings = {"nuisance": nuisance, "engine": engine, "start": start, "bounds": bounds, "priors": priors}
     request = Request.of(oscillator, free, tie=tie, rig=rig, guess=guess, loss=loss, **settings)
-    return concluded(*solve_with_rest(pose(records, request)), sigma_mode, throw)
+    return concluded(*solve_with_rest(build_problem(records, request)), sigma_mode, throw)
 
 
-def concluded(problem: Problem, solved: Solved, sigma_mode: str, throw: bool) -> Fit:
+def concluded(problem: Problem, solution: Solution, sigma_mode: str, throw: bool) -> Fit:
     """The fit of a solved problem.
 
     Raises:
         UsageError: free parameters on which the motion does not depend.
         FitError: no optimum was found, and `throw` is set.
     """
-    if solved.converged:
-        check_effect(problem, solved)
-    result = assemble(counted_by_noise(problem, solved, sigma_mode == "absolute"), sigma_mode)
+    if solution.converged:
+        check_effect(problem, solution)
+    result = assemble(weigh_by_noise(problem, solution, sigma_mode == "absolute"), sigma_mode)
     if throw and not result.optimum_found:
         raise FitError(f"The fit is not valid, {result.status}", result)
     return result
@@ -138,13 +138,13 @@ def records_of(data: Any, t: Any, rate: float | None, sigma_mode: str) -> tuple[
     return tuple(map(_without_sigma, records)) if sigma_mode == "estimate" else records
 
 
-def check_effect(problem: Problem, solved: Solved) -> None:
+def check_effect(problem: Problem, solution: Solution) -> None:
     """Refuse free parameters on which the motion does not depend at all.
 
     Raises:
         UsageError: names them.
     """
-    slopes = np.diag(np.asarray(solved.survey.normal))
+    slopes = np.diag(np.asarray(solution.evaluation.normal))
     idle = [p.name for p, slope in zip(problem.parameters, slopes, strict=False) if slope == 0]
     if idle:
         raise UsageError(

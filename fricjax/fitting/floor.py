@@ -12,17 +12,17 @@ import numpy as np
 
 from ..estimation.process import StateTransition
 from .problem import Problem
-from .solve import Solved
+from .solve import Solution
 from .window import equilibrium
 
 
-def passage_of(problem: Problem, at: Solved, run: int, t: np.ndarray) -> StateTransition | None:
+def passage_of(problem: Problem, at: Solution, run: int, t: np.ndarray) -> StateTransition | None:
     """The passage of a deviation between times of a run; None where the record shows no half-cycles."""
-    window, machine = problem.windows[run], at.settled.machine
+    window, machine = problem.windows[run], at.derived.machine
     found = window.segmentation
     if found.turning_times.size < 2:
         return None
-    start = float(problem.residual.own_at(at.settled.values, run)["t_release"])
+    start = float(problem.residual.run_parameters(at.derived.values, run)["t_release"])
     begin = min(start, float(t[0] - 1e-3 * (t[1] - t[0])))
     times = found.turning_times - window.origin
     later = times > start + found.half_period / 4

@@ -15,7 +15,7 @@ from ..data import Segmentation
 from ..oscillator import Oscillator
 from ..oscillator.restoring import Pendulum
 from .envelope import Envelope, envelope
-from .window import equilibrium, standstills
+from .window import equilibrium, extremes
 
 # Reversals from which a negative damping or drag is told by the envelope and not by the noise of its readings.
 _TELLING = 30
@@ -109,7 +109,7 @@ def _of_pendulum(
 
 
 def _decay(found: Segmentation) -> _Decay:
-    times, points = standstills(found)
+    times, points = extremes(found)
     if points.size < 3:
         return _short(found)
     amplitude = np.abs(points - equilibrium(found))

@@ -17,25 +17,34 @@ from jaxtyping import Array
 from ..estimation.loss import AbstractLoss, Squares
 from ..oscillator import Program
 from ..oscillator.program import Shape, of_shape, split
-from .climb import LOOK, PATIENT, Climbed, Limits, Terrain, Way, climb, like_climbed
+from .derived import Derived
+from .diagnostics import typical
 from .problem import Problem
 from .residual import Residual, start_of, without_inputs
-from .runs import without_windows
-from .settled import Settled
+from .runs import full_stage
 from .solve import checking, joined, start_coordinates, with_inputs
-from .verdict import typical
+from .stages import (
+    CONTINUE_ROBUST,
+    EVALUATE_ONLY,
+    Iterate,
+    Limits,
+    Schedule,
+    StageWeights,
+    like_iterate,
+    solve_in_stages,
+)
 
 WIDTH = 32
 
 
-class Lane(NamedTuple):
-    """The traced part of a way of one problem: what :func:`~fricjax.fitting.climb.climb` takes."""
+class Member(NamedTuple):
+    """The traced part of one problem: what :func:`~fricjax.fitting.stages.solve_in_stages` takes."""
 
     residual: Residual
-    terrain: tuple[Terrain, ...]
+    stage_weights: tuple[StageWeights, ...]
     limits: Limits
     y: Any
-    way: Way
+    way: Schedule
 
 
 class Told(NamedTuple):
@@ -50,39 +59,43 @@ class Told(NamedTuple):
     half_cycles: Any
 
 
-class Landed(NamedTuple):
-    """Where a lane ended: the climb, the look at all samples there, without their residual, and what that tells."""
+class BatchIterate(NamedTuple):
+    """Where a problem ended: the iterate, the evaluation of all samples there without their residual, and its size."""
 
-    at: Climbed
-    looked: Climbed
+    at: Iterate
+    looked: Iterate
     told: Told
 
 
-def solve_lanes(problems: Sequence[Problem]) -> list[Landed]:
+def solve_batch(problems: Sequence[Problem]) -> list[BatchIterate]:
     """Solve problems of one loss, for engines that need no mesh."""
-    begins = [Lane(p.condensed, p.terrain, p.limits, start_coordinates(p), Way()) for p in problems]
+    begins = [Member(p.condensed, p.stage_weights, p.limits, start_coordinates(p), Schedule()) for p in problems]
     ends = [at for at, _ in _gone(begins, Squares())]
     loss = problems[0].loss if problems else Squares()
     if not isinstance(loss, Squares):
         pairs = zip(problems, ends, strict=True)
-        further = _gone([_on_all_samples(p, without_inputs(p.residual), at.y, PATIENT) for p, at in pairs], loss)
+        further = _gone(
+            [_on_all_samples(p, without_inputs(p.residual), at.y, CONTINUE_ROBUST) for p, at in pairs], loss
+        )
         ends = [joined(at, then) for at, (then, _) in zip(ends, further, strict=True)]
     targets = [with_inputs(problem.residual, at.y) for problem, at in zip(problems, ends, strict=True)]
-    looks = [_on_all_samples(p, checking(p.residual, y), y, LOOK) for p, y in zip(problems, targets, strict=True)]
-    return [Landed(at, *found) for at, found in zip(ends, _gone(looks, loss), strict=True)]
+    looks = [
+        _on_all_samples(p, checking(p.residual, y), y, EVALUATE_ONLY) for p, y in zip(problems, targets, strict=True)
+    ]
+    return [BatchIterate(at, *found) for at, found in zip(ends, _gone(looks, loss), strict=True)]
 
 
-def _on_all_samples(problem: Problem, residual: Residual, y: Any, way: Way) -> Lane:
-    return Lane(residual, tuple(without_windows(run) for run in residual.runs), problem.limits, y, way)
+def _on_all_samples(problem: Problem, residual: Residual, y: Any, way: Schedule) -> Member:
+    return Member(residual, tuple(full_stage(run) for run in residual.runs), problem.limits, y, way)
 
 
-def _gone(lanes: Sequence[Lane], loss: AbstractLoss) -> list[tuple[Climbed, Told]]:
+def _gone(lanes: Sequence[Member], loss: AbstractLoss) -> list[tuple[Iterate, Told]]:
     """Go all ways; at most `WIDTH` of one shape share a computation."""
     parts = [split(lane) for lane in lanes]
     groups: dict[Shape, list[int]] = {}
     for i, (shape, _) in enumerate(parts):
         groups.setdefault(shape, []).append(i)
-    gone: dict[int, tuple[Climbed, Told]] = {}
+    gone: dict[int, tuple[Iterate, Told]] = {}
     for shape, members in groups.items():
         for first in range(0, len(members), WIDTH):
             chosen = members[first : first + WIDTH]
@@ -90,7 +103,7 @@ def _gone(lanes: Sequence[Lane], loss: AbstractLoss) -> list[tuple[Climbed, Told
     return [gone[i] for i in range(len(lanes))]
 
 
-def _abreast(shape: Shape, lanes: list[list[Any]], loss: AbstractLoss) -> list[tuple[Climbed, Told]]:
+def _abreast(shape: Shape, lanes: list[list[Any]], loss: AbstractLoss) -> list[tuple[Iterate, Told]]:
     """Go the ways of lanes of one shape; missing ones up to `WIDTH` are copies that are never looked at."""
     columns = zip(*(lanes + lanes[:1] * (WIDTH - len(lanes))), strict=True)
     found = _land_all(of_shape(shape, [np.stack(column) for column in columns]), loss, np.asarray(len(lanes)))
@@ -98,13 +111,13 @@ def _abreast(shape: Shape, lanes: list[list[Any]], loss: AbstractLoss) -> list[t
     return [jax.tree.unflatten(whole, [result[i] for result in results]) for i in range(len(lanes))]
 
 
-def _all_landed(lanes: Lane, loss: AbstractLoss, count: Any) -> tuple[Climbed, Told]:
+def _all_landed(lanes: Member, loss: AbstractLoss, count: Any) -> tuple[Iterate, Told]:
     """What the first `count` lanes tell, one behind the other; their arrays have a leading axis."""
 
-    def one(lane: Lane) -> tuple[Climbed, Told]:
+    def one(lane: Member) -> tuple[Iterate, Told]:
         return _land(lane, loss)
 
-    def lane(i: Array | int) -> Lane:
+    def lane(i: Array | int) -> Member:
         return jax.tree.map(lambda leaf: leaf[i] if eqx.is_array(leaf) else leaf, lanes)
 
     if jax.default_backend() != "cpu":
@@ -114,25 +127,25 @@ def _all_landed(lanes: Lane, loss: AbstractLoss, count: Any) -> tuple[Climbed, T
     return jax.lax.fori_loop(0, count, step, room)
 
 
-_land_all = Program(_all_landed, lambda lanes, *_: (like_climbed(lanes.residual), Told(0, 0)))
+_land_all = Program(_all_landed, lambda lanes, *_: (like_iterate(lanes.residual), Told(0, 0)))
 
 
-def _land(lane: Lane, loss: AbstractLoss) -> tuple[Climbed, Told]:
+def _land(lane: Member, loss: AbstractLoss) -> tuple[Iterate, Told]:
     """Go the way of one lane; what all samples say is told where it only looks."""
-    at = climb(*lane[:3], loss, *lane[3:])
-    found, residual = at.survey, lane.residual
+    at = solve_in_stages(*lane[:3], loss, *lane[3:])
+    found, residual = at.evaluation, lane.residual
     samples = found.residual[: found.residual.size - residual.n_parameters]
     weights = jnp.concatenate([run.weight for run in residual.runs])
     size = typical(jnp.where(weights > 0, samples, jnp.nan), loss, jnp.nanmean, jnp.nanmedian)
-    short = at._replace(survey=found._replace(residual=jnp.zeros(0)))
-    count = jax.lax.cond(lane.way.steps > 1, lambda: jnp.asarray(-1), lambda: _own_count(residual, at.settled))
+    short = at._replace(evaluation=found._replace(residual=jnp.zeros(0)))
+    count = jax.lax.cond(lane.way.steps > 1, lambda: jnp.asarray(-1), lambda: _half_cycles_of_law(residual, at.derived))
     return short, Told(size, count)
 
 
-def _own_count(residual: Residual, settled: Settled) -> Array:
+def _half_cycles_of_law(residual: Residual, derived: Derived) -> Array:
     """Half-cycles after which the law itself would stop the mass; -1 where it never does."""
     if not residual.oscillator.friction.set_valued:
         return jnp.asarray(-1)
-    own = residual.own_at(settled.values, 0)
-    start = start_of(settled.machine, own)
-    return residual.engine.solve(settled.machine, start, jnp.zeros(1)).n_half_cycles
+    own = residual.run_parameters(derived.values, 0)
+    start = start_of(derived.machine, own)
+    return residual.engine.solve(derived.machine, start, jnp.zeros(1)).n_half_cycles

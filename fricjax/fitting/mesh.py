@@ -63,7 +63,7 @@ def _meshed(free: Smooth, residual: Residual, y: Any) -> list[tuple[Any, Any]]:
     machine = residual.machine(y)
 
     def one(number: Any, run: Run) -> tuple[Any, Any]:
-        at = residual.own_of(residual.values(y), number, run)
+        at = residual.parameters_of_run(residual.values(y), number, run)
         end = _REACH * (run.t[-1] - at["t_release"])
         return free.meshed(machine, start_of(machine, at), end, run.half_cycles, CAPACITY)
 

@@ -1,10 +1,11 @@
 """What a model lacks that does not describe its record, as the reversals tell it.
 
-Over a half-cycle of mean amplitude A the spring loses, over the stiffness, what :mod:`.fingerprints` lists, and to a
-drag of coefficient q besides ``(4/3)(q/m) A^3``. Summed up from the first reversal on, this says how far the energy of
-each turning point has fallen, and, over the slope of that, how large its amplitude is. A term without which the
-amplitudes lie off by as much as the residuals of the fit, and with which they do not, is what the model lacks. The same
-holds for the times of the reversals, which a spring that stiffens or softens shifts by a sum of A^2.
+Over a half-cycle of mean amplitude A the spring loses, over the stiffness, what :mod:`fricjax.comparison.fingerprints`
+lists, and to a drag of coefficient q besides ``(4/3)(q/m) A^3``. Summed up from the first reversal on, this says how
+far the energy of each turning point has fallen, and, over the slope of that, how large its amplitude is. A term
+without which the amplitudes lie off by as much as the residuals of the fit, and with which they do not, is what the
+model lacks. The same holds for the times of the reversals, which a spring that stiffens or softens shifts by a sum of
+A^2.
 """
 
 from collections.abc import Iterator

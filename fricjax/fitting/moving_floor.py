@@ -71,9 +71,9 @@ def _checked(base_acceleration: Any, trace: Trace) -> np.ndarray:
 
 def _response(found: Fit, t: np.ndarray, floor: np.ndarray) -> np.ndarray:
     """Displacement that the floor adds, zero before the fitted motion starts [m]."""
-    start = found.own("t_release")
+    start = found.run_parameter("t_release")
     later = t > start
-    ts, x0, v0 = t[later] - start, found.own("x0"), found.own("v0")
+    ts, x0, v0 = t[later] - start, found.run_parameter("x0"), found.run_parameter("v0")
     response = np.zeros(t.shape)
     response[later] = np.subtract(*(_moved_by(found.oscillator, x0, v0, ts, a) for a in (floor[later], 0 * ts)))
     return response

@@ -21,10 +21,10 @@ from ..estimation.space import Parameter
 from ..oscillator import Oscillator, ready
 from .fit import concluded, fit, records_of
 from .parameters import Request
-from .problem import Problem, posed_on, windows_of
+from .problem import Problem, problem_on, windows_of
 from .rest import solve_with_rest
 from .result import Fit
-from .solve import climbed, start_coordinates
+from .solve import solve_condensed, start_coordinates
 
 # How far the logarithm of a start value is spread, as a part of that of `spread`: the decay tells these far better.
 _TOLD = {"mass": 2e-3, "stiffness": 2e-3, "mu": 0.05, "normal_force": 0.05, "mu_s": 0.1, "damping": 0.2, "drag": 0.2}
@@ -120,13 +120,13 @@ def multistart(
     t, rate, sigma_mode, throw = map(given.pop, ("t", "rate", "sigma_mode", "throw"))
     request = Request.of(oscillator, free, **given)
     windows = windows_of(records_of(data, t, rate, sigma_mode), request)
-    first = posed_on(windows, request)
+    first = problem_on(windows, request)
     points = _points(first, starts, spread, seed)
-    problems = [first, *(posed_on(windows, request.with_guess({**request.guess, **at})) for at in points)]
+    problems = [first, *(problem_on(windows, request.with_guess({**request.guess, **at})) for at in points)]
     ends = [_ended(problem, start_coordinates(problem)) for problem in problems]
     order = np.argsort([end.cost for end in ends], kind="stable")
-    problem, solved = solve_with_rest(problems[order[0]], ends[order[0]].y)
-    best = concluded(problem, solved, sigma_mode, throw)
+    problem, solution = solve_with_rest(problems[order[0]], ends[order[0]].y)
+    best = concluded(problem, solution, sigma_mode, throw)
     return _ordered(best, problems, ends, order)
 
 
@@ -140,12 +140,12 @@ class _Ended(NamedTuple):
 
 def _ended(problem: Problem, begin: np.ndarray) -> _Ended:
     try:
-        at = climbed(problem, begin)
+        at = solve_condensed(problem, begin)
     except UsageError:
         # The motion from there needs more steps than a mesh can hold.
         return _Ended(begin, np.full(begin.size, np.nan), np.inf)
-    cost = 2 * float(at.survey.cost)
-    return _Ended(np.asarray(at.y), np.asarray(at.settled.values), cost if np.isfinite(cost) else np.inf)
+    cost = 2 * float(at.evaluation.cost)
+    return _Ended(np.asarray(at.y), np.asarray(at.derived.values), cost if np.isfinite(cost) else np.inf)
 
 
 def _settings(data: Any, oscillator: Any, free: Any, settings: Mapping[str, Any]) -> dict[str, Any]:

@@ -17,7 +17,7 @@ from ..oscillator.leaves import Leaf
 from .guess import guess_machine
 from .law_start import guess_law, highest_of, terms_of
 from .names import NUISANCES, check_names, chosen, sole_coulomb, tied
-from .settings import check_bounds, own_names
+from .settings import check_bounds, run_names
 from .window import Window
 
 
@@ -121,7 +121,7 @@ def _own_entries(windows: Sequence[Window]) -> Iterator[_Entry]:
     """The parameters of each run."""
     for i, window in enumerate(windows):
         sizes = _run_scales(window)
-        for name, called in zip(window.nuisances, own_names(window.nuisances, i, len(windows)), strict=True):
+        for name, called in zip(window.nuisances, run_names(window.nuisances, i, len(windows)), strict=True):
             known = Coefficient(NUISANCES[name], "")
             yield _Entry(called, known, window.guesses[name], sizes[name])
 

@@ -13,11 +13,11 @@ from ..errors import DataError
 from ..estimation.loss import AbstractLoss
 from ..estimation.space import LINEAR, Parameter, ParameterSpace
 from ..oscillator.leaves import leaves_of
-from .climb import Limits, Terrain
 from .parameters import Request, free_parameters, parse_priors, parse_ties, shared_leaves
 from .residual import Residual, without_inputs
 from .rig_inputs import rig_inputs
-from .runs import condensed_run, of_one_length, terrain_of, whole_run
+from .runs import condensed_run, of_one_length, stage_weights_of, whole_run
+from .stages import Limits, StageWeights
 from .tuning import can_stop, engine_for
 from .window import Window, open_window
 
@@ -29,7 +29,7 @@ class Problem:
     Attributes:
         residual: residual of all samples, with the inputs of the rig.
         condensed: the same of far fewer samples that have the same squares, without the inputs; what is solved.
-        terrain: for each run what its windows need to know, at the condensed samples.
+        stage_weights: for each run what its windows need to know, at the condensed samples.
         limits: bounds in coordinates.
         loss: loss of the residuals.
         parameters: the free parameters in order; `inputs`: names of the uncertain inputs of the rig.
@@ -39,7 +39,7 @@ class Problem:
 
     residual: Residual
     condensed: Residual
-    terrain: tuple[Terrain, ...]
+    stage_weights: tuple[StageWeights, ...]
     limits: Limits
     loss: AbstractLoss
     parameters: tuple[Parameter, ...]
@@ -78,14 +78,14 @@ class Problem:
         return int(np.sum(np.asarray(self.residual.prior_weight) > 0))
 
 
-def pose(records: Sequence[Record | Trace], request: Request) -> Problem:
+def build_problem(records: Sequence[Record | Trace], request: Request) -> Problem:
     """Build the problem.
 
     Raises:
         UsageError: names, bounds, priors or ties that do not fit, or parameters that no trace can tell apart.
         DataError: a record from which the free parameters cannot be determined.
     """
-    return posed_on(windows_of(records, request), request)
+    return problem_on(windows_of(records, request), request)
 
 
 def windows_of(records: Sequence[Record | Trace], request: Request) -> tuple[Window, ...]:
@@ -103,8 +103,8 @@ def windows_of(records: Sequence[Record | Trace], request: Request) -> tuple[Win
     )
 
 
-def posed_on(windows: tuple[Window, ...], request: Request) -> Problem:
-    """The problem of fitting these parts of records; raises as `pose` does."""
+def problem_on(windows: tuple[Window, ...], request: Request) -> Problem:
+    """The problem of fitting these parts of records; raises as `build_problem` does."""
     leaves = leaves_of(request.oscillator)
     shared, bracketed = shared_leaves(request, leaves)
     _check_windows(windows)
@@ -119,7 +119,7 @@ def posed_on(windows: tuple[Window, ...], request: Request) -> Problem:
     return Problem(
         residual=residual,
         condensed=condensed,
-        terrain=tuple(terrain_of(window, run) for window, run in zip(windows, condensed.runs, strict=True)),
+        stage_weights=tuple(stage_weights_of(window, run) for window, run in zip(windows, condensed.runs, strict=True)),
         limits=_limits(space, parameters),
         loss=request.loss,
         parameters=parameters,
@@ -141,8 +141,10 @@ def with_windows(problem: Problem, windows: tuple[Window, ...]) -> Problem:
     runs = tuple(dataclasses.replace(whole_run(window, True), half_cycles=run.half_cycles) for window, run in pairs)
     residual = dataclasses.replace(problem.residual, runs=of_one_length(runs))
     condensed = _condensed(residual, windows)
-    terrain = tuple(terrain_of(window, run) for window, run in zip(windows, condensed.runs, strict=True))
-    return dataclasses.replace(problem, residual=residual, condensed=condensed, terrain=terrain, windows=windows)
+    stage_weights = tuple(stage_weights_of(window, run) for window, run in zip(windows, condensed.runs, strict=True))
+    return dataclasses.replace(
+        problem, residual=residual, condensed=condensed, stage_weights=stage_weights, windows=windows
+    )
 
 
 def _check_windows(windows: Sequence[Window]) -> None:
@@ -150,9 +152,9 @@ def _check_windows(windows: Sequence[Window]) -> None:
         where = "" if len(windows) == 1 else f" of {label}"
         if window.used.sum() < 8:
             raise DataError(f"The fitted window{where} holds only {int(window.used.sum())} samples. Widen it.")
-        if "offset" in window.nuisances and window.strokes < 2:
+        if "offset" in window.nuisances and window.completed < 2:
             raise DataError(
-                f"The fitted window{where} holds {window.strokes} complete half-cycle(s), and with the offset free "
+                f"The fitted window{where} holds {window.completed} complete half-cycle(s), and with the offset free "
                 "friction is undetermined from fewer than two. Release from farther away, start at the release, or fix "
                 "the offset (nuisance= without 'offset')."
             )

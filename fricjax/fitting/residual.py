@@ -42,7 +42,7 @@ class Run(eqx.Module):
     engine: AbstractEngine | None = None
 
 
-class Course(eqx.Module):
+class ObservedMotion(eqx.Module):
     """The motion of one run as its instrument sees it: a path that starts at `t_release`, with offset and drift.
 
     Attributes:
@@ -103,7 +103,7 @@ class Residual(eqx.Module):
         return self.prior_mean.shape[0]
 
     def __call__(self, y: Float[Array, " coordinates"], args: None = None) -> Float[Array, " residuals"]:
-        parts = self.each(lambda i, run: run.weight * (self.course(y, i, run).read(run.t) - run.x), self.runs)
+        parts = self.each(lambda i, run: run.weight * (self.observed(y, i, run).read(run.t) - run.x), self.runs)
         return jnp.concatenate([*parts, self.priors(y)])
 
     def each(self, function: Callable[..., Any], *columns: Sequence[Any]) -> list[Any]:
@@ -139,22 +139,22 @@ class Residual(eqx.Module):
         # All over the program its coefficients would be computed anew.
         return once(self.space.model(moved, self.values(y)))
 
-    def own_at(self, values: Float[Array | np.ndarray, " p"], run: int) -> dict[str, Array]:
+    def run_parameters(self, values: Float[Array | np.ndarray, " p"], run: int) -> dict[str, Array]:
         """State and offset of one run, free or fixed, by name, from the values of the parameters."""
-        return self.own_of(values, run, self.runs[run])
+        return self.parameters_of_run(values, run, self.runs[run])
 
-    def own_of(self, values: Float[Array | np.ndarray, " p"], number: Any, record: Run) -> dict[str, Array]:
+    def parameters_of_run(self, values: Float[Array | np.ndarray, " p"], number: Any, record: Run) -> dict[str, Array]:
         """The same of a run that is at hand with its number."""
         return {**record.fixed, **self.space.run_values(values, number)}
 
-    def course(self, y: Float[Array, " coordinates"], number: Any, record: Run) -> Course:
+    def observed(self, y: Float[Array, " coordinates"], number: Any, record: Run) -> ObservedMotion:
         """Computed motion of the run of a number."""
-        machine, at = self.machine(y), self.own_of(self.values(y), number, record)
+        machine, at = self.machine(y), self.parameters_of_run(self.values(y), number, record)
         path = (record.engine or self.engine).path(machine, start_of(machine, at), record.half_cycles)
         own = path, at["t_release"], at["offset"], at["drift"]
         if self.period is None:
-            return Course(*own)
-        return Course(*own, y[self.n_parameters :] @ self.inputs[:, -len(ERRORS) :], self.period)
+            return ObservedMotion(*own)
+        return ObservedMotion(*own, y[self.n_parameters :] @ self.inputs[:, -len(ERRORS) :], self.period)
 
 
 def _are_alike(rows: Sequence[Any]) -> bool:

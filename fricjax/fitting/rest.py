@@ -16,9 +16,9 @@ from ..estimation.covariance import quadratic
 from .names import sole_coulomb
 from .problem import Problem, with_rests
 from .residual import motion
-from .solve import Rival, Solved, checking, half_cycles, look, solve
+from .solve import Rival, Solution, checking, evaluate_at, half_cycles, solve
 from .whiteness import whiteness
-from .window import NEVER, Window, equilibrium, standstills
+from .window import NEVER, Window, equilibrium, extremes
 
 _ADEQUATE = 2.0
 _STROKE_SHARE = 0.02
@@ -60,7 +60,7 @@ class Bracket(NamedTuple):
     contradicted: bool
 
 
-def solve_with_rest(problem: Problem, y: np.ndarray | None = None) -> tuple[Problem, Solved]:
+def solve_with_rest(problem: Problem, y: np.ndarray | None = None) -> tuple[Problem, Solution]:
     """Solve with the record's number of half-cycles, and try others where law or residuals ask for it.
 
     Another number is tried where the record leaves it open, where the fitted law would stop the mass at another
@@ -76,73 +76,73 @@ def solve_with_rest(problem: Problem, y: np.ndarray | None = None) -> tuple[Prob
         problem: the problem.
         y: coordinates to start from; None for the start values.
     """
-    rounded, solved = problem, solve(problem, y)
-    spent = [solved]
-    amiss = far_off(problem, solved) and any(window.repeated.any() for window in problem.windows)
+    rounded, solution = problem, solve(problem, y)
+    spent = [solution]
+    amiss = far_off(problem, solution) and any(window.repeated.any() for window in problem.windows)
     if amiss:
         problem = with_rests(problem)
-        solved = solve(problem, solved.y)
-        spent.append(solved)
+        solution = solve(problem, solution.y)
+        spent.append(solution)
     tried, seen = {half_cycles(problem)}, dict[tuple[int, ...], Rival]()
-    while candidates := _candidates(problem, solved) - tried:
-        seen = {counts: _rival(problem, solved, counts) for counts in candidates}
-        for counts, rival in sorted(seen.items(), key=lambda each: each[1].solved.foreseen):
+    while candidates := _candidates(problem, solution) - tried:
+        seen = {counts: _rival(problem, solution, counts) for counts in candidates}
+        for counts, rival in sorted(seen.items(), key=lambda each: each[1].solution.foreseen):
             tried.add(counts)
-            if rival.solved.foreseen >= solved.chi2:
+            if rival.solution.foreseen >= solution.chi2:
                 continue
             # From where the first fit started: a wrong number has led the one at hand astray.
             result = solve(rival.problem, y)
             spent.append(result)
-            if result.converged and _is_better(problem, rival.problem, solved, result):
-                problem, solved, seen = rival.problem, result, {}
+            if result.converged and _is_better(problem, rival.problem, solution, result):
+                problem, solution, seen = rival.problem, result, {}
                 break
         else:
             break
-    if amiss and not far_off(problem, solved):
+    if amiss and not far_off(problem, solution):
         problem = with_counts(rounded, half_cycles(problem))
-        solved, seen = solve(problem, solved.y), {}
-        spent.append(solved)
+        solution, seen = solve(problem, solution.y), {}
+        spent.append(solution)
     totals = {name: sum(getattr(s, name) for s in spent) for name in ("iterations", "passes", "stages")}
-    return problem, solved._replace(**totals, rivals=_rivals(problem, solved, seen))
+    return problem, solution._replace(**totals, rivals=_rivals(problem, solution, seen))
 
 
-def _rivals(problem: Problem, solved: Solved, seen: Mapping[tuple[int, ...], Rival]) -> tuple[Rival, ...]:
+def _rivals(problem: Problem, solution: Solution, seen: Mapping[tuple[int, ...], Rival]) -> tuple[Rival, ...]:
     """The other numbers of half-cycles that the record leaves open, with which it is described about as well.
 
-    Some may have been `seen` from this solution.
+    Some may have been `seen` from this solved.
     """
-    if not (solved.converged and problem.residual.oscillator.friction.set_valued):
+    if not (solution.converged and problem.residual.oscillator.friction.set_valued):
         return ()
-    found = [seen.get(counts) or _rival(problem, solved, counts) for counts in _open(problem)]
-    reach = solved.chi2 + _by_chance(problem, solved) if found else 0.0
-    return tuple(rival for rival in found if rival.solved.foreseen < reach)
+    found = [seen.get(counts) or _rival(problem, solution, counts) for counts in _open(problem)]
+    reach = solution.chi2 + _by_chance(problem, solution) if found else 0.0
+    return tuple(rival for rival in found if rival.solution.foreseen < reach)
 
 
-def _rival(problem: Problem, solved: Solved, counts: tuple[int, ...]) -> Rival:
+def _rival(problem: Problem, solution: Solution, counts: tuple[int, ...]) -> Rival:
     """A solution as the record sees it with other numbers of half-cycles, from which a step leads to the optimum."""
     rival = with_counts(problem, counts)
-    looked = look(rival, checking(rival.residual, solved.y), solved.y)
-    found, held = looked.survey, solved.shape.at_bound
+    looked = evaluate_at(rival, checking(rival.residual, solution.y), solution.y)
+    found, held = looked.evaluation, solution.shape.at_bound
     shape = quadratic(found.gradient[: held.size], found.normal[: held.size, : held.size], held)
-    return Rival(rival, solved._replace(survey=found, settled=looked.settled, shape=shape))
+    return Rival(rival, solution._replace(evaluation=found, derived=looked.derived, shape=shape))
 
 
-def _is_better(problem: Problem, rival: Problem, solved: Solved, other: Solved) -> bool:
+def _is_better(problem: Problem, rival: Problem, solution: Solution, other: Solution) -> bool:
     """Whether another number of half-cycles describes the record better, against the record's own word if need be.
 
     Where the record leaves that number open the smaller chi^2 decides; where it is sure, the gain must exceed what
     noise as correlated as the residuals, and the drift that the rest shows, could make of it.
     """
-    gain = solved.chi2 - other.chi2
+    gain = solution.chi2 - other.chi2
     pairs = zip(problem.windows, half_cycles(problem), half_cycles(rival), strict=True)
     if all(b == a or b - a in window.segmentation.open for window, a, b in pairs):
         return gain > 0
     return gain > _by_chance(rival, other)
 
 
-def _by_chance(problem: Problem, solved: Solved) -> float:
+def _by_chance(problem: Problem, solution: Solution) -> float:
     """How far apart noise as correlated as the residuals, and the drift that the rest shows, may put two chi^2."""
-    correlated = max(whiteness(part).correlation_time for part in problem.by_run(solved.survey.residual))
+    correlated = max(whiteness(part).correlation_time for part in problem.by_run(solution.evaluation.residual))
     return DECISIVE * correlated * max(map(_unexplained, problem.windows))
 
 
@@ -161,7 +161,7 @@ def with_counts(problem: Problem, counts: tuple[int, ...]) -> Problem:
     return dataclasses.replace(problem, residual=residual, condensed=condensed)
 
 
-def _candidates(problem: Problem, solved: Solved) -> set[tuple[int, ...]]:
+def _candidates(problem: Problem, solution: Solution) -> set[tuple[int, ...]]:
     """Other numbers of half-cycles worth a fit."""
     counts = half_cycles(problem)
     if not problem.residual.oscillator.friction.set_valued:
@@ -169,14 +169,14 @@ def _candidates(problem: Problem, solved: Solved) -> set[tuple[int, ...]]:
     stopping = [run for run, count in enumerate(counts) if count < NEVER]
     found = set()
     if stopping and problem.bracketed is None:
-        found.add(tuple(_own_count(problem, solved, run) for run in range(len(counts))))
+        found.add(tuple(_half_cycles_of_law(problem, solution, run) for run in range(len(counts))))
     others: list[tuple[int, int]] = []
-    if far_off(problem, solved):
+    if far_off(problem, solution):
         others += [(run, counts[run] + step) for run in stopping for step in (-1, 1) if counts[run] + step > 0]
-    if solved.chi2 / problem.n_used > _ADEQUATE:
+    if solution.chi2 / problem.n_used > _ADEQUATE:
         # A mass that stopped just before its record ends seems to move to the end.
         moving = [run for run in range(len(counts)) if run not in stopping]
-        others += [(run, window.strokes + 1) for run in moving if _may_have_stopped(window := problem.windows[run])]
+        others += [(run, window.completed + 1) for run in moving if _may_have_stopped(window := problem.windows[run])]
     found |= {(*counts[:run], count, *counts[run + 1 :]) for run, count in others}
     return found.union(_open(problem)) - {counts}
 
@@ -192,51 +192,51 @@ def _open(problem: Problem) -> list[tuple[int, ...]]:
 
 def _may_have_stopped(window: Window) -> bool:
     """Whether the last swings are so small against what friction takes from each that the next may have been none."""
-    swings = np.abs(standstills(window.segmentation)[1] - equilibrium(window.segmentation))
+    swings = np.abs(extremes(window.segmentation)[1] - equilibrium(window.segmentation))
     # Over two half-cycles, which an error of the equilibrium leaves as they are.
     return swings.size < 3 or bool(swings[-1] < _STICKS * (swings[-3] - swings[-1]))
 
 
-def far_off(problem: Problem, solved: Solved) -> bool:
+def far_off(problem: Problem, solution: Solution) -> bool:
     """Whether the residuals are larger than the noise, and large enough for a missed or added stroke."""
-    excess = solved.chi2 / problem.n_used
+    excess = solution.chi2 / problem.n_used
     if excess <= _ADEQUATE:
         return False
     sigma = float(np.median(np.concatenate([w.sigma[w.used] for w in problem.windows])))
-    return sigma * np.sqrt(excess) > _STROKE_SHARE * float(solved.settled.machine.dead_band)
+    return sigma * np.sqrt(excess) > _STROKE_SHARE * float(solution.derived.machine.dead_band)
 
 
-def _own_count(problem: Problem, solved: Solved, run: int) -> int:
+def _half_cycles_of_law(problem: Problem, solution: Solution, run: int) -> int:
     """Half-cycles until the rest condition holds; the record's count where it ends in motion or the law never stops."""
     recorded = int(problem.residual.runs[run].half_cycles)
     if recorded >= NEVER:
         return recorded
     residual = problem.residual
-    at = residual.own_at(solved.settled.values, run)
-    own = int(motion(residual.engine, solved.settled.machine, at, np.zeros(1), None).n_half_cycles)
+    at = residual.run_parameters(solution.derived.values, run)
+    own = int(motion(residual.engine, solution.derived.machine, at, np.zeros(1), None).n_half_cycles)
     return recorded if own <= 0 else own
 
 
-def rest_margin(problem: Problem, solved: Solved, run: int) -> Margin | None:
+def rest_margin(problem: Problem, solution: Solution, run: int) -> Margin | None:
     """Distance to one half-cycle more or less, None where the record ends in motion or nothing holds the mass."""
-    count, machine = int(problem.residual.runs[run].half_cycles), solved.settled.machine
+    count, machine = int(problem.residual.runs[run].half_cycles), solution.derived.machine
     if not machine.friction.set_valued or count >= NEVER or count < 1:
         return None
-    excess = solved.survey.pulls[run] - float(machine.friction.static_force(machine.normal_force))
+    excess = solution.evaluation.pulls[run] - float(machine.friction.static_force(machine.normal_force))
     stop, before = (float(excess[n] / machine.stiffness) for n in (count, count - 1))
     return Margin(-stop, np.inf if count == 1 and _starts_moving(problem, run) else before)
 
 
-def excess_at_reversals(problem: Problem, solved: Solved, run: int) -> float | None:
+def excess_at_reversals(problem: Problem, solution: Solution, run: int) -> float | None:
     """Least excess of the spring over static friction where a run that ends in motion moved on, over the stiffness [m].
 
     Negative where the law would stop the mass inside the record; None where the record shows the stop, where nothing
     holds the mass, or where the static coefficient is read off these very reversals.
     """
-    machine, ends_in_motion = solved.settled.machine, int(problem.residual.runs[run].half_cycles) >= NEVER
+    machine, ends_in_motion = solution.derived.machine, int(problem.residual.runs[run].half_cycles) >= NEVER
     if not (machine.friction.set_valued and ends_in_motion and problem.bracketed is None):
         return None
-    moved_on = solved.survey.pulls[run][int(_starts_moving(problem, run)) : problem.windows[run].strokes + 1]
+    moved_on = solution.evaluation.pulls[run][int(_starts_moving(problem, run)) : problem.windows[run].completed + 1]
     static = float(machine.friction.static_force(machine.normal_force))
     return float((np.min(moved_on, initial=np.inf) - static) / machine.stiffness)
 
@@ -246,18 +246,18 @@ def _starts_moving(problem: Problem, run: int) -> bool:
     return "v0" in problem.windows[run].nuisances or bool(problem.residual.runs[run].fixed["v0"] != 0)
 
 
-def bracket_static(problem: Problem, solved: Solved) -> Bracket | None:
+def bracket_static(problem: Problem, solution: Solution) -> Bracket | None:
     """Interval of a Coulomb law's static coefficient: above every stop and the dynamic value, below every non-stop."""
-    machine = solved.settled.machine
+    machine = solution.derived.machine
     if sole_coulomb(machine.friction) is None:
         return None
     load = float(machine.normal_force)
     lower, upper = float(machine.friction.dynamic_force(machine.normal_force)) / load, np.inf
     for run, window in enumerate(problem.windows):
-        pull = solved.survey.pulls[run] / load
+        pull = solution.evaluation.pulls[run] / load
         count = int(problem.residual.runs[run].half_cycles)
         stopped = count < NEVER
-        moved_on = pull[int(_starts_moving(problem, run)) : count if stopped else window.strokes]
+        moved_on = pull[int(_starts_moving(problem, run)) : count if stopped else window.completed]
         upper = min(upper, float(np.min(moved_on, initial=np.inf)))
         lower = max(lower, float(pull[count]) if stopped else 0.0)
     sigma = max(window.stated for window in problem.windows)

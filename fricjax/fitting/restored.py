@@ -23,10 +23,10 @@ from ..errors import DataError, brief, nearest
 from ..friction import AbstractFriction
 from ..oscillator import Exact, Hybrid, Oscillator, Smooth, restoring
 from ..oscillator.engines import AbstractEngine, Span
+from .derived import Estimate
 from .noise import Line, Noise
 from .residual import Run
 from .rest import Margin
-from .settled import Estimate
 from .whiteness import Whiteness
 
 MODULES: Mapping[str, type] = {

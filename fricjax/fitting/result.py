@@ -12,11 +12,11 @@ from ..data.record import labels
 from ..errors import UsageError
 from ..estimation.covariance import correlation
 from ..oscillator import Oscillator, simulate
+from .derived import Estimate
+from .diagnostics import optimum_found
 from .noise import Noise
 from .residual import Run, motion
 from .rest import Margin
-from .settled import Estimate
-from .verdict import optimum_found
 from .whiteness import Whiteness
 from .window import NEVER
 
@@ -149,7 +149,7 @@ class Fit:
         """
         self._check_run(run)
         data, asked = self.runs[run], np.asarray(ts, float) - self.origins[run]
-        own = {name: jnp.asarray(self.own(name, run)) for name in data.fixed}
+        own = {name: jnp.asarray(self.run_parameter(name, run)) for name in data.fixed}
         own["t_release"] = own["t_release"] - self.origins[run]
         order = np.argsort(asked)
         t, end = asked[order], float(np.max(np.asarray(data.t)))
@@ -174,7 +174,7 @@ class Fit:
         if not 0 <= run < len(self.runs):
             raise UsageError(f"There is no run {run}: this fit has {len(self.runs)}, counted from 0.")
 
-    def own(self, name: str, run: int = 0) -> float:
+    def run_parameter(self, name: str, run: int = 0) -> float:
         """Value of a parameter of one run, free or fixed, in the record's time."""
         for key in (name, f"{name}[{run}]"):
             if key in self.values:

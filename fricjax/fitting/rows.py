@@ -5,8 +5,8 @@ from typing import NamedTuple
 import numpy as np
 
 from ..estimation.colour import Series
+from .evaluation import Block, Evaluation, block_length
 from .problem import Problem
-from .survey import Block, Survey, block_length
 from .window import Window
 
 # Rows in a half-cycle, and the part of its samples that a row must have.
@@ -41,14 +41,14 @@ class Rows(NamedTuple):
     moved: np.ndarray
 
 
-def rows_of(problem: Problem, survey: Survey) -> list[Rows]:
+def rows_of(problem: Problem, evaluation: Evaluation) -> list[Rows]:
     """The rows of each run."""
-    return [run_in_rows(problem, survey, run) for run in range(len(problem.windows))]
+    return [run_in_rows(problem, evaluation, run) for run in range(len(problem.windows))]
 
 
-def run_in_rows(problem: Problem, survey: Survey, run: int, samples: int | None = None) -> Rows:
+def run_in_rows(problem: Problem, evaluation: Evaluation, run: int, samples: int | None = None) -> Rows:
     """A run in rows, of so many samples each, or as many as its motion asks for."""
-    window, record, blocks = problem.windows[run], problem.residual.runs[run], survey.blocks[run]
+    window, record, blocks = problem.windows[run], problem.residual.runs[run], evaluation.blocks[run]
     length, used = block_length(record.t.size), np.flatnonzero(window.used)
     interval = float(record.t[used[-1]] - record.t[used[0]]) / (used[-1] - used[0])
     wanted = samples or window.segmentation.half_period / interval / _ROWS
@@ -71,7 +71,7 @@ def run_in_rows(problem: Problem, survey: Survey, run: int, samples: int | None 
         residual=row.residual * scale,
         slopes=row.slopes * scale[:, None],
         unit=row.curvature * scale * weight[kept] / number,
-        rounding=_rounding(problem, survey, run, begins * length)[kept] * scale[:, None],
+        rounding=_rounding(problem, evaluation, run, begins * length)[kept] * scale[:, None],
         starts=np.flatnonzero(np.diff(np.flatnonzero(kept), prepend=-2) > 1),
     )
     return Rows(
@@ -80,7 +80,7 @@ def run_in_rows(problem: Problem, survey: Survey, run: int, samples: int | None 
         samples=samples,
         interval=interval,
         t=np.asarray(record.t)[: window.used.size],
-        left=problem.by_run(survey.residual)[run] if survey.residual.size else np.zeros(0),
+        left=problem.by_run(evaluation.residual)[run] if evaluation.residual.size else np.zeros(0),
         weight=np.asarray(record.weight)[: window.used.size],
         rough=row.rough / number,
         moved=row.moved / number,
@@ -93,16 +93,16 @@ def rounded(window: Window) -> bool:
     return 0 < found.white_noise <= found.resolution / 2
 
 
-def _rounding(problem: Problem, survey: Survey, run: int, begins: np.ndarray) -> np.ndarray:
+def _rounding(problem: Problem, evaluation: Evaluation, run: int, begins: np.ndarray) -> np.ndarray:
     """Weighted sums, over the samples of each row, of what rounding makes of the computed reading; shape (rows, k).
 
     The error of rounding to steps q is a function of the reading alone, ``q/pi sum_k (-1)^k/k sin(2 pi k x/q)``
     (Widrow and Kollar, Quantization Noise, 2008, 3). Where none shows, or no residual is left of the samples, k is 0.
     """
     window, weight = problem.windows[run], np.asarray(problem.residual.runs[run].weight)
-    if not rounded(window) or not survey.residual.size:
+    if not rounded(window) or not evaluation.residual.size:
         return np.zeros((begins.size, 0))
-    x, left = np.asarray(window.trace.x), problem.by_run(survey.residual)[run]
+    x, left = np.asarray(window.trace.x), problem.by_run(evaluation.residual)[run]
     weight = weight[: x.size]
     computed = x + np.divide(left, weight, out=np.zeros(x.size), where=weight > 0)
     phase = 2 * np.pi * (computed - x[0]) / window.segmentation.resolution

@@ -7,10 +7,10 @@ import numpy as np
 
 from ..oscillator import Oscillator
 from .breaks import condensed
-from .climb import Terrain
 from .condense import Samples
 from .residual import Run
 from .sizes import filled
+from .stages import StageWeights
 from .window import NEVER, Window
 
 # How many times longer than the shortest the longest run of a joint fit may be for them to be filled to one length.
@@ -69,7 +69,7 @@ def _longer(values: np.ndarray, n: int, end: Any = 0.0) -> np.ndarray:
     return filled
 
 
-def terrain_of(window: Window, run: Run) -> Terrain:
+def stage_weights_of(window: Window, run: Run) -> StageWeights:
     """Weights of a run without its rest, and how far from the record its motion may be to count as in phase."""
     found, t = window.segmentation, np.asarray(run.t)
     rest = np.inf if found.rest is None else found.rest - window.origin
@@ -81,9 +81,9 @@ def terrain_of(window: Window, run: Run) -> Terrain:
     tolerance = _IN_PHASE * run.weight * np.maximum(local, _SMALLEST * found.amplitude)
     tolerance = np.where(moving > 0, tolerance, np.inf)
     span = np.ptp(t[moving > 0])
-    return Terrain(moving, tolerance, np.asarray(_SHORTEST * found.half_period / span))
+    return StageWeights(moving, tolerance, np.asarray(_SHORTEST * found.half_period / span))
 
 
-def without_windows(run: Run) -> Terrain:
-    """The terrain of a run that is looked at as a whole."""
-    return Terrain(np.asarray(run.weight), np.full(run.weight.shape, np.inf), np.zeros(()))
+def full_stage(run: Run) -> StageWeights:
+    """The stage_weights of a run that is looked at as a whole."""
+    return StageWeights(np.asarray(run.weight), np.full(run.weight.shape, np.inf), np.zeros(()))

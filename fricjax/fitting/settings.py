@@ -50,7 +50,7 @@ def check_settings(model: Model, free: Sequence[str], runs: int, settings: Mappi
         check_start(start)
     own = nuisances_of(start if isinstance(start, str) else "seconds", settings["nuisance"], model.keeps_memory)
     kept, _ = chosen(free, model.leaves, model.bracketable)
-    names = [leaf.name for leaf in kept] + [name for run in range(runs) for name in own_names(own, run, runs)]
+    names = [leaf.name for leaf in kept] + [name for run in range(runs) for name in run_names(own, run, runs)]
     check_names(settings["bounds"], names, "Bounds")
     for name, (low, high) in settings["bounds"].items():
         check_bounds(name, low, high)
@@ -128,7 +128,7 @@ def check_once(names: Sequence[str]) -> None:
         raise UsageError(f"{twice[0]} is named twice. Name it once.")
 
 
-def own_names(nuisances: Iterable[str], run: int, runs: int) -> list[str]:
+def run_names(nuisances: Iterable[str], run: int, runs: int) -> list[str]:
     """Names of a run's own parameters among those of several runs."""
     return [name if runs == 1 else f"{name}[{run}]" for name in nuisances]
 

@@ -21,19 +21,19 @@ from ..estimation.loss import Squares
 from ..estimation.status import AT_BOUND, CONVERGED, OUT_OF_STEPS, STALLED, UNDETERMINED
 from ..oscillator import Program
 from ..oscillator.engines import AbstractEngine
-from .climb import LOOK, ONWARDS, PATIENT, ROUNDING, Climbed, Way, climb, like_climbed
+from .derived import Derived
+from .evaluation import Evaluation
 from .mesh import with_mesh
 from .problem import Problem
 from .residual import Residual, without_inputs
-from .runs import without_windows
-from .settled import Settled
-from .survey import Survey
+from .runs import full_stage
+from .stages import CONTINUE, CONTINUE_ROBUST, EVALUATE_ONLY, ROUNDING, Iterate, Schedule, like_iterate, solve_in_stages
 
 _ACCURATE = 0.1
 _BOUNDLESS = 1e100
 # The first mesh, and the squares of a robust fit, only lead to where it goes on from: how much larger errors of that
 # mesh may be, and how near its optimum is to be met.
-_ROUGH, _NEAR = 100.0, Way(tolerance=np.asarray(0.3))
+_ROUGH, _NEAR = 100.0, Schedule(tolerance=np.asarray(0.3))
 # Where a direction is left undetermined, there is no optimum that a finer engine could find.
 _OPTIMA = (CONVERGED, AT_BOUND)
 # A mesh is made for one set of coordinates, so an optimum may have to be met on a mesh that was made there; until then
@@ -42,13 +42,13 @@ _MESHES, _PAYS = 6, 0.8
 _ON_A_MESH = (*_OPTIMA, OUT_OF_STEPS, STALLED)
 
 
-class Solved(NamedTuple):
+class Solution(NamedTuple):
     """A solved fit.
 
     Attributes:
         y: coordinates of the parameters and, all zero, of the inputs of the rig.
-        survey: what all samples say there, with the engine of the check.
-        settled: what the coordinates stand for.
+        evaluation: what all samples say there, with the engine of the check.
+        derived: what the coordinates stand for.
         shape: the quadratic form of chi^2 there.
         numerical_shift: the step that is left there in standard errors as the scatter of the residuals gives them, in
             whatever direction it is the longest: how far numerical errors can have moved any parameter.
@@ -58,8 +58,8 @@ class Solved(NamedTuple):
     """
 
     y: Float[np.ndarray, " coordinates"]
-    survey: Survey
-    settled: Settled
+    evaluation: Evaluation
+    derived: Derived
     shape: Quadratic
     numerical_shift: float
     status: int
@@ -70,7 +70,7 @@ class Solved(NamedTuple):
 
     @property
     def chi2(self) -> float:
-        return float(self.survey.chi2)
+        return float(self.evaluation.chi2)
 
     @property
     def foreseen(self) -> float:
@@ -92,7 +92,7 @@ class Rival(NamedTuple):
     """The problem with another number of half-cycles, and what the record says of it where that at hand was solved."""
 
     problem: Problem
-    solved: Solved
+    solution: Solution
 
 
 def half_cycles(problem: Problem) -> tuple[int, ...]:
@@ -100,65 +100,67 @@ def half_cycles(problem: Problem) -> tuple[int, ...]:
     return tuple(int(run.half_cycles) for run in problem.residual.runs)
 
 
-climb_on = Program(climb, like_climbed)
+staged = Program(solve_in_stages, like_iterate)
 
 
-def solve(problem: Problem, y: Any = None) -> Solved:
+def solve(problem: Problem, y: Any = None) -> Solution:
     """Fit from the start values, or from given coordinates `y`, and check the result."""
-    at = climbed(problem, start_coordinates(problem) if y is None else y[: problem.condensed.n_parameters])
+    at = solve_condensed(problem, start_coordinates(problem) if y is None else y[: problem.condensed.n_parameters])
     meshed = problem.residual.engine.needs_mesh
     return _refined(problem, at, *((_MESHES, _ON_A_MESH) if meshed else (1, _OPTIMA)))
 
 
-def climbed(problem: Problem, begin: Any) -> Climbed:
+def solve_condensed(problem: Problem, begin: Any) -> Iterate:
     """The optimum of the condensed record, from coordinates `begin`; of all samples under a robust loss."""
     meshed, robust = problem.condensed.engine.needs_mesh, _is_robust(problem)
     few = with_mesh(problem.condensed, begin, _ROUGH)
-    along = problem.terrain, problem.limits, Squares()
-    at = climb_on(few, *along, begin, _NEAR if meshed or robust else Way())
+    along = problem.stage_weights, problem.limits, Squares()
+    at = staged(few, *along, begin, _NEAR if meshed or robust else Schedule())
     if robust:
-        return joined(at, on_all_samples(problem, with_mesh(without_inputs(problem.residual), at.y), at.y, PATIENT))
-    return joined(at, climb_on(with_mesh(few, at.y), *along, at.y, Way())) if meshed else at
+        return joined(
+            at, on_all_samples(problem, with_mesh(without_inputs(problem.residual), at.y), at.y, CONTINUE_ROBUST)
+        )
+    return joined(at, staged(with_mesh(few, at.y), *along, at.y, Schedule())) if meshed else at
 
 
 def _is_robust(problem: Problem) -> bool:
     return not isinstance(problem.loss, Squares)
 
 
-def joined(first: Climbed, then: Climbed) -> Climbed:
+def joined(first: Iterate, then: Iterate) -> Iterate:
     """Two ways, one behind the other."""
     steps, stages = int(first.iterations) + int(then.iterations), int(first.stages) + int(then.stages)
     return then._replace(iterations=steps, stages=stages)
 
 
-def on_all_samples(problem: Problem, residual: Residual, y: Any, way: Way) -> Climbed:
+def on_all_samples(problem: Problem, residual: Residual, y: Any, way: Schedule) -> Iterate:
     """A way from coordinates `y` with all samples of a residual."""
-    terrain = tuple(without_windows(run) for run in residual.runs)
-    return climb_on(residual, terrain, problem.limits, problem.loss, y, way)
+    stage_weights = tuple(full_stage(run) for run in residual.runs)
+    return staged(residual, stage_weights, problem.limits, problem.loss, y, way)
 
 
-def _refined(problem: Problem, at: Climbed, rounds: int, endings: tuple[int, ...]) -> Solved:
+def _refined(problem: Problem, at: Iterate, rounds: int, endings: tuple[int, ...]) -> Solution:
     """The fit checked, and while it is not accurate carried on with all samples, each time with a finer engine.
 
     Only a fit that ended in one of the ways `endings` is carried on. One that has stalled goes on until that has not
     paid twice in a row: where elements slip between the steps of a mesh, its optimum may be met on another one.
     """
     residual = problem.residual
-    solved, before, in_vain = _checked(problem, residual, at), np.inf, 0
+    solution, before, in_vain = _checked(problem, residual, at), np.inf, 0
     for _ in range(rounds):
-        in_vain = in_vain + 1 if solved.status == STALLED and not solved.chi2 < _PAYS * before else 0
-        if solved.accurate or solved.status not in endings or in_vain == 2:
+        in_vain = in_vain + 1 if solution.status == STALLED and not solution.chi2 < _PAYS * before else 0
+        if solution.accurate or solution.status not in endings or in_vain == 2:
             break
-        before = solved.chi2
+        before = solution.chi2
         residual = _with_engine(residual, residual.engine.finer())
         try:
             target = with_mesh(without_inputs(residual), at.y)
-            then = joined(at, on_all_samples(problem, target, at.y, ONWARDS))
-            at, solved = then, _checked(problem, residual, then)
+            then = joined(at, on_all_samples(problem, target, at.y, CONTINUE))
+            at, solution = then, _checked(problem, residual, then)
         except UsageError:
             # No mesh holds so many steps: the numerical shift tells what is left.
             break
-    return solved
+    return solution
 
 
 def _with_engine(residual: Residual, engine: AbstractEngine) -> Residual:
@@ -175,29 +177,29 @@ def with_inputs(residual: Residual, y: Any) -> np.ndarray:
     return np.concatenate([y, np.zeros(residual.inputs.shape[0])])
 
 
-def look(problem: Problem, residual: Residual, y: Any) -> Climbed:
+def evaluate_at(problem: Problem, residual: Residual, y: Any) -> Iterate:
     """What all samples of a residual say at coordinates `y` of parameters and inputs."""
-    return jax.tree.map(np.asarray, on_all_samples(problem, residual, y, LOOK))
+    return jax.tree.map(np.asarray, on_all_samples(problem, residual, y, EVALUATE_ONLY))
 
 
-def _checked(problem: Problem, residual: Residual, at: Climbed) -> Solved:
+def _checked(problem: Problem, residual: Residual, at: Iterate) -> Solution:
     y = with_inputs(residual, at.y)
-    looked = look(problem, checking(residual, y), y)
-    return judged(problem, jax.tree.map(np.asarray, at), looked)
+    looked = evaluate_at(problem, checking(residual, y), y)
+    return solution_of(problem, jax.tree.map(np.asarray, at), looked)
 
 
-def judged(problem: Problem, at: Climbed, looked: Climbed) -> Solved:
-    """The solved fit from where the climb ended and what all samples say there, all of it as numpy arrays."""
-    p, found = at.y.size, looked.survey
+def solution_of(problem: Problem, at: Iterate, looked: Iterate) -> Solution:
+    """The solved fit from where the stages ended and what all samples say there, all of it as numpy arrays."""
+    p, found = at.y.size, looked.evaluation
     at_bound = (at.y <= problem.limits.lower) | (at.y >= problem.limits.upper)
     shape = quadratic(found.gradient[:p], found.normal[:p, :p], at_bound)
     variance = max(float(found.chi2), _rounding(problem)) / problem.dof
     # A motion that has grown beyond all bounds is as good as not finite, and its squares overflow.
     found = found._replace(residual=np.where(np.abs(found.residual) < _BOUNDLESS, found.residual, np.nan))
-    return Solved(
+    return Solution(
         y=with_inputs(problem.residual, at.y),
-        survey=found,
-        settled=looked.settled,
+        evaluation=found,
+        derived=looked.derived,
         shape=shape,
         numerical_shift=shape.distance / float(np.sqrt(variance)),
         status=int(at.status),

@@ -65,7 +65,7 @@ class Window:
         return float(np.median(self.sigma[self.used]))
 
     @property
-    def strokes(self) -> int:
+    def completed(self) -> int:
         """Completed half-cycles in the window."""
         later = int(np.sum(self.segmentation.turning_times > self.t_start + self.segmentation.half_period / 4))
         return later + (self.segmentation.rest is not None)
@@ -198,7 +198,7 @@ def _turned(found: Segmentation) -> int | None:
     takes the mass there and back long after its phase has ceased to run evenly. The end of the last stroke, which is no
     reversal, is where the decay so far leads.
     """
-    place = standstills(found)[1] - equilibrium(found)
+    place = extremes(found)[1] - equilibrium(found)
     swing = np.abs(place)
     if swing.size < _FEWEST:
         return None
@@ -261,7 +261,7 @@ def _local_state(t: np.ndarray, x: np.ndarray, at: float, half_period: float) ->
     return float(cubic[0]), float(cubic[1] / width)
 
 
-def standstills(found: Segmentation) -> tuple[np.ndarray, np.ndarray]:
+def extremes(found: Segmentation) -> tuple[np.ndarray, np.ndarray]:
     """Times and positions of the reversals, and where these are few of the release before them if it was from rest."""
     times, points = found.turning_times, found.turning_points
     if points.size >= _FEWEST or found.release_position is None:
@@ -271,7 +271,7 @@ def standstills(found: Segmentation) -> tuple[np.ndarray, np.ndarray]:
 
 def equilibrium(found: Segmentation) -> float:
     """Equilibrium of the spring, from standstills on alternating sides: (X[n-1] + 2 X[n] + X[n+1])/4."""
-    _, points = standstills(found)
+    _, points = extremes(found)
     if points.size >= _FEWEST:
         return float(np.median((points[:-2] + 2 * points[1:-1] + points[2:]) / 4))
     if points.size == 2:

@@ -44,7 +44,7 @@ def fit_release(data: Any, found: Fit) -> Estimates:
     from scipy.optimize import least_squares
 
     t, x, sigma, turned = _first_stroke(record_of(data))
-    machine, offset = found.oscillator, found.own("offset")
+    machine, offset = found.oscillator, found.run_parameter("offset")
     if not machine.friction.set_valued:
         raise UsageError(f"fit_release needs a set-valued law such as Coulomb, got {type(machine.friction).__name__}.")
     half_period = np.pi / float(machine.angular_frequency)

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 import jax.numpy as jnp
 import numpy as np
 
+from ..fitting.derived import Estimate
 from ..fitting.names import NUISANCES
-from ..fitting.settled import Estimate
 from ..show import duration, engineering
 from .plan import TAIL
 from .ridge import WORK, ridges_of

@@ -16,8 +16,8 @@ from jaxtyping import ArrayLike
 from ..errors import UsageError
 from ..estimation.covariance import quadratic
 from ..estimation.loss import Squares
-from ..fitting.settled import UNITS, settle
-from ..fitting.survey import survey
+from ..fitting.derived import UNITS, derive
+from ..fitting.evaluation import evaluate
 from ..oscillator import Oscillator
 from ..oscillator.engines import AbstractEngine
 from .directions import directions, spectrum
@@ -111,7 +111,7 @@ def _normal(made: Plan) -> np.ndarray:
     )
     weight[count:] = 0.0
     residual = dataclasses.replace(residual, runs=(dataclasses.replace(run, t=t, x=x, weight=weight),))
-    normal = np.asarray(survey(residual, jnp.zeros(len(made.parameters)), Squares()).normal)
+    normal = np.asarray(evaluate(residual, jnp.zeros(len(made.parameters)), Squares()).normal)
     lost = [name for name, size in zip(made.names, np.diag(normal), strict=True) if not np.isfinite(size)]
     if lost:
         raise UsageError(
@@ -128,7 +128,7 @@ def engine_name(made: Plan) -> str:
 
 def _slopes(made: Plan) -> dict[str, tuple[float, str, dict[str, float]]]:
     """Quantities in which the common scale of mass, stiffness and load drops out, with their derivatives."""
-    settled = eqx.filter_jit(settle)(made.residual, jnp.zeros(len(made.parameters)))
+    settled = eqx.filter_jit(derive)(made.residual, jnp.zeros(len(made.parameters)))
     rows = zip(UNITS.items(), settled.kinematics, settled.by_value, strict=True)
     return {
         name: (float(value), unit, dict(zip(made.names, map(float, slope), strict=True)))

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ..estimation.covariance import correlation
-from ..fitting.settled import Estimate
+from ..fitting.derived import Estimate
 from ..oscillator import Oscillator
 from .directions import Direction
 from .plan import Course

@@ -56,7 +56,7 @@ def local(
 
 @eqx.filter_jit
 def _columns(residual: Residual, y: Float[Array, " p"]) -> Any:
-    return jax.jacfwd(lambda at: residual.course(at, 0, residual.runs[0]).read(residual.runs[0].t))(y)
+    return jax.jacfwd(lambda at: residual.observed(at, 0, residual.runs[0]).read(residual.runs[0].t))(y)
 
 
 def checked_times(ts: ArrayLike) -> np.ndarray:

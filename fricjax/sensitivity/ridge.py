@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import jax
 import numpy as np
 
-from ..fitting.settled import Estimate
+from ..fitting.derived import Estimate
 from ..oscillator.leaves import leaves_of
 
 if TYPE_CHECKING:

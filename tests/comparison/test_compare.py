@@ -94,7 +94,7 @@ def test_the_score_of_held_out_runs_is_that_of_explicit_fits(joint):
         chi2 = count = 0
         for run, other in ((0, 1), (1, 0)):
             used = np.isfinite(joint.fits[name].residuals[run])
-            own = np.array([joint.fits[name].own(key, run) for key in ("t_release", "x0", "offset")])
+            own = np.array([joint.fits[name].run_parameter(key, run) for key in ("t_release", "x0", "offset")])
             chi2 += refitted(fit(RUNS[other], model, FREE[0]), run, own, used)
             count += used.sum()
         assert joint.row(name).held_out == pytest.approx(chi2 / count, rel=1e-4)
@@ -108,7 +108,7 @@ def test_the_score_of_a_single_run_predicts_its_last_third(single):
         decay = coulomb_viscous(t, 1.6e-3, frequency=12.6, zeta=0.0027, dead_band=MU * LOAD / STIFFNESS)
         split = decay.stops[0] + 2 / 3 * (decay.stops[-1] - decay.stops[0])
         first = fit(Trace(t, RUNS[0].x, sigma=NOISE, mask=t <= split), model, FREE[0])
-        predicted = closed_form(first, t, [first.own(key) for key in ("t_release", "x0", "offset")])
+        predicted = closed_form(first, t, [first.run_parameter(key) for key in ("t_release", "x0", "offset")])
         rest = used & (t > split)
         expected = np.mean(((predicted - np.asarray(RUNS[0].x))[rest] / NOISE) ** 2)
         assert single.row(name).held_out == pytest.approx(expected, rel=0.02)

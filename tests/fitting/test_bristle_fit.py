@@ -72,7 +72,7 @@ def test_meshes_become_finer_until_numerical_errors_are_small():
 
 @pytest.mark.slow
 def test_a_contact_that_rings_on_at_rest_is_found_from_several_runs():
-    """The mesh of the first climb does not fit the ringing of the contact that is found there."""
+    """The mesh of the first stage does not fit the ringing of the contact that is found there."""
     machine = Oscillator(PROTOTYPE_MASS, STIFFNESS, PROTOTYPE_DAMPING, 9.66, Dahl(0.02, sigma0=2e5))
     runs = [run_of(machine, x0, np.arange(1200) / 2e3, 5e-9, i) for i, x0 in enumerate((1.0e-3, 1.4e-3, 1.8e-3))]
     start = Oscillator(PROTOTYPE_MASS, STIFFNESS, PROTOTYPE_DAMPING, 9.66, Dahl(0.04, sigma0=1e6))

@@ -54,11 +54,11 @@ def test_smooth(law):
 
 
 def test_the_meshes_of_a_sliding_run_share_a_program():
-    """From the coarsest, of the first climb, to the finest, of the check."""
+    """From the coarsest, of the first stage, to the finest, of the check."""
     forget_programs()
     with compilations() as seen:
         fit(noisy("sliding", "LuGre", 0), oscillator(RIGS["sliding"], "LuGre"), (*MACHINE, "sigma0"))
-    assert len([name for name in seen if "climb" in name]) == 1, seen
+    assert len([name for name in seen if "solve_in_stages" in name]) == 1, seen
 
 
 def test_predict_and_report():

@@ -12,7 +12,7 @@ from fricjax import Fit, Oscillator, Trace, fit
 from fricjax.estimation.passes import residual_and_jacobian
 from fricjax.fitting import problem
 from fricjax.friction import Coulomb
-from tests.fitting.posed import posed
+from tests.fitting.problem_of import problem_of
 from tests.fitting.runs import MACHINE, STIFFNESS, coulomb_run
 from tests.helpers import PROTOTYPE_DAMPING, PROTOTYPE_MASS
 
@@ -61,7 +61,7 @@ RUNS = {"plain": RUN, "masked": masked(RUN), "weighted": weighted(RUN), "in moti
 
 @pytest.mark.parametrize("run", RUNS.values(), ids=RUNS.keys())
 def test_estimate_and_covariance_are_those_of_all_samples(run):
-    posing = posed(run, OSCILLATOR, MACHINE)
+    posing = problem_of(run, OSCILLATOR, MACHINE)
     assert np.sum(posing.condensed.runs[0].weight > 0) < 0.5 * posing.n_used
     few, every = (dense(residual) for residual in (posing.condensed, posing.residual))
     std = np.sqrt(np.diag(every[1]))
@@ -77,9 +77,9 @@ def test_estimate_and_covariance_are_those_of_all_samples(run):
 def test_a_record_of_high_rate_gives_the_same_with_and_without_condensation(monkeypatch):
     run = coulomb_run(samples=300_000, rate=7.5e5)
     found = fit(run, OSCILLATOR, MACHINE)
-    assert np.sum(posed(run, OSCILLATOR, MACHINE).condensed.runs[0].weight > 0) < 10_000
+    assert np.sum(problem_of(run, OSCILLATOR, MACHINE).condensed.runs[0].weight > 0) < 10_000
     monkeypatch.setattr(problem, "condensed_run", lambda window, run, oscillator: run)
-    assert posed(run, OSCILLATOR, MACHINE).condensed.runs[0].t.size >= 2.5e5
+    assert problem_of(run, OSCILLATOR, MACHINE).condensed.runs[0].t.size >= 2.5e5
     every = fit(run, OSCILLATOR, MACHINE)
     std = np.sqrt(np.diag(every.covariance))
     shift = np.max(np.abs(values_of(found) - values_of(every)) / std)

@@ -8,7 +8,7 @@ from fricjax.fitting.doubt import End, doubt_of
 from fricjax.fitting.fit import concluded
 from fricjax.fitting.rest import with_counts
 from fricjax.fitting.solve import solve
-from tests.fitting.posed import posed
+from tests.fitting.problem_of import problem_of
 from tests.fitting.runs import MACHINE, STIFFNESS, Rig, oscillator
 from tests.helpers import PROTOTYPE_DAMPING, PROTOTYPE_MASS
 from tests.oracles import Decay, coulomb_viscous
@@ -55,7 +55,7 @@ def test_errors_are_those_of_the_mixture_of_the_fits_with_each_number(fits):
     assert len(doubtful) >= 8
     for seed in doubtful[:6]:
         (taken,) = fits[seed].half_cycles
-        problem = posed(noisy(seed), oscillator(RIG, "Coulomb"), MACHINE)
+        problem = problem_of(noisy(seed), oscillator(RIG, "Coulomb"), MACHINE)
         numbers = [with_counts(problem, (taken + step,)) for step in (0, -2, -1, 1, 2)]
         ends = [concluded(number, solve(number), "absolute", throw=False) for number in numbers]
         odds = np.exp(-(np.array([end.chi2 for end in ends]) - ends[0].chi2) / 2)

@@ -9,7 +9,7 @@ from fricjax.fitting.solve import solve
 from fricjax.friction import Coulomb, Stribeck
 from fricjax.instrument import white_acceleration
 from fricjax.oscillator import driven_motion
-from tests.fitting.posed import posed
+from tests.fitting.problem_of import problem_of
 from tests.fitting.runs import MACHINE, STIFFNESS
 from tests.helpers import PROTOTYPE_DAMPING, PROTOTYPE_MASS
 
@@ -21,11 +21,11 @@ FLOOR = 3e-11
 def at_rows(model: Oscillator = MODEL):
     """A solved run, and instants behind its first reversal."""
     clean = np.asarray(simulate(model, 2e-3, T).x)
-    problem = posed(Trace(T, clean + 1e-9 * np.random.default_rng(0).standard_normal(T.size)), model, MACHINE)
-    solved = solve(problem)
-    first = float(solved.settled.values[problem.names.index("t_release")])
+    problem = problem_of(Trace(T, clean + 1e-9 * np.random.default_rng(0).standard_normal(T.size)), model, MACHINE)
+    solution = solve(problem)
+    first = float(solution.derived.values[problem.names.index("t_release")])
     t = np.linspace(first + 1e-3, 0.38 - problem.windows[0].origin, 200)
-    return problem, solved, first, t
+    return problem, solution, first, t
 
 
 # The last stroke of the second law is slow all along, where its friction falls with velocity.
@@ -37,11 +37,11 @@ STRIBECK = Stribeck(0.05, mu_s=0.065, v_stribeck=5e-3)
 def test_a_deviation_goes_on_as_the_motion_deviates(deviation, law, within):
     """From the middle of a stroke on, through reversals that come late by it, to the stop."""
     model = Oscillator(PROTOTYPE_MASS, STIFFNESS, PROTOTYPE_DAMPING, 9.66, law)
-    problem, solved, first, t = at_rows(model)
+    problem, solution, first, t = at_rows(model)
     t = t[t > first + 0.02]
-    passage = passage_of(problem, solved, 0, t)
+    passage = passage_of(problem, solution, 0, t)
     assert passage is not None
-    begin, small = float(solved.settled.values[problem.names.index("x0")]), 1e-8
+    begin, small = float(solution.derived.values[problem.names.index("x0")]), 1e-8
     at = simulate(model, begin, np.array([0.0, t[0] - first]))
     x, v = float(at.x[1]), float(at.v[1])
     base = np.asarray(simulate(model, x, t - t[0], v0=v).x)
@@ -57,8 +57,8 @@ def test_a_deviation_goes_on_as_the_motion_deviates(deviation, law, within):
 
 def test_kicks_add_up_as_their_integral_says():
     """What a kick at each of many instants of the first step makes of the state at its end."""
-    problem, solved, _, t = at_rows()
-    passage = passage_of(problem, solved, 0, t)
+    problem, solution, _, t = at_rows()
+    passage = passage_of(problem, solution, 0, t)
     assert passage is not None
     step, rate = t[11] - t[10], np.sqrt(STIFFNESS / PROTOTYPE_MASS)
     s = (np.arange(2000) + 0.5) / 2000 * step

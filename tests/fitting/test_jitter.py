@@ -13,7 +13,7 @@ from fricjax.fitting.mesh import with_mesh
 from fricjax.fitting.problem import Problem
 from fricjax.fitting.residual import Residual
 from fricjax.fitting.solve import solve
-from tests.fitting.posed import posed
+from tests.fitting.problem_of import problem_of
 from tests.fitting.runs import MACHINE, RIGS, noisy, oscillator
 
 ENGINES = {"Coulomb": "Exact", "Tanh": "Hybrid", "LuGre": "Smooth"}
@@ -65,7 +65,7 @@ def scan(law: str, problem: Problem) -> Curves:
 def curves(request) -> Curves:
     law = request.param
     free = (*MACHINE, "sigma0") if law == "LuGre" else MACHINE
-    problem = posed(noisy("rolling", law, 0), oscillator(RIGS["rolling"], law), free)
+    problem = problem_of(noisy("rolling", law, 0), oscillator(RIGS["rolling"], law), free)
     assert type(problem.residual.engine).__name__ == ENGINES[law]
     return scan(law, problem)
 

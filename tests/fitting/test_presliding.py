@@ -12,7 +12,7 @@ from fricjax.fitting.presliding import Machine, contact_of, stiffest
 from fricjax.fitting.roles import force_of
 from fricjax.fitting.window import Window, without_ringing
 from fricjax.friction import Coulomb, Dahl, Jenkins, LuGre, MaxwellSlip, Rolling, Spline, Tanh
-from tests.fitting.posed import posed
+from tests.fitting.problem_of import problem_of
 from tests.fitting.runs import RIGS, SIGMA0, SIGMA1, coulomb_run, noisy
 from tests.helpers import PROTOTYPE_DAMPING, PROTOTYPE_MASS
 
@@ -26,7 +26,7 @@ NOISE = 1e-9
 LATE = FORCE / (NOISE**2 / (2 * BAND))
 
 
-def settled(after, *, turned: float = -0.4 * BAND, length: float = 0.1) -> Window:
+def at_rest_after(after, *, turned: float = -0.4 * BAND, length: float = 0.1) -> Window:
     """A record whose last stroke, a cosine downwards to `turned`, is followed by the displacement `after(t)`."""
     t = np.arange(round((HALF_PERIOD + length) * 20e3)) / 20e3 - HALF_PERIOD
     before = turned + (2 * BAND - turned) * (1 - np.cos(np.pi * t / HALF_PERIOD)) / 2
@@ -51,7 +51,7 @@ def test_a_ringing_tells_stiffness_and_damping(sigma0, ratio):
     """A swing at the Dahl resonance beside a creep four times its size."""
     omega = np.sqrt((STIFFNESS + sigma0) / PROTOTYPE_MASS)
     swing = lambda t: 50e-9 * (1 - np.exp(-ratio * omega * t) * np.cos(omega * t))
-    window = settled(lambda t: swing(t) + 200e-9 * (1 - np.exp(-t / 0.03)))
+    window = at_rest_after(lambda t: swing(t) + 200e-9 * (1 - np.exp(-t / 0.03)))
     found = contact_of([window], MACHINE, 0.0)
     assert found.stiffness == pytest.approx(sigma0, rel=0.1)
     assert found.damping == pytest.approx(2 * ratio * omega * PROTOTYPE_MASS - PROTOTYPE_DAMPING, rel=0.5)
@@ -61,7 +61,7 @@ def test_a_spring_back_without_ringing_tells_them_too():
     """A Dahl contact returns l ln(2/(1 - a/x_d)); here by a first-order creep, that of a strong contact damping."""
     sigma0, sigma1 = 1e6, 6e3
     back = FORCE / sigma0 * np.log(2 / (1 - 0.4))
-    window = settled(lambda t: back * (1 - np.exp(-t * sigma0 / sigma1)))
+    window = at_rest_after(lambda t: back * (1 - np.exp(-t * sigma0 / sigma1)))
     found = contact_of([window], MACHINE, 0.0)
     assert found.stiffness == pytest.approx(sigma0, rel=0.05)
     assert found.damping == pytest.approx(sigma1, rel=0.1)
@@ -69,27 +69,27 @@ def test_a_spring_back_without_ringing_tells_them_too():
 
 @pytest.mark.parametrize("returned", [None, 0.0, 1e-6])
 def test_a_contact_that_does_not_spring_back_turns_no_later_than_the_noise_lets_it(returned):
-    found = contact_of([settled(np.zeros_like)], MACHINE, returned)
+    found = contact_of([at_rest_after(np.zeros_like)], MACHINE, returned)
     assert found == (LATE, pytest.approx(2 * np.sqrt(PROTOTYPE_MASS * (STIFFNESS + LATE))))
 
 
 def test_a_contact_is_as_good_as_rigid_where_all_samples_do_not_show_how_late_it_turns():
-    window = settled(np.zeros_like)
+    window = at_rest_after(np.zeros_like)
     assert stiffest([window], MACHINE) == pytest.approx(LATE * window.used.sum() / 0.3**2)
 
 
 def test_the_rest_nearest_to_the_equilibrium_tells_the_contact():
     """Elsewhere the contact has begun to yield; here its creep ends elsewhere by as much as from half the stiffness."""
     back = FORCE / 1e6 * np.log(2 / (1 - 0.4))
-    near = settled(lambda t: back * (1 - np.exp(-t * 166.0)))
-    far = settled(lambda t: 8 * back * (1 - np.exp(-t * 166.0)), turned=-0.8 * BAND)
+    near = at_rest_after(lambda t: back * (1 - np.exp(-t * 166.0)))
+    far = at_rest_after(lambda t: 8 * back * (1 - np.exp(-t * 166.0)), turned=-0.8 * BAND)
     for windows in ([near, far], [far, near]):
         assert contact_of(windows, MACHINE, 0.0).stiffness == pytest.approx(1e6, rel=0.05)
 
 
 def test_a_record_that_ends_with_the_motion_tells_nothing_of_the_contact():
-    assert contact_of([settled(np.zeros_like, length=0.01)], MACHINE, None) == (None, None)
-    assert contact_of([settled(np.zeros_like, length=0.01)], MACHINE, 0.0).stiffness == FORCE / NOISE
+    assert contact_of([at_rest_after(np.zeros_like, length=0.01)], MACHINE, None) == (None, None)
+    assert contact_of([at_rest_after(np.zeros_like, length=0.01)], MACHINE, 0.0).stiffness == FORCE / NOISE
 
 
 def test_the_energy_returned_at_each_reversal_tells_the_stiffness():
@@ -100,7 +100,7 @@ def test_the_energy_returned_at_each_reversal_tells_the_stiffness():
         points.append(-BAND + np.sqrt((points[-1] - BAND) ** 2 + 4 * BAND * FORCE / sigma0))
     n = np.arange(len(points))
     found = dataclasses.replace(
-        settled(np.zeros_like).segmentation, turning_points=np.array(points) * (-1.0) ** n,
+        at_rest_after(np.zeros_like).segmentation, turning_points=np.array(points) * (-1.0) ** n,
         turning_times=HALF_PERIOD * n, rest=None,
     )  # fmt: skip
     oscillator = Oscillator(PROTOTYPE_MASS, STIFFNESS, 0.0, LOAD, Coulomb(MU))
@@ -112,7 +112,7 @@ def test_the_energy_returned_at_each_reversal_tells_the_stiffness():
 
 
 def test_swings_of_the_contact_are_no_half_cycles():
-    found = settled(np.zeros_like).segmentation
+    found = at_rest_after(np.zeros_like).segmentation
     ringing = np.array([0.0, 0.007, 0.013, 0.02])  # s
     mixed = dataclasses.replace(
         found, turning_times=np.append(found.turning_times, ringing), rest=None, half_period=0.007,
@@ -142,7 +142,7 @@ def test_the_forces_of_a_law_tell_its_contact(law, stiffness, damping):
 
 def test_a_fit_starts_near_the_truth_from_any_oscillator():
     start = Oscillator(PROTOTYPE_MASS, 2000.0, 3.0, LOAD, LuGre(0.3, sigma0=5e6, sigma1=1.0))
-    problem = posed(noisy("sliding", "LuGre", 0), start, ("mu", "damping", "stiffness", "sigma0", "sigma1"))
+    problem = problem_of(noisy("sliding", "LuGre", 0), start, ("mu", "damping", "stiffness", "sigma0", "sigma1"))
     found = {parameter.name: parameter.start for parameter in problem.parameters}
     assert found["mu"] == pytest.approx(RIGS["sliding"].mu, rel=0.05)
     assert found["sigma0"] == pytest.approx(SIGMA0, rel=0.2)
@@ -152,7 +152,7 @@ def test_a_fit_starts_near_the_truth_from_any_oscillator():
 def test_a_curve_of_forces_starts_as_a_whole_where_the_decay_is():
     forces = np.array([0.03, 0.026, 0.024, 0.027])
     machine = Oscillator(PROTOTYPE_MASS, STIFFNESS, PROTOTYPE_DAMPING, 9.66, Spline((0.0, 0.02, 0.06, 0.15), forces))
-    problem = posed(coulomb_run(mu=0.05), machine, tuple(f"forces_{i}" for i in range(4)))
+    problem = problem_of(coulomb_run(mu=0.05), machine, tuple(f"forces_{i}" for i in range(4)))
     starts = np.array([parameter.start for parameter in problem.parameters[:4]])
     assert np.allclose(starts / starts[0], forces / forces[0], rtol=1e-12)
     assert np.mean(starts) == pytest.approx(0.05, rel=0.3)

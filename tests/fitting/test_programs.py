@@ -9,11 +9,11 @@ import pytest
 from fricjax import Oscillator, fit
 from fricjax.estimation.loss import Squares
 from fricjax.fitting import mesh, solve
-from fricjax.fitting.survey import survey
+from fricjax.fitting.evaluation import evaluate
 from fricjax.friction import Stribeck
 from fricjax.oscillator import Hybrid
 from fricjax.oscillator.program import Shape, split
-from tests.fitting.posed import posed
+from tests.fitting.problem_of import problem_of
 from tests.fitting.runs import MACHINE, RIGS, STIFFNESS, noisy, oscillator
 from tests.helpers import PROTOTYPE_DAMPING, PROTOTYPE_MASS
 
@@ -45,12 +45,12 @@ def test_a_fit_and_its_check_are_one_program_of_bounded_size(law: str, monkeypat
 
         return call
 
-    monkeypatch.setattr(solve, "climb_on", watched("climb", solve.climb_on))
+    monkeypatch.setattr(solve, "staged", watched("stages", solve.staged))
     monkeypatch.setattr(mesh, "_meshes", watched("mesh", mesh._meshes))
     run, free = noisy("rolling", "Coulomb" if law == "Stribeck" else law, 3), FREE.get(law, MACHINE)
     found = fit(run, machine(law), free, throw=False)
     assert found.passes > 2
-    assert set(programs) == ({"climb", "mesh"} if law == "LuGre" else {"climb"})
+    assert set(programs) == ({"stages", "mesh"} if law == "LuGre" else {"stages"})
     texts = [text for shapes in programs.values() for text in shapes.values()]
     assert len(texts) == len(programs)
     instructions = [op for text in texts for op in re.findall(r"^ *%\S+ = (\S+)", text, re.MULTILINE)]
@@ -60,8 +60,8 @@ def test_a_fit_and_its_check_are_one_program_of_bounded_size(law: str, monkeypat
 @pytest.mark.parametrize(("nodes", "amplitudes"), [(16, 24), (28, 6), (16, None)], ids=["nodes", "table", "no table"])
 def test_the_check_tells_the_numerical_error_of_an_engine(nodes: int, amplitudes: int | None):
     """The step to the optimum of another mesh of the same size against that to the optimum of a far finer one."""
-    problem = posed(noisy("rolling", "Tanh", 5), machine("Tanh"), MACHINE)
-    at = solve.climbed(problem, solve.start_coordinates(problem))
+    problem = problem_of(noisy("rolling", "Tanh", 5), machine("Tanh"), MACHINE)
+    at = solve.solve_condensed(problem, solve.start_coordinates(problem))
     given = problem.residual.engine
     assert isinstance(given, Hybrid)
 
@@ -70,7 +70,7 @@ def test_the_check_tells_the_numerical_error_of_an_engine(nodes: int, amplitudes
         return Hybrid(nodes, given.max_half_cycles, span, amplitudes or 12, given.skew)
 
     def seen(engine: Hybrid):
-        return survey(solve._with_engine(problem.residual, engine), at.y, Squares())
+        return evaluate(solve._with_engine(problem.residual, engine), at.y, Squares())
 
     own, checking, fine = map(seen, (engine(nodes, amplitudes), engine(nodes, amplitudes).checking(), engine(80, 64)))
     inverse = np.linalg.inv(np.asarray(fine.normal))

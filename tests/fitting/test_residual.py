@@ -10,14 +10,14 @@ import pytest
 from fricjax.estimation.space import Parameter, ParameterSpace
 from fricjax.fitting.mesh import with_mesh
 from fricjax.fitting.residual import Residual
-from tests.fitting.posed import posed
+from tests.fitting.problem_of import problem_of
 from tests.fitting.runs import MACHINE, RIGS, noisy, oscillator
 
 
 def joint(law: str) -> Residual:
     rig = RIGS["sliding"]
     runs = [noisy("sliding", law, seed) for seed in range(3)]
-    return with_mesh(posed(runs, oscillator(rig, law), MACHINE).condensed, jnp.zeros(3 + 3 * len(OWN[law])))
+    return with_mesh(problem_of(runs, oscillator(rig, law), MACHINE).condensed, jnp.zeros(3 + 3 * len(OWN[law])))
 
 
 OWN = {"Coulomb": ("t_release", "x0", "offset"), "LuGre": ("x0", "v0", "offset")}
@@ -29,12 +29,12 @@ def test_runs_of_one_shape_are_computed_as_each_for_itself(law):
     assert len({run.t.size for run in residual.runs}) == 1
     together = np.asarray(eqx.filter_jit(residual)(jnp.asarray(step)))
     values = residual.values(jnp.asarray(step))
-    read = eqx.filter_jit(lambda r, run, y, i: r.course(y, i, run).read(run.t))
+    read = eqx.filter_jit(lambda r, run, y, i: r.observed(y, i, run).read(run.t))
     for i, run in enumerate(residual.runs):
         alone = run.weight * (read(residual, run, jnp.asarray(step), jnp.asarray(i)) - run.x)
         n = run.t.size
         np.testing.assert_allclose(together[i * n : (i + 1) * n], alone, rtol=1e-9, atol=1e-6)
-        assert residual.own_at(values, i)["x0"] == values[3 + 3 * i + OWN[law].index("x0")]
+        assert residual.run_parameters(values, i)["x0"] == values[3 + 3 * i + OWN[law].index("x0")]
 
 
 def test_runs_that_differ_in_shape_are_computed_one_by_one():

@@ -7,7 +7,7 @@ from fricjax import Oscillator, fit
 from fricjax.fitting import rest
 from fricjax.fitting.solve import solve
 from fricjax.friction import Coulomb
-from tests.fitting.posed import posed
+from tests.fitting.problem_of import problem_of
 from tests.fitting.runs import MACHINE, STIFFNESS, coulomb_run
 from tests.helpers import PROTOTYPE_DAMPING, PROTOTYPE_MASS
 
@@ -28,7 +28,7 @@ def test_a_start_that_loses_the_phase_gets_there_by_one_window(off):
 
 @pytest.mark.parametrize("more", [1, -1])
 def test_a_number_of_half_cycles_that_misses_is_corrected_by_one_more_fit(monkeypatch, more):
-    problem = posed(coulomb_run(), OSCILLATOR, MACHINE)
+    problem = problem_of(coulomb_run(), OSCILLATOR, MACHINE)
     right = int(problem.residual.runs[0].half_cycles)
     counts = []
 
@@ -37,6 +37,6 @@ def test_a_number_of_half_cycles_that_misses_is_corrected_by_one_more_fit(monkey
         return solve(rival, y)
 
     monkeypatch.setattr(rest, "solve", counted)
-    ended, solved = rest.solve_with_rest(rest.with_counts(problem, (right + more,)))
+    ended, solution = rest.solve_with_rest(rest.with_counts(problem, (right + more,)))
     assert counts == [right + more, right] and int(ended.residual.runs[0].half_cycles) == right
-    np.testing.assert_allclose(solved.y, solve(problem).y, atol=1e-9)
+    np.testing.assert_allclose(solution.y, solve(problem).y, atol=1e-9)

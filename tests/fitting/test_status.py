@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from fricjax import Fit, Record, Trace, compare, fit, fit_batch, load_fit, multistart
-from fricjax.fitting.verdict import ADEQUATE
+from fricjax.fitting.diagnostics import ADEQUATE
 from tests.fitting.runs import MACHINE, RIGS, STIFFNESS, coulomb_run, oscillator
 from tests.oracles import coulomb_viscous
 

@@ -10,12 +10,12 @@ import pytest
 
 from fricjax import Fit, Oscillator, Record, Trace, fit, load_fit, simulate
 from fricjax.errors import DataError, UsageError
-from fricjax.fitting.remarks import warnings_of
-from fricjax.fitting.verdict import Misfit
+from fricjax.fitting.diagnostics import Misfit
+from fricjax.fitting.warnings import warnings_of
 from fricjax.friction import Coulomb
 from fricjax.oscillator import Exact, Hybrid, Smooth
 from fricjax.oscillator.engines import Span
-from tests.fitting.posed import posed
+from tests.fitting.problem_of import problem_of
 from tests.fitting.runs import MACHINE, coulomb_run
 from tests.helpers import PROTOTYPE_DAMPING, PROTOTYPE_MASS, largest
 
@@ -101,7 +101,7 @@ def test_the_engine_of_a_fit_comes_back_as_it_was(found, tmp_path, engine):
 
 
 def test_a_numerical_error_that_shows_is_warned_of(found):
-    told = functools.partial(warnings_of, posed(coulomb_run(), found.oscillator, MACHINE), found.values)
+    told = functools.partial(warnings_of, problem_of(coulomb_run(), found.oscillator, MACHINE), found.values)
     sentences = [
         told(found.std_errors, Misfit(1e-9, 1e-9, 1e-9, 0), (), found.margins, (None,), None, shift)
         for shift in (0.09, 0.32)

@@ -34,6 +34,6 @@ def test_a_record_that_begins_at_a_reversal_cannot_tell():
     record = run(1e-3, 0)
     found = fj.fit(record, SLIDING, MACHINE)
     t, x = np.asarray(record.trace.t), np.asarray(record.trace.x)
-    late = t > found.own("t_release") - 3e-4
+    late = t > found.run_parameter("t_release") - 3e-4
     with pytest.raises(DataError, match="Record the run from before it"):
         fit_release(fj.Trace(t[late], x[late], sigma=1e-9), found)

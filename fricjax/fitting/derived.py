@@ -16,7 +16,7 @@ from ..oscillator import Oscillator
 from .residual import Residual
 
 
-class Settled(NamedTuple):
+class Derived(NamedTuple):
     """What the coordinates of a fit stand for.
 
     Attributes:
@@ -56,13 +56,13 @@ UNITS = {
 }
 
 
-def settle(residual: Residual, y: Float[Array, " coordinates"]) -> Settled:
+def derive(residual: Residual, y: Float[Array, " coordinates"]) -> Derived:
     """What coordinates `y` stand for; traced."""
     p = residual.n_parameters
     slope = residual.space.slope(y[:p])
     by_coordinate = jax.jacfwd(lambda at: _quantities(residual.machine(at)))(y)
     machine = residual.machine(y)
-    return Settled(residual.values(y), slope, machine, _quantities(machine), by_coordinate)
+    return Derived(residual.values(y), slope, machine, _quantities(machine), by_coordinate)
 
 
 def _quantities(oscillator: Oscillator) -> Float[Array, " quantities"]:
@@ -78,31 +78,31 @@ def _quantities(oscillator: Oscillator) -> Float[Array, " quantities"]:
     )
 
 
-def kinematics(settled: Settled, found: Covariance) -> dict[str, Estimate]:
+def kinematics(derived: Derived, found: Covariance) -> dict[str, Estimate]:
     """Undamped natural frequency, damping ratio, dead band mu N/k, and friction and drag per unit mass.
 
     Args:
-        settled: the solved fit.
+        derived: the solved fit.
         found: covariances of its parameters, of which the statistical one counts.
     """
     estimates = {}
-    for (name, unit), value, slope in zip(UNITS.items(), settled.kinematics, settled.by_value, strict=True):
+    for (name, unit), value, slope in zip(UNITS.items(), derived.kinematics, derived.by_value, strict=True):
         used = slope != 0
         variance = slope[used] @ found.statistical[np.ix_(used, used)] @ slope[used]
         estimates[name] = Estimate(float(value), float(np.sqrt(variance)), unit)
     return estimates
 
 
-def contributions(names: Sequence[str], settled: Settled, found: Covariance) -> dict[str, np.ndarray]:
+def contributions(names: Sequence[str], derived: Derived, found: Covariance) -> dict[str, np.ndarray]:
     """Change of each parameter and of each of the kinematics for one standard uncertainty of each input of the rig.
 
     An input changes the kinematics where it is a coefficient of the machine, and as the parameters follow it.
 
     Args:
         names: of the parameters.
-        settled: the solved fit.
+        derived: the solved fit.
         found: covariances of its parameters.
     """
-    direct = np.asarray(settled.by_coordinate)[:, len(names) :]
-    followed = settled.by_value @ found.contributions
+    direct = np.asarray(derived.by_coordinate)[:, len(names) :]
+    followed = derived.by_value @ found.contributions
     return dict(zip([*names, *UNITS], [*found.contributions, *(direct + followed)], strict=True))

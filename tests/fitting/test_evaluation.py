@@ -8,11 +8,11 @@ import pytest
 
 from fricjax import Measured, Oscillator, Rig
 from fricjax.estimation.loss import Cauchy, Huber, Squares
-from fricjax.fitting import survey as module
+from fricjax.fitting import evaluation as module
+from fricjax.fitting.evaluation import Evaluation
 from fricjax.fitting.mesh import with_mesh
-from fricjax.fitting.survey import Survey
 from fricjax.friction import Coulomb, Tanh
-from tests.fitting.posed import posed
+from tests.fitting.problem_of import problem_of
 from tests.fitting.runs import FREQUENCY, MACHINE, STIFFNESS, coulomb_run
 from tests.helpers import PROTOTYPE_DAMPING, PROTOTYPE_MASS
 
@@ -27,9 +27,9 @@ def machine(law):
 def problem(engine: str):
     """A run each, with priors; the exact one with a rig."""
     if engine == "exact":
-        return posed(coulomb_run(), RIG.oscillator(Coulomb(0.05)), ("mu", "damping"), priors=PRIORS, rig=RIG)
+        return problem_of(coulomb_run(), RIG.oscillator(Coulomb(0.05)), ("mu", "damping"), priors=PRIORS, rig=RIG)
     law = Coulomb(0.05) if engine == "hybrid" else Tanh(0.05, 1e-2)
-    return posed(coulomb_run(), machine(law), MACHINE, priors=PRIORS, engine=engine)
+    return problem_of(coulomb_run(), machine(law), MACHINE, priors=PRIORS, engine=engine)
 
 
 def cut(residual):
@@ -44,23 +44,23 @@ def whole(residual, y):
     return residual(y), jax.jacfwd(residual)(y)
 
 
-def dense(residual, y, loss) -> Survey:
+def dense(residual, y, loss) -> Evaluation:
     """The same from the whole Jacobian; priors count with their squares whatever the loss."""
     r, jacobian = (np.asarray(part) for part in whole(residual, y))
     rows = r.size - residual.n_parameters
     priors = r[rows:] ** 2, np.ones(r.size - rows), np.ones(r.size - rows)
     rho, weight, curvature = (np.r_[np.asarray(a), b] for a, b in zip(loss.parts(r[:rows]), priors, strict=True))
     gradient, normal = jacobian.T @ (weight * r), jacobian.T @ (curvature[:, None] * jacobian)
-    return Survey(r, r @ r, np.sum(rho) / 2, gradient, normal, [], [])
+    return Evaluation(r, r @ r, np.sum(rho) / 2, gradient, normal, [], [])
 
 
-def streamed(residual, y, loss, monkeypatch, chunk) -> Survey:
+def streamed(residual, y, loss, monkeypatch, chunk) -> Evaluation:
     """The pass in chunks of a given length; compiled afresh, since this length is not one of its arguments."""
     monkeypatch.setattr(module, "CHUNK", chunk)
-    return eqx.filter_jit(module.survey.__wrapped__)(residual, y, loss)
+    return eqx.filter_jit(module.evaluate.__wrapped__)(residual, y, loss)
 
 
-def assert_same(residual, found: Survey, expected: Survey):
+def assert_same(residual, found: Evaluation, expected: Evaluation):
     unit = np.sqrt(np.diag(expected.normal))
     # The residual is the difference of two numbers of this size, each good to some units in its last place.
     size = max(float(np.max(np.abs(run.weight * run.x))) for run in residual.runs)
@@ -96,24 +96,24 @@ def test_each_sample_is_weighted_as_its_loss_says_and_priors_are_not(loss, monke
 
 
 def test_several_runs_add_up(monkeypatch):
-    both = posed([coulomb_run(), coulomb_run(2.5e-3, seed=5)], machine(Coulomb(0.05)), MACHINE).residual
+    both = problem_of([coulomb_run(), coulomb_run(2.5e-3, seed=5)], machine(Coulomb(0.05)), MACHINE).residual
     y = 1e-5 * jnp.ones(both.n_parameters)
     assert_same(both, streamed(both, y, Squares(), monkeypatch, 900), dense(both, y, Squares()))
 
 
 def test_more_samples_than_one_chunk_holds():
-    residual = posed(coulomb_run(samples=20_000, rate=5e4), machine(Coulomb(0.05)), MACHINE).residual
+    residual = problem_of(coulomb_run(samples=20_000, rate=5e4), machine(Coulomb(0.05)), MACHINE).residual
     assert residual.runs[0].t.size > module.CHUNK
     y = 1e-5 * jnp.ones(residual.n_parameters)
-    assert_same(residual, module.survey(residual, y, Squares()), dense(residual, y, Squares()))
+    assert_same(residual, module.evaluate(residual, y, Squares()), dense(residual, y, Squares()))
 
 
 @pytest.mark.parametrize("loss", [Squares(), Huber()], ids=lambda loss: type(loss).__name__)
 def test_blocks_of_samples_add_up_to_the_whole(loss):
     """More samples than blocks, so that each block holds four of them."""
-    residual = posed(coulomb_run(samples=20_000, rate=5e4), machine(Coulomb(0.05)), MACHINE).residual
+    residual = problem_of(coulomb_run(samples=20_000, rate=5e4), machine(Coulomb(0.05)), MACHINE).residual
     y = 1e-5 * jnp.ones(residual.n_parameters)
-    blocks, run = module.Block.of(module.survey(residual, y, loss).blocks[0]), residual.runs[0]
+    blocks, run = module.Block.of(module.evaluate(residual, y, loss).blocks[0]), residual.runs[0]
     assert module.block_length(run.t.size) == 4 and blocks.used.size == run.t.size // 4
     r, jacobian = (np.asarray(part)[: run.t.size] for part in whole(residual, y))
     _, weight, curvature = (np.asarray(part) for part in loss.parts(r))

@@ -9,12 +9,12 @@ from scipy.signal import lfilter
 
 from fricjax import Fit, Trace, fit, fit_batch
 from fricjax.fitting import rows
-from fricjax.fitting.by_noise import counted_by_noise
+from fricjax.fitting.noise_weighting import weigh_by_noise
 from fricjax.fitting.solve import solve
 from fricjax.friction import Coulomb
-from tests.fitting.posed import posed
+from tests.fitting.problem_of import problem_of
 from tests.fitting.runs import MACHINE, RIGS, STIFFNESS, clean, coulomb_run, oscillator, truth
-from tests.fitting.test_survey import whole
+from tests.fitting.test_evaluation import whole
 from tests.helpers import PROTOTYPE_DAMPING
 
 RIG = RIGS["rolling"]
@@ -51,18 +51,18 @@ def assert_same(found: Fit, other: Fit, within: float = 0.1, bars: float = 0.03)
 
 
 def test_white_noise_is_left_to_plain_least_squares():
-    problem = posed(Trace(T, X + white(0)), MODEL, MACHINE)
-    solved = solve(problem)
-    counted = counted_by_noise(problem, solved, True)
-    assert counted.solved is solved and counted.variance == 1.0 and not counted.went_on
+    problem = problem_of(Trace(T, X + white(0)), MODEL, MACHINE)
+    solution = solve(problem)
+    counted = weigh_by_noise(problem, solution, True)
+    assert counted.solution is solution and counted.variance == 1.0 and not counted.went_on
     assert not list(counted.noises[0].words("m"))
-    assert counted.white == pytest.approx(np.sqrt(np.diag(solved.shape.inverse)))
+    assert counted.white == pytest.approx(np.sqrt(np.diag(solution.shape.inverse)))
 
 
 @pytest.mark.parametrize("rho", [0.9, 0.99])
 def test_standard_errors_are_those_of_the_known_covariance(rho):
     """Of generalised least squares of all samples, the noise stationary and known."""
-    problem = posed(Trace(T, X + autoregressive(rho, 3)), MODEL, MACHINE)
+    problem = problem_of(Trace(T, X + autoregressive(rho, 3)), MODEL, MACHINE)
     found = concluded_errors(problem)
     jacobian = np.asarray(whole(problem.residual, solve(problem).y)[1])
     window = problem.windows[0]
@@ -78,9 +78,9 @@ def test_standard_errors_are_those_of_the_known_covariance(rho):
 
 
 def concluded_errors(problem) -> np.ndarray:
-    counted = counted_by_noise(problem, solve(problem), True)
+    counted = weigh_by_noise(problem, solve(problem), True)
     assert counted.went_on and counted.variance == 1.0
-    return np.sqrt(np.diag(counted.solved.shape.inverse))
+    return np.sqrt(np.diag(counted.solution.shape.inverse))
 
 
 def test_a_known_covariance_solves_as_a_toeplitz_matrix_does():

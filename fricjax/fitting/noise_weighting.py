@@ -19,23 +19,14 @@ from ..estimation.colour import Colour, whitened
 from ..estimation.loss import Squares
 from ..estimation.small_sample import small_sample_covariance
 from .clock import by_clock
-from .colours import (
-    Seen,
-    colours_of,
-    described,
-    expected_size,
-    least_squares,
-    under_noise,
-    variance_left,
-    weighed_rows,
-)
+from .colours import Seen, colours_of, described, expected_size, least_squares, under_noise, variance_left, weighed_rows
+from .diagnostics import ADEQUATE, SURE, worst
 from .doubt import Doubt, End, Other, doubt_of
+from .evaluation import Block
 from .noise import Line, Noise
 from .problem import Problem
 from .rows import Rows, rounded, rows_of
-from .solve import Solved, checking, half_cycles, look
-from .survey import Block
-from .verdict import ADEQUATE, SURE, worst
+from .solve import Solution, checking, evaluate_at, half_cycles
 from .whiteness import whiteness
 from .window import Window
 
@@ -43,12 +34,12 @@ from .window import Window
 _ROUNDS, _NEAR = 8, 0.05
 
 
-class Counted(NamedTuple):
+class NoiseWeighted(NamedTuple):
     """A solved fit counted by the noise of its record.
 
     Attributes:
         problem: the problem, with samples weighed by the jitter of their clock where it shows.
-        solved: the fit where it ended; its quadratic form and its normal matrix count by the noise.
+        solution: the fit where it ended; its quadratic form and its normal matrix count by the noise.
         variance: by which the inverse of that form is a covariance.
         scatter: the same for white noise of the size stated, or that of the residuals where none is taken at its word;
             `white`: standard errors of the coordinates under it.
@@ -60,7 +51,7 @@ class Counted(NamedTuple):
     """
 
     problem: Problem
-    solved: Solved
+    solution: Solution
     variance: float
     scatter: float
     white: np.ndarray
@@ -72,26 +63,26 @@ class Counted(NamedTuple):
     numbers: int = 0
 
 
-def counted_by_noise(problem: Problem, solved: Solved, absolute: bool) -> Counted:
+def weigh_by_noise(problem: Problem, solution: Solution, absolute: bool) -> NoiseWeighted:
     """The fit of least squares, carried on where the noise of a run is not white.
 
     Args:
         problem: the problem.
-        solved: its least squares.
+        solution: its least squares.
         absolute: whether the size of the noise is taken at its word, as long as the residuals do not contradict it.
     """
-    plain = _plain(problem, solved, absolute)
-    if not solved.converged:
+    plain = _plain(problem, solution, absolute)
+    if not solution.converged:
         return plain
-    rows = rows_of(problem, solved.survey)
+    rows = rows_of(problem, solution.evaluation)
     # What the model lacks grows with velocity too.
     sizes = [float(np.sqrt(row.level)) for row in rows]
     small = worst(problem, sizes, [0.0] * len(rows), not absolute).ratio <= ADEQUATE
-    clocked = by_clock(problem, solved, rows) if small else None
+    clocked = by_clock(problem, solution, rows) if small else None
     if clocked is None:
         return _by_colour(plain, rows, absolute)
-    rows = rows_of(clocked.problem, clocked.solved.survey)
-    counted = _by_colour(_plain(clocked.problem, clocked.solved, absolute), rows, absolute)
+    rows = rows_of(clocked.problem, clocked.solution.evaluation)
+    counted = _by_colour(_plain(clocked.problem, clocked.solution, absolute), rows, absolute)
     pairs = zip(counted.noises, clocked.jitters, strict=True)
     return counted._replace(
         white=plain.white,
@@ -102,16 +93,16 @@ def counted_by_noise(problem: Problem, solved: Solved, absolute: bool) -> Counte
     )
 
 
-def _by_colour(plain: Counted, first: Sequence[Rows], absolute: bool) -> Counted:
+def _by_colour(plain: NoiseWeighted, first: Sequence[Rows], absolute: bool) -> NoiseWeighted:
     """The fit carried on where the noise of a run is coloured; `first` are the rows of its least squares."""
-    problem, solved = plain.problem, plain.solved
-    at, rows = solved, first
+    problem, solution = plain.problem, plain.solution
+    at, rows = solution, first
     for _ in range(_ROUNDS):
         seen = colours_of(problem, at, rows, absolute)
-        if not at.survey.residual.size and (seen or any(map(rounded, problem.windows))):
+        if not at.evaluation.residual.size and (seen or any(map(rounded, problem.windows))):
             # Of a lane no residual is left of the samples.
             at = _moved(problem, at, np.zeros(problem.residual.n_parameters))
-            rows = rows_of(problem, at.survey)
+            rows = rows_of(problem, at.evaluation)
             continue
         if not seen:
             return plain
@@ -119,12 +110,12 @@ def _by_colour(plain: Counted, first: Sequence[Rows], absolute: bool) -> Counted
             break
         shape, gradient, normal = least_squares(problem, at, weighed_rows(seen))
         if not shape.distance > _NEAR:
-            counts = at.survey._replace(gradient=gradient, normal=normal)
-            shift = max(solved.numerical_shift, shape.distance)
+            counts = at.evaluation._replace(gradient=gradient, normal=normal)
+            shift = max(solution.numerical_shift, shape.distance)
             told = [_likelihood(*run, absolute) for run in seen]
             doubt = _doubt(problem, at, seen)
             return plain._replace(
-                solved=at._replace(survey=counts, shape=shape, numerical_shift=shift),
+                solution=at._replace(evaluation=counts, shape=shape, numerical_shift=shift),
                 variance=1.0,
                 unsure=small_sample_covariance([(row.series, colour) for row, colour in seen], shape.inverse)
                 + doubt.covariance,
@@ -135,16 +126,16 @@ def _by_colour(plain: Counted, first: Sequence[Rows], absolute: bool) -> Counted
                 numbers=sum(numbers for _, numbers in told),
             )
         at = _moved(problem, at, shape.step)
-        if not np.isfinite(at.survey.chi2):
+        if not np.isfinite(at.evaluation.chi2):
             break
-        rows = rows_of(problem, at.survey)
+        rows = rows_of(problem, at.evaluation)
     return _undescribed(plain, first)
 
 
-def _plain(problem: Problem, solved: Solved, absolute: bool) -> Counted:
+def _plain(problem: Problem, solution: Solution, absolute: bool) -> NoiseWeighted:
     """The fit with its residuals taken for white noise; that as large as stated is not enlarged."""
-    blocks = [Block.of(sums) for sums in solved.survey.blocks]
-    reduced = solved.chi2 / problem.dof
+    blocks = [Block.of(sums) for sums in solution.evaluation.blocks]
+    reduced = solution.chi2 / problem.dof
     if not isinstance(problem.loss, Squares):
         # Mean square of the influences over the mean curvature of the losses (Huber, Robust Statistics, 1981, 7.6).
         squares, curvatures = ([getattr(block, name) for block in blocks] for name in ("square", "curvature"))
@@ -157,25 +148,25 @@ def _plain(problem: Problem, solved: Solved, absolute: bool) -> Counted:
     noises = tuple(Noise(excess=float(np.sqrt(variance))) for _ in blocks)
     ends = [
         End(half_cycles(like), at.foreseen / variance, at.y[: at.shape.step.size] + at.shape.step)
-        for like, at in (((problem, solved), *solved.rivals) if solved.rivals else ())
+        for like, at in (((problem, solution), *solution.rivals) if solution.rivals else ())
     ]
     doubt = doubt_of(ends, problem.residual.n_parameters)
-    white = np.sqrt(np.diag(scatter * solved.shape.inverse + doubt.covariance))
-    return Counted(problem, solved, variance, scatter, white, noises, doubt.covariance, doubt.others)
+    white = np.sqrt(np.diag(scatter * solution.shape.inverse + doubt.covariance))
+    return NoiseWeighted(problem, solution, variance, scatter, white, noises, doubt.covariance, doubt.others)
 
 
-def _doubt(problem: Problem, at: Solved, seen: Sequence[Seen]) -> Doubt:
+def _doubt(problem: Problem, at: Solution, seen: Sequence[Seen]) -> Doubt:
     """The doubt in the number of half-cycles, counted by the noise that was seen with that one."""
     ends = []
     # Alone, the one that was taken is in no doubt, whatever its misfit.
     for like, reached in ((problem, at), *at.rivals) if at.rivals else ():
-        judged = under_noise(like, reached, seen)
-        step = judged.shape.step
-        ends.append(End(half_cycles(like), judged.misfit, reached.y[: step.size] + step))
+        alternative = under_noise(like, reached, seen)
+        step = alternative.shape.step
+        ends.append(End(half_cycles(like), alternative.misfit, reached.y[: step.size] + step))
     return doubt_of(ends, problem.residual.n_parameters)
 
 
-def _undescribed(plain: Counted, rows: Sequence[Rows]) -> Counted:
+def _undescribed(plain: NoiseWeighted, rows: Sequence[Rows]) -> NoiseWeighted:
     """The fit of least squares, its errors enlarged for residuals that are no noise."""
     times = [whiteness(row.series.residual).correlation_time for row in rows]
     sizes = [float(np.mean(row.series.residual**2)) for row in rows]
@@ -187,12 +178,12 @@ def _undescribed(plain: Counted, rows: Sequence[Rows]) -> Counted:
     return plain._replace(variance=max(variance, plain.variance), noises=noises)
 
 
-def _moved(problem: Problem, at: Solved, step: np.ndarray) -> Solved:
+def _moved(problem: Problem, at: Solution, step: np.ndarray) -> Solution:
     """A look at the record a step further."""
     p, limits = step.size, problem.limits
     y = np.concatenate([np.clip(at.y[:p] + step, limits.lower, limits.upper), at.y[p:]])
-    looked = look(problem, checking(problem.residual, y), y)
-    return at._replace(y=y, survey=looked.survey, settled=looked.settled, passes=at.passes + 1)
+    looked = evaluate_at(problem, checking(problem.residual, y), y)
+    return at._replace(y=y, evaluation=looked.evaluation, derived=looked.derived, passes=at.passes + 1)
 
 
 def _noise(window: Window, row: Rows, colour: Colour) -> Noise:

@@ -5,13 +5,13 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 
 from ..show import engineering, plain
+from .diagnostics import ADEQUATE, Misfit, growth, holds_release
 from .doubt import Other
 from .missing import lacking
 from .plausible import implausible
 from .problem import Problem
 from .rest import Bracket, Margin
 from .solve import half_cycles
-from .verdict import ADEQUATE, Misfit, growth, holds_release
 
 # Misfit in units of the noise, and numerical error in standard errors, from which on they are told.
 _NOTICED, _VISIBLE = 3.0, 0.1
@@ -46,7 +46,7 @@ def warnings_of(
         numerical_shift: how far numerical errors can have moved any parameter, in its standard errors.
     """
     return (
-        *remarks_on(problem, values, std_errors, misfit, others),
+        *warnings_of_run(problem, values, std_errors, misfit, others),
         *_on_the_model(problem, values),
         *_on_the_errors(numerical_shift),
         *_on_the_rest(problem, margins, excesses),
@@ -54,7 +54,7 @@ def warnings_of(
     )
 
 
-def remarks_on(
+def warnings_of_run(
     problem: Problem,
     values: Mapping[str, float],
     std_errors: Mapping[str, float],

@@ -16,7 +16,7 @@ from jaxtyping import Array, Bool, Float, PyTree
 
 from ..estimation.loss import AbstractLoss, Squares
 from ..estimation.passes import AbstractPasses, Pass, gather, residual_and_jacobian
-from .residual import Course, Residual, Run
+from .residual import ObservedMotion, Residual, Run
 from .sizes import power
 
 # Condensed records fill one or two of them; a longer chunk would read more samples of no weight.
@@ -53,7 +53,7 @@ class Block(NamedTuple):
         return cls(*sums[:, :n].T, slopes=sums[:, n:])
 
 
-class Survey(NamedTuple):
+class Evaluation(NamedTuple):
     """What a pass over all samples leaves behind.
 
     Attributes:
@@ -76,7 +76,7 @@ class Survey(NamedTuple):
 
 
 @eqx.filter_jit
-def survey(residual: Residual, y: Float[Array, " coordinates"], loss: AbstractLoss) -> Survey:
+def evaluate(residual: Residual, y: Float[Array, " coordinates"], loss: AbstractLoss) -> Evaluation:
     """Residual, gradient and normal matrix at coordinates `y`, from every sample."""
     parts = residual.each(_of_runs(residual, y, loss), residual.runs)
     r, slopes = residual_and_jacobian(residual.priors, y)
@@ -85,10 +85,10 @@ def survey(residual: Residual, y: Float[Array, " coordinates"], loss: AbstractLo
     whole, passes, pulls, blocks = zip(*parts, strict=True)
     sums = jax.tree.map(lambda *values: sum(values), priors, *passes)
     joined = jnp.concatenate([*whole, r])
-    return Survey(joined, joined @ joined, sums.cost, sums.gradient, sums.normal, list(pulls), list(blocks))
+    return Evaluation(joined, joined @ joined, sums.cost, sums.gradient, sums.normal, list(pulls), list(blocks))
 
 
-class Surveys(AbstractPasses):
+class EvaluationPasses(AbstractPasses):
     """Passes by surveys of records, which are kept; the function that the solver is given is not asked.
 
     Attributes:
@@ -104,11 +104,11 @@ class Surveys(AbstractPasses):
     tolerance: Sequence[Float[Array, " samples"]]
 
     def nothing(self, y: Float[Array, " coordinates"]) -> Pass:
-        unseen = jax.eval_shape(lambda at: survey(self.residual, at, self.loss), y)
+        unseen = jax.eval_shape(lambda at: evaluate(self.residual, at, self.loss), y)
         return super().nothing(y)._replace(kept=jax.tree.map(lambda of: jnp.full(of.shape, jnp.nan, of.dtype), unseen))
 
     def __call__(self, fn: Callable, y: Float[Array, " coordinates"], args: PyTree) -> Pass:
-        found = survey(self.residual, y, self.loss)
+        found = evaluate(self.residual, y, self.loss)
         lost = jnp.all(y == self.doubted) & self._astray(found.residual)
         return Pass(jnp.where(lost, jnp.nan, found.cost), found.gradient, found.normal, found)
 
@@ -147,8 +147,8 @@ def _run(residual: Residual, y: Array, number: Any, data: Run, loss: AbstractLos
     t, x = (jnp.pad(values, (0, pieces * CHUNK - n), mode="edge") for values in (data.t, data.x))
     weight = jnp.pad(data.weight, (0, pieces * CHUNK - n))
 
-    def course(at: Array) -> tuple[Course, tuple[Course, Course]]:
-        moving, fixed = eqx.partition(residual.course(at, number, data), eqx.is_inexact_array)
+    def course(at: Array) -> tuple[ObservedMotion, tuple[ObservedMotion, ObservedMotion]]:
+        moving, fixed = eqx.partition(residual.observed(at, number, data), eqx.is_inexact_array)
         return moving, (moving, fixed)
 
     tangents, (moving, fixed) = jax.jacfwd(course, has_aux=True)(y)
@@ -157,7 +157,7 @@ def _run(residual: Residual, y: Array, number: Any, data: Run, loss: AbstractLos
         whole, blocks, sums = so_far
         times, seen, used = (jax.lax.dynamic_slice(values, (number * CHUNK,), (CHUNK,)) for values in (t, x, weight))
 
-        def read(at: Course) -> Array:
+        def read(at: ObservedMotion) -> Array:
             return used * (eqx.combine(at, fixed).read(times) - seen)
 
         r, along = jax.linearize(read, moving)

@@ -10,11 +10,11 @@ from ..estimation.covariance import Covariance
 from ..estimation.loss import AbstractLoss, Squares
 from ..estimation.status import NOT_FINITE, OUT_OF_STEPS, STALLED
 from ..show import engineering
+from .derived import Derived
 from .noise import Noise
 from .plausible import too_large
 from .problem import Problem
-from .settled import Settled
-from .solve import Solved
+from .solve import Solution
 from .window import Window
 
 ADEQUATE = 10.0
@@ -70,10 +70,10 @@ def typical(residual: Any, loss: AbstractLoss, mean: Any = np.mean, median: Any 
     return mean(residual**2) ** 0.5 if isinstance(loss, Squares) else median(abs(residual)) / NORMAL_MAD
 
 
-def misfit_of(problem: Problem, solved: Solved, noises: Sequence[Noise], relative: bool) -> Misfit:
+def misfit_of(problem: Problem, solution: Solution, noises: Sequence[Noise], relative: bool) -> Misfit:
     """How large the residuals are beside the noise, in the run where that is the worst; drift and hum are noise."""
     sizes = []
-    for part, window, noise in zip(problem.by_run(solved.survey.residual), problem.windows, noises, strict=True):
+    for part, window, noise in zip(problem.by_run(solution.evaluation.residual), problem.windows, noises, strict=True):
         t = np.asarray(window.trace.t) - window.origin
         sizes.append(float(typical((part + noise.at(t) / window.sigma)[window.used], problem.loss)))
     return worst(problem, sizes, [noise.expected for noise in noises], relative)
@@ -101,13 +101,13 @@ def optimum_found(status: str) -> bool:
     return status.split(":")[0] in _OPTIMA
 
 
-def status_of(problem: Problem, solved: Solved, covariance: Covariance, misfit: Misfit) -> str:
+def status_of(problem: Problem, solution: Solution, covariance: Covariance, misfit: Misfit) -> str:
     """The outcome in words; what stands before the colon is its name."""
-    if solved.status == NOT_FINITE or not _is_finite(solved.settled):
+    if solution.status == NOT_FINITE or not _is_finite(solution.derived):
         return "not finite: the model fails at the start values. Check the law's coefficients and the engine."
-    if solved.status == OUT_OF_STEPS:
+    if solution.status == OUT_OF_STEPS:
         return "out of steps: the optimum was not reached. Start nearer, or free fewer parameters."
-    if solved.status == STALLED:
+    if solution.status == STALLED:
         return "stalled: no step improves the fit although the gradient asks for one. Check bounds and the law."
     if not covariance.full_rank:
         lost = _listed(problem, covariance.undetermined)
@@ -121,8 +121,8 @@ def status_of(problem: Problem, solved: Solved, covariance: Covariance, misfit: 
     return CONVERGED
 
 
-def _is_finite(settled: Settled) -> bool:
-    return bool(np.all(np.isfinite(settled.values)))
+def _is_finite(derived: Derived) -> bool:
+    return bool(np.all(np.isfinite(derived.values)))
 
 
 def _listed(problem: Problem, which: np.ndarray) -> str:
@@ -165,9 +165,9 @@ def growth(window: Window) -> tuple[float, float] | None:
     return (first, last) if grows else None
 
 
-def flags_of(problem: Problem, covariance: Covariance, solved: Solved) -> dict[str, tuple[str, ...]]:
+def flags_of(problem: Problem, covariance: Covariance, solution: Solution) -> dict[str, tuple[str, ...]]:
     """Flags of each parameter."""
-    values, errors = solved.settled.values, np.sqrt(np.diag(covariance.statistical))
+    values, errors = solution.derived.values, np.sqrt(np.diag(covariance.statistical))
     flags: dict[str, tuple[str, ...]] = {}
     for i, parameter in enumerate(problem.parameters):
         found = []

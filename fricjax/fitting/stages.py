@@ -24,9 +24,9 @@ from jaxtyping import Array, Float
 from ..estimation.levenberg_marquardt import MAX_STEPS, LevenbergMarquardt
 from ..estimation.loss import AbstractLoss, Squares
 from ..estimation.status import NOT_FINITE
+from .derived import Derived, derive
+from .evaluation import Evaluation, EvaluationPasses
 from .residual import Residual
-from .settled import Settled, settle
-from .survey import Survey, Surveys
 
 ROUNDING = 1e-12
 FINE = 1e-3
@@ -36,7 +36,7 @@ _MOVING, _EVERYTHING = 1.0, 2.0
 _ON_THE_WAY = 1.0
 
 
-class Terrain(eqx.Module):
+class StageWeights(eqx.Module):
     """What the windows of a run need to know.
 
     Attributes:
@@ -58,7 +58,7 @@ class Limits(eqx.Module):
     linear: Any
 
 
-class Way(NamedTuple):
+class Schedule(NamedTuple):
     """How to go: as arrays, so that every way shares one compilation.
 
     Attributes:
@@ -72,74 +72,74 @@ class Way(NamedTuple):
     steps: Any = np.asarray(MAX_STEPS)
 
 
-ONWARDS = Way(sure=np.asarray(True))
+CONTINUE = Schedule(sure=np.asarray(True))
 # A robust loss is nearly flat far from its optimum: the way from that of squares takes some sixty small steps.
-PATIENT = ONWARDS._replace(steps=np.asarray(4 * MAX_STEPS))
-LOOK = Way(sure=np.asarray(True), steps=np.asarray(1))
+CONTINUE_ROBUST = CONTINUE._replace(steps=np.asarray(4 * MAX_STEPS))
+EVALUATE_ONLY = Schedule(sure=np.asarray(True), steps=np.asarray(1))
 
 
-class Climbed(NamedTuple):
+class Iterate(NamedTuple):
     """Where a way ended.
 
     Attributes:
         y: coordinates, shape (coordinates,).
         status, iterations, stages: of the solver, and how many it took.
-        survey: what the samples of the last stage say; its residual and turning points are those of the last pass,
+        evaluation: what the samples of the last stage say; its residual and turning points are those of the last pass,
             from which linear coordinates may still have moved.
-        settled: what the coordinates stand for.
+        derived: what the coordinates stand for.
     """
 
     y: Any
     status: Any
     iterations: Any
     stages: Any
-    survey: Survey
-    settled: Settled
+    evaluation: Evaluation
+    derived: Derived
 
 
-def like_climbed(residual: Residual, *_: Any) -> Climbed:
-    """Something of the structure of what :func:`climb` returns for a residual."""
+def like_iterate(residual: Residual, *_: Any) -> Iterate:
+    """Something of the structure of what :func:`solve_in_stages` returns for a residual."""
     runs = residual.runs
-    survey = Survey(0, 0, 0, 0, 0, pulls=[0 for _ in runs], blocks=[0 for _ in runs])
-    return Climbed(0, 0, 0, 0, survey, Settled(0, 0, residual.oscillator, 0, 0))
+    evaluation = Evaluation(0, 0, 0, 0, 0, pulls=[0 for _ in runs], blocks=[0 for _ in runs])
+    return Iterate(0, 0, 0, 0, evaluation, Derived(0, 0, residual.oscillator, 0, 0))
 
 
 class _State(NamedTuple):
-    """Where a climb is, how far its window reaches, and up to where it is trusted to keep the phase."""
+    """Where the solver is, how far its window reaches, and up to where it is trusted to keep the phase."""
 
     y: Array
     status: Array
     iterations: Array
     stages: Array
-    survey: Survey
+    evaluation: Evaluation
     reach: Array
     trusted: Array
 
 
-def climb(
+def solve_in_stages(
     residual: Residual,
-    terrain: tuple[Terrain, ...],
+    stage_weights: tuple[StageWeights, ...],
     limits: Limits,
     loss: AbstractLoss,
     y: Float[Array, " coordinates"],
-    way: Way,
-) -> Climbed:
+    way: Schedule,
+) -> Iterate:
     """Least squares from coordinates `y`, in as many stages as it needs."""
     whole = [run.weight for run in residual.runs]
-    shortest = jnp.min(jnp.stack([jnp.asarray(part.shortest) for part in terrain]))
+    shortest = jnp.min(jnp.stack([jnp.asarray(part.shortest) for part in stage_weights]))
 
     def weights(reach: Array) -> list[Array]:
-        windows = [_until(run.t, part.moving, reach) for run, part in zip(residual.runs, terrain, strict=True)]
+        windows = [_until(run.t, part.moving, reach) for run, part in zip(residual.runs, stage_weights, strict=True)]
         return [jnp.where(reach >= _EVERYTHING, w, window) for w, window in zip(whole, windows, strict=True)]
 
     def stage(state: _State) -> _State:
         sure = state.reach <= state.trusted
         near = jnp.where(state.reach < _EVERYTHING, jnp.maximum(way.tolerance, _ON_THE_WAY), way.tolerance)
-        passes = Surveys(
+        passes = EvaluationPasses(
             residual=_with_weights(residual, weights(state.reach)),
             loss=loss,
             doubted=jnp.where(sure, jnp.nan, state.y),
-            tolerance=[part.tolerance for part in terrain],
+            tolerance=[part.tolerance for part in stage_weights],
         )
         found = _least_squares(passes, limits, state.y, near, way.steps)
         told, steps = found.stats, state.iterations + found.stats["num_steps"]
@@ -151,15 +151,15 @@ def climb(
         return jax.tree.map(lambda back, on: jnp.where(lost, back, on), shorter, onward)
 
     none, y = jnp.asarray(0), jnp.asarray(y)
-    unseen = Surveys(residual=residual, loss=loss, doubted=y, tolerance=[]).nothing(y).kept
+    unseen = EvaluationPasses(residual=residual, loss=loss, doubted=y, tolerance=[]).nothing(y).kept
     trusted = jnp.where(way.sure, _EVERYTHING, shortest)
     first = _State(y, none, none, none, unseen, jnp.asarray(_EVERYTHING), trusted)
     end = jax.lax.while_loop(lambda state: state.reach <= _EVERYTHING, stage, first)
-    return Climbed(end.y, end.status, end.iterations, end.stages, end.survey, settle(residual, end.y))
+    return Iterate(end.y, end.status, end.iterations, end.stages, end.evaluation, derive(residual, end.y))
 
 
 def _least_squares(
-    passes: Surveys, limits: Limits, y: Float[Array, " coordinates"], tolerance: Array, steps: Array
+    passes: EvaluationPasses, limits: Limits, y: Float[Array, " coordinates"], tolerance: Array, steps: Array
 ) -> optx.Solution:
     """One run of Levenberg-Marquardt from coordinates `y`."""
     residual = passes.residual
