@@ -34,7 +34,7 @@ import numpy as np  # noqa: E402
 from records import ASIDE, INPUTS, KNOWN, RECORDED, RIGS, TUNED, Rig, Run, read_with, record  # noqa: E402
 
 import fricjax as fj  # noqa: E402
-from fricjax.data.segmentation import disturbance, half_cycles, swing  # noqa: E402
+from fricjax.data.segmentation import disturbance, half_cycles, stop, swing  # noqa: E402
 from fricjax.errors import DataError, UsageError  # noqa: E402
 from fricjax.fitting import fit_on_moving_floor  # noqa: E402
 from fricjax.fitting.fit import concluded  # noqa: E402
@@ -48,9 +48,9 @@ ODDS = 2 * math.log(400)
 BOUNDED = 10  # records of a kind for which the Cramer-Rao bound is computed
 TOO_FEW = 2  # half-cycles behind the first reversal, from which friction and the offset can both be told
 THRESHOLDS = {
-    half_cycles: ("SURE", "SOUGHT", "BELIEVED", "TINY", "STANDS_OUT", "ISOCHRONOUS", "RINGING", "CREPT",
-                  "SHORTEST_REST", "CREEP", "OPEN", "PER_STROKE"),
-    disturbance: ("STRETCH", "RINGS", "LINE", "STROKES", "SAMPLES"),
+    half_cycles: ("SURE", "SOUGHT", "BELIEVED", "TINY", "ISOCHRONOUS", "PER_HALF_CYCLE"),
+    stop: ("STANDS_OUT", "RINGING", "CREPT", "SHORTEST_REST", "CREEP", "OPEN"),
+    disturbance: ("STRETCH", "RINGS", "LINE", "HALF_CYCLES", "SAMPLES"),
     swing: ("SPIKE", "FEW_SPIKES"),
 }  # fmt: skip
 

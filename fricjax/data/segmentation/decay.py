@@ -1,10 +1,10 @@
-"""The anatomy of a free decay: hold, release, reversals, rest.
+"""The segmentation of a free decay: hold, release, reversals, rest.
 
-A mass pulled aside and let go swings in half-cycles, each a stroke from one standstill to the next, until friction
-holds it. `segment` reads that from the samples alone, without any law of friction: it needs only that a stroke lasts
-about as long as its neighbours, that strokes shrink, and that the way into a turn is never slower than the way out of
-it (nothing but a hand or a magnet pushes). What follows the last stroke is rest, also where a residual creep or drift
-goes on; what remains of the record without the strokes is its noise.
+A mass pulled aside and let go swings in half-cycles, each from one state at rest to the next, until friction holds it.
+`segment` reads that from the samples alone, without any law of friction: it needs only that a half-cycle lasts about as
+long as its neighbours, that half-cycles shrink, and that the way into a reversal is never slower than the way out of it
+(nothing but a hand or a magnet pushes). What follows the last half-cycle is rest, also where a residual creep or drift
+goes on; what remains of the record without the half-cycles is its noise.
 """
 
 import dataclasses
@@ -15,41 +15,48 @@ import numpy as np
 
 from ...errors import DataError
 from .disturbance import disturbance
-from .half_cycles import Strokes, find_strokes
+from .half_cycles import HalfCycles, find_half_cycles
 from .noise import interval, resolution, white_noise
-from .release import find_rest, find_start
+from .release import find_release, find_rest
 from .reversals import order_for, refine, window
 from .swing import Swing, extremes, smooth, without_spikes, zigzag
 
 MINIMUM_PER_HALF_CYCLE = 8
-SHARES = (0.3, 0.1, 0.03, 0.01, 0.003)  # of the span: strokes this large are looked for
-ALIKE = 4  # reversals between which strokes last about as long as the one behind them
-AS_LONG = 0.05  # of a half-cycle: a stroke from a standstill lasts as long as the others, which puts it 1 % off at most
+SHARES = (0.3, 0.1, 0.03, 0.01, 0.003)  # of the span: half-cycles this large are looked for
+ALIKE = 4  # reversals between which half-cycles last about as long as the one after them
+# Of a half-cycle: one that starts at rest lasts as long as the others, which gives its start within 1 %.
+AS_LONG = 0.05
 RISE_10_TO_90 = 0.5903344706017331  # of a half-cycle of a cosine
 
 
 @dataclasses.dataclass(frozen=True)
 class Segmentation:
-    """What `segment` finds. Positions in the unit of x (m or rad), times in s.
+    """What `segment` returns. Positions in the unit of x (m or rad), times in s.
 
     **Fields:**
 
     - `noise`: standard deviation of all that is not the motion: white, coloured, hum, rounding.
     - `resolution`: step of quantised data, 0.0 for none.
     - `release`: time at which the free motion starts: the end of a hold or of a guided motion, else the first sample;
-      `release_position`: position there, None where the motion starts in mid-stroke.
-    - `turning_times`, `turning_points`: the reversals after the release, shape `(r,)`; neither the held start nor the
-      stop is among them.
+      `release_position`: position there, None where the motion starts within a half-cycle.
+    - `turning_times`, `turning_points`: the reversals after the release, shape `(r,)`; neither the start of a held mass
+      nor the stop is among them.
     - `rest`: time of the stop, None where the record ends in motion; `rest_position`: mean position there.
-    - `n_half_cycles`: completed strokes since the release, the last one (that ends in the stop) included. In a record
-      that starts in mid-stroke the first, partial stroke counts.
+    - `n_half_cycles`: completed half-cycles since the release, the last one (that ends in the stop) included. In a
+      record that starts within a half-cycle that first, partial one counts.
     - `amplitude`: half the peak-to-peak motion since the release.
-    - `half_period`: median duration of a stroke. `cycles`: `n_half_cycles / 2`;
+    - `half_period`: median duration of a half-cycle. `cycles`: `n_half_cycles / 2`;
       `frequency`: of the motion [Hz].
     - `white_noise`: the part of the noise that neighbouring samples do not share.
     - `lines`: frequency [Hz] and amplitude of each hum that stands out of the spectrum of the rest.
     - `drift`: slope of x over the rest [1/s], 0.0 where the rest is shorter than a cycle.
     - `open`: how many half-cycles more or less the record leaves possible, such as `(-1, 1)`; empty where it is sure.
+
+    Examples:
+        >>> import fricjax as fj
+        >>> segmentation = fj.read(fj.data.example_paths().run).segmentation
+        >>> segmentation.n_half_cycles, round(segmentation.frequency, 2), round(segmentation.release, 3)
+        (13, 12.6, 0.051)
     """
 
     noise: float
@@ -80,7 +87,7 @@ class Segmentation:
 
     @property
     def n_half_cycles_after_first_reversal(self) -> int:
-        """Completed strokes from the first reversal to the rest or the end of the record."""
+        """Completed half-cycles from the first reversal to the rest or the end of the record."""
         return max(self.n_half_cycles - 1, 0) if self.turning_times.size else 0
 
     @property
@@ -95,7 +102,7 @@ def segment(t: Any, x: Any, sigma: Any = None, mask: Any = None) -> Segmentation
     Args:
         t: times [s], shape `(n,)`, strictly increasing.
         x: displacements [m or rad], shape `(n,)`.
-        sigma: stated noise of x, one number or shape `(n,)`: used only where the samples tell of none.
+        sigma: stated noise of x, one number or shape `(n,)`: used only where the samples show none.
         mask: shape `(n,)`, True where a sample is used; None: all.
 
     Returns:
@@ -103,31 +110,19 @@ def segment(t: Any, x: Any, sigma: Any = None, mask: Any = None) -> Segmentation
 
     Raises:
         DataError: x is constant, or there are too few samples, altogether or per half-cycle.
+
+    Examples:
+        A cosine that friction stops after one half-cycle, with noise of 1 nm:
+
+        >>> import numpy as np
+        >>> from fricjax.data import segment
+        >>> t = np.arange(4000) / 1000
+        >>> x = 1e-3 * np.where(t < 1, 1 + 2 * np.cos(np.pi * t), -1)
+        >>> segmentation = segment(t, x + 1e-9 * np.random.default_rng(0).standard_normal(t.size))
+        >>> segmentation.n_half_cycles, round(segmentation.rest, 3), round(segmentation.rest_position, 6)
+        (1, 1.0, -0.001)
     """
-    t, x = _used_samples(t, x, mask)
-    step = resolution(x)
-    stated = 0.0 if sigma is None else float(np.median(np.asarray(sigma)))
-    noise = white_noise(t, x, step) or stated
-    _require_motion(x, noise, step)
-    half_period, between = _half_period(t, x, noise, step), interval(t)
-    per_half_cycle = half_period / between
-    _require_density(per_half_cycle)
-    width = int(per_half_cycle // 16) | 1 if per_half_cycle >= 48 else 1
-    # Noise alone spans ten standard deviations in a long rest, less after smoothing.
-    visible = max(10.0 * noise / width**0.5, 2.0 * step, 1e-7 * float(np.ptp(x)))
-    x = without_spikes(x, max(noise, step), int(per_half_cycle))
-    swing = Swing(t, x, smooth(x, width), noise, step, max(visible, 6.0 * noise), half_period, between)
-    strokes = find_strokes(swing, visible)
-    if strokes is None:
-        raise DataError(f"x is constant within its noise ({noise:.3g}); a decay needs a motion: check the column.")
-    seen = disturbance(swing, strokes)
-    # Smoothing takes nothing from noise that is slow.
-    slow = 10.0 * float(np.sqrt(max(seen.total**2 - noise**2, 0.0)))
-    swing = dataclasses.replace(swing, noise=seen.total, threshold=max(swing.threshold, slow))
-    return dataclasses.replace(_assemble(swing, strokes), white_noise=seen.white, lines=seen.lines, drift=seen.drift)
-
-
-def _used_samples(t: Any, x: Any, mask: Any) -> tuple[np.ndarray, np.ndarray]:
+    # The trace imports JAX, which a record that is refused before does not wait for.
     from ..trace import MINIMUM_SAMPLES
 
     t, x = np.asarray(t, dtype=np.float64), np.asarray(x, dtype=np.float64)
@@ -135,7 +130,33 @@ def _used_samples(t: Any, x: Any, mask: Any) -> tuple[np.ndarray, np.ndarray]:
     count = int(np.count_nonzero(used))
     if count < MINIMUM_SAMPLES:
         raise DataError(f"A trace needs at least {MINIMUM_SAMPLES} used samples, but it has {count}.")
-    return (t, x) if count == x.size else (t[used], x[used])
+    if count < x.size:
+        t, x = t[used], x[used]
+    step = resolution(x)
+    noise = white_noise(t, x, step) or (0.0 if sigma is None else float(np.median(np.asarray(sigma))))
+    _require_motion(x, noise, step)
+    half_period, between = _half_period(t, x, noise, step), interval(t)
+    per_half_cycle = half_period / between
+    if per_half_cycle < MINIMUM_PER_HALF_CYCLE:
+        raise DataError(
+            f"The record has only about {per_half_cycle:.1f} samples per half-cycle, at least {MINIMUM_PER_HALF_CYCLE} "
+            "are needed to find the reversals; sample faster."
+        )
+    width = int(per_half_cycle // 16) | 1 if per_half_cycle >= 48 else 1
+    # Noise alone spans ten standard deviations in a long rest, less after smoothing.
+    visible = max(10.0 * noise / width**0.5, 2.0 * step, 1e-7 * float(np.ptp(x)))
+    x = without_spikes(x, max(noise, step), int(per_half_cycle))
+    swing = Swing(t, x, smooth(x, width), noise, step, max(visible, 6.0 * noise), half_period, between)
+    half_cycles = find_half_cycles(swing, visible)
+    if half_cycles is None:
+        raise DataError(f"x is constant within its noise ({noise:.3g}); a decay needs a motion: check the column.")
+    # All of the noise, not only its white part, can be measured now that the motion is known.
+    every = disturbance(swing, half_cycles)
+    # Smoothing takes nothing from noise that is slow.
+    slow = 10.0 * float(np.sqrt(max(every.total**2 - noise**2, 0.0)))
+    swing = dataclasses.replace(swing, noise=every.total, threshold=max(swing.threshold, slow))
+    segmentation = _refined_segmentation(swing, half_cycles)
+    return dataclasses.replace(segmentation, white_noise=every.white, lines=every.lines, drift=every.drift)
 
 
 def _require_motion(x: np.ndarray, noise: float, step: float) -> None:
@@ -148,16 +169,8 @@ def _require_motion(x: np.ndarray, noise: float, step: float) -> None:
         )
 
 
-def _require_density(per_half_cycle: float) -> None:
-    if per_half_cycle < MINIMUM_PER_HALF_CYCLE:
-        raise DataError(
-            f"The record has only about {per_half_cycle:.1f} samples per half-cycle, at least {MINIMUM_PER_HALF_CYCLE} "
-            "are needed to find the reversals; sample faster."
-        )
-
-
 def _half_period(t: np.ndarray, x: np.ndarray, noise: float, step: float) -> float:
-    """Typical duration of a stroke, from the largest strokes that the trace holds at least two of."""
+    """Typical duration of a half-cycle, from the largest ones that the trace holds at least two of."""
     span = float(np.ptp(x))
     finest = max(12.0 * noise, 4.0 * step)
     sizes = [share * span for share in SHARES if share == SHARES[0] or share * span > finest]
@@ -165,19 +178,15 @@ def _half_period(t: np.ndarray, x: np.ndarray, noise: float, step: float) -> flo
     if len(pivots) < 4 and len(sizes) > 1:
         from scipy.ndimage import median_filter
 
-        # Spikes, of which two may stand side by side, are as large as small strokes.
+        # Spikes, of which two may stand side by side, are as large as small half-cycles.
         x = median_filter(x, 5, mode="nearest")
         among = extremes(x, sizes[-1])
-        pivots = next((found for size in sizes if len(found := zigzag(x, among, size)) >= 4), pivots)
+        pivots = next((more for size in sizes if len(more := zigzag(x, among, size)) >= 4), pivots)
     if len(pivots) >= 4:
         return float(np.median(np.diff(t[pivots[1:-1]])))
-    return _from_rise_times(t, x, pivots or [int(np.argmin(x)), int(np.argmax(x))])
-
-
-def _from_rise_times(t: np.ndarray, x: np.ndarray, pivots: list[int]) -> float:
-    """For one or two strokes: the time from 10 to 90 % of a stroke, free of the hold before and the rest after it."""
-    pivots, durations = sorted(pivots), []
-    for i, j in itertools.pairwise(pivots):
+    # One or two half-cycles: the time from 10 to 90 % of each, free of the hold before and the rest after it.
+    durations = []
+    for i, j in itertools.pairwise(sorted(pivots or [int(np.argmin(x)), int(np.argmax(x))])):
         share = (x[i : j + 1] - x[i]) / (x[j] - x[i])
         first = np.flatnonzero(share >= 0.9)[0]
         last = np.flatnonzero(share[: first + 1] <= 0.1)[-1]
@@ -185,19 +194,20 @@ def _from_rise_times(t: np.ndarray, x: np.ndarray, pivots: list[int]) -> float:
     return float(np.median(durations))
 
 
-def _assemble(swing: Swing, strokes: Strokes) -> Segmentation:
+def _refined_segmentation(swing: Swing, half_cycles: HalfCycles) -> Segmentation:
+    """Release, reversals and stop refined to a fraction of the noise."""
     t = swing.t
-    release, times = _released(swing, strokes)
+    release, times = _release_and_reversals(swing, half_cycles)
     rest = position = None
-    points, last = np.empty(0), times[-1:] if strokes.stopped else np.empty(0)
+    points, last = np.empty(0), times[-1:] if half_cycles.stopped else np.empty(0)
     times = times[: times.size - last.size]
     if times.size:
         times, points = _refined(swing, times, release, float(last[0]) if last.size else float(t[-1]))
     if last.size:
         begin = float(times[-1]) if times.size else release
-        lasts = np.diff(times[-ALIKE:]) if times.size > 1 else np.array([swing.half_period])
+        durations = np.diff(times[-ALIKE:]) if times.size > 1 else np.array([swing.half_period])
         # An extreme is seen late where the motion ends in it: the clock is better.
-        rest, position = find_rest(swing, begin, begin + float(np.median(lasts)) if times.size else float(last[0]))
+        rest, position = find_rest(swing, begin, begin + float(np.median(durations)) if times.size else float(last[0]))
     moving = swing.x[np.searchsorted(t, release) : None if rest is None else np.searchsorted(t, rest, side="right")]
     ends = times if rest is None else np.append(times, rest)
     half_period = float(np.median(np.diff(ends))) if ends.size >= 2 else swing.half_period
@@ -213,26 +223,26 @@ def _assemble(swing: Swing, strokes: Strokes) -> Segmentation:
         n_half_cycles=ends.size,
         amplitude=float(np.ptp([moving.min(), moving.max(), *points])) / 2,
         half_period=half_period,
-        open=tuple(number - strokes.turns.size + 1 for number in strokes.open),
+        open=tuple(number - half_cycles.edges.size + 1 for number in half_cycles.open),
         release_position=float(np.interp(release, t, swing.smoothed)) if from_rest else None,
     )
 
 
-def _released(swing: Swing, strokes: Strokes) -> tuple[float, np.ndarray]:
+def _release_and_reversals(swing: Swing, half_cycles: HalfCycles) -> tuple[float, np.ndarray]:
     """Time of the release [s], and instants of the reversals after it, with the stop where there is one."""
-    turns = strokes.turns
-    indices = np.minimum(np.searchsorted(swing.t, turns), swing.t.size - 1)
-    # Before the first large stroke, up to its middle, there may be a guided motion or a part of a stroke of any size.
-    middle = int(np.mean(indices[:2])) + 1 if turns.size > 1 else swing.t.size
+    edges = half_cycles.edges
+    indices = np.minimum(np.searchsorted(swing.t, edges), swing.t.size - 1)
+    # Before the first large half-cycle, up to its middle, there may be a guided motion or a part of one of any size.
+    middle = int(np.mean(indices[:2])) + 1 if edges.size > 1 else swing.t.size
     # The first samples are hardly smoothed, and no spike is seen in them.
     begin = min(int(0.03 * swing.half_period / swing.interval), middle - 2)
     early = swing.smoothed[begin:middle]
     head = [begin + i for i in zigzag(early, extremes(early, swing.threshold), swing.threshold)[:-1]]
     head = head or [int(indices[0])]
-    end = [] if strokes.stopped else [swing.t.size - 1]
-    release, pivots = find_start(swing, [*head, *indices[1:].tolist(), *end])
+    end = [] if half_cycles.stopped else [swing.t.size - 1]
+    release, pivots = find_release(swing, [*head, *indices[1:].tolist(), *end])
     before = [i for i in pivots[1:] if i in head]
-    times = np.concatenate([swing.t[before], turns[1:]])
+    times = np.concatenate([swing.t[before], edges[1:]])
     return release, times[times > max(release, swing.t[pivots[0]]) + swing.interval]
 
 
@@ -244,6 +254,6 @@ def _refined(swing: Swing, times: np.ndarray, release: float, end: float) -> tup
     local = np.clip(np.diff(times, prepend=release), 0.6 * swing.half_period, 1.5 * swing.half_period)
     width = window(local, largest / 2, swing.noise, swing.interval)
     order = order_for(smallest, swing.noise)
-    # From afar only the simplest curve leads to the turn; its powers of time have minima of their own.
+    # From afar only the simplest curve leads to the reversal; its powers of time have minima of their own.
     windows = [(np.maximum(width, 0.25 * local), 2), (width, order)]
     return refine(swing.t, swing.x, times, np.pi / local, windows)

@@ -1,24 +1,24 @@
 """What is left of a record without its swing: noise of every colour, hum, rounding.
 
-In the middle of a stroke the motion is a polynomial to far below any noise, and a mass at rest moves no more than its
-floor and its instrument drift. What a polynomial leaves of the one, and a straight line of the other, is the noise of
-the record: all of it, where differences of neighbouring samples see only its white part.
+In the middle of a half-cycle the motion is a polynomial to far below any noise, and a mass at rest moves no more than
+its floor and its instrument drift. What a polynomial leaves of the one, and a straight line of the other, is the noise
+of the record: all of it, where differences of neighbouring samples see only its white part.
 """
 
 from typing import NamedTuple
 
 import numpy as np
 
-from .half_cycles import Strokes
-from .noise import middle
+from .half_cycles import HalfCycles
+from .noise import line_fit, median
 from .swing import Swing
 
-# Part of a stroke that is looked at, and the order of a polynomial that leaves 1e-11 of a half-cosine there.
+# Part of a half-cycle that is fitted, and the order of a polynomial that leaves 1e-11 of a half-cosine there.
 CENTRE, ORDER = (0.2, 0.8), 10
-# Strokes and samples of each that are looked at: more would tell nothing new.
-STROKES, SAMPLES = 16, 512
+# Half-cycles and samples of each that are evaluated: more would add nothing to the median.
+HALF_CYCLES, SAMPLES = 16, 512
 # Stretches of rest in which a line is taken out, in half-periods: a full cycle, so that shaking at the natural
-# frequency is seen and a creep or a drift is not. The first half-period behind the stop may still ring.
+# frequency is seen and a creep or a drift is not. The first half-period after the stop may still ring.
 STRETCH, RINGS = 2.0, 1.0
 # A line of the spectrum stands out by this factor in power of its neighbours; so many are named.
 LINE, LINES = 30.0, 3
@@ -32,38 +32,39 @@ class Disturbance(NamedTuple):
     **Fields:**
 
     - `total`: standard deviation of all of it; `white`: of its white part.
-    - `step`: step of the quantisation, 0.0 for none.
     - `drift`: slope of x over the rest [1/s], 0.0 where the rest is shorter than a cycle.
     - `lines`: frequency [Hz] and amplitude of each hum that stands out of the rest.
     """
 
     total: float
     white: float
-    step: float
-    drift: float
-    lines: tuple[tuple[float, float], ...]
+    drift: float = 0.0
+    lines: tuple[tuple[float, float], ...] = ()
 
 
-def disturbance(swing: Swing, strokes: Strokes) -> Disturbance:
-    """The noise of a record whose strokes are known."""
-    parts = [_moving(swing, strokes.turns), _resting(swing, float(strokes.turns[-1])) if strokes.stopped else None]
-    seen = np.array([variance for variance in parts if variance is not None])
+def disturbance(swing: Swing, half_cycles: HalfCycles) -> Disturbance:
+    """The noise of a record whose half-cycles are known."""
+    stop = float(half_cycles.edges[-1])
+    parts = [_moving(swing, half_cycles.edges), _resting(swing, stop) if half_cycles.stopped else None]
+    variances = np.array([variance for variance in parts if variance is not None])
     # The larger one counts, for slow noise hides in the motion and jitter in the rest; of two like ones their mean.
-    total = max(float(np.mean(seen**4) ** (1 / 8)), swing.noise) if seen.size else swing.noise
-    if not strokes.stopped:
-        return Disturbance(total, swing.noise, swing.resolution, 0.0, ())
-    stop = float(strokes.turns[-1])
-    return Disturbance(total, swing.noise, swing.resolution, _drift(swing, stop), _lines(swing, stop))
+    total = max(float(np.mean(variances**4) ** (1 / 8)), swing.noise) if variances.size else swing.noise
+    if not half_cycles.stopped:
+        return Disturbance(total, swing.noise)
+    begin = int(np.searchsorted(swing.t, stop + RINGS * swing.half_period))
+    t, x = swing.t[begin:], swing.x[begin:]
+    long = t.size >= 8 and t[-1] - t[0] >= STRETCH * swing.half_period
+    return Disturbance(total, swing.noise, line_fit(t, x)[0] if long else 0.0, _lines(swing, stop))
 
 
-def _moving(swing: Swing, turns: np.ndarray) -> float | None:
-    """Median over strokes of the variance about a polynomial in the middle of each; None where samples are too few."""
-    if turns.size < 3:
+def _moving(swing: Swing, edges: np.ndarray) -> float | None:
+    """Median over half-cycles of the variance about a polynomial in the middle of each; None for too few samples."""
+    if edges.size < 3:
         return None
-    # The first stroke may hold a release.
-    chosen = np.unique(np.linspace(1, turns.size - 2, STROKES).astype(int))
-    lasts = np.diff(turns)[chosen]
-    first, last = (np.searchsorted(swing.t, turns[chosen] + part * lasts) for part in CENTRE)
+    # The first half-cycle may hold a release.
+    chosen = np.unique(np.linspace(1, edges.size - 2, HALF_CYCLES).astype(int))
+    durations = np.diff(edges)[chosen]
+    first, last = (np.searchsorted(swing.t, edges[chosen] + part * durations) for part in CENTRE)
     every = np.maximum(-(-(last - first) // SAMPLES), 1)
     enough = (last - first) // every >= 3 * ORDER
     if not enough.any():
@@ -75,9 +76,9 @@ def _moving(swing: Swing, turns: np.ndarray) -> float | None:
     u = 2 * (t - t[:, :1]) / (t[:, -1:] - t[:, :1]) - 1
     # Evenly spaced, these polynomials are so nearly orthogonal that normal equations lose no digit that counts.
     basis = np.polynomial.chebyshev.chebvander(u, ORDER)
-    left = (x - x.mean(axis=1, keepdims=True))[:, :, None]
-    left = left - basis @ np.linalg.solve(basis.mT @ basis, basis.mT @ left)
-    return float(np.median(np.sum(left**2, axis=(1, 2)))) / (number - ORDER - 1)
+    residual = (x - x.mean(axis=1, keepdims=True))[:, :, None]
+    residual = residual - basis @ np.linalg.solve(basis.mT @ basis, basis.mT @ residual)
+    return float(np.median(np.sum(residual**2, axis=(1, 2)))) / (number - ORDER - 1)
 
 
 def _resting(swing: Swing, stop: float) -> float | None:
@@ -85,26 +86,16 @@ def _resting(swing: Swing, stop: float) -> float | None:
     t, x = swing.t, swing.x
     begin, length = stop + RINGS * swing.half_period, STRETCH * swing.half_period
     number = int((t[-1] - begin) / length)
-    found = []
-    for i in np.unique(np.linspace(0, number - 1, STROKES).astype(int)) if number >= 1 else []:
-        ends = np.searchsorted(t, begin + length * np.array([i, i + 1]))
-        every = -(-int(ends[1] - ends[0]) // (8 * SAMPLES)) or 1
-        u, y = t[ends[0] : ends[1] : every], x[ends[0] : ends[1] : every]
-        if u.size < 8:
+    variances = []
+    for i in np.unique(np.linspace(0, number - 1, HALF_CYCLES).astype(int)) if number >= 1 else []:
+        first, last = np.searchsorted(t, begin + length * np.array([i, i + 1]))
+        every = -(-int(last - first) // (8 * SAMPLES)) or 1
+        stretch = slice(first, last, every)
+        if t[stretch].size < 8:
             continue
-        u, y = u - u.mean(), y - y.mean()
-        left = y - (u @ y) / (u @ u) * u
-        found.append(float(left @ left) / (u.size - 2))
-    return float(np.median(found)) if found else None
-
-
-def _drift(swing: Swing, stop: float) -> float:
-    begin = int(np.searchsorted(swing.t, stop + RINGS * swing.half_period))
-    t, x = swing.t[begin:], swing.x[begin:]
-    if t.size < 8 or t[-1] - t[0] < STRETCH * swing.half_period:
-        return 0.0
-    u = t - t.mean()
-    return float((u @ (x - x.mean())) / (u @ u))
+        _, residual = line_fit(t[stretch], x[stretch])
+        variances.append(float(residual @ residual) / (residual.size - 2))
+    return float(np.median(variances)) if variances else None
 
 
 def rest_spectrum(t: np.ndarray, x: np.ndarray, stop: float, half_period: float) -> tuple[np.ndarray, np.ndarray]:
@@ -114,10 +105,20 @@ def rest_spectrum(t: np.ndarray, x: np.ndarray, stop: float, half_period: float)
         t: times [s], shape `(n,)`.
         x: displacements, shape `(n,)`.
         stop: instant of the stop [s].
-        half_period: duration of a stroke [s].
+        half_period: duration of a half-cycle [s].
 
     Returns:
         Frequencies [Hz] and the amplitudes that a sine there would have (a Hann window's), shape `(k,)` each.
+
+    Examples:
+        A hum of 3 nm at 50 Hz, 1 s after the start of a record that is at rest from there on:
+
+        >>> import numpy as np
+        >>> from fricjax.data import rest_spectrum
+        >>> t = np.arange(4000) / 1000
+        >>> frequency, amplitude = rest_spectrum(t, 3e-9 * np.sin(2 * np.pi * 50 * t), stop=1.0, half_period=0.04)
+        >>> print(f"{frequency[np.argmax(amplitude)]:.0f} Hz, {1e9 * amplitude.max():.0f} nm")
+        50 Hz, 3 nm
     """
     from scipy.fft import prev_fast_len
 
@@ -137,11 +138,11 @@ def rest_spectrum(t: np.ndarray, x: np.ndarray, stop: float, half_period: float)
 def _lines(swing: Swing, stop: float) -> tuple[tuple[float, float], ...]:
     """The lines that stand out of the spectrum of the rest, the strongest first."""
     frequency, size = rest_spectrum(swing.t, swing.x, stop, swing.half_period)
-    power, found = size**2, []
+    power, lines = size**2, []
     for k in np.argsort(power)[::-1][: 8 * LINES].tolist():
-        # A line fills some bins under the window; those beyond tell what it stands out of.
+        # A line fills some bins under the window; those beyond are what it stands out of.
         near = np.concatenate([power[max(k - NEAR, 1) : max(k - WIDE, 1)], power[k + WIDE + 1 : k + NEAR + 1]])
-        alone = k >= WIDE and all(abs(k - other) > WIDE for other in found)
-        if alone and near.size >= NEAR // 2 and power[k] > LINE * middle(near):
-            found.append(k)
-    return tuple((float(frequency[k]), float(size[k])) for k in found[:LINES])
+        alone = k >= WIDE and all(abs(k - other) > WIDE for other in lines)
+        if alone and near.size >= NEAR // 2 and power[k] > LINE * median(near):
+            lines.append(k)
+    return tuple((float(frequency[k]), float(size[k])) for k in lines[:LINES])

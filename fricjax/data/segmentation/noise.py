@@ -2,15 +2,17 @@
 
 A smooth motion sampled densely is, over a few neighbouring samples, a polynomial. A divided difference of high order
 removes that polynomial and leaves only noise; its median is deaf to the few samples at reversals and glitches.
-A long record is judged by evenly spread blocks of neighbouring samples: more of them would tell nothing new.
+Of a long record evenly spread blocks of neighbouring samples are taken: more of them would add nothing.
 """
 
 import numpy as np
 
+# Of the differences: what is left of the motion only adds to an estimate, so that the smallest counts.
 ORDERS = (2, 3, 4, 5, 6, 8)
 NORMAL_MAD = 0.6744897501960817
+"""Median absolute deviation of a normal distribution of standard deviation one."""
 ENOUGH = 2**17  # samples, which give the noise to about 1 %
-SOME = 2**11  # which tell the typical time between them
+SOME = 2**11  # samples, enough for the typical time between them
 BLOCKS = 32
 
 
@@ -25,13 +27,20 @@ def blocks(values: np.ndarray, enough: int = ENOUGH) -> np.ndarray:
 
 def interval(t: np.ndarray) -> float:
     """Typical time between samples [s]."""
-    return middle(np.diff(blocks(t, SOME)))
+    return median(np.diff(blocks(t, SOME)))
 
 
-def middle(values: np.ndarray) -> float:
+def median(values: np.ndarray) -> float:
     """The median, the upper one of two; several times faster than that of NumPy, which also looks for NaN."""
     half = values.size // 2
     return float(np.partition(values, half, axis=None)[half])
+
+
+def line_fit(t: np.ndarray, x: np.ndarray) -> tuple[float, np.ndarray]:
+    """Slope of the straight line of least squares, and what it leaves of `x`, shape `(n,)`."""
+    u, y = t - t.mean(), x - x.mean()
+    slope = (u @ y) / (u @ u)
+    return float(slope), y - slope * u
 
 
 def resolution(x: np.ndarray) -> float:
@@ -96,5 +105,5 @@ def _estimates(t: np.ndarray, x: np.ndarray) -> list[float]:
         if order in ORDERS:
             norm = np.sqrt(np.einsum("kbm,kbm->bm", weights, weights))
             sizes = np.abs(differences) / (norm[0, 0] if even else norm)
-            estimates.append(middle(sizes) / NORMAL_MAD)
+            estimates.append(median(sizes) / NORMAL_MAD)
     return estimates

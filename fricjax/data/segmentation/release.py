@@ -1,14 +1,18 @@
-"""Where a free decay begins: after the hold, after the hand that guides the mass, or with the first sample."""
+"""Where a free decay begins and ends: after the hold or the hand that guides the mass, and where it comes to rest."""
 
 import numpy as np
 
+from .noise import line_fit
 from .reversals import order_for, refine, window
 from .swing import Swing
 
+# Friction takes energy away, so that a free mass approaches a reversal faster than it leaves it; a hand does not.
 SLOW_APPROACH = 1.1
+# A creep moves the mass at rest by more than noise of this many standard deviations, of any colour, spans about a line.
+_CREEPS = 10.0
 
 
-def find_start(swing: Swing, pivots: list[int]) -> tuple[float, list[int]]:
+def find_release(swing: Swing, pivots: list[int]) -> tuple[float, list[int]]:
     """Time of the release [s], and the extremes from the one where the free motion starts.
 
     The first extreme is the pole from which the record starts. If the mass was led to the second one by hand, it came
@@ -19,55 +23,51 @@ def find_start(swing: Swing, pivots: list[int]) -> tuple[float, list[int]]:
     pivots = pivots[1:] if guided else pivots
     earliest = float(t[pivots[0]]) if guided else float(t[0])
     onset = _onset(swing, pivots)
-    held = onset > earliest + max(2.5 * swing.interval, 0.02 * swing.half_period)
-    release = onset if held else earliest
+    at_rest_before = onset > earliest + max(2.5 * swing.interval, 0.02 * swing.half_period)
+    release = onset if at_rest_before else earliest
     return release, [int(np.clip(np.searchsorted(t, release), 0, pivots[1] - 1)), *pivots[1:]]
 
 
 def _is_guided(swing: Swing, pivots: list[int]) -> bool:
-    """Whether the mass came to the first turn more slowly than it left, or stayed there."""
-    first, turn, after = pivots[:3]
-    stroke = swing.stroke(turn, after)
-    depth = min(swing.stroke(first, turn), 0.5 * stroke)
-    if depth < max(30.0 * swing.threshold, 0.02 * stroke):
+    """Whether the mass came to the first reversal more slowly than it left, or stayed there."""
+    first, reversal, after = pivots[:3]
+    size = swing.distance(reversal, after)
+    depth = min(swing.distance(first, reversal), 0.5 * size)
+    if depth < max(30.0 * swing.threshold, 0.02 * size):
         return False
-    beyond = np.abs(swing.smoothed[first : after + 1] - swing.smoothed[turn]) >= depth
-    inward, outward = np.flatnonzero(beyond[: turn - first]), np.flatnonzero(beyond[turn - first :])
+    beyond = np.abs(swing.smoothed[first : after + 1] - swing.smoothed[reversal]) >= depth
+    inward, outward = np.flatnonzero(beyond[: reversal - first]), np.flatnonzero(beyond[reversal - first :])
     if not inward.size or not outward.size:
         return False
-    approach = swing.t[turn] - swing.t[first + inward[-1]]
-    departure = swing.t[turn + outward[0]] - swing.t[turn]
+    approach = swing.t[reversal] - swing.t[first + inward[-1]]
+    departure = swing.t[reversal + outward[0]] - swing.t[reversal]
     slow = approach > SLOW_APPROACH * departure and approach > 0.1 * swing.half_period
-    free = _time_to_leave(swing, depth / stroke)
+    free = _time_to_leave(swing, depth / size)
     return bool(slow or approach + departure > 4.0 * free + 0.5 * swing.half_period)
 
 
 def _time_to_leave(swing: Swing, share: float) -> float:
-    """Time in which a free mass covers the first share of a stroke [s]."""
+    """Time in which a free mass covers the first share of a half-cycle [s]."""
     return float(swing.half_period / np.pi * np.arccos(np.clip(1.0 - 2.0 * share, -1.0, 1.0)))
 
 
 def _onset(swing: Swing, pivots: list[int]) -> float:
-    """Instant at which the mass leaves a standstill, from the shape of its first stroke."""
-    pole, turn = pivots[:2]
-    stroke = swing.stroke(pole, turn)
-    close = np.abs(swing.smoothed[pole:turn] - swing.smoothed[pole]) <= swing.threshold
+    """Instant at which the mass sets out from rest, from the shape of its first half-cycle."""
+    pole, reversal = pivots[:2]
+    size = swing.distance(pole, reversal)
+    close = np.abs(swing.smoothed[pole:reversal] - swing.smoothed[pole]) <= swing.threshold
     left = pole + int(np.flatnonzero(close)[-1])
-    guess = float(swing.t[left]) - _time_to_leave(swing, swing.stroke(pole, left) / stroke)
+    guess = float(swing.t[left]) - _time_to_leave(swing, swing.distance(pole, left) / size)
     if guess <= swing.t[0]:
         return float(swing.t[0])
-    width = window(swing.half_period, stroke / 2, swing.noise, swing.interval)
+    width = window(swing.half_period, size / 2, swing.noise, swing.interval)
     width = np.maximum(2.0 * width, 0.15 * swing.half_period)
     onset, _ = refine(swing.t, swing.x, guess, np.pi / swing.half_period, [(width, 3)], before="still")
     return float(onset[0])
 
 
-# A creep moves the mass at rest by more than noise of this many standard deviations, of any colour, spans about a line.
-_CREEPS = 10.0
-
-
 def find_rest(swing: Swing, begin: float, end: float) -> tuple[float, float]:
-    """Instant [s] and position of the stop: motion before, stillness or a slow creep after it.
+    """Instant [s] and position of the stop: motion before, rest or a slow creep after it.
 
     Args:
         swing: the record.
@@ -76,19 +76,14 @@ def find_rest(swing: Swing, begin: float, end: float) -> tuple[float, float]:
     """
     t, x, half = swing.t, swing.x, swing.half_period
     first, last = (min(int(np.searchsorted(t, at)), t.size - 1) for at in (begin, end))
-    size = swing.stroke(first, last)
-    settled = min(int(np.searchsorted(t, end + 0.1 * half, side="right")), t.size - 1)
-    creeps = _creeps(t[settled:], swing.smoothed[settled:], swing.threshold)
-    width = window(half, size / 2, swing.noise, swing.interval)
-    order = order_for(size, swing.noise)
+    size = swing.distance(first, last)
+    # The clock may have the stop early.
+    resting = slice(min(int(np.searchsorted(t, end + 0.1 * half, side="right")), t.size - 1), None)
+    creeps = False
+    if t[resting].size >= 8:
+        _, residual = line_fit(t[resting], swing.smoothed[resting])
+        creeps = bool(np.ptp(swing.smoothed[resting]) > max(swing.threshold, _CREEPS * float(np.std(residual))))
+    width, order = window(half, size / 2, swing.noise, swing.interval), order_for(size, swing.noise)
     windows = [(np.maximum(width, 0.25 * half), order), (width, order)]
     instant, position = refine(t, x, end, np.pi / half, windows, after="creeping" if creeps else "still")
-    return float(instant[0]), float(position[0] if creeps else x[settled:].mean())
-
-
-def _creeps(t: np.ndarray, x: np.ndarray, threshold: float) -> bool:
-    if t.size < 8:
-        return False
-    u, y = t - t.mean(), x - x.mean()
-    left = y - (u @ y) / (u @ u) * u
-    return bool(np.ptp(x) > max(threshold, _CREEPS * float(np.std(left))))
+    return float(instant[0]), float(position[0] if creeps else x[resting].mean())

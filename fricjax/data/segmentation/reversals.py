@@ -1,7 +1,7 @@
-"""Where a trace turns round, refined to a fraction of its noise.
+"""The reversals of a trace, refined to a fraction of its noise.
 
-Dry friction makes the acceleration jump at each reversal, so a trace is not symmetric there: before the turn the mass
-is braked by spring and friction together, after it by their difference. The refinement therefore gives each side its
+Dry friction makes the acceleration jump at each reversal, so a trace is not symmetric there: before it the mass
+is braked by spring and friction together, afterwards by their difference. The refinement therefore gives each side its
 own curvature, and shares only the instant and the position at which the velocity vanishes.
 """
 
@@ -13,8 +13,8 @@ import numpy as np
 ITERATIONS = 12
 ROUGHLY = 0.05  # change, in half-widths of the window, at which a fit is good enough to start the next
 IMMATERIAL = 1e-4  # share of the standard error
-TOGETHER = 256  # turns refined at once, which bounds the memory
-BINS = 128  # averages to which the samples of a window are condensed
+TOGETHER = 256  # reversals refined at once, which bounds the memory
+BINS = 128  # averages to which the samples of a window are condensed; less than 1 % of what they hold is lost
 RIDGE = 1e-13  # of the squared norms, so that a side with fewer samples than terms is solved for too
 
 
@@ -26,12 +26,12 @@ def window(half_period: Any, amplitude: Any, noise: float, interval: float) -> n
 
 
 def order_for(smallest: Any, noise: float) -> np.ndarray:
-    """Highest power of time on either side of a turn between strokes, of which the smaller one is so large."""
+    """Highest power of time on either side of a reversal, by the smaller of the half-cycles that meet there."""
     return np.where(np.asarray(smallest) > 1e3 * noise, 4, 2)
 
 
 def point_std(width: Any, order: Any, noise: float, interval: float) -> np.ndarray:
-    """Standard error of the position of a turn: that of the mean of its window times 3/2, or 5/2 of order four.
+    """Standard error of the position of a reversal: that of the mean of its window times 3/2, or 5/2 of order four.
 
     These are the intercepts of least squares of the functions of `refine` with evenly spaced samples.
     """
@@ -42,7 +42,7 @@ def refine(
     t: np.ndarray, x: np.ndarray, guess: Any, omega: Any, windows: Sequence[tuple[Any, Any]], before: str = "moving",
     after: str = "moving",
 ) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
-    """Fits the instants and the positions of turns, stops or starts near guesses, each on its own.
+    """Fits the instants and the positions of reversals, stops or starts near guesses, each on its own.
 
     Args:
         t: times [s], shape `(n,)`.
@@ -51,7 +51,7 @@ def refine(
         omega: angular frequency of the motion [rad/s], as `guess` or the same for all.
         windows: half-width of a fitted window [s], and the highest power of time on a moving side there, 2, 3 or 4,
             likewise; each window but the last gives the guess for the next.
-        before: what the mass does before the turn: `"moving"` or `"still"`.
+        before: what the mass does before it: `"moving"` or `"still"`.
         after: what it does afterwards: `"moving"`, `"still"` or `"creeping"`.
 
     Returns:
@@ -70,20 +70,20 @@ def refine(
 
 
 class _Windows(NamedTuple):
-    """What is seen around several turns, shape `(turns, bins)`, with times from the guess in half-widths of the window.
+    """The averages around several reversals, shape `(k, bins)`, with times from the guess in half-widths of the window.
 
     A bin is the average of neighbouring samples. Only what the motion does within a bin is lost, and with it less than
-    one percent of what the samples tell of the turn.
+    one percent of the information on the reversal.
     """
 
     time: np.ndarray
     variance: np.ndarray  # of the times within a bin
     value: np.ndarray  # position from the guessed one, times the weight
     weight: np.ndarray  # root of the number of samples in a bin
-    phase: np.ndarray  # of a half-width [rad], shape `(turns, 1)`
-    order: np.ndarray  # highest power of time, shape `(turns, 1)`
-    guess: np.ndarray  # position at the guessed instant, shape `(turns,)`
-    size: np.ndarray  # number of samples, shape `(turns,)`
+    phase: np.ndarray  # of a half-width [rad], shape `(k, 1)`
+    order: np.ndarray  # highest power of time, shape `(k, 1)`
+    guess: np.ndarray  # position at the guessed instant, shape `(k,)`
+    size: np.ndarray  # number of samples, shape `(k,)`
 
 
 def _windows(
@@ -114,46 +114,46 @@ def _windows(
 
 
 def _gauss_newton(near: _Windows, enough: float, before: str, after: str) -> tuple[np.ndarray, np.ndarray]:
-    """Shift of each turn from its guess in half-widths, and its position; zero and the guess where there is no fit."""
-    shift, offset, found = np.zeros(near.size.size), np.zeros(near.size.size), near.size >= 4
-    active = np.flatnonzero(found)
+    """Shift of each reversal from its guess in half-widths, and its position; zero and the guess without a fit."""
+    shift, offset, fitted = np.zeros(near.size.size), np.zeros(near.size.size), near.size >= 4
+    active = np.flatnonzero(fitted)
     for _ in range(ITERATIONS if active.size else 0):
         part = near if active.size == shift.size else _Windows(*(values[active] for values in near))
-        change, offset[active], settled = _step(part, shift[active], before, after)
+        change, offset[active], immaterial = _step(part, shift[active], before, after)
         shift[active] += change
-        found[active] = np.abs(shift[active]) <= 0.7
-        active = active[found[active] & ~(settled | (np.abs(change) < enough))]
+        fitted[active] = np.abs(shift[active]) <= 0.7
+        active = active[fitted[active] & ~(immaterial | (np.abs(change) < enough))]
         if not active.size:
             break
-    return np.where(found, shift, 0.0), near.guess + np.where(found, offset, 0.0)
+    return np.where(fitted, shift, 0.0), near.guess + np.where(fitted, offset, 0.0)
 
 
 def _step(near: _Windows, shift: np.ndarray, before: str, after: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Change of the shift and position of each turn from a joint linear fit, and whether the change is immaterial."""
+    """Change of the shift and position of each reversal by a joint linear fit, and whether it is immaterial."""
     basis, slopes = _sides(near, shift, before, after)
     gram = basis @ basis.mT
     norm = np.sqrt(np.diagonal(gram, axis1=1, axis2=2))
     norm = np.where(norm > 0, norm, 1.0)
     scale = norm[:, :, None] * norm[:, None, :]
-    inverse = np.linalg.inv(gram / scale + RIDGE * np.eye(norm.shape[1])) / scale
+    inverse = np.linalg.inv(gram / scale + RIDGE * np.identity(norm.shape[1])) / scale
     values = near.value[:, :, None]
     coefficients = inverse @ (basis @ values)
     residual = values - basis.mT @ coefficients
     sensitivity = -(slopes.mT @ coefficients)
-    own = sensitivity - basis.mT @ (inverse @ (basis @ sensitivity))
-    power = np.sum(own**2, axis=1)
-    change = np.divide(np.sum(own * residual, axis=1), power, out=np.zeros_like(power), where=power > 0)
+    reduced = sensitivity - basis.mT @ (inverse @ (basis @ sensitivity))
+    power = np.sum(reduced**2, axis=1)
+    change = np.divide(np.sum(reduced * residual, axis=1), power, out=np.zeros_like(power), where=power > 0)
     change = np.clip(change, -0.25, 0.25)
-    left = residual - sensitivity * change[:, :, None]
-    offset = coefficients[:, :1] + inverse[:, :1] @ (basis @ left)
+    remainder = residual - sensitivity * change[:, :, None]
+    offset = coefficients[:, :1] + inverse[:, :1] @ (basis @ remainder)
     # The next change would be of the order of this one squared; one far below the standard error is immaterial.
-    error = np.sqrt(np.mean(left**2, axis=1) / np.where(power > 0, power, 1.0))
-    settled = change**2 < np.maximum(IMMATERIAL * error, 1e-10)
-    return change[:, 0], offset[:, 0, 0], settled[:, 0]
+    error = np.sqrt(np.mean(remainder**2, axis=1) / np.where(power > 0, power, 1.0))
+    immaterial = change**2 < np.maximum(IMMATERIAL * error, 1e-10)
+    return change[:, 0], offset[:, 0, 0], immaterial[:, 0]
 
 
 def _sides(near: _Windows, shift: np.ndarray, before: str, after: str) -> tuple[np.ndarray, np.ndarray]:
-    """Weighted functions, shape `(turns, functions, bins)`, that leave the turn at rest, a set per side; their slopes.
+    """Weighted functions, shape `(k, functions, bins)`, that are at rest at the reversal, a set per side; their slopes.
 
     Each is averaged over its bin: half the variance of the times there, times the second derivative, is added.
     """

@@ -7,8 +7,8 @@ import dataclasses
 
 import numpy as np
 
-FEW = 256  # extremes that need no thinning out
-# Median deviations from which a sample is a spike, samples in a half-cycle from which that can be told, and the part of
+FEW = 256  # extremes that need no thinning out, which bounds the loop of `zigzag` in Python
+# Median deviations from which a sample is a spike, samples in a half-cycle from which that can be said, and the part of
 # a record that spikes may be, each with its neighbours: beyond it they are its noise.
 SPIKE, DENSE, FEW_SPIKES = 12.0, 48, 0.1
 
@@ -21,8 +21,8 @@ class Swing:
 
     - `t`, `x`: times [s] and positions of the used samples, shape `(n,)`; `smoothed`: positions with less noise.
     - `noise`: standard deviation of `x`; `resolution`: step of its quantisation, 0 for none.
-    - `threshold`: the smallest motion before the first large stroke that counts as one.
-    - `half_period`: typical duration of a stroke [s]; `interval`: typical time between samples [s].
+    - `threshold`: the smallest motion before the first large half-cycle that counts as one.
+    - `half_period`: typical duration of a half-cycle [s]; `interval`: typical time between samples [s].
     """
 
     t: np.ndarray
@@ -34,7 +34,7 @@ class Swing:
     half_period: float
     interval: float
 
-    def stroke(self, begin: int, end: int) -> float:
+    def distance(self, begin: int, end: int) -> float:
         """Distance between two samples."""
         return float(abs(self.smoothed[end] - self.smoothed[begin]))
 
@@ -45,7 +45,7 @@ def without_spikes(x: np.ndarray, noise: float, stretch: int) -> np.ndarray:
     Args:
         x: positions, shape `(n,)`.
         noise: standard deviation of a sample at least.
-        stretch: samples of a half-cycle, over which a deviation is judged by the median one.
+        stretch: samples of a half-cycle, to whose median deviation one is compared.
     """
     if stretch < DENSE or x.size < 2 * stretch:
         return x
@@ -114,9 +114,9 @@ def extremes(x: np.ndarray, threshold: float) -> np.ndarray:
 def zigzag(x: np.ndarray, among: np.ndarray, threshold: float) -> list[int]:
     """Indices of alternating extremes between which `x` moves by more than `threshold`.
 
-    The first is the pole from which the motion starts, the last the farthest point of the stroke still open at the end;
-    the ones between are reversals. A trace that never moves by more than `threshold` gives an empty list. `among` holds
-    its `extremes` for this threshold or a smaller one.
+    The first is the pole from which the motion starts, the last the farthest point of the half-cycle still open at the
+    end; the ones between are reversals. A trace that never moves by more than `threshold` gives an empty list. `among`
+    holds its `extremes` for this threshold or a smaller one.
     """
     pivots: list[int] = []
     high = low = (float(x[0]), 0)

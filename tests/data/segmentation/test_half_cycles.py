@@ -1,11 +1,11 @@
-"""The stop in records as instruments write them, against closed-form decays whose strokes are known."""
+"""The stop in records as instruments write them, against closed-form decays whose half-cycles are known."""
 
 import numpy as np
 import pytest
 from scipy.signal import lfilter
 
 from fricjax.data import segment
-from fricjax.data.segmentation import disturbance, half_cycles, swing
+from fricjax.data.segmentation import disturbance, half_cycles, stop, swing
 from tests.oracles import Machine, coulomb_viscous, slide
 
 RATE, FREQUENCY = 2500.0, 12.6
@@ -159,12 +159,10 @@ def test_a_pendulum_whose_period_goes_with_its_swing(x0):
 
 
 THRESHOLDS = [
-    (half_cycles, name)
-    for name in ("SURE", "SOUGHT", "BELIEVED", "TINY", "STANDS_OUT", "ISOCHRONOUS", "RINGING", "CREPT", "SHORTEST_REST",
-                 "CREEP", "OPEN", "PER_STROKE")
-] + [(disturbance, name) for name in ("STRETCH", "RINGS", "LINE", "STROKES", "SAMPLES")] + [
-    (swing, "SPIKE"), (swing, "FEW_SPIKES"),
-]  # fmt: skip
+    (half_cycles, name) for name in ("SURE", "SOUGHT", "BELIEVED", "TINY", "ISOCHRONOUS", "PER_HALF_CYCLE")
+] + [(stop, name) for name in ("STANDS_OUT", "RINGING", "CREPT", "SHORTEST_REST", "CREEP", "OPEN")] + [
+    (disturbance, name) for name in ("STRETCH", "RINGS", "LINE", "HALF_CYCLES", "SAMPLES")
+] + [(swing, "SPIKE"), (swing, "FEW_SPIKES")]  # fmt: skip
 
 
 @pytest.mark.parametrize("factor", [0.5, 2.0])

@@ -18,10 +18,12 @@ from tests.oracles import coulomb_viscous
 FREQUENCY = 12.6
 
 
-def decay(strokes, *, rate=10e3, noise=0.0, zeta=0.0027, hold=0.0, tail=3.0, offset=0.0, step=0.0, static=1.0, seed=0):
+def decay(
+    half_cycles, *, rate=10e3, noise=0.0, zeta=0.0027, hold=0.0, tail=3.0, offset=0.0, step=0.0, static=1.0, seed=0
+):
     """A closed-form decay of roughly so many half-cycles, with noise and rounding; `tail` half-periods of rest."""
-    band = 2e-3 / (2 * strokes + 0.3)
-    duration = hold + (strokes + tail) / (2 * FREQUENCY)
+    band = 2e-3 / (2 * half_cycles + 0.3)
+    duration = hold + (half_cycles + tail) / (2 * FREQUENCY)
     t = np.arange(0, duration, 1 / rate)
     exact = coulomb_viscous(
         t, 2e-3 + offset, frequency=FREQUENCY, zeta=zeta, dead_band=band, static_band=static * band, offset=offset,
@@ -32,10 +34,10 @@ def decay(strokes, *, rate=10e3, noise=0.0, zeta=0.0027, hold=0.0, tail=3.0, off
 
 
 @pytest.mark.parametrize("noise", [0.0, 1e-9, 5e-9])
-@pytest.mark.parametrize("strokes", [1, 2, 3, 8, 30, 120])
+@pytest.mark.parametrize("half_cycles", [1, 2, 3, 8, 30, 120])
 @pytest.mark.parametrize("hold", [0.0, 0.25])
-def test_a_decay_to_rest(strokes, noise, hold):
-    exact, x = decay(strokes, noise=noise, hold=hold)
+def test_a_decay_to_rest(half_cycles, noise, hold):
+    exact, x = decay(half_cycles, noise=noise, hold=hold)
     found = segment(exact.t, x)
     assert found.n_half_cycles == exact.n_half_cycles
     assert found.turning_times.size == exact.n_half_cycles - 1
@@ -44,16 +46,16 @@ def test_a_decay_to_rest(strokes, noise, hold):
     assert found.rest == pytest.approx(exact.stops[-1], abs=1e-2 * exact.half_period)
     assert found.rest_position == pytest.approx(exact.points[-1], abs=noise + 1e-10)
     assert found.release == pytest.approx(hold, abs=1e-2 * exact.half_period)
-    assert found.release_position == (pytest.approx(2e-3, rel=1e-3) if strokes > 1 else None)
+    assert found.release_position == (pytest.approx(2e-3, rel=1e-3) if half_cycles > 1 else None)
     assert found.half_period == pytest.approx(exact.half_period, rel=2e-2)
     assert found.amplitude == pytest.approx((2e-3 - exact.points.min()) / 2, rel=1e-4)
     if noise:
         assert found.noise == pytest.approx(noise, rel=0.2)
 
 
-@pytest.mark.parametrize("strokes", [3, 20, 300])
-def test_a_record_that_ends_in_motion(strokes):
-    exact, x = decay(strokes, noise=2e-9, zeta=0.0, tail=-0.45 * strokes)
+@pytest.mark.parametrize("half_cycles", [3, 20, 300])
+def test_a_record_that_ends_in_motion(half_cycles):
+    exact, x = decay(half_cycles, noise=2e-9, zeta=0.0, tail=-0.45 * half_cycles)
     found = segment(exact.t, x)
     expected = np.count_nonzero(exact.stops < exact.t[-1])
     assert found.rest is None and found.rest_position is None
@@ -63,20 +65,20 @@ def test_a_record_that_ends_in_motion(strokes):
 
 
 @pytest.mark.parametrize("missed", [0.2, 0.5, 0.8])
-def test_a_start_in_mid_stroke_is_no_release_from_rest(missed):
+def test_a_start_in_mid_half_cycle_is_no_release_from_rest(missed):
     exact, x = decay(4, noise=1e-9)
     seen = exact.t > missed * exact.half_period
     assert segment(exact.t[seen], x[seen]).release_position is None
 
 
 @given(
-    strokes=st.integers(1, 40), noise=st.sampled_from([0.0, 1e-9, 5e-9]), zeta=st.sampled_from([0.0, 0.003, 0.03]),
+    half_cycles=st.integers(1, 40), noise=st.sampled_from([0.0, 1e-9, 5e-9]), zeta=st.sampled_from([0.0, 0.003, 0.03]),
     rate=st.sampled_from([5e3, 12e3]), hold=st.sampled_from([0.0, 0.1]), offset=st.floats(-5e-3, 5e-3),
     static=st.floats(1.0, 1.3), step=st.sampled_from([0.0, 0.309e-9]), seed=st.integers(0, 99),
 )  # fmt: skip
-def test_counts_hold_whatever_the_record(strokes, noise, zeta, rate, hold, offset, static, step, seed):
+def test_counts_hold_whatever_the_record(half_cycles, noise, zeta, rate, hold, offset, static, step, seed):
     exact, x = decay(
-        strokes, noise=noise, zeta=zeta, rate=rate, hold=hold, offset=offset, static=static, step=step, seed=seed
+        half_cycles, noise=noise, zeta=zeta, rate=rate, hold=hold, offset=offset, static=static, step=step, seed=seed
     )
     last = np.abs(np.diff([2e-3 + offset, *exact.points]))[-1]
     found = segment(exact.t, x)
@@ -131,7 +133,7 @@ def test_a_viscous_decay_ends_in_its_noise():
     t = np.arange(0, 6, 1e-4)
     x = 2e-3 * np.exp(-3 * t) * np.cos(80 * t) + 1e-9 * np.random.default_rng(0).standard_normal(t.size)
     found = segment(t, x)
-    # The size of a stroke is known to the noise times the root of eight over the samples in it, 0.14 nm.
+    # The size of a half_cycle is known to the noise times the root of eight over the samples in it, 0.14 nm.
     seen = 1e-9 * np.sqrt(8 / (np.pi / 80 / 1e-4))
     assert np.log(2e-3 / 6e-9) / 3 < found.rest < np.log(2e-3 / seen) / 3
     assert found.half_period == pytest.approx(np.pi / 80, rel=1e-3)
@@ -173,7 +175,7 @@ def test_too_few_used_samples_are_refused():
 
 
 def swinging(samples, *, noise=5e-9, seed=0, duration=2.0):
-    """Fifty strokes from 2 mm to 0.6 mm, still moving at the end."""
+    """Fifty half_cycles from 2 mm to 0.6 mm, still moving at the end."""
     t = np.arange(samples) * (duration / samples)
     exact = coulomb_viscous(t, 2e-3, frequency=FREQUENCY, zeta=0.0, dead_band=1.4e-5)
     return exact, exact.x + noise * np.random.default_rng(seed).standard_normal(samples)
