@@ -1,4 +1,4 @@
-"""What a run cannot tell apart, in words: the null space of the information matrix as products, ratios and sums.
+"""What a run does not determine, in words: the null space of the information matrix as products, ratios and sums.
 
 Along a null direction several parameters change together and the motion stays as it is. In relative changes such a
 direction has small whole numbers where a product or a ratio is all that counts, and in absolute changes where a sum is.
@@ -18,7 +18,10 @@ from ..show import engineering, plain
 NO_EFFECT = 1e-12
 """Part of the strongest parameter's effect below which a parameter has none."""
 
-_ROUNDING, _WHOLE, _LARGEST, _SINGULAR = 1e-4, 1e-3, 6.0, 1e-6
+# Part of the largest entry of a direction that is rounding, and the condition from which pivots depend on each other.
+_ROUNDING, _DEPENDENT = 1e-4, 1e6
+# Distance from an integer that still counts as one, and the largest exponent that reads as a law.
+_INTEGER, _LARGEST = 1e-3, 6.0
 
 
 class Direction(NamedTuple):
@@ -29,6 +32,13 @@ class Direction(NamedTuple):
         changes: how they change together, in their own units, the first one by its own size; shape (names,).
         text: the same in words.
         simple: whether it is a product, a ratio or a sum.
+
+    Examples:
+        >>> import fricjax as fj
+        >>> oscillator = fj.Oscillator(0.41, 2574.0, 0.18, 9.66, fj.friction.Coulomb(0.05))
+        >>> information = fj.sensitivity.fisher(oscillator, 1e-3, names=["mu", "normal_force"])
+        >>> information.singular[0].text
+        'mu and normal_force only as a product'
     """
 
     names: tuple[str, ...]
@@ -74,22 +84,21 @@ def directions(null: np.ndarray, parameters: Sequence[Parameter]) -> tuple[Direc
     strength = np.linalg.norm(null, axis=0)
     candidates = np.flatnonzero(strength > _ROUNDING * strength.max()).tolist()
     dimensionless = {parameter.name for parameter in parameters if not parameter.unit}
+    # Bases in which each of the pivots takes part in one direction alone, with one as its entry.
     bases = [
-        _solved_for(pivots, null)
+        _rounded(np.linalg.solve(null[:, list(pivots)], null))
         for pivots in itertools.combinations(candidates, len(null))
-        if np.linalg.cond(null[:, pivots]) < 1 / _SINGULAR
+        if np.linalg.cond(null[:, pivots]) < _DEPENDENT
     ]
 
     def effort(basis: np.ndarray) -> tuple[int, int, int]:
-        return _effort([_direction(row, parameters) for row in basis], dimensionless)
+        """How hard it is to read: directions without a simple law, then entries, then those without a unit."""
+        read = [_direction(row, parameters) for row in basis]
+        used = [name for direction in read for name in direction.names]
+        return sum(not d.simple for d in read), len(used), sum(name in dimensionless for name in used)
 
     best = min(bases, key=effort)
     return tuple(_simplest(best, i, parameters) for i in range(len(best)))
-
-
-def _solved_for(pivots: Sequence[int], null: np.ndarray) -> np.ndarray:
-    """The basis in which each of these parameters takes part in one direction alone, with one as its entry."""
-    return _rounded(np.linalg.solve(null[:, list(pivots)], null))
 
 
 def _rounded(basis: np.ndarray) -> np.ndarray:
@@ -100,14 +109,8 @@ def _simplest(basis: np.ndarray, index: int, parameters: Sequence[Parameter]) ->
     """A direction of the basis, with others added or taken away where only that makes it a product, ratio or sum."""
     factors = itertools.product((0.0, 1.0, -1.0), repeat=len(basis))
     mixed = (np.where(np.arange(len(basis)) == index, 1.0, factor) @ basis for factor in factors)
-    made = (_direction(_rounded(row), parameters) for row in mixed)
-    return next((direction for direction in made if direction.simple), _direction(basis[index], parameters))
-
-
-def _effort(basis: Sequence[Direction], dimensionless: set[str]) -> tuple[int, int, int]:
-    """How hard a basis is to read: directions without a simple law, then entries, then those without a unit."""
-    used = [name for direction in basis for name in direction.names]
-    return sum(not d.simple for d in basis), len(used), sum(name in dimensionless for name in used)
+    read = (_direction(_rounded(row), parameters) for row in mixed)
+    return next((direction for direction in read if direction.simple), _direction(basis[index], parameters))
 
 
 def _direction(row: np.ndarray, parameters: Sequence[Parameter]) -> Direction:
@@ -119,53 +122,36 @@ def _direction(row: np.ndarray, parameters: Sequence[Parameter]) -> Direction:
     chosen = [parameters[i] for i in part]
     relative = row[part] / row[part[0]]
     absolute = relative * [parameter.scale for parameter in chosen]
-    names = [parameter.name for parameter in chosen]
-    text = _as_sum(names, absolute, {p.unit for p in chosen})
-    if text is None and all(parameter.start for parameter in chosen):
-        text = _as_product(names, _whole(relative))
+    names, text = [parameter.name for parameter in chosen], None
+    if len(chosen) == 2 and len({p.unit for p in chosen}) == 1 and abs(abs(absolute[1] / absolute[0]) - 1) <= _INTEGER:
+        text = f"{joined(names)} only as a {'sum' if absolute[0] * absolute[1] < 0 else 'difference'}"
+    elif all(parameter.start for parameter in chosen):
+        powers = relative / np.min(np.abs(relative))
+        nearest = np.round(powers)
+        if np.all(np.abs(powers - nearest) < _INTEGER) and np.max(np.abs(nearest)) <= _LARGEST:
+            text = _as_product(names, nearest)
     return Direction(tuple(names), absolute, text or _as_trade(chosen, absolute), text is not None)
 
 
-def _whole(ratios: np.ndarray) -> np.ndarray | None:
-    """The ratios as the smallest whole numbers, None where they are none."""
-    scaled = ratios / np.min(np.abs(ratios))
-    near = np.round(scaled)
-    return near if np.all(np.abs(scaled - near) < _WHOLE) and np.max(np.abs(near)) <= _LARGEST else None
-
-
-def _as_sum(names: Sequence[str], absolute: np.ndarray, units: set[str]) -> str | None:
-    """Two parameters of one unit that act as their sum or their difference."""
-    if len(names) != 2 or len(units) > 1 or abs(abs(absolute[1] / absolute[0]) - 1) > _WHOLE:
-        return None
-    return f"{joined(names)} only as a {'sum' if absolute[0] * absolute[1] < 0 else 'difference'}"
-
-
-def _as_product(names: Sequence[str], powers: np.ndarray | None) -> str | None:
+def _as_product(names: Sequence[str], powers: np.ndarray) -> str | None:
     """Parameters whose products or ratios alone count; `powers` are those of a common factor that changes nothing."""
-    if powers is None:
-        return None
-    with_it = [name for name, power in zip(names, powers, strict=True) if power * powers[0] > 0]
-    against = [name for name in names if name not in with_it]
+    same = [name for name, power in zip(names, powers, strict=True) if power * powers[0] > 0]
+    opposite = [name for name in names if name not in same]
     if np.any(np.abs(powers) != 1):
-        return _as_power(names, powers) if len(names) == 2 else None
-    if not against:
+        if len(names) != 2:
+            return None
+        # What changes nothing as s^a and s^b leaves x^b/y^a.
+        exponents = int(abs(powers[1])), int(abs(powers[0]))
+        x, y = (name if n == 1 else f"{name}^{n}" for name, n in zip(names, exponents, strict=True))
+        return f"{joined(names)} only as {x} {'*' if opposite else '/'} {y}"
+    if not opposite:
         return f"{joined(names)} only in ratio"
     if len(names) == 2:
         return f"{joined(names)} only as a product"
-    fewer, more = sorted((with_it, against), key=len)
+    fewer, more = sorted((same, opposite), key=len)
     if len(fewer) == 1:
         return f"{joined(more)} only as products with {fewer[0]}"
-    return f"{joined(with_it)} only in ratio, and {joined(against)} only as products with them"
-
-
-def _as_power(names: Sequence[str], powers: np.ndarray) -> str:
-    first, second = int(abs(powers[1])), int(abs(powers[0]))
-    sign = "*" if powers[0] * powers[1] < 0 else "/"
-    return f"{joined(names)} only as {_power(names[0], first)} {sign} {_power(names[1], second)}"
-
-
-def _power(name: str, exponent: int) -> str:
-    return name if exponent == 1 else f"{name}^{exponent}"
+    return f"{joined(same)} only in ratio, and {joined(opposite)} only as products with them"
 
 
 def _as_trade(parameters: Sequence[Parameter], absolute: np.ndarray) -> str:

@@ -1,7 +1,8 @@
-"""What a planned run will tell: the information matrix with everything that follows from it."""
+"""What a planned run will determine: the information matrix with everything that follows from it, and its report."""
 
 import dataclasses
 import functools
+import textwrap
 from collections.abc import Mapping
 from typing import Any
 
@@ -9,16 +10,19 @@ import numpy as np
 
 from ..estimation.covariance import correlation
 from ..fitting.derived import Estimate
+from ..fitting.names import NUISANCES
 from ..oscillator import Oscillator
+from ..show import Report, Reported, Table, axis_label, duration, engineering, figure
 from .directions import Direction
-from .plan import Course
+from .plan import PlannedMotion
 
-_SEEN = 1e-6
+# Part of a change along an undetermined direction that rounding leaves in a quantity which does not depend on it.
+_ROUNDING = 1e-6
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class Information:
-    """What a planned run will tell.
+class Information(Reported):
+    """What a planned run will determine.
 
     Attributes:
         names: coefficients and then nuisances of the run, in the order of all matrices.
@@ -26,16 +30,29 @@ class Information:
         matrix: Fisher information, in the inverse units of the parameters, shape (p, p).
         inverse: its generalised inverse, shape (p, p); the expected covariance among what is determined.
         rank: number of directions among the parameters that the run determines.
-        condition: condition number of the derivatives, each scaled to unit length, without those of `idle`; inf where
-            a direction is undetermined.
+        condition: condition number of the derivatives, each scaled to unit length, without those of `no_effect`; inf
+            where a direction is undetermined.
         singular: undetermined directions, each in words.
-        idle: parameters on which the motion does not depend at all.
+        no_effect: parameters on which the motion does not depend at all.
         slopes: quantities that need no rig, each with its value, its unit and its derivatives by name.
-        course: turning points and stop of the planned motion.
+        motion: turning points and stop of the planned motion.
         x0: displacement at release [m].
         samples, rate, duration, noise: of the planned record [1], [1/s], [s], [m].
         engine: name of the engine.
         oscillator: the machine.
+        combinations: of a static coefficient and a Stribeck velocity, which a run often determines only together.
+        errors: what keeps a fit from being valid: parameters without effect and undetermined directions, with a remedy.
+        warnings: advice on the run, in sentences.
+
+    Examples:
+        >>> import fricjax as fj
+        >>> oscillator = fj.Oscillator(0.41, 2574.0, 0.18, 9.66, fj.friction.Coulomb(0.05))
+        >>> information = fj.sensitivity.fisher(oscillator, 1e-3, names=["mu", "stiffness"])
+        >>> information.undetermined, information.motion.half_cycles
+        ((), 3)
+        >>> dead_band = information.kinematics["dead_band"]
+        >>> print(f"{dead_band.value:.4g} {dead_band.unit} to {dead_band.std:.0e}")
+        0.0001876 m to 2e-11
     """
 
     names: tuple[str, ...]
@@ -46,9 +63,9 @@ class Information:
     rank: int
     condition: float
     singular: tuple[Direction, ...]
-    idle: tuple[str, ...]
+    no_effect: tuple[str, ...]
     slopes: Mapping[str, tuple[float, str, Mapping[str, float]]]
-    course: Course
+    motion: PlannedMotion
     x0: float
     samples: int
     rate: float
@@ -56,15 +73,18 @@ class Information:
     noise: float
     engine: str
     oscillator: Oscillator
+    combinations: dict[str, Estimate] = dataclasses.field(default_factory=dict)
+    errors: tuple[str, ...] = ()
+    warnings: tuple[str, ...] = ()
 
     def std_of(self, derivatives: Mapping[str, float]) -> float:
         """Expected standard error of a quantity with these derivatives by name; inf where it is not determined."""
         slope = np.array([derivatives.get(name, 0.0) for name in self.names])
         for direction in self.singular:
             change = np.array([slope[self.names.index(name)] for name in direction.names]) * direction.changes
-            if abs(change.sum()) > _SEEN * np.abs(change).sum():
+            if abs(change.sum()) > _ROUNDING * np.abs(change).sum():
                 return np.inf
-        if any(derivatives.get(name) for name in self.idle):
+        if any(derivatives.get(name) for name in self.no_effect):
             return np.inf
         return float(np.sqrt(max(slope @ self.inverse @ slope, 0.0)))
 
@@ -79,24 +99,19 @@ class Information:
         return tuple(name for name in self.names if not np.isfinite(self.std_errors[name]))
 
     @property
-    def _lost(self) -> np.ndarray:
-        """Where a parameter is undetermined, shape (p,)."""
-        return np.array([name in self.undetermined for name in self.names])
-
-    @property
     def covariance(self) -> np.ndarray:
         """Expected covariance, inf where undetermined, shape (p, p)."""
-        found, lost = self.inverse.copy(), self._lost
-        found[lost, :] = found[:, lost] = 0.0
-        found[lost, lost] = np.inf
-        return found
+        matrix, lost = self.inverse.copy(), ~np.isfinite(list(self.std_errors.values()))
+        matrix[lost, :] = matrix[:, lost] = 0.0
+        matrix[lost, lost] = np.inf
+        return matrix
 
     @property
     def correlation(self) -> np.ndarray:
         """Expected correlation matrix, shape (p, p); NaN where undetermined."""
-        found, lost = correlation(self.covariance), self._lost
-        found[lost, :] = found[:, lost] = np.nan
-        return found
+        matrix, lost = correlation(self.covariance), ~np.isfinite(list(self.std_errors.values()))
+        matrix[lost, :] = matrix[:, lost] = np.nan
+        return matrix
 
     def correlation_of(self, first: str, second: str) -> float:
         """Expected correlation of two parameters; NaN where one is undetermined."""
@@ -107,50 +122,98 @@ class Information:
         """What needs no rig: natural frequency, damping ratio, dead band, and losses per unit mass."""
         return {name: Estimate(value, self.std_of(by), unit) for name, (value, unit, by) in self.slopes.items()}
 
-    @property
-    def combinations(self) -> dict[str, Estimate]:
-        """Combinations of a static coefficient and a Stribeck velocity, which a run often tells only together."""
-        from .ridge import combinations
-
-        return combinations(self)
-
-    @property
-    def errors(self) -> tuple[str, ...]:
-        """What keeps a fit from being valid: parameters without effect and undetermined directions, with a remedy."""
-        from .advice import errors
-
-        return errors(self)
-
-    @property
-    def remarks(self) -> tuple[str, ...]:
-        """Advice on the run, in sentences."""
-        from .advice import remarks
-
-        return remarks(self)
-
-    def summary(self) -> str:
-        """The report as plain text."""
-        from .show import summary
-
-        return summary(self)
-
-    def _repr_html_(self) -> str:
-        from .show import html
-
-        return html(self)
-
     def __repr__(self) -> str:
-        found = ", ".join(f"{name}: {std:.2g}" for name, std in self.std_errors.items())
-        return f"Information(expected standard errors: {found})"
+        errors = ", ".join(f"{name}: {std:.2g}" for name, std in self.std_errors.items())
+        return f"Information(expected standard errors: {errors})"
+
+    def report(self) -> Report:
+        """The report in its parts."""
+        names = ("names", "values", "units", "std_errors", "covariance", "correlation", "rank", "condition")
+        record = ("x0", "samples", "rate", "duration", "noise", "engine")
+        data = {
+            **{name: getattr(self, name) for name in names},
+            "undetermined": self.undetermined,
+            "singular": [{"names": d.names, "changes": d.changes, "text": d.text} for d in self.singular],
+            "no_effect": self.no_effect,
+            "errors": self.errors,
+            "remarks": self.warnings,
+            "kinematics": self.kinematics,
+            "combinations": self.combinations,
+            "n_half_cycles": self.motion.half_cycles,
+            "t_stop": self.motion.t_stop,
+            "dead_band": float(self.oscillator.dead_band),
+            **{name: getattr(self, name) for name in record},
+        }
+        shown = {"warnings": self.warnings, "errors": self.errors, "heading": "Planned run"}
+        return Report(self._tables(), self._facts(), **shown, data=data)
+
+    def _tables(self) -> list[Table]:
+        """Parameters, quantities that need no rig, and correlations of what is determined."""
+        rows = []
+        for name in self.names:
+            value, std, unit = self.values[name], self.std_errors[name], self.units[name]
+            note = "no effect" if name in self.no_effect else "" if np.isfinite(std) else "undetermined"
+            rows.append([name, *_cells(Estimate(value, std, unit)), note])
+        known = {**{name.replace("_", " "): each for name, each in self.kinematics.items()}, **self.combinations}
+        lost, matrix = self.undetermined, self.correlation
+        index = [i for i, name in enumerate(self.names) if name not in lost and name not in NUISANCES]
+        correlations = [[self.names[i], *(f"{matrix[i, j]:.3f}" for j in index)] for i in index]
+        return [
+            Table(["Parameter", "Expected", "Standard error", "Relative", "Remarks"], rows),
+            Table(
+                ["Without a rig", "Expected", "Standard error", "Relative"],
+                [[name, *_cells(estimate)] for name, estimate in known.items()],
+            ),
+            Table(["Correlation", *(self.names[i] for i in index)], correlations),
+        ]
+
+    def _facts(self) -> list[tuple[str, str]]:
+        """The remaining lines of the report."""
+        band, motion, rest = float(self.oscillator.dead_band), self.motion, "no stop"
+        about = "about " if motion.like_coulomb else ""
+        if motion.half_cycles is not None:
+            count = "1 half-cycle" if motion.half_cycles == 1 else f"{motion.half_cycles} half-cycles"
+            rest = f"{about}{count}, stop {about}{duration(motion.t_stop)} after the release"
+        away = f", {abs(self.x0) / band:.3g} dead bands of {engineering(band, 'm')}" if band else ""
+        noise = engineering(self.noise, "m")
+        record = f"{self.samples} samples at {self.rate:g} Hz, {duration(self.duration)}, white noise of {noise}"
+        return [
+            ("release", f"from {engineering(self.x0, 'm')}{away}"),
+            ("motion", f"{rest}, {self.engine} engine"),
+            ("record", record),
+            ("rank", f"{self.rank} of {len(self.names)}, condition {self.condition:.2g}"),
+            ("bound", "standard errors are those of white noise alone; they go with noise/sqrt(rate)"),
+        ]
 
     def plot(self) -> Any:
-        """Relative standard errors as bars, and the correlations as a map, as a matplotlib figure."""
-        from .show import plot
+        """Relative standard errors as bars, and the correlations as a map, as a matplotlib figure.
 
-        return plot(self)
+        Nuisances in metres are taken relative to the release; what is undetermined stays empty.
+        """
+        drawing, axes = figure(1, 2)
+        left, right = axes[0]
+        names, rows = self.names, range(len(self.names))
+        sizes = [abs(self.values[name]) or (abs(self.x0) if self.units[name] == "m" else 1.0) for name in names]
+        shares = np.array([self.std_errors[name] / size for name, size in zip(names, sizes, strict=True)])
+        left.barh(rows, np.where(np.isfinite(shares), shares, 0.0))
+        if np.any(np.isfinite(shares)):
+            left.set_xscale("log")
+        left.set_xlabel(axis_label("Standard error over size", "1"))
+        shown = right.imshow(self.correlation, vmin=-1, vmax=1, cmap="RdBu_r")
+        right.set_xticks(rows, names, rotation=90)
+        for axis in (left, right):
+            axis.set_yticks(rows, names)
+        left.invert_yaxis()
+        right.grid(False)
+        drawing.colorbar(shown, ax=right, label=axis_label("Correlation", "1"))
+        run = f"Released from {engineering(self.x0, 'm')}, noise {engineering(self.noise, 'm')} at {self.rate:g} Hz"
+        lost = f"undetermined: {', '.join(self.undetermined)}" if self.undetermined else "all determined"
+        drawing.suptitle("\n".join([run, *textwrap.wrap(lost, 100)]), fontsize=9)
+        return drawing
 
-    def to_dict(self) -> dict[str, Any]:
-        """The report as plain data."""
-        from .show import to_dict
 
-        return to_dict(self)
+def _cells(estimate: Estimate) -> list[str]:
+    """Value, standard error and their ratio, empty where they are not finite."""
+    value, std, unit = estimate
+    texts = [engineering(*pair) if np.isfinite(pair[0]) else "" for pair in ((value, unit, 6), (std, unit, 2))]
+    return [*texts, f"{std / abs(value):.2g}" if value and np.isfinite(std) else ""]

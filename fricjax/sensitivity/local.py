@@ -9,12 +9,11 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Float
 
-from ..errors import UsageError
 from ..fitting.names import NUISANCES
 from ..fitting.residual import Residual
 from ..oscillator import Oscillator
 from ..oscillator.engines import AbstractEngine
-from .plan import plan
+from .plan import checked_times, plan
 
 
 def local(
@@ -44,28 +43,26 @@ def local(
     Raises:
         RuntimeError: JAX computes in single precision.
         UsageError: unknown names, times that do not increase, or an engine that cannot integrate this oscillator.
+
+    Examples:
+        In an undamped half-cycle about the dead band ``x_d = mu N/k`` the mass moves from x0 to ``2 x_d - x0``:
+
+        >>> import numpy as np
+        >>> import fricjax as fj
+        >>> oscillator = fj.Oscillator(1.0, 1000.0, 0.0, 10.0, fj.friction.Coulomb(0.05))
+        >>> half_period = np.pi / np.sqrt(1000.0)
+        >>> fj.sensitivity.local(oscillator, 3e-3, [0.0, half_period], ["mu", "x0"]).round(6).tolist()
+        [[0.0, 1.0], [0.02, -1.0]]
     """
     times = checked_times(ts)
     machine = [name for name in names if name not in NUISANCES]
-    own = [name for name in names if name in NUISANCES]
-    made = plan(oscillator, x0, times, machine, own, engine=engine)
-    columns = np.asarray(_columns(made.residual, jnp.zeros(len(names)))) / made.scales
-    order = [*machine, *own]
+    nuisance = [name for name in names if name in NUISANCES]
+    planned = plan(oscillator, x0, times, machine, nuisance, engine=engine)
+    columns = np.asarray(_columns(planned.residual, jnp.zeros(len(names)))) / planned.scales
+    order = [*machine, *nuisance]
     return columns[:, [order.index(name) for name in names]]
 
 
 @eqx.filter_jit
 def _columns(residual: Residual, y: Float[Array, " p"]) -> Any:
     return jax.jacfwd(lambda at: residual.observed(at, 0, residual.runs[0]).read(residual.runs[0].t))(y)
-
-
-def checked_times(ts: ArrayLike) -> np.ndarray:
-    """Sample times as an array.
-
-    Raises:
-        UsageError: no list of increasing times.
-    """
-    times = np.asarray(ts, float)
-    if times.ndim != 1 or times.size < 2 or not np.all(np.diff(times) > 0):
-        raise UsageError(f"ts must be a list of increasing times [s], at least two, got shape {times.shape}.")
-    return times

@@ -12,6 +12,7 @@ from collections.abc import Sequence
 import equinox as eqx
 import jax
 import numpy as np
+from jaxtyping import ArrayLike
 
 from ..errors import UsageError
 from ..estimation.space import Parameter, ParameterSpace
@@ -23,20 +24,21 @@ from ..fitting.window import NEVER
 from ..friction import Coulomb
 from ..oscillator import Motion, Oscillator, ready, simulate
 from ..oscillator.engines import AbstractEngine
-from ..oscillator.leaves import Leaf, leaves_of
+from ..oscillator.leaves import leaves_of
 from ..oscillator.select import half_cycle_capacity, select_engine
 from .settings import check_sampling
 
 TAIL = 0.05
 """Time at rest that a record should hold behind the stop [s]."""
 
-# Least number of half-cycles to provide for, so that most runs share their compilation.
+# Room for at least so many half-cycles, more than most runs have: the size is part of a program, and runs of one size
+# share their compilation.
 _CAPACITY = 512
 
 
 @dataclasses.dataclass(frozen=True)
-class Course:
-    """Where the planned motion turns and stops.
+class PlannedMotion:
+    """Where the planned motion reverses and stops.
 
     Attributes:
         half_cycles: their number until the stop; None where the mass does not stop by itself.
@@ -59,14 +61,14 @@ class Plan:
     Attributes:
         oscillator: the machine, its coefficients as numpy arrays.
         x0: displacement at release [m].
-        course: its turning points and its stop.
+        motion: its turning points and its stop.
         parameters: the coefficients and then the nuisances, in order.
         residual: what a fit would make small, at its start values; the measured displacements are zero.
     """
 
     oscillator: Oscillator
     x0: float
-    course: Course
+    motion: PlannedMotion
     parameters: tuple[Parameter, ...]
     residual: Residual
 
@@ -81,32 +83,27 @@ class Plan:
         return tuple(parameter.name for parameter in self.parameters)
 
     @property
-    def values(self) -> np.ndarray:
-        """Their values, shape (p,)."""
-        return np.array([parameter.start for parameter in self.parameters])
-
-    @property
     def scales(self) -> np.ndarray:
         """What one unit of each coordinate is: the size of the value, shape (p,)."""
         return np.array([parameter.scale for parameter in self.parameters])
 
 
-def course_of(oscillator: Oscillator, x0: float) -> Course:
+def planned_motion(oscillator: Oscillator, x0: float) -> PlannedMotion:
     """The turning points of a release from `x0` [m], those of Coulomb's law for a law that is not set-valued."""
     law, load = oscillator.friction, oscillator.normal_force
     band, omega = float(oscillator.dead_band), float(oscillator.angular_frequency)
     if not (band > 0 and x0 != 0):
-        return Course(None, math.inf, np.array([x0]), not law.set_valued)
+        return PlannedMotion(None, math.inf, np.array([x0]), not law.set_valued)
     twin = oscillator
     if not law.set_valued:
         mu = np.asarray(law.dynamic_force(load)) / np.asarray(load)
         twin = eqx.tree_at(lambda o: o.friction, oscillator, Coulomb(mu))
-    # Without damping it takes the longest.
+    # Without damping it takes the longest: each half-cycle then loses two dead bands of amplitude.
     longest = math.pi / omega * (abs(x0) / (2 * band) + 4)
     motion: Motion = simulate(twin, x0, np.array([2 * longest]))
     stops = math.isfinite(float(motion.t_stop))
     points = np.asarray(motion.turning_points)
-    return Course(
+    return PlannedMotion(
         half_cycles=int(motion.n_half_cycles) if stops else None,
         t_stop=float(motion.t_stop),
         turning_points=points[np.isfinite(points)],
@@ -114,17 +111,29 @@ def course_of(oscillator: Oscillator, x0: float) -> Course:
     )
 
 
-def planned_times(course: Course, rate: float, duration: float | None) -> np.ndarray:
+def planned_times(motion: PlannedMotion, rate: float, duration: float | None) -> np.ndarray:
     """Samples at `rate` [1/s] for a `duration` [s]; None: until 50 ms after the stop.
 
     Raises:
         UsageError: a rate or duration that is no positive number, or a mass that never stops.
     """
     check_sampling(rate, duration)
-    if duration is None and not math.isfinite(course.t_stop):
+    if duration is None and not math.isfinite(motion.t_stop):
         raise UsageError("The mass does not come to rest by itself here: say with the duration how long to record.")
-    length = course.t_stop + TAIL if duration is None else float(duration)
+    length = motion.t_stop + TAIL if duration is None else float(duration)
     return np.arange(max(round(length * rate), 2)) / rate
+
+
+def checked_times(ts: ArrayLike) -> np.ndarray:
+    """Sample times as an array.
+
+    Raises:
+        UsageError: no list of increasing times.
+    """
+    times = np.asarray(ts, float)
+    if times.ndim != 1 or times.size < 2 or not np.all(np.diff(times) > 0):
+        raise UsageError(f"ts must be a list of increasing times [s], at least two, got shape {times.shape}.")
+    return times
 
 
 def plan(
@@ -134,9 +143,9 @@ def plan(
     names: Sequence[str] | None,
     nuisance: Sequence[str],
     *,
-    noise: np.ndarray | float = 1.0,
+    noise: float = 1.0,
     engine: str | AbstractEngine = "auto",
-    course: Course | None = None,
+    motion: PlannedMotion | None = None,
 ) -> Plan:
     """The planned run.
 
@@ -144,94 +153,69 @@ def plan(
         oscillator: the machine at the values that are expected.
         x0: displacement at release [m]; the mass starts from rest at time zero.
         ts: sample times [s], increasing, shape (samples,).
-        names: coefficients; None for all that the model has, see `terms`.
+        names: coefficients; None for all that the model has.
         nuisance: free parameters of the run.
-        noise: standard deviation of each sample [m].
+        noise: standard deviation of a sample [m].
         engine: as in a simulation.
-        course: turning points, where they are known already.
+        motion: turning points, where they are known already.
 
     Raises:
         UsageError: names that do not exist or appear twice, or an engine that cannot integrate this oscillator.
     """
     ready()
+    x0, nuisance = float(x0), tuple(nuisance)
     oscillator = jax.tree.map(lambda leaf: np.asarray(leaf, float), oscillator)
-    leaves = leaves_of(oscillator)
-    shared = terms(oscillator, leaves) if names is None else [find_leaf(name, leaves) for name in names]
-    parameters = _parameters(oscillator, float(x0), shared, tuple(nuisance))
-    found = course_of(oscillator, float(x0)) if course is None else course
-    space = ParameterSpace.build(parameters, [leaf.index for leaf in shared], (), (tuple(nuisance),))
+    leaves, values = leaves_of(oscillator), jax.tree.leaves(oscillator)
+    if names is None:
+        # A coefficient of zero is a term left out, but for damping: a rig may not know it before the run.
+        shared = [leaf for leaf in leaves if leaf.name == "damping" or float(values[leaf.index]) != 0]
+    else:
+        shared = [find_leaf(name, leaves) for name in names]
+    for name in nuisance:
+        check_nuisance(name)
+    check_once([*(leaf.name for leaf in shared), *nuisance])
+    if not shared and not nuisance:
+        raise UsageError("No parameter is named: name at least one coefficient or nuisance parameter.")
+    # The run at its planned values: from rest after a slow pull, released at time zero.
+    run_values = {**dict.fromkeys(NUISANCES, 0.0), "x0": x0, "z0": 1.0}
+    sizes = {name: abs(x0) or 1.0 if unit == "m" else 1.0 for name, unit in NUISANCES.items()}
+    machine = [(leaf.name, leaf.unit, float(values[leaf.index])) for leaf in shared]
+    parameters = (
+        *(Parameter(name, unit, value, abs(value) if value else 1.0) for name, unit, value in machine),
+        *(Parameter(name, NUISANCES[name], run_values[name], sizes[name]) for name in nuisance),
+    )
+    motion = planned_motion(oscillator, x0) if motion is None else motion
+    count = NEVER if motion.half_cycles is None else motion.half_cycles
+    run = Run(
+        t=ts,
+        x=np.zeros(ts.shape),
+        weight=np.broadcast_to(1 / np.asarray(noise, float), ts.shape),
+        half_cycles=np.asarray(count) if oscillator.friction.set_valued else None,
+        fixed={name: np.asarray(value) for name, value in run_values.items()},
+    )
     zeros = np.zeros(len(parameters))
     residual = Residual(
         oscillator=oscillator,
-        space=space,
-        engine=_engine(engine, oscillator, [leaf.kind for leaf in shared], found, float(ts[-1]), float(x0)),
-        runs=(_run(ts, noise, oscillator, found, float(x0)),),
+        space=ParameterSpace.build(parameters, [leaf.index for leaf in shared], (), (nuisance,)),
+        engine=_engine(engine, oscillator, [leaf.kind for leaf in shared], motion, float(ts[-1]), x0),
+        runs=(run,),
         prior_mean=zeros,
         prior_weight=zeros,
         inputs=np.zeros((0, len(leaves))),
     )
-    return Plan(oscillator, float(x0), found, parameters, with_mesh(residual, zeros))
-
-
-def terms(oscillator: Oscillator, leaves: Sequence[Leaf]) -> list[Leaf]:
-    """The coefficients of all terms that a model has: a coefficient of zero is a term left out.
-
-    Damping counts always, since a rig may not know it before the run.
-    """
-    values = jax.tree.leaves(oscillator)
-    return [leaf for leaf in leaves if leaf.name == "damping" or float(values[leaf.index]) != 0]
-
-
-def _parameters(
-    oscillator: Oscillator, x0: float, shared: Sequence[Leaf], nuisance: tuple[str, ...]
-) -> tuple[Parameter, ...]:
-    for name in nuisance:
-        check_nuisance(name)
-    names = [*(leaf.name for leaf in shared), *nuisance]
-    check_once(names)
-    if not names:
-        raise UsageError("No parameter is named: name at least one coefficient or nuisance parameter.")
-    flat = jax.tree.leaves(oscillator)
-    found = [(leaf.name, leaf.unit, float(flat[leaf.index])) for leaf in shared]
-    machine = [Parameter(name, unit, value, abs(value) if value else 1.0) for name, unit, value in found]
-    own, lengths = _own(x0), {"m": abs(x0) or 1.0}
-    return (*machine, *(Parameter(n, NUISANCES[n], own[n], lengths.get(NUISANCES[n], 1.0)) for n in nuisance))
-
-
-def _own(x0: float) -> dict[str, float]:
-    """What belongs to the run, at its planned values: from rest after a slow pull, released at time zero."""
-    return {**dict.fromkeys(NUISANCES, 0.0), "x0": x0, "z0": 1.0}
+    return Plan(oscillator, x0, motion, parameters, with_mesh(residual, zeros))
 
 
 def _engine(
-    engine: str | AbstractEngine, oscillator: Oscillator, kinds: list[str], course: Course, end: float, x0: float
+    engine: str | AbstractEngine, oscillator: Oscillator, kinds: list[str], motion: PlannedMotion, end: float, x0: float
 ) -> AbstractEngine:
     """The engine; with room for the half-cycles until the stop, or for as many as the record can hold."""
     capacity = half_cycle_capacity(oscillator, end, x0, 0.0)
-    if course.half_cycles is not None and not course.like_coulomb:
-        capacity = max(_CAPACITY, 2 ** math.ceil(math.log2(course.half_cycles + 2)))
+    if motion.half_cycles is not None and not motion.like_coulomb:
+        capacity = max(_CAPACITY, 2 ** math.ceil(math.log2(motion.half_cycles + 2)))
+    # At a drag of zero the closed form is chosen, which has no derivative by the drag.
     named = "hybrid" if engine == "auto" and "drag" in kinds and oscillator.friction.set_valued else engine
     try:
         return select_engine(named, oscillator, max_half_cycles=capacity)
     except ValueError as error:
         raise UsageError(str(error)) from error
-
-
-def _run(ts: np.ndarray, noise: np.ndarray | float, oscillator: Oscillator, course: Course, x0: float) -> Run:
-    count = NEVER if course.half_cycles is None else course.half_cycles
-    return Run(
-        t=ts,
-        x=np.zeros(ts.shape),
-        weight=np.broadcast_to(1 / np.asarray(noise, float), ts.shape),
-        half_cycles=np.asarray(count) if oscillator.friction.set_valued else None,
-        fixed={name: np.asarray(value) for name, value in _own(x0).items()},
-    )
-
-
-def creep_start(made: Plan) -> float:
-    """Time from which a regularised law lets the mass creep, where a fit leaves the samples out [s]; inf for none."""
-    law = made.oscillator.friction
-    if law.set_valued or law.n_states or made.residual.engine.needs_mesh:
-        return math.inf
-    motion = simulate(made.oscillator, made.x0, made.ts[-1:], engine=made.residual.engine)
-    return float(motion.stats["t_handover"])

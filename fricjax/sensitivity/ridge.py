@@ -1,21 +1,19 @@
-"""The Stribeck ridge: of a fall of friction that is over at low speed, a run tells a single combination well.
+"""The Stribeck ridge: of a fall of friction that is over at low speed, a run determines a single combination well.
 
 Where friction falls from static to dynamic far below the speeds of the run, each reversal loses the extra work
 ``(mu_s - mu) N (v_stribeck^2/2) (1/|a-| + 1/|a+|)`` (Gaussian fall; ``a-`` and ``a+`` the accelerations before and
-after it) and shifts the motion in time. The mu and the damping of a fit take up part of both; what is left tells
+after it) and shifts the motion in time. The mu and the damping of a fit take up part of both; what is left determines
 ``mu_s - mu`` times a power of ``v_stribeck`` that follows from the information matrix.
 """
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import jax
 import numpy as np
 
 from ..fitting.derived import Estimate
 from ..oscillator.leaves import leaves_of
-
-if TYPE_CHECKING:
-    from .information import Information
+from .information import Information
 
 WORK = 2.0
 """Power of the Stribeck velocity in the extra work of a reversal."""
@@ -40,41 +38,47 @@ class Ridge(NamedTuple):
         """The combination with that power of the Stribeck velocity."""
         return f"({self.mu_s} - {self.mu}) {self.v_stribeck}^{power:.3g}"
 
-    def estimate(self, found: "Information", power: float) -> Estimate:
+    def estimate(self, information: Information, power: float) -> Estimate:
         """The same with its expected standard error."""
         value = self.fall * self.speed**power
         slopes = {self.mu_s: 1 / self.fall, self.mu: -1 / self.fall, self.v_stribeck: power / self.speed}
-        return Estimate(value, value * found.std_of(slopes), f"(m/s)^{power:.3g}")
+        return Estimate(value, value * information.std_of(slopes), f"(m/s)^{power:.3g}")
 
-    def best_power(self, found: "Information") -> float:
-        """The power of the combination that the run tells best."""
-        for direction in found.singular:
+    def best_power(self, information: Information) -> float:
+        """The power of the combination that the run determines best."""
+        # Where the run leaves a trade of the two open, the combination is what that trade does not change.
+        for direction in information.singular:
             change = dict(zip(direction.names, direction.changes, strict=True))
             if {self.mu_s, self.v_stribeck} <= set(change):
                 fall = change[self.mu_s] - change.get(self.mu, 0.0)
                 return float(-fall / self.fall * self.speed / change[self.v_stribeck])
-        speed = found.names.index(self.v_stribeck)
-        among = np.array([(name == self.mu_s) - float(name == self.mu) for name in found.names])
-        shared = among @ found.inverse[:, speed]
-        return float(-shared / self.fall * self.speed / found.inverse[speed, speed])
+        # Otherwise that of the least variance: the regression of the fall on the speed in the expected covariance.
+        speed = information.names.index(self.v_stribeck)
+        among = np.array([(name == self.mu_s) - float(name == self.mu) for name in information.names])
+        shared = among @ information.inverse[:, speed]
+        return float(-shared / self.fall * self.speed / information.inverse[speed, speed])
 
 
-def ridges_of(found: "Information") -> tuple[Ridge, ...]:
+def ridges_of(information: Information) -> tuple[Ridge, ...]:
     """The laws of which both the static coefficient and the Stribeck velocity are to be fitted."""
-    flat, by_path = jax.tree.leaves(found.oscillator), {leaf.dotted: leaf for leaf in leaves_of(found.oscillator)}
-    made = []
+    flat = jax.tree.leaves(information.oscillator)
+    by_path = {leaf.dotted: leaf for leaf in leaves_of(information.oscillator)}
+    ridges = []
     for path, leaf in by_path.items():
         law, _, kind = path.rpartition(".")
         static, dynamic = by_path.get(f"{law}.mu_s"), by_path.get(f"{law}.mu")
         if kind == "v_stribeck" and static and dynamic:
             fall, speed = (float(flat[static.index]) - float(flat[dynamic.index]), float(flat[leaf.index]))
-            made.append(Ridge(dynamic.name, static.name, leaf.name, fall, speed))
-    free = set(found.names) - set(found.idle)
-    return tuple(ridge for ridge in made if {ridge.mu_s, ridge.v_stribeck} <= free and ridge.fall)
+            ridges.append(Ridge(dynamic.name, static.name, leaf.name, fall, speed))
+    free = set(information.names) - set(information.no_effect)
+    return tuple(ridge for ridge in ridges if {ridge.mu_s, ridge.v_stribeck} <= free and ridge.fall)
 
 
-def combinations(found: "Information") -> dict[str, Estimate]:
-    """For each of these laws the combination that the run tells best, and that of the work lost at a reversal."""
-    told = [(ridge, power) for ridge in ridges_of(found) for power in (ridge.best_power(found), WORK)]
-    estimates = {ridge.text(power): ridge.estimate(found, power) for ridge, power in told}
+def combinations(information: Information) -> dict[str, Estimate]:
+    """For each of these laws the combination that the run determines best, and that of the work lost at a reversal."""
+    estimates = {
+        ridge.text(power): ridge.estimate(information, power)
+        for ridge in ridges_of(information)
+        for power in (ridge.best_power(information), WORK)
+    }
     return {text: estimate for text, estimate in estimates.items() if np.isfinite(estimate.std)}

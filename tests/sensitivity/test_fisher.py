@@ -41,7 +41,7 @@ def among(found, names):
 @pytest.mark.parametrize("mu, x0, half_cycles, bounds", SLIDING_BOUNDS)
 def test_bounds_of_sliding(mu, x0, half_cycles, bounds):
     found = fisher(prototype(Coulomb(mu)), x0, names=DAMPING, nuisance=STATE)
-    assert found.course.half_cycles == half_cycles
+    assert found.motion.half_cycles == half_cycles
     alone, moving = among(found, ["mu"]), among(found, ["mu", "mass", "x0", "t_release"])
     np.testing.assert_allclose([alone, moving, relative(found)], [bounds[0], bounds[1], bounds[3]], rtol=PRINTED)
     if half_cycles > 1:
@@ -52,11 +52,11 @@ def test_bounds_of_sliding(mu, x0, half_cycles, bounds):
 @pytest.mark.parametrize("mu, half_cycles, bounds, related", ROLLING_BOUNDS)
 def test_bounds_of_rolling(mu, half_cycles, bounds, related):
     found = fisher(prototype(Coulomb(mu), ROLLING), 2e-3, names=DAMPING, nuisance=STATE)
-    assert found.course.half_cycles == half_cycles
+    assert found.motion.half_cycles == half_cycles
     errors = [among(found, ["mu"]), among(found, ["mu", "mass", *STATE]), relative(found)]
     np.testing.assert_allclose(errors, bounds, rtol=PRINTED)
     assert found.correlation_of("mu", "damping") == pytest.approx(related, abs=0.006)
-    assert any("prior on damping from a ring-down" in text for text in found.remarks)
+    assert any("prior on damping from a ring-down" in text for text in found.warnings)
 
 
 def test_the_error_of_one_coefficient_is_that_of_its_column():
@@ -68,7 +68,7 @@ def test_the_error_of_one_coefficient_is_that_of_its_column():
     column = (1 - np.cos(omega * ts)) * 9.66 / 2574.0
     assert found.std_errors["mu"] == pytest.approx(3e-9 / np.sqrt(column @ column), rel=0.01)
     assert found.samples == 200 and found.rate == pytest.approx(199 / ts[-1])
-    assert any("ends before the mass stops" in text for text in found.remarks)
+    assert any("ends before the mass stops" in text for text in found.warnings)
 
 
 def test_one_half_cycle_tells_only_its_centre():
@@ -77,15 +77,15 @@ def test_one_half_cycle_tells_only_its_centre():
     # The centre offset + x_d and the release offset + x0 stay: x_d = mu N/k = 375.29 um, of which 1 % is 3.75 um.
     text = "mu, x0 and offset only together: +3.75 um of x0 and -3.75 um of offset go unseen with +1 % of mu"
     assert [direction.text for direction in found.singular] == [text]
-    assert "1 half-cycle, and from fewer than 2" in found.remarks[0]
-    assert "Release from 2.25 mm to 3.75 mm, 6 to 10 dead bands" in found.remarks[0]
+    assert "1 half-cycle, and from fewer than 2" in found.warnings[0]
+    assert "Release from 2.25 mm to 3.75 mm, 6 to 10 dead bands" in found.warnings[0]
 
 
 def test_no_motion():
     found = fisher(prototype(Coulomb(0.3)), 1e-3, names=["mu", "mass"], duration=0.2)
-    assert found.idle == ("mu", "mass") and found.rank == 1
+    assert found.no_effect == ("mu", "mass") and found.rank == 1
     assert "mu has no effect, for the mass does not move" in found.errors[0]
-    assert "static friction holds it" in found.remarks[0]
+    assert "static friction holds it" in found.warnings[0]
 
 
 # D.1: 2 mm, mu = 0.05, mu_s = 0.065, all nuisances free: sd(mu_s), sd(v_stribeck)/v_stribeck, their correlation.
@@ -106,17 +106,17 @@ def test_the_stribeck_ridge(speed, static, stribeck, related):
     # The best combination is better known than that with any other power, in particular than the fall alone.
     best = min(each.std / each.value for each in found.combinations.values())
     assert best <= min(work.std / work.value, found.std_of({"mu_s": 1.0, "mu": -1.0}) / 0.015)
-    assert any("mu_s and v_stribeck correlate" in text for text in found.remarks) == (related < -0.95)
+    assert any("mu_s and v_stribeck correlate" in text for text in found.warnings) == (related < -0.95)
 
 
 def test_a_stop_that_hangs_by_a_hair():
     """Undamped, a_n = x0 - 2 n x_d: after two half-cycles 2 % of x_d are left above the static band of 1.3 x_d."""
     machine = Oscillator(1.0, 1000.0, 0.0, 10.0, Coulomb(0.05, 0.065))
     found = fisher(machine, 5.32 * 0.5e-3, names=["mu", "mass"], rate=200.0)
-    assert found.course.half_cycles == 3
-    assert any("may also stop after 2 half-cycles: 10 um, 2.0% of the dead band" in text for text in found.remarks)
-    assert any("only 5.3 dead bands away (3 half-cycles)" in text for text in found.remarks)
-    assert any("only 19.9 samples in a half-cycle" in text for text in found.remarks)
+    assert found.motion.half_cycles == 3
+    assert any("may also stop after 2 half-cycles: 10 um, 2.0% of the dead band" in text for text in found.warnings)
+    assert any("only 5.3 dead bands away (3 half-cycles)" in text for text in found.warnings)
+    assert any("only 19.9 samples in a half-cycle" in text for text in found.warnings)
 
 
 @pytest.mark.parametrize(
