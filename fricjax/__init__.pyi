@@ -13,9 +13,8 @@ from . import (
     sensitivity,
     show,
 )
-from .calibrate.added_mass import calibrate_added_mass
 from .calibrate.frf import calibrate_frf
-from .calibrate.ringdown import calibrate_ringdown
+from .calibrate.ringdown import calibrate_added_mass, calibrate_ringdown
 from .comparison import Comparison, compare
 from .data import Record, Trace, read, write
 from .energy_loss.agreement import compare_routes

@@ -1,5 +1,5 @@
-from .added_mass import calibrate_added_mass
-from .frf import calibrate_frf
-from .ringdown import calibrate_ringdown
+from .frf import ModalCalibration, calibrate_frf
+from .ringdown import calibrate_added_mass, calibrate_ringdown
+from .ringdown_calibration import RingdownCalibration
 
-__all__ = ["calibrate_added_mass", "calibrate_frf", "calibrate_ringdown"]
+__all__ = ["ModalCalibration", "RingdownCalibration", "calibrate_added_mass", "calibrate_frf", "calibrate_ringdown"]

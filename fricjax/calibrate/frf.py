@@ -5,22 +5,103 @@ receptance ``X/F = 1/(k - m w^2 + i w c)``. Two methods evaluate it: least squar
 result, and peak picking, its check.
 """
 
+import dataclasses
 import math
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from ..data.table import read_table
 from ..errors import DataError
-from ..rig.measured import Measured
-from ..rig.propagate import positive
-from .modal import Modal, fit_mode
-from .modal_calibration import ModalCalibration
+from ..rig.measured import Measured, positive
+from ..rig.quantity import UNITS
+from ..rig.rig import Number, Rig
+from ..show.numbers import duration as spoken
+from ..show.report import Report, Reported
+from ..show.tables import Table
+from .modal import fit_mode
 from .peaks import NAMES, SCALED, pick, picking_error
 
+# Lines of a text table as analysers export them.
+_COLUMNS = {"frequency": "Hz", "real part": "m/N", "imaginary part": "m/N"}
+# Twice as many numbers as the four of a mode, so that what is left over tells the noise.
 _LEAST_LINES = 8
+# Lines that the half-power bandwidth, 2 zeta f_n, must hold at least; with fewer, leakage broadens the resonance.
 _BANDWIDTHS = 5.0
+# Difference of the two methods, in standard errors of peak picking, that no noise explains.
 _APART = 5.0
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class ModalCalibration(Reported):
+    """A calibrated mode. The standard uncertainties hold the scatter of the lines and that of the receptance's scale.
+
+    Attributes:
+        mass: moving mass [kg].
+        stiffness: stiffness [N/m].
+        damping: viscous coefficient [N s/m].
+        frequency: undamped natural frequency [Hz].
+        damping_ratio: fraction of the critical damping [1].
+        peak_picking: the same five by name, by peak picking.
+        residual_compliance: compliance of the modes above the band [m/N].
+        noise: standard deviation of the line at the resonance over its size [1].
+        duration: length of the record [s].
+        warnings: what a reader of the numbers must know, in sentences.
+    """
+
+    mass: Measured
+    stiffness: Measured
+    damping: Measured
+    frequency: Measured
+    damping_ratio: Measured
+    peak_picking: Mapping[str, Measured]
+    residual_compliance: Measured
+    noise: float
+    duration: float
+    warnings: tuple[str, ...]
+
+    def rig(self, normal_force: Number, **others: Any) -> Rig:
+        """The rig with the calibrated mass, frequency and damping ratio, whose errors are nearly independent.
+
+        Args:
+            normal_force: load on the contact [N].
+            **others: further arguments of `Rig`, such as `restoring` or `drag`.
+
+        Raises:
+            UsageError: a value that no rig has.
+        """
+        known = {"mass": self.mass, "frequency": self.frequency, "damping_ratio": self.damping_ratio}
+        return Rig(**{**known, "normal_force": normal_force, **others})
+
+    def numbers(self) -> dict[str, Measured]:
+        """The five results of least squares by name."""
+        return {name: getattr(self, name) for name in NAMES}
+
+    def report(self) -> Report:
+        """Both methods in one table, and the warnings."""
+        rows = [(name, number, self.peak_picking[name], UNITS[name]) for name, number in self.numbers().items()]
+        title = f"Modal calibration from a record of {spoken(self.duration)}"
+        table = Table(("quantity", "least squares", "peak picking", "unit"), rows, title)
+        return Report([table], warnings=self.warnings, data=vars(self))
+
+
+def read_frf(path: str | Path) -> tuple[np.ndarray, np.ndarray]:
+    """Read a receptance from a text table, as analysers export it.
+
+    Args:
+        path: a file whose first three columns are frequency, real and imaginary part; delimiter and header are
+            detected, and units stand in the header as in ``Re [um/N]``, else they are Hz and m/N.
+
+    Returns:
+        Frequencies [Hz], shape (n,), and the complex receptance [m/N], shape (n,).
+
+    Raises:
+        DataError: no such file, no such table, or a unit that does not fit.
+    """
+    frequency, real, imaginary = read_table(path, _COLUMNS, what="a receptance").values()
+    return frequency, real + 1j * imaginary
 
 
 def calibrate_frf(
@@ -42,23 +123,52 @@ def calibrate_frf(
     Raises:
         DataError: arrays that are no receptance, or one without a resonance well inside the band.
         UsageError: a duration that is not positive, or a negative scale_std.
+
+    Examples:
+        >>> import fricjax as fj
+        >>> from fricjax.calibrate.impact import impact_test, receptance
+        >>> test = impact_test(0.41, 2574.0, 0.18, duration=40.0, rate=2000.0, noise=1e-3)
+        >>> calibration = fj.calibrate_frf(*receptance(test, band=(8.0, 18.0)))
+        >>> print(f"{calibration.frequency.value:.2f} Hz, {calibration.mass.value:.2f} kg")
+        12.61 Hz, 0.41 kg
     """
     f, response = _lines(frequency, receptance)
     length = 1 / float(np.median(np.diff(f))) if duration is None else positive("duration", "s", duration).value
     scale = Measured(1.0, scale_std).std
     picked = pick(f, response)
-    fitted = fit_mode(f, response, picked)
-    best: dict[str, Measured] = {name: fitted.measured(name, scale) for name in NAMES}
-    errors = picking_error(f, fitted.fitted, fitted.line_noise, fitted.numbers)
+    mode = fit_mode(f, response, picked)
+    best: dict[str, Measured] = {name: mode.measured(name, scale) for name in NAMES}
+    errors = picking_error(f, mode.fitted, mode.line_noise, mode.numbers)
     peaks: dict[str, Measured] = dict(zip(NAMES, map(Measured, picked.numbers(), errors), strict=True))
-    apart = _apart(best, peaks)
+
+    warnings = []
+    needed = _BANDWIDTHS / (2 * best["damping_ratio"].value * best["frequency"].value)
+    if length < needed:
+        warnings.append(
+            f"The record of {length:.3g} s is too short for this damping, which asks for {needed:.3g} s, "
+            "5/(2 zeta f_n): leakage falsifies damping, stiffness and mass by more than their uncertainties say. "
+            "Record longer, or take frequency and damping ratio from a ring-down."
+        )
+    # The scale of the receptance is common to both methods, so that their difference is compared without it.
+    apart = [name for name in NAMES if abs(best[name].value - peaks[name].value) > _APART * peaks[name].std]
+    if apart:
+        warnings.append(
+            f"Least squares and peak picking disagree on {', '.join(apart)}: the receptance is not that of one mode. "
+            "Look for leakage, an exponential window, or a band with a second mode or lines that the hammer did not "
+            "excite."
+        )
+
+    for name in SCALED:
+        number = peaks[name]
+        peaks[name] = Measured(number.value, math.hypot(number.std, scale * number.value))
+    resonance = int(np.argmax(np.abs(mode.fitted)))
     return ModalCalibration(
         **best,
-        peak_picking={name: _with_scale(name, number, scale) for name, number in peaks.items()},
-        residual_compliance=fitted.residual_compliance,
-        noise=_noise_at_resonance(fitted),
+        peak_picking=peaks,
+        residual_compliance=mode.residual_compliance,
+        noise=float(mode.line_noise[resonance] / np.abs(mode.fitted[resonance])),
         duration=length,
-        warnings=(*_short(length, best), *apart),
+        warnings=tuple(warnings),
     )
 
 
@@ -80,37 +190,3 @@ def _lines(frequency: Any, receptance: Any) -> tuple[np.ndarray, np.ndarray]:
     if not np.any(np.imag(response)):
         raise DataError("The receptance is real. Give the complex ratio X/F, not its magnitude.")
     return f, response
-
-
-def _with_scale(name: str, number: Measured, scale_std: float) -> Measured:
-    """A picked number with the uncertainty of the receptance's scale, where it depends on that."""
-    share = scale_std * number.value if name in SCALED else 0.0
-    return Measured(number.value, math.hypot(number.std, share))
-
-
-def _noise_at_resonance(fitted: Modal) -> float:
-    peak = int(np.argmax(np.abs(fitted.fitted)))
-    return float(fitted.line_noise[peak] / np.abs(fitted.fitted[peak]))
-
-
-def _short(duration: float, best: Mapping[str, Measured]) -> list[str]:
-    """A record must outlast the ringing, or leakage broadens the resonance."""
-    needed = _BANDWIDTHS / (2 * best["damping_ratio"].value * best["frequency"].value)
-    if duration >= needed:
-        return []
-    return [
-        f"The record of {duration:.3g} s is too short for this damping, which asks for {needed:.3g} s, 5/(2 zeta f_n): "
-        "leakage falsifies damping, stiffness and mass by more than their uncertainties say. Record longer, or take "
-        "frequency and damping ratio from a ring-down."
-    ]
-
-
-def _apart(best: Mapping[str, Measured], peaks: Mapping[str, Measured]) -> list[str]:
-    """Two methods that disagree by more than peak picking scatters see something else than one mode."""
-    apart = [name for name in NAMES if abs(best[name].value - peaks[name].value) > _APART * peaks[name].std]
-    if not apart:
-        return []
-    return [
-        f"Least squares and peak picking disagree on {', '.join(apart)}: the receptance is not that of one mode. "
-        "Look for leakage, an exponential window, or a band with a second mode or lines that the hammer did not excite."
-    ]

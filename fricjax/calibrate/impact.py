@@ -11,8 +11,9 @@ import math
 import numpy as np
 
 from ..errors import DataError, UsageError
-from ..rig.propagate import positive
+from ..rig.measured import positive
 
+# Half a sine exceeds half of its height during two thirds of its length, far above the noise of the sensor.
 _STRONG = 0.5
 
 
@@ -74,12 +75,8 @@ def impact_test(
     displacement = peak_force * (start + end)
     force = np.where(t < pulse, peak_force * np.sin(math.pi * t / pulse), 0.0)
     generator = np.random.default_rng(seed)
-    return ImpactTest(t, *(_measured(channel, noise, hits, generator) for channel in (force, displacement)))
-
-
-def _measured(channel: np.ndarray, noise: float, hits: int, generator: np.random.Generator) -> np.ndarray:
-    """The channel as each blow records it, with noise in proportion to its largest value; shape (hits, n)."""
-    return channel + noise * np.abs(channel).max() * generator.standard_normal((hits, channel.size))
+    scatter = lambda channel: noise * np.abs(channel).max() * generator.standard_normal((hits, channel.size))
+    return ImpactTest(t, force + scatter(force), displacement + scatter(displacement))
 
 
 def _ramped_sine(t: np.ndarray, drive: float, mass: float, stiffness: float, damping: float) -> np.ndarray:
@@ -138,10 +135,7 @@ def force_noise(test: ImpactTest) -> float:
 
 
 def _blow(force: np.ndarray) -> np.ndarray:
-    """Samples of the blow: those between the first and the last strong force, and a third of them at either end.
-
-    Half a sine exceeds half of its height during two thirds of its length.
-    """
+    """Samples of the blow: those between the first and the last strong force, and a third of them at either end."""
     strong = np.flatnonzero(np.abs(force).max(axis=0) > _STRONG * np.abs(force).max())
     margin = (strong[-1] - strong[0]) // 3 + 1
     samples = np.arange(force.shape[1])

@@ -1,7 +1,7 @@
 """The receptance of one mode, ``X/F = 1/(k - m w^2 + i w c) + r``, fitted to all lines of a spectrum at once.
 
 The residual compliance r stands for the modes above the band. The noise of a line has a constant part, from the
-displacement, and a part in proportion to the receptance, from the force. Both are found from the residuals, and fit
+displacement, and a part in proportion to the receptance, from the force. Both are estimated from the residuals, and fit
 and noise are repeated in turn until they agree.
 """
 
@@ -11,8 +11,9 @@ import numpy as np
 
 from ..errors import DataError
 from ..rig.measured import Measured
-from .peaks import Picked
+from .peaks import Mode
 
+# Rounds of fit and noise in turn, each with the weights of the one before.
 _ROUNDS = 10
 _PARAMETERS = 4
 # Powers of natural frequency, damping ratio and static compliance in each quantity, as in c = 2 zeta k/w.
@@ -27,7 +28,7 @@ _POWERS = {
 _FLOOR = 1e-24
 
 
-class Modal(NamedTuple):
+class FittedMode(NamedTuple):
     """A fitted mode.
 
     Attributes:
@@ -46,10 +47,10 @@ class Modal(NamedTuple):
     fitted: np.ndarray
 
     @property
-    def numbers(self) -> Picked:
+    def numbers(self) -> Mode:
         """The mode by the numbers that peak picking gives as well."""
         natural, ratio, compliance = np.exp(self.logarithms[:3])
-        return Picked(float(natural), float(ratio), float(1 / compliance))
+        return Mode(float(natural), float(ratio), float(1 / compliance))
 
     @property
     def line_noise(self) -> np.ndarray:
@@ -75,14 +76,14 @@ class Modal(NamedTuple):
         return Measured(compliance * self.logarithms[3], compliance * np.sqrt(self.covariance[3, 3]))
 
 
-def mode(frequency: np.ndarray, at: np.ndarray) -> np.ndarray:
-    """Receptance [m/N] at frequencies [Hz], shape (n,), for the numbers of `Modal.logarithms`."""
-    natural, ratio, compliance = np.exp(at[:3])
+def mode_receptance(frequency: np.ndarray, logarithms: np.ndarray) -> np.ndarray:
+    """Receptance [m/N] at frequencies [Hz], shape (n,), for the numbers of `FittedMode.logarithms`."""
+    natural, ratio, compliance = np.exp(logarithms[:3])
     r = frequency / natural
-    return compliance * (1 / (1 - r**2 + 2j * ratio * r) + at[3])
+    return compliance * (1 / (1 - r**2 + 2j * ratio * r) + logarithms[3])
 
 
-def fit_mode(frequency: np.ndarray, receptance: np.ndarray, start: Picked) -> Modal:
+def fit_mode(frequency: np.ndarray, receptance: np.ndarray, start: Mode) -> FittedMode:
     """Least squares on real and imaginary parts.
 
     Args:
@@ -95,24 +96,23 @@ def fit_mode(frequency: np.ndarray, receptance: np.ndarray, start: Picked) -> Mo
     """
     from scipy.optimize import least_squares
 
+    def residual(at: np.ndarray, variance: np.ndarray) -> np.ndarray:
+        # Half of the variance of a complex line belongs to its real part, half to its imaginary one.
+        weighted = (mode_receptance(frequency, at) - receptance) * np.sqrt(2 / variance)
+        return np.concatenate([np.real(weighted), np.imag(weighted)])
+
     at = np.array([*np.log([start.frequency, start.damping_ratio, 1 / start.stiffness]), 0.0])
     variance = np.abs(receptance) ** 2
     for _ in range(_ROUNDS):
-        found = least_squares(_residual, at, "3-point", args=(frequency, receptance, variance))
-        at = found.x
-        if not (found.success and np.all(np.isfinite(at))):
-            raise DataError(f"No mode describes the receptance: {found.message} Take a band with one resonance.")
-        fitted = mode(frequency, at)
+        solution = least_squares(residual, at, "3-point", args=(variance,))
+        at = solution.x
+        if not (solution.success and np.all(np.isfinite(at))):
+            raise DataError(f"No mode describes the receptance: {solution.message} Take a band with one resonance.")
+        fitted = mode_receptance(frequency, at)
         constant, relative = _noise(np.abs(receptance - fitted) ** 2, np.abs(fitted) ** 2)
         variance = constant + relative * np.abs(fitted) ** 2
-    covariance = np.linalg.pinv(found.jac.T @ found.jac, hermitian=True)
-    return Modal(at, covariance, float(np.sqrt(constant)), float(np.sqrt(relative)), fitted)
-
-
-def _residual(at: np.ndarray, frequency: np.ndarray, receptance: np.ndarray, variance: np.ndarray) -> np.ndarray:
-    """Real and imaginary parts of the residual, each in units of its standard deviation."""
-    weighted = (mode(frequency, at) - receptance) * np.sqrt(2 / variance)
-    return np.concatenate([np.real(weighted), np.imag(weighted)])
+    covariance = np.linalg.pinv(solution.jac.T @ solution.jac, hermitian=True)
+    return FittedMode(at, covariance, float(np.sqrt(constant)), float(np.sqrt(relative)), fitted)
 
 
 def _noise(power: np.ndarray, size: np.ndarray) -> tuple[float, float]:

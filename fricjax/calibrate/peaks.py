@@ -14,13 +14,15 @@ from ..errors import DataError
 
 NAMES = ("mass", "stiffness", "damping", "frequency", "damping_ratio")
 SCALED = ("mass", "stiffness", "damping")  # these go with one over the scale of the receptance
+# A polynomial goes through the lines that reach this fraction of the extremum, and its top is read from so many points.
 _AROUND = 0.7
 _FINE = 2001
+# Repeats of the simulated picking; its error is then known to 1/sqrt(2*50), 10 %.
 _REPEATS = 50
 
 
-class Picked(NamedTuple):
-    """What the peaks tell: natural frequency [Hz], damping ratio [1] and stiffness [N/m]."""
+class Mode(NamedTuple):
+    """A mode by its natural frequency [Hz], damping ratio [1] and stiffness [N/m], and what follows from them."""
 
     frequency: float
     damping_ratio: float
@@ -41,7 +43,7 @@ class Picked(NamedTuple):
         return np.array([getattr(self, name) for name in NAMES])
 
 
-def pick(frequency: np.ndarray, receptance: np.ndarray) -> Picked:
+def pick(frequency: np.ndarray, receptance: np.ndarray) -> Mode:
     """Pick the peaks of one resonance.
 
     Args:
@@ -66,12 +68,16 @@ def pick(frequency: np.ndarray, receptance: np.ndarray) -> Picked:
     if not (depth > 0 and above > below):
         raise DataError("The receptance shows no resonance: its real part does not fall through zero. Check X/F.")
     ratio = (above - below) / (2 * natural)
-    return Picked(natural, ratio, 1 / (2 * ratio * depth))
+    return Mode(natural, ratio, 1 / (2 * ratio * depth))
 
 
 def _top(frequency: np.ndarray, values: np.ndarray, peak: int) -> tuple[float, float]:
     """Place and height of a maximum near line `peak`: a polynomial through the lines around it."""
-    first, last = _around(values, peak)
+    low = np.flatnonzero(values < _AROUND * values[peak])
+    first = int(low[low < peak].max(initial=-1)) + 1
+    last = int(low[low > peak].min(initial=values.size)) - 1
+    # At least one line to each side, as far as there are lines.
+    first, last = max(min(first, peak - 1), 0), min(max(last, peak + 1), values.size - 1)
     f, y = frequency[first : last + 1] - frequency[peak], values[first : last + 1]
     polynomial = np.polynomial.Polynomial.fit(f, y, min(4, f.size - 1))
     fine = np.linspace(f[0], f[-1], _FINE)
@@ -80,15 +86,7 @@ def _top(frequency: np.ndarray, values: np.ndarray, peak: int) -> tuple[float, f
     return float(frequency[peak] + fine[best]), float(heights[best])
 
 
-def _around(values: np.ndarray, peak: int) -> tuple[int, int]:
-    """First and last of the neighbouring lines that reach most of the maximum, at least one to each side."""
-    low = np.flatnonzero(values < _AROUND * values[peak])
-    first = int(low[low < peak].max(initial=-1)) + 1
-    last = int(low[low > peak].min(initial=values.size)) - 1
-    return max(min(first, peak - 1), 0), min(max(last, peak + 1), values.size - 1)
-
-
-def picking_error(frequency: np.ndarray, receptance: np.ndarray, noise: np.ndarray, truth: Picked) -> np.ndarray:
+def picking_error(frequency: np.ndarray, receptance: np.ndarray, noise: np.ndarray, truth: Mode) -> np.ndarray:
     """Root mean square error of picked numbers, in the order of `NAMES`, shape (5,): the picking is simulated.
 
     Args:

@@ -3,24 +3,23 @@
 import dataclasses
 import math
 from collections.abc import Mapping
-from html import escape
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from ..fitting import Fit
-from ..rig.measured import Measured
-from ..rig.propagate import positive, propagated
+from ..rig.measured import Measured, positive, propagated
 from ..rig.quantity import quantity
 from ..rig.rig import Number, Rig
-from ..show.numbers import uncertain
+from ..show.report import Report, Reported
 from ..show.tables import Table
 
-SIGNIFICANT = 3.0  # standard uncertainties
+# Standard uncertainties from which on a term is kept; noise alone exceeds them in 3 of 1000 decays.
+SIGNIFICANT = 3.0
 
 
 class Kind(NamedTuple):
-    """A further term of the motion: its title, its field in a rig, and its units on a linear and a rotary rig."""
+    """A further term of the motion: its title, its field in the result, its units on a linear and a rotary rig."""
 
     title: str
     field: str
@@ -28,6 +27,7 @@ class Kind(NamedTuple):
     rotary: str
 
 
+# By the names that they have in a fit. Drag and cubic term are per unit mass, so that their units are in no table.
 TERMS: Mapping[str, Kind] = {
     "mu": Kind("dead band", "dead_band", "m", "rad"),
     "drag": Kind("quadratic drag", "quadratic_drag", "1/m", ""),
@@ -49,25 +49,26 @@ class Term(NamedTuple):
 
     def note(self) -> str:
         """A sentence where the term is not significant, or has the wrong sign; else nothing."""
-        title, found = TERMS[self.name].title, f"{abs(self.score):.2g} standard uncertainties"
+        title, distance = TERMS[self.name].title, f"{abs(self.score):.2g} standard uncertainties"
         fate = "kept" if self.kept else "left out"
         if abs(self.score) < SIGNIFICANT:
-            return f"The {title} is not significant, {found} from zero; it was {fate}."
+            return f"The {title} is not significant, {distance} from zero; it was {fate}."
         if self.score < 0 and self.name != "k3":
             return (
-                f"The {title} is negative by {found}, as in no passive rig: the model lacks something. It was {fate}."
+                f"The {title} is negative by {distance}, as in no passive rig: the model lacks something. "
+                f"It was {fate}."
             )
         return ""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class RingdownCalibration:
+class RingdownCalibration(Reported):
     """A calibrated decay without contact; standard uncertainties allow for residuals that are not white.
 
     Attributes:
         frequency: undamped natural frequency at small amplitude [Hz].
         damping_ratio: viscous damping as a fraction of the critical one [1].
-        terms: the further terms that were looked for, those that were left out as the fullest fit gives them.
+        terms: the further terms that were asked for, those that were left out as the fullest fit gives them.
         warnings: what a reader of the numbers must know, in sentences.
         aicc: Akaike's criterion of each fit, less that of the chosen one.
         fit: the chosen fit, of a machine of unit mass under unit load.
@@ -82,17 +83,17 @@ class RingdownCalibration:
 
     @property
     def dead_band(self) -> Measured | None:
-        """Residual dead band F/k of the guides' friction [m]; None: not looked for."""
+        """Residual dead band F/k of the guides' friction [m]; None: not asked for."""
         return self._number("mu")
 
     @property
     def quadratic_drag(self) -> Measured | None:
-        """Quadratic drag per unit mass [1/m]; None: not looked for."""
+        """Quadratic drag per unit mass [1/m]; None: not asked for."""
         return self._number("drag")
 
     @property
     def cubic(self) -> Measured | None:
-        """Cubic coefficient k3 of the spring per unit mass [N/(m^3 kg)]; None: not looked for."""
+        """Cubic coefficient k3 of the spring per unit mass [N/(m^3 kg)]; None: not asked for."""
         return self._number("k3")
 
     @property
@@ -103,8 +104,8 @@ class RingdownCalibration:
     def damping_ratio_at(self, amplitude: Any) -> np.ndarray:
         """Equivalent viscous damping ratio at an amplitude [m], with quadratic drag and residual friction where kept.
 
-        Averaged over a cycle of a linear spring, ``zeta + 4 d A/(3 pi) + 2 x_d/(pi A)`` with the drag d and the dead
-        band x_d, from the same loss per cycle (Jacobsen, 1930).
+        Averaged over a cycle of a linear spring, ``zeta + 4 d A/(3 pi) + 2 x_d/(pi A)`` with the drag d per unit mass
+        and the dead band x_d, from the same loss per cycle (Jacobsen, 1930).
         """
         kept = {term.name: term.number.value for term in self.terms if term.kept}
         a = np.asarray(amplitude, dtype=float)
@@ -129,41 +130,24 @@ class RingdownCalibration:
         known = {"frequency": self.frequency, "damping_ratio": self.damping_ratio, "restoring": form, **scaled}
         return Rig(**{**known, "mass": moving, "normal_force": normal_force, **others})
 
-    def summary(self) -> str:
-        """The values as a plain table, with notes and warnings below."""
-        return "\n".join([self._table().text(), *self.notes, *(f"! {sentence}" for sentence in self.warnings)])
-
-    def to_dict(self) -> dict[str, Any]:
-        """The calibration as plain data."""
-        numbers = {"frequency": self.frequency, "damping_ratio": self.damping_ratio}
-        numbers |= {TERMS[term.name].field: term.number for term in self.terms}
-        return {
-            **{name: dataclasses.asdict(number) for name, number in numbers.items()},
+    def report(self) -> Report:
+        """One row per quantity, a note on each term that is not significant, and the warnings."""
+        rotary = self.fit.quantity == "rad"
+        rows = [("natural frequency", self.frequency, "Hz", ""), ("damping ratio", self.damping_ratio, "", "")]
+        data = {"frequency": self.frequency, "damping_ratio": self.damping_ratio}
+        for name, number, kept in self.terms:
+            kind = TERMS[name]
+            rows.append((kind.title, number, kind.rotary if rotary else kind.unit, "" if kept else "left out"))
+            data[kind.field] = number
+        title = "Ring-down calibration; quadratic drag and cubic term per unit mass"
+        more = {
             "kept": [TERMS[term.name].field for term in self.terms if term.kept],
-            "notes": list(self.notes),
-            "warnings": list(self.warnings),
-            "aicc": dict(self.aicc),
+            "notes": self.notes,
+            "warnings": self.warnings,
+            "aicc": self.aicc,
         }
+        table = Table(("quantity", "value", "unit", "remark"), rows, title)
+        return Report([table], notes=self.notes, warnings=self.warnings, data={**data, **more})
 
     def _number(self, name: str) -> Measured | None:
         return next((term.number for term in self.terms if term.name == name), None)
-
-    def _table(self) -> Table:
-        rotary = self.fit.quantity == "rad"
-        rows = [
-            ("natural frequency", _shown(self.frequency), "Hz", ""),
-            ("damping ratio", _shown(self.damping_ratio), "", ""),
-        ]
-        for name, number, kept in self.terms:
-            kind = TERMS[name]
-            rows.append((kind.title, _shown(number), kind.rotary if rotary else kind.unit, "" if kept else "left out"))
-        title = "Ring-down calibration; quadratic drag and cubic term per unit mass"
-        return Table(("quantity", "value", "unit", "remark"), rows, title)
-
-    def _repr_html_(self) -> str:
-        sentences = "".join(f"<p>{escape(sentence)}</p>" for sentence in (*self.notes, *self.warnings))
-        return self._table().html() + sentences
-
-
-def _shown(number: Measured) -> str:
-    return uncertain(number.value, number.std)

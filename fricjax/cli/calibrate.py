@@ -83,8 +83,7 @@ def frf(
     check_file(file)
     with working(output, f"Calibrating from {file.name}"):
         prepare(output)
-        from ..calibrate.frf import calibrate_frf
-        from ..calibrate.frf_file import read_frf
+        from ..calibrate.frf import calibrate_frf, read_frf
 
         found = calibrate_frf(*read_frf(file), duration=duration, scale_std=scale_std)
     rig = found.rig(normal_force) if out is not None and normal_force else None

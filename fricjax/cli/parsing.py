@@ -4,29 +4,30 @@ import re
 from collections.abc import Iterable
 
 from ..errors import UsageError
+from ..show.numbers import parse_uncertain
 
 
-def words(given: Iterable[str] | str | None) -> list[str]:
+def words(texts: Iterable[str] | str | None) -> list[str]:
     """The comma-separated words of one or several options."""
-    texts = [given] if isinstance(given, str) else list(given or ())
+    texts = [texts] if isinstance(texts, str) else texts or ()
     return [word.strip() for text in texts for word in text.split(",") if word.strip()]
 
 
-def pairs(option: str, given: Iterable[str] | None, example: str) -> dict[str, str]:
+def pairs(option: str, texts: Iterable[str] | None, example: str) -> dict[str, str]:
     """``name=text`` pairs; `option` and `example` word the refusal.
 
     Raises:
-        UsageError: a word without name or value, or a name given twice.
+        UsageError: a word without name or value, or a name that comes twice.
     """
-    found: dict[str, str] = {}
-    for word in words(given):
+    values: dict[str, str] = {}
+    for word in words(texts):
         name, equals, text = (part.strip() for part in word.partition("="))
         if not (name and equals and text):
             raise UsageError(f"{option} '{word}' is not of the form name=value; write for example {option} {example}.")
-        if name in found:
-            raise UsageError(f"{option} gives {name} twice, as {found[name]} and as {text}.")
-        found[name] = text
-    return found
+        if name in values:
+            raise UsageError(f"{option} gives {name} twice, as {values[name]} and as {text}.")
+        values[name] = text
+    return values
 
 
 def number(what: str, text: str) -> float:
@@ -63,9 +64,7 @@ def estimate(what: str, text: str) -> tuple[float, float]:
     Raises:
         UsageError: no such text.
     """
-    from ..rig.quantity import written
-
-    value, std, unit = written(text) or (0.0, 0.0, "")
+    value, std, unit = parse_uncertain(text) or (0.0, 0.0, "")
     if not std > 0 or unit:
         raise UsageError(f"{what} needs a value with its standard deviation, in SI units, as 0.175(2); got '{text}'.")
     return value, std
@@ -89,16 +88,16 @@ def displacement(option: str, text: str) -> float:
     Raises:
         UsageError: no number, or a unit of something else.
     """
-    match = re.fullmatch(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*([^\d\s].*)?", text)
-    if match is None:
+    value, std, unit = parse_uncertain(text) or (0.0, -1.0, "")
+    if std:
         raise UsageError(f"{option} must be a displacement such as 2e-3 or '2 mm', got '{text}'.")
-    if not match[2]:
-        return float(match[1])
+    if not unit:
+        return value
     from ..data.units import DISPLACEMENT, factor
     from ..errors import DataError
 
     try:
-        return float(match[1]) * factor(match[2].strip(), DISPLACEMENT, option)[0]
+        return value * factor(unit, DISPLACEMENT, option)[0]
     except DataError as error:
         raise UsageError(str(error)) from error
 

@@ -1,7 +1,16 @@
 """What a real rig does that the oscillator's equation leaves out, in closed form: size and correction of each effect.
 
-Lengths in m, forces in N, angles in rad, times in s. Each function takes the numbers of one effect and tells what it
+Lengths in m, forces in N, angles in rad, times in s. Each function takes the numbers of one effect and says what it
 does to the coefficient, the equilibrium, the stiffness or the start of the motion.
+
+Examples:
+    >>> from fricjax.rig import corrections
+    >>> corrections.tilt(0.2, angle=1e-3, normal_force=9.66, stiffness=2574.0).shift  # doctest: +ELLIPSIS
+    3.90...e-06
+    >>> f"{corrections.weight_in_air(0.1):.5f} N"
+    '0.98052 N'
+    >>> corrections.release(1e-3, frequency=12.6, x0=2e-3).delay  # doctest: +ELLIPSIS
+    0.00099...
 """
 
 from typing import NamedTuple
@@ -45,13 +54,13 @@ def tilt(mu: float, angle: float, normal_force: float, stiffness: float) -> Tilt
 
 
 def arcuate_load(amplitude: ArrayLike, frequency: float, leaf_length: float) -> np.ndarray:
-    """Relative excess of the mean friction force over a stroke where leaf springs carry the load on an arc.
+    """Relative excess of the mean friction force over a half-cycle where leaf springs carry the load on an arc.
 
     Fixed and guided leaves of length L drop the load by ``3 y^2/(5 L)``; its vertical acceleration changes the normal
-    force, and over a stroke of amplitude A the friction force is larger by ``0.4 omega^2 A^2/(L g)``.
+    force, and over a half-cycle of amplitude A the friction force is larger by ``0.4 omega^2 A^2/(L g)``.
 
     Args:
-        amplitude: of the stroke [m], any shape.
+        amplitude: of the half-cycle [m], any shape.
         frequency: natural frequency [Hz].
         leaf_length: length of the leaves [m].
     """
@@ -62,7 +71,7 @@ def arcuate_load(amplitude: ArrayLike, frequency: float, leaf_length: float) -> 
 def stiffness_under_load(stiffness: float, normal_force: float, leaf_length: float, *, in_tension: bool) -> float:
     """Stiffness of leaf springs that carry the load along their length: ``k +- (6/5) N/L`` [N/m].
 
-    So the frequency has to be found in contact, or the stiffness without contact corrected.
+    So the frequency has to be measured in contact, or the stiffness without contact corrected.
 
     Raises:
         UsageError: a load under which the leaves buckle.
@@ -82,7 +91,7 @@ class Release(NamedTuple):
     """What a holding force that decays as ``exp(-t/tau)`` does to a release.
 
     Attributes:
-        amplitude_factor: amplitude of the free swing over the displacement held, without friction.
+        amplitude_factor: amplitude of the free swing over the displacement before the release, without friction.
         delay: by which the swing lags an instant release [s].
         onset: time from the start of the decay to the first slip [s].
     """
@@ -98,7 +107,7 @@ def release(time_constant: float, frequency: float, x0: float, static_band: floa
     Args:
         time_constant: of the holding force [s].
         frequency: natural frequency [Hz].
-        x0: displacement held [m].
+        x0: displacement before the release [m].
         static_band: half-width of the band in which static friction holds the mass [m].
 
     Raises:
@@ -114,13 +123,13 @@ def release(time_constant: float, frequency: float, x0: float, static_band: floa
 def with_compliance(
     amplitude: ArrayLike, dead_band: float, holder_stiffness: float, friction_force: float
 ) -> np.ndarray:
-    """Turning point after a stroke where pin holder and contact yield before they slip [m].
+    """Turning point after a half-cycle where pin holder and contact yield before they slip [m].
 
     Each reversal gives back ``2 F l`` with the deflection ``l = F/k_t``: ``a' = -x_d + sqrt((a - x_d)^2 + 4 x_d l)``
-    for an undamped stroke much longer than l.
+    for an undamped half-cycle much longer than l.
 
     Args:
-        amplitude: deflection at which the stroke starts [m], any shape.
+        amplitude: deflection at which the half-cycle starts [m], any shape.
         dead_band: x_d [m].
         holder_stiffness: tangential stiffness k_t of holder and contact in series [N/m].
         friction_force: dynamic friction force F [N].

@@ -1,6 +1,6 @@
 """The arguments of a rig: which of them make one, and one sentence for each way in which they do not.
 
-This is asked before a machine is built of them, and without what building one takes.
+This is asked before a machine is built of them, and without JAX, which building one takes.
 """
 
 from collections.abc import Mapping
@@ -17,12 +17,13 @@ _HUGE, _TINY = 1e60, 1e-60
 _POSITIVE = ("mass", "stiffness", "frequency", "nonlinearity_period")
 # Half the wavelength of a helium-neon laser, 633 nm: one fringe of a single-pass interferometer [m].
 _FRINGE = 316.5e-9
-CORRECTED = {
+# Inputs of the reading: the value that each must have, for a record is corrected by what is known of it before it is
+# fitted, and what to do with another.
+READING = {
     "displacement_scale": (1.0, "multiply the displacements of the record by it, and give its standard uncertainty"),
     "time_scale": (1.0, "multiply the times of the record by it, and give its standard uncertainty"),
     "periodic_nonlinearity": (0.0, "give its standard uncertainty alone, for an amplitude A of any phase A/sqrt(2)"),
 }
-"""Inputs of the reading: the value that each must have, and what to do with another."""
 _ALTERNATIVES = {
     "stiffness": "frequency",
     "frequency": "stiffness",
@@ -31,29 +32,55 @@ _ALTERNATIVES = {
 }
 
 
-def checked(given: Mapping[str, Any], restoring: str = "linear") -> dict[str, Measured | None]:
+def checked(arguments: Mapping[str, Any], restoring: str = "linear") -> dict[str, Measured | None]:
     """The numbers of a rig in SI units, by name; None for those that it does not have.
 
     Args:
-        given: the numbers as `Rig` takes them; what is left out or None is not known.
+        arguments: the numbers as `Rig` takes them; what is left out or None is not known.
         restoring: name of the form of the restoring force: one of `RESTORING`, or of any other form.
 
     Raises:
         UsageError: a value that no rig has, a unit that does not fit, or two values for one thing.
     """
-    numbers = {name: given.get(name) for name in UNITS}
-    numbers["drag"] = given.get("drag", 0.0)
+    numbers = {name: arguments.get(name) for name in UNITS}
+    numbers["drag"] = arguments.get("drag", 0.0)
     periodic = numbers["periodic_nonlinearity"] is not None
+    # An encoder has no fringe, so that a rotary rig must say its period.
     if periodic and numbers["nonlinearity_period"] is None and restoring != "pendulum":
         numbers["nonlinearity_period"] = _FRINGE
     values = {name: None if number is None else quantity(name, number) for name, number in numbers.items()}
-    _check(values)
-    _check_reading(values)
+    _check_values({name: each for name, each in values.items() if each is not None and not is_traced(each.value)})
+
+    if (values["stiffness"] is None) == (values["frequency"] is None):
+        got = "neither" if values["stiffness"] is None else "both"
+        raise UsageError(f"A rig needs its stiffness [N/m] or its natural frequency [Hz]: give one of them, got {got}.")
+    if values["damping"] is not None and values["damping_ratio"] is not None:
+        raise UsageError("A rig has a damping [N s/m] or a damping_ratio [1]: give one of them, got both.")
+    if values["nonlinearity_period"] is not None and not periodic:
+        raise UsageError("nonlinearity_period belongs to a periodic_nonlinearity: give both, or leave it out.")
+    if periodic and values["nonlinearity_period"] is None:
+        raise UsageError("The periodic_nonlinearity of a rotary rig needs its period: give nonlinearity_period [rad].")
     if restoring == "cubic" and values["k3"] is None:
         raise UsageError("A cubic spring needs its coefficient: give k3 [N/m^3].")
     if restoring != "cubic" and values["k3"] is not None:
         raise UsageError("k3 belongs to a cubic spring: give restoring='cubic' with it, or leave it out.")
     return values
+
+
+def _check_values(known: Mapping[str, Measured]) -> None:
+    """Refuse a value that no rig has; those that JAX traces are not among the known ones."""
+    for name, number in known.items():
+        if max(abs(number.value), number.std) > _HUGE:
+            raise UsageError(
+                f"{name} is no number of a rig: {number.value:g} with a standard uncertainty {number.std:g}."
+            )
+        if name in _POSITIVE and not number.value > _TINY:
+            raise UsageError(f"{name} must be a positive number of {UNITS[name]}, got {number.value:g}.")
+        if name == "normal_force" and not number.value >= 0:
+            raise UsageError(f"normal_force must not be negative, got {number.value:g} N.")
+        if name in READING and number.value != READING[name][0]:
+            value, remedy = READING[name]
+            raise UsageError(f"{name} must be {value:g}, got {number.value:.10g}: {remedy}.")
 
 
 def check_restoring(name: Any) -> None:
@@ -84,40 +111,3 @@ def replaced(values: Mapping[str, Any]) -> dict[str, Any]:
     if values.get("periodic_nonlinearity", 0.0) is None:
         displaced["nonlinearity_period"] = None
     return {**displaced, **values}
-
-
-def _known(number: Measured | None) -> bool:
-    return number is not None and not is_traced(number.value)
-
-
-def _check(values: Mapping[str, Measured | None]) -> None:
-    """One sentence for each way in which numbers do not make a rig."""
-    for name, number in values.items():
-        if number is not None and _known(number) and max(abs(number.value), number.std) > _HUGE:
-            raise UsageError(
-                f"{name} is no number of a rig: {number.value:g} with a standard uncertainty {number.std:g}."
-            )
-    for name in _POSITIVE:
-        number = values[name]
-        if number is not None and _known(number) and not number.value > _TINY:
-            raise UsageError(f"{name} must be a positive number of {UNITS[name][0]}, got {number.value:g}.")
-    load = values["normal_force"]
-    if load is not None and _known(load) and not load.value >= 0:
-        raise UsageError(f"normal_force must not be negative, got {load.value:g} N.")
-    if (values["stiffness"] is None) == (values["frequency"] is None):
-        got = "neither" if values["stiffness"] is None else "both"
-        raise UsageError(f"A rig needs its stiffness [N/m] or its natural frequency [Hz]: give one of them, got {got}.")
-    if values["damping"] is not None and values["damping_ratio"] is not None:
-        raise UsageError("A rig has a damping [N s/m] or a damping_ratio [1]: give one of them, got both.")
-
-
-def _check_reading(values: Mapping[str, Measured | None]) -> None:
-    """One sentence for each way in which numbers do not tell what a reading may err by."""
-    for name, (value, remedy) in CORRECTED.items():
-        number = values[name]
-        if number is not None and _known(number) and number.value != value:
-            raise UsageError(f"{name} must be {value:g}, got {number.value:.10g}: {remedy}.")
-    if values["nonlinearity_period"] is not None and values["periodic_nonlinearity"] is None:
-        raise UsageError("nonlinearity_period belongs to a periodic_nonlinearity: give both, or leave it out.")
-    if values["periodic_nonlinearity"] is not None and values["nonlinearity_period"] is None:
-        raise UsageError("The periodic_nonlinearity of a rotary rig needs its period: give nonlinearity_period [rad].")

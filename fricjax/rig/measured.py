@@ -1,8 +1,12 @@
-"""A calibrated number: its value and its standard uncertainty, as a calibration certificate states them."""
+"""A calibrated number: its value and its standard uncertainty, and what a formula makes of several of them.
+
+Uncertainties are propagated to first order (GUM, JCGM 100:2008, 5.1.2).
+"""
 
 import dataclasses
 import math
 import sys
+from collections.abc import Callable
 from typing import Any
 
 from ..errors import UsageError, brief
@@ -19,14 +23,25 @@ class Measured:
 
     Raises:
         UsageError: a value or uncertainty that is no finite number, or a negative uncertainty.
+
+    Examples:
+        >>> import fricjax as fj
+        >>> mass = fj.Measured(0.4107, 0.0012)
+        >>> mass
+        0.4107(12)
+        >>> f"{100 * mass.relative:.2f} %"
+        '0.29 %'
     """
 
     value: Any
     std: float = 0.0
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "value", _finite("value", self.value))
-        object.__setattr__(self, "std", _finite("std", self.std))
+        for field in ("value", "std"):
+            number = getattr(self, field)
+            # The value of a tracer is not known yet.
+            if not is_traced(number):
+                object.__setattr__(self, field, _finite(field, number))
         if self.std < 0:
             raise UsageError(f"The standard uncertainty of a Measured must not be negative, got {self.std:g}.")
 
@@ -42,16 +57,14 @@ class Measured:
 
 
 def is_traced(value: Any) -> bool:
-    """Whether a value is not known yet, for JAX traces it; without JAX none is."""
+    """Whether JAX traces a value; without JAX in memory none is, and it is not loaded to be asked."""
     jax = sys.modules.get("jax")
     return jax is not None and isinstance(value, jax.core.Tracer)
 
 
-def _finite(field: str, number: Any) -> Any:
-    """A finite float; a tracer passes, for its value is not known yet."""
-    if is_traced(number):
-        return number
-    # Numbers of NumPy and arrays of none dimension know their own kind and shape.
+def _finite(field: str, number: Any) -> float:
+    # A truth value is a number to Python, and a text one to `float`. NumPy's scalars and arrays without dimensions are
+    # told by their own kind and shape, for NumPy is not imported here.
     boolean = isinstance(number, bool) or getattr(getattr(number, "dtype", None), "kind", "") == "b"
     single = not boolean and not isinstance(number, str) and getattr(number, "ndim", 0) == 0
     try:
@@ -63,3 +76,38 @@ def _finite(field: str, number: Any) -> Any:
     if not math.isfinite(converted):
         raise UsageError(f"The {field} of a Measured must be finite, got {converted}.")
     return converted
+
+
+def positive(name: str, unit: str, value: Any) -> Measured:
+    """A number or a `Measured`, refused where it is not larger than zero.
+
+    Raises:
+        UsageError: zero, a negative number, or none at all.
+    """
+    try:
+        number = value if isinstance(value, Measured) else Measured(value)
+    except UsageError as error:
+        raise UsageError(f"{name} must be a number in SI units or a Measured, got {value!r}: {error}") from error
+    if not number.value > 0:
+        raise UsageError(f"{name} must be a positive number of {unit}, got {number.value:g}.")
+    return number
+
+
+def propagated(formula: Callable[..., float], *inputs: Measured) -> Measured:
+    """The value of a formula with the combined standard uncertainty of its independent inputs.
+
+    Args:
+        formula: takes one float per input and returns one float.
+        inputs: the inputs in SI units, taken as uncorrelated.
+
+    Returns:
+        The result in the unit of the formula.
+    """
+    import numpy as np
+
+    values = np.array([number.value for number in inputs], dtype=float)
+    steps = np.diag([number.std for number in inputs])
+    # Half the change between value plus and minus uncertainty stands for the derivative (GUM, 5.1.3, note 2), so that
+    # a formula need not be one that JAX can differentiate.
+    halves = [(formula(*(values + step)) - formula(*(values - step))) / 2 for step in steps]
+    return Measured(formula(*values), float(np.linalg.norm(halves)))

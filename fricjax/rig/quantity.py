@@ -8,136 +8,104 @@ import re
 from collections.abc import Mapping
 from typing import Any
 
-from ..data.units import LONGEST as LONGEST_UNIT
 from ..data.units import Unit, unit_of
 from ..errors import UsageError, brief, nearest
+from ..show.numbers import LONGEST, NUMBER, parse_uncertain
+from ..show.units import rotary_unit
 from .measured import Measured
 
-UNITS: Mapping[str, tuple[str, str]] = {
-    "mass": ("kg", "kg m^2"),
-    "stiffness": ("N/m", "N m/rad"),
-    "frequency": ("Hz", "Hz"),
-    "damping": ("N s/m", "N m s/rad"),
-    "damping_ratio": ("", ""),
-    "normal_force": ("N", "N m"),
-    "k3": ("N/m^3", "N m/rad^3"),
-    "drag": ("N s^2/m^2", "N m s^2/rad^2"),
-    "displacement_scale": ("", ""),
-    "time_scale": ("", ""),
-    "periodic_nonlinearity": ("m", "rad"),
-    "nonlinearity_period": ("m", "rad"),
+# Units of a linear rig; `rotary_unit` has those of a rotary one.
+UNITS: Mapping[str, str] = {
+    "mass": "kg",
+    "stiffness": "N/m",
+    "frequency": "Hz",
+    "damping": "N s/m",
+    "damping_ratio": "",
+    "normal_force": "N",
+    "k3": "N/m^3",
+    "drag": "N s^2/m^2",
+    "displacement_scale": "",
+    "time_scale": "",
+    "periodic_nonlinearity": "m",
+    "nonlinearity_period": "m",
 }
 _KEYS = ("value", "std", "unit")
-_LONGEST = 3 * LONGEST_UNIT
-"""Characters of the longest text that can be a quantity: two numbers and a unit."""
-_NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)"
-_TEXT = re.compile(
-    rf"\s*(?P<value>{_NUMBER})(?:\((?P<digits>\d+)\))?(?P<exponent>[eE][-+]?\d+)?"
-    rf"(?:\s*(?:\+/-|±)\s*(?P<std>{_NUMBER}(?:[eE][-+]?\d+)?)\s*(?P<percent>%)?)?\s*(?P<unit>(?:1/)?[^\d\s].*?)?\s*"
-)
 
 
-def quantity(name: str, given: Any) -> Measured:
+def quantity(name: str, value: Any) -> Measured:
     """A calibrated input in SI units.
 
     Args:
         name: which input it is, a key of `UNITS`.
-        given: a number (SI), a `Measured` (SI), a text such as ``"410.7(3) g"`` or ``"9.66 +/- 0.05 N"``, or a mapping
+        value: a number (SI), a `Measured` (SI), a text such as ``"410.7(3) g"`` or ``"9.66 +/- 0.05 N"``, or a mapping
             with `value` and perhaps `std` (a number, or a text such as ``"0.5 %"``) and `unit`.
 
     Raises:
         UsageError: text that is no quantity, an unknown key or unit, or a unit that does not fit the input.
     """
-    if isinstance(given, Measured):
-        return given
-    if isinstance(given, str):
-        return _from_text(name, given)
-    if isinstance(given, Mapping):
-        return _from_mapping(name, given)
+    if isinstance(value, Measured):
+        return value
+    if isinstance(value, Mapping):
+        return _from_mapping(name, value)
+    if isinstance(value, str):
+        read = parse_uncertain(value)
+        if read is None:
+            raise UsageError(
+                f'{name} = "{value[:LONGEST]}" is no quantity; write a number, its uncertainty and its unit, '
+                f'such as "410.7(3) g" or "9.66 +/- 0.05 N".'
+            )
+        return _in_si(name, *read)
     try:
-        return Measured(given)
+        return Measured(value)
     except UsageError as error:
-        raise UsageError(f"{name} must be a finite number{_of(name)}, got {brief(given)}.") from error
+        unit = f" of {UNITS[name]}" if UNITS[name] else ""
+        raise UsageError(f"{name} must be a finite number{unit}, got {brief(value)}.") from error
 
 
-def _of(name: str) -> str:
-    return f" of {UNITS[name][0]}" if UNITS[name][0] else ""
-
-
-def written(text: str) -> tuple[float, float, str] | None:
-    """Value, standard uncertainty and unit of a text such as ``"410.7(3) g"``; None where it is no quantity."""
-    match = _TEXT.fullmatch(text) if len(text) <= _LONGEST else None
-    if match is None or (match["digits"] and match["std"]):
-        return None
-    value = float(match["value"] + (match["exponent"] or ""))
-    return value, _written_std(match, value), match["unit"] or ""
-
-
-def _from_text(name: str, text: str) -> Measured:
-    found = written(text)
-    if found is None:
-        raise UsageError(
-            f'{name} = "{text[:_LONGEST]}" is no quantity; write a number, its uncertainty and its unit, '
-            f'such as "410.7(3) g" or "9.66 +/- 0.05 N".'
-        )
-    return _converted(name, *found)
-
-
-def _written_std(match: re.Match[str], value: float) -> float:
-    """Standard uncertainty as written: in brackets it counts the last digits of the value, with % it is relative."""
-    if match["digits"]:
-        decimals = len(match["value"].partition(".")[2])
-        return float(f"{match['digits']}e{-decimals}") * float("1" + (match["exponent"] or ""))
-    if match["std"] is None:
-        return 0.0
-    return float(match["std"]) * (abs(value) / 100 if match["percent"] else 1.0)
-
-
-def _from_mapping(name: str, given: Mapping[str, Any]) -> Measured:
-    for key in given:
+def _from_mapping(name: str, entries: Mapping[str, Any]) -> Measured:
+    for key in entries:
         if key not in _KEYS:
             raise UsageError(f"{name} has no entry {brief(key)}; known are {', '.join(_KEYS)}.{nearest(key, _KEYS)}")
-    if "value" not in given:
-        raise UsageError(f"{name} = {brief(dict(given))} lacks its value; write {name} = {{ value = ..., std = ... }}.")
-    value, unit = _number(name, "value", given["value"]), given.get("unit", "")
+    if "value" not in entries:
+        raise UsageError(
+            f"{name} = {brief(dict(entries))} lacks its value; write {name} = {{ value = ..., std = ... }}."
+        )
+    value, std, unit = _number(name, "value", entries["value"]), entries.get("std", 0.0), entries.get("unit", "")
     if not isinstance(unit, str):
         raise UsageError(f"The unit of {name} must be a text such as {_examples(name)}, got {brief(unit)}.")
-    return _converted(name, value, _std(name, given.get("std", 0.0), value), unit.strip())
+    # As in texts, an uncertainty in percent is one of the value.
+    short = isinstance(std, str) and len(std) <= LONGEST
+    relative = re.fullmatch(rf"\s*({NUMBER})\s*%\s*", std) if short else None
+    std = float(relative[1]) / 100 * abs(value) if relative else _number(name, "std", std)
+    return _in_si(name, value, std, unit.strip())
 
 
-def _number(name: str, key: str, given: Any) -> float:
-    if isinstance(given, bool) or not isinstance(given, int | float):
-        raise UsageError(f"The {key} of {name} must be a number, got {brief(given)}.")
+def _number(name: str, key: str, value: Any) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise UsageError(f"The {key} of {name} must be a number, got {brief(value)}.")
     try:
-        return float(given)
-    except OverflowError as error:
-        raise UsageError(f"The {key} of {name} must be finite, got {brief(given)}.") from error
+        return float(value)
+    except OverflowError as error:  # TOML has integers of any length
+        raise UsageError(f"The {key} of {name} must be finite, got {brief(value)}.") from error
 
 
-def _std(name: str, given: Any, value: float) -> float:
-    short = isinstance(given, str) and len(given) <= _LONGEST
-    relative = re.fullmatch(rf"\s*({_NUMBER})\s*%\s*", given) if short else None
-    return float(relative[1]) / 100 * abs(value) if relative else _number(name, "std", given)
-
-
-def _converted(name: str, value: float, std: float, unit: str) -> Measured:
-    factor = 1.0 if unit in ("", *UNITS[name]) else _factor(name, unit)
+def _in_si(name: str, value: float, std: float, unit: str) -> Measured:
+    known = (UNITS[name], rotary_unit(UNITS[name], "rad"))
+    factor = 1.0
+    if unit not in ("", *known):
+        read = unit_of(unit)
+        if read is None:
+            raise UsageError(f"{name} has the unknown unit {brief(unit)}; use for example {_examples(name)}.")
+        # Hz and rad/s have the same dimension, and a factor of 2 pi between them would pass unnoticed.
+        if name == "frequency" and "rad" in read.powers:
+            raise UsageError(f"frequency counts cycles: give it in Hz, not in '{unit}' (1 Hz is 2 pi rad/s).")
+        if not any(_dimension(read) == _dimension(unit_of(si) or Unit(1.0, {})) for si in known):
+            raise UsageError(f"The unit '{unit}' does not fit {name}; use for example {_examples(name)}.")
+        factor = read.scale
     try:
         return Measured(value * factor, std * factor)
     except UsageError as error:
         raise UsageError(f"{name}: {error}") from error
-
-
-def _factor(name: str, unit: str) -> float:
-    """What one `unit` is in the SI unit of the input."""
-    found = unit_of(unit)
-    if found is None:
-        raise UsageError(f"{name} has the unknown unit {brief(unit)}; use for example {_examples(name)}.")
-    if name == "frequency" and "rad" in found.powers:
-        raise UsageError(f"frequency counts cycles: give it in Hz, not in '{unit}' (1 Hz is 2 pi rad/s).")
-    if not any(_dimension(found) == _dimension(unit_of(goal) or Unit(1.0, {})) for goal in UNITS[name]):
-        raise UsageError(f"The unit '{unit}' does not fit {name}; use for example {_examples(name)}.")
-    return found.scale
 
 
 def _dimension(unit: Unit) -> dict[str, int]:
@@ -146,7 +114,7 @@ def _dimension(unit: Unit) -> dict[str, int]:
 
 
 def _examples(name: str) -> str:
-    linear, rotary = UNITS[name]
+    linear, rotary = UNITS[name], rotary_unit(UNITS[name], "rad")
     if not linear:
         return "'%'"
     return f"'{linear}'" if linear == rotary else f"'{linear}' (rotary rigs: '{rotary}')"

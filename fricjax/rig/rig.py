@@ -4,7 +4,7 @@ A trace alone tells the natural frequency, the damping ratio and the dead band `
 into a coefficient of friction the load and either the stiffness or the moving mass must come from a calibration, and
 their uncertainties go into that of the coefficient: ``mu = omega^2 x_d m/N``.
 
-What no record shows of its own instrument is an input too: by how much all displacements and all times may be wrong in
+What no record shows of its instrument is an input too: by how much all displacements and all times may be wrong in
 proportion, and how large a periodic nonlinearity may be. Their best estimates are one, one and zero, for a record is
 corrected by what is known of it before it is fitted.
 """
@@ -19,15 +19,19 @@ from ..errors import UsageError, nearest
 from ..friction import AbstractFriction
 from ..oscillator import Oscillator
 from ..oscillator.restoring import AbstractRestoring, Cubic, Linear, Pendulum
-from .inputs import CORRECTED, check_restoring, checked, replaced
+from ..show.report import Report, Reported
+from ..show.tables import Table
+from ..show.units import rotary_unit
+from .inputs import READING, check_restoring, checked, replaced
 from .measured import Measured
 from .quantity import UNITS
+from .toml import read_table, write_table
 
 type Number = float | Measured | str | Mapping[str, Any]
 
 
 @dataclasses.dataclass(frozen=True, init=False)
-class Rig:
+class Rig(Reported):
     """A machine with its calibrated values, each a `Measured`; SI units, for rotary rigs kg m^2, N m/rad, N m.
 
     Attributes:
@@ -46,6 +50,22 @@ class Rig:
         periodic_nonlinearity: error of the reading that is a sine of the displacement [m], zero: its standard
             uncertainty is that of the reading, A/sqrt(2) for an amplitude A of unknown phase. None: exact.
         nonlinearity_period: displacement over which it repeats [m], or None without one.
+
+    Examples:
+        >>> import fricjax as fj
+        >>> rig = fj.Rig(mass="410.7(3) g", frequency="12.600(2) Hz", normal_force=fj.Measured(9.66, 0.05))
+        >>> print(rig.summary())
+        Rig with linear restoring force
+        quantity            value  unit       uncertainty
+        ────────────  ───────────  ─────────  ───────────
+        mass          0.41070(30)  kg         0.073 %
+        frequency     12.6000(20)  Hz         0.016 %
+        normal_force    9.660(50)  N          0.52 %
+        drag                    0  N s^2/m^2  exact
+        >>> print(f"{rig.oscillator(fj.friction.Coulomb(0.02)).stiffness:.1f} N/m")
+        2574.1 N/m
+        >>> rig.replace(stiffness="2.574 N/mm").frequency is None
+        True
     """
 
     mass: Measured
@@ -104,10 +124,16 @@ class Rig:
             "periodic_nonlinearity": periodic_nonlinearity,
             "nonlinearity_period": nonlinearity_period,
         }
-        values = checked(numbers, _named(restoring))
-        for name, value in values.items():
-            object.__setattr__(self, name, value)
-        object.__setattr__(self, "restoring", _restoring(restoring, values["k3"]))
+        if isinstance(restoring, AbstractRestoring):
+            name = type(restoring).__name__.lower()
+        else:
+            check_restoring(restoring)
+            name = restoring
+            restoring = Pendulum() if name == "pendulum" else Linear()
+        values = checked(numbers, name)
+        for field, value in values.items():
+            object.__setattr__(self, field, value)
+        object.__setattr__(self, "restoring", restoring if self.k3 is None else Cubic(self.k3.value))
 
     @classmethod
     def from_toml(cls, path: str | Path) -> "Rig":
@@ -116,12 +142,14 @@ class Rig:
         Raises:
             UsageError: the file is missing or no TOML, or a key or a value does not fit; the sentence names them.
         """
-        from .toml import read_rig
-
-        return read_rig(Path(path))
+        table = read_table(Path(path))
+        try:
+            return cls(**table)
+        except UsageError as error:
+            raise UsageError(f"{path}: {error}") from error
 
     def to_toml(self, path: str | Path, *, overwrite: bool = False) -> Path:
-        """Write the rig to a TOML file in SI units; the file appears whole or not at all.
+        """Write the rig to a TOML file in SI units; the file appears complete or not at all.
 
         Args:
             path: the file.
@@ -135,19 +163,17 @@ class Rig:
             FileExistsError: there is such a file, and `overwrite` is not given.
             OSError: the file cannot be written, as on a full disk; what was there is as it was.
         """
-        from .toml import write_rig
-
-        return write_rig(self, Path(path), overwrite=overwrite)
+        return write_table(self.numbers(), type(self.restoring).__name__, Path(path), overwrite=overwrite)
 
     def oscillator(self, friction: AbstractFriction) -> Oscillator:
         """The rig's oscillator with a friction law; unknown damping starts at zero."""
+        value = lambda number: 0.0 if number is None else number.value
         mass = self.mass.value
-        stiffness = mass * (2 * math.pi * self.frequency.value) ** 2 if self.frequency else _value(self.stiffness)
+        stiffness = mass * (2 * math.pi * self.frequency.value) ** 2 if self.frequency else value(self.stiffness)
         ratio = self.damping_ratio
-        damping = 2 * ratio.value * (stiffness * mass) ** 0.5 if ratio else _value(self.damping)
-        restoring = Cubic(self.k3.value) if self.k3 else self.restoring
+        damping = 2 * ratio.value * (stiffness * mass) ** 0.5 if ratio else value(self.damping)
         load, drag = self.normal_force.value, self.drag.value
-        return Oscillator(mass, stiffness, damping, load, friction, restoring=restoring, drag=drag)
+        return Oscillator(mass, stiffness, damping, load, friction, restoring=self.restoring, drag=drag)
 
     def inputs(self) -> dict[str, Measured]:
         """The values that carry an uncertainty, by name: what a combined standard uncertainty is propagated from."""
@@ -162,11 +188,11 @@ class Rig:
         for name, number in self.inputs().items():
             if name == "displacement_scale":
                 yield self, number.value + number.std
-            elif name not in CORRECTED:
+            elif name not in READING:
                 yield self.with_inputs({name: number.value + number.std}), 1.0
 
     def numbers(self) -> dict[str, Measured]:
-        """Every value that was given, by name."""
+        """Every value that is known, by name."""
         return {name: value for name in UNITS if (value := getattr(self, name)) is not None}
 
     def with_inputs(self, values: Mapping[str, Any]) -> "Rig":
@@ -188,39 +214,17 @@ class Rig:
         return dataclasses.replace(self, **changed)
 
     def replace(self, **values: Any) -> "Rig":
-        """The rig with some arguments of `Rig` given anew; a stiffness replaces a frequency and the other way round."""
+        """The rig with some arguments of `Rig` replaced; a stiffness replaces a frequency and the other way round."""
         return dataclasses.replace(self, **replaced(values))
 
-    def summary(self) -> str:
-        """The rig's values as a plain table with units and relative uncertainties."""
-        from .show import table
-
-        return table(self).text()
-
-    def _repr_html_(self) -> str:
-        from .show import table
-
-        return table(self).html()
-
-
-def _value(number: Measured | None) -> Any:
-    return 0.0 if number is None else number.value
-
-
-def _named(given: "str | AbstractRestoring") -> str:
-    """Name of the form of a restoring force, given by name or as an instance.
-
-    Raises:
-        UsageError: what is neither, or an unknown name.
-    """
-    if isinstance(given, AbstractRestoring):
-        return type(given).__name__.lower()
-    check_restoring(given)
-    return given
-
-
-def _restoring(given: str | AbstractRestoring, k3: Measured | None) -> AbstractRestoring:
-    """The restoring force by instance or by name."""
-    if k3 is not None:
-        return Cubic(k3.value)
-    return {"linear": Linear, "pendulum": Pendulum}[given]() if isinstance(given, str) else given
+    def report(self) -> Report:
+        """One row per calibrated value: its name, value with uncertainty, unit and relative uncertainty."""
+        form = type(self.restoring).__name__.lower()
+        quantity = "rad" if form == "pendulum" else "m"
+        rows = []
+        for name, number in self.numbers().items():
+            # Of a value of zero no part is uncertain.
+            spread = f"{100 * number.relative:.2g} %" if number.value else ""
+            rows.append((name, number, rotary_unit(UNITS[name], quantity), spread if number.std > 0 else "exact"))
+        table = Table(("quantity", "value", "unit", "uncertainty"), rows, f"Rig with {form} restoring force")
+        return Report([table], data={**self.numbers(), "restoring": form})

@@ -1,4 +1,4 @@
-"""The rig's file: TOML with the names of `Rig`, values in SI units or with a unit of their own.
+"""The rig's file: TOML with the names of `Rig`, each number in SI units or with a unit beside it.
 
 mass = { value = 410.7, std = 0.3, unit = "g" }
 frequency = "12.600(2) Hz"
@@ -7,8 +7,9 @@ restoring = "linear"
 """
 
 import tomllib
+from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from ..data.files import content
 from ..errors import UsageError, brief, nearest
@@ -16,36 +17,20 @@ from ..show.files import write_text
 from .inputs import ARGUMENTS, RESTORING
 from .measured import Measured
 
-if TYPE_CHECKING:
-    from .rig import Rig
-
+# Bytes of the largest file that can be a rig's, and characters of its longest line; one has a few hundred in all. The
+# time that a dotted key takes grows with the square of its length.
 _LARGEST, _WIDEST = 100_000, 1_000
-"""Bytes of the largest file that can be a rig's, and characters of its longest line; one has a few hundred in all.
-
-The time that a dotted key takes grows with the square of its length.
-"""
 _HEAD = (
     "# A rig, in SI units: kg, N/m, N s/m, N; for rotary rigs kg m^2, N m/rad, N m s/rad, N m.",
     '# std is the standard uncertainty (k = 1); a unit may be added, as in { value = 410.7, std = 0.3, unit = "g" }.',
 )
 
 
-def read_rig(path: Path) -> "Rig":
-    """The rig that a file describes; every refusal names the file, the key and the value."""
-    from .rig import Rig
-
-    table = read_table(path)
-    try:
-        return Rig(**table)
-    except UsageError as error:
-        raise UsageError(f"{path}: {error}") from error
-
-
 def read_table(path: Path) -> dict[str, Any]:
     """The arguments of `Rig` that a file holds, as they stand there.
 
     Raises:
-        UsageError: no file, no TOML, an unknown key, or one that is missing.
+        UsageError: no file, no TOML, an unknown key, or one that is missing; the sentence names file and key.
     """
     table = _parsed(path)
     for key in table:
@@ -83,19 +68,15 @@ def _parsed(path: Path) -> dict[str, Any]:
         raise UsageError(f"{path}: this is no valid TOML file: {str(error)[:200]}.") from error
 
 
-def write_rig(rig: "Rig", path: Path, *, overwrite: bool = False) -> Path:
-    """Write a rig as TOML, whole or not at all."""
-    lines = [*_HEAD, *(f"{name} = {_entry(value)}" for name, value in rig.numbers().items()), _restoring_line(rig)]
-    return write_text(path, "\n".join(lines) + "\n", overwrite=overwrite)
+def write_table(numbers: Mapping[str, Measured], restoring: str, path: Path, *, overwrite: bool = False) -> Path:
+    """Write the numbers and the restoring force of a rig as TOML; the file appears complete or not at all.
 
-
-def _entry(number: Measured) -> str:
-    return f"{{ value = {number.value!r}, std = {number.std!r} }}" if number.std > 0 else repr(number.value)
-
-
-def _restoring_line(rig: "Rig") -> str:
-    form = type(rig.restoring).__name__
-    name = form.lower()
+    Raises:
+        UsageError: a restoring force that a file cannot name.
+    """
+    name = restoring.lower()
     if name not in RESTORING:
-        raise UsageError(f"A rig file cannot hold the restoring force {form}; build that rig in Python.")
-    return f'restoring = "{name}"'
+        raise UsageError(f"A rig file cannot hold the restoring force {restoring}; build that rig in Python.")
+    entry = lambda number: f"{{ value = {number.value!r}, std = {number.std!r} }}" if number.std > 0 else number.value
+    lines = [*_HEAD, *(f"{key} = {entry(number)}" for key, number in numbers.items()), f'restoring = "{name}"']
+    return write_text(path, "\n".join(lines) + "\n", overwrite=overwrite)

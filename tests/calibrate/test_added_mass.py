@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from fricjax.calibrate.added_mass import calibrate_added_mass
+from fricjax.calibrate.ringdown import calibrate_added_mass
 from fricjax.errors import UsageError
 from fricjax.rig import Measured
 

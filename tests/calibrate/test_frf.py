@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from fricjax.calibrate.frf import calibrate_frf
-from fricjax.calibrate.frf_file import read_frf
+from fricjax.calibrate.frf import calibrate_frf, read_frf
 from fricjax.calibrate.impact import ImpactTest, force_noise, impact_test, receptance
 from fricjax.errors import DataError, UsageError
 from fricjax.rig import Measured

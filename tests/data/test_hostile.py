@@ -15,7 +15,7 @@ from experiments.files.hostile import FILES, verdict
 from experiments.files.hostile_trees import KINDS, save_kinds
 from experiments.files.seeds import SEEDS
 from fricjax import read
-from fricjax.calibrate.frf_file import read_frf
+from fricjax.calibrate.frf import read_frf
 from fricjax.data import files as content_module
 from fricjax.data.readers.matlab import Opaque, load_tree
 from fricjax.data.readers.nodes import opened
