@@ -6,7 +6,7 @@ import equinox as eqx
 import numpy as np
 
 from ..errors import UsageError
-from ..oscillator.engines import UNTABLED, AbstractEngine, Seen
+from ..oscillator.engines import UNTABLED, AbstractEngine, Demands
 from ..oscillator.select import select_engine
 from .parameters import Request
 from .sizes import power
@@ -28,14 +28,14 @@ def engine_for(request: Request, windows: Sequence[Window]) -> AbstractEngine:
     except ValueError as error:
         raise UsageError(str(error)) from error
     # An engine that is given, not named, is taken as it is.
-    return engine.tuned(machine, _seen(windows)) if isinstance(request.engine, str) else engine
+    return engine.tuned(machine, _demands(windows)) if isinstance(request.engine, str) else engine
 
 
-def _seen(windows: Sequence[Window]) -> Seen:
-    return Seen(
-        swings=[_swings(window) for window in windows],
+def _demands(windows: Sequence[Window]) -> Demands:
+    return Demands(
+        deflections=[_swings(window) for window in windows],
         accuracy=min(float(np.median(w.sigma)) / np.sqrt(w.used.sum()) for w in windows),
-        standing=not any("v0" in w.nuisances or w.guesses["v0"] != 0 for w in windows),
+        from_rest=not any("v0" in w.nuisances or w.guesses["v0"] != 0 for w in windows),
     )
 
 

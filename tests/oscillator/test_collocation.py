@@ -9,7 +9,8 @@ from scipy.integrate import solve_ivp
 from fricjax.friction import AbstractFriction, Coulomb, Stribeck, Tanh
 from fricjax.oscillator import Oscillator, restoring
 from fricjax.oscillator.engines.hybrid.collocation import collocate, make_panels
-from fricjax.oscillator.engines.hybrid.frame import Angle, frame_at, layer_width, phase_rates
+from fricjax.oscillator.engines.hybrid.frame import Angle, frame_at, phase_rates
+from fricjax.oscillator.engines.hybrid.phase_steps import layer_width
 from tests.helpers import PROTOTYPE_DAMPING, PROTOTYPE_MASS
 
 M, K, C, LOAD = PROTOTYPE_MASS, 2574.0, PROTOTYPE_DAMPING, 9.66

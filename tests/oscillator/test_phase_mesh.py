@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from fricjax.oscillator.engines.hybrid.frame import mesh_fractions
+from fricjax.oscillator.engines.hybrid.phase_steps import mesh_fractions
 
 LAYERS = [np.inf, 10.0, 1.0, 0.1, 1e-3, 1e-6, 1e-9]
 

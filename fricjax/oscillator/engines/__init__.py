@@ -1,7 +1,7 @@
 """Three ways to integrate one oscillator, with one interface."""
 
 from ..drive import Drive
-from .base import AbstractEngine, AbstractPath, Seen
+from .base import AbstractEngine, AbstractPath, Demands
 from .exact import Exact
 from .hybrid import Hybrid
 from .hybrid.amplitude_table import Span
@@ -9,4 +9,15 @@ from .hybrid.decay import UNTABLED
 from .smooth import Smooth
 from .smooth.mesh import Mesh
 
-__all__ = ["UNTABLED", "AbstractEngine", "AbstractPath", "Drive", "Exact", "Hybrid", "Mesh", "Seen", "Smooth", "Span"]
+__all__ = [
+    "UNTABLED",
+    "AbstractEngine",
+    "AbstractPath",
+    "Demands",
+    "Drive",
+    "Exact",
+    "Hybrid",
+    "Mesh",
+    "Smooth",
+    "Span",
+]

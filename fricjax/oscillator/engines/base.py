@@ -12,18 +12,18 @@ from ..motion import Motion, Start
 from ..oscillator import Oscillator
 
 
-class Seen(NamedTuple):
-    """What the records of a fit show.
+class Demands(NamedTuple):
+    """What the records of a fit ask of its engine.
 
     Attributes:
-        swings: deflections of each record from which its half-cycles start, without the last ones before a stop [m].
+        deflections: those of each record from which its half-cycles start, without the last ones before a stop [m].
         accuracy: error of the motion below which the noise of all samples leaves nothing visible [m].
-        standing: whether every motion starts at a standstill.
+        from_rest: whether every motion starts from rest.
     """
 
-    swings: Sequence[np.ndarray]
+    deflections: Sequence[np.ndarray]
     accuracy: float
-    standing: bool
+    from_rest: bool
 
 
 class AbstractPath(eqx.Module):
@@ -57,7 +57,7 @@ class AbstractEngine(eqx.Module):
         """Why such an engine cannot integrate this oscillator, in a sentence; None where it can."""
 
     @abc.abstractmethod
-    def tuned(self, oscillator: Oscillator, seen: Seen) -> "AbstractEngine":
+    def tuned(self, oscillator: Oscillator, demands: Demands) -> "AbstractEngine":
         """The engine that a fit of an oscillator to records asks for, from what they show."""
 
     @abc.abstractmethod

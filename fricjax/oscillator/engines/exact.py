@@ -20,7 +20,7 @@ from ...friction.kinds import AbstractConstant
 from ..motion import RESULTS, Motion, Start
 from ..oscillator import Oscillator
 from ..restoring import Linear
-from .base import AbstractEngine, AbstractPath, Seen
+from .base import AbstractEngine, AbstractPath, Demands
 from .elementary import relative_expm1, swing
 
 
@@ -174,7 +174,7 @@ class Exact(AbstractEngine):
             return f"The exact engine has no quadratic drag, but drag is {given}. Use the hybrid engine."
         return None
 
-    def tuned(self, oscillator: Oscillator, seen: Seen) -> "Exact":
+    def tuned(self, oscillator: Oscillator, demands: Demands) -> "Exact":
         # It computes no half-cycle that is not asked for, so that all records may share one capacity.
         return Exact(max(Exact().max_half_cycles, self.max_half_cycles))
 

@@ -17,10 +17,10 @@ from jaxtyping import Array
 
 from ...oscillator import Oscillator
 from ...restoring import Pendulum
-from ..base import Seen
+from ..base import Demands
 from .collocation import Panels, collocate
-from .frame import Angle, Frame, frame_at, is_resolved, motion_at, reference_force, turned_at
-from .half_cycles import Rests, Standstill, Stroke, advance
+from .frame import Angle, Frame, frame_at, is_resolved, motion_at, next_turning_point, reference_force, side_of
+from .half_cycles import HalfCycle, RestCondition, Reversal, advance
 
 # Distance from the centre of a table to where it is left, over its reach.
 _OUTSIDE = 1.05
@@ -70,21 +70,21 @@ def _polynomials(at: Array, count: int) -> Array:
     return jnp.moveaxis(terms, 0, -1)
 
 
-def _place(oscillator: Oscillator, centre: Array, reach: Array, turning: Array) -> Array:
+def _place(oscillator: Oscillator, centre: Array, reach: Array, deflection: Array) -> Array:
     """Place of a turning point in the table; all that lie well outside get the place of its end.
 
     So trial values under which the motion decays too fast still give one, and beyond the end of a record the amplitudes
     no longer matter, but must not end in a logarithm of zero.
     """
     spring = oscillator.restoring
-    excess = spring.steepened(turning) - reference_force(oscillator) / oscillator.stiffness
+    excess = spring.steepened(deflection) - reference_force(oscillator) / oscillator.stiffness
     ends = spring.gathered(centre - _OUTSIDE * reach), spring.gathered(centre + _OUTSIDE * reach)
     return (spring.spread(jnp.clip(excess, *ends)) - centre) / reach
 
 
-def _start(oscillator: Oscillator, frame: Frame, distance: Array) -> Array:
-    """Amplitude at the start of half-cycles whose turning points lie at these distances from the equilibrium."""
-    return oscillator.restoring.stretched(distance) - frame.dead_band
+def _start(oscillator: Oscillator, frame: Frame, deflection: Array) -> Array:
+    """Amplitude at the start of half-cycles from these distances to the equilibrium."""
+    return oscillator.restoring.stretched(deflection) - frame.dead_band
 
 
 def make_table(oscillator: Oscillator, span: Span, count: int, panels: Panels) -> Table:
@@ -95,48 +95,51 @@ def make_table(oscillator: Oscillator, span: Span, count: int, panels: Panels) -
     reach = (1 + span.margin) * (ends[1] - ends[0]) / 2
     centre = ends[0] + reach
     points, transform = _chebyshev(count)
-    turning = oscillator.restoring.unsteepened(band + oscillator.restoring.gathered(centre + reach * points))
-    frame = frame_at(oscillator, jnp.ones(count), turning)
-    start = _start(oscillator, frame, turning)
+    deflection = oscillator.restoring.unsteepened(band + oscillator.restoring.gathered(centre + reach * points))
+    frame = frame_at(oscillator, jnp.ones(count), deflection)
+    start = _start(oscillator, frame, deflection)
     amplitudes, elapsed = collocate(oscillator, frame, start, panels)
     ratio, phase = amplitudes / start, elapsed * frame.angular_frequency
     return Table(Angle.of(jnp.pi * panels.fractions), transform @ ratio.T, transform @ phase.T, centre, reach)
 
 
-def strokes_from_table(
-    oscillator: Oscillator, table: Table, begin: Standstill, rests: Rests, capacity: int
-) -> tuple[Standstill, tuple[Stroke, Array]]:
-    """Half-cycles from a standstill on; their nodes, shape (capacity, nodes), and their next turning points."""
+def half_cycles_from_table(
+    oscillator: Oscillator, table: Table, begin: Reversal, rests: RestCondition, capacity: int
+) -> tuple[Reversal, tuple[HalfCycle, Array]]:
+    """Half-cycles from a reversal on; their nodes, shape (capacity, nodes), and their next turning points.
+
+    The loop over them carries only what the next one needs; all their nodes are read off the table behind it at once.
+    """
     count = table.amplitude.shape[0]
 
-    def at(turning: Array) -> Array:
-        return _polynomials(_place(oscillator, table.centre, table.reach, turning), count)
+    def at(deflection: Array) -> Array:
+        return _polynomials(_place(oscillator, table.centre, table.reach, deflection), count)
 
-    def step(now: Standstill, _: Any) -> tuple[Standstill, tuple[Standstill, Array]]:
-        turning = jnp.abs(now.turning_point)
-        frame = frame_at(oscillator, jnp.where(now.turning_point < 0, -1.0, 1.0), turning)
-        weights = at(turning)
-        amplitude = _start(oscillator, frame, turning) * (weights @ table.amplitude[:, -1])
+    def step(now: Reversal, _: Any) -> tuple[Reversal, tuple[Reversal, Array]]:
+        deflection = jnp.abs(now.turning_point)
+        frame = frame_at(oscillator, side_of(now.turning_point), deflection)
+        weights = at(deflection)
+        amplitude = _start(oscillator, frame, deflection) * (weights @ table.amplitude[:, -1])
         elapsed = weights @ table.phase[:, -1] / frame.angular_frequency
-        turned = turned_at(oscillator, frame, amplitude)
-        ends = Stroke(elapsed[None] + now.time, turned[None], jnp.zeros(1), jnp.zeros(1))
-        carried = is_resolved(oscillator, frame, amplitude[None], table.angle.at(slice(-1, None)))
-        after = advance(now, ends, turned, carried, rests)[0]
+        following = next_turning_point(oscillator, frame, amplitude)
+        ends = HalfCycle(elapsed[None] + now.time, following[None], jnp.zeros(1), jnp.zeros(1))
+        resolved = is_resolved(oscillator, frame, amplitude[None], table.angle.at(slice(-1, None)))
+        after = advance(now, ends, following, resolved, rests)[0]
         return after, (now, after.count == now.count)
 
     end, (starts, stays) = jax.lax.scan(step, begin, length=capacity)
-    turning = jnp.abs(starts.turning_point)
-    frame = frame_at(oscillator, jnp.where(starts.turning_point < 0, -1.0, 1.0), turning)
-    weights = at(turning)
-    start = _start(oscillator, frame, turning)[:, None]
+    deflection = jnp.abs(starts.turning_point)
+    frame = frame_at(oscillator, side_of(starts.turning_point), deflection)
+    weights = at(deflection)
+    start = _start(oscillator, frame, deflection)[:, None]
     columns = frame._replace(**{name: value[:, None] for name, value in frame._asdict().items()})
     motion = motion_at(oscillator, columns, start * (weights @ table.amplitude), table.angle.at(None))
-    strokes = Stroke(starts.time[:, None] + weights @ table.phase / columns.angular_frequency, *motion)
-    held = stays[:, None]
-    still = Stroke(starts.time[:, None], starts.turning_point[:, None], jnp.zeros((1, 1)), jnp.zeros((1, 1)))
-    kept = Stroke(*(jnp.where(held, rest, value) for rest, value in zip(still, strokes, strict=True)))
+    read = HalfCycle(starts.time[:, None] + weights @ table.phase / columns.angular_frequency, *motion)
+    resting = stays[:, None]
+    still = HalfCycle(starts.time[:, None], starts.turning_point[:, None], jnp.zeros((1, 1)), jnp.zeros((1, 1)))
+    nodes = HalfCycle(*(jnp.where(resting, rest, value) for rest, value in zip(still, read, strict=True)))
     points = jnp.concatenate([starts.turning_point[1:], end.turning_point[None]])
-    return end, (kept, jnp.where(stays, jnp.nan, points))
+    return end, (nodes, jnp.where(stays, jnp.nan, points))
 
 
 # Half-cycles from which a table over amplitude pays, and its entries per e-fold of amplitude for 1e-2 nm on 2 mm. The
@@ -153,46 +156,26 @@ _BEYOND = 1.1
 _SIZES = (24, 48)
 
 
-class Asked(NamedTuple):
-    """Range and number of entries of a table."""
+def table_for(oscillator: Oscillator, demands: Demands) -> tuple[Span, int] | None:
+    """Range and number of entries of the table that the records of a fit ask for; None where it could serve nothing.
 
-    span: Span
-    amplitudes: int
-
-
-def table_for(oscillator: Oscillator, seen: Seen) -> Asked | None:
-    """The table for what the records show; None where there is nothing that it could serve.
-
-    A table is for motions from a standstill; it has one mesh for all amplitudes, and the kink of a hysteretic spring
-    lies elsewhere at each.
+    A table is for motions from rest; it has one mesh for all amplitudes, and the kink of a hysteretic spring lies
+    elsewhere at each.
     """
-    if not seen.standing or oscillator.restoring.hysteretic or any(swings.size < _FEW for swings in seen.swings):
+    starts = demands.deflections
+    if not demands.from_rest or oscillator.restoring.hysteretic or any(each.size < _FEW for each in starts):
         return None
-    span = _span(oscillator, min(float(s.min()) for s in seen.swings), max(float(s.max()) for s in seen.swings))
-    needed = _needed(oscillator, span)
-    return Asked(span, next((size for size in _SIZES if size >= needed and not _falls(oscillator)), _SIZES[-1]))
-
-
-def _span(oscillator: Oscillator, least: float, highest: float) -> Span:
-    """The range of a table for these deflections."""
     band, spring = float(oscillator.dead_band), cast("Any", oscillator.restoring)
+    least, highest = min(float(each.min()) for each in starts), max(float(each.max()) for each in starts)
     # Near the dead band, where the phase leaps, the margin is narrow.
     lowest = least - 0.2 * max(least - band, 0.0)
     # With a wrong offset a reading may lie beyond the top itself.
     ratio = spring.steepened(np.float64(min(highest, spring.largest)))
     highest = spring.unsteepened(np.float64(_BEYOND * float(ratio)))
-    return Span(np.asarray(lowest), np.asarray(highest), np.asarray(0.0))
-
-
-def _needed(oscillator: Oscillator, span: Span) -> float:
-    """Entries that the table of a range must have."""
-    band, spring = float(oscillator.dead_band), cast("Any", oscillator.restoring)
-    lowest, highest = (float(spring.steepened(np.float64(end))) for end in span[:2])
-    low, high = (float(spring.spread(np.float64(end))) for end in (max(lowest - band, 0.1 * lowest), highest))
-    per_e_fold = _PER_E_FOLD_FALLING if _falls(oscillator) else _PER_E_FOLD
-    return (_PER_UNIT if isinstance(spring, Pendulum) else per_e_fold) * (high - low)
-
-
-def _falls(oscillator: Oscillator) -> bool:
-    """Whether the friction of a set-valued law changes with the speed."""
-    return oscillator.friction.set_valued and bool(np.isfinite(float(oscillator.friction.velocity_scale())))
+    span = Span(np.asarray(lowest), np.asarray(highest), np.asarray(0.0))
+    ends = [float(spring.steepened(np.float64(end))) for end in (span.lowest, span.highest)]
+    low, high = (float(spring.spread(np.float64(end))) for end in (max(ends[0] - band, 0.1 * ends[0]), ends[1]))
+    falls = oscillator.friction.set_valued and bool(np.isfinite(float(oscillator.friction.velocity_scale())))
+    density = _PER_UNIT if isinstance(spring, Pendulum) else _PER_E_FOLD_FALLING if falls else _PER_E_FOLD
+    needed = density * (high - low)
+    return span, next((size for size in _SIZES if size >= needed and not falls), _SIZES[-1])

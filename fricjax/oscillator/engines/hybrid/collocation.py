@@ -16,7 +16,8 @@ from jaxtyping import Array, Float
 from numpy.polynomial import chebyshev
 
 from ...oscillator import Oscillator
-from .frame import Angle, Frame, mesh_fractions, phase_of, phase_rates
+from .frame import Angle, Frame, phase_rates
+from .phase_steps import mesh_fractions, phase_of
 
 # The first approximation is constant; each step squares what the last one left of some per cent.
 _STEPS = 5

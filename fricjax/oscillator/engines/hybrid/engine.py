@@ -22,64 +22,72 @@ from jaxtyping import Array, Bool, Float, Int
 
 from ...motion import RESULTS, Motion, Start
 from ...oscillator import Oscillator
-from ..base import AbstractEngine, AbstractPath, Seen
+from ..base import AbstractEngine, AbstractPath, Demands
 from ..nodes import Nodes, spliced, turning_points
 from ..smooth import Smooth
 from .amplitude_table import Span, make_table, table_for
 from .collocation import make_panels
-from .decay import Course, by_table, one_by_one, rest_condition, to_rest
-from .frame import layer_width, separatrix_width
-from .half_cycles import Rests, enter
+from .decay import Decay, by_table, one_by_one, rest_condition, to_rest
+from .half_cycles import RestCondition, enter
+from .phase_steps import layer_width, separatrix_width
 
 # How much another mesh is skewed, and how much wider its table is, for the check.
 _SKEW, _MARGIN = 0.2, 0.05
 _CODES: Any = RESULTS  # an equinox enumeration, whose members pyright does not know
 
 
-_STEPS = 1024
-_ROUNDING = 1e-12
+# Steps of the smooth engine through the creep that follows the half-cycles of a regularised law.
+_CREEP_STEPS = 1024
+# The creep is integrated a little further than to the last sample, so that rounding cannot leave that out.
+_BEYOND = 1e-12
 
 
 class Creeping(AbstractPath):
-    """Half-cycles, and behind the last one whose phase carries it the motion that the smooth engine gives.
+    """Half-cycles, and behind the last one that its phase resolves the motion that the smooth engine gives.
 
     Attributes:
-        strokes: nodes of the half-cycles.
+        half_cycles: their nodes.
         oscillator: with a regularised law.
         start, time: where the half-cycles end: the state there, and the time [s].
-        handed: False where there is another half-cycle, and the list of them is too short.
+        creeps: False where there is another half-cycle, and the list of them is too short.
     """
 
-    strokes: Nodes
+    half_cycles: Nodes
     oscillator: Oscillator
     start: Start
     time: Float[Array, ""]
-    handed: Bool[Array, ""]
+    creeps: Bool[Array, ""]
+
+    @classmethod
+    def behind(cls, decay: Decay, oscillator: Oscillator, start: Start) -> "Creeping":
+        """The motion from `start` on, whose half-cycles are those of `decay`."""
+        end = decay.end
+        v = jnp.where(end.count == 0, start.v0, 0.0)
+        left = Start(end.turning_point, v, jnp.zeros(0))
+        return cls(decay.nodes, oscillator, left, end.time, ~end.resolved)
 
     @property
     def turning_points(self) -> Float[Array, " turning_points"]:
-        return self.strokes.turning_points
+        return self.half_cycles.turning_points
 
     def sample(self, ts: Float[Array, " samples"]) -> tuple[Float[Array, " samples"], Float[Array, " samples"]]:
-        return self.strokes.joined(self.creep(jnp.max(ts))).sample(ts)
+        return self.half_cycles.joined(self.creep(jnp.max(ts))).sample(ts)
 
     def creep(self, limit: Float[Array, ""]) -> Nodes:
         """The motion behind the half-cycles until `limit` [s]; no work is done where that lies before them."""
-        strokes = self.strokes
+        before, never = self.half_cycles, jnp.asarray(False)
 
         def integrated() -> Nodes:
-            # A little further, so that rounding cannot leave the last sample out.
-            duration = limit * (1 + _ROUNDING) - self.time
-            nodes = Smooth(max_steps=_STEPS).trail(self.oscillator, self.start, duration)
-            return Nodes(nodes.t + self.time, nodes.x, nodes.v, nodes.a, strokes.rest_position, strokes.t_stop, never)
+            duration = limit * (1 + _BEYOND) - self.time
+            nodes = Smooth(max_steps=_CREEP_STEPS).trail(self.oscillator, self.start, duration)
+            return Nodes(nodes.t + self.time, nodes.x, nodes.v, nodes.a, before.rest_position, before.t_stop, never)
 
         def none() -> Nodes:
-            columns = (jnp.broadcast_to(values[-1], (_STEPS + 1,)) for values in (strokes.t, strokes.x))
-            zero = jnp.zeros(_STEPS + 1)
-            return Nodes.of((*columns, zero, zero), strokes.rest_position, strokes.t_stop, never)
+            columns = (jnp.broadcast_to(values[-1], (_CREEP_STEPS + 1,)) for values in (before.t, before.x))
+            zero = jnp.zeros(_CREEP_STEPS + 1)
+            return Nodes.of((*columns, zero, zero), before.rest_position, before.t_stop, never)
 
-        never = jnp.asarray(False)
-        return jax.lax.cond(self.handed & (limit > self.time), integrated, none)
+        return jax.lax.cond(self.creeps & (limit > self.time), integrated, none)
 
 
 class Hybrid(AbstractEngine):
@@ -110,11 +118,11 @@ class Hybrid(AbstractEngine):
             )
         return None
 
-    def tuned(self, oscillator: Oscillator, seen: Seen) -> "Hybrid":
-        skew, asked = np.asarray(self.skew), table_for(oscillator, seen)
-        if asked is None:
+    def tuned(self, oscillator: Oscillator, demands: Demands) -> "Hybrid":
+        skew, table = np.asarray(self.skew), table_for(oscillator, demands)
+        if table is None:
             return Hybrid(self.nodes, self.max_half_cycles, None, skew=skew)
-        return Hybrid(self.nodes, self.max_half_cycles, *asked, skew)
+        return Hybrid(self.nodes, self.max_half_cycles, *table, skew)
 
     def checking(self) -> "Hybrid":
         # With its nodes moved the error of the interpolation between them, which goes with the sixth power of a step,
@@ -126,12 +134,12 @@ class Hybrid(AbstractEngine):
         return Hybrid(self.nodes * 3 // 4 * 2, self.max_half_cycles, self.span, self.amplitudes * 3 // 2, self.skew)
 
     def path(self, oscillator: Oscillator, start: Start, half_cycles: Int[Array, ""] | None = None) -> AbstractPath:
-        course, rests = self._course(oscillator, start, half_cycles)
+        decay, rests = self._decay(oscillator, start, half_cycles)
         if half_cycles is not None:
-            return course.only_carried
+            return decay.resolved_part
         if oscillator.friction.set_valued:
-            return to_rest(course, oscillator, start, rests)[0]
-        return _creeping(course, oscillator, start)
+            return to_rest(decay, oscillator, start, rests)[0]
+        return Creeping.behind(decay, oscillator, start)
 
     def solve(
         self,
@@ -140,16 +148,20 @@ class Hybrid(AbstractEngine):
         ts: Float[Array, " samples"],
         half_cycles: Int[Array, ""] | None = None,
     ) -> Motion:
-        course, rests = self._course(oscillator, start, half_cycles)
+        decay, rests = self._decay(oscillator, start, half_cycles)
         if oscillator.friction.set_valued:
-            nodes, points, end = to_rest(course, oscillator, start, rests)
-            lost, stopped = _CODES.where(end.carried, _CODES.too_many_half_cycles, _CODES.phase_reversed), end.at_rest
+            nodes, points, end = to_rest(decay, oscillator, start, rests)
+            lost, stopped = _CODES.where(end.resolved, _CODES.too_many_half_cycles, _CODES.phase_reversed), end.at_rest
             count = jnp.where(stopped, end.count, -1)
         else:
-            creep = _creeping(course, oscillator, start).creep(ts[-1])
-            nodes, stopped = course.nodes.joined(creep), jnp.asarray(False)
-            points, count = _reversals(course, creep, ts[-1])
-            lost = _CODES.where(course.end.carried, _CODES.too_many_half_cycles, _CODES.max_steps_reached)
+            creep = Creeping.behind(decay, oscillator, start).creep(ts[-1])
+            nodes, stopped = decay.nodes.joined(creep), jnp.asarray(False)
+            made = decay.half_cycles.t[:, -1] <= ts[-1]
+            points = jnp.where(made, decay.turning_points, jnp.nan)
+            later, more = turning_points(creep.t, creep.x, creep.v, creep.x[0], points.size)
+            points = spliced(points, later[1:], decay.end.count)
+            count = jnp.sum(made & ~jnp.isnan(decay.turning_points)) + more
+            lost = _CODES.where(decay.end.resolved, _CODES.too_many_half_cycles, _CODES.max_steps_reached)
         x, v = nodes.sample_in_order(ts)
         at_rest, reached = stopped & (ts >= nodes.t_stop), stopped | (ts <= nodes.t[-1])
         sliding = oscillator.friction_force(v, jnp.zeros(0))
@@ -167,11 +179,11 @@ class Hybrid(AbstractEngine):
             result=_CODES.where(jnp.all(reached), _CODES.successful, lost),
             stats={
                 "nodes_per_half_cycle": self.nodes,
-                "t_handover": jnp.where(course.end.carried, jnp.inf, course.end.time),
+                "t_handover": jnp.where(decay.end.resolved, jnp.inf, decay.end.time),
             },
         )
 
-    def _course(self, oscillator: Oscillator, start: Start, half_cycles: Array | None) -> tuple[Course, Rests]:
+    def _decay(self, oscillator: Oscillator, start: Start, half_cycles: Array | None) -> tuple[Decay, RestCondition]:
         """The half-cycles in phase, and their condition of rest."""
         frame = enter(oscillator, start).frame
         reach = jnp.abs(start.x0) + jnp.abs(start.v0) / frame.angular_frequency
@@ -183,18 +195,3 @@ class Hybrid(AbstractEngine):
             return one_by_one(oscillator, start, panels.fractions, rests, capacity), rests
         table = make_table(oscillator, self.span, self.amplitudes, panels)
         return by_table(oscillator, start, table, panels, half_cycles, capacity), rests
-
-
-def _creeping(course: Course, oscillator: Oscillator, start: Start) -> Creeping:
-    end = course.end
-    v = jnp.where(end.count == 0, start.v0, 0.0)
-    return Creeping(course.nodes, oscillator, Start(end.turning_point, v, jnp.zeros(0)), end.time, ~end.carried)
-
-
-def _reversals(course: Course, creep: Nodes, limit: Array) -> tuple[Array, Array]:
-    """Turning points until `limit` [s], and their number."""
-    points = course.turning_points
-    made = course.strokes.t[:, -1] <= limit
-    points = jnp.where(made, points, jnp.nan)
-    later, count = turning_points(creep.t, creep.x, creep.v, creep.x[0], points.size)
-    return spliced(points, later[1:], course.end.count), jnp.sum(made & ~jnp.isnan(course.turning_points)) + count

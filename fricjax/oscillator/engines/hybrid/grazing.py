@@ -16,11 +16,11 @@ from jaxtyping import Array, Float
 from ...motion import Start
 from ...oscillator import Oscillator
 from ..nodes import Nodes
-from .frame import Angle, frame_at, is_resolved, layer_width, mesh_fractions, motion_at, turned_at
-from .half_cycles import Rests, Standstill, Stroke, advance
-from .phase_steps import integrate_phase
+from .frame import Angle, frame_at, is_resolved, motion_at, next_turning_point
+from .half_cycles import Attempt, HalfCycle, RestCondition, Reversal, advance
+from .phase_steps import integrate_phase, layer_width, mesh_fractions
 
-STROKES = 3
+MOST = 3
 _STEPS = 160
 _PHASES = 32
 _THINNEST = 1e-3
@@ -29,7 +29,7 @@ _ROUNDING = 1e-15
 _FOREVER = 1e9
 
 
-class _Climb(NamedTuple):
+class _Breakaway(NamedTuple):
     """A start on the side `side`, from which the mass moves with growing speed; units are `length` and 1/`rate`."""
 
     oscillator: Oscillator
@@ -52,11 +52,11 @@ class _Climb(NamedTuple):
         return force / (self.oscillator.mass * self.length * self.rate**2)
 
 
-def _climb(climb: _Climb, speed: Array, needed: Array) -> tuple[Array, Array, Array, Array]:
+def _break_away(mass: _Breakaway, speed: Array, needed: Array) -> tuple[Array, Array, Array, Array]:
     """Time, way and speed at the ends of the steps until the mass slows down, and whether it does within them."""
     slowing = diffrax.Event(lambda t, y, args, **_: args.acceleration(*y) < 0)
     begin = (jnp.zeros_like(speed), speed)
-    end = jnp.where(needed & (climb.acceleration(*begin) > 0), _FOREVER, 0.0)
+    end = jnp.where(needed & (mass.acceleration(*begin) > 0), _FOREVER, 0.0)
     solution = diffrax.diffeqsolve(
         diffrax.ODETerm(lambda t, y, args: args.field(t, y)),
         diffrax.Tsit5(),
@@ -64,7 +64,7 @@ def _climb(climb: _Climb, speed: Array, needed: Array) -> tuple[Array, Array, Ar
         end,
         None,
         begin,
-        climb,
+        mass,
         saveat=diffrax.SaveAt(t0=True, steps=True),
         stepsize_controller=diffrax.PIDController(rtol=_TOLERANCE, atol=_ROUNDING),
         adjoint=diffrax.ForwardMode(),
@@ -75,58 +75,57 @@ def _climb(climb: _Climb, speed: Array, needed: Array) -> tuple[Array, Array, Ar
     made = jnp.sum(jnp.isfinite(solution.ts)) - 1  # pyright: ignore[reportArgumentType]
     kept = jnp.minimum(jnp.arange(_STEPS + 1), made)
     t, way, speed = (values[kept] for values in (solution.ts, *solution.ys))  # pyright: ignore
-    return t, way, speed, climb.acceleration(way[-1], speed[-1]) <= 0
+    return t, way, speed, mass.acceleration(way[-1], speed[-1]) <= 0
 
 
-def _stroke(
-    oscillator: Oscillator, x: Array, v: Array, reach: Array, theta: Float[Array, " nodes"], at: Standstill
-) -> tuple[Stroke, Array, Array]:
-    """As :func:`.strokes.stroke_from`, from displacement `x` and velocity `v`; `theta` is the second part of a mesh."""
+def _attempt(
+    oscillator: Oscillator, x: Array, v: Array, reach: Array, theta: Float[Array, " nodes"], at: Reversal
+) -> Attempt:
+    """The half-cycle from displacement `x` and velocity `v` on; `theta` are its nodes behind the fastest place."""
     side = jax.lax.stop_gradient(jnp.where(v == 0, jnp.where(x < 0, -1.0, 1.0), -jnp.sign(v)))
     frame = frame_at(oscillator, side, x)
-    climb = _Climb(oscillator, side, side * x, reach, frame.angular_frequency)
-    t, way, speed, slows = _climb(climb, -side * v / (reach * frame.angular_frequency), ~at.finished)
-    growth = jax.vmap(climb.acceleration)(way, speed) * reach * frame.angular_frequency**2
-    first = Stroke(
+    mass = _Breakaway(oscillator, side, side * x, reach, frame.angular_frequency)
+    t, way, speed, slows = _break_away(mass, -side * v / (reach * frame.angular_frequency), ~at.finished)
+    growth = jax.vmap(mass.acceleration)(way, speed) * reach * frame.angular_frequency**2
+    first = HalfCycle(
         at.time + t / frame.angular_frequency,
-        side * (climb.start - way * reach),
+        side * (mass.start - way * reach),
         -side * speed * reach * frame.angular_frequency,
         -side * growth,
     )
     frame = frame._replace(dead_band=side * oscillator.restoring.stretched(first.x[-1]))
     amplitudes, elapsed = integrate_phase(oscillator, frame, speed[-1] * reach, theta)
     angle = Angle.of(theta)
-    second = Stroke(first.t[-1] + elapsed, *motion_at(oscillator, frame, amplitudes, angle))
-    nodes = Stroke(*(jnp.concatenate(parts) for parts in zip(first, second, strict=True)))
-    carried = slows & is_resolved(oscillator, frame, amplitudes, angle, slowest=0.0)
-    return nodes, turned_at(oscillator, frame, amplitudes[-1]), carried
+    second = HalfCycle(first.t[-1] + elapsed, *motion_at(oscillator, frame, amplitudes, angle))
+    nodes = HalfCycle(*(jnp.concatenate(parts) for parts in zip(first, second, strict=True)))
+    resolved = slows & is_resolved(oscillator, frame, amplitudes, angle, slowest=0.0)
+    return nodes, next_turning_point(oscillator, frame, amplitudes[-1]), resolved
 
 
-def grazing_strokes(
-    oscillator: Oscillator, start: Start, rests: Rests, begin: Standstill
-) -> tuple[Nodes, Array, Standstill]:
-    """The motion from a half-cycle that its phase would not carry.
+def grazing_half_cycles(
+    oscillator: Oscillator, start: Start, rests: RestCondition, begin: Reversal
+) -> tuple[Nodes, Array, Reversal]:
+    """The motion from a half-cycle on that its phase does not resolve.
 
     Args:
         oscillator: with a set-valued law.
         start: state at time zero, whose velocity counts if the first half-cycle is the one.
         rests: whether the mass stays at a turning point.
-        begin: standstill before that half-cycle; nothing is done if its next half-cycle was carried.
+        begin: reversal before that half-cycle; nothing is done if that was resolved.
 
     Returns:
-        Its nodes, its turning points, shape (STROKES,), NaN beyond the last one, and where it ends.
+        Its nodes, its turning points, shape (MOST,), NaN beyond the last one, and where it ends.
     """
     reach = jax.lax.stop_gradient(jnp.abs(start.x0) + jnp.abs(start.v0) / oscillator.angular_frequency)
     # Where damping is strong the phase about the fastest place comes to its end slowly.
     layer = jnp.minimum(layer_width(oscillator, frame_at(oscillator, jnp.ones(()), reach), reach), _THINNEST)
     theta = jnp.pi * mesh_fractions(2 * _PHASES, layer)[_PHASES:]
 
-    def step(at: Standstill, _: None) -> tuple[Standstill, tuple[Stroke, Array]]:
+    def step(at: Reversal, _: None) -> tuple[Reversal, tuple[HalfCycle, Array]]:
         v = jnp.where(at.count == 0, start.v0, 0.0)
-        after, stroke = advance(at, *_stroke(oscillator, at.turning_point, v, reach, theta, at), rests)
-        return after, (stroke, jnp.where(after.count == at.count, jnp.nan, after.turning_point))
+        return advance(at, *_attempt(oscillator, at.turning_point, v, reach, theta, at), rests)
 
-    opened = begin._replace(finished=begin.carried, carried=jnp.asarray(True))
-    end, (strokes, points) = jax.lax.scan(step, opened, length=STROKES)
-    columns = (values.reshape(-1) for values in strokes)
+    opened = begin._replace(finished=begin.resolved, resolved=jnp.asarray(True))
+    end, (made, points) = jax.lax.scan(step, opened, length=MOST)
+    columns = (values.reshape(-1) for values in made)
     return Nodes.of(columns, end.turning_point, end.time, end.at_rest), points, end

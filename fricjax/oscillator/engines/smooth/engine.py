@@ -18,7 +18,7 @@ from jaxtyping import Array, Float, Int
 from ...drive import Drive
 from ...motion import RESULTS, Motion, Start
 from ...oscillator import Oscillator
-from ..base import AbstractEngine, Seen
+from ..base import AbstractEngine, Demands
 from ..nodes import Nodes
 from .mesh import Mesh
 from .phase import Moving, Span, field, returned, travelled, turning, watched
@@ -97,9 +97,9 @@ class Smooth(AbstractEngine):
             )
         return None
 
-    def tuned(self, oscillator: Oscillator, seen: Seen) -> "Smooth":
+    def tuned(self, oscillator: Oscillator, demands: Demands) -> "Smooth":
         # Its error is some ten times smaller than the accuracy that it is asked for.
-        accuracy = np.asarray(seen.accuracy)
+        accuracy = np.asarray(demands.accuracy)
         return Smooth(accuracy, None, self.max_steps, self.max_half_cycles, accuracy)
 
     def checking(self) -> "Smooth":
