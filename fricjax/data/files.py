@@ -12,8 +12,16 @@ from pathlib import Path
 
 from ..errors import DataError, UsageError, nearest
 
-# Files that a sentence names as examples.
-_SHOWN = 3
+NUMBER = 8
+"""Bytes that a number of any type takes as soon as it is part of a record."""
+# What any file may hold unpacked: 16.7 million numbers. With the copies that a record takes this stays below 1 GB.
+_ALWAYS = 1 << 27
+# What a larger one may hold, as a multiple of its size on disk; traces of measured displacements are packed twofold to
+# fivefold, their times up to tenfold.
+_PACKED = 16
+# What none may hold: 268 million numbers.
+_LARGEST = 1 << 31
+_SHOWN = 3  # files that a sentence names as examples
 
 
 def check_file(path: Path) -> None:
@@ -33,16 +41,22 @@ def check_file(path: Path) -> None:
 
 
 def _missing(path: Path) -> str:
+    """Why a path leads to no file, and what may be meant."""
+
+    def named(files: list[Path]) -> str:
+        more = len(files) - _SHOWN
+        return ", ".join(str(file) for file in files[:_SHOWN]) + (f" and {more} more" if more > 0 else "")
+
     if os.path.isdir(path):
         files = sorted(entry for entry in path.iterdir() if entry.is_file() and not entry.name.startswith("."))
-        inside = f"; it holds {_named(files)}" if files else ""
+        inside = f"; it holds {named(files)}" if files else ""
         return f"{path} is a folder, not a file; name one record in it{inside}."
     if not os.path.isdir(path.parent):
         return f"There is no file {path}, for there is no folder {path.parent}. Check the path."
     matching = sorted(path.parent.glob(path.name)) if any(sign in path.name for sign in "*?[") else []
     if matching:
         return (
-            f"{path} is a pattern, not a file; it matches {_named(matching)}. Name each file, or leave the pattern "
+            f"{path} is a pattern, not a file; it matches {named(matching)}. Name each file, or leave the pattern "
             "without quotes, so that the shell puts the names in its place."
         )
     if any(sign in path.name for sign in "*?"):
@@ -52,11 +66,6 @@ def _missing(path: Path) -> str:
     except OSError:
         siblings = []
     return f"There is no file {path}.{nearest(path.name, siblings)} Check the path."
-
-
-def _named(files: list[Path]) -> str:
-    more = len(files) - _SHOWN
-    return ", ".join(str(file) for file in files[:_SHOWN]) + (f" and {more} more" if more > 0 else "")
 
 
 def check_distinct(paths: Iterable[Path]) -> None:
@@ -71,19 +80,6 @@ def check_distinct(paths: Iterable[Path]) -> None:
         if first is not path:
             also = "" if str(first) == str(path) else f", also as {first}"
             raise UsageError(f"{path} is given twice{also}: its samples would count twice. Leave one of them out.")
-
-
-# What any file may hold unpacked: 16.7 million numbers. With the copies that a record takes this stays below 1 GB.
-_ALWAYS = 1 << 27
-# What a larger one may hold, as a multiple of its size on disk; traces of measured displacements are packed twofold to
-# fivefold, their times up to tenfold.
-_PACKED = 16
-# What none may hold: 268 million numbers.
-_LARGEST = 1 << 31
-
-
-NUMBER = 8
-"""Bytes that a number of any type takes as soon as it is part of a record."""
 
 
 def allowance(path: Path) -> int:

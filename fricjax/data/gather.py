@@ -1,4 +1,4 @@
-"""The runs that a function works on, whatever they are given as: records, paths, tables, arrays, one or several."""
+"""The runs that a function works on, whatever they come as: records, paths, tables, arrays, one or several."""
 
 import os
 import re
@@ -15,8 +15,8 @@ from .record import Record
 _OPTION = re.compile(r"\b(column|time|unit|time_unit|rate|delimiter|skip_rows|decimal|run)=")
 
 
-class Given(NamedTuple):
-    """A run as the caller has it, and what he says of it: options of `fricjax.read`."""
+class Source(NamedTuple):
+    """What a run is read from, and the options of `fricjax.read` for it."""
 
     run: Any
     options: dict[str, Any]
@@ -27,21 +27,21 @@ def gather(data: Any, t: Any = None, rate: float | None = None) -> tuple[Record,
 
     Args:
         data: a run as `fricjax.read` takes it, or a list of such; a record is taken as it is.
-        t: times of displacements that are given bare, those of all runs or a list of one per run.
+        t: times of displacements that come without, those of all runs or a list of one per run.
         rate: samples per second, where there are no times.
 
     Raises:
         UsageError: an empty list, or something of which no record can be made.
         DataError: a file or table that cannot be read.
     """
-    given = listed(data, t, rate)
-    if not given:
+    sources = sources_of(data, t, rate)
+    if not sources:
         raise UsageError("There is no run: the list is empty.")
-    several = len(given) > 1
-    return tuple(record_of(run, f"run {i}: " if several else "", **options) for i, (run, options) in enumerate(given))
+    several = len(sources) > 1
+    return tuple(record_of(run, f"run {i}: " if several else "", **options) for i, (run, options) in enumerate(sources))
 
 
-def listed(data: Any, t: Any = None, rate: float | None = None) -> list[Given]:
+def sources_of(data: Any, t: Any = None, rate: float | None = None) -> list[Source]:
     """The runs one by one: those of a list, a tuple or an iterator; (t, x) and a list of numbers are one run.
 
     With `t` or `rate`, the rows of an array are runs.
@@ -57,7 +57,8 @@ def listed(data: Any, t: Any = None, rate: float | None = None) -> list[Given]:
     if len(times) != len(runs):
         raise UsageError(f"t= holds the times of {len(times)} runs, but there are {len(runs)}.")
     common = {} if rate is None else {"rate": rate}
-    return [Given(run, common if t is None else {**common, "t": own}) for run, own in zip(runs, times, strict=True)]
+    options = [common if t is None else {**common, "t": of_run} for of_run in times]
+    return [Source(run, of_run) for run, of_run in zip(runs, options, strict=True)]
 
 
 def _has_rows(source: Any) -> bool:

@@ -1,4 +1,7 @@
-"""What a record is like, before anything is fitted to it: rate, gaps, noise, amplitude, cycles, release, rest."""
+"""What a record is like, before anything is fitted to it: rate, gaps, noise, amplitude, cycles, release, rest.
+
+Scales that no friction oscillator has are pointed out, each with the mistake that most often makes them: a wrong unit.
+"""
 
 import dataclasses
 import html
@@ -14,11 +17,31 @@ from .segmentation.decay import Segmentation
 
 REGULAR = 1e-3  # largest deviation of an interval from the median one, relative
 GAP = 1.5  # intervals longer than this many median ones
+# Springs of laboratory rigs bend by millimetres or centimetres, and a pendulum turns over beyond a half-turn to each
+# side.
+_LARGEST_AMPLITUDE, _LARGEST_SWING = 0.5, 2 * math.pi
+# The electronics of fast interferometers count fringes up to some 5 m/s.
+_LARGEST_SPEED = 5.0
+_GRAVITY = 9.80665  # m/s^2
+# Shot noise of a milliwatt of red light, lambda/(4 pi) sqrt(2 h nu/P) = 1.3e-15 m/sqrt(Hz).
+_LEAST_DENSITY = 1e-15
+# Noise relative to the amplitude below which a record is a computed one, without noise but its rounding.
+_COMPUTED = 1e-10
 
 
 @dataclasses.dataclass(frozen=True)
 class Inspection:
-    """The findings of `inspect`: times in s, frequencies in Hz, displacements in `unit` ("m" or "rad")."""
+    """What `inspect` reports: times in s, frequencies in Hz, displacements in `unit` ("m" or "rad").
+
+    The fields are those of a `Segmentation`, and of the record: `samples`, `masked`, `duration`, `rate`, whether its
+    samples are `regular`, `gaps` and the `longest_gap`. `warnings` are sentences about what is doubtful.
+
+    Examples:
+        >>> import fricjax as fj
+        >>> inspection = fj.data.inspect(fj.data.example_paths().run)
+        >>> inspection.n_half_cycles, round(inspection.frequency, 2), inspection.warnings
+        (13, 12.6, ())
+    """
 
     source: str
     unit: str
@@ -46,11 +69,11 @@ class Inspection:
     warnings: tuple[str, ...] = ()
 
     def to_dict(self) -> dict[str, Any]:
-        """The findings as plain values for JSON."""
+        """The fields as plain values for JSON."""
         return dataclasses.asdict(self)
 
     def summary(self) -> str:
-        """The findings as a table of plain text, with what is doubtful below it."""
+        """The fields as a table of plain text, with the warnings below it."""
         lines = [f"{name:<22}{value}" for name, value in _rows(self)]
         return "\n".join([*lines, *(f"! {sentence}" for sentence in self.warnings)])
 
@@ -67,19 +90,19 @@ def inspect(record: Any) -> Inspection:
     """Inspects a record, or whatever `fricjax.read` makes one of without options.
 
     Raises:
-        DataError: x is constant, or sampled too sparsely to tell its half-cycles.
+        DataError: x is constant, or sampled too sparsely to resolve its half-cycles.
 
-    ```python
-    print(fricjax.data.inspect("run.csv"))
-    ```
+    Examples:
+        >>> import fricjax as fj
+        >>> print(fj.data.inspect(fj.data.example_paths().run).summary().splitlines()[3])
+        rate                  5000 Hz, regular
     """
     record = record_of(record)
-    trace, found = record.trace, record.segmentation
-    t = np.asarray(trace.t)
-    used = t[np.asarray(trace.mask)]
-    steps = np.diff(t)
+    trace, segmentation = record.trace, record.segmentation
+    steps = np.diff(record.t)
     step = float(np.median(steps))
-    holes = np.diff(used)[np.diff(used) > GAP * step]
+    used = np.diff(record.t[record.mask])
+    gaps = used[used > GAP * step]
     return Inspection(
         source=record.name or "in memory",
         unit=record.quantity,
@@ -88,79 +111,63 @@ def inspect(record: Any) -> Inspection:
         duration=float(trace.duration),
         rate=record.rate,
         regular=bool(np.all(np.abs(steps - step) <= REGULAR * step)),
-        gaps=int(holes.size),
-        longest_gap=float(holes.max()) if holes.size else 0.0,
-        noise=found.noise,
-        white_noise=found.white_noise,
-        lines=found.lines,
-        resolution=found.resolution,
-        amplitude=found.amplitude,
-        cycles=found.cycles,
-        n_half_cycles=found.n_half_cycles,
-        open=found.open,
-        half_period=found.half_period,
-        frequency=0.5 / found.half_period,
-        release=found.release,
-        first_reversal=found.first_reversal,
-        rest=found.rest,
-        rest_position=found.rest_position,
-        warnings=(*record.doubts, *implausible_scale(found, step, angular=record.quantity == "rad")),
+        gaps=int(gaps.size),
+        longest_gap=float(gaps.max()) if gaps.size else 0.0,
+        noise=segmentation.noise,
+        white_noise=segmentation.white_noise,
+        lines=segmentation.lines,
+        resolution=segmentation.resolution,
+        amplitude=segmentation.amplitude,
+        cycles=segmentation.cycles,
+        n_half_cycles=segmentation.n_half_cycles,
+        open=segmentation.open,
+        half_period=segmentation.half_period,
+        frequency=0.5 / segmentation.half_period,
+        release=segmentation.release,
+        first_reversal=segmentation.first_reversal,
+        rest=segmentation.rest,
+        rest_position=segmentation.rest_position,
+        warnings=(*record.doubts, *implausible_scale(segmentation, step, angular=record.quantity == "rad")),
     )
 
 
-def _or_else(found: Inspection) -> str:
-    """The numbers of half-cycles that the noise leaves possible beside the likeliest one."""
-    others = ", ".join(str(found.n_half_cycles + step) for step in found.open)
-    return f", possibly {others}" if others else ""
-
-
-def _rows(found: Inspection) -> list[tuple[str, str]]:
-    unit = found.unit
-    spacing = "regular" if found.regular else "irregular"
-    gaps = f"{found.gaps}, the longest {found.longest_gap:.4g} s" if found.gaps else "none"
+def _rows(inspection: Inspection) -> list[tuple[str, str]]:
+    unit = inspection.unit
+    spacing = "regular" if inspection.regular else "irregular"
+    gaps = f"{inspection.gaps}, the longest {inspection.longest_gap:.4g} s" if inspection.gaps else "none"
     rest = "none: the record ends in motion"
-    if found.rest is not None:
-        rest = f"{found.rest:.6g} s at {found.rest_position:.6g} {unit}"
+    if inspection.rest is not None:
+        rest = f"{inspection.rest:.6g} s at {inspection.rest_position:.6g} {unit}"
+    others = ", ".join(str(inspection.n_half_cycles + step) for step in inspection.open)
+    possibly = f", possibly {others}" if others else ""
     return [
-        ("source", found.source),
-        ("samples", f"{found.samples}, {found.masked} masked"),
-        ("duration", f"{found.duration:.6g} s"),
-        ("rate", f"{found.rate:.6g} Hz, {spacing}"),
+        ("source", inspection.source),
+        ("samples", f"{inspection.samples}, {inspection.masked} masked"),
+        ("duration", f"{inspection.duration:.6g} s"),
+        ("rate", f"{inspection.rate:.6g} Hz, {spacing}"),
         ("gaps", gaps),
-        ("noise", f"{found.noise:.3g} {unit} rms, of which {found.white_noise:.3g} {unit} white"),
-        ("hum at rest", ", ".join(f"{size:.3g} {unit} at {at:.4g} Hz" for at, size in found.lines) or "none seen"),
-        ("resolution", f"{found.resolution:.3g} {unit}" if found.resolution else "no steps seen"),
-        ("amplitude", f"{found.amplitude:.6g} {unit}"),
-        ("half-cycles", f"{found.n_half_cycles} ({found.cycles:g} cycles){_or_else(found)}"),
-        ("half-period", f"{found.half_period:.6g} s ({found.frequency:.6g} Hz)"),
-        ("release", f"{found.release:.6g} s"),
-        ("first reversal", "none" if found.first_reversal is None else f"{found.first_reversal:.6g} s"),
+        ("noise", f"{inspection.noise:.3g} {unit} rms, of which {inspection.white_noise:.3g} {unit} white"),
+        ("hum at rest", ", ".join(f"{size:.3g} {unit} at {at:.4g} Hz" for at, size in inspection.lines) or "none seen"),
+        ("resolution", f"{inspection.resolution:.3g} {unit}" if inspection.resolution else "no steps seen"),
+        ("amplitude", f"{inspection.amplitude:.6g} {unit}"),
+        ("half-cycles", f"{inspection.n_half_cycles} ({inspection.cycles:g} cycles){possibly}"),
+        ("half-period", f"{inspection.half_period:.6g} s ({inspection.frequency:.6g} Hz)"),
+        ("release", f"{inspection.release:.6g} s"),
+        ("first reversal", "none" if inspection.first_reversal is None else f"{inspection.first_reversal:.6g} s"),
         ("rest", rest),
     ]
 
 
-# Springs of laboratory rigs bend by millimetres or centimetres, and a pendulum turns over beyond a half-turn to each
-# side.
-_LARGEST_AMPLITUDE, _LARGEST_SWING = 0.5, 2 * math.pi
-# The electronics of fast interferometers count fringes up to some 5 m/s.
-_LARGEST_SPEED = 5.0
-_GRAVITY = 9.80665  # m/s^2
-# Shot noise of a milliwatt of red light, lambda/(4 pi) sqrt(2 h nu/P) = 1.3e-15 m/sqrt(Hz).
-_LEAST_DENSITY = 1e-15
-# Noise relative to the amplitude below which a record is a computed one, without noise but its rounding.
-_COMPUTED = 1e-10
-
-
-def implausible_scale(found: Segmentation, interval: float, *, angular: bool, where: str = "") -> Iterator[str]:
+def implausible_scale(segmentation: Segmentation, interval: float, *, angular: bool, where: str = "") -> Iterator[str]:
     """A sentence for each scale of a record that cannot be true.
 
     Args:
-        found: the anatomy of the record.
+        segmentation: of the record.
         interval: time between samples [s].
         angular: whether the displacement is an angle.
         where: which record, for the sentence: " of run 2".
     """
-    amplitude, omega = found.amplitude, math.pi / found.half_period
+    amplitude, omega = segmentation.amplitude, math.pi / segmentation.half_period
     if angular:
         if 2 * amplitude > _LARGEST_SWING:
             yield (
@@ -179,8 +186,8 @@ def implausible_scale(found: Segmentation, interval: float, *, angular: bool, wh
             f"{amplitude * omega**2 / _GRAVITY:.3g} times gravity, faster than an interferometer follows: check the "
             "units of displacement and time."
         )
-    density = found.white_noise * math.sqrt(2.0 * interval)
-    if _COMPUTED * amplitude < found.white_noise and density < _LEAST_DENSITY:
+    density = segmentation.white_noise * math.sqrt(2.0 * interval)
+    if _COMPUTED * amplitude < segmentation.white_noise and density < _LEAST_DENSITY:
         yield (
             f"The noise{where} of {density:.1e} m/sqrt(Hz) over its bandwidth is less than that of a milliwatt of "
             "light: check the unit of the displacement."

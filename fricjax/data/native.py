@@ -33,7 +33,7 @@ def encode(record: Record) -> tuple[dict[str, np.ndarray], dict[str, str]]:
 
 
 def decode(arrays: dict[str, np.ndarray], texts: dict[str, str], source: str) -> Record:
-    """The record that `encode` took apart; what else the file may hold is told in one sentence."""
+    """The record that `encode` took apart; anything else that the file may hold ends in one sentence."""
     for name in ("t", "x", "mask"):
         if name not in arrays:
             raise _damaged(source, f"'{name}' is missing")

@@ -7,11 +7,18 @@ import numpy as np
 from ..errors import DataError, UsageError
 from .record import Record, Step
 from .segmentation.decay import Segmentation
+from .trace import MINIMUM_SAMPLES, Trace
 from .units import DISPLACEMENT, TIME, factor
 
 
 def segment_record(record: Record) -> Segmentation:
-    """The anatomy of a record's trace: see `segment`."""
+    """The segmentation of a record's trace, computed once: see `segment`.
+
+    Examples:
+        >>> import fricjax as fj
+        >>> fj.data.segment_record(fj.read(fj.data.example_paths().run)).n_half_cycles
+        13
+    """
     return record.segmentation
 
 
@@ -21,9 +28,13 @@ def crop(record: Record, start: float | None = None, stop: float | None = None) 
     Raises:
         UsageError: `stop` is not after `start`.
         DataError: fewer than three samples would remain.
-    """
-    from .trace import MINIMUM_SAMPLES, Trace
 
+    Examples:
+        >>> import fricjax as fj
+        >>> record = fj.data.crop(fj.read(fj.data.example_paths().run), start=0.1)
+        >>> print(record.log[-1])
+        crop(start=0.1): kept 3500 of 4000 samples, from 0.1 s to 0.7998 s
+    """
     trace, t = record.trace, np.asarray(record.trace.t)
     low, high = (-math.inf if start is None else start), (math.inf if stop is None else stop)
     if not high > low:
@@ -50,9 +61,14 @@ def convert_unit(record: Record, unit: str, time_unit: str | None = None) -> Rec
 
     Raises:
         DataError: a unit that does not fit; examples that do are named.
-    """
-    from .trace import Trace
 
+    Examples:
+        >>> import numpy as np
+        >>> import fricjax as fj
+        >>> record = fj.Record(x=2000 * np.cos(np.arange(500)), rate=5000.0)
+        >>> fj.data.convert_unit(record, "um").x[0]
+        np.float64(0.002)
+    """
     trace = record.trace
     scale, quantity = factor(unit, DISPLACEMENT, "the displacement")
     time_scale = 1.0 if time_unit is None else factor(time_unit, TIME, "the time")[0]
@@ -72,9 +88,14 @@ def _scaled(value: float | None, scale: float) -> float | None:
 
 
 def flip_sign(record: Record) -> Record:
-    """Turns the direction of the displacement round."""
-    from .trace import Trace
+    """Reverses the direction of the displacement.
 
+    Examples:
+        >>> import fricjax as fj
+        >>> record = fj.Record(x=[1e-3, 0.0, -1e-3], rate=10.0)
+        >>> fj.data.flip_sign(record).x.tolist()
+        [-0.001, -0.0, 0.001]
+    """
     trace = record.trace
     flipped = Trace(trace.t, -np.asarray(trace.x), trace.sigma, trace.mask)
     places = {key: -value for key, value in record.meta.items() if key == "rest_position" and value is not None}
@@ -82,45 +103,64 @@ def flip_sign(record: Record) -> Record:
 
 
 def find_release(record: Record) -> Record:
-    """Finds the instant at which the free motion starts and keeps it as `meta["release_time"]` [s].
+    """Determines the instant at which the free motion starts and keeps it as `meta["release_time"]` [s].
 
     Raises:
         DataError: x is constant, or sampled too sparsely.
+
+    Examples:
+        >>> import fricjax as fj
+        >>> record = fj.data.find_release(fj.read(fj.data.example_paths().run))
+        >>> round(record.meta["release_time"], 3)
+        0.051
     """
-    release = segment_record(record).release
-    held = release - float(np.asarray(record.trace.t)[0])
-    effect = f"the free motion starts at {release:.9g} s, {held:.6g} s after the first sample"
+    release = record.segmentation.release
+    since = release - float(record.t[0])
+    effect = f"the free motion starts at {release:.9g} s, {since:.6g} s after the first sample"
     return record.with_step(Step("find_release", {}, effect), release_time=release)
 
 
 def find_first_reversal(record: Record) -> Record:
-    """Finds the first reversal after the release and keeps it as `meta["first_reversal_time"]` [s].
+    """Determines the first reversal after the release and keeps it as `meta["first_reversal_time"]` [s].
 
     Raises:
-        DataError: x is constant, sampled too sparsely, or never turns.
+        DataError: x is constant, sampled too sparsely, or without any reversal.
+
+    Examples:
+        >>> import fricjax as fj
+        >>> record = fj.data.find_first_reversal(fj.read(fj.data.example_paths().run))
+        >>> round(record.meta["first_reversal_time"], 3)
+        0.091
     """
-    found = segment_record(record)
-    if found.first_reversal is None:
-        raise DataError("The motion never turns round: there is no reversal after the release; use start='release'.")
+    segmentation = record.segmentation
+    if segmentation.first_reversal is None:
+        raise DataError("The motion has no reversal after the release; use start='release'.")
     effect = (
-        f"the first reversal is at {found.first_reversal:.9g} s, x = {found.turning_points[0]:.9g} {record.quantity}"
+        f"the first reversal is at {segmentation.first_reversal:.9g} s, "
+        f"x = {segmentation.turning_points[0]:.9g} {record.quantity}"
     )
-    return record.with_step(Step("find_first_reversal", {}, effect), first_reversal_time=found.first_reversal)
+    return record.with_step(Step("find_first_reversal", {}, effect), first_reversal_time=segmentation.first_reversal)
 
 
 def find_rest(record: Record) -> Record:
-    """Finds the final rest and keeps it as `meta["rest_time"]` [s] and `meta["rest_position"]`, None while moving.
+    """Determines the final rest and keeps it as `meta["rest_time"]` [s] and `meta["rest_position"]`, None while moving.
 
     Raises:
         DataError: x is constant, or sampled too sparsely.
+
+    Examples:
+        >>> import fricjax as fj
+        >>> record = fj.data.find_rest(fj.read(fj.data.example_paths().run))
+        >>> f"{record.meta['rest_time']:.3f} s, {1e6 * record.meta['rest_position']:.2f} um"
+        '0.567 s, 92.90 um'
     """
-    found = segment_record(record)
-    if found.rest is None:
+    segmentation = record.segmentation
+    if segmentation.rest is None:
         effect = "the record ends while the mass still moves"
     else:
-        effect = f"at rest from {found.rest:.9g} s on, x = {found.rest_position:.9g} {record.quantity}"
-    step = Step("find_rest", {}, f"{effect}, after {found.n_half_cycles} half-cycles")
-    return record.with_step(step, rest_time=found.rest, rest_position=found.rest_position)
+        effect = f"at rest from {segmentation.rest:.9g} s on, x = {segmentation.rest_position:.9g} {record.quantity}"
+    step = Step("find_rest", {}, f"{effect}, after {segmentation.n_half_cycles} half-cycles")
+    return record.with_step(step, rest_time=segmentation.rest, rest_position=segmentation.rest_position)
 
 
 def estimate_noise(record: Record) -> Record:
@@ -128,12 +168,17 @@ def estimate_noise(record: Record) -> Record:
 
     Raises:
         DataError: x is constant or sampled too sparsely, or the record is free of noise.
-    """
-    from .trace import Trace
 
-    trace, found = record.trace, segment_record(record)
-    if not found.white_noise > 0:
+    Examples:
+        >>> import fricjax as fj
+        >>> record = fj.data.estimate_noise(fj.read(fj.data.example_paths().run))
+        >>> f"{float(record.sigma):.0e}"
+        '5e-09'
+    """
+    trace, segmentation = record.trace, record.segmentation
+    if not segmentation.white_noise > 0:
         raise DataError("The record shows no noise at all, as a computed one does; give sigma= yourself.")
-    noisy = Trace(trace.t, trace.x, found.noise, trace.mask)
-    effect = f"white noise of {found.noise:.4g} {record.quantity}, resolution {found.resolution:.4g} {record.quantity}"
-    return record.with_step(Step("estimate_noise", {}, effect), trace=noisy, noise=found.noise)
+    noisy = Trace(trace.t, trace.x, segmentation.noise, trace.mask)
+    noise, resolution = segmentation.noise, segmentation.resolution
+    effect = f"white noise of {noise:.4g} {record.quantity}, resolution {resolution:.4g} {record.quantity}"
+    return record.with_step(Step("estimate_noise", {}, effect), trace=noisy, noise=segmentation.noise)

@@ -27,7 +27,7 @@ READERS = {
     **dict.fromkeys((".h5", ".hdf5", ".nc"), ("hdf5", "read_hdf5")),
 }
 PLUGIN_GROUP = "fricjax.readers"
-# What may be said of every file and table.
+# Options of every file and table.
 _COMMON = tuple(field.name for field in dataclasses.fields(Choice))
 
 
@@ -55,7 +55,7 @@ def read(source: Any, **options: Any) -> Any:
               instrument counts in, as "12.5 um/V"; what contradicts the file is refused
             - `rate`: samples per second, where there are no times
             - `sigma`: standard deviation of the noise, in the unit of the displacement
-            - `sign`: -1 turns the direction round
+            - `sign`: -1 reverses the direction
 
             and for text formats `delimiter`, `decimal`, `comment`, `skip_rows`, `header`, `encoding`; for `.mat`
             files `row` and `cells`. Arrays take all of the former but columns, and `t`, the times; records take
@@ -69,12 +69,14 @@ def read(source: Any, **options: Any) -> Any:
         DataError: the file is missing, of an unknown format, damaged, or holds no usable record.
         UsageError: an option is unknown to the format or contradicts another, or no record can be made of the source.
 
-    ```python
-    fricjax.read("run.csv", unit="um")
-    fricjax.read(pandas.DataFrame({"Time [ms]": t, "Displacement [um]": x}))
-    fricjax.read((t, x))
-    fricjax.read(x, rate=5000.0, unit="nm")
-    ```
+    Examples:
+        >>> import fricjax as fj
+        >>> fj.read(fj.data.example_paths().run)
+        Record('synthetic run', 4000 samples, 0..0.7998 s, x in m, 4 steps)
+        >>> fj.read({"Time [ms]": [0, 1, 2, 3], "Position [um]": [2000, 1900, 1700, 1400]}).x[0]
+        np.float64(0.002)
+        >>> fj.read([2.0, 1.9, 1.7, 1.4], rate=5000.0, unit="mm").rate
+        5000.0
     """
     if isinstance(source, str | os.PathLike):
         source = Path(source)
@@ -87,8 +89,9 @@ def read(source: Any, **options: Any) -> Any:
     _check_options(reader, kind, options)
     if "choice" not in inspect.signature(reader).parameters:
         return reader(source, **options)
-    own = {name: options.pop(name) for name in list(options) if name not in _COMMON}
-    return reader(source, Choice(**options), **own)
+    common = {name: value for name, value in options.items() if name in _COMMON}
+    of_format = {name: value for name, value in options.items() if name not in _COMMON}
+    return reader(source, Choice(**common), **of_format)
 
 
 def check(path: Path, options: Collection[str] = ()) -> None:
@@ -96,7 +99,7 @@ def check(path: Path, options: Collection[str] = ()) -> None:
 
     Args:
         path: the file.
-        options: names of the options that are to be given.
+        options: names of the options that are to be used.
 
     Raises:
         DataError: no such file, one that is empty, or of an unknown format.
@@ -131,8 +134,8 @@ def _check_options(reader: "Callable[..., Any]", kind: str, options: Collection[
     if any(parameter.kind is parameter.VAR_KEYWORD for parameter in parameters.values()):
         return
     common = _COMMON if "choice" in parameters else ()
-    own = [name for name, parameter in parameters.items() if parameter.kind is parameter.KEYWORD_ONLY]
-    known = [f"{name}=" for name in (*common, *own)]
+    of_format = [name for name, parameter in parameters.items() if parameter.kind is parameter.KEYWORD_ONLY]
+    known = [f"{name}=" for name in (*common, *of_format)]
     for name in options:
         if f"{name}=" not in known:
             raise UsageError(

@@ -22,15 +22,21 @@ if TYPE_CHECKING:
 
 @dataclasses.dataclass(frozen=True)
 class Step:
-    """One logged step: its name, the parameters it was called with, and what it did, in words and numbers."""
+    """One logged step: its name, the parameters it was called with, and what it did, in words and numbers.
+
+    Examples:
+        >>> from fricjax.data import Step
+        >>> print(Step("crop", {"start": 0.1, "stop": None}, "kept 900 of 1000 samples"))
+        crop(start=0.1): kept 900 of 1000 samples
+    """
 
     name: str
     parameters: dict[str, Any]
     effect: str
 
     def __str__(self) -> str:
-        given = ", ".join(f"{key}={value!r}" for key, value in self.parameters.items() if value is not None)
-        return f"{self.name}({given}): {self.effect}"
+        arguments = ", ".join(f"{key}={value!r}" for key, value in self.parameters.items() if value is not None)
+        return f"{self.name}({arguments}): {self.effect}"
 
 
 @dataclasses.dataclass(frozen=True, init=False)
@@ -47,10 +53,13 @@ class Record:
       `quantity` (`"m"` or `"rad"`), `release_time` [s] where it is known, and what later steps add.
     - `log`: the steps that led here, in order.
 
-    ```python
-    record = fricjax.Record(t, x, sigma=1e-9)
-    record.rate, record.duration, record.plot()
-    ```
+    Examples:
+        >>> import fricjax as fj
+        >>> record = fj.read(fj.data.example_paths().run)
+        >>> record.name, record.quantity, round(record.rate), round(record.duration, 4)
+        ('synthetic run', 'm', 5000, 0.7998)
+        >>> fj.Record(x=record.x, rate=5000.0).segmentation.n_half_cycles
+        13
     """
 
     trace: "Trace"
@@ -63,11 +72,13 @@ class Record:
     def __init__(
         self, t: Any = None, x: Any = None, sigma: Any = None, mask: Any = None, *, rate: float | None = None
     ) -> None: ...
-    def __init__(self, *given: Any, **named: Any) -> None:
+    def __init__(self, *arguments: Any, **named: Any) -> None:
         from .trace import Trace
 
-        whole = "trace" in named or (given and isinstance(given[0], Trace))
-        self._set(*given, **named) if whole else self._set(Trace(*given, **named))
+        if "trace" in named or (arguments and isinstance(arguments[0], Trace)):
+            self._set(*arguments, **named)
+        else:
+            self._set(Trace(*arguments, **named))
 
     def _set(self, trace: "Trace", meta: dict[str, Any] | None = None, log: Sequence[Step] = ()) -> None:
         for name, value in (("trace", trace), ("meta", {} if meta is None else meta), ("log", tuple(log))):
@@ -84,7 +95,7 @@ class Record:
 
     @property
     def x(self) -> np.ndarray:
-        """Displacements [m] or angles [rad], shape (n,); 0 where a sample has no value, which `mask` tells."""
+        """Displacements [m] or angles [rad], shape (n,); 0 where a sample has no value, for which `mask` is False."""
         return np.asarray(self.trace.x)
 
     @property
@@ -114,7 +125,7 @@ class Record:
 
     @functools.cached_property
     def segmentation(self) -> Segmentation:
-        """Hold, release, reversals, rest and noise of the trace, found when first asked for and kept; see `segment`.
+        """Hold, release, reversals, rest and noise of the trace, computed when first asked for and kept; see `segment`.
 
         Raises:
             DataError: x is constant, or there are too few samples, altogether or per half-cycle.

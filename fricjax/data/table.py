@@ -7,7 +7,7 @@ import numpy as np
 
 from ..errors import DataError, brief
 from .files import check_regular
-from .readers.dialect import Dialect, Layout, sniff
+from .readers.dialect import Dialect, sniff
 from .readers.fields import number, split
 from .readers.text import Text
 from .units import si_unit
@@ -17,7 +17,7 @@ def read_table(path: str | Path, columns: Mapping[str, str], *, what: str) -> di
     """Read the first columns of a text table in SI units.
 
     Args:
-        path: the file; delimiter, decimal mark and header are found.
+        path: the file; delimiter, decimal mark and header are recognised.
         columns: what the columns hold, in order, and the SI unit of each; units in the header, as in ``x0 [um]``, are
             converted.
         what: what the table is, for the messages.
@@ -40,36 +40,27 @@ def read_table(path: str | Path, columns: Mapping[str, str], *, what: str) -> di
         raise DataError(
             f"{path.name} has {len(layout.names)} column(s); {what} needs {len(columns)}: {', '.join(columns)}."
         )
-    rows = [
-        _row(path, i + 1, line, layout, len(columns)) for i, line in enumerate(lines) if _holds_data(i, line, layout)
-    ]
-    table = np.array(rows) * [_factor(path, layout, i, *column, what) for i, column in enumerate(columns.items())]
-    return dict(zip(columns, table.T, strict=True))
+    rows = []
+    for i, line in enumerate(lines):
+        if i < layout.first_line or not Dialect().holds_data(line):
+            continue
+        values = [number(field, layout.decimal) for field in split(line, layout.delimiter)[: len(columns)]]
+        if len(values) < len(columns) or any(value is None or not np.isfinite(value) for value in values):
+            raise DataError(
+                f"{path.name}, row {i + 1}: {brief(line.strip())} does not hold {len(columns)} numbers; repair the row."
+            )
+        rows.append(values)
+    factors = [_factor(path, unit, *column, what) for unit, column in zip(layout.units, columns.items(), strict=False)]
+    return dict(zip(columns, (np.array(rows, dtype=np.float64) * factors).T, strict=True))
 
 
-def _holds_data(i: int, line: str, layout: Layout) -> bool:
-    return i >= layout.first_line and Dialect().holds_data(line)
-
-
-def _row(path: Path, place: int, line: str, layout: Layout, columns: int) -> list[float]:
-    """The numbers of a line."""
-    fields = split(line, layout.delimiter)[:columns]
-    values = [number(field, layout.decimal) for field in fields]
-    if len(values) < columns or any(value is None or not np.isfinite(value) for value in values):
-        raise DataError(
-            f"{path.name}, row {place}: {brief(line.strip())} does not hold {columns} numbers; repair the row."
-        )
-    return [float(value) for value in values if value is not None]
-
-
-def _factor(path: Path, layout: Layout, place: int, name: str, target: str, what: str) -> float:
-    """What one unit of a column is in SI units."""
-    unit = layout.units[place]
+def _factor(path: Path, unit: str | None, name: str, target: str, what: str) -> float:
+    """What one unit of a column is in SI units; without a unit in its title it is in them already."""
     if unit is None:
         return 1.0
-    found, goal = si_unit(unit), si_unit(target)
-    if found is None or goal is None or found[1] != goal[1]:
+    known, expected = si_unit(unit), si_unit(target)
+    if known is None or expected is None or known[1] != expected[1]:
         raise DataError(
             f"{path.name}: the unit '{unit}' does not fit the {name} of {what}; use for example '{target}'."
         )
-    return found[0]
+    return known[0]

@@ -27,7 +27,7 @@ class Trace(eqx.Module):
     **Arguments:**
 
     - `t`: times [s], shape `(n,)`, finite and strictly increasing; `n >= 3`.
-    - `x`: displacements [m] or angles [rad], shape `(n,)`. Samples that are not finite are masked out and held as 0.
+    - `x`: displacements [m] or angles [rad], shape `(n,)`. Samples that are not finite are masked out and kept as 0.
     - `sigma`: standard deviation of the noise of `x` [m or rad], one number or shape `(n,)`; None: not known.
     - `mask`: shape `(n,)`, True where a sample is used; None: wherever `x` is finite.
     - `rate`: samples per second, in place of times; the first sample is then at 0 s.
@@ -35,10 +35,12 @@ class Trace(eqx.Module):
     Raises `DataError` with one sentence where the arrays do not make a trace, and `UsageError` where there are not as
     many of them as it takes.
 
-    ```python
-    fricjax.Trace(t, x, sigma=1e-9)
-    fricjax.Trace(x=x, rate=5000.0)
-    ```
+    Examples:
+        >>> import numpy as np
+        >>> import fricjax as fj
+        >>> trace = fj.Trace(x=2e-3 * np.cos(np.arange(500)), rate=5000.0, sigma=1e-9)
+        >>> trace.n, round(float(trace.duration), 4)
+        (500, 0.0998)
     """
 
     t: Float[Array | np.ndarray, " n"]
@@ -53,13 +55,20 @@ class Trace(eqx.Module):
                 "Trace(x=x, rate=5000.0). A file or a table is read by fricjax.read."
             )
         x = _floats(x, "x")
-        t = _floats(t, "t") if rate is None else _times_at(rate, x)
-        sigma = None if sigma is None else _floats(sigma, "sigma")
+        if rate is not None:
+            check_rate(rate)
+            t = np.arange(x.size) / float(rate)
+        t, sigma = _floats(t, "t"), None if sigma is None else _floats(sigma, "sigma")
         _check_shapes(t, x, sigma)
-        mask = _used(x, mask)
+        isfinite = jnp.isfinite if isinstance(x, jax.Array) else np.isfinite
+        mask = isfinite(x) if mask is None else _checked_mask(mask, x) & isfinite(x)
         _check_values(t, sigma)
         self.t, self.sigma, self.mask = t, sigma, mask
-        self.x = _where_used(mask, x)
+        # Zero for what is not finite: a NaN multiplied by a zero weight would still be NaN in traced code.
+        if isinstance(x, jax.Array):
+            self.x = jnp.where(jnp.isfinite(x), x, jnp.zeros_like(x))
+        else:
+            self.x = x if np.all(mask) else np.where(np.isfinite(x), x, 0.0)
 
     @property
     def n(self) -> int:
@@ -77,11 +86,6 @@ class Trace(eqx.Module):
         return self.mask.sum(axis=-1)
 
 
-def _times_at(rate: float, x: Any) -> np.ndarray:
-    check_rate(rate)
-    return np.arange(x.size) / float(rate)
-
-
 def _floats(values: Any, name: str) -> Any:
     # The casts of numpy and jax drop imaginary parts, and make numbers of dates.
     if getattr(getattr(values, "dtype", None), "kind", "f") in "cmM":
@@ -94,10 +98,6 @@ def _floats(values: Any, name: str) -> Any:
         return np.asarray(values, dtype=np.float64)
     except (TypeError, ValueError) as error:
         raise DataError(f"{name} must hold real numbers, but it could not be converted: {error}.") from error
-
-
-def _is_concrete(array: Any) -> bool:
-    return not isinstance(array, Tracer)
 
 
 def _check_shapes(t: Any, x: Any, sigma: Any) -> None:
@@ -114,47 +114,34 @@ def _check_shapes(t: Any, x: Any, sigma: Any) -> None:
         raise DataError(f"sigma must be one number or one per sample ({t.shape[0]}), but it has shape {sigma.shape}.")
 
 
-def _used(x: Any, mask: Any) -> Any:
-    """The mask as booleans, without the samples whose displacement is not finite."""
-    isfinite = jnp.isfinite if isinstance(x, jax.Array) else np.isfinite
-    if mask is None:
-        return isfinite(x)
+def _checked_mask(mask: Any, x: Any) -> Any:
     mask = mask if isinstance(mask, jax.Array) else np.asarray(mask)
     if mask.dtype != bool:
         raise DataError(f"mask must be boolean (True: the sample is used), but its type is {mask.dtype}.")
     if mask.shape != x.shape:
         raise DataError(f"mask must have one entry per sample ({x.shape[0]}), but it has shape {mask.shape}.")
-    return mask & isfinite(x)
-
-
-def _where_used(mask: Any, x: Any) -> Any:
-    """Zero for what is not finite: a NaN multiplied by a zero weight would still be NaN in traced code."""
-    if isinstance(x, jax.Array):
-        return jnp.where(jnp.isfinite(x), x, jnp.zeros_like(x))
-    return x if np.all(mask) else np.where(np.isfinite(x), x, 0.0)
+    return mask
 
 
 def _check_values(t: Any, sigma: Any) -> None:
-    if _is_concrete(t):
-        _check_times(np.asarray(t))
-    if sigma is not None and _is_concrete(sigma):
-        bad = np.flatnonzero(~((np.asarray(sigma) > 0) & np.isfinite(np.asarray(sigma))).ravel())
+    """Refuses values that make no trace; those of traced arrays cannot be seen."""
+    if not isinstance(t, Tracer):
+        t = np.asarray(t)
+        finite = np.isfinite(t)
+        if not finite.all():
+            i = int(np.argmin(finite))
+            raise DataError(f"t must be finite, but sample {i} is {t[i]}; drop such samples or give a rate.")
+        i = first_not_later(t)
+        if i is not None:
+            raise DataError(
+                f"t must increase strictly, but sample {i} is {float(t[i])} s after {float(t[i - 1])} s; sort the "
+                "samples and drop repeated ones."
+            )
+    if sigma is not None and not isinstance(sigma, Tracer):
+        sigma = np.asarray(sigma).ravel()
+        bad = np.flatnonzero(~((sigma > 0) & np.isfinite(sigma)))
         if bad.size:
-            got = np.asarray(sigma).ravel()[bad[0]]
-            raise DataError(f"sigma must be positive and finite, but it is {got:g} (entry {bad[0]}).")
-
-
-def _check_times(t: np.ndarray) -> None:
-    finite = np.isfinite(t)
-    if not finite.all():
-        i = int(np.argmin(finite))
-        raise DataError(f"t must be finite, but sample {i} is {t[i]}; drop such samples or give a rate.")
-    i = first_not_later(t)
-    if i is not None:
-        raise DataError(
-            f"t must increase strictly, but sample {i} is {float(t[i])} s after {float(t[i - 1])} s; sort the "
-            "samples and drop repeated ones."
-        )
+            raise DataError(f"sigma must be positive and finite, but it is {sigma[bad[0]]:g} (entry {bad[0]}).")
 
 
 def first_not_later(t: np.ndarray) -> int | None:

@@ -2,7 +2,7 @@
 
 A unit is a product of powers of known symbols, and nothing else is one: its text comes from files that anybody can have
 written, so that it is read by a grammar of its own and never calculated. Records hold only a length or an angle and a
-time, but a row of units is told as such by all of its entries, and a rig has masses, forces and their quotients.
+time, but a row of units is recognised by all of its entries, and a rig has masses, forces and their quotients.
 """
 
 import functools
@@ -70,7 +70,7 @@ _PREFIXED = {
     "hertz": Unit(1.0, {"s": -1}),
     "Nm": Unit(1.0, _ENERGY),
 }
-_WHOLE = {
+_UNPREFIXED = {
     **dict.fromkeys(("micron", "microns"), Unit(1e-6, {"m": 1})),
     **dict.fromkeys(("Å", "angstrom"), Unit(1e-10, {"m": 1})),
     **dict.fromkeys(("in", "inch", "inches"), Unit(0.0254, {"m": 1})),
@@ -115,8 +115,8 @@ def unit_of(text: str) -> Unit | None:
     if len(text) > LONGEST:
         return None
     # Superscripts of two signs, as of one over a second, have become two marks of a power.
-    found = _product(text.strip().rstrip(".").translate(_SPELT).replace("^-^", "^-"))
-    return found if found is not None and 0 < found.scale < math.inf else None
+    unit = _product(text.strip().rstrip(".").translate(_SPELT).replace("^-^", "^-"))
+    return unit if unit is not None and 0 < unit.scale < math.inf else None
 
 
 def _product(text: str) -> Unit | None:
@@ -124,23 +124,23 @@ def _product(text: str) -> Unit | None:
     scale, powers, place = 1.0, Counter[str](), 0
     text = text.strip()
     while place < len(text) or not text:
-        found = _ITEM.match(text, place)
-        if found is None or (place == 0 and found["mark"]):
+        match = _ITEM.match(text, place)
+        if match is None or (place == 0 and match["mark"]):
             return None
-        item = _symbol(found["name"]) if found["group"] is None else _product(found["group"])
+        item = _symbol(match["name"]) if match["group"] is None else _product(match["group"])
         if item is None:
             return None
-        power = int(found["power"] or 1) * (-1 if found["mark"] == "/" else 1)
+        power = int(match["power"] or 1) * (-1 if match["mark"] == "/" else 1)
         scale *= item.scale**power
-        powers.update({name: power * own for name, own in item.powers.items()})
-        place = found.end()
+        powers.update({name: power * exponent for name, exponent in item.powers.items()})
+        place = match.end()
     return Unit(scale, {name: power for name, power in powers.items() if power})
 
 
 def _symbol(name: str) -> Unit | None:
     """A unit by its name, with a prefix or without."""
-    if name in _WHOLE:
-        return _WHOLE[name]
+    if name in _UNPREFIXED:
+        return _UNPREFIXED[name]
     for prefix, multiple in _PREFIXES.items():
         base = _PREFIXED.get(name[len(prefix) :]) if name.startswith(prefix) else None
         if base is not None:
@@ -150,15 +150,15 @@ def _symbol(name: str) -> Unit | None:
 
 def si_unit(unit: str) -> tuple[float, str] | None:
     """Factor to SI and the SI unit of the quantity: `("um") -> (1e-6, "m")`; None where the text is no unit at all."""
-    found = unit_of(unit)
-    return None if found is None else (found.scale, found.symbol)
+    known = unit_of(unit)
+    return None if known is None else (known.scale, known.symbol)
 
 
 def factor(unit: str, quantities: tuple[str, ...], what: str) -> tuple[float, str]:
     """Factor from `unit` to SI, and which of `quantities` ("m", "rad", "s") it measures.
 
     Args:
-        unit: a unit as written in a header or given by the user.
+        unit: a unit as written in a header or by the user.
         quantities: the SI units that fit.
         what: what the unit belongs to, for the message: "the displacement 'x' of run.csv".
 
@@ -166,11 +166,11 @@ def factor(unit: str, quantities: tuple[str, ...], what: str) -> tuple[float, st
         DataError: the text is no unit, or a unit of something else; examples that fit are named.
     """
     fitting = " or ".join(EXAMPLES[quantity] for quantity in quantities)
-    found = si_unit(unit)
-    if found is None:
+    known = si_unit(unit)
+    if known is None:
         shown = unit if len(unit) <= LONGEST else f"{unit[:LONGEST]}..."
         raise DataError(f"'{shown}' is not a known unit, but {what} has it; give one such as {fitting}.")
-    scale, quantity = found
+    scale, quantity = known
     if quantity not in quantities:
         raise DataError(f"The unit '{unit}' does not fit {what}; units that fit are {fitting}.")
     return scale, quantity

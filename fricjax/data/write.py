@@ -1,6 +1,6 @@
 """Writing a record so that reading it gives the same record: arrays to the last bit, facts and log included.
 
-The file appears whole or not at all, and replaces another one only where told to.
+The file appears complete or not at all, and replaces another one only with `overwrite`.
 """
 
 import io
@@ -29,12 +29,18 @@ def write(record: Any, path: str | Path, *, overwrite: bool = False) -> Path:
 
     Raises:
         UsageError: the suffix is none of these, or the folder does not exist.
-        FileExistsError: there is such a file, and `overwrite` is not given.
+        FileExistsError: there is such a file, and `overwrite` is not set.
         OSError: the file cannot be written, as on a full disk; what was there is as it was.
 
-    ```python
-    fricjax.write((t, x), "run.h5")
-    ```
+    Examples:
+        >>> import tempfile
+        >>> from pathlib import Path
+        >>> import fricjax as fj
+        >>> record = fj.read(fj.data.example_paths().run)
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     path = fj.write(record, Path(folder) / "run.npz")
+        ...     bool((fj.read(path).x == record.x).all())
+        True
     """
     record = record_of(record)
     path = Path(path)
@@ -46,10 +52,6 @@ def write(record: Any, path: str | Path, *, overwrite: bool = False) -> Path:
     if not path.parent.is_dir():
         raise UsageError(f"There is no folder {path.parent} to write {path.name} into; make it first.")
     return write_bytes(path, writer(record), overwrite=overwrite)
-
-
-def _csv(record: Record) -> bytes:
-    return to_text(record).encode("utf-8")
 
 
 def _npz(record: Record) -> memoryview:
@@ -76,4 +78,4 @@ def _hdf5(record: Record) -> memoryview:
     return content.getbuffer()
 
 
-WRITERS = {".csv": _csv, ".npz": _npz, ".h5": _hdf5, ".hdf5": _hdf5}
+WRITERS = {".csv": lambda record: to_text(record).encode("utf-8"), ".npz": _npz, ".h5": _hdf5, ".hdf5": _hdf5}

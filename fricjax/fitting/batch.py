@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..data import Record
-from ..data.gather import Given, listed, record_of
+from ..data.gather import Source, record_of, sources_of
 from ..errors import DataError, UsageError
 from ..estimation.covariance import Covariance, covariance
 from ..estimation.loss import AbstractLoss
@@ -125,7 +125,7 @@ def fit_batch(
     ```
     """
     ready()
-    given = listed(data, t, rate)
+    given = sources_of(data, t, rate)
     if not given:
         raise UsageError("There is no run to fit: the list is empty.")
     runs = [_opened(each) for each in given]
@@ -163,7 +163,7 @@ def _per_run(guess: Mapping[str, Any], runs: int) -> list[dict[str, float]]:
     return [{name: float(values[i]) for name, values in columns.items()} for i in range(runs)]
 
 
-def _opened(given: Given) -> Record | Exception:
+def _opened(given: Source) -> Record | Exception:
     """The record of a run, or why there is none."""
     try:
         return record_of(given.run, **given.options)

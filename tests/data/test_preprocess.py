@@ -92,7 +92,7 @@ def test_one_stroke_has_no_reversal():
     t = np.arange(0, 0.2, 1e-4)
     stroke = coulomb_viscous(t, 2e-3, frequency=12.6, zeta=0.003, dead_band=1e-3)
     assert stroke.n_half_cycles == 1
-    with pytest.raises(DataError, match="never turns round"):
+    with pytest.raises(DataError, match="has no reversal"):
         find_first_reversal(Record(Trace(t, stroke.x)))
 
 
