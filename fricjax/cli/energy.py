@@ -29,7 +29,7 @@ def energy(
     out: Annotated[Path | None, Option(help="Write the result (.json).", rich_help_panel="Output")] = None,
 ) -> None:
     """Find friction from the rate of energy loss: the force against velocity, and its mean in each half-cycle."""
-    from ..energy_loss.settings import check_bins
+    from ..pairs.settings import check_bins
 
     check_targets(output, ("--plot", plot, PICTURES), ("--out", out, RESULTS))
     machine = _bench(files, reading, rig, no_contact)

@@ -21,10 +21,10 @@ from ..errors import DataError, UsageError
 from ..estimation.covariance import COVERAGE
 from ..fitting import BatchFit, fit_batch
 from ..friction import Coulomb
+from ..pairs.diagnostics import scale_of
 from ..pairs.displacements import Pairs, pairs_of
 from ..pairs.final_displacement import fit_final_displacements
 from ..pairs.result import RouteFit
-from ..pairs.scatter import scale_of
 from ..pairs.triangle_map import fit_triangle_map
 from ..rig import Rig
 from ..show import Table, plain, uncertain

@@ -13,12 +13,12 @@ import numpy as np
 from ..data.gather import gather
 from ..errors import UsageError
 from ..oscillator import Oscillator, ready
+from ..pairs.settings import check_bins
 from ..rig import Measured, Rig
 from .cells import BIAS_SHARE, cells, pooled
 from .decay import decay, each_of
 from .force_samples import Sampled, sampled
 from .no_contact import contactless
-from .settings import check_bins
 
 DECADES_BELOW = 2.5  # of the largest speed: where the lowest range of speeds ends
 LONGER = 1.5  # windows for the bias of smoothing, which grows with the fourth power of their length

@@ -11,7 +11,7 @@ import numpy as np
 
 from ..errors import UsageError
 from ..oscillator import Oscillator, ready
-from ..pairs.estimates import Estimates
+from ..pairs.result import Estimates
 from ..rig import Rig
 from .decay import decay, each_of
 from .force_samples import sampled

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..oscillator import ready
-from ..pairs.estimates import Estimates
+from ..pairs.result import Estimates
 from ..rig import Rig
 from .decay import Decay, decay, each_of, machine
 

@@ -1,8 +1,7 @@
 from .displacements import Pairs, pairs_of, read_pairs
-from .estimates import Estimates
 from .final_displacement import fit_final_displacements
 from .release import fit_release
-from .result import RouteFit
+from .result import Estimates, RouteFit
 from .static import Attempts, Bracket, Probit, attempts, bracket, probit
 from .triangle_map import fit_triangle_map
 

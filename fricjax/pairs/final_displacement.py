@@ -6,7 +6,7 @@ and those at which it moved on.
 """
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -18,14 +18,13 @@ from ..fitting.names import check_identifiable, find_leaf, sole_coulomb
 from ..oscillator import Oscillator, ready
 from ..oscillator.leaves import leaves_of
 from ..oscillator.select import select_engine
+from .diagnostics import fit_warnings, status_of_counts
 from .displacements import Pairs, checked_pairs
-from .pair_model import PairModel, fitted_dead_band, predicted, solve_pairs
-from .pair_remarks import remarks, status_of_counts
+from .least_squares import PairModel, Solution, fitted_dead_band, predicted, solve_pairs
 from .result import RouteFit
 from .settings import check_scatter
-from .solve import Solution, flags_of, status_of
-from .static import Bracket, bracket
-from .unwrapping import Unwrapped, capacity_for, counted, decay_ratio
+from .static import bracket
+from .unwrapping import Unwrapped, capacity_for, count_half_cycles, decay_ratio
 
 
 def fit_final_displacements(
@@ -50,8 +49,8 @@ def fit_final_displacements(
         free: names of the coefficients to fit; "mu_s" asks for the bracket of the static coefficient.
         nuisance: "offset" where the equilibrium of the instrument is not known; it then needs runs of different
             numbers of half-cycles or of both signs.
-        half_cycles: number of half-cycles of each pair, shape (pairs,); None: found from the pairs, for a law that is
-            nearly Coulomb's.
+        half_cycles: number of half-cycles of each pair, shape (pairs,); None: unwrapped from the pairs, for a law that
+            is nearly Coulomb's.
         sigma: standard deviation of each final displacement [m], one number or shape (pairs,); None: from the scatter.
         mu_scatter: relative standard deviation of mu from run to run, which scatters a final displacement in
             proportion to its number of half-cycles.
@@ -64,45 +63,46 @@ def fit_final_displacements(
         UsageError: names or arrays that do not fit.
         DataError: pairs that are not finite, or from which nothing can be determined.
         RuntimeError: JAX computes in single precision.
+
+    Examples:
+        Final displacements of a machine without damping, whose dead band is 0.2 mm:
+
+        >>> import fricjax as fj
+        >>> machine = fj.Oscillator(0.4, 2500.0, 0.0, 10.0, fj.friction.Coulomb(0.03))
+        >>> fit = fj.fit_final_displacements([1.1e-3, 1.5e-3, 2.1e-3], [1e-4, -1e-4, -1e-4], machine)
+        >>> round(fit.values["mu"], 6), fit.half_cycles.tolist(), [round(x, 3) for x in fit.intervals["mu_s"]]
+        (0.05, [3, 4, 5], [0.05, 0.075])
     """
     ready()
     pairs = checked_pairs(x0, xf, half_cycles, sigma)
-    names = [name for name in free if not _bracketed(name, oscillator)]
-    _check(names, nuisance, mu_scatter)
-    found = _counted(pairs, oscillator, "offset" in nuisance)
-    _check_motion(found, pairs, len(names) + len(nuisance))
-    model, parameters = _model(pairs, oscillator, names, tuple(nuisance), found)
-    weight = _sigma(pairs, found, mu_scatter)
-    scaled = pairs.sigma is None and mu_scatter == 0
-    model, solution = solve_pairs(pairs, model, weight, len(parameters), scaled)
-    found = found._replace(half_cycles=np.asarray(model.half_cycles))
-    return _assembled(pairs, model, parameters, solution, found, weight, scaled)
-
-
-def _bracketed(name: str, oscillator: Oscillator) -> bool:
-    return name.rsplit(".", 1)[-1] == "mu_s" and sole_coulomb(oscillator.friction) is not None
-
-
-def _check(names: Sequence[str], nuisance: Sequence[str], mu_scatter: float) -> None:
+    coulomb = sole_coulomb(oscillator.friction) is not None
+    # The static coefficient of a Coulomb law has no gradient: it is bracketed, never fitted.
+    names = [name for name in free if not (coulomb and name.rsplit(".", 1)[-1] == "mu_s")]
+    unknown = [name for name in nuisance if name != "offset"]
     if not names:
         raise UsageError(
             "mu_s alone cannot be fitted: it is bracketed by the reversals that a fitted mu gives. Free mu as well."
         )
-    unknown = [name for name in nuisance if name != "offset"]
     if unknown:
         raise UsageError(f"Pairs have no nuisance parameter {unknown[0]!r}; the only one is 'offset'.")
     check_scatter(mu_scatter)
+    # One pair does not tell an offset from friction.
+    offset = None if "offset" in nuisance and pairs.x0.size > 1 else 0.0
+    counts = count_half_cycles(pairs.x0, pairs.xf, pairs.half_cycles, decay_ratio(oscillator), offset)
+    _check_motion(counts, pairs, len(names) + len(nuisance))
+    model, parameters = _model(pairs, oscillator, names, tuple(nuisance), counts)
+    # Standard deviations; where only the scatter of the residuals can tell them, equal ones of any size.
+    unstated = 0.0 if mu_scatter else 1e-3 * counts.dead_band
+    of_pairs = np.full(pairs.x0.shape, unstated) if pairs.sigma is None else pairs.sigma
+    weight = np.hypot(of_pairs, 2 * np.maximum(counts.half_cycles, 0.5) * counts.dead_band * mu_scatter)
+    scaled = pairs.sigma is None and mu_scatter == 0
+    model, solution = solve_pairs(pairs, model, weight, len(parameters), scaled)
+    counts = counts._replace(half_cycles=np.asarray(model.half_cycles))
+    return _assembled(pairs, model, parameters, solution, counts, weight, scaled)
 
 
-def _counted(pairs: Pairs, oscillator: Oscillator, offset_free: bool) -> Unwrapped:
-    """Numbers of half-cycles, and the dead band and offset that start the fit."""
-    free_offset = offset_free and pairs.x0.size > 1
-    rho = decay_ratio(oscillator)
-    return counted(pairs.x0, pairs.xf, pairs.half_cycles, rho, None if free_offset else 0.0)
-
-
-def _check_motion(found: Unwrapped, pairs: Pairs, parameters: int) -> None:
-    if not np.any(found.half_cycles > 0):
+def _check_motion(counts: Unwrapped, pairs: Pairs, parameters: int) -> None:
+    if not np.any(counts.half_cycles > 0):
         raise DataError(
             "In none of the pairs did the mass complete a half-cycle: the initial displacements lie in the dead band, "
             "which gives only a lower bound of the static coefficient. Release from farther away."
@@ -116,43 +116,30 @@ def _check_motion(found: Unwrapped, pairs: Pairs, parameters: int) -> None:
 
 
 def _model(
-    pairs: Pairs, oscillator: Oscillator, names: Sequence[str], nuisance: tuple[str, ...], found: Unwrapped
+    pairs: Pairs, oscillator: Oscillator, names: Sequence[str], nuisance: tuple[str, ...], counts: Unwrapped
 ) -> tuple[PairModel, tuple[Parameter, ...]]:
     leaves = leaves_of(oscillator)
     chosen = [find_leaf(name, leaves) for name in names]
     check_identifiable([leaf.name for leaf in chosen], leaves)
     flat = [float(value) for value in jax.tree.leaves(oscillator)]
-    starts = [_start(leaf.name, flat[leaf.index], oscillator, found) for leaf in chosen]
-    entries = [
-        Parameter(leaf.name, leaf.unit, s, abs(s) or 1.0, fitted_as=leaf.coefficient.fitted_as)
-        for leaf, s in zip(chosen, starts, strict=True)
-    ]
-    entries += [Parameter(name, "m", found.offset, found.dead_band) for name in nuisance]
+    entries = []
+    for leaf in chosen:
+        start = flat[leaf.index]
+        if leaf.name.rsplit(".", 1)[-1] == "mu":
+            # The unwrapped dead band is far nearer to the optimum than any guess of the user.
+            start = counts.dead_band * float(oscillator.stiffness) / float(oscillator.normal_force)
+        fitted_as = leaf.coefficient.fitted_as
+        entries.append(Parameter(leaf.name, leaf.unit, start, abs(start) or 1.0, fitted_as=fitted_as))
+    entries += [Parameter(name, "m", counts.offset, counts.dead_band) for name in nuisance]
     space = ParameterSpace.build(entries, [leaf.index for leaf in chosen], [], [nuisance])
-    engine = select_engine("auto", oscillator, max_half_cycles=capacity_for(found.half_cycles))
+    engine = select_engine("auto", oscillator, max_half_cycles=capacity_for(counts.half_cycles))
     if not oscillator.friction.set_valued:
         raise UsageError(
-            f"Under {type(oscillator.friction).__name__} the mass does not rest where a stroke ends. Use a law that "
-            "holds the mass and has no internal states, such as Coulomb or Stribeck."
+            f"Under {type(oscillator.friction).__name__} the mass does not rest where a half-cycle ends. Use a law "
+            "that keeps the mass at rest and has no internal states, such as Coulomb or Stribeck."
         )
     machine = jax.tree.map(lambda leaf: np.asarray(leaf, float), oscillator)
-    offset = np.asarray(found.offset)
-    return PairModel(machine, space, engine, pairs.x0, found.half_cycles, offset), tuple(entries)
-
-
-def _start(name: str, value: float, oscillator: Oscillator, found: Unwrapped) -> float:
-    """Start value of a coefficient: a mu that is free from the dead band of the pairs, others as they are."""
-    if name.rsplit(".", 1)[-1] != "mu":
-        return value
-    return found.dead_band * float(oscillator.stiffness) / float(oscillator.normal_force)
-
-
-def _sigma(pairs: Pairs, found: Unwrapped, mu_scatter: float) -> np.ndarray:
-    """Standard deviation of each final displacement; equal ones where only their scatter can tell [m]."""
-    unknown = 0.0 if mu_scatter else 1e-3 * found.dead_band
-    own = np.full(pairs.x0.shape, unknown) if pairs.sigma is None else pairs.sigma
-    scattered = 2 * np.maximum(found.half_cycles, 0.5) * found.dead_band * mu_scatter
-    return np.hypot(own, scattered)
+    return PairModel(machine, space, engine, pairs.x0, counts.half_cycles, np.asarray(counts.offset)), tuple(entries)
 
 
 def _assembled(
@@ -160,60 +147,53 @@ def _assembled(
     model: PairModel,
     parameters: tuple[Parameter, ...],
     solution: Solution,
-    found: Unwrapped,
+    counts: Unwrapped,
     weight: np.ndarray,
     scaled: bool,
 ) -> RouteFit:
-    values = np.asarray(model.space.values(jnp.asarray(solution.q)))
-    slope = np.asarray(model.space.slope(jnp.asarray(solution.q)))
+    q = jnp.asarray(solution.q)
+    values, slope = np.asarray(model.space.values(q)), np.asarray(model.space.slope(q))
     covariance = solution.covariance * np.outer(slope, slope)
-    std = np.sqrt(np.diag(covariance))
     names = tuple(parameter.name for parameter in parameters)
+    std_errors = dict(zip(names, map(float, np.sqrt(np.diag(covariance))), strict=True))
+    fitted = dict(zip(names, map(float, values), strict=True))
+    half = solution.scale.half_width
+    intervals = {
+        name: (fitted[name] - half * std_errors[name], fitted[name] + half * std_errors[name]) for name in names
+    }
+    units = {parameter.name: parameter.unit for parameter in parameters}
+    flags = {n: ("undetermined",) if bad else () for n, bad in zip(names, solution.undetermined, strict=True)}
     machine = model.space.model(model.oscillator, jnp.asarray(values))
-    computed = np.asarray(predicted(model, jnp.asarray(solution.q)))
-    static = _static(pairs, model, values, found, machine)
+    computed = np.asarray(predicted(model, q))
+    offset = float(model.space.run_values(jnp.asarray(values), 0).get("offset", counts.offset))
+    if sole_coulomb(machine.friction) is not None:
+        static = bracket(machine, pairs.x0 - offset, pairs.xf - offset, counts.half_cycles)
+        fitted["mu_s"], intervals["mu_s"] = static.middle, (static.lower, static.upper)
+        units["mu_s"], flags["mu_s"] = "", ("bracketed, not fitted",)
     scale = np.sqrt(solution.chi2 / solution.dof) if scaled else 1.0
     band = fitted_dead_band(model, solution)
-    shift = model.space.run_values(jnp.asarray(values), 0).get("offset", found.offset)
-    found = found._replace(dead_band=band[0], offset=float(shift))
-    warnings = (*remarks(pairs, found, computed, weight * scale, machine, solution.scale), *solution.warnings)
-    errors, open_ = dict(zip(names, map(float, std), strict=True)), status_of_counts(found)
-    half = solution.scale.half_width
+    counts = counts._replace(dead_band=band[0], offset=offset)
+    open_counts = status_of_counts(counts) if solution.converged else None
     return RouteFit(
         route="final displacements",
         names=names,
-        values=dict(zip(names, map(float, values), strict=True)) | static.value,
-        std_errors=errors,
-        combined_std_errors=errors,
-        units={p.name: p.unit for p in parameters} | dict.fromkeys(static.value, ""),
-        intervals={n: (float(v - half * s), float(v + half * s)) for n, v, s in zip(names, values, std, strict=True)}
-        | static.interval,
+        values=fitted,
+        std_errors=std_errors,
+        combined_std_errors=std_errors,
+        units=units,
+        intervals=intervals,
         covariance=covariance,
-        flags=flags_of(names, solution) | dict.fromkeys(static.value, ("bracketed, not fitted",)),
-        converged=solution.converged and open_ is None,
-        status=open_ if solution.converged and open_ is not None else status_of(names, solution),
-        warnings=warnings,
+        flags=flags,
+        converged=solution.converged and open_counts is None,
+        status=open_counts or solution.outcome(names),
+        warnings=(*fit_warnings(pairs, counts, computed, machine, solution.scale), *solution.warnings),
         x0=pairs.x0,
         xf=pairs.xf,
         predicted=computed,
-        half_cycles=found.half_cycles,
+        half_cycles=counts.half_cycles,
         sigma=weight * scale,
         sigma_source="scatter of the residuals" if scaled else "given",
         chi2=float(solution.dof) if scaled else solution.chi2,
         dof=solution.dof,
         extras={"dead_band": band},
     )
-
-
-class _Static(NamedTuple):
-    value: dict[str, float]
-    interval: dict[str, tuple[float, float]]
-
-
-def _static(pairs: Pairs, model: PairModel, values: np.ndarray, found: Unwrapped, machine: Oscillator) -> _Static:
-    """The static coefficient between the stops and the reversals that did not stop."""
-    if sole_coulomb(machine.friction) is None:
-        return _Static({}, {})
-    offset = float(model.space.run_values(values, 0).get("offset", found.offset))
-    between: Bracket = bracket(machine, pairs.x0 - offset, pairs.xf - offset, found.half_cycles)
-    return _Static({"mu_s": between.middle}, {"mu_s": (between.lower, between.upper)})

@@ -1,17 +1,134 @@
-"""What an evaluation route that sees no trace returns: coefficients with uncertainties, and what they rest on."""
+"""What the routes return: numbers with their uncertainty and what they rest on, all shown in one way."""
 
 import dataclasses
-from typing import Any
+from collections.abc import Mapping, Sequence
+from html import escape
+from typing import Any, ClassVar
 
 import numpy as np
 
 from ..estimation.covariance import correlation
+from ..show import Table, axis_label, display_unit, engineering, figure, interval, plain, uncertain
 
 type Estimate = tuple[float, float | None, str]
 
 
+class AbstractRouteResult:
+    """The face of a result: a table, and facts in lines; together as text, as HTML and as plain data.
+
+    Subclasses are dataclasses that say what their table and their facts are.
+    """
+
+    # What belongs to the plain data beside the fields, and whether the table is long and stands below the facts.
+    _derived: ClassVar[tuple[str, ...]] = ()
+    _facts_first: ClassVar[bool] = False
+
+    def table(self) -> Table:
+        """The numbers."""
+        raise NotImplementedError
+
+    def facts(self) -> list[tuple[str, str]]:
+        """What else is to be said: names and sentences; the `warnings` of the result follow by themselves."""
+        raise NotImplementedError
+
+    def summary(self) -> str:
+        """The result as plain text."""
+        facts = self.facts()
+        width = max(len(name) for name, _ in facts) + 2
+        lines = [*(f"{name + ':':<{width}}{text}" for name, text in facts), *(f"! {text}" for text in self._warnings)]
+        parts = [self.table().text(), "\n".join(lines)]
+        return "\n\n".join(reversed(parts) if self._facts_first else parts)
+
+    def _repr_html_(self) -> str:
+        facts = [*self.facts(), *(("warning", text) for text in self._warnings)]
+        rows = "".join(f"<tr><th>{escape(name)}</th><td>{escape(text)}</td></tr>" for name, text in facts)
+        parts = [self.table().html(), f"<table>{rows}</table>"]
+        return "".join(reversed(parts) if self._facts_first else parts)
+
+    @property
+    def _warnings(self) -> Sequence[str]:
+        return getattr(self, "warnings", ())
+
+    def to_dict(self) -> dict[str, Any]:
+        """The result as plain data, in SI units."""
+        names = [field.name for field in dataclasses.fields(self)]  # type: ignore[arg-type]
+        return {name: _plain(getattr(self, name)) for name in (*names, *self._derived)}
+
+
+def _plain(value: Any) -> Any:
+    """Arrays as lists, dataclasses and named tuples as dictionaries."""
+    if isinstance(value, np.ndarray):
+        return value.tolist()
+    if hasattr(value, "_asdict"):
+        value = value._asdict()
+    if dataclasses.is_dataclass(value) and not isinstance(value, type):
+        return dataclasses.asdict(value)
+    if isinstance(value, Mapping):
+        return {key: _plain(part) for key, part in value.items()}
+    return list(map(_plain, value)) if isinstance(value, tuple) else value
+
+
+def coefficient_table(values: Mapping[str, float], stds: Mapping[str, float], units: Mapping[str, str]) -> Table:
+    """One row per coefficient."""
+    rows = [[name, uncertain(values[name], stds[name], unit)] for name, unit in units.items()]
+    return Table(["Parameter", "Value (standard error)"], rows)
+
+
 @dataclasses.dataclass(frozen=True, eq=False)
-class RouteFit:
+class Estimates(AbstractRouteResult):
+    """Coefficients with their uncertainty from the scatter of the data about a regression.
+
+    Attributes:
+        values, std_errors, units: by name, SI.
+        covariance: in the order of the names, shape (p, p): that of the noise, times the reduced chi^2 above one.
+        chi2_reduced: scatter of the data about the regression, over what the noise explains. Uncertain instants of the
+            reversals and forces that the regression does not describe make it larger than one.
+        notes: sentences on records that were left out.
+
+    Examples:
+        >>> import numpy as np
+        >>> estimates = Estimates.of({"mu": ""}, [0.05], np.array([[1e-8]]), chi2_reduced=4.0)
+        >>> print(estimates.summary())
+        Parameter  Value (standard error)
+        ─────────  ──────────────────────
+        mu                    0.05000(20)
+        <BLANKLINE>
+        residuals: reduced chi^2 4
+    """
+
+    values: dict[str, float]
+    std_errors: dict[str, float]
+    units: dict[str, str]
+    covariance: np.ndarray
+    chi2_reduced: float
+    notes: tuple[str, ...] = ()
+
+    @classmethod
+    def of(
+        cls,
+        units: dict[str, str],
+        values: Sequence[float] | np.ndarray,
+        covariance: np.ndarray,
+        chi2_reduced: float,
+        notes: tuple[str, ...] = (),
+    ) -> "Estimates":
+        """Estimates of the names in `units`, in their order; the covariance passed is that of the noise alone."""
+        covariance = covariance * max(chi2_reduced, 1.0)
+        std = np.sqrt(np.diag(covariance))
+        by_name, errors = (dict(zip(units, map(float, each), strict=True)) for each in (values, std))
+        return cls(by_name, errors, units, covariance, chi2_reduced, notes)
+
+    def table(self) -> Table:
+        """One row per coefficient."""
+        return coefficient_table(self.values, self.std_errors, self.units)
+
+    def facts(self) -> list[tuple[str, str]]:
+        """The scatter, and the records that were left out."""
+        return [("residuals", f"reduced chi^2 {self.chi2_reduced:.3g}"), *(("note", note) for note in self.notes)]
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class RouteFit(AbstractRouteResult):
     """Coefficients from pairs of displacements.
 
     Attributes:
@@ -24,7 +141,7 @@ class RouteFit:
         intervals: 95 % intervals of the combined errors, by Student's t where the noise is that of few residuals; for a
             bracketed static coefficient the interval between stops and non-stops.
         covariance: shape (p, p); inf where a parameter is undetermined.
-        flags: remarks on each parameter.
+        flags: what is special about each parameter.
         converged, status: whether the numbers are valid, and the outcome in words.
         warnings: what a reader of the numbers must know, in sentences.
         x0, xf, predicted: initial, final and computed final displacement of each pair [m], shape (pairs,).
@@ -32,7 +149,16 @@ class RouteFit:
         sigma: standard deviation of each final displacement [m], shape (pairs,); `sigma_source` says where it is from.
         chi2, dof: sum of squared weighted residuals and degrees of freedom.
         extras: further estimates by name: value, standard error (None: not known), unit.
+
+    Examples:
+        >>> import fricjax as fj
+        >>> rig = fj.Rig(mass=0.4, stiffness=2500.0, damping=0.0, normal_force=10.0)
+        >>> fit = fj.fit_triangle_map([1.1e-3, 1.5e-3, 2.0e-3], [1e-4, -1e-4, 0.0], rig, half_cycles=[3, 4, 5])
+        >>> fit.names, round(fit.values["mu"], 4), fit.status
+        (('mu',), 0.05, 'converged')
     """
+
+    _derived = ("chi2_reduced",)
 
     route: str
     names: tuple[str, ...]
@@ -71,38 +197,53 @@ class RouteFit:
         """Correlation matrix, shape (p, p); NaN where undetermined."""
         return correlation(self.covariance)
 
-    def summary(self) -> str:
-        """The report as plain text."""
-        from .show import summary
-
-        return summary(self)
-
-    def _repr_html_(self) -> str:
-        from .show import html
-
-        return html(self)
-
     def __repr__(self) -> str:
         shown = ", ".join(f"{name}={value:.6g}" for name, value in self.values.items())
         return f"RouteFit({self.route}: {shown}; {self.status})"
 
+    def table(self) -> Table:
+        """One row per parameter, bracketed coefficient and further estimate."""
+        rows = []
+        for name, value in self.values.items():
+            # A bracketed coefficient has no standard error: its interval says all.
+            std, unit = self.combined_std_errors.get(name), self.units[name]
+            shown = "" if std is None else uncertain(value, std, unit)
+            rows.append([name, shown, interval(*self.intervals[name], unit), "; ".join(self.flags[name])])
+        for name, (value, std, unit) in self.extras.items():
+            shown = f"{plain(value, 4)} {unit}".strip() if std is None else uncertain(value, std, unit)
+            rows.append([name.replace("_", " "), shown, "", ""])
+        return Table(["Parameter", "Value (standard error)", "95 % interval", "Remarks"], rows)
+
+    def facts(self) -> list[tuple[str, str]]:
+        """Route, outcome, data and residuals."""
+        rms = engineering(float(np.sqrt(np.mean(self.residuals**2))), "m")
+        return [
+            ("route", self.route),
+            ("status", self.status),
+            ("pairs", f"{self.x0.size}, with {self.half_cycles.min()} to {self.half_cycles.max()} half-cycles"),
+            ("noise", f"{engineering(float(np.median(self.sigma)), 'm')} ({self.sigma_source})"),
+            ("residuals", f"{rms} rms, reduced chi^2 {plain(self.chi2_reduced, 4)}"),
+        ]
+
     def plot(self) -> Any:
         """Final against initial displacement with the computed points, and the residuals, as a matplotlib figure."""
-        from .show import plot
-
-        return plot(self)
+        drawing, axes = figure(2, 1, share_x=True, heights=(5, 2))
+        top, bottom = axes[:, 0]
+        across, x_unit = display_unit(float(np.max(np.abs(self.x0))), "m")
+        along, y_unit = display_unit(float(np.max(np.abs(self.xf))), "m")
+        fine, r_unit = display_unit(float(np.max(np.abs(self.residuals))), "m")
+        order = np.argsort(self.x0)
+        top.plot(across * self.x0[order], along * self.predicted[order], "x", markersize=6, label="computed")
+        top.plot(across * self.x0, along * self.xf, "o", markersize=3, label="measured")
+        top.set_ylabel(axis_label("Final displacement", y_unit))
+        top.legend(loc="best", fontsize=8)
+        bottom.axhline(0.0, color="0.7", linewidth=0.8)
+        bottom.errorbar(across * self.x0, fine * self.residuals, fine * self.sigma, fmt="o", markersize=3)
+        bottom.set_ylabel(axis_label("Residual", r_unit))
+        bottom.set_xlabel(axis_label("Initial displacement", x_unit))
+        drawing.align_ylabels()
+        return drawing
 
     def to_dict(self) -> dict[str, Any]:
-        """The result as plain data."""
-        return {field.name: _plain(getattr(self, field.name)) for field in dataclasses.fields(self)} | {
-            "chi2_reduced": self.chi2_reduced,
-            "schema": "fricjax.route/1",
-        }
-
-
-def _plain(value: Any) -> Any:
-    if isinstance(value, np.ndarray):
-        return value.tolist()
-    if isinstance(value, dict):
-        return {key: _plain(part) for key, part in value.items()}
-    return list(map(_plain, value)) if isinstance(value, tuple) else value
+        """The result as plain data, in SI units."""
+        return super().to_dict() | {"schema": "fricjax.route/1"}

@@ -17,11 +17,19 @@ from ..oscillator.engines import AbstractEngine
 from ..oscillator.select import select_engine
 from .unwrapping import capacity_for
 
+# 95 % point of chi^2 with one degree of freedom.
 _LIKELIHOOD_DROP = 3.841458820694124
+# The profile is searched outwards from one scatter beside the static band, 40 steps in this ratio: eight decades.
+_OUTWARDS, _SEARCHED = 1.6, 40
 
 
 class Bracket(NamedTuple):
-    """Interval of the static coefficient; `lower` and `upper` also as static bands x_s = mu_s N/k [m]."""
+    """Interval of the static coefficient; `lower` and `upper` also as static bands x_s = mu_s N/k [m].
+
+    Examples:
+        >>> round(Bracket(0.05, 0.07, 2e-4, 2.8e-4).middle, 3)
+        0.06
+    """
 
     lower: float
     upper: float
@@ -35,28 +43,47 @@ class Bracket(NamedTuple):
 
 
 class Attempts(NamedTuple):
-    """Deflections at which the mass stood still, and whether it stayed: size [m] and `stopped`, shape (attempts,)."""
+    """Deflections at which the velocity vanished, and whether the mass stayed.
+
+    Attributes:
+        size: distance from the equilibrium [m], shape (attempts,).
+        stopped: whether the mass stayed there, shape (attempts,).
+
+    Examples:
+        >>> import numpy as np
+        >>> Attempts(np.array([2e-3, 1e-4]), np.array([False, True])).stopped.sum()
+        np.int64(1)
+    """
 
     size: np.ndarray
     stopped: np.ndarray
 
 
 def attempts(machine: Oscillator, y0: np.ndarray, yf: np.ndarray, half_cycles: np.ndarray) -> Attempts:
-    """All standstills of the pairs: computed reversals, at which the mass moved on, and measured stops.
+    """All states at rest of the pairs: computed reversals, at which the mass moved on, and measured stops.
 
     Args:
         machine: the fitted machine.
         y0: initial displacement from the equilibrium [m], shape (pairs,).
         yf: final displacement from the equilibrium [m], shape (pairs,).
         half_cycles: number of half-cycles, shape (pairs,).
+
+    Examples:
+        From 0.7 mm with a dead band of 0.2 mm: the release, one reversal, and the stop.
+
+        >>> import numpy as np
+        >>> import fricjax as fj
+        >>> machine = fj.Oscillator(0.4, 2500.0, 0.0, 10.0, fj.friction.Coulomb(0.05))
+        >>> at_rest = attempts(machine, np.array([0.7e-3]), np.array([-0.1e-3]), np.array([2]))
+        >>> (1e3 * at_rest.size).round(6), at_rest.stopped
+        (array([0.7, 0.3, 0.1]), array([False, False,  True]))
     """
-    held = jax.tree.map(lambda leaf: np.asarray(leaf, float), machine)
-    engine = select_engine("auto", held, max_half_cycles=capacity_for(half_cycles))
-    reversals = np.abs(np.asarray(_turning_points(engine, held, y0, half_cycles)))
+    exact = jax.tree.map(lambda leaf: np.asarray(leaf, float), machine)
+    engine = select_engine("auto", exact, max_half_cycles=capacity_for(half_cycles))
+    reversals = np.abs(np.asarray(_turning_points(engine, exact, y0, half_cycles)))
     moved = np.arange(reversals.shape[1]) < half_cycles[:, None]
     sizes = np.concatenate([reversals[moved], np.abs(yf)])
-    stopped = np.concatenate([np.zeros(int(moved.sum()), bool), np.ones(yf.size, bool)])
-    return Attempts(sizes, stopped)
+    return Attempts(sizes, np.arange(sizes.size) >= moved.sum())
 
 
 @eqx.filter_jit
@@ -70,12 +97,27 @@ def _turning_points(engine: AbstractEngine, machine: Oscillator, x0: Any, half_c
 
 
 def bracket(machine: Oscillator, y0: np.ndarray, yf: np.ndarray, half_cycles: np.ndarray) -> Bracket:
-    """Interval that holds the static coefficient of a Coulomb law: above every stop and mu, below every non-stop."""
-    found = attempts(machine, y0, yf, half_cycles)
-    force = np.abs(np.asarray(machine.restoring_force(jnp.asarray(found.size)))) / float(machine.normal_force)
+    """Interval that contains the static coefficient of a Coulomb law: above every stop and mu, below every non-stop.
+
+    Args:
+        machine: the fitted machine.
+        y0: initial displacement from the equilibrium [m], shape (pairs,).
+        yf: final displacement from the equilibrium [m], shape (pairs,).
+        half_cycles: number of half-cycles, shape (pairs,).
+
+    Examples:
+        >>> import numpy as np
+        >>> import fricjax as fj
+        >>> machine = fj.Oscillator(0.4, 2500.0, 0.0, 10.0, fj.friction.Coulomb(0.05))
+        >>> interval = bracket(machine, np.array([0.7e-3]), np.array([-0.1e-3]), np.array([2]))
+        >>> round(interval.lower, 6), round(interval.upper, 6)
+        (0.05, 0.075)
+    """
+    at_rest = attempts(machine, y0, yf, half_cycles)
+    force = np.abs(np.asarray(machine.restoring_force(jnp.asarray(at_rest.size)))) / float(machine.normal_force)
     dynamic = float(machine.friction.dynamic_force(machine.normal_force)) / float(machine.normal_force)
-    lower = max(dynamic, float(force[found.stopped].max(initial=0.0)))
-    upper = float(force[~found.stopped].min(initial=np.inf))
+    lower = max(dynamic, float(force[at_rest.stopped].max(initial=0.0)))
+    upper = float(force[~at_rest.stopped].min(initial=np.inf))
     scale = float(machine.normal_force) / float(machine.stiffness)
     return Bracket(lower, upper, lower * scale, upper * scale)
 
@@ -87,6 +129,10 @@ class Probit(NamedTuple):
         static_band, scatter: x_s and s [m].
         std_errors: of x_s and of s, from the curvature of the likelihood [m].
         interval: 95 % interval of x_s from the profile likelihood [m].
+
+    Examples:
+        >>> Probit(2.6e-4, 3e-5, (1e-5, 8e-6), (2.4e-4, 2.8e-4)).static_band
+        0.00026
     """
 
     static_band: float
@@ -99,14 +145,23 @@ def probit(size: np.ndarray, stopped: np.ndarray) -> Probit:
     """Static band and its scatter by maximum likelihood.
 
     Args:
-        size: deflections at standstills [m], shape (attempts,).
+        size: deflections at which the velocity vanished [m], shape (attempts,).
         stopped: whether the mass stayed there, shape (attempts,).
 
     Raises:
         UsageError: arrays that do not fit each other.
         DataError: stops and non-stops that do not overlap, so that no scatter shows; :func:`bracket` then says all. Or
             stops at larger deflections than non-stops.
+
+    Examples:
+        >>> import numpy as np
+        >>> size = 1e-4 * np.array([1.0, 1.5, 2.0, 2.2, 2.4, 2.6, 3.0, 4.0])
+        >>> estimate = probit(size, np.array([True, True, True, False, True, False, False, False]))
+        >>> round(1e4 * estimate.static_band, 2), round(1e4 * estimate.scatter, 2)
+        (2.3, 0.3)
     """
+    from scipy.optimize import brentq, minimize, minimize_scalar
+
     size, stopped = np.asarray(size, float), np.asarray(stopped, bool)
     if size.ndim != 1 or size.shape != stopped.shape:
         raise UsageError(f"size and stopped must be lists of equal length, got {size.shape} and {stopped.shape}.")
@@ -116,85 +171,56 @@ def probit(size: np.ndarray, stopped: np.ndarray) -> Probit:
         )
     unit = float(np.median(size[stopped]))
     z, sign = size / unit, np.where(stopped, 1.0, -1.0)
-    best = _maximum(z, sign)
-    low, high = (_profile_end(z, sign, best, side) for side in (-1.0, 1.0))
-    std = np.sqrt(np.diag(np.linalg.inv(best.information)))
-    centre, spread = best.slope_form
-    return Probit(centre * unit, spread * unit, _std_errors(best, std, unit), (low * unit, high * unit))
+
+    def negative(at: np.ndarray) -> float:
+        return -_log_likelihood(z, sign, *at)[0]
+
+    # In alpha = x_s/s and beta = 1/s the likelihood is concave: Newton's method in a trust region cannot miss its
+    # maximum, while x_s and s themselves run away from poor starts.
+    beta = 4 / max(float(np.std(z)), 1e-9)
+    alpha = beta * float((z[stopped].max() + z[~stopped].min()) / 2)
+    optimum = minimize(
+        negative,
+        np.array([alpha, beta]),
+        method="trust-exact",
+        jac=lambda at: -_log_likelihood(z, sign, *at)[1],
+        hess=lambda at: _log_likelihood(z, sign, *at)[2],
+        options={"gtol": 1e-9},
+    )
+    alpha, beta = map(float, optimum.x)
+    if not beta > 0:
+        raise DataError(
+            "The mass did not stop more seldom at larger deflections, so they determine no static friction. Check "
+            "which of the attempts are stops, or record more of them."
+        )
+    largest, _, information = _log_likelihood(z, sign, alpha, beta)
+    covariance = np.linalg.inv(information)
+    centre, by_centre = alpha / beta, np.array([1 / beta, -alpha / beta**2])
+    stds = np.sqrt(by_centre @ covariance @ by_centre), np.sqrt(covariance[1, 1]) / beta**2
+
+    def excess(place: float) -> float:
+        """Fall of the profile likelihood at a static band, beyond that at the end of the interval."""
+        profile: Any = minimize_scalar(lambda log_beta: negative(np.exp(log_beta) * np.array([place, 1.0])))
+        return 2 * (largest + profile.fun) - _LIKELIHOOD_DROP
+
+    ends = []
+    for side in (-1.0, 1.0):
+        reach = np.cumprod([1 / beta, *[_OUTWARDS] * (_SEARCHED - 1)])
+        outside = next((r for r in reach if excess(centre + side * r) > 0), None)
+        ends.append(side * np.inf if outside is None else brentq(excess, centre, centre + side * outside, xtol=1e-9))
+    return Probit(
+        centre * unit, 1 / beta * unit, (float(stds[0] * unit), float(stds[1] * unit)), (ends[0] * unit, ends[1] * unit)
+    )
 
 
-class _Best(NamedTuple):
-    """Maximum of the likelihood in ``P = Phi(alpha - beta z)``, in which it is concave."""
-
-    alpha: float
-    beta: float
-    log_likelihood: float
-    information: np.ndarray
-
-    @property
-    def slope_form(self) -> tuple[float, float]:
-        return self.alpha / self.beta, 1 / self.beta
-
-
-def _std_errors(best: _Best, std: np.ndarray, unit: float) -> tuple[float, float]:
-    inverse = np.linalg.inv(best.information)
-    by_centre = np.array([1 / best.beta, -best.alpha / best.beta**2])
-    return float(np.sqrt(by_centre @ inverse @ by_centre) * unit), float(std[1] / best.beta**2 * unit)
-
-
-def _terms(z: np.ndarray, sign: np.ndarray, alpha: float, beta: float) -> tuple[float, np.ndarray, np.ndarray]:
-    """Log likelihood, its gradient and the information in alpha and beta."""
+def _log_likelihood(z: np.ndarray, sign: np.ndarray, alpha: float, beta: float) -> tuple[float, np.ndarray, np.ndarray]:
+    """Logarithm of the likelihood of ``P = Phi(alpha - beta z)``, its gradient and the information."""
     from scipy.special import log_ndtr
 
     at = sign * (alpha - beta * z)
     logs = log_ndtr(at)
+    # Inverse Mills ratio phi/Phi from logarithms, which does not fail far in the tail.
     mills = np.exp(-(at**2) / 2 - np.log(2 * np.pi) / 2 - logs)
     columns = np.stack([np.ones_like(z), -z], axis=1) * sign[:, None]
     information = columns.T @ ((mills * (mills + at))[:, None] * columns)
     return float(logs.sum()), columns.T @ mills, information
-
-
-def _maximum(z: np.ndarray, sign: np.ndarray) -> _Best:
-    """The maximum of the likelihood, which is concave.
-
-    Raises:
-        DataError: deflections at which the mass stops no more seldom where they are larger.
-    """
-    from scipy.optimize import minimize
-
-    beta = 4 / max(float(np.std(z)), 1e-9)
-    start = np.array([beta * float((z[sign > 0].max() + z[sign < 0].min()) / 2), beta])
-    found = minimize(
-        lambda at: -_terms(z, sign, *at)[0],
-        start,
-        method="trust-exact",
-        jac=lambda at: -_terms(z, sign, *at)[1],
-        hess=lambda at: _terms(z, sign, *at)[2],
-        options={"gtol": 1e-9},
-    )
-    alpha, beta = map(float, found.x)
-    if not beta > 0:
-        raise DataError(
-            "The mass did not stop more seldom at larger deflections, so they tell no static friction. Check which of "
-            "the attempts are stops, or record more of them."
-        )
-    value, _, information = _terms(z, sign, alpha, beta)
-    return _Best(alpha, beta, value, information)
-
-
-def _profile_end(z: np.ndarray, sign: np.ndarray, best: _Best, side: float) -> float:
-    """Where the profile likelihood of x_s has fallen by half of the 95 % point of chi^2; infinite if it never does."""
-    from scipy.optimize import brentq, minimize_scalar
-
-    centre, spread = best.slope_form
-
-    def drop(place: float) -> float:
-        held: Any = minimize_scalar(lambda log_beta: -_terms(z, sign, np.exp(log_beta) * place, np.exp(log_beta))[0])
-        return 2 * (best.log_likelihood + held.fun) - _LIKELIHOOD_DROP
-
-    reach = spread
-    for _ in range(40):
-        if drop(centre + side * reach) > 0:
-            return brentq(drop, centre, centre + side * reach, xtol=1e-9)  # pyright: ignore[reportReturnType]
-        reach *= 1.6
-    return side * np.inf

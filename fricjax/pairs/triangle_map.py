@@ -6,7 +6,7 @@ The mass passes from n to n + 1 half-cycles at ``rho^-n (x_s + C) - C``, where t
 x_d)``, and the lines of neighbouring segments meet at the height x_d. A line through each segment gives its zero,
 whatever the spacing of the runs.
 
-So the zeros, all multiples of one dead band on either side of one offset, and the slopes of the lines are found
+So the zeros, all multiples of one dead band on either side of one offset, and the slopes of the lines are fitted
 together by least squares. The scatter of all pairs about their lines is one, and few degrees of freedom make its
 interval Student's; with the uncertainties of the rig these are the effective ones of Welch and Satterthwaite (JCGM 100,
 G.4).
@@ -20,14 +20,16 @@ import numpy as np
 from ..errors import DataError
 from ..friction import Coulomb
 from ..rig import Rig
+from .diagnostics import count_warnings, status_of_counts, student
 from .displacements import Pairs, checked_pairs
-from .pair_remarks import open_counts, status_of_counts
 from .result import Estimate, RouteFit
-from .scatter import student
-from .unwrapping import Unwrapped, amplitude_after, counted, decay_ratio, sensitivities
+from .unwrapping import Unwrapped, amplitude_after, count_half_cycles, decay_ratio, sensitivities
 
-# Pairs from which a line has a slope of its own, and rounds in which the place of its zero is found.
-_SLOPED, _ROUNDS = 3, 4
+# Different pairs from which a line has a slope of its segment alone.
+_SLOPED = 3
+# The zeros about which the slopes act follow from the dead band that is fitted; four rounds reach rounding.
+_ROUNDS = 4
+# Least scatter that is reported [m]: exact pairs still have a standard error.
 _ROUNDING = 1e-15
 
 
@@ -53,9 +55,9 @@ class _Map(NamedTuple):
 
     Attributes:
         band, offset: dead band and reading at the equilibrium [m].
-        std: standard error of the dead band [m], inf where no scatter tells it; `dof`: what it rests on.
+        std: standard error of the dead band [m], inf where no scatter determines it; `dof`: what it rests on.
         predicted: final displacements on the lines [m], shape (pairs,).
-        held: whether the offset could not be told from friction.
+        offset_fixed: whether the offset could not be separated from friction.
     """
 
     band: float
@@ -63,7 +65,7 @@ class _Map(NamedTuple):
     std: float
     dof: int
     predicted: np.ndarray
-    held: bool
+    offset_fixed: bool
 
 
 def fit_triangle_map(x0: Any, xf: Any, rig: Rig, *, half_cycles: Any = None) -> RouteFit:
@@ -73,7 +75,7 @@ def fit_triangle_map(x0: Any, xf: Any, rig: Rig, *, half_cycles: Any = None) -> 
         x0: initial displacements in the reading of the instrument [m], shape (pairs,), of any sign and in any order.
         xf: final displacements [m], shape (pairs,).
         rig: the machine: stiffness or mass and frequency, damping and load, with their uncertainties.
-        half_cycles: number of half-cycles of each pair, shape (pairs,); None: found from the pairs.
+        half_cycles: number of half-cycles of each pair, shape (pairs,); None: unwrapped from the pairs.
 
     Returns:
         The fit. Its `extras` hold the dead band, the height at which neighbouring lines meet (x_d again), the jump of
@@ -83,27 +85,39 @@ def fit_triangle_map(x0: Any, xf: Any, rig: Rig, *, half_cycles: Any = None) -> 
     Raises:
         UsageError: arrays that do not fit each other.
         DataError: pairs that are not finite, or that reach no segment behind the first.
+
+    Examples:
+        Final displacements of a machine without damping, whose dead band is 0.2 mm:
+
+        >>> import fricjax as fj
+        >>> rig = fj.Rig(mass=0.4, stiffness=2500.0, damping=0.0, normal_force=fj.Measured(10.0, 0.1))
+        >>> fit = fj.fit_triangle_map([1.1e-3, 1.5e-3, 2.1e-3], [1e-4, -1e-4, -1e-4], rig)
+        >>> round(fit.values["mu"], 6), round(fit.combined_std_errors["mu"], 4), fit.half_cycles.tolist()
+        (0.05, 0.0005, [3, 4, 5])
     """
     pairs = checked_pairs(x0, xf, half_cycles, None)
-    found, rho = _counted(pairs, rig)
-    if not np.any(found.half_cycles > 0):
+    counts, rho = _counts(pairs, rig)
+    if not np.any(counts.half_cycles > 0):
         raise DataError(
             "In none of the pairs did the mass complete a half-cycle, so the map shows no zero. Release from farther "
             "away."
         )
-    fitted = _fitted(pairs, found, rho)
-    found = found._replace(dead_band=fitted.band, offset=fitted.offset)
-    fold, band = _folded(pairs, found, rho), fitted.band
+    fitted = _fit_lines(pairs, counts, rho)
+    counts = counts._replace(dead_band=fitted.band, offset=fitted.offset)
+    y0, yf, band = pairs.x0 - fitted.offset, pairs.xf - fitted.offset, fitted.band
+    fold = _Fold(np.abs(y0), np.sign(y0) * yf, counts.half_cycles, rho)
     lines = [_line(fold, int(n)) for n in np.unique(fold.segment) if n > 0]
     per_band = _per_band(rig)
     mu, std = band * per_band, fitted.std * per_band
-    combined = float(np.hypot(std, _by_rig(pairs, rig, mu)))
+    # The rig's inputs, each shifted by its standard uncertainty (JCGM 100, 5.1); the map is linear in displacements.
+    shifted = [_fit_lines(pairs, *_counts(pairs, r)).band * scale * _per_band(r) for r, scale in rig.shifted()]
+    combined = float(np.hypot(std, float(np.linalg.norm(np.subtract(shifted, mu)))))
     half = student(fitted.dof * (combined / std) ** 4 if 0 < std < np.inf else fitted.dof) * combined
     static = _static(fold, band)
     residual = pairs.xf - fitted.predicted
     scatter = float(np.sqrt(np.sum(residual**2) / max(fitted.dof, 1)))
     sigma = np.full(residual.shape, max(scatter, _ROUNDING))
-    open_ = status_of_counts(found)
+    open_counts = status_of_counts(counts)
     return RouteFit(
         route="triangle map",
         names=("mu",),
@@ -114,13 +128,13 @@ def fit_triangle_map(x0: Any, xf: Any, rig: Rig, *, half_cycles: Any = None) -> 
         intervals={"mu": (mu - half, mu + half), "mu_s": (static[0] * per_band, static[1] * per_band)},
         covariance=np.array([[std**2]]),
         flags={"mu": (), "mu_s": ("bracketed, not fitted",)},
-        converged=open_ is None,
-        status="converged" if open_ is None else open_,
-        warnings=(*open_counts(pairs, found), *_warnings(rig, lines, fitted)),
+        converged=open_counts is None,
+        status=open_counts or "converged",
+        warnings=(*count_warnings(pairs, counts), *_warnings(rig, lines, fitted)),
         x0=pairs.x0,
         xf=pairs.xf,
         predicted=fitted.predicted,
-        half_cycles=found.half_cycles,
+        half_cycles=counts.half_cycles,
         sigma=sigma,
         sigma_source="scatter of the residuals",
         chi2=float(np.sum((residual / sigma) ** 2)),
@@ -142,33 +156,28 @@ def _per_band(rig: Rig) -> float:
     return float(machine.stiffness) / float(machine.normal_force)
 
 
-def _counted(pairs: Pairs, rig: Rig) -> tuple[Unwrapped, float]:
+def _counts(pairs: Pairs, rig: Rig) -> tuple[Unwrapped, float]:
     """Numbers of half-cycles, and the ratio of successive amplitudes under the damping of the rig."""
     rho = decay_ratio(rig.oscillator(Coulomb(0.0)))
-    return counted(pairs.x0, pairs.xf, pairs.half_cycles, rho, None if pairs.x0.size > 1 else 0.0), rho
+    return count_half_cycles(pairs.x0, pairs.xf, pairs.half_cycles, rho, None if pairs.x0.size > 1 else 0.0), rho
 
 
-def _folded(pairs: Pairs, found: Unwrapped, rho: float) -> _Fold:
-    y0, yf = pairs.x0 - found.offset, pairs.xf - found.offset
-    return _Fold(np.abs(y0), np.sign(y0) * yf, found.half_cycles, rho)
-
-
-def _fitted(pairs: Pairs, found: Unwrapped, rho: float) -> _Map:
-    """Dead band, offset and slopes of the lines by least squares; pairs that did not move tell nothing."""
-    moved, band, offset = found.half_cycles > 0, found.dead_band, found.offset
-    x0, n = pairs.x0[moved], found.half_cycles[moved]
+def _fit_lines(pairs: Pairs, counts: Unwrapped, rho: float) -> _Map:
+    """Dead band, offset and slopes of the lines by least squares; pairs that did not move say nothing of them."""
+    moved, band, offset = counts.half_cycles > 0, counts.dead_band, counts.offset
+    x0, n = pairs.x0[moved], counts.half_cycles[moved]
     sign = (-1.0) ** n
     left = pairs.xf[moved] - sign * rho**n * x0
     both = np.stack(sensitivities(x0, n, rho, offset), axis=1)
-    held = x0.size < 2 or np.linalg.matrix_rank(both, tol=1e-6 * np.linalg.norm(both)) < 2
-    target = left - offset * both[:, 1] if held else left
+    fixed = x0.size < 2 or np.linalg.matrix_rank(both, tol=1e-6 * np.linalg.norm(both)) < 2
+    target = left - offset * both[:, 1] if fixed else left
 
     def lines(band: float, offset: float) -> np.ndarray:
-        return np.column_stack([both[:, :1] if held else both, *_slopes(x0 - offset, n, band, rho)])
+        return np.column_stack([both[:, :1] if fixed else both, *_slopes(x0 - offset, n, band, rho)])
 
     for _ in range(_ROUNDS):
         solution = np.linalg.lstsq(lines(band, offset), target, rcond=None)[0]
-        band, offset = float(solution[0]), offset if held else float(solution[1])
+        band, offset = float(solution[0]), offset if fixed else float(solution[1])
     columns = lines(band, offset)
     unit = np.linalg.norm(columns, axis=0)
     off = target - columns / unit @ np.linalg.lstsq(columns / unit, target, rcond=None)[0]
@@ -177,20 +186,20 @@ def _fitted(pairs: Pairs, found: Unwrapped, rho: float) -> _Map:
     std = max(float(np.sqrt(off @ off / dof)), _ROUNDING) * lever if dof > 0 else np.inf
     predicted = pairs.x0.copy()
     predicted[moved] = pairs.xf[moved] - off
-    return _Map(band, offset, std, dof, predicted, held)
+    return _Map(band, offset, std, dof, predicted, fixed)
 
 
 def _slopes(start: np.ndarray, n: np.ndarray, band: float, rho: float) -> list[np.ndarray]:
-    """For each segment of enough pairs how a slope of its own, about its zero, moves their ends."""
+    """For each segment of enough pairs how a slope of its line, about its zero, moves their ends."""
     return [
-        np.where(n == segment, start - np.sign(start) * _weight(int(segment), rho) * band, 0.0)
+        np.where(n == segment, start - np.sign(start) * _zero(int(segment), rho) * band, 0.0)
         for segment in np.unique(n)
         if np.unique(np.abs(start[n == segment])).size >= _SLOPED
     ]
 
 
 def _line(fold: _Fold, segment: int) -> _Line:
-    """Straight line through a segment: with its own slope where its pairs tell one, else with that of the damping."""
+    """Straight line through a segment, with the slope of its pairs where they determine one, else that of damping."""
     chosen = fold.segment == segment
     u, w = fold.start[chosen], fold.end[chosen]
     slope = (-fold.rho) ** segment
@@ -200,16 +209,9 @@ def _line(fold: _Fold, segment: int) -> _Line:
     return _Line(segment, float(u.mean() - w.mean() / slope), slope)
 
 
-def _weight(segment: int, rho: float) -> float:
+def _zero(segment: int, rho: float) -> float:
     """Zero of a segment in dead bands."""
     return float(-amplitude_after(np.asarray(segment), np.asarray(0.0), 1.0, rho) / rho**segment)
-
-
-def _by_rig(pairs: Pairs, rig: Rig, mu: float) -> float:
-    """Standard uncertainty of mu by the rig's inputs, each shifted by its own (JCGM 100, 5.1)."""
-    # The map is linear in the displacements.
-    moved = [_fitted(pairs, *_counted(pairs, rig)).band * scale * _per_band(rig) for rig, scale in rig.shifted()]
-    return float(np.linalg.norm(np.subtract(moved, mu)))
 
 
 def _static(fold: _Fold, band: float) -> tuple[float, float]:
@@ -240,11 +242,11 @@ def _meetings(lines: list[_Line]) -> dict[str, Estimate]:
 def _naive(lines: list[_Line], fold: _Fold, band: float, per_band: float) -> dict[str, Estimate]:
     """The formulas without damping, and what the damping makes the first one err by."""
     largest = float(np.max(np.abs(fold.end[fold.segment > 0])))
-    first, last = lines[0], lines[-1]
-    strokes = last.segment - first.segment if len(lines) > 1 else first.segment
-    spacing = (last.zero - first.zero if len(lines) > 1 else first.zero) / strokes
-    ends = [_weight(line.segment, fold.rho) for line in (first, last)]
-    expected = (ends[1] - ends[0] if len(lines) > 1 else ends[0]) / strokes
+    # From the first zero to the last; a single one is counted from the equilibrium.
+    first, last = (lines[0] if len(lines) > 1 else _Line(0, 0.0, 1.0)), lines[-1]
+    half_cycles = last.segment - first.segment
+    spacing = (last.zero - first.zero) / half_cycles
+    expected = (_zero(last.segment, fold.rho) - _zero(first.segment, fold.rho)) / half_cycles
     return {
         "mu_from_period_without_damping": (spacing / 2 * per_band, None, ""),
         "bias_of_that_by_damping": (expected / 2 - 1, None, ""),
@@ -253,18 +255,18 @@ def _naive(lines: list[_Line], fold: _Fold, band: float, per_band: float) -> dic
 
 
 def _warnings(rig: Rig, lines: list[_Line], fitted: _Map) -> list[str]:
-    said = []
+    warnings = []
     if fitted.dof < 1:
-        said.append("As many parameters as pairs: the scatter cannot tell any uncertainty.")
-    if fitted.held:
-        said.append(
-            f"The pairs do not tell an offset of the equilibrium from friction; it is taken as {fitted.offset:g} m. "
-            "Release from both sides, or from farther away."
+        warnings.append("As many parameters as pairs: the scatter cannot tell any uncertainty.")
+    if fitted.offset_fixed:
+        warnings.append(
+            "The pairs do not separate an offset of the equilibrium from friction; it is taken as "
+            f"{fitted.offset:g} m. Release from both sides, or from farther away."
         )
     if rig.damping is None and rig.damping_ratio is None:
-        said.append(
+        warnings.append(
             "The rig has no damping, so the map is taken for undamped; damping of 0.3 % already biases mu by 3 %."
         )
     if len(lines) == 1:
-        said.append("The pairs reach one segment only; runs from farther away would check the period.")
-    return said
+        warnings.append("The pairs reach one segment only; runs from farther away would check the period.")
+    return warnings

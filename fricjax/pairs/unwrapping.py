@@ -4,7 +4,7 @@ Under Coulomb and viscous friction the alternating amplitude after n half-cycles
 S_n`` with ``S_n = (1 - rho^n)/(1 - rho)``, and the mass stops with ``-x_d < a_n <= x_s``. Without the number n the
 sum of squares over the dead band x_d has as many minima as there are half-cycles, like a periodogram; with it the
 problem is linear. So all dead bands are tried on a grid fine enough to miss no minimum, each with the best n for each
-pair, and judged by the residuals relative to the dead band: the wrong ones scatter evenly, whatever their size. By
+pair, and scored by the residuals relative to the dead band: the wrong ones scatter evenly, whatever their size. By
 that measure the likelihood of each, its scale left open, is its score to the power of half the degrees of freedom, and
 the sum of the others over that of the best is the odds that the best one is wrong.
 """
@@ -16,26 +16,31 @@ import numpy as np
 from ..errors import UsageError
 from ..oscillator import Oscillator
 
+# Neighbouring dead bands of the grid differ by this part of the width of a minimum of the sum of squares.
 _STEP = 0.1
+# Smallest dead band that is tried, of the largest start: some two hundred half-cycles.
 _SMALLEST = 1 / 400
 # A static coefficient above the dynamic one stops the mass up to so many half-cycles earlier.
 _EARLIER = 3
+# Numbers and dead band in turns, from the best of the grid; two or three rounds end it.
 _ROUNDS = 8
 # Scores below this, in squares of the largest start, are rounding.
 _ROUNDING = 1e-26
-# Standard errors from the best dead band within which others change a coefficient by no more than its noise.
+# Standard errors from the best dead band within which others change a coefficient by no more than its noise. Half or
+# twice as many changes what is reported as open in less than one campaign of twenty.
 _SAME = 5.0
-# Odds at which numbers of half-cycles are told to be open.
+# Odds at which numbers of half-cycles are reported as open. So few that none of 200 campaigns of four pairs was wrong
+# without a word, at noise that leaves most of them open (tests/pairs/test_scatter.py, experiments/honesty/routes.py).
 OPEN = 1e-3
 
 
 class Unwrapped(NamedTuple):
-    """Number of half-cycles of each pair, and what it was found with.
+    """Number of half-cycles of each pair, and what it rests on.
 
     Attributes:
         half_cycles: shape (pairs,).
         dead_band, offset: x_d and the reading at the equilibrium [m].
-        odds: that the pairs belong to quite another dead band; zero where the numbers were given.
+        odds: that the pairs belong to quite another dead band; zero where the numbers were stated.
         doubtful: number of pairs that one half-cycle more or less fits as well, at odds of more than one in a thousand.
     """
 
@@ -74,7 +79,7 @@ def _sum(n: np.ndarray, rho: float) -> np.ndarray:
     return np.where(loss < 1e-12, n, np.expm1(-n * loss) / np.expm1(-max(loss, 1e-12)))
 
 
-def strokes_to_rest(a0: np.ndarray, dead_band: np.ndarray, rho: float) -> np.ndarray:
+def half_cycles_to_rest(a0: np.ndarray, dead_band: np.ndarray, rho: float) -> np.ndarray:
     """Half-cycles until the amplitude falls into the dead band."""
     loss = -np.log(rho)
     if loss < 1e-12:
@@ -85,45 +90,54 @@ def strokes_to_rest(a0: np.ndarray, dead_band: np.ndarray, rho: float) -> np.nda
     return np.maximum(np.ceil(count - 1e-9), 0.0)
 
 
+def count_half_cycles(
+    x0: np.ndarray, xf: np.ndarray, half_cycles: np.ndarray | None, rho: float, offset: float | None = None
+) -> Unwrapped:
+    """Dead band, offset and numbers of half-cycles, the latter as stated or, for None, from the pairs; see `unwrap`."""
+    if half_cycles is None:
+        return unwrap(x0, xf, rho, offset)
+    band, shift, _ = linear_fit(x0, xf, half_cycles, rho, offset)
+    start = float(band) if band > 0 else float(np.max(np.abs(x0))) / (2 * max(int(half_cycles.max()), 1) + 1)
+    return Unwrapped(half_cycles, start, float(shift))
+
+
 def unwrap(x0: np.ndarray, xf: np.ndarray, rho: float, offset: float | None = None) -> Unwrapped:
-    """Find dead band, offset and numbers of half-cycles from pairs [m].
+    """Dead band, offset and numbers of half-cycles from pairs [m].
 
     Args:
         x0: initial displacements, shape (pairs,).
         xf: final displacements, shape (pairs,).
         rho: ratio of successive amplitudes under damping alone.
-        offset: of the equilibrium where it is known; None: it is found as well.
+        offset: of the equilibrium where it is known; None: it is fitted as well.
     """
-    grid = _dead_bands(np.abs(x0 - (offset or 0.0)))
-    scores, found = _judged(x0, xf, rho, grid, np.full(grid.shape, offset or 0.0), offset)
-    best = _at(found, int(np.argmin(scores)))
+    largest = float(np.max(np.abs(x0)))
+    grid = _dead_bands(float(np.max(np.abs(x0 - (offset or 0.0)))))
+    scores, candidates = _scored(x0, xf, rho, grid, np.full(grid.shape, offset or 0.0), offset)
+    best = _pick(candidates, int(np.argmin(scores)))
     for _ in range(_ROUNDS):
-        score, again = _judged(x0, xf, rho, np.array([best.dead_band]), np.array([best.offset]), offset)
-        before, best = best, _at(again, 0)
+        score, again = _scored(x0, xf, rho, np.array([best.dead_band]), np.array([best.offset]), offset)
+        before, best = best, _pick(again, 0)
         if np.array_equal(before.half_cycles, best.half_cycles):
             break
-    odds = _odds(x0, rho, best, float(score[0]), scores, found, offset)
-    return best._replace(odds=odds, doubtful=_doubtful(x0, xf, rho, best, offset))
-
-
-def _doubtful(x0: np.ndarray, xf: np.ndarray, rho: float, best: Unwrapped, held: float | None) -> int:
-    """Number of pairs that one half-cycle more or less fits as well, dead band and offset fitted again."""
-    dof, n = x0.size - (1 if held is not None else 2), best.half_cycles
+    dof = x0.size - (1 if offset is not None else 2)
     if dof < 1:
-        return x0.size
+        return best._replace(odds=np.inf, doubtful=x0.size)
+    odds = _odds(x0, rho, best, float(score[0]), scores, candidates, offset, dof) if np.isfinite(score[0]) else np.inf
+    # Pairs that one half-cycle more or less fits as well, dead band and offset fitted again.
+    n = best.half_cycles
     rivals = np.concatenate([n + step * np.eye(x0.size, dtype=int) for step in (1, -1)])
-    floor = _ROUNDING * float(np.max(np.abs(x0))) ** 2
-    own, *others = (max(_left(x0, xf, counts, rho, held), floor) for counts in (n, *rivals))
+    floor = _ROUNDING * largest**2
+    residue, *others = (max(_residue(x0, xf, counts, rho, offset), floor) for counts in (n, *rivals))
     possible = np.min(rivals, axis=-1) >= 0
-    as_well = possible & ((own / np.array(others)) ** (dof / 2) > OPEN)
-    return int(np.sum(as_well.reshape(2, -1).any(axis=0)))
+    as_well = possible & ((residue / np.array(others)) ** (dof / 2) > OPEN)
+    return best._replace(odds=odds, doubtful=int(np.sum(as_well.reshape(2, -1).any(axis=0))))
 
 
-def _left(x0: np.ndarray, xf: np.ndarray, n: np.ndarray, rho: float, held: float | None) -> float:
-    """Mean square that the best dead band and offset leave, also where these cannot be told apart [m^2]."""
-    sign, columns = (-1.0) ** n, np.stack(sensitivities(x0, n, rho, held), axis=1)
-    moved = xf - sign * rho**n * x0 - columns[:, 1] * (held or 0.0)
-    columns = columns if held is None else columns[:, :1]
+def _residue(x0: np.ndarray, xf: np.ndarray, n: np.ndarray, rho: float, offset: float | None) -> float:
+    """Mean square that the best dead band and offset leave, also where these cannot be separated [m^2]."""
+    sign, columns = (-1.0) ** n, np.stack(sensitivities(x0, n, rho, offset), axis=1)
+    moved = xf - sign * rho**n * x0 - columns[:, 1] * (offset or 0.0)
+    columns = columns if offset is None else columns[:, :1]
     return float(np.mean((moved - columns @ np.linalg.lstsq(columns, moved, rcond=1e-9)[0]) ** 2))
 
 
@@ -133,55 +147,40 @@ def _odds(
     best: Unwrapped,
     score: float,
     scores: np.ndarray,
-    found: tuple[np.ndarray, np.ndarray, np.ndarray],
-    held: float | None,
+    candidates: tuple[np.ndarray, np.ndarray, np.ndarray],
+    offset: float | None,
+    dof: int,
 ) -> float:
     """Odds that the pairs belong to another dead band than the best one by more than its standard error can explain."""
-    dof = x0.size - (1 if held is not None else 2)
-    if dof < 1 or not np.isfinite(score):
-        return np.inf
-    counts, bands, _ = found
+    counts, bands, _ = candidates
     score = max(score, _ROUNDING * (float(np.max(np.abs(x0))) / best.dead_band) ** 2)
-    columns = sensitivities(x0, best.half_cycles, rho, held)
-    slopes = np.stack(columns[: x0.size - dof], axis=1)
+    slopes = np.stack(sensitivities(x0, best.half_cycles, rho, offset)[: x0.size - dof], axis=1)
     std = best.dead_band * np.sqrt(score * x0.size / dof * np.linalg.pinv(slopes.T @ slopes)[0, 0])
     apart = np.isfinite(scores) & (np.abs(bands - best.dead_band) > _SAME * std)
     rivals = np.unique(counts[apart], axis=0, return_index=True)[1]
     return float(np.sum((score / np.maximum(scores[apart][rivals], score)) ** (dof / 2)))
 
 
-def counted(
-    x0: np.ndarray, xf: np.ndarray, half_cycles: np.ndarray | None, rho: float, offset: float | None = None
-) -> Unwrapped:
-    """Dead band, offset and numbers of half-cycles, the latter as given or, for None, from the pairs; see `unwrap`."""
-    if half_cycles is None:
-        return unwrap(x0, xf, rho, offset)
-    band, shift, _ = linear_fit(x0, xf, half_cycles, rho, offset)
-    start = float(band) if band > 0 else float(np.max(np.abs(x0))) / (2 * max(int(half_cycles.max()), 1) + 1)
-    return Unwrapped(half_cycles, start, float(shift))
-
-
-def _dead_bands(a0: np.ndarray) -> np.ndarray:
-    """Dead bands whose neighbours differ by a small part of the width of a minimum, ``x_d^2/max(a0)``."""
-    largest, bands = float(a0.max()), []
-    band = largest
+def _dead_bands(largest: float) -> np.ndarray:
+    """Dead bands whose neighbours differ by a small part of the width of a minimum, ``x_d^2/largest``."""
+    bands, band = [], largest
     while band > _SMALLEST * largest:
         bands.append(band)
         band -= _STEP * band * min(band / largest, 1.0)
     return np.array(bands)
 
 
-def _at(found: tuple[np.ndarray, np.ndarray, np.ndarray], place: int) -> Unwrapped:
-    counts, bands, offsets = found
-    return Unwrapped(counts[place].astype(int), float(bands[place]), float(offsets[place]))
+def _pick(candidates: tuple[np.ndarray, np.ndarray, np.ndarray], index: int) -> Unwrapped:
+    counts, bands, offsets = candidates
+    return Unwrapped(counts[index].astype(int), float(bands[index]), float(offsets[index]))
 
 
-def _judged(
-    x0: np.ndarray, xf: np.ndarray, rho: float, bands: np.ndarray, offsets: np.ndarray, held: float | None
+def _scored(
+    x0: np.ndarray, xf: np.ndarray, rho: float, bands: np.ndarray, offsets: np.ndarray, offset: float | None
 ) -> tuple[np.ndarray, tuple[np.ndarray, np.ndarray, np.ndarray]]:
     """Mean squared residuals in dead bands, shape (bands,); counts, dead bands and offsets refined for them."""
     n = _best_counts(x0 - offsets[:, None], xf - offsets[:, None], bands[:, None], rho)
-    refined, shift, residual = linear_fit(x0, xf, n, rho, held)
+    refined, shift, residual = linear_fit(x0, xf, n, rho, offset)
     usable = (refined > 0) & (refined < 2 * bands)
     band = np.where(usable, refined, bands)
     score = np.where(usable, np.mean((residual / band[:, None]) ** 2, axis=1), np.inf)
@@ -191,42 +190,43 @@ def _judged(
 def _best_counts(y0: np.ndarray, yf: np.ndarray, band: np.ndarray, rho: float) -> np.ndarray:
     """For each dead band and pair the possible number of half-cycles that leads nearest to the final displacement."""
     a0, side = np.abs(y0), np.sign(y0)
-    candidates = np.maximum(strokes_to_rest(a0, band, rho) - np.arange(_EARLIER)[:, None, None], 0.0)
+    candidates = np.maximum(half_cycles_to_rest(a0, band, rho) - np.arange(_EARLIER)[:, None, None], 0.0)
     ends = (-1.0) ** candidates * side * amplitude_after(candidates, a0, band, rho)
     nearest = np.argmin(np.abs(ends - yf), axis=0)
     return np.take_along_axis(candidates, nearest[None], axis=0)[0]
 
 
 def linear_fit(
-    x0: np.ndarray, xf: np.ndarray, n: np.ndarray, rho: float, held: float | None
+    x0: np.ndarray, xf: np.ndarray, n: np.ndarray, rho: float, offset: float | None
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Dead bands and offsets for given numbers of half-cycles by linear least squares, and the residuals [m].
+    """Dead bands and offsets at fixed numbers of half-cycles by linear least squares, and the residuals [m].
 
     Args:
         x0: initial displacements, shape (pairs,).
         xf: final displacements, shape (pairs,).
         n: numbers of half-cycles, shape (..., pairs).
         rho: ratio of successive amplitudes under damping alone.
-        held: offset where it is known.
+        offset: of the equilibrium where it is known.
 
     Returns:
         Dead bands and offsets, shape (...,); zero where the pairs do not determine one. Residuals, shape (..., pairs).
     """
-    sign, (by_band, by_offset) = (-1.0) ** n, sensitivities(x0, n, rho, held)
-    left = xf - sign * rho**n * x0 - by_offset * (held or 0.0)
+    # The normal equations written out: thousands of sets of numbers are fitted at once.
+    sign, (by_band, by_offset) = (-1.0) ** n, sensitivities(x0, n, rho, offset)
+    left = xf - sign * rho**n * x0 - by_offset * (offset or 0.0)
     aa, ab, bb = (np.sum(u * v, -1) for u, v in ((by_band, by_band), (by_band, by_offset), (by_offset, by_offset)))
     al, bl = np.sum(by_band * left, -1), np.sum(by_offset * left, -1)
-    if held is not None:
+    if offset is not None:
         band = np.divide(al, aa, out=np.zeros_like(aa), where=aa > 0)
-        return band, np.full(band.shape, held), left - band[..., None] * by_band
+        return band, np.full(band.shape, offset), left - band[..., None] * by_band
     rest = aa * bb - ab**2
     known = rest > 1e-9 * aa * bb
     band = np.divide(al * bb - bl * ab, rest, out=np.zeros_like(rest), where=known)
-    offset = np.divide(bl * aa - al * ab, rest, out=np.zeros_like(rest), where=known)
-    return band, offset, left - band[..., None] * by_band - offset[..., None] * by_offset
+    shift = np.divide(bl * aa - al * ab, rest, out=np.zeros_like(rest), where=known)
+    return band, shift, left - band[..., None] * by_band - shift[..., None] * by_offset
 
 
-def sensitivities(x0: np.ndarray, n: np.ndarray, rho: float, held: float | None) -> tuple[np.ndarray, np.ndarray]:
+def sensitivities(x0: np.ndarray, n: np.ndarray, rho: float, offset: float | None) -> tuple[np.ndarray, np.ndarray]:
     """Derivatives of the final displacements with respect to the dead band and to the offset."""
-    side, sign = np.sign(x0 - (held or 0.0)), (-1.0) ** n
+    side, sign = np.sign(x0 - (offset or 0.0)), (-1.0) ** n
     return -sign * side * (1 + rho) * _sum(n, rho), 1 - sign * rho**n

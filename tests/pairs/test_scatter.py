@@ -7,7 +7,7 @@ from scipy.stats import norm
 from fricjax import Rig
 from fricjax.pairs import RouteFit, fit_final_displacements, fit_triangle_map
 from fricjax.pairs import unwrapping as half_cycles
-from fricjax.pairs.scatter import scale_of, student
+from fricjax.pairs.diagnostics import scale_of, student
 from tests.pairs.campaigns import BAND, DAMPED, DAMPING, LOAD, MASS, MU, STIFFNESS, campaign, machine
 
 RIG = Rig(mass=MASS, stiffness=STIFFNESS, damping=DAMPING, normal_force=LOAD)

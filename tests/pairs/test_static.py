@@ -26,7 +26,7 @@ def test_the_bracket_holds_the_truth_and_has_the_known_width():
     assert np.median(widths) == pytest.approx(0.074, rel=0.2)
 
 
-def test_all_standstills_are_attempts():
+def test_all_states_at_rest_are_attempts():
     y0 = np.array([1e-3, -2e-3])
     runs = [released(y, static=STATIC) for y in y0]
     counts = np.array([len(points) - 1 for _, points in runs])
@@ -37,7 +37,7 @@ def test_all_standstills_are_attempts():
 
 
 def stops(random: np.random.Generator, scatter: float, runs: int = 40) -> tuple[np.ndarray, np.ndarray]:
-    """Standstills of a campaign whose static band scatters from stop to stop."""
+    """Attempts to stop of a campaign whose static band scatters from stop to stop."""
     size, stopped = [], []
     for a in random.uniform(1.31, 12, runs) * BAND:
         while True:
@@ -83,7 +83,7 @@ def test_stops_that_do_not_overlap_have_no_scatter():
         probit(np.array([1.0, 2.0, 3.0, 4.0]), np.array([True, True, False, False]))
 
 
-def test_stops_at_the_larger_deflections_tell_no_static_friction():
+def test_stops_at_the_larger_deflections_determine_no_static_friction():
     with pytest.raises(DataError, match="did not stop more seldom at larger deflections"):
         probit(np.arange(1.0, 7.0), np.array([False, False, True, False, True, True]))
 

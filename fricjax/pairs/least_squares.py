@@ -1,0 +1,179 @@
+"""Computed final displacements of a campaign of releases, and their least-squares fit to the measured ones."""
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import optimistix as optx
+from jaxtyping import Array, Float
+
+from ..estimation.levenberg_marquardt import LevenbergMarquardt
+from ..estimation.passes import residual_and_jacobian
+from ..estimation.covariance import quadratic
+from ..estimation.space import ParameterSpace
+from ..estimation.status import CONVERGED, NOT_FINITE, UNDETERMINED
+from ..oscillator import Oscillator, starting_state
+from ..oscillator.engines import AbstractEngine
+from .diagnostics import Scale, scale_of
+from .displacements import Pairs
+
+# A time by which every motion has come to rest [s].
+_FAR = 1e30
+# Rounding of the computed displacements, relative to the largest initial one.
+_ROUNDING = 1e-13
+# Corrections of the numbers of half-cycles by the fitted law; they settle after one or two.
+_ROUNDS = 5
+
+
+class PairModel(eqx.Module):
+    """Computed final displacements as a function of the coordinates of the parameters."""
+
+    oscillator: Oscillator
+    space: ParameterSpace
+    engine: AbstractEngine
+    x0: Float[np.ndarray, " pairs"]
+    half_cycles: Any
+    offset: Any
+
+    def __call__(self, q: Float[Array, " p"]) -> Float[Array, " pairs"]:
+        values = self.space.values(q)
+        machine = self.space.model(self.oscillator, values)
+        offset = self.space.run_values(values, 0).get("offset", jnp.asarray(self.offset))
+
+        def final(x0: Array, count: Array) -> Array:
+            path = self.engine.path(machine, starting_state(machine, x0 - offset, 0.0), count)
+            return path.sample(jnp.asarray([_FAR]))[0][0] + offset
+
+        return jax.vmap(final)(jnp.asarray(self.x0), self.half_cycles)
+
+
+class _Residual(eqx.Module):
+    """Computed minus measured final displacements, in standard deviations.
+
+    A module, so that another campaign with arrays of the same shapes needs no new compilation.
+    """
+
+    model: PairModel
+    xf: Float[np.ndarray, " pairs"]
+    sigma: Float[np.ndarray, " pairs"]
+
+    def __call__(self, q: Float[Array, " p"]) -> Float[Array, " pairs"]:
+        return (self.model(q) - self.xf) / self.sigma
+
+
+class Solution(NamedTuple):
+    """Where the fit ended.
+
+    Attributes:
+        q: coordinates, shape (p,); `covariance`: of the coordinates, shape (p, p), inf where undetermined.
+        undetermined: coordinates that the data leave open, shape (p,).
+        chi2, dof: sum of squared weighted residuals and degrees of freedom, at least one.
+        scale: by which the covariance is enlarged, and what that makes of intervals.
+        status: of the solver; `warnings`: in sentences.
+    """
+
+    q: np.ndarray
+    covariance: np.ndarray
+    undetermined: np.ndarray
+    chi2: float
+    dof: int
+    scale: Scale
+    status: int
+    warnings: tuple[str, ...]
+
+    @property
+    def converged(self) -> bool:
+        """Whether the optimum was reached and every parameter is determined."""
+        return self.status == CONVERGED and not self.undetermined.any()
+
+    def outcome(self, names: tuple[str, ...]) -> str:
+        """The status in words."""
+        if self.status == NOT_FINITE:
+            return "not finite: the model fails at the start values. Check the coefficients of the oscillator."
+        if self.undetermined.any() or self.status == UNDETERMINED:
+            lost = ", ".join(name for name, bad in zip(names, self.undetermined, strict=True) if bad)
+            return (
+                f"undetermined: the pairs do not determine {lost or 'a combination'}. Fix one parameter, or add pairs "
+                "of other amplitudes."
+            )
+        if self.status != CONVERGED:
+            return "stalled: the optimum was not reached. Check the numbers of half-cycles."
+        return "converged"
+
+
+def solve_pairs(
+    pairs: Pairs, model: PairModel, sigma: np.ndarray, parameters: int, scaled: bool
+) -> tuple[PairModel, Solution]:
+    """The fit; numbers of half-cycles that were not stated are corrected by one where the fitted law says so.
+
+    Args:
+        pairs: measured displacements.
+        model: computed ones.
+        sigma: standard deviations of the final displacements [m], shape (pairs,).
+        parameters: number of coordinates.
+        scaled: whether the scale of the residuals is taken from their scatter, which is never below rounding.
+    """
+    floor = float(np.sum((_ROUNDING * np.max(np.abs(pairs.x0)) / sigma) ** 2))
+    for _ in range(_ROUNDS):
+        solution = _minimise(_Residual(model, pairs.xf, sigma), parameters, scaled, floor)
+        nearest = model.half_cycles if pairs.half_cycles is not None else _nearest(model, solution.q, pairs.xf)
+        if np.array_equal(nearest, model.half_cycles):
+            break
+        model = eqx.tree_at(lambda m: m.half_cycles, model, nearest)
+    return model, solution
+
+
+def _nearest(model: PairModel, q: np.ndarray, xf: np.ndarray) -> np.ndarray:
+    """For each pair its number of half-cycles, one less or one more: whichever ends nearest to its displacement."""
+    rivals = [np.maximum(model.half_cycles + step, 0) for step in (0, -1, 1)]
+    ends = [predicted(eqx.tree_at(lambda m: m.half_cycles, model, n), jnp.asarray(q)) for n in rivals]
+    away = np.nan_to_num(np.abs(np.asarray(ends) - xf), nan=np.inf)
+    return np.stack(rivals)[np.argmin(away, axis=0), np.arange(xf.size)]
+
+
+def _minimise(residual: Callable, parameters: int, scaled: bool, floor: float) -> Solution:
+    """Least squares from the origin, and what its answer is worth."""
+    q, r, jacobian, status = map(np.asarray, _least_squares(residual, jnp.zeros(parameters), np.asarray(floor)))
+    spare, chi2 = r.size - parameters, max(float(r @ r), floor if scaled else 0.0)
+    shape = quadratic(jacobian.T @ r, jacobian.T @ jacobian, np.zeros(parameters, bool))
+    scale = scale_of(chi2, spare, known=not scaled)
+    unknown = shape.undetermined | (not np.isfinite(scale.factor))
+    covariance = (scale.factor if np.isfinite(scale.factor) else 1.0) ** 2 * shape.inverse
+    covariance[unknown, :] = covariance[:, unknown] = 0.0
+    covariance[unknown, unknown] = np.inf
+    no_scatter = "As many parameters as pairs: the scatter cannot tell any uncertainty."
+    warnings = () if spare or not scaled else (no_scatter,)
+    return Solution(q, covariance, shape.undetermined, chi2, max(spare, 1), scale, int(status), warnings)
+
+
+@eqx.filter_jit
+def _least_squares(residual: Callable, start: Array, floor: Any) -> tuple[Array, Array, Array, Array]:
+    """Coordinates, residuals and Jacobian at the optimum, and the status of the solver."""
+    wide, dof = jnp.full(start.shape, jnp.inf), max(jax.eval_shape(residual, start).size - start.size, 1)
+    options = {"lower": -wide, "upper": wide, "dof": jnp.asarray(float(dof)), "floor": floor}
+    solution = optx.least_squares(lambda q, _: residual(q), LevenbergMarquardt(), start, options=options, throw=False)
+    r, jacobian = residual_and_jacobian(residual, solution.value)
+    return solution.value, r, jacobian, solution.stats["status"]
+
+
+@eqx.filter_jit
+def predicted(model: PairModel, q: Array) -> Array:
+    """Computed final displacements at the coordinates `q` [m], shape (pairs,)."""
+    return model(q)
+
+
+def fitted_dead_band(model: PairModel, solution: Solution) -> tuple[float, float, str]:
+    """Dead band x_d = mu N/k of the fitted machine [m], with its standard error."""
+
+    def band(q: Array) -> Array:
+        return model.space.model(model.oscillator, model.space.values(q)).dead_band
+
+    q = jnp.asarray(solution.q)
+    slope = np.asarray(jax.jacfwd(band)(q))
+    # An undetermined parameter without influence on the dead band has an infinite variance: 0 inf is not a number.
+    used = slope != 0
+    variance = slope[used] @ solution.covariance[np.ix_(used, used)] @ slope[used]
+    return float(band(q)), float(np.sqrt(variance)), "m"
