@@ -19,7 +19,7 @@ from ..data.gather import gather
 from ..data.record import labels
 from ..errors import DataError, UsageError
 from ..estimation.covariance import COVERAGE
-from ..fitting import BatchFit, fit_batch
+from ..fitting import fit_batch
 from ..friction import Coulomb
 from ..pairs.diagnostics import scale_of
 from ..pairs.displacements import Pairs, pairs_of
@@ -27,11 +27,13 @@ from ..pairs.final_displacement import fit_final_displacements
 from ..pairs.result import RouteFit
 from ..pairs.triangle_map import fit_triangle_map
 from ..rig import Rig
-from ..show import Table, plain, uncertain
+from ..show import Report, Reported, Table, plain, uncertain
 from .force_map import friction_force_map
 from .half_cycles import half_cycle_friction
 
+# Start value of mu: the trace gives its own, a fit of pairs starts from the dead band of the pairs.
 _START = 0.01
+# Standard errors within which a route is no contradiction.
 _DISTANT = 3.0
 
 
@@ -39,6 +41,10 @@ class Route(NamedTuple):
     """One route's dynamic coefficient and from how many runs it comes.
 
     Its standard error is that from the runs alone, widened as Student's interval is where it rests on few residuals.
+
+    Examples:
+        >>> Route("1 traces", mu=0.05, std=1e-6, runs=6).mu
+        0.05
     """
 
     name: str
@@ -48,17 +54,22 @@ class Route(NamedTuple):
 
 
 @dataclasses.dataclass(frozen=True)
-class Agreement:
+class Agreement(Reported):
     """The routes on the same runs.
 
     Attributes:
-        routes: what each route found; a route that found nothing is in `failures`, with the reason.
+        routes: coefficient by each route; a route that gave none is in `failures`, with the reason.
         failures: sentences by name of the route.
         mu, std: coefficient of the most precise route and its standard error, enlarged where the others contradict it.
         chi2: sum of squared distances of the others from it in their standard errors; `dof`: their number.
         spread: largest relative distance between two routes.
         tolerance: relative distance that counts as agreement.
         sources: name of the file of each run, empty where it has none.
+
+    Examples:
+        >>> routes = Route("1 traces", 0.05, 1e-6, 6), Route("3 triangle map", 0.05001, 1e-5, 6)
+        >>> Agreement(routes, {}, 0.05, 1e-6, 1.0, 1, 2e-4, 1e-3, ()).agree
+        True
     """
 
     routes: tuple[Route, ...]
@@ -81,46 +92,28 @@ class Agreement:
         """What that says of the model, in one sentence."""
         if len(self.routes) < 2:
             return "Fewer than two routes gave a number, so the model is not tested."
-        told = f"{len(self.routes)} routes lie within {self.spread:.2g} of each other"
+        spread = f"{len(self.routes)} routes lie within {self.spread:.2g} of each other"
         if self.agree:
-            return f"{told}: one coefficient of Coulomb friction describes the runs."
+            return f"{spread}: one coefficient of Coulomb friction describes the runs."
         off = max(self.routes, key=lambda route: abs(route.mu - self.mu))
-        near = all(abs(route.mu - self.mu) <= _DISTANT * route.std for route in self.routes)
-        if near:
+        if all(abs(route.mu - self.mu) <= _DISTANT * route.std for route in self.routes):
             return (
-                f"{told}, more than the tolerance of {self.tolerance:g}, if no more than their own scatter allows: the "
-                "runs do not have one coefficient in common. Look at the force map, and record more runs."
+                f"{spread}, more than the tolerance of {self.tolerance:g}, if no more than their own scatter allows: "
+                "the runs do not have one coefficient in common. Look at the force map, and record more runs."
             )
         return (
-            f"{told}, more than their standard errors and the tolerance of {self.tolerance:g} allow; farthest is "
+            f"{spread}, more than their standard errors and the tolerance of {self.tolerance:g} allow; farthest is "
             f"{off.name}. The law, the damping or the release is not what it was taken for: look at the force map."
         )
 
-    def table(self) -> Table:
-        """One row per route."""
+    def report(self) -> Report:
+        """One row per route; the files, the coefficient, and what the routes say of the model."""
         rows = [[r.name, uncertain(r.mu, r.std), plain(r.mu / self.mu - 1, 2), str(r.runs)] for r in self.routes]
         rows += [[name, "", "", reason] for name, reason in self.failures.items()]
-        return Table(["Route", "mu", "From the most precise (relative)", "Runs"], rows)
-
-    def summary(self) -> str:
-        """The comparison as plain text."""
-        told = f"runs: {', '.join(labels(self.sources))}\n" if any(self.sources) else ""
-        return f"{self.table().text()}\n\n{told}most precise: {uncertain(self.mu, self.std)}\n{self.verdict}"
-
-    def _repr_html_(self) -> str:
-        return f"{self.table().html()}<p>most precise: {uncertain(self.mu, self.std)}. {self.verdict}</p>"
-
-    def to_dict(self) -> dict[str, Any]:
-        """The comparison as plain data."""
-        return {
-            **{
-                name: getattr(self, name)
-                for name in ("sources", "mu", "std", "chi2", "dof", "spread", "tolerance", "failures")
-            },
-            "routes": [route._asdict() for route in self.routes],
-            "agree": self.agree,
-            "verdict": self.verdict,
-        }
+        files = [("runs", ", ".join(labels(self.sources)))] if any(self.sources) else []
+        facts = [*files, ("most precise", uncertain(self.mu, self.std)), ("agreement", self.verdict)]
+        table = Table(["Route", "mu", "From the most precise (relative)", "Runs"], rows)
+        return Report([table], facts, data=vars(self) | {"agree": self.agree, "verdict": self.verdict})
 
 
 def compare_routes(records: Any, rig: Rig, *, tolerance: float = 1e-3) -> Agreement:
@@ -129,7 +122,7 @@ def compare_routes(records: Any, rig: Rig, *, tolerance: float = 1e-3) -> Agreem
     The uncertainties of the rig move all routes together and are left out.
 
     Args:
-        records: runs that come to rest, better with several half-cycles each; each given as to :func:`fricjax.fit`.
+        records: runs that come to rest, better with several half-cycles each; each passed as to :func:`fricjax.fit`.
         rig: the machine, with its damping.
         tolerance: relative distance that counts as agreement.
 
@@ -138,33 +131,34 @@ def compare_routes(records: Any, rig: Rig, *, tolerance: float = 1e-3) -> Agreem
         DataError: a run that cannot be read.
         RuntimeError: JAX computes in single precision.
 
-    ```python
-    fricjax.compare_routes(["run1.csv", "run2.csv", "run3.csv"], rig).summary()
-    ```
+    Examples:
+        >>> import fricjax as fj
+        >>> rig = fj.Rig(mass=0.4, stiffness=2500.0, damping=0.2, normal_force=10.0)
+        >>> machine = rig.oscillator(fj.friction.Coulomb(0.05))
+        >>> runs = [
+        ...     fj.synthetic_run(machine, x0, rate=5e3, duration=0.5, noise=1e-9, seed=i)
+        ...     for i, x0 in enumerate([1.2e-3, 1.6e-3, 2e-3])
+        ... ]
+        >>> agreement = fj.compare_routes(runs, rig)
+        >>> agreement.agree, round(agreement.mu, 5), len(agreement.routes)
+        (True, 0.05, 5)
     """
-    runs = gather(records)
+    runs, exact = gather(records), _exact(rig)
     routes, failures = [], {}
-    for name, route in _ROUTES.items():
+    for name, evaluate in _ROUTES.items():
         try:
-            found = route(runs, rig)
+            routes.append(Route(name, *evaluate(runs, exact)))
         except (DataError, UsageError) as error:
             failures[name] = str(error)
-        else:
-            routes.append(Route(name, *found))
     if not routes:
         raise UsageError(f"No route gave a number. {next(iter(failures))}: {next(iter(failures.values()))}")
-    return _joined(tuple(routes), failures, tolerance, tuple(run.name for run in runs))
-
-
-def _joined(
-    routes: tuple[Route, ...], failures: dict[str, str], tolerance: float, sources: tuple[str, ...]
-) -> Agreement:
     best = min(routes, key=lambda route: route.std)
     others = [route for route in routes if route is not best]
     chi2 = float(sum(((route.mu - best.mu) / route.std) ** 2 for route in others))
     std = best.std * float(np.sqrt(max(chi2 / max(len(others), 1), 1.0)))
     spread = float(np.ptp([route.mu for route in routes]) / abs(best.mu))
-    return Agreement(routes, failures, best.mu, std, chi2, len(others), spread, tolerance, sources)
+    sources = tuple(run.name for run in runs)
+    return Agreement(tuple(routes), failures, best.mu, std, chi2, len(others), spread, tolerance, sources)
 
 
 def weighted_mean(values: np.ndarray, stds: np.ndarray) -> tuple[float, float, float]:
@@ -179,73 +173,67 @@ def weighted_mean(values: np.ndarray, stds: np.ndarray) -> tuple[float, float, f
 
 def _by_trace(records: Sequence[Record], rig: Rig) -> tuple[float, float, int]:
     """Route 1: every trace by itself, from its first reversal."""
-    found: BatchFit = fit_batch(records, rig.oscillator(Coulomb(_START)), ("mu", "stiffness"))
-    good = found.optimum_found & np.isfinite(found.std_errors["mu"])
+    batch, machine = (
+        fit_batch(records, rig.oscillator(Coulomb(_START)), ("mu", "stiffness")),
+        rig.oscillator(Coulomb(0.0)),
+    )
+    good = batch.optimum_found & np.isfinite(batch.std_errors["mu"])
     if not good.any():
-        raise DataError(f"No trace could be fitted. The first: {found.status[0]}")
-    mean, std, _ = weighted_mean(*(values[good] for values in _coefficients(found, rig)))
+        raise DataError(f"No trace could be fitted. The first: {batch.status[0]}")
+    # k x_d/N with the rig's stiffness; the fitted one only gives the frequency.
+    scale = float(machine.stiffness) / float(machine.normal_force)
+    bands, stds = batch.kinematics["dead_band"] * scale, batch.kinematics_std["dead_band"] * scale
+    mean, std, _ = weighted_mean(bands[good], stds[good])
     return mean, std, int(good.sum())
 
 
-def _coefficients(found: BatchFit, rig: Rig) -> tuple[np.ndarray, np.ndarray]:
-    """Values and standard errors of ``k x_d/N`` with the rig's stiffness; the fitted one only gives the frequency."""
-    machine = rig.oscillator(Coulomb(_START))
-    scale = float(machine.stiffness) / float(machine.normal_force)
-    return found.kinematics["dead_band"] * scale, found.kinematics_std["dead_band"] * scale
-
-
 def _by_pairs(records: Sequence[Record], rig: Rig) -> tuple[float, float, int]:
-    pairs = _moved(records)
-    machine = rig.oscillator(Coulomb(_START))
+    pairs, machine = _moved(records), rig.oscillator(Coulomb(_START))
     return _of_pairs(fit_final_displacements(pairs.x0, pairs.xf, machine, half_cycles=pairs.half_cycles))
 
 
 def _by_map(records: Sequence[Record], rig: Rig) -> tuple[float, float, int]:
     pairs = _moved(records)
-    return _of_pairs(fit_triangle_map(pairs.x0, pairs.xf, _exact(rig), half_cycles=pairs.half_cycles))
+    return _of_pairs(fit_triangle_map(pairs.x0, pairs.xf, rig, half_cycles=pairs.half_cycles))
 
 
-def _of_pairs(found: RouteFit) -> tuple[float, float, int]:
-    low, high = found.intervals["mu"]
-    if not found.converged or not np.isfinite(high - low):
-        raise DataError(f"The fit is not valid, {found.status}" if not found.converged else " ".join(found.warnings))
-    return found.values["mu"], (high - low) / 2 / COVERAGE, found.x0.size
+def _of_pairs(fit: RouteFit) -> tuple[float, float, int]:
+    low, high = fit.intervals["mu"]
+    if not fit.converged or not np.isfinite(high - low):
+        raise DataError(f"The fit is not valid, {fit.status}" if not fit.converged else " ".join(fit.warnings))
+    return fit.values["mu"], (high - low) / 2 / COVERAGE, fit.x0.size
 
 
-def _by_half_cycles(records: Sequence[Record], rig: Rig) -> tuple[float, float, int]:
-    found = half_cycle_friction(list(records), _exact(rig))
-    return found.mu.value, found.mu.std, len(found.offsets)
+def _by_energy(evaluate: Callable[..., Any]) -> Callable[[Sequence[Record], Rig], tuple[float, float, int]]:
+    def mean(records: Sequence[Record], rig: Rig) -> tuple[float, float, int]:
+        friction = evaluate(list(records), rig)
+        return friction.mu.value, friction.mu.std, len(friction.offsets)
 
-
-def _by_samples(records: Sequence[Record], rig: Rig) -> tuple[float, float, int]:
-    found = friction_force_map(list(records), _exact(rig))
-    return found.mu.value, found.mu.std, len(found.offsets)
+    return mean
 
 
 _ROUTES: dict[str, Callable[[Sequence[Record], Rig], tuple[float, float, int]]] = {
     "1 traces": _by_trace,
     "2 final displacements": _by_pairs,
     "3 triangle map": _by_map,
-    "4 energy, half-cycles": _by_half_cycles,
-    "4 energy, samples": _by_samples,
+    "4 energy, half-cycles": _by_energy(half_cycle_friction),
+    "4 energy, samples": _by_energy(friction_force_map),
 }
 
 
 def _moved(records: Sequence[Record]) -> Pairs:
     """Pairs from the first reversal of those runs in which the mass moves on after it."""
-    usable = [pair for record in records if (pair := _pair(record)) is not None]
+    usable = []
+    for record in records:
+        try:
+            pair = pairs_of([record])
+        except DataError:
+            continue
+        if pair.half_cycles is not None and pair.half_cycles[0] > 0:
+            usable.append(pair)
     if not usable:
         raise DataError("No run moves on after its first reversal and comes to rest. Release from farther away.")
-    columns = (np.concatenate(column) for column in zip(*usable, strict=True))
-    return Pairs(*columns)
-
-
-def _pair(record: Record) -> Pairs | None:
-    try:
-        pair = pairs_of([record])
-    except DataError:
-        return None
-    return pair if pair.half_cycles is not None and pair.half_cycles[0] > 0 else None
+    return Pairs(*map(np.concatenate, zip(*usable, strict=True)))
 
 
 def _exact(rig: Rig) -> Rig:

@@ -1,7 +1,7 @@
 """The half-cycles of a record, each by itself: the samples between one reversal and the next.
 
 Friction jumps at every reversal, and the holding magnet may still pull before the first one. What an evaluation by
-energy or force may use are therefore the strokes from the first reversal on, none of which knows of its neighbours.
+energy or force may use are therefore the half-cycles from the first reversal on, none of which knows of its neighbours.
 """
 
 import dataclasses
@@ -10,26 +10,23 @@ from typing import Any
 
 import numpy as np
 
-from ..data import Record, Segmentation
+from ..data import Record
 from ..data.gather import gather
 from ..data.record import labels
 from ..data.segmentation.reversals import order_for, point_std, window
-from ..errors import DataError, UsageError
-from ..friction import Coulomb
-from ..oscillator import Oscillator
-from ..rig import Rig
+from ..errors import DataError
 
 EVEN = 1e-3  # largest deviation of a sampling interval from the mean one, relative
-DENSE = 2000  # samples per half-cycle; denser ones are averaged in blocks, which loses nothing that friction tells
-MINIMUM = 16  # samples in a stroke
+DENSE = 2000  # samples per half-cycle; denser ones are averaged in blocks, which loses nothing of friction
+MINIMUM = 16  # samples in a half-cycle
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class Stroke:
-    """One half-cycle.
+class HalfCycle:
+    """The motion from one reversal to the next.
 
     Attributes:
-        t: times of its samples [s], shape (n,), all within the stroke.
+        t: times of its samples [s], shape (n,), all between the two reversals.
         x: positions [m], shape (n,).
         step: sampling interval [s].
         noise: standard deviation of x [m].
@@ -48,47 +45,25 @@ class Stroke:
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Decay:
-    """A record as its strokes since the first reversal.
+    """A record as its half-cycles since the first reversal.
 
     Attributes:
-        strokes: the half-cycles, the last one ends in the stop where there is one.
-        times, points: reversals and stop, where a stroke begins or ends: times [s] and positions [m], shape (r,).
+        half_cycles: the last one ends in the stop where there is one.
+        times, points: reversals and stop, where a half-cycle begins or ends: times [s] and positions [m], shape (r,).
         point_std: standard uncertainty of `points` from the noise [m], shape (r,).
-        found: the anatomy of the whole record.
     """
 
-    strokes: tuple[Stroke, ...]
+    half_cycles: tuple[HalfCycle, ...]
     times: np.ndarray
     points: np.ndarray
     point_std: np.ndarray
-    found: Segmentation
-
-
-def machine(rig: Rig, *, damping_known: bool = True) -> Oscillator:
-    """The rig without friction: mass, restoring force, damping and drag.
-
-    Args:
-        rig: the rig.
-        damping_known: whether its damping is needed as well.
-
-    Raises:
-        UsageError: no rig, or one without damping although its loss must be told from that of friction.
-    """
-    if not isinstance(rig, Rig):
-        raise UsageError(f"rig must be a fricjax.Rig, got {type(rig).__name__}. Read one with Rig.from_toml(path).")
-    if damping_known and rig.damping is None and rig.damping_ratio is None:
-        raise UsageError(
-            "The rig has no damping, so that its viscous loss would count as friction. Give the rig its damping "
-            "or damping_ratio (0 for none), or a no-contact run."
-        )
-    return rig.oscillator(Coulomb(0.0))
 
 
 def each_of[T](records: Any, evaluate: Callable[[Any], T]) -> tuple[list[T], tuple[str, ...]]:
     """What `evaluate` makes of one record or of several; those of several that cannot be used are left out and named.
 
     Args:
-        records: a run, or a list of runs, each given as to :func:`fricjax.fit`.
+        records: a run, or a list of runs, each passed as to :func:`fricjax.fit`.
         evaluate: what is made of a record; raises a `DataError` for one that cannot be used.
 
     Returns:
@@ -101,32 +76,52 @@ def each_of[T](records: Any, evaluate: Callable[[Any], T]) -> tuple[list[T], tup
     runs = gather(records)
     if len(runs) == 1:
         return [evaluate(runs[0])], ()
-    found, notes = [], []
+    results, notes = [], []
     for label, run in zip(labels([run.name for run in runs]), runs, strict=True):
         try:
-            found.append(evaluate(run))
+            results.append(evaluate(run))
         except DataError as error:
             notes.append(f"Left out {label}: {error}")
-    if not found:
+    if not results:
         raise DataError(f"None of the {len(runs)} records can be used. {notes[0]}")
-    return found, tuple(notes)
+    return results, tuple(notes)
 
 
 def decay(record: Record, least: int = 2) -> Decay:
-    """The strokes of a record from its first reversal on.
+    """The half-cycles of a record from its first reversal on.
 
     Raises:
         DataError: uneven sampling, no reversal, or fewer than `least` half-cycles after the first reversal.
     """
-    t, x = np.asarray(record.t, float), np.asarray(record.x, float)
+    t, x, segmentation = np.asarray(record.t, float), np.asarray(record.x, float), record.segmentation
     step = _even_step(t, record.mask)
-    found = record.segmentation
-    times, points = _ends(found, least)
-    noise = _noise(record, found)
-    pairs = zip(times[:-1], times[1:], np.sign(np.diff(points)).astype(int), strict=True)
-    strokes = tuple(_stroke(t, x, begin, end, direction, step, noise) for begin, end, direction in pairs)
-    resting = 0.0 if found.rest is None else max((t[-1] - found.rest) / step, 1.0)
-    return Decay(strokes, times, points, _point_std(times, points, noise, step, resting), found)
+    times, points, rest = segmentation.turning_times, segmentation.turning_points, segmentation.rest
+    if not times.size:
+        raise DataError(
+            "The motion never turns round, so that there is no half-cycle between two reversals; release the mass "
+            "from farther away."
+        )
+    if rest is not None and segmentation.rest_position is not None:
+        times, points = np.append(times, rest), np.append(points, segmentation.rest_position)
+    if times.size <= least:
+        raise DataError(
+            f"Half-cycles after the first reversal: {times.size - 1}. At least {least} are needed, one in either "
+            "direction tells friction from the equilibrium; release the mass from farther away."
+        )
+    # The stated noise, else that of the record; never zero, so that exact motions have weights too.
+    stated = segmentation.noise if record.sigma is None else float(np.median(record.sigma))
+    noise = max(stated, 1e-12 * segmentation.amplitude)
+    directions, durations, sizes = np.sign(np.diff(points)).astype(int), np.diff(times), np.abs(np.diff(points))
+    ends = zip(times[:-1], times[1:], directions, strict=True)
+    half_cycles = tuple(_half_cycle(t, x, step, noise, *end) for end in ends)
+    # Reversals are as uncertain as the windows in which the segmentation fitted them, between their two half-cycles.
+    before, after = np.append(sizes[0], sizes), np.append(sizes, sizes[-1])
+    width = window(np.append(durations, durations[-1]), np.maximum(before, after) / 2, noise, step)
+    std = point_std(width, order_for(np.minimum(before, after), noise), noise, step)
+    if rest is not None:
+        # A stop is the mean of the samples at rest.
+        std[-1] = noise / np.sqrt(max((t[-1] - rest) / step, 1.0))
+    return Decay(half_cycles, times, points, std)
 
 
 def _even_step(t: np.ndarray, mask: np.ndarray) -> float:
@@ -150,33 +145,9 @@ def _even_step(t: np.ndarray, mask: np.ndarray) -> float:
     return step
 
 
-def _ends(found: Segmentation, least: int) -> tuple[np.ndarray, np.ndarray]:
-    """Times and positions at which strokes begin and end: the reversals, and the stop."""
-    times, points = found.turning_times, found.turning_points
-    if not times.size:
-        raise DataError(
-            "The motion never turns round, so that there is no half-cycle between two reversals; release the mass "
-            "from farther away."
-        )
-    if found.rest is not None and found.rest_position is not None:
-        times, points = np.append(times, found.rest), np.append(points, found.rest_position)
-    if times.size <= least:
-        raise DataError(
-            f"Half-cycles after the first reversal: {times.size - 1}. At least {least} are needed, one in either "
-            "direction tells friction from the equilibrium; release the mass from farther away."
-        )
-    return times, points
-
-
-def _noise(record: Record, found: Segmentation) -> float:
-    """Standard deviation of a sample [m]: the stated one, else the one found; never zero."""
-    stated = found.noise if record.sigma is None else float(np.median(record.sigma))
-    return max(stated, 1e-12 * found.amplitude)
-
-
-def _stroke(
-    t: np.ndarray, x: np.ndarray, begin: float, end: float, direction: int, step: float, noise: float
-) -> Stroke:
+def _half_cycle(
+    t: np.ndarray, x: np.ndarray, step: float, noise: float, begin: float, end: float, direction: int
+) -> HalfCycle:
     """The samples between two reversals; where they are many, as averages of blocks."""
     first, last = np.searchsorted(t, [begin, end])
     size = last - first
@@ -188,15 +159,4 @@ def _stroke(
     block = max(1, size // DENSE)
     kept = first + size // block * block
     times, positions = (values[first:kept].reshape(-1, block).mean(axis=1) for values in (t, x))
-    return Stroke(times, positions, step * block, noise / block**0.5, direction, float(begin), float(end))
-
-
-def _point_std(times: np.ndarray, points: np.ndarray, noise: float, step: float, resting: float) -> np.ndarray:
-    """Standard uncertainty of the points: of reversals by their windows, of a stop by `resting` samples behind it."""
-    durations, sizes = np.diff(times), np.abs(np.diff(points))
-    before, after = np.append(sizes[0], sizes), np.append(sizes, sizes[-1])
-    width = window(np.append(durations, durations[-1]), np.maximum(before, after) / 2, noise, step)
-    std = point_std(width, order_for(np.minimum(before, after), noise), noise, step)
-    if resting:
-        std[-1] = noise / np.sqrt(resting)
-    return std
+    return HalfCycle(times, positions, step * block, noise / block**0.5, direction, float(begin), float(end))

@@ -10,8 +10,8 @@ from ..oscillator import ready
 from ..rig import Rig
 from ..show import axis_label, figure, scaled
 from .decay import decay
-from .force_samples import sampled
-from .no_contact import contactless
+from .force_samples import force_samples
+from .losses import frictionless, with_losses
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -23,9 +23,16 @@ class EnergyLoss:
         energy: kinetic and potential energy [J], from the equilibrium at `offset`.
         rate: its rate of change v (m a + R(x)) [W], negative where energy is lost.
         rate_std: standard deviation of the rate from the noise of the record [W].
-        viscous_power, windage_power: loss to damping, c v^2, and to drag, drag |v|^3 [W].
+        viscous_power, drag_power: loss to damping, c v^2, and to drag, drag |v|^3 [W].
         friction_power: what is left of the loss [W].
         offset: equilibrium position in the record [m].
+
+    Examples:
+        >>> import fricjax as fj
+        >>> files = fj.data.example_paths()
+        >>> loss = fj.energy_loss.energy_of(files.run, fj.Rig.from_toml(files.rig))
+        >>> loss.energy.shape == loss.t.shape == loss.friction_power.shape
+        True
     """
 
     t: np.ndarray
@@ -33,7 +40,7 @@ class EnergyLoss:
     rate: np.ndarray
     rate_std: np.ndarray
     viscous_power: np.ndarray
-    windage_power: np.ndarray
+    drag_power: np.ndarray
     friction_power: np.ndarray
     offset: float
 
@@ -58,34 +65,37 @@ def energy_of(record: Any, rig: Rig, no_contact: Any = None, *, offset: float | 
     """Energy of a record and the rate of its loss.
 
     Args:
-        record: a free decay, given as to :func:`fricjax.fit`.
+        record: a free decay, passed as to :func:`fricjax.fit`.
         rig: mass, restoring force, damping and drag.
         no_contact: a run without contact, from which damping and drag are fitted in place of those of the rig.
-        offset: equilibrium position in the record [m]; None: found as by `friction_force_map`.
+        offset: equilibrium position in the record [m]; None: fitted as by `friction_force_map`.
 
     Raises:
         RuntimeError: JAX computes in single precision.
         UsageError: arguments that do not fit, or a rig without damping.
         DataError: a record with too few half-cycles, or sampled unevenly.
 
-    ```python
-    fricjax.energy_loss.energy_of("run.csv", rig).plot()
-    ```
+    Examples:
+        >>> import fricjax as fj
+        >>> files = fj.data.example_paths()
+        >>> loss = fj.energy_loss.energy_of(files.run, fj.Rig.from_toml(files.rig))
+        >>> bool(loss.energy[0] > 10 * loss.energy[-1])
+        True
     """
     ready()
-    oscillator = contactless(rig, no_contact)
-    found = sampled(decay(record_of(record), 2 if offset is None else 1), oscillator, offset)
-    mass, v, speed = float(oscillator.mass), found.v, np.abs(found.v)
-    net = mass * found.a + np.asarray(oscillator.restoring_force(found.x))  # pyright: ignore[reportArgumentType]
-    potential = oscillator.restoring.potential(found.x, oscillator.stiffness)  # pyright: ignore[reportArgumentType]
-    viscous, windage = float(oscillator.damping) * v**2, float(oscillator.drag) * speed**3
+    oscillator = frictionless(with_losses(rig, no_contact))
+    samples = force_samples(decay(record_of(record), 2 if offset is None else 1), oscillator, offset)
+    mass, v, speed = float(oscillator.mass), samples.v, np.abs(samples.v)
+    net = mass * samples.a + np.asarray(oscillator.restoring_force(samples.x))  # pyright: ignore[reportArgumentType]
+    potential = oscillator.restoring.potential(samples.x, oscillator.stiffness)  # pyright: ignore[reportArgumentType]
+    viscous, drag = float(oscillator.damping) * v**2, float(oscillator.drag) * speed**3
     return EnergyLoss(
-        t=np.concatenate([motion.stroke.t for motion in found.motions]),
+        t=np.concatenate([each.half_cycle.t for each in samples.smoothed]),
         energy=mass * v**2 / 2 + np.asarray(potential),
         rate=v * net,
-        rate_std=found.std((v * found.weights[0], net, mass * v)),
+        rate_std=samples.std((v * samples.weights[0], net, mass * v)),
         viscous_power=viscous,
-        windage_power=windage,
-        friction_power=-v * net - viscous - windage,
-        offset=found.offset,
+        drag_power=drag,
+        friction_power=-v * net - viscous - drag,
+        offset=samples.offset,
     )

@@ -2,8 +2,6 @@
 
 import dataclasses
 from collections.abc import Sequence
-from html import escape
-from typing import Any
 
 import equinox as eqx
 import jax
@@ -19,14 +17,18 @@ from ..fitting.names import find_leaf
 from ..friction import AbstractFriction
 from ..oscillator import Oscillator, ready
 from ..oscillator.leaves import Leaf, leaves_of
-from ..show import Table, uncertain
+from ..pairs.result import coefficient_table
+from ..show import Report, Reported
 from .force_map import ForceMap
 
+# Far more than a fit needs whose start is of the right order.
 MAX_STEPS = 200
+# Condition of the scaled normal matrix from which a coefficient counts as undetermined: rounding alone is left of it.
+SINGULAR = 1e13
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class ForceFit:
+class ForceFit(Reported):
     """A friction law fitted to a force map.
 
     Attributes:
@@ -38,6 +40,14 @@ class ForceFit:
         residuals: force of the map minus that of the law [N], shape (n,).
         converged: converged, and every coefficient determined.
         status: the outcome in words.
+
+    Examples:
+        >>> import fricjax as fj
+        >>> files = fj.data.example_paths()
+        >>> force_map = fj.friction_force_map(files.run, fj.Rig.from_toml(files.rig))
+        >>> fit = fj.fit_force_map(force_map, fj.friction.Coulomb(0.05), ["mu"])
+        >>> fit.friction.__class__.__name__, list(fit.units), fit.dof == force_map.force.size - 1
+        ('Coulomb', ['mu'], True)
     """
 
     friction: AbstractFriction
@@ -56,23 +66,17 @@ class ForceFit:
         """Sum of squared weighted residuals per degree of freedom."""
         return self.chi2 / self.dof
 
-    def table(self) -> Table:
-        """One row per free coefficient."""
-        rows = [[name, uncertain(self.values[name], self.std_errors[name], unit)] for name, unit in self.units.items()]
-        return Table(["Coefficient", "Value"], rows, title=f"{_law(self.friction)} friction fitted to a force map")
-
-    def summary(self) -> str:
-        """The fit as plain text."""
-        return f"{self.table().text()}\n\nreduced chi^2 {self.chi2_reduced:.3g}; {self.status}"
-
-    def _repr_html_(self) -> str:
-        return f"{self.table().html()}<p>reduced chi^2 {self.chi2_reduced:.3g}; {escape(self.status)}</p>"
-
-    def to_dict(self) -> dict[str, Any]:
-        """The fit as plain data, in SI units."""
-        plain = ("values", "std_errors", "units", "chi2", "dof", "chi2_reduced", "converged", "status")
-        arrays = {name: getattr(self, name).tolist() for name in ("covariance", "residuals")}
-        return {"friction": _law(self.friction), **{name: getattr(self, name) for name in plain}, **arrays}
+    def report(self) -> Report:
+        """One row per free coefficient; law, outcome and scatter."""
+        law = _law(self.friction)
+        facts = [
+            ("law", f"{law} friction, fitted to a force map"),
+            ("status", self.status),
+            ("reduced chi^2", f"{self.chi2_reduced:.3g}"),
+        ]
+        table = coefficient_table(self.values, self.std_errors, self.units)
+        data = vars(self) | {"friction": law, "chi2_reduced": self.chi2_reduced}
+        return Report([table], facts, heading="Fit", data=data)
 
 
 def fit_force_map(force_map: ForceMap, friction: AbstractFriction, free: Sequence[str] | None = None) -> ForceFit:
@@ -86,6 +90,14 @@ def fit_force_map(force_map: ForceMap, friction: AbstractFriction, free: Sequenc
     Raises:
         RuntimeError: JAX computes in single precision.
         UsageError: a law with internal states, unknown names, or more coefficients than the map has entries.
+
+    Examples:
+        >>> import fricjax as fj
+        >>> files = fj.data.example_paths()
+        >>> force_map = fj.friction_force_map(files.run, fj.Rig.from_toml(files.rig))
+        >>> fit = fj.fit_force_map(force_map, fj.friction.Coulomb(0.05), ["mu"])
+        >>> fit.converged, round(fit.values["mu"], 3)
+        (True, 0.02)
     """
     ready()
     leaves = _free(friction, force_map, free)
@@ -101,7 +113,22 @@ def fit_force_map(force_map: ForceMap, friction: AbstractFriction, free: Sequenc
         lambda y, args: args(y), LevenbergMarquardt(max_steps=MAX_STEPS), jnp.asarray(residual.coordinates(start)),
         args=residual, options=options, max_steps=MAX_STEPS, throw=False,
     )  # fmt: skip
-    return _assembled(solved, residual, leaves, dof)
+    values = np.asarray(residual.values(solved.value))
+    slope = np.asarray(jnp.where(residual.logarithmic, residual.values(solved.value), 1.0))
+    covariance = slope[:, None] * _inverse(np.asarray(solved.stats["normal"])) * slope
+    status, names, std = int(solved.stats["status"]), [leaf.name for leaf in leaves], np.sqrt(np.diag(covariance))
+    return ForceFit(
+        friction=jax.tree.map(np.asarray, residual.law(solved.value)),
+        values=dict(zip(names, values.tolist(), strict=True)),
+        std_errors=dict(zip(names, std.tolist(), strict=True)),
+        units={leaf.name: leaf.unit for leaf in leaves},
+        covariance=covariance,
+        chi2=2 * float(solved.stats["cost"]),
+        dof=dof,
+        residuals=np.asarray(residual(solved.value) * residual.std),
+        converged=status == CONVERGED and bool(np.all(np.isfinite(std))),
+        status=SENTENCES[status],
+    )
 
 
 class _Residual(eqx.Module):
@@ -147,10 +174,11 @@ def _free(friction: AbstractFriction, force_map: ForceMap, names: Sequence[str] 
             f"{_law(friction)} friction has internal states, so that it is no function of velocity; fit its records "
             "with fricjax.fit."
         )
+    # The names of coefficients are those that they have in an oscillator, whose other leaves come before them.
     oscillator = Oscillator(1.0, 1.0, 0.0, force_map.normal_force, friction)
     before = len(jax.tree.leaves((oscillator.mass, oscillator.stiffness, oscillator.damping, oscillator.normal_force)))
-    owned = range(before, before + len(jax.tree.leaves(friction)))
-    leaves = [leaf._replace(index=leaf.index - before) for leaf in leaves_of(oscillator) if leaf.index in owned]
+    of_law = range(before, before + len(jax.tree.leaves(friction)))
+    leaves = [leaf._replace(index=leaf.index - before) for leaf in leaves_of(oscillator) if leaf.index in of_law]
     chosen = [leaf.name for leaf in leaves if not leaf.name.endswith("exponent")] if names is None else list(names)
     if not 0 < len(chosen) < force_map.force.size:
         raise UsageError(
@@ -160,37 +188,11 @@ def _free(friction: AbstractFriction, force_map: ForceMap, names: Sequence[str] 
     return [find_leaf(name, leaves) for name in chosen]
 
 
-def _assembled(solved: optx.Solution, residual: _Residual, leaves: list[Leaf], dof: int) -> ForceFit:
-    """The solution in the terms of its user."""
-    values, slope = np.asarray(residual.values(solved.value)), _slope(residual, solved.value)
-    covariance = slope[:, None] * _inverse(np.asarray(solved.stats["normal"])) * slope
-    status, names = int(solved.stats["status"]), [leaf.name for leaf in leaves]
-    law = jax.tree.map(np.asarray, residual.law(solved.value))
-    std = np.sqrt(np.diag(covariance))
-    return ForceFit(
-        friction=law,
-        values=dict(zip(names, values.tolist(), strict=True)),
-        std_errors=dict(zip(names, std.tolist(), strict=True)),
-        units={leaf.name: leaf.unit for leaf in leaves},
-        covariance=covariance,
-        chi2=2 * float(solved.stats["cost"]),
-        dof=dof,
-        residuals=np.asarray(residual(solved.value) * residual.std),
-        converged=status == CONVERGED and bool(np.all(np.isfinite(std))),
-        status=SENTENCES[status],
-    )
-
-
-def _slope(residual: _Residual, y: Array) -> np.ndarray:
-    """Derivative of each coefficient with respect to its coordinate."""
-    return np.asarray(jnp.where(residual.logarithmic, residual.values(y), 1.0))
-
-
 def _inverse(normal: np.ndarray) -> np.ndarray:
     """Inverse of the normal matrix; infinite variances where it is singular."""
     unit = np.sqrt(np.where(np.diag(normal) > 0, np.diag(normal), 1.0))
     scaled = normal / np.outer(unit, unit)
-    if not np.all(np.isfinite(scaled)) or np.linalg.cond(scaled) > 1e13:
+    if not np.all(np.isfinite(scaled)) or np.linalg.cond(scaled) > SINGULAR:
         return np.diag(np.full(unit.size, np.inf))
     return np.linalg.inv(scaled) / np.outer(unit, unit)
 

@@ -1,8 +1,8 @@
 """The friction force against velocity, from the rate at which a free decay loses energy (evaluation route 4).
 
-Every sample of every stroke tells the force that the equation of motion leaves over (see :mod:`.sampled`). Samples of
-one direction and one branch (the speed still grows, or falls again) are averaged over a range of speeds; a difference
-between the branches is frictional lag, one between the directions is tilt or an asymmetric contact.
+Every sample of every half-cycle gives the force that the equation of motion leaves over (see :mod:`.force_samples`).
+Samples of one direction and one branch (the speed still grows, or falls again) are averaged over a range of speeds; a
+difference between the branches is frictional lag, one between the directions is tilt or an asymmetric contact.
 """
 
 import dataclasses
@@ -12,26 +12,28 @@ import numpy as np
 
 from ..data.gather import gather
 from ..errors import UsageError
-from ..oscillator import Oscillator, ready
+from ..oscillator import ready
 from ..pairs.settings import check_bins
 from ..rig import Measured, Rig
-from .cells import BIAS_SHARE, cells, pooled
+from ..show import Report, Reported, Table, axis_label, display_unit, engineering, figure, uncertain
+from .binning import BIAS_SHARE, binned, pooled
 from .decay import decay, each_of
-from .force_samples import Sampled, sampled
-from .no_contact import contactless
+from .force_samples import ForceSamples, force_samples
+from .losses import frictionless, with_losses
 
 DECADES_BELOW = 2.5  # of the largest speed: where the lowest range of speeds ends
 LONGER = 1.5  # windows for the bias of smoothing, which grows with the fourth power of their length
+_SIDES = {(1, 1): "+ accelerating", (1, -1): "+ decelerating", (-1, 1): "- accelerating", (-1, -1): "- decelerating"}
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class ForceMap:
+class ForceMap(Reported):
     """Friction force against velocity; arrays of shape (n,), one entry per range, direction and branch.
 
     Attributes:
         velocity: mean velocity [m/s], with its sign.
         force: friction force [N], positive where it opposes a positive velocity.
-        std: standard deviation of the force [N], by the noise of the records, the equilibrium found and the bias of
+        std: standard deviation of the force [N], by the noise of the records, the fitted equilibrium and the bias of
             smoothing.
         count: number of samples.
         direction: +1 or -1, the sign of the velocity.
@@ -44,6 +46,13 @@ class ForceMap:
         offsets: equilibrium position in each record used [m].
         quantity: "m", or "rad" for a rotary rig.
         notes: sentences on records that were left out.
+
+    Examples:
+        >>> import fricjax as fj
+        >>> files = fj.data.example_paths()
+        >>> force_map = fj.friction_force_map(files.run, fj.Rig.from_toml(files.rig), bins=8)
+        >>> force_map.velocity.shape == force_map.force.shape, len(force_map.offsets)
+        (True, 1)
     """
 
     velocity: np.ndarray
@@ -66,28 +75,46 @@ class ForceMap:
         """Mean friction force over the load [1], with the uncertainty of the force alone."""
         return Measured(self.mean.value / self.normal_force, self.mean.std / self.normal_force)
 
-    def summary(self) -> str:
-        """The map as plain text."""
-        from .force_show import summary
+    @property
+    def _units(self) -> tuple[str, str]:
+        """Of speed and force."""
+        return ("m/s", "N") if self.quantity == "m" else ("rad/s", "N m")
 
-        return summary(self)
-
-    def _repr_html_(self) -> str:
-        from .force_show import html
-
-        return html(self)
+    def report(self) -> Report:
+        """One row per entry of the map, and what is said of the entire map."""
+        columns = (self.direction.tolist(), self.branch.tolist(), self.velocity, self.force, self.std, self.count)
+        speed, force = self._units
+        rows = [
+            [_SIDES[side, branch], engineering(abs(v), speed), uncertain(abs(f), std, force), int(n)]
+            for side, branch, v, f, std, n in zip(*columns, strict=True)
+        ]
+        fastest = engineering(float(np.max(np.abs(self.velocity))), speed)
+        facts = [
+            ("mean friction force", uncertain(self.mean.value, self.mean.std, force)),
+            ("coefficient of friction", f"{uncertain(self.mu.value, self.mu.std)} (the rig taken as exact)"),
+            ("subtracted", f"damping {self.damping:.6g}, drag {self.drag:.6g} (SI)"),
+            ("data", f"{len(self.offsets)} records, {int(self.count.sum())} samples, up to {fastest}"),
+        ]
+        table = Table(["Branch", "Speed", "Friction force", "Samples"], rows)
+        return Report([table], facts, self.notes, heading="Force map", data=vars(self) | {"mu": self.mu})
 
     def plot(self) -> Any:
-        """Friction force against speed with error bars, as a matplotlib figure."""
-        from .force_show import plot
-
-        return plot(self)
-
-    def to_dict(self) -> dict[str, Any]:
-        """The map as plain data."""
-        from .force_show import to_dict
-
-        return to_dict(self)
+        """Friction force against speed, directions and branches apart, with two standard deviations, in matplotlib."""
+        drawing, axes = figure(1, 1, heights=(1.5,))
+        top = axes[0, 0]
+        speed, force = self._units
+        factor_v, unit_v = display_unit(float(np.max(np.abs(self.velocity))), speed)
+        factor_f, unit_f = display_unit(abs(self.mean.value), force)
+        for (direction, branch), marker in zip(_SIDES, "os^v", strict=True):
+            on = (self.direction == direction) & (self.branch == branch)
+            value, std = factor_f * (self.force * self.direction)[on], 2 * factor_f * self.std[on]
+            style = {"linestyle": "none", "marker": marker, "markersize": 3, "label": _SIDES[direction, branch]}
+            top.errorbar(factor_v * np.abs(self.velocity[on]), value, std, **style)
+        top.set_xscale("log")
+        top.set_xlabel(axis_label("Speed", unit_v))
+        top.set_ylabel(axis_label("Friction force", unit_f))
+        top.legend(loc="best", fontsize=8)
+        return drawing
 
 
 def friction_force_map(
@@ -104,11 +131,11 @@ def friction_force_map(
     Used are the half-cycles after the first reversal, which the release no longer disturbs.
 
     Args:
-        records: a run, or a list of runs of one machine, each given as to :func:`fricjax.fit`; they are pooled.
+        records: a run, or a list of runs of one machine, each passed as to :func:`fricjax.fit`; they are pooled.
         rig: mass, restoring force, load, and the damping and drag to subtract.
         no_contact: a run without contact, from which damping and drag are fitted in place of those of the rig.
         bins: number of ranges of speed, from rest to the largest speed, or their limits [m/s], increasing.
-        offset: equilibrium position in the records [m]; None: found in each record, as the one about which friction is
+        offset: equilibrium position in the records [m]; None: fitted in each record, as the one about which friction is
             equally large in both directions. The difference between them, as by tilt, then is a part of the offset.
         window: length of the shortest smoothing window [s], used next to reversals; None: as the noise asks for.
 
@@ -120,38 +147,41 @@ def friction_force_map(
         UsageError: arguments that do not fit, or a rig without damping.
         DataError: a record that cannot be used: sampled unevenly, or with too few half-cycles.
 
-    ```python
-    fricjax.friction_force_map(["run1.csv", "run2.csv"], rig, "free.csv").plot()
-    ```
+    Examples:
+        >>> import fricjax as fj
+        >>> files = fj.data.example_paths()
+        >>> force_map = fj.friction_force_map(files.run, fj.Rig.from_toml(files.rig))
+        >>> round(force_map.mu.value, 4)
+        0.02
     """
     ready()
-    oscillator = contactless(rig, no_contact)
+    oscillator = frictionless(with_losses(rig, no_contact))
     records = gather(records)
-    pairs, notes = each_of(records, lambda record: _forces(record, oscillator, offset, window))
-    forces = [found for found, _ in pairs]
-    edges = _edges(bins, max(float(np.max(force.speed)) for force in forces))
+
+    def evaluate(record: Any) -> tuple[ForceSamples, ForceSamples]:
+        """Forces at every sample, with smoothing windows as they should be and with longer ones."""
+        half_cycles = decay(record, 2 if offset is None else 1)
+        samples = force_samples(half_cycles, oscillator, offset, window)
+        return samples, force_samples(half_cycles, oscillator, samples.offset, window, LONGER)
+
+    evaluations, notes = each_of(records, evaluate)
+    edges = _edges(bins, max(float(np.max(samples.speed)) for samples, _ in evaluations))
+    means = [_work_over_path(*pair) for pair in evaluations]
     return ForceMap(
-        **pooled([cells(*pair, edges) for pair in pairs], edges),
+        **pooled([binned(*pair, edges) for pair in evaluations], edges),
         edges=edges,
-        mean=_mean(pairs),
+        mean=weighted(means),
         normal_force=float(oscillator.normal_force),
         damping=float(oscillator.damping),
         drag=float(oscillator.drag),
-        offsets=tuple(Measured(force.offset, force.offset_std) for force in forces),
+        offsets=tuple(Measured(samples.offset, samples.offset_std) for samples, _ in evaluations),
         quantity=records[0].quantity,
         notes=notes,
     )
 
 
-def _forces(record: Any, oscillator: Oscillator, offset: float | None, window: float | None) -> tuple[Sampled, Sampled]:
-    """Forces at every sample, with smoothing windows as they should be and with longer ones."""
-    found = decay(record, 2 if offset is None else 1)
-    forces = sampled(found, oscillator, offset, window)
-    return forces, sampled(found, oscillator, forces.offset, window, LONGER)
-
-
 def _edges(bins: Any, fastest: float) -> np.ndarray:
-    """Limits of the ranges of speed [m/s]: given, or from rest in equal ratios to the largest speed."""
+    """Limits of the ranges of speed [m/s]: as stated, or from rest in equal ratios to the largest speed."""
     if np.ndim(bins) == 0:
         check_bins(bins)
         return np.append(0.0, fastest * np.geomspace(10**-DECADES_BELOW, 1 + 1e-12, int(bins)))
@@ -161,18 +191,17 @@ def _edges(bins: Any, fastest: float) -> np.ndarray:
     return edges
 
 
-def _mean(pairs: list[tuple[Sampled, Sampled]]) -> Measured:
-    """Friction work divided by the path of each record, and of these the weighted mean [N]."""
-    means = [_work_over_path(*pair) for pair in pairs]
-    weight = np.array([mean.std**-2 for mean in means])
-    values = np.array([mean.value for mean in means])
-    return Measured(float(weight @ values / weight.sum()), float(weight.sum() ** -0.5))
-
-
-def _work_over_path(found: Sampled, longer: Sampled) -> Measured:
+def _work_over_path(samples: ForceSamples, longer: ForceSamples) -> Measured:
     """Friction work divided by the path of one record [N]."""
-    share = found.v / np.sum(found.speed)
-    equilibrium = share @ found.weights[0] * found.offset_std
-    bias = BIAS_SHARE * (share @ (longer.force - found.force))
-    variance = found.covariance(share[:, None])[0, 0] + equilibrium**2 + bias**2
-    return Measured(float(share @ found.force), float(variance**0.5))
+    share = samples.v / np.sum(samples.speed)
+    equilibrium = share @ samples.weights[0] * samples.offset_std
+    bias = BIAS_SHARE * (share @ (longer.force - samples.force))
+    variance = samples.covariance(share[:, None])[0, 0] + equilibrium**2 + bias**2
+    return Measured(float(share @ samples.force), float(variance**0.5))
+
+
+def weighted(values: list[Measured]) -> Measured:
+    """Mean of independent values by their inverse variances."""
+    weight = np.array([each.std**-2 for each in values])
+    mean = float(weight @ np.array([each.value for each in values]) / weight.sum())
+    return Measured(mean, float(weight.sum() ** -0.5))

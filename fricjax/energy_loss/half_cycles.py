@@ -10,23 +10,25 @@ is the mean friction force of the half-cycle, and what it leaves of the energy i
 """
 
 import dataclasses
-from html import escape
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from ..oscillator import Oscillator, ready
 from ..rig import Measured, Rig
-from ..show import Table, uncertain
-from .decay import Decay, decay, each_of, machine
-from .no_contact import with_losses
+from ..show import Report, Reported, Table, uncertain
+from .decay import Decay, decay, each_of
+from .force_map import weighted
+from .losses import frictionless, with_losses
 
-ROUNDS = 4  # the equilibrium enters linearly but for the restoring force's curvature and windage
-STEP = 1e-4  # of the largest swing, for the derivative with respect to the equilibrium
+# The equilibrium enters linearly but for the curvature of the restoring force and quadratic drag.
+ROUNDS = 4
+# Step of the derivatives with respect to positions, of the span of the reversals.
+STEP = 1e-4
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class HalfCycleFriction:
+class HalfCycleFriction(Reported):
     """Mean friction force of each half-cycle; arrays of shape (n,), those of several records one after another.
 
     Attributes:
@@ -40,6 +42,13 @@ class HalfCycleFriction:
             friction changes with amplitude, as it does where it depends on velocity.
         offsets: equilibrium position in each record [m].
         notes: sentences on records that were left out.
+
+    Examples:
+        >>> import fricjax as fj
+        >>> files = fj.data.example_paths()
+        >>> friction = fj.half_cycle_friction(files.run, fj.Rig.from_toml(files.rig))
+        >>> friction.force.shape, friction.record.max()
+        ((12,), np.int64(0))
     """
 
     force: np.ndarray
@@ -52,38 +61,18 @@ class HalfCycleFriction:
     offsets: tuple[Measured, ...]
     notes: tuple[str, ...]
 
-    def table(self) -> Table:
-        """One row per half-cycle."""
+    def report(self) -> Report:
+        """One row per half-cycle, and what the half-cycles have in common."""
         cells = zip(self.record.tolist(), 1e3 * self.swing, self.force, self.std, strict=True)
         rows = [[i, float(swing), uncertain(force, std)] for i, swing, force, std in cells]
-        return Table(["Record", "Path [mm]", "Mean friction force [N]"], rows)
-
-    def summary(self) -> str:
-        """The result as plain text."""
-        return "\n".join(f"{name:<25}{value}" for name, value in self._facts()) + f"\n\n{self.table().text()}"
-
-    def _repr_html_(self) -> str:
-        rows = "".join(f"<tr><th>{escape(name)}</th><td>{escape(value)}</td></tr>" for name, value in self._facts())
-        return f"<table>{rows}</table>{self.table().html()}"
-
-    def to_dict(self) -> dict[str, Any]:
-        """The result as plain data, in SI units."""
-        return {
-            **{name: getattr(self, name).tolist() for name in ("force", "std", "swing", "record")},
-            **{name: dataclasses.asdict(getattr(self, name)) for name in ("mean", "mu")},
-            "chi2_reduced": self.chi2_reduced,
-            "offsets": [dataclasses.asdict(offset) for offset in self.offsets],
-            "notes": list(self.notes),
-        }
-
-    def _facts(self) -> list[tuple[str, str]]:
-        return [
+        facts = [
             ("mean friction force", uncertain(self.mean.value, self.mean.std, "N")),
             ("coefficient of friction", uncertain(self.mu.value, self.mu.std)),
             ("scatter over noise", f"{self.chi2_reduced:.3g} (reduced chi^2)"),
             ("data", f"{self.force.size} half-cycles in {len(self.offsets)} records"),
-            *(("note", note) for note in self.notes),
         ]
+        table = Table(["Record", "Path [mm]", "Mean friction force [N]"], rows)
+        return Report([table], facts, self.notes, heading="Half-cycles", data=vars(self))
 
 
 def half_cycle_friction(records: Any, rig: Rig, no_contact: Any = None) -> HalfCycleFriction:
@@ -92,7 +81,7 @@ def half_cycle_friction(records: Any, rig: Rig, no_contact: Any = None) -> HalfC
     The equilibrium of each record is the one about which the same friction acts in all its half-cycles.
 
     Args:
-        records: a run, or a list of runs of one machine, each given as to :func:`fricjax.fit`.
+        records: a run, or a list of runs of one machine, each passed as to :func:`fricjax.fit`.
         rig: restoring force, mass, load, and the damping and drag to subtract.
         no_contact: a run without contact, from which damping and drag are fitted in place of those of the rig.
 
@@ -101,39 +90,48 @@ def half_cycle_friction(records: Any, rig: Rig, no_contact: Any = None) -> HalfC
         UsageError: arguments that do not fit, or a rig without damping.
         DataError: records with too few half-cycles, or sampled unevenly.
 
-    ```python
-    fricjax.half_cycle_friction("run.csv", rig).summary()
-    ```
+    Examples:
+        >>> import fricjax as fj
+        >>> files = fj.data.example_paths()
+        >>> friction = fj.half_cycle_friction(files.run, fj.Rig.from_toml(files.rig))
+        >>> round(friction.mu.value, 4)
+        0.02
     """
     ready()
     rig = with_losses(rig, no_contact)
-    oscillator = machine(rig)
-    found, notes = each_of(records, decay)
-    balances = [_balanced(each, oscillator) for each in found]
-    pooled = _pooled(balances)
+    oscillator = frictionless(rig)
+    decays, notes = each_of(records, decay)
+    balances = [_balance(each, oscillator) for each in decays]
+    joint = weighted([each.mean for each in balances])
+    dof = max(sum(each.force.size - 2 for each in balances) + len(balances) - 1, 1)
+    chi2 = sum(each.chi2 + ((each.mean.value - joint.value) / each.mean.std) ** 2 for each in balances)
+    reduced = float(chi2) / dof
+    mean = Measured(joint.value, joint.std * max(reduced, 1.0) ** 0.5)
+    # The rig's inputs are moved by their standard uncertainties one after another (JCGM 100, 5.1).
+    load = float(rig.normal_force.value)
+    mu, variance = mean.value / load, (mean.std / load) ** 2
+    for other, scale in rig.shifted():
+        stretched = (dataclasses.replace(d, points=scale * d.points, point_std=scale * d.point_std) for d in decays)
+        force = weighted([_balance(each, frictionless(other)).mean for each in stretched]).value
+        variance += (force / float(other.normal_force.value) - mu) ** 2
     force, std, swing = (
         np.concatenate([getattr(each, name) for each in balances]) for name in ("force", "std", "swing")
     )
-    freedom = max(sum(each.force.size - 2 for each in balances) + len(balances) - 1, 1)
-    chi2 = sum(each.chi2 + ((each.mean.value - pooled.value) / each.mean.std) ** 2 for each in balances)
-    reduced = float(chi2) / freedom
-    mean = Measured(pooled.value, pooled.std * max(reduced, 1.0) ** 0.5)
     return HalfCycleFriction(
         force=force,
         std=std,
         swing=swing,
-        record=np.repeat(np.arange(len(found)), [each.force.size for each in balances]),
+        record=np.repeat(np.arange(len(decays)), [each.force.size for each in balances]),
         mean=mean,
-        mu=_coefficient(found, rig, mean),
+        mu=Measured(mu, float(variance**0.5)),
         chi2_reduced=reduced,
         offsets=tuple(each.offset for each in balances),
         notes=notes,
     )
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
-class _Balance:
-    """What the reversals of one record tell."""
+class _Balance(NamedTuple):
+    """Forces of the half-cycles of one record, their mean, the equilibrium, and the scatter about the mean."""
 
     force: np.ndarray
     std: np.ndarray
@@ -143,13 +141,13 @@ class _Balance:
     chi2: float
 
 
-def _balanced(decay: Decay, oscillator: Oscillator) -> _Balance:
+def _balance(decay: Decay, oscillator: Oscillator) -> _Balance:
     """One friction force and the equilibrium of a record by generalised least squares."""
     points, step = decay.points, STEP * float(np.ptp(decay.points))
     offset = float(np.mean([points[:-1].mean(), points[1:].mean()]))
     for _ in range(ROUNDS):
-        offset += _solved(points - offset, decay.point_std, oscillator, step)[0][1]
-    (mean, _), inverse, chi2 = _solved(points - offset, decay.point_std, oscillator, step)
+        offset += _solve(points - offset, decay.point_std, oscillator, step)[0][1]
+    (mean, _), inverse, chi2 = _solve(points - offset, decay.point_std, oscillator, step)
     deviation = np.sqrt(np.diag(inverse))
     return _Balance(
         force=_forces(points - offset, oscillator),
@@ -161,19 +159,17 @@ def _balanced(decay: Decay, oscillator: Oscillator) -> _Balance:
     )
 
 
-def _solved(
-    y: np.ndarray, std: np.ndarray, oscillator: Oscillator, step: float
-) -> tuple[np.ndarray, np.ndarray, float]:
+def _solve(y: np.ndarray, std: np.ndarray, oscillator: Oscillator, step: float) -> tuple[np.ndarray, np.ndarray, float]:
     """Mean force [N] and shift of the equilibrium [m], their covariance, and chi^2: neighbours share a reversal."""
     force = _forces(y, oscillator)
     slope = (_forces(y + step, oscillator) - _forces(y - step, oscillator)) / (2 * step)
     covariance = _covariance(y, std, oscillator, step)
     basis = np.column_stack([np.ones_like(force), slope])
-    weighted = np.linalg.solve(covariance, basis)
-    inverse = np.linalg.inv(basis.T @ weighted)
-    found = inverse @ (weighted.T @ force)
-    left = force - basis @ found
-    return found, inverse, float(left @ np.linalg.solve(covariance, left))
+    weights = np.linalg.solve(covariance, basis)
+    inverse = np.linalg.inv(basis.T @ weights)
+    solution = inverse @ (weights.T @ force)
+    left = force - basis @ solution
+    return solution, inverse, float(left @ np.linalg.solve(covariance, left))
 
 
 def _forces(y: np.ndarray, oscillator: Oscillator) -> np.ndarray:
@@ -186,8 +182,9 @@ def _forces(y: np.ndarray, oscillator: Oscillator) -> np.ndarray:
     elastic = -np.diff(potential) / (before + after)
     # Of a linear spring: the energy lost, over the path, less the friction force.
     viscous = stiffness * ((before - after) / 2 - (rho * before - after) / (1 + rho))
-    windage = float(oscillator.drag) * (2 / 3) * omega**2 * ((before + after) / 2) ** 2
-    return elastic - viscous - windage
+    # Quadratic drag along a harmonic half-cycle, over its path.
+    drag = float(oscillator.drag) * (2 / 3) * omega**2 * ((before + after) / 2) ** 2
+    return elastic - viscous - drag
 
 
 def _covariance(y: np.ndarray, std: np.ndarray, oscillator: Oscillator, step: float) -> np.ndarray:
@@ -195,21 +192,3 @@ def _covariance(y: np.ndarray, std: np.ndarray, oscillator: Oscillator, step: fl
     moved = [_forces(y + step * unit, oscillator) - _forces(y - step * unit, oscillator) for unit in np.eye(y.size)]
     slopes = np.array(moved).T / (2 * step) * std
     return slopes @ slopes.T
-
-
-def _pooled(balances: list[_Balance]) -> Measured:
-    """Weighted mean over the records."""
-    weight = np.array([each.mean.std**-2 for each in balances])
-    values = np.array([each.mean.value for each in balances])
-    return Measured(float(weight @ values / weight.sum()), float(weight.sum() ** -0.5))
-
-
-def _coefficient(found: list[Decay], rig: Rig, mean: Measured) -> Measured:
-    """Mean force over load; the calibrated inputs are moved by their standard uncertainties one after another."""
-    load = float(rig.normal_force.value)
-    value, variance = mean.value / load, (mean.std / load) ** 2
-    for other, scale in rig.shifted():
-        stretched = (dataclasses.replace(d, points=scale * d.points, point_std=scale * d.point_std) for d in found)
-        force = _pooled([_balanced(each, machine(other)) for each in stretched]).value
-        variance += (force / float(other.normal_force.value) - value) ** 2
-    return Measured(value, float(variance**0.5))

@@ -1,7 +1,7 @@
 """Coefficients of friction by linear regression of the energy on the work of candidate forces.
 
-Along a stroke the energy falls by ``sum_j theta_j int phi_j(|v|) |v| dt`` and the known losses. The coefficients theta
-enter linearly, and no acceleration is needed.
+Along a half-cycle the energy falls by ``sum_j theta_j int phi_j(|v|) |v| dt`` and the known losses. The coefficients
+theta enter linearly, and no acceleration is needed.
 """
 
 from collections.abc import Callable
@@ -14,11 +14,11 @@ from ..oscillator import Oscillator, ready
 from ..pairs.result import Estimates
 from ..rig import Rig
 from .decay import decay, each_of
-from .force_samples import sampled
-from .no_contact import contactless
-from .smoothing import Motion
+from .force_samples import force_samples
+from .losses import frictionless, with_losses
+from .smoothing import Smoothed
 
-NODES = 32  # energies looked at per stroke
+NODES = 32  # energies evaluated per half-cycle
 SHORTENED = 0.5  # windows: energy needs no acceleration, and shorter ones bias the velocity less
 UNITS = {"coulomb": "N", "stribeck": "N", "viscous": "N s/m", "quadratic": "N s^2/m^2"}
 
@@ -33,8 +33,8 @@ def integral_friction(
     """Coefficients of ``F = coulomb + stribeck exp(-(v/v_stribeck)^2) + viscous |v| + quadratic v^2``.
 
     Args:
-        records: a run, or a list of runs of one machine, each given as to :func:`fricjax.fit`.
-        rig: mass, restoring force, and the damping and drag to subtract; what is found comes on top of them.
+        records: a run, or a list of runs of one machine, each passed as to :func:`fricjax.fit`.
+        rig: mass, restoring force, and the damping and drag to subtract; the coefficients come on top of them.
         no_contact: a run without contact, from which damping and drag are fitted in place of those of the rig.
         v_stribeck: Stribeck velocity [m/s]; None: without the second term.
 
@@ -43,18 +43,27 @@ def integral_friction(
         UsageError: arguments that do not fit, or a rig without damping.
         DataError: records with too few half-cycles, or sampled unevenly.
 
-    ```python
-    fricjax.energy_loss.integral_friction(["run1.csv", "run2.csv"], rig).values["coulomb"]
-    ```
+    Examples:
+        >>> import fricjax as fj
+        >>> files = fj.data.example_paths()
+        >>> rig = fj.Rig.from_toml(files.rig)
+        >>> round(fj.energy_loss.integral_friction(files.run, rig).values["coulomb"] / rig.normal_force.value, 4)
+        0.02
     """
     ready()
-    shapes = _shapes(v_stribeck)
-    oscillator = contactless(rig, no_contact)
-    found, notes = each_of(records, lambda record: sampled(decay(record), oscillator, lengthened=SHORTENED))
+    # The candidate forces as functions of the speed.
+    shapes: dict[str, Callable[[np.ndarray], np.ndarray]] = {"coulomb": np.ones_like}
+    if v_stribeck is not None:
+        if not v_stribeck > 0:
+            raise UsageError(f"v_stribeck must be a positive speed in m/s, got {v_stribeck!r}.")
+        shapes["stribeck"] = lambda speed: np.exp(-((speed / v_stribeck) ** 2))
+    shapes |= {"viscous": np.abs, "quadratic": np.square}
+    oscillator = frictionless(with_losses(rig, no_contact))
+    samples, notes = each_of(records, lambda record: force_samples(decay(record), oscillator, lengthened=SHORTENED))
     equations = []
-    for i, forces in enumerate(found):
-        own = np.arange(len(found)) == i
-        equations += [_equation(motion, forces.offset, oscillator, shapes, own) for motion in forces.motions]
+    for i, of_record in enumerate(samples):
+        column = np.arange(len(samples)) == i
+        equations += [_equation(part, of_record.offset, oscillator, shapes, column) for part in of_record.smoothed]
     size = len(shapes)
     inverse = np.linalg.inv(sum(work.T @ work for work, _, _ in equations))
     values = inverse @ sum(work.T @ lost for work, lost, _ in equations)
@@ -66,44 +75,35 @@ def integral_friction(
     return Estimates.of(units, values[:size], spread, chi2 / expected, notes)
 
 
-def _shapes(v_stribeck: float | None) -> dict[str, Callable[[np.ndarray], np.ndarray]]:
-    """The candidate forces as functions of the speed."""
-    shapes = {"coulomb": np.ones_like, "viscous": np.abs, "quadratic": np.square}
-    if v_stribeck is None:
-        return shapes
-    if not v_stribeck > 0:
-        raise UsageError(f"v_stribeck must be a positive speed in m/s, got {v_stribeck!r}.")
-    return {"coulomb": np.ones_like, "stribeck": lambda speed: np.exp(-((speed / v_stribeck) ** 2)), **shapes}
-
-
 def _equation(
-    motion: Motion,
+    smoothed: Smoothed,
     offset: float,
     oscillator: Oscillator,
     shapes: dict[str, Callable[[np.ndarray], np.ndarray]],
-    own: np.ndarray,
+    column: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Work of the candidates up to each node of a stroke, energy lost there, and the covariance of the energies.
+    """Work of the candidates up to each node of a half-cycle, energy lost there, and the covariance of the energies.
 
     All in units of the noise, and without the energy at the start. The last columns are what a shift of the equilibrium
-    of each record changes: the restoring force times the shift, in the record that `own` marks.
+    of each record changes: the restoring force times the shift, in the `column` of this record.
     """
     from scipy.integrate import cumulative_simpson
 
     mass, damping, drag = (float(getattr(oscillator, name)) for name in ("mass", "damping", "drag"))
-    x, v, speed = motion.x - offset, motion.v, motion.stroke.direction * motion.v
+    x, v, speed = smoothed.x - offset, smoothed.v, smoothed.half_cycle.direction * smoothed.v
     restoring = np.asarray(oscillator.restoring_force(x))  # pyright: ignore[reportArgumentType]
     potential = np.asarray(oscillator.restoring.potential(x, oscillator.stiffness))  # pyright: ignore[reportArgumentType]
     known = (damping + drag * np.abs(v)) * v**2
     powers = np.column_stack([*(shape(speed) * speed for shape in shapes.values()), known])
     nodes = np.unique(np.linspace(0, x.size - 1, NODES).astype(int))
-    work = cumulative_simpson(powers, dx=motion.stroke.step, axis=0, initial=0.0)[nodes]
+    work = cumulative_simpson(powers, dx=smoothed.half_cycle.step, axis=0, initial=0.0)[nodes]
     lost = -(mass * v**2 / 2 + potential)[nodes] - work[:, -1]
     picked = np.eye(x.size)[:, nodes]
     weights = restoring[:, None] * picked, (mass * v)[:, None] * picked, 0 * picked
-    covariance = motion.stroke.noise**2 * (seen := motion.response(weights)).T @ seen
+    covariance = smoothed.half_cycle.noise**2 * (seen := smoothed.response(weights)).T @ seen
     std = np.sqrt(np.diag(covariance))
+    # The energy at the start is not known: the equations are projected on what does not depend on it.
     start = (1 / std) / np.linalg.norm(1 / std)
     keep = (np.eye(std.size) - np.outer(start, start)) / std
-    columns = np.column_stack([work[:, :-1], restoring[nodes, None] * own])
+    columns = np.column_stack([work[:, :-1], restoring[nodes, None] * column])
     return keep @ columns, keep @ lost, keep @ covariance @ keep.T

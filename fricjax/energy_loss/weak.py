@@ -16,18 +16,19 @@ import numpy as np
 from ..oscillator import ready
 from ..pairs.result import Estimates
 from ..rig import Rig
-from .decay import Decay, decay, each_of, machine
+from .decay import Decay, decay, each_of
+from .losses import frictionless
 
 SUPPORT = 1.25  # length of phi in half-cycles
 SHIFT = 1 / 8  # from one phi to the next, likewise
 PHI = np.polynomial.Polynomial([1, 0, -1]) ** 4  # on [-1, 1]
 
 
-class _Rows(NamedTuple):
+class _Equations(NamedTuple):
     """One record: coefficients of (2 zeta omega, omega^2, F/m) and of omega^2 b, right-hand side, and operators."""
 
     shared: np.ndarray
-    own: np.ndarray
+    of_offset: np.ndarray
     right: np.ndarray
     operators: tuple[Any, Any, Any]
     noise: np.ndarray
@@ -40,7 +41,7 @@ def weak_form(records: Any, rig: Rig) -> Estimates:
     Good as a start for any fit: nothing has to be guessed.
 
     Args:
-        records: a run, or a list of runs of one machine, each given as to :func:`fricjax.fit`.
+        records: a run, or a list of runs of one machine, each passed as to :func:`fricjax.fit`.
         rig: mass and load, which turn the deceleration into a coefficient of friction.
 
     Returns:
@@ -51,42 +52,60 @@ def weak_form(records: Any, rig: Rig) -> Estimates:
         UsageError: arguments that do not fit.
         DataError: records with too few half-cycles, or sampled unevenly.
 
-    ```python
-    fricjax.energy_loss.weak_form("run.csv", rig).values["mu"]
-    ```
+    Examples:
+        >>> import fricjax as fj
+        >>> files = fj.data.example_paths()
+        >>> estimates = fj.energy_loss.weak_form(files.run, fj.Rig.from_toml(files.rig))
+        >>> round(estimates.values["natural_frequency"], 2), round(estimates.values["mu"], 4)
+        (12.6, 0.02)
     """
     ready()
-    oscillator = machine(rig, damping_known=False)
-    found, notes = each_of(records, decay)
-    rows = [_rows(each) for each in found]
-    basis, right = _stacked(rows)
+    oscillator = frictionless(rig, damping_known=False)
+    decays, notes = each_of(records, decay)
+    records = [_equations(each) for each in decays]
+    record = np.repeat(np.arange(len(records)), [each.right.size for each in records])
+    # The shared coefficients, then one column of omega^2 b for each record.
+    columns = np.concatenate([each.of_offset for each in records]) * (record[:, None] == np.arange(len(records)))
+    basis = np.hstack([np.concatenate([each.shared for each in records]), columns])
+    right = np.concatenate([each.right for each in records])
     inverse = np.linalg.pinv(basis)
     values = inverse @ right
-    covariances = [_covariance(row, values) for row in rows]
-    ends = np.cumsum([row.right.size for row in rows])[:-1]
-    parts = zip(np.split(inverse, ends, axis=1), covariances, strict=True)
+    covariances = [_covariance(each, values) for each in records]
+    parts = zip((inverse[:, record == i] for i in range(len(records))), covariances, strict=True)
     covariance = sum(part @ each @ part.T for part, each in parts)
     left, expected = right - basis @ values, sum(float(np.trace(each)) for each in covariances)
-    ratio = float(oscillator.mass) / float(oscillator.normal_force)
-    slopes, named = _named(values, ratio, [row.centre for row in rows])
-    offsets = ["offset"] if len(rows) == 1 else [f"offset[{i}]" for i in range(len(rows))]
-    units = {"natural_frequency": "Hz", "damping_ratio": "", "mu": "", **dict.fromkeys(offsets, "m")}
     chi2 = float(left @ left) / expected * right.size / max(right.size - values.size, 1)
-    return Estimates.of(units, named, slopes @ covariance @ slopes.T, chi2, notes)
+    # The coefficients one asks for, and their derivatives with respect to those of the equations.
+    viscous, square, friction, *pulls = values
+    omega, ratio, size = np.sqrt(square), float(oscillator.mass) / float(oscillator.normal_force), values.size
+    slopes = np.zeros((size, size))
+    slopes[0, 1] = 1 / (4 * np.pi * omega)
+    slopes[1, :2] = 1 / (2 * omega), -viscous / (4 * omega**3)
+    slopes[2, 2] = ratio
+    slopes[3:, 1] = -np.array(pulls) / square**2
+    slopes[3:, 3:] = np.eye(size - 3) / square
+    offsets = np.array(pulls) / square + [each.centre for each in records]
+    estimates = np.array([omega / (2 * np.pi), viscous / (2 * omega), friction * ratio, *offsets])
+    names = ["offset"] if len(records) == 1 else [f"offset[{i}]" for i in range(len(records))]
+    units = {"natural_frequency": "Hz", "damping_ratio": "", "mu": "", **dict.fromkeys(names, "m")}
+    return Estimates.of(units, estimates, slopes @ covariance @ slopes.T, chi2, notes)
 
 
-def _rows(decay: Decay) -> _Rows:
+def _equations(decay: Decay) -> _Equations:
     """The equations of one record: functions shifted along the motion from the first reversal to the end."""
-    t, x = (np.concatenate([getattr(stroke, name) for stroke in decay.strokes]) for name in "tx")
-    noise = np.concatenate([np.full(stroke.t.size, stroke.noise) for stroke in decay.strokes])
+    t, x = (np.concatenate([getattr(each, name) for each in decay.half_cycles]) for name in "tx")
+    noise = np.concatenate([np.full(each.t.size, each.noise) for each in decay.half_cycles])
     half, centre = float(np.median(np.diff(decay.times))), float(np.mean(decay.points))
     width = SUPPORT * half / 2
     middles = np.arange(decay.times[0] + width, decay.times[-1] - width + 1e-9 * half, SHIFT * half)
     operators = _operators(t, middles, width)
-    area, signed = _integrals(decay, middles, width)
+    # Integrals of phi and of phi sgn(v), half-cycle by half-cycle.
+    ends = np.clip((decay.times - middles[:, None]) / width, -1, 1)
+    pieces = width * np.diff(PHI.integ()(ends), axis=1)
+    signed = pieces @ np.array([each.direction for each in decay.half_cycles])
     plain, slope, curvature = (operator @ (x - centre) for operator in operators)
     shared = np.column_stack([-slope, plain, signed])
-    return _Rows(shared, -area[:, None], -curvature, operators, noise, centre)  # type: ignore[arg-type]
+    return _Equations(shared, -pieces.sum(axis=1)[:, None], -curvature, operators, noise, centre)
 
 
 def _operators(t: np.ndarray, middles: np.ndarray, width: float) -> tuple[Any, Any, Any]:
@@ -103,38 +122,10 @@ def _operators(t: np.ndarray, middles: np.ndarray, width: float) -> tuple[Any, A
     return tuple(csr_array((each, columns, starts), shape) for each in values)  # type: ignore[return-value]
 
 
-def _integrals(decay: Decay, middles: np.ndarray, width: float) -> tuple[np.ndarray, np.ndarray]:
-    """Integrals of phi and of phi sgn(v), stroke by stroke, shape (rows,)."""
-    ends = np.clip((decay.times - middles[:, None]) / width, -1, 1)
-    pieces = width * np.diff(PHI.integ()(ends), axis=1)
-    return pieces.sum(axis=1), pieces @ np.array([stroke.direction for stroke in decay.strokes])
-
-
-def _stacked(rows: list[_Rows]) -> tuple[np.ndarray, np.ndarray]:
-    """All equations: the shared coefficients, then one column of omega^2 b for each record."""
-    record = np.repeat(np.arange(len(rows)), [row.right.size for row in rows])
-    own = np.concatenate([row.own for row in rows]) * (record[:, None] == np.arange(len(rows)))
-    return np.hstack([np.concatenate([row.shared for row in rows]), own]), np.concatenate([row.right for row in rows])
-
-
-def _covariance(row: _Rows, values: np.ndarray) -> np.ndarray:
+def _covariance(equations: _Equations, values: np.ndarray) -> np.ndarray:
     """Covariance of the equations of one record by the noise of its samples, shape (rows, rows)."""
     from scipy.sparse import diags_array
 
-    plain, slope, curvature = row.operators
-    seen = (curvature - values[0] * slope + values[1] * plain) @ diags_array(row.noise)
+    plain, slope, curvature = equations.operators
+    seen = (curvature - values[0] * slope + values[1] * plain) @ diags_array(equations.noise)
     return (seen @ seen.T).toarray()
-
-
-def _named(values: np.ndarray, ratio: float, centres: list[float]) -> tuple[np.ndarray, np.ndarray]:
-    """The coefficients one asks for, and their derivatives with respect to those of the equations."""
-    viscous, square, friction, *pulls = values
-    omega, size = np.sqrt(square), values.size
-    slopes = np.zeros((size, size))
-    slopes[0, 1] = 1 / (4 * np.pi * omega)
-    slopes[1, :2] = 1 / (2 * omega), -viscous / (4 * omega**3)
-    slopes[2, 2] = ratio
-    slopes[3:, 1] = -np.array(pulls) / square**2
-    slopes[3:, 3:] = np.eye(size - 3) / square
-    offsets = np.array(pulls) / square + centres
-    return slopes, np.array([omega / (2 * np.pi), viscous / (2 * omega), friction * ratio, *offsets])

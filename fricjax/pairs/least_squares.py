@@ -10,9 +10,9 @@ import numpy as np
 import optimistix as optx
 from jaxtyping import Array, Float
 
+from ..estimation.covariance import quadratic
 from ..estimation.levenberg_marquardt import LevenbergMarquardt
 from ..estimation.passes import residual_and_jacobian
-from ..estimation.covariance import quadratic
 from ..estimation.space import ParameterSpace
 from ..estimation.status import CONVERGED, NOT_FINITE, UNDETERMINED
 from ..oscillator import Oscillator, starting_state

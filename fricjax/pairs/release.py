@@ -25,12 +25,12 @@ _TYPICAL = 1e-3
 _STEPS, _ACCURACY = np.array([1e-3, 1e-6, 1e-9]), 1e-11
 
 
-def fit_release(data: Any, found: Fit) -> Estimates:
+def fit_release(data: Any, fit: Fit) -> Estimates:
     """Time constant of the holding force, moment of the release and displacement at which the mass was kept.
 
     Args:
         data: the run, given as to :func:`fricjax.fit`, from before its release or from early in its first half-cycle.
-        found: its fit from the first reversal on, whose machine and offset are taken as exact.
+        fit: its fit from the first reversal on, whose machine and offset are taken as exact.
 
     Returns:
         ``time_constant`` [s] of ``exp(-t/time_constant)``, ``t_release`` [s] in the time of the record, and ``x0`` [m],
@@ -46,14 +46,14 @@ def fit_release(data: Any, found: Fit) -> Estimates:
         >>> run = fj.synthetic_run(
         ...     machine, 2e-3, rate=2e3, duration=0.6, noise=1e-9, hold=5e-3, release_time_constant=2e-3, seed=0
         ... )
-        >>> fit = fj.fit(run, machine, ["mu", "damping", "stiffness"])
-        >>> round(1e3 * fj.fit_release(run, fit).values["time_constant"], 3)
+        >>> from_reversal = fj.fit(run, machine, ["mu", "damping", "stiffness"])
+        >>> round(1e3 * fj.fit_release(run, from_reversal).values["time_constant"], 3)
         2.0
     """
     from scipy.optimize import least_squares
 
     record = record_of(data)
-    machine, offset, segmentation = found.oscillator, found.run_parameter("offset"), record.segmentation
+    machine, offset, segmentation = fit.oscillator, fit.run_parameter("offset"), record.segmentation
     if not segmentation.turning_times.size:
         raise DataError("The record has no reversal, so there is no first half-cycle to evaluate.")
     first_reversal = float(segmentation.turning_times[0])

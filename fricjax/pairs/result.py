@@ -2,70 +2,14 @@
 
 import dataclasses
 from collections.abc import Mapping, Sequence
-from html import escape
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 
 from ..estimation.covariance import correlation
-from ..show import Table, axis_label, display_unit, engineering, figure, interval, plain, uncertain
+from ..show import Report, Reported, Table, axis_label, display_unit, engineering, figure, interval, plain, uncertain
 
 type Estimate = tuple[float, float | None, str]
-
-
-class AbstractRouteResult:
-    """The face of a result: a table, and facts in lines; together as text, as HTML and as plain data.
-
-    Subclasses are dataclasses that say what their table and their facts are.
-    """
-
-    # What belongs to the plain data beside the fields, and whether the table is long and stands below the facts.
-    _derived: ClassVar[tuple[str, ...]] = ()
-    _facts_first: ClassVar[bool] = False
-
-    def table(self) -> Table:
-        """The numbers."""
-        raise NotImplementedError
-
-    def facts(self) -> list[tuple[str, str]]:
-        """What else is to be said: names and sentences; the `warnings` of the result follow by themselves."""
-        raise NotImplementedError
-
-    def summary(self) -> str:
-        """The result as plain text."""
-        facts = self.facts()
-        width = max(len(name) for name, _ in facts) + 2
-        lines = [*(f"{name + ':':<{width}}{text}" for name, text in facts), *(f"! {text}" for text in self._warnings)]
-        parts = [self.table().text(), "\n".join(lines)]
-        return "\n\n".join(reversed(parts) if self._facts_first else parts)
-
-    def _repr_html_(self) -> str:
-        facts = [*self.facts(), *(("warning", text) for text in self._warnings)]
-        rows = "".join(f"<tr><th>{escape(name)}</th><td>{escape(text)}</td></tr>" for name, text in facts)
-        parts = [self.table().html(), f"<table>{rows}</table>"]
-        return "".join(reversed(parts) if self._facts_first else parts)
-
-    @property
-    def _warnings(self) -> Sequence[str]:
-        return getattr(self, "warnings", ())
-
-    def to_dict(self) -> dict[str, Any]:
-        """The result as plain data, in SI units."""
-        names = [field.name for field in dataclasses.fields(self)]  # type: ignore[arg-type]
-        return {name: _plain(getattr(self, name)) for name in (*names, *self._derived)}
-
-
-def _plain(value: Any) -> Any:
-    """Arrays as lists, dataclasses and named tuples as dictionaries."""
-    if isinstance(value, np.ndarray):
-        return value.tolist()
-    if hasattr(value, "_asdict"):
-        value = value._asdict()
-    if dataclasses.is_dataclass(value) and not isinstance(value, type):
-        return dataclasses.asdict(value)
-    if isinstance(value, Mapping):
-        return {key: _plain(part) for key, part in value.items()}
-    return list(map(_plain, value)) if isinstance(value, tuple) else value
 
 
 def coefficient_table(values: Mapping[str, float], stds: Mapping[str, float], units: Mapping[str, str]) -> Table:
@@ -75,7 +19,7 @@ def coefficient_table(values: Mapping[str, float], stds: Mapping[str, float], un
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class Estimates(AbstractRouteResult):
+class Estimates(Reported):
     """Coefficients with their uncertainty from the scatter of the data about a regression.
 
     Attributes:
@@ -93,7 +37,7 @@ class Estimates(AbstractRouteResult):
         ─────────  ──────────────────────
         mu                    0.05000(20)
         <BLANKLINE>
-        residuals: reduced chi^2 4
+        reduced chi^2: 4
     """
 
     values: dict[str, float]
@@ -118,17 +62,14 @@ class Estimates(AbstractRouteResult):
         by_name, errors = (dict(zip(units, map(float, each), strict=True)) for each in (values, std))
         return cls(by_name, errors, units, covariance, chi2_reduced, notes)
 
-    def table(self) -> Table:
-        """One row per coefficient."""
-        return coefficient_table(self.values, self.std_errors, self.units)
-
-    def facts(self) -> list[tuple[str, str]]:
-        """The scatter, and the records that were left out."""
-        return [("residuals", f"reduced chi^2 {self.chi2_reduced:.3g}"), *(("note", note) for note in self.notes)]
+    def report(self) -> Report:
+        """The coefficients, their scatter, and the records that were left out."""
+        table = coefficient_table(self.values, self.std_errors, self.units)
+        return Report([table], [("reduced chi^2", f"{self.chi2_reduced:.3g}")], self.notes, data=vars(self))
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class RouteFit(AbstractRouteResult):
+class RouteFit(Reported):
     """Coefficients from pairs of displacements.
 
     Attributes:
@@ -157,8 +98,6 @@ class RouteFit(AbstractRouteResult):
         >>> fit.names, round(fit.values["mu"], 4), fit.status
         (('mu',), 0.05, 'converged')
     """
-
-    _derived = ("chi2_reduced",)
 
     route: str
     names: tuple[str, ...]
@@ -201,8 +140,8 @@ class RouteFit(AbstractRouteResult):
         shown = ", ".join(f"{name}={value:.6g}" for name, value in self.values.items())
         return f"RouteFit({self.route}: {shown}; {self.status})"
 
-    def table(self) -> Table:
-        """One row per parameter, bracketed coefficient and further estimate."""
+    def report(self) -> Report:
+        """One row per parameter, bracketed coefficient and further estimate; route, outcome, data and residuals."""
         rows = []
         for name, value in self.values.items():
             # A bracketed coefficient has no standard error: its interval says all.
@@ -212,18 +151,17 @@ class RouteFit(AbstractRouteResult):
         for name, (value, std, unit) in self.extras.items():
             shown = f"{plain(value, 4)} {unit}".strip() if std is None else uncertain(value, std, unit)
             rows.append([name.replace("_", " "), shown, "", ""])
-        return Table(["Parameter", "Value (standard error)", "95 % interval", "Remarks"], rows)
-
-    def facts(self) -> list[tuple[str, str]]:
-        """Route, outcome, data and residuals."""
         rms = engineering(float(np.sqrt(np.mean(self.residuals**2))), "m")
-        return [
+        facts = [
             ("route", self.route),
             ("status", self.status),
             ("pairs", f"{self.x0.size}, with {self.half_cycles.min()} to {self.half_cycles.max()} half-cycles"),
             ("noise", f"{engineering(float(np.median(self.sigma)), 'm')} ({self.sigma_source})"),
             ("residuals", f"{rms} rms, reduced chi^2 {plain(self.chi2_reduced, 4)}"),
         ]
+        table = Table(["Parameter", "Value (standard error)", "95 % interval", "Remarks"], rows)
+        data = vars(self) | {"chi2_reduced": self.chi2_reduced, "schema": "fricjax.route/1"}
+        return Report([table], facts, warnings=self.warnings, heading="Route", data=data)
 
     def plot(self) -> Any:
         """Final against initial displacement with the computed points, and the residuals, as a matplotlib figure."""
@@ -243,7 +181,3 @@ class RouteFit(AbstractRouteResult):
         bottom.set_xlabel(axis_label("Initial displacement", x_unit))
         drawing.align_ylabels()
         return drawing
-
-    def to_dict(self) -> dict[str, Any]:
-        """The result as plain data, in SI units."""
-        return super().to_dict() | {"schema": "fricjax.route/1"}

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from fricjax.data import Record, Trace
-from fricjax.energy_loss.decay import Stroke, decay
+from fricjax.energy_loss.decay import HalfCycle, decay
 from fricjax.energy_loss.force_map import friction_force_map
 from fricjax.energy_loss.smoothing import smooth
 from fricjax.errors import DataError, UsageError
@@ -92,12 +92,13 @@ def test_known_losses_are_subtracted():
 def test_smoothing_follows_a_quartic_exactly_and_knows_its_noise():
     t = np.arange(400) / 20e3
     x = np.polynomial.Polynomial([0.0, 0.0, 2.0, -40.0, 600.0])
-    clean = smooth(Stroke(t, x(t), t[1], 1e-9, 1, 0.0, 0.02), 1e-3)
+    clean = smooth(HalfCycle(t, x(t), t[1], 1e-9, 1, 0.0, 0.02), 1e-3)
     assert clean.v == pytest.approx(x.deriv()(t), abs=1e-10)
     assert clean.a == pytest.approx(x.deriv(2)(t), abs=1e-6)
     rng = np.random.default_rng(0)
     noisy = [
-        smooth(Stroke(t, x(t) + 1e-9 * rng.standard_normal(400), t[1], 1e-9, 1, 0.0, 0.02), 1e-3).a for _ in range(300)
+        smooth(HalfCycle(t, x(t) + 1e-9 * rng.standard_normal(400), t[1], 1e-9, 1, 0.0, 0.02), 1e-3).a
+        for _ in range(300)
     ]
     zero = np.zeros(400)
     assert np.std(noisy, axis=0) / clean.std((zero, zero, zero + 1)) == pytest.approx(1, abs=0.2)
@@ -106,13 +107,13 @@ def test_smoothing_follows_a_quartic_exactly_and_knows_its_noise():
 def test_no_window_reaches_over_a_reversal():
     t, omega, band = np.arange(8000) / 20e3, 2 * np.pi * 12.6, 1.876e-4
     exact = coulomb_viscous(t, 2e-3, frequency=12.6, zeta=0.0, dead_band=band)
-    strokes = decay(Record(t, exact.x + 1e-13 * np.random.default_rng(0).standard_normal(t.size))).strokes
-    assert len(strokes) == exact.n_half_cycles - 1
-    for stroke, begin, end in zip(strokes, exact.stops[:-1], exact.stops[1:], strict=True):
-        assert begin - 1e-7 < stroke.t[0] < stroke.t[-1] < end + 1e-7
+    half_cycles = decay(Record(t, exact.x + 1e-13 * np.random.default_rng(0).standard_normal(t.size))).half_cycles
+    assert len(half_cycles) == exact.n_half_cycles - 1
+    for half_cycle, begin, end in zip(half_cycles, exact.stops[:-1], exact.stops[1:], strict=True):
+        assert begin - 1e-7 < half_cycle.t[0] < half_cycle.t[-1] < end + 1e-7
         # On either side of a reversal the acceleration differs by 2 omega^2 band = 2.4 m/s^2.
-        accelerations = -(omega**2) * (stroke.x + stroke.direction * band)
-        assert smooth(stroke, 1e-3).a == pytest.approx(accelerations, abs=2e-3)
+        accelerations = -(omega**2) * (half_cycle.x + half_cycle.direction * band)
+        assert smooth(half_cycle, 1e-3).a == pytest.approx(accelerations, abs=2e-3)
 
 
 def test_dense_samples_are_averaged_in_blocks():
