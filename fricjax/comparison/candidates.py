@@ -17,10 +17,11 @@ from ..fitting.parameters import Request
 from ..fitting.problem import windows_of
 from ..fitting.window import Window
 from ..oscillator import Oscillator
-from ..oscillator.leaves import Leaf, leaves_of
+from ..oscillator.leaves import leaves_of
 from .names import check_different
 
 _TABLES = ("bounds", "priors", "tie", "guess")
+# Speeds at which a law is asked for its derivatives [m/s]: those of a decay by decades, and one of the other sign.
 _SPEEDS = (1e-5, 1e-4, 1e-3, 1e-2, 1e-1, -3e-3)
 
 
@@ -52,41 +53,38 @@ def candidates(
         UsageError: lists that do not fit to each other, or entries that belong to no candidate.
         DataError: records to which no candidate can be fitted.
     """
-    lists = (
-        [identifiable_coefficients(machine) for machine in oscillators]
-        if free is None
-        else [tuple(entry) for entry in free]
-    )
-    names = _names(oscillators) if names is None else tuple(names)
-    _check_lengths(oscillators, lists, names)
+    lists = [tuple(entry) for entry in (map(identifiable_coefficients, oscillators) if free is None else free)]
+    laws = [law_name(machine) for machine in oscillators]
+    if names is None:
+        # Laws that occur again have a number.
+        numbers = [laws[: i + 1].count(law) for i, law in enumerate(laws)]
+        names = [law if laws.count(law) == 1 else f"{law} {n}" for law, n in zip(laws, numbers, strict=True)]
+    for entries, what in ((lists, "lists of free coefficients"), (names, "names")):
+        if len(entries) != len(oscillators):
+            raise UsageError(f"There are {len(oscillators)} oscillators but {len(entries)} {what}. Give one for each.")
+    check_different(names)
     _check_tables(settings, oscillators, lists)
     requests = [_request(*pair, settings) for pair in zip(oscillators, lists, strict=True)]
-    opened = [_opened(records, request) for request in requests]
-    found = [windows for windows in opened if isinstance(windows, tuple)]
-    if not found:
+    opened: list[tuple[Window, ...] | DataError | UsageError] = []
+    for request in requests:
+        try:
+            opened.append(windows_of(records, request))
+        except (DataError, UsageError) as error:
+            opened.append(error)
+    usable = [windows for windows in opened if isinstance(windows, tuple)]
+    if not usable:
         raise next(windows for windows in opened if isinstance(windows, Exception))
-    common = [np.logical_and.reduce([windows[i].used for windows in found]) for i in range(len(records))]
-    made = zip(names, requests, (_restricted(windows, common) for windows in opened), strict=True)
-    return [Candidate(*entry) for entry in made]
-
-
-def _opened(records: Sequence[Record | Trace], request: Request) -> tuple[Window, ...] | DataError | UsageError:
-    try:
-        return windows_of(records, request)
-    except (DataError, UsageError) as error:
-        return error
-
-
-def _restricted(
-    windows: tuple[Window, ...] | DataError | UsageError, common: Sequence[np.ndarray]
-) -> tuple[Window, ...] | DataError | UsageError:
-    if not isinstance(windows, tuple):
-        return windows
-    # What rounding repeats stays left out for all laws alike.
-    return tuple(
-        dataclasses.replace(window, used=used, moving=window.moving & used, repeated=np.zeros_like(used))
-        for window, used in zip(windows, common, strict=True)
-    )
+    common = [np.logical_and.reduce([windows[i].used for windows in usable]) for i in range(len(records))]
+    entered = []
+    for name, request, windows in zip(names, requests, opened, strict=True):
+        if isinstance(windows, tuple):
+            # What rounding repeats stays left out for all laws alike.
+            windows = tuple(
+                dataclasses.replace(window, used=used, moving=window.moving & used, repeated=np.zeros_like(used))
+                for window, used in zip(windows, common, strict=True)
+            )
+        entered.append(Candidate(name, request, windows))
+    return entered
 
 
 def identifiable_coefficients(oscillator: Oscillator) -> tuple[str, ...]:
@@ -96,30 +94,21 @@ def identifiable_coefficients(oscillator: Oscillator) -> tuple[str, ...]:
     Coulomb's law, without shapes (numbers without a unit that are no coefficients of friction, such as exponents) and
     without the width of a regularisation, and without what acts like a coefficient that is free already.
     """
-    acting = [leaf for leaf in _acting(oscillator) if _is_coefficient(leaf)]
-    kept: list[str] = ["damping", "stiffness"]
-    for leaf in acting:
+    leaves, structure = jax.tree.flatten(oscillator)
+    # A little away from the values at hand, which may be special: a law may not depend on v_stribeck where mu_s is mu.
+    at = np.array([float(leaf) * (1 + 0.01 * i) for i, leaf in enumerate(leaves)])
+    slopes = np.asarray(_slopes(structure, at))
+    free = ["damping", "stiffness"]
+    for leaf in leaves_of(oscillator):
+        acts = leaf.dotted.startswith("friction.") and np.any(slopes[..., leaf.index] != 0)
+        if not acts or leaf.kind == "v_s" or not (leaf.unit or leaf.kind.startswith("mu")):
+            continue
         try:
-            check_identifiable([*kept, leaf.name], leaves_of(oscillator))
+            check_identifiable([*free, leaf.name], leaves_of(oscillator))
         except UsageError:
             continue
-        kept.append(leaf.name)
-    return (*kept[2:], *kept[:2])
-
-
-def _is_coefficient(leaf: Leaf) -> bool:
-    return leaf.kind != "v_s" and (leaf.unit != "" or leaf.kind.startswith("mu"))
-
-
-def _acting(oscillator: Oscillator) -> list[Leaf]:
-    """Coefficients of the law on which its force or the rate of its states depends while it slides."""
-    leaves, structure = jax.tree.flatten(oscillator)
-    own = [leaf for leaf in leaves_of(oscillator) if leaf.dotted.startswith("friction.")]
-    # A little away from the given values, which may be special: a law may not depend on v_stribeck where mu_s is mu.
-    at = np.array([float(leaf) * (1 + 0.01 * i) for i, leaf in enumerate(leaves)])
-
-    slopes = np.asarray(_slopes(structure, at))
-    return [leaf for leaf in own if np.any(slopes[..., leaf.index] != 0)]
+        free.append(leaf.name)
+    return (*free[2:], *free[:2])
 
 
 @eqx.filter_jit
@@ -139,19 +128,6 @@ def law_name(oscillator: Oscillator) -> str:
     """The laws of an oscillator by their names, joined by +."""
     law = oscillator.friction
     return " + ".join(type(part).__name__ for part in getattr(law, "laws", (law,)))
-
-
-def _names(oscillators: Sequence[Oscillator]) -> tuple[str, ...]:
-    """The names of the laws, those that occur again with a number."""
-    laws = [law_name(machine) for machine in oscillators]
-    return tuple(law if laws.count(law) == 1 else f"{law} {laws[: i + 1].count(law)}" for i, law in enumerate(laws))
-
-
-def _check_lengths(oscillators: Sequence[Oscillator], free: Sequence[Sequence[str]], names: Sequence[str]) -> None:
-    for given, what in ((free, "lists of free coefficients"), (names, "names")):
-        if len(given) != len(oscillators):
-            raise UsageError(f"There are {len(oscillators)} oscillators but {len(given)} {what}. Give one for each.")
-    check_different(names)
 
 
 def _check_tables(
@@ -174,10 +150,9 @@ def _leaf_names(oscillator: Oscillator) -> list[str]:
 
 def _request(oscillator: Oscillator, free: tuple[str, ...], settings: Mapping[str, Any]) -> Request:
     """The fit of one candidate, with those entries of the tables that it knows."""
-    given = {"nuisance": None, "engine": "auto", "start": "first_reversal", "rig": None, "loss": "squares", **settings}
-    known = {"tie": set(_leaf_names(oscillator))}
+    used = {"nuisance": None, "engine": "auto", "start": "first_reversal", "rig": None, "loss": "squares", **settings}
     for table in _TABLES:
-        names = known.get(table, set(free))
-        entries = (given.get(table) or {}).items()
-        given[table] = {name: entry for name, entry in entries if name in names or name.split("[")[0] in NUISANCES}
-    return Request.of(oscillator, free, **given)
+        names = _leaf_names(oscillator) if table == "tie" else free
+        entries = (used.get(table) or {}).items()
+        used[table] = {name: entry for name, entry in entries if name in names or name.split("[")[0] in NUISANCES}
+    return Request.of(oscillator, free, **used)

@@ -1,4 +1,4 @@
-"""Which law describes the runs: several laws fitted to the same samples and judged side by side."""
+"""Which law describes the runs: several laws fitted to the same samples and compared by the same noise."""
 
 import dataclasses
 import os
@@ -25,6 +25,7 @@ from .names import check_criterion
 from .residual_tests import diagnose
 from .result import Comparison, Row
 
+# Ratio of chi2 to the least one from which a law is fitted once more, from the coefficients of the best one.
 _BEHIND = 1.5
 
 
@@ -59,23 +60,23 @@ def compare(
         AICc = chi2/c + 2 k + 2 k (k + 1)/(n/tau - k - 1),      BIC = chi2/c + k ln(n/tau),
 
     with k free parameters and n samples. The noise is what the fit of least chi2 leaves. Where it is white, tau is one
-    and c its reduced chi2 (at least one where the noise is taken at its word). Where it is not, all laws are judged by
-    that noise: chi2/c is the sum of their squares weighed by it, tau the time in samples over which it remembers,
-    reduced chi2 and tests are those of the residuals weighed so, and held-out samples are compared with its size.
+    and c its reduced chi2 (at least one where the noise is taken at its word). Where it is not, all laws are compared
+    by that noise: chi2/c is the sum of their squares weighted by it, tau the time in samples over which it remembers,
+    reduced chi2 and tests are those of the residuals weighted so, and held-out samples are compared with its size.
     Where no law describes the runs, tau is the correlation time of the residuals and c tau times their reduced chi2.
 
     Args:
-        data: a run, or a list of runs, which are fitted jointly; each given as to :func:`fricjax.fit`.
+        data: a run, or a list of runs, which are fitted jointly; each as for :func:`fricjax.fit`.
         oscillators: the machine with one law after the other.
-        free: for each oscillator the names of its free coefficients; None for damping, stiffness and all that a decay
-            can tell of the law.
+        free: for each oscillator the names of its free coefficients; None for damping, stiffness and all of the law
+            that a decay determines.
         names: for each oscillator a name; None for that of its law.
         held_out: whether to compute the score of held-out samples (see `fricjax.comparison.cross_validation`).
         criterion: what to rank by: "bic", "aicc" or "held_out".
         sigma_mode: as for `fit`, and so are the following.
-        t: times of runs that are given as bare displacements, shape (samples,) in seconds, for all runs or one of each.
+        t: times of runs that are bare displacements, shape (samples,) in seconds, for all runs or one of each.
         rate: samples per second of such runs, in place of times: ``fit(x, ..., rate=5000.0)``.
-        nuisance: each run's own parameters.
+        nuisance: free parameters of each run.
         engine: name of the engine, or an engine.
         start: where the motion starts.
         bounds: an entry of this and of the other tables counts for those laws that have its coefficient.
@@ -93,9 +94,15 @@ def compare(
         UsageError: arguments that do not fit, or no law that could be fitted.
         DataError: records that cannot be fitted by any law.
 
-    ```python
-    fricjax.compare(["run1.csv", "run2.csv"], [rig.oscillator(law) for law in laws]).summary()
-    ```
+    Examples:
+        Whether the damping of the rig holds: with one parameter less the run is described as well.
+
+        >>> import fricjax as fj
+        >>> example = fj.data.example_paths()
+        >>> machine = fj.Rig.from_toml(example.rig).oscillator(fj.friction.Coulomb(0.02))
+        >>> free = [["mu", "stiffness", "damping"], ["mu", "stiffness"]]
+        >>> fj.compare(example.run, [machine, machine], free, names=["fitted", "known"], held_out=False)
+        Comparison(known < fitted by bic)
     """
     ready()
     check_criterion(criterion, held_out)
@@ -120,14 +127,17 @@ def compare(
     fits = {entry.candidate.name: entry.fit for entry in entries if entry.fit is not None}
     if not fits:
         raise UsageError(f"No law could be fitted. The first was {rows[0].status}")
+    noise = _reference_noise(entries, sigma_mode == "absolute")
+    rows = tuple(_with_criteria(row, entry, noise) for row, entry in zip(rows, entries, strict=True))
+
+    def place(row: Row) -> tuple:
+        value = getattr(row, criterion)
+        return row.tests is None, not row.ended, np.inf if np.isnan(value) else value, row.chi2
+
+    ranking = tuple(row.name for row in sorted(rows, key=place))
     windows = next(candidate.windows for candidate in entered if isinstance(candidate.windows, tuple))
-    yardstick = _yardstick(entries, sigma_mode == "absolute")
-    judged = tuple(_judged(row, entry, yardstick) for row, entry in zip(rows, entries, strict=True))
-    order = sorted(
-        judged, key=lambda row: (row.tests is None, not row.ended, _place(getattr(row, criterion)), row.chi2)
-    )
-    ranking, told = tuple(row.name for row in order), fingerprints(windows, machines[0])
-    return Comparison(judged, criterion, ranking, fits, yardstick.n, yardstick.effective, yardstick.inflation, told)
+    sentences = fingerprints(windows, machines[0])
+    return Comparison(rows, criterion, ranking, fits, noise.n, noise.effective, noise.inflation, sentences)
 
 
 class _Entry(NamedTuple):
@@ -136,31 +146,38 @@ class _Entry(NamedTuple):
     candidate: Candidate
     status: str
     problem: Problem | None = None
-    solved: Solution | None = None
+    solution: Solution | None = None
     fit: Fit | None = None
 
     @property
     def chi2(self) -> float:
         """Sum of squares; inf without a fit that ended at an optimum."""
-        ended = self.solved is not None and self.solved.converged and np.isfinite(self.solved.chi2)
-        return self.solved.chi2 if ended and self.solved is not None else np.inf
+        solution = self.solution
+        if solution is None or not solution.converged or not np.isfinite(solution.chi2):
+            return np.inf
+        return solution.chi2
+
+    @property
+    def frequency(self) -> float:
+        """Natural frequency [Hz]; NaN without a fit."""
+        return np.nan if self.fit is None else self.fit.kinematics["natural_frequency"].value
 
 
 def _fitted(candidate: Candidate, sigma_mode: str) -> _Entry:
     try:
         if not isinstance(candidate.windows, tuple):
             raise candidate.windows
-        problem, solved = solve_with_rest(problem_on(candidate.windows, candidate.request))
-        fit = concluded(problem, solved, sigma_mode, throw=False)
+        problem, solution = solve_with_rest(problem_on(candidate.windows, candidate.request))
+        fit = concluded(problem, solution, sigma_mode, throw=False)
     except (DataError, UsageError, RuntimeError) as error:
         return _Entry(candidate, f"rejected: {' '.join(str(error).split())}")
-    return _Entry(candidate, fit.status, problem, solved, fit)
+    return _Entry(candidate, fit.status, problem, solution, fit)
 
 
 def _again(entries: Sequence[_Entry], sigma_mode: str) -> list[_Entry]:
     """The entries, those far behind after a second fit from the coefficients of the best one where that is better.
 
-    So a law is not judged by a poor start.
+    So no law is rejected for a poor start.
     """
     best = min(entries, key=lambda entry: entry.chi2)
     known = {} if best.fit is None else {name: v for name, v in best.fit.values.items() if np.isfinite(v)}
@@ -178,13 +195,13 @@ def _again(entries: Sequence[_Entry], sigma_mode: str) -> list[_Entry]:
 
 def _row(entry: _Entry, held_out: bool) -> Row:
     """The row of one law, without criteria."""
-    request, problem, solved = entry.candidate.request, entry.problem, entry.solved
+    request, problem, solution = entry.candidate.request, entry.problem, entry.solution
     row = Row(entry.candidate.name, law_name(request.oscillator), request.free, entry.status)
-    if problem is None or solved is None or entry.fit is None:
+    if problem is None or solution is None or entry.fit is None:
         return row
-    chi2 = solved.chi2 if np.isfinite(solved.chi2) else np.inf
+    chi2 = solution.chi2 if np.isfinite(solution.chi2) else np.inf
     times = [np.asarray(window.trace.t)[window.used] for window in problem.windows]
-    parts = zip(problem.by_run(solved.evaluation.residual), problem.windows, strict=True)
+    parts = zip(problem.by_run(solution.evaluation.residual), problem.windows, strict=True)
     return dataclasses.replace(
         row,
         valid=entry.fit.converged,
@@ -192,13 +209,13 @@ def _row(entry: _Entry, held_out: bool) -> Row:
         chi2=chi2,
         n_parameters=len(problem.parameters),
         chi2_reduced=chi2 / problem.dof,
-        held_out=held_out_score(problem, solved) if held_out and solved.converged else np.nan,
-        tests=diagnose(times, [part[window.used] for part, window in parts], _frequency(entry.fit)),
+        held_out=held_out_score(problem, solution) if held_out and solution.converged else np.nan,
+        tests=diagnose(times, [part[window.used] for part, window in parts], entry.frequency),
     )
 
 
-class _Yardstick(NamedTuple):
-    """The noise by which all laws are judged.
+class _ReferenceNoise(NamedTuple):
+    """The noise by which all laws are compared.
 
     Attributes:
         n: number of samples; `effective`: of independent ones.
@@ -214,44 +231,36 @@ class _Yardstick(NamedTuple):
     seen: Sequence[Seen]
 
 
-def _yardstick(entries: Sequence[_Entry], absolute: bool) -> _Yardstick:
+def _reference_noise(entries: Sequence[_Entry], absolute: bool) -> _ReferenceNoise:
     """The noise that the fit of least chi2 leaves."""
     best = min(
         (entry for entry in entries if entry.fit is not None), key=lambda entry: (entry.chi2, entry.candidate.name)
     )
-    problem, solved = best.problem, best.solved
-    assert problem is not None and solved is not None
-    seen = colours_of(problem, solved, rows_of(problem, solved.evaluation), absolute) if solved.converged else []
-    scatter = max(solved.chi2 / problem.dof, 1.0 if absolute else np.finfo(float).tiny)
-    time = 1.0
+    problem, solution = best.problem, best.solution
+    assert problem is not None and solution is not None
+    evaluation, time = solution.evaluation, 1.0
+    seen = colours_of(problem, solution, rows_of(problem, evaluation), absolute) if solution.converged else []
+    scatter = max(solution.chi2 / problem.dof, 1.0 if absolute else np.finfo(float).tiny)
     if seen and described(problem, seen, absolute):
         time = max(remembered(*run) for run in seen)
     elif seen:
-        seen, time = [], max(whiteness(part).correlation_time for part in problem.by_run(solved.evaluation.residual))
-    return _Yardstick(problem.n_used, problem.n_used / time, scatter, time * scatter, seen)
+        # What no law describes is no noise by which laws could be weighted.
+        seen, time = [], max(whiteness(part).correlation_time for part in problem.by_run(evaluation.residual))
+    return _ReferenceNoise(problem.n_used, problem.n_used / time, scatter, time * scatter, seen)
 
 
-def _place(value: float) -> float:
-    return np.inf if np.isnan(value) else value
-
-
-def _judged(row: Row, entry: _Entry, by: _Yardstick) -> Row:
-    """A row with its criteria."""
-    if entry.problem is None or entry.solved is None or not np.isfinite(row.chi2):
+def _with_criteria(row: Row, entry: _Entry, noise: _ReferenceNoise) -> Row:
+    if entry.problem is None or entry.solution is None or not np.isfinite(row.chi2):
         return row
-    k, n, misfit = row.n_parameters, by.effective, row.chi2 / by.inflation
-    if by.seen and entry.fit is not None:
-        told = under_noise(entry.problem, entry.solved, by.seen)
-        misfit = told.misfit
+    k, n, misfit = row.n_parameters, noise.effective, row.chi2 / noise.inflation
+    if noise.seen and entry.fit is not None:
+        counted = under_noise(entry.problem, entry.solution, noise.seen)
+        misfit = counted.misfit
         row = dataclasses.replace(
             row,
-            chi2_reduced=misfit / (sum(part.size for part in told.residuals) - k),
-            held_out=row.held_out / by.scatter,
-            tests=diagnose(told.times, told.residuals, _frequency(entry.fit)),
+            chi2_reduced=misfit / (sum(part.size for part in counted.residuals) - k),
+            held_out=row.held_out / noise.scatter,
+            tests=diagnose(counted.times, counted.residuals, entry.frequency),
         )
     aicc = misfit + 2 * k + 2 * k * (k + 1) / max(n - k - 1, 1)
     return dataclasses.replace(row, aicc=float(aicc), bic=float(misfit + k * np.log(n)))
-
-
-def _frequency(fit: Fit) -> float:
-    return fit.kinematics["natural_frequency"].value

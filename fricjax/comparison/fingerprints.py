@@ -7,7 +7,7 @@ Between two turning points with amplitudes a and a', of mean A, the spring loses
 where x_d is the dead band, c the damping and l the deflection of a contact that yields before it slides: at each
 reversal the contact gives back what it stored (Dahl, 1968). Friction that falls with velocity works against this as
 more loss at small amplitudes, hence as less damping and as a gain in place of the last term. So a regression of the
-losses on these terms tells Coulomb friction, falling friction and pre-sliding apart. A contact that yields shows once
+losses on these terms separates Coulomb friction, falling friction and pre-sliding. A contact that yields shows once
 more at the end: the mass does not stay at its last turning point but springs back.
 """
 
@@ -20,8 +20,11 @@ from ..fitting.window import Window, equilibrium, without_ringing
 from ..oscillator import Oscillator
 from ..show import engineering, uncertain
 
+# Standard errors from which a term of the regression is real.
 _SURE = 4.0
+# Part of the damping without contact that its calibration is trusted to.
 _TRUSTED = 0.05
+# Standard deviations of a sample from which a spring-back is real.
 _NOISE = 6.0
 
 
@@ -56,67 +59,62 @@ def fingerprints(windows: Sequence[Window], oscillator: Oscillator) -> tuple[str
     """
     quantity = windows[0].quantity
     backs = [spring_back(window) for window in windows]
-    returns = [back for back in backs if back is not None]
-    springs = bool(returns) and len(returns) == sum(window.segmentation.rest is not None for window in windows)
-    losses = regressed(windows, oscillator)
-    found = [] if losses is None else _of_losses(losses, oscillator, quantity, springs)
+    depths = [back for back in backs if back is not None]
+    springs = bool(depths) and len(depths) == sum(window.segmentation.rest is not None for window in windows)
+    losses, sentences = regress_losses(windows, oscillator), []
+    if losses is not None:
+        no_contact, stiffness = float(oscillator.damping), float(oscillator.stiffness)
+        _, _, returned_std, std = losses.errors
+        returns = losses.returned > _SURE * returned_std
+        reduced = losses.plain_damping < min((1 - _TRUSTED) * no_contact, no_contact) - _SURE * std
+        if losses.returned < -_SURE * returned_std or (reduced and not returns):
+            less = "negative" if losses.plain_damping < 0 else f"against {no_contact:.4g} N s/m without contact"
+            other = ", or the contact damps its own motion (LuGre with a large sigma1)" if springs else ""
+            sentences.append(
+                "Falling friction: the losses grow towards small amplitudes, so that Coulomb friction would ask for a "
+                f"damping of {uncertain(losses.plain_damping, std, 'N s/m')}, {less}. Friction falls with velocity "
+                f"(Stribeck){other}."
+            )
+        if returns:
+            length = losses.deflection
+            sentences.append(
+                "Pre-sliding: each reversal gives back the same energy, as a contact does that bends by "
+                f"{engineering(length, quantity)} before it slides (stiffness about "
+                f"{losses.dead_band * stiffness / length:.2g} N/m; Dahl, LuGre)."
+            )
     if springs:
-        found.append(
-            f"Spring-back: at rest the mass lies {engineering(min(returns), quantity)} or more back from its last "
+        sentences.append(
+            f"Spring-back: at rest the mass lies {engineering(min(depths), quantity)} or more back from its last "
             "turning point, so the contact yields before it slides (Dahl, LuGre) or creeps (Tanh)."
         )
-    return tuple(found)
+    return tuple(sentences)
 
 
-def _of_losses(losses: Losses, oscillator: Oscillator, quantity: str, springs: bool) -> list[str]:
-    no_contact, stiffness = float(oscillator.damping), float(oscillator.stiffness)
-    _, _, returned_std, std = losses.errors
-    found = []
-    returns = losses.returned > _SURE * returned_std
-    reduced = losses.plain_damping < min((1 - _TRUSTED) * no_contact, no_contact) - _SURE * std
-    if losses.returned < -_SURE * returned_std or (reduced and not returns):
-        less = "negative" if losses.plain_damping < 0 else f"against {no_contact:.4g} N s/m without contact"
-        other = ", or the contact damps its own motion (LuGre with a large sigma1)" if springs else ""
-        found.append(
-            "Falling friction: the losses grow towards small amplitudes, so that Coulomb friction would ask for a "
-            f"damping of {uncertain(losses.plain_damping, std, 'N s/m')}, {less}. Friction falls with velocity "
-            f"(Stribeck){other}."
-        )
-    if returns:
-        length = losses.deflection
-        found.append(
-            f"Pre-sliding: each reversal gives back the same energy, as a contact does that bends by "
-            f"{engineering(length, quantity)} before it slides (stiffness about "
-            f"{losses.dead_band * stiffness / length:.2g} N/m; Dahl, LuGre)."
-        )
-    return found
-
-
-def regressed(windows: Sequence[Window], oscillator: Oscillator) -> Losses | None:
+def regress_losses(windows: Sequence[Window], oscillator: Oscillator) -> Losses | None:
     """The regression over all runs, each with the shift of its equilibrium; None with too few half-cycles."""
-    parts = [part for part in (_Strokes.of(window, oscillator) for window in windows) if part is not None]
-    if sum(part.lost.size for part in parts) < 3 + len(parts) + 1:
+    runs = [run for run in (_HalfCycles.of(window, oscillator) for window in windows) if run is not None]
+    if sum(run.lost.size for run in runs) < 3 + len(runs) + 1:
         return None
-    blocks = [_equations(part, np.arange(len(parts)) == i) for i, part in enumerate(parts)]
+    blocks = []
+    for i, run in enumerate(runs):
+        total = run.before + run.after
+        # The last columns are what a shift of the equilibrium of each run changes.
+        shifts = (run.sides * total)[:, None] * (np.arange(len(runs)) == i)
+        columns = np.column_stack([total, np.pi / 8 * run.omega * total**2, -np.ones_like(total), shifts])
+        # Losses of neighbouring half-cycles share a turning point: made independent and of unit variance.
+        root = np.linalg.inv(np.linalg.cholesky(run.covariance))
+        blocks.append((root @ columns, root @ run.lost))
     matrix, lost = (np.concatenate(column) for column in zip(*blocks, strict=True))
     values, errors = _least_squares(matrix, lost)
     plain, plain_errors = _least_squares(np.delete(matrix, 2, axis=1), lost)
     k = float(oscillator.stiffness)
-    told = float(values[0]), k * float(values[1]), float(values[2]), k * float(plain[1])
-    spread = float(errors[0]), k * float(errors[1]), float(errors[2]), k * float(plain_errors[1])
-    return Losses(*told, spread)
-
-
-def _equations(part: "_Strokes", own: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The terms of each half-cycle of a run and its loss, made independent and of unit variance.
-
-    The last columns are what a shift of the equilibrium of each run changes, in the run that `own` marks.
-    """
-    sum_ = part.before + part.after
-    shift = (part.sides * sum_)[:, None] * own
-    columns = np.column_stack([sum_, np.pi / 8 * part.omega * sum_**2, -np.ones_like(sum_), shift])
-    root = np.linalg.inv(np.linalg.cholesky(part.covariance))
-    return root @ columns, root @ part.lost
+    return Losses(
+        dead_band=float(values[0]),
+        damping=k * float(values[1]),
+        returned=float(values[2]),
+        plain_damping=k * float(plain[1]),
+        errors=(float(errors[0]), k * float(errors[1]), float(errors[2]), k * float(plain_errors[1])),
+    )
 
 
 def _least_squares(matrix: np.ndarray, lost: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -131,7 +129,7 @@ def _least_squares(matrix: np.ndarray, lost: np.ndarray) -> tuple[np.ndarray, np
     return solution / size, np.sqrt(scatter * np.diag(inverse)) / size
 
 
-class _Strokes(NamedTuple):
+class _HalfCycles(NamedTuple):
     """Half-cycles of one run.
 
     Amplitudes before and after each [m], the side of the first, the angular frequency [rad/s], the loss over the
@@ -146,12 +144,12 @@ class _Strokes(NamedTuple):
     covariance: np.ndarray
 
     @classmethod
-    def of(cls, window: Window, oscillator: Oscillator) -> "_Strokes | None":
-        found = without_ringing(window.segmentation)
-        points = found.turning_points
+    def of(cls, window: Window, oscillator: Oscillator) -> "_HalfCycles | None":
+        segmentation = without_ringing(window.segmentation)
+        points = segmentation.turning_points
         if points.size < 3:
             return None
-        deflection: Any = points - equilibrium(found)
+        deflection: Any = points - equilibrium(segmentation)
         stiffness = oscillator.stiffness
         energy = np.asarray(oscillator.restoring.potential(deflection, stiffness))
         noise = float(np.median(window.sigma)) * np.abs(deflection)
@@ -161,7 +159,7 @@ class _Strokes(NamedTuple):
             before=np.abs(deflection[:-1]),
             after=np.abs(deflection[1:]),
             sides=np.sign(deflection[:-1]),
-            omega=np.pi / found.half_period,
+            omega=np.pi / segmentation.half_period,
             lost=(energy[:-1] - energy[1:]) / float(stiffness),
             covariance=np.diag(variance) + np.diag(shared, 1) + np.diag(shared, -1),
         )
@@ -169,17 +167,18 @@ class _Strokes(NamedTuple):
 
 def spring_back(window: Window) -> float | None:
     """How far the mass lies back from its last turning point at rest [m]; None where that is within the noise."""
-    found = without_ringing(window.segmentation)
-    if found.rest is None or not found.turning_points.size:
+    segmentation = without_ringing(window.segmentation)
+    rest, half = segmentation.rest, segmentation.half_period
+    if rest is None or not segmentation.turning_points.size:
         return None
     t, x = np.asarray(window.trace.t), np.asarray(window.trace.x)
     usable = np.asarray(window.trace.mask)
-    near = usable & (np.abs(t - found.rest) < found.half_period / 4)
-    later = usable & (t > found.rest + found.half_period / 2) & (t < found.rest + 2 * found.half_period)
+    near = usable & (np.abs(t - rest) < half / 4)
+    later = usable & (t > rest + half / 2) & (t < rest + 2 * half)
     if near.sum() < 4 or later.sum() < 4:
         return None
     position = float(np.mean(x[later]))
-    direction = np.sign(position - found.turning_points[-1])
+    direction = np.sign(position - segmentation.turning_points[-1])
     back = float(np.max(direction * (x[near] - position)))
-    least = _NOISE * float(np.median(window.sigma)) + 2 * found.resolution
+    least = _NOISE * float(np.median(window.sigma)) + 2 * segmentation.resolution
     return back if back > least else None

@@ -13,8 +13,11 @@ import numpy as np
 
 from ..fitting.whiteness import Whiteness, whiteness
 
+# Frequencies beside the natural one whose mean power is the background, and the nearest of them in resolutions: the
+# one beside it still shares the power of a line that lies between the two.
 _NEIGHBOURS, _NEAREST = 24, 2
-_RARE = 1e-3
+# Chance of a false alarm of each test, and the standard deviations of a normal score that have it.
+_RARE, _RARE_SCORE = 1e-3, 3.3
 
 
 class Signs(NamedTuple):
@@ -52,12 +55,17 @@ class ResidualTests(NamedTuple):
     @property
     def failed(self) -> tuple[str, ...]:
         """Names of the tests that noise alone would fail less often than once in a thousand times."""
-        verdicts = {
+        passed = {
             "white": self.whiteness.white,
-            "signs": abs(self.signs.score) < 3.3,
+            "signs": abs(self.signs.score) < _RARE_SCORE,
             "resonance": not self.resonance.chance < _RARE,
         }
-        return tuple(name for name, passed in verdicts.items() if not passed)
+        return tuple(name for name, passes in passed.items() if not passes)
+
+    @property
+    def outcome(self) -> str:
+        """The same in words."""
+        return f"failed: {', '.join(self.failed)}" if self.failed else "passed"
 
 
 def diagnose(times: Sequence[np.ndarray], residuals: Sequence[np.ndarray], frequency: float) -> ResidualTests:
@@ -68,27 +76,25 @@ def diagnose(times: Sequence[np.ndarray], residuals: Sequence[np.ndarray], frequ
         residuals: residuals there in units of the noise.
         frequency: natural frequency [Hz].
     """
-    verdicts = [whiteness(part) for part in residuals]
-    worst = max(verdicts, key=lambda verdict: (not verdict.white, verdict.correlation_time))
+    worst = max(map(whiteness, residuals), key=lambda tested: (not tested.white, tested.correlation_time))
     return ResidualTests(worst, signs(residuals), resonance(times, residuals, frequency))
 
 
 def signs(residuals: Sequence[np.ndarray]) -> Signs:
     """Rows of equal signs; those of several runs add up. Residuals of exactly zero are left out."""
-    counts = [_rows(part[part != 0] > 0) for part in residuals]
-    rows, expected, variance = (float(sum(column)) for column in zip(*counts, strict=True))
+    rows, expected, variance = 0, 0.0, 0.0
+    for part in residuals:
+        positive = part[part != 0] > 0
+        n, up = positive.size, int(positive.sum())
+        if n < 2:
+            rows, expected = rows + n, expected + n
+            continue
+        pairs = 2.0 * up * (n - up)
+        rows += 1 + int(np.count_nonzero(positive[1:] != positive[:-1]))
+        expected += pairs / n + 1
+        variance += pairs * (pairs - n) / (n**2 * (n - 1.0))
     score = (rows - expected) / np.sqrt(variance) if variance > 0 else 0.0
-    return Signs(int(rows), expected, float(score))
-
-
-def _rows(positive: np.ndarray) -> tuple[int, float, float]:
-    """Number of rows of equal signs, its mean and its variance for independent signs."""
-    n, up = positive.size, int(positive.sum())
-    if n < 2:
-        return n, float(n), 0.0
-    pairs = 2.0 * up * (n - up)
-    rows = 1 + int(np.count_nonzero(positive[1:] != positive[:-1]))
-    return rows, pairs / n + 1, pairs * (pairs - n) / (n**2 * (n - 1.0))
+    return Signs(rows, expected, float(score))
 
 
 def resonance(times: Sequence[np.ndarray], residuals: Sequence[np.ndarray], frequency: float) -> Resonance:

@@ -1,4 +1,4 @@
-"""The result of a comparison: what each law came to, and which of them comes first."""
+"""The result of a comparison: what each law came to, which of them comes first, and how that looks."""
 
 import dataclasses
 from typing import Any
@@ -7,7 +7,14 @@ import numpy as np
 
 from ..errors import UsageError, nearest
 from ..fitting.result import Fit
+from ..show import Report, Reported, Table, axis_label, display_unit, figure, plain
 from .residual_tests import ResidualTests
+
+# Difference of twice the logarithm of the evidence below which it is not worth more than a bare mention: Kass and
+# Raftery, J. Am. Stat. Assoc. 90 (1995).
+_WEAK = 2.0
+# Reduced chi^2 from which the best law does not describe the runs.
+_ADEQUATE = 1.5
 
 
 @dataclasses.dataclass(frozen=True)
@@ -45,7 +52,7 @@ class Row:
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class Comparison:
+class Comparison(Reported):
     """Laws side by side on the same samples.
 
     Attributes:
@@ -56,6 +63,15 @@ class Comparison:
         n_samples: number of fitted samples, the same for all; `n_effective`: how many independent ones they are worth.
         inflation: variance of the residuals that counts as noise, in units of the stated one (see `compare`).
         fingerprints: what the decay itself says of friction, in sentences.
+
+    Examples:
+        >>> import fricjax as fj
+        >>> example = fj.data.example_paths()
+        >>> machine = fj.Rig.from_toml(example.rig).oscillator(fj.friction.Coulomb(0.02))
+        >>> free = [["mu", "stiffness", "damping"], ["mu", "stiffness"]]
+        >>> table = fj.compare(example.run, [machine, machine], free, names=["fitted", "known"], held_out=False)
+        >>> table.ranking, table.row("known").valid, f"{table.best.values['mu']:.4f}"
+        (('known', 'fitted'), True, '0.0200')
     """
 
     rows: tuple[Row, ...]
@@ -88,28 +104,95 @@ class Comparison:
                 return row
         raise UsageError(f"This comparison has no {name!r}.{nearest(name, self.ranking)} It has {self.ranking}.")
 
-    def summary(self) -> str:
-        """The comparison as plain text."""
-        from .show import summary
-
-        return summary(self)
-
-    def _repr_html_(self) -> str:
-        from .show import html
-
-        return html(self)
-
     def __repr__(self) -> str:
         return f"Comparison({' < '.join(self.ranking)} by {self.criterion})"
 
+    def report(self) -> Report:
+        """The comparison in its parts."""
+        rows = [self.row(name) for name in self.ranking]
+        least = {name: min(getattr(row, name) for row in rows) for name in ("aicc", "bic")}
+        columns = ["Law", "Parameters", "Reduced chi^2", "AICc", "BIC", "Held out", "Residual tests", "Status"]
+        cells = [
+            [
+                row.name,
+                str(row.n_parameters) if row.tests is not None else "",
+                _number(row.chi2_reduced),
+                _number(row.aicc - least["aicc"]),
+                _number(row.bic - least["bic"]),
+                _number(row.held_out),
+                "" if row.tests is None else row.tests.outcome,
+                row.status.split(":")[0],
+            ]
+            for row in rows
+        ]
+        notes = [
+            "Distances of AICc and BIC from the smallest; held out: mean square of predicted residuals over noise."
+        ]
+        if any(self.sources):
+            notes[0] = f"Fitted to {', '.join(self.best.labels)}. {notes[0]}"
+        notes += [self._conclusion(rows), *self.fingerprints]
+        return Report([Table(columns, cells)], notes=notes, warnings=self._doubts(rows), data=self._data())
+
+    def _conclusion(self, rows: list[Row]) -> str:
+        first, name = rows[0], self.criterion
+        if len(rows) < 2 or not rows[1].ended:
+            return f"{first.name} is the only law with a fit."
+        label = {"bic": "BIC", "aicc": "AICc", "held_out": "the held-out score"}[name]
+        difference = getattr(rows[1], name) - getattr(first, name)
+        if name != "held_out" and difference < _WEAK:
+            equal = f"{first.name} and {rows[1].name} describe the runs equally well"
+            return f"{equal}: {label} differs by {difference:.2g} only."
+        return f"{first.name} describes the runs best: {label} of {rows[1].name} is larger by {plain(difference, 3)}."
+
+    def _doubts(self, rows: list[Row]) -> list[str]:
+        doubts = []
+        if rows[0].chi2_reduced > _ADEQUATE:
+            doubts.append(
+                f"No law describes the runs to within the noise: the reduced chi^2 of {rows[0].name} is "
+                f"{plain(rows[0].chi2_reduced, 3)}."
+            )
+        if self.n_effective < self.n_samples:
+            doubts.append(
+                f"The residuals are not white: {self.n_samples} samples count as {self.n_effective:.0f}, and a "
+                f"variance of {plain(self.inflation, 3)} times the stated one as noise."
+            )
+        return doubts + [f"{row.name} has not converged, {row.status}" for row in rows if not row.valid]
+
+    def _data(self) -> dict[str, Any]:
+        """Everything but the samples."""
+        names = ("sources", "criterion", "ranking", "n_samples", "n_effective", "inflation", "fingerprints")
+        rows = []
+        for row in self.rows:
+            entry = {field.name: getattr(row, field.name) for field in dataclasses.fields(row)}
+            for name in ("ended", "tests"):
+                del entry[name]
+            fit = self.fits.get(row.name)
+            if fit is not None:
+                entry |= {"values": fit.values, "std_errors": fit.std_errors, "units": fit.units, "engine": fit.engine}
+            if row.tests is not None:
+                entry["tests"] = {**row.tests._asdict(), "failed": row.tests.failed}
+            rows.append(entry)
+        return {**{name: getattr(self, name) for name in names}, "best": self.ranking[0], "rows": rows}
+
     def plot(self, run: int = 0) -> Any:
-        """Residuals of all laws over time and their distance from the best, as a matplotlib figure."""
-        from .show import plot
+        """Residuals of all laws over time, best on top, and their distance from the best, as a matplotlib figure."""
+        names = [name for name in self.ranking if name in self.fits]
+        drawing, axes = figure(len(names), 1, share_x=True)
+        least = min(row.bic for row in self.rows)
+        for each, name in zip(axes[:, 0], names, strict=True):
+            fit, row = self.fits[name], self.row(name)
+            fit._check_run(run)
+            residuals = fit.residuals[run] if isinstance(fit.residuals, tuple) else fit.residuals
+            factor, unit = display_unit(float(np.nanmax(np.abs(residuals))), fit.quantity)
+            each.axhspan(-2 * factor * fit.sigma, 2 * factor * fit.sigma, color="0.9", zorder=0)
+            each.plot(fit.times[run], factor * residuals, linewidth=0.5)
+            each.set_ylabel(axis_label("Residual", unit))
+            title = f"{name}: reduced chi^2 {_number(row.chi2_reduced)}, BIC + {_number(row.bic - least)}"
+            each.set_title(title, fontsize=9, loc="left")
+        axes[-1, 0].set_xlabel(axis_label("Time", "s"))
+        drawing.align_ylabels()
+        return drawing
 
-        return plot(self, run)
 
-    def to_dict(self) -> dict[str, Any]:
-        """The comparison as plain data, without the samples."""
-        from .show import to_dict
-
-        return to_dict(self)
+def _number(value: float) -> str:
+    return plain(value, 4) if np.isfinite(value) else ""

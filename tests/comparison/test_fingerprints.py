@@ -5,7 +5,7 @@ import pytest
 from scipy.optimize import brentq
 
 from fricjax import Oscillator, Trace
-from fricjax.comparison.fingerprints import fingerprints, regressed, spring_back
+from fricjax.comparison.fingerprints import fingerprints, regress_losses, spring_back
 from fricjax.fitting.window import open_window
 from fricjax.friction import Coulomb
 from tests.helpers import PROTOTYPE_DAMPING, PROTOTYPE_MASS
@@ -43,7 +43,7 @@ def decay(loss, start, least):
 def test_coulomb_friction_leaves_no_fingerprint(x0):
     t = np.arange(3000) / RATE
     seen = window(t, coulomb_viscous(t, x0, frequency=12.6, zeta=ZETA, dead_band=BAND, offset=3e-6).x)
-    found = regressed([seen], MACHINE)
+    found = regress_losses([seen], MACHINE)
     assert found is not None
     assert found.dead_band == pytest.approx(BAND, rel=1e-3)
     assert found.damping == pytest.approx(PROTOTYPE_DAMPING, rel=2e-2)
@@ -57,7 +57,7 @@ def test_what_a_contact_returns_at_each_reversal():
     dahl = lambda a, b: BAND * (a + b) - 2 * BAND * length
     undamped = Oscillator(PROTOTYPE_MASS, STIFFNESS, 0.0, LOAD, Coulomb(0.02))
     seen = [strokes(decay(dahl, start, 2 * BAND), 2e-6) for start in (1.6e-3, 1.9e-3)]
-    found = regressed(seen, undamped)
+    found = regress_losses(seen, undamped)
     assert found is not None
     assert found.deflection == pytest.approx(length, rel=0.02)
     (sentence,) = fingerprints(seen, undamped)
@@ -88,6 +88,5 @@ def test_a_contact_that_springs_back():
 
 def test_few_half_cycles_tell_of_no_losses():
     t = np.arange(1000) / RATE
-    assert (
-        regressed([window(t, coulomb_viscous(t, 0.5e-3, frequency=12.6, zeta=ZETA, dead_band=BAND).x)], MACHINE) is None
-    )
+    seen = window(t, coulomb_viscous(t, 0.5e-3, frequency=12.6, zeta=ZETA, dead_band=BAND).x)
+    assert regress_losses([seen], MACHINE) is None
