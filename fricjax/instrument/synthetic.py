@@ -64,14 +64,14 @@ def synthetic_run(
         RuntimeError: JAX computes in single precision.
     """
     run = Run(x0, v0, rate, duration, hold, release_time_constant, floor_acceleration_psd)
-    eye = _interferometer(noise, instrument)
+    interferometer = _interferometer(noise, instrument)
     coefficients = _coefficients(oscillator)
     generators = _generators(seed)
     t = np.arange(run.samples) / run.rate
     x, v, moved = _motion(oscillator, run, t, generators["floor"])
-    x, seen = eye.observe(t, x, v, generators)
-    meta = _meta(oscillator, coefficients, run, eye, int(seed))
-    return Record(Trace(t, x, sigma=eye.sigma or None), meta, (*moved, *seen))
+    x, effects = interferometer.observe(t, x, v, generators)
+    meta = _meta(oscillator, coefficients, run, interferometer, int(seed))
+    return Record(Trace(t, x, sigma=interferometer.sigma or None), meta, (*moved, *effects))
 
 
 def _interferometer(noise: float, instrument: dict[str, Any]) -> Interferometer:
@@ -94,8 +94,8 @@ def _motion(
     oscillator: Oscillator, run: Run, t: np.ndarray, generator: np.random.Generator
 ) -> tuple[np.ndarray, np.ndarray, tuple[Step, ...]]:
     """True displacement and velocity at the times of the record, and the steps that led to them."""
-    given = {"x0": run.x0, "v0": run.v0, "rate": run.rate, "duration": run.duration, "hold": run.hold}
-    steps = [Step("motion", given, f"{t.size} samples of a release from {run.x0:g} at {run.hold:g} s")]
+    conditions = {"x0": run.x0, "v0": run.v0, "rate": run.rate, "duration": run.duration, "hold": run.hold}
+    steps = [Step("motion", conditions, f"{t.size} samples of a release from {run.x0:g} at {run.hold:g} s")]
     floor = release = None
     if run.release_time_constant:
         release = ExponentialRelease(run.release_time_constant)
@@ -106,8 +106,8 @@ def _motion(
         text = f"white floor acceleration of {floor.std():.3g} m/s^2 rms up to {run.rate / 2:g} Hz drives the mass"
         steps.append(Step("floor_motion", {"floor_acceleration_psd": run.floor_acceleration_psd}, text))
     x, v = _integrate(oscillator, run, t - run.hold, floor, release)
-    held = t < run.hold
-    return np.where(held, run.x0, x), np.where(held, 0.0, v), tuple(steps)
+    before_release = t < run.hold
+    return np.where(before_release, run.x0, x), np.where(before_release, 0.0, v), tuple(steps)
 
 
 def _integrate(
@@ -133,11 +133,11 @@ def _coefficients(oscillator: Oscillator) -> dict[str, float]:
 
 
 def _meta(
-    oscillator: Oscillator, coefficients: dict[str, float], run: Run, eye: Interferometer, seed: int
+    oscillator: Oscillator, coefficients: dict[str, float], run: Run, interferometer: Interferometer, seed: int
 ) -> dict[str, Any]:
     quantity = "rad" if isinstance(oscillator.restoring, Pendulum) else "m"
     laws = getattr(oscillator.friction, "laws", (oscillator.friction,))
-    parameters = {**dataclasses.asdict(run), **dataclasses.asdict(eye), "seed": seed}
+    parameters = {**dataclasses.asdict(run), **dataclasses.asdict(interferometer), "seed": seed}
     parameters["periodic_nonlinearity"] = list(parameters["periodic_nonlinearity"])
     return {
         "source": "synthetic run",

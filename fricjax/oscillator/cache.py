@@ -49,11 +49,11 @@ def recall(place: Path) -> bytes | None:
         return None
     begin = len(_HEAD) + _DIGEST
     content = data[begin:]
-    whole = data[:begin] == _HEAD + _digest(content)
+    intact = data[:begin] == _HEAD + _digest(content)
     with contextlib.suppress(OSError):
         # What was used last is let go last.
-        place.touch() if whole else place.unlink()
-    return content if whole else None
+        place.touch() if intact else place.unlink()
+    return content if intact else None
 
 
 def keep(place: Path, content: bytes) -> None:
@@ -114,13 +114,13 @@ def distrust(folder: Path) -> str | None:
     remedy = f"name a folder of your own in {CACHE_VARIABLE}"
     for place, owners in ((folder, (os.getuid(),)), (folder.parent, (os.getuid(), 0))):
         try:
-            found = place.stat()
+            status = place.stat()
         except OSError:
             continue
-        if found.st_uid not in owners:
+        if status.st_uid not in owners:
             return f"{place} belongs to another user, and what lies there is executed; {remedy}."
         # Where the sticky bit is set, as in /tmp, others may add folders but not replace this one.
-        if found.st_mode & _EVERYBODY and (place == folder or not found.st_mode & stat.S_ISVTX):
+        if status.st_mode & _EVERYBODY and (place == folder or not status.st_mode & stat.S_ISVTX):
             return f"others can write to {place}, and what lies there is executed; 'chmod go-w {place}', or {remedy}."
     return None
 
@@ -133,18 +133,18 @@ def prune(folder: Path, largest: int = _LARGEST) -> None:
     files = []
     for path in folder.iterdir():
         try:
-            found = path.stat()
-            if path.name.endswith(_UNFINISHED) and found.st_mtime < time.time() - _ABANDONED:
+            status = path.stat()
+            if path.name.endswith(_UNFINISHED) and status.st_mtime < time.time() - _ABANDONED:
                 path.unlink()
             else:
-                files.append((found, path))
+                files.append((status, path))
         except OSError:
             continue
-    size = sum(found.st_size for found, _ in files)
+    size = sum(status.st_size for status, _ in files)
     if size <= largest:
         return
-    for found, path in sorted(files, key=lambda each: max(each[0].st_atime, each[0].st_mtime)):
+    for status, path in sorted(files, key=lambda each: max(each[0].st_atime, each[0].st_mtime)):
         if size <= _KEPT * largest:
             return
         path.unlink(missing_ok=True)
-        size -= found.st_size
+        size -= status.st_size

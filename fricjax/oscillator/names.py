@@ -24,17 +24,17 @@ def named(dotted: Sequence[str]) -> tuple[Name, ...]:
 
 
 def coefficient_names(
-    laws: Collection[Law], given: Collection[Collection[str]], spring: Collection[str]
+    laws: Collection[Law], named_coefficients: Collection[Collection[str]], spring: Collection[str]
 ) -> tuple[Name, ...]:
     """The coefficients of an oscillator in the order of its leaves.
 
     Args:
         laws: its law, or the summands of it.
-        given: for each of them the names of the coefficients that are given.
+        named_coefficients: for each of them the names of the coefficients that are given.
         spring: names of the coefficients of its restoring force besides the stiffness.
     """
     machine = ("mass", "stiffness", "damping", "normal_force")
-    return named([*machine, *dotted(laws, given), *(f"restoring.{name}" for name in spring), "drag"])
+    return named([*machine, *dotted(laws, named_coefficients), *(f"restoring.{name}" for name in spring), "drag"])
 
 
 def check_engine(name: str) -> None:

@@ -107,7 +107,7 @@ class Program[*Arguments, Result]:
         self, function: Callable[[*Arguments], Result], like: Callable[[*Arguments], Any], most: int = MOST
     ) -> None:
         self._function, self._like, self._most = function, like, most
-        self._held: OrderedDict[Hashable, _Compiled] = OrderedDict()
+        self._programs: OrderedDict[Hashable, _Compiled] = OrderedDict()
         self._lock = threading.Lock()
         functools.update_wrapper(self, function)
         _PROGRAMS.add(self)
@@ -115,19 +115,19 @@ class Program[*Arguments, Result]:
     def forget(self) -> None:
         """Let go of what is held."""
         with self._lock:
-            self._held.clear()
+            self._programs.clear()
 
     def __call__(self, *args: *Arguments) -> Result:
         shape, arrays = split(args)
         if any(isinstance(leaf, Tracer) for leaf in arrays):
             return self._function(*args)
         with self._lock:
-            if shape not in self._held:
-                self._held[shape] = _Compiled(self._function, self._like)
-            self._held.move_to_end(shape)
-            while len(self._held) > self._most:
-                self._held.popitem(last=False)
-            compiled = self._held[shape]
+            if shape not in self._programs:
+                self._programs[shape] = _Compiled(self._function, self._like)
+            self._programs.move_to_end(shape)
+            while len(self._programs) > self._most:
+                self._programs.popitem(last=False)
+            compiled = self._programs[shape]
         return compiled(args, shape, arrays)
 
 
@@ -215,8 +215,8 @@ def _names(structure: Any) -> list[str]:
     kind, settings = node
     if not (_is_ours(kind) or kind in _CONTAINERS):
         raise TypeError(kind)
-    own = f"{kind.__module__}.{kind.__qualname__} {_plain(settings)}"
-    return [own, *(part for child in structure.children() for part in _names(child)), "."]
+    text = f"{kind.__module__}.{kind.__qualname__} {_plain(settings)}"
+    return [text, *(part for child in structure.children() for part in _names(child)), "."]
 
 
 def _is_ours(value: Any) -> bool:

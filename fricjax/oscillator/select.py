@@ -49,11 +49,11 @@ def _named(name: str, oscillator: Oscillator, accuracy: float, max_half_cycles: 
 
 
 @functools.cache
-def _engines(accuracy: float, max_half_cycles: int, refinement: int) -> Mapping[str, AbstractEngine]:
+def _engines(accuracy: float, max_half_cycles: int, divisor: int) -> Mapping[str, AbstractEngine]:
     return {
         "exact": Exact(max_half_cycles),
-        "hybrid": Hybrid(nodes=nodes_for(accuracy) * refinement, max_half_cycles=max_half_cycles),
-        "smooth": Smooth(accuracy=accuracy / refinement, max_half_cycles=max_half_cycles),
+        "hybrid": Hybrid(nodes=nodes_for(accuracy) * divisor, max_half_cycles=max_half_cycles),
+        "smooth": Smooth(accuracy=accuracy / divisor, max_half_cycles=max_half_cycles),
     }
 
 
@@ -81,8 +81,8 @@ def half_cycle_capacity(oscillator: Oscillator, duration: float | None, x0: Any,
     secant = _largest_secant(oscillator, stiffness, reach)
     if secant is None:
         return 512
-    strokes = 1.2 * duration * math.sqrt(secant / mass) / math.pi + 4
-    return max(16, 2 ** math.ceil(math.log2(strokes)))
+    half_cycles = 1.2 * duration * math.sqrt(secant / mass) / math.pi + 4
+    return max(16, 2 ** math.ceil(math.log2(half_cycles)))
 
 
 def _largest_secant(oscillator: Oscillator, stiffness: float, reach: float) -> float | None:

@@ -64,17 +64,17 @@ def simulate(
     chosen = select_engine(name, oscillator, accuracy=accuracy, max_half_cycles=capacity)
     if driven and not isinstance(chosen, Smooth):
         raise ValueError("Floor motion and a decaying holding force need the smooth engine.")
-    given = None if state0 is None else _floats(state0)
+    state = None if state0 is None else _floats(state0)
     drive = _drive(base_acceleration, release) if driven else None
-    return _solve(chosen, _sharp_engine(oscillator, capacity), oscillator, x, v, given, times, drive)
+    return _solve(chosen, _limit_engine(oscillator, capacity), oscillator, x, v, state, times, drive)
 
 
-def _sharp_engine(oscillator: Oscillator, capacity: int) -> AbstractEngine | None:
+def _limit_engine(oscillator: Oscillator, capacity: int) -> AbstractEngine | None:
     """The engine for the set-valued law that a regularised one stands for; None where it stands for none."""
-    sharp = None if oscillator.friction.set_valued else oscillator.friction.set_valued_limit()
-    if sharp is None or not sharp.set_valued:
+    limit = None if oscillator.friction.set_valued else oscillator.friction.set_valued_limit()
+    if limit is None or not limit.set_valued:
         return None
-    return select_engine("auto", dataclasses.replace(oscillator, friction=sharp), max_half_cycles=capacity)
+    return select_engine("auto", dataclasses.replace(oscillator, friction=limit), max_half_cycles=capacity)
 
 
 def _drive(base_acceleration: ArrayLike | None, release: AbstractRelease | None) -> Drive:
@@ -119,7 +119,7 @@ def _times(ts: ArrayLike) -> Any:
 @jax.jit
 def _solve(
     engine: AbstractEngine,
-    sharp: AbstractEngine | None,
+    limit: AbstractEngine | None,
     oscillator: Oscillator,
     x0: Array,
     v0: Array,
@@ -130,17 +130,17 @@ def _solve(
     start = starting_state(oscillator, x0, v0, state0)
     if drive is not None and isinstance(engine, Smooth):
         motion = engine.solve(oscillator, start, ts, drive=drive)
-        return motion if sharp is None else eqx.tree_at(lambda m: m.regularisation_bias, motion, jnp.asarray(jnp.nan))
+        return motion if limit is None else eqx.tree_at(lambda m: m.regularisation_bias, motion, jnp.asarray(jnp.nan))
     motion = engine.solve(oscillator, start, ts)
-    if sharp is None:
+    if limit is None:
         return motion
-    return eqx.tree_at(lambda m: m.regularisation_bias, motion, _bias(motion, sharp, oscillator, start))
+    return eqx.tree_at(lambda m: m.regularisation_bias, motion, _bias(motion, limit, oscillator, start))
 
 
-def _bias(motion: Motion, sharp: AbstractEngine, oscillator: Oscillator, start: Start) -> Array:
-    """Largest distance to the motion under the law without regularisation, which is for the engine `sharp`."""
+def _bias(motion: Motion, limit: AbstractEngine, oscillator: Oscillator, start: Start) -> Array:
+    """Largest distance to the motion under the law without regularisation, which is for the engine `limit`."""
     reference = dataclasses.replace(oscillator, friction=oscillator.friction.set_valued_limit())
-    return jnp.max(jnp.abs(sharp.solve(reference, start._replace(state=jnp.zeros(0)), motion.t).x - motion.x))
+    return jnp.max(jnp.abs(limit.solve(reference, start._replace(state=jnp.zeros(0)), motion.t).x - motion.x))
 
 
 def final_displacement(oscillator: Oscillator, x0: ArrayLike, *, engine: str | AbstractEngine = "auto") -> Array:
@@ -169,7 +169,7 @@ def final_displacement(oscillator: Oscillator, x0: ArrayLike, *, engine: str | A
             f"Under {type(law).__name__} the mass creeps and never rests, so it has no final displacement. Use a law "
             "that holds the mass, such as Coulomb."
         )
-    chosen = select_engine(engine, oscillator, max_half_cycles=_strokes_to_rest(oscillator, x0))
+    chosen = select_engine(engine, oscillator, max_half_cycles=_half_cycles_to_rest(oscillator, x0))
     return _final(chosen, oscillator, _number("x0", x0))
 
 
@@ -184,7 +184,7 @@ def _final(engine: AbstractEngine, oscillator: Oscillator, x0: Array) -> Array:
     raise ValueError(f"{type(engine).__name__} cannot say where a law with internal states stops. Use Smooth.")
 
 
-def _strokes_to_rest(oscillator: Oscillator, x0: ArrayLike) -> int:
+def _half_cycles_to_rest(oscillator: Oscillator, x0: ArrayLike) -> int:
     """A bound on the number of half-cycles to rest without damping, as a power of two; 512 where it is traced."""
     start, band = concrete(x0), concrete(oscillator.normal_force)
     if start is None or band is None or concrete(oscillator.stiffness) is None:

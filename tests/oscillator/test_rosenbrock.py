@@ -22,9 +22,9 @@ def nonlinear(t, y, _):
     return (2 * t * y[0] * jnp.log(y[1]), -2 * t * y[1] * jnp.log(y[0]))
 
 
-def run(field, y0, args, end: float, steps: int, saveat: diffrax.SaveAt, held: int = 0) -> Any:
+def run(field, y0, args, end: float, steps: int, saveat: diffrax.SaveAt, modes: int = 0) -> Any:
     return diffrax.diffeqsolve(
-        diffrax.ODETerm(field), Rodas5P(held), 0.0, end, end / steps, y0, args,
+        diffrax.ODETerm(field), Rodas5P(modes), 0.0, end, end / steps, y0, args,
         saveat=saveat, stepsize_controller=diffrax.ConstantStepSize(), adjoint=diffrax.ForwardMode(), max_steps=4096,
     )  # fmt: skip
 
@@ -74,8 +74,8 @@ def test_what_has_no_rate_is_held_by_the_same_step():
     def field(t, y, _):
         return (-y[2] * y[0] + y[3], y[0] * y[3], jnp.zeros(()), jnp.zeros(()))
 
-    def at_the_end(y0: tuple, held: int) -> Any:
-        return jnp.stack(run(field, y0, None, 1.0, 8, diffrax.SaveAt(ts=jnp.asarray([0.3, 1.0])), held).ys)
+    def at_the_end(y0: tuple, modes: int) -> Any:
+        return jnp.stack(run(field, y0, None, 1.0, 8, diffrax.SaveAt(ts=jnp.asarray([0.3, 1.0])), modes).ys)
 
     y0 = tuple(jnp.asarray(value) for value in (1.0, 0.5, 3.0, 0.7))
     for solved in (at_the_end, jax.jacfwd(at_the_end)):

@@ -58,7 +58,7 @@ def mesh(oscillator: Oscillator, x0: float, v0: float, half_cycles: int = 512) -
 
 
 def last_phase(steps: Mesh) -> float:
-    return float(steps.ends[int(steps.turns)])
+    return float(steps.ends[int(steps.n_phase)])
 
 
 @pytest.mark.parametrize("name", LAWS)
@@ -139,5 +139,5 @@ def test_the_phases_end_at_the_last_reversal():
 def test_another_start_stretches_the_first_half_cycle_alone():
     steps = Mesh.of(np.array([0.5, 1.0, np.pi, 4.0, 2 * np.pi]), np.array([0.0, 0.1, 1.2]), 8)
     found = np.asarray(steps.begun_at(jnp.asarray(0.6 + 2 * np.pi)))
-    assert found[0] == pytest.approx(0.6) and np.all(np.diff(found[: int(steps.turns) + 1]) > 0)
+    assert found[0] == pytest.approx(0.6) and np.all(np.diff(found[: int(steps.n_phase) + 1]) > 0)
     np.testing.assert_array_equal(found[2:], steps.ends[2:])

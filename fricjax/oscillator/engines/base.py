@@ -32,7 +32,7 @@ class AbstractPath(eqx.Module):
     @property
     @abc.abstractmethod
     def turning_points(self) -> Float[Array, " turning_points"]:
-        """Displacements of a start at rest and of each reversal [m], NaN behind the last; empty if none are noted."""
+        """Displacements of a start at rest and of each reversal [m], NaN behind the last; empty if not recorded."""
 
     @abc.abstractmethod
     def sample(self, ts: Float[Array, " samples"]) -> tuple[Float[Array, " samples"], Float[Array, " samples"]]:

@@ -18,7 +18,7 @@ from ...friction.base import Scalar
 from ..drive import ExponentialRelease
 from ..oscillator import Oscillator
 from ..session import ready
-from .stick_slip import Floor, Machine, State, advance, direction_at_standstill
+from .stick_slip import Floor, Machine, State, advance, direction_from_rest
 
 _PHASE_PER_STEP = 0.02
 _STEPS_PER_DECAY = 4
@@ -78,8 +78,10 @@ def driven_motion(
     x, v, direction, _ = _refined(
         oscillator, (x0, v0), jnp.asarray(knots), jnp.interp(knots, times, floor), release, accuracy
     )
-    held = times < 0
-    return DrivenMotion(times, np.where(held, x0, x), np.where(held, 0.0, v), held | (direction == 0))
+    before_release = times < 0
+    return DrivenMotion(
+        times, np.where(before_release, x0, x), np.where(before_release, 0.0, v), before_release | (direction == 0)
+    )
 
 
 def _refined(
@@ -114,41 +116,41 @@ def _integrate(
     v0: Scalar,
     knots: Float[Array, " knots"],
     floor: Float[Array, " knots"],
-    refinement: Scalar,
+    divisions: Scalar,
 ) -> State:
     """One pass over all intervals between knots; in each as many steps as its length needs."""
     lengths = jnp.diff(knots)
     floors = Floor(knots[:-1], floor[:-1], jnp.diff(floor) / jnp.maximum(lengths, jnp.finfo(float).tiny))
     level = Floor(knots[0], floor[0], jnp.zeros(()))
-    standstill = direction_at_standstill(machine, level, knots[0], x0, jnp.asarray(False))
-    direction = jnp.where(v0 == 0, standstill, jnp.sign(v0))
+    from_rest = direction_from_rest(machine, level, knots[0], x0, jnp.asarray(False))
+    direction = jnp.where(v0 == 0, from_rest, jnp.sign(v0))
     start = State(x0, v0, direction, direction != 0)
 
     def interval(state: State, inputs: tuple[Floor, Array]) -> tuple[State, State]:
         line, length = inputs
-        state = _through(machine, line, length, state, refinement)
+        state = _through(machine, line, length, state, divisions)
         return state, state
 
     return jax.lax.scan(interval, start, (floors, lengths))[1]
 
 
-def _through(machine: Machine, floor: Floor, length: Scalar, state: State, refinement: Scalar) -> State:
+def _through(machine: Machine, floor: Floor, length: Scalar, state: State, divisions: Scalar) -> State:
     """Steps of equal phase through one interval, short ones while the holding force decays."""
 
     def step(carry: tuple[Scalar, State]) -> tuple[Scalar, State]:
         done, now = carry
         left = length - done
-        h = left / jnp.ceil(left / _longest(machine, floor.since + done, refinement))
+        h = left / jnp.ceil(left / _longest(machine, floor.since + done, divisions))
         return done + h, advance(machine, floor, floor.since + done, h, now)
 
     begin = (jnp.zeros(()), state)
     return jax.lax.while_loop(lambda carry: carry[0] < length * (1 - 1e-12), step, begin)[1]
 
 
-def _longest(machine: Machine, t: Scalar, refinement: Scalar) -> Scalar:
+def _longest(machine: Machine, t: Scalar, divisions: Scalar) -> Scalar:
     """Longest step allowed at time `t` [s]."""
     swing = jnp.asarray(_PHASE_PER_STEP / machine.oscillator.angular_frequency)
     if machine.release is not None:
         decay = machine.release.time_constant
         swing = jnp.where(t < _DECAYS * decay, jnp.minimum(swing, decay / _STEPS_PER_DECAY), swing)
-    return swing / refinement
+    return swing / divisions

@@ -28,10 +28,10 @@ def rotation(angle: Array) -> tuple[Array, Array]:
     Polynomials about the nearest half-turn: the processor runs them several samples at a time, unlike the functions
     of the mathematical library.
     """
-    half_turns = jnp.round(angle / jnp.pi)
-    rest = (angle - half_turns * jnp.pi) - half_turns * _PI_REST
+    half_periods = jnp.round(angle / jnp.pi)
+    rest = (angle - half_periods * jnp.pi) - half_periods * _PI_REST
     square = rest * rest
-    sign = 1 - 2 * (half_turns - 2 * jnp.floor(half_turns / 2))
+    sign = 1 - 2 * (half_periods - 2 * jnp.floor(half_periods / 2))
     return sign * _polynomial(_COSINE, square), sign * rest * _polynomial(_SINE, square)
 
 

@@ -63,17 +63,17 @@ class HalfCycles(AbstractPath):
     @property
     def turning_points(self) -> Float[Array, " turning_points"]:
         n = jnp.arange(self.capacity + 1.0)
-        points = jnp.where(n <= self.last, self.side_of(n) * self.turning_amplitude(n), jnp.nan)
+        points = jnp.where(n <= self.last, self.side_of(n) * self.alternating_amplitude(n), jnp.nan)
         return _without_drag(points, self.drag)
 
     def sample(self, ts: Float[Array, " samples"]) -> tuple[Float[Array, " samples"], Float[Array, " samples"]]:
         n = self.count_at(ts)
         phase = self.damped_frequency * (ts + self.elapsed) - n * jnp.pi
         n, side = jax.lax.optimization_barrier((n, self.side_of(n)))
-        turning, at_rest = self.turning_amplitude(n), n >= self.last
+        point, at_rest = self.alternating_amplitude(n), n >= self.last
         deflection, rate = swing(phase, -self.log_decrement / jnp.pi)
-        distance = turning - self.dead_band
-        x = side * jnp.where(at_rest, turning, self.dead_band + distance * deflection)
+        distance = point - self.dead_band
+        x = side * jnp.where(at_rest, point, self.dead_band + distance * deflection)
         v = side * jnp.where(at_rest, 0.0, -distance * self.damped_frequency * rate)
         return _without_drag(x, self.drag), _without_drag(v, self.drag)
 
@@ -97,7 +97,7 @@ class HalfCycles(AbstractPath):
     def half_period(self) -> Scalar:
         return jnp.pi / self.damped_frequency
 
-    def turning_amplitude(self, n: Array) -> Array:
+    def alternating_amplitude(self, n: Array) -> Array:
         """Alternating amplitude a_n of turning point n [m]."""
         q = self.log_decrement
         growth = relative_expm1(n * q)
@@ -112,18 +112,18 @@ class HalfCycles(AbstractPath):
         q = self.log_decrement
         gain = -jnp.expm1(q)
         width = static_band * gain + self.dead_band * (1 + jnp.exp(q))
-        strokes = (self.amplitude - static_band) / jnp.where(width > 0, width, jnp.inf)
+        undamped = (self.amplitude - static_band) / jnp.where(width > 0, width, jnp.inf)
         damped = jnp.abs(q) > 1e-9
         q_safe = jnp.where(damped, q, -1.0)
-        count = jnp.where(damped, jnp.log1p(strokes * gain) / -q_safe, strokes)
+        count = jnp.where(damped, jnp.log1p(undamped * gain) / -q_safe, undamped)
         count = jnp.where((width > 0) & jnp.isfinite(count), jnp.maximum(jnp.ceil(count), 0.0), jnp.inf)
         count = jnp.where(self.amplitude <= static_band, 0.0, count)
         finite = jnp.where(jnp.isfinite(count), count, 0.0)
-        early = (finite > 0) & (self.turning_amplitude(finite - 1) <= static_band)
-        late = self.turning_amplitude(finite) > static_band
+        early = (finite > 0) & (self.alternating_amplitude(finite - 1) <= static_band)
+        late = self.alternating_amplitude(finite) > static_band
         count = count - early + late
-        held = self.amplitude <= breakaway_band
-        return jax.lax.stop_gradient(jnp.where(moving, jnp.maximum(count, 1.0), jnp.where(held, 0.0, count)))
+        sticks = self.amplitude <= breakaway_band
+        return jax.lax.stop_gradient(jnp.where(moving, jnp.maximum(count, 1.0), jnp.where(sticks, 0.0, count)))
 
 
 def _begin(oscillator: Oscillator, start: Start, capacity: int) -> tuple[HalfCycles, Array]:
@@ -170,8 +170,8 @@ class Exact(AbstractEngine):
         if not isinstance(oscillator.restoring, Linear):
             return f"The exact engine knows the linear spring only, not {type(oscillator.restoring).__name__}."
         if isinstance(oscillator.drag, np.ndarray) and np.any(oscillator.drag != 0):
-            given = "free" if np.any(np.isnan(oscillator.drag)) else oscillator.drag
-            return f"The exact engine has no quadratic drag, but drag is {given}. Use the hybrid engine."
+            value = "free" if np.any(np.isnan(oscillator.drag)) else oscillator.drag
+            return f"The exact engine has no quadratic drag, but drag is {value}. Use the hybrid engine."
         return None
 
     def tuned(self, oscillator: Oscillator, demands: Demands) -> "Exact":
@@ -188,8 +188,8 @@ class Exact(AbstractEngine):
         cycles, moving = _begin(oscillator, start, self.max_half_cycles)
         law, load, stiffness = oscillator.friction, oscillator.normal_force, oscillator.stiffness
         static, breakaway = law.static_force(load) / stiffness, law.breakaway_force(load) / stiffness
-        own = cycles.half_cycles_to_rest(static, breakaway, moving)
-        last = own if half_cycles is None else half_cycles.astype(float)
+        by_law = cycles.half_cycles_to_rest(static, breakaway, moving)
+        last = by_law if half_cycles is None else half_cycles.astype(float)
         supported = (oscillator.drag == 0) & (oscillator.damping_ratio < 1)
         return eqx.tree_at(lambda c: c.last, cycles, jnp.where(supported, last, jnp.nan))
 

@@ -24,7 +24,7 @@ class Nodes(AbstractPath):
         t, x, v, a: time [s], displacement [m], velocity [m/s] and acceleration [m/s^2]; t never falls.
         rest_position, t_stop: where the motion ends [m], [s].
         finished: whether the mass rests there.
-        noted: its turning points, where they are noted.
+        recorded: its turning points, where they are known.
     """
 
     t: Line
@@ -34,11 +34,11 @@ class Nodes(AbstractPath):
     rest_position: Float[Array, ""]
     t_stop: Float[Array, ""]
     finished: Bool[Array, ""]
-    noted: Float[Array, " turning_points"] = eqx.field(default_factory=lambda: jnp.zeros(0))
+    recorded: Float[Array, " turning_points"] = eqx.field(default_factory=lambda: jnp.zeros(0))
 
     @property
     def turning_points(self) -> Float[Array, " turning_points"]:
-        return self.noted
+        return self.recorded
 
     @classmethod
     def of(cls, columns: Iterable[Array], rest_position: Array, t_stop: Array, finished: Array) -> "Nodes":
@@ -115,9 +115,9 @@ def turning_points(
     """
     if ts.shape[0] < 2:
         return jnp.full(capacity + 1, jnp.nan).at[0].set(x0), jnp.zeros((), int)
-    turns = v[:-1] * v[1:] < 0
-    where = jnp.nonzero(turns, size=capacity, fill_value=0)[0]
-    count = jnp.minimum(jnp.sum(turns), capacity)
+    reverses = v[:-1] * v[1:] < 0
+    where = jnp.nonzero(reverses, size=capacity, fill_value=0)[0]
+    count = jnp.minimum(jnp.sum(reverses), capacity)
     h, v0, v1 = ts[where + 1] - ts[where], v[where], v[where + 1]
     u = v0 / jnp.where(v0 == v1, 1.0, v0 - v1)
     rise = x[where + 1] - x[where]

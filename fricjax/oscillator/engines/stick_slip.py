@@ -51,8 +51,8 @@ def pull(machine: Machine, floor: Floor, t: Scalar, x: Scalar) -> Scalar:
     """Net force towards negative x that friction has to balance at rest [N]."""
     oscillator = machine.oscillator
     shaking = oscillator.mass * (floor.value + floor.slope * (t - floor.since))
-    held = 0.0 if machine.release is None else machine.release.force(t, machine.hold)
-    return oscillator.restoring_force(x) + shaking - held
+    holding = 0.0 if machine.release is None else machine.release.force(t, machine.hold)
+    return oscillator.restoring_force(x) + shaking - holding
 
 
 def holding_force(machine: Machine, x: Scalar, slid: Array) -> Scalar:
@@ -62,7 +62,7 @@ def holding_force(machine: Machine, x: Scalar, slid: Array) -> Scalar:
     return contact + machine.oscillator.hysteresis(x)
 
 
-def direction_at_standstill(machine: Machine, floor: Floor, t: Scalar, x: Scalar, slid: Array) -> Scalar:
+def direction_from_rest(machine: Machine, floor: Floor, t: Scalar, x: Scalar, slid: Array) -> Scalar:
     """Where a mass of zero velocity goes: 0 if static friction holds it."""
     force = pull(machine, floor, t, x)
     return jnp.where(jnp.abs(force) > holding_force(machine, x, slid), -jnp.sign(force), 0.0)
@@ -90,7 +90,7 @@ def _slide(machine: Machine, floor: Floor, t: Scalar, step: Scalar, state: State
     def turn() -> tuple[State, Scalar]:
         used = _time_of_turn(machine, floor, t, step, state)
         x = _runge_kutta(machine, floor, t, used, state).x
-        onward = direction_at_standstill(machine, floor, t + used, x, jnp.asarray(True))
+        onward = direction_from_rest(machine, floor, t + used, x, jnp.asarray(True))
         stuck = (used == 0) & (onward == state.direction)
         return State(x, jnp.zeros(()), jnp.where(stuck, 0.0, onward), jnp.asarray(True)), used
 

@@ -19,7 +19,7 @@ from ...oscillator import Oscillator
 from ...restoring import Pendulum
 from ..base import Demands
 from .collocation import Panels, collocate
-from .frame import Angle, Frame, frame_at, is_resolved, motion_at, next_turning_point, reference_force, side_of
+from .frame import Angle, Frame, frame_at, is_resolved, motion_at, reference_force, reversal_position, side_of
 from .half_cycles import HalfCycle, RestCondition, Reversal, advance
 
 # Distance from the centre of a table to where it is left, over its reach.
@@ -121,7 +121,7 @@ def half_cycles_from_table(
         weights = at(deflection)
         amplitude = _start(oscillator, frame, deflection) * (weights @ table.amplitude[:, -1])
         elapsed = weights @ table.phase[:, -1] / frame.angular_frequency
-        following = next_turning_point(oscillator, frame, amplitude)
+        following = reversal_position(oscillator, frame, amplitude)
         ends = HalfCycle(elapsed[None] + now.time, following[None], jnp.zeros(1), jnp.zeros(1))
         resolved = is_resolved(oscillator, frame, amplitude[None], table.angle.at(slice(-1, None)))
         after = advance(now, ends, following, resolved, rests)[0]

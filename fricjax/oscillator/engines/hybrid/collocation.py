@@ -37,9 +37,9 @@ class Panels(NamedTuple):
     slope: Array
     fractions: Array
 
-    def over(self, lanes: int) -> "Panels":
-        """The same for states that have `lanes` axes more."""
-        wide = (..., *(None,) * lanes)
+    def over(self, axes: int) -> "Panels":
+        """The same for states that have so many axes more."""
+        wide = (..., *(None,) * axes)
         return Panels(self.angle.at(wide), self.slope[wide], self.fractions)
 
 
@@ -54,9 +54,9 @@ def make_panels(steps: int, layer: Array, skew: Any = 0.0) -> Panels:
 
 
 def collocate(
-    oscillator: Oscillator, frame: Frame, amplitude: Float[Array, "*lanes"], panels: Panels
-) -> tuple[Float[Array, "nodes *lanes"], Float[Array, "nodes *lanes"]]:
-    """Amplitude and elapsed time of half-cycles from a standstill at the nodes; one lane per amplitude."""
+    oscillator: Oscillator, frame: Frame, amplitude: Float[Array, "*batch"], panels: Panels
+) -> tuple[Float[Array, "nodes *batch"], Float[Array, "nodes *batch"]]:
+    """Amplitude and elapsed time of half-cycles from rest at the nodes; one batch member per amplitude."""
     wide, machine = panels.over(amplitude.ndim), (oscillator, frame)
     amplitudes = _amplitudes(amplitude, machine, wide)
     elapsed = _integral(_rates(machine, wide, amplitudes)[1], wide)
@@ -115,7 +115,7 @@ def _points(count: int) -> np.ndarray:
 
 def _integration(count: int) -> np.ndarray:
     """Matrix from values at the points to integrals from the first point on, over ranks from 0 to 1."""
-    unit = np.eye(count)
+    unit = np.identity(count)
     columns = [chebyshev.chebval(_points(count), chebyshev.chebint(row, lbnd=-1)) for row in unit]
     return np.stack(columns, axis=1) @ _coefficients(count) / 2
 

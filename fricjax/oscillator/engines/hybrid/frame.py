@@ -83,7 +83,7 @@ def amplitude_at(oscillator: Oscillator, frame: Frame, turning_point: Array) -> 
     return frame.side * oscillator.restoring.stretched(turning_point) - frame.dead_band
 
 
-def next_turning_point(oscillator: Oscillator, frame: Frame, amplitude: Array) -> Array:
+def reversal_position(oscillator: Oscillator, frame: Frame, amplitude: Array) -> Array:
     """The turning point at which a half-cycle ends with this amplitude [m]."""
     return oscillator.restoring.unstretched(frame.side * (frame.dead_band - amplitude))[0]
 

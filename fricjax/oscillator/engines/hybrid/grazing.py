@@ -16,7 +16,7 @@ from jaxtyping import Array, Float
 from ...motion import Start
 from ...oscillator import Oscillator
 from ..nodes import Nodes
-from .frame import Angle, frame_at, is_resolved, motion_at, next_turning_point
+from .frame import Angle, frame_at, is_resolved, motion_at, reversal_position
 from .half_cycles import Attempt, HalfCycle, RestCondition, Reversal, advance
 from .phase_steps import integrate_phase, layer_width, mesh_fractions
 
@@ -99,7 +99,7 @@ def _attempt(
     second = HalfCycle(first.t[-1] + elapsed, *motion_at(oscillator, frame, amplitudes, angle))
     nodes = HalfCycle(*(jnp.concatenate(parts) for parts in zip(first, second, strict=True)))
     resolved = slows & is_resolved(oscillator, frame, amplitudes, angle, slowest=0.0)
-    return nodes, next_turning_point(oscillator, frame, amplitudes[-1]), resolved
+    return nodes, reversal_position(oscillator, frame, amplitudes[-1]), resolved
 
 
 def grazing_half_cycles(

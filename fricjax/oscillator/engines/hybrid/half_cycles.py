@@ -10,7 +10,7 @@ from jaxtyping import Array, Float
 from ...motion import Start
 from ...oscillator import Oscillator
 from .collocation import Panels, collocate
-from .frame import Angle, Frame, amplitude_at, frame_at, is_resolved, motion_at, next_turning_point, side_of
+from .frame import Angle, Frame, amplitude_at, frame_at, is_resolved, motion_at, reversal_position, side_of
 from .phase_steps import integrate_phase, phases
 
 
@@ -106,7 +106,7 @@ def _attempt(
     # A half-cycle that a record asks for where friction would hold the mass exists in phase only.
     forced = oscillator.friction.set_valued & (amplitudes[0] <= 0)
     resolved = forced | is_resolved(oscillator, frame, amplitudes, angle)
-    return nodes, next_turning_point(oscillator, frame, amplitudes[-1]), resolved
+    return nodes, reversal_position(oscillator, frame, amplitudes[-1]), resolved
 
 
 def advance(

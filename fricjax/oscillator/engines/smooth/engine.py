@@ -21,11 +21,11 @@ from ...oscillator import Oscillator
 from ..base import AbstractEngine, Demands
 from ..nodes import Nodes
 from .mesh import Mesh
-from .phase import Moving, Span, field, returned, travelled, turning, watched
-from .reversals import Log, Noting, after_step, closed
+from .phase import FieldArgs, Span, after_switch, choose_phase_steps, field, follow_mesh, switching_quantities
+from .reversals import Log, ReversalRecorder, after_step, last_log
 from .rosenbrock import Rodas5P
 from .scaled import Cautious, Scaled, integrate
-from .switching import Closing, Landing, last_step
+from .switching import SecantSteps, SwitchingSolver, step_across
 
 # The way that a mass may still go and count as resting, in tolerances.
 _STILL = 0.1
@@ -121,12 +121,12 @@ class Smooth(AbstractEngine):
         if self.mesh is None:
             raise ValueError("A path of the smooth engine needs a mesh: make one with Smooth.meshed.")
         machine = Scaled.of(oscillator, start)
-        whole, (x, v, states) = travelled(_plain(oscillator), machine, machine.start(start), self.mesh)
+        motion, (x, v, states) = follow_mesh(_plain(oscillator), machine, machine.start(start), self.mesh)
         place, way = machine.settling(x, v, states)
         # The mesh was made for other coefficients, with which the way was shorter than here.
-        held = way * machine.length < _MOVED * self.still
-        position = jnp.where(held, place, x) * machine.length
-        return eqx.tree_at(lambda n: (n.rest_position, n.finished), whole, (position, jnp.asarray(True)))
+        sticks = way * machine.length < _MOVED * self.still
+        position = jnp.where(sticks, place, x) * machine.length
+        return eqx.tree_at(lambda n: (n.rest_position, n.finished), motion, (position, jnp.asarray(True)))
 
     def trail(self, oscillator: Oscillator, start: Start, duration: Float[Array, ""]) -> Nodes:
         """The motion at the ends of the steps that the error estimate chooses, up to `duration` [s].
@@ -155,11 +155,13 @@ class Smooth(AbstractEngine):
         tolerance, end = self._tolerance(machine), duration * machine.rate
         most = self.max_half_cycles
         span = Span(end, jnp.asarray(most if half_cycles is None else half_cycles), most)
-        first = turning(_plain(oscillator), machine, machine.start(start), tolerance, span, capacity)
+        first = choose_phase_steps(_plain(oscillator), machine, machine.start(start), tolerance, span, capacity)
         left = jnp.maximum(end - first.elapsed, 0.0)
-        waiting = Moving(machine, jnp.asarray(False))
+        waiting = FieldArgs(machine, jnp.asarray(False))
         rests = _resting(field, tolerance, left, self.still / machine.length)
-        solver, controller = self._chosen(machine, Landing(_plain(oscillator), watched, returned))
+        solver, controller = self._chosen(
+            machine, SwitchingSolver(_plain(oscillator), switching_quantities, after_switch)
+        )
         settings = {"saveat": _ENDS, "stepsize_controller": controller, "max_steps": capacity}
         event = diffrax.Event(rests)
         then = integrate(field, solver, jnp.zeros(()), left, first.end, waiting, event=event, **settings)
@@ -181,7 +183,7 @@ class Smooth(AbstractEngine):
         log = solution.solver_state[1]
         at_rest, t_stop = jnp.zeros(ts.shape, bool), jnp.asarray(jnp.inf)
         if drive is None and oscillator.friction.n_states:
-            log = closed(log, machine, solution.ys[0][-1])
+            log = last_log(log, machine, solution.ys[0][-1])
             at_rest, t_stop = ts * machine.rate >= log.still, log.ended / machine.rate
         return Motion(
             t=ts,
@@ -225,7 +227,7 @@ class Smooth(AbstractEngine):
         y0 = machine.start(start)
         saved = diffrax.SaveAt(ts=tau, solver_state=True)
         most = self.max_half_cycles
-        solution = self._free(y0, args, jnp.maximum(tau[-1], 1e-9), saved, self.max_steps, noted=most)
+        solution = self._free(y0, args, jnp.maximum(tau[-1], 1e-9), saved, self.max_steps, recorded=most)
         x, v = solution.ys[0] * machine.length, solution.ys[1] * machine.speed
         state = jnp.stack(solution.ys[2:], axis=-1) * machine.state if len(y0) > 2 else jnp.zeros((ts.shape[0], 0))
         a0 = _field(jnp.zeros(()), y0, args)[1] * machine.speed * machine.rate
@@ -240,23 +242,25 @@ class Smooth(AbstractEngine):
         saveat: Any,
         max_steps: int,
         event: Any = None,
-        noted: int | None = None,
+        recorded: int | None = None,
     ) -> Any:
         """Integration in time with steps chosen by their error.
 
-        With `noted`, the length of the list, the solver keeps a log of the reversals.
+        With `recorded`, the length of the list, the solver keeps a log of the reversals.
         """
-        solver, controller = self._chosen(args.machine, Landing(_plain(args.machine.oscillator), _watched, _returned))
+        solver, controller = self._chosen(
+            args.machine, SwitchingSolver(_plain(args.machine.oscillator), _switching_quantities, _after_switch)
+        )
         settings = {"saveat": saveat, "stepsize_controller": controller, "max_steps": max_steps, "event": event}
-        with_log = solver if noted is None else Noting(solver, noted, _note)
+        with_log = solver if recorded is None else ReversalRecorder(solver, recorded, _record)
         return integrate(_field, with_log, jnp.zeros(()), end, y0, args, **settings)
 
-    def _chosen(self, machine: Scaled, landing: Landing) -> tuple[diffrax.AbstractAdaptiveSolver, Any]:
+    def _chosen(self, machine: Scaled, switching: SwitchingSolver) -> tuple[diffrax.AbstractAdaptiveSolver, Any]:
         """Solver and controller in time; their steps end where the rates of a law with states have a kink."""
         tolerance = self._tolerance(machine)
         if not machine.oscillator.friction.n_states:
-            return landing.solver, diffrax.PIDController(rtol=tolerance, atol=tolerance)
-        return landing, Closing(Cautious(rtol=tolerance, atol=tolerance), last_step(tolerance))
+            return switching.solver, diffrax.PIDController(rtol=tolerance, atol=tolerance)
+        return switching, SecantSteps(Cautious(rtol=tolerance, atol=tolerance), step_across(tolerance))
 
     def _tolerance(self, machine: Scaled) -> Array:
         # Over fifty half-cycles the errors of the steps add up to some thirty times the tolerance.
@@ -266,7 +270,7 @@ class Smooth(AbstractEngine):
 _ENDS = diffrax.SaveAt(t0=True, steps=True, fn=lambda t, y, args: None)
 
 
-def _note(log: Log, before: tuple, behind: tuple, args: _Args) -> Log:
+def _record(log: Log, before: tuple, behind: tuple, args: _Args) -> Log:
     """The log after a step, from time and state at both of its ends."""
     (t0, y0), (t1, y1) = before, behind
     ends = ((t, y[0], y[1], _field(t, y, args)[1], y[2:]) for t, y in ((t0, y0), (t1, y1)))
@@ -294,14 +298,14 @@ def _resting(field: Callable, tolerance: Any, left: Any, still: Any) -> Callable
 def _plain(oscillator: Oscillator) -> diffrax.AbstractAdaptiveSolver:
     """The method that suits a law: implicit where it is stiff."""
     law = oscillator.friction
-    return Rodas5P(held=law.n_modes) if law.stiff else diffrax.Dopri8(scan_kind="lax")
+    return Rodas5P(modes=law.n_modes) if law.stiff else diffrax.Dopri8(scan_kind="lax")
 
 
-def _watched(tau: Any, y: tuple, args: _Args) -> Array:
+def _switching_quantities(tau: Any, y: tuple, args: _Args) -> Array:
     """The velocity, and what else the law switches by."""
     return jnp.concatenate([jnp.reshape(y[1], (1,)), args.machine.switches(y[1], y[2:])])
 
 
-def _returned(tau: Any, y: tuple, before: tuple, args: _Args) -> tuple:
+def _after_switch(tau: Any, y: tuple, before: tuple, args: _Args) -> tuple:
     """The scaled state from which the next step begins."""
     return (*y[:2], *args.machine.mapped(y[0], y[1], y[2:], before[2:]))

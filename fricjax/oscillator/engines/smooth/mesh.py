@@ -18,12 +18,12 @@ class Mesh(eqx.Module):
         ends: the phase at which the motion starts and those at which steps end [rad], the mass turns at the multiples
             of pi; behind them the times from the last one on at which steps end, in radians of the natural frequency;
             what follows is not used.
-        turns, waits: number of steps over the phase, and in time.
+        n_phase, n_time: number of steps over the phase, and in time.
     """
 
     ends: Float[Array | np.ndarray, " ends"]
-    turns: Int[Array | np.ndarray, ""]
-    waits: Int[Array | np.ndarray, ""]
+    n_phase: Int[Array | np.ndarray, ""]
+    n_time: Int[Array | np.ndarray, ""]
 
     @classmethod
     def of(cls, phases: np.ndarray, times: np.ndarray, size: int) -> "Mesh":
@@ -40,7 +40,7 @@ class Mesh(eqx.Module):
         away = phase - first
         late = jnp.arctan2(jnp.sin(away), jnp.cos(away))
         share = jnp.clip((turn - ends) / (turn - first), 0.0, 1.0)
-        return ends + late * jnp.where(jnp.arange(ends.size) <= self.turns, share, 0.0)
+        return ends + late * jnp.where(jnp.arange(ends.size) <= self.n_phase, share, 0.0)
 
 
 class Steps(NamedTuple):

@@ -9,7 +9,7 @@ the dead band. The mass turns where the phase is a multiple of pi, whatever the 
 once do so for all of them. In time a reversal moves with the coefficients, and a contact that settles within a
 microsecond of it would have to be met by the steps of each anew.
 
-The phase carries a motion while the spring pulls clearly more than friction holds. What is left is integrated in time,
+The phase resolves a motion while the spring pulls clearly more than friction holds. What is left is integrated in time,
 with displacement and velocity in the places of amplitude and time. The law stands once in a program for both.
 """
 
@@ -23,9 +23,9 @@ from jaxtyping import Array
 from ..nodes import Nodes
 from .mesh import Mesh, Steps, stepped
 from .scaled import Cautious, Scaled, integrate
-from .switching import Landing, last_step
+from .switching import SwitchingSolver, step_across
 
-# The pull of the spring at a reversal from which the phase still carries the next half-cycle, in forces that friction
+# The pull of the spring at a reversal from which the phase still resolves the next half-cycle, in forces that friction
 # can hold; the least phase velocity; and how near to a reversal a phase counts as there.
 _PULL, _SLOWEST, _AT_REVERSAL = 1.05, 0.1, 1e-12
 # Longest step, for the interpolation between its ends, and how much longer than the one before. Behind a reversal no
@@ -33,14 +33,14 @@ _PULL, _SLOWEST, _AT_REVERSAL = 1.05, 0.1, 1e-12
 _LONGEST, _GROWTH = 0.25, 1.5
 
 
-class Moving(NamedTuple):
-    """What moves, and whether it is integrated over its phase; otherwise it is in scaled time."""
+class FieldArgs(NamedTuple):
+    """Arguments of the vector field: the machine, and whether it is integrated over its phase or in scaled time."""
 
     machine: Scaled
-    phased: Array
+    in_phase: Array
 
 
-class Turned(NamedTuple):
+class PhaseSolution(NamedTuple):
     """Where a motion over the phase ended.
 
     Attributes:
@@ -65,61 +65,70 @@ class Span(NamedTuple):
     capacity: int
 
 
-def travelled(solver: Any, machine: Scaled, y0: tuple, mesh: Mesh) -> tuple[Nodes, tuple]:
+def follow_mesh(solver: Any, machine: Scaled, y0: tuple, mesh: Mesh) -> tuple[Nodes, tuple]:
     """The motion from a scaled state over the phases and times of a mesh, and the scaled state in which it ends.
 
     The phases carry no derivatives, so that those of their sines and cosines need not be computed; the state is carried
     to a phase that stands still instead, by a step of no length.
     """
     begin, first = _in_phase(y0, machine)
-    over = Moving(machine, jnp.asarray(True))
-    moving, turns = mesh.begun_at(begin), jnp.asarray(mesh.turns)
-    count = turns + mesh.waits
-    ends = jax.lax.stop_gradient(moving)
+    over = FieldArgs(machine, jnp.asarray(True))
+    shifted = mesh.begun_at(begin)
+    n_phase = jnp.asarray(mesh.n_phase)
+    count = n_phase + mesh.n_time
+    ends = jax.lax.stop_gradient(shifted)
     slopes = field(ends[0], first, over)
-    still = tuple(value + (ends[0] - moving[0]) * slope for value, slope in zip(first, slopes, strict=True))
+    entered_state = tuple(value + (ends[0] - shifted[0]) * slope for value, slope in zip(first, slopes, strict=True))
 
-    def entered(i: Array, y: tuple) -> tuple[tuple, Moving]:
-        x, v, _ = _places(ends[turns], y, over)
-        left = i == turns
+    def entered(i: Array, y: tuple) -> tuple[tuple, FieldArgs]:
+        x, v, _ = _places(ends[n_phase], y, over)
+        left = i == n_phase
         y = (jnp.where(left, x, y[0]), jnp.where(left, v, y[1]), *y[2:])
-        return y, Moving(machine, i < turns)
+        return y, FieldArgs(machine, i < n_phase)
 
     number = jnp.arange(ends.size)
-    begins = jnp.where(number == turns, 0.0, ends)
-    ys = stepped(field, Landing(solver, watched, returned), Steps(begins[:-1], ends[1:], count), still, entered)
+    begins = jnp.where(number == n_phase, 0.0, ends)
+    ys = stepped(
+        field,
+        SwitchingSolver(solver, switching_quantities, after_switch),
+        Steps(begins[:-1], ends[1:], count),
+        entered_state,
+        entered,
+    )
     made = jnp.minimum(number, count)
-    phased = made <= turns
-    x, v, states = _places(ends[made], ys, Moving(machine, phased))
-    nodes = machine.nodes(jnp.where(phased, ys[1], ys[1][turns] + ends[made]), x, v, states)
+    in_phase = made <= n_phase
+    x, v, states = _places(ends[made], ys, FieldArgs(machine, in_phase))
+    nodes = machine.nodes(jnp.where(in_phase, ys[1], ys[1][n_phase] + ends[made]), x, v, states)
     return nodes, (x[-1], v[-1], tuple(values[-1] for values in states))
 
 
-def turning(solver: Any, machine: Scaled, y0: tuple, tolerance: Any, span: Span, capacity: int) -> Turned:
-    """The steps over the phase that their error chooses, to the end of `span` or as far as the phase carries."""
+def choose_phase_steps(
+    solver: Any, machine: Scaled, y0: tuple, tolerance: Any, span: Span, capacity: int
+) -> PhaseSolution:
+    """The steps over the phase that their error chooses, to the end of `span` or as far as the phase goes."""
     begin, first = _in_phase(y0, machine)
-    turns = (jnp.floor(begin / jnp.pi) + 1 + jnp.arange(span.capacity)) * jnp.pi
-    last = turns[jnp.clip(span.half_cycles, 1, span.capacity) - 1]
+    reversals = (jnp.floor(begin / jnp.pi) + 1 + jnp.arange(span.capacity)) * jnp.pi
+    last = reversals[jnp.clip(span.half_cycles, 1, span.capacity) - 1]
     chosen = Cautious(rtol=tolerance, atol=tolerance, dtmax=_LONGEST, factormax=_GROWTH)
     # Elements that stick or slip see that the mass has turned at the end of a step, so one just behind is short.
-    behind = turns + last_step(tolerance)
-    controller = diffrax.ClipStepSizeController(chosen, jump_ts=jnp.stack([turns, behind], axis=1).reshape(-1))
+    behind = reversals + step_across(tolerance)
+    controller = diffrax.ClipStepSizeController(chosen, jump_ts=jnp.stack([reversals, behind], axis=1).reshape(-1))
 
-    moving = Moving(machine, jnp.asarray(True))
+    everywhere = FieldArgs(machine, jnp.asarray(True))
 
-    def over(theta: Any, y: tuple, args: Moving, **kwargs: Any) -> Array:
-        return (y[1] >= span.time) | ~_carries(theta, y, args)
+    def over(theta: Any, y: tuple, args: FieldArgs, **kwargs: Any) -> Array:
+        return (y[1] >= span.time) | ~_is_resolved(theta, y, args)
 
-    end = jnp.where(over(begin, first, moving), begin, last)
+    end = jnp.where(over(begin, first, everywhere), begin, last)
     ends = diffrax.SubSaveAt(t0=True, steps=True, fn=lambda theta, y, args: None)
     saveat = diffrax.SaveAt(subs=[ends, diffrax.SubSaveAt(t1=True)])
     settings = {"saveat": saveat, "stepsize_controller": controller, "max_steps": capacity}
-    landing, event = Landing(solver, watched, returned), diffrax.Event(over)
-    solution = integrate(field, landing, begin, end, first, moving, event=event, **settings)
+    switching, event = SwitchingSolver(solver, switching_quantities, after_switch), diffrax.Event(over)
+    solution = integrate(field, switching, begin, end, first, everywhere, event=event, **settings)
     phases, last = solution.ts
     y = jax.tree.map(lambda values: values[0], solution.ys[1])
-    x, v, states = _places(last[0], y, moving)
-    return Turned(phases, (x, v, *states), y[1])
+    x, v, states = _places(last[0], y, everywhere)
+    return PhaseSolution(phases, (x, v, *states), y[1])
 
 
 def _in_phase(y: tuple, machine: Scaled) -> tuple[Array, tuple]:
@@ -130,55 +139,55 @@ def _in_phase(y: tuple, machine: Scaled) -> tuple[Array, tuple]:
     return jnp.arctan2(-v, away), (side * jnp.hypot(away, v), jnp.zeros(()), *y[2:])
 
 
-def _places(s: Any, y: tuple, moving: Moving) -> tuple[Array, Array, tuple]:
+def _places(s: Any, y: tuple, args: FieldArgs) -> tuple[Array, Array, tuple]:
     """Scaled displacement, velocity and internal states at a phase, or in time."""
-    machine, phased = moving
+    machine, in_phase = args
     reach = jnp.abs(y[0])
-    x = jnp.where(phased, jnp.sign(y[0]) * machine.band + reach * jnp.cos(s), y[0])
-    return x, jnp.where(phased, -reach * jnp.sin(s), y[1]), y[2:]
+    x = jnp.where(in_phase, jnp.sign(y[0]) * machine.band + reach * jnp.cos(s), y[0])
+    return x, jnp.where(in_phase, -reach * jnp.sin(s), y[1]), y[2:]
 
 
-def field(s: Any, y: tuple, moving: Moving) -> tuple:
+def field(s: Any, y: tuple, args: FieldArgs) -> tuple:
     """Derivatives by the phase of amplitude, time and internal states; by time, of displacement, velocity and states.
 
     All of it is scaled.
     """
-    machine, phased = moving
-    x, v, states = _places(s, y, moving)
+    machine, in_phase = args
+    x, v, states = _places(s, y, args)
     a, z = machine.rates(x, v, states)
     away = jnp.abs(y[0]) * jnp.cos(s)
     pace = (v**2 - away * a) / y[0] ** 2
     # Derivatives go forwards, so that those of what is not chosen are not felt.
-    lasts = jnp.where(phased, 1 / pace, 1.0)
-    first = jnp.where(phased, v * (away + a) / (y[0] * pace), v)
-    return first, jnp.where(phased, lasts, a), *(rate * lasts for rate in z)
+    lasts = jnp.where(in_phase, 1 / pace, 1.0)
+    first = jnp.where(in_phase, v * (away + a) / (y[0] * pace), v)
+    return first, jnp.where(in_phase, lasts, a), *(rate * lasts for rate in z)
 
 
-def _carries(theta: Any, y: tuple, moving: Moving) -> Array:
-    """Whether the phase goes on: the mass turns back where it has turned, and on its way the phase does not dwell."""
-    machine = moving.machine
-    pull = jnp.abs(machine.pull(_places(theta, y, moving)[0]))
-    turns_back = ~_turns(theta) | (pull > _PULL * machine.hold)
-    waiting = field(theta, y, moving)[1]
-    return turns_back & (waiting < 1 / _SLOWEST) & (waiting > 0)
+def _is_resolved(theta: Any, y: tuple, args: FieldArgs) -> Array:
+    """Whether the phase goes on: at a reversal the mass moves back, and in between the phase does not dwell."""
+    machine = args.machine
+    pull = jnp.abs(machine.pull(_places(theta, y, args)[0]))
+    reverses = ~_is_reversal(theta) | (pull > _PULL * machine.hold)
+    waiting = field(theta, y, args)[1]
+    return reverses & (waiting < 1 / _SLOWEST) & (waiting > 0)
 
 
-def watched(s: Any, y: tuple, moving: Moving) -> Array:
+def switching_quantities(s: Any, y: tuple, args: FieldArgs) -> Array:
     """What the law switches by, in time the velocity among it; in the phase the steps end at the reversals anyway."""
-    _, v, states = _places(s, y, moving)
-    in_time = jnp.where(moving.phased, 1.0, v)
-    return jnp.concatenate([jnp.reshape(in_time, (1,)), moving.machine.switches(v, states)])
+    _, v, states = _places(s, y, args)
+    in_time = jnp.where(args.in_phase, 1.0, v)
+    return jnp.concatenate([jnp.reshape(in_time, (1,)), args.machine.switches(v, states)])
 
 
-def returned(s: Any, y: tuple, before: tuple, moving: Moving) -> tuple:
+def after_switch(s: Any, y: tuple, before: tuple, args: FieldArgs) -> tuple:
     """The state from which the next step begins; at a reversal in the phase friction changes sign."""
-    machine, phased = moving
-    states = machine.mapped(*_places(s, y, moving), before[2:])
+    machine, in_phase = args
+    states = machine.mapped(*_places(s, y, args), before[2:])
     left = jnp.abs(y[0]) - 2 * machine.band
-    turns_back = phased & _turns(s) & (left > 0)
-    return (jnp.where(turns_back, -jnp.sign(y[0]) * left, y[0]), y[1], *states)
+    reverses = in_phase & _is_reversal(s) & (left > 0)
+    return (jnp.where(reverses, -jnp.sign(y[0]) * left, y[0]), y[1], *states)
 
 
-def _turns(theta: Any) -> Array:
+def _is_reversal(theta: Any) -> Array:
     """Whether a phase is that of a reversal."""
     return jnp.abs(jnp.sin(theta)) < _AT_REVERSAL

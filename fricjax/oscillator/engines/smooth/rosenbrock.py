@@ -155,10 +155,10 @@ class Rodas5P(diffrax.AbstractAdaptiveSolver):
     """Rosenbrock method of order 5(4) for a pytree of a few scalars (Steinebach, 2023).
 
     Attributes:
-        held: how many of them, the last ones, have no rate: the linear system is that of the others.
+        modes: how many of them, the last ones, have no rate: the linear system is that of the others.
     """
 
-    held: int = eqx.field(default=0, static=True)
+    modes: int = eqx.field(default=0, static=True)
 
     term_structure: ClassVar = diffrax.AbstractTerm
     interpolation_cls: ClassVar[Callable[..., _DenseOutput]] = _DenseOutput
@@ -175,15 +175,15 @@ class Rodas5P(diffrax.AbstractAdaptiveSolver):
     def step(
         self, terms: Any, t0: Any, t1: Any, y0: Any, args: Any, solver_state: None, made_jump: Any
     ) -> tuple[Any, Any, dict, None, diffrax.RESULTS]:
-        return *_step(terms, t0, t1, y0, args, self.held), None, diffrax.RESULTS.successful
+        return *_step(terms, t0, t1, y0, args, self.modes), None, diffrax.RESULTS.successful
 
 
 @eqx.filter_jit
-def _step(terms: Any, t0: Any, t1: Any, y0: Any, args: Any, held: int) -> tuple[Any, Any, dict]:
+def _step(terms: Any, t0: Any, t1: Any, y0: Any, args: Any, modes: int) -> tuple[Any, Any, dict]:
     """One step from `t0` to `t1`, in the form that needs no product with the Jacobian (Hairer and Wanner, IV.7)."""
     leaves, structure = jax.tree.flatten(y0)
-    n, h = len(leaves) - held, t1 - t0
-    leaves, still = leaves[:n], leaves[n:]
+    n, h = len(leaves) - modes, t1 - t0
+    leaves, constant = leaves[:n], leaves[n:]
 
     def pytree(moving: list, rest: list) -> Any:
         return jax.tree.unflatten(structure, [*moving, *rest])
@@ -191,7 +191,7 @@ def _step(terms: Any, t0: Any, t1: Any, y0: Any, args: Any, held: int) -> tuple[
     # As a function of its own it is traced once for all stages.
     @jax.jit
     def field(t: Array, y: Scalars) -> Scalars:
-        return jax.tree.leaves(terms.vf(t, pytree(y, still), args))[:n]
+        return jax.tree.leaves(terms.vf(t, pytree(y, constant), args))[:n]
 
     f0, partial_t, factors = _linearise(field, t0, leaves, h)
     stages: list[Scalars] = []
@@ -206,10 +206,10 @@ def _step(terms: Any, t0: Any, t1: Any, y0: Any, args: Any, held: int) -> tuple[
         past = _combine(tuple(c / h for c in couplings), stages, n)
         right = [a + b for a, b in zip(drift, past, strict=True)]
         stages.append(once(substitute(factors, right)))
-    y1 = pytree([a + b for a, b in zip(y, stages[-1], strict=True)], still)
+    y1 = pytree([a + b for a, b in zip(y, stages[-1], strict=True)], constant)
     dense = [jnp.stack([_combine(row, stages, n)[i] for row in _DENSE]) for i in range(n)]
-    info = {"y0": y0, "y1": y1, "k": pytree(dense, held * [jnp.zeros(len(_DENSE))])}
-    return y1, pytree(stages[-1], held * [jnp.zeros(())]), info
+    info = {"y0": y0, "y1": y1, "k": pytree(dense, modes * [jnp.zeros(len(_DENSE))])}
+    return y1, pytree(stages[-1], modes * [jnp.zeros(())]), info
 
 
 def _linearise(field: Callable, t: Any, y: Scalars, h: Array) -> tuple[Scalars, Scalars, list[Scalars]]:
@@ -217,7 +217,7 @@ def _linearise(field: Callable, t: Any, y: Scalars, h: Array) -> tuple[Scalars, 
     n = len(y)
     rate, derivative = jax.linearize(field, t, y)
     # All directions side by side: that of the time first, then those of the state.
-    along = jnp.eye(n + 1)
+    along = jnp.identity(n + 1)
     slopes = once(jax.vmap(lambda row: derivative(row[0], list(row[1:])))(along))
     matrix = [[(1 / (_GAMMA * h) if i == j else 0.0) - slopes[i][j + 1] for j in range(n)] for i in range(n)]
     return once((rate, [slope[0] for slope in slopes], factorise(matrix)))

@@ -78,9 +78,9 @@ class Scaled(eqx.Module):
         """
         law, load = self.oscillator.friction, self.oscillator.normal_force
         most = jnp.maximum(law.reach(load), jnp.abs(self._unscaled(before)))
-        held = jnp.clip(self._unscaled(states), -most, most)
+        limited = jnp.clip(self._unscaled(states), -most, most)
         a = self.rates(x, v, states).acceleration * self.speed * self.rate
-        return tuple(law.return_map(v * self.speed, a, held, load) / self.state)
+        return tuple(law.return_map(v * self.speed, a, limited, load) / self.state)
 
     def switches(self, v: Array, states: tuple) -> Array:
         """What the law switches by besides the velocity."""

@@ -23,24 +23,24 @@ from jaxtyping import Array
 _RAISE = 1e6
 
 
-def last_step(tolerance: Array) -> Array:
+def step_across(tolerance: Array) -> Array:
     """A step across a switch that a controller with this tolerance accepts, in scaled time."""
     return 0.3 * jnp.sqrt(tolerance / _RAISE)
 
 
-class Landing(diffrax.AbstractAdaptiveSolver, diffrax.AbstractWrappedSolver):
+class SwitchingSolver(diffrax.AbstractAdaptiveSolver, diffrax.AbstractWrappedSolver):
     """A solver with its error raised where a watched quantity changes sign.
 
     Attributes:
         solver: the solver that makes the steps.
-        watched: from time, state and the arguments of the vector field to the quantities, shape (switches,).
-        returned: from time and state at the end of a step, the state at its begin and the arguments to the state from
+        quantities: from time, state and the arguments of the vector field to the quantities, shape (switches,).
+        after: from time and state at the end of a step, the state at its begin and the arguments to the state from
             which the next step begins.
     """
 
     solver: Any
-    watched: Callable[[Any, Any, Any], Array] = eqx.field(static=True)
-    returned: Callable[[Any, Any, Any, Any], Any] = eqx.field(static=True)
+    quantities: Callable[[Any, Any, Any], Array] = eqx.field(static=True)
+    after: Callable[[Any, Any, Any, Any], Any] = eqx.field(static=True)
 
     @property
     def term_structure(self) -> Any:  # pyright: ignore[reportIncompatibleVariableOverride]
@@ -67,20 +67,20 @@ class Landing(diffrax.AbstractAdaptiveSolver, diffrax.AbstractWrappedSolver):
     def step(self, terms: Any, t0: Any, t1: Any, y0: Any, args: Any, solver_state: Any, made_jump: Any) -> Any:
         # The return map may have changed the rates since the last stage of the step before.
         y1, error, dense, state, result = self.solver.step(terms, t0, t1, y0, args, solver_state, True)
-        switched = jnp.any(self.watched(t0, y0, args) * self.watched(t1, y1, args) < 0)
+        switched = jnp.any(self.quantities(t0, y0, args) * self.quantities(t1, y1, args) < 0)
         raised = jax.tree.map(lambda e: jnp.where(switched, _RAISE * (jnp.abs(e) + (t1 - t0) ** 2), e), error)
         # A controller compares errors with the size of the state, and infinity with infinity is no number.
         finite = jnp.all(jnp.isfinite(jnp.stack(jax.tree.leaves((y1, raised)))))
         y1 = jax.tree.map(lambda end, begin: jnp.where(finite, end, begin), y1, y0)
         raised = jax.tree.map(lambda e: jnp.where(finite, e, jnp.inf), raised)
-        return self.returned(t1, y1, y0, args), raised, dense, state, result
+        return self.after(t1, y1, y0, args), raised, dense, state, result
 
 
 # Of a refused step at most this part is tried next, for a secant of a bad step may hardly shorten it.
 _LONGEST = 0.95
 
 
-class Closing(diffrax.AbstractAdaptiveStepSizeController):
+class SecantSteps(diffrax.AbstractAdaptiveStepSizeController):
     """A controller that ends a step just before the reversal, and the next one just behind it.
 
     Attributes:
@@ -106,8 +106,8 @@ class Closing(diffrax.AbstractAdaptiveStepSizeController):
     def norm(self) -> Any:  # pyright: ignore[reportIncompatibleVariableOverride]
         return self.controller.norm
 
-    def wrap(self, direction: Any) -> "Closing":
-        return Closing(self.controller.wrap(direction), self.last)
+    def wrap(self, direction: Any) -> "SecantSteps":
+        return SecantSteps(self.controller.wrap(direction), self.last)
 
     def init(self, *start: Any) -> Any:
         return self.controller.init(*start)
