@@ -62,6 +62,14 @@ def synthetic_run(
     Raises:
         UsageError: an unknown keyword or a value outside of its range.
         RuntimeError: JAX computes in single precision.
+
+    Examples:
+        >>> import fricjax as fj
+        >>> law = fj.friction.Coulomb(mu=0.01)
+        >>> oscillator = fj.Oscillator(mass=0.1, stiffness=1000.0, damping=0.05, normal_force=10.0, friction=law)
+        >>> record = fj.synthetic_run(oscillator, 2e-3, rate=1000.0, duration=0.5, offset=1e-6, seed=1)
+        >>> record.trace.x.shape, [step.name for step in record.log]
+        ((500,), ['motion', 'offset', 'noise'])
     """
     run = Run(x0, v0, rate, duration, hold, release_time_constant, floor_acceleration_psd)
     interferometer = _interferometer(noise, instrument)
@@ -169,5 +177,10 @@ def white_acceleration(samples: int, rate: float, density: float, generator: np.
         rate: sampling rate [Hz].
         density: one-sided power spectral density [(m/s^2)^2/Hz].
         generator: source of random numbers.
+
+    Examples:
+        >>> floor = white_acceleration(10000, rate=1000.0, density=2e-6, generator=np.random.default_rng(1))
+        >>> print(f"{floor.std():.3f} m/s^2")
+        0.032 m/s^2
     """
     return np.sqrt(density * rate / 2) * generator.standard_normal(samples)

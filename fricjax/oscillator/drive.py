@@ -10,7 +10,12 @@ from ..friction.base import Scalar, scalar
 
 
 class AbstractRelease(eqx.Module):
-    """A holding force that decays from the moment of release."""
+    """A holding force that decays from the moment of release.
+
+    Examples:
+        >>> issubclass(ExponentialRelease, AbstractRelease)
+        True
+    """
 
     @abc.abstractmethod
     def force(self, t: Scalar, hold: Scalar) -> Scalar:
@@ -22,6 +27,10 @@ class ExponentialRelease(AbstractRelease):
 
     Attributes:
         time_constant: decay time of the force [s]; 0.5 to 3 ms for a small holding magnet.
+
+    Examples:
+        >>> print(f"{float(ExponentialRelease(time_constant=2e-3).force(2e-3, hold=10.0)):.3f} N are left")
+        3.679 N are left
     """
 
     time_constant: Scalar = eqx.field(converter=scalar)

@@ -20,6 +20,11 @@ class Energy(eqx.Module):
         drag_power: loss to quadratic drag, drag |v|^3.
         friction_power: loss to friction, F v.
         hysteresis_power: loss to the internal friction of the spring.
+
+    Examples:
+        >>> Energy(kinetic=2e-3, potential=1e-3, damping_power=0.0, drag_power=0.0, friction_power=0.0,
+        ...        hysteresis_power=0.0).total
+        0.003
     """
 
     kinetic: Samples
@@ -46,6 +51,14 @@ def energy(oscillator: Oscillator, motion: Motion) -> Energy:
     Args:
         oscillator: the machine that moved.
         motion: what :func:`fricjax.simulate` returned for it.
+
+    Examples:
+        >>> import fricjax as fj
+        >>> law = fj.friction.Coulomb(mu=0.01)
+        >>> oscillator = fj.Oscillator(mass=0.1, stiffness=1000.0, damping=0.05, normal_force=10.0, friction=law)
+        >>> motion = fj.simulate(oscillator, 2e-3, [0.0, 1.0])
+        >>> print(f"released with {float(fj.energy(oscillator, motion).total[0]):.1e} J")
+        released with 2.0e-03 J
     """
     v = motion.v
     return Energy(

@@ -11,7 +11,13 @@ from ..friction.base import Scalar, State
 
 
 class Start(NamedTuple):
-    """State of the mass at time zero: position [m], velocity [m/s], internal state of the friction law."""
+    """State of the mass at time zero: position [m], velocity [m/s], internal state of the friction law.
+
+    Examples:
+        >>> import numpy as np
+        >>> Start(x0=2e-3, v0=0.0, state=np.zeros(0)).v0
+        0.0
+    """
 
     x0: Scalar
     v0: Scalar
@@ -42,6 +48,14 @@ class Motion(eqx.Module):
         engine: name of the engine.
         result: outcome; its text tells cause and remedy.
         stats: counts of the integrator.
+
+    Examples:
+        >>> import fricjax as fj
+        >>> law = fj.friction.Coulomb(mu=0.01)
+        >>> oscillator = fj.Oscillator(mass=0.1, stiffness=1000.0, damping=0.05, normal_force=10.0, friction=law)
+        >>> motion = fj.simulate(oscillator, 1e-3, [0.0, 0.1, 1.0])
+        >>> motion.at_rest.tolist()
+        [False, False, True]
     """
 
     t: Float[Array, " samples"]
@@ -59,7 +73,12 @@ class Motion(eqx.Module):
 
 
 class RESULTS(diffrax.RESULTS):  # pyright: ignore[reportGeneralTypeIssues]
-    """Every outcome of a simulation, with cause and remedy."""
+    """Every outcome of a simulation, with cause and remedy.
+
+    Examples:
+        >>> print(RESULTS[RESULTS.drag_unsupported])
+        The exact engine has no quadratic drag. Use the hybrid engine.
+    """
 
     too_many_half_cycles = (
         "The motion has more half-cycles than the engine was built for. Pass an engine with a larger max_half_cycles."
@@ -76,5 +95,10 @@ class RESULTS(diffrax.RESULTS):  # pyright: ignore[reportGeneralTypeIssues]
 
 
 def is_successful(result: object) -> jax.Array:
-    """Whether a result code stands for success."""
+    """Whether a result code stands for success.
+
+    Examples:
+        >>> bool(is_successful(RESULTS.successful)), bool(is_successful(RESULTS.overdamped))
+        (True, False)
+    """
     return result == RESULTS.successful  # type: ignore[return-value]

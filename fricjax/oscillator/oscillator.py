@@ -30,6 +30,12 @@ class Oscillator(eqx.Module):
 
     Raises:
         ValueError: a mass or stiffness that is not positive, a negative normal force, or a friction that is no law.
+
+    Examples:
+        >>> from fricjax.friction import Coulomb
+        >>> oscillator = Oscillator(0.1, 1000.0, damping=0.05, normal_force=10.0, friction=Coulomb(mu=0.01))
+        >>> print(f"{float(oscillator.angular_frequency):.1f} rad/s, dead band {float(oscillator.dead_band):.1e} m")
+        100.0 rad/s, dead band 1.0e-04 m
     """
 
     coefficients: ClassVar[Mapping[str, Coefficient]] = {

@@ -101,6 +101,11 @@ class Program[*Arguments, Result]:
     Args:
         function: what to compile; its arguments and its result are pytrees.
         like: from the same arguments a pytree of the structure that the result has, whatever its leaves.
+
+    Examples:
+        >>> twice = Program(lambda x: 2 * x, like=lambda x: x)
+        >>> twice(np.arange(3.0)).tolist()
+        [0.0, 2.0, 4.0]
     """
 
     def __init__(

@@ -24,6 +24,10 @@ def ready() -> None:
 
     Raises:
         RuntimeError: double precision is off; the message says how to switch it on.
+
+    Examples:
+        >>> jax.config.update("jax_enable_x64", True)
+        >>> ready()
     """
     if not jax.config.read("jax_enable_x64"):
         raise RuntimeError(

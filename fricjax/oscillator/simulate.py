@@ -53,6 +53,14 @@ def simulate(
     Raises:
         RuntimeError: JAX computes in single precision.
         ValueError: times of the wrong shape or not increasing, or an engine that cannot integrate this oscillator.
+
+    Examples:
+        >>> import fricjax as fj
+        >>> law = fj.friction.Coulomb(mu=0.01)
+        >>> oscillator = fj.Oscillator(mass=0.1, stiffness=1000.0, damping=0.05, normal_force=10.0, friction=law)
+        >>> motion = fj.simulate(oscillator, 2e-3, np.linspace(0.0, 0.5, 501))
+        >>> print(f"{motion.engine}: {int(motion.n_half_cycles)} half-cycles, rest at {float(motion.t_stop):.4f} s")
+        exact: 10 half-cycles, rest at 0.3142 s
     """
     ready()
     times = _times(ts)
@@ -94,7 +102,22 @@ def _number(name: str, value: ArrayLike) -> Any:
 
 
 def starting_state(oscillator: Oscillator, x0: ArrayLike, v0: ArrayLike, state0: ArrayLike | None = None) -> Start:
-    """Start of a motion; the law's internal states default to those after a slow pull or after long sliding."""
+    """Start of a motion; the law's internal states default to those after a slow pull or after long sliding.
+
+    Args:
+        oscillator: the machine, whose law says how many internal states there are.
+        x0: displacement at time zero [m].
+        v0: velocity at time zero [m/s].
+        state0: internal states, shape (states,); None for the default.
+
+    Examples:
+        >>> import fricjax as fj
+        >>> law = fj.friction.Coulomb(mu=0.01)
+        >>> oscillator = fj.Oscillator(mass=0.1, stiffness=1000.0, damping=0.05, normal_force=10.0, friction=law)
+        >>> start = fj.oscillator.starting_state(oscillator, 2e-3, 0.0)
+        >>> float(start.x0), start.state.shape
+        (0.002, (0,))
+    """
     x, v = jnp.asarray(_number("x0", x0)), jnp.asarray(_number("v0", v0))
     if state0 is None:
         law, load = oscillator.friction, oscillator.normal_force
@@ -161,6 +184,13 @@ def final_displacement(oscillator: Oscillator, x0: ArrayLike, *, engine: str | A
     Raises:
         RuntimeError: JAX computes in single precision.
         ValueError: a regularised law, under which the mass never rests.
+
+    Examples:
+        >>> import fricjax as fj
+        >>> law = fj.friction.Coulomb(mu=0.01)
+        >>> oscillator = fj.Oscillator(mass=0.1, stiffness=1000.0, damping=0.05, normal_force=10.0, friction=law)
+        >>> print(f"{float(fj.final_displacement(oscillator, 2e-3)):.3e} m")
+        -7.456e-05 m
     """
     ready()
     law = oscillator.friction

@@ -34,6 +34,14 @@ class DrivenMotion(NamedTuple):
         x: displacement from the equilibrium of the spring [m], shape (samples,).
         v: velocity [m/s], shape (samples,).
         at_rest: True where the mass is held, by friction or before its release, shape (samples,).
+
+    Examples:
+        >>> import fricjax as fj
+        >>> law = fj.friction.Coulomb(mu=0.01)
+        >>> oscillator = fj.Oscillator(mass=0.1, stiffness=1000.0, damping=0.05, normal_force=10.0, friction=law)
+        >>> motion = driven_motion(oscillator, 5e-5, np.linspace(0.0, 0.01, 3))
+        >>> motion.at_rest.tolist()
+        [True, True, True]
     """
 
     t: np.ndarray
@@ -66,6 +74,16 @@ def driven_motion(
     Raises:
         UsageError: a law that is not set-valued, or an accuracy out of reach.
         RuntimeError: JAX computes in single precision.
+
+    Examples:
+        A floor whose acceleration grows shakes a mass loose once its inertia outweighs static friction, at 1 m/s^2:
+
+        >>> import fricjax as fj
+        >>> law = fj.friction.Coulomb(mu=0.01)
+        >>> oscillator = fj.Oscillator(mass=0.1, stiffness=1000.0, damping=0.05, normal_force=10.0, friction=law)
+        >>> times = np.linspace(0.0, 0.01, 3)
+        >>> driven_motion(oscillator, 0.0, times, base_acceleration=200.0 * times).at_rest.tolist()
+        [True, True, False]
     """
     ready()
     if not oscillator.friction.set_valued:

@@ -158,6 +158,14 @@ class Exact(AbstractEngine):
 
     Attributes:
         max_half_cycles: length of the list of turning points; the motion itself has no such limit.
+
+    Examples:
+        >>> import fricjax as fj
+        >>> law = fj.friction.Coulomb(mu=0.01)
+        >>> oscillator = fj.Oscillator(mass=0.1, stiffness=1000.0, damping=0.05, normal_force=10.0, friction=law)
+        >>> motion = fj.simulate(oscillator, 2e-3, [0.0, 1.0], engine=Exact(max_half_cycles=16))
+        >>> motion.turning_points.shape
+        (17,)
     """
 
     needs_mesh: ClassVar[bool] = False

@@ -74,6 +74,10 @@ class Smooth(AbstractEngine):
         max_half_cycles: length of the list of turning points, and most half-cycles of a mesh in phase.
         still: way on which a contact may still spring back and ring while the mass is taken to be at rest [m]. It is
             far below the accuracy, for a lightly damped contact creeps under its ringing, hundreds of times as far.
+
+    Examples:
+        >>> print(f"{Smooth(accuracy=1e-10).finer().accuracy:.0e} m")
+        1e-11 m
     """
 
     needs_mesh: ClassVar[bool] = True

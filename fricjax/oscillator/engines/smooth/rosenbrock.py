@@ -156,6 +156,12 @@ class Rodas5P(diffrax.AbstractAdaptiveSolver):
 
     Attributes:
         modes: how many of them, the last ones, have no rate: the linear system is that of the others.
+
+    Examples:
+        >>> decay = diffrax.ODETerm(lambda t, y, args: (-1e3 * y[0],))
+        >>> solution = diffrax.diffeqsolve(decay, Rodas5P(), 0.0, 1.0, 0.01, (jnp.ones(()),))
+        >>> bool(abs(solution.ys[0][-1]) < 1e-12)
+        True
     """
 
     modes: int = eqx.field(default=0, static=True)
