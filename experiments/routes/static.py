@@ -13,8 +13,8 @@ STATIC = 1.3 * BAND
 WIDTHS = {5: 0.53, 10: 0.30, 20: 0.15, 40: 0.074, 80: 0.036}
 
 
-def _strokes(a0: float, band: float, static: float, scatter: float, random: np.random.Generator) -> list[float]:
-    """Deflections at the standstills of one undamped run; the last one is the stop."""
+def _amplitudes(a0: float, band: float, static: float, scatter: float, random: np.random.Generator) -> list[float]:
+    """Deflections at which the velocity of one undamped run vanishes; the last one is the stop."""
     points = [a0]
     while abs(points[-1]) > static + scatter * random.standard_normal():
         points.append(abs(points[-1]) - 2 * band)
@@ -27,12 +27,12 @@ def bracketed() -> dict[str, dict[str, float]]:
     for runs, expected in WIDTHS.items():
         random, widths, held = np.random.default_rng(runs), [], 0
         for _ in range(200):
-            made = [_strokes(a, BAND, STATIC, 0.0, random) for a in random.uniform(0.9, 12, runs) * BAND]
+            made = [_amplitudes(a, BAND, STATIC, 0.0, random) for a in random.uniform(0.9, 12, runs) * BAND]
             counts = np.array([len(points) - 1 for points in made])
             ends = np.array([(-1) ** (len(points) - 1) * points[-1] for points in made])
-            found = bracket(machine, np.array([points[0] for points in made]), ends, counts)
-            held += found.lower_band <= STATIC * (1 + 1e-12) and found.upper_band >= STATIC * (1 - 1e-12)
-            widths.append((found.upper_band - found.lower_band) / BAND)
+            interval = bracket(machine, np.array([points[0] for points in made]), ends, counts)
+            held += interval.lower_band <= STATIC * (1 + 1e-12) and interval.upper_band >= STATIC * (1 - 1e-12)
+            widths.append((interval.upper_band - interval.lower_band) / BAND)
         told[str(runs)] = {"held": held / 200, "width": float(np.median(widths)), "expected": expected}
         print(
             f"bracket, {runs:3d} runs: holds the truth in {held} of 200, "
@@ -45,16 +45,16 @@ def coverage(campaigns: int, runs: int = 40, scatter: float = 0.15) -> dict[str,
     """Share of campaigns whose 95 % interval of the static band holds the truth."""
     random, covered, tried, apart = np.random.default_rng(1), 0, 0, 0
     while tried < campaigns:
-        made = [_strokes(a, BAND, STATIC, scatter * BAND, random) for a in random.uniform(1.5, 12, runs) * BAND]
+        made = [_amplitudes(a, BAND, STATIC, scatter * BAND, random) for a in random.uniform(1.5, 12, runs) * BAND]
         size = np.abs(np.concatenate(made))
         stopped = np.concatenate([np.arange(len(points)) == len(points) - 1 for points in made])
         try:
-            found = probit(size, stopped)
+            estimate = probit(size, stopped)
         except DataError:
             apart += 1
             continue
         tried += 1
-        covered += found.interval[0] <= STATIC <= found.interval[1]
+        covered += estimate.interval[0] <= STATIC <= estimate.interval[1]
     print(
         f"probit: {covered / tried:.1%} of {tried} intervals at 95 % hold the truth ({apart} campaigns without overlap)"
     )

@@ -31,7 +31,7 @@ from ..show import Report, Reported, Table, plain, uncertain
 from .force_map import friction_force_map
 from .half_cycles import half_cycle_friction
 
-# Start value of mu: the trace gives its own, a fit of pairs starts from the dead band of the pairs.
+# Start value of mu, of the right order only: traces and pairs are both searched for a better one.
 _START = 0.01
 # Standard errors within which a route is no contradiction.
 _DISTANT = 3.0
@@ -173,10 +173,8 @@ def weighted_mean(values: np.ndarray, stds: np.ndarray) -> tuple[float, float, f
 
 def _by_trace(records: Sequence[Record], rig: Rig) -> tuple[float, float, int]:
     """Route 1: every trace by itself, from its first reversal."""
-    batch, machine = (
-        fit_batch(records, rig.oscillator(Coulomb(_START)), ("mu", "stiffness")),
-        rig.oscillator(Coulomb(0.0)),
-    )
+    machine = rig.oscillator(Coulomb(_START))
+    batch = fit_batch(records, machine, ("mu", "stiffness"))
     good = batch.optimum_found & np.isfinite(batch.std_errors["mu"])
     if not good.any():
         raise DataError(f"No trace could be fitted. The first: {batch.status[0]}")
@@ -204,6 +202,7 @@ def _of_pairs(fit: RouteFit) -> tuple[float, float, int]:
     return fit.values["mu"], (high - low) / 2 / COVERAGE, fit.x0.size
 
 
+# The energy routes give a mean over all half-cycles or samples, of which the runs used are counted.
 def _by_energy(evaluate: Callable[..., Any]) -> Callable[[Sequence[Record], Rig], tuple[float, float, int]]:
     def mean(records: Sequence[Record], rig: Rig) -> tuple[float, float, int]:
         friction = evaluate(list(records), rig)

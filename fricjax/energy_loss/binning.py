@@ -6,7 +6,8 @@ import numpy as np
 
 from .force_samples import ForceSamples
 
-ENOUGH = 12  # samples in a bin for a parabola
+# Samples in a bin from which a parabola replaces the mean: it does not bias a force that curves within the bin.
+ENOUGH = 12
 # Of what longer windows change; with windows half as long again, twice what is left by the fourth power of the length.
 BIAS_SHARE = 0.5
 

@@ -16,9 +16,13 @@ from ..data.record import labels
 from ..data.segmentation.reversals import order_for, point_std, window
 from ..errors import DataError
 
-EVEN = 1e-3  # largest deviation of a sampling interval from the mean one, relative
-DENSE = 2000  # samples per half-cycle; denser ones are averaged in blocks, which loses nothing of friction
-MINIMUM = 16  # samples in a half-cycle
+# Largest deviation of a sampling interval from the mean one, relative: local polynomials suppose even sampling.
+EVEN = 1e-3
+# Samples per half-cycle; denser ones are averaged in blocks, which loses nothing of friction and bounds the cost of the
+# windows, whose lengths grow with the rate.
+DENSE = 2000
+# Samples in a half-cycle: room for two windows of a local polynomial.
+MINIMUM = 16
 
 
 @dataclasses.dataclass(frozen=True, eq=False)

@@ -21,8 +21,10 @@ from .decay import decay, each_of
 from .force_samples import ForceSamples, force_samples
 from .losses import frictionless, with_losses
 
-DECADES_BELOW = 2.5  # of the largest speed: where the lowest range of speeds ends
-LONGER = 1.5  # windows for the bias of smoothing, which grows with the fourth power of their length
+# Where the lowest range of speeds ends: so many decades below the largest speed.
+DECADES_BELOW = 2.5
+# Longer windows for the bias of smoothing, which grows with the fourth power of their length.
+LONGER = 1.5
 _SIDES = {(1, 1): "+ accelerating", (1, -1): "+ decelerating", (-1, 1): "- accelerating", (-1, -1): "- decelerating"}
 
 

@@ -16,8 +16,11 @@ from ..oscillator import Oscillator
 from .decay import Decay
 from .smoothing import Smoothed, smooth
 
-FAST = 0.4  # of the speed that two half-cycles reach: above it they are compared
-POWERS = 3  # of the speed, that friction is described with in this comparison
+# Of the speed that two half-cycles reach: above it they are compared, away from the reversals, where windows are short.
+FAST = 0.4
+# Powers of the speed by which friction is described in this comparison, so that a law that depends on speed does not
+# look like a shifted equilibrium.
+POWERS = 3
 
 
 @dataclasses.dataclass(frozen=True, eq=False)

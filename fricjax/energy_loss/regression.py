@@ -18,8 +18,10 @@ from .force_samples import force_samples
 from .losses import frictionless, with_losses
 from .smoothing import Smoothed
 
-NODES = 32  # energies evaluated per half-cycle
-SHORTENED = 0.5  # windows: energy needs no acceleration, and shorter ones bias the velocity less
+# Energies evaluated per half-cycle; their noise is correlated, and the full covariance is used.
+NODES = 32
+# Shorter windows: energy needs no acceleration, and they bias the velocity less.
+SHORTENED = 0.5
 UNITS = {"coulomb": "N", "stribeck": "N", "viscous": "N s/m", "quadratic": "N s^2/m^2"}
 
 

@@ -15,9 +15,12 @@ import numpy as np
 from .decay import HalfCycle
 
 DEGREE = 4
-SHORTEST = 4  # half-width in samples: nine samples for five coefficients
-REACH = 0.5  # half-width of a window, of its distance from the reversal
-GROWTH = 1.25  # from one window length to the next: few lengths, so few sets of coefficients
+# Half-width in samples: nine samples for the five coefficients.
+SHORTEST = 4
+# Half-width of a window, of its distance from the reversal.
+REACH = 0.5
+# From one window length to the next: few lengths, so few sets of coefficients.
+GROWTH = 1.25
 # Second derivative of a quartic fit to 2 h + 1 samples at unit spacing: its noise is this over h^2.5, and the sixth
 # derivative biases it by the other times h^4.
 NOISE_FACTOR = 16.5

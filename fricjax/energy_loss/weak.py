@@ -19,9 +19,12 @@ from ..rig import Rig
 from .decay import Decay, decay, each_of
 from .losses import frictionless
 
-SUPPORT = 1.25  # length of phi in half-cycles
-SHIFT = 1 / 8  # from one phi to the next, likewise
-PHI = np.polynomial.Polynomial([1, 0, -1]) ** 4  # on [-1, 1]
+# Length of phi in half-cycles: each contains a reversal, without which friction looks like a shifted equilibrium.
+SUPPORT = 1.25
+# From one phi to the next, likewise. They overlap, which the covariance of the equations knows.
+SHIFT = 1 / 8
+# On [-1, 1]. With the fourth power phi'' vanishes at the ends too, so that plain sums of samples are good integrals.
+PHI = np.polynomial.Polynomial([1, 0, -1]) ** 4
 
 
 class _Equations(NamedTuple):
@@ -59,6 +62,8 @@ def weak_form(records: Any, rig: Rig) -> Estimates:
         >>> round(estimates.values["natural_frequency"], 2), round(estimates.values["mu"], 4)
         (12.6, 0.02)
     """
+    from scipy.sparse import diags_array
+
     ready()
     oscillator = frictionless(rig, damping_known=False)
     decays, notes = each_of(records, decay)
@@ -70,7 +75,12 @@ def weak_form(records: Any, rig: Rig) -> Estimates:
     right = np.concatenate([each.right for each in records])
     inverse = np.linalg.pinv(basis)
     values = inverse @ right
-    covariances = [_covariance(each, values) for each in records]
+    covariances = []
+    for each in records:
+        # Of the equations of one record, by the noise of its samples.
+        plain, slope, curvature = each.operators
+        seen = (curvature - values[0] * slope + values[1] * plain) @ diags_array(each.noise)
+        covariances.append((seen @ seen.T).toarray())
     parts = zip((inverse[:, record == i] for i in range(len(records))), covariances, strict=True)
     covariance = sum(part @ each @ part.T for part, each in parts)
     left, expected = right - basis @ values, sum(float(np.trace(each)) for each in covariances)
@@ -120,12 +130,3 @@ def _operators(t: np.ndarray, middles: np.ndarray, width: float) -> tuple[Any, A
     shape = (middles.size, t.size)
     values = (steps * (PHI.deriv(k)(u) if k else PHI(u)) / width**k for k in range(3))
     return tuple(csr_array((each, columns, starts), shape) for each in values)  # type: ignore[return-value]
-
-
-def _covariance(equations: _Equations, values: np.ndarray) -> np.ndarray:
-    """Covariance of the equations of one record by the noise of its samples, shape (rows, rows)."""
-    from scipy.sparse import diags_array
-
-    plain, slope, curvature = equations.operators
-    seen = (curvature - values[0] * slope + values[1] * plain) @ diags_array(equations.noise)
-    return (seen @ seen.T).toarray()

@@ -72,7 +72,7 @@ def count_warnings(pairs: Pairs, counts: Unwrapped) -> list[str]:
     if counts.doubtful:
         warnings.append(
             f"One half-cycle more or less leads {counts.doubtful} pair(s) as near to their ends, which lie at the edge "
-            "of the dead band or alone tell the offset. Give their numbers of half-cycles as half_cycles."
+            "of the dead band or alone determine the offset. Give their numbers of half-cycles as half_cycles."
         )
     return warnings
 

@@ -41,7 +41,7 @@ def pairs_of(records: Any, *, start: str = "first_reversal") -> Pairs:
     """Initial and final displacements of recorded runs, with their numbers of half-cycles.
 
     Args:
-        records: runs that come to rest, each given as to :func:`fricjax.fit`.
+        records: runs that come to rest, each passed as to :func:`fricjax.fit`.
         start: "first_reversal", which no release can bias, or "release": the displacement before the release, or the
             first sample of a trace that begins with the motion.
 

@@ -89,30 +89,26 @@ def fit_final_displacements(
     # One pair does not tell an offset from friction.
     offset = None if "offset" in nuisance and pairs.x0.size > 1 else 0.0
     counts = count_half_cycles(pairs.x0, pairs.xf, pairs.half_cycles, decay_ratio(oscillator), offset)
-    _check_motion(counts, pairs, len(names) + len(nuisance))
-    model, parameters = _model(pairs, oscillator, names, tuple(nuisance), counts)
-    # Standard deviations; where only the scatter of the residuals can tell them, equal ones of any size.
-    unstated = 0.0 if mu_scatter else 1e-3 * counts.dead_band
-    of_pairs = np.full(pairs.x0.shape, unstated) if pairs.sigma is None else pairs.sigma
-    weight = np.hypot(of_pairs, 2 * np.maximum(counts.half_cycles, 0.5) * counts.dead_band * mu_scatter)
-    scaled = pairs.sigma is None and mu_scatter == 0
-    model, solution = solve_pairs(pairs, model, weight, len(parameters), scaled)
-    counts = counts._replace(half_cycles=np.asarray(model.half_cycles))
-    return _assembled(pairs, model, parameters, solution, counts, weight, scaled)
-
-
-def _check_motion(counts: Unwrapped, pairs: Pairs, parameters: int) -> None:
     if not np.any(counts.half_cycles > 0):
         raise DataError(
             "In none of the pairs did the mass complete a half-cycle: the initial displacements lie in the dead band, "
             "which gives only a lower bound of the static coefficient. Release from farther away."
         )
-    distinct = np.unique(np.stack([pairs.x0, pairs.xf]), axis=1).shape[1]
-    if distinct < parameters:
+    different, parameters = np.unique(np.stack([pairs.x0, pairs.xf]), axis=1).shape[1], len(names) + len(nuisance)
+    if different < parameters:
         raise DataError(
-            f"{distinct} different pair(s) cannot determine {parameters} parameters. Record more runs from different "
+            f"{different} different pair(s) cannot determine {parameters} parameters. Record more runs from different "
             "initial displacements."
         )
+    model, entries = _model(pairs, oscillator, names, tuple(nuisance), counts)
+    # Standard deviations; where they follow from the scatter of the residuals, equal ones of any size.
+    unstated = 0.0 if mu_scatter else 1e-3 * counts.dead_band
+    of_pairs = np.full(pairs.x0.shape, unstated) if pairs.sigma is None else pairs.sigma
+    weight = np.hypot(of_pairs, 2 * np.maximum(counts.half_cycles, 0.5) * counts.dead_band * mu_scatter)
+    scaled = pairs.sigma is None and mu_scatter == 0
+    model, solution = solve_pairs(pairs, model, weight, parameters, scaled)
+    counts = counts._replace(half_cycles=np.asarray(model.half_cycles))
+    return _assembled(pairs, model, entries, solution, counts, weight, scaled)
 
 
 def _model(

@@ -144,7 +144,7 @@ def _minimise(residual: Callable, parameters: int, scaled: bool, floor: float) -
     covariance = (scale.factor if np.isfinite(scale.factor) else 1.0) ** 2 * shape.inverse
     covariance[unknown, :] = covariance[:, unknown] = 0.0
     covariance[unknown, unknown] = np.inf
-    no_scatter = "As many parameters as pairs: the scatter cannot tell any uncertainty."
+    no_scatter = "As many parameters as pairs: the scatter gives no uncertainty."
     warnings = () if spare or not scaled else (no_scatter,)
     return Solution(q, covariance, shape.undetermined, chi2, max(spare, 1), scale, int(status), warnings)
 

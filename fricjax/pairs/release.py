@@ -2,7 +2,7 @@
 
 A magnet takes a few milliseconds to let go. That lowers the first amplitude and delays the motion, by 0.3 % and about
 1 ms for a time constant of 1 ms at 12.6 Hz, and biases whatever starts from the initial displacement. A fit from the
-first reversal on does not see it; with the machine known from there, the samples before tell how the release went.
+first reversal on does not see it; with the machine known from there, the samples before show how the release went.
 """
 
 from typing import Any
@@ -29,7 +29,7 @@ def fit_release(data: Any, fit: Fit) -> Estimates:
     """Time constant of the holding force, moment of the release and displacement at which the mass was kept.
 
     Args:
-        data: the run, given as to :func:`fricjax.fit`, from before its release or from early in its first half-cycle.
+        data: the run, passed as to :func:`fricjax.fit`, from before its release or from early in its first half-cycle.
         fit: its fit from the first reversal on, whose machine and offset are taken as exact.
 
     Returns:

@@ -257,7 +257,7 @@ def _naive(lines: list[_Line], fold: _Fold, band: float, per_band: float) -> dic
 def _warnings(rig: Rig, lines: list[_Line], fitted: _Map) -> list[str]:
     warnings = []
     if fitted.dof < 1:
-        warnings.append("As many parameters as pairs: the scatter cannot tell any uncertainty.")
+        warnings.append("As many parameters as pairs: the scatter gives no uncertainty.")
     if fitted.offset_fixed:
         warnings.append(
             "The pairs do not separate an offset of the equilibrium from friction; it is taken as "
