@@ -26,7 +26,7 @@ from ..pairs.displacements import Pairs, pairs_of
 from ..pairs.final_displacement import fit_final_displacements
 from ..pairs.result import RouteFit
 from ..pairs.triangle_map import fit_triangle_map
-from ..rig import Rig
+from ..rig import Measured, Rig
 from ..show import Report, Reported, Table, plain, uncertain
 from .force_map import friction_force_map
 from .half_cycles import half_cycle_friction
@@ -108,8 +108,8 @@ class Agreement(Reported):
 
     def report(self) -> Report:
         """One row per route; the files, the coefficient, and what the routes say of the model."""
-        rows = [[r.name, uncertain(r.mu, r.std), plain(r.mu / self.mu - 1, 2), str(r.runs)] for r in self.routes]
-        rows += [[name, "", "", reason] for name, reason in self.failures.items()]
+        rows = [[r.name, Measured(r.mu, r.std), plain(r.mu / self.mu - 1, 2), str(r.runs)] for r in self.routes]
+        rows += [[name, None, None, reason] for name, reason in self.failures.items()]
         files = [("runs", ", ".join(labels(self.sources)))] if any(self.sources) else []
         facts = [*files, ("most precise", uncertain(self.mu, self.std)), ("agreement", self.verdict)]
         table = Table(["Route", "mu", "From the most precise (relative)", "Runs"], rows)

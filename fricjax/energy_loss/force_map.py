@@ -87,7 +87,7 @@ class ForceMap(Reported):
         columns = (self.direction.tolist(), self.branch.tolist(), self.velocity, self.force, self.std, self.count)
         speed, force = self._units
         rows = [
-            [_SIDES[side, branch], engineering(abs(v), speed), uncertain(abs(f), std, force), int(n)]
+            [_SIDES[side, branch], float(abs(v)), Measured(abs(f), std), int(n)]
             for side, branch, v, f, std, n in zip(*columns, strict=True)
         ]
         fastest = engineering(float(np.max(np.abs(self.velocity))), speed)
@@ -97,7 +97,7 @@ class ForceMap(Reported):
             ("subtracted", f"damping {self.damping:.6g}, drag {self.drag:.6g} (SI)"),
             ("data", f"{len(self.offsets)} records, {int(self.count.sum())} samples, up to {fastest}"),
         ]
-        table = Table(["Branch", "Speed", "Friction force", "Samples"], rows)
+        table = Table(["Branch", f"Speed [{speed}]", f"Friction force [{force}]", "Samples"], rows)
         return Report([table], facts, self.notes, heading="Force map", data=vars(self) | {"mu": self.mu})
 
     def plot(self) -> Any:

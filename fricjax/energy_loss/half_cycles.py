@@ -64,7 +64,7 @@ class HalfCycleFriction(Reported):
     def report(self) -> Report:
         """One row per half-cycle, and what the half-cycles have in common."""
         cells = zip(self.record.tolist(), 1e3 * self.swing, self.force, self.std, strict=True)
-        rows = [[i, float(swing), uncertain(force, std)] for i, swing, force, std in cells]
+        rows = [[i, float(swing), Measured(force, std)] for i, swing, force, std in cells]
         facts = [
             ("mean friction force", uncertain(self.mean.value, self.mean.std, "N")),
             ("coefficient of friction", uncertain(self.mu.value, self.mu.std)),

@@ -15,7 +15,7 @@ from fricjax.errors import DataError, UsageError
 from fricjax.friction import Coulomb, Stribeck
 from fricjax.oscillator.restoring import Cubic
 from fricjax.rig import Measured
-from tests.energy_loss.energy_runs import LOAD, OFFSET, RIG, campaign, run
+from tests.energy_loss.runs import LOAD, OFFSET, RIG, campaign, run
 from tests.oracles import Machine, coulomb_viscous, slide
 
 STIFFNESS, MASS, FORCE = 2574.0, 0.41068, 0.05 * LOAD
@@ -135,6 +135,7 @@ def test_results_are_plain_data_and_tables():
         json.dumps(result.to_dict())
         assert "<table>" in result._repr_html_()
     assert "mean friction force" in results[0].summary()
+    assert results[0].to_dataframe()["Mean friction force [N]"].tolist() == results[0].force.tolist()
     assert "natural_frequency" in results[1].summary()
 
 

@@ -13,7 +13,7 @@ from fricjax.energy_loss.force_map import ForceMap, friction_force_map
 from fricjax.errors import UsageError
 from fricjax.friction import Coulomb, LuGre, QuadraticDrag, Stribeck, Tanh
 from fricjax.rig import Measured
-from tests.energy_loss.energy_runs import LOAD, RIG, campaign
+from tests.energy_loss.runs import LOAD, RIG, campaign
 
 TRUTH = {"mu": 0.05, "mu_s": 0.065, "v_stribeck": 5e-3}
 

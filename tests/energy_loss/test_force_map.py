@@ -12,7 +12,7 @@ from fricjax.energy_loss.smoothing import smooth
 from fricjax.errors import DataError, UsageError
 from fricjax.friction import Coulomb, Stribeck
 from fricjax.rig import Rig
-from tests.energy_loss.energy_runs import LOAD, OFFSET, RIG, campaign, run
+from tests.energy_loss.runs import LOAD, OFFSET, RIG, campaign, run
 from tests.oracles import coulomb_viscous
 
 STRIBECK = Stribeck(0.05, 0.065, 5e-3)
@@ -130,6 +130,7 @@ def test_the_report_shows_branches_and_units():
     assert len(found.plot().axes[0].containers) == 4
     plain = found.to_dict()
     assert plain["force"] == found.force.tolist()
+    assert found.to_dataframe()["Friction force [N] std"].tolist() == found.std.tolist()
     assert plain["mu"]["value"] == found.mu.value
 
 

@@ -4,7 +4,7 @@ import pytest
 
 from fricjax.energy_loss.force_map import friction_force_map
 from fricjax.friction import Coulomb
-from tests.energy_loss.energy_runs import RIG, run
+from tests.energy_loss.runs import RIG, run
 
 
 @pytest.mark.slow

@@ -1,4 +1,4 @@
-"""Prints how well the energy routes do: ``python -m tests.energy_loss.energy_figures``."""
+"""Prints how well the energy routes do: ``python -m tests.energy_loss.figures``."""
 
 import jax
 
@@ -10,7 +10,7 @@ from fricjax.energy_loss.force_fit import fit_force_map  # noqa: E402
 from fricjax.energy_loss.force_map import ForceMap, friction_force_map  # noqa: E402
 from fricjax.energy_loss.half_cycles import half_cycle_friction  # noqa: E402
 from fricjax.friction import Coulomb, Stribeck  # noqa: E402
-from tests.energy_loss.energy_runs import LOAD, RIG, campaign  # noqa: E402
+from tests.energy_loss.runs import LOAD, RIG, campaign  # noqa: E402
 
 
 def deviations(found: ForceMap, static: float = 0.05) -> np.ndarray:
