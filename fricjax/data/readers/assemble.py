@@ -27,7 +27,7 @@ def records_of(path: Path, kind: str, sheet: Sheet, choice: Choice, options: dic
         kind: the format, for `meta`.
         sheet: its columns.
         choice: the common options.
-        options: all options given, for the log.
+        options: all options, for the log.
 
     Raises:
         DataError: as `choose` and `assemble` do.
@@ -47,7 +47,7 @@ def records_of(path: Path, kind: str, sheet: Sheet, choice: Choice, options: dic
 
 @dataclasses.dataclass(frozen=True)
 class Columns:
-    """The two columns as a reader found them, before units.
+    """The two columns as a reader returns them, before units.
 
     `place(i)` words where sample `i` stands in the file ("row 17"); `time` is None where there is only a rate,
     `run` the label of the run where the file holds several.
@@ -69,9 +69,9 @@ def assemble(path: Path, kind: str, columns: Columns, choice: Choice, options: d
     Args:
         path: the file, named in messages and in `meta`.
         kind: the format, for `meta`.
-        columns: what the reader found.
-        choice: the common options; units given there replace those of the file.
-        options: all options given, for the log.
+        columns: what the reader returned.
+        choice: the common options; units there replace those of the file.
+        options: all options, for the log.
 
     Raises:
         DataError: too few samples, a time that is missing or does not increase, a unit that does not fit.
@@ -90,7 +90,9 @@ def assemble(path: Path, kind: str, columns: Columns, choice: Choice, options: d
             f"{MINIMUM_SAMPLES}; check the column and the rows skipped."
         )
     sigma = None if choice.sigma is None else np.asarray(choice.sigma, dtype=np.float64) * abs(scale)
-    trace = Trace(t, _scaled(x, scale * choice.sign), sigma)
+    # A long record that is in SI units already is not copied.
+    factor = scale * choice.sign
+    trace = Trace(t, x if factor == 1.0 else x * factor, sigma)
     unit = choice.unit or columns.x_unit
     meta = {
         "source": path.name,
@@ -145,7 +147,7 @@ def _without_blank_rows(columns: Columns) -> Columns:
 
 
 def _unit_missing(path: Path, columns: Columns, choice: Choice) -> str:
-    """What is taken for granted where a title names no unit."""
+    """What is assumed where a title names no unit."""
     bare_time = choice.rate is None and columns.time_unit is None and choice.time_unit is None
     times = f", '{columns.time_name}' as s" if bare_time else ""
     also = " and time_unit=" if bare_time else ""
@@ -169,12 +171,7 @@ def _times(path: Path, size: int, columns: Columns, choice: Choice) -> tuple[np.
     where = f"the time '{columns.time_name}' of {path.name}"
     scale, _ = scale_of(columns.time_unit, choice.time_unit, TIME, where, "time_unit")
     _check_times(path, t, columns)
-    return _scaled(t, scale), choice.time_unit or columns.time_unit or "s"
-
-
-def _scaled(values: np.ndarray, factor: float) -> np.ndarray:
-    """The values in SI units; a long record in SI units already is not copied."""
-    return values if factor == 1.0 else values * factor
+    return t if scale == 1.0 else t * scale, choice.time_unit or columns.time_unit or "s"
 
 
 def _check_times(path: Path, t: np.ndarray, columns: Columns) -> None:

@@ -64,13 +64,13 @@ def locate(wanted: str | int, columns: Sequence[Column], source: str, what: str)
     """The column called or numbered `wanted`; an unknown one is a `DataError` that offers the nearest name."""
     if isinstance(wanted, bool) or not isinstance(wanted, (str, int)):
         raise UsageError(f"{what}= must be a name or an index of a column, but it is {wanted!r}.")
-    found = _matches(wanted, columns)
-    if len(found) == 1:
-        return found[0]
+    matches = _matches(wanted, columns)
+    if len(matches) == 1:
+        return matches[0]
     names = _labels(columns)
-    if found:
-        places = " or ".join(f"{what}={i}" for i, column in enumerate(columns) if column in found)
-        raise DataError(f"{source} has {len(found)} columns '{wanted}'; choose one by its number, {places}.")
+    if matches:
+        places = " or ".join(f"{what}={i}" for i, column in enumerate(columns) if column in matches)
+        raise DataError(f"{source} has {len(matches)} columns '{wanted}'; choose one by its number, {places}.")
     if _is_number(wanted):
         raise DataError(f"{source} has {len(names)} columns, but {what}={wanted} was asked for (the first is 0).")
     raise DataError(
@@ -80,7 +80,7 @@ def locate(wanted: str | int, columns: Sequence[Column], source: str, what: str)
 
 
 def _labels(columns: Sequence[Column]) -> list[str]:
-    """What sentences call the columns: their names, or the whole titles where names are the same."""
+    """What sentences call the columns: their names, or the full titles where names are the same."""
     names = [column.name for column in columns]
     return [name if names.count(name) == 1 else column.shown for name, column in zip(names, columns, strict=True)]
 
@@ -97,9 +97,9 @@ def _matches(wanted: str | int, columns: Sequence[Column]) -> list[Column]:
         lambda column: text == column.name,
         lambda column: text.lower() in (column.shown.lower(), column.name.lower()),
     ):
-        found = [column for column in columns if alike(column)]
-        if found:
-            return found
+        matches = [column for column in columns if alike(column)]
+        if matches:
+            return matches
     if _is_number(wanted) and -len(columns) <= int(wanted) < len(columns):
         return [columns[int(wanted)]]
     return []
@@ -109,14 +109,16 @@ def _with_numbered_runs(sheet: Sheet) -> Sheet:
     """The sheet where `t1, x1, t2, x2` are two runs: names that differ by a number, with a time for each number."""
     if sheet.runs:
         return sheet
-    found = [(column, None if column.bare else _NUMBERED.fullmatch(column.name)) for column in sheet.columns]
-    numbers = {match["number"] for _, match in found if match}
+    numbered = [(column, None if column.bare else _NUMBERED.fullmatch(column.name)) for column in sheet.columns]
+    numbers = {match["number"] for _, match in numbered if match}
     times = {
-        match["number"] for column, match in found if match and replace(column, name=match["base"].rstrip("_ ")).is_time
+        match["number"]
+        for column, match in numbered
+        if match and replace(column, name=match["base"].rstrip("_ ")).is_time
     }
     if len(numbers) < 2 or numbers != times:
         return sheet
-    columns = [replace(column, run=f"Run {match['number']}") if match else column for column, match in found]
+    columns = [replace(column, run=f"Run {match['number']}") if match else column for column, match in numbered]
     return replace(sheet, columns=columns)
 
 
@@ -124,9 +126,9 @@ def _run(wanted: str | int, runs: list[str], source: str) -> str:
     """The label of the run that is called, numbered, or else counted (from 1) `wanted`."""
     text = str(wanted).strip().lower().lstrip("#")
     for alike in (lambda run: run.lower() == text, lambda run: re.findall(r"\d+", run)[-1:] == [text]):
-        found = [run for run in runs if alike(run)]
-        if len(found) == 1:
-            return found[0]
+        matches = [run for run in runs if alike(run)]
+        if len(matches) == 1:
+            return matches[0]
     if text.isdecimal() and 1 <= int(text[:9]) <= len(runs):
         return runs[int(text[:9]) - 1]
     raise DataError(
@@ -138,7 +140,6 @@ def _question(sheet: Sheet, choice: Choice, source: str) -> str:
     """Which runs there are, as a table below one sentence."""
     rows = []
     for run in sheet.runs[:_LISTED]:
-        own = [column for column in sheet.columns if column.run == run and column.fault is None]
         try:
             x, time = _pair(sheet, run, choice, source)
             values, *times = sheet.load([x] if time is None else [x, time])
@@ -146,7 +147,8 @@ def _question(sheet: Sheet, choice: Choice, source: str) -> str:
             span = f"{times[0][used[-1]] - times[0][used[0]]:.4g}" if times and used.size else "-"
             rows.append([run, x.name, str(used.size), f"{span} {(time and time.unit) or 's'}", x.unit or "not found"])
         except DataError:
-            rows.append([run, quoted([column.name for column in own], 3), "-", "-", "-"])
+            of_run = [column.name for column in sheet.columns if column.run == run and column.fault is None]
+            rows.append([run, quoted(of_run, 3), "-", "-", "-"])
     table = Table(["Run", "Displacement", "Samples", "Duration", "Unit"], rows).text()
     more = f"\n... and {len(sheet.runs) - _LISTED} more" if len(sheet.runs) > _LISTED else ""
     first = re.findall(r"\d+", sheet.runs[0])[-1:] or [sheet.runs[0]]
@@ -161,14 +163,14 @@ def _pair(sheet: Sheet, run: str | None, choice: Choice, source: str) -> Pair:
         # A number counts the columns of the file, whatever run they belong to.
         return locate(wanted, sheet.columns if _is_number(wanted) else columns, source, what)
 
-    given = None if choice.time is None else named(choice.time, "time")
+    named_time = None if choice.time is None else named(choice.time, "time")
     if choice.column is not None:
         x = named(choice.column, "column")
     else:
-        x = _displacement([column for column in columns if column is not given], choice, source)
+        x = _displacement([column for column in columns if column is not named_time], choice, source)
     if x.fault is not None:
         raise DataError(f"'{x.shown}' in {source} {x.fault}, so it is no displacement; name another with column=.")
-    time = None if choice.rate is not None else given or x.time or _time(columns, x, source, sheet.advice)
+    time = None if choice.rate is not None else named_time or x.time or _time(columns, x, source, sheet.advice)
     if time is not None and time.fault is not None:
         raise DataError(
             f"'{time.shown}' in {source} {time.fault}, so it is no time; name another with time=, or give rate=."
@@ -202,8 +204,11 @@ def _displacement(columns: Sequence[Column], choice: Choice, source: str) -> Col
     usable = [column for column in columns if column.fault is None]
     if bare and choice.rate is None and choice.time is None and len(usable) > 1:
         usable = usable[1:]  # without any names the first column is the time
+    counts_rows = lambda column: not _COUNTERS.isdisjoint((column.name.lower(), (column.unit or "-").lower()))
     candidates = [
-        column for column in columns if not column.is_time and (column in usable if bare else not _is_counter(column))
+        column
+        for column in columns
+        if not column.is_time and (column in usable if bare else column.bare or not counts_rows(column))
     ]
     if not candidates:
         names = quoted(_labels(columns))
@@ -222,19 +227,14 @@ def _displacement(columns: Sequence[Column], choice: Choice, source: str) -> Col
         lambda column: column.fault is None,
         lambda column: True,
     ):
-        left = [column for column in candidates if fits(column)]
-        if len(left) == 1:
-            return left[0]
-        if left:
-            candidates = left
+        fitting = [column for column in candidates if fits(column)]
+        if len(fitting) == 1:
+            return fitting[0]
+        if fitting:
+            candidates = fitting
             break
     names = quoted(_labels(candidates))
     raise DataError(f"{source} has several columns that could be the displacement ({names}); name one with column=.")
-
-
-def _is_counter(column: Column) -> bool:
-    """Whether a column counts the rows."""
-    return not column.bare and not _COUNTERS.isdisjoint((column.name.lower(), (column.unit or "-").lower()))
 
 
 def _is_usual(column: Column) -> bool:

@@ -34,13 +34,13 @@ def read_csv(
     header: bool | None = None,
     encoding: str | None = None,
 ) -> Record | list[Record]:
-    """Reads a text table; what is not given about its dialect is found in the file.
+    """Reads a text table; what the options leave open of its dialect is recognised from the file.
 
     Options as in `fricjax.read` (columns by title or by index from 0), and
 
     - `delimiter`: what separates fields: a character, or "tab", "space", "comma", "semicolon".
     - `decimal`: "." or ",".
-    - `comment`: what a line of remarks begins with; by default #, %, ! and //.
+    - `comment`: what a comment begins with; by default #, %, ! and //.
     - `skip_rows`: rows to leave out at the top.
     - `header`: False where the row before the data holds no titles.
     - `encoding`: of the text; by default what its byte order mark says, else UTF-8, else Latin-1.
@@ -52,9 +52,9 @@ def read_csv(
     options = {**vars(choice), **vars(dialect), "encoding": encoding}
     text = Text.of(path, encoding)
     if choice.takes_all and dialect == Dialect() and text.head[0].startswith(TEXT_MARK):
-        own = restore_text(path, list(text.lines()))
-        if own is not None:
-            return with_choice(own, choice)
+        restored = restore_text(path, list(text.lines()))
+        if restored is not None:
+            return with_choice(restored, choice)
     table = Table(text, dialect, sniff(text.head, dialect, path.name))
     return records_of(path, "csv", table.sheet(), choice, options)
 
@@ -111,21 +111,21 @@ class Table:
     def _load(self, wanted: Sequence[Column]) -> list[np.ndarray]:
         places = [column.key for column in wanted]
         narrow = self._narrow
-        found = narrow if set(places) <= set(narrow) else self._read_whole(places)
-        if not found or not self._is_complete(found[places[0]].size, places):
-            # Remarks among the rows, words below them, or a row that is wrong: line by line.
+        values = narrow if set(places) <= set(narrow) else self._read_at_once(places)
+        if not values or not self._is_complete(values[places[0]].size, places):
+            # Comments among the rows, words below them, or a row that is wrong: line by line.
             lines = self._data_lines()
             self._check(lines, places)
-            found = self._parsed_lines([line for _, line in lines], places)
-        return [found[i] for i in places]
+            values = self._parsed_lines([line for _, line in lines], places)
+        return [values[i] for i in places]
 
     @functools.cached_property
     def _narrow(self) -> dict[int, np.ndarray]:
         """All numbers of a table of few columns; empty where it has more, or a row that does not fit."""
         places = [i for i, kind in enumerate(self.layout.kinds) if kind in (NUMBER, WATCH)]
-        return self._read_whole(places) if len(places) <= _FEW else {}
+        return self._read_at_once(places) if len(places) <= _FEW else {}
 
-    def _read_whole(self, places: list[int]) -> dict[int, np.ndarray]:
+    def _read_at_once(self, places: list[int]) -> dict[int, np.ndarray]:
         """The columns where all rows fit, as those of nearly all files do; empty where one does not."""
         first, text = self.layout.first_line, self.text
         if any(line.count('"') % 2 for line in text.head[:first]):
@@ -134,8 +134,8 @@ class Table:
         for gaps in (False, True):
             try:
                 # From a path pandas reads faster than from an open file.
-                whole = text.path if text.wide is None else io.BytesIO(text.wide)
-                return self._parsed(whole, places, skiprows=first, na_filter=gaps, skipinitialspace=gaps)
+                file = text.path if text.wide is None else io.BytesIO(text.wide)
+                return self._parsed(file, places, skiprows=first, na_filter=gaps, skipinitialspace=gaps)
             except _UNREADABLE:
                 continue
         return {}
@@ -184,16 +184,16 @@ class Table:
             mark = layout.delimiter.encode()
             with self.text.open() as file:
                 file.seek(self.text.starts[layout.first_line])
-                found = sum(block.count(mark) for block in iter(lambda: file.read(1 << 22), b""))
-            if found == rows * most:
+                marks = sum(block.count(mark) for block in iter(lambda: file.read(1 << 22), b""))
+            if marks == rows * most:
                 return True
         return not any(self._is_too_long(split(line, layout.delimiter)) for _, line in self._numbered_lines())
 
     def _is_too_long(self, fields: list[str]) -> bool:
-        """Whether a row has fields that belong to no column; a remark at its end may hold delimiters."""
+        """Whether a row has fields that belong to no column; a comment at its end may hold delimiters."""
         beyond = fields[len(self.layout.titles) :]
-        remark = self.layout.kinds[-1] in (WORD, BLANK)
-        return bool(beyond) and not (remark and all(kind_of(field, ".") != NUMBER for field in beyond))
+        comment = self.layout.kinds[-1] in (WORD, BLANK)
+        return bool(beyond) and not (comment and all(kind_of(field, ".") != NUMBER for field in beyond))
 
     def _is_stacked(self) -> bool:
         """Whether the line of titles comes again below the data."""
@@ -224,7 +224,7 @@ class Table:
         return any(i < len(fields) and kind_of(fields[i], self.layout.decimal) == self.layout.kinds[i] for i in core)
 
     def _numbered_lines(self) -> Iterator[tuple[int, str]]:
-        """Lines of the body that are neither blank nor remarks, with their rows in the file, counted from 1."""
+        """Lines of the body that are neither blank nor comments, with their rows in the file, counted from 1."""
         for i, line in enumerate(self.text.lines()):
             if i >= self.layout.first_line and self.dialect.holds_data(line):
                 yield i + 1, line

@@ -18,7 +18,7 @@ from .titles import advice_of, numbered, titles_of, with_stated_units
 COMMENTS = ("#", "%", "!", "//")
 DELIMITERS = ("\t", ";", "|", ",", " ")
 NAMED = {"tab": "\t", "\\t": "\t", "space": " ", "whitespace": " ", "comma": ",", "semicolon": ";"}
-SNIFFED_LINES = 200  # of the rows, from which the layout is told
+SNIFFED_LINES = 200  # of the rows, from which the layout is recognised
 WIDEST = 10_000  # fields in a row; a table of more columns than that is no record of runs
 
 
@@ -41,11 +41,11 @@ class Dialect:
             raise UsageError(f"delimiter and decimal cannot both be {self.delimiter!r}.")
 
     def is_comment(self, line: str) -> bool:
-        """Whether the line is a remark, not data."""
+        """Whether the line is a comment, not data."""
         return line.lstrip().startswith(COMMENTS if self.comment is None else self.comment)
 
     def holds_data(self, line: str) -> bool:
-        """Whether the line is neither blank nor a remark."""
+        """Whether the line is neither blank nor a comment."""
         return bool(line.strip()) and not self.is_comment(line)
 
 
@@ -60,7 +60,7 @@ class Layout:
     - `titles`: of the columns; the names are "column0", ... where there are none.
     - `texts`: the titles as the file writes them, empty where there are none.
     - `kinds`: what the columns hold: "number", "clock" (times of day), "word" or "blank".
-    - `title_line`: the line of titles, None where there is none outside of remarks.
+    - `title_line`: the line of titles, None where there is none outside of comments.
     - `thousands`: what sets thousands apart, None for nothing.
     - `advice`: what the lines above the data say about the rate, for a message.
     """
@@ -102,7 +102,7 @@ def sniff(lines: Sequence[str], dialect: Dialect, source: str) -> Layout:
     width = _width(list(kinds.values()))
     if width > WIDEST:
         raise DataError(f"{source} has rows of {width} fields, but at most {WIDEST} are read; check the delimiter.")
-    first, whole, columns = _body(kinds, width)
+    first, pure, columns = _body(kinds, width)
     # LabVIEW's last title is Comment: rows have that field only where there is one.
     titled = max((len(kinds[i]) for i in content if i < first and i in kinds and set(kinds[i]) == {WORD}), default=0)
     if delimiter != " " and width < titled <= width + 3:
@@ -117,7 +117,7 @@ def sniff(lines: Sequence[str], dialect: Dialect, source: str) -> Layout:
         delimiter,
         decimal,
         first,
-        with_stated_units(titles, [*above, *(lines[i] for i in content if first <= i < whole)], columns),
+        with_stated_units(titles, [*above, *(lines[i] for i in content if first <= i < pure)], columns),
         titles.texts,
         columns,
         titles.line,
@@ -134,10 +134,10 @@ def _separators(lines: list[str], dialect: Dialect, source: str) -> tuple[str, s
     sample = lines[-SNIFFED_LINES:]
     # The tab stands for a table of one column too, in which nothing separates.
     occurring = [mark for mark in DELIMITERS if mark == "\t" or any(mark in line for line in sample)]
-    given = [] if dialect.delimiter is None else [NAMED.get(dialect.delimiter, dialect.delimiter)]
+    chosen = [] if dialect.delimiter is None else [NAMED.get(dialect.delimiter, dialect.delimiter)]
     pairs = [
         (delimiter, decimal)
-        for delimiter in given or occurring
+        for delimiter in chosen or occurring
         for decimal in ((".", ",") if dialect.decimal is None else (dialect.decimal,))
         if delimiter != decimal
     ]
@@ -196,14 +196,14 @@ def _body(rows: dict[int, list[str]], width: int) -> tuple[int, int, list[str]]:
     fits = [
         i for i, row in fitting.items() if all(field in (kind, BLANK) for field, kind in zip(row, kinds, strict=True))
     ]
-    first = whole = (fits or list(fitting))[0]
+    first = pure = (fits or list(fitting))[0]
     # An oscilloscope writes its settings beside the first rows of numbers.
     order = list(rows)
     for i in reversed(order[: order.index(first)]):
         if i not in fitting or any(rows[i][j] != kinds[j] for j in core):
             break
         first = i
-    return first, whole, kinds
+    return first, pure, kinds
 
 
 def _usual(count: Counter[str]) -> str:

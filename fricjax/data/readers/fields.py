@@ -85,8 +85,8 @@ def _seconds(field: str) -> float:
         return float("nan")
     if match["m"]:
         return 60.0 * float(match["m"]) + float(match["s"].replace(",", "."))
-    whole = re.sub(r"[,:]", ".", match["seconds"] or "0")
+    seconds = re.sub(r"[,:]", ".", match["seconds"] or "0")
     hours = int(match["hours"])
     if match["half"]:
         hours = hours % 12 + (12 if match["half"][0] in "pP" else 0)
-    return 3600.0 * hours + 60.0 * int(match["minutes"]) + float(whole)
+    return 3600.0 * hours + 60.0 * int(match["minutes"]) + float(seconds)

@@ -99,10 +99,10 @@ def _values(tree: Tree, node: Any) -> np.ndarray:
 
 
 def _number(tree: Tree, node: Any, name: str, default: float) -> float:
-    given = tree.attribute(node, name, default)
+    value = tree.attribute(node, name, default)
     try:
-        return float(given)
+        return float(value)
     except (TypeError, ValueError) as error:
         raise DataError(
-            f"The attribute {name} of '{node.name}' in {tree.path.name} is {brief(given)}, no number."
+            f"The attribute {name} of '{node.name}' in {tree.path.name} is {brief(value)}, no number."
         ) from error

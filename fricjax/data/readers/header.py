@@ -33,7 +33,9 @@ _PLAIN = frozenset((
     "rad", "mrad", "urad", "µrad", "deg", "degree", "degrees", "°", "arcsec", "s", "ms", "us", "µs", "μs", "ns", "sec",
 ))  # fmt: skip
 _COUNTED = {"millis": "ms", "micros": "us", "millis()": "ms", "micros()": "us"}  # clocks of microcontrollers
-_LONGEST = 200  # characters of a title that are looked at
+# A factor and a unit, as `12.5 um/V`.
+_SCALE = re.compile(r"\s*(?P<number>[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d{1,3})?)?\s*\*?\s*(?P<unit>.*?)\s*")
+_LONGEST = 200  # characters of a title that are read
 
 
 class Title(NamedTuple):
@@ -60,8 +62,8 @@ def split_title(text: str) -> Title:
 
 def measures(unit: str | None) -> str | None:
     """The SI unit of what a unit of a title measures ("m", "rad", "s", ...); None where it is no unit."""
-    found = None if unit is None else si_unit(unit)
-    return None if found is None else found[1]
+    known = None if unit is None else si_unit(unit)
+    return None if known is None else known[1]
 
 
 def is_unit(text: str) -> bool:
@@ -106,8 +108,8 @@ def _split_unit(text: str) -> tuple[str, str | None]:
     if brackets:
         return text, None
     for sign in ("/", " in ", ":", " ", "_"):
-        name, found, unit = text.rpartition(sign)
-        if found and name.strip() and _follows(name.strip(), unit.strip(), marked=sign in "/ in :"):
+        name, mark, unit = text.rpartition(sign)
+        if mark and name.strip() and _follows(name.strip(), unit.strip(), marked=sign in "/ in :"):
             return name.strip(" ,"), unit.strip()
     return text, None
 
@@ -121,17 +123,14 @@ def _follows(name: str, unit: str, *, marked: bool) -> bool:
     return len(unit) > 1 and unit.lower() in UNSCALED
 
 
-_SCALE = re.compile(r"\s*(?P<number>[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d{1,3})?)?\s*\*?\s*(?P<unit>.*?)\s*")
-
-
 def scale_of(
-    found: str | None, given: str | None, quantities: tuple[str, ...], what: str, option: str
+    titled: str | None, chosen: str | None, quantities: tuple[str, ...], what: str, option: str
 ) -> tuple[float, str]:
     """Factor to SI of a column, and which of `quantities` ("m", "rad", "s") it then measures.
 
     Args:
-        found: the unit in the column's title; None where it names none.
-        given: the unit, or the scale, that the caller says; None: that of the title, else the first of `quantities`.
+        titled: the unit in the column's title; None where it names none.
+        chosen: the unit, or the scale, that the caller says; None: that of the title, else the first of `quantities`.
         quantities: the SI units that fit.
         what: what the unit belongs to, for messages: "the displacement 'x' of run.csv".
         option: the caller's name for what he says: "unit" or "time_unit".
@@ -140,40 +139,40 @@ def scale_of(
         DataError: a unit that is none, one that does not fit, a title in volts or counts without a scale, or a caller
             who contradicts the title.
     """
-    if given is None:
-        if found is not None and found.lower() in UNSCALED:
+    if chosen is None:
+        if titled is not None and titled.lower() in UNSCALED:
             raise DataError(
-                f"{_capital(what)} is in {found}, which only a scale makes a displacement or a time; give it as "
-                f"{option}='12.5 {_example(quantities)}/{found}'."
+                f"{_capital(what)} is in {titled}, which only a scale makes a displacement or a time; give it as "
+                f"{option}='12.5 {_example(quantities)}/{titled}'."
             )
-        return factor(found or quantities[0], quantities, what)
-    scale, quantity, per = _parsed(given, quantities, what)
-    if found is None or (per and _plain(per) == _plain(found)):
+        return factor(titled or quantities[0], quantities, what)
+    scale, quantity, per = _parsed(chosen, quantities, what)
+    if titled is None or (per and _plain(per) == _plain(titled)):
         return scale, quantity
-    if found.lower() in UNSCALED:
+    if titled.lower() in UNSCALED:
         if not per:
             raise DataError(
-                f"{_capital(what)} is in {found}; give the scale as {option}='12.5 {_example(quantities)}/{found}', "
-                f"where {option}='{given}' was said."
+                f"{_capital(what)} is in {titled}; give the scale as {option}='12.5 {_example(quantities)}/{titled}', "
+                f"where {option}='{chosen}' was said."
             )
-        raise DataError(f"{_capital(what)} is in {found}, but {option}='{given}' is a scale for {per}.")
-    known = si_unit(found)
+        raise DataError(f"{_capital(what)} is in {titled}, but {option}='{chosen}' is a scale for {per}.")
+    known = si_unit(titled)
     if known is None or known[1] not in quantities or (known == (scale, quantity) and not per):
         return scale, quantity
     raise DataError(
-        f"{_capital(what)} is in {found} by its title, but {option}='{given}' says otherwise: leave {option}= out, or "
-        f"mend the title if that is what is wrong."
+        f"{_capital(what)} is in {titled} by its title, but {option}='{chosen}' says otherwise: leave {option}= out, "
+        f"or mend the title if that is what is wrong."
     )
 
 
-def _parsed(given: str, quantities: tuple[str, ...], what: str) -> tuple[float, str, str]:
-    """Factor, quantity and what it is for ("V" in `12.5 um/V`) of a unit that the caller gives."""
-    match = _SCALE.fullmatch(given)
-    number, unit = (match["number"], match["unit"]) if match else (None, given)
+def _parsed(chosen: str, quantities: tuple[str, ...], what: str) -> tuple[float, str, str]:
+    """Factor, quantity and what it is for ("V" in `12.5 um/V`) of a unit that the caller chose."""
+    match = _SCALE.fullmatch(chosen)
+    number, unit = (match["number"], match["unit"]) if match else (None, chosen)
     unit, _, per = unit.rpartition("/") if unit.rpartition("/")[2].strip().lower() in UNSCALED else (unit, "", "")
     scale, quantity = factor(unit.strip(), quantities, what)
     if number is not None and not float(number):
-        raise DataError(f"{_capital(what)} cannot have the scale '{given}', which is zero.")
+        raise DataError(f"{_capital(what)} cannot have the scale '{chosen}', which is zero.")
     return (1.0 if number is None else float(number)) * scale, quantity, per.strip()
 
 

@@ -42,13 +42,14 @@ def read_mat(
     Raises:
         DataError: damaged file, unknown name (the nearest is offered), or a variable that holds no numbers.
     """
-    choice = replace(choice, column=_text(choice.column), time=_text(choice.time))
+    joined = lambda names: "+".join(names) if isinstance(names, list | tuple) else names
+    choice = replace(choice, column=joined(choice.column), time=joined(choice.time))
     tree = load_tree(path)
     columns = _columns(tree)
-    for what, given in (("column", choice.column), ("time", choice.time)):
-        known = any(given in (column.name, column.title) for column in columns)
-        if isinstance(given, str) and not known and re.split(r"[.\[+]", given)[0].strip() in tree:
-            columns.append(_explicit(tree, given, path.name, what))
+    for what, wanted in (("column", choice.column), ("time", choice.time)):
+        known = any(wanted in (column.name, column.title) for column in columns)
+        if isinstance(wanted, str) and not known and re.split(r"[.\[+]", wanted)[0].strip() in tree:
+            columns.append(_explicit(tree, wanted, path.name, what))
     if not columns:
         raise DataError(
             f"{path.name} holds no variable that could be a record; it has {quoted(list(tree)) or 'nothing'}."
@@ -61,17 +62,12 @@ def read_mat(
     return records_of(path, "mat", Sheet(columns, load), choice, options)
 
 
-def _text(given: str | int | list[str] | tuple[str, ...] | None) -> str | int | None:
-    """Names in a row as one text."""
-    return "+".join(given) if isinstance(given, (list, tuple)) else given
-
-
 def _columns(tree: dict[str, Any]) -> list[Column]:
     """All that could be a signal: variables, fields, signals of Simulink, cells in a row; others with their fault."""
-    found = [column for name, node in tree.items() for column in _walk(name, node)]
-    folders = {folder_of(column.name) for column in found if column.is_time}
+    columns = [column for name, node in tree.items() for column in _walk(name, node)]
+    folders = {folder_of(column.name) for column in columns if column.is_time}
     runs = folders if len(folders) > 1 and "" not in folders else set()
-    return [replace(column, run=folder) if (folder := folder_of(column.name)) in runs else column for column in found]
+    return [replace(column, run=folder) if (folder := folder_of(column.name)) in runs else column for column in columns]
 
 
 def _walk(name: str, node: Any) -> Iterator[Column]:
@@ -108,13 +104,13 @@ def _time_series(name: str, node: dict[str, Any]) -> list[Column]:
     signals = node[keys["signals"]]
     if not isinstance(signals, list):
         return [time, Column(name, title=name, time=time, key=(name, None))]
-    found = [time]
+    columns = [time]
     for i, signal_ in enumerate(signals):
         path = f"{name}.{keys['signals']}[{i}]"
         label = signal_.get("label") if isinstance(signal_, dict) else None
         title = split_title(label) if isinstance(label, str) and label.strip() else Title(path)
-        found.append(Column(title.name, title.unit, title=label or path, time=time, key=(path, None)))
-    return found
+        columns.append(Column(title.name, title.unit, title=label or path, time=time, key=(path, None)))
+    return columns
 
 
 def _unit(node: dict[str, Any]) -> str | None:
@@ -124,12 +120,16 @@ def _unit(node: dict[str, Any]) -> str | None:
     return units.strip() or None if isinstance(units, str) else None
 
 
-def _explicit(tree: dict[str, Any], given: str, source: str, what: str) -> Column:
+def _explicit(tree: dict[str, Any], wanted: str, source: str, what: str) -> Column:
     """What the caller names by its path, or several in a row; structures with time bring theirs along."""
-    names = _named(given)
+    names = [name.strip() for name in wanted.split("+")]
+    if not all(names):
+        raise UsageError(f"Variables of a .mat file are chosen by name, but {wanted!r} was given.")
     nodes = [_find(tree, name, source, what) for name in names]
     title = "+".join(names)
-    timed = all(_carries_time(node) for node in nodes)
+    timed = all(
+        isinstance(node, dict) and "time" in node and "signals" in node and np.size(node["time"]) > 0 for node in nodes
+    )
     time = Column(f"{title}.time", "s", key=("+".join(f"{name}.time" for name in names), None)) if timed else None
     return Column(title, title=title, time=time, key=(title, None))
 
@@ -144,13 +144,6 @@ def _loaded(tree: dict[str, Any], column: Column, row: int, cells: list[int] | N
     single = row if not column.is_time else 0
     pieces = [_vector(node, name, single, cells, source) for node, name in zip(nodes, names, strict=True)]
     return np.concatenate(pieces)
-
-
-def _named(given: str) -> list[str]:
-    names = [name.strip() for name in given.split("+")]
-    if not all(names):
-        raise UsageError(f"Variables of a .mat file are chosen by name, but {given!r} was given.")
-    return names
 
 
 def _find(tree: dict[str, Any], name: str, source: str, what: str) -> Any:
@@ -173,10 +166,6 @@ def _find(tree: dict[str, Any], name: str, source: str, what: str) -> Any:
     return node
 
 
-def _carries_time(node: Any) -> bool:
-    return isinstance(node, dict) and "time" in node and "signals" in node and np.size(node["time"]) > 0
-
-
 def _vector(node: Any, name: str, row: int, cells: list[int] | None, source: str) -> np.ndarray:
     """One signal as a vector: the values of a Simulink structure, cells one after the other, or a row of an array."""
     for part in ("signals", "values"):
@@ -185,25 +174,19 @@ def _vector(node: Any, name: str, row: int, cells: list[int] | None, source: str
     if isinstance(node, dict):
         raise DataError(f"'{name}' in {source} is a structure; name one of its fields: {quoted(list(node))}.")
     if isinstance(node, list):
-        chosen = _chosen(node, name, cells, source)
-        return np.concatenate([_vector(cell, f"{name}[{i}]", row, None, source) for i, cell in chosen])
+        wanted = range(len(node)) if cells is None else cells
+        for i in wanted:
+            if not 0 <= i < len(node):
+                raise DataError(
+                    f"'{name}' in {source} has {len(node)} cells, but cells= asks for {i} (the first is 0)."
+                )
+        return np.concatenate([_vector(node[i], f"{name}[{i}]", row, None, source) for i in wanted])
     if not isinstance(node, np.ndarray) or node.dtype.kind not in "fiub":
         raise DataError(f"'{name}' in {source} holds no real numbers; name another variable with column=.")
-    return _row(np.squeeze(node), name, row, source)
-
-
-def _chosen(node: list[Any], name: str, cells: list[int] | None, source: str) -> list[tuple[int, Any]]:
-    wanted = range(len(node)) if cells is None else cells
-    for i in wanted:
-        if not 0 <= i < len(node):
-            raise DataError(f"'{name}' in {source} has {len(node)} cells, but cells= asks for {i} (the first is 0).")
-    return [(i, node[i]) for i in wanted]
-
-
-def _row(array: np.ndarray, name: str, row: int, source: str) -> np.ndarray:
-    """One signal of an array whose longer side is the time."""
+    array = np.squeeze(node)
     if array.ndim > 2:
         raise DataError(f"'{name}' in {source} has {array.ndim} dimensions, but at most two are expected.")
+    # The longer side of a matrix is the time.
     count = min(array.shape) if array.ndim == 2 else 1
     if not 0 <= row < count:
         raise DataError(f"'{name}' in {source} holds {count} signals, but row={row} was asked for (the first is 0).")

@@ -43,7 +43,7 @@ def load_v5(path: Path) -> dict[str, Any]:
     Raises:
         DataError: the file is damaged.
     """
-    left, parts, found = allowance(path), _PARTS, {}
+    left, parts, variables = allowance(path), _PARTS, {}
     with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
         order = ">" if data[126:128] == b"MI" else "<"
         place = _HEADER
@@ -54,24 +54,24 @@ def load_v5(path: Path) -> dict[str, Any]:
             end = place + _TAG + size
             if kind not in (_MATRIX, _PACKED) or end > len(data):
                 raise damaged(path, f"byte {place}")
-            # Of what is too large the beginning tells at least the name.
+            # Of what is too large at least the name is read.
             cut = min(end, place + left)
             part = data[place:cut] if kind == _MATRIX else _unpacked(data[place + _TAG : cut], left + 1)
             variable = _Variable(path, part, order, parts)
             name = variable.name()
             if len(part) > left or cut < end:
-                found[name] = Opaque(_TOO_LARGE)
+                variables[name] = Opaque(_TOO_LARGE)
             else:
-                found[name] = variable.matrix(_TAG, len(part), 0)
+                variables[name] = variable.matrix(_TAG, len(part), 0)
                 left, parts = left - len(part), variable.left
             place = end
-    return found
+    return variables
 
 
 def _unpacked(data: bytes, most: int) -> bytes:
     unpacking = zlib.decompressobj()
     part = unpacking.decompress(data, most)
-    # Packed data that end early are a damage, whose checksum cannot tell.
+    # Packed data that end early are a damage, which no checksum shows.
     if len(part) < most and not unpacking.eof:
         raise EOFError("a packed part ends early")
     return part
@@ -83,7 +83,7 @@ def damaged(path: Path, where: str) -> DataError:
 
 
 class _Variable:
-    """One variable as its bytes, from its tag on; `left` tells how many more matrices are read."""
+    """One variable as its bytes, from its tag on; `left` is how many more matrices are read."""
 
     def __init__(self, path: Path, data: bytes, order: str, left: int) -> None:
         self._path, self._data, self._order = path, data, order
@@ -170,15 +170,15 @@ class _Variable:
     def _matrices(self, count: int, place: int, end: int, depth: int) -> list[Any]:
         if count > (end - place) // _TAG:
             raise damaged(self._path, f"a variable of {count} parts in {end - place} bytes")
-        found = []
+        matrices = []
         for _ in range(count):
             kind, size = struct.unpack_from(f"{self._order}2I", self._data, place) if place + _TAG <= end else (0, 0)
             following = place + _TAG + size
             if kind != _MATRIX or following > end:
                 raise damaged(self._path, f"an element of type {kind} and {size} bytes among cells or fields")
-            found.append(self.matrix(place + _TAG, following, depth + 1))
+            matrices.append(self.matrix(place + _TAG, following, depth + 1))
             place = following
-        return found
+        return matrices
 
     def _structs(self, count: int, place: int, end: int, depth: int) -> Any:
         """The fields by name; of an array of structs a list of them."""

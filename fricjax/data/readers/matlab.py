@@ -29,13 +29,13 @@ def load_tree(path: Path) -> dict[str, Any]:
     # Files of version 7.3 carry HDF5's signature after a block of text of 512 bytes.
     if head.startswith(_HDF5) or head[512:520] == _HDF5:
         with opened(path, "a MATLAB file") as tree:
-            found = _Branches(tree).fields(tree.file["/"], 0)
+            variables = _Branches(tree).fields(tree.file["/"], 0)
     else:
         with damage(path, "a MATLAB file"):
             # The four letters at the beginning are text from version 5 on, and a small number before.
-            found = load_v4(path) if 0 in head[:4] else load_v5(path)
+            variables = load_v4(path) if 0 in head[:4] else load_v5(path)
     # Workspaces of functions have no name, and what version 7.3 keeps for itself has one that no variable can have.
-    return {name: value for name, value in found.items() if name.isidentifier()}
+    return {name: value for name, value in variables.items() if name.isidentifier()}
 
 
 class _Branches:
@@ -114,7 +114,7 @@ def load_v4(path: Path) -> dict[str, Any]:
     if path.stat().st_size > allowance(path):
         size = gigabytes(path.stat().st_size)
         raise DataError(f"{path.name} has {size}; save time and displacement into a file of theirs.")
-    data, place, found = path.read_bytes(), 0, {}
+    data, place, variables = path.read_bytes(), 0, {}
     while place < len(data):
         # The type is a number of four decimal digits, of which the first tells the order of bytes.
         order = "<" if int.from_bytes(data[place : place + 4], "little") < 1000 else ">"
@@ -129,8 +129,8 @@ def load_v4(path: Path) -> dict[str, Any]:
             raise damaged(path, f"byte {start}, after which {gigabytes(place - len(data))} are missing,")
         name = data[start - length : start].split(b"\0")[0].decode("latin-1")
         parts = np.frombuffer(data[start:place], stored).reshape(-1, count) if count else np.zeros((1, 0))
-        found[name] = _value(parts, (rows, columns), kind % 10)
-    return found
+        variables[name] = _value(parts, (rows, columns), kind % 10)
+    return variables
 
 
 def _value(parts: np.ndarray, shape: tuple[int, int], kind: int) -> Any:

@@ -82,19 +82,19 @@ def _read_record(source: Record | Trace, *, sigma: Any = None, sign: int = 1) ->
 
 def _read_table(source: Any, choice: Choice) -> Record | list[Record]:
     """The record of the columns that are the time and the displacement by the rules of files, or those of all runs."""
-    kind, told = type(source).__name__, getattr(source, "attrs", {}).get("source")
+    kind, name = type(source).__name__, getattr(source, "attrs", {}).get("source")
     # The index comes last, so that numbers count the columns of the table.
-    held = sorted(table_columns(source), key=lambda cells: cells.is_index)
+    cells = sorted(table_columns(source), key=lambda column: column.is_index)
     columns = [
-        Column(cells.name, cells.unit, cells.run, cells.header, fault=cells.fault, key=i)
-        for i, cells in enumerate(held)
+        Column(column.name, column.unit, column.run, column.header, fault=column.fault, key=i)
+        for i, column in enumerate(cells)
     ]
 
     def load(wanted: Sequence[Column]) -> list[np.ndarray]:
-        return [floats_of(held[column.key], kind) for column in wanted]
+        return [floats_of(cells[column.key], kind) for column in wanted]
 
-    found = records_of(Path(kind), kind, Sheet(columns, load, _PLACE), choice, vars(choice))
-    return [_of(record, told) for record in found] if isinstance(found, list) else _of(found, told)
+    records = records_of(Path(kind), kind, Sheet(columns, load, _PLACE), choice, vars(choice))
+    return [_of(record, name) for record in records] if isinstance(records, list) else _of(records, name)
 
 
 def _read_pair(
@@ -120,7 +120,7 @@ def _read_array(
     sigma: Any = None,
     sign: int = 1,
 ) -> Record:
-    """Reads displacements whose times or rate are given beside them.
+    """Reads displacements with their times or rate beside them.
 
     Raises:
         UsageError: neither or both of `t` and `rate`.
@@ -140,7 +140,7 @@ def _read_arrays(t: Cells | None, x: Cells, choice: Choice) -> Record:
     if t is not None and t.values.size != x.values.size:
         raise DataError(f"There are {t.values.size} times and {x.values.size} displacements; give as many of each.")
     # Bare numbers are in SI units, of which nothing needs to be said.
-    found = Columns(
+    columns = Columns(
         floats_of(x, "array"),
         None if t is None else floats_of(t, "array"),
         x.name,
@@ -149,7 +149,7 @@ def _read_arrays(t: Cells | None, x: Cells, choice: Choice) -> Record:
         None if t is None else t.unit or (None if choice.time_unit else "s"),
         place=_PLACE,
     )
-    return _of(assemble(Path("array"), "array", found, choice, vars(choice)), None)
+    return _of(assemble(Path("array"), "array", columns, choice, vars(choice)), None)
 
 
 def _of(record: Record, source: str | None) -> Record:

@@ -68,8 +68,8 @@ class Tree:
         if self._looked_at > MOST:
             raise DataError(f"{self.path.name} has more than {MOST} groups and data sets; save one run in a file.")
         hard = [name for name in group.id if group.id.links.get_info(name).type == h5l.TYPE_HARD]
-        found = {name.decode("utf-8", "replace"): _node(h5o.open(group.id, name)) for name in hard}
-        return {name: node for name, node in found.items() if node is not None}
+        nodes = {name.decode("utf-8", "replace"): _node(h5o.open(group.id, name)) for name in hard}
+        return {name: node for name, node in nodes.items() if node is not None}
 
     def referred(self, reference: Any) -> Any:
         """The group or data set of this file that a reference names; None where it names none."""
@@ -81,7 +81,7 @@ class Tree:
         """All data sets by path, such as `"/run1/x"`; each group is visited once."""
         from h5py import Group, h5o  # pyright: ignore[reportAttributeAccessIssue]
 
-        found: dict[str, Any] = {}
+        data_sets: dict[str, Any] = {}
         waiting, seen = [("", self.file["/"], 0)], set()
         while waiting:
             folder, group, depth = waiting.pop(0)
@@ -95,8 +95,8 @@ class Tree:
                 if isinstance(node, Group):
                     waiting.append((f"{folder}/{name}", node, depth + 1))
                 else:
-                    found[f"{folder}/{name}"] = node
-        return found
+                    data_sets[f"{folder}/{name}"] = node
+        return data_sets
 
     def _refusal(self, node: Any) -> str | None:
         """Why a data set is not read, None where it is."""
@@ -135,10 +135,10 @@ class Tree:
 
         if not h5a.exists(node.id, name.encode()):
             return default
-        held = node.attrs.get_id(name)
-        if held.shape is None or not 0 < math.prod(held.shape) <= _ATTRIBUTE:
+        stored = node.attrs.get_id(name)
+        if stored.shape is None or not 0 < math.prod(stored.shape) <= _ATTRIBUTE:
             return default
-        if held.dtype.hasobject:
+        if stored.dtype.hasobject:
             self._check_heaps()
         value = np.ravel(np.asarray(node.attrs[name], dtype=object))[0]
         return value.decode("utf-8", "replace") if isinstance(value, bytes) else value
@@ -181,8 +181,8 @@ def _sound_heap(data: bytes, place: int) -> bool:
     place += _HEAP_HEAD
     while place + _TEXT_HEAD <= min(end, len(data)):
         number = int.from_bytes(data[place : place + 2], "little")
-        held = int.from_bytes(data[place + 8 : place + _TEXT_HEAD], "little")
-        step = held if number == 0 else _TEXT_HEAD + held + -held % 8
+        size = int.from_bytes(data[place + 8 : place + _TEXT_HEAD], "little")
+        step = size if number == 0 else _TEXT_HEAD + size + -size % 8
         if step < _TEXT_HEAD or place + step > end:
             return False
         place += step

@@ -1,4 +1,4 @@
-"""Named columns of what is in memory: their units and numbers, whatever pandas, xarray, pint or NumPy keep them in.
+"""Named columns of tables in memory: their units and numbers, whatever pandas, xarray, pint or NumPy keep them in.
 
 None of these is imported: their objects are known by what they have.
 """
@@ -14,7 +14,7 @@ from ...errors import DataError, UsageError
 from .fields import number
 from .header import split_title
 
-_LOOKED_AT = 1000  # cells from which it is told whether a column holds numbers
+_SAMPLED = 1000  # cells that show whether a column holds numbers
 
 
 @dataclasses.dataclass(frozen=True)
@@ -38,8 +38,8 @@ class Cells:
             return "holds complex numbers"
         if self.values.dtype.kind in "fiu":
             return "is empty" if np.all(np.isnan(self.values)) else None
-        cells = [_number(cell) for cell in self.values[:_LOOKED_AT]] if self.values.dtype.kind in "OUT" else []
-        # One word among numbers is told with its row; a column of words is none of numbers.
+        cells = [_number(cell) for cell in self.values[:_SAMPLED]] if self.values.dtype.kind in "OUT" else []
+        # One word among numbers is reported with its row later; a column of words is none of numbers.
         return None if any(cell is not None and cell == cell for cell in cells) else "holds words"
 
 
@@ -50,9 +50,9 @@ def table_columns(source: Any) -> list[Cells]:
         DataError: headers of several levels, or one that occurs twice.
     """
     if hasattr(source, "coords") and hasattr(source, "dims"):
-        held = source.data_vars if hasattr(source, "data_vars") else {}
-        own = [] if held else [column_of(source, header_of(source, "x"))]
-        return [*_vectors({**source.coords, **held}), *own]
+        variables = source.data_vars if hasattr(source, "data_vars") else {}
+        values = [] if variables else [column_of(source, header_of(source, "x"))]
+        return [*_vectors({**source.coords, **variables}), *values]
     if isinstance(source, Mapping):
         return _vectors(source)
     if not hasattr(source, "columns"):
@@ -92,23 +92,23 @@ def _index(table: Any, headers: Sequence[Any]) -> list[Cells]:
         return []
     column = dataclasses.replace(column_of(index, header_of(index, "index")), is_index=True)
     if index.name is None and column.values.dtype.kind == "f":
-        # Nothing but times would be there: a counter is whole.
+        # Nothing but times would be there: a counter of rows has no decimals.
         column = dataclasses.replace(column, unit="s")
     return [column] if index.name is not None or column.unit else []
 
 
 def header_of(values: Any, otherwise: str) -> str:
     """The header that values carry themselves, as a series does."""
-    own = getattr(values, "name", None)
-    return own if isinstance(own, str) and own else otherwise
+    name = getattr(values, "name", None)
+    return name if isinstance(name, str) and name else otherwise
 
 
 def column_of(values: Any, header: str) -> Cells:
     """Values with the name and unit that their header, their attributes or they themselves have."""
     name, unit, run = split_title(header)
-    told = getattr(values, "attrs", {}).get("units")
-    told = told.get(header) if isinstance(told, Mapping) else told
-    unit = unit or (told if isinstance(told, str) and told else None)
+    stated = getattr(values, "attrs", {}).get("units")
+    stated = stated.get(header) if isinstance(stated, Mapping) else stated
+    unit = unit or (stated if isinstance(stated, str) and stated else None)
     if hasattr(values, "magnitude"):
         values, unit = values.magnitude, str(values.units)
     array = _vector(values, name)
@@ -170,7 +170,7 @@ def _number(cell: Any) -> float | None:
     """The value of a cell, NaN where it is left out, None where it is no number."""
     if isinstance(cell, str):
         return number(cell.strip(), ".")
-    # pandas has a missing value that no comparison tells.
+    # The missing values of pandas equal nothing, and are known by the names of their types: pandas is not imported.
     if cell is None or type(cell).__name__ in ("NAType", "NaTType"):
         return float("nan")
     try:

@@ -26,7 +26,7 @@ _LINE_END = re.compile(r"\r\n|\r|\n")
 
 @dataclasses.dataclass(frozen=True)
 class Text:
-    """A text file, opened for a look.
+    """The beginning of a text file.
 
     **Fields:**
 
@@ -45,7 +45,7 @@ class Text:
 
     @classmethod
     def of(cls, path: Path, encoding: str | None = None) -> "Text":
-        """Looks at a file.
+        """Reads the beginning of a file.
 
         Raises:
             DataError: a binary file, or a line of more than a megabyte.
@@ -65,10 +65,10 @@ class Text:
     @classmethod
     def cut(cls, path: Path, encoding: str, data: bytes, wide: bytes | None) -> "Text":
         """The text whose first megabyte is `data`, cut into lines."""
-        whole = len(data) < HEAD
+        complete = len(data) < HEAD
         head, starts = [], [0]
         for match in re.finditer(rb"[^\r\n]*(?:\r\n|\r|\n|$)", data):
-            if len(head) == LINES or match.end() == match.start() or (match.end() == len(data) and not whole):
+            if len(head) == LINES or match.end() == match.start() or (match.end() == len(data) and not complete):
                 break
             head.append(match[0].decode(encoding if match.start() == 0 else encoding.removesuffix("-sig"), "replace"))
             starts.append(match.end())
@@ -89,13 +89,13 @@ class Text:
                 yield line.rstrip("\n")
 
 
-def _encoding(path: Path, data: bytes, given: str | None) -> str:
-    """The encoding given, else the one that a byte order mark tells, else UTF-8 where it fits, else Latin-1."""
-    if given is not None:
+def _encoding(path: Path, data: bytes, wanted: str | None) -> str:
+    """The encoding wanted, else the one that a byte order mark names, else UTF-8 where it fits, else Latin-1."""
+    if wanted is not None:
         try:
-            return codecs.lookup(given).name
+            return codecs.lookup(wanted).name
         except (LookupError, ValueError) as error:
-            raise UsageError(f"'{given}' is no known text encoding; give one such as 'utf-8' or 'latin-1'.") from error
+            raise UsageError(f"'{wanted}' is no known text encoding; give one such as 'utf-8' or 'latin-1'.") from error
     for mark, name in _MARKS:
         if data.startswith(mark):
             return name

@@ -23,7 +23,7 @@ class Titles(NamedTuple):
     """What stands above the columns.
 
     `titles` are taken apart, and named by their numbers where there are none; `texts` is how the file writes them,
-    empty where it does not; `line` the text of their line, None where that is a remark or there is none.
+    empty where it does not; `line` the text of their line, None where that is a comment or there is none.
     """
 
     titles: list[Title]
@@ -43,20 +43,20 @@ def titles_of(above: Sequence[str], kinds: list[str], delimiter: str, is_comment
         above: the lines above the data.
         kinds: what its columns hold.
         delimiter: between fields.
-        is_comment: whether a line is a remark; titles may stand in one, if nowhere else.
+        is_comment: whether a line is a comment; titles may stand in one, if nowhere else.
     """
     lines = [line for line in above if line.strip() and not _RULE.fullmatch(line)]
-    found: list[tuple[str, list[str]]] = []
-    # The titles end where a line of another kind begins: a preamble, or the remark of a person.
+    rows_above: list[tuple[str, list[str]]] = []
+    # The titles end where a line of another kind begins: a preamble, or the comment of a person.
     for line in reversed([line for line in lines if not is_comment(line)][-_NEAR:]):
         fields = _fields(line, kinds, delimiter)
         if fields is None:
             break
-        found.insert(0, (line, fields))
-    rows, remarked = [fields for _, fields in found], not found
-    if remarked and len(kinds) > 1:
-        remarks = [line.lstrip().lstrip("#%!/ ") for line in lines if is_comment(line)][-3:]
-        rows = [row for row in (_fields(line, kinds, delimiter) for line in remarks) if row is not None][-2:]
+        rows_above.insert(0, (line, fields))
+    rows, in_comments = [fields for _, fields in rows_above], not rows_above
+    if in_comments and len(kinds) > 1:
+        comments = [line.lstrip().lstrip("#%!/ ") for line in lines if is_comment(line)][-3:]
+        rows = [row for row in (_fields(line, kinds, delimiter) for line in comments) if row is not None][-2:]
     if not rows:
         return numbered(len(kinds))
     units = [""] * len(kinds)
@@ -72,7 +72,7 @@ def titles_of(above: Sequence[str], kinds: list[str], delimiter: str, is_comment
     titles = [
         split_title(text)._replace(**({"unit": unit} if unit else {})) for text, unit in zip(texts, units, strict=True)
     ]
-    return Titles(titles, texts, None if remarked else found[len(rows) - 1][0])
+    return Titles(titles, texts, None if in_comments else rows_above[len(rows) - 1][0])
 
 
 def with_stated_units(titles: Titles, preamble: Sequence[str], kinds: list[str]) -> list[Title]:
