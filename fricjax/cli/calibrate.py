@@ -1,21 +1,21 @@
 """``fricjax calibrate``: the numbers of the rig, from a ring-down without contact or from an impact test."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from typer import Argument, Option
 
+from ..errors import UsageError
 from .failure import InvalidFit
-from .files import check_records
-from .groups import example, grouped
-from .options import Reading, Writing
-from .output import check_targets, deliver, working
-from .records import read_record
-from .runtime import prepare
+from .options import Reading, Writing, example, grouped
+from .output import deliver, prepare, working
+from .records import check_records, read_record
+from .targets import check_targets
 
 if TYPE_CHECKING:
     from ..rig import Rig
+    from ..show import Reported
 
 _RIG = "Rig"
 
@@ -54,11 +54,11 @@ def ringdown(
         from ..fitting.result import FitError
 
         try:
-            found = calibrate_ringdown(record, restoring=restoring)
+            calibration = calibrate_ringdown(record, restoring=restoring)
         except FitError as error:
             raise InvalidFit(str(error)) from error
-    rig = found.rig(mass, normal_force) if out is not None and mass and normal_force else None
-    _tell(output, found.to_dict(), found.summary(), rig, out)
+    rig = calibration.rig(mass, normal_force) if out is not None and mass and normal_force else None
+    _deliver(output, calibration, rig, out)
 
 
 def frf(
@@ -85,9 +85,9 @@ def frf(
         prepare(output)
         from ..calibrate.frf import calibrate_frf, read_frf
 
-        found = calibrate_frf(*read_frf(file), duration=duration, scale_std=scale_std)
-    rig = found.rig(normal_force) if out is not None and normal_force else None
-    _tell(output, found.to_dict(), found.summary(), rig, out)
+        calibration = calibrate_frf(*read_frf(file), duration=duration, scale_std=scale_std)
+    rig = calibration.rig(normal_force) if out is not None and normal_force else None
+    _deliver(output, calibration, rig, out)
 
 
 def _check_out(output: Writing, out: Path | None, needed: dict[str, str | None]) -> None:
@@ -100,18 +100,16 @@ def _check_out(output: Writing, out: Path | None, needed: dict[str, str | None])
             quantity(option.removeprefix("--").replace("-", "_"), text)
     missing = [name for name, value in needed.items() if value is None]
     if out is not None and missing:
-        from ..errors import UsageError
-
         raise UsageError(f"A rig file needs numbers that this calibration does not give: add {' and '.join(missing)}.")
 
 
-def _tell(output: Writing, data: dict[str, Any], text: str, rig: "Rig | None", out: Path | None) -> None:
-    """Write the rig where it was asked for, and tell the outcome."""
+def _deliver(output: Writing, calibration: "Reported", rig: "Rig | None", out: Path | None) -> None:
+    """Write the rig where it was asked for, and show the outcome."""
 
     def write() -> dict[str, str]:
         return {} if rig is None or out is None else {"rig": str(rig.to_toml(out, overwrite=output.force))}
 
-    deliver(output, data, text, write)
+    deliver(output, calibration.to_dict(), calibration.summary(), write)
 
 
 app = typer.Typer(

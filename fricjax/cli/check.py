@@ -1,60 +1,52 @@
-"""``fricjax check``: what a planned run will tell, before it is made."""
+"""``fricjax check``: what a planned run will determine, before it is made."""
 
 import dataclasses
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 from typer import Exit, Option
 
 from .options import Machine, Plot, Writing
-from .output import PICTURES, check_targets, deliver, working, write_picture
-from .runtime import prepare
+from .output import deliver, prepare, working
+from .targets import PICTURES, check_targets, write_picture
 
 if TYPE_CHECKING:
     from .machine import Choice
-
-_RUN = "Planned run"
 
 
 @dataclasses.dataclass(frozen=True)
 class Planned:
     """The run, and what is to be fitted to it."""
 
-    x0: Annotated[
-        str,
-        Option("--x0", help='Displacement at release, as 2e-3 or "2 mm".', rich_help_panel=_RUN, show_default=False),
-    ]
+    PANEL: ClassVar = "Planned run"
+
+    x0: Annotated[str, Option("--x0", help='Displacement at release, as 2e-3 or "2 mm".', show_default=False)]
     free: Annotated[
         str | None,
         Option(
             help="Coefficients to be fitted, with their values where --fix does not give them, as mu=0.01,damping. "
-            "Default: all that the model has.",
-            rich_help_panel=_RUN,
+            "Default: all that the model has."
         ),
     ] = None
-    nuisance: Annotated[
-        str, Option(help="Free parameters of the run: x0,v0,offset,drift,t_release.", rich_help_panel=_RUN)
-    ] = "x0,offset"
-    rate: Annotated[str, Option(help="Samples per second, as 10000 or 10k.", rich_help_panel=_RUN)] = "10k"
+    nuisance: Annotated[str, Option(help="Free parameters of the run: x0,v0,offset,drift,t_release.")] = "x0,offset"
+    rate: Annotated[str, Option(help="Samples per second, as 10000 or 10k.")] = "10k"
     duration: Annotated[
-        float | None,
-        Option(help="Length of the record, in s; default: until 50 ms after the stop.", rich_help_panel=_RUN),
+        float | None, Option(help="Length of the record, in s; default: until 50 ms after the stop.")
     ] = None
-    noise: Annotated[
-        str, Option(help='White noise of one sample, standard deviation, as 1e-9 or "1 nm".', rich_help_panel=_RUN)
-    ] = "1nm"
+    noise: Annotated[str, Option(help='White noise of one sample, standard deviation, as 1e-9 or "1 nm".')] = "1nm"
 
 
 def check(run: Planned, machine: Machine, output: Writing, plot: Plot = None) -> None:
-    """Tell what a planned run will determine and how well; ends with 3 where a coefficient of --free will not be."""
+    """Say what a planned run will determine and how well; ends with 3 where a coefficient of --free will not be."""
     check_targets(output, ("--plot", plot, PICTURES))
     choice, settings = _asked(run, machine)
     with working(output, "Checking"):
         prepare(output)
         from ..sensitivity import fisher
 
-        found = fisher(choice.oscillator, **settings)
-    deliver(output, found.to_dict(), found.summary(), lambda: write_picture(output, plot, found.plot))
-    if run.free is not None and found.undetermined:
+        information = fisher(choice.oscillator, **settings)
+    picture = lambda: write_picture(output, plot, information.plot)
+    deliver(output, information.to_dict(), information.summary(), picture)
+    if run.free is not None and information.undetermined:
         raise Exit(3)
 
 
@@ -67,8 +59,9 @@ def _asked(run: Planned, machine: Machine) -> "tuple[Choice, dict[str, Any]]":
     from .machine import known
 
     entries = parsing.words(run.free)
-    given = [entry for entry in entries if "=" in entry]
-    choice = known(dataclasses.replace(machine, fix=[*(machine.fix or []), *given]))
+    # What has a value with --free has it as with --fix: a run that is only planned has nothing to start from.
+    values = [entry for entry in entries if "=" in entry]
+    choice = known(dataclasses.replace(machine, fix=[*(machine.fix or []), *values]))
     names = [entry.partition("=")[0].strip() for entry in entries]
     nuisance = parsing.words(run.nuisance)
     leaves = [find_leaf(name, choice.model.leaves).name for name in names]

@@ -5,11 +5,12 @@ from typing import TYPE_CHECKING, Annotated
 
 from typer import Option
 
+from ..errors import UsageError
 from .fit import Asked, Fitting, fitted, report
 from .options import Machine, Reading, Writing
-from .output import check_folder, deliver, working
+from .output import deliver, prepare, working
 from .records import read_record
-from .runtime import prepare
+from .targets import check_folder
 
 if TYPE_CHECKING:
     from ..data import Record
@@ -29,19 +30,24 @@ def demo(
         asked = Asked.of([run], Fitting(), Machine(rig=rig), Reading())
         record = read_record(run, Reading())
         prepare(output)
-        found = fitted(asked, [record])
-    data, text = report(found, asked.choice)
+        fit = fitted(asked, [record])
+    data, text = report(fit, asked.choice)
     data["truth"] = record.meta["coefficients"]
-    data["next"] = _next(out)
+    mine = out / "run.csv"
+    data["next"] = [
+        f"fricjax inspect {mine} --plot {out / 'run.png'}",
+        f"fricjax fit {mine}",
+        f"fricjax fit {mine} --rig {out / 'rig.toml'} --plot {out / 'mine.png'} --out {out / 'mine.json'}",
+        f"fricjax fit {mine} --rig {out / 'rig.toml'} --friction tanh --fix v_s=1e-5",
+        "fricjax fit --help",
+    ]
     advice = "Next:\n" + "\n".join(f"  {command}" for command in data["next"])
-    text = f"{text}\n\n{_comparison(found, record)}"
-    deliver(output, data, text, lambda: _write(out, run, rig, found, output.force), after=advice)
+    text = f"{text}\n\n{_comparison(fit, record)}"
+    deliver(output, data, text, lambda: _write(out, run, rig, fit, output.force), after=advice)
 
 
 def _check_folder(out: Path, force: bool) -> None:
     """Refuse a folder that holds something, and one that could not be made, before any work is done."""
-    from ..errors import UsageError
-
     if out.exists() and not out.is_dir():
         raise UsageError(f"--out '{out}' is a file. Name a folder.")
     if out.is_dir() and any(out.iterdir()) and not force:
@@ -49,7 +55,7 @@ def _check_folder(out: Path, force: bool) -> None:
     check_folder(next(each for each in (out, *out.absolute().parents) if each.is_dir()), out)
 
 
-def _write(out: Path, run: Path, rig: Path, found: "Fit", force: bool) -> dict[str, str]:
+def _write(out: Path, run: Path, rig: Path, fit: "Fit", force: bool) -> dict[str, str]:
     """The four files of the demonstration."""
     from ..show import save
     from ..show.files import write_bytes
@@ -58,32 +64,21 @@ def _write(out: Path, run: Path, rig: Path, found: "Fit", force: bool) -> dict[s
     files = {
         "run": write_bytes(out / "run.csv", run.read_bytes(), overwrite=force),
         "rig": write_bytes(out / "rig.toml", rig.read_bytes(), overwrite=force),
-        "fit": found.save(out / "fit.json", overwrite=force),
-        "picture": save(found.plot(), out / "fit.png", overwrite=force),
+        "fit": fit.save(out / "fit.json", overwrite=force),
+        "picture": save(fit.plot(), out / "fit.png", overwrite=force),
     }
     return {name: str(path) for name, path in files.items()}
 
 
-def _comparison(found: "Fit", record: "Record") -> str:
+def _comparison(fit: "Fit", record: "Record") -> str:
     """Fitted values beside the true ones, which a synthetic run knows."""
     from ..show import Table, plain, uncertain
 
     rows = []
     for name, true in record.meta["coefficients"].items():
-        if name in found.std_errors:
-            std = found.std_errors[name]
-            shown = uncertain(found.values[name], std, found.units[name])
-            rows.append([name, plain(true, 9), shown, f"{(found.values[name] - true) / std:+.1f}"])
+        if name in fit.std_errors:
+            value, std = fit.values[name], fit.std_errors[name]
+            shown = uncertain(value, std, fit.units[name])
+            rows.append([name, plain(true, 9), shown, f"{(value - true) / std:+.1f}"])
     title = "The run is synthetic, so its true values are known (statistical uncertainties):"
     return Table(["Parameter", "True", "Fitted", "Off by [standard errors]"], rows, title).text()
-
-
-def _next(out: Path) -> list[str]:
-    run, rig = out / "run.csv", out / "rig.toml"
-    return [
-        f"fricjax inspect {run} --plot {out / 'run.png'}",
-        f"fricjax fit {run}",
-        f"fricjax fit {run} --rig {rig} --plot {out / 'mine.png'} --out {out / 'mine.json'}",
-        f"fricjax fit {run} --rig {rig} --friction tanh --fix v_s=1e-5",
-        "fricjax fit --help",
-    ]

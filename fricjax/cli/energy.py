@@ -5,10 +5,11 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from typer import Argument, Option
 
+from ..errors import UsageError
 from .options import Plot, Reading, Writing
-from .output import PICTURES, RESULTS, check_targets, deliver, json_text, working, write_picture
-from .records import read_record, read_records, tell_doubts
-from .runtime import prepare
+from .output import deliver, json_text, prepare, working
+from .records import check_records, read_record, read_records, warn_of_doubts
+from .targets import PICTURES, RESULTS, check_targets, write_picture
 
 if TYPE_CHECKING:
     from ..data import Record
@@ -30,42 +31,35 @@ def energy(
 ) -> None:
     """Find friction from the rate of energy loss: the force against velocity, and its mean in each half-cycle."""
     from ..pairs.settings import check_bins
+    from .machine import bench
 
     check_targets(output, ("--plot", plot, PICTURES), ("--out", out, RESULTS))
-    machine = _bench(files, reading, rig, no_contact)
+    check_records([*files, *([] if no_contact is None else [no_contact])], reading)
+    if rig is None:
+        raise UsageError("The energy of a run needs mass, stiffness, normal force and damping: give --rig rig.toml.")
+    machine = bench(rig)
     check_bins(bins)
     with working(output, f"Evaluating {', '.join(file.name for file in files)}"):
         records = read_records(files, reading)
         free = None if no_contact is None else read_record(no_contact, reading)
         prepare(output)
-        tell_doubts(records)
+        warn_of_doubts(records)
         force_map, balance = evaluated(records, machine, free, bins)
     data = {"force_map": force_map.to_dict(), "half_cycles": balance.to_dict()}
-    text = _text(force_map, balance)
+    heads = ("Friction force against velocity", "Half-cycles, from their reversals")
+    text = "\n\n".join([heads[0], force_map.summary(), heads[1], balance.summary()])
     deliver(output, data, text, lambda: write_outcome(output, force_map, data, plot, out))
 
 
-def _bench(files: list[Path], reading: Reading, rig: Path | None, no_contact: Path | None) -> dict[str, Any]:
-    """The arguments of the rig, once the files are known to be there."""
-    from ..errors import UsageError
-    from .files import check_records
-    from .machine import bench
-
-    check_records([*files, *([] if no_contact is None else [no_contact])], reading)
-    if rig is None:
-        raise UsageError("The energy of a run needs mass, stiffness, normal force and damping: give --rig rig.toml.")
-    return bench(rig)
-
-
 def evaluated(
-    records: "list[Record]", described: dict[str, Any], free: "Record | None", bins: int
+    records: "list[Record]", arguments: dict[str, Any], free: "Record | None", bins: int
 ) -> "tuple[ForceMap, HalfCycleFriction]":
     """Force map and balance of the half-cycles; `free` is the run without contact."""
     from ..energy_loss.force_map import friction_force_map
     from ..energy_loss.half_cycles import half_cycle_friction
     from ..rig import Rig
 
-    machine = Rig(**described)
+    machine = Rig(**arguments)
     force_map = friction_force_map(records, machine, free, bins=bins)
     calibrated = machine if free is None else machine.replace(damping=force_map.damping, drag=force_map.drag)
     return force_map, half_cycle_friction(records, calibrated)
@@ -81,9 +75,3 @@ def write_outcome(
 
         written["result"] = str(write_text(out, json_text(data), overwrite=output.force))
     return written
-
-
-def _text(force_map: "ForceMap", balance: "HalfCycleFriction") -> str:
-    return "\n\n".join(
-        ["Friction force against velocity", force_map.summary(), "Half-cycles, from their reversals", balance.summary()]
-    )

@@ -1,8 +1,9 @@
-"""From an exception to what the user is told: one sentence, its kind, and the exit code."""
+"""From an exception to what the user reads: one sentence, its kind, and the exit code."""
 
 import dataclasses
 import errno
 
+from ..errors import DataError, UsageError
 from .wording import in_options
 
 DONE, FAULT, USAGE, INVALID, REJECTED, INTERRUPTED = 0, 1, 2, 3, 4, 130
@@ -47,19 +48,19 @@ def failure_of(error: BaseException) -> Failure:
     """The failure that an exception stands for."""
     if isinstance(error, KeyboardInterrupt) or type(error).__name__ == "Abort":
         return Failure("Interrupted; nothing more was written.", "interrupted", INTERRUPTED)
+    # Errors of the parser are known by what they can do: where typer keeps their classes changes with its versions.
     if hasattr(error, "format_message"):
         return _of_command_line(error)
-    from ..errors import DataError, UsageError
-
     if isinstance(error, InvalidFit):
         return Failure(_sentence(error), "fit", INVALID)
     if isinstance(error, UsageError):
         return Failure(_sentence(error), "usage", USAGE)
     if isinstance(error, DataError):
         # A table below the sentence keeps its lines.
-        sentence, _, table = str(error).partition("\n")
-        whole = "\n" not in table
-        return Failure(_sentence(error if whole else sentence), "data", REJECTED, "" if whole else table)
+        sentence, newline, table = str(error).partition("\n")
+        if "\n" in table:
+            return Failure(_sentence(sentence), "data", REJECTED, table)
+        return Failure(_sentence(sentence + newline + table), "data", REJECTED)
     if isinstance(error, FileExistsError):
         return Failure(f"'{error.filename}' exists already. Add --force, or give another name.", "output", USAGE)
     if isinstance(error, OSError) and error.filename is not None:
@@ -67,8 +68,9 @@ def failure_of(error: BaseException) -> Failure:
     if isinstance(error, OSError) and error.errno in NO_SPACE:
         words = f"Something cannot be written: {error.strerror}. Make room, or write elsewhere."
         return Failure(words, "output", USAGE)
+    first = next(iter(str(error).strip().splitlines()), "no further words")
     return Failure(
-        f"Unexpected {type(error).__name__}: {_first_line(error)}",
+        f"Unexpected {type(error).__name__}: {first}",
         "internal",
         FAULT,
         "This is a fault of the program or its installation. Add --debug to see where; 'fricjax doctor' checks both.",
@@ -86,10 +88,6 @@ def _of_command_line(error: BaseException) -> Failure:
 
 
 def _sentence(error: BaseException | str) -> str:
+    """One line, in the words of the command line."""
     sentence = in_options(" ".join(str(error).split()))
     return sentence if len(sentence) <= _LONGEST else f"{sentence[: _LONGEST - 4]} ..."
-
-
-def _first_line(error: BaseException) -> str:
-    lines = str(error).strip().splitlines()
-    return lines[0] if lines else "no further words"

@@ -1,75 +1,60 @@
 """``fricjax fit``: the main job, from files of displacement over time to friction coefficients with uncertainties."""
 
+import contextlib
 import dataclasses
+import functools
 from math import isfinite
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
-from typer import Argument, Option
+from typer import Argument, Exit, Option
 
+from ..errors import UsageError
 from .failure import INVALID, InvalidFit
 from .options import Machine, Output, Plot, Reading, Save, Writing
-from .output import PICTURES, RECORDS, RESULTS, check_targets, deliver, numbered, working
-from .records import read_records
-from .runtime import prepare
+from .output import deliver, prepare, working
+from .records import check_records, read_records
+from .targets import PICTURES, RECORDS, RESULTS, check_targets, numbered, write_picture
 
 if TYPE_CHECKING:
     from ..data import Record
     from ..fitting import Fit
     from .machine import Choice
 
-_FIT = "Fit"
-
 
 @dataclasses.dataclass(frozen=True)
 class Fitting:
     """What is fitted, and how."""
 
+    PANEL: ClassVar = "Fit"
+
     free: Annotated[
         str | None,
         Option(
             help="Free coefficients, with start values where wanted, as mu,damping or mu,mu_s=0.02. "
-            "Default: mu,damping,stiffness.",
-            rich_help_panel=_FIT,
+            "Default: mu,damping,stiffness."
         ),
     ] = None
-    bounds: Annotated[
-        list[str] | None,
-        Option(metavar="NAME=LOW:HIGH", help="Bounds, as damping=0: or mu=0:0.1.", rich_help_panel=_FIT),
-    ] = None
+    bounds: Annotated[list[str] | None, Option(metavar="NAME=LOW:HIGH", help="Bounds, as damping=0: or mu=0:0.1.")] = (
+        None
+    )
     prior: Annotated[
         list[str] | None,
-        Option(
-            metavar="NAME=VALUE",
-            help="Prior knowledge with its standard deviation, as damping=0.175(2).",
-            rich_help_panel=_FIT,
-        ),
+        Option(metavar="NAME=VALUE", help="Prior knowledge with its standard deviation, as damping=0.175(2)."),
     ] = None
     tie: Annotated[
-        list[str] | None,
-        Option(metavar="NAME=NAME", help="Coefficient that follows a free one, as mu_s=1.3*mu.", rich_help_panel=_FIT),
+        list[str] | None, Option(metavar="NAME=NAME", help="Coefficient that follows a free one, as mu_s=1.3*mu.")
     ] = None
-    nuisance: Annotated[
-        str | None, Option(help="Free parameters of the run: x0,v0,offset,drift,t_release.", rich_help_panel=_FIT)
-    ] = None
-    start: Annotated[
-        str, Option(help="first_reversal, release, or seconds from the first sample.", rich_help_panel=_FIT)
-    ] = "first_reversal"
+    nuisance: Annotated[str | None, Option(help="Free parameters of the run: x0,v0,offset,drift,t_release.")] = None
+    start: Annotated[str, Option(help="first_reversal, release, or seconds from the first sample.")] = "first_reversal"
     sigma_mode: Annotated[
-        str,
-        Option(help="absolute: believe the noise; scale: rescale it; estimate: from residuals.", rich_help_panel=_FIT),
+        str, Option(help="absolute: believe the noise; scale: rescale it; estimate: from residuals.")
     ] = "absolute"
     guess: Annotated[
         list[str] | None,
-        Option(
-            metavar="NAME=VALUE",
-            help="Start value in place of the one found in the record, as mu=0.012.",
-            rich_help_panel=_FIT,
-        ),
+        Option(metavar="NAME=VALUE", help="Start value in place of the one estimated from the record, as mu=0.012."),
     ] = None
-    loss: Annotated[
-        str, Option(help="squares, or huber, soft_l1, cauchy: outliers count for less.", rich_help_panel=_FIT)
-    ] = "squares"
+    loss: Annotated[str, Option(help="squares, or huber, soft_l1, cauchy: outliers count for less.")] = "squares"
 
 
 def fit(
@@ -86,8 +71,6 @@ def fit(
     pictures = [("--plot", path, PICTURES) for path in numbered(plot, len(files))]
     check_targets(output, *pictures, ("--out", out, RESULTS), ("--save", save, RECORDS))
     if save is not None and len(files) > 1:
-        from ..errors import UsageError
-
         raise UsageError(
             "--save writes one record, but several files were given. Fit them one by one, or leave it out."
         )
@@ -95,27 +78,25 @@ def fit(
     with working(output, f"Fitting {', '.join(file.name for file in files)}"):
         records = read_records(files, reading)
         prepare(output)
-        found = fitted(asked, records)
-    data, text = report(found, asked.choice)
-    if not found.converged:
-        data |= {"error": found.status, "kind": "fit", "exit_code": INVALID}
-    deliver(output, data, text, lambda: write_outcome(found, records, plot, out, save, output.force))
-    if not found.converged:
-        raise_invalid(output, found.status)
+        result = fitted(asked, records)
+    data, text = report(result, asked.choice)
+    if not result.converged:
+        data |= {"error": result.status, "kind": "fit", "exit_code": INVALID}
+    deliver(output, data, text, lambda: write_outcome(output, result, records, plot, out, save))
+    if not result.converged:
+        raise_invalid(output, result.status)
 
 
 def raise_invalid(output: Output, status: str) -> None:
     """End with the code of a fit that has not converged; with JSON the one object has been written already."""
     if output.json:
-        from typer import Exit
-
         raise Exit(INVALID)
     raise InvalidFit(f"The fit has not converged, {status} Its results are marked so.")
 
 
 @dataclasses.dataclass(frozen=True)
 class Asked:
-    """A fit as asked for, of which everything has been checked that needs no look into the files.
+    """A fit as asked for, of which everything has been checked that can be without opening the files.
 
     Attributes:
         choice: the machine.
@@ -133,12 +114,10 @@ class Asked:
             DataError: files that cannot be read.
             UsageError: names or values that do not fit.
         """
-        from .files import check_records
-
-        check_records(files, reading)
         from ..fitting.settings import check_settings
         from .machine import choose
 
+        check_records(files, reading)
         settings = _settings(fitting)
         choice = choose(machine, fitting.free, tuple(settings["tie"]))
         check_settings(choice.model, choice.free, len(files), settings)
@@ -162,10 +141,13 @@ def _settings(fitting: Fitting) -> dict[str, Any]:
     priors = parsing.pairs("--prior", fitting.prior, "damping=0.175(2)")
     ties = parsing.pairs("--tie", fitting.tie, "mu_s=mu")
     guesses = parsing.pairs("--guess", fitting.guess, "mu=0.012")
-    named = fitting.start in ("first_reversal", "release") or not _is_number(fitting.start)
+    start: str | float = fitting.start
+    # A word that is neither a name nor a number is refused with the names, where the fit checks its settings.
+    with contextlib.suppress(ValueError):
+        start = float(start)
     return {
         "nuisance": None if fitting.nuisance is None else parsing.words(fitting.nuisance),
-        "start": fitting.start if named else float(fitting.start),
+        "start": start,
         "bounds": {name: parsing.span(f"--bounds {name}", text) for name, text in bounds.items()},
         "priors": {name: parsing.estimate(f"--prior {name}", text) for name, text in priors.items()},
         "tie": {name: parsing.tied(text) for name, text in ties.items()},
@@ -175,49 +157,38 @@ def _settings(fitting: Fitting) -> dict[str, Any]:
     }
 
 
-def _is_number(text: str) -> bool:
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True
-
-
-def report(found: "Fit", choice: "Choice") -> tuple[dict[str, Any], str]:
+def report(fit: "Fit", choice: "Choice") -> tuple[dict[str, Any], str]:
     """The fit as data and as text; without a rig what is said of it needs none."""
-    data = {**found.to_dict(), "calibrated": choice.rig is not None}
+    data = {**fit.to_dict(), "calibrated": choice.rig is not None}
     if choice.rig is not None:
-        return data, found.summary()
+        return data, fit.summary()
     from ..fitting.show import facts, kinematics_table
 
-    lines = [f"{name + ':':<13}{text}" for name, text in facts(found) if name != "mu_s"]
-    lines += [f"! {sentence}" for sentence in (*found.warnings, *_doubts(found))]
+    sentences = list(fit.warnings)
+    if fit.quantity == "rad" and type(fit.oscillator.restoring).__name__ == "Linear":
+        sentences.append(
+            "The record is an angle, but its restoring force was taken as linear: see --restoring pendulum."
+        )
+    lines = [f"{name + ':':<13}{text}" for name, text in facts(fit) if name != "mu_s"]
+    lines += [f"! {sentence}" for sentence in sentences]
     hint = "Without a rig there is no mu: give --rig rig.toml, or --mass and --normal-force, to get it."
-    return data, "\n\n".join([kinematics_table(found).text(), "\n".join(lines), hint])
-
-
-def _doubts(found: "Fit") -> list[str]:
-    """What a machine that nobody described may have wrong."""
-    if found.quantity == "rad" and type(found.oscillator.restoring).__name__ == "Linear":
-        return ["The record is an angle, but its restoring force was taken as linear: see --restoring pendulum."]
-    return []
+    return data, "\n\n".join([kinematics_table(fit).text(), "\n".join(lines), hint])
 
 
 def write_outcome(
-    found: "Fit", records: "list[Record]", plot: Path | None, out: Path | None, save: Path | None, force: bool
+    output: Writing, fit: "Fit", records: "list[Record]", plot: Path | None, out: Path | None, save: Path | None
 ) -> dict[str, str]:
     """Write the files that were asked for and return them by what they are."""
     from ..data import write
-    from ..show import save as save_picture
 
     written: dict[str, str] = {}
     # A motion that is not finite cannot be drawn.
-    if isfinite(found.residual_rms):
+    if isfinite(fit.residual_rms):
         for i, path in enumerate(numbered(plot, len(records))):
             name = "picture" if len(records) == 1 else f"picture_{i + 1}"
-            written[name] = str(save_picture(found.plot(i), path, overwrite=force))
+            written |= write_picture(output, path, functools.partial(fit.plot, i), name)
     if out is not None:
-        written["fit"] = str(found.save(out, overwrite=force))
+        written["fit"] = str(fit.save(out, overwrite=output.force))
     if save is not None:
-        written["record"] = str(write(records[0], save, overwrite=force))
+        written["record"] = str(write(records[0], save, overwrite=output.force))
     return written

@@ -5,10 +5,10 @@ from typing import Annotated, Any
 
 from typer import Argument
 
-from .files import check_records
 from .options import Plot, Reading, Writing
-from .output import PICTURES, check_targets, deliver, numbered, working
-from .records import read_records
+from .output import deliver, working
+from .records import check_records, read_records
+from .targets import PICTURES, check_targets, numbered, write_picture
 
 
 def inspect(
@@ -24,21 +24,19 @@ def inspect(
         records = read_records([file], reading)
         from ..data import inspect as inspect_record
 
-        found = [inspect_record(record) for record in records]
-    told: list[dict[str, Any]] = []
+        inspections = [inspect_record(record) for record in records]
+    data: list[dict[str, Any]] = []
     texts: list[str] = []
-    for each, record in zip(found, records, strict=True):
+    for inspection, record in zip(inspections, records, strict=True):
         steps = [str(step) for step in record.log]
-        told.append({**each.to_dict(), "log": steps})
-        texts.append("\n".join([each.summary(), *(f"{'log':<22}{step}" for step in steps)]))
+        data.append({**inspection.to_dict(), "log": steps})
+        texts.append("\n".join([inspection.summary(), *(f"{'log':<22}{step}" for step in steps)]))
 
     def draw() -> dict[str, str]:
-        from ..show import save
+        pictures = {}
+        for i, path in enumerate(numbered(plot, len(records))):
+            name = "picture" if len(records) == 1 else f"picture_{i + 1}"
+            pictures |= write_picture(output, path, records[i].plot, name)
+        return pictures
 
-        paths = numbered(plot, len(records))
-        written = [
-            save(record.plot(), path, overwrite=output.force) for path, record in zip(paths, records, strict=False)
-        ]
-        return {f"picture{'' if len(written) == 1 else f'_{i + 1}'}": str(path) for i, path in enumerate(written)}
-
-    deliver(output, told[0] if len(told) == 1 else {"runs": told}, "\n\n".join(texts), draw)
+    deliver(output, data[0] if len(data) == 1 else {"runs": data}, "\n\n".join(texts), draw)

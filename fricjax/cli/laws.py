@@ -5,7 +5,7 @@ from collections.abc import Collection, Mapping
 from ..errors import UsageError, nearest
 from ..friction.catalogue import CATALOGUE, Law, check_summands
 
-# Where a law asks for a coefficient that nobody gave, a fit begins here; mu and the drag follow from the decay.
+# Where a law asks for a coefficient that nobody gave, a fit begins here; mu and drag are then estimated from the decay.
 _STARTS = {"mu": 0.01, "v_s": 1e-4, "quadratic_drag": 0.0}
 # The same for what bends before it slides, where it is free: the record then tells where to begin.
 CONTACT = {"sigma0": 1e6, "length": 1e-5}
@@ -40,19 +40,19 @@ def summands(named: str) -> tuple[Law, ...]:
     if not all(word.strip() for word in words):
         lacking = f"'{named}' lacks a law beside its +" if len(words) > 1 else "names no law"
         raise UsageError(f"--friction {lacking}; write for example --friction coulomb+quadraticdrag.")
-    found = tuple(find_law(word, laws()) for word in words)
-    kinds = {law.kind for law in found}
+    parts = tuple(find_law(word, laws()) for word in words)
+    kinds = {law.kind for law in parts}
     try:
-        check_summands([law.name for law in found], jumps="set-valued" in kinds, remembers="bristle" in kinds)
+        check_summands([law.name for law in parts], jumps="set-valued" in kinds, remembers="bristle" in kinds)
     except ValueError as error:
         raise UsageError(str(error)) from error
-    return found
+    return parts
 
 
-def arguments(
+def coefficients(
     law: Law, index: int | None, values: Mapping[str, float], mentioned: Collection[str], complete: bool
 ) -> dict[str, float]:
-    """The coefficients of a law as given, and placeholders for those that are free or found from the decay.
+    """The coefficients of a law: those with a value, and start values for those that are free.
 
     Args:
         law: the law.
@@ -64,29 +64,30 @@ def arguments(
     Raises:
         UsageError: a coefficient that is needed.
     """
-    found: dict[str, float] = {}
-    for own in law.coefficients:
-        names = (own, f"friction.{own}" if index is None else f"friction.{index}.{own}")
-        given = [values[name] for name in names if name in values]
-        named = given or any(name in mentioned for name in names)
-        required = own in law.needed
-        if given:
-            found[own] = given[0]
+    chosen: dict[str, float] = {}
+    for name in law.coefficients:
+        names = (name, f"friction.{name}" if index is None else f"friction.{index}.{name}")
+        value = next((values[each] for each in names if each in values), None)
+        named = value is not None or any(each in mentioned for each in names)
+        required = name in law.needed
+        if value is not None:
+            chosen[name] = value
         elif required and complete:
-            raise UsageError(f"{law.name} friction needs {own}: give it with --fix {own}=...")
-        elif required and named and own in CONTACT:
-            found[own] = CONTACT[own]
-        elif required and own not in _STARTS:
-            raise UsageError(f"{law.name} friction needs {own}: give it with --fix or --free {own}=...")
+            raise UsageError(f"{law.name} friction needs {name}: give it with --fix {name}=...")
+        elif required and named and name in CONTACT:
+            chosen[name] = CONTACT[name]
+        elif required and name not in _STARTS:
+            raise UsageError(f"{law.name} friction needs {name}: give it with --fix or --free {name}=...")
         elif required:
-            found[own] = _STARTS[own]
-        elif named and own == "mu_s":
-            found[own] = 1.3 * found.get("mu", 1.0)
-        elif named and own in law.optional:
-            raise UsageError(f"{own} is free: give its start value, as in --free {own}=...")
-    if law.falls and "mu_s" not in found:
+            chosen[name] = _STARTS[name]
+        elif named and name == "mu_s":
+            # With mu_s equal to mu a falling law is Coulomb's, in which nothing tells how it falls: it begins above.
+            chosen[name] = 1.3 * chosen.get("mu", 1.0)
+        elif named and name in law.optional:
+            raise UsageError(f"{name} is free: give its start value, as in --free {name}=...")
+    if law.falls and "mu_s" not in chosen:
         raise UsageError(
             f"{law.name} friction without mu_s is Coulomb's law: give it with --fix mu_s=..., or free it with its "
             "start value, as in --free mu,mu_s=0.02,damping."
         )
-    return found
+    return chosen

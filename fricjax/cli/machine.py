@@ -17,7 +17,7 @@ from ..rig.inputs import check_restoring, checked, replaced
 from ..rig.quantity import UNITS
 from ..rig.toml import read_table
 from . import parsing
-from .laws import CONTACT, arguments, summands
+from .laws import CONTACT, coefficients, summands
 from .options import Bench, Machine
 
 if TYPE_CHECKING:
@@ -30,21 +30,21 @@ class Choice:
     """The machine that the options describe.
 
     Attributes:
-        described: the arguments of its `Rig`.
+        arguments: those of its `Rig`.
         calibrated: whether they are those of a real one; else mass and load are one.
         laws: its friction law, or the summands of it.
-        given: for each of them its coefficients.
-        values: all coefficients that were given, by short or dotted name.
-        named: names of the free coefficients; None for all that a decay can tell and that are not fixed.
+        coefficients: for each of them its coefficients.
+        values: all coefficients that have a value, by short or dotted name.
+        named: names of the free coefficients; None for all that a decay determines and that are not fixed.
         fixed: names of the coefficients that are not.
         placeholder: which of mass and stiffness is free to come from the trace, for it is not known.
         engine: name of the engine.
     """
 
-    described: Mapping[str, Any]
+    arguments: Mapping[str, Any]
     calibrated: bool
     laws: tuple[Law, ...]
-    given: tuple[Mapping[str, float], ...]
+    coefficients: tuple[Mapping[str, float], ...]
     values: Mapping[str, float]
     named: tuple[str, ...] | None
     fixed: tuple[str, ...]
@@ -54,21 +54,21 @@ class Choice:
     @property
     def model(self) -> Model:
         """Names and kinds, as far as a fit asks for them."""
-        spring = ("k3",) if self.described.get("restoring") == "cubic" else ()
+        spring = ("k3",) if self.arguments.get("restoring") == "cubic" else ()
         holding = [law.name for law in self.laws if law.kind == "set-valued"]
         remembers = any(law.kind == "bristle" for law in self.laws)
-        return Model(coefficient_names(self.laws, self.given, spring), holding == ["Coulomb"], remembers)
+        return Model(coefficient_names(self.laws, self.coefficients, spring), holding == ["Coulomb"], remembers)
 
     @property
     def rig(self) -> "Rig | None":
-        """Its calibrated values; None where none were given."""
+        """Its calibrated values; None where there are none."""
         return self._bench if self.calibrated else None
 
     @functools.cached_property
     def _bench(self) -> "Rig":
         from ..rig import Rig
 
-        return Rig(**self.described)
+        return Rig(**self.arguments)
 
     @functools.cached_property
     def oscillator(self) -> "Oscillator":
@@ -77,9 +77,32 @@ class Choice:
         Raises:
             UsageError: coefficients outside of their bounds, or an engine that cannot integrate this oscillator.
         """
-        from .build import built
+        import jax
+        import numpy as np
 
-        return built(self._bench, self.laws, self.given, self.values, self.engine)
+        from .. import friction
+        from ..friction import Sum
+        from ..oscillator.leaves import leaves_of
+        from ..oscillator.select import select_engine
+
+        try:
+            parts = [
+                getattr(friction, law.name)(**numbers)
+                for law, numbers in zip(self.laws, self.coefficients, strict=True)
+            ]
+            oscillator = self._bench.oscillator(parts[0] if len(parts) == 1 else Sum(tuple(parts)))
+            leaves, names = jax.tree.leaves(oscillator), leaves_of(oscillator)
+            for name, value in self.values.items():
+                # A rig knows its own coefficients already, with their uncertainties.
+                if name not in UNITS:
+                    leaves[find_leaf(name, names).index] = np.asarray(value, dtype=np.float64)
+            oscillator = jax.tree.unflatten(jax.tree.structure(oscillator), leaves)
+            select_engine(self.engine, oscillator)
+        except UsageError:
+            raise
+        except ValueError as error:
+            raise UsageError(str(error)) from error
+        return oscillator
 
     @functools.cached_property
     def free(self) -> tuple[str, ...]:
@@ -88,8 +111,8 @@ class Choice:
             return self.named
         from ..comparison.candidates import identifiable_coefficients
 
-        told = identifiable_coefficients(self.oscillator)
-        names = ["mass" if name == "stiffness" and self.placeholder == "mass" else name for name in told]
+        names = identifiable_coefficients(self.oscillator)
+        names = ["mass" if name == "stiffness" and self.placeholder == "mass" else name for name in names]
         return tuple(name for name in names if name not in self.fixed)
 
 
@@ -106,16 +129,18 @@ def choose(options: Machine, free: str | None = None, tied: Collection[str] = ()
         UsageError: unknown names or values that do not fit.
     """
     fixed = _numbers("--fix", options.fix)
-    named, starts = _free(free)
+    entries = [[part.strip() for part in word.partition("=")] for word in parsing.words(free)]
+    named = [name for name, _, _ in entries]
+    starts = {name: parsing.number(f"--free {name}", value) for name, equals, value in entries if equals}
     for name in fixed:
         if name in named:
             raise UsageError(f"{name} is both fixed and free. Take it out of --fix or of --free.")
     if "k3" in named and "k3" not in starts:
         # A spring that a fit is to bend begins straight.
         starts["k3"] = 0.0
-    described, placeholder = _described(options, {**fixed, **starts})
+    arguments, placeholder = _arguments(options, {**fixed, **starts})
     names = named if free is not None else [n for n in ("mu", "damping", placeholder or "stiffness") if n not in fixed]
-    choice = _choice(options, options.friction, described, {**fixed, **starts}, {*names, *tied})
+    choice = _choice(options, options.friction, arguments, {**fixed, **starts}, {*names, *tied})
     if placeholder and placeholder not in names:
         known = "without a rig" if placeholder == "stiffness" else "without its mass"
         raise UsageError(
@@ -125,7 +150,7 @@ def choose(options: Machine, free: str | None = None, tied: Collection[str] = ()
 
 
 def contenders(options: Bench, laws: Sequence[str], guess: list[str] | None = None) -> list[Choice]:
-    """The same machine with one law after the other; free is all that a decay can tell and that is not fixed.
+    """The same machine with one law after the other; free is all that a decay determines and that is not fixed.
 
     Args:
         options: rig and fixed coefficients; those of a law count for the laws that have them.
@@ -140,31 +165,32 @@ def contenders(options: Bench, laws: Sequence[str], guess: list[str] | None = No
         if name in starts:
             raise UsageError(f"{name} is fixed and has a start value. Take it out of --fix or of --guess.")
     values = {**fixed, **starts}
-    kinds = [summands(named) for named in laws]
-    described, placeholder = _described(options, values)
-    of_laws = [{name for law in parts for name in law.coefficients} for parts in kinds]
+    sums = [summands(named) for named in laws]
+    arguments, placeholder = _arguments(options, values)
+    of_laws = [{name for law in parts for name in law.coefficients} for parts in sums]
     choices = []
-    for named, parts, own in zip(laws, kinds, of_laws, strict=True):
-        others = set().union(*of_laws) - own
-        mine = {name: value for name, value in values.items() if name.rsplit(".", 1)[-1] not in others}
+    for named, parts, names in zip(laws, sums, of_laws, strict=True):
+        # What only other laws have is none of this one's concern.
+        others = set().union(*of_laws) - names
+        shared = {name: value for name, value in values.items() if name.rsplit(".", 1)[-1] not in others}
         falls = any(law.falls for law in parts)
-        mentioned = {*({"mu_s"} if falls else ()), *(own & set(CONTACT))}
-        choice = _choice(options, named, described, mine, mentioned)
+        mentioned = {*({"mu_s"} if falls else ()), *(names & set(CONTACT))}
+        choice = _choice(options, named, arguments, shared, mentioned)
         choices.append(dataclasses.replace(choice, fixed=tuple(fixed), placeholder=placeholder))
     return choices
 
 
 def known(options: Machine) -> Choice:
-    """The machine of a simulation, of which every coefficient must be given.
+    """The machine of a simulation, of which every coefficient must have a value.
 
     Raises:
         UsageError: a coefficient that is missing, unknown, or does not fit.
     """
     fixed = _numbers("--fix", options.fix)
-    described, placeholder = _described(options, fixed)
+    arguments, placeholder = _arguments(options, fixed)
     if placeholder or not (options.rig or options.normal_force):
         raise UsageError("A simulation needs the machine: give --rig, or --mass, --stiffness and --normal-force.")
-    return _choice(options, options.friction, described, fixed, (), complete=True)
+    return _choice(options, options.friction, arguments, fixed, (), complete=True)
 
 
 def bench(path: Any) -> dict[str, Any]:
@@ -181,74 +207,63 @@ def bench(path: Any) -> dict[str, Any]:
     return table
 
 
-def _check_rig(described: Mapping[str, Any]) -> None:
-    restoring = described.get("restoring", "linear")
+def _check_rig(arguments: Mapping[str, Any]) -> None:
+    restoring = arguments.get("restoring", "linear")
     check_restoring(restoring)
-    checked(described, restoring)
+    checked(arguments, restoring)
 
 
 def _choice(
     options: Bench,
     named: str,
-    described: Mapping[str, Any],
+    arguments: Mapping[str, Any],
     values: Mapping[str, float],
     mentioned: Collection[str],
     *,
     complete: bool = False,
 ) -> Choice:
-    """The rig with the law of that name and the given coefficients, each of which must exist."""
+    """The rig with the law of that name and its coefficients, each of which must exist."""
     try:
         check_engine(options.engine)
     except ValueError as error:
         raise UsageError(str(error)) from error
     laws = summands(named)
     places = [None] if len(laws) == 1 else range(len(laws))
-    given = tuple(arguments(law, i, values, mentioned, complete) for i, law in zip(places, laws, strict=True))
+    numbers = tuple(coefficients(law, i, values, mentioned, complete) for i, law in zip(places, laws, strict=True))
     calibrated = bool(options.rig or getattr(options, "normal_force", None))
-    choice = Choice(described, calibrated, laws, given, values, None, (), None, options.engine)
+    choice = Choice(arguments, calibrated, laws, numbers, values, None, (), None, options.engine)
     leaves = choice.model.leaves
     for name in [*(name for name in values if name not in UNITS), *mentioned]:
         find_leaf(name, leaves)
     return choice
 
 
-def _numbers(option: str, given: list[str] | None) -> dict[str, float]:
-    found = parsing.pairs(option, given, "v_s=1e-5")
-    return {name: parsing.number(f"{option} {name}", text) for name, text in found.items()}
+def _numbers(option: str, texts: list[str] | None) -> dict[str, float]:
+    values = parsing.pairs(option, texts, "v_s=1e-5")
+    return {name: parsing.number(f"{option} {name}", text) for name, text in values.items()}
 
 
-def _free(text: str | None) -> tuple[list[str], dict[str, float]]:
-    """Names of the free coefficients, and the start values written with them."""
-    entries = [word.partition("=") for word in parsing.words(text)]
-    starts = {
-        name.strip(): parsing.number(f"--free {name.strip()}", value) for name, equals, value in entries if equals
-    }
-    return [name.strip() for name, _, _ in entries], starts
-
-
-def _described(options: Bench, values: Mapping[str, float]) -> tuple[dict[str, Any], str | None]:
-    """The arguments of the rig, and which of mass and stiffness is a placeholder until the trace tells it.
+def _arguments(options: Bench, values: Mapping[str, float]) -> tuple[dict[str, Any], str | None]:
+    """The arguments of the rig, and which of mass and stiffness is a placeholder until the trace determines it.
 
     Raises:
         UsageError: values that no rig has, or too few.
     """
-    own = {name: getattr(options, name) for name in ("mass", "stiffness", "normal_force", "restoring", "drag")}
-    given = {name: value for name, value in own.items() if value is not None}
-    given |= {name: value for name, value in values.items() if name in UNITS}
-    described, placeholder = _completed(options, given)
-    _check_rig(described)
-    return described, placeholder
-
-
-def _completed(options: Bench, given: Mapping[str, Any]) -> tuple[dict[str, Any], str | None]:
+    named = {name: getattr(options, name) for name in ("mass", "stiffness", "normal_force", "restoring", "drag")}
+    known: dict[str, Any] = {name: value for name, value in named.items() if value is not None}
+    known |= {name: value for name, value in values.items() if name in UNITS}
+    placeholder = None
     if options.rig is not None:
-        return {**bench(options.rig), **replaced(given)}, None
-    if options.normal_force is None and options.mass is None and options.stiffness is None:
+        known = {**bench(options.rig), **replaced(known)}
+    elif options.normal_force is None and options.mass is None and options.stiffness is None:
         # Of unit mass under unit load its stiffness is omega^2, its mu the friction per unit mass.
-        return {"mass": 1.0, "stiffness": 1.0, "normal_force": 1.0, **replaced(given)}, "stiffness"
-    if "normal_force" not in given or not {"mass", "stiffness", "frequency"} & set(given):
+        placeholder = "stiffness"
+        known = {"mass": 1.0, "stiffness": 1.0, "normal_force": 1.0, **replaced(known)}
+    elif "normal_force" not in known or not {"mass", "stiffness", "frequency"} & set(known):
         raise UsageError("For mu both the load and the mass (or stiffness) are needed: give --normal-force and --mass.")
-    stiff = {"stiffness", "frequency"} & set(given)
-    if "mass" in given:
-        return (dict(given), None) if stiff else ({**given, "stiffness": 1.0}, "stiffness")
-    return {**given, "mass": 1.0}, "mass"
+    elif "mass" not in known:
+        placeholder, known["mass"] = "mass", 1.0
+    elif not {"stiffness", "frequency"} & set(known):
+        placeholder, known["stiffness"] = "stiffness", 1.0
+    _check_rig(known)
+    return known, placeholder

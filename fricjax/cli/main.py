@@ -12,7 +12,7 @@ import typer
 
 from . import calibrate, check, compare, demo, doctor, energy, fit, inspect, map, models, simulate
 from .failure import INTERRUPTED, Failure, failure_of
-from .groups import example, grouped
+from .options import example, grouped
 from .output import tell, tell_json
 
 app = typer.Typer(

@@ -1,22 +1,33 @@
 """``fricjax map``: coefficients from initial and final displacements, by routes 2 and 3."""
 
+import dataclasses
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, ClassVar
 
 from typer import Argument, Option
 
+from ..errors import UsageError
 from .failure import InvalidFit
 from .options import Machine, Plot, Reading, Writing
-from .output import PICTURES, check_targets, deliver, working, write_picture
-from .records import read_records, tell_doubts
-from .runtime import prepare
+from .output import deliver, prepare, working
+from .records import check_records, read_records, warn_of_doubts
+from .targets import PICTURES, check_targets, write_picture
 
 if TYPE_CHECKING:
-    from ..pairs import RouteFit
-    from ..rig import Rig
     from .machine import Choice
 
-_MAP = "Map"
+
+@dataclasses.dataclass(frozen=True)
+class Mapping:
+    """What is fitted to the map."""
+
+    PANEL: ClassVar = "Map"
+
+    free: Annotated[str, Option(help="Free coefficients, as mu or mu,damping.")] = "mu"
+    start: Annotated[str, Option(help="Of records: first_reversal, which no release biases, or release.")] = (
+        "first_reversal"
+    )
+    mu_scatter: Annotated[float, Option(help="Relative scatter of mu from run to run, as 0.02.")] = 0.0
 
 
 def map_(
@@ -30,66 +41,48 @@ def map_(
     reading: Reading,
     machine: Machine,
     output: Writing,
-    free: Annotated[str, Option(help="Free coefficients, as mu or mu,damping.", rich_help_panel=_MAP)] = "mu",
-    start: Annotated[
-        str, Option(help="Of records: first_reversal, which no release biases, or release.", rich_help_panel=_MAP)
-    ] = "first_reversal",
-    mu_scatter: Annotated[
-        float, Option(help="Relative scatter of mu from run to run, as 0.02.", rich_help_panel=_MAP)
-    ] = 0.0,
+    mapping: Mapping,
     plot: Plot = None,
 ) -> None:
     """Friction from final against initial displacements: mu by route 2 and 3, mu_s between stops and non-stops."""
     from ..pairs.settings import check_scatter
 
     check_targets(output, ("--plot", plot, PICTURES))
-    chosen = _chosen(files, reading, machine, free, start)
-    check_scatter(mu_scatter)
+    choice = _chosen(files, reading, machine, mapping)
+    check_scatter(mapping.mu_scatter)
     with working(output, "Fitting the map"):
         records = None if len(files) == 1 and reading.run is None else read_records(files, reading)
         prepare(output)
         from ..pairs import fit_final_displacements, fit_triangle_map, pairs_of, read_pairs
 
-        tell_doubts(records or ())
-        pairs = read_pairs(files[0]) if records is None else pairs_of(records, start=start)
-        rig = _rig(chosen)
-        how = {"half_cycles": pairs.half_cycles, "sigma": pairs.sigma, "mu_scatter": mu_scatter}
-        found = fit_final_displacements(pairs.x0, pairs.xf, chosen.oscillator, chosen.free, **how)
-        shape = fit_triangle_map(pairs.x0, pairs.xf, rig, half_cycles=pairs.half_cycles)
-    _tell(output, found, shape, plot)
-    if not found.converged:
-        raise InvalidFit(f"The fit is not valid, {found.status}")
+        warn_of_doubts(records or ())
+        pairs = read_pairs(files[0]) if records is None else pairs_of(records, start=mapping.start)
+        assert choice.rig is not None, "a map is not asked for without a rig"
+        how = {"half_cycles": pairs.half_cycles, "sigma": pairs.sigma, "mu_scatter": mapping.mu_scatter}
+        fit = fit_final_displacements(pairs.x0, pairs.xf, choice.oscillator, choice.free, **how)
+        triangle = fit_triangle_map(pairs.x0, pairs.xf, choice.rig, half_cycles=pairs.half_cycles)
+    data = {"final_displacements": fit.to_dict(), "triangle_map": triangle.to_dict()}
+    text = f"{fit.summary()}\n\n{triangle.summary()}"
+    deliver(output, data, text, lambda: write_picture(output, plot, fit.plot))
+    if not fit.converged:
+        raise InvalidFit(f"The fit is not valid, {fit.status}")
 
 
-def _chosen(files: list[Path], reading: Reading, machine: Machine, free: str, start: str) -> "Choice":
+def _chosen(files: list[Path], reading: Reading, machine: Machine, mapping: Mapping) -> "Choice":
     """The machine, once files and names are known to fit."""
     from ..data.files import check_file
-    from ..errors import UsageError
     from ..fitting.names import chosen
     from ..fitting.settings import check_start
-    from .files import check_records
     from .machine import choose
 
+    # One file may be a table of pairs, of which the options of records say nothing.
     if len(files) == 1:
         check_file(files[0])
     else:
         check_records(files, reading)
-    given = machine.rig is not None or None not in (machine.normal_force, machine.mass, machine.stiffness)
-    if not given:
+    if machine.rig is None and None in (machine.normal_force, machine.mass, machine.stiffness):
         raise UsageError("A map tells mu only with its rig: give --rig, or --mass, --stiffness and --normal-force.")
-    check_start(start, "first_reversal or release")
-    choice = choose(machine, free)
+    check_start(mapping.start, "first_reversal or release")
+    choice = choose(machine, mapping.free)
     chosen(choice.free, choice.model.leaves, choice.model.bracketable)
     return choice
-
-
-def _rig(choice: "Choice") -> "Rig":
-    """The rig, without whose numbers the period of a map tells no coefficient."""
-    assert choice.rig is not None, "a map is not asked for without a rig"
-    return choice.rig
-
-
-def _tell(output: Writing, found: "RouteFit", shape: "RouteFit", plot: Path | None) -> None:
-    data = {"final_displacements": found.to_dict(), "triangle_map": shape.to_dict()}
-    text = f"{found.summary()}\n\n{shape.summary()}"
-    deliver(output, data, text, lambda: write_picture(output, plot, found.plot))

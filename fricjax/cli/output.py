@@ -1,13 +1,14 @@
-"""Where results go: text or JSON on stdout, the log on stderr, files that appear complete or not at all."""
+"""What a command says: results as text or JSON on stdout, log and warnings on stderr."""
 
 import contextlib
-import errno
 import json
 import math
 import os
 import re
 import sys
+import threading
 import time
+import warnings
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
@@ -17,9 +18,7 @@ from .wording import in_options
 if TYPE_CHECKING:
     from .options import Output, Writing
 
-PICTURES = (".png", ".svg", ".pdf")
-RECORDS = (".npz", ".csv", ".h5", ".hdf5")
-RESULTS = (".json",)
+# Seconds after which a silent command says that it is at work, and how long it took.
 PATIENCE = 2.0
 # Control characters but tab and newline, marks that turn the direction of writing, halves of characters.
 _UNSEEN = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200b-\u200f\u2028-\u202e\u2060-\u206f\ufeff\ud800-\udfff]")
@@ -27,14 +26,14 @@ _UNSEEN = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200b-\u200f\u2028-\u2
 _SENTENCES = ("status", "warnings", "error", "notes", "remarks")
 
 
-def plain(value: Any) -> Any:
+def _for_json(value: Any) -> Any:
     """A value as JSON can hold it: arrays become lists, what is not finite becomes null."""
     if isinstance(value, Mapping):
-        return {str(key): plain(item) for key, item in value.items()}
+        return {str(key): _for_json(item) for key, item in value.items()}
     if isinstance(value, list | tuple | set | frozenset):
-        return [plain(item) for item in value]
+        return [_for_json(item) for item in value]
     if hasattr(value, "tolist"):
-        return plain(value.tolist())
+        return _for_json(value.tolist())
     if isinstance(value, float):
         return value if math.isfinite(value) else None
     return value if value is None or isinstance(value, bool | int | str) else str(value)
@@ -42,7 +41,7 @@ def plain(value: Any) -> Any:
 
 def json_text(value: Mapping[str, Any], *, ascii_only: bool = False) -> str:
     """A mapping as JSON that every parser accepts and no terminal obeys."""
-    text = json.dumps(plain(value), indent=2, ensure_ascii=ascii_only, allow_nan=False)
+    text = json.dumps(_for_json(value), indent=2, ensure_ascii=ascii_only, allow_nan=False)
     return _UNSEEN.sub(lambda match: f"\\u{ord(match[0]):04x}", text)
 
 
@@ -77,7 +76,7 @@ def finish(output: "Output", data: Mapping[str, Any], text: str) -> None:
     """Tell the outcome on stdout: `data` as JSON where that was asked for, else `text`."""
     try:
         if output.json:
-            tell_json(sys.stdout, reworded(data))
+            tell_json(sys.stdout, _reworded(data))
         else:
             tell(sys.stdout, in_options(text))
         sys.stdout.flush()
@@ -95,14 +94,14 @@ def deliver(
     """Write the files that were asked for, and tell the outcome, also where a file cannot be written.
 
     Args:
-        output: how it is told.
+        output: how it is shown.
         data: the outcome as JSON can hold it, without its files.
         text: the same to be read.
         write: writes the files and returns their paths by what they are.
         after: text that is true only once the files are there.
 
     Raises:
-        OSError: a file cannot be written; the numbers have been told.
+        OSError: a file cannot be written; the numbers have been shown.
     """
     try:
         files = write()
@@ -121,13 +120,27 @@ def deliver(
         log(output, f"{name.capitalize()}: {path}")
 
 
-def reworded(value: Any, told: bool = False) -> Any:
+def _reworded(value: Any, sentence: bool = False) -> Any:
     """The same data with its sentences in the words of the command line."""
     if isinstance(value, Mapping):
-        return {key: reworded(item, key in _SENTENCES) for key, item in value.items()}
+        return {key: _reworded(item, key in _SENTENCES) for key, item in value.items()}
     if isinstance(value, list | tuple):
-        return [reworded(item, told) for item in value]
-    return in_options(value) if told and isinstance(value, str) else value
+        return [_reworded(item, sentence) for item in value]
+    return in_options(value) if sentence and isinstance(value, str) else value
+
+
+def prepare(output: "Output") -> None:
+    """What comes before the first array: double precision on, and every warning of this package a line on stderr."""
+
+    def show(message: Warning | str, category: Any, filename: str, *_: Any, **__: Any) -> None:
+        # Warnings of the packages that this one is built on concern no user.
+        if not output.quiet and "fricjax" in Path(filename).parts:
+            tell(sys.stderr, in_options(f"Warning: {' '.join(str(message).split())}"))
+
+    warnings.showwarning = show
+    import jax
+
+    jax.config.update("jax_enable_x64", True)
 
 
 def log(output: "Output", text: str) -> None:
@@ -143,88 +156,20 @@ def working(output: "Output", text: str) -> Iterator[None]:
         yield
         return
     started = time.perf_counter()
-    with _spinner(text) if sys.stderr.isatty() else _late_line(text):
+    with contextlib.ExitStack() as stack:
+        if sys.stderr.isatty():
+            from rich.console import Console
+            from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+
+            columns = SpinnerColumn(), TextColumn("{task.description}", markup=False), TimeElapsedColumn()
+            progress = stack.enter_context(Progress(*columns, console=Console(stderr=True), transient=True))
+            progress.add_task(visible(text), total=None)
+        else:
+            timer = threading.Timer(PATIENCE, lambda: tell(sys.stderr, f"{text} ..."))
+            timer.daemon = True
+            timer.start()
+            stack.callback(timer.cancel)
         yield
     elapsed = time.perf_counter() - started
     if elapsed > PATIENCE:
         log(output, f"{text}: done in {elapsed:.1f} s")
-
-
-@contextlib.contextmanager
-def _spinner(text: str) -> Iterator[None]:
-    from rich.console import Console
-    from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
-
-    columns = SpinnerColumn(), TextColumn("{task.description}", markup=False), TimeElapsedColumn()
-    with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
-        progress.add_task(visible(text), total=None)
-        yield
-
-
-@contextlib.contextmanager
-def _late_line(text: str) -> Iterator[None]:
-    import threading
-
-    timer = threading.Timer(PATIENCE, lambda: tell(sys.stderr, f"{text} ..."))
-    timer.daemon = True
-    timer.start()
-    try:
-        yield
-    finally:
-        timer.cancel()
-
-
-def write_picture(output: "Writing", plot: Path | None, draw: Callable[[], Any]) -> dict[str, str]:
-    """Draw and write a picture where one was asked for; its path by what it is."""
-    if plot is None:
-        return {}
-    from ..show import save
-
-    return {"picture": str(save(draw(), plot, overwrite=output.force))}
-
-
-def check_targets(output: "Writing", *targets: tuple[str, Path | None, tuple[str, ...]]) -> None:
-    """Refuse, before any work is done, files that could not be written at its end.
-
-    Args:
-        output: says whether files that exist may be replaced.
-        *targets: for each file the name of its option, its path or None, and the suffixes that it may have.
-
-    Raises:
-        UsageError: a suffix that does not fit, a folder that does not exist, a file that does, or two in one place.
-        OSError: a folder that cannot be written to.
-    """
-    from ..errors import UsageError
-
-    named = [(option, path, suffixes) for option, path, suffixes in targets if path is not None]
-    for option, path, suffixes in named:
-        if path.suffix.lower() not in suffixes:
-            raise UsageError(f"{option} cannot write '{path}': give it the ending {' or '.join(suffixes)}.")
-        if not path.parent.is_dir():
-            raise UsageError(f"{option} cannot write '{path}': there is no folder '{path.parent}'. Make it first.")
-        if path.is_dir():
-            raise UsageError(f"{option} cannot write '{path}': that is a folder.")
-        if path.exists() and not output.force:
-            raise UsageError(f"{option} cannot write '{path}': it exists already. Add --force, or give another name.")
-        check_folder(path.resolve().parent, path)
-    if len({path.absolute() for _, path, _ in named}) < len(named):
-        raise UsageError(f"{' and '.join(option for option, _, _ in named)} name the same file. Give each its own.")
-
-
-def check_folder(folder: Path, path: Path) -> None:
-    """Refuse to make a path in a folder that cannot be written to.
-
-    Raises:
-        OSError: it cannot.
-    """
-    if not os.access(folder, os.W_OK):
-        from ..show.files import refused
-
-        raise refused(errno.EACCES, path)
-
-
-def numbered(path: Path | None, count: int) -> list[Path]:
-    """One path per run: the path itself, or with a number for each of several; none where no picture is wanted."""
-    if path is None:
-        return []
-    return [path] if count == 1 else [path.with_stem(f"{path.stem}-{i + 1}") for i in range(count)]

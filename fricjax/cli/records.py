@@ -1,19 +1,62 @@
-"""Reading the records that a command works on."""
+"""The records that a command names: whether they can be read with its options, asked before any is opened; reading."""
 
+import dataclasses
 import warnings
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
+from ..errors import UsageError
 from . import parsing
-from .files import given
 from .options import Reading
 
 if TYPE_CHECKING:
     from ..data import Record
 
 
-def read_records(paths: Sequence[Path], options: Reading) -> list["Record"]:
+def check_records(paths: Sequence[Path], reading: Reading) -> None:
+    """Refuse files and options of reading that cannot go together.
+
+    Args:
+        paths: the records.
+        reading: how they are read.
+
+    Raises:
+        DataError: a file that is missing, empty, of an unknown format or named twice, or a unit that does not fit.
+        UsageError: an option that does not fit the format, or that contradicts another.
+    """
+    from ..data.files import check_distinct, check_file
+    from ..data.read import check
+    from ..data.readers.choice import Choice
+    from ..data.readers.header import scale_of
+    from ..data.units import DISPLACEMENT, TIME
+
+    for path in paths:
+        check_file(path)
+    check_distinct(paths)
+    if reading.crop is not None:
+        low, high = parsing.span("--crop", reading.crop)
+        if low is not None and high is not None and not low < high:
+            raise UsageError(f"--crop '{reading.crop}' ends before it begins; write the earlier time first.")
+    options = _options(reading)
+    for path in paths:
+        check(path, options)
+    if options:
+        Choice(time=reading.time, rate=reading.rate, sign=1 if reading.sign is None else reading.sign)
+        scale_of(None, reading.unit, DISPLACEMENT, "the displacement", "unit")
+        scale_of(None, reading.time_unit, TIME, "the time", "time_unit")
+
+
+def _options(reading: Reading) -> dict[str, Any]:
+    """The options of `fricjax.read`, without those that were left out."""
+    options = {field.name: getattr(reading, field.name) for field in dataclasses.fields(reading)}
+    options = {name: value for name, value in options.items() if value is not None and name != "crop"}
+    if "cells" in options:
+        options["cells"] = [int(parsing.number("--cells", word)) for word in parsing.words(options["cells"])]
+    return options
+
+
+def read_records(paths: Sequence[Path], reading: Reading) -> list["Record"]:
     """The records of the files, all read and cropped with the same options; they must measure the same quantity.
 
     Raises:
@@ -21,37 +64,34 @@ def read_records(paths: Sequence[Path], options: Reading) -> list["Record"]:
         UsageError: options that do not fit the format, or lengths and angles in one fit.
     """
     from ..data import crop, read
-    from ..errors import UsageError
 
     records: list[Record] = []
     for path in paths:
-        found = read(path, **given(options))
-        records += found if isinstance(found, list) else [found]
+        content = read(path, **_options(reading))
+        records += content if isinstance(content, list) else [content]
     if len({record.quantity for record in records}) > 1:
         raise UsageError(
             "One fit cannot join records in m with records in rad: give files of one quantity, or a --unit."
         )
-    if options.crop is None:
+    if reading.crop is None:
         return records
-    return [crop(record, *parsing.span("--crop", options.crop)) for record in records]
+    return [crop(record, *parsing.span("--crop", reading.crop)) for record in records]
 
 
-def read_record(path: Path, options: Reading) -> "Record":
+def read_record(path: Path, reading: Reading) -> "Record":
     """The one record of a file.
 
     Raises:
         DataError: a file or record that cannot be used.
         UsageError: options that do not fit the format, or several runs.
     """
-    from ..errors import UsageError
-
-    records = read_records([path], options)
+    records = read_records([path], reading)
     if len(records) > 1:
         raise UsageError(f"{path.name} holds {len(records)} runs, but one is needed: give its number with --run.")
     return records[0]
 
 
-def tell_doubts(records: Sequence["Record"]) -> None:
+def warn_of_doubts(records: Sequence["Record"]) -> None:
     """Warn of what was taken for granted in reading, where the result does not say so itself."""
     for sentence in dict.fromkeys(sentence for record in records for sentence in record.doubts):
         warnings.warn(sentence, stacklevel=2)

@@ -3,21 +3,23 @@
 import dataclasses
 import math
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 from typer import Option
 
+from ..errors import UsageError
 from .options import Machine, Plot, Writing
-from .output import PICTURES, RECORDS, check_targets, deliver, working, write_picture
-from .runtime import prepare
+from .output import deliver, prepare, working
+from .targets import PICTURES, RECORDS, check_targets, write_picture
 
 if TYPE_CHECKING:
     from ..data import Record
     from ..oscillator import Motion, Oscillator
     from .machine import Choice
 
-_RUN, _EYE = "Run", "Instrument"
+# Seconds at rest at the end of a record whose duration is not given, as the help page says.
 _TAIL = 0.05
+# No run is longer, in seconds: it stands for a duration that is not known before the motion.
 _FOREVER = 1e9
 
 
@@ -25,41 +27,33 @@ _FOREVER = 1e9
 class Run:
     """The release, and how long it is watched."""
 
-    x0: Annotated[
-        str,
-        Option("--x0", help='Displacement at release, as 2e-3 or "2 mm".', rich_help_panel=_RUN, show_default=False),
-    ]
-    rate: Annotated[float, Option(help="Samples per second.", rich_help_panel=_RUN)] = 5000.0
+    PANEL: ClassVar = "Run"
+
+    x0: Annotated[str, Option("--x0", help='Displacement at release, as 2e-3 or "2 mm".', show_default=False)]
+    rate: Annotated[float, Option(help="Samples per second.")] = 5000.0
     duration: Annotated[
-        float | None,
-        Option(help="Length of the record, in s; default: until 50 ms after the stop.", rich_help_panel=_RUN),
+        float | None, Option(help="Length of the record, in s; default: until 50 ms after the stop.")
     ] = None
-    v0: Annotated[float, Option("--v0", help="Velocity at release, in m/s.", rich_help_panel=_RUN)] = 0.0
-    hold: Annotated[float, Option(help="Time at rest before the release, in s.", rich_help_panel=_RUN)] = 0.0
-    release_time_constant: Annotated[
-        float, Option(help="Decay time of the holding magnet, in s.", rich_help_panel=_RUN)
-    ] = 0.0
-    floor_acceleration_psd: Annotated[
-        float, Option(help="White floor acceleration, one-sided, in (m/s^2)^2/Hz.", rich_help_panel=_RUN)
-    ] = 0.0
-    accuracy: Annotated[float, Option(help="Largest numerical error, in m.", rich_help_panel=_RUN)] = 1e-10
+    v0: Annotated[float, Option("--v0", help="Velocity at release, in m/s.")] = 0.0
+    hold: Annotated[float, Option(help="Time at rest before the release, in s.")] = 0.0
+    release_time_constant: Annotated[float, Option(help="Decay time of the holding magnet, in s.")] = 0.0
+    floor_acceleration_psd: Annotated[float, Option(help="White floor acceleration, one-sided, in (m/s^2)^2/Hz.")] = 0.0
+    accuracy: Annotated[float, Option(help="Largest numerical error, in m.")] = 1e-10
 
 
 @dataclasses.dataclass(frozen=True)
 class Instrument:
     """What the interferometer adds."""
 
-    noise: Annotated[float, Option(help="White noise, standard deviation, in m.", rich_help_panel=_EYE)] = 0.0
-    quantisation: Annotated[float, Option(help="Smallest count, in m.", rich_help_panel=_EYE)] = 0.0
-    offset: Annotated[float, Option(help="Reading at equilibrium, in m.", rich_help_panel=_EYE)] = 0.0
-    drift: Annotated[float, Option(help="Drift of the reading, in m/s.", rich_help_panel=_EYE)] = 0.0
-    periodic_nonlinearity: Annotated[
-        float, Option(help="Periodic error of first order, in m.", rich_help_panel=_EYE)
-    ] = 0.0
-    sampling_jitter: Annotated[float, Option(help="Scatter of the sampling instants, in s.", rich_help_panel=_EYE)] = (
-        0.0
-    )
-    seed: Annotated[int, Option(help="Number from which all random numbers follow.", rich_help_panel=_EYE)] = 0
+    PANEL: ClassVar = "Instrument"
+
+    noise: Annotated[float, Option(help="White noise, standard deviation, in m.")] = 0.0
+    quantisation: Annotated[float, Option(help="Smallest count, in m.")] = 0.0
+    offset: Annotated[float, Option(help="Reading at equilibrium, in m.")] = 0.0
+    drift: Annotated[float, Option(help="Drift of the reading, in m/s.")] = 0.0
+    periodic_nonlinearity: Annotated[float, Option(help="Periodic error of first order, in m.")] = 0.0
+    sampling_jitter: Annotated[float, Option(help="Scatter of the sampling instants, in s.")] = 0.0
+    seed: Annotated[int, Option(help="Number from which all random numbers follow.")] = 0
 
 
 def simulate(
@@ -91,19 +85,22 @@ def _known(run: Run, machine: Machine, instrument: Instrument) -> "tuple[Choice,
     from .machine import known
 
     choice, x0 = known(machine), parsing.displacement("--x0", run.x0)
-    given = dataclasses.asdict(run) | {"x0": x0}
-    del given["accuracy"]
-    # How long the motion lasts is not known yet, but no run is longer than this.
-    Numbers(**{**given, "duration": _FOREVER if run.duration is None else run.duration})
-    eye = dataclasses.asdict(instrument)
-    check_seed(eye.pop("seed"))
-    Interferometer(**eye)
+    numbers = dataclasses.asdict(run) | {"x0": x0, "duration": _FOREVER if run.duration is None else run.duration}
+    del numbers["accuracy"]
+    Numbers(**numbers)
+    interferometer = dataclasses.asdict(instrument)
+    check_seed(interferometer.pop("seed"))
+    Interferometer(**interferometer)
     return choice, x0
 
 
 def simulated(run: Run, choice: "Choice", x0: float, instrument: Instrument) -> "tuple[Motion, Record, dict[str, Any]]":
     """The motion itself, the record of it, and what there is to say about both."""
+    import numpy as np
+
     from ..instrument import synthetic_run
+    from ..oscillator import RESULTS, is_successful
+    from ..oscillator import simulate as integrate
 
     oscillator = choice.oscillator
     duration = _duration(oscillator, x0, run) if run.duration is None else run.duration
@@ -118,39 +115,27 @@ def simulated(run: Run, choice: "Choice", x0: float, instrument: Instrument) -> 
         floor_acceleration_psd=run.floor_acceleration_psd,
         **dataclasses.asdict(instrument),
     )
-    motion = _motion(oscillator, x0, record, run, choice.engine)
-    return motion, record, _facts(motion, record, run)
-
-
-def _motion(oscillator: "Oscillator", x0: float, record: "Record", run: Run, engine: str) -> "Motion":
-    """The motion without the imperfections of instrument, floor and release."""
-    import numpy as np
-
-    from ..errors import UsageError
-    from ..oscillator import RESULTS, is_successful
-    from ..oscillator import simulate as integrate
-
+    # The motion without the imperfections of instrument, floor and release.
     times = np.asarray(record.trace.t)
-    motion = integrate(
-        oscillator, x0, times[times >= run.hold] - run.hold, v0=run.v0, engine=engine, accuracy=run.accuracy
-    )
+    times = times[times >= run.hold] - run.hold
+    motion = integrate(oscillator, x0, times, v0=run.v0, engine=choice.engine, accuracy=run.accuracy)
     if not is_successful(motion.result):
         raise UsageError(f"The motion could not be computed: {RESULTS[motion.result]}")
-    return motion
+    return motion, record, _facts(motion, record, run)
 
 
 def _duration(oscillator: "Oscillator", x0: float, run: Run) -> float:
     """Until the mass rests, and a little longer; without damping it rests the latest."""
     import numpy as np
 
-    from ..errors import UsageError
     from ..oscillator import simulate as integrate
 
     band, omega = float(oscillator.dead_band), float(oscillator.angular_frequency)
     stop = math.inf
     if oscillator.friction.set_valued and band > 0:
-        strokes = math.hypot(x0, run.v0 / omega) / (2 * band) + 4
-        stop = float(integrate(oscillator, x0, np.array([2 * strokes * math.pi / omega]), v0=run.v0).t_stop)
+        # Each half-cycle takes two dead bands off the amplitude, or more; the motion is followed for twice that time.
+        half_cycles = math.hypot(x0, run.v0 / omega) / (2 * band) + 4
+        stop = float(integrate(oscillator, x0, np.array([2 * half_cycles * math.pi / omega]), v0=run.v0).t_stop)
     if not math.isfinite(stop):
         raise UsageError(
             "Under this law the mass does not come to rest by itself: say with --duration how long to watch."
@@ -194,7 +179,30 @@ def _text(facts: dict[str, Any], unit: str) -> str:
 
 def _write(output: Writing, motion: "Motion", record: "Record", out: Path | None, plot: Path | None) -> dict[str, str]:
     from ..data import write
-    from .pictures import motion_picture
 
     written = {} if out is None else {"record": str(write(record, out, overwrite=output.force))}
-    return written | write_picture(output, plot, lambda: motion_picture(motion, record))
+    return written | write_picture(output, plot, lambda: _picture(motion, record))
+
+
+def _picture(motion: "Motion", record: "Record") -> Any:
+    """Displacement and friction force over time."""
+    import numpy as np
+
+    from ..data.show import displacement
+    from ..show import axis_label, display_unit, figure, rotary_unit
+
+    drawing, axes = figure(2, 1, share_x=True, heights=(3, 2))
+    top, bottom = axes[:, 0]
+    t, x, force = np.asarray(record.trace.t), np.asarray(record.trace.x), np.asarray(motion.friction_force)
+    factor, unit = display_unit(float(np.max(np.abs(x))), record.quantity)
+    top.plot(t, factor * x)
+    stop = float(motion.t_stop)
+    if stop <= t[-1]:
+        top.axvspan(stop, t[-1], color="0.92", zorder=0, label=f"at rest from {stop:.6g} s")
+        top.legend(loc="upper right", fontsize=8)
+    top.set_ylabel(axis_label(displacement(record.quantity), unit))
+    factor, unit = display_unit(float(np.max(np.abs(force))), rotary_unit("N", record.quantity))
+    bottom.plot(np.asarray(motion.t), factor * force, color="#D55E00")
+    bottom.set_ylabel(axis_label("Friction force", unit))
+    bottom.set_xlabel(axis_label("Time", "s"))
+    return drawing

@@ -14,7 +14,7 @@ from typer import Option
 
 from fricjax.cli import compare, energy, fit, output, wording
 from fricjax.cli.failure import failure_of
-from fricjax.cli.groups import grouped
+from fricjax.cli.options import grouped
 from fricjax.errors import DataError
 
 

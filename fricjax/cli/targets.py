@@ -1,0 +1,72 @@
+"""The files that a command is to write: whether they can be, asked before any work is done, and pictures."""
+
+import errno
+import os
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ..errors import UsageError
+
+if TYPE_CHECKING:
+    from .options import Writing
+
+PICTURES = (".png", ".svg", ".pdf")
+RECORDS = (".npz", ".csv", ".h5", ".hdf5")
+RESULTS = (".json",)
+
+
+def write_picture(
+    output: "Writing", plot: Path | None, draw: Callable[[], Any], name: str = "picture"
+) -> dict[str, str]:
+    """Draw and write a picture where one was asked for; its path by its name among the files of the command."""
+    if plot is None:
+        return {}
+    from ..show import save
+
+    return {name: str(save(draw(), plot, overwrite=output.force))}
+
+
+def check_targets(output: "Writing", *targets: tuple[str, Path | None, tuple[str, ...]]) -> None:
+    """Refuse, before any work is done, files that could not be written at its end.
+
+    Args:
+        output: says whether files that exist may be replaced.
+        *targets: for each file the name of its option, its path or None, and the suffixes that it may have.
+
+    Raises:
+        UsageError: a suffix that does not fit, a folder that does not exist, a file that does, or two in one place.
+        OSError: a folder that cannot be written to.
+    """
+    named = [(option, path, suffixes) for option, path, suffixes in targets if path is not None]
+    for option, path, suffixes in named:
+        if path.suffix.lower() not in suffixes:
+            raise UsageError(f"{option} cannot write '{path}': give it the ending {' or '.join(suffixes)}.")
+        if not path.parent.is_dir():
+            raise UsageError(f"{option} cannot write '{path}': there is no folder '{path.parent}'. Make it first.")
+        if path.is_dir():
+            raise UsageError(f"{option} cannot write '{path}': that is a folder.")
+        if path.exists() and not output.force:
+            raise UsageError(f"{option} cannot write '{path}': it exists already. Add --force, or give another name.")
+        check_folder(path.resolve().parent, path)
+    if len({path.absolute() for _, path, _ in named}) < len(named):
+        raise UsageError(f"{' and '.join(option for option, _, _ in named)} name the same file. Give each its own.")
+
+
+def check_folder(folder: Path, path: Path) -> None:
+    """Refuse to make a path in a folder that cannot be written to.
+
+    Raises:
+        OSError: it cannot.
+    """
+    if not os.access(folder, os.W_OK):
+        from ..show.files import refused
+
+        raise refused(errno.EACCES, path)
+
+
+def numbered(path: Path | None, count: int) -> list[Path]:
+    """One path per run: the path itself, or with a number for each of several; none where no picture is wanted."""
+    if path is None:
+        return []
+    return [path] if count == 1 else [path.with_stem(f"{path.stem}-{i + 1}") for i in range(count)]
