@@ -49,6 +49,16 @@ class ModalCalibration(Reported):
         noise: standard deviation of the line at the resonance over its size [1].
         duration: length of the record [s].
         warnings: what a reader of the numbers must know, in sentences.
+
+    Examples:
+        >>> import numpy as np
+        >>> import fricjax as fj
+        >>> frequency = np.linspace(10.0, 15.0, 401)
+        >>> omega = 2 * np.pi * frequency
+        >>> receptance = 1 / (2574.0 - 0.41 * omega**2 + 0.18j * omega)
+        >>> calibration = fj.calibrate_frf(frequency, receptance)
+        >>> round(calibration.rig(normal_force="9.66(5) N").mass.value, 6)
+        0.41
     """
 
     mass: Measured

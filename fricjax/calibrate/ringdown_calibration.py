@@ -72,6 +72,17 @@ class RingdownCalibration(Reported):
         warnings: what a reader of the numbers must know, in sentences.
         aicc: Akaike's criterion of each fit, less that of the chosen one.
         fit: the chosen fit, of a machine of unit mass under unit load.
+
+    Examples:
+        >>> import fricjax as fj
+        >>> free = fj.Oscillator(0.41, 2574.0, 0.18, 9.66, fj.friction.Coulomb(0.0))
+        >>> record = fj.synthetic_run(free, 2e-3, rate=1000.0, duration=2.0, noise=1e-8, seed=1)
+        >>> calibration = fj.calibrate_ringdown(record, drag=False, friction=False)
+        >>> rig = calibration.rig(mass="410.0(3) g", normal_force="9.66(5) N")
+        >>> rig.mass
+        0.41000(30)
+        >>> rig.frequency == calibration.frequency
+        True
     """
 
     frequency: Measured

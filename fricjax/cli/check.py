@@ -46,6 +46,7 @@ def check(run: Planned, machine: Machine, output: Writing, plot: Plot = None) ->
         information = fisher(choice.oscillator, **settings)
     picture = lambda: write_picture(output, plot, information.plot)
     deliver(output, information.to_dict(), information.summary(), picture)
+    # Of coefficients that nobody named it is the answer, and no failure, that a run leaves some open.
     if run.free is not None and information.undetermined:
         raise Exit(3)
 

@@ -33,6 +33,7 @@ def doctor(output: Output) -> None:
     with working(output, "Checking"):
         prepare(output)
         findings = {"versions": versions(), **platform_facts()}
+        # Whether the cache of compiled programs is of use shows only in what JAX says of it during a computation.
         from jax import monitoring
 
         seen: Counter[str] = Counter()
@@ -108,6 +109,7 @@ def golden_motion() -> tuple[bool, str]:
     from ..friction import Coulomb
     from ..oscillator import Oscillator, simulate
 
+    # In closed form: 3 mm less 8 times 2 mu N/k, and 8 pi sqrt(m/k).
     motion = simulate(Oscillator(1.0, 5000.0, 0.0, 9.81, Coulomb(0.1)), 3e-3, np.array([0.5]))
     x, half_cycles = float(motion.x[0]), int(motion.n_half_cycles)
     ok = abs(x + 1.392e-4) < 1e-12 and half_cycles == 8 and abs(float(motion.t_stop) - 0.355430635053) < 1e-9

@@ -61,6 +61,7 @@ def evaluated(
 
     machine = Rig(**arguments)
     force_map = friction_force_map(records, machine, free, bins=bins)
+    # The balance of the half-cycles takes off the same losses as the force map.
     calibrated = machine if free is None else machine.replace(damping=force_map.damping, drag=force_map.drag)
     return force_map, half_cycle_friction(records, calibrated)
 

@@ -169,6 +169,7 @@ def report(fit: "Fit", choice: "Choice") -> tuple[dict[str, Any], str]:
         sentences.append(
             "The record is an angle, but its restoring force was taken as linear: see --restoring pendulum."
         )
+    # Without a rig mu_s is that of a unit mass under unit load, as mu is.
     lines = [f"{name + ':':<13}{text}" for name, text in facts(fit) if name != "mu_s"]
     lines += [f"! {sentence}" for sentence in sentences]
     hint = "Without a rig there is no mu: give --rig rig.toml, or --mass and --normal-force, to get it."

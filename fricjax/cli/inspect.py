@@ -22,6 +22,7 @@ def inspect(
     check_records([file], reading)
     with working(output, f"Inspecting {file.name}"):
         records = read_records([file], reading)
+        # Nothing is computed that takes JAX, so that there is nothing to prepare and little to wait for.
         from ..data import inspect as inspect_record
 
         inspections = [inspect_record(record) for record in records]

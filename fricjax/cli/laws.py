@@ -17,11 +17,7 @@ def laws() -> dict[str, Law]:
 
 
 def find_law(name: str, known: Mapping[str, Law]) -> Law:
-    """The law of that name among those `known`.
-
-    Raises:
-        UsageError: no such law.
-    """
+    """The law of that name among those `known`."""
     word = name.strip().lower()
     if word in CATALOGUE and word not in known:
         raise UsageError(f"The law '{word}' is made in Python only, for its coefficients are lists of numbers.")
@@ -31,11 +27,7 @@ def find_law(name: str, known: Mapping[str, Law]) -> Law:
 
 
 def summands(named: str) -> tuple[Law, ...]:
-    """The law, or the laws joined by ``+``.
-
-    Raises:
-        UsageError: no such law, nothing beside a ``+``, or laws that no engine integrates together.
-    """
+    """The law, or the laws joined by ``+``."""
     words = named.split("+")
     if not all(word.strip() for word in words):
         lacking = f"'{named}' lacks a law beside its +" if len(words) > 1 else "names no law"

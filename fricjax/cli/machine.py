@@ -124,9 +124,6 @@ def choose(options: Machine, free: str | None = None, tied: Collection[str] = ()
         free: free coefficients as ``mu,damping,mu_s=0.02`` with optional start values; None for those that a decay
             determines: mu, damping, and the stiffness (or the mass, where only the stiffness is known).
         tied: coefficients that follow a free one.
-
-    Raises:
-        UsageError: unknown names or values that do not fit.
     """
     fixed = _numbers("--fix", options.fix)
     entries = [[part.strip() for part in word.partition("=")] for word in parsing.words(free)]
@@ -156,9 +153,6 @@ def contenders(options: Bench, laws: Sequence[str], guess: list[str] | None = No
         options: rig and fixed coefficients; those of a law count for the laws that have them.
         laws: laws, or sums of them joined by ``+``.
         guess: start values as ``name=value``, likewise.
-
-    Raises:
-        UsageError: unknown names or values that do not fit.
     """
     fixed, starts = _numbers("--fix", options.fix), _numbers("--guess", guess)
     for name in fixed:
@@ -181,11 +175,7 @@ def contenders(options: Bench, laws: Sequence[str], guess: list[str] | None = No
 
 
 def known(options: Machine) -> Choice:
-    """The machine of a simulation, of which every coefficient must have a value.
-
-    Raises:
-        UsageError: a coefficient that is missing, unknown, or does not fit.
-    """
+    """The machine of a simulation, of which every coefficient must have a value."""
     fixed = _numbers("--fix", options.fix)
     arguments, placeholder = _arguments(options, fixed)
     if placeholder or not (options.rig or options.normal_force):
@@ -194,11 +184,7 @@ def known(options: Machine) -> Choice:
 
 
 def bench(path: Any) -> dict[str, Any]:
-    """The arguments of the rig that a file describes.
-
-    Raises:
-        UsageError: no such file, or values that no rig has.
-    """
+    """The arguments of the rig that a file describes."""
     table = read_table(path)
     try:
         _check_rig(table)
@@ -230,6 +216,7 @@ def _choice(
     laws = summands(named)
     places = [None] if len(laws) == 1 else range(len(laws))
     numbers = tuple(coefficients(law, i, values, mentioned, complete) for i, law in zip(places, laws, strict=True))
+    # Without the load mu is that of a unit load, which is no coefficient of the contact.
     calibrated = bool(options.rig or getattr(options, "normal_force", None))
     choice = Choice(arguments, calibrated, laws, numbers, values, None, (), None, options.engine)
     leaves = choice.model.leaves
@@ -244,11 +231,7 @@ def _numbers(option: str, texts: list[str] | None) -> dict[str, float]:
 
 
 def _arguments(options: Bench, values: Mapping[str, float]) -> tuple[dict[str, Any], str | None]:
-    """The arguments of the rig, and which of mass and stiffness is a placeholder until the trace determines it.
-
-    Raises:
-        UsageError: values that no rig has, or too few.
-    """
+    """The arguments of the rig, and which of mass and stiffness is a placeholder until the trace determines it."""
     named = {name: getattr(options, name) for name in ("mass", "stiffness", "normal_force", "restoring", "drag")}
     known: dict[str, Any] = {name: value for name, value in named.items() if value is not None}
     known |= {name: value for name, value in values.items() if name in UNITS}
@@ -262,6 +245,7 @@ def _arguments(options: Bench, values: Mapping[str, float]) -> tuple[dict[str, A
     elif "normal_force" not in known or not {"mass", "stiffness", "frequency"} & set(known):
         raise UsageError("For mu both the load and the mass (or stiffness) are needed: give --normal-force and --mass.")
     elif "mass" not in known:
+        # The trace knows k/m: with one of the two known, the other comes from the frequency.
         placeholder, known["mass"] = "mass", 1.0
     elif not {"stiffness", "frequency"} & set(known):
         placeholder, known["stiffness"] = "stiffness", 1.0

@@ -21,6 +21,7 @@ app = typer.Typer(
     epilog=example("fit run.csv --rig rig.toml"),
     no_args_is_help=True,
     add_completion=False,
+    # Failures are worded in `run`.
     pretty_exceptions_enable=False,
     rich_markup_mode="rich",
 )
@@ -67,13 +68,16 @@ def run(arguments: Sequence[str]) -> int:
         The exit code.
     """
     try:
+        # On its own the parser would word its errors itself, end the process, and know nothing of --json.
         code = app(list(arguments), prog_name="fricjax", standalone_mode=False)
         if code == INTERRUPTED:  # typer takes Ctrl-C and leaves only its exit code
             raise KeyboardInterrupt
+        # What is still in the buffer meets a full disk here, where that is told, and not while Python shuts down.
         sys.stdout.flush()
     except BrokenPipeError:
         return _stop_writing()
     except (Exception, KeyboardInterrupt) as error:
+        # The words themselves are looked at, for the parser may be what failed.
         if "--debug" in arguments and not isinstance(error, KeyboardInterrupt):
             import traceback
 
@@ -94,6 +98,7 @@ def _stop_writing() -> int:
     """The reader of our output has gone, as `head` does; that is no failure of ours, and nothing more can be said."""
     import os
 
+    # Python flushes stdout once more at its end; it must find something that takes the rest.
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     return 0
 

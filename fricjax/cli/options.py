@@ -31,10 +31,12 @@ def grouped(command: Callable[..., Any]) -> Callable[..., Any]:
 
     @functools.wraps(command)
     def spread(**values: Any) -> Any:
+        # Advice of the package is worded with the options of the command that runs.
         speak(options)
         made = {name: group(**{field: values.pop(field) for field in _fields(group)}) for name, group in groups.items()}
         return command(**values, **made)
 
+    # typer takes what a command accepts from its signature.
     shown: list[inspect.Parameter] = []
     for name, parameter in parameters.items():
         shown += _fields(groups[name]).values() if name in groups else [parameter.replace(kind=parameter.KEYWORD_ONLY)]
@@ -50,6 +52,7 @@ def _fields(group: Any) -> dict[str, inspect.Parameter]:
     parameters = {}
     for field in dataclasses.fields(group):
         for declared in get_args(hints[field.name])[1:]:
+            # A group has one panel, which is said once and not at each field.
             declared.rich_help_panel = group.PANEL
         default = inspect.Parameter.empty if field.default is dataclasses.MISSING else field.default
         kind = inspect.Parameter.KEYWORD_ONLY

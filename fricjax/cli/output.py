@@ -80,6 +80,7 @@ def finish(output: "Output", data: Mapping[str, Any], text: str) -> None:
         else:
             tell(sys.stdout, in_options(text))
         sys.stdout.flush()
+    # A reader that goes away is no failure, and `run` treats it so.
     except BrokenPipeError:
         raise
     except OSError as error:

@@ -41,6 +41,7 @@ def check_records(paths: Sequence[Path], reading: Reading) -> None:
     options = _options(reading)
     for path in paths:
         check(path, options)
+    # The constructors refuse what no record has; nothing is kept of them.
     if options:
         Choice(time=reading.time, rate=reading.rate, sign=1 if reading.sign is None else reading.sign)
         scale_of(None, reading.unit, DISPLACEMENT, "the displacement", "unit")
@@ -94,4 +95,5 @@ def read_record(path: Path, reading: Reading) -> "Record":
 def warn_of_doubts(records: Sequence["Record"]) -> None:
     """Warn of what was taken for granted in reading, where the result does not say so itself."""
     for sentence in dict.fromkeys(sentence for record in records for sentence in record.doubts):
+        # As a warning and not as a line of the log: it is told with --json as well.
         warnings.warn(sentence, stacklevel=2)

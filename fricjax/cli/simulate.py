@@ -62,6 +62,7 @@ def simulate(
     instrument: Instrument,
     output: Writing,
     out: Annotated[
+        # In other commands --out writes a result and --save a record; here the record is the result.
         Path | None, Option("--out", "--save", help="Write the record (.csv, .npz, .h5).", rich_help_panel="Output")
     ] = None,
     plot: Plot = None,
@@ -87,6 +88,7 @@ def _known(run: Run, machine: Machine, instrument: Instrument) -> "tuple[Choice,
     choice, x0 = known(machine), parsing.displacement("--x0", run.x0)
     numbers = dataclasses.asdict(run) | {"x0": x0, "duration": _FOREVER if run.duration is None else run.duration}
     del numbers["accuracy"]
+    # The constructors refuse what no run and no instrument has; nothing is kept of them.
     Numbers(**numbers)
     interferometer = dataclasses.asdict(instrument)
     check_seed(interferometer.pop("seed"))

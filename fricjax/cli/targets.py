@@ -38,6 +38,7 @@ def check_targets(output: "Writing", *targets: tuple[str, Path | None, tuple[str
         UsageError: a suffix that does not fit, a folder that does not exist, a file that does, or two in one place.
         OSError: a folder that cannot be written to.
     """
+    # A fit can take minutes, and a name that is wrong is known before.
     named = [(option, path, suffixes) for option, path, suffixes in targets if path is not None]
     for option, path, suffixes in named:
         if path.suffix.lower() not in suffixes:

@@ -15,6 +15,7 @@ _OTHERWISE = {"overwrite": "force", "priors": "prior", "names": "free"}
 _KEPT = r"(?<![\w=])'[^'\n]*'(?!\w)|\b\w+\((?:[^()]|\([^()]*\))*\)|--[a-z][\w-]*(?: \S+)?"
 _VALUE = r"'[^']*'|\"[^\"]*\"|\[[^\]]*\]|\([^)]*\)|[A-Z]\w*\([^)]*\)|[-+\w.]*[-+\w]"
 
+# Of the command that runs, one in a process: sentences come from everywhere, also from warnings, and carry no context.
 _options: dict[str, str] = {}
 
 

@@ -74,7 +74,21 @@ class Report:
 
 
 class Reported(abc.ABC):
-    """A result with that face; it defines `report`, and the rest follows."""
+    """A result with that face; it defines `report`, and the rest follows.
+
+    Examples:
+        >>> import dataclasses
+        >>> from fricjax.rig import Measured
+        >>> from fricjax.show import Report, Reported, Table
+        >>> @dataclasses.dataclass(frozen=True)
+        ... class Weighing(Reported):
+        ...     mass: Measured
+        ...
+        ...     def report(self):
+        ...         return Report([Table(["quantity", "value"], [["mass", self.mass]])], data=vars(self))
+        >>> Weighing(Measured(0.4107, 0.0003)).to_dict()
+        {'mass': {'value': 0.4107, 'std': 0.0003}}
+    """
 
     @abc.abstractmethod
     def report(self) -> Report:
