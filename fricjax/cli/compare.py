@@ -6,8 +6,6 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 from typer import Argument, Option
 
-from .failure import INVALID
-from .fit import raise_invalid
 from .options import Bench, Plot, Reading, Writing
 from .output import deliver, prepare, working
 from .records import check_records, read_records, warn_of_doubts
@@ -69,12 +67,9 @@ def compare(
         warn_of_doubts(records)
         comparison = _compared(records, laws, choices, comparing)
     data: dict[str, Any] = {**comparison.to_dict(), "calibrated": calibrated}
-    best = comparison.best
-    if not best.converged:
-        data |= {"error": best.status, "kind": "fit", "exit_code": INVALID}
-    deliver(output, data, _text(comparison, calibrated), lambda: write_picture(output, plot, comparison.plot))
-    if not best.converged:
-        raise_invalid(output, best.status)
+    failed = "" if comparison.best.converged else comparison.best.status
+    picture = lambda: write_picture(output, plot, comparison.plot)
+    deliver(output, data, _text(comparison, calibrated), picture, failed=failed)
 
 
 def _compared(records: "list[Record]", laws: list[str], choices: "list[Choice]", comparing: Comparing) -> "Comparison":

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 from typer import Option
 
 from ..errors import UsageError
-from .fit import Asked, Fitting, fitted, report
+from .fit import Fitting, fitted, planned, report
 from .options import Machine, Reading, Writing
 from .output import deliver, prepare, working
 from .records import read_record
@@ -27,11 +27,11 @@ def demo(
         from ..data.examples import example_paths
 
         run, rig = example_paths()
-        asked = Asked.of([run], Fitting(), Machine(rig=rig), Reading())
+        choice, settings = planned([run], Fitting(), Machine(rig=rig), Reading())
         record = read_record(run, Reading())
         prepare(output)
-        fit = fitted(asked, [record])
-    data, text = report(fit, asked.choice)
+        fit = fitted(choice, settings, [record])
+    data, text = report(fit, choice)
     data["truth"] = record.meta["coefficients"]
     mine = out / "run.csv"
     data["next"] = [

@@ -7,11 +7,11 @@ from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
-from typer import Argument, Exit, Option
+from typer import Argument, Option
 
 from ..errors import UsageError
-from .failure import INVALID, InvalidFit
-from .options import Machine, Output, Plot, Reading, Save, Writing
+from . import parsing
+from .options import Machine, Plot, Reading, Save, Writing
 from .output import deliver, prepare, working
 from .records import check_records, read_records
 from .targets import PICTURES, RECORDS, RESULTS, check_targets, numbered, write_picture
@@ -74,69 +74,43 @@ def fit(
         raise UsageError(
             "--save writes one record, but several files were given. Fit them one by one, or leave it out."
         )
-    asked = Asked.of(files, fitting, machine, reading)
+    choice, settings = planned(files, fitting, machine, reading)
     with working(output, f"Fitting {', '.join(file.name for file in files)}"):
         records = read_records(files, reading)
         prepare(output)
-        result = fitted(asked, records)
-    data, text = report(result, asked.choice)
-    if not result.converged:
-        data |= {"error": result.status, "kind": "fit", "exit_code": INVALID}
-    deliver(output, data, text, lambda: write_outcome(output, result, records, plot, out, save))
-    if not result.converged:
-        raise_invalid(output, result.status)
+        result = fitted(choice, settings, records)
+    data, text = report(result, choice)
+    failed = "" if result.converged else result.status
+    deliver(output, data, text, lambda: write_outcome(output, result, records, plot, out, save), failed=failed)
 
 
-def raise_invalid(output: Output, status: str) -> None:
-    """End with the code of a fit that has not converged; with JSON the one object has been written already."""
-    if output.json:
-        raise Exit(INVALID)
-    raise InvalidFit(f"The fit has not converged, {status} Its results are marked so.")
+def planned(files: list[Path], fitting: Fitting, machine: Machine, reading: Reading) -> "tuple[Choice, dict[str, Any]]":
+    """The machine, and the keywords of `fricjax.fit`; all is checked that can be without opening the files.
 
-
-@dataclasses.dataclass(frozen=True)
-class Asked:
-    """A fit as asked for, of which everything has been checked that can be without opening the files.
-
-    Attributes:
-        choice: the machine.
-        settings: the keywords of `fricjax.fit`.
+    Raises:
+        DataError: files that cannot be read.
+        UsageError: names or values that do not fit.
     """
+    from ..fitting.settings import check_settings
+    from .machine import choose
 
-    choice: "Choice"
-    settings: dict[str, Any]
-
-    @classmethod
-    def of(cls, files: list[Path], fitting: Fitting, machine: Machine, reading: Reading) -> "Asked":
-        """What the options ask for.
-
-        Raises:
-            DataError: files that cannot be read.
-            UsageError: names or values that do not fit.
-        """
-        from ..fitting.settings import check_settings
-        from .machine import choose
-
-        check_records(files, reading)
-        settings = _settings(fitting)
-        choice = choose(machine, fitting.free, tuple(settings["tie"]))
-        check_settings(choice.model, choice.free, len(files), settings)
-        return cls(choice, settings)
+    check_records(files, reading)
+    settings = _settings(fitting)
+    choice = choose(machine, fitting.free, tuple(settings["tie"]))
+    check_settings(choice.model, choice.free, len(files), settings)
+    return choice, settings
 
 
-def fitted(asked: Asked, records: "list[Record]") -> "Fit":
+def fitted(choice: "Choice", settings: dict[str, Any], records: "list[Record]") -> "Fit":
     """Build the machine, and fit it to the records."""
     from ..fitting import fit as fit_records
 
-    choice, oscillator = asked.choice, asked.choice.oscillator
-    settings = {"engine": choice.engine, "rig": choice.rig, **asked.settings}
-    return fit_records(records, oscillator, choice.free, throw=False, **settings)
+    machine = {"engine": choice.engine, "rig": choice.rig}
+    return fit_records(records, choice.oscillator, choice.free, throw=False, **machine, **settings)
 
 
 def _settings(fitting: Fitting) -> dict[str, Any]:
-    """The keywords of `fricjax.fit` that the options stand for."""
-    from . import parsing
-
+    """The keywords that the options stand for."""
     bounds = parsing.pairs("--bounds", fitting.bounds, "damping=0:")
     priors = parsing.pairs("--prior", fitting.prior, "damping=0.175(2)")
     ties = parsing.pairs("--tie", fitting.tie, "mu_s=mu")

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Annotated, ClassVar
 from typer import Argument, Option
 
 from ..errors import UsageError
-from .failure import InvalidFit
 from .options import Machine, Plot, Reading, Writing
 from .output import deliver, prepare, working
 from .records import check_records, read_records, warn_of_doubts
@@ -63,9 +62,8 @@ def map_(
         triangle = fit_triangle_map(pairs.x0, pairs.xf, choice.rig, half_cycles=pairs.half_cycles)
     data = {"final_displacements": fit.to_dict(), "triangle_map": triangle.to_dict()}
     text = f"{fit.summary()}\n\n{triangle.summary()}"
-    deliver(output, data, text, lambda: write_picture(output, plot, fit.plot))
-    if not fit.converged:
-        raise InvalidFit(f"The fit is not valid, {fit.status}")
+    failed = "" if fit.converged else fit.status
+    deliver(output, data, text, lambda: write_picture(output, plot, fit.plot), failed=failed)
 
 
 def _chosen(files: list[Path], reading: Reading, machine: Machine, mapping: Mapping) -> "Choice":

@@ -13,6 +13,9 @@ from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
 
+from typer import Exit
+
+from .failure import INVALID, InvalidFit, failure_of
 from .wording import in_options
 
 if TYPE_CHECKING:
@@ -90,9 +93,15 @@ def finish(output: "Output", data: Mapping[str, Any], text: str) -> None:
 
 
 def deliver(
-    output: "Writing", data: Mapping[str, Any], text: str, write: Callable[[], dict[str, str]], after: str = ""
+    output: "Writing",
+    data: Mapping[str, Any],
+    text: str,
+    write: Callable[[], dict[str, str]],
+    *,
+    after: str = "",
+    failed: str = "",
 ) -> None:
-    """Write the files that were asked for, and tell the outcome, also where a file cannot be written.
+    """Write the files that were asked for, and show the outcome, also where a file cannot be written.
 
     Args:
         output: how it is shown.
@@ -100,17 +109,18 @@ def deliver(
         text: the same to be read.
         write: writes the files and returns their paths by what they are.
         after: text that is true only once the files are there.
+        failed: status of a fit that has not converged.
 
     Raises:
         OSError: a file cannot be written; the numbers have been shown.
+        InvalidFit: the fit has not converged; the same.
+        Exit: either, with JSON, for the one object on stdout says so already.
     """
+    if failed:
+        data = {**data, "error": failed, "kind": "fit", "exit_code": INVALID}
     try:
         files = write()
     except OSError as error:
-        from typer import Exit
-
-        from .failure import failure_of
-
         failure = failure_of(error)
         finish(output, {**data, "files": {}, **failure.to_dict()}, text)
         if output.json:
@@ -119,6 +129,10 @@ def deliver(
     finish(output, {**data, "files": files}, f"{text}\n\n{after}" if after else text)
     for name, path in files.items():
         log(output, f"{name.capitalize()}: {path}")
+    if failed and output.json:
+        raise Exit(INVALID)
+    if failed:
+        raise InvalidFit(f"The fit has not converged, {failed} Its results are marked so.")
 
 
 def _reworded(value: Any, sentence: bool = False) -> Any:

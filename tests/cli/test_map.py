@@ -54,3 +54,15 @@ def test_a_row_that_is_no_pair(fricjax, table):
     outcome = fricjax("map", str(table), *RIG)
     assert outcome.code == 4
     assert "pairs.csv, row 26" in outcome.err and "does not hold 2 numbers" in outcome.err
+
+
+def test_a_map_that_determines_nothing_is_one_json_object_with_its_code(fricjax, table):
+    """Runs of one half-cycle each tell the offset and the dead band only together."""
+    starts = np.array([0.25e-3, 0.3e-3, 0.4e-3, 0.5e-3])
+    rows = [f"{1e3 * a:.9f}; {1e6 * b:.9f}" for a, b in zip(starts, campaign(starts)[0], strict=True)]
+    table.write_text("\n".join(["x0 [mm]; xf [um]", *rows]))
+    outcome = fricjax("map", str(table), *RIG, "--json")
+    assert outcome.code == 3
+    data = json.loads(outcome.out)
+    assert (data["kind"], data["exit_code"]) == ("fit", 3)
+    assert data["error"] == data["final_displacements"]["status"]
