@@ -1,16 +1,14 @@
 """``fricjax check``: what a planned run will determine, before it is made."""
 
 import dataclasses
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar
+from typing import Annotated, ClassVar
 
 from typer import Exit, Option
 
+from . import parsing
 from .options import Machine, Plot, Writing
 from .output import deliver, prepare, working
 from .targets import PICTURES, check_targets, write_picture
-
-if TYPE_CHECKING:
-    from .machine import Choice
 
 
 @dataclasses.dataclass(frozen=True)
@@ -37,28 +35,12 @@ class Planned:
 
 def check(run: Planned, machine: Machine, output: Writing, plot: Plot = None) -> None:
     """Say what a planned run will determine and how well; ends with 3 where a coefficient of --free will not be."""
-    check_targets(output, ("--plot", plot, PICTURES))
-    choice, settings = _asked(run, machine)
-    with working(output, "Checking"):
-        prepare(output)
-        from ..sensitivity import fisher
-
-        information = fisher(choice.oscillator, **settings)
-    picture = lambda: write_picture(output, plot, information.plot)
-    deliver(output, information.to_dict(), information.summary(), picture)
-    # Of coefficients that nobody named it is the answer, and no failure, that a run leaves some open.
-    if run.free is not None and information.undetermined:
-        raise Exit(3)
-
-
-def _asked(run: Planned, machine: Machine) -> "tuple[Choice, dict[str, Any]]":
-    """The machine, and the keywords of `fricjax.sensitivity.fisher`, checked by name and number."""
     from ..fitting.names import find_leaf
     from ..fitting.settings import check_nuisance, check_once
     from ..sensitivity.settings import check_noise, check_sampling
-    from . import parsing
     from .machine import known
 
+    check_targets(output, ("--plot", plot, PICTURES))
     entries = parsing.words(run.free)
     # What has a value with --free has it as with --fix: a run that is only planned has nothing to start from.
     values = [entry for entry in entries if "=" in entry]
@@ -70,14 +52,25 @@ def _asked(run: Planned, machine: Machine) -> "tuple[Choice, dict[str, Any]]":
         check_nuisance(name)
     check_once([*leaves, *nuisance])
     rate, noise = parsing.per_second("--rate", run.rate), parsing.displacement("--noise", run.noise)
+    x0 = parsing.displacement("--x0", run.x0)
     check_sampling(rate, run.duration)
     check_noise(noise)
-    return choice, {
-        "x0": parsing.displacement("--x0", run.x0),
-        "names": None if run.free is None else names,
-        "rate": rate,
-        "duration": run.duration,
-        "noise": noise,
-        "nuisance": nuisance,
-        "engine": machine.engine,
-    }
+    with working(output, "Checking"):
+        prepare(output)
+        from ..sensitivity import fisher
+
+        information = fisher(
+            choice.oscillator,
+            x0=x0,
+            names=None if run.free is None else names,
+            rate=rate,
+            duration=run.duration,
+            noise=noise,
+            nuisance=nuisance,
+            engine=machine.engine,
+        )
+    picture = lambda: write_picture(output, plot, information.plot)
+    deliver(output, information.to_dict(), information.summary(), picture)
+    # Of coefficients that nobody named it is the answer, and no failure, that a run leaves some open.
+    if run.free is not None and information.undetermined:
+        raise Exit(3)

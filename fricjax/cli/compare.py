@@ -13,8 +13,6 @@ from .targets import PICTURES, check_targets, write_picture
 
 if TYPE_CHECKING:
     from ..comparison import Comparison
-    from ..data import Record
-    from .machine import Choice
 
 
 @dataclasses.dataclass(frozen=True)
@@ -65,28 +63,23 @@ def compare(
         records = read_records(files, reading)
         prepare(output)
         warn_of_doubts(records)
-        comparison = _compared(records, laws, choices, comparing)
+        from ..comparison import compare as compare_laws
+
+        comparison = compare_laws(
+            records,
+            [choice.oscillator for choice in choices],
+            [choice.free for choice in choices],
+            names=laws,
+            engine=choices[0].engine,
+            rig=choices[0].rig,
+            criterion=comparing.criterion,
+            start=comparing.start,
+            held_out=comparing.held_out,
+        )
     data: dict[str, Any] = {**comparison.to_dict(), "calibrated": calibrated}
     failed = "" if comparison.best.converged else comparison.best.status
     picture = lambda: write_picture(output, plot, comparison.plot)
     deliver(output, data, _text(comparison, calibrated), picture, failed=failed)
-
-
-def _compared(records: "list[Record]", laws: list[str], choices: "list[Choice]", comparing: Comparing) -> "Comparison":
-    from ..comparison import compare as compare_laws
-
-    first = choices[0]
-    return compare_laws(
-        records,
-        [choice.oscillator for choice in choices],
-        [choice.free for choice in choices],
-        names=laws,
-        engine=first.engine,
-        rig=first.rig,
-        criterion=comparing.criterion,
-        start=comparing.start,
-        held_out=comparing.held_out,
-    )
 
 
 def _text(comparison: "Comparison", calibrated: bool) -> str:

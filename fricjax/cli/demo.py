@@ -22,7 +22,12 @@ def demo(
     out: Annotated[Path, Option(help="Folder to write into.")] = Path("fricjax-demo"),
 ) -> None:
     """Fit the run that comes with fricjax: writes the run, its rig file, the fit and a picture."""
-    _check_folder(out, output.force)
+    if out.exists() and not out.is_dir():
+        raise UsageError(f"--out '{out}' is a file. Name a folder.")
+    if out.is_dir() and any(out.iterdir()) and not output.force:
+        raise UsageError(f"The folder '{out}' is not empty. Name another with --out, or add --force to write into it.")
+    # Of a folder that is not there, the nearest one above it must let itself be written to.
+    check_folder(next(each for each in (out, *out.absolute().parents) if each.is_dir()), out)
     with working(output, "Fitting the example run"):
         from ..data.examples import example_paths
 
@@ -44,15 +49,6 @@ def demo(
     advice = "Next:\n" + "\n".join(f"  {command}" for command in data["next"])
     text = f"{text}\n\n{_comparison(fit, record)}"
     deliver(output, data, text, lambda: _write(out, run, rig, fit, output.force), after=advice)
-
-
-def _check_folder(out: Path, force: bool) -> None:
-    """Refuse a folder that holds something, and one that could not be made, before any work is done."""
-    if out.exists() and not out.is_dir():
-        raise UsageError(f"--out '{out}' is a file. Name a folder.")
-    if out.is_dir() and any(out.iterdir()) and not force:
-        raise UsageError(f"The folder '{out}' is not empty. Name another with --out, or add --force to write into it.")
-    check_folder(next(each for each in (out, *out.absolute().parents) if each.is_dir()), out)
 
 
 def _write(out: Path, run: Path, rig: Path, fit: "Fit", force: bool) -> dict[str, str]:

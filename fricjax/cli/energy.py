@@ -1,7 +1,7 @@
 """``fricjax energy``: friction from the rate of energy loss, against velocity and in each half-cycle."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated
 
 from typer import Argument, Option
 
@@ -10,11 +10,6 @@ from .options import Plot, Reading, Writing
 from .output import deliver, json_text, prepare, working
 from .records import check_records, read_record, read_records, warn_of_doubts
 from .targets import PICTURES, RESULTS, check_targets, write_picture
-
-if TYPE_CHECKING:
-    from ..data import Record
-    from ..energy_loss.force_map import ForceMap
-    from ..energy_loss.half_cycles import HalfCycleFriction
 
 
 def energy(
@@ -37,42 +32,32 @@ def energy(
     check_records([*files, *([] if no_contact is None else [no_contact])], reading)
     if rig is None:
         raise UsageError("The energy of a run needs mass, stiffness, normal force and damping: give --rig rig.toml.")
-    machine = bench(rig)
+    arguments = bench(rig)
     check_bins(bins)
     with working(output, f"Evaluating {', '.join(file.name for file in files)}"):
         records = read_records(files, reading)
         free = None if no_contact is None else read_record(no_contact, reading)
         prepare(output)
         warn_of_doubts(records)
-        force_map, balance = evaluated(records, machine, free, bins)
+        from ..energy_loss.force_map import friction_force_map
+        from ..energy_loss.half_cycles import half_cycle_friction
+        from ..rig import Rig
+
+        machine = Rig(**arguments)
+        force_map = friction_force_map(records, machine, free, bins=bins)
+        # The balance of the half-cycles takes off the same losses as the force map.
+        calibrated = machine if free is None else machine.replace(damping=force_map.damping, drag=force_map.drag)
+        balance = half_cycle_friction(records, calibrated)
     data = {"force_map": force_map.to_dict(), "half_cycles": balance.to_dict()}
     heads = ("Friction force against velocity", "Half-cycles, from their reversals")
     text = "\n\n".join([heads[0], force_map.summary(), heads[1], balance.summary()])
-    deliver(output, data, text, lambda: write_outcome(output, force_map, data, plot, out))
 
+    def write() -> dict[str, str]:
+        written = write_picture(output, plot, force_map.plot)
+        if out is not None:
+            from ..show.files import write_text
 
-def evaluated(
-    records: "list[Record]", arguments: dict[str, Any], free: "Record | None", bins: int
-) -> "tuple[ForceMap, HalfCycleFriction]":
-    """Force map and balance of the half-cycles; `free` is the run without contact."""
-    from ..energy_loss.force_map import friction_force_map
-    from ..energy_loss.half_cycles import half_cycle_friction
-    from ..rig import Rig
+            written["result"] = str(write_text(out, json_text(data), overwrite=output.force))
+        return written
 
-    machine = Rig(**arguments)
-    force_map = friction_force_map(records, machine, free, bins=bins)
-    # The balance of the half-cycles takes off the same losses as the force map.
-    calibrated = machine if free is None else machine.replace(damping=force_map.damping, drag=force_map.drag)
-    return force_map, half_cycle_friction(records, calibrated)
-
-
-def write_outcome(
-    output: Writing, force_map: "ForceMap", data: dict[str, Any], plot: Path | None, out: Path | None
-) -> dict[str, str]:
-    """Write the files that were asked for and return them by what they are."""
-    written = write_picture(output, plot, force_map.plot)
-    if out is not None:
-        from ..show.files import write_text
-
-        written["result"] = str(write_text(out, json_text(data), overwrite=output.force))
-    return written
+    deliver(output, data, text, write)

@@ -4,6 +4,7 @@ Exit codes: 0 done, 2 wrong usage or configuration, 3 a fit has not converged, 4
 the program itself. Only the modules of this folder and typer are imported before a command starts to work.
 """
 
+import os
 import sys
 from collections.abc import Sequence
 from typing import NoReturn
@@ -11,7 +12,7 @@ from typing import NoReturn
 import typer
 
 from . import calibrate, check, compare, demo, doctor, energy, fit, inspect, map, models, simulate
-from .failure import INTERRUPTED, Failure, failure_of
+from .failure import INTERRUPTED, failure_of
 from .options import example, grouped
 from .output import tell, tell_json
 
@@ -75,32 +76,23 @@ def run(arguments: Sequence[str]) -> int:
         # What is still in the buffer meets a full disk here, where that is told, and not while Python shuts down.
         sys.stdout.flush()
     except BrokenPipeError:
-        return _stop_writing()
+        # The reader of our output has gone, as `head` does; that is no failure of ours, and nothing more can be said.
+        # Python flushes stdout once more at its end, and must find something that takes the rest.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 0
     except (Exception, KeyboardInterrupt) as error:
         # The words themselves are looked at, for the parser may be what failed.
         if "--debug" in arguments and not isinstance(error, KeyboardInterrupt):
             import traceback
 
             tell(sys.stderr, traceback.format_exc().rstrip())
-        return _report(failure_of(error), as_json="--json" in arguments)
+        failure = failure_of(error)
+        if "--json" in arguments:
+            tell_json(sys.stdout, failure.to_dict())
+        elif failure.text:
+            tell(sys.stderr, failure.text)
+        return failure.exit_code
     return code if isinstance(code, int) else 0
-
-
-def _report(failure: Failure, *, as_json: bool) -> int:
-    if as_json:
-        tell_json(sys.stdout, failure.to_dict())
-    elif failure.text:
-        tell(sys.stderr, failure.text)
-    return failure.exit_code
-
-
-def _stop_writing() -> int:
-    """The reader of our output has gone, as `head` does; that is no failure of ours, and nothing more can be said."""
-    import os
-
-    # Python flushes stdout once more at its end; it must find something that takes the rest.
-    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-    return 0
 
 
 def main() -> NoReturn:

@@ -74,7 +74,14 @@ def simulate(
         prepare(output)
         motion, record, facts = simulated(run, choice, x0, instrument)
     text = _text(facts, record.quantity)
-    deliver(output, facts, text, lambda: _write(output, motion, record, out, plot))
+
+    def write() -> dict[str, str]:
+        from ..data import write as write_record
+
+        written = {} if out is None else {"record": str(write_record(record, out, overwrite=output.force))}
+        return written | write_picture(output, plot, lambda: _picture(motion, record))
+
+    deliver(output, facts, text, write)
 
 
 def _known(run: Run, machine: Machine, instrument: Instrument) -> "tuple[Choice, float]":
@@ -177,13 +184,6 @@ def _text(facts: dict[str, Any], unit: str) -> str:
     if facts["regularisation_bias"]:
         rows["bias"] = f"{engineering(facts['regularisation_bias'], unit)} at most, of the regularised law"
     return "\n".join(f"{name:<16}{value}" for name, value in rows.items())
-
-
-def _write(output: Writing, motion: "Motion", record: "Record", out: Path | None, plot: Path | None) -> dict[str, str]:
-    from ..data import write
-
-    written = {} if out is None else {"record": str(write(record, out, overwrite=output.force))}
-    return written | write_picture(output, plot, lambda: _picture(motion, record))
 
 
 def _picture(motion: "Motion", record: "Record") -> Any:

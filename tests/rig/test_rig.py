@@ -258,6 +258,19 @@ def test_summary_shows_units_and_relative_uncertainty():
     assert "<table>" in uncertain_rig()._repr_html_()
 
 
+def test_plain_data_and_a_data_frame_hold_all_digits():
+    rig = uncertain_rig(drag=0.3)
+    data = rig.to_dict()
+    assert data["mass"] == {"value": 0.41, "std": 0.001}
+    assert data["restoring"] == "cubic"
+    frame = rig.to_dataframe().set_index("quantity")
+    assert frame.loc["k3", "value"] == 1e7
+    assert frame.loc["k3", "value std"] == 1e5
+    assert frame.loc["drag", "uncertainty"] == "exact"
+    pendulum = Rig(mass=1, stiffness=1, normal_force=1, restoring="pendulum").to_dataframe()
+    assert list(pendulum["unit"]) == ["kg m^2", "N m/rad", "N m", "N m s^2/rad^2"]
+
+
 def test_oscillator_is_an_oscillator_of_numbers():
     oscillator = uncertain_rig().oscillator(LAW)
     assert isinstance(oscillator, Oscillator)
