@@ -2,6 +2,14 @@
 
 A record can be unusable (`DataError`), or a question can be put wrongly (`UsageError`). Both are plain `ValueError`s
 whose message names what was wrong, what was got, and the remedy; `nearest` adds the guess at what was meant.
+
+Examples:
+    >>> import fricjax as fj
+    >>> try:
+    ...     fj.Rig(mass=0.41, stiffness=2574.0, normal_force=9.66, restoring="pendelum")
+    ... except fj.errors.UsageError as error:
+    ...     print(error)
+    There is no restoring force 'pendelum'; known are linear, cubic, pendulum. Did you mean 'pendulum'?
 """
 
 import difflib

@@ -37,8 +37,9 @@ def quantity(name: str, value: Any) -> Measured:
 
     Args:
         name: which input it is, a key of `UNITS`.
-        value: a number (SI), a `Measured` (SI), a text such as ``"410.7(3) g"`` or ``"9.66 +/- 0.05 N"``, or a mapping
-            with `value` and perhaps `std` (a number, or a text such as ``"0.5 %"``) and `unit`.
+        value: a number, a `Measured` or an estimate of a fit (SI), a text such as ``"410.7(3) g"`` or
+            ``"9.66 +/- 0.05 N"``, or a mapping with `value` and perhaps `std` (a number, or a text such as
+            ``"0.5 %"``) and `unit`.
 
     Raises:
         UsageError: text that is no quantity, an unknown key or unit, or a unit that does not fit the input.
@@ -56,7 +57,9 @@ def quantity(name: str, value: Any) -> Measured:
             )
         return _in_si(name, *read)
     try:
-        return Measured(value)
+        # Estimates of fits are of no class of this folder, which knows no fits.
+        estimate = hasattr(value, "value") and hasattr(value, "std")
+        return Measured(value.value, value.std) if estimate else Measured(value)
     except UsageError as error:
         unit = f" of {UNITS[name]}" if UNITS[name] else ""
         raise UsageError(f"{name} must be a finite number{unit}, got {brief(value)}.") from error

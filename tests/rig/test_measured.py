@@ -1,5 +1,7 @@
 """A calibrated number: what it accepts, how it reads, and the units in which it may be written."""
 
+from typing import NamedTuple
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -37,6 +39,14 @@ def test_refusals_by_their_text(value, std, sentence):
     assert str(caught.value) == sentence
 
 
+class Estimate(NamedTuple):
+    """As fits give them."""
+
+    value: float
+    std: float
+    unit: str
+
+
 @pytest.mark.parametrize(
     ("name", "written", "value", "std"),
     [
@@ -52,6 +62,7 @@ def test_refusals_by_their_text(value, std, sentence):
         ("k3", "5 N/mm^3", 5e9, 0.0),
         ("drag", 0.5, 0.5, 0.0),
         ("mass", Measured(2.0, 0.1), 2.0, 0.1),
+        ("frequency", Estimate(12.6, 1e-5, "Hz"), 12.6, 1e-5),
     ],
 )
 def test_written_quantities_are_converted_to_si(name, written, value, std):
