@@ -24,9 +24,9 @@ from ..show.tables import Table
 from .modal import fit_mode
 from .peaks import NAMES, SCALED, pick, picking_error
 
-# Lines of a text table as analysers export them.
+# Columns of a text table as analysers export them.
 _COLUMNS = {"frequency": "Hz", "real part": "m/N", "imaginary part": "m/N"}
-# Twice as many numbers as the four of a mode, so that what is left over tells the noise.
+# Sixteen numbers for the four of a mode, so that what is left over tells the noise.
 _LEAST_LINES = 8
 # Lines that the half-power bandwidth, 2 zeta f_n, must hold at least; with fewer, leakage broadens the resonance.
 _BANDWIDTHS = 5.0
