@@ -1,4 +1,4 @@
-"""Noise that remembers: the process told from its values, and the filter that makes innovations of it.
+"""Noise that remembers: its process estimated from its values, and the filter that makes innovations of it.
 
 A value follows from the last few and a fresh innovation,
 
@@ -35,21 +35,22 @@ def autoregression(left: np.ndarray, starts: np.ndarray) -> tuple[np.ndarray, fl
 
 
 def longest_memory(rows: int, starts: np.ndarray) -> int:
-    """The highest order that the longest stretch of rows may tell."""
+    """The highest order that the longest stretch of rows can determine."""
     return min(_MOST, int(np.max(np.diff(np.append(starts, rows)), initial=0)) // _ROWS)
 
 
-def process_of(gram: np.ndarray, n: int) -> tuple[np.ndarray, float]:
-    """The same from sums of products of `n` values with those before them."""
-    most = gram.shape[0] - 1
-    if n == 0 or not gram[0, 0] > 0:
+def process_of(sums: np.ndarray, n: int) -> tuple[np.ndarray, float]:
+    """The same from sums of products of `n` values with those before them, shape (most + 1,) * 2."""
+    most = sums.shape[0] - 1
+    if n == 0 or not sums[0, 0] > 0:
         return np.zeros(0), np.inf
-    lags = gram[1:, 1:] + 1e-13 * gram[0, 0] * np.eye(most)
+    # Values that follow a line or a smooth curve make the lags depend on each other to within rounding.
+    lags = sums[1:, 1:] + 1e-13 * sums[0, 0] * np.eye(most)
     lower = np.linalg.cholesky(lags) if most else lags
     # What each further order takes from the sum of squares: one factor serves all orders.
-    along = np.linalg.solve(lower, gram[1:, 0])
-    squares = gram[0, 0] - np.concatenate([[0.0], np.cumsum(along**2)])
-    criteria = n * np.log(np.maximum(squares, 1e-30 * gram[0, 0]) / n) + np.log(n) * np.arange(most + 1)
+    along = np.linalg.solve(lower, sums[1:, 0])
+    squares = sums[0, 0] - np.concatenate([[0.0], np.cumsum(along**2)])
+    criteria = n * np.log(np.maximum(squares, 1e-30 * sums[0, 0]) / n) + np.log(n) * np.arange(most + 1)
     criteria[0] -= STRONG
     order = int(np.argmin(criteria))
     return np.linalg.solve(lower[:order, :order].T, along[:order]), float(criteria[order])
@@ -69,11 +70,11 @@ def without_level(coefficients: np.ndarray, sums: np.ndarray, n: int) -> np.ndar
 
 def gram(left: np.ndarray, starts: np.ndarray, most: int) -> tuple[np.ndarray, int]:
     """Sums of products of values up to so many places apart, and how many of each."""
-    gram, n = np.zeros((most + 1, most + 1)), 0
+    sums, n = np.zeros((most + 1, most + 1)), 0
     for part in np.split(left, starts[1:]):
         if part.size > most:
-            gram, n = gram + _products(part, most), n + part.size - most
-    return gram, n
+            sums, n = sums + _products(part, most), n + part.size - most
+    return sums, n
 
 
 def _products(part: np.ndarray, most: int) -> np.ndarray:
@@ -93,20 +94,20 @@ def _products(part: np.ndarray, most: int) -> np.ndarray:
 def innovations(columns: np.ndarray, starts: np.ndarray, coefficients: np.ndarray, excited: float = 1.0) -> np.ndarray:
     """The columns through the filter that whitens the noise.
 
-    The first rows of a stretch, which have too few before them, are weighed by what a stationary process makes of them,
-    `excited` as many times as large; one that is not stationary says nothing of its level, and they are left out.
+    The first rows of a stretch, which have too few before them, are weighted by what a stationary process makes of
+    them, `excited` times as large; one that is not stationary says nothing of its level, and they are left out.
     """
     order = coefficients.size
     if not order:
         return columns
     newest_first, start = np.concatenate([[1.0], -coefficients]), start_of(coefficients) / excited
-    found = [columns[:0]]
+    white = [columns[:0]]
     for part in np.split(columns, starts[1:]):
-        found.append(start[: part.shape[0], : part.shape[0]] @ part[:order])
+        white.append(start[: part.shape[0], : part.shape[0]] @ part[:order])
         if part.shape[0] > order:
             windows = np.lib.stride_tricks.sliding_window_view(part, order + 1, axis=0)[..., ::-1]
-            found.append(windows @ newest_first)
-    return np.concatenate(found)
+            white.append(windows @ newest_first)
+    return np.concatenate(white)
 
 
 def start_of(coefficients: np.ndarray) -> np.ndarray:
@@ -116,14 +117,14 @@ def start_of(coefficients: np.ndarray) -> np.ndarray:
     (Durbin's and Levinson's recursion backwards; Brockwell and Davis, 5.2). Where there is no such process: (0, order).
     """
     order, a, variance = coefficients.size, coefficients, 1.0
-    found = np.zeros((order, order))
+    whitener = np.zeros((order, order))
     for j in range(order - 1, -1, -1):
         last = float(a[j])
         if abs(last) > 1 - ROUNDING:
             return np.zeros((0, order))
         a, variance = (a[:j] + last * a[:j][::-1]) / (1 - last**2), variance / (1 - last**2)
-        found[j, : j + 1] = np.concatenate([-a[::-1], [1.0]]) / np.sqrt(variance)
-    return found
+        whitener[j, : j + 1] = np.concatenate([-a[::-1], [1.0]]) / np.sqrt(variance)
+    return whitener
 
 
 def excitation(left: np.ndarray, starts: np.ndarray, coefficients: np.ndarray, std: float) -> float:

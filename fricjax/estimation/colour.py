@@ -1,8 +1,8 @@
-"""The colour of noise, told from what a fit has left, and least squares that count residuals by it.
+"""The colour of noise, estimated from the residuals of a fit, and least squares that weight residuals by it.
 
-Noise that remembers makes residuals in a row tell the same again and again, and standard errors that take them for
-independent are too small by as many times. Here the noise is a process (:mod:`.autoregression`), or kicks that a
-linear system carries on (:mod:`.process`): residuals and their derivatives go through the filter that makes innovations
+Noise that remembers makes neighbouring residuals repeat each other, and standard errors that take them for
+independent are too small. Here the noise is a process (:mod:`.autoregression`), or kicks of a
+linear system (:mod:`.process`): residuals and their derivatives go through the filter that makes innovations
 of it before they are squared, and the least squares of what comes out are the generalised ones, with the covariance
 that belongs to them. A drift and the lines of a hum are no process but a function of time, and rounding is one of the
 reading: their size is fitted beside the parameters.
@@ -29,9 +29,9 @@ from .covariance import RANK_TOLERANCE
 from .hum import lines_of, waves_of
 from .process import StateTransition, filtered, kicks_of
 
-# Rounds in which the parameters and the colour of what they leave settle to a hundredth of a standard error, and in
+# Rounds in which the parameters and the colour of what they leave converge to a hundredth of a standard error, and in
 # which the restricted likelihood of the colour does.
-_ROUNDS, _SETTLING = 4, 12
+_ROUNDS, _RESTRICTED_ROUNDS = 4, 12
 # Standard deviations by which the variance of rows and of samples may differ in white noise.
 _LEVEL = 4.0
 
@@ -67,8 +67,8 @@ class Colour(NamedTuple):
         sizes: what of each is to be added to the residuals to make up for them, shape (k,).
         excited: how many times larger than it is kept up the process starts.
         kicks: spectral density of kicks that make the noise beside an independent part, in squared units of the latter.
-        spread: sum of the logarithms of the variances of all rows, given those before, over that of an innovation.
-        transition: how a linear system carries them on; None where there are none.
+        spread: sum of the logarithms of the variances of all rows, those before known, over that of an innovation.
+        transition: of the linear system that they kick; None where there are none.
         sides: kicks that are one standard error weaker or stronger, and the standard deviations beside them.
     """
 
@@ -104,7 +104,7 @@ class Colour(NamedTuple):
 
     @property
     def has_level(self) -> bool:
-        """Whether it has a level about which it wanders."""
+        """Whether the noise has a level about which it wanders, unlike a random walk."""
         return abs(1 - float(self.coefficients.sum())) > ROUNDING
 
     @property
@@ -128,22 +128,24 @@ def colour_of(series: Series, level: float, drifts: bool, motion: float = 0.0) -
         motion: frequency of the motion itself [Hz]; a line near it is no hum but what the model lacks.
     """
     n = series.t.size
-    alone = _Candidate.of(series, np.zeros((n, 0)), False, ())
+    alone, criterion = _candidate(series, np.zeros((n, 0)), False, ())
     u = (series.t - series.t.mean()) / max(np.ptp(series.t), np.finfo(float).tiny)
     drift = (u * series.unit)[:, None]
-    found = [alone]
-    if drifts and (alone.colour.coefficients.size or _shows(alone.colour.left, series.slopes, drift[:, 0])):
-        found.append(_Candidate.of(series, drift, True, ()))
-    for so_far in tuple(found):
-        drifting, lines = so_far.colour.drift, lines_of(series.t, series.unit, so_far.colour.left, motion)
+    # Whatever is more than a process alone has to show by very strong evidence.
+    rivals = [(alone, criterion - STRONG)]
+    if drifts and (alone.coefficients.size or _shows(alone.left, series.slopes, drift[:, 0])):
+        rivals.append(_candidate(series, drift, True, ()))
+    for so_far, _ in tuple(rivals):
+        lines = lines_of(series.t, series.unit, so_far.left, motion)
         for many in range(1, len(lines) + 1):
-            functions = np.column_stack([drift[:, : int(drifting)], waves_of(series.t, series.unit, lines[:many])])
-            found.append(_Candidate.of(series, functions, drifting, lines[:many]))
-    best = min(found, key=lambda candidate: candidate.criterion + (0.0 if candidate is alone else STRONG))
-    if best.colour.coefficients.size:
-        return _restricted(series, best.colour)
-    as_white = abs(np.log(max(best.colour.std, 1e-300) ** 2 / level)) < _LEVEL * np.sqrt(2 / n)
-    return None if best is alone and as_white and not series.rounding.size else best.colour
+            waves = waves_of(series.t, series.unit, lines[:many])
+            functions = np.column_stack([drift[:, : int(so_far.drift)], waves])
+            rivals.append(_candidate(series, functions, so_far.drift, lines[:many]))
+    best, _ = min(rivals, key=lambda rival: rival[1])
+    if best.coefficients.size:
+        return _restricted(series, best)
+    as_white = abs(np.log(max(best.std, 1e-300) ** 2 / level)) < _LEVEL * np.sqrt(2 / n)
+    return None if best is alone and as_white and not series.rounding.size else best
 
 
 def _restricted(series: Series, colour: Colour) -> Colour:
@@ -152,13 +154,13 @@ def _restricted(series: Series, colour: Colour) -> Colour:
     What functions were fitted to noise that remembers took of it is missing in the residuals, and most of it where the
     motion itself has its power. Products of the noise are expected to be those of the residuals and of what the
     functions took in the mean, one standard error each: a step of expectation and maximisation (Laird and Ware,
-    Biometrics 38, 963, 1982), with which the coefficients settle.
+    Biometrics 38, 963, 1982), with which the coefficients converge.
     """
     columns = np.column_stack([series.slopes, colour.beside])
     scale = np.maximum(np.sqrt(np.mean(columns**2, axis=0)), np.finfo(float).tiny)
     columns, coefficients, most = columns / scale, colour.coefficients, longest_memory(series.t.size, series.starts)
     left, std, sizes, excited = colour.left, colour.std, np.zeros(scale.size), 1.0
-    for _ in range(_SETTLING):
+    for _ in range(_RESTRICTED_ROUNDS):
         excited = excitation(left, series.starts, coefficients, std)
         white = innovations(np.column_stack([series.residual, columns]), series.starts, coefficients, excited)
         sizes, standard = _least_squares(white)
@@ -200,8 +202,8 @@ def _orthonormal(products: np.ndarray, least: float = 0.0) -> np.ndarray:
     squares = np.diag(products)
     unit = np.sqrt(np.divide(1.0, squares, out=np.zeros(squares.size), where=squares > least))
     eigenvalues, vectors = np.linalg.eigh(unit[:, None] * products * unit)
-    told = eigenvalues > RANK_TOLERANCE * max(eigenvalues[-1:], default=0.0)
-    return unit[:, None] * vectors[:, told] / np.sqrt(eigenvalues[told])
+    kept = eigenvalues > RANK_TOLERANCE * max(eigenvalues[-1:], default=0.0)
+    return unit[:, None] * vectors[:, kept] / np.sqrt(eigenvalues[kept])
 
 
 def _shows(left: np.ndarray, slopes: np.ndarray, function: np.ndarray) -> bool:
@@ -213,34 +215,27 @@ def _shows(left: np.ndarray, slopes: np.ndarray, function: np.ndarray) -> bool:
     return bool(-left.size * np.log1p(-min(explained / max(left @ left, np.finfo(float).tiny), 0.999)) > STRONG / 2)
 
 
-class _Candidate(NamedTuple):
-    """A colour with Schwarz's criterion."""
-
-    colour: Colour
-    criterion: float
-
-    @staticmethod
-    def of(series: Series, functions: np.ndarray, drift: bool, lines: tuple[float, ...]) -> "_Candidate":
-        """That of a process beside functions of time and the rounding."""
-        beside = np.column_stack([functions, series.rounding])
-        columns = np.column_stack([series.slopes, beside])
-        columns = columns / np.maximum(np.sqrt(np.mean(columns**2, axis=0)), np.finfo(float).tiny)
-        coefficients, criterion, sizes = np.zeros(0), np.inf, np.zeros(columns.shape[1])
-        left, variance = series.residual, 1.0
-        for _ in range(_ROUNDS):
-            white = innovations(np.column_stack([series.residual, columns]), series.starts, coefficients)
-            sizes, standard = _least_squares(white)
-            left = series.residual + columns @ sizes
-            dof = max(white.shape[0] - standard.shape[1] - coefficients.size, 1)
-            variance = float(np.sum((white[:, 0] + white[:, 1:] @ sizes) ** 2)) / dof
-            before, (coefficients, criterion) = coefficients, autoregression(left, series.starts)
-            if before.shape == coefficients.shape and np.allclose(before, coefficients, rtol=0, atol=1e-3):
-                break
-        criterion += (beside.shape[1] + len(lines)) * np.log(series.t.size)
-        unit = np.sqrt(np.mean(beside**2, axis=0))
-        told = sizes[series.slopes.shape[1] :] / np.where(unit > 0, unit, 1.0)
-        colour = Colour(coefficients, float(np.sqrt(variance)), left, beside, drift, lines, told)
-        return _Candidate(colour, float(criterion))
+def _candidate(series: Series, functions: np.ndarray, drift: bool, lines: tuple[float, ...]) -> tuple[Colour, float]:
+    """The colour of a process beside functions of time and the rounding, and Schwarz's criterion."""
+    beside = np.column_stack([functions, series.rounding])
+    columns = np.column_stack([series.slopes, beside])
+    columns = columns / np.maximum(np.sqrt(np.mean(columns**2, axis=0)), np.finfo(float).tiny)
+    coefficients, criterion, sizes = np.zeros(0), np.inf, np.zeros(columns.shape[1])
+    left, variance = series.residual, 1.0
+    for _ in range(_ROUNDS):
+        white = innovations(np.column_stack([series.residual, columns]), series.starts, coefficients)
+        sizes, standard = _least_squares(white)
+        left = series.residual + columns @ sizes
+        dof = max(white.shape[0] - standard.shape[1] - coefficients.size, 1)
+        variance = float(np.sum((white[:, 0] + white[:, 1:] @ sizes) ** 2)) / dof
+        before, (coefficients, criterion) = coefficients, autoregression(left, series.starts)
+        if before.shape == coefficients.shape and np.allclose(before, coefficients, rtol=0, atol=1e-3):
+            break
+    criterion += (beside.shape[1] + len(lines)) * np.log(series.t.size)
+    unit = np.sqrt(np.mean(beside**2, axis=0))
+    sizes = sizes[series.slopes.shape[1] :] / np.where(unit > 0, unit, 1.0)
+    colour = Colour(coefficients, float(np.sqrt(variance)), left, beside, drift, lines, sizes)
+    return colour, float(criterion)
 
 
 def white(series: Series, level: float) -> Colour:
@@ -251,13 +246,13 @@ def white(series: Series, level: float) -> Colour:
 
 def whitened(series: Series, colour: Colour) -> tuple[np.ndarray, np.ndarray]:
     """Innovations of unit variance, and their derivatives by the coordinates, without what other functions explain."""
-    white = whitened_columns(np.column_stack([series.residual, series.slopes, colour.beside]), series, colour)
+    columns = whitened_columns(np.column_stack([series.residual, series.slopes, colour.beside]), series, colour)
     p = series.slopes.shape[1] + 1
-    told = white[:, :p]
+    white = columns[:, :p]
     if colour.beside.size:
-        basis = np.linalg.qr(white[:, p:] / np.maximum(np.linalg.norm(white[:, p:], axis=0), 1e-300))[0]
-        told = told - basis @ (basis.T @ told)
-    return told[:, 0], told[:, 1:]
+        basis = np.linalg.qr(columns[:, p:] / np.maximum(np.linalg.norm(columns[:, p:], axis=0), 1e-300))[0]
+        white = white - basis @ (basis.T @ white)
+    return white[:, 0], white[:, 1:]
 
 
 def whitened_columns(columns: np.ndarray, series: Series, colour: Colour) -> np.ndarray:
@@ -284,13 +279,13 @@ def autoregressive(series: Series) -> Colour:
 
 
 def thinned(series: Series, step: int) -> Series:
-    """Every so manieth row."""
+    """Every `step`-th row."""
     starts = np.unique(-(-series.starts // step))
     t, residual, slopes, unit, _, rounding = (values[::step] for values in series)
     return Series(t, residual, slopes, unit, starts, rounding)
 
 
 def kicked(series: Series, transition: StateTransition) -> Colour:
-    """That of kicks which a linear system carries on, beside independent noise."""
+    """That of kicks of a linear system, beside independent noise."""
     kicks, std, spread, left, sides = kicks_of(series.residual, series.slopes, series.unit, transition)
     return white(series, std**2)._replace(left=left, kicks=kicks, spread=spread, transition=transition, sides=sides)

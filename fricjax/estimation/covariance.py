@@ -1,7 +1,7 @@
 """Covariance of a fit: from the normal matrix at the optimum, and from the uncertain inputs of the rig to first order.
 
 The eigenvalues of ``J'J``, its rows and columns scaled to a unit diagonal, give the covariance, the rank and the
-undetermined directions. An input ``b`` with standard uncertainty ``u(b)`` that is held fixed moves the optimum by
+undetermined directions. An input ``b`` with standard uncertainty ``u(b)`` that is fixed moves the optimum by
 ``dp/db = -(J'J)^-1 J' dr/db``; its share of the covariance is ``(dp/db) u(b)^2 (dp/db)'`` (JCGM 100, 5.1). The
 inputs are coordinates of the residual like the parameters, so ``J' dr/db`` is a block of the same matrix.
 """
@@ -23,7 +23,7 @@ class Quadratic(NamedTuple):
         inverse: inverse of J'J among the movable and determined parameters, zero elsewhere, shape (p, p).
         step: Gauss-Newton step from the point to the minimum, shape (p,).
         undetermined: parameters along a direction that the record does not determine, shape (p,).
-        at_bound: parameters held at a bound, shape (p,).
+        at_bound: parameters at a bound, shape (p,).
         distance: length of the step in units in which a standard error of unit variance is one.
     """
 
@@ -36,29 +36,25 @@ class Quadratic(NamedTuple):
 
 def quadratic(gradient: np.ndarray, normal: np.ndarray, at_bound: np.ndarray) -> Quadratic:
     """Shape of chi^2 where its gradient is `gradient`, with some parameters at a bound."""
-    inverse, undetermined = _inverse(normal, ~at_bound)
-    # Where the model fails the gradient is not finite, and neither is the distance.
-    with np.errstate(invalid="ignore"):
-        step = -inverse @ gradient
-        gain = -(step @ gradient)
-    return Quadratic(inverse, step, undetermined, at_bound, float(np.sqrt(max(gain, 0.0))))
-
-
-def _inverse(normal: np.ndarray, movable: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Inverse of the normal matrix among the movable parameters, and which of these it does not determine."""
-    p = normal.shape[0]
+    p, movable = normal.shape[0], ~at_bound
     size = np.sqrt(np.where(movable, np.diag(normal), 0.0))
     active = np.flatnonzero((size > 0) & np.isfinite(size))
     inverse, undetermined = np.zeros((p, p)), movable.copy()
     undetermined[active] = False
     if active.size and np.all(np.isfinite(normal[np.ix_(active, active)])):
+        # Scaled to a unit diagonal, so that the rank does not depend on the units of the parameters.
         unit = size[active]
         eigenvalues, vectors = np.linalg.eigh(normal[np.ix_(active, active)] / np.outer(unit, unit))
         weak = eigenvalues < RANK_TOLERANCE * eigenvalues[-1]
         strength = np.where(weak, 0.0, 1 / np.where(weak, 1.0, eigenvalues))
         inverse[np.ix_(active, active)] = (vectors * strength) @ vectors.T / np.outer(unit, unit)
+        # A parameter with less than a thousandth of a weak direction takes part in it by rounding alone.
         undetermined[active] = np.any(np.abs(vectors[:, weak]) > 1e-3, axis=1)
-    return inverse, undetermined
+    # Where the model fails the gradient is not finite, and neither is the distance.
+    with np.errstate(invalid="ignore"):
+        step = -inverse @ gradient
+        gain = -(step @ gradient)
+    return Quadratic(inverse, step, undetermined, at_bound, float(np.sqrt(max(gain, 0.0))))
 
 
 class Covariance(NamedTuple):
@@ -69,7 +65,7 @@ class Covariance(NamedTuple):
         combined: with the uncertainty of the rig's inputs.
         contributions: change of each parameter for one standard uncertainty of each input, shape (p, inputs).
         undetermined: parameters along a direction that the record does not determine, shape (p,).
-        at_bound: parameters held at a bound, shape (p,).
+        at_bound: parameters at a bound, shape (p,).
         full_rank: whether every movable direction is determined.
     """
 
@@ -82,7 +78,7 @@ class Covariance(NamedTuple):
 
 
 def covariance(
-    shape: Quadratic, slope: np.ndarray, normal: np.ndarray, variance: float, unsure: np.ndarray
+    shape: Quadratic, slope: np.ndarray, normal: np.ndarray, variance: float, additional: np.ndarray
 ) -> Covariance:
     """Covariance at the optimum.
 
@@ -91,14 +87,15 @@ def covariance(
         slope: derivative of each value with respect to its coordinate, shape (p,).
         normal: J'J of the parameters and behind them the inputs of the rig, shape (p + inputs, p + inputs).
         variance: variance of a residual of unit weight.
-        unsure: covariance of the coordinates beside that, shape (p, p).
+        additional: covariance of the coordinates beside that, shape (p, p).
     """
     p = slope.size
     # Where a fit has gone astray its matrices may be larger than numbers can be.
     with np.errstate(over="ignore", invalid="ignore"):
-        statistical = slope[:, None] * (variance * shape.inverse + unsure) * slope
+        statistical = slope[:, None] * (variance * shape.inverse + additional) * slope
         contributions = -slope[:, None] * (shape.inverse @ normal[:p, p:])
         combined = statistical + contributions @ contributions.T
+    # Inf, for a large number would pass for a standard error.
     lost = shape.undetermined | shape.at_bound
     for matrix in (statistical, combined):
         matrix[lost, :] = matrix[:, lost] = 0.0

@@ -16,7 +16,9 @@ from .passes import Pass
 WEAKEST = 1e-13
 """Eigenvalue of the scaled normal matrix below which rounding hides a direction; the least damping ever used."""
 
+# Largest system that is eliminated here; beyond it a call into LAPACK costs less than the arithmetic.
 _LARGEST_SMALL = 32
+# Part of the cost below which what a projection leaves of it has lost half of its digits.
 _DIGITS_LOST = 1e-8
 
 Systems = Float[Array, "k p"]
@@ -45,17 +47,17 @@ def units(normal: Float[Array, "p p"]) -> Float[Array, " p"]:
     return jnp.sqrt(jnp.where(diagonal > 0, diagonal, 1.0))
 
 
-def eliminated(matrix: Float[Array, "... n n"], right: Float[Array, "... n"]) -> Float[Array, "... n"]:
-    """Solutions of systems held as arrays, by Gauss-Jordan elimination without pivoting, compiled once for any size."""
+def eliminate(matrix: Float[Array, "... n n"], right: Float[Array, "... n"]) -> Float[Array, "... n"]:
+    """Solutions of systems, by Gauss-Jordan elimination without pivoting, compiled once for any size."""
     n = right.shape[-1]
     index = jnp.arange(n)[:, None]
 
-    def eliminate(k: Array, rows: Array) -> Array:
+    def clear_column(k: Array, rows: Array) -> Array:
         row, column = (jax.lax.dynamic_slice_in_dim(rows, k, 1, axis=axis) for axis in (-2, -1))
         row = row / jax.lax.dynamic_slice_in_dim(row, k, 1, axis=-1)
         return jnp.where(index == k, row, rows - column * row)
 
-    return jax.lax.fori_loop(0, n, eliminate, jnp.concatenate([matrix, right[..., None]], axis=-1))[..., n]
+    return jax.lax.fori_loop(0, n, clear_column, jnp.concatenate([matrix, right[..., None]], axis=-1))[..., n]
 
 
 def restricted_solve(normal: Array, damping: Systems, free: Bool[Array, "k p"], right: Systems) -> Systems:
@@ -77,7 +79,7 @@ def restricted_solve(normal: Array, damping: Systems, free: Bool[Array, "k p"], 
     target = jnp.where(free, right / unit, 0.0)
     if p > _LARGEST_SMALL:
         return jax.scipy.linalg.solve(matrix, target[:, :, None], assume_a="pos")[:, :, 0] / unit
-    return eliminated(matrix, target) / unit
+    return eliminate(matrix, target) / unit
 
 
 def bounded_steps(
@@ -85,8 +87,8 @@ def bounded_steps(
 ) -> Float[Array, "k p"]:
     """Low points of damped models within a box, by an active set.
 
-    A parameter at its bound that the gradient presses outward is held there. The step goes straight to the lowest
-    point of the others; where it meets a bound, that parameter is held at it and the rest goes on from there. So the
+    A parameter at its bound that the gradient presses outward stays there. The step goes straight to the lowest
+    point of the others; where it meets a bound, that parameter stays at it and the others continue from there. So the
     model only falls along the way.
 
     Args:
@@ -99,23 +101,20 @@ def bounded_steps(
         Steps, shape (k, p); one that ends at a bound equals its distance exactly.
     """
 
-    def again(state: tuple[Array, Array, Array]) -> Array:
-        return state[2]
-
     def advance(state: tuple[Array, Array, Array]) -> tuple[Array, Array, Array]:
-        step, held, _ = state
-        right = -here.gradient - jnp.where(held, step, 0.0) @ here.normal
-        target = jnp.where(held, step, restricted_solve(here.normal, damping, ~held, right))
-        beyond = ~held & ((target < lower) | (target > upper))
+        step, fixed, _ = state
+        right = -here.gradient - jnp.where(fixed, step, 0.0) @ here.normal
+        target = jnp.where(fixed, step, restricted_solve(here.normal, damping, ~fixed, right))
+        beyond = ~fixed & ((target < lower) | (target > upper))
         bound = jnp.where(target > upper, upper, lower)
         reach = jnp.where(beyond, (bound - step) / jnp.where(beyond, target - step, 1.0), 1.0)
         nearest = jnp.min(reach, axis=1, keepdims=True)
         hit = beyond & (reach <= nearest)
         partway = jnp.where(nearest < 1, step + nearest * (target - step), target)
-        return jnp.where(hit, bound, jnp.clip(partway, lower, upper)), held | hit, jnp.any(hit)
+        return jnp.where(hit, bound, jnp.clip(partway, lower, upper)), fixed | hit, jnp.any(hit)
 
-    held = pressed(here, lower, upper) | jnp.zeros(damping.shape, bool)
-    return jax.lax.while_loop(again, advance, (jnp.zeros_like(damping), held, jnp.asarray(True)))[0]
+    fixed = pressed(here, lower, upper) | jnp.zeros(damping.shape, bool)
+    return jax.lax.while_loop(lambda state: state[2], advance, (jnp.zeros_like(damping), fixed, jnp.asarray(True)))[0]
 
 
 def pressed(here: Pass, lower: Float[Array, " p"], upper: Float[Array, " p"]) -> Bool[Array, " p"]:
@@ -141,8 +140,8 @@ def project(there: Pass, linear: Bool[Array, " p"]) -> tuple[Pass, Float[Array, 
     return moved, move, cost < _DIGITS_LOST * there.cost
 
 
-class Ahead(NamedTuple):
-    """What lies ahead of a point, within the bounds.
+class Proposal(NamedTuple):
+    """The damped and the Gauss-Newton step from a point, within the bounds.
 
     Attributes:
         trial: where the damped step ends.
@@ -157,7 +156,7 @@ class Ahead(NamedTuple):
     shortening: Float[Array, ""]
 
 
-def look_ahead(y: Array, here: Pass, scale: Array, damping: Array, setting: Setting) -> Ahead:
+def propose(y: Array, here: Pass, scale: Array, damping: Array, setting: Setting) -> Proposal:
     """Solve for both steps from `y`, whose pass is `here`; `scale` is the largest diagonal of ``J'J`` met so far."""
     relative = jnp.where(setting.linear, 0.0, damping * scale / units(here.normal) ** 2)
     lower, upper = setting.lower - y, setting.upper - y
@@ -165,5 +164,6 @@ def look_ahead(y: Array, here: Pass, scale: Array, damping: Array, setting: Sett
     steps = bounded_steps(here, dampings, lower, upper)
     step, full = steps[0], steps[1]
     bends = jnp.sum(steps * (steps @ here.normal), axis=1)
-    landed = jnp.where(step <= lower, setting.lower, jnp.where(step >= upper, setting.upper, y + step))
-    return Ahead(landed, -(here.gradient @ step + bends[0] / 2), full, bends[1])
+    # A step that ends at a bound ends there exactly, which adding it to `y` would miss by rounding.
+    trial = jnp.where(step <= lower, setting.lower, jnp.where(step >= upper, setting.upper, y + step))
+    return Proposal(trial, -(here.gradient @ step + bends[0] / 2), full, bends[1])

@@ -4,8 +4,11 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
-# Power of a line over that of its neighbours, how many of them, how far it reaches itself, and how many lines.
-_LINE, _NEAR, _WIDE, _LINES = 30.0, 24, 3, 3
+# Power of a line over the median of its neighbours, which white noise exceeds at one of 10^9 frequencies.
+_LINE = 30.0
+# Frequencies that count as neighbours on either side, those that a line reaches itself under Hann's window, and the
+# most lines that are looked for.
+_NEAR, _WIDE, _LINES = 24, 3, 3
 # Steps of Gauss and Newton to the frequency of a line, which begin within a tenth of the resolution.
 _TUNINGS = 3
 
@@ -17,24 +20,24 @@ def waves_of(t: np.ndarray, unit: np.ndarray, lines: Iterable[float]) -> np.ndar
     return np.column_stack(waves) * unit[:, None]
 
 
-def lines_of(t: np.ndarray, unit: np.ndarray, whole: np.ndarray, motion: float) -> tuple[float, ...]:
+def lines_of(t: np.ndarray, unit: np.ndarray, residual: np.ndarray, motion: float) -> tuple[float, ...]:
     """Frequencies of the lines that stand out of the spectrum of residuals [Hz], the strongest first.
 
     Args:
         t: times of the rows [s], shape (n,).
         unit: what a unit of the reading is in each of them, shape (n,).
-        whole: their residuals, shape (n,).
+        residual: of the rows, shape (n,).
         motion: frequency of the motion [Hz], near which a line is no hum.
     """
-    left, found = whole, list[float]()
+    left, lines = residual, list[float]()
     if left.size < 4 * _NEAR:
         return ()
     for _ in range(_LINES):
         line = _strongest(t, left, motion)
-        if line is None or any(abs(line - other) * np.ptp(t) < _WIDE for other in found):
+        if line is None or any(abs(line - other) * np.ptp(t) < _WIDE for other in lines):
             break
-        found, left = _tuned(t, unit, [*found, line], whole)
-    return tuple(found)
+        lines, left = _tuned(t, unit, [*lines, line], residual)
+    return tuple(lines)
 
 
 def _strongest(t: np.ndarray, left: np.ndarray, motion: float) -> float | None:
@@ -44,6 +47,7 @@ def _strongest(t: np.ndarray, left: np.ndarray, motion: float) -> float | None:
     size = int(next_fast_len(left.size, real=True) or left.size)
     power = np.abs(np.fft.rfft(left * np.hanning(left.size), size)) ** 2
     step = 1 / (size * float(np.median(np.diff(t))))
+    # What the model lacks of the motion is no hum; the lowest frequencies are those of drifts.
     apart = np.abs(step * np.arange(power.size) - motion) >= motion / 2
     apart[:_WIDE] = False
     k = int(np.argmax(power * apart))
@@ -53,6 +57,7 @@ def _strongest(t: np.ndarray, left: np.ndarray, motion: float) -> float | None:
     below, at, above = np.log(power[k - 1 : k + 2]) if k + 1 < power.size else (0.0, 1.0, 0.0)
     if below > at:
         return None
+    # Between the frequencies of the transform, by the parabola through the logarithms.
     aside = 0.5 * (below - above) / (below - 2 * at + above)
     return (k + aside) * step
 
@@ -62,13 +67,13 @@ def _tuned(t: np.ndarray, unit: np.ndarray, lines: Sequence[float], left: np.nda
 
     With ``a cos + b sin`` the derivative by the angular frequency is ``t (b cos - a sin)``.
     """
-    since, found = t - t.mean(), np.array(lines)
+    since, tuned = t - t.mean(), np.array(lines)
     resolution = 1 / np.ptp(t)
     for _ in range(_TUNINGS):
-        waves = [f(2 * np.pi * line * since) * unit for line in found for f in (np.cos, np.sin)]
+        waves = [f(2 * np.pi * line * since) * unit for line in tuned for f in (np.cos, np.sin)]
         columns = np.column_stack([*waves, *(since * wave for wave in waves)])
         (a, b), (c, d) = np.linalg.lstsq(columns, left, rcond=None)[0].reshape(2, -1, 2).transpose(0, 2, 1)
         off = (b * c - a * d) / (2 * np.pi * np.maximum(a**2 + b**2, np.finfo(float).tiny))
-        found = found + np.clip(off, -resolution / 2, resolution / 2)
-    waves = waves_of(t, unit, found)
-    return found.tolist(), left - waves @ np.linalg.lstsq(waves, left, rcond=None)[0]
+        tuned = tuned + np.clip(off, -resolution / 2, resolution / 2)
+    waves = waves_of(t, unit, tuned)
+    return tuned.tolist(), left - waves @ np.linalg.lstsq(waves, left, rcond=None)[0]

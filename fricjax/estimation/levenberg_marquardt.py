@@ -21,18 +21,19 @@ import jax.numpy as jnp
 import optimistix as optx
 from jaxtyping import Array, Bool, Float, Int, PyTree
 
-from .damped_step import Ahead, Setting, look_ahead, pressed, project, units
+from .damped_step import Proposal, Setting, pressed, project, propose, units
 from .loss import Squares
 from .passes import AbstractPasses, DensePasses, Pass
 from .status import CONVERGED, NOT_FINITE, OUT_OF_STEPS, RUNNING, STALLED, final_status
 
 MAX_STEPS = 60
+# Of the first step, as a part of the diagonal of J'J.
 _FIRST_DAMPING = 1e-4
 # Part of the Gauss-Newton step's gain below which a trial, after rejections, is not worth a pass.
 _HOPELESS = 1e-6
 # Least factors of the damping after a good step; easing fast just after a rejection runs into the same wall again.
 _EASE, _EASE_AFTER_REJECTION = 0.1, 0.5
-# A rejection tells that the residual is rough on this scale; then a hundred times more counts as finished.
+# A rejection shows that the residual is rough on this scale; then a hundred times more counts as finished.
 _ROUGH = 100.0
 
 
@@ -65,7 +66,7 @@ class LevenbergMarquardt(optx.AbstractLeastSquaresSolver):
 
     Attributes:
         passes: how a pass over the model is made.
-        max_steps: largest number of passes; one only looks at where it is.
+        max_steps: largest number of passes; one only evaluates where it is.
         tolerance: largest step left, in standard errors as the scatter of the residuals gives them.
         ftol: largest relative change of the sum of squares, actual and to come; also largest size of the residual
             relative to that at the start, where rounding has it.
@@ -116,8 +117,8 @@ class LevenbergMarquardt(optx.AbstractLeastSquaresSolver):
         damping = jnp.where(state.first, state.damping, jnp.where(accept, eased, state.damping * state.growth))
         growth = jnp.where(accept, 2.0, state.growth * 2)
         scale = jnp.maximum(state.scale, jnp.diagonal(here.normal))
-        ahead = look_ahead(at, here, scale, damping, setting)
-        status, remaining = self._judge(at, here, ahead, accept, reduction, state, setting)
+        ahead = propose(at, here, scale, damping, setting)
+        status, remaining = self._status(at, here, ahead, accept, reduction, state, setting)
         steps, no = state.steps + 1, jnp.asarray(False)
         begun = jnp.where(state.first, here.cost, state.start_cost)
         after = _State(
@@ -132,11 +133,11 @@ class LevenbergMarquardt(optx.AbstractLeastSquaresSolver):
     def _running(self, steps: Array) -> Array:
         return jnp.where(steps < self.max_steps, RUNNING, OUT_OF_STEPS)
 
-    def _judge(
+    def _status(
         self,
         y: Array,
         here: Pass,
-        ahead: Ahead,
+        ahead: Proposal,
         accept: Array,
         reduction: Array,
         state: _State,
@@ -169,8 +170,8 @@ class LevenbergMarquardt(optx.AbstractLeastSquaresSolver):
             OUT_OF_STEPS: optx.RESULTS.nonlinear_max_steps_reached,
         }
         result = optx.RESULTS.successful
-        for status, told in results.items():
-            result = optx.RESULTS.where(state.status == status, told, result)
+        for status, outcome in results.items():
+            result = optx.RESULTS.where(state.status == status, outcome, result)
         return state.status != RUNNING, result
 
     def postprocess(

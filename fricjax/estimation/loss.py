@@ -14,6 +14,7 @@ from jaxtyping import Array, Float
 
 from .names import LOSSES, check_loss
 
+# Part of its weight that the curvature along a residual keeps at least, see above.
 _LEAST_CURVATURE = 0.1
 
 Residuals = Float[Array, " n"]
@@ -53,7 +54,7 @@ class Huber(AbstractLoss):
 
 
 class SoftL1(AbstractLoss):
-    """Smooth passage from the square to a straight line, ``2 delta^2 (sqrt(1 + z/delta^2) - 1)``.
+    """Smooth transition from the square to a straight line, ``2 delta^2 (sqrt(1 + z/delta^2) - 1)``.
 
     Attributes:
         delta: where a residual begins to be an outlier, in standard deviations.

@@ -20,7 +20,7 @@ class Pass(NamedTuple):
     """What one pass leaves behind: half the sum of losses, its gradient ``J'r`` and normal matrix ``J'J``.
 
     Under a loss other than squares, the gradient is ``J'Wr`` and the normal matrix ``J'CJ`` with the loss's weights
-    and curvatures. What else of it is kept, a tree of arrays, the solver hands on.
+    and curvatures. What else of it is `kept`, a tree of arrays, the solver hands on.
     """
 
     cost: Float[Array, ""]
@@ -70,7 +70,7 @@ class AbstractPasses(eqx.Module):
 
 
 class DensePasses(AbstractPasses):
-    """The whole Jacobian at once, by forward mode.
+    """The full Jacobian at once, by forward mode.
 
     Attributes:
         loss: loss of the residuals.

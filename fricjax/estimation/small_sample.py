@@ -1,10 +1,10 @@
 """What it adds to a covariance that the noise is known from the same record only.
 
-Generalised least squares with a process of noise that was told from their residuals are scattered more than those with
-the true one, and the covariance computed with it is itself scattered, the more so the fewer times the noise forgets
-within a record. By how much the estimates move with the errors of the coefficients of the process adds to their
+Generalised least squares with a process of noise that was estimated from their residuals scatter more than those with
+the true one, and the covariance computed with it scatters itself, the more so the fewer correlation times of the noise
+a record has. By how much the estimates move with the errors of the coefficients of the process adds to their
 covariance C (Kackar and Harville, J. Am. Stat. Assoc. 79, 853, 1984), and as much again makes good that C is too small
-by it in the mean (Kenward and Roger, Biometrics 53, 983, 1997). How uncertain C is itself is told by degrees of freedom
+by it in the mean (Kenward and Roger, Biometrics 53, 983, 1997). How uncertain C is itself degrees of freedom say
 (Satterthwaite, Biometrics Bull. 2, 110, 1946); an estimate over such a standard error is distributed as Student's t,
 whose standard deviation is sqrt(dof / (dof - 2)) (JCGM 101, 6.4.9).
 """
@@ -16,7 +16,7 @@ import numpy as np
 from .autoregression import gram
 from .colour import Colour, Series, whitened_columns
 
-# Fewest degrees of freedom that are believed in: with two the standard deviation of Student's t is infinite.
+# Fewest degrees of freedom that are taken at their word: with two the standard deviation of Student's t is infinite.
 _FEWEST = 4.0
 # Standard errors of the coefficients over which derivatives are taken.
 _STEP = 1e-3

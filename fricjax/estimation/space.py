@@ -14,6 +14,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+# Nuisance parameters in which the reading is linear, so that they can be projected out.
 LINEAR = frozenset({"offset", "drift"})
 
 
@@ -21,7 +22,7 @@ class Parameter(NamedTuple):
     """One free parameter: where it starts, its typical size, and its bounds, all in its own unit.
 
     `fitted_as` says whether the fit works in its value, its logarithm or its inverse root. From the value `rigid` on no
-    record tells a contact from a rigid one.
+    record distinguishes a contact from a rigid one.
     """
 
     name: str
@@ -48,14 +49,14 @@ class Tie(NamedTuple):
 
 
 class ParameterSpace(eqx.Module):
-    """Carries coordinates to values and values into the leaves of a model.
+    """Maps coordinates to values, and puts values into the leaves of a model.
 
     Attributes:
         start, scale: start values and typical sizes, shape (p,).
         fitted_as: for each parameter whether it is fitted in its value, its logarithm or its inverse root.
         leaves: for each shared parameter the index of its leaf in the model.
         ties: leaves that follow a parameter.
-        nuisances: for each run the names of its own parameters, in order after the shared ones.
+        nuisances: for each run the names of its nuisance parameters, in order after the shared ones.
     """
 
     start: Float[Array | np.ndarray, " p"]
@@ -85,12 +86,13 @@ class ParameterSpace(eqx.Module):
     def values(self, q: Float[Array, " p"]) -> Float[Array, " p"]:
         """Values of all parameters at coordinates `q`."""
         log, inverse = self._fitted("logarithm"), self._fitted("inverse root")
+        # Both branches of `where` are differentiated, so each must be finite for coordinates of other kinds too.
         powers = self.start * jnp.exp(jnp.where(log, q, 0.0))
         quotients = self.start / jnp.where(inverse, 1 - q, 1.0) ** 2
         return jnp.where(log, powers, jnp.where(inverse, quotients, self.start + self.scale * q))
 
     def coordinates(self, values: np.ndarray) -> np.ndarray:
-        """Coordinates of given values; minus infinity for a zero that is not fitted in its value."""
+        """Coordinates of values; minus infinity for a zero that is not fitted in its value."""
         log, inverse = self._fitted("logarithm"), self._fitted("inverse root")
         positive = np.maximum(np.where(log | inverse, values, 1.0), 0.0)
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -117,11 +119,11 @@ class ParameterSpace(eqx.Module):
 
     @property
     def alike(self) -> bool:
-        """Whether all runs have the same own parameters."""
+        """Whether all runs have the same nuisance parameters."""
         return len(set(self.nuisances)) == 1
 
     def run_values(self, values: Float[Array | np.ndarray, " p"], run: Any) -> dict[str, Array]:
-        """The own parameters of one run by name; its number may be traced where the runs are alike."""
+        """The nuisance parameters of one run by name; its number may be traced where the runs are alike."""
         if self.alike:
             names, first = self.nuisances[0], len(self.leaves) + run * len(self.nuisances[0])
         else:

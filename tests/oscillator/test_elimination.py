@@ -4,7 +4,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from fricjax.estimation.damped_step import eliminated
+from fricjax.estimation.damped_step import eliminate
 from fricjax.oscillator.engines.smooth.rosenbrock import factorise, substitute
 
 
@@ -18,7 +18,7 @@ def systems(n, seed):
 def test_scalar_and_array_form_agree_with_dense_solutions(n):
     matrix, right = systems(n, n)
     expected = np.linalg.solve(matrix, right[:, :, None])[:, :, 0]
-    np.testing.assert_allclose(eliminated(jnp.asarray(matrix), jnp.asarray(right)), expected, rtol=1e-11)
+    np.testing.assert_allclose(eliminate(jnp.asarray(matrix), jnp.asarray(right)), expected, rtol=1e-11)
     factors = factorise([[jnp.asarray(matrix[:, i, j]) for j in range(n)] for i in range(n)])
     entries = substitute(factors, [jnp.asarray(right[:, i]) for i in range(n)])
     np.testing.assert_allclose(jnp.stack(entries, axis=1), expected, rtol=1e-11)
@@ -30,5 +30,5 @@ def test_positive_definite_systems_near_singularity_leave_small_residuals(weakes
     basis = np.linalg.qr(generator.standard_normal((6, 6)))[0]
     matrix = (basis * np.geomspace(weakest, 1.0, 6)) @ basis.T
     right = matrix @ generator.standard_normal(6)
-    found = np.asarray(eliminated(jnp.asarray(matrix), jnp.asarray(right)))
+    found = np.asarray(eliminate(jnp.asarray(matrix), jnp.asarray(right)))
     assert np.max(np.abs(matrix @ found - right)) < 1e-14 * max(1.0, float(np.max(np.abs(found))))
