@@ -128,7 +128,7 @@ def start_of(coefficients: np.ndarray) -> np.ndarray:
 
 
 def excitation(left: np.ndarray, starts: np.ndarray, coefficients: np.ndarray, std: float) -> float:
-    """How many times larger than it is kept up a process starts, as a mode does that the release excites."""
+    """Size of a process at its start over its stationary one, as of a mode that the release excites; at least one."""
     start, order = start_of(coefficients), coefficients.size
     parts = [part[:order] for part in np.split(left, starts[1:])]
     first = np.concatenate([start[: part.size, : part.size] @ part for part in parts])

@@ -61,11 +61,11 @@ class Colour(NamedTuple):
     Attributes:
         coefficients: of the process, the nearest first, shape (order,).
         std: standard deviation of an innovation, in units of the residuals.
-        left: of the residuals, the parameters and what is beside them fitted anew, shape (n,).
-        beside: functions that are in the residuals besides, shape (n, k): a drift, the lines of a hum, the rounding.
+        left: the residuals with the parameters and the functions beside the noise fitted anew, shape (n,).
+        beside: functions that are in the residuals beside the noise, shape (n, k): drift, lines of a hum, rounding.
         drift: whether a drift is among them, the first; `lines`: frequencies of the hum [Hz].
-        sizes: what of each is to be added to the residuals to make up for them, shape (k,).
-        excited: how many times larger than it is kept up the process starts.
+        sizes: amplitude of each that is to be added to the residuals to remove it from them, shape (k,).
+        excited: size of the process at its start, where the release may excite it, over its stationary one.
         kicks: spectral density of kicks that make the noise beside an independent part, in squared units of the latter.
         spread: sum of the logarithms of the variances of all rows, those before known, over that of an innovation.
         transition: of the linear system that they kick; None where there are none.
@@ -87,7 +87,7 @@ class Colour(NamedTuple):
 
     @property
     def waves(self) -> np.ndarray:
-        """Sizes of the cosine and the sine of each line, shape (lines, 2)."""
+        """Amplitudes of the cosine and the sine of each line, shape (lines, 2)."""
         first = int(self.drift)
         return self.sizes[first : first + 2 * len(self.lines)].reshape(-1, 2)
 
@@ -108,12 +108,12 @@ class Colour(NamedTuple):
         return abs(1 - float(self.coefficients.sum())) > ROUNDING
 
     @property
-    def size(self) -> float:
-        """Sum of the logarithms of the variances of the innovations."""
+    def log_determinant(self) -> float:
+        """Logarithm of the determinant of the covariance of the rows, by the variances of their innovations."""
         return float(self.left.size * np.log(self.std**2)) + self.spread
 
     @property
-    def numbers(self) -> int:
+    def n_parameters(self) -> int:
         """How many numbers it has beside the variance; a line has a frequency besides its two sizes."""
         return self.coefficients.size + self.sizes.size + len(self.lines) + (self.transition is not None)
 
@@ -239,7 +239,7 @@ def _candidate(series: Series, functions: np.ndarray, drift: bool, lines: tuple[
 
 
 def white(series: Series, level: float) -> Colour:
-    """That of white noise, of which a row has a variance."""
+    """The colour of white noise with this variance of a row."""
     nothing = np.zeros(0)
     return Colour(nothing, float(np.sqrt(level)), series.residual, np.zeros((series.t.size, 0)), False, (), nothing)
 
@@ -271,7 +271,7 @@ def instants(series: Series, colour: Colour) -> np.ndarray:
 
 
 def autoregressive(series: Series) -> Colour:
-    """That of an autoregression of the residuals as they are."""
+    """The colour of an autoregression of the residuals as they are, without functions beside it."""
     coefficients, _ = autoregression(series.residual, series.starts)
     level = float(np.var(innovations(series.residual[:, None], series.starts, coefficients)))
     spread = spread_of(coefficients, series.starts, series.t.size)
@@ -286,6 +286,6 @@ def thinned(series: Series, step: int) -> Series:
 
 
 def kicked(series: Series, transition: StateTransition) -> Colour:
-    """That of kicks of a linear system, beside independent noise."""
+    """The colour of kicks of a linear system, beside independent noise."""
     kicks, std, spread, left, sides = kicks_of(series.residual, series.slopes, series.unit, transition)
     return white(series, std**2)._replace(left=left, kicks=kicks, spread=spread, transition=transition, sides=sides)

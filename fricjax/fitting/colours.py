@@ -110,8 +110,8 @@ def _shaken(problem: Problem, at: Solution, run: int, series: Series) -> Colour 
 
 def _criterion(colour: Colour) -> float:
     """Schwarz's criterion; how a process starts is left out, for what a model lacks starts like a shaken motion."""
-    size = colour.size - (colour.spread if colour.transition is None else 0.0)
-    return size + np.log(colour.left.size) * colour.numbers
+    size = colour.log_determinant - (colour.spread if colour.transition is None else 0.0)
+    return size + np.log(colour.left.size) * colour.n_parameters
 
 
 def remembered(rows: Rows, colour: Colour) -> float:

@@ -206,5 +206,5 @@ def _noise(window: Window, row: Rows, colour: Colour) -> Noise:
 def _likelihood(row: Rows, colour: Colour, absolute: bool) -> tuple[float, int]:
     """What a colour adds to minus twice the logarithm of the likelihood of white noise, and how many numbers it has."""
     residual, unit = row.series.residual, 1.0 if absolute else row.level
-    counted = float(np.sum(whitened(row.series, colour)[0] ** 2)) + colour.size
-    return counted - float(residual @ residual) / unit - residual.size * np.log(unit), colour.numbers
+    counted = float(np.sum(whitened(row.series, colour)[0] ** 2)) + colour.log_determinant
+    return counted - float(residual @ residual) / unit - residual.size * np.log(unit), colour.n_parameters

@@ -26,7 +26,7 @@ _EDGE = 0.05
 _SAMPLES = 20
 
 
-def errors(information: Information) -> Iterator[str]:
+def errors_of(information: Information) -> Iterator[str]:
     """What keeps a fit from being valid, with the remedy: parameters without effect and undetermined directions."""
     for name in information.no_effect:
         kind = name.rsplit(".", 1)[-1]
@@ -44,7 +44,7 @@ def errors(information: Information) -> Iterator[str]:
     yield from (f"{direction.text}. Fix one of them." for direction in information.singular)
 
 
-def warnings(information: Information) -> Iterator[str]:
+def warnings_of(information: Information) -> Iterator[str]:
     """Advice on the run."""
     yield from _on_the_stop(information)
     yield from _on_the_record(information)

@@ -20,7 +20,7 @@ from ..fitting.derived import UNITS, derive
 from ..fitting.evaluation import evaluate
 from ..oscillator import Oscillator, simulate
 from ..oscillator.engines import AbstractEngine
-from . import advice
+from .advice import errors_of, warnings_of
 from .directions import directions, spectrum
 from .information import Information
 from .plan import Plan, checked_times, plan, planned_motion, planned_times
@@ -109,8 +109,8 @@ def fisher(
     return dataclasses.replace(
         information,
         combinations=combinations(information),
-        errors=tuple(advice.errors(information)),
-        warnings=tuple(advice.warnings(information)),
+        errors=tuple(errors_of(information)),
+        warnings=tuple(warnings_of(information)),
     )
 
 

@@ -158,7 +158,7 @@ def test_a_batch_names_its_files(paths, folder):
 
 def test_comparisons_name_their_files(paths, joint):
     found = fj.compare(paths, [SLIDING], held_out=False)
-    assert found.sources == joint.sources and found.to_dict()["sources"] == joint.sources
+    assert found.sources == joint.sources and found.to_dict()["sources"] == list(joint.sources)
     assert "Fitted to run0.csv, run1.csv, run2.csv. Distances of AICc" in found.summary()
     routes = fj.compare_routes(paths, RIG)
     assert routes.sources == joint.sources and ": run0.csv, run1.csv, run2.csv\n" in routes.summary()
