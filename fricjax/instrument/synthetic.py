@@ -73,8 +73,13 @@ def synthetic_run(
     """
     run = Run(x0, v0, rate, duration, hold, release_time_constant, floor_acceleration_psd)
     interferometer = _interferometer(noise, instrument)
-    coefficients = _coefficients(oscillator)
-    generators = _generators(seed)
+    # By their shortest unambiguous name, as a fit names them.
+    leaves = zip(leaves_of(oscillator), jax.tree.leaves(oscillator), strict=True)
+    coefficients = {leaf.name: number(leaf.name, value) for leaf, value in leaves}
+    check_seed(seed)
+    # One independent stream per effect: switching one on leaves the others as they were.
+    children = np.random.SeedSequence(int(seed)).spawn(len(_STREAMS))
+    generators = {name: np.random.default_rng(child) for name, child in zip(_STREAMS, children, strict=True)}
     t = np.arange(run.samples) / run.rate
     x, v, moved = _motion(oscillator, run, t, generators["floor"])
     x, effects = interferometer.observe(t, x, v, generators)
@@ -89,13 +94,6 @@ def _interferometer(noise: float, instrument: dict[str, Any]) -> Interferometer:
         if name not in known:
             raise UsageError(f"synthetic_run has no keyword {name!r}.{nearest(name, known)} It has {', '.join(known)}.")
     return Interferometer(noise=noise, **instrument)
-
-
-def _generators(seed: int) -> dict[str, np.random.Generator]:
-    """One independent stream of random numbers per effect."""
-    check_seed(seed)
-    children = np.random.SeedSequence(int(seed)).spawn(len(_STREAMS))
-    return {name: np.random.default_rng(child) for name, child in zip(_STREAMS, children, strict=True)}
 
 
 def _motion(
@@ -132,12 +130,6 @@ def _integrate(
     # Also for what has no half-cycles, such as an overdamped mass.
     driven = driven_motion(oscillator, run.x0, ts, **drive)
     return driven.x, driven.v
-
-
-def _coefficients(oscillator: Oscillator) -> dict[str, float]:
-    """The true coefficients by their shortest unambiguous name, as a fit names them."""
-    values = zip(leaves_of(oscillator), jax.tree.leaves(oscillator), strict=True)
-    return {leaf.name: number(leaf.name, value) for leaf, value in values}
 
 
 def _meta(

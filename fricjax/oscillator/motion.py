@@ -89,7 +89,7 @@ class RESULTS(diffrax.RESULTS):  # pyright: ignore[reportGeneralTypeIssues]
     )
     drag_unsupported = "The exact engine has no quadratic drag. Use the hybrid engine."
     phase_reversed = (
-        "A half-cycle does not reach its reversal: friction or damping outweighs the spring on that stroke. Check the "
+        "A half-cycle does not reach its reversal: friction or damping outweighs the spring in it. Check the "
         "law's coefficients against stiffness times amplitude."
     )
 

@@ -165,7 +165,8 @@ class _Compiled:
         if place is None:
             return jitted.lower(arrays).compile()
         likely = jax.tree.structure(self._like(*args))
-        traced = _read(place)
+        data = recall(place)
+        traced = None if data is None else export.deserialize(bytearray(data))
         if traced is None or len(traced.out_avals) != likely.num_leaves:
             try:
                 with _TRACING:
@@ -259,9 +260,3 @@ def _source() -> str | None:
     for path in sorted(root.rglob("*.py")):
         digest.update(str(path.relative_to(root)).encode() + path.read_bytes())
     return digest.hexdigest()
-
-
-def _read(place: Path) -> export.Exported | None:
-    """The traced program of a file; None where there is none, or not a whole one."""
-    data = recall(place)
-    return None if data is None else export.deserialize(bytearray(data))

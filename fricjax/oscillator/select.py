@@ -78,16 +78,11 @@ def half_cycle_capacity(oscillator: Oscillator, duration: float | None, x0: Any,
         return 512
     mass, stiffness, x, v = (float(value or 0.0) for value in known)
     reach = abs(x) + abs(v) * math.sqrt(mass / stiffness)
-    secant = _largest_secant(oscillator, stiffness, reach)
-    if secant is None:
-        return 512
+    secant: float = stiffness
+    if oscillator.restoring.stiffens and reach > 0:
+        pull = concrete(oscillator.restoring_force(np.asarray(reach)))  # pyright: ignore[reportArgumentType]
+        if pull is None:
+            return 512
+        secant = max(stiffness, pull / reach)
     half_cycles = 1.2 * duration * math.sqrt(secant / mass) / math.pi + 4
     return max(16, 2 ** math.ceil(math.log2(half_cycles)))
-
-
-def _largest_secant(oscillator: Oscillator, stiffness: float, reach: float) -> float | None:
-    """Largest secant stiffness up to a deflection [N/m], None where it is traced."""
-    if not oscillator.restoring.stiffens or reach == 0:
-        return stiffness
-    pull = concrete(oscillator.restoring_force(np.asarray(reach)))  # pyright: ignore[reportArgumentType]
-    return None if pull is None else max(stiffness, pull / reach)

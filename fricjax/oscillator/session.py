@@ -49,7 +49,12 @@ def _keep_programs() -> None:
     jax.config.update("jax_compilation_cache_dir", str(folder))
     jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
     jax.config.update("jax_persistent_cache_min_entry_size_bytes", -1)
-    _hand_over(folder)
+    # JAX neither notices damaged programs nor replaces them, so it is given a store that does. What was compiled before
+    # has made up its mind that there is no folder.
+    reset_cache()
+    # JAX has no public way to name another store. Without this line all is kept, but damaged programs stay.
+    if hasattr(compilation_cache, "_cache"):
+        compilation_cache._cache = cache.Store(folder)
 
 
 def programs_folder() -> Path | None:
@@ -65,12 +70,3 @@ def programs_folder() -> Path | None:
         warnings.warn(f"Compiled programs are neither kept nor loaded: {doubt}", stacklevel=1)
         return None
     return folder
-
-
-def _hand_over(folder: Path) -> None:
-    """Give JAX the store in place of its own, which neither notices damaged programs nor replaces them."""
-    # What was compiled before has made up its mind that there is no folder.
-    reset_cache()
-    # JAX has no public way to name another store. Without this line all is kept, but damaged programs stay.
-    if hasattr(compilation_cache, "_cache"):
-        compilation_cache._cache = cache.Store(folder)

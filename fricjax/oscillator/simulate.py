@@ -73,7 +73,8 @@ def simulate(
     if driven and not isinstance(chosen, Smooth):
         raise ValueError("Floor motion and a decaying holding force need the smooth engine.")
     state = None if state0 is None else _floats(state0)
-    drive = _drive(base_acceleration, release) if driven else None
+    floor = None if base_acceleration is None else jnp.asarray(base_acceleration, float)
+    drive = Drive(floor, release) if driven else None
     return _solve(chosen, _limit_engine(oscillator, capacity), oscillator, x, v, state, times, drive)
 
 
@@ -83,10 +84,6 @@ def _limit_engine(oscillator: Oscillator, capacity: int) -> AbstractEngine | Non
     if limit is None or not limit.set_valued:
         return None
     return select_engine("auto", dataclasses.replace(oscillator, friction=limit), max_half_cycles=capacity)
-
-
-def _drive(base_acceleration: ArrayLike | None, release: AbstractRelease | None) -> Drive:
-    return Drive(None if base_acceleration is None else jnp.asarray(base_acceleration, float), release)
 
 
 def _floats(value: ArrayLike) -> Array | np.ndarray:
@@ -157,13 +154,10 @@ def _solve(
     motion = engine.solve(oscillator, start, ts)
     if limit is None:
         return motion
-    return eqx.tree_at(lambda m: m.regularisation_bias, motion, _bias(motion, limit, oscillator, start))
-
-
-def _bias(motion: Motion, limit: AbstractEngine, oscillator: Oscillator, start: Start) -> Array:
-    """Largest distance to the motion under the law without regularisation, which is for the engine `limit`."""
+    # The bias is what the regularisation does to this very motion, so the motion without it is computed as well.
     reference = dataclasses.replace(oscillator, friction=oscillator.friction.set_valued_limit())
-    return jnp.max(jnp.abs(limit.solve(reference, start._replace(state=jnp.zeros(0)), motion.t).x - motion.x))
+    bias = jnp.max(jnp.abs(limit.solve(reference, start._replace(state=jnp.zeros(0)), motion.t).x - motion.x))
+    return eqx.tree_at(lambda m: m.regularisation_bias, motion, bias)
 
 
 def final_displacement(oscillator: Oscillator, x0: ArrayLike, *, engine: str | AbstractEngine = "auto") -> Array:

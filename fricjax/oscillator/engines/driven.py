@@ -20,9 +20,11 @@ from ..oscillator import Oscillator
 from ..session import ready
 from .stick_slip import Floor, Machine, State, advance, direction_from_rest
 
-_PHASE_PER_STEP = 0.02
-_STEPS_PER_DECAY = 4
-_DECAYS = 40  # after so many time constants the holding force is below rounding
+# Longest step at first, in radians of the natural frequency and in steps per time constant of the release. Both are
+# only where the halving begins, which goes on until the motion no longer changes.
+_PHASE_PER_STEP, _STEPS_PER_DECAY = 0.02, 4
+# After so many time constants the holding force is below rounding, exp(-40) = 4e-18.
+_DECAYS = 40
 _HALVINGS = 8
 
 
@@ -155,20 +157,18 @@ def _integrate(
 def _through(machine: Machine, floor: Floor, length: Scalar, state: State, divisions: Scalar) -> State:
     """Steps of equal phase through one interval, short ones while the holding force decays."""
 
+    def longest(t: Scalar) -> Scalar:
+        swing = jnp.asarray(_PHASE_PER_STEP / machine.oscillator.angular_frequency)
+        if machine.release is not None:
+            decay = machine.release.time_constant
+            swing = jnp.where(t < _DECAYS * decay, jnp.minimum(swing, decay / _STEPS_PER_DECAY), swing)
+        return swing / divisions
+
     def step(carry: tuple[Scalar, State]) -> tuple[Scalar, State]:
         done, now = carry
         left = length - done
-        h = left / jnp.ceil(left / _longest(machine, floor.since + done, divisions))
+        h = left / jnp.ceil(left / longest(floor.since + done))
         return done + h, advance(machine, floor, floor.since + done, h, now)
 
     begin = (jnp.zeros(()), state)
     return jax.lax.while_loop(lambda carry: carry[0] < length * (1 - 1e-12), step, begin)[1]
-
-
-def _longest(machine: Machine, t: Scalar, divisions: Scalar) -> Scalar:
-    """Longest step allowed at time `t` [s]."""
-    swing = jnp.asarray(_PHASE_PER_STEP / machine.oscillator.angular_frequency)
-    if machine.release is not None:
-        decay = machine.release.time_constant
-        swing = jnp.where(t < _DECAYS * decay, jnp.minimum(swing, decay / _STEPS_PER_DECAY), swing)
-    return swing / divisions

@@ -107,18 +107,20 @@ class HalfCycles(AbstractPath):
     def half_cycles_to_rest(self, static_band: Scalar, breakaway_band: Scalar, moving: Array) -> Array:
         """Number of half-cycles until |a_n| falls into the static band (inf if never); at least one if in motion.
 
-        From a standstill it takes a deflection beyond the breakaway band for a first one.
+        From rest it takes a deflection beyond the breakaway band for a first one.
         """
         q = self.log_decrement
         gain = -jnp.expm1(q)
         width = static_band * gain + self.dead_band * (1 + jnp.exp(q))
         undamped = (self.amplitude - static_band) / jnp.where(width > 0, width, jnp.inf)
+        # Without damping the turning points lie on a line, and the formula for a decay divides zero by zero.
         damped = jnp.abs(q) > 1e-9
         q_safe = jnp.where(damped, q, -1.0)
         count = jnp.where(damped, jnp.log1p(undamped * gain) / -q_safe, undamped)
         count = jnp.where((width > 0) & jnp.isfinite(count), jnp.maximum(jnp.ceil(count), 0.0), jnp.inf)
         count = jnp.where(self.amplitude <= static_band, 0.0, count)
         finite = jnp.where(jnp.isfinite(count), count, 0.0)
+        # Rounding may put the count one beside the rest condition itself, which decides.
         early = (finite > 0) & (self.alternating_amplitude(finite - 1) <= static_band)
         late = self.alternating_amplitude(finite) > static_band
         count = count - early + late
@@ -213,6 +215,8 @@ class Exact(AbstractEngine):
         n = cycles.count_at(ts)
         at_rest = n >= cycles.last
         sliding = -cycles.side_of(n) * oscillator.friction.dynamic_force(oscillator.normal_force)
+        outcome: Any = RESULTS.successful
+        outcome = RESULTS.where(oscillator.drag == 0, outcome, RESULTS.drag_unsupported)
         # Extended backwards, a start in motion comes from another place.
         points = cycles.turning_points.at[0].set(jnp.where(jnp.isnan(cycles.last), jnp.nan, start.x0))
         return Motion(
@@ -226,12 +230,6 @@ class Exact(AbstractEngine):
             n_half_cycles=jnp.where(jnp.isfinite(cycles.last), cycles.last, -1).astype(int),
             regularisation_bias=jnp.zeros(()),
             engine="exact",
-            result=_outcome(oscillator),
+            result=RESULTS.where(oscillator.damping_ratio < 1, outcome, RESULTS.overdamped),
             stats={},
         )
-
-
-def _outcome(oscillator: Oscillator) -> Any:
-    outcome: Any = RESULTS.successful
-    outcome = RESULTS.where(oscillator.drag == 0, outcome, RESULTS.drag_unsupported)
-    return RESULTS.where(oscillator.damping_ratio < 1, outcome, RESULTS.overdamped)

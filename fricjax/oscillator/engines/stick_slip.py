@@ -18,7 +18,9 @@ from ...friction.base import Scalar
 from ..drive import ExponentialRelease
 from ..oscillator import Oscillator
 
-_PHASES = 8  # slides and rests in one step; more would be chatter, which ends as rest
+# Slides and rests in one step; more would be chatter, which ends as rest.
+_PHASES = 8
+# Iterations of false position; each keeps a bracket, so that more could only sharpen the root.
 _ROOT_ITERATIONS = 12
 
 
@@ -103,7 +105,7 @@ def _time_of_turn(machine: Machine, floor: Floor, t: Scalar, step: Scalar, state
     onset = _acceleration(machine, floor, state.direction, t, state.x, state.v)
 
     def forward(tau: Scalar) -> Scalar:
-        # From a standstill the mean acceleration is followed instead, for the velocity also vanishes at the start.
+        # From rest the mean acceleration is followed instead, for the velocity also vanishes at the start.
         v = state.direction * _runge_kutta(machine, floor, t, tau, state).v
         return v / jnp.where(at_start, jnp.maximum(tau, jnp.finfo(float).tiny), 1.0)
 

@@ -37,7 +37,7 @@ class Span(NamedTuple):
     margin: Any = 0.0
 
 
-class Table(NamedTuple):
+class AmplitudeTable(NamedTuple):
     """Ratio of amplitude to its start, and phase of the undisturbed swing, at the nodes of the half-cycle.
 
     Both as Chebyshev coefficients in the logarithmic amplitude, shape (degree + 1, nodes).
@@ -87,7 +87,7 @@ def _start(oscillator: Oscillator, frame: Frame, deflection: Array) -> Array:
     return oscillator.restoring.stretched(deflection) - frame.dead_band
 
 
-def make_table(oscillator: Oscillator, span: Span, count: int, panels: Panels) -> Table:
+def make_table(oscillator: Oscillator, span: Span, count: int, panels: Panels) -> AmplitudeTable:
     """Integrate `count` amplitudes side by side."""
     band = reference_force(oscillator) / oscillator.stiffness
     between = oscillator.restoring.steepened(jnp.stack([span.lowest, span.highest]))
@@ -100,11 +100,11 @@ def make_table(oscillator: Oscillator, span: Span, count: int, panels: Panels) -
     start = _start(oscillator, frame, deflection)
     amplitudes, elapsed = collocate(oscillator, frame, start, panels)
     ratio, phase = amplitudes / start, elapsed * frame.angular_frequency
-    return Table(Angle.of(jnp.pi * panels.fractions), transform @ ratio.T, transform @ phase.T, centre, reach)
+    return AmplitudeTable(Angle.of(jnp.pi * panels.fractions), transform @ ratio.T, transform @ phase.T, centre, reach)
 
 
 def half_cycles_from_table(
-    oscillator: Oscillator, table: Table, begin: Reversal, rests: RestCondition, capacity: int
+    oscillator: Oscillator, table: AmplitudeTable, begin: Reversal, rests: RestCondition, capacity: int
 ) -> tuple[Reversal, tuple[HalfCycle, Array]]:
     """Half-cycles from a reversal on; their nodes, shape (capacity, nodes), and their next turning points.
 

@@ -103,7 +103,8 @@ def _integral(rates: Array, panels: Panels) -> Array:
 
 def _read(values: Array, panels: Panels) -> Array:
     """Values at the nodes, from those at the points."""
-    reading = jnp.asarray(_reading(values.shape[1], (panels.fractions.size + 1) // 2))
+    count, ranks = values.shape[1], np.linspace(-1, 1, (panels.fractions.size + 1) // 2)
+    reading = jnp.asarray(chebyshev.chebvander(ranks, count - 1) @ _coefficients(count))
     halves = jnp.einsum("ij,pj...->pi...", reading, values)
     return jnp.concatenate([halves[0], halves[1, 1:]])
 
@@ -118,11 +119,6 @@ def _integration(count: int) -> np.ndarray:
     unit = np.identity(count)
     columns = [chebyshev.chebval(_points(count), chebyshev.chebint(row, lbnd=-1)) for row in unit]
     return np.stack(columns, axis=1) @ _coefficients(count) / 2
-
-
-def _reading(count: int, nodes: int) -> np.ndarray:
-    """Matrix from values at the points to those at equidistant ranks."""
-    return chebyshev.chebvander(np.linspace(-1, 1, nodes), count - 1) @ _coefficients(count)
 
 
 def _coefficients(count: int) -> np.ndarray:

@@ -10,7 +10,7 @@ from jaxtyping import Array, Float
 from ...motion import Start
 from ...oscillator import Oscillator
 from ..nodes import Nodes, spliced
-from .amplitude_table import Table, half_cycles_from_table
+from .amplitude_table import AmplitudeTable, half_cycles_from_table
 from .collocation import Panels
 from .grazing import MOST, grazing_half_cycles
 from .half_cycles import (
@@ -81,7 +81,7 @@ def one_by_one(
 def by_table(
     oscillator: Oscillator,
     start: Start,
-    table: Table,
+    table: AmplitudeTable,
     panels: Panels,
     half_cycles: Array,
     capacity: int,

@@ -97,7 +97,7 @@ class Hybrid(AbstractEngine):
         nodes: steps per half-cycle, an even number; 28 keep the error below 0.1 nm on a motion of 2 mm.
         max_half_cycles: bound on the number of half-cycles; a motion with more ends with a code of its own.
         span: range of turning points for the table of amplitudes, used where the number of half-cycles is given and
-            the motion starts at a standstill; None integrates each half-cycle for itself.
+            the motion starts from rest; None integrates each half-cycle for itself.
         amplitudes: number of amplitudes in the table.
         skew: part by which the mesh is denser at the reversals, and less dense in between, than it is best.
 

@@ -20,12 +20,14 @@ from .frame import Angle, frame_at, is_resolved, motion_at, reversal_position
 from .half_cycles import Attempt, HalfCycle, RestCondition, Reversal, advance
 from .phase_steps import integrate_phase, layer_width, mesh_fractions
 
+# Half-cycles that are tried so at most: one that starts by a hair is among the last ones before the rest.
 MOST = 3
-_STEPS = 160
-_PHASES = 32
+# Steps in time until the mass slows down, and steps over the phase from there to the reversal.
+_STEPS, _PHASES = 160, 32
+# Where damping is strong the phase about the fastest place comes to its end slowly, so the mesh is at least so dense.
 _THINNEST = 1e-3
-_TOLERANCE = 3e-8
-_ROUNDING = 1e-15
+_TOLERANCE, _ROUNDING = 3e-8, 1e-15
+# A mass leaves an unstable balance as slowly as it starts close to it: the event ends the integration, not a time.
 _FOREVER = 1e9
 
 
@@ -117,7 +119,6 @@ def grazing_half_cycles(
         Its nodes, its turning points, shape (MOST,), NaN beyond the last one, and where it ends.
     """
     reach = jax.lax.stop_gradient(jnp.abs(start.x0) + jnp.abs(start.v0) / oscillator.angular_frequency)
-    # Where damping is strong the phase about the fastest place comes to its end slowly.
     layer = jnp.minimum(layer_width(oscillator, frame_at(oscillator, jnp.ones(()), reach), reach), _THINNEST)
     theta = jnp.pi * mesh_fractions(2 * _PHASES, layer)[_PHASES:]
 

@@ -8,7 +8,6 @@ spring, on which the mass rings on; such swings are no half-cycles.
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
-import diffrax
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -16,9 +15,11 @@ from jaxtyping import Array, Float, Int
 
 from ..nodes import quintic
 from .scaled import Scaled
+from .switching import AbstractWrapper
 
 # Duration of a swing, as a part of the half-period of the spring, below which the contact swings and not the spring.
 _ABRUPT = 0.75
+# Newton steps on the quintic, from where the secant of the velocities puts the reversal.
 _NEWTON_STEPS = 3
 
 
@@ -110,7 +111,7 @@ def last_log(log: Log, machine: Scaled, x: Array) -> Log:
     return log._replace(points=points, count=count, ended=jnp.where(stops, ended, jnp.inf))
 
 
-class ReversalRecorder(diffrax.AbstractAdaptiveSolver, diffrax.AbstractWrappedSolver):
+class ReversalRecorder(AbstractWrapper):
     """A solver that carries a log along.
 
     Attributes:
@@ -123,27 +124,8 @@ class ReversalRecorder(diffrax.AbstractAdaptiveSolver, diffrax.AbstractWrappedSo
     capacity: int = eqx.field(static=True)
     record: Callable[[Log, tuple, tuple, Any], Log] = eqx.field(static=True)
 
-    @property
-    def term_structure(self) -> Any:  # pyright: ignore[reportIncompatibleVariableOverride]
-        return self.solver.term_structure
-
-    @property
-    def interpolation_cls(self) -> Any:  # pyright: ignore[reportIncompatibleVariableOverride]
-        return self.solver.interpolation_cls
-
-    @property
-    def scan_kind(self) -> Any:
-        """How a wrapped Runge-Kutta solver loops over its stages: diffrax asks for it."""
-        return self.solver.scan_kind
-
-    def order(self, terms: Any) -> int | None:
-        return self.solver.order(terms)
-
     def init(self, terms: Any, t0: Any, t1: Any, y0: Any, args: Any) -> Any:
         return self.solver.init(terms, t0, t1, y0, args), first_log(y0[0], y0[1], self.capacity)
-
-    def func(self, terms: Any, t0: Any, y0: Any, args: Any) -> Any:
-        return self.solver.func(terms, t0, y0, args)
 
     def step(self, terms: Any, t0: Any, t1: Any, y0: Any, args: Any, solver_state: Any, made_jump: Any) -> Any:
         inner, log = solver_state

@@ -90,9 +90,9 @@ class Scaled(eqx.Module):
     def settling(self, x: Array, v: Array, states: tuple) -> tuple[Array, Array]:
         """Where a contact will hold the mass, and the longest way that the mass can still go; inf where none holds it.
 
-        A contact of stiffness K holds the mass at ``x + m a/(k + K)``, where a is the acceleration at standstill with
-        the same states. About there the mass rings, and while the contact yields, what is left of its energy is spent
-        on a way against the force by which friction is stronger than the spring.
+        A contact of stiffness K holds the mass at ``x + m a/(k + K)``, where a is the acceleration at zero velocity
+        with the same states. About there the mass rings, and while the contact yields, what is left of its energy is
+        spent on a way against the force by which friction is stronger than the spring.
         """
         ratio = 1 + jnp.maximum(self._stiffness(self._unscaled(states)), 0.0) / self.oscillator.stiffness
         away = self.rates(x, jnp.zeros(()), states).acceleration / ratio

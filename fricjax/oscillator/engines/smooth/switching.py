@@ -20,6 +20,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
+# Factor on the error of a step across a switch: with it a controller accepts only steps that are too short for what
+# they miss to be felt in the derivatives; see `step_across`.
 _RAISE = 1e6
 
 
@@ -28,19 +30,10 @@ def step_across(tolerance: Array) -> Array:
     return 0.3 * jnp.sqrt(tolerance / _RAISE)
 
 
-class SwitchingSolver(diffrax.AbstractAdaptiveSolver, diffrax.AbstractWrappedSolver):
-    """A solver with its error raised where a watched quantity changes sign.
+class AbstractWrapper(diffrax.AbstractAdaptiveSolver, diffrax.AbstractWrappedSolver):
+    """A solver whose steps are made by another one, and changed or looked at before they are handed on."""
 
-    Attributes:
-        solver: the solver that makes the steps.
-        quantities: from time, state and the arguments of the vector field to the quantities, shape (switches,).
-        after: from time and state at the end of a step, the state at its begin and the arguments to the state from
-            which the next step begins.
-    """
-
-    solver: Any
-    quantities: Callable[[Any, Any, Any], Array] = eqx.field(static=True)
-    after: Callable[[Any, Any, Any, Any], Any] = eqx.field(static=True)
+    solver: eqx.AbstractVar[Any]
 
     @property
     def term_structure(self) -> Any:  # pyright: ignore[reportIncompatibleVariableOverride]
@@ -58,11 +51,26 @@ class SwitchingSolver(diffrax.AbstractAdaptiveSolver, diffrax.AbstractWrappedSol
     def order(self, terms: Any) -> int | None:
         return self.solver.order(terms)
 
-    def init(self, terms: Any, t0: Any, t1: Any, y0: Any, args: Any) -> Any:
-        return self.solver.init(terms, t0, t1, y0, args)
-
     def func(self, terms: Any, t0: Any, y0: Any, args: Any) -> Any:
         return self.solver.func(terms, t0, y0, args)
+
+
+class SwitchingSolver(AbstractWrapper):
+    """A solver with its error raised where a watched quantity changes sign.
+
+    Attributes:
+        solver: the solver that makes the steps.
+        quantities: from time, state and the arguments of the vector field to the quantities, shape (switches,).
+        after: from time and state at the end of a step, the state at its begin and the arguments to the state from
+            which the next step begins.
+    """
+
+    solver: Any
+    quantities: Callable[[Any, Any, Any], Array] = eqx.field(static=True)
+    after: Callable[[Any, Any, Any, Any], Any] = eqx.field(static=True)
+
+    def init(self, terms: Any, t0: Any, t1: Any, y0: Any, args: Any) -> Any:
+        return self.solver.init(terms, t0, t1, y0, args)
 
     def step(self, terms: Any, t0: Any, t1: Any, y0: Any, args: Any, solver_state: Any, made_jump: Any) -> Any:
         # The return map may have changed the rates since the last stage of the step before.
