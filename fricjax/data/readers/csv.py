@@ -55,7 +55,7 @@ def read_csv(
         restored = restore_text(path, list(text.lines()))
         if restored is not None:
             return with_choice(restored, choice)
-    table = Table(text, dialect, sniff(text.head, dialect, path.name))
+    table = TextTable(text, dialect, sniff(text.head, dialect, path.name))
     return records_of(path, "csv", table.sheet(), choice, options)
 
 
@@ -65,7 +65,7 @@ _UNREADABLE = (ValueError, TypeError, OverflowError)
 
 
 @dataclasses.dataclass(frozen=True)
-class Table:
+class TextTable:
     """A table of numbers in a text file whose layout is known."""
 
     text: Text

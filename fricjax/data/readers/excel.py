@@ -13,7 +13,7 @@ from ...errors import DataError, UsageError
 from ..record import Record
 from .assemble import records_of
 from .choice import Choice
-from .csv import Table
+from .csv import TextTable
 from .dialect import Dialect, sniff
 from .sheet import Column, Sheet
 from .text import HEAD, Text
@@ -40,11 +40,11 @@ def read_excel(
         UsageError: the package openpyxl is not installed.
     """
     dialect = Dialect("tab", ".", comment="\0", skip_rows=skip_rows, header=header)
-    tables: dict[str, Table] = {}
+    tables: dict[str, TextTable] = {}
     trouble: DataError | None = None
     for title, text in _worksheets(path).items():
         try:
-            table = Table(text, dialect, sniff(text.head, dialect, f"{path.name}, sheet '{title}'"))
+            table = TextTable(text, dialect, sniff(text.head, dialect, f"{path.name}, sheet '{title}'"))
             if table.has_rows(_FEWEST):
                 tables[title] = table
         except DataError as error:
@@ -87,17 +87,16 @@ def _worksheets(path: Path) -> dict[str, Text]:
                 f"{path.name} unpacks to {size >> 20} MB, more than {_LARGEST >> 20} MB; export it as .csv."
             )
         book = openpyxl.load_workbook(path, read_only=True, data_only=True)
-        texts = {sheet.title: _text(sheet.iter_rows(values_only=True)) for sheet in book.worksheets}
+        rows = {sheet.title: sheet.iter_rows(values_only=True) for sheet in book.worksheets}
+        texts = {
+            title: "\n".join("\t".join(map(_cell, row)) for row in lines).encode() for title, lines in rows.items()
+        }
         book.close()
     except DataError:
         raise
     except Exception as error:  # openpyxl raises what its parsers of zip and XML raise
         raise DataError(f"{path.name} cannot be read as .xlsx; it is damaged or of another format.") from error
     return {title: Text.cut(path, "utf-8", text[:HEAD], text) for title, text in texts.items() if text.strip()}
-
-
-def _text(rows: Any) -> bytes:
-    return "\n".join("\t".join(map(_cell, row)) for row in rows).encode()
 
 
 def _cell(value: Any) -> str:

@@ -73,18 +73,14 @@ def _columns(tree: Tree, path: str, node: Any) -> list[Column]:
         parts = array_columns(name, node.dtype, node.shape, path, f"{_folder(path)}/")
     except TypeError:  # a type of numbers that numpy does not know
         return [Column(path, title=path, fault="holds no numbers", key=(path, 0))]
-    unit = _unit(tree, node)
+    units = tree.attribute(node, "units")
+    # "seconds since 2020-01-01" counts seconds
+    unit = None if units is None else str(units).split(" since ")[0].strip() or None
     return [dataclasses.replace(part, unit=unit or part.unit) for part in parts]
 
 
 def _folder(path: str) -> str:
     return path.rsplit("/", 1)[0]
-
-
-def _unit(tree: Tree, node: Any) -> str | None:
-    text = tree.attribute(node, "units")
-    # "seconds since 2020-01-01" counts seconds
-    return str(text).split(" since ")[0].strip() or None if text is not None else None
 
 
 def _values(tree: Tree, node: Any) -> np.ndarray:

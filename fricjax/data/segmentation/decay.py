@@ -16,8 +16,8 @@ import numpy as np
 from ...errors import DataError
 from .disturbance import disturbance
 from .half_cycles import HalfCycles, find_half_cycles
-from .noise import interval, resolution, white_noise
-from .release import find_release, find_rest
+from .noise import resolution, typical_interval, white_noise
+from .release import locate_release, locate_rest
 from .reversals import order_for, refine, window
 from .swing import Swing, extremes, smooth, without_spikes, zigzag
 
@@ -134,8 +134,14 @@ def segment(t: Any, x: Any, sigma: Any = None, mask: Any = None) -> Segmentation
         t, x = t[used], x[used]
     step = resolution(x)
     noise = white_noise(t, x, step) or (0.0 if sigma is None else float(np.median(np.asarray(sigma))))
-    _require_motion(x, noise, step)
-    half_period, between = _half_period(t, x, noise, step), interval(t)
+    span = float(np.ptp(x))
+    if span <= max(12.0 * noise, 2.5 * step, 1e-13 * float(max(x.max(), -x.min()))):
+        within = "exactly" if span == 0 else f"within its noise: it spans {span:.3g} at a noise of {noise:.3g}"
+        raise DataError(
+            f"x is constant ({within}, about {float(x.mean()):.6g}); a decay needs a motion: "
+            "check the column and the unit."
+        )
+    half_period, between = _half_period(t, x, noise, step), typical_interval(t)
     per_half_cycle = half_period / between
     if per_half_cycle < MINIMUM_PER_HALF_CYCLE:
         raise DataError(
@@ -144,7 +150,7 @@ def segment(t: Any, x: Any, sigma: Any = None, mask: Any = None) -> Segmentation
         )
     width = int(per_half_cycle // 16) | 1 if per_half_cycle >= 48 else 1
     # Noise alone spans ten standard deviations in a long rest, less after smoothing.
-    visible = max(10.0 * noise / width**0.5, 2.0 * step, 1e-7 * float(np.ptp(x)))
+    visible = max(10.0 * noise / width**0.5, 2.0 * step, 1e-7 * span)
     x = without_spikes(x, max(noise, step), int(per_half_cycle))
     swing = Swing(t, x, smooth(x, width), noise, step, max(visible, 6.0 * noise), half_period, between)
     half_cycles = find_half_cycles(swing, visible)
@@ -157,16 +163,6 @@ def segment(t: Any, x: Any, sigma: Any = None, mask: Any = None) -> Segmentation
     swing = dataclasses.replace(swing, noise=every.total, threshold=max(swing.threshold, slow))
     segmentation = _refined_segmentation(swing, half_cycles)
     return dataclasses.replace(segmentation, white_noise=every.white, lines=every.lines, drift=every.drift)
-
-
-def _require_motion(x: np.ndarray, noise: float, step: float) -> None:
-    span = float(np.ptp(x))
-    if span <= max(12.0 * noise, 2.5 * step, 1e-13 * float(max(x.max(), -x.min()))):
-        within = "exactly" if span == 0 else f"within its noise: it spans {span:.3g} at a noise of {noise:.3g}"
-        raise DataError(
-            f"x is constant ({within}, about {float(x.mean()):.6g}); a decay needs a motion: "
-            "check the column and the unit."
-        )
 
 
 def _half_period(t: np.ndarray, x: np.ndarray, noise: float, step: float) -> float:
@@ -207,7 +203,9 @@ def _refined_segmentation(swing: Swing, half_cycles: HalfCycles) -> Segmentation
         begin = float(times[-1]) if times.size else release
         durations = np.diff(times[-ALIKE:]) if times.size > 1 else np.array([swing.half_period])
         # An extreme is seen late where the motion ends in it: the clock is better.
-        rest, position = find_rest(swing, begin, begin + float(np.median(durations)) if times.size else float(last[0]))
+        rest, position = locate_rest(
+            swing, begin, begin + float(np.median(durations)) if times.size else float(last[0])
+        )
     moving = swing.x[np.searchsorted(t, release) : None if rest is None else np.searchsorted(t, rest, side="right")]
     ends = times if rest is None else np.append(times, rest)
     half_period = float(np.median(np.diff(ends))) if ends.size >= 2 else swing.half_period
@@ -240,7 +238,7 @@ def _release_and_reversals(swing: Swing, half_cycles: HalfCycles) -> tuple[float
     head = [begin + i for i in zigzag(early, extremes(early, swing.threshold), swing.threshold)[:-1]]
     head = head or [int(indices[0])]
     end = [] if half_cycles.stopped else [swing.t.size - 1]
-    release, pivots = find_release(swing, [*head, *indices[1:].tolist(), *end])
+    release, pivots = locate_release(swing, [*head, *indices[1:].tolist(), *end])
     before = [i for i in pivots[1:] if i in head]
     times = np.concatenate([swing.t[before], edges[1:]])
     return release, times[times > max(release, swing.t[pivots[0]]) + swing.interval]

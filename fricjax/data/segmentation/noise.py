@@ -25,7 +25,7 @@ def blocks(values: np.ndarray, enough: int = ENOUGH) -> np.ndarray:
     return np.lib.stride_tricks.sliding_window_view(values, length)[starts]
 
 
-def interval(t: np.ndarray) -> float:
+def typical_interval(t: np.ndarray) -> float:
     """Typical time between samples [s]."""
     return median(np.diff(blocks(t, SOME)))
 
@@ -84,7 +84,7 @@ def white_noise(t: np.ndarray, x: np.ndarray, step: float = 0.0) -> float:
     Returns:
         The smallest of the estimates from differences of several orders: what is left of the motion only adds to each.
     """
-    estimates = _estimates(blocks(t) / interval(t), blocks(x))
+    estimates = _estimates(blocks(t) / typical_interval(t), blocks(x))
     return float(max(min(estimates, default=0.0), step / np.sqrt(12.0)))
 
 

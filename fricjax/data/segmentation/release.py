@@ -12,7 +12,7 @@ SLOW_APPROACH = 1.1
 _CREEPS = 10.0
 
 
-def find_release(swing: Swing, pivots: list[int]) -> tuple[float, list[int]]:
+def locate_release(swing: Swing, pivots: list[int]) -> tuple[float, list[int]]:
     """Time of the release [s], and the extremes from the one where the free motion starts.
 
     The first extreme is the pole from which the record starts. If the mass was led to the second one by hand, it came
@@ -66,7 +66,7 @@ def _onset(swing: Swing, pivots: list[int]) -> float:
     return float(onset[0])
 
 
-def find_rest(swing: Swing, begin: float, end: float) -> tuple[float, float]:
+def locate_rest(swing: Swing, begin: float, end: float) -> tuple[float, float]:
     """Instant [s] and position of the stop: motion before, rest or a slow creep after it.
 
     Args:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from fricjax.data.segmentation.disturbance import LONGEST, rest_spectrum
-from fricjax.data.segmentation.noise import blocks, interval, resolution, white_noise
+from fricjax.data.segmentation.noise import blocks, resolution, typical_interval, white_noise
 
 
 def motion(samples, *, noise=0.0, rate=5e3, uneven=False):
@@ -61,7 +61,7 @@ def test_blocks_are_spread_over_a_long_record():
 
 def test_the_interval_is_that_of_most_samples():
     t = np.cumsum(np.tile([1e-3, 1e-3, 1e-3, 7e-3], 1000))
-    assert interval(t) == pytest.approx(1e-3, rel=1e-9)
+    assert typical_interval(t) == pytest.approx(1e-3, rel=1e-9)
 
 
 @pytest.mark.parametrize(("half_period", "told"), [(0.99 * LONGEST / 4e6, True), (1.01 * LONGEST / 4e6, False)])
