@@ -29,7 +29,8 @@ class ExponentialRelease(AbstractRelease):
         time_constant: decay time of the force [s]; 0.5 to 3 ms for a small holding magnet.
 
     Examples:
-        >>> print(f"{float(ExponentialRelease(time_constant=2e-3).force(2e-3, hold=10.0)):.3f} N are left")
+        >>> release = ExponentialRelease(time_constant=2e-3)
+        >>> print(f"{release.force(jnp.asarray(2e-3), hold=jnp.asarray(10.0)):.3f} N are left")
         3.679 N are left
     """
 

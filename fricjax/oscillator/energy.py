@@ -22,9 +22,10 @@ class Energy(eqx.Module):
         hysteresis_power: loss to the internal friction of the spring.
 
     Examples:
-        >>> Energy(kinetic=2e-3, potential=1e-3, damping_power=0.0, drag_power=0.0, friction_power=0.0,
-        ...        hysteresis_power=0.0).total
-        0.003
+        >>> none = jnp.zeros(2)
+        >>> kinetic, potential = jnp.asarray([0.0, 2e-3]), jnp.asarray([3e-3, 0.5e-3])
+        >>> Energy(kinetic, potential, none, none, none, none).total.tolist()
+        [0.003, 0.0025]
     """
 
     kinetic: Samples
@@ -56,7 +57,7 @@ def energy(oscillator: Oscillator, motion: Motion) -> Energy:
         >>> import fricjax as fj
         >>> law = fj.friction.Coulomb(mu=0.01)
         >>> oscillator = fj.Oscillator(mass=0.1, stiffness=1000.0, damping=0.05, normal_force=10.0, friction=law)
-        >>> motion = fj.simulate(oscillator, 2e-3, [0.0, 1.0])
+        >>> motion = fj.simulate(oscillator, 2e-3, jnp.asarray([0.0, 1.0]))
         >>> print(f"released with {float(fj.energy(oscillator, motion).total[0]):.1e} J")
         released with 2.0e-03 J
     """

@@ -15,8 +15,8 @@ class Start(NamedTuple):
 
     Examples:
         >>> import numpy as np
-        >>> Start(x0=2e-3, v0=0.0, state=np.zeros(0)).v0
-        0.0
+        >>> Start(x0=np.asarray(2e-3), v0=np.asarray(0.0), state=np.zeros(0)).state.shape
+        (0,)
     """
 
     x0: Scalar
@@ -50,10 +50,11 @@ class Motion(eqx.Module):
         stats: counts of the integrator.
 
     Examples:
+        >>> import numpy as np
         >>> import fricjax as fj
         >>> law = fj.friction.Coulomb(mu=0.01)
         >>> oscillator = fj.Oscillator(mass=0.1, stiffness=1000.0, damping=0.05, normal_force=10.0, friction=law)
-        >>> motion = fj.simulate(oscillator, 1e-3, [0.0, 0.1, 1.0])
+        >>> motion = fj.simulate(oscillator, 1e-3, np.asarray([0.0, 0.1, 1.0]))
         >>> motion.at_rest.tolist()
         [False, False, True]
     """

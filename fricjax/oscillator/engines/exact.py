@@ -165,7 +165,7 @@ class Exact(AbstractEngine):
         >>> import fricjax as fj
         >>> law = fj.friction.Coulomb(mu=0.01)
         >>> oscillator = fj.Oscillator(mass=0.1, stiffness=1000.0, damping=0.05, normal_force=10.0, friction=law)
-        >>> motion = fj.simulate(oscillator, 2e-3, [0.0, 1.0], engine=Exact(max_half_cycles=16))
+        >>> motion = fj.simulate(oscillator, 2e-3, np.asarray([0.0, 1.0]), engine=Exact(max_half_cycles=16))
         >>> motion.turning_points.shape
         (17,)
     """

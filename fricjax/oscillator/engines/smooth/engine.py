@@ -21,7 +21,7 @@ from ...oscillator import Oscillator
 from ..base import AbstractEngine, Demands
 from ..nodes import Nodes
 from .mesh import Mesh
-from .phase import FieldArgs, Span, after_switch, choose_phase_steps, field, follow_mesh, switching_quantities
+from .phase import FieldArgs, Limits, after_switch, choose_phase_steps, field, follow_mesh, switching_quantities
 from .reversals import Log, ReversalRecorder, after_step, last_log
 from .rosenbrock import Rodas5P
 from .scaled import Cautious, Scaled, integrate
@@ -158,8 +158,8 @@ class Smooth(AbstractEngine):
         machine = Scaled.of(oscillator, start)
         tolerance, end = self._tolerance(machine), duration * machine.rate
         most = self.max_half_cycles
-        span = Span(end, jnp.asarray(most if half_cycles is None else half_cycles), most)
-        first = choose_phase_steps(_plain(oscillator), machine, machine.start(start), tolerance, span, capacity)
+        limits = Limits(end, jnp.asarray(most if half_cycles is None else half_cycles), most)
+        first = choose_phase_steps(_plain(oscillator), machine, machine.start(start), tolerance, limits, capacity)
         left = jnp.maximum(end - first.elapsed, 0.0)
         waiting = FieldArgs(machine, jnp.asarray(False))
         rests = _resting(field, tolerance, left, self.still / machine.length)

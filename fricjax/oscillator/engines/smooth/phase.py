@@ -54,7 +54,7 @@ class PhaseSolution(NamedTuple):
     elapsed: Array
 
 
-class Span(NamedTuple):
+class Limits(NamedTuple):
     """How far an integration over the phase goes at most: to a scaled time, and over a number of half-cycles.
 
     `capacity` is the largest such number.
@@ -103,21 +103,20 @@ def follow_mesh(solver: Any, machine: Scaled, y0: tuple, mesh: Mesh) -> tuple[No
 
 
 def choose_phase_steps(
-    solver: Any, machine: Scaled, y0: tuple, tolerance: Any, span: Span, capacity: int
+    solver: Any, machine: Scaled, y0: tuple, tolerance: Any, limits: Limits, capacity: int
 ) -> PhaseSolution:
-    """The steps over the phase that their error chooses, to the end of `span` or as far as the phase goes."""
+    """The steps over the phase that their error chooses, to the `limits` or as far as the phase goes."""
     begin, first = _in_phase(y0, machine)
-    reversals = (jnp.floor(begin / jnp.pi) + 1 + jnp.arange(span.capacity)) * jnp.pi
-    last = reversals[jnp.clip(span.half_cycles, 1, span.capacity) - 1]
+    reversals = (jnp.floor(begin / jnp.pi) + 1 + jnp.arange(limits.capacity)) * jnp.pi
+    last = reversals[jnp.clip(limits.half_cycles, 1, limits.capacity) - 1]
     chosen = Cautious(rtol=tolerance, atol=tolerance, dtmax=_LONGEST, factormax=_GROWTH)
     # Elements that stick or slip see that the mass has turned at the end of a step, so one just behind is short.
     behind = reversals + step_across(tolerance)
     controller = diffrax.ClipStepSizeController(chosen, jump_ts=jnp.stack([reversals, behind], axis=1).reshape(-1))
-
     everywhere = FieldArgs(machine, jnp.asarray(True))
 
     def over(theta: Any, y: tuple, args: FieldArgs, **kwargs: Any) -> Array:
-        return (y[1] >= span.time) | ~_is_resolved(theta, y, args)
+        return (y[1] >= limits.time) | ~_is_resolved(theta, y, args)
 
     end = jnp.where(over(begin, first, everywhere), begin, last)
     ends = diffrax.SubSaveAt(t0=True, steps=True, fn=lambda theta, y, args: None)
