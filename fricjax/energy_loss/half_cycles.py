@@ -114,13 +114,11 @@ def half_cycle_friction(records: Any, rig: Rig, no_contact: Any = None) -> HalfC
         stretched = (dataclasses.replace(d, points=scale * d.points, point_std=scale * d.point_std) for d in decays)
         force = weighted([_balance(each, frictionless(other)).mean for each in stretched]).value
         variance += (force / float(other.normal_force.value) - mu) ** 2
-    force, std, swing = (
-        np.concatenate([getattr(each, name) for each in balances]) for name in ("force", "std", "swing")
-    )
+    force, std = (np.concatenate([getattr(each, name) for each in balances]) for name in ("force", "std"))
     return HalfCycleFriction(
         force=force,
         std=std,
-        swing=swing,
+        swing=np.concatenate([np.abs(np.diff(each.points)) for each in decays]),
         record=np.repeat(np.arange(len(decays)), [each.force.size for each in balances]),
         mean=mean,
         mu=Measured(mu, float(variance**0.5)),
@@ -135,7 +133,6 @@ class _Balance(NamedTuple):
 
     force: np.ndarray
     std: np.ndarray
-    swing: np.ndarray
     mean: Measured
     offset: Measured
     chi2: float
@@ -152,7 +149,6 @@ def _balance(decay: Decay, oscillator: Oscillator) -> _Balance:
     return _Balance(
         force=_forces(points - offset, oscillator),
         std=np.sqrt(np.diag(_covariance(points - offset, decay.point_std, oscillator, step))),
-        swing=np.abs(np.diff(points)),
         mean=Measured(mean, deviation[0]),
         offset=Measured(offset, deviation[1]),
         chi2=chi2,

@@ -161,7 +161,7 @@ def test_comparisons_name_their_files(paths, joint):
     assert found.sources == joint.sources and found.to_dict()["sources"] == list(joint.sources)
     assert "Fitted to run0.csv, run1.csv, run2.csv. Distances of AICc" in found.summary()
     routes = fj.compare_routes(paths, RIG)
-    assert routes.sources == joint.sources and ": run0.csv, run1.csv, run2.csv\n" in routes.summary()
+    assert routes.sources == joint.sources and "\nruns:         run0.csv, run1.csv, run2.csv\n" in routes.summary()
     assert routes.to_dict() == fj.compare_routes([fj.read(path) for path in paths], RIG).to_dict()
 
 
