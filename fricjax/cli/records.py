@@ -64,7 +64,8 @@ def read_records(paths: Sequence[Path], reading: Reading) -> list["Record"]:
         DataError: a file or record that cannot be used.
         UsageError: options that do not fit the format, or lengths and angles in one fit.
     """
-    from ..data import crop, read
+    # A wrong column is refused here, and cropping takes JAX, which would be waited for in vain.
+    from ..data import read
 
     records: list[Record] = []
     for path in paths:
@@ -76,6 +77,8 @@ def read_records(paths: Sequence[Path], reading: Reading) -> list["Record"]:
         )
     if reading.crop is None:
         return records
+    from ..data import crop
+
     return [crop(record, *parsing.span("--crop", reading.crop)) for record in records]
 
 
