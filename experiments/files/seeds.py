@@ -14,10 +14,9 @@ import scipy.io
 from fricjax import Fit, Oscillator, Record, Trace
 from fricjax.data import write
 from fricjax.fitting.derived import Estimate
-from fricjax.fitting.noise import Noise
+from fricjax.fitting.noise import Noise, Whiteness
 from fricjax.fitting.residual import Run
 from fricjax.fitting.rest import Margin
-from fricjax.fitting.whiteness import Whiteness
 from fricjax.friction import Coulomb
 from fricjax.oscillator import Exact
 

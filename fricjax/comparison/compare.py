@@ -11,12 +11,12 @@ import numpy as np
 from ..errors import DataError, UsageError
 from ..fitting.colours import Seen, colours_of, described, remembered, under_noise
 from ..fitting.fit import concluded, records_of
+from ..fitting.noise import whiteness
 from ..fitting.problem import Problem, problem_on
 from ..fitting.rest import solve_with_rest
 from ..fitting.result import Fit
 from ..fitting.rows import rows_of
 from ..fitting.solve import Solution
-from ..fitting.whiteness import whiteness
 from ..oscillator import Oscillator, ready
 from .candidates import Candidate, candidates, law_name
 from .cross_validation import held_out_score

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..fitting.whiteness import Whiteness, whiteness
+from ..fitting.noise import Whiteness, whiteness
 
 # Frequencies beside the natural one whose mean power is the background, and the nearest of them in resolutions: the
 # one beside it still shares the power of a line that lies between the two.

@@ -17,6 +17,7 @@ from ..show import rotary_unit
 from .derived import Estimate, contributions, kinematics
 from .diagnostics import CONVERGED, flags_of, misfit_of, status_of
 from .names import find_leaf
+from .noise import Whiteness, whiteness
 from .noise_weighting import NoiseWeighted
 from .problem import Problem
 from .residual import Run
@@ -24,14 +25,13 @@ from .rest import CONTRADICTED, Bracket, bracket_static, excess_at_reversals, re
 from .result import Fit, named
 from .solve import Solution
 from .warnings import warnings_of
-from .whiteness import Whiteness, whiteness
 from .window import NEVER
 
 
 def assemble(counted: NoiseWeighted, sigma_mode: str) -> Fit:
     """The fit that is counted by its noise; `sigma_mode` says what that means."""
     problem, solution, slope = counted.problem, counted.solution, counted.solution.derived.slope
-    found = covariance(solution.shape, slope, solution.evaluation.normal, counted.variance, counted.unsure)
+    covariances = covariance(solution.shape, slope, solution.evaluation.normal, counted.variance, counted.unsure)
     runs = range(len(problem.windows))
     margins = tuple(rest_margin(problem, solution, run) for run in runs)
     excesses = tuple(excess_at_reversals(problem, solution, run) for run in runs)
@@ -40,28 +40,28 @@ def assemble(counted: NoiseWeighted, sigma_mode: str) -> Fit:
     machine, static = _machine(problem, solution, bracket)
     shown = record_time(problem, solution.derived.values)
     values = named(problem.names, shown)
-    std_errors = named(problem.names, np.sqrt(np.diag(found.statistical)))
+    std_errors = named(problem.names, np.sqrt(np.diag(covariances.statistical)))
     factor = np.sqrt(counted.scatter) if sigma_mode == "estimate" else 1.0
     misfit = misfit_of(problem, solution, counted.noises, sigma_mode != "absolute")
-    status = status_of(problem, solution, found, misfit)
-    parts = contributions(problem.names, solution.derived, found)
+    status = status_of(problem, solution, covariances, misfit)
+    parts = contributions(problem.names, solution.derived, covariances)
     shift = solution.numerical_shift
-    told = warnings_of(problem, values, std_errors, misfit, counted.others, margins, excesses, bracket, shift)
+    warnings = warnings_of(problem, values, std_errors, misfit, counted.others, margins, excesses, bracket, shift)
     return Fit(
         names=problem.names,
         values={**values, **static},
         std_errors=std_errors,
         white_std_errors=named(problem.names, counted.white * slope),
-        combined_std_errors=named(problem.names, np.sqrt(np.diag(found.combined))),
-        intervals={**_intervals(problem.names, shown, found), **({} if bracket is None else {name: bracket[:2]})},
-        covariance=found.statistical,
-        combined_covariance=found.combined,
+        combined_std_errors=named(problem.names, np.sqrt(np.diag(covariances.combined))),
+        intervals={**_intervals(problem.names, shown, covariances), **({} if bracket is None else {name: bracket[:2]})},
+        covariance=covariances.statistical,
+        combined_covariance=covariances.combined,
         units={**{p.name: unit_of(p.unit, problem) for p in problem.parameters}, **dict.fromkeys(static, "")},
-        flags={**flags_of(problem, found, solution), **_static_flags(name, static, bracket)},
+        flags={**flags_of(problem, covariances, solution), **_static_flags(name, static, bracket)},
         converged=status == CONVERGED,
         status=status,
-        warnings=told,
-        kinematics=_kinematics(solution, found, parts),
+        warnings=warnings,
+        kinematics=_kinematics(solution, covariances, parts),
         contributions={name: named(problem.inputs, each) for name, each in parts.items()},
         chi2=solution.chi2 / factor**2,
         dof=problem.dof,
@@ -80,11 +80,12 @@ def assemble(counted: NoiseWeighted, sigma_mode: str) -> Fit:
     )
 
 
-def _kinematics(solution: Solution, found: Covariance, parts: Mapping[str, np.ndarray]) -> dict[str, Estimate]:
+def _kinematics(solution: Solution, covariances: Covariance, parts: Mapping[str, np.ndarray]) -> dict[str, Estimate]:
     """The kinematics with what the inputs of a rig contribute to their uncertainties."""
-    told = kinematics(solution.derived, found)
+    estimates = kinematics(solution.derived, covariances)
     return {
-        name: each._replace(std=float(np.hypot(each.std, np.linalg.norm(parts[name])))) for name, each in told.items()
+        name: each._replace(std=float(np.hypot(each.std, np.linalg.norm(parts[name]))))
+        for name, each in estimates.items()
     }
 
 
@@ -140,8 +141,8 @@ def _whiteness(problem: Problem, solution: Solution) -> Whiteness:
     ]
     if not isinstance(problem.loss, Squares):
         parts = [part * np.asarray(problem.loss.parts(jnp.asarray(part))[1]) for part in parts]
-    verdicts = [whiteness(part) for part in parts]
-    return max(verdicts, key=lambda verdict: (not verdict.white, verdict.correlation_time))
+    results = [whiteness(part) for part in parts]
+    return max(results, key=lambda result: (not result.white, result.correlation_time))
 
 
 def _residuals(problem: Problem, solution: Solution) -> tuple[Any, float]:
@@ -171,14 +172,14 @@ def _machine(problem: Problem, solution: Solution, bracket: Bracket | None) -> t
 
 
 def _static_flags(name: str, static: dict[str, float], bracket: Bracket | None) -> dict[str, tuple[str, ...]]:
-    found = ["bracketed, not fitted"] if static else []
+    flags = ["bracketed, not fitted"] if static else []
     if bracket is not None and bracket.contradicted:
-        found.append(CONTRADICTED)
-    return {name: tuple(found)} if found else {}
+        flags.append(CONTRADICTED)
+    return {name: tuple(flags)} if flags else {}
 
 
-def _intervals(names: Sequence[str], values: np.ndarray, found: Covariance) -> dict[str, tuple[float, float]]:
-    half = COVERAGE * np.sqrt(np.diag(found.statistical))
+def _intervals(names: Sequence[str], values: np.ndarray, covariances: Covariance) -> dict[str, tuple[float, float]]:
+    half = COVERAGE * np.sqrt(np.diag(covariances.statistical))
     return {name: (float(v - h), float(v + h)) for name, v, h in zip(names, values, half, strict=True)}
 
 
@@ -190,7 +191,7 @@ def _criteria(counted: NoiseWeighted, sigma_mode: str) -> dict[str, float]:
     """
     misfit, n = 2 * float(counted.solution.evaluation.cost), counted.problem.n_used
     k = len(counted.problem.parameters) + counted.numbers
-    told, k = (misfit, k) if sigma_mode == "absolute" else (n * np.log(misfit / n), k + 1)
-    told = told + counted.gain
-    aicc = told + 2 * k + 2 * k * (k + 1) / max(n - k - 1, 1)
-    return {"aicc": float(aicc), "bic": float(told + k * np.log(n))}
+    criterion, k = (misfit, k) if sigma_mode == "absolute" else (n * np.log(misfit / n), k + 1)
+    criterion = criterion + counted.gain
+    aicc = criterion + 2 * k + 2 * k * (k + 1) / max(n - k - 1, 1)
+    return {"aicc": float(aicc), "bic": float(criterion + k * np.log(n))}

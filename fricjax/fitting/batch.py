@@ -17,15 +17,15 @@ from ..oscillator import Oscillator, ready
 from ..oscillator.engines import AbstractEngine
 from .assemble import record_time, unit_of
 from .batch_result import BatchFit
-from .derived import UNITS, Estimate, contributions, kinematics
+from .chunks import WIDTH, Summary
+from .derived import UNITS, contributions, kinematics
 from .diagnostics import CONVERGED, Misfit, flags_of, misfit_of, status_of, worst
-from .lanes import WIDTH, BatchIterate, solve_batch
 from .noise_weighting import NoiseWeighted, weigh_by_noise
 from .parameters import Request
 from .problem import Problem, build_problem
 from .rest import far_off, solve_with_rest
 from .result import named
-from .solve import Solution, solution_of
+from .solve import Solution, solve_batch
 from .warnings import warnings_of_run
 from .window import NEVER
 
@@ -35,40 +35,9 @@ class _Row(NamedTuple):
 
     status: str
     problem: Problem | None = None
-    counted: NoiseWeighted | None = None
-    found: Covariance | None = None
+    weighted: NoiseWeighted | None = None
+    covariances: Covariance | None = None
     warnings: tuple[str, ...] = ()
-
-    @property
-    def converged(self) -> bool:
-        return self.status == CONVERGED
-
-    @property
-    def solution(self) -> Solution | None:
-        return None if self.counted is None else self.counted.solution
-
-    @property
-    def kinematics(self) -> dict[str, Estimate]:
-        if self.solution is None or self.found is None:
-            return {}
-        return kinematics(self.solution.derived, self.found)
-
-    @property
-    def contributions(self) -> dict[str, np.ndarray]:
-        if self.problem is None or self.found is None or self.solution is None:
-            return {}
-        return contributions(self.problem.names, self.solution.derived, self.found)
-
-    @property
-    def half_cycles(self) -> int:
-        count = NEVER if self.problem is None else int(self.problem.residual.runs[0].half_cycles)
-        return -1 if count >= NEVER else count
-
-    @property
-    def flags(self) -> dict[str, tuple[str, ...]]:
-        if self.problem is None or self.found is None or self.solution is None:
-            return {}
-        return flags_of(self.problem, self.found, self.solution)
 
 
 def fit_batch(
@@ -125,14 +94,14 @@ def fit_batch(
     ```
     """
     ready()
-    given = sources_of(data, t, rate)
-    if not given:
+    sources = sources_of(data, t, rate)
+    if not sources:
         raise UsageError("There is no run to fit: the list is empty.")
-    runs = [_opened(each) for each in given]
+    runs = [_opened(each) for each in sources]
     settings = {"nuisance": nuisance, "engine": engine, "start": start, "bounds": bounds, "priors": priors}
     common = Request.of(oscillator, free, tie=tie, rig=rig, guess=None, loss=loss, **settings)
     guesses = _per_run(guess or {}, len(runs))
-    order = sorted(range(len(runs)), key=lambda i: _length(runs[i]))
+    order = sorted(range(len(runs)), key=lambda i: len(run) if isinstance(run := runs[i], Record) else 0)
     blocks = [order[first : first + WIDTH] for first in range(0, len(order), WIDTH)]
 
     def work(block: list[int]) -> list[_Row]:
@@ -146,9 +115,9 @@ def fit_batch(
             from rich.progress import track
 
             results = track(results, "fitting", len(blocks), console=Console(stderr=True))
-        for block, found in zip(blocks, results, strict=True):
-            rows |= dict(zip(block, found, strict=True))
-    names = tuple(_name(each.run, run) for each, run in zip(given, runs, strict=True))
+        for block, rows_of_block in zip(blocks, results, strict=True):
+            rows |= dict(zip(block, rows_of_block, strict=True))
+    names = tuple(_name(each.run, run) for each, run in zip(sources, runs, strict=True))
     return _collected([rows[i] for i in range(len(runs))], names)
 
 
@@ -163,16 +132,12 @@ def _per_run(guess: Mapping[str, Any], runs: int) -> list[dict[str, float]]:
     return [{name: float(values[i]) for name, values in columns.items()} for i in range(runs)]
 
 
-def _opened(given: Source) -> Record | Exception:
+def _opened(source: Source) -> Record | Exception:
     """The record of a run, or why there is none."""
     try:
-        return record_of(given.run, **given.options)
+        return record_of(source.run, **source.options)
     except (DataError, UsageError) as error:
         return error
-
-
-def _length(run: Record | Exception) -> int:
-    return len(run) if isinstance(run, Record) else 0
 
 
 def _name(source: Any, run: Record | Exception) -> str:
@@ -183,77 +148,53 @@ def _name(source: Any, run: Record | Exception) -> str:
 
 
 def _fit_block(records: Sequence[Any], requests: Sequence[Request]) -> list[_Row]:
-    posed = [_posed(record, request) for record, request in zip(records, requests, strict=True)]
-    problems = [problem for problem in posed if isinstance(problem, Problem)]
-    solution = iter(_solved(problems))
-    ended = [next(solution) if isinstance(p, Problem) else p for p in posed]
-    return [_row(each) if isinstance(each, _Finished) else _Row(f"rejected: {each}") for each in ended]
+    rows, problems = dict[int, _Row](), dict[int, Problem]()
+    for i, (record, request) in enumerate(zip(records, requests, strict=True)):
+        try:
+            if isinstance(record, Exception):
+                raise record
+            problems[i] = build_problem((record,), request)
+        except (DataError, UsageError) as error:
+            rows[i] = _Row(f"rejected: {error}")
+    meshed = any(problem.residual.engine.needs_mesh for problem in problems.values())
+    solutions = [None] * len(problems) if meshed else solve_batch(list(problems.values()))
+    for (i, problem), solved in zip(problems.items(), solutions, strict=True):
+        try:
+            rows[i] = _row(*_weighted(problem, solved))
+        except UsageError as error:  # a motion that cannot be computed
+            rows[i] = _Row(f"rejected: {error}")
+    return [rows[i] for i in range(len(records))]
 
 
-def _posed(record: Record | Exception, request: Request) -> Problem | Exception:
-    """The problem of one run, or why there is none."""
-    if isinstance(record, Exception):
-        return record
-    try:
-        return build_problem((record,), request)
-    except (DataError, UsageError) as error:
-        return error
+def _weighted(problem: Problem, solved: tuple[Solution, Summary] | None) -> tuple[NoiseWeighted, Misfit]:
+    """The fit weighed by its noise, and its residuals beside that.
+
+    A run whose number of half-cycles is in doubt, or whose solution of a chunk is not accurate, is fitted by itself.
+    """
+    if solved is not None:
+        solution, summary = solved
+        recorded = int(problem.residual.runs[0].half_cycles)
+        undecided = bool(problem.windows[0].segmentation.open)
+        other = recorded < NEVER and (undecided or 0 < int(summary.half_cycles) != recorded)
+        if not (solution.converged and (other or far_off(problem, solution) or not solution.accurate)):
+            weighted = weigh_by_noise(problem, solution, True)
+            if not weighted.went_on:
+                return weighted, worst(problem, [float(summary.size)], [0.0], False)
+            # A chunk keeps no residuals of its samples; a fit that went on by a step has evaluated them again.
+            if weighted.solution.evaluation.residual.size:
+                return weighted, misfit_of(weighted.problem, weighted.solution, weighted.noises, False)
+    weighted = weigh_by_noise(*solve_with_rest(problem), True)
+    return weighted, misfit_of(weighted.problem, weighted.solution, weighted.noises, False)
 
 
-class _Finished(NamedTuple):
-    """A fit counted by its noise, and its residuals beside that."""
-
-    counted: NoiseWeighted
-    misfit: Misfit
-
-
-def _solved(problems: Sequence[Problem]) -> list[_Finished | UsageError]:
-    if any(problem.residual.engine.needs_mesh for problem in problems):
-        return [_alone(problem) for problem in problems]
-    return [_finished(problem, landed) for problem, landed in zip(problems, solve_batch(problems), strict=True)]
-
-
-def _alone(problem: Problem) -> _Finished | UsageError:
-    """The fit of one run, or why its motion cannot be computed."""
-    try:
-        counted = weigh_by_noise(*solve_with_rest(problem), True)
-    except UsageError as error:
-        return error
-    return _Finished(counted, _misfit(counted))
-
-
-def _finished(problem: Problem, landed: BatchIterate) -> _Finished | UsageError:
-    """A lane as a solved fit; where its number of half-cycles is in doubt or it is not accurate, fitted for itself."""
-    solution = solution_of(problem, landed.at, landed.looked)
-    recorded = int(problem.residual.runs[0].half_cycles)
-    undecided = bool(problem.windows[0].segmentation.open)
-    other = recorded < NEVER and (undecided or 0 < int(landed.told.half_cycles) != recorded)
-    doubtful = solution.converged and (other or far_off(problem, solution) or not solution.accurate)
-    if doubtful:
-        return _alone(problem)
-    counted = weigh_by_noise(problem, solution, True)
-    # Of a lane no samples are left; where the fit went on by a step they were looked at again.
-    if counted.went_on and not counted.solution.evaluation.residual.size:
-        return _alone(problem)
-    lane = worst(problem, [float(landed.told.size)], [0.0], False)
-    return _Finished(counted, _misfit(counted) if counted.went_on else lane)
-
-
-def _misfit(counted: NoiseWeighted) -> Misfit:
-    return misfit_of(counted.problem, counted.solution, counted.noises, False)
-
-
-def _row(finished: _Finished) -> _Row:
-    counted, misfit = finished
-    problem, solution = counted.problem, counted.solution
-    found = covariance(
-        solution.shape, solution.derived.slope, solution.evaluation.normal, counted.variance, counted.unsure
-    )
-    values, errors = (
-        named(problem.names, each) for each in (solution.derived.values, np.sqrt(np.diag(found.statistical)))
-    )
-    told = tuple(warnings_of_run(problem, values, errors, misfit, counted.others))
-    return _Row(status_of(problem, solution, found, misfit), problem, counted, found, told)
+def _row(weighted: NoiseWeighted, misfit: Misfit) -> _Row:
+    problem, solution = weighted.problem, weighted.solution
+    slope, normal = solution.derived.slope, solution.evaluation.normal
+    covariances = covariance(solution.shape, slope, normal, weighted.variance, weighted.unsure)
+    values = named(problem.names, solution.derived.values)
+    errors = named(problem.names, np.sqrt(np.diag(covariances.statistical)))
+    warnings = tuple(warnings_of_run(problem, values, errors, misfit, weighted.others))
+    return _Row(status_of(problem, solution, covariances, misfit), problem, weighted, covariances, warnings)
 
 
 def _collected(rows: Sequence[_Row], sources: tuple[str, ...]) -> BatchFit:
@@ -266,62 +207,67 @@ def _collected(rows: Sequence[_Row], sources: tuple[str, ...]) -> BatchFit:
     if not fitted:
         raise UsageError(f"No run could be fitted. The first was {rows[0].status}")
     problem: Any = fitted[0].problem
-    names = problem.names
-    covariances = _column(rows, lambda row: row.found.statistical, (len(names), len(names)))
-    values = _column(rows, _values, (len(names),))
+    names, p = problem.names, len(problem.names)
+
+    def column(of: Callable[[Any, Any, Any], Any], shape: tuple[int, ...] = (), absent: Any = np.nan) -> np.ndarray:
+        """One quantity of all runs, from problem, weighted fit and covariances; of rejected ones what stands for it."""
+        return np.array(
+            [np.full(shape, absent) if row.problem is None else of(row.problem, row.weighted, row.covariances)
+             for row in rows]
+        )  # fmt: skip
+
+    def by_name(values: np.ndarray) -> dict[str, np.ndarray]:
+        return dict(zip(names, values.T, strict=True))
+
+    def rms(problem: Problem, weighted: NoiseWeighted, _: Covariance) -> float:
+        """Root mean square of the residuals, exact where all samples have the same noise."""
+        return problem.windows[0].stated * float(np.sqrt(weighted.solution.chi2 / problem.n_used))
+
+    def half_cycles(problem: Problem, *_: Any) -> int:
+        count = int(problem.residual.runs[0].half_cycles)
+        return -1 if count >= NEVER else count
+
+    def estimates(_: Problem, weighted: NoiseWeighted, covariances: Covariance) -> list[tuple[float, float]]:
+        return [(e.value, e.std) for e in kinematics(weighted.solution.derived, covariances).values()]
+
+    def parts(problem: Problem, weighted: NoiseWeighted, covariances: Covariance) -> list[np.ndarray]:
+        return list(contributions(problem.names, weighted.solution.derived, covariances).values())
+
+    covariances = column(lambda _, __, covariances: covariances.statistical, (p, p))
     deviations = np.sqrt(np.diagonal(covariances, axis1=1, axis2=2))
-    told, parts = [row.kinematics for row in rows], [row.contributions for row in rows]
+    trace = column(estimates, (len(UNITS), 2))
+    shares = column(parts, (p + len(UNITS), len(problem.inputs)))
     return BatchFit(
         names=names,
-        values=dict(zip(names, values.T, strict=True)),
-        std_errors=dict(zip(names, deviations.T, strict=True)),
-        white_std_errors=dict(zip(names, _column(rows, _white_errors, (len(names),)).T, strict=True)),
+        values=by_name(column(lambda p, w, _: record_time(p, w.solution.derived.values), (p,))),
+        std_errors=by_name(deviations),
+        white_std_errors=by_name(column(lambda _, w, __: w.white * w.solution.derived.slope, (p,))),
         covariance=covariances,
         units={p.name: unit_of(p.unit, problem) for p in problem.parameters},
-        converged=np.array([row.converged for row in rows]),
+        converged=np.array([row.status == CONVERGED for row in rows]),
         status=tuple(row.status for row in rows),
-        flags=tuple(row.flags for row in rows),
+        flags=tuple(
+            {}
+            if row.problem is None or row.weighted is None or row.covariances is None
+            else flags_of(row.problem, row.covariances, row.weighted.solution)
+            for row in rows
+        ),
         warnings=tuple(row.warnings for row in rows),
-        kinematics={name: np.array([t[name].value if t else np.nan for t in told]) for name in UNITS},
-        kinematics_std={name: np.array([t[name].std if t else np.nan for t in told]) for name in UNITS},
+        kinematics={name: trace[:, i, 0] for i, name in enumerate(UNITS)},
+        kinematics_std={name: trace[:, i, 1] for i, name in enumerate(UNITS)},
         contributions={
-            name: {
-                source: np.array([p[name][i] if p else np.nan for p in parts])
-                for i, source in enumerate(problem.inputs)
-            }
-            for name in (*names, *UNITS)
+            name: {source: shares[:, i, j] for j, source in enumerate(problem.inputs)}
+            for i, name in enumerate((*names, *UNITS))
         },
-        chi2=_column(rows, lambda row: row.solution.chi2),
-        dof=_column(rows, lambda row: row.problem.dof),
-        residual_rms=_column(rows, _rms),
-        sigma=_column(rows, _sigma),
-        noises=tuple(None if row.counted is None else row.counted.noises[0] for row in rows),
-        numerical_shift=_column(rows, lambda row: row.solution.numerical_shift),
-        half_cycles=np.array([row.half_cycles for row in rows]),
-        iterations=np.array([row.solution.iterations if row.solution else 0 for row in rows]),
-        passes=np.array([row.solution.passes if row.solution else 0 for row in rows]),
+        chi2=column(lambda _, w, __: w.solution.chi2),
+        dof=column(lambda p, *_: p.dof),
+        residual_rms=column(rms),
+        sigma=column(lambda p, *_: p.windows[0].stated),
+        noises=tuple(None if row.weighted is None else row.weighted.noises[0] for row in rows),
+        numerical_shift=column(lambda _, w, __: w.solution.numerical_shift),
+        half_cycles=column(half_cycles, absent=-1),
+        iterations=column(lambda _, w, __: w.solution.iterations, absent=0),
+        passes=column(lambda _, w, __: w.solution.passes, absent=0),
         engine=type(problem.residual.engine).__name__.lower(),
         sources=sources,
     )
-
-
-def _column(rows: Sequence[_Row], of: Callable[[Any], Any], shape: tuple[int, ...] = ()) -> np.ndarray:
-    """One quantity of all runs, NaN for those that were rejected."""
-    return np.array([np.full(shape, np.nan) if row.problem is None else of(row) for row in rows])
-
-
-def _values(row: Any) -> np.ndarray:
-    return record_time(row.problem, row.solution.derived.values)
-
-
-def _white_errors(row: Any) -> np.ndarray:
-    return row.counted.white * row.solution.derived.slope
-
-
-def _sigma(row: Any) -> float:
-    return row.problem.windows[0].stated
-
-
-def _rms(row: Any) -> float:
-    """Root mean square of the residuals, exact where all samples have the same noise."""
-    return _sigma(row) * float(np.sqrt(row.solution.chi2 / row.problem.n_used))

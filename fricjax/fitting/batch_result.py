@@ -130,7 +130,7 @@ class BatchFit:
         for name in _JUDGEMENT:
             columns[name] = getattr(self, name)
         columns["noise"] = [noise and "; ".join(noise.words("")) for noise in self.noises]
-        columns |= {"status": self.status, "warnings": [" ".join(told) for told in self.warnings]}
+        columns |= {"status": self.status, "warnings": [" ".join(warnings) for warnings in self.warnings]}
         return pd.DataFrame(columns).rename_axis("run")
 
     def __repr__(self) -> str:

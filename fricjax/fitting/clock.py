@@ -101,20 +101,20 @@ def _variances(square: np.ndarray, moved: np.ndarray, size: np.ndarray, least: f
     """
     unit = float(np.mean(moved)) or 1.0
     columns = np.column_stack([np.ones(square.size), moved / unit])
-    told, error = np.zeros(2), np.inf
+    variances, error = np.zeros(2), np.inf
     for _ in range(_REWEIGHED):
         relative, target = columns / size[:, None], square / size
         gram, along = relative.T @ relative, relative.T @ target
         inverse = np.linalg.pinv(gram)
-        told = inverse @ along
-        if told.min() < 0:
+        variances = inverse @ along
+        if variances.min() < 0:
             alone = along / np.maximum(np.diag(gram), np.finfo(float).tiny)
-            told = np.where(np.arange(2) == np.argmax(alone * along), alone, 0.0)
-        error = float(np.sqrt(np.mean((target - relative @ told) ** 2) * inverse[1, 1]))
-        size = np.maximum(columns @ told, least)
-        if told[1] < error:
+            variances = np.where(np.arange(2) == np.argmax(alone * along), alone, 0.0)
+        error = float(np.sqrt(np.mean((target - relative @ variances) ** 2) * inverse[1, 1]))
+        size = np.maximum(columns @ variances, least)
+        if variances[1] < error:
             break
-    return told / np.array([1.0, unit]), error / unit
+    return variances / np.array([1.0, unit]), error / unit
 
 
 def _moved(window: Window, error: np.ndarray) -> np.ndarray:

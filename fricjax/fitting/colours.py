@@ -27,10 +27,10 @@ from ..estimation.covariance import Quadratic, quadratic
 from ..estimation.loss import Squares
 from .diagnostics import ADEQUATE, SURE, worst
 from .floor import passage_of
+from .noise import whiteness
 from .problem import Problem
 from .rows import Rows, run_in_rows
 from .solve import Solution
-from .whiteness import whiteness
 from .window import Window
 
 # Rows of the motion by which a floor that shakes is looked for first, for its filter takes them one by one.
@@ -53,13 +53,13 @@ def colours_of(problem: Problem, at: Solution, rows: Sequence[Rows], absolute: b
     # interferometer, may, and is then no noise besides.
     explains = np.ones(at.y.size)
     explains[: at.shape.at_bound.size] = ~at.shape.at_bound
-    told = [row._replace(series=row.series._replace(slopes=row.series.slopes * explains)) for row in rows]
+    identified = [row._replace(series=row.series._replace(slopes=row.series.slopes * explains)) for row in rows]
     colours = [
         colour_of(row.series, freedom * row.level, "drift" not in window.nuisances, window.segmentation.frequency)
-        for row, window in zip(told, problem.windows, strict=True)
+        for row, window in zip(identified, problem.windows, strict=True)
     ]
     stated, seen = absolute and isinstance(problem.loss, Squares), []
-    for run, (row, colour) in enumerate(zip(told, colours, strict=True)):
+    for run, (row, colour) in enumerate(zip(identified, colours, strict=True)):
         known = white(row.series, _level(row, stated)) if colour is None else colour
         seen.append(Seen(rows[run], _or_shaken(problem, at, run, row, known)))
     return seen if any(colours) or any(colour.transition for _, colour in seen) else []
@@ -116,8 +116,8 @@ def _criterion(colour: Colour) -> float:
 
 def remembered(rows: Rows, colour: Colour) -> float:
     """Samples that tell as much as one: the spectral density of the noise at zero over that of independent samples."""
-    forgets = max(1 - float(np.sum(colour.coefficients)), np.finfo(float).eps)
-    return min(max((colour.std / forgets) ** 2 / rows.level, 1.0), rows.series.t.size * rows.samples / 2)
+    fading = max(1 - float(np.sum(colour.coefficients)), np.finfo(float).eps)
+    return min(max((colour.std / fading) ** 2 / rows.level, 1.0), rows.series.t.size * rows.samples / 2)
 
 
 class UnderNoise(NamedTuple):
@@ -158,12 +158,12 @@ def weighed_rows(seen: Sequence[Seen]) -> list[Weighed]:
 
     Noise that hardly forgets does not tell the level about which it wanders: the fit lies in the middle of its record.
     """
-    found = [whitened(row.series, colour) for row, colour in seen]
+    rows = [whitened(row.series, colour) for row, colour in seen]
     for series, colour in ((row.series, colour) for row, colour in seen if colour.coefficients.size):
         residual, size = series.residual + colour.beside @ colour.sizes, float(np.std(colour.left / series.unit))
         middle = series.unit / (series.unit @ series.unit) / size
-        found.append((middle[None] @ residual, middle[None] @ series.slopes))
-    return found
+        rows.append((middle[None] @ residual, middle[None] @ series.slopes))
+    return rows
 
 
 def least_squares(
@@ -179,8 +179,8 @@ def least_squares(
     for r, slopes in counted:
         gradient, normal = gradient + slopes.T @ r, normal + slopes.T @ slopes
     y, down = at.y[:p], gradient[:p]
-    held = ((y <= limits.lower) & (down >= 0)) | ((y >= limits.upper) & (down <= 0))
-    return quadratic(down, normal[:p, :p], held), gradient, normal
+    at_bound = ((y <= limits.lower) & (down >= 0)) | ((y >= limits.upper) & (down <= 0))
+    return quadratic(down, normal[:p, :p], at_bound), gradient, normal
 
 
 def variance_left(row: Rows, colour: Colour) -> float:
@@ -207,21 +207,21 @@ def expected_size(window: Window, row: Rows, colour: Colour) -> float:
     innovations: those that the process of the rest leaves in the motion are then no larger than those in the rest.
     """
     if colour.transition is not None:
-        told = whiteness(whitened(row.series._replace(residual=colour.left), colour)[0]).white
-        return float(np.sqrt(variance_left(row, colour))) if told else 0.0
+        size = whiteness(whitened(row.series._replace(residual=colour.left), colour)[0]).white
+        return float(np.sqrt(variance_left(row, colour))) if size else 0.0
     still = _at_rest(window, row)
     if np.sum(still) < _RESTING or still.all():
         return 0.0
     begin = np.zeros(1, int)
     coefficients, _ = autoregression(colour.left[still], begin)
     # Without the first rows, which the release may have excited.
-    whole = [innovations(colour.left[part, None], begin, coefficients) for part in (~still, still)]
-    moving, resting = (part[coefficients.size :] for part in whole)
+    parts = [innovations(colour.left[part, None], begin, coefficients) for part in (~still, still)]
+    moving, resting = (part[coefficients.size :] for part in parts)
     # By medians, for spikes in the rest are no noise that wanders; a random walk grows with the root of time.
     parts = resting, colour.left[still]
     typical, seen = (float(np.median(np.abs(part - np.median(part)))) / NORMAL_MAD for part in parts)
-    told = np.sqrt(variance_left(row, colour)) * typical / max(np.std(moving), np.finfo(float).tiny)
-    return float(min(told, seen * np.sqrt(still.size / np.sum(still) / row.samples)))
+    size = np.sqrt(variance_left(row, colour)) * typical / max(np.std(moving), np.finfo(float).tiny)
+    return float(min(size, seen * np.sqrt(still.size / np.sum(still) / row.samples)))
 
 
 def _at_rest(window: Window, row: Rows) -> np.ndarray:

@@ -78,22 +78,22 @@ def _quantities(oscillator: Oscillator) -> Float[Array, " quantities"]:
     )
 
 
-def kinematics(derived: Derived, found: Covariance) -> dict[str, Estimate]:
+def kinematics(derived: Derived, covariances: Covariance) -> dict[str, Estimate]:
     """Undamped natural frequency, damping ratio, dead band mu N/k, and friction and drag per unit mass.
 
     Args:
         derived: the solved fit.
-        found: covariances of its parameters, of which the statistical one counts.
+        covariances: covariances of its parameters, of which the statistical one counts.
     """
     estimates = {}
     for (name, unit), value, slope in zip(UNITS.items(), derived.kinematics, derived.by_value, strict=True):
         used = slope != 0
-        variance = slope[used] @ found.statistical[np.ix_(used, used)] @ slope[used]
+        variance = slope[used] @ covariances.statistical[np.ix_(used, used)] @ slope[used]
         estimates[name] = Estimate(float(value), float(np.sqrt(variance)), unit)
     return estimates
 
 
-def contributions(names: Sequence[str], derived: Derived, found: Covariance) -> dict[str, np.ndarray]:
+def contributions(names: Sequence[str], derived: Derived, covariances: Covariance) -> dict[str, np.ndarray]:
     """Change of each parameter and of each of the kinematics for one standard uncertainty of each input of the rig.
 
     An input changes the kinematics where it is a coefficient of the machine, and as the parameters follow it.
@@ -101,8 +101,8 @@ def contributions(names: Sequence[str], derived: Derived, found: Covariance) -> 
     Args:
         names: of the parameters.
         derived: the solved fit.
-        found: covariances of its parameters.
+        covariances: covariances of its parameters.
     """
     direct = np.asarray(derived.by_coordinate)[:, len(names) :]
-    followed = derived.by_value @ found.contributions
-    return dict(zip([*names, *UNITS], [*found.contributions, *(direct + followed)], strict=True))
+    followed = derived.by_value @ covariances.contributions
+    return dict(zip([*names, *UNITS], [*covariances.contributions, *(direct + followed)], strict=True))

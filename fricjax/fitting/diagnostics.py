@@ -1,18 +1,17 @@
 """What a fit came to: its status in words, the flags of its parameters, and how well the model describes the record."""
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
-from ..data.segmentation.noise import NORMAL_MAD
 from ..estimation.covariance import Covariance
-from ..estimation.loss import AbstractLoss, Squares
+from ..estimation.space import Parameter
 from ..estimation.status import NOT_FINITE, OUT_OF_STEPS, STALLED
 from ..show import engineering
+from .chunks import typical
 from .derived import Derived
 from .noise import Noise
-from .plausible import too_large
 from .problem import Problem
 from .solve import Solution
 from .window import Window
@@ -28,6 +27,8 @@ CONVERGED, AT_BOUND, MISFIT = "converged", "at a bound", "does not describe the 
 _OPTIMA = (CONVERGED, AT_BOUND, MISFIT)
 # Standard error of a positive quantity, in parts of its value, from which on the record hardly tells it.
 _HARDLY = 0.5
+# Clean metals in vacuum and soft rubber come to one or two.
+_LARGEST_MU = 2.0
 # Part of the amplitude that the error of a computed motion may reach, 0.02 nm on 2 mm: a record without noise, as a
 # simulation writes it, is not described more closely.
 _COMPUTED = 1e-8
@@ -65,11 +66,6 @@ def noise_level(window: Window, relative: bool = False) -> float:
     return seen if relative else max(seen, window.stated)
 
 
-def typical(residual: Any, loss: AbstractLoss, mean: Any = np.mean, median: Any = np.median) -> Any:
-    """Typical size of residuals: their root mean square, or with a robust loss what their median says of it."""
-    return mean(residual**2) ** 0.5 if isinstance(loss, Squares) else median(abs(residual)) / NORMAL_MAD
-
-
 def misfit_of(problem: Problem, solution: Solution, noises: Sequence[Noise], relative: bool) -> Misfit:
     """How large the residuals are beside the noise, in the run where that is the worst; drift and hum are noise."""
     sizes = []
@@ -88,12 +84,12 @@ def worst(problem: Problem, sizes: Sequence[float], expected: Sequence[float], r
         expected: that which its noise may have.
         relative: whether stated noise only weighs the samples.
     """
-    found = []
+    misfits = []
     for run, (size, least, window) in enumerate(zip(sizes, expected, problem.windows, strict=True)):
         stated = window.stated
         noise = max(noise_level(window, relative), least * stated)
-        found.append(Misfit(size * stated, noise, np.inf if relative else stated, run))
-    return max(found, key=lambda misfit: misfit.ratio)
+        misfits.append(Misfit(size * stated, noise, np.inf if relative else stated, run))
+    return max(misfits, key=lambda misfit: misfit.ratio)
 
 
 def optimum_found(status: str) -> bool:
@@ -112,12 +108,12 @@ def status_of(problem: Problem, solution: Solution, covariance: Covariance, misf
     if not covariance.full_rank:
         lost = _listed(problem, covariance.undetermined)
         return f"undetermined: the record does not determine {lost}. Fix one of them or record more half-cycles."
-    held = _listed(problem, covariance.at_bound)
+    at_bound = _listed(problem, covariance.at_bound)
     # A size that is not finite is no description either.
     if not misfit.ratio <= ADEQUATE:
-        return f"{MISFIT}: {_compared(problem, misfit)}; {_remedy(problem, held)}."
-    if held:
-        return f"{AT_BOUND}: {held}. Widen the bound, fix what it holds, or take a law without it."
+        return f"{MISFIT}: {_compared(problem, misfit)}; {_remedy(problem, at_bound)}."
+    if at_bound:
+        return f"{AT_BOUND}: {at_bound}. Widen the bound, fix what it holds, or take a law without it."
     return CONVERGED
 
 
@@ -136,12 +132,12 @@ def _compared(problem: Problem, misfit: Misfit) -> str:
     return f"residuals of {size}{where} are {misfit.ratio:.3g} times the noise of {noise}"
 
 
-def _remedy(problem: Problem, held: str) -> str:
+def _remedy(problem: Problem, at_bound: str) -> str:
     """What most likely keeps a model from describing its record."""
     if any(growth(window) for window in problem.windows):
         return "its swing grows with time: check the order of the samples"
-    if held:
-        return f"{held} is held at a bound, which may be the reason: widen it"
+    if at_bound:
+        return f"{at_bound} is held at a bound, which may be the reason: widen it"
     if any(holds_release(window) for window in problem.windows):
         return "start at the first reversal, behind the transient of the release"
     return "plot them: choose another law, or look for fringe slips, vibration and drift"
@@ -149,19 +145,19 @@ def _remedy(problem: Problem, held: str) -> str:
 
 def holds_release(window: Window) -> bool:
     """Whether the stroke from the release to the first reversal is fitted."""
-    reversals, stroke = window.segmentation.turning_times, window.segmentation.half_period
-    return reversals.size > 0 and bool(window.origin < reversals[0] - 0.75 * stroke)
+    reversals, half_period = window.segmentation.turning_times, window.segmentation.half_period
+    return reversals.size > 0 and bool(window.origin < reversals[0] - 0.75 * half_period)
 
 
 def growth(window: Window) -> tuple[float, float] | None:
     """First and last stroke of a record whose swing grows with time, which no free decay does; None for a decay."""
-    found = window.segmentation
-    strokes = np.abs(np.diff(found.turning_points))
-    if strokes.size < 2:
+    segmentation = window.segmentation
+    paths = np.abs(np.diff(segmentation.turning_points))
+    if paths.size < 2:
         return None
-    first, last = float(strokes[0]), float(strokes[-1])
+    first, last = float(paths[0]), float(paths[-1])
     # One in a hundred is more than a beat between modes or the rounding of an encoder makes of a steady swing.
-    grows = last - first > max(6 * found.noise, 0.01 * first) and np.median(np.diff(strokes)) > 0
+    grows = last - first > max(6 * segmentation.noise, 0.01 * first) and np.median(np.diff(paths)) > 0
     return (first, last) if grows else None
 
 
@@ -170,16 +166,23 @@ def flags_of(problem: Problem, covariance: Covariance, solution: Solution) -> di
     values, errors = solution.derived.values, np.sqrt(np.diag(covariance.statistical))
     flags: dict[str, tuple[str, ...]] = {}
     for i, parameter in enumerate(problem.parameters):
-        found = []
+        raised = []
         if covariance.at_bound[i]:
-            found.append("at bound")
+            raised.append("at bound")
         elif covariance.undetermined[i]:
-            found.append("undetermined")
+            raised.append("undetermined")
         elif parameter.fitted_as != "value" and errors[i] > _HARDLY * values[i]:
-            found.append("hardly determined")
+            raised.append("hardly determined")
         if too_large(problem, parameter, values[i]):
-            found.append("implausible")
+            raised.append("implausible")
         if values[i] == parameter.start and not covariance.at_bound[i]:
-            found.append("at start value")
-        flags[parameter.name] = tuple(found)
+            raised.append("at start value")
+        flags[parameter.name] = tuple(raised)
     return flags
+
+
+def too_large(problem: Problem, parameter: Parameter, value: float) -> bool:
+    """Whether a value is a coefficient of friction larger than there are."""
+    # Under unit load, which stands for an unknown one, mu is a deceleration or a dead band of any size.
+    loaded = float(problem.residual.oscillator.normal_force) != 1.0
+    return parameter.kind == "mu" and loaded and value > _LARGEST_MU

@@ -60,38 +60,40 @@ class _Reversals(NamedTuple):
     offset: float
 
 
-def envelope(decays: Sequence[Segmentation], held: Mapping[str, float], lower: Mapping[str, float]) -> Envelope | None:
+def envelope(decays: Sequence[Segmentation], fixed: Mapping[str, float], lower: Mapping[str, float]) -> Envelope | None:
     """What the reversals of some records of one pendulum say; None where they are too few.
 
     Args:
         decays: segmentations of the records.
-        held: those of friction, damping and drag per unit inertia that are known; "omega" where that is.
+        fixed: those of friction, damping and drag per unit inertia that are known; "omega" where that is.
         lower: least value of each of the others, per unit inertia.
     """
     runs = [run for run in map(_reversals, decays) if run.t.size >= FEWEST]
     if not runs:
         return None
-    found = Envelope(0.0, 0.0, 0.0, 0.0, 0.0)
+    estimate = Envelope(0.0, 0.0, 0.0, 0.0, 0.0)
     for _ in range(_ROUNDS):
-        integrals = [_integrals(run, found) for run in runs]
-        omega = held.get("omega") or _frequency(runs, [columns[0] for columns in integrals])
+        integrals = [_integrals(run, estimate) for run in runs]
+        omega = fixed.get("omega") or _frequency(runs, [columns[0] for columns in integrals])
         if not (np.isfinite(omega) and omega > 0):
             return None
         units = {"friction": omega**-2, "damping": 1 / omega, "drag": 1.0}
-        known, least = ({name: given[name] * units[name] for name in TERMS if name in given} for given in (held, lower))
+        known, least = (
+            {name: table[name] * units[name] for name in TERMS if name in table} for table in (fixed, lower)
+        )
         losses, offsets = _losses(runs, [columns[1:] for columns in integrals], known, least)
-        found = Envelope(omega, losses[0], losses[1], losses[2], _mean_loss(runs, integrals))
+        estimate = Envelope(omega, losses[0], losses[1], losses[2], _mean_loss(runs, integrals))
         runs = [run._replace(offset=run.offset + change) for run, change in zip(runs, offsets, strict=True)]
-    return found if np.all(np.isfinite(found)) else None
+    return estimate if np.all(np.isfinite(estimate)) else None
 
 
-def _reversals(found: Segmentation) -> _Reversals:
+def _reversals(segmentation: Segmentation) -> _Reversals:
     """The reversals as long as they alternate: the last one may stay on the side of the one before."""
-    x, offset = found.turning_points, equilibrium(found)
+    x, offset = segmentation.turning_points, equilibrium(segmentation)
     same = np.flatnonzero((x[1:] - offset) * (x[:-1] - offset) >= 0)
     kept = slice(0, int(same[0]) + 1 if same.size else x.size)
     inside = np.all(np.abs(x[kept] - offset) < np.pi)
-    return _Reversals(found.turning_times[kept], x[kept], offset) if inside else _Reversals(x[:0], x[:0], offset)
+    return _Reversals(segmentation.turning_times[kept], x[kept], offset) if inside else _Reversals(x[:0], x[:0], offset)
 
 
 def _integrals(run: _Reversals, last: Envelope) -> tuple[np.ndarray, ...]:
@@ -109,8 +111,8 @@ def _integrals(run: _Reversals, last: Envelope) -> tuple[np.ndarray, ...]:
         total = np.pi * np.mean(force * step, axis=1, keepdims=True)
         if np.all(total > 0):
             spread = force * step @ _INTEGRATION / total
-    whole = (np.pi * np.mean(step * power, axis=1) for power in (1 / w, w, w**2))
-    elapsed, by_speed, by_square = whole
+    means = (np.pi * np.mean(step * power, axis=1) for power in (1 / w, w, w**2))
+    elapsed, by_speed, by_square = means
     columns = elapsed, 2 * half[:, 0], by_speed, by_square
     return tuple(np.append(0.0, np.cumsum(column)) for column in columns)
 
@@ -142,8 +144,8 @@ def _losses(
     bounds = {i: lower.get(name, -np.inf) for i, name in enumerate(sought)}
     weight = 1 / np.maximum(np.abs(np.concatenate(slopes)), _LEAST_SLOPE)
     solution = _robust(np.stack(columns, axis=1), fallen, weight, bounds)
-    found = {**known, **dict(zip(sought, solution, strict=False))}
-    return [float(found[name]) for name in TERMS], solution[len(sought) : len(sought) + len(runs)]
+    losses = {**known, **dict(zip(sought, solution, strict=False))}
+    return [float(losses[name]) for name in TERMS], solution[len(sought) : len(sought) + len(runs)]
 
 
 def _mean_loss(runs: Sequence[_Reversals], integrals: Sequence[Sequence[np.ndarray]]) -> float:
@@ -175,18 +177,18 @@ def _bounded(columns: np.ndarray, wanted: np.ndarray, weight: np.ndarray, lower:
     """Least squares in which whatever falls below its bound is held there, the lowest of them first."""
     size = np.maximum(np.linalg.norm(columns * weight[:, None], axis=0), 1e-300)
     scaled = columns * weight[:, None] / size
-    held: dict[int, float] = {}
+    fixed: dict[int, float] = {}
     while True:
-        free = [i for i in range(columns.shape[1]) if i not in held]
-        rest = weight * wanted - sum((scaled[:, i] * value for i, value in held.items()), start=np.zeros(wanted.size))
+        free = [i for i in range(columns.shape[1]) if i not in fixed]
+        rest = weight * wanted - sum((scaled[:, i] * value for i, value in fixed.items()), start=np.zeros(wanted.size))
         part = np.linalg.lstsq(scaled[:, free], rest, rcond=None)[0]
         below = {i: value - lower[i] * size[i] for i, value in zip(free, part, strict=True) if i in lower}
         worst = min(below, key=below.__getitem__, default=None)
         if worst is None or below[worst] >= 0:
             break
-        held[worst] = lower[worst] * size[worst]
+        fixed[worst] = lower[worst] * size[worst]
     solution = np.zeros(columns.shape[1])
     solution[free] = part
-    for i, value in held.items():
+    for i, value in fixed.items():
         solution[i] = value
     return solution / size

@@ -16,8 +16,7 @@ from jaxtyping import Array, Bool, Float, PyTree
 
 from ..estimation.loss import AbstractLoss, Squares
 from ..estimation.passes import AbstractPasses, Pass, gather, residual_and_jacobian
-from .residual import ObservedMotion, Residual, Run
-from .sizes import power
+from .residual import ObservedMotion, Residual, Run, power
 
 # Condensed records fill one or two of them; a longer chunk would read more samples of no weight.
 CHUNK = 512
@@ -82,9 +81,9 @@ def evaluate(residual: Residual, y: Float[Array, " coordinates"], loss: Abstract
     r, slopes = residual_and_jacobian(residual.priors, y)
     # A prior counts with its square whatever the loss.
     priors = gather(r, slopes, Squares())
-    whole, passes, pulls, blocks = zip(*parts, strict=True)
+    residuals, passes, pulls, blocks = zip(*parts, strict=True)
     sums = jax.tree.map(lambda *values: sum(values), priors, *passes)
-    joined = jnp.concatenate([*whole, r])
+    joined = jnp.concatenate([*residuals, r])
     return Evaluation(joined, joined @ joined, sums.cost, sums.gradient, sums.normal, list(pulls), list(blocks))
 
 
@@ -108,9 +107,9 @@ class EvaluationPasses(AbstractPasses):
         return super().nothing(y)._replace(kept=jax.tree.map(lambda of: jnp.full(of.shape, jnp.nan, of.dtype), unseen))
 
     def __call__(self, fn: Callable, y: Float[Array, " coordinates"], args: PyTree) -> Pass:
-        found = evaluate(self.residual, y, self.loss)
-        lost = jnp.all(y == self.doubted) & self._astray(found.residual)
-        return Pass(jnp.where(lost, jnp.nan, found.cost), found.gradient, found.normal, found)
+        evaluation = evaluate(self.residual, y, self.loss)
+        lost = jnp.all(y == self.doubted) & self._astray(evaluation.residual)
+        return Pass(jnp.where(lost, jnp.nan, evaluation.cost), evaluation.gradient, evaluation.normal, evaluation)
 
     def _astray(self, r: Float[Array, " residuals"]) -> Bool[Array, ""]:
         tolerance = jnp.concatenate([jnp.asarray(part) for part in self.tolerance])
@@ -147,14 +146,14 @@ def _run(residual: Residual, y: Array, number: Any, data: Run, loss: AbstractLos
     t, x = (jnp.pad(values, (0, pieces * CHUNK - n), mode="edge") for values in (data.t, data.x))
     weight = jnp.pad(data.weight, (0, pieces * CHUNK - n))
 
-    def course(at: Array) -> tuple[ObservedMotion, tuple[ObservedMotion, ObservedMotion]]:
+    def observed(at: Array) -> tuple[ObservedMotion, tuple[ObservedMotion, ObservedMotion]]:
         moving, fixed = eqx.partition(residual.observed(at, number, data), eqx.is_inexact_array)
         return moving, (moving, fixed)
 
-    tangents, (moving, fixed) = jax.jacfwd(course, has_aux=True)(y)
+    tangents, (moving, fixed) = jax.jacfwd(observed, has_aux=True)(y)
 
     def chunk(number: Array, so_far: tuple[Array, Array, Pass]) -> tuple[Array, Array, Pass]:
-        whole, blocks, sums = so_far
+        residuals, blocks, sums = so_far
         times, seen, used = (jax.lax.dynamic_slice(values, (number * CHUNK,), (CHUNK,)) for values in (t, x, weight))
 
         def read(at: ObservedMotion) -> Array:
@@ -164,7 +163,7 @@ def _run(residual: Residual, y: Array, number: Any, data: Run, loss: AbstractLos
         columns = jax.vmap(along, in_axes=-1, out_axes=-1)(tangents)
         # Both are used many times below; without a barrier the motion is computed anew for each.
         r, columns = jax.lax.optimization_barrier((r, columns))
-        found = gather(r, columns, loss)
+        sums_of_chunk = gather(r, columns, loss)
         _, share, curvature = loss.parts(r)
         counts, influence = (used > 0) * 1.0, share * r
         beside, reading = counts * jnp.roll(counts, 1), seen + r / jnp.where(used > 0, used, 1.0)
@@ -173,13 +172,13 @@ def _run(residual: Residual, y: Array, number: Any, data: Run, loss: AbstractLos
         inside = (jnp.arange(CHUNK) % (CHUNK - 1) > 0) * beside * jnp.roll(counts, -1)
         rough, moved = inside * bend**2 / 6, beside * (used * step) ** 2
         curved = counts * curvature
-        own = (influence, influence**2, rough, counts, curved, moved)
-        each = jnp.column_stack([*own, curved[:, None] * columns])
+        columns_of_block = (influence, influence**2, rough, counts, curved, moved)
+        each = jnp.column_stack([*columns_of_block, curved[:, None] * columns])
         summed = each.reshape(-1, length, each.shape[1]).sum(axis=1).astype(jnp.float32)
         return (
-            jax.lax.dynamic_update_slice(whole, r, (number * CHUNK,)),
+            jax.lax.dynamic_update_slice(residuals, r, (number * CHUNK,)),
             jax.lax.dynamic_update_slice(blocks, summed, (number * (CHUNK // length), 0)),
-            jax.tree.map(jnp.add, sums, found),
+            jax.tree.map(jnp.add, sums, sums_of_chunk),
         )
 
     zero = jnp.zeros(y.shape)

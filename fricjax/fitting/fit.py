@@ -145,10 +145,11 @@ def check_effect(problem: Problem, solution: Solution) -> None:
         UsageError: names them.
     """
     slopes = np.diag(np.asarray(solution.evaluation.normal))
-    idle = [p.name for p, slope in zip(problem.parameters, slopes, strict=False) if slope == 0]
-    if idle:
+    without_effect = [p.name for p, slope in zip(problem.parameters, slopes, strict=False) if slope == 0]
+    if without_effect:
         raise UsageError(
-            f"{' and '.join(idle)} cannot be fitted: the fitted motion does not depend on it. Take it out of free=."
+            f"{' and '.join(without_effect)} cannot be fitted: the fitted motion does not depend on it. "
+            "Take it out of free=."
         )
 
 

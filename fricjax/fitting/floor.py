@@ -19,44 +19,44 @@ from .window import equilibrium
 def passage_of(problem: Problem, at: Solution, run: int, t: np.ndarray) -> StateTransition | None:
     """The passage of a deviation between times of a run; None where the record shows no half-cycles."""
     window, machine = problem.windows[run], at.derived.machine
-    found = window.segmentation
-    if found.turning_times.size < 2:
+    segmentation = window.segmentation
+    if segmentation.turning_times.size < 2:
         return None
     start = float(problem.residual.run_parameters(at.derived.values, run)["t_release"])
     begin = min(start, float(t[0] - 1e-3 * (t[1] - t[0])))
-    times = found.turning_times - window.origin
-    later = times > start + found.half_period / 4
-    turns, swing = times[later], np.abs(found.turning_points - equilibrium(found))[later]
+    times = segmentation.turning_times - window.origin
+    later = times > start + segmentation.half_period / 4
+    reversals, swing = times[later], np.abs(segmentation.turning_points - equilibrium(segmentation))[later]
     band = float(machine.friction.dynamic_force(machine.normal_force)) / float(machine.stiffness)
     ratios = np.maximum((swing - band) / (swing + band), 0.0)
-    if found.rest is not None:
-        turns, ratios = np.append(turns, found.rest - window.origin), np.append(ratios, 0.0)
-    edges = np.unique(np.concatenate([[begin], t, turns]))
-    half_cycle = np.searchsorted(turns, edges[:-1], side="right")
+    if segmentation.rest is not None:
+        reversals, ratios = np.append(reversals, segmentation.rest - window.origin), np.append(ratios, 0.0)
+    edges = np.unique(np.concatenate([[begin], t, reversals]))
+    half_cycle = np.searchsorted(reversals, edges[:-1], side="right")
     # The duration of each half-cycle serves springs of any shape.
-    rates = np.pi / np.append(np.diff(np.concatenate([[begin], turns])), found.half_period)
-    carried, kicked = _steps(np.diff(edges), rates[half_cycle], float(machine.damping) / float(machine.mass))
-    if found.rest is not None:
-        still = half_cycle == turns.size
-        carried[still], kicked[still] = np.diag([1.0, 0.0]), 0.0
-    return _joined(t, edges, carried, kicked, dict(zip(turns, ratios, strict=True)))
+    rates = np.pi / np.append(np.diff(np.concatenate([[begin], reversals])), segmentation.half_period)
+    transitions, kicked = _steps(np.diff(edges), rates[half_cycle], float(machine.damping) / float(machine.mass))
+    if segmentation.rest is not None:
+        still = half_cycle == reversals.size
+        transitions[still], kicked[still] = np.diag([1.0, 0.0]), 0.0
+    return _joined(t, edges, transitions, kicked, dict(zip(reversals, ratios, strict=True)))
 
 
 def _joined(
-    t: np.ndarray, edges: np.ndarray, carried: np.ndarray, kicked: np.ndarray, turns: dict[float, float]
+    t: np.ndarray, edges: np.ndarray, transitions: np.ndarray, kicked: np.ndarray, reversals: dict[float, float]
 ) -> StateTransition:
     """The passage from row to row, of steps from edge to edge and of what reversals make of the velocity."""
-    found = StateTransition(np.empty((t.size, 2, 2)), np.empty((t.size, 2, 2)))
+    joined = StateTransition(np.empty((t.size, 2, 2)), np.empty((t.size, 2, 2)))
     so_far, spread, row = np.eye(2), np.zeros((2, 2)), 0
-    for edge, step, kicks in zip(edges[1:], carried, kicked, strict=True):
+    for edge, step, kicks in zip(edges[1:], transitions, kicked, strict=True):
         so_far, spread = step @ so_far, step @ spread @ step.T + kicks
-        if edge in turns:
-            turned = np.diag([1.0, turns[edge]])
-            so_far, spread = turned @ so_far, turned @ spread @ turned
+        if edge in reversals:
+            reflection = np.diag([1.0, reversals[edge]])
+            so_far, spread = reflection @ so_far, reflection @ spread @ reflection
         if row < t.size and edge == t[row]:
-            found.matrix[row], found.noise[row] = so_far, spread
+            joined.matrix[row], joined.noise[row] = so_far, spread
             so_far, spread, row = np.eye(2), np.zeros((2, 2)), row + 1
-    return found
+    return joined
 
 
 def _steps(steps: np.ndarray, rates: np.ndarray, damping: float) -> tuple[np.ndarray, np.ndarray]:
@@ -74,6 +74,6 @@ def _steps(steps: np.ndarray, rates: np.ndarray, damping: float) -> tuple[np.nda
     both[:, 2:, 2:] = -np.swapaxes(both[:, :2, :2], 1, 2)
     both[:, 1, 3] = 1.0
     grown = np.asarray(expm(both * (kinds[0] * unit)[:, None, None]))
-    carried = np.swapaxes(grown[:, 2:, 2:], 1, 2)
+    transitions = np.swapaxes(grown[:, 2:, 2:], 1, 2)
     which = which.ravel()
-    return carried[which], (carried @ grown[:, :2, 2:])[which]
+    return transitions[which], (transitions @ grown[:, :2, 2:])[which]

@@ -91,37 +91,37 @@ def _of_pendulum(
     known = {} if {"stiffness", "mass"} & set(free) else {"omega": omega}
 
     def seen(mass: float) -> Envelope | None:
-        held = {name: value / mass for name, value in values.items() if not sought[name]}
-        return envelope(decays, {**held, **known}, {name: value / mass for name, value in least.items()})
+        fixed = {name: value / mass for name, value in values.items() if not sought[name]}
+        return envelope(decays, {**fixed, **known}, {name: value / mass for name, value in least.items()})
 
-    found = seen(mass)
-    if found is not None and "mass" in free and "stiffness" not in free:
+    estimate = seen(mass)
+    if estimate is not None and "mass" in free and "stiffness" not in free:
         # The inertia of a spring that is known follows from the frequency, and what is held needs the inertia.
-        mass = at["stiffness"] / found.omega**2
-        found = seen(mass)
-    if found is None:
+        mass = at["stiffness"] / estimate.omega**2
+        estimate = seen(mass)
+    if estimate is None:
         return None
-    stiffness = at["stiffness"] if "stiffness" not in free else mass * found.omega**2
-    force = max(found.friction, _LEAST_SHARE * found.loss) * found.omega**2 * mass
-    parts = {"friction": force, "damping": found.damping * found.omega * mass, "drag": found.drag * mass}
-    told = {name: value for name, value in parts.items() if sought[name]}
-    return {**at, "mass": mass, "stiffness": stiffness, **_as_coefficients(told, sought, at)}
+    stiffness = at["stiffness"] if "stiffness" not in free else mass * estimate.omega**2
+    force = max(estimate.friction, _LEAST_SHARE * estimate.loss) * estimate.omega**2 * mass
+    parts = {"friction": force, "damping": estimate.damping * estimate.omega * mass, "drag": estimate.drag * mass}
+    identified = {name: value for name, value in parts.items() if sought[name]}
+    return {**at, "mass": mass, "stiffness": stiffness, **_as_coefficients(identified, sought, at)}
 
 
-def _decay(found: Segmentation) -> _Decay:
-    times, points = extremes(found)
+def _decay(segmentation: Segmentation) -> _Decay:
+    times, points = extremes(segmentation)
     if points.size < 3:
-        return _short(found)
-    amplitude = np.abs(points - equilibrium(found))
+        return _short(segmentation)
+    amplitude = np.abs(points - equilibrium(segmentation))
     return _Decay(amplitude[:-1], amplitude[1:], np.pi / np.diff(times))
 
 
-def _short(found: Segmentation) -> _Decay:
+def _short(segmentation: Segmentation) -> _Decay:
     """With less than three standstills: the whole excursion as one half-cycle about the middle, a tenth of it lost."""
-    if found.half_period <= 0:
+    if segmentation.half_period <= 0:
         return _Decay(*np.zeros((3, 0)))
-    amplitude = np.array([found.amplitude])
-    return _Decay(amplitude, 0.9 * amplitude, np.array([np.pi / found.half_period]))
+    amplitude = np.array([segmentation.amplitude])
+    return _Decay(amplitude, 0.9 * amplitude, np.array([np.pi / segmentation.half_period]))
 
 
 def _stiffening(oscillator: Oscillator, amplitude: np.ndarray, at: Mapping[str, float]) -> np.ndarray:
@@ -172,16 +172,16 @@ def _losses(oscillator: Oscillator, decay: _Decay, free: Sequence[str], at: Mapp
 
         solution = nnls(columns / size, lost)[0] / size
     floor = 1e-3 * max(float(np.mean(lost)), 0.0) / np.mean(columns, axis=0)
-    found = dict(zip(names, np.maximum(solution, floor), strict=True))
-    return _as_coefficients(found, sought, at)
+    losses = dict(zip(names, np.maximum(solution, floor), strict=True))
+    return _as_coefficients(losses, sought, at)
 
 
 def _as_coefficients(
-    found: Mapping[str, float], sought: Mapping[str, set], at: Mapping[str, float]
+    losses: Mapping[str, float], sought: Mapping[str, set], at: Mapping[str, float]
 ) -> dict[str, float]:
-    result = {name: float(found[name]) for name in ("damping", "drag", "returned") if name in found}
-    if "friction" in found:
-        force = float(found["friction"])
+    result = {name: float(losses[name]) for name in ("damping", "drag", "returned") if name in losses}
+    if "friction" in losses:
+        force = float(losses["friction"])
         if "mu" in sought["friction"]:
             result["mu"] = force / at["normal_force"] if at["normal_force"] > 0 else at["mu"]
         else:

@@ -45,8 +45,8 @@ def with_mesh(residual: Residual, y: Any, slack: float = 1.0) -> Residual:
     ]
     bare = eqx.tree_at(lambda r: r.runs, residual, tuple(ends))
     engine = cast(Smooth, residual.engine)
-    found = _meshes(engine.at_accuracy(slack * engine.accuracy), bare, y)
-    lists = [(_finite(phases), _graded(_finite(times))) for phases, times in found]
+    meshes = _meshes(engine.at_accuracy(slack * engine.accuracy), bare, y)
+    lists = [(_finite(phases), _graded(_finite(times))) for phases, times in meshes]
     longest = max(phases.size + times.size - 1 for phases, times in lists)
     replaced: list[Any] = [run.engine for run in residual.runs if run.engine is not None]
     rooms = [min(longest * slack ** (1 / _ORDER), _SIZES[-1]), *(engine.mesh.ends.size for engine in replaced)]

@@ -51,13 +51,13 @@ class _Sums(NamedTuple):
 def lacking(problem: Problem, run: int, size: float) -> Iterator[str]:
     """A sentence on the term that would halve residuals of this size [m or rad] in a run; none where none would."""
     window, machine = problem.windows[run], problem.residual.oscillator
-    found = without_ringing(window.segmentation)
-    later = found.turning_times >= window.t_start - found.half_period / 4
-    y = (found.turning_points - equilibrium(found))[later]
+    segmentation = without_ringing(window.segmentation)
+    later = segmentation.turning_times >= window.t_start - segmentation.half_period / 4
+    y = (segmentation.turning_points - equilibrium(segmentation))[later]
     if y.size < _FEWEST:
         return
     mean = (np.abs(y[1:]) + np.abs(y[:-1])) / 2
-    decay = _Decay(y, found.turning_times[later], mean, np.pi / found.half_period)
+    decay = _Decay(y, segmentation.turning_times[later], mean, np.pi / segmentation.half_period)
     kinds = {parameter.kind for parameter in problem.parameters}
     gains = [gain for sums in (_energies(decay, machine, kinds), _times(decay, machine)) for gain in _gains(sums, size)]
     if gains:
@@ -96,7 +96,7 @@ def _energies(decay: _Decay, machine: Oscillator, kinds: set[str]) -> _Sums:
     damping = np.pi / 2 * decay.omega / stiffness * decay.mean**2
     drag = 4 / 3 / mass * decay.mean**3
     terms = {"damping": damping, "drag": drag}
-    held = sum(
+    fixed = sum(
         (float(getattr(machine, name)) * terms[name] for name in terms.keys() - kinds), np.zeros(decay.mean.size)
     )
     bend = -np.ones(decay.mean.size)
@@ -108,7 +108,7 @@ def _energies(decay: _Decay, machine: Oscillator, kinds: set[str]) -> _Sums:
     else:
         always.append(bend)
     free = (np.ones(decay.y.size), slope, *(_summed(term) for term in always))
-    fallen = energy[0] - energy - _summed(held)
+    fallen = energy[0] - energy - _summed(fixed)
     return _Sums(fallen, 1 / np.abs(slope), free, tuple((name, _summed(term)) for name, term in sought.items()))
 
 
@@ -141,8 +141,8 @@ def _gains(sums: _Sums, size: float) -> list[tuple[float, float, str]]:
     without, _ = _fitted(sums, ())
     if without < _SHOWN * size:
         return []
-    found = [(name, *_fitted(sums, (term,))) for name, term in sums.lacking]
-    return [(without**2 - left**2, left, name) for name, left, value in found if value > 0 and left < _HALVES * without]
+    fits = [(name, *_fitted(sums, (term,))) for name, term in sums.lacking]
+    return [(without**2 - left**2, left, name) for name, left, value in fits if value > 0 and left < _HALVES * without]
 
 
 def _fitted(sums: _Sums, more: tuple[np.ndarray, ...]) -> tuple[float, float]:

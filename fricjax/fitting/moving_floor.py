@@ -48,13 +48,13 @@ def fit_on_moving_floor(
     """
     record = record_of(data)
     floor = _checked(base_acceleration, record.trace)
-    found = fit(record, oscillator, free, **settings)
+    result = fit(record, oscillator, free, **settings)
     for _ in range(_ROUNDS):
-        before = found
-        found = fit(_without(record, _response(found, record.t, floor)), oscillator, free, **settings)
-        if _moved(before, found) < _SETTLED:
+        before = result
+        result = fit(_without(record, _response(result, record.t, floor)), oscillator, free, **settings)
+        if _moved(before, result) < _SETTLED:
             break
-    return found
+    return result
 
 
 def _checked(base_acceleration: Any, trace: Trace) -> np.ndarray:
@@ -69,13 +69,13 @@ def _checked(base_acceleration: Any, trace: Trace) -> np.ndarray:
     return floor
 
 
-def _response(found: Fit, t: np.ndarray, floor: np.ndarray) -> np.ndarray:
+def _response(result: Fit, t: np.ndarray, floor: np.ndarray) -> np.ndarray:
     """Displacement that the floor adds, zero before the fitted motion starts [m]."""
-    start = found.run_parameter("t_release")
+    start = result.run_parameter("t_release")
     later = t > start
-    ts, x0, v0 = t[later] - start, found.run_parameter("x0"), found.run_parameter("v0")
+    ts, x0, v0 = t[later] - start, result.run_parameter("x0"), result.run_parameter("v0")
     response = np.zeros(t.shape)
-    response[later] = np.subtract(*(_moved_by(found.oscillator, x0, v0, ts, a) for a in (floor[later], 0 * ts)))
+    response[later] = np.subtract(*(_moved_by(result.oscillator, x0, v0, ts, a) for a in (floor[later], 0 * ts)))
     return response
 
 

@@ -11,20 +11,25 @@ of steps, for which the others would wait if they went abreast.
 
 import dataclasses
 import inspect
+from collections import Counter
 from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from ..errors import UsageError
 from ..estimation.space import Parameter
 from ..oscillator import Oscillator, ready
+from ..show import figure, plain
 from .fit import concluded, fit, records_of
 from .parameters import Request
 from .problem import Problem, problem_on, windows_of
 from .rest import solve_with_rest
 from .result import Fit
 from .solve import solve_condensed, start_coordinates
+
+if TYPE_CHECKING:
+    from .multistart import Multistart
 
 # How far the logarithm of a start value is spread, as a part of that of `spread`: the decay tells these far better.
 _TOLD = {"mass": 2e-3, "stiffness": 2e-3, "mu": 0.05, "normal_force": 0.05, "mu_s": 0.1, "damping": 0.2, "drag": 0.2}
@@ -64,13 +69,13 @@ class Multistart:
 
     def summary(self) -> str:
         """The report of the best fit, and what the starts say of it."""
-        from .multistart_show import summary
+        from .multistart import summary
 
         return summary(self)
 
     def plot(self) -> Any:
         """The waterfall, as a matplotlib figure."""
-        from .multistart_show import plot
+        from .multistart import plot
 
         return plot(self)
 
@@ -116,9 +121,9 @@ def multistart(
     ready()
     if starts < 1 or not spread > 1:
         raise UsageError(f"multistart needs at least one start and a spread above 1, got {starts} and {spread:g}.")
-    given = _settings(data, oscillator, free, settings)
-    t, rate, sigma_mode, throw = map(given.pop, ("t", "rate", "sigma_mode", "throw"))
-    request = Request.of(oscillator, free, **given)
+    keywords = _settings(data, oscillator, free, settings)
+    t, rate, sigma_mode, throw = map(keywords.pop, ("t", "rate", "sigma_mode", "throw"))
+    request = Request.of(oscillator, free, **keywords)
     windows = windows_of(records_of(data, t, rate, sigma_mode), request)
     first = problem_on(windows, request)
     points = _points(first, starts, spread, seed)
@@ -199,3 +204,49 @@ def _ordered(best: Fit, problems: Sequence[Problem], ends: Sequence[_Ended], ord
         automatic=int(np.flatnonzero(order == 0)[0]),
         at_bounds=at_bounds,
     )
+
+
+def summary(result: "Multistart") -> str:
+    """The report of the best fit, and what the starts say of it."""
+    from .show import summary as of_fit
+
+    return f"{of_fit(result.best)}\n\n" + "\n".join(f"{name + ':':<13}{text}" for name, text in facts(result))
+
+
+def facts(result: "Multistart") -> list[tuple[str, str]]:
+    """The lines about the starts."""
+    total, reached = result.excess.size, int(result.reached.sum())
+    others = result.excess[~result.reached & np.isfinite(result.excess)]
+    lines = [("starts", f"{reached} of {total} reached this optimum; {_automatic(result)}")]
+    if others.size:
+        lines.append(("next optimum", f"chi^2 larger by {plain(float(others[0]), 3)}"))
+    at_bound = Counter(name for names in result.at_bounds for name in names)
+    if at_bound:
+        lines.append(("bounds", ", ".join(f"{name} in {count} of {total} starts" for name, count in at_bound.items())))
+    return lines
+
+
+def _automatic(result: "Multistart") -> str:
+    if result.reached[result.automatic]:
+        return "the automatic start is one of them"
+    return f"the automatic start ended at a chi^2 larger by {plain(float(result.excess[result.automatic]), 3)}"
+
+
+def plot(result: "Multistart") -> Any:
+    """The waterfall: reduced chi^2 of all starts in ascending order, the automatic one marked."""
+    drawing, grid = figure()
+    axes = grid[0, 0]
+    rank = np.arange(1, result.excess.size + 1)
+    reduced = (result.best.chi2 + result.excess) / result.best.dof
+    shown = np.where(np.isfinite(reduced), reduced, np.nan)
+    axes.plot(rank, shown, marker="o", markersize=4)
+    axes.plot(rank[result.automatic], shown[result.automatic], marker="s", markersize=7, fillstyle="none", linestyle="")
+    axes.set_yscale("log")
+    axes.set_xlabel("Start, in order of its fit")
+    axes.set_ylabel("Reduced $\\chi^2$")
+    axes.set_title(
+        f"{int(result.reached.sum())} of {result.excess.size} starts reach the best optimum; square: automatic start",
+        fontsize=9,
+        loc="left",
+    )
+    return drawing

@@ -68,12 +68,12 @@ def chosen[L: Named](free: Sequence[str], leaves: Sequence[L], bracketable: bool
     """
     if not free:
         raise UsageError(f"Nothing is free. Name at least one of {', '.join(leaf.name for leaf in leaves)}.")
-    found = [find_leaf(name, leaves) for name in free]
-    if len(set(found)) < len(found):
+    named = [find_leaf(name, leaves) for name in free]
+    if len(set(named)) < len(named):
         raise UsageError(f"A parameter is named twice in free={list(free)}.")
-    check_identifiable([leaf.name for leaf in found], leaves)
-    static = [leaf for leaf in found if bracketable and leaf.dotted.endswith("mu_s")]
-    kept = [leaf for leaf in found if leaf not in static]
+    check_identifiable([leaf.name for leaf in named], leaves)
+    static = [leaf for leaf in named if bracketable and leaf.dotted.endswith("mu_s")]
+    kept = [leaf for leaf in named if leaf not in static]
     if not kept:
         raise UsageError("mu_s of a Coulomb law is bracketed from stops, not fitted. Free mu as well.")
     return kept, static[0].name if static else None
@@ -118,13 +118,13 @@ def check_identifiable(free: Iterable[str], leaves: Sequence[Named]) -> None:
                 raise UsageError(f"{kind} is free twice, for the same force. Free it once.")
 
 
-def check_names(given: Mapping[str, object], allowed: Sequence[str], role: str) -> None:
+def check_names(entries: Mapping[str, object], allowed: Sequence[str], role: str) -> None:
     """Refuse entries for parameters that are not free.
 
     Raises:
         UsageError: names the first such entry and the nearest free parameter.
     """
-    for name in given:
+    for name in entries:
         if name not in allowed:
             raise UsageError(
                 f"{role} are given for {name!r}, which is not a free parameter.{nearest(name, allowed)} "

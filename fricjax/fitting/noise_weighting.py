@@ -8,6 +8,11 @@ their least squares, by steps of Gauss and Newton with another look at the recor
 
 What no noise explains is left as it is: where the model does not describe the record, the errors of white noise grow by
 the size of the residuals and the time over which they stay the same.
+
+A record may leave its number of half-cycles open. Each number has an optimum of its own, which describes the record by
+odds of ``exp(-chi^2/2)`` to those of the others, none being more likely beforehand. Given as one value with a standard
+error, what is known is the moments of that mixture about the best of them (Gelman et al., Bayesian Data Analysis, 2013,
+7.6).
 """
 
 from collections.abc import Sequence
@@ -21,17 +26,37 @@ from ..estimation.small_sample import small_sample_covariance
 from .clock import by_clock
 from .colours import Seen, colours_of, described, expected_size, least_squares, under_noise, variance_left, weighed_rows
 from .diagnostics import ADEQUATE, SURE, worst
-from .doubt import Doubt, End, Other, doubt_of
 from .evaluation import Block
-from .noise import Line, Noise
+from .noise import Line, Noise, whiteness
 from .problem import Problem
 from .rows import Rows, rounded, rows_of
 from .solve import Solution, checking, evaluate_at, half_cycles
-from .whiteness import whiteness
 from .window import Window
 
 # Rounds until step and colour settle, and the step in standard errors that is left then.
 _ROUNDS, _NEAR = 8, 0.05
+
+
+class Other(NamedTuple):
+    """Another number of half-cycles of each run, and how probable it is."""
+
+    half_cycles: tuple[int, ...]
+    probability: float
+
+
+class Doubt(NamedTuple):
+    """What the other numbers of half-cycles add to the covariance of the coordinates, shape (p, p)."""
+
+    others: tuple[Other, ...]
+    covariance: np.ndarray
+
+
+class End(NamedTuple):
+    """The optimum of a number of half-cycles: its sum of squares of unit variance, and its coordinates, shape (p,)."""
+
+    half_cycles: tuple[int, ...]
+    misfit: float
+    y: np.ndarray
 
 
 class NoiseWeighted(NamedTuple):
@@ -112,7 +137,7 @@ def _by_colour(plain: NoiseWeighted, first: Sequence[Rows], absolute: bool) -> N
         if not shape.distance > _NEAR:
             counts = at.evaluation._replace(gradient=gradient, normal=normal)
             shift = max(solution.numerical_shift, shape.distance)
-            told = [_likelihood(*run, absolute) for run in seen]
+            likelihoods = [_likelihood(*run, absolute) for run in seen]
             doubt = _doubt(problem, at, seen)
             return plain._replace(
                 solution=at._replace(evaluation=counts, shape=shape, numerical_shift=shift),
@@ -122,8 +147,8 @@ def _by_colour(plain: NoiseWeighted, first: Sequence[Rows], absolute: bool) -> N
                 others=doubt.others,
                 noises=tuple(_noise(window, *run) for window, run in zip(problem.windows, seen, strict=True)),
                 went_on=True,
-                gain=sum(gain for gain, _ in told),
-                numbers=sum(numbers for _, numbers in told),
+                gain=sum(gain for gain, _ in likelihoods),
+                numbers=sum(numbers for _, numbers in likelihoods),
             )
         at = _moved(problem, at, shape.step)
         if not np.isfinite(at.evaluation.chi2):
@@ -208,3 +233,15 @@ def _likelihood(row: Rows, colour: Colour, absolute: bool) -> tuple[float, int]:
     residual, unit = row.series.residual, 1.0 if absolute else row.level
     counted = float(np.sum(whitened(row.series, colour)[0] ** 2)) + colour.log_determinant
     return counted - float(residual @ residual) / unit - residual.size * np.log(unit), colour.n_parameters
+
+
+def doubt_of(ends: Sequence[End], parameters: int) -> Doubt:
+    """The doubt in the first of several numbers of half-cycles, which is that taken; none where there are no others."""
+    if not ends:
+        return Doubt((), np.zeros((parameters, parameters)))
+    misfits = np.array([end.misfit for end in ends])
+    odds = np.exp(-(misfits - misfits.min()) / 2)
+    probabilities = odds / odds.sum()
+    moves = np.array([end.y - ends[0].y for end in ends])
+    others = [Other(end.half_cycles, float(p)) for end, p in zip(ends[1:], probabilities[1:], strict=True)]
+    return Doubt(tuple(others), (moves.T * probabilities) @ moves)

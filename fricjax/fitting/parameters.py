@@ -74,11 +74,11 @@ def free_parameters(
     request: Request, shared: Sequence[Leaf], leaves: Sequence[Leaf], windows: Sequence[Window]
 ) -> tuple[Parameter, ...]:
     """The free parameters in order: shared coefficients first, then those of each run, each with start and bounds."""
-    entries = [*_shared_entries(request, shared, leaves, windows), *_own_entries(windows)]
+    entries = [*_shared_entries(request, shared, leaves, windows), *_run_entries(windows)]
     names = [entry.name for entry in entries]
     check_names(request.bounds, names, "Bounds")
     check_names(request.guess, names, "Start values")
-    entries = [entry._replace(start=_given(request, entry, windows)) for entry in entries]
+    entries = [entry._replace(start=_start_of(request, entry, windows)) for entry in entries]
     highest = _highest(request, shared, leaves, windows, entries)
     return tuple(
         _bounded(entry, highest.get(entry.name, np.inf), request.bounds, _origin(entry.name, windows))
@@ -117,7 +117,7 @@ def _lower(bounds: Any, name: str) -> float:
     return -np.inf if low is None else float(low)
 
 
-def _own_entries(windows: Sequence[Window]) -> Iterator[_Entry]:
+def _run_entries(windows: Sequence[Window]) -> Iterator[_Entry]:
     """The parameters of each run."""
     for i, window in enumerate(windows):
         sizes = _run_scales(window)
@@ -141,7 +141,7 @@ def _highest(
     return highest_of(begun, leaves, shared, windows)
 
 
-def _given(request: Request, entry: _Entry, windows: Sequence[Window]) -> float:
+def _start_of(request: Request, entry: _Entry, windows: Sequence[Window]) -> float:
     """The caller's start value where there is one, in the time of the run.
 
     Raises:
@@ -191,11 +191,11 @@ def _bounded(entry: _Entry, rigid: float, bounds: Mapping[str, tuple], origin: f
     return Parameter(name, known.unit, start, scale, lower, upper, known.fitted_as, rigid)
 
 
-def _pair(given: Any, demand: str) -> tuple[Any, Any]:
+def _pair(value: Any, demand: str) -> tuple[Any, Any]:
     try:
-        first, second = given
+        first, second = value
     except (TypeError, ValueError) as error:
-        raise UsageError(f"{demand}, got {given!r}.") from error
+        raise UsageError(f"{demand}, got {value!r}.") from error
     return first, second
 
 

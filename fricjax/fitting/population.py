@@ -155,8 +155,8 @@ def _most_likely(z: np.ndarray, u: np.ndarray) -> float:
 
     if unit == 0:
         return 0.0
-    found: Any = minimize_scalar(lambda s: loss(s * unit), bounds=(0, 5), method="bounded", options={"xatol": 1e-9})
-    return 0.0 if loss(0.0) <= found.fun else float(found.x) * unit
+    minimum: Any = minimize_scalar(lambda s: loss(s * unit), bounds=(0, 5), method="bounded", options={"xatol": 1e-9})
+    return 0.0 if loss(0.0) <= minimum.fun else float(minimum.x) * unit
 
 
 def _interval(z: np.ndarray, u: np.ndarray) -> tuple[float, float]:

@@ -51,14 +51,14 @@ class _Settling(NamedTuple):
 
     Attributes:
         t: time since the reversal [s]; `x`: displacement [m]; `noise`: its standard deviation.
-        turned: where the mass turned, from the equilibrium of the spring [m].
+        reversal: where the mass turned, from the equilibrium of the spring [m].
         returned: how far it sprang back [m]; zero where that cannot be told from noise.
     """
 
     t: np.ndarray
     x: np.ndarray
     noise: float
-    turned: float
+    reversal: float
     returned: float
 
 
@@ -74,9 +74,9 @@ def contact_of(windows: Sequence[Window], machine: Machine, returned: float | No
     A contact that lets the mass rest where it turned is taken to turn as late as the noise lets it; one of which the
     decay alone tells that it returns nothing, and less surely, to bend by the noise. Neither is taken to ring.
     """
-    settlings = sorted(_settlings(windows), key=lambda settling: abs(settling.turned))
-    found = [_at_rest(settling, machine) for settling in settlings if settling.returned > 0]
-    seen = next((contact for contact in found if contact.stiffness is not None), None)
+    settlings = sorted(_settlings(windows), key=lambda settling: abs(settling.reversal))
+    contacts = [_at_rest(settling, machine) for settling in settlings if settling.returned > 0]
+    seen = next((contact for contact in contacts if contact.stiffness is not None), None)
     if seen is not None:
         return seen
     if any(settling.returned == 0 for settling in settlings):
@@ -114,31 +114,31 @@ def _unseen(machine: Machine, stiffness: float) -> Contact:
 
 def _settlings(windows: Sequence[Window]) -> Iterator[_Settling]:
     for window in windows:
-        found = window.segmentation
-        if found.rest is not None and found.turning_times.size >= 1:
-            settling = _settling(window, found)
+        segmentation = window.segmentation
+        if segmentation.rest is not None and segmentation.turning_times.size >= 1:
+            settling = _settling(window, segmentation)
             if settling is not None:
                 yield settling
 
 
-def _settling(window: Window, found: Segmentation) -> _Settling | None:
+def _settling(window: Window, segmentation: Segmentation) -> _Settling | None:
     """The motion after the last reversal, None where the record ends too soon."""
     used = np.asarray(window.trace.mask)
     t, x = np.asarray(window.trace.t)[used], np.asarray(window.trace.x)[used]
-    begin, h = float(found.turning_times[-1]), found.half_period
+    begin, h = float(segmentation.turning_times[-1]), segmentation.half_period
     last = slice(*np.searchsorted(t, [begin + 0.6 * h, begin + 1.4 * h]))
     width = max((last.stop - last.start) // 128, 1)
     if last.stop - last.start < 8 * width or t[-1] < begin + 1.5 * h:
         return None
-    side = float(np.sign(x[last].mean() - found.turning_points[-1]))
+    side = float(np.sign(x[last].mean() - segmentation.turning_points[-1]))
     smooth = np.convolve(side * x[last], np.ones(width) / width, mode="valid")
     turn = last.start + width // 2 + int(np.argmax(smooth))
     after = slice(turn, int(np.searchsorted(t, t[turn] + _REACH * h)))
-    turned, rest = float(smooth.max()), float(side * x[(after.start + 3 * after.stop) // 4 : after.stop].mean())
+    reversal, rest = float(smooth.max()), float(side * x[(after.start + 3 * after.stop) // 4 : after.stop].mean())
     noise, every = float(np.median(window.sigma)), -(-(after.stop - after.start) // _SAMPLES)
-    returned = turned - rest if turned - rest >= _SEEN * noise / np.sqrt(width) else 0.0
+    returned = reversal - rest if reversal - rest >= _SEEN * noise / np.sqrt(width) else 0.0
     seen = slice(after.start, after.stop, every)
-    return _Settling(t[seen] - t[turn], side * x[seen], noise, turned - side * equilibrium(found), returned)
+    return _Settling(t[seen] - t[turn], side * x[seen], noise, reversal - side * equilibrium(segmentation), returned)
 
 
 def _at_rest(seen: _Settling, machine: Machine) -> Contact:
@@ -154,17 +154,17 @@ def _by_ringing(seen: _Settling, machine: Machine) -> Contact | None:
     creep = np.exp(-np.multiply.outer(seen.t / seen.t[-1], [0.0, 1.0, 4.0, 16.0]))
     basis = np.linalg.qr(creep)[0]
     x = seen.x - basis @ (basis.T @ seen.x)
-    best, found = 0.0, None
+    best, fitted = 0.0, None
     for w, z in zip(omega.ravel(), ratio.ravel(), strict=True):
         swing = np.exp((-z + 1j) * w * seen.t)
         columns = np.stack([swing.real, swing.imag], axis=1)
         columns -= basis @ (basis.T @ columns)
         explained = float(np.sum((np.linalg.qr(columns)[0].T @ x) ** 2))
         if explained > best:
-            best, found = explained, (w, z)
-    if found is None or best < max(_EXPLAINS * float(x @ x), (_SEEN * seen.noise) ** 2):
+            best, fitted = explained, (w, z)
+    if fitted is None or best < max(_EXPLAINS * float(x @ x), (_SEEN * seen.noise) ** 2):
         return None
-    w, z = found
+    w, z = fitted
     if z == _RATIOS[-1]:
         return None
     return Contact(machine.mass * w**2 - machine.stiffness, max(2 * z * w * machine.mass - machine.damping, 0.0))
@@ -175,7 +175,7 @@ def _by_spring_back(seen: _Settling, machine: Machine) -> Contact:
     band = machine.friction / machine.stiffness
     if not seen.returned < band:
         return Contact(None, None)
-    pulled = np.clip(seen.turned / band, -0.98, 0.98)
+    pulled = np.clip(seen.reversal / band, -0.98, 0.98)
     stiffness = machine.friction * float(np.log(2 / (1 - pulled))) / seen.returned
     omega = np.sqrt((machine.stiffness + stiffness) / machine.mass)
     ratio = _SLUGGISH[np.argmin([_misfit(seen, omega, ratio) for ratio in _SLUGGISH])]

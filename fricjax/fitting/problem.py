@@ -4,22 +4,27 @@ import dataclasses
 from collections.abc import Sequence
 from typing import Any
 
+import equinox as eqx
 import jax
 import numpy as np
 
 from ..data import Record, Trace
 from ..data.record import labels
-from ..errors import DataError
+from ..errors import DataError, UsageError
 from ..estimation.loss import AbstractLoss
 from ..estimation.space import LINEAR, Parameter, ParameterSpace
+from ..oscillator.engines import UNTABLED, AbstractEngine, Demands
 from ..oscillator.leaves import leaves_of
+from ..oscillator.select import select_engine
 from .parameters import Request, free_parameters, parse_priors, parse_ties, shared_leaves
-from .residual import Residual, without_inputs
+from .residual import Residual, power, without_inputs
 from .rig_inputs import rig_inputs
-from .runs import condensed_run, of_one_length, stage_weights_of, whole_run
+from .runs import condensed_run, full_run, of_one_length, stage_weights_of
 from .stages import Limits, StageWeights
-from .tuning import can_stop, engine_for
-from .window import Window, open_window
+from .window import NEVER, Window, equilibrium, open_window
+
+# Least number of half-cycles to provide for, so that records of an archive share their compilation.
+_CAPACITY = 64
 
 
 @dataclasses.dataclass(frozen=True)
@@ -138,7 +143,7 @@ def with_rests(problem: Problem) -> Problem:
 def with_windows(problem: Problem, windows: tuple[Window, ...]) -> Problem:
     """The problem with other samples, or others weights of them."""
     pairs = zip(windows, problem.residual.runs, strict=True)
-    runs = tuple(dataclasses.replace(whole_run(window, True), half_cycles=run.half_cycles) for window, run in pairs)
+    runs = tuple(dataclasses.replace(full_run(window, True), half_cycles=run.half_cycles) for window, run in pairs)
     residual = dataclasses.replace(problem.residual, runs=of_one_length(runs))
     condensed = _condensed(residual, windows)
     stage_weights = tuple(stage_weights_of(window, run) for window, run in zip(windows, condensed.runs, strict=True))
@@ -170,7 +175,7 @@ def _residual(
     engine = engine_for(request, windows)
     mean, weight = parse_priors(request.priors, [parameter.name for parameter in parameters], windows)
     oscillator = jax.tree.map(lambda leaf: np.asarray(leaf, float), request.oscillator)
-    runs = of_one_length(tuple(whole_run(window, can_stop(request)) for window in windows))
+    runs = of_one_length(tuple(full_run(window, can_stop(request)) for window in windows))
     names, *inputs = rig_inputs(request.rig, oscillator, {*space.leaves, *(tie.leaf for tie in space.ties)})
     return Residual(oscillator, space, engine, runs, np.asarray(mean), np.asarray(weight), *inputs), names
 
@@ -186,3 +191,49 @@ def _limits(space: ParameterSpace, parameters: Sequence[Parameter]) -> Limits:
     lower, upper = space.coordinates(np.array([[p.lower for p in parameters], [p.upper for p in parameters]]))
     kinds = np.array([parameter.kind in LINEAR for parameter in parameters])
     return Limits(lower, upper, kinds & np.isneginf(lower) & np.isposinf(upper))
+
+
+def engine_for(request: Request, windows: Sequence[Window]) -> AbstractEngine:
+    """The engine, built for the longest record and for an error below what its noise leaves visible."""
+    machine = request.oscillator
+    drag_free = any(name.endswith("drag") for name in request.free)
+    half_cycles = max(_half_cycles(window, can_stop(request)) for window in windows)
+    # A drag that is free is no number yet.
+    known = eqx.tree_at(lambda machine: machine.drag, machine, np.asarray(np.nan)) if drag_free else machine
+    try:
+        engine = select_engine(request.engine, known, max_half_cycles=power(half_cycles + 2, _CAPACITY))
+    except ValueError as error:
+        raise UsageError(str(error)) from error
+    # An engine that is given, not named, is taken as it is.
+    return engine.tuned(machine, _demands(windows)) if isinstance(request.engine, str) else engine
+
+
+def _demands(windows: Sequence[Window]) -> Demands:
+    return Demands(
+        deflections=[_swings(window) for window in windows],
+        accuracy=min(float(np.median(w.sigma)) / np.sqrt(w.used.sum()) for w in windows),
+        from_rest=not any("v0" in w.nuisances or w.guesses["v0"] != 0 for w in windows),
+    )
+
+
+def _swings(window: Window) -> np.ndarray:
+    """Deflections from which the half-cycles start that a table is to give, all but the last ones before a stop."""
+    segmentation = window.segmentation
+    later = segmentation.turning_times > window.t_start + segmentation.half_period / 4
+    swings = np.abs(segmentation.turning_points[later] - equilibrium(segmentation))
+    by_table = window.half_cycles - UNTABLED if window.half_cycles < NEVER else swings.size + 1
+    return np.append(abs(window.guesses["x0"]), swings)[: max(by_table, 0)]
+
+
+def can_stop(request: Request) -> bool:
+    """Whether the law can hold the mass, with the free coefficients away from zero."""
+    machine, kinds = request.oscillator, {name.rsplit(".", 1)[-1] for name in request.free}
+    sticks = bool(kinds & {"mu", "mu_s", "normal_force"})
+    return sticks or float(machine.friction.static_force(machine.normal_force)) > 0
+
+
+def _half_cycles(window: Window, stops: bool) -> int:
+    """Half-cycles that the engine must provide for: those until the stop, or as many as the record can hold."""
+    if stops and window.half_cycles < NEVER:
+        return window.half_cycles
+    return int(1.3 * float(window.trace.duration) / window.segmentation.half_period) + 4

@@ -120,8 +120,8 @@ class Residual(eqx.Module):
         def one(numbered: tuple[Array, Any]) -> Any:
             return function(numbered[0], *eqx.combine(numbered[1], settings[0]))
 
-        found = jax.lax.map(one, (jnp.arange(len(rows)), stacked))
-        return [jax.tree.map(lambda values, i=i: values[i], found) for i in range(len(rows))]
+        results = jax.lax.map(one, (jnp.arange(len(rows)), stacked))
+        return [jax.tree.map(lambda values, i=i: values[i], results) for i in range(len(rows))]
 
     def priors(self, y: Float[Array, " coordinates"]) -> Float[Array, " p"]:
         """Distance of the values to the means of their priors, in standard deviations."""
@@ -151,10 +151,10 @@ class Residual(eqx.Module):
         """Computed motion of the run of a number."""
         machine, at = self.machine(y), self.parameters_of_run(self.values(y), number, record)
         path = (record.engine or self.engine).path(machine, start_of(machine, at), record.half_cycles)
-        own = path, at["t_release"], at["offset"], at["drift"]
+        parts = path, at["t_release"], at["offset"], at["drift"]
         if self.period is None:
-            return ObservedMotion(*own)
-        return ObservedMotion(*own, y[self.n_parameters :] @ self.inputs[:, -len(ERRORS) :], self.period)
+            return ObservedMotion(*parts)
+        return ObservedMotion(*parts, y[self.n_parameters :] @ self.inputs[:, -len(ERRORS) :], self.period)
 
 
 def _are_alike(rows: Sequence[Any]) -> bool:
@@ -189,3 +189,19 @@ def motion(
 ) -> Motion:
     """Motion of one run at its times `t`; `half_cycles` None lets the rest condition stop it."""
     return engine.solve(machine, start_of(machine, at), t - at["t_release"], half_cycles)
+
+
+def power(count: int, least: int, factor: int = 2) -> int:
+    """The first of `least`, `least` times `factor`, times `factor` again ... that is not below `count`."""
+    size = least
+    while size < count:
+        size *= factor
+    return size
+
+
+def filled(count: int, least: int, most: int, factor: int) -> int:
+    """The same up to a size of `most`, and beyond, where records are few and a filling costs, eighths of a power."""
+    if count <= most:
+        return power(count, least, factor)
+    unit = power(count, most) // 8
+    return -(-count // unit) * unit

@@ -14,10 +14,10 @@ import numpy as np
 
 from ..estimation.covariance import quadratic
 from .names import sole_coulomb
+from .noise import whiteness
 from .problem import Problem, with_rests
 from .residual import motion
 from .solve import Rival, Solution, checking, evaluate_at, half_cycles, solve
-from .whiteness import whiteness
 from .window import NEVER, Window, equilibrium, extremes
 
 _ADEQUATE = 2.0
@@ -113,18 +113,20 @@ def _rivals(problem: Problem, solution: Solution, seen: Mapping[tuple[int, ...],
     """
     if not (solution.converged and problem.residual.oscillator.friction.set_valued):
         return ()
-    found = [seen.get(counts) or _rival(problem, solution, counts) for counts in _open(problem)]
-    reach = solution.chi2 + _by_chance(problem, solution) if found else 0.0
-    return tuple(rival for rival in found if rival.solution.foreseen < reach)
+    rivals = [seen.get(counts) or _rival(problem, solution, counts) for counts in _open(problem)]
+    reach = solution.chi2 + _by_chance(problem, solution) if rivals else 0.0
+    return tuple(rival for rival in rivals if rival.solution.foreseen < reach)
 
 
 def _rival(problem: Problem, solution: Solution, counts: tuple[int, ...]) -> Rival:
     """A solution as the record sees it with other numbers of half-cycles, from which a step leads to the optimum."""
     rival = with_counts(problem, counts)
     looked = evaluate_at(rival, checking(rival.residual, solution.y), solution.y)
-    found, held = looked.evaluation, solution.shape.at_bound
-    shape = quadratic(found.gradient[: held.size], found.normal[: held.size, : held.size], held)
-    return Rival(rival, solution._replace(evaluation=found, derived=looked.derived, shape=shape))
+    evaluation, at_bound = looked.evaluation, solution.shape.at_bound
+    shape = quadratic(
+        evaluation.gradient[: at_bound.size], evaluation.normal[: at_bound.size, : at_bound.size], at_bound
+    )
+    return Rival(rival, solution._replace(evaluation=evaluation, derived=looked.derived, shape=shape))
 
 
 def _is_better(problem: Problem, rival: Problem, solution: Solution, other: Solution) -> bool:
@@ -148,9 +150,9 @@ def _by_chance(problem: Problem, solution: Solution) -> float:
 
 def _unexplained(window: Window) -> float:
     """Variance of what is in a record beside its motion, in units of that which the samples are weighted with."""
-    found, t = window.segmentation, np.asarray(window.trace.t)[window.used]
-    drift = 0.0 if "drift" in window.nuisances else found.drift * (t[-1] - t[0]) / np.sqrt(12)
-    return float((found.noise**2 + drift**2) / window.stated**2)
+    segmentation, t = window.segmentation, np.asarray(window.trace.t)[window.used]
+    drift = 0.0 if "drift" in window.nuisances else segmentation.drift * (t[-1] - t[0]) / np.sqrt(12)
+    return float((segmentation.noise**2 + drift**2) / window.stated**2)
 
 
 def with_counts(problem: Problem, counts: tuple[int, ...]) -> Problem:
@@ -167,9 +169,9 @@ def _candidates(problem: Problem, solution: Solution) -> set[tuple[int, ...]]:
     if not problem.residual.oscillator.friction.set_valued:
         return set()
     stopping = [run for run, count in enumerate(counts) if count < NEVER]
-    found = set()
+    candidates = set()
     if stopping and problem.bracketed is None:
-        found.add(tuple(_half_cycles_of_law(problem, solution, run) for run in range(len(counts))))
+        candidates.add(tuple(_half_cycles_of_law(problem, solution, run) for run in range(len(counts))))
     others: list[tuple[int, int]] = []
     if far_off(problem, solution):
         others += [(run, counts[run] + step) for run in stopping for step in (-1, 1) if counts[run] + step > 0]
@@ -177,17 +179,17 @@ def _candidates(problem: Problem, solution: Solution) -> set[tuple[int, ...]]:
         # A mass that stopped just before its record ends seems to move to the end.
         moving = [run for run in range(len(counts)) if run not in stopping]
         others += [(run, window.completed + 1) for run in moving if _may_have_stopped(window := problem.windows[run])]
-    found |= {(*counts[:run], count, *counts[run + 1 :]) for run, count in others}
-    return found.union(_open(problem)) - {counts}
+    candidates |= {(*counts[:run], count, *counts[run + 1 :]) for run, count in others}
+    return candidates.union(_open(problem)) - {counts}
 
 
 def _open(problem: Problem) -> list[tuple[int, ...]]:
     """The other numbers of half-cycles that the record itself leaves possible, that of one run at a time."""
-    counts, found = half_cycles(problem), []
+    counts, others_open = half_cycles(problem), []
     for run, window in enumerate(problem.windows):
         others = [counts[run] + step for step in window.segmentation.open] if counts[run] < NEVER else []
-        found += [(*counts[:run], count, *counts[run + 1 :]) for count in others if count > 0]
-    return found
+        others_open += [(*counts[:run], count, *counts[run + 1 :]) for count in others if count > 0]
+    return others_open
 
 
 def _may_have_stopped(window: Window) -> bool:
@@ -213,8 +215,8 @@ def _half_cycles_of_law(problem: Problem, solution: Solution, run: int) -> int:
         return recorded
     residual = problem.residual
     at = residual.run_parameters(solution.derived.values, run)
-    own = int(motion(residual.engine, solution.derived.machine, at, np.zeros(1), None).n_half_cycles)
-    return recorded if own <= 0 else own
+    count = int(motion(residual.engine, solution.derived.machine, at, np.zeros(1), None).n_half_cycles)
+    return recorded if count <= 0 else count
 
 
 def rest_margin(problem: Problem, solution: Solution, run: int) -> Margin | None:

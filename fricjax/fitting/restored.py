@@ -24,10 +24,9 @@ from ..friction import AbstractFriction
 from ..oscillator import Exact, Hybrid, Oscillator, Smooth, restoring
 from ..oscillator.engines import AbstractEngine, Span
 from .derived import Estimate
-from .noise import Line, Noise
+from .noise import Line, Noise, Whiteness
 from .residual import Run
 from .rest import Margin
-from .whiteness import Whiteness
 
 MODULES: Mapping[str, type] = {
     **{name: getattr(friction_laws, name) for name in friction_laws.__all__ if name != "AbstractFriction"},

@@ -14,10 +14,9 @@ from ..estimation.covariance import correlation
 from ..oscillator import Oscillator, simulate
 from .derived import Estimate
 from .diagnostics import optimum_found
-from .noise import Noise
+from .noise import Noise, Whiteness
 from .residual import Run, motion
 from .rest import Margin
-from .whiteness import Whiteness
 from .window import NEVER
 
 
@@ -149,20 +148,20 @@ class Fit:
         """
         self._check_run(run)
         data, asked = self.runs[run], np.asarray(ts, float) - self.origins[run]
-        own = {name: jnp.asarray(self.run_parameter(name, run)) for name in data.fixed}
-        own["t_release"] = own["t_release"] - self.origins[run]
+        parameters = {name: jnp.asarray(self.run_parameter(name, run)) for name in data.fixed}
+        parameters["t_release"] = parameters["t_release"] - self.origins[run]
         order = np.argsort(asked)
         t, end = asked[order], float(np.max(np.asarray(data.t)))
         # Laws with internal states are integrated in time, which knows no number of half-cycles.
         goes_on = int(data.half_cycles) >= NEVER and not self.oscillator.friction.n_states
         late = (t > end) & goes_on
         times = np.append(np.where(late, end, t), end) if late.any() else t
-        fitted = motion(self.engine_used, self.oscillator, own, times, data.half_cycles)
+        fitted = motion(self.engine_used, self.oscillator, parameters, times, data.half_cycles)
         x = np.array(fitted.x)[: t.size]
         if late.any():
             x[late] = self._continued(float(fitted.x[-1]), float(fitted.v[-1]), t[late] - end)
         read = np.empty(t.size)
-        read[order] = x + np.asarray(own["offset"] + own["drift"] * t)
+        read[order] = x + np.asarray(parameters["offset"] + parameters["drift"] * t)
         return read
 
     def _continued(self, x0: float, v0: float, after: np.ndarray) -> np.ndarray:

@@ -49,14 +49,14 @@ def rig_inputs(rig: Any, oscillator: Oscillator, free: set[int]) -> RigInputs:
     leaves = len(jax.tree.leaves(oscillator))
     if rig is None:
         return RigInputs((), np.zeros((0, leaves)), None)
-    given, changes = rig.inputs(), {}
-    for name, measured in given.items():
+    inputs, changes = rig.inputs(), {}
+    for name, measured in inputs.items():
         if name not in _OF_READING:
             changes[name] = np.append(_of_machine(rig, name, oscillator, free), np.zeros(len(ERRORS)))
         for error in _OF_READING.get(name, ()):
             changes[error] = np.append(np.zeros(leaves), [measured.std * (error == other) for other in ERRORS])
     rows = np.array(list(changes.values())).reshape(-1, leaves + len(ERRORS))
-    if not given.keys() & _OF_READING.keys():
+    if not inputs.keys() & _OF_READING.keys():
         return RigInputs(tuple(changes), rows[:, :leaves], None)
     period = rig.nonlinearity_period
     return RigInputs(tuple(changes), rows, np.asarray(np.inf if period is None else period.value))

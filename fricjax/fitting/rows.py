@@ -57,9 +57,9 @@ def run_in_rows(problem: Problem, evaluation: Evaluation, run: int, samples: int
     samples, begins = each * length, np.arange(0, used[-1] // length + 1, each)
     end = min((begins[-1] + each) * length, record.t.size)
     # The filling behind the last sample makes up for what the last row lacks.
-    whole = np.zeros((begins.size * each, blocks.shape[1]))
-    whole[: end // length] = blocks[: end // length]
-    sums = whole.reshape(begins.size, each, -1).sum(axis=1)
+    filled_up = np.zeros((begins.size * each, blocks.shape[1]))
+    filled_up[: end // length] = blocks[: end // length]
+    sums = filled_up.reshape(begins.size, each, -1).sum(axis=1)
     weight = np.add.reduceat(record.weight[:end], begins * length)
     instants = np.add.reduceat(record.t[:end] * (record.weight[:end] > 0), begins * length)
     kept = sums[:, Block._fields.index("used")] >= _FULL * samples
@@ -89,8 +89,8 @@ def run_in_rows(problem: Problem, evaluation: Evaluation, run: int, samples: int
 
 def rounded(window: Window) -> bool:
     """Whether the rounding of a record shows, which noise of half a step wipes out."""
-    found = window.segmentation
-    return 0 < found.white_noise <= found.resolution / 2
+    segmentation = window.segmentation
+    return 0 < segmentation.white_noise <= segmentation.resolution / 2
 
 
 def _rounding(problem: Problem, evaluation: Evaluation, run: int, begins: np.ndarray) -> np.ndarray:

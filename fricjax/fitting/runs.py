@@ -5,13 +5,13 @@ from typing import Any
 
 import numpy as np
 
+from ..data.segmentation.reversals import window as extreme_window
 from ..oscillator import Oscillator
-from .breaks import condensed
-from .condense import Samples
-from .residual import Run
-from .sizes import filled
+from ..oscillator.restoring import Pendulum
+from .condense import DEGREE, Samples, condense
+from .residual import Run, filled
 from .stages import StageWeights
-from .window import NEVER, Window
+from .window import NEVER, Window, equilibrium
 
 # How many times longer than the shortest the longest run of a joint fit may be for them to be filled to one length.
 _UNLIKE = 4
@@ -21,9 +21,19 @@ _IN_PHASE, _SMALLEST, _SHORTEST = 0.5, 0.5, 4.0
 _WHOLE = (4096, 1 << 18, 4)
 # Up to this size a condensed record has as many places as the whole one, so that both share a compilation.
 _SHARED = 1 << 16
+_LAYERS = 10.0
+_RELAXATIONS = 20.0
+_SHARE = 1e-3
+_SAMPLES = 2.5
+# Twelve standard errors of the slope of a straight line: four of that beside curvatures of either side. Where the noise
+# hides a reversal, the clock of the decay still has it to a part of a half-period.
+_ERRORS, _LOST = 12.0, 0.25
+# Part of the noise that a polynomial may miss of a large swing, and pieces of a half-cycle that always do: from a
+# milliradian below the top with a noise of a nanoradian.
+_MISSED, _PIECES = 0.1, 16
 
 
-def whole_run(window: Window, stops: bool) -> Run:
+def full_run(window: Window, stops: bool) -> Run:
     """The run with all samples of its record; `stops` tells whether the law can hold the mass."""
     used = np.flatnonzero(window.used)
     t = np.asarray(window.trace.t) - window.origin
@@ -71,19 +81,96 @@ def _longer(values: np.ndarray, n: int, end: Any = 0.0) -> np.ndarray:
 
 def stage_weights_of(window: Window, run: Run) -> StageWeights:
     """Weights of a run without its rest, and how far from the record its motion may be to count as in phase."""
-    found, t = window.segmentation, np.asarray(run.t)
-    rest = np.inf if found.rest is None else found.rest - window.origin
+    segmentation, t = window.segmentation, np.asarray(run.t)
+    rest = np.inf if segmentation.rest is None else segmentation.rest - window.origin
     moving = np.where(t <= rest, run.weight, 0.0)
-    local = np.full(t.shape, found.amplitude)
-    if found.turning_times.size:
-        swing = np.abs(found.turning_points - window.guesses["offset"])
-        local = np.interp(t, found.turning_times - window.origin, swing)
-    tolerance = _IN_PHASE * run.weight * np.maximum(local, _SMALLEST * found.amplitude)
+    local = np.full(t.shape, segmentation.amplitude)
+    if segmentation.turning_times.size:
+        swing = np.abs(segmentation.turning_points - window.guesses["offset"])
+        local = np.interp(t, segmentation.turning_times - window.origin, swing)
+    tolerance = _IN_PHASE * run.weight * np.maximum(local, _SMALLEST * segmentation.amplitude)
     tolerance = np.where(moving > 0, tolerance, np.inf)
     span = np.ptp(t[moving > 0])
-    return StageWeights(moving, tolerance, np.asarray(_SHORTEST * found.half_period / span))
+    return StageWeights(moving, tolerance, np.asarray(_SHORTEST * segmentation.half_period / span))
 
 
 def full_stage(run: Run) -> StageWeights:
     """The stage_weights of a run that is looked at as a whole."""
     return StageWeights(np.asarray(run.weight), np.full(run.weight.shape, np.inf), np.zeros(()))
+
+
+def condensed(window: Window, samples: Samples, oscillator: Oscillator) -> Samples:
+    """The used samples of a record, condensed between its reversals; times count from the window's origin.
+
+    Around the start and each reversal samples are kept as long as the law's force still changes: until the velocity
+    has passed its own scale ten times, and the sliding distance the deflection of the bristles twenty times. Beyond
+    that, what is not yet smooth has decayed to e^-20. Instants are known to a few samples, to a thousandth of a
+    half-period, or to what the noise leaves of them.
+    """
+    times, deflections = _points_at_rest(window)
+    margins = _known_to(window, deflections) + _settling(window, oscillator, deflections)
+    cuts = _cuts(window, oscillator, times, deflections)
+    order = np.argsort(np.concatenate([times, cuts]), kind="stable")
+    breaks, widths = np.concatenate([times, cuts])[order], np.concatenate([margins, np.zeros(cuts.size)])[order]
+    return condense(samples, breaks - window.origin, widths)
+
+
+def _cuts(window: Window, oscillator: Oscillator, times: np.ndarray, deflections: np.ndarray) -> np.ndarray:
+    """Instants within the half-cycles of a pendulum between which a polynomial describes them [s].
+
+    Near the top it hangs long and falls fast. In time its motion has poles at i K'/omega from the middle of half-cycles
+    of half the duration K/omega, so that over the n-th part of one a polynomial of degree d misses ``(a + sqrt(1 +
+    a^2))^-d`` with ``a = n K'/K`` (Bernstein's ellipse).
+    """
+    spring = oscillator.restoring
+    if not isinstance(spring, Pendulum) or times.size < 2:
+        return np.zeros(0)
+    swings = np.clip(deflections[:-1], 1e-3, spring.largest)
+    steep: Any = spring.steepened(swings)  # pyright: ignore[reportArgumentType]
+    shape = np.exp(-np.asarray(spring.spread(steep)))
+    reach = np.outer(shape, np.arange(1, _PIECES + 1))
+    missed = swings[:, None] * (reach + np.sqrt(1 + reach**2)) ** -DEGREE
+    enough = missed <= _MISSED * float(np.median(window.sigma))
+    pieces = np.where(enough.any(axis=1), 1 + np.argmax(enough, axis=1), _PIECES)
+    pairs = zip(times[:-1], times[1:], pieces, strict=True)
+    return np.concatenate([begin + (end - begin) * np.arange(1, n) / n for begin, end, n in pairs])
+
+
+def _points_at_rest(window: Window) -> tuple[np.ndarray, np.ndarray]:
+    """Instants of the start, the reversals and the stop [s], and the deflection that drives the mass there [m].
+
+    A record that ends in motion may end just behind a reversal that cannot be told from a stop: the clock has it.
+    """
+    segmentation = window.segmentation
+    swings = np.abs(segmentation.turning_points - equilibrium(segmentation))
+    later = segmentation.turning_times > window.t_start
+    times = np.concatenate([[window.t_start], segmentation.turning_times[later]])
+    deflections = np.concatenate([[abs(window.guesses["x0"])], swings[later]])
+    lasts = times[-1] - times[-2] if times.size > 1 else segmentation.half_period
+    last = times[-1] + lasts if segmentation.rest is None else segmentation.rest
+    # The mass comes to the stop with the deflection of the reversal before it.
+    return np.append(times, last), np.append(deflections, deflections[-1])
+
+
+def _known_to(window: Window, deflections: np.ndarray) -> np.ndarray:
+    """How far the instant of each reversal may be off [s]: by the sampling, and by the noise about a curved extreme."""
+    segmentation, t = window.segmentation, np.asarray(window.trace.t)
+    interval, half = float((t[-1] - t[0]) / (t.size - 1)), segmentation.half_period
+    by_sampling = max(_SAMPLES * interval, _SHARE * half)
+    width = extreme_window(half, np.maximum(deflections, segmentation.noise), segmentation.noise, interval)
+    slope_error = _ERRORS * segmentation.noise / width / np.sqrt(np.maximum(2 * width / interval, 1.0))
+    curvature = np.maximum(deflections, segmentation.noise) * (np.pi / half) ** 2
+    margins = by_sampling + np.minimum(slope_error / curvature, _LOST * half)
+    if segmentation.rest is None:
+        margins[-1] = _LOST * half
+    return margins
+
+
+def _settling(window: Window, oscillator: Oscillator, deflections: np.ndarray) -> np.ndarray:
+    """Time that the law needs to settle after a standstill [s]."""
+    segmentation, law = window.segmentation, oscillator.friction
+    acceleration = np.maximum(deflections, 1e-3 * segmentation.amplitude) * (np.pi / segmentation.half_period) ** 2
+    speed = float(law.velocity_scale())
+    bristles = float(np.max(np.asarray(law.state_scale(oscillator.normal_force)))) if law.n_states else 0.0
+    by_speed = _LAYERS * speed / acceleration if np.isfinite(speed) else 0.0
+    return by_speed + np.sqrt(2 * _RELAXATIONS * bristles / acceleration)

@@ -48,9 +48,9 @@ def check_settings(model: Model, free: Sequence[str], runs: int, settings: Mappi
     start = settings["start"]
     if isinstance(start, str):
         check_start(start)
-    own = nuisances_of(start if isinstance(start, str) else "seconds", settings["nuisance"], model.keeps_memory)
+    nuisances = nuisances_of(start if isinstance(start, str) else "seconds", settings["nuisance"], model.keeps_memory)
     kept, _ = chosen(free, model.leaves, model.bracketable)
-    names = [leaf.name for leaf in kept] + [name for run in range(runs) for name in run_names(own, run, runs)]
+    names = [leaf.name for leaf in kept] + [name for run in range(runs) for name in run_names(nuisances, run, runs)]
     check_names(settings["bounds"], names, "Bounds")
     for name, (low, high) in settings["bounds"].items():
         check_bounds(name, low, high)
@@ -83,19 +83,19 @@ def check_start(
         raise UsageError(f"There is no start {start!r}.{nearest(start, STARTS)} Choose {choices}.")
 
 
-def nuisances_of(mode: str, given: Iterable[str] | None, keeps_memory: bool) -> tuple[str, ...]:
+def nuisances_of(mode: str, names_given: Iterable[str] | None, keeps_memory: bool) -> tuple[str, ...]:
     """Names of a run's own parameters.
 
     Args:
         mode: "first_reversal", "release" or "seconds".
-        given: the names that the caller gave, or None for those that belong to the mode.
+        names_given: the names that the caller gave, or None for those that belong to the mode.
         keeps_memory: whether the law has internal states; it is then fitted from the middle of a stroke.
 
     Raises:
         UsageError: an unknown name, or two that cannot be told apart.
     """
     mode = "seconds" if mode == "first_reversal" and keeps_memory else mode
-    names = _NUISANCES[mode] if given is None else tuple(given)
+    names = _NUISANCES[mode] if names_given is None else tuple(names_given)
     for name in names:
         check_nuisance(name)
     if "v0" in names and "t_release" in names:

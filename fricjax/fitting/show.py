@@ -100,7 +100,7 @@ def _budget(fit: "Fit") -> Iterator[tuple[str, str]]:
 
     The two contributions of a periodic nonlinearity are one: its phase is not known.
     """
-    told = []
+    parts_of_names = []
     for name in fit.names:
         std = fit.std_errors[name]
         if name.split("[")[0] in NUISANCES or not fit.contributions[name]:
@@ -109,12 +109,12 @@ def _budget(fit: "Fit") -> Iterator[tuple[str, str]]:
         for source, change in fit.contributions[name].items():
             source = source.removesuffix("_cosine").removesuffix("_sine")
             parts[source] = float(np.hypot(parts.get(source, 0.0), change))
-        whole = float(np.linalg.norm(list(parts.values())))
-        if 0 < whole < np.inf:
+        total = float(np.linalg.norm(list(parts.values())))
+        if 0 < total < np.inf:
             largest = max(parts, key=parts.__getitem__)
-            told.append(f"of {name} {largest} ({100 * (parts[largest] / whole) ** 2:.3g} %)")
-    if told:
-        yield "uncertainty", "largest part of the combined variance: " + ", ".join(told)
+            parts_of_names.append(f"of {name} {largest} ({100 * (parts[largest] / total) ** 2:.3g} %)")
+    if parts_of_names:
+        yield "uncertainty", "largest part of the combined variance: " + ", ".join(parts_of_names)
 
 
 def _accuracy(fit: "Fit") -> Iterator[tuple[str, str]]:

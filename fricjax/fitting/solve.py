@@ -9,6 +9,7 @@ All of that is one program, called with other samples, other meshes and another 
 """
 
 import dataclasses
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import jax
@@ -17,10 +18,11 @@ from jaxtyping import Float
 
 from ..errors import UsageError
 from ..estimation.covariance import Quadratic, quadratic
-from ..estimation.loss import Squares
+from ..estimation.loss import AbstractLoss, Squares
 from ..estimation.status import AT_BOUND, CONVERGED, OUT_OF_STEPS, STALLED, UNDETERMINED
 from ..oscillator import Program
 from ..oscillator.engines import AbstractEngine
+from .chunks import Member, Summary, solve_in_chunks
 from .derived import Derived
 from .evaluation import Evaluation
 from .mesh import with_mesh
@@ -103,6 +105,11 @@ def half_cycles(problem: Problem) -> tuple[int, ...]:
 staged = Program(solve_in_stages, like_iterate)
 
 
+def one_by_one(members: Sequence[Member], loss: AbstractLoss) -> list[Iterate]:
+    """The iterate of each problem, each by a program of its own."""
+    return [staged(m.residual, m.stage_weights, m.limits, loss, m.y, m.schedule) for m in members]
+
+
 def solve(problem: Problem, y: Any = None) -> Solution:
     """Fit from the start values, or from given coordinates `y`, and check the result."""
     at = solve_condensed(problem, start_coordinates(problem) if y is None else y[: problem.condensed.n_parameters])
@@ -110,33 +117,58 @@ def solve(problem: Problem, y: Any = None) -> Solution:
     return _refined(problem, at, *((_MESHES, _ON_A_MESH) if meshed else (1, _OPTIMA)))
 
 
+def solve_batch(problems: Sequence[Problem]) -> list[tuple[Solution, Summary]]:
+    """Fit problems of one loss in chunks and check the results, for engines that need no mesh.
+
+    No solution goes on to finer engines, and none keeps the residuals of its samples.
+    """
+    if not problems:
+        return []
+    run = lambda members, loss: [at for at, _ in solve_in_chunks(members, loss)]
+    ends = _optima(problems, [start_coordinates(problem) for problem in problems], run, Schedule())
+    targets = [with_inputs(problem.residual, at.y) for problem, at in zip(problems, ends, strict=True)]
+    pairs = zip(problems, targets, strict=True)
+    members = [on_all_samples(p, checking(p.residual, y), y, EVALUATE_ONLY) for p, y in pairs]
+    checked = zip(problems, ends, solve_in_chunks(members, problems[0].loss), strict=True)
+    return [(solution_of(problem, at, evaluated), summary) for problem, at, (evaluated, summary) in checked]
+
+
 def solve_condensed(problem: Problem, begin: Any) -> Iterate:
     """The optimum of the condensed record, from coordinates `begin`; of all samples under a robust loss."""
-    meshed, robust = problem.condensed.engine.needs_mesh, _is_robust(problem)
-    few = with_mesh(problem.condensed, begin, _ROUGH)
-    along = problem.stage_weights, problem.limits, Squares()
-    at = staged(few, *along, begin, _NEAR if meshed or robust else Schedule())
+    return _optima([problem], [begin], one_by_one, _NEAR)[0]
+
+
+def _optima(
+    problems: Sequence[Problem], begins: Sequence[Any], run: Callable[..., list[Iterate]], near: Schedule
+) -> list[Iterate]:
+    """The same of many problems of one engine and loss; a first stage that only leads on comes `near` its optimum."""
+    meshed, robust = problems[0].residual.engine.needs_mesh, not isinstance(problems[0].loss, Squares)
+    few = [with_mesh(p.condensed, y, _ROUGH) for p, y in zip(problems, begins, strict=True)]
+    schedule = near if meshed or robust else Schedule()
+    starts = zip(problems, few, begins, strict=True)
+    ends = run([Member(r, p.stage_weights, p.limits, y, schedule) for p, r, y in starts], Squares())
+    reached = list(zip(problems, few, ends, strict=True))
     if robust:
-        return joined(
-            at, on_all_samples(problem, with_mesh(without_inputs(problem.residual), at.y), at.y, CONTINUE_ROBUST)
-        )
-    return joined(at, staged(with_mesh(few, at.y), *along, at.y, Schedule())) if meshed else at
-
-
-def _is_robust(problem: Problem) -> bool:
-    return not isinstance(problem.loss, Squares)
+        full = [with_mesh(without_inputs(p.residual), at.y) for p, _, at in reached]
+        pairs = zip(problems, full, ends, strict=True)
+        further = run([on_all_samples(p, r, at.y, CONTINUE_ROBUST) for p, r, at in pairs], problems[0].loss)
+    elif meshed:
+        members = [Member(with_mesh(r, at.y), p.stage_weights, p.limits, at.y, Schedule()) for p, r, at in reached]
+        further = run(members, Squares())
+    else:
+        return ends
+    return [joined(at, then) for at, then in zip(ends, further, strict=True)]
 
 
 def joined(first: Iterate, then: Iterate) -> Iterate:
-    """Two ways, one behind the other."""
+    """Two solutions, one going on from the other."""
     steps, stages = int(first.iterations) + int(then.iterations), int(first.stages) + int(then.stages)
     return then._replace(iterations=steps, stages=stages)
 
 
-def on_all_samples(problem: Problem, residual: Residual, y: Any, way: Schedule) -> Iterate:
-    """A way from coordinates `y` with all samples of a residual."""
-    stage_weights = tuple(full_stage(run) for run in residual.runs)
-    return staged(residual, stage_weights, problem.limits, problem.loss, y, way)
+def on_all_samples(problem: Problem, residual: Residual, y: Any, schedule: Schedule) -> Member:
+    """What is to be solved from coordinates `y` with all samples of a residual."""
+    return Member(residual, tuple(full_stage(run) for run in residual.runs), problem.limits, y, schedule)
 
 
 def _refined(problem: Problem, at: Iterate, rounds: int, endings: tuple[int, ...]) -> Solution:
@@ -155,7 +187,8 @@ def _refined(problem: Problem, at: Iterate, rounds: int, endings: tuple[int, ...
         residual = _with_engine(residual, residual.engine.finer())
         try:
             target = with_mesh(without_inputs(residual), at.y)
-            then = joined(at, on_all_samples(problem, target, at.y, CONTINUE))
+            (then,) = one_by_one([on_all_samples(problem, target, at.y, CONTINUE)], problem.loss)
+            then = joined(at, then)
             at, solution = then, _checked(problem, residual, then)
         except UsageError:
             # No mesh holds so many steps: the numerical shift tells what is left.
@@ -178,27 +211,29 @@ def with_inputs(residual: Residual, y: Any) -> np.ndarray:
 
 
 def evaluate_at(problem: Problem, residual: Residual, y: Any) -> Iterate:
-    """What all samples of a residual say at coordinates `y` of parameters and inputs."""
-    return jax.tree.map(np.asarray, on_all_samples(problem, residual, y, EVALUATE_ONLY))
+    """The evaluation of all samples of a residual at coordinates `y` of parameters and inputs."""
+    (at,) = one_by_one([on_all_samples(problem, residual, y, EVALUATE_ONLY)], problem.loss)
+    return jax.tree.map(np.asarray, at)
 
 
 def _checked(problem: Problem, residual: Residual, at: Iterate) -> Solution:
     y = with_inputs(residual, at.y)
-    looked = evaluate_at(problem, checking(residual, y), y)
-    return solution_of(problem, jax.tree.map(np.asarray, at), looked)
+    return solution_of(problem, jax.tree.map(np.asarray, at), evaluate_at(problem, checking(residual, y), y))
 
 
 def solution_of(problem: Problem, at: Iterate, looked: Iterate) -> Solution:
     """The solved fit from where the stages ended and what all samples say there, all of it as numpy arrays."""
-    p, found = at.y.size, looked.evaluation
+    p, evaluation = at.y.size, looked.evaluation
     at_bound = (at.y <= problem.limits.lower) | (at.y >= problem.limits.upper)
-    shape = quadratic(found.gradient[:p], found.normal[:p, :p], at_bound)
-    variance = max(float(found.chi2), _rounding(problem)) / problem.dof
+    shape = quadratic(evaluation.gradient[:p], evaluation.normal[:p, :p], at_bound)
+    variance = max(float(evaluation.chi2), _rounding(problem)) / problem.dof
     # A motion that has grown beyond all bounds is as good as not finite, and its squares overflow.
-    found = found._replace(residual=np.where(np.abs(found.residual) < _BOUNDLESS, found.residual, np.nan))
+    evaluation = evaluation._replace(
+        residual=np.where(np.abs(evaluation.residual) < _BOUNDLESS, evaluation.residual, np.nan)
+    )
     return Solution(
         y=with_inputs(problem.residual, at.y),
-        evaluation=found,
+        evaluation=evaluation,
         derived=looked.derived,
         shape=shape,
         numerical_shift=shape.distance / float(np.sqrt(variance)),

@@ -125,12 +125,12 @@ def solve_in_stages(
     way: Schedule,
 ) -> Iterate:
     """Least squares from coordinates `y`, in as many stages as it needs."""
-    whole = [run.weight for run in residual.runs]
+    all_weights = [run.weight for run in residual.runs]
     shortest = jnp.min(jnp.stack([jnp.asarray(part.shortest) for part in stage_weights]))
 
     def weights(reach: Array) -> list[Array]:
         windows = [_until(run.t, part.moving, reach) for run, part in zip(residual.runs, stage_weights, strict=True)]
-        return [jnp.where(reach >= _EVERYTHING, w, window) for w, window in zip(whole, windows, strict=True)]
+        return [jnp.where(reach >= _EVERYTHING, w, window) for w, window in zip(all_weights, windows, strict=True)]
 
     def stage(state: _State) -> _State:
         sure = state.reach <= state.trusted
@@ -141,13 +141,13 @@ def solve_in_stages(
             doubted=jnp.where(sure, jnp.nan, state.y),
             tolerance=[part.tolerance for part in stage_weights],
         )
-        found = _least_squares(passes, limits, state.y, near, way.steps)
-        told, steps = found.stats, state.iterations + found.stats["num_steps"]
-        seen = told["kept"]._replace(cost=told["cost"], gradient=told["gradient"])
+        optimum = _least_squares(passes, limits, state.y, near, way.steps)
+        stats, steps = optimum.stats, state.iterations + optimum.stats["num_steps"]
+        seen = stats["kept"]._replace(cost=stats["cost"], gradient=stats["gradient"])
         further = jnp.where(state.reach < _EVERYTHING, _EVERYTHING, jnp.inf)
-        onward = _State(found.value, told["status"], steps, state.stages + 1, seen, further, 2 * state.reach)
+        onward = _State(optimum.value, stats["status"], steps, state.stages + 1, seen, further, 2 * state.reach)
         shorter = state._replace(reach=jnp.maximum(state.reach / 2, state.trusted))
-        lost = ~sure & (told["status"] == NOT_FINITE)
+        lost = ~sure & (stats["status"] == NOT_FINITE)
         return jax.tree.map(lambda back, on: jnp.where(lost, back, on), shorter, onward)
 
     none, y = jnp.asarray(0), jnp.asarray(y)

@@ -97,8 +97,8 @@ def _stored(path: Path) -> dict[str, Any]:
     except ValueError as error:  # no JSON, another encoding, or a number of thousands of digits
         raise DataError(f"{path} is not a JSON file: {str(error)[:200]}. Write fits with fit.save().") from error
     if not isinstance(content, dict) or content.get("schema") != SCHEMA:
-        found = content.get("schema") if isinstance(content, dict) else type(content).__name__
-        raise DataError(f"{path} holds no fit of schema {SCHEMA} but {brief(found)}. Write it again with fit.save().")
+        schema = content.get("schema") if isinstance(content, dict) else type(content).__name__
+        raise DataError(f"{path} holds no fit of schema {SCHEMA} but {brief(schema)}. Write it again with fit.save().")
     samples = content.get("samples", {})
     merged = {**content, **(samples if isinstance(samples, dict) else {})}
     names = [field.name for field in dataclasses.fields(Fit)]

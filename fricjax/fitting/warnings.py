@@ -4,11 +4,12 @@ from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
+from ..data.inspect import implausible_scale
+from ..oscillator.restoring import Pendulum
 from ..show import engineering, plain
-from .diagnostics import ADEQUATE, Misfit, growth, holds_release
-from .doubt import Other
+from .diagnostics import ADEQUATE, Misfit, growth, holds_release, too_large
 from .missing import lacking
-from .plausible import implausible
+from .noise_weighting import Other
 from .problem import Problem
 from .rest import Bracket, Margin
 from .solve import half_cycles
@@ -119,7 +120,7 @@ def _on_growth(problem: Problem) -> Iterator[str]:
     for i, window in enumerate(problem.windows):
         grown = growth(window)
         if grown is not None:
-            first, last = (engineering(stroke, window.quantity) for stroke in grown)
+            first, last = (engineering(path, window.quantity) for path in grown)
             yield (
                 f"The swing{_of_run(i, problem)} grows with time, from strokes of {first} to {last}, which no free "
                 "decay does: is the time in reverse, or is the mass driven?"
@@ -181,3 +182,20 @@ def _on_static_friction(bracket: Bracket | None) -> Iterator[str]:
 
 def _of_run(number: int, problem: Problem) -> str:
     return "" if len(problem.windows) == 1 else f" of {problem.labels[number]}"
+
+
+def implausible(problem: Problem, values: Mapping[str, float]) -> Iterator[str]:
+    """A sentence for each value that cannot be true, and for what was taken for granted when a record was read."""
+    for window in problem.windows:
+        yield from window.doubts
+    for parameter in problem.parameters:
+        if too_large(problem, parameter, values[parameter.name]):
+            yield (
+                f"{parameter.name} = {values[parameter.name]:.3g} is larger than any coefficient of friction: "
+                "check the units of the displacement and of the normal force."
+            )
+    angular = problem.windows[0].quantity == "rad" or isinstance(problem.residual.oscillator.restoring, Pendulum)
+    for i, window in enumerate(problem.windows):
+        where = "" if len(problem.windows) == 1 else f" of run {i}"
+        interval = float(np.median(np.diff(np.asarray(window.trace.t))))
+        yield from implausible_scale(window.segmentation, interval, angular=angular, where=where)

@@ -92,23 +92,23 @@ def open_window(
     data = data if isinstance(data, Record) else Record(data)
     trace = data.trace
     t, x, mask = (np.asarray(a) for a in (trace.t, trace.x, trace.mask))
-    found = data.segmentation
-    found = without_ringing(found) if keeps_memory else found
-    mode, t_start, t_first = _start(data, start, found, t)
+    segmentation = data.segmentation
+    segmentation = without_ringing(segmentation) if keeps_memory else segmentation
+    mode, t_start, t_first = _start(data, start, segmentation, t)
     if mode == "first_reversal" and keeps_memory:
-        mode, t_start = "seconds", t_first - found.half_period / 2
-    turned = _turned(found) if creeps else None
-    end = found.rest if turned is None else float(found.turning_times[turned])
+        mode, t_start = "seconds", t_first - segmentation.half_period / 2
+    last_reversal = _last_reversal(segmentation) if creeps else None
+    end = segmentation.rest if last_reversal is None else float(segmentation.turning_times[last_reversal])
     moving = mask & (t >= t_first) & (t <= (np.inf if end is None else end))
     fitted = moving if creeps else mask & (t >= t_first)
-    repeated = _repeated(t, x, fitted, found)
+    repeated = _repeated(t, x, fitted, segmentation)
     used = fitted & ~repeated
-    sigma, source = _noise(trace, found)
-    own = nuisances_of(mode, nuisance, keeps_memory)
+    sigma, source = _noise(trace, segmentation)
+    nuisances = nuisances_of(mode, nuisance, keeps_memory)
     return Window(
         trace=trace,
         quantity=data.quantity,
-        segmentation=found,
+        segmentation=segmentation,
         origin=t_first,
         t_start=t_start,
         used=used,
@@ -116,43 +116,43 @@ def open_window(
         repeated=repeated,
         sigma=sigma,
         sigma_source=source,
-        half_cycles=_half_cycles(found, t_start, turned),
-        nuisances=own,
-        guesses=_guess_state(t, x, mask, found, t_start, t_first, mode, own),
+        half_cycles=_half_cycles(segmentation, t_start, last_reversal),
+        nuisances=nuisances,
+        guesses=_guess_state(t, x, mask, segmentation, t_start, t_first, mode, nuisances),
         doubts=data.doubts if isinstance(data, Record) else (),
         name=data.name,
     )
 
 
-def without_ringing(found: Segmentation) -> Segmentation:
+def without_ringing(segmentation: Segmentation) -> Segmentation:
     """The same without the swings of a contact that holds the mass: far shorter strokes than those of the spring.
 
     The first of them begins at the reversal at which the mass has come to rest.
     """
-    lasts = np.diff(found.turning_times)
+    lasts = np.diff(segmentation.turning_times)
     abrupt = np.flatnonzero(lasts[1:] < _ABRUPT * lasts[:-1])
     if not abrupt.size:
-        return found
+        return segmentation
     last = int(abrupt[0]) + 1
-    times = found.turning_times[: last + 1]
+    times = segmentation.turning_times[: last + 1]
     return dataclasses.replace(
-        found,
+        segmentation,
         turning_times=times[:-1],
-        turning_points=found.turning_points[:last],
+        turning_points=segmentation.turning_points[:last],
         rest=float(times[-1]),
-        rest_position=float(found.turning_points[-1]),
+        rest_position=float(segmentation.turning_points[-1]),
         n_half_cycles=last + 1,
         half_period=float(np.median(np.diff(times))),
         open=(),
     )
 
 
-def _start(data: Record, start: str | float, found: Segmentation, t: np.ndarray) -> tuple[str, float, float]:
+def _start(data: Record, start: str | float, segmentation: Segmentation, t: np.ndarray) -> tuple[str, float, float]:
     """Kind of start, time of the starting state, and time from which samples are used."""
     if start == "first_reversal":
-        if not found.turning_times.size:
+        if not segmentation.turning_times.size:
             raise DataError("The record holds no reversal to start from. Fit from the release: start='release'.")
-        return "first_reversal", float(found.turning_times[0]), float(found.turning_times[0])
+        return "first_reversal", float(segmentation.turning_times[0]), float(segmentation.turning_times[0])
     if start == "release":
         at = float(t[0]) if data.release is None else float(data.release)
         if not at < t[-1]:
@@ -166,39 +166,39 @@ def _start(data: Record, start: str | float, found: Segmentation, t: np.ndarray)
     return "seconds", at, at
 
 
-def _noise(trace: Trace, found: Segmentation) -> tuple[np.ndarray, str]:
+def _noise(trace: Trace, segmentation: Segmentation) -> tuple[np.ndarray, str]:
     if trace.sigma is not None:
         return np.broadcast_to(np.asarray(trace.sigma, float), trace.t.shape), "given"
-    floor = max(found.noise, 1e-12 * found.amplitude)
+    floor = max(segmentation.noise, 1e-12 * segmentation.amplitude)
     return np.full(trace.t.shape, floor), "estimated from the record"
 
 
-def _repeated(t: np.ndarray, x: np.ndarray, fitted: np.ndarray, found: Segmentation) -> np.ndarray:
+def _repeated(t: np.ndarray, x: np.ndarray, fitted: np.ndarray, segmentation: Segmentation) -> np.ndarray:
     """All but the first sample of a rest that no noise dithers, for there all errors of rounding are one error.
 
     The rest is here what never leaves its two neighbouring values again, wherever the stop was read.
     """
-    told = np.zeros(t.shape, bool)
-    held = fitted & (t > (np.inf if found.rest is None else found.rest))
-    if not held.any() or not found.resolution > 0:
-        return told
+    repeated = np.zeros(t.shape, bool)
+    resting = fitted & (t > (np.inf if segmentation.rest is None else segmentation.rest))
+    if not resting.any() or not segmentation.resolution > 0:
+        return repeated
     samples = np.flatnonzero(fitted)
-    steps = (x[samples] - np.median(x[held])) / found.resolution
+    steps = (x[samples] - np.median(x[resting])) / segmentation.resolution
     moves = np.flatnonzero(np.abs(steps) > _MOVED)
     rest = samples[moves[-1] + 1 :] if moves.size else samples
-    if rest.size and np.var(x[rest]) <= DITHERED * found.resolution**2:
-        told[rest[1:]] = True
-    return told
+    if rest.size and np.var(x[rest]) <= DITHERED * segmentation.resolution**2:
+        repeated[rest[1:]] = True
+    return repeated
 
 
-def _turned(found: Segmentation) -> int | None:
+def _last_reversal(segmentation: Segmentation) -> int | None:
     """Index of the last reversal before a stroke that hardly crosses the equilibrium; None where all strokes do.
 
     So does one that friction at its full strength would not let cross: a law that creeps is weaker at low speed, and
     takes the mass there and back long after its phase has ceased to run evenly. The end of the last stroke, which is no
     reversal, is where the decay so far leads.
     """
-    place = extremes(found)[1] - equilibrium(found)
+    place = extremes(segmentation)[1] - equilibrium(segmentation)
     swing = np.abs(place)
     if swing.size < _FEWEST:
         return None
@@ -206,7 +206,7 @@ def _turned(found: Segmentation) -> int | None:
     after = np.append(-np.sign(place[:-1]) * place[1:], 2 * swing[-1] - swing[-2])
     after = np.minimum(after, swing - 2 * _band(swing))
     short = np.flatnonzero(after < _CROSSED * swing)
-    before = swing.size - found.turning_points.size
+    before = swing.size - segmentation.turning_points.size
     return int(short[0]) - before if short.size and short[0] >= _FEWEST - 1 else None
 
 
@@ -220,34 +220,38 @@ def _band(swing: np.ndarray) -> float:
     return float(nnls(columns * mean[:, None], (swing[:-1] - swing[1:]) * mean)[0][0])
 
 
-def _half_cycles(found: Segmentation, t_start: float, turned: int | None) -> int:
-    """Half-cycles from the start until the mass stops, or to where the fitted window ends, at reversal `turned`."""
-    later = found.turning_times[: None if turned is None else turned + 1] > t_start + found.half_period / 4
-    if turned is None and found.rest is None:
+def _half_cycles(segmentation: Segmentation, t_start: float, last_reversal: int | None) -> int:
+    """Half-cycles from the start until the mass stops, or to the last fitted reversal."""
+    times = segmentation.turning_times[: None if last_reversal is None else last_reversal + 1]
+    later = times > t_start + segmentation.half_period / 4
+    if last_reversal is None and segmentation.rest is None:
         return NEVER
-    return int(np.sum(later)) + (turned is None)
+    return int(np.sum(later)) + (last_reversal is None)
 
 
 def _guess_state(
     t: np.ndarray,
     x: np.ndarray,
     mask: np.ndarray,
-    found: Segmentation,
+    segmentation: Segmentation,
     t_start: float,
     origin: float,
     mode: str,
-    own: tuple[str, ...],
+    nuisances: tuple[str, ...],
 ) -> dict[str, float]:
     """Start values of the run's own parameters, in times counted from `origin`; an offset that is not free is zero."""
-    offset = equilibrium(found) if "offset" in own else 0.0
-    first = found.turning_times.size > 0 and abs(found.turning_times[0] - t_start) < 1e-9 * found.half_period
+    offset = equilibrium(segmentation) if "offset" in nuisances else 0.0
+    first = (
+        segmentation.turning_times.size > 0
+        and abs(segmentation.turning_times[0] - t_start) < 1e-9 * segmentation.half_period
+    )
     if first:
-        x0, v0 = float(found.turning_points[0]), 0.0
+        x0, v0 = float(segmentation.turning_points[0]), 0.0
     else:
         near = mask & (t >= t_start) if mode == "release" else mask
-        x0, v0 = _local_state(t[near], x[near], t_start, found.half_period)
+        x0, v0 = _local_state(t[near], x[near], t_start, segmentation.half_period)
         # A release is from rest; only where v0 is free does its start value stay away from the kink at zero.
-        v0 = 0.0 if mode == "release" and "v0" not in own else v0
+        v0 = 0.0 if mode == "release" and "v0" not in nuisances else v0
     return {"x0": x0 - offset, "v0": v0, "offset": offset, "drift": 0.0, "t_release": t_start - origin, "z0": 1.0}
 
 
@@ -261,19 +265,19 @@ def _local_state(t: np.ndarray, x: np.ndarray, at: float, half_period: float) ->
     return float(cubic[0]), float(cubic[1] / width)
 
 
-def extremes(found: Segmentation) -> tuple[np.ndarray, np.ndarray]:
+def extremes(segmentation: Segmentation) -> tuple[np.ndarray, np.ndarray]:
     """Times and positions of the reversals, and where these are few of the release before them if it was from rest."""
-    times, points = found.turning_times, found.turning_points
-    if points.size >= _FEWEST or found.release_position is None:
+    times, points = segmentation.turning_times, segmentation.turning_points
+    if points.size >= _FEWEST or segmentation.release_position is None:
         return times, points
-    return np.append(found.release, times), np.append(found.release_position, points)
+    return np.append(segmentation.release, times), np.append(segmentation.release_position, points)
 
 
-def equilibrium(found: Segmentation) -> float:
+def equilibrium(segmentation: Segmentation) -> float:
     """Equilibrium of the spring, from standstills on alternating sides: (X[n-1] + 2 X[n] + X[n+1])/4."""
-    _, points = extremes(found)
+    _, points = extremes(segmentation)
     if points.size >= _FEWEST:
         return float(np.median((points[:-2] + 2 * points[1:-1] + points[2:]) / 4))
     if points.size == 2:
         return float(np.mean(points))
-    return 0.0 if found.rest_position is None else float(found.rest_position)
+    return 0.0 if segmentation.rest_position is None else float(segmentation.rest_position)

@@ -5,7 +5,7 @@ import pytest
 
 import fricjax as fj
 from fricjax.errors import UsageError
-from fricjax.fitting import lanes, mesh
+from fricjax.fitting import chunks, mesh
 from tests.compilations import compilations
 from tests.fitting.runs import MACHINE, RIGS, coulomb_run, noisy, oscillator
 
@@ -93,7 +93,7 @@ def test_start_values_may_differ_from_run_to_run(batch: fj.BatchFit, traces: lis
 
 
 def test_more_runs_than_one_computation_holds_compile_nothing_new(traces: list[fj.Trace]):
-    many = [coulomb_run(2e-3, seed=i) for i in range(lanes.WIDTH + 3)]
+    many = [coulomb_run(2e-3, seed=i) for i in range(chunks.WIDTH + 3)]
     fj.fit_batch(many[:2], SLIDING, MACHINE)
     with compilations() as seen:
         found = fj.fit_batch(many, SLIDING, MACHINE, progress=True)

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from fricjax import Fit, Trace, fit, fit_batch
-from fricjax.fitting.doubt import End, doubt_of
 from fricjax.fitting.fit import concluded
+from fricjax.fitting.noise_weighting import End, doubt_of
 from fricjax.fitting.rest import with_counts
 from fricjax.fitting.solve import solve
 from tests.fitting.problem_of import problem_of

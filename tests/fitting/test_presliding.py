@@ -8,8 +8,8 @@ import pytest
 from fricjax import Oscillator, Trace
 from fricjax.data import Segmentation
 from fricjax.fitting.guess import guess_machine
+from fricjax.fitting.law_start import force_of
 from fricjax.fitting.presliding import Machine, contact_of, stiffest
-from fricjax.fitting.roles import force_of
 from fricjax.fitting.window import Window, without_ringing
 from fricjax.friction import Coulomb, Dahl, Jenkins, LuGre, MaxwellSlip, Rolling, Spline, Tanh
 from tests.fitting.problem_of import problem_of

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from fricjax.fitting.whiteness import Whiteness, whiteness
+from fricjax.fitting.noise import Whiteness, whiteness
 
 
 def autoregressive(phi: float, n: int, seed: int) -> np.ndarray:

@@ -1,0 +1,117 @@
+"""Many problems at once: those of the same shape in chunks, each of which is one compiled computation.
+
+On a processor the problems of a chunk are solved one after the other in a compiled loop, so that each takes only the
+steps that it needs; several such loops run side by side in threads, for a compiled computation holds no lock. On an
+accelerator they are solved side by side, and those that have finished wait until the others have.
+"""
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array
+
+from ..data.segmentation.noise import NORMAL_MAD
+from ..estimation.loss import AbstractLoss, Squares
+from ..oscillator import Program
+from ..oscillator.program import Shape, of_shape, split
+from .derived import Derived
+from .residual import Residual, start_of
+from .stages import Iterate, Limits, Schedule, StageWeights, like_iterate, solve_in_stages
+
+# Problems in a chunk: a program is compiled for one number of them, and a chunk that is not full costs copies.
+WIDTH = 32
+
+
+class Member(NamedTuple):
+    """The traced part of a problem: what :func:`~fricjax.fitting.stages.solve_in_stages` takes beside the loss."""
+
+    residual: Residual
+    stage_weights: tuple[StageWeights, ...]
+    limits: Limits
+    y: Any
+    schedule: Schedule
+
+
+class Summary(NamedTuple):
+    """What is kept of all samples of a problem that was evaluated in a chunk.
+
+    Attributes:
+        size: typical size of the residuals, in units of the noise.
+        half_cycles: number of half-cycles after which the law itself would stop the mass; -1 for never.
+    """
+
+    size: Any
+    half_cycles: Any
+
+
+def solve_in_chunks(members: Sequence[Member], loss: AbstractLoss) -> list[tuple[Iterate, Summary]]:
+    """The iterate of each problem, without the residual of its samples, and the summary of where it was evaluated."""
+    parts = [split(member) for member in members]
+    groups: dict[Shape, list[int]] = {}
+    for i, (shape, _) in enumerate(parts):
+        groups.setdefault(shape, []).append(i)
+    ended: dict[int, tuple[Iterate, Summary]] = {}
+    for shape, numbers in groups.items():
+        for first in range(0, len(numbers), WIDTH):
+            chosen = numbers[first : first + WIDTH]
+            ended |= dict(zip(chosen, _solve_chunk(shape, [parts[i][1] for i in chosen], loss), strict=True))
+    return [ended[i] for i in range(len(members))]
+
+
+def _solve_chunk(shape: Shape, arrays: list[list[Any]], loss: AbstractLoss) -> list[tuple[Iterate, Summary]]:
+    """Solve problems of one shape; those that lack up to `WIDTH` are copies that are never solved on a processor."""
+    columns = zip(*(arrays + arrays[:1] * (WIDTH - len(arrays))), strict=True)
+    ends = _chunk(of_shape(shape, [np.stack(column) for column in columns]), loss, np.asarray(len(arrays)))
+    results, structure = jax.tree.flatten(jax.tree.map(np.asarray, ends))
+    return [jax.tree.unflatten(structure, [result[i] for result in results]) for i in range(len(arrays))]
+
+
+def _solve_all(members: Member, loss: AbstractLoss, count: Any) -> tuple[Iterate, Summary]:
+    """Solve the first `count` problems, one behind the other; their arrays have a leading axis."""
+
+    def one(member: Member) -> tuple[Iterate, Summary]:
+        return _solve_one(member, loss)
+
+    def member(i: Array | int) -> Member:
+        return jax.tree.map(lambda leaf: leaf[i] if eqx.is_array(leaf) else leaf, members)
+
+    if jax.default_backend() != "cpu":
+        return eqx.filter_vmap(one, in_axes=eqx.if_array(0))(members)
+    room = jax.tree.map(lambda leaf: jnp.zeros((WIDTH, *leaf.shape), leaf.dtype), eqx.filter_eval_shape(one, member(0)))
+    step = lambda i, results: jax.tree.map(lambda all_, value: all_.at[i].set(value), results, one(member(i)))
+    return jax.lax.fori_loop(0, count, step, room)
+
+
+_chunk = Program(_solve_all, lambda members, *_: (like_iterate(members.residual), Summary(0, 0)))
+
+
+def _solve_one(member: Member, loss: AbstractLoss) -> tuple[Iterate, Summary]:
+    """Solve one problem; the count of the law is asked for only where the problem is evaluated."""
+    at = solve_in_stages(*member[:3], loss, *member[3:])
+    evaluation, residual = at.evaluation, member.residual
+    samples = evaluation.residual[: evaluation.residual.size - residual.n_parameters]
+    weights = jnp.concatenate([run.weight for run in residual.runs])
+    size = typical(jnp.where(weights > 0, samples, jnp.nan), loss, jnp.nanmean, jnp.nanmedian)
+    # The residuals of all samples of an archive would not fit into memory.
+    short = at._replace(evaluation=evaluation._replace(residual=jnp.zeros(0)))
+    evaluated = member.schedule.steps <= 1
+    count = jax.lax.cond(evaluated, lambda: _half_cycles_of_law(residual, at.derived), lambda: jnp.asarray(-1))
+    return short, Summary(size, count)
+
+
+def typical(residual: Any, loss: AbstractLoss, mean: Any = np.mean, median: Any = np.median) -> Any:
+    """Typical size of residuals: their root mean square, or with a robust loss what their median says of it."""
+    return mean(residual**2) ** 0.5 if isinstance(loss, Squares) else median(abs(residual)) / NORMAL_MAD
+
+
+def _half_cycles_of_law(residual: Residual, derived: Derived) -> Array:
+    """Half-cycles after which the law itself would stop the mass; -1 where it never does."""
+    if not residual.oscillator.friction.set_valued:
+        return jnp.asarray(-1)
+    own = residual.run_parameters(derived.values, 0)
+    start = start_of(derived.machine, own)
+    return residual.engine.solve(derived.machine, start, jnp.zeros(1)).n_half_cycles
