@@ -3,8 +3,7 @@ from .batch_result import BatchFit
 from .fit import fit
 from .moving_floor import fit_on_moving_floor
 from .multistart import Multistart, multistart
-from .result import Fit, FitError
-from .store import load_fit
+from .result import Fit, FitError, load_fit
 
 __all__ = [
     "BatchFit",

@@ -13,14 +13,14 @@ import dataclasses
 import inspect
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from ..errors import UsageError
 from ..estimation.space import Parameter
 from ..oscillator import Oscillator, ready
-from ..show import figure, plain
+from ..show import Report, Reported, figure, plain
 from .fit import concluded, fit, records_of
 from .parameters import Request
 from .problem import Problem, problem_on, windows_of
@@ -28,17 +28,14 @@ from .rest import solve_with_rest
 from .result import Fit
 from .solve import solve_condensed, start_coordinates
 
-if TYPE_CHECKING:
-    from .multistart import Multistart
-
 # How far the logarithm of a start value is spread, as a part of that of `spread`: the decay tells these far better.
-_TOLD = {"mass": 2e-3, "stiffness": 2e-3, "mu": 0.05, "normal_force": 0.05, "mu_s": 0.1, "damping": 0.2, "drag": 0.2}
+_SPREAD = {"mass": 2e-3, "stiffness": 2e-3, "mu": 0.05, "normal_force": 0.05, "mu_s": 0.1, "damping": 0.2, "drag": 0.2}
 # Largest difference of chi^2, in units of its reduced value, between fits that have met in one optimum.
 _SAME = 4.0
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class Multistart:
+class Multistart(Reported):
     """Fits of one record from many starts, in ascending order of their chi^2.
 
     Attributes:
@@ -67,17 +64,40 @@ class Multistart:
         """Part of the starts that ended in the best optimum."""
         return float(np.mean(self.reached))
 
-    def summary(self) -> str:
+    def report(self) -> Report:
         """The report of the best fit, and what the starts say of it."""
-        from .multistart import summary
-
-        return summary(self)
+        report, total, reached = self.best.report(), self.excess.size, int(self.reached.sum())
+        where = "the automatic start is one of them"
+        if not self.reached[self.automatic]:
+            where = f"the automatic start ended at a chi^2 larger by {plain(float(self.excess[self.automatic]), 3)}"
+        facts = [*report.facts, ("starts", f"{reached} of {total} reached this optimum; {where}")]
+        others = self.excess[~self.reached & np.isfinite(self.excess)]
+        if others.size:
+            facts.append(("next optimum", f"chi^2 larger by {plain(float(others[0]), 3)}"))
+        at_bound = Counter(name for names in self.at_bounds for name in names)
+        if at_bound:
+            counts = (f"{name} in {count} of {total} starts" for name, count in at_bound.items())
+            facts.append(("bounds", ", ".join(counts)))
+        return dataclasses.replace(report, facts=facts)
 
     def plot(self) -> Any:
-        """The waterfall, as a matplotlib figure."""
-        from .multistart import plot
-
-        return plot(self)
+        """The waterfall: reduced chi^2 of all starts in ascending order, the automatic one marked."""
+        drawing, grid = figure()
+        axes = grid[0, 0]
+        rank = np.arange(1, self.excess.size + 1)
+        reduced = (self.best.chi2 + self.excess) / self.best.dof
+        shown, first = np.where(np.isfinite(reduced), reduced, np.nan), self.automatic
+        axes.plot(rank, shown, marker="o", markersize=4)
+        axes.plot(rank[first], shown[first], marker="s", markersize=7, fillstyle="none", linestyle="")
+        axes.set_yscale("log")
+        axes.set_xlabel("Start, in order of its fit")
+        axes.set_ylabel("Reduced $\\chi^2$")
+        axes.set_title(
+            f"{int(self.reached.sum())} of {self.excess.size} starts reach the best optimum; square: automatic start",
+            fontsize=9,
+            loc="left",
+        )
+        return drawing
 
     def __repr__(self) -> str:
         return f"Multistart({int(self.reached.sum())} of {self.excess.size} starts reached {self.best!r})"
@@ -182,7 +202,7 @@ def _start(parameter: Parameter, u: float, spread: float) -> float:
     """A start value from a random number between 0 and 1."""
     if np.isfinite(parameter.lower) and np.isfinite(parameter.upper):
         return parameter.lower + u * (parameter.upper - parameter.lower)
-    factor = spread ** (_TOLD.get(parameter.kind, 1.0) * (2 * u - 1))
+    factor = spread ** (_SPREAD.get(parameter.kind, 1.0) * (2 * u - 1))
     return float(np.clip((parameter.start or parameter.scale) * factor, parameter.lower, parameter.upper))
 
 
@@ -204,49 +224,3 @@ def _ordered(best: Fit, problems: Sequence[Problem], ends: Sequence[_Ended], ord
         automatic=int(np.flatnonzero(order == 0)[0]),
         at_bounds=at_bounds,
     )
-
-
-def summary(result: "Multistart") -> str:
-    """The report of the best fit, and what the starts say of it."""
-    from .show import summary as of_fit
-
-    return f"{of_fit(result.best)}\n\n" + "\n".join(f"{name + ':':<13}{text}" for name, text in facts(result))
-
-
-def facts(result: "Multistart") -> list[tuple[str, str]]:
-    """The lines about the starts."""
-    total, reached = result.excess.size, int(result.reached.sum())
-    others = result.excess[~result.reached & np.isfinite(result.excess)]
-    lines = [("starts", f"{reached} of {total} reached this optimum; {_automatic(result)}")]
-    if others.size:
-        lines.append(("next optimum", f"chi^2 larger by {plain(float(others[0]), 3)}"))
-    at_bound = Counter(name for names in result.at_bounds for name in names)
-    if at_bound:
-        lines.append(("bounds", ", ".join(f"{name} in {count} of {total} starts" for name, count in at_bound.items())))
-    return lines
-
-
-def _automatic(result: "Multistart") -> str:
-    if result.reached[result.automatic]:
-        return "the automatic start is one of them"
-    return f"the automatic start ended at a chi^2 larger by {plain(float(result.excess[result.automatic]), 3)}"
-
-
-def plot(result: "Multistart") -> Any:
-    """The waterfall: reduced chi^2 of all starts in ascending order, the automatic one marked."""
-    drawing, grid = figure()
-    axes = grid[0, 0]
-    rank = np.arange(1, result.excess.size + 1)
-    reduced = (result.best.chi2 + result.excess) / result.best.dof
-    shown = np.where(np.isfinite(reduced), reduced, np.nan)
-    axes.plot(rank, shown, marker="o", markersize=4)
-    axes.plot(rank[result.automatic], shown[result.automatic], marker="s", markersize=7, fillstyle="none", linestyle="")
-    axes.set_yscale("log")
-    axes.set_xlabel("Start, in order of its fit")
-    axes.set_ylabel("Reduced $\\chi^2$")
-    axes.set_title(
-        f"{int(result.reached.sum())} of {result.excess.size} starts reach the best optimum; square: automatic start",
-        fontsize=9,
-        loc="left",
-    )
-    return drawing

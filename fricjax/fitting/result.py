@@ -12,11 +12,14 @@ from ..data.record import labels
 from ..errors import UsageError
 from ..estimation.covariance import correlation
 from ..oscillator import Oscillator, simulate
+from ..show import Report, Reported
 from .derived import Estimate
 from .diagnostics import optimum_found
 from .noise import Noise, Whiteness
 from .residual import Run, motion
 from .rest import Margin
+from .show import plot, report_of
+from .store import read_fit, save, to_dict
 from .window import NEVER
 
 
@@ -29,7 +32,7 @@ class FitError(RuntimeError):
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class Fit:
+class Fit(Reported):
     """A fitted oscillator.
 
     Attributes:
@@ -181,16 +184,9 @@ class Fit:
         fixed = float(self.runs[run].fixed[name])
         return fixed + self.origins[run] if name == "t_release" else fixed
 
-    def summary(self) -> str:
-        """The report as plain text."""
-        from .show import summary
-
-        return summary(self)
-
-    def _repr_html_(self) -> str:
-        from .show import html
-
-        return html(self)
+    def report(self) -> Report:
+        """Parameters and kinematics with their uncertainties, what the fit rests on, and warnings."""
+        return report_of(self)
 
     def __repr__(self) -> str:
         shown = ", ".join(f"{name}={value:.6g}" for name, value in self.values.items())
@@ -202,15 +198,11 @@ class Fit:
         Raises:
             UsageError: no such run.
         """
-        from .show import plot
-
         self._check_run(run)
         return plot(self, run)
 
     def to_dict(self) -> dict[str, Any]:
         """The fit as plain data, without the samples."""
-        from .store import to_dict
-
         return to_dict(self)
 
     def save(self, path: str | os.PathLike[str], *, overwrite: bool = False) -> Path:
@@ -220,9 +212,16 @@ class Fit:
             FileExistsError: there is such a file, and `overwrite` is not given.
             OSError: the file cannot be written, as on a full disk; what was there is as it was.
         """
-        from .store import save
-
         return save(self, path, overwrite=overwrite)
+
+
+def load_fit(path: str | os.PathLike[str]) -> Fit:
+    """Read a fit that :meth:`Fit.save` wrote.
+
+    Raises:
+        DataError: no such file, or one that does not hold a fit of this schema; the sentence names the field.
+    """
+    return read_fit(path, Fit)
 
 
 def named(names: tuple[str, ...], values: Any) -> dict[str, float]:

@@ -1,16 +1,16 @@
-"""How a fit looks: the report in text and HTML, and the plot of trace and residuals."""
+"""How a fit looks: its report, and the plot of trace and residuals.
+
+The functions take a :class:`~fricjax.fitting.Fit`, which they do not import, for it lies above what shows it.
+"""
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
-from ..show import Table, axis_label, display_unit, engineering, figure, interval, plain, uncertain
+from ..show import Report, Table, axis_label, display_unit, engineering, figure, interval, plain, uncertain
 from .names import NUISANCES
 from .rest import CONTRADICTED
-
-if TYPE_CHECKING:
-    from .result import Fit
 
 # Most files whose names the report lists.
 _LISTED = 4
@@ -18,7 +18,7 @@ _LISTED = 4
 _NOTABLE = 1.3
 
 
-def parameter_table(fit: "Fit") -> Table:
+def parameter_table(fit: Any) -> Table:
     """One row per parameter: value with combined uncertainty, statistical standard error, flags."""
     rows = []
     for name in fit.values:
@@ -27,14 +27,15 @@ def parameter_table(fit: "Fit") -> Table:
             std, combined, white = fit.std_errors[name], fit.combined_std_errors[name], fit.white_std_errors[name]
             rows.append([name, _value(fit, value, combined, unit), _small(std), _small(white), flags])
         else:
-            rows.append([name, interval(*fit.intervals[name], unit), "", "", flags])
+            low, high = fit.intervals[name]
+            rows.append([name, interval(low, high, unit), "", "", flags])
     columns = ["Parameter", "Value (combined uncertainty)", "Statistical", "Were the noise white", "Remarks"]
     if not _unlike_white(fit):
         columns, rows = [*columns[:3], columns[4]], [[*row[:3], row[4]] for row in rows]
     return Table(columns, rows)
 
 
-def _unlike_white(fit: "Fit") -> bool:
+def _unlike_white(fit: Any) -> bool:
     """Whether white noise of the size stated would give notably other standard errors."""
     pairs = [(fit.std_errors[name], fit.white_std_errors[name]) for name in fit.std_errors]
     return any(np.isfinite(std) and std > 0 and not 1 / _NOTABLE <= white / std <= _NOTABLE for std, white in pairs)
@@ -44,7 +45,7 @@ def _small(std: float) -> str:
     return f"{std:.2g}" if np.isfinite(std) else ""
 
 
-def kinematics_table(fit: "Fit") -> Table:
+def kinematics_table(fit: Any) -> Table:
     """What the trace tells without a rig."""
     rows = []
     for name, estimate in fit.kinematics.items():
@@ -53,7 +54,7 @@ def kinematics_table(fit: "Fit") -> Table:
     return Table(["Kinematics", "Value"], rows)
 
 
-def _value(fit: "Fit", value: float, std: float, unit: str) -> str:
+def _value(fit: Any, value: float, std: float, unit: str) -> str:
     """A value with its uncertainty; where it has none because of a bound alone, that is said."""
     raised = {flag for flags in fit.flags.values() for flag in flags}
     text = uncertain(value, std, unit)
@@ -61,7 +62,7 @@ def _value(fit: "Fit", value: float, std: float, unit: str) -> str:
     return text.replace("(undetermined)", "(at bound)") if bounded else text
 
 
-def facts(fit: "Fit") -> list[tuple[str, str]]:
+def facts(fit: Any) -> list[tuple[str, str]]:
     """The remaining lines of the report; of a fit that is not finite only what is."""
     restoring = type(fit.oscillator.restoring).__name__.lower()
     used = sum(int(np.isfinite(r).sum()) for r in _runs(fit))
@@ -78,14 +79,14 @@ def facts(fit: "Fit") -> list[tuple[str, str]]:
     ]
 
 
-def _sources(fit: "Fit") -> Iterator[tuple[str, str]]:
+def _sources(fit: Any) -> Iterator[tuple[str, str]]:
     """The files that were fitted; nothing where none has a name."""
     if any(fit.sources):
         more = len(fit.labels) - _LISTED
         yield "record", ", ".join(fit.labels[:_LISTED]) + (f" and {more} more" if more > 0 else "")
 
 
-def _noise(fit: "Fit") -> Iterator[str]:
+def _noise(fit: Any) -> Iterator[str]:
     """Size and source of the noise, and what makes that of each run other than white noise of that size."""
     yield f"{engineering(fit.sigma, fit.quantity)} ({fit.sigma_source}), mode {fit.sigma_mode}"
     for label, noise in zip(fit.labels, fit.noises, strict=True):
@@ -95,7 +96,7 @@ def _noise(fit: "Fit") -> Iterator[str]:
         yield from (f"{where} {word}" for word in noise.words(fit.quantity))
 
 
-def _budget(fit: "Fit") -> Iterator[tuple[str, str]]:
+def _budget(fit: Any) -> Iterator[tuple[str, str]]:
     """What has the largest part in the combined uncertainty of each coefficient of the machine; nothing without a rig.
 
     The two contributions of a periodic nonlinearity are one: its phase is not known.
@@ -117,7 +118,7 @@ def _budget(fit: "Fit") -> Iterator[tuple[str, str]]:
         yield "uncertainty", "largest part of the combined variance: " + ", ".join(parts_of_names)
 
 
-def _accuracy(fit: "Fit") -> Iterator[tuple[str, str]]:
+def _accuracy(fit: Any) -> Iterator[tuple[str, str]]:
     """How well the model describes the run, and how much of that is numerics."""
     if np.isfinite(fit.chi2):
         rms, reduced = engineering(fit.residual_rms, fit.quantity), plain(fit.chi2_reduced, 4)
@@ -129,7 +130,7 @@ def _accuracy(fit: "Fit") -> Iterator[tuple[str, str]]:
         yield "numerics", f"numerical errors move no parameter by more than {fit.numerical_shift:.2g} standard errors"
 
 
-def _stop(fit: "Fit") -> Iterator[tuple[str, str]]:
+def _stop(fit: Any) -> Iterator[tuple[str, str]]:
     """What the stops tell of the number of half-cycles and of static friction."""
     for label, count, margin in zip(fit.labels, fit.half_cycles, fit.margins, strict=True):
         where = "" if len(fit.labels) == 1 else f" of {label}"
@@ -142,26 +143,16 @@ def _stop(fit: "Fit") -> Iterator[tuple[str, str]]:
         yield "mu_s", f"{where} {interval(*bracket)}, from the last stop and non-stop"
 
 
-def summary(fit: "Fit") -> str:
-    """The report as plain text."""
-    lines = [f"{name + ':':<13}{text}" for name, text in facts(fit)]
-    warned = [f"! {sentence}" for sentence in fit.warnings]
-    return "\n\n".join(
-        filter(None, [parameter_table(fit).text(), kinematics_table(fit).text(), "\n".join([*lines, *warned])])
-    )
+def report_of(fit: Any) -> Report:
+    """The report of a fit."""
+    return Report([parameter_table(fit), kinematics_table(fit)], facts(fit), warnings=fit.warnings, heading="Fit")
 
 
-def html(fit: "Fit") -> str:
-    """The report as an HTML fragment."""
-    other = Table(["Fit", ""], [*facts(fit), *(("warning", sentence) for sentence in fit.warnings)])
-    return parameter_table(fit).html() + kinematics_table(fit).html() + other.html()
-
-
-def _runs(fit: "Fit") -> tuple[np.ndarray, ...]:
+def _runs(fit: Any) -> tuple[np.ndarray, ...]:
     return fit.residuals if isinstance(fit.residuals, tuple) else (fit.residuals,)
 
 
-def plot(fit: "Fit", run: int = 0) -> Any:
+def plot(fit: Any, run: int = 0) -> Any:
     """Measured and computed trace above, residuals with the band of the noise below.
 
     Args:
@@ -177,7 +168,7 @@ def plot(fit: "Fit", run: int = 0) -> Any:
     return drawing
 
 
-def _draw_trace(axes: Any, fit: "Fit", run: int) -> None:
+def _draw_trace(axes: Any, fit: Any, run: int) -> None:
     """The record as a broad pale line, grey where it is not fitted, and the model as a thin dark one on it."""
     t, x, r = fit.times[run], np.asarray(fit.runs[run].x), _runs(fit)[run]
     fitted = np.isfinite(r)
@@ -193,7 +184,7 @@ def _draw_trace(axes: Any, fit: "Fit", run: int) -> None:
     axes.set_title(", ".join(filter(None, [fit.sources[run], title])), fontsize=9, loc="left")
 
 
-def _draw_residuals(axes: Any, fit: "Fit", run: int) -> None:
+def _draw_residuals(axes: Any, fit: Any, run: int) -> None:
     """Measured minus model; where the model describes the run, 95 of 100 lie within two standard deviations."""
     residuals = _runs(fit)[run]
     factor, unit = display_unit(float(np.nanmax(np.abs(residuals))), fit.quantity)
@@ -205,6 +196,6 @@ def _draw_residuals(axes: Any, fit: "Fit", run: int) -> None:
     axes.set_title(f"measured minus model: {rms} rms; band: twice the noise of {noise}", fontsize=9, loc="left")
 
 
-def _law(fit: "Fit") -> str:
+def _law(fit: Any) -> str:
     law = fit.oscillator.friction
     return " + ".join(type(part).__name__ for part in getattr(law, "laws", (law,)))

@@ -4,9 +4,9 @@ import dataclasses
 import json
 import math
 import os
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, get_type_hints
+from typing import Any, get_type_hints
 
 import equinox as eqx
 import numpy as np
@@ -17,9 +17,6 @@ from ..oscillator.engines import AbstractEngine
 from ..show.files import write_text
 from .restored import TUPLES, restored
 
-if TYPE_CHECKING:
-    from .result import Fit
-
 SCHEMA = "fricjax.fit/5"
 
 _LARGEST = 1_000_000_000
@@ -29,7 +26,7 @@ _KINDS = {"residuals": tuple[np.ndarray, ...] | np.ndarray, "engine_used": Abstr
 """Kinds of the fields that are declared to hold anything."""
 
 
-def to_dict(fit: "Fit") -> dict[str, Any]:
+def to_dict(fit: Any) -> dict[str, Any]:
     """The fit as plain data that JSON can hold, without the samples."""
     fields = {field.name: getattr(fit, field.name) for field in dataclasses.fields(fit) if field.name not in _SAMPLES}
     fields["kinematics"] = {name: estimate._asdict() for name, estimate in fit.kinematics.items()}
@@ -53,35 +50,31 @@ def _plain(value: Any) -> Any:
     return value
 
 
-def save(fit: "Fit", path: str | os.PathLike[str], *, overwrite: bool = False) -> Path:
+def save(fit: Any, path: str | os.PathLike[str], *, overwrite: bool = False) -> Path:
     """Write the fit with its samples; the file appears whole or not at all."""
     content = {**to_dict(fit), "samples": {name: _plain(getattr(fit, name)) for name in _SAMPLES}}
     return write_text(path, json.dumps(content, allow_nan=False), overwrite=overwrite)
 
 
-def load_fit(path: str | os.PathLike[str]) -> "Fit":
-    """Read a fit that :meth:`Fit.save` wrote.
+def read_fit[F](path: str | os.PathLike[str], cls: type[F]) -> F:
+    """Read a fit of the class `cls` of all fits that :func:`save` wrote.
 
     Raises:
         DataError: no such file, or one that does not hold a fit of this schema; the sentence names the field.
     """
-    from .result import Fit
-
     source = Path(path)
-    stored = _stored(source)
-    kinds = {**get_type_hints(Fit), **_KINDS}
+    stored = _stored(source, [field.name for field in dataclasses.fields(cls)])  # pyright: ignore[reportArgumentType]
+    kinds = {**get_type_hints(cls), **_KINDS}
     try:
-        fit = Fit(**{name: restored(kinds[name], stored[name], name) for name in stored})
+        fit = cls(**{name: restored(kinds[name], stored[name], name) for name in stored})
         _check(fit)
     except DataError as error:
         raise DataError(f"{source}: {str(error).rstrip('.')}. Write fits with fit.save().") from error
     return fit
 
 
-def _stored(path: Path) -> dict[str, Any]:
+def _stored(path: Path, names: Sequence[str]) -> dict[str, Any]:
     """What the file has for each field of a fit."""
-    from .result import Fit
-
     try:
         content = json.loads(read_content(path, _LARGEST))
     except FileNotFoundError as error:
@@ -101,14 +94,13 @@ def _stored(path: Path) -> dict[str, Any]:
         raise DataError(f"{path} holds no fit of schema {SCHEMA} but {brief(schema)}. Write it again with fit.save().")
     samples = content.get("samples", {})
     merged = {**content, **(samples if isinstance(samples, dict) else {})}
-    names = [field.name for field in dataclasses.fields(Fit)]
     missing = [name for name in names if name not in merged]
     if missing:
         raise DataError(f"{path} lacks {', '.join(missing)}: only files written by fit.save() can be loaded.")
     return {name: merged[name] for name in names}
 
 
-def _check(fit: "Fit") -> None:
+def _check(fit: Any) -> None:
     """One sentence for fields that do not belong to one another."""
     errors = ("std_errors", "white_std_errors", "combined_std_errors")
     named: dict[str, Iterable[str]] = dict.fromkeys(errors, fit.names)
