@@ -13,7 +13,6 @@ from scipy.signal import lfilter
 
 import fricjax as fj
 from fricjax.instrument import white_acceleration
-from fricjax.oscillator import driven_motion
 
 STIFFNESS, FREQUENCY, DAMPING_RATIO = 2574.0, 12.6, 0.0027
 MASS = STIFFNESS / (2 * math.pi * FREQUENCY) ** 2
@@ -255,9 +254,10 @@ def motion(rig: Rig, random: np.random.Generator, floor: float = 0.0) -> Run:
         slide = fj.simulate(rig.oscillator, x0, t)
         return Run(rig.t, np.asarray(slide.x) + offset, int(slide.n_half_cycles) - 1)
     acceleration = white_acceleration(t.size, rig.rate, floor, random)
-    shaken = driven_motion(rig.oscillator, x0, t, base_acceleration=acceleration)
-    directions = np.sign(shaken.v[~shaken.at_rest & (shaken.v != 0)])
-    return Run(rig.t, shaken.x + offset, int(np.count_nonzero(np.diff(directions))), acceleration)
+    shaken = fj.simulate(rig.oscillator, x0, t, base_acceleration=acceleration)
+    v = np.asarray(shaken.v)
+    directions = np.sign(v[~np.asarray(shaken.at_rest) & (v != 0)])
+    return Run(rig.t, np.asarray(shaken.x) + offset, int(np.count_nonzero(np.diff(directions))), acceleration)
 
 
 def record(rig: Rig, kind: str, seed: int) -> Run:

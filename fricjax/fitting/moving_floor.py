@@ -14,7 +14,7 @@ import numpy as np
 from ..data import Record, Trace
 from ..data.gather import record_of
 from ..errors import DataError, UsageError
-from ..oscillator import Oscillator, driven_motion, simulate
+from ..oscillator import Oscillator, simulate
 from .fit import fit
 from .result import Fit
 
@@ -81,8 +81,6 @@ def _response(result: Fit, t: np.ndarray, floor: np.ndarray) -> np.ndarray:
 
 def _moved_by(oscillator: Oscillator, x0: float, v0: float, ts: np.ndarray, floor: np.ndarray) -> np.ndarray:
     """Motion on a floor with that acceleration [m]."""
-    if oscillator.friction.set_valued:
-        return driven_motion(oscillator, x0, ts, v0=v0, base_acceleration=floor).x
     return np.asarray(simulate(oscillator, x0, ts, v0=v0, base_acceleration=floor).x)
 
 

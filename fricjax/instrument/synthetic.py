@@ -15,7 +15,6 @@ from ..data.record import Record, Step
 from ..data.trace import Trace
 from ..errors import UsageError, nearest
 from ..oscillator import RESULTS, ExponentialRelease, Oscillator, is_successful, simulate
-from ..oscillator.engines.driven import driven_motion
 from ..oscillator.leaves import leaves_of
 from ..oscillator.restoring import Pendulum
 from .interferometer import Interferometer
@@ -121,15 +120,13 @@ def _integrate(
 ) -> tuple[np.ndarray, np.ndarray]:
     """The motion by whichever engine can follow it; times before the release mean nothing here."""
     drive: dict[str, Any] = {"v0": run.v0, "base_acceleration": floor, "release": release}
-    if not oscillator.friction.set_valued or (floor is None and release is None):
-        motion = simulate(oscillator, run.x0, ts, **drive)
-        if is_successful(motion.result):
-            return np.asarray(motion.x), np.asarray(motion.v)
-        if not oscillator.friction.set_valued:
-            raise UsageError(f"The motion could not be computed: {RESULTS[motion.result]}")
-    # Also for what has no half-cycles, such as an overdamped mass.
-    driven = driven_motion(oscillator, run.x0, ts, **drive)
-    return driven.x, driven.v
+    motion = simulate(oscillator, run.x0, ts, **drive)
+    if not is_successful(motion.result) and oscillator.friction.set_valued:
+        # What has no half-cycles, such as an overdamped mass, is followed in time.
+        motion = simulate(oscillator, run.x0, ts, engine="diffrax", **drive)
+    if not is_successful(motion.result):
+        raise UsageError(f"The motion could not be computed: {RESULTS[motion.result]}")
+    return np.asarray(motion.x), np.asarray(motion.v)
 
 
 def _meta(

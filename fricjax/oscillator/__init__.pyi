@@ -1,8 +1,7 @@
 from . import restoring
 from .drive import AbstractRelease, ExponentialRelease
 from .energy import Energy, energy
-from .engines import Exact, Hybrid, Smooth
-from .engines.driven import DrivenMotion, driven_motion
+from .engines import Events, Exact, Hybrid, Smooth
 from .engines.smooth.rosenbrock import Rodas5P
 from .motion import RESULTS, Motion, Start, is_successful
 from .oscillator import Oscillator
@@ -13,8 +12,8 @@ from .simulate import final_displacement, simulate, starting_state
 __all__ = [
     "RESULTS",
     "AbstractRelease",
-    "DrivenMotion",
     "Energy",
+    "Events",
     "Exact",
     "ExponentialRelease",
     "Hybrid",
@@ -24,7 +23,6 @@ __all__ = [
     "Rodas5P",
     "Smooth",
     "Start",
-    "driven_motion",
     "energy",
     "final_displacement",
     "is_successful",

@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 from ..friction.catalogue import Law, dotted
 
-ENGINES = ("auto", "exact", "hybrid", "smooth")
+ENGINES = ("auto", "exact", "hybrid", "smooth", "diffrax")
 
 
 class Name(NamedTuple):

@@ -1,19 +1,25 @@
 """Choosing an engine for an oscillator."""
 
+import dataclasses
 import functools
 import math
 from collections.abc import Mapping
 from typing import Any
 
+import diffrax
 import numpy as np
 from jax.core import Tracer
 
 from .engines.base import AbstractEngine
+from .engines.events import Events
 from .engines.exact import Exact
 from .engines.hybrid import Hybrid
 from .engines.smooth import Smooth
-from .names import ENGINES, check_engine
+from .names import check_engine
 from .oscillator import Oscillator
+
+# diffrax takes the tolerance of the stages from a controller only where it sees the solver bare.
+_KVAERNO = diffrax.Kvaerno5(root_finder=diffrax.VeryChord(rtol=1e-10, atol=1e-12))
 
 
 def select_engine(
@@ -22,7 +28,7 @@ def select_engine(
     """The engine of that name, or for "auto" the fastest one that can integrate the oscillator.
 
     Args:
-        engine: "auto", "exact", "hybrid", "smooth", or an engine, which is checked and returned.
+        engine: "auto", "exact", "hybrid", "smooth", "diffrax", or an engine, which is checked and returned.
         oscillator: what it is to integrate.
         accuracy: largest error of the displacement aimed at [m].
         max_half_cycles: number of half-cycles to provide for.
@@ -39,12 +45,17 @@ def select_engine(
 
 def _named(name: str, oscillator: Oscillator, accuracy: float, max_half_cycles: int) -> AbstractEngine:
     engines = _engines(accuracy, max_half_cycles, oscillator.friction.step_refinement)
+    if name == "diffrax":
+        # Its own solvers from end to end: the reference, by which the others are tested.
+        events = Events(accuracy, max_half_cycles)
+        smooth = dataclasses.replace(engines["smooth"], method=_KVAERNO)
+        return events if oscillator.friction.set_valued else smooth
     if name in engines:
         return engines[name]
     check_engine(name)
     # A drag that is being differentiated counts as present, whatever its value.
     without_drag = isinstance(oscillator.drag, np.ndarray)
-    candidates = [engines[candidate] for candidate in ENGINES[1 if without_drag else 2 :]]
+    candidates = [engines[candidate] for candidate in (("exact", "hybrid") if without_drag else ("hybrid",))]
     return next((e for e in candidates if e.refusal(oscillator) is None), engines["smooth"])
 
 

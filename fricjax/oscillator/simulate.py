@@ -1,6 +1,7 @@
 """From an oscillator and a start to its motion."""
 
 import dataclasses
+import math
 from typing import Any
 
 import equinox as eqx
@@ -12,6 +13,7 @@ from jaxtyping import Array, ArrayLike, Float
 
 from .drive import AbstractRelease, Drive
 from .engines.base import AbstractEngine
+from .engines.events import Events
 from .engines.smooth import Smooth
 from .motion import Motion, Start
 from .oscillator import Oscillator
@@ -42,10 +44,11 @@ def simulate(
         v0: velocity at time zero [m/s]. The motion has a kink in `v0` at zero, where the mass starts from rest.
         state0: internal states of the law at time zero, shape (states,); None stands for those after a slow pull to
             `x0`, or after long sliding where `v0` is not zero.
-        engine: "auto", "exact", "hybrid", "smooth" or an engine.
+        engine: "auto", "exact", "hybrid", "smooth", an engine, or "diffrax": the solvers of diffrax from end to end, by
+            which the others are tested.
         accuracy: largest numerical error of the displacement aimed at [m].
-        base_acceleration: floor acceleration at `ts` [m/s^2], shape (samples,); needs the smooth engine.
-        release: law of the decaying holding force; needs the smooth engine.
+        base_acceleration: floor acceleration at `ts` [m/s^2], linear between them, shape (samples,).
+        release: law of the decaying holding force.
 
     Returns:
         The motion; its `result` says whether the integration succeeded.
@@ -68,10 +71,18 @@ def simulate(
     duration = None if isinstance(times, Tracer) else float(np.asarray(times)[-1])
     x, v = _number("x0", x0), _number("v0", v0)
     capacity = half_cycle_capacity(oscillator, duration, x, v)
-    name = "smooth" if driven and engine == "auto" else engine
+    # Neither a phase nor the shape of a half-cycle is known beforehand where the mass is driven.
+    driven_by = "diffrax" if oscillator.friction.set_valued else "smooth"
+    name = driven_by if driven and engine == "auto" else engine
+    if base_acceleration is not None:
+        # A floor may reverse the mass more often than its spring does, though hardly from sample to sample.
+        capacity = max(capacity, 2 ** math.ceil(math.log2(times.size)))
     chosen = select_engine(name, oscillator, accuracy=accuracy, max_half_cycles=capacity)
-    if driven and not isinstance(chosen, Smooth):
-        raise ValueError("Floor motion and a decaying holding force need the smooth engine.")
+    if driven and not isinstance(chosen, Smooth | Events):
+        raise ValueError(
+            "Floor motion and a decaying holding force need integration in time: leave the engine to auto, or choose "
+            '"smooth" or "diffrax".'
+        )
     state = None if state0 is None else _floats(state0)
     floor = None if base_acceleration is None else jnp.asarray(base_acceleration, float)
     drive = Drive(floor, release) if driven else None
@@ -148,7 +159,7 @@ def _solve(
     drive: Drive | None,
 ) -> Motion:
     start = starting_state(oscillator, x0, v0, state0)
-    if drive is not None and isinstance(engine, Smooth):
+    if drive is not None and isinstance(engine, Smooth | Events):
         motion = engine.solve(oscillator, start, ts, drive=drive)
         return motion if limit is None else eqx.tree_at(lambda m: m.regularisation_bias, motion, jnp.asarray(jnp.nan))
     motion = engine.solve(oscillator, start, ts)

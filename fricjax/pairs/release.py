@@ -12,7 +12,7 @@ import numpy as np
 from ..data.gather import record_of
 from ..errors import DataError, UsageError
 from ..fitting import Fit
-from ..oscillator import ExponentialRelease, driven_motion
+from ..oscillator import ExponentialRelease, simulate
 from .result import Estimates
 
 _UNITS = {"time_constant": "s", "t_release": "s", "x0": "m"}
@@ -73,8 +73,8 @@ def fit_release(data: Any, fit: Fit) -> Estimates:
     def residual(p: np.ndarray) -> np.ndarray:
         log_decay, t_release, x0 = p
         release = ExponentialRelease(np.exp(log_decay))
-        motion = driven_motion(machine, x0, t - t_release, release=release, accuracy=_ACCURACY)
-        return (motion.x + offset - x) / sigma
+        motion = simulate(machine, x0, t - t_release, release=release, accuracy=_ACCURACY)
+        return (np.asarray(motion.x) + offset - x) / sigma
 
     def jacobian(p: np.ndarray) -> np.ndarray:
         ends = ((residual(p + step) - residual(p - step)) / (2 * np.sum(step)) for step in np.diag(_STEPS))

@@ -8,7 +8,6 @@ from fricjax.fitting.floor import passage_of
 from fricjax.fitting.solve import solve
 from fricjax.friction import Coulomb, Stribeck
 from fricjax.instrument import white_acceleration
-from fricjax.oscillator import driven_motion
 from tests.fitting.problem_of import problem_of
 from tests.fitting.runs import MACHINE, STIFFNESS
 from tests.helpers import PROTOTYPE_DAMPING, PROTOTYPE_MASS
@@ -72,8 +71,8 @@ def test_kicks_add_up_as_their_integral_says():
 def shaken(seed: int, least: float = 1.8e-3, most: float = 2.6e-3, t: np.ndarray = T) -> Trace:
     random = np.random.default_rng(seed)
     start, floor = random.uniform(least, most), white_acceleration(t.size, 2e4, FLOOR, random)
-    motion = driven_motion(MODEL, start, t, base_acceleration=floor)
-    return Trace(t, motion.x + 1e-9 * random.standard_normal(t.size))
+    motion = simulate(MODEL, start, t, base_acceleration=floor)
+    return Trace(t, np.asarray(motion.x) + 1e-9 * random.standard_normal(t.size))
 
 
 def test_a_floor_that_shakes_is_told_by_the_record():

@@ -6,7 +6,7 @@ import pytest
 import fricjax as fj
 from fricjax.errors import DataError, UsageError
 from fricjax.fitting import fit_on_moving_floor
-from fricjax.oscillator import driven_motion
+from fricjax.oscillator import simulate
 from tests.fitting.runs import MACHINE, RIGS, oscillator
 
 SLIDING = oscillator(RIGS["sliding"], "Coulomb")
@@ -18,7 +18,7 @@ def shaken() -> tuple[fj.Trace, np.ndarray]:
     """A run on a floor of the vibration class C at 12.6 Hz."""
     random, t = np.random.default_rng(0), np.arange(round(0.45 * RATE)) / RATE
     floor = np.sqrt(3.4e-7 * RATE / 2) * random.standard_normal(t.size)
-    x = driven_motion(SLIDING, 2e-3, t, base_acceleration=floor).x
+    x = np.asarray(simulate(SLIDING, 2e-3, t, base_acceleration=floor).x)
     return fj.Trace(t, x + NOISE * random.standard_normal(t.size), sigma=NOISE), floor
 
 

@@ -7,7 +7,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from fricjax.friction import Coulomb, LuGre
-from fricjax.oscillator import Oscillator, driven_motion, energy, simulate
+from fricjax.oscillator import Oscillator, energy, simulate
 from fricjax.oscillator.restoring import Structural
 from tests.helpers import PROTOTYPE_DAMPING, PROTOTYPE_MASS
 
@@ -82,7 +82,7 @@ def test_with_friction_and_damping_it_is_the_motion_by_events(eta_h: float):
 
 
 def test_a_driven_motion_has_the_same_spring():
-    driven = driven_motion(machine(0.05), X0, T, base_acceleration=np.zeros(T.size), accuracy=1e-11)
+    driven = simulate(machine(0.05), X0, T, base_acceleration=np.zeros(T.size), accuracy=1e-11)
     np.testing.assert_allclose(driven.x, simulate(machine(0.05), X0, T).x, atol=2e-10)
 
 

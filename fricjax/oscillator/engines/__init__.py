@@ -1,7 +1,8 @@
-"""Three ways to integrate one oscillator, with one interface."""
+"""Ways to integrate one oscillator, with one interface."""
 
 from ..drive import Drive
 from .base import AbstractEngine, AbstractPath, Demands
+from .events import Events
 from .exact import Exact
 from .hybrid import Hybrid
 from .hybrid.amplitude_table import Span
@@ -15,6 +16,7 @@ __all__ = [
     "AbstractPath",
     "Demands",
     "Drive",
+    "Events",
     "Exact",
     "Hybrid",
     "Mesh",

@@ -74,6 +74,8 @@ class Smooth(AbstractEngine):
         max_half_cycles: length of the list of turning points, and most half-cycles of a mesh in phase.
         still: way on which a contact may still spring back and ring while the mass is taken to be at rest [m]. It is
             far below the accuracy, for a lightly damped contact creeps under its ringing, hundreds of times as far.
+        method: solver of diffrax for :meth:`solve`, with its own controller; None: Rodas5P where a law is stiff, else
+            Dopri8, by steps that end at reversals.
 
     Examples:
         >>> print(f"{Smooth(accuracy=1e-10).finer().accuracy:.0e} m")
@@ -86,6 +88,8 @@ class Smooth(AbstractEngine):
     max_steps: int = eqx.field(static=True, default=1_000_000)
     max_half_cycles: int = eqx.field(static=True, default=512)
     still: float | Float[Array | np.ndarray, ""] = 1e-13
+    # Of its fields some are no arrays, so that it shapes the computation.
+    method: diffrax.AbstractAdaptiveSolver | None = eqx.field(static=True, default=None)
 
     @staticmethod
     def refusal(oscillator: Oscillator) -> str | None:
@@ -252,9 +256,8 @@ class Smooth(AbstractEngine):
 
         With `recorded`, the length of the list, the solver keeps a log of the reversals.
         """
-        solver, controller = self._chosen(
-            args.machine, SwitchingSolver(_plain(args.machine.oscillator), _switching_quantities, _after_switch)
-        )
+        method = self.method or _plain(args.machine.oscillator)
+        solver, controller = self._chosen(args.machine, SwitchingSolver(method, _switching_quantities, _after_switch))
         settings = {"saveat": saveat, "stepsize_controller": controller, "max_steps": max_steps, "event": event}
         with_log = solver if recorded is None else ReversalRecorder(solver, recorded, _record)
         return integrate(_field, with_log, jnp.zeros(()), end, y0, args, **settings)
@@ -262,6 +265,8 @@ class Smooth(AbstractEngine):
     def _chosen(self, machine: Scaled, switching: SwitchingSolver) -> tuple[diffrax.AbstractAdaptiveSolver, Any]:
         """Solver and controller in time; their steps end where the rates of a law with states have a kink."""
         tolerance = self._tolerance(machine)
+        if self.method is not None:
+            return switching, Cautious(rtol=tolerance, atol=tolerance)
         if not machine.oscillator.friction.n_states:
             return switching.solver, diffrax.PIDController(rtol=tolerance, atol=tolerance)
         return switching, SecantSteps(Cautious(rtol=tolerance, atol=tolerance), step_across(tolerance))

@@ -1,0 +1,278 @@
+"""Integration in time of a mass under set-valued friction, driven or free: diffrax with its events and its root finder.
+
+Sliding has a direction, and within it the equation of motion is smooth. diffrax integrates up to the instant at which
+the velocity vanishes, which its root finder locates on the dense output of the last step. There the mass sticks if the
+net pull does not exceed the static friction force, and slides on in the direction of the pull if it does. A mass that
+sticks is held until the pull outgrows that force, which is an event as well. So no step straddles the jump.
+
+It is what a free motion is tested against, since nothing in it is known beforehand: neither the phase nor the shape of
+a half-cycle. For driven motion, which has neither, it is the engine.
+"""
+
+from typing import Any, ClassVar, NamedTuple
+
+import diffrax
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import optimistix
+from jaxtyping import Array, Float, Int
+
+from ..drive import Drive
+from ..motion import RESULTS, Motion, Start
+from ..oscillator import Oscillator
+from .base import AbstractEngine, AbstractPath, Demands
+
+# Over fifty half-cycles the errors of the steps add up to some thirty times the tolerance.
+_SHARE = 0.02
+_FINEST = 1e-14
+# Samples that one integration may fill: without a bound, each of thousands of half-cycles would go through all samples.
+_WINDOW = 512
+
+
+class _Phase(NamedTuple):
+    """The mass as it begins to slide in one direction, to stick, or to go on: scaled state, and the samples so far.
+
+    `direction` is +1 or -1, and 0 while the mass sticks; `slid` tells whether it has moved yet, for a contact that has
+    stood holds more.
+    """
+
+    tau: Array
+    x: Array
+    v: Array
+    direction: Array
+    slid: Array
+    count: Array
+    points: Array
+    stopped: Array
+    xs: Array
+    vs: Array
+    directions: Array
+    phases: Array
+    steps: Array
+    result: Any
+
+
+class _Machine(eqx.Module):
+    """An oscillator and what drives it, in units of its own: length [m], and rate [1/s] as the inverse of time."""
+
+    oscillator: Oscillator
+    length: Array
+    rate: Array
+    floor: Any
+    release: Any
+    hold: Array
+
+    def pull(self, tau: Array, x: Array) -> Array:
+        """Net force towards negative x that friction has to balance at rest [N]."""
+        force = self.oscillator.restoring_force(x * self.length)
+        if self.floor is not None:
+            force = force + self.oscillator.mass * self.floor.evaluate(tau)
+        if self.release is not None:
+            force = force - self.release.force(tau / self.rate, self.hold)
+        return force
+
+    def excess(self, tau: Array, x: Array, slid: Array) -> Array:
+        """By how much the largest force that holds the mass exceeds the pull, in units of the spring's force."""
+        law, load = self.oscillator.friction, self.oscillator.normal_force
+        contact = jnp.where(slid, law.static_force(load), law.breakaway_force(load))
+        most = contact + self.oscillator.hysteresis(x * self.length)
+        return (most - jnp.abs(self.pull(tau, x))) / (self.oscillator.stiffness * self.length)
+
+    def onward(self, tau: Array, x: Array, slid: Array) -> Array:
+        """Where a mass of zero velocity goes: 0 if static friction holds it."""
+        spare = self.excess(tau, x, slid)
+        # Without contact, a floor that moves leaves no mass at rest, though its pull may vanish for an instant.
+        leaves = (spare < 0) | ((spare == 0) & (self.floor is not None))
+        return jnp.where(leaves, self.away(tau, x), 0.0)
+
+    def away(self, tau: Array, x: Array) -> Array:
+        """The direction in which the pull moves the mass."""
+        return jnp.where(self.pull(tau, x) > 0, -1.0, 1.0)
+
+
+class _Args(NamedTuple):
+    machine: _Machine
+    direction: Array
+    slid: Array
+    begin: Array
+
+
+def _field(tau: Any, y: tuple, args: _Args) -> tuple:
+    """Rates of the scaled displacement and velocity while the mass slides in one direction, or sticks."""
+    machine, oscillator = args.machine, args.machine.oscillator
+    speed = machine.length * machine.rate
+    x, v = y[0] * machine.length, y[1] * speed
+    sliding = oscillator.friction.sliding_force(jnp.maximum(args.direction * v, 0.0), oscillator.normal_force)
+    resisting = oscillator.dissipation(v) + args.direction * (sliding + oscillator.hysteresis(x))
+    a = -(machine.pull(tau, y[0]) + resisting) / oscillator.mass
+    moves = jnp.abs(args.direction)
+    return moves * y[1], moves * a / (speed * machine.rate)
+
+
+def _ends(t: Any, y: tuple, args: _Args, **kwargs: Any) -> Array:
+    """What vanishes where a phase ends: the velocity of a slide, the spare force of a rest."""
+    # At the begin of a slide the velocity vanishes too, which is no end.
+    forward = jnp.where(t <= args.begin, 1.0, args.direction * y[1])
+    return jnp.where(args.direction == 0, args.machine.excess(t, y[0], args.slid), forward)
+
+
+class Events(AbstractEngine):
+    """Slides and rests one after the other, each integrated by diffrax up to its event.
+
+    Attributes:
+        accuracy: largest error of the displacement aimed at [m].
+        max_half_cycles: length of the list of turning points, and most slides of a motion; each may be followed by a
+            rest.
+        max_steps: bound on the number of steps of one slide or rest.
+    """
+
+    needs_mesh: ClassVar[bool] = False
+    accuracy: float | Float[Array | np.ndarray, ""] = 1e-10
+    max_half_cycles: int = eqx.field(static=True, default=512)
+    max_steps: int = eqx.field(static=True, default=100_000)
+
+    @staticmethod
+    def refusal(oscillator: Oscillator) -> str | None:
+        if not oscillator.friction.set_valued:
+            name = type(oscillator.friction).__name__
+            return f"{name} has no jump at rest, at which slides and rests begin and end. Use the smooth engine."
+        return None
+
+    def tuned(self, oscillator: Oscillator, demands: Demands) -> "Events":
+        return Events(np.asarray(demands.accuracy), self.max_half_cycles, self.max_steps)
+
+    def checking(self) -> "Events":
+        return self.finer()
+
+    def finer(self) -> "Events":
+        return Events(self.accuracy / 10, self.max_half_cycles, self.max_steps)
+
+    def path(self, oscillator: Oscillator, start: Start, half_cycles: Int[Array, ""] | None = None) -> AbstractPath:
+        raise ValueError("The diffrax engine is a reference for simulations. Fit with another one, such as auto.")
+
+    def solve(
+        self,
+        oscillator: Oscillator,
+        start: Start,
+        ts: Float[Array, " samples"],
+        half_cycles: Int[Array, ""] | None = None,
+        drive: Drive | None = None,
+    ) -> Motion:
+        machine = _machine(oscillator, start, ts, drive or Drive())
+        taus, speed = jnp.maximum(ts, 0.0) * machine.rate, machine.length * machine.rate
+        most = jnp.asarray(jnp.inf if half_cycles is None else half_cycles, float)
+        end = jnp.maximum(taus[-1], 1e-9)
+        # Each slide may be followed by a rest, and either may be longer than a window.
+        most_phases = 2 * self.max_half_cycles + 2 * taus.size // _WINDOW + 2
+        going = lambda at: (at.tau < end) & (at.phases < most_phases) & (at.count < self.max_half_cycles)
+        last = jax.lax.while_loop(
+            going, lambda at: self._next(machine, taus, end, most, at), self._begun(machine, start, taus)
+        )
+        x, v, direction = last.xs * machine.length, last.vs * speed, last.directions
+        load = oscillator.normal_force
+        sliding = oscillator.friction.sliding_force(jnp.abs(v), load)
+        balance = -jax.vmap(machine.pull)(taus, last.xs)
+        # Before time zero the mass is held where it starts.
+        at_rest = (direction == 0) | (ts < 0)
+        short = last.tau < end
+        return Motion(
+            t=ts,
+            x=x,
+            v=jnp.where(ts < 0, 0.0, v),
+            friction_force=jnp.where(at_rest, balance, direction * sliding),
+            at_rest=at_rest,
+            t_stop=jnp.where(drive is None, last.stopped, jnp.inf) / machine.rate,
+            turning_points=last.points * machine.length,
+            n_half_cycles=last.count,
+            regularisation_bias=jnp.zeros(()),
+            engine="diffrax",
+            result=RESULTS.where(short, RESULTS.too_many_half_cycles, last.result),
+            stats={"num_steps": last.steps},
+        )
+
+    def _begun(self, machine: _Machine, start: Start, taus: Array) -> _Phase:
+        x, v = start.x0 / machine.length, start.v0 / (machine.length * machine.rate)
+        zero, stood = jnp.zeros(()), jnp.asarray(False)
+        direction = jnp.where(v == 0, machine.onward(zero, x, stood), jnp.sign(v))
+        points = jnp.full(self.max_half_cycles + 1, jnp.nan).at[0].set(jnp.where(v == 0, x, jnp.nan))
+        everywhere = jnp.zeros(taus.shape)
+        stopped = jnp.where(direction == 0, 0.0, jnp.inf)
+        none = jnp.zeros((), int)
+        at = x + everywhere, v + everywhere, direction + everywhere
+        return _Phase(zero, x, v, direction, direction != 0, none, points, stopped, *at, none, none, RESULTS.successful)
+
+    def _next(self, machine: _Machine, taus: Array, end: Array, most: Array, at: _Phase) -> _Phase:
+        """The phase that follows one, which is integrated and sampled."""
+        tolerance = jnp.maximum(_SHARE * self.accuracy / machine.length, _FINEST)
+        # What the root finder leaves moves the next half-cycle by its square, for the mass hardly moves at a reversal.
+        # Newton's method gets lost where a slide ends within its first step: the velocity vanishes at both ends of it.
+        finder = optimistix.Bisection(rtol=1e-10, atol=1e-10)
+        width = min(_WINDOW, taus.size)
+        first = jnp.clip(jnp.searchsorted(taus, at.tau, side="right") - 1, 0, taus.size - width)
+        window = jax.lax.dynamic_slice(taus, (first,), (width,))
+        until = jnp.where(first + width == taus.size, end, window[-1])
+        samples = diffrax.SubSaveAt(ts=jnp.clip(window, at.tau, until))
+        controller: Any = diffrax.PIDController(rtol=tolerance, atol=tolerance)
+        if machine.floor is not None:
+            # The floor has a kink at each sample; and a step of a mass that sticks would jump over a short slip.
+            controller = diffrax.ClipStepSizeController(controller, step_ts=window)
+        solution: Any = diffrax.diffeqsolve(
+            diffrax.ODETerm(_field),
+            # Samples and events are read off the dense output, which that of Dopri8 makes fifty times worse.
+            diffrax.Tsit5(),
+            at.tau,
+            until,
+            None,
+            (at.x, at.v),
+            _Args(machine, at.direction, at.slid, jnp.where(at.v == 0, at.tau, -jnp.inf)),
+            saveat=diffrax.SaveAt(subs=[samples, diffrax.SubSaveAt(t1=True)]),
+            stepsize_controller=controller,
+            adjoint=diffrax.ForwardMode(),
+            event=diffrax.Event(_ends, finder),
+            max_steps=self.max_steps,
+            throw=False,
+        )
+        tau, (x, v) = solution.ts[1][-1], (part[-1] for part in solution.ys[1])
+        failed = (solution.result != diffrax.RESULTS.successful) & (solution.result != diffrax.RESULTS.event_occurred)
+        ended = solution.result == diffrax.RESULTS.event_occurred
+        moved = at.direction != 0
+        count = at.count + (ended & moved)
+        inside = (window >= at.tau) & (window <= tau)
+
+        def sampled(so_far: Array, here: Any) -> Array:
+            before = jax.lax.dynamic_slice(so_far, (first,), (width,))
+            return jax.lax.dynamic_update_slice(so_far, jnp.where(inside, here, before), (first,))
+
+        onward = jnp.where(count >= most, 0.0, machine.onward(tau, x, jnp.asarray(True)))
+        # Rounding may leave the pull at the end of a rest just below what holds the mass.
+        direction = jnp.where(ended, jnp.where(moved, onward, machine.away(tau, x)), at.direction)
+        return _Phase(
+            tau=jnp.where(failed, end, tau),
+            x=x,
+            v=jnp.where(ended, 0.0, v),
+            direction=direction,
+            slid=at.slid | moved,
+            count=count,
+            # Dropped beyond the list's end; a choice between two lists would copy it for each half-cycle.
+            points=at.points.at[jnp.where(ended & moved, count, at.points.size)].set(x, mode="drop"),
+            stopped=jnp.where(ended, jnp.where(direction == 0, tau, jnp.inf), at.stopped),
+            xs=sampled(at.xs, solution.ys[0][0]),
+            vs=sampled(at.vs, solution.ys[0][1]),
+            directions=sampled(at.directions, at.direction),
+            phases=at.phases + 1,
+            steps=at.steps + solution.stats["num_steps"],
+            result=RESULTS.where(failed, RESULTS.promote(solution.result), at.result),
+        )
+
+
+def _machine(oscillator: Oscillator, start: Start, ts: Array, drive: Drive) -> _Machine:
+    rate = oscillator.angular_frequency
+    floor, path = drive.base_acceleration, None
+    reach = jnp.maximum(jnp.maximum(jnp.abs(start.x0), jnp.abs(start.v0) / rate), oscillator.dead_band)
+    if floor is not None:
+        reach = jnp.maximum(reach, jnp.max(jnp.abs(floor)) / rate**2)
+        path = diffrax.LinearInterpolation(ts * rate, floor)
+    length = jax.lax.stop_gradient(jnp.where(reach > 0, reach, 1.0))
+    return _Machine(oscillator, length, rate, path, drive.release, oscillator.restoring_force(start.x0))
