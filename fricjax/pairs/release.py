@@ -7,6 +7,8 @@ first reversal on does not see it; with the machine known from there, the sample
 
 from typing import Any
 
+import jax
+import jax.numpy as jnp
 import numpy as np
 
 from ..data.gather import record_of
@@ -20,9 +22,8 @@ _UNITS = {"time_constant": "s", "t_release": "s", "x0": "m"}
 _LEAST = 8
 # Start value of the time constant [s]: that of a small electromagnet.
 _TYPICAL = 1e-3
-# Steps of the finite differences of log(time constant), release and displacement: far above the error of the
-# integration, which is the last number [m].
-_STEPS, _ACCURACY = np.array([1e-3, 1e-6, 1e-9]), 1e-11
+# Error of the integration [m]: far below the noise of any interferometer.
+_ACCURACY = 1e-11
 
 
 def fit_release(data: Any, fit: Fit) -> Estimates:
@@ -70,18 +71,22 @@ def fit_release(data: Any, fit: Fit) -> Estimates:
     half_period = np.pi / float(machine.angular_frequency)
     begin = np.array([np.log(_TYPICAL), first_reversal - half_period - _TYPICAL, x[0] - offset])
 
-    def residual(p: np.ndarray) -> np.ndarray:
+    def residual(p: Any) -> Any:
         log_decay, t_release, x0 = p
-        release = ExponentialRelease(np.exp(log_decay))
+        release = ExponentialRelease(jnp.exp(log_decay))
         motion = simulate(machine, x0, t - t_release, release=release, accuracy=_ACCURACY)
-        return (np.asarray(motion.x) + offset - x) / sigma
+        return (motion.x + offset - x) / sigma
 
-    def jacobian(p: np.ndarray) -> np.ndarray:
-        ends = ((residual(p + step) - residual(p - step)) / (2 * np.sum(step)) for step in np.diag(_STEPS))
-        return np.stack(list(ends), axis=1)
+    jacobian = jax.jacfwd(residual)
 
     scale = np.array([1.0, 1e-3, abs(begin[2])])
-    solved = least_squares(residual, begin, jac=jacobian, x_scale=scale, method="lm")  # pyright: ignore
+    solved = least_squares(
+        lambda p: np.asarray(residual(p)),
+        begin,
+        jac=lambda p: np.asarray(jacobian(jnp.asarray(p))),  # pyright: ignore[reportArgumentType]
+        x_scale=scale,
+        method="lm",
+    )
     if not np.all(np.isfinite(solved.jac)) or np.linalg.matrix_rank(solved.jac) < begin.size:
         raise DataError(
             "The samples before the first reversal do not determine the release. Record the run from before it, and "

@@ -126,6 +126,14 @@ class Events(AbstractEngine):
         max_half_cycles: length of the list of turning points, and most slides of a motion; each may be followed by a
             rest.
         max_steps: bound on the number of steps of one slide or rest.
+
+    Examples:
+        >>> import numpy as np
+        >>> import fricjax as fj
+        >>> machine = fj.Oscillator(0.4, 2500.0, 0.2, 10.0, fj.friction.Coulomb(0.05))
+        >>> motion = fj.simulate(machine, 2e-3, np.linspace(0, 1, 11), engine=Events(accuracy=1e-10))
+        >>> int(motion.n_half_cycles), bool(motion.at_rest[-1])
+        (5, True)
     """
 
     needs_mesh: ClassVar[bool] = False
