@@ -70,7 +70,9 @@ JARGON = (
     "idle",
     "told",
 )
-KEPT = re.compile(r"turning_(points?|times?)|held_out(_\w+)?|closing_bracket|given_back")
+KEPT = re.compile(
+    r"turning_(points?|times?)|held_out(_\w+)?|(file|module|package)notfounderror|optimum_found|step_refinement|eye"
+)
 
 
 def main() -> None:

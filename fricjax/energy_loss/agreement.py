@@ -88,7 +88,7 @@ class Agreement(Reported):
         return len(self.routes) > 1 and self.spread <= self.tolerance
 
     @property
-    def verdict(self) -> str:
+    def conclusion(self) -> str:
         """What that says of the model, in one sentence."""
         if len(self.routes) < 2:
             return "Fewer than two routes gave a number, so the model is not tested."
@@ -111,9 +111,9 @@ class Agreement(Reported):
         rows = [[r.name, Measured(r.mu, r.std), plain(r.mu / self.mu - 1, 2), str(r.runs)] for r in self.routes]
         rows += [[name, None, None, reason] for name, reason in self.failures.items()]
         files = [("runs", ", ".join(labels(self.sources)))] if any(self.sources) else []
-        facts = [*files, ("most precise", uncertain(self.mu, self.std)), ("agreement", self.verdict)]
+        facts = [*files, ("most precise", uncertain(self.mu, self.std)), ("agreement", self.conclusion)]
         table = Table(["Route", "mu", "From the most precise (relative)", "Runs"], rows)
-        return Report([table], facts, data=vars(self) | {"agree": self.agree, "verdict": self.verdict})
+        return Report([table], facts, data=vars(self) | {"agree": self.agree, "conclusion": self.conclusion})
 
 
 def compare_routes(records: Any, rig: Rig, *, tolerance: float = 1e-3) -> Agreement:

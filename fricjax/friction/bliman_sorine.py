@@ -42,7 +42,7 @@ class BlimanSorine(AbstractBristle):
     }
     source: ClassVar[str] = "P.-A. Bliman and M. Sorine, Proc. European Control Conference (1995)"
     identifies: ClassVar[str] = (
-        "mu1 - mu2 from the strokes; the rest only where epsilon is no small part of them. With mu2 = 0 only the "
+        "mu1 - mu2 from the half-cycles; the rest only where epsilon is no small part of them. With mu2 = 0 only the "
         "product eta epsilon."
     )
     n_states: ClassVar[int] = 2

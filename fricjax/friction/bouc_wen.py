@@ -39,8 +39,8 @@ class BoucWen(AbstractDeflection):
     }
     source: ClassVar[str] = "R. Bouc (1967); Y.-K. Wen, J. Eng. Mech. Div. ASCE 102 (1976)"
     identifies: ClassVar[str] = (
-        "mu from the strokes; sigma0 from the work that each reversal gives back and from the ringing at rest; "
-        "n and beta only where the length mu N/sigma0 is no small part of the strokes."
+        "mu from the half-cycles; sigma0 from the work that each reversal gives back and from the ringing at rest; "
+        "n and beta only where the length mu N/sigma0 is no small part of the half-cycles."
     )
 
     mu: Scalar = eqx.field(converter=scalar)

@@ -33,9 +33,9 @@ class Law:
     falls: bool = False
     lists: bool = False
 
-    def present(self, given: Collection[str]) -> tuple[str, ...]:
-        """The coefficients that the law has where these are given."""
-        return tuple(name for name in self.coefficients if name not in self.optional or name in given)
+    def present(self, passed: Collection[str]) -> tuple[str, ...]:
+        """The coefficients that the law has where these are passed."""
+        return tuple(name for name in self.coefficients if name not in self.optional or name in passed)
 
 
 def _law(name: str, kind: Kind, written: str, **more: bool) -> Law:
@@ -92,13 +92,13 @@ def check_summands(names: Collection[str], *, jumps: bool, remembers: bool) -> N
         )
 
 
-def dotted(laws: Collection[Law], given: Collection[Collection[str]]) -> Iterator[str]:
+def dotted(laws: Collection[Law], passed: Collection[Collection[str]]) -> Iterator[str]:
     """Names of the coefficients of a law, or of a sum of several, as an oscillator has them.
 
     Args:
         laws: the law, or the summands.
-        given: for each of them the names of the coefficients that are given.
+        passed: for each of them the names of the coefficients that are passed.
     """
-    for i, (law, names) in enumerate(zip(laws, given, strict=True)):
+    for i, (law, names) in enumerate(zip(laws, passed, strict=True)):
         place = "friction" if len(laws) == 1 else f"friction.{i}"
         yield from (f"{place}.{name}" for name in law.present(names))

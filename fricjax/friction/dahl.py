@@ -38,8 +38,8 @@ class Dahl(AbstractDeflection):
     }
     source: ClassVar[str] = "P. R. Dahl, Aerospace Corporation TOR-0158 (1968); AIAA J. 14 (1976)"
     identifies: ClassVar[str] = (
-        "mu from the strokes; sigma0 from the work that each reversal gives back and from the ringing at rest; "
-        "exponent only where the length mu N/sigma0 is no small part of the strokes."
+        "mu from the half-cycles; sigma0 from the work that each reversal gives back and from the ringing at rest; "
+        "exponent only where the length mu N/sigma0 is no small part of the half-cycles."
     )
 
     mu: Scalar = eqx.field(converter=scalar)

@@ -18,7 +18,7 @@ from .kinds import AbstractBristle
 BEYOND = 1 + 1e-9
 
 
-def held(trial: Values, limits: Values) -> Values:
+def yielded(trial: Values, limits: Values) -> Values:
     """Deflections that the sliders allow, from trial ones."""
     # Less than half of what clip compiles to, whose derivatives share ties between both sides.
     return jnp.where(trial > limits, limits, jnp.where(trial < -limits, -limits, trial))
@@ -43,10 +43,10 @@ class AbstractElements(AbstractBristle):
         return v * jnp.ones_like(state)
 
     def return_map(self, v: Scalar, a: Scalar, state: State, load: Scalar) -> State:
-        return held(state, BEYOND * self.limits_of_deflection(load))
+        return yielded(state, BEYOND * self.limits_of_deflection(load))
 
     def force(self, v: Values, state: State, load: Scalar) -> Values:
-        return jnp.sum(self.springs() * held(state, self.limits_of_deflection(load))) + jnp.zeros_like(v)
+        return jnp.sum(self.springs() * yielded(state, self.limits_of_deflection(load))) + jnp.zeros_like(v)
 
     def switches(self, v: Scalar, state: State, load: Scalar) -> Values:
         return self.limits_of_deflection(load) - jnp.sign(v) * state

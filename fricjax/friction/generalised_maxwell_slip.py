@@ -20,7 +20,7 @@ class GeneralisedMaxwellSlip(AbstractStribeckElements):
     Stiffnesses and attraction do not scale with the load.
 
     The states are the deflections of the springs [m], and the deflections at which they began to slip [m], zero for
-    an element that sticks: whether it does cannot be told from its force, for that falls below ``a_i g(v)`` as the
+    an element that sticks: whether it does cannot be seen from its force, for that falls below ``a_i g(v)`` as the
     mass slows down. Modes change between two steps of the integration, and steps end where they change.
 
     Attributes:
@@ -110,10 +110,10 @@ class GeneralisedMaxwellSlip(AbstractStribeckElements):
         z = jnp.where(ends, z - since_reversal * self._attracted(v, z, slip, load), z)
         # The deflection at which an element slips now, and how fast it changes with the speed.
         limit, change = jax.jvp(lambda w: jnp.sign(v) * self._capacity(w, load) / self.springs(), (v,), (a,))
-        excess, closing = jnp.sign(v) * (z - limit), jnp.abs(v) - jnp.sign(v) * change
+        excess, approach = jnp.sign(v) * (z - limit), jnp.abs(v) - jnp.sign(v) * change
         begins = ((slip == 0) | ends) & (excess >= 0) & (v != 0)
         # One that begins to slip did so when the excess was zero, and has stayed where it was then.
-        since = jnp.where(closing > 0, excess / jnp.where(closing > 0, closing, 1.0), 0.0)
+        since = jnp.where(approach > 0, excess / jnp.where(approach > 0, approach, 1.0), 0.0)
         yielded = limit - change * since
         kept = jnp.where(ends, 0.0, slip)
         return jnp.concatenate([jnp.where(begins, yielded, z), jnp.where(begins, yielded, kept)])

@@ -7,7 +7,7 @@ import jax.numpy as jnp
 
 from .base import Scalar, State, Values, scalar, scalars, signed_power
 from .coefficient import SIGMA1, Coefficient, within
-from .elements import BEYOND, held
+from .elements import BEYOND, yielded
 from .stribeck_elements import STRIBECK_ELEMENTS, AbstractStribeckElements
 
 # Least part of the force of steady sliding that is taken to lie between the last reversal and steady sliding.
@@ -61,7 +61,7 @@ class Leuven(AbstractStribeckElements):
         "(2000)"
     )
     identifies: ClassVar[str] = (
-        "mu, mu_s and v_stribeck as in Stribeck's law; stiffnesses, shares and exponent as far as the last strokes lie "
+        "mu, mu_s and v_stribeck as in Stribeck's law; stiffnesses, shares and exponent as far as the last half-cycles lie "
         "within the range of the elements; sigma1 from the ringing at rest; sigma2 only apart from damping. Fit from "
         "the release: what the contact remembers of the last reversal is known only there."
     )
@@ -97,7 +97,7 @@ class Leuven(AbstractStribeckElements):
 
     def _hysteresis(self, state: State, load: Scalar) -> Values:
         """Force F_h of the elements [N]."""
-        return jnp.sum(self.springs() * held(state[:-2], self._limits(load)))
+        return jnp.sum(self.springs() * yielded(state[:-2], self._limits(load)))
 
     def _creep(self, v: Scalar, state: State, load: Scalar) -> Values:
         """Rate dz/dt of the deflection [m/s]."""
@@ -123,7 +123,7 @@ class Leuven(AbstractStribeckElements):
         now = self._hysteresis(state, load) / jnp.sum(self.springs())
         reversal = jnp.where(state[-1] * v < 0, now, state[-2])
         direction = jnp.where(v == 0, state[-1], jnp.sign(v) * self.state_scale(load)[-1])
-        return jnp.append(held(state[:-2], BEYOND * self._limits(load)), jnp.stack([reversal, direction]))
+        return jnp.append(yielded(state[:-2], BEYOND * self._limits(load)), jnp.stack([reversal, direction]))
 
     def switches(self, v: Scalar, state: State, load: Scalar) -> Values:
         return self._limits(load) - jnp.sign(v) * state[:-2]
@@ -134,5 +134,5 @@ class Leuven(AbstractStribeckElements):
         return direction * jnp.append(strained, since)
 
     def state_scale(self, load: Scalar) -> State:
-        whole = self.static_force(load) / jnp.sum(self.springs())
-        return jnp.append(self._limits(load), jnp.stack([whole, whole]))
+        rigid = self.static_force(load) / jnp.sum(self.springs())
+        return jnp.append(self._limits(load), jnp.stack([rigid, rigid]))

@@ -44,7 +44,7 @@ class MaxwellSlip(AbstractElements):
     )
     identifies: ClassVar[str] = (
         "The sum of the limits as well as Coulomb's mu; stiffnesses and limits one by one where the elements yield at "
-        "displacements between the resolution and the last strokes, else the sums of neighbours."
+        "displacements between the resolution and the last half-cycles, else the sums of neighbours."
     )
 
     stiffnesses: tuple[Scalar, ...]

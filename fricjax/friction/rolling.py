@@ -40,7 +40,7 @@ class Rolling(AbstractDeflection):
     }
     source: ClassVar[str] = "J. A. Greenwood and D. Tabor (1958); S. K. Drutowski, J. Basic Eng. 81 (1959)"
     identifies: ClassVar[str] = (
-        "mu and length from one decay of strokes longer than length; load_exponent from runs at several loads; "
+        "mu and length from one decay of half-cycles longer than length; load_exponent from runs at several loads; "
         "reference_load never, it only says to which load mu refers."
     )
 

@@ -208,7 +208,7 @@ class Structural(AbstractRestoring):
 
     The stiffness is ``k (1 + eta_h)`` on the way out and ``k (1 - eta_h)`` on the way in, so that without other losses
     successive turning points have the ratio ``sqrt((1 - eta_h)/(1 + eta_h))``: a constant logarithmic decrement, which
-    in a decay at one frequency cannot be told from viscous damping. The loss factor is ``2 eta_h/pi``.
+    in a decay at one frequency cannot be separated from viscous damping. The loss factor is ``2 eta_h/pi``.
 
     Attributes:
         eta_h: ratio of the hysteretic to the elastic force [1].

@@ -32,7 +32,7 @@ def test_under_coulomb_friction_all_routes_agree():
 def test_a_stribeck_law_drives_them_apart():
     found = compare_routes(runs(fj.friction.Stribeck(MU, 0.065, v_stribeck=5e-3)), RIG)
     assert not found.agree and found.spread > found.tolerance
-    assert "ook at the force map" in found.verdict
+    assert "ook at the force map" in found.conclusion
 
 
 def test_routes_that_find_nothing_are_named():
