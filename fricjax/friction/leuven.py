@@ -61,8 +61,8 @@ class Leuven(AbstractStribeckElements):
         "(2000)"
     )
     identifies: ClassVar[str] = (
-        "mu, mu_s and v_stribeck as in Stribeck's law; stiffnesses, shares and exponent as far as the last half-cycles lie "
-        "within the range of the elements; sigma1 from the ringing at rest; sigma2 only apart from damping. Fit from "
+        "mu, mu_s and v_stribeck as in Stribeck's law; stiffnesses, shares and exponent as far as the last half-cycles "
+        "lie within the range of the elements; sigma1 from the ringing at rest; sigma2 only apart from damping. Fit from "
         "the release: what the contact remembers of the last reversal is known only there."
     )
 

@@ -31,7 +31,7 @@ RATE_STATE: Mapping[str, Coefficient] = {
 }
 REGULAR = "regular at rest: J. R. Rice et al., J. Mech. Phys. Solids 49 (2001)"
 IDENTIFIES = (
-    "mu and a - b from half-cycles over a wide range of speeds; a and slip_distance apart from b only by the reversals; "
+    "mu and a - b from half-cycles over a wide range of speeds; a and slip_distance apart from b by the reversals; "
     "v_reference never, it only says to which speed mu refers."
 )
 
@@ -106,7 +106,7 @@ class AbstractRateState(AbstractBristle):
 
     @property
     def step_refinement(self) -> int:
-        # From half-cycle to half-cycle the contact ages by many e-folds, and what a step misses there stays in the motion.
+        # From half-cycle to half-cycle the contact ages by many e-folds, and what a step misses stays in the motion.
         return 4
 
 
