@@ -62,8 +62,8 @@ class Leuven(AbstractStribeckElements):
     )
     identifies: ClassVar[str] = (
         "mu, mu_s and v_stribeck as in Stribeck's law; stiffnesses, shares and exponent as far as the last half-cycles "
-        "lie within the range of the elements; sigma1 from the ringing at rest; sigma2 only apart from damping. Fit from "
-        "the release: what the contact remembers of the last reversal is known only there."
+        "lie within the range of the elements; sigma1 from the ringing at rest; sigma2 only apart from damping. Fit "
+        "from the release: what the contact remembers of the last reversal is known only there."
     )
 
     mu: Scalar
