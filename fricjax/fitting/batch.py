@@ -219,14 +219,6 @@ def _collected(rows: Sequence[_Row], sources: tuple[str, ...]) -> BatchFit:
     def by_name(values: np.ndarray) -> dict[str, np.ndarray]:
         return dict(zip(names, values.T, strict=True))
 
-    def rms(problem: Problem, weighted: NoiseWeighted, _: Covariance) -> float:
-        """Root mean square of the residuals, exact where all samples have the same noise."""
-        return problem.windows[0].stated * float(np.sqrt(weighted.solution.chi2 / problem.n_used))
-
-    def half_cycles(problem: Problem, *_: Any) -> int:
-        count = int(problem.residual.runs[0].half_cycles)
-        return -1 if count >= NEVER else count
-
     def estimates(_: Problem, weighted: NoiseWeighted, covariances: Covariance) -> list[tuple[float, float]]:
         return [(e.value, e.std) for e in kinematics(weighted.solution.derived, covariances).values()]
 
@@ -261,13 +253,24 @@ def _collected(rows: Sequence[_Row], sources: tuple[str, ...]) -> BatchFit:
         },
         chi2=column(lambda _, w, __: w.solution.chi2),
         dof=column(lambda p, *_: p.dof),
-        residual_rms=column(rms),
+        residual_rms=column(_rms),
         sigma=column(lambda p, *_: p.windows[0].stated),
         noises=tuple(None if row.weighted is None else row.weighted.noises[0] for row in rows),
         numerical_shift=column(lambda _, w, __: w.solution.numerical_shift),
-        half_cycles=column(half_cycles, absent=-1),
+        half_cycles=column(_half_cycles, absent=-1),
         iterations=column(lambda _, w, __: w.solution.iterations, absent=0),
         passes=column(lambda _, w, __: w.solution.passes, absent=0),
         engine=type(problem.residual.engine).__name__.lower(),
         sources=sources,
     )
+
+
+def _rms(problem: Problem, weighted: NoiseWeighted, _: Covariance) -> float:
+    """Root mean square of the residuals, exact where all samples have the same noise."""
+    return problem.windows[0].stated * float(np.sqrt(weighted.solution.chi2 / problem.n_used))
+
+
+def _half_cycles(problem: Problem, *_: Any) -> int:
+    """The count of a run; -1 where it ends in motion."""
+    count = int(problem.residual.runs[0].half_cycles)
+    return -1 if count >= NEVER else count
