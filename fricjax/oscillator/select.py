@@ -19,7 +19,7 @@ from .names import check_engine
 from .oscillator import Oscillator
 
 # diffrax takes the tolerance of the stages from a controller only where it sees the solver bare.
-_KVAERNO = diffrax.Kvaerno5(root_finder=diffrax.VeryChord(rtol=1e-10, atol=1e-12))
+_KVAERNO = diffrax.Kvaerno5(scan_kind="lax", root_finder=diffrax.VeryChord(rtol=1e-10, atol=1e-12))
 
 
 def select_engine(
