@@ -81,24 +81,25 @@ def main() -> None:
     trees = {path: ast.parse(source) for path, source in sources.items()}
     lines = sum(source.count("\n") for source in sources.values())
     short = sum(source.count("\n") < SHORT for source in sources.values())
-    comments = sum(map(_comments, sources.values()))
-    once = list(_used_once(trees))
-    public = list(_public(trees))
-    without = [name for name, text in public if ">>>" not in text]
+    commented = sum(map(comments, sources.values()))
+    once = list(used_once(trees))
+    documented = list(public(trees))
+    without = [name for name, text in documented if ">>>" not in text]
     wide = [f"{path.name}:{node.lineno} {node.name}" for path, node in _functions(trees) if _parameters(node) > MANY]
     words = Counter(word for source in sources.values() for word in retired_words(source))
     print(f"files                                   {len(sources):8d}  (190)")
     print(f"lines                                   {lines:8d}  (22500)")
     print(f"files below {SHORT} lines                    {100 * short / len(sources):7.0f} %  (12)")
     print(f"private functions used once / 1000 lines {1000 * len(once) / lines:7.1f}  (12)")
-    print(f"full-line comments / 1000 lines         {1000 * comments / lines:8.1f}  (20)")
+    print(f"full-line comments / 1000 lines         {1000 * commented / lines:8.1f}  (20)")
     print(f"functions of more than {MANY} parameters     {len(wide):8d}  (3)  {', '.join(wide)}")
     print(f"modules in cycles of imports            {len(cycles(trees)):8d}  (0)  {' '.join(sorted(cycles(trees)))}")
-    print(f"public objects without an example       {len(without):8d}  (0) of {len(public)}")
+    print(f"public objects without an example       {len(without):8d}  (0) of {len(documented)}")
     print(f"retired words                           {sum(words.values()):8d}  (0)  {dict(words.most_common())}")
 
 
-def _comments(source: str) -> int:
+def comments(source: str) -> int:
+    """Number of comments that have a line to themselves."""
     tokens = tokenize.generate_tokens(io.StringIO(source).readline)
     return sum(token.type == tokenize.COMMENT and not token.line[: token.start[1]].strip() for token in tokens)
 
@@ -113,7 +114,7 @@ def _parameters(node: ast.FunctionDef) -> int:
     return len([*of.posonlyargs, *of.args, *of.kwonlyargs])
 
 
-def _used_once(trees: dict[Path, ast.Module]) -> Iterator[str]:
+def used_once(trees: dict[Path, ast.Module]) -> Iterator[str]:
     """Private functions of modules whose name stands once in its module besides where it is defined."""
     for path, tree in trees.items():
         names = Counter(node.id for node in ast.walk(tree) if isinstance(node, ast.Name))
@@ -122,18 +123,20 @@ def _used_once(trees: dict[Path, ast.Module]) -> Iterator[str]:
                 yield f"{path.name}:{node.name}"
 
 
-def _public(trees: dict[Path, ast.Module]) -> Iterator[tuple[str, str]]:
+def public(trees: dict[Path, ast.Module]) -> Iterator[tuple[str, str]]:
     """Functions and classes that a folder's stub exports, with their docstrings and those of their methods."""
     exported = {
-        alias.asname or alias.name
+        (path.parent.joinpath(*(node.module or "").split(".")).with_suffix(".py"), alias.name)
         for path in PACKAGE.rglob("__init__.pyi")
         for node in ast.walk(ast.parse(path.read_text()))
         if isinstance(node, ast.ImportFrom)
         for alias in node.names
     }
     for path, tree in trees.items():
-        for node in tree.body:
-            if isinstance(node, ast.FunctionDef | ast.ClassDef) and node.name in exported:
+        # Of a function with several signatures the last one has the docstring.
+        defined = {node.name: node for node in tree.body if isinstance(node, ast.FunctionDef | ast.ClassDef)}
+        for node in defined.values():
+            if (path, node.name) in exported:
                 documented = [part for part in ast.walk(node) if isinstance(part, ast.FunctionDef | ast.ClassDef)]
                 yield f"{path.name}:{node.name}", " ".join(ast.get_docstring(part) or "" for part in documented)
 
@@ -166,20 +169,14 @@ def _imports(path: Path, tree: ast.Module, names: dict[str, Path]) -> Iterator[s
 
 
 def retired_words(source: str) -> Iterator[str]:
-    """Retired words in identifiers, and jargon in sentences; docstrings and comments are not counted."""
+    """Retired words in identifiers, and jargon in sentences, docstrings included."""
     # The unit matrix of NumPy is no word of ours.
     source = source.replace("np.eye(", "np.identity(")
-    documents = {
-        id(node.body[0].value)
-        for node in ast.walk(ast.parse(source))
-        if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef) and ast.get_docstring(node) is not None
-        if isinstance(node.body[0], ast.Expr)
-    }
     for token in tokenize.generate_tokens(io.StringIO(source).readline):
         if token.type == tokenize.NAME and not KEPT.fullmatch(token.string.strip("_").lower()):
             yield from (word for word in _words(re.sub(r"([A-Z])", r"_\1", token.string)) if word in RETIRED)
     for node in ast.walk(ast.parse(source)):
-        if isinstance(node, ast.Constant) and isinstance(node.value, str) and id(node) not in documents:
+        if isinstance(node, ast.Constant) and isinstance(node.value, str):
             yield from (word for word in _words(node.value) if word in JARGON)
 
 

@@ -92,6 +92,14 @@ def fit_batch(
     fricjax.fit_batch(sorted(Path("runs").glob("*.csv")), oscillator, ["mu", "stiffness"]).to_dataframe()
     fricjax.fit_batch(x, oscillator, ["mu", "stiffness"], rate=5000.0)  # x of shape (runs, samples)
     ```
+
+    Examples:
+        >>> import fricjax as fj
+        >>> machine = fj.Oscillator(0.4, 2500.0, 0.2, 10.0, fj.friction.Coulomb(0.05))
+        >>> runs = [fj.synthetic_run(machine, 2e-3, rate=2e3, duration=0.6, noise=1e-9, seed=seed) for seed in (0, 1)]
+        >>> batch = fj.fit_batch(runs, machine, ["mu", "damping", "stiffness"])
+        >>> batch.converged.tolist(), batch.values["mu"].round(6).tolist()
+        ([True, True], [0.05, 0.05])
     """
     ready()
     sources = sources_of(data, t, rate)

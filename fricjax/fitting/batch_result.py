@@ -38,6 +38,13 @@ class BatchFit:
         iterations, passes: steps of Levenberg-Marquardt, and passes over the model in all.
         engine: name of the engine.
         sources: name of the file of each run, empty where it has none.
+
+    Examples:
+        >>> import fricjax as fj
+        >>> machine = fj.Oscillator(0.4, 2500.0, 0.2, 10.0, fj.friction.Coulomb(0.05))
+        >>> runs = [fj.synthetic_run(machine, 2e-3, rate=2e3, duration=0.6, noise=1e-9, seed=seed) for seed in (0, 1)]
+        >>> fj.fit_batch(runs, machine, ["mu", "damping", "stiffness"]).to_dataframe()["mu"].round(6).tolist()
+        [0.05, 0.05]
     """
 
     names: tuple[str, ...]

@@ -112,6 +112,6 @@ def _half_cycles_of_law(residual: Residual, derived: Derived) -> Array:
     """Half-cycles after which the law itself would stop the mass; -1 where it never does."""
     if not residual.oscillator.friction.set_valued:
         return jnp.asarray(-1)
-    own = residual.run_parameters(derived.values, 0)
-    start = start_of(derived.machine, own)
+    nuisances = residual.run_parameters(derived.values, 0)
+    start = start_of(derived.machine, nuisances)
     return residual.engine.solve(derived.machine, start, jnp.zeros(1)).n_half_cycles

@@ -1,7 +1,7 @@
 """The jitter of a clock: noise that grows with velocity, by which the samples are weighed.
 
 A sample that is taken too late by dt reads x + v dt. The samples next to a reversal, where the mass hardly moves, are
-then the ones that count, so that it is they which must be weighed, and what noise they have at rest is told by
+then the ones that count, so that it is they which must be weighed, and what noise they have at rest is shown by
 themselves: by the residuals of a fit that is weighed so, in turn.
 """
 

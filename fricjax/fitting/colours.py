@@ -1,8 +1,8 @@
 """The noise of each run as its rows show it, and least squares that count by it.
 
-Noise that remembers, a drift and a hum are told from the residuals alone (:mod:`~fricjax.estimation.colour`). A floor
-that shakes is told by what its kicks would make of the motion; it is looked for where the noise remembers in motion and
-not at rest. What is far larger than noise is no noise, whatever would explain it.
+Noise that remembers, a drift and a hum are identified from the residuals alone (:mod:`~fricjax.estimation.colour`). A
+floor that shakes is identified by what its kicks would make of the motion; it is looked for where the noise remembers
+in motion and not at rest. What is far larger than noise is no noise, whatever would explain it.
 """
 
 from collections.abc import Iterable, Sequence
@@ -203,7 +203,7 @@ def variance_left(row: Rows, colour: Colour) -> float:
 def expected_size(window: Window, row: Rows, colour: Colour) -> float:
     """Standard deviation that the noise of the rest would have all over the run, in that stated; zero where unknown.
 
-    Noise that wanders slowly is larger over a run than in any piece of it. Whether it may be noise is told by its
+    Noise that wanders slowly is larger over a run than in any piece of it. Whether it may be noise follows from its
     innovations: those that the process of the rest leaves in the motion are then no larger than those in the rest.
     """
     if colour.transition is not None:

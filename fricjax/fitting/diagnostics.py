@@ -144,13 +144,13 @@ def _remedy(problem: Problem, at_bound: str) -> str:
 
 
 def holds_release(window: Window) -> bool:
-    """Whether the stroke from the release to the first reversal is fitted."""
+    """Whether the half-cycle from the release to the first reversal is fitted."""
     reversals, half_period = window.segmentation.turning_times, window.segmentation.half_period
     return reversals.size > 0 and bool(window.origin < reversals[0] - 0.75 * half_period)
 
 
 def growth(window: Window) -> tuple[float, float] | None:
-    """First and last stroke of a record whose swing grows with time, which no free decay does; None for a decay."""
+    """First and last half-cycle of a record whose swing grows with time, which no free decay does; None for a decay."""
     segmentation = window.segmentation
     paths = np.abs(np.diff(segmentation.turning_points))
     if paths.size < 2:

@@ -27,7 +27,7 @@ BLOCKS, _LEAST, _SHORT = 16384, 4, 4096
 
 
 class Block(NamedTuple):
-    """Sums over blocks of neighbouring samples of one run, in order; from them the noise of the run is told.
+    """Sums over blocks of neighbouring samples of one run, in order; from them follows the noise of the run.
 
     Attributes:
         residual: weighted residuals, each as much as its loss lets it count, shape (blocks,); `square`: their squares,
@@ -88,7 +88,7 @@ def evaluate(residual: Residual, y: Float[Array, " coordinates"], loss: Abstract
 
 
 class EvaluationPasses(AbstractPasses):
-    """Passes by surveys of records, which are kept; the function that the solver is given is not asked.
+    """Passes by evaluations of records, which are kept; the function that the solver is passed is not asked.
 
     Attributes:
         residual: of the records and priors.

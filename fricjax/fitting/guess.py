@@ -17,7 +17,7 @@ from ..oscillator.restoring import Pendulum
 from .envelope import Envelope, envelope
 from .window import equilibrium, extremes
 
-# Reversals from which a negative damping or drag is told by the envelope and not by the noise of its readings.
+# Reversals from which a negative damping or drag follows from the envelope and not by the noise of its readings.
 _TELLING = 30
 # Friction that is left where none was found, in parts of the mean loss: its logarithm is what is fitted.
 _LEAST_SHARE = 1e-3
@@ -117,7 +117,7 @@ def _decay(segmentation: Segmentation) -> _Decay:
 
 
 def _short(segmentation: Segmentation) -> _Decay:
-    """With less than three standstills: the whole excursion as one half-cycle about the middle, a tenth of it lost."""
+    """With less than three reversals: the whole excursion as one half-cycle about the middle, a tenth of it lost."""
     if segmentation.half_period <= 0:
         return _Decay(*np.zeros((3, 0)))
     amplitude = np.array([segmentation.amplitude])

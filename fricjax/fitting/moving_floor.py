@@ -45,6 +45,17 @@ def fit_on_moving_floor(
     ```python
     fricjax.fit_on_moving_floor("run.csv", floor_acceleration, oscillator, ["mu", "damping", "stiffness"])
     ```
+
+    Examples:
+        >>> import numpy as np
+        >>> import fricjax as fj
+        >>> machine = fj.Oscillator(0.4, 2500.0, 0.2, 10.0, fj.friction.Coulomb(0.05))
+        >>> t = np.arange(1200) / 2e3
+        >>> floor = 1e-3 * np.sin(100 * t)  # m/s^2
+        >>> x = np.asarray(fj.simulate(machine, 2e-3, t, base_acceleration=floor).x)
+        >>> run = fj.Trace(t, x + 1e-9 * np.random.default_rng(0).standard_normal(t.size))
+        >>> round(fj.fit_on_moving_floor(run, floor, machine, ["mu", "damping", "stiffness"]).values["mu"], 5)
+        0.05
     """
     record = record_of(data)
     floor = _checked(base_acceleration, record.trace)

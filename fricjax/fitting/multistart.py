@@ -6,7 +6,7 @@ the sums of squares at which it ends, in ascending order, make the waterfall: a 
 most starts found the same optimum.
 
 The starts take their way one after the other, in one compiled computation for all of them: each needs another number
-of steps, for which the others would wait if they went abreast.
+of steps, for which the others would wait if they went side by side.
 """
 
 import dataclasses
@@ -45,6 +45,14 @@ class Multistart(Reported):
         ends: values at which each start ended, likewise.
         automatic: place of the automatic start in this order.
         at_bounds: names of the parameters that ended at a bound, for each start.
+
+    Examples:
+        >>> import fricjax as fj
+        >>> machine = fj.Oscillator(0.4, 2500.0, 0.2, 10.0, fj.friction.Coulomb(0.05))
+        >>> run = fj.synthetic_run(machine, 2e-3, rate=2e3, duration=0.6, noise=1e-9, seed=0)
+        >>> found = fj.multistart(run, machine, ["mu", "damping", "stiffness"], starts=3)
+        >>> found.starts["mu"].shape, found.ends["mu"].shape
+        ((3,), (3,))
     """
 
     best: Fit
@@ -137,6 +145,13 @@ def multistart(
     ```python
     fricjax.multistart("run.csv", oscillator, ["mu", "damping", "stiffness"], starts=8).best
     ```
+
+    Examples:
+        >>> import fricjax as fj
+        >>> machine = fj.Oscillator(0.4, 2500.0, 0.2, 10.0, fj.friction.Coulomb(0.05))
+        >>> run = fj.synthetic_run(machine, 2e-3, rate=2e3, duration=0.6, noise=1e-9, seed=0)
+        >>> round(fj.multistart(run, machine, ["mu", "damping", "stiffness"], starts=3).best.values["mu"], 6)
+        0.05
     """
     ready()
     if starts < 1 or not spread > 1:

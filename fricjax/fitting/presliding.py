@@ -47,12 +47,12 @@ class Machine(NamedTuple):
 
 
 class _Settling(NamedTuple):
-    """The motion after a last reversal, in the direction of the last stroke.
+    """The motion after a last reversal, in the direction of the last half-cycle.
 
     Attributes:
         t: time since the reversal [s]; `x`: displacement [m]; `noise`: its standard deviation.
         reversal: where the mass turned, from the equilibrium of the spring [m].
-        returned: how far it sprang back [m]; zero where that cannot be told from noise.
+        returned: how far it sprang back [m]; zero where that cannot be separated from noise.
     """
 
     t: np.ndarray
@@ -183,7 +183,7 @@ def _by_spring_back(seen: _Settling, machine: Machine) -> Contact:
 
 
 def _misfit(seen: _Settling, omega: float, ratio: float) -> float:
-    """Sum of squares that a damped swing from standstill, about a place of its own, leaves of the settling [m^2]."""
+    """Sum of squares that a damped swing from rest, about a place of its own, leaves of the settling [m^2]."""
     root = np.sqrt(complex(ratio**2 - 1))
     poles = omega * np.array([-ratio + root, -ratio - root])
     swing = ((poles[1] * np.exp(poles[0] * seen.t) - poles[0] * np.exp(poles[1] * seen.t)) / (poles[1] - poles[0])).real

@@ -53,6 +53,11 @@ class Bracket(NamedTuple):
         lower, upper: ends of its interval.
         contradicted: whether the mass stopped or slid at the upper end and moved on at the lower one, by more than the
             noise: then no one coefficient fits, and static friction takes values all over the interval.
+
+    Examples:
+        >>> bracket = Bracket(lower=0.05, upper=0.08, contradicted=False)
+        >>> bracket.lower <= 0.06 <= bracket.upper
+        True
     """
 
     lower: float
@@ -69,8 +74,8 @@ def solve_with_rest(problem: Problem, y: np.ndarray | None = None) -> tuple[Prob
     record with it: chi^2 there and its slopes tell where it leads. The most promising is fitted first, and one that
     does not lead further is not fitted at all.
 
-    Where residuals are so large, rounding is the least of all errors, and the rest is told by all of its samples; these
-    go again when another number has made the residuals small.
+    Where residuals are so large, rounding is the least of all errors, and the rest follows from all of its samples;
+    these go again when another number has made the residuals small.
 
     Args:
         problem: the problem.
@@ -200,7 +205,7 @@ def _may_have_stopped(window: Window) -> bool:
 
 
 def far_off(problem: Problem, solution: Solution) -> bool:
-    """Whether the residuals are larger than the noise, and large enough for a missed or added stroke."""
+    """Whether the residuals are larger than the noise, and large enough for a missed or added half-cycle."""
     excess = solution.chi2 / problem.n_used
     if excess <= _ADEQUATE:
         return False
@@ -244,7 +249,7 @@ def excess_at_reversals(problem: Problem, solution: Solution, run: int) -> float
 
 
 def _starts_moving(problem: Problem, run: int) -> bool:
-    """Whether a run starts in mid-stroke, so that the first of its turning points is none."""
+    """Whether a run starts within a half-cycle, so that the first of its turning points is none."""
     return "v0" in problem.windows[run].nuisances or bool(problem.residual.runs[run].fixed["v0"] != 0)
 
 

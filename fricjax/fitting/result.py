@@ -24,7 +24,16 @@ from .window import NEVER
 
 
 class FitError(RuntimeError):
-    """A fit without an optimum, or with one that leaves parameters undetermined; as far as it came it is in `fit`."""
+    """A fit without an optimum, or with one that leaves parameters undetermined; as far as it came it is in `fit`.
+
+    Examples:
+        >>> import fricjax as fj
+        >>> machine = fj.Oscillator(0.4, 2500.0, 0.2, 10.0, fj.friction.Coulomb(0.05))
+        >>> run = fj.synthetic_run(machine, 2e-3, rate=2e3, duration=0.6, noise=1e-9, seed=0)
+        >>> error = FitError("out of steps", fj.fit(run, machine, ["mu", "damping", "stiffness"]))
+        >>> round(error.fit.values["mu"], 6)
+        0.05
+    """
 
     def __init__(self, message: str, fit: "Fit") -> None:
         super().__init__(message)
@@ -77,6 +86,14 @@ class Fit(Reported):
         sources: name of the file of each run, empty where it has none.
         times: times of the samples [s], one array per run.
         runs, origins: what `predict` needs.
+
+    Examples:
+        >>> import fricjax as fj
+        >>> machine = fj.Oscillator(0.4, 2500.0, 0.2, 10.0, fj.friction.Coulomb(0.05))
+        >>> run = fj.synthetic_run(machine, 2e-3, rate=2e3, duration=0.6, noise=1e-9, seed=0)
+        >>> fit = fj.fit(run, machine, ["mu", "damping", "stiffness"])
+        >>> fit.names, fit.units["damping"], fit.covariance.shape
+        (('mu', 'damping', 'stiffness', ...), 'N s/m', (...))
     """
 
     names: tuple[str, ...]
@@ -220,6 +237,14 @@ def load_fit(path: str | os.PathLike[str]) -> Fit:
 
     Raises:
         DataError: no such file, or one that does not hold a fit of this schema; the sentence names the field.
+
+    Examples:
+        >>> import fricjax as fj
+        >>> machine = fj.Oscillator(0.4, 2500.0, 0.2, 10.0, fj.friction.Coulomb(0.05))
+        >>> run = fj.synthetic_run(machine, 2e-3, rate=2e3, duration=0.6, noise=1e-9, seed=0)
+        >>> path = fj.fit(run, machine, ["mu", "damping", "stiffness"]).save("fit.json")
+        >>> round(fj.load_fit(path).values["mu"], 6)
+        0.05
     """
     return read_fit(path, Fit)
 

@@ -139,7 +139,7 @@ def _cuts(window: Window, oscillator: Oscillator, times: np.ndarray, deflections
 def _points_at_rest(window: Window) -> tuple[np.ndarray, np.ndarray]:
     """Instants of the start, the reversals and the stop [s], and the deflection that drives the mass there [m].
 
-    A record that ends in motion may end just behind a reversal that cannot be told from a stop: the clock has it.
+    A record that ends in motion may end just behind a reversal that cannot be separated from a stop: the clock has it.
     """
     segmentation = window.segmentation
     swings = np.abs(segmentation.turning_points - equilibrium(segmentation))
@@ -167,7 +167,7 @@ def _known_to(window: Window, deflections: np.ndarray) -> np.ndarray:
 
 
 def _settling(window: Window, oscillator: Oscillator, deflections: np.ndarray) -> np.ndarray:
-    """Time that the law needs to settle after a standstill [s]."""
+    """Time that the law needs to settle after a reversal [s]."""
     segmentation, law = window.segmentation, oscillator.friction
     acceleration = np.maximum(deflections, 1e-3 * segmentation.amplitude) * (np.pi / segmentation.half_period) ** 2
     speed = float(law.velocity_scale())

@@ -83,19 +83,19 @@ def check_start(
         raise UsageError(f"There is no start {start!r}.{nearest(start, STARTS)} Choose {choices}.")
 
 
-def nuisances_of(mode: str, names_given: Iterable[str] | None, keeps_memory: bool) -> tuple[str, ...]:
+def nuisances_of(mode: str, chosen: Iterable[str] | None, keeps_memory: bool) -> tuple[str, ...]:
     """Names of a run's own parameters.
 
     Args:
         mode: "first_reversal", "release" or "seconds".
-        names_given: the names that the caller gave, or None for those that belong to the mode.
-        keeps_memory: whether the law has internal states; it is then fitted from the middle of a stroke.
+        chosen: names that the caller chose, or None for those that belong to the mode.
+        keeps_memory: whether the law has internal states; it is then fitted from the middle of a half-cycle.
 
     Raises:
-        UsageError: an unknown name, or two that cannot be told apart.
+        UsageError: an unknown name, or two that cannot be separated.
     """
     mode = "seconds" if mode == "first_reversal" and keeps_memory else mode
-    names = _NUISANCES[mode] if names_given is None else tuple(names_given)
+    names = _NUISANCES[mode] if chosen is None else tuple(chosen)
     for name in names:
         check_nuisance(name)
     if "v0" in names and "t_release" in names:

@@ -14,9 +14,9 @@ from .problem import Problem
 from .rest import Bracket, Margin
 from .solve import half_cycles
 
-# Misfit in units of the noise, and numerical error in standard errors, from which on they are told.
+# Misfit in units of the noise, and numerical error in standard errors, from which on they are reported.
 _NOTICED, _VISIBLE = 3.0, 0.1
-# Probability of another number of half-cycles from which on it is told.
+# Probability of another number of half-cycles from which on it is reported.
 _POSSIBLE = 0.01
 # Part of the stiffness beyond which no record tells a contact from a rigid one, from which on it counts as such.
 _RIGID = 1 - 1e-6
@@ -122,7 +122,7 @@ def _on_growth(problem: Problem) -> Iterator[str]:
         if grown is not None:
             first, last = (engineering(path, window.quantity) for path in grown)
             yield (
-                f"The swing{_of_run(i, problem)} grows with time, from strokes of {first} to {last}, which no free "
+                f"The swing{_of_run(i, problem)} grows with time, from half-cycles of {first} to {last}, which no free "
                 "decay does: is the time in reverse, or is the mass driven?"
             )
 

@@ -10,9 +10,9 @@ from ..errors import DataError, UsageError
 from .settings import check_start, nuisances_of
 
 NEVER = 10**9
-# Deflection at the end of a stroke, as a part of that at its start, below which it may creep in.
+# Deflection at the end of a half-cycle, as a part of that at its start, below which it may creep in.
 _CROSSED = 0.16
-# Duration of a stroke, as a part of that of the one before, below which the contact swings and not the spring.
+# Duration of a half-cycle, as a part of that of the one before, below which the contact swings and not the spring.
 _ABRUPT = 0.75
 # Steps of rounding from the middle of a rest that no flip between two neighbouring values makes.
 _MOVED = 1.5
@@ -80,10 +80,10 @@ def open_window(
         data: a record or a bare trace.
         start: "first_reversal", "release", or seconds from the first sample.
         nuisance: names of the run's own free parameters; None for those that belong to `start`.
-        keeps_memory: whether the law has internal states. These are known in mid-stroke only, so the state is then
-            fitted half a half-cycle before the first reversal.
+        keeps_memory: whether the law has internal states. These are known within a half-cycle only, so the state is
+            then fitted half a half-cycle before the first reversal.
         creeps: whether the law creeps where the mass rests, so that samples there are left out, and with them a last
-            stroke that creeps in before it has turned.
+            half-cycle that creeps in before it has turned.
 
     Raises:
         DataError: a record without the motion that `start` asks for.
@@ -125,7 +125,7 @@ def open_window(
 
 
 def without_ringing(segmentation: Segmentation) -> Segmentation:
-    """The same without the swings of a contact that holds the mass: far shorter strokes than those of the spring.
+    """The same without the swings of a contact that holds the mass: far shorter half-cycles than those of the spring.
 
     The first of them begins at the reversal at which the mass has come to rest.
     """
@@ -192,11 +192,11 @@ def _repeated(t: np.ndarray, x: np.ndarray, fitted: np.ndarray, segmentation: Se
 
 
 def _last_reversal(segmentation: Segmentation) -> int | None:
-    """Index of the last reversal before a stroke that hardly crosses the equilibrium; None where all strokes do.
+    """Index of the last reversal before a half-cycle that hardly crosses the equilibrium; None where all do.
 
     So does one that friction at its full strength would not let cross: a law that creeps is weaker at low speed, and
-    takes the mass there and back long after its phase has ceased to run evenly. The end of the last stroke, which is no
-    reversal, is where the decay so far leads.
+    takes the mass there and back long after its phase has ceased to run evenly. The end of the last half-cycle, which is
+    no reversal, is where the decay so far leads.
     """
     place = extremes(segmentation)[1] - equilibrium(segmentation)
     swing = np.abs(place)
@@ -274,7 +274,7 @@ def extremes(segmentation: Segmentation) -> tuple[np.ndarray, np.ndarray]:
 
 
 def equilibrium(segmentation: Segmentation) -> float:
-    """Equilibrium of the spring, from standstills on alternating sides: (X[n-1] + 2 X[n] + X[n+1])/4."""
+    """Equilibrium of the spring, from reversals on alternating sides: (X[n-1] + 2 X[n] + X[n+1])/4."""
     _, points = extremes(segmentation)
     if points.size >= _FEWEST:
         return float(np.median((points[:-2] + 2 * points[1:-1] + points[2:]) / 4))

@@ -23,13 +23,25 @@ class AbstractMemoryless(AbstractFriction):
 
 
 class AbstractBristle(AbstractFriction):
-    """A law with internal states, by whose deflection it holds the mass at rest."""
+    """A law with internal states, by whose deflection it holds the mass at rest.
+
+    Examples:
+        >>> from fricjax.friction import Dahl
+        >>> isinstance(Dahl(0.2, 1e5), AbstractBristle), Dahl(0.2, 1e5).n_states
+        (True, 1)
+    """
 
     set_valued: ClassVar[bool] = False
 
 
 class AbstractSetValued(AbstractMemoryless):
-    """A memoryless law with a jump at rest; its zero-velocity limit is at most its static force."""
+    """A memoryless law with a jump at rest; its zero-velocity limit is at most its static force.
+
+    Examples:
+        >>> from fricjax.friction import Stribeck
+        >>> isinstance(Stribeck(0.2, 0.25), AbstractSetValued), Stribeck(0.2, 0.25).kind
+        (True, 'set-valued')
+    """
 
     set_valued: ClassVar[bool] = True
 
@@ -51,7 +63,13 @@ class AbstractConstant(AbstractSetValued):
 
 
 class AbstractSmooth(AbstractMemoryless):
-    """A memoryless law without a jump: it holds nothing at rest."""
+    """A memoryless law without a jump: it holds nothing at rest.
+
+    Examples:
+        >>> from fricjax.friction import Tanh
+        >>> isinstance(Tanh(0.2, 1e-4), AbstractSmooth), Tanh(0.2, 1e-4).kind
+        (True, 'smooth')
+    """
 
     set_valued: ClassVar[bool] = False
 
