@@ -195,8 +195,8 @@ def _last_reversal(segmentation: Segmentation) -> int | None:
     """Index of the last reversal before a half-cycle that hardly crosses the equilibrium; None where all do.
 
     So does one that friction at its full strength would not let cross: a law that creeps is weaker at low speed, and
-    takes the mass there and back long after its phase has ceased to run evenly. The end of the last half-cycle, which is
-    no reversal, is where the decay so far leads.
+    takes the mass there and back long after its phase has ceased to run evenly. The end of the last half-cycle,
+    which is no reversal, is where the decay so far leads.
     """
     place = extremes(segmentation)[1] - equilibrium(segmentation)
     swing = np.abs(place)
