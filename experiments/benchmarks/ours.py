@@ -17,11 +17,11 @@ from rig import DAMPING, LOAD, MASS, NOISE, SIGMA1, STIFFNESS, V_S, X0  # noqa: 
 
 import fricjax as fj  # noqa: E402
 from fricjax.estimation.loss import named_loss  # noqa: E402
-from fricjax.fitting.lanes import WIDTH, solve_batch  # noqa: E402
+from fricjax.fitting.chunks import WIDTH  # noqa: E402
 from fricjax.fitting.parameters import Request  # noqa: E402
 from fricjax.fitting.problem import Problem  # noqa: E402
 from fricjax.fitting.rest import solve_with_rest  # noqa: E402
-from fricjax.fitting.solve import Solution, solution_of  # noqa: E402
+from fricjax.fitting.solve import Solution, solve_batch  # noqa: E402
 
 PAPER = fj.Oscillator(1.0, 5000.0, 0.0, 9.81, fj.friction.Coulomb(0.1))
 SLIDING = fj.Oscillator(MASS, STIFFNESS, DAMPING, 9.66, fj.friction.Stribeck(0.05, 0.065, v_stribeck=5e-3))
@@ -61,8 +61,8 @@ def solver(records: list[Record]) -> Callable[[], list[Outcome]]:
     blocks = [slice(first, first + WIDTH) for first in range(0, len(problems), WIDTH)]
 
     def block(part: slice) -> list[Outcome]:
-        landed = zip(records[part], problems[part], solve_batch(problems[part]), strict=True)
-        return [_outcome(r, p, solution_of(p, lane.at, lane.looked)) for r, p, lane in landed]
+        solutions = zip(records[part], problems[part], solve_batch(problems[part]), strict=True)
+        return [_outcome(r, p, solution) for r, p, (solution, _) in solutions]
 
     def solve() -> list[Outcome]:
         with ThreadPoolExecutor(os.cpu_count()) as pool:
