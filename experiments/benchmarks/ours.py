@@ -19,7 +19,7 @@ import fricjax as fj  # noqa: E402
 from fricjax.estimation.loss import named_loss  # noqa: E402
 from fricjax.fitting.chunks import WIDTH  # noqa: E402
 from fricjax.fitting.parameters import Request  # noqa: E402
-from fricjax.fitting.problem import Problem  # noqa: E402
+from fricjax.fitting.problem import Problem, build_problem  # noqa: E402
 from fricjax.fitting.rest import solve_with_rest  # noqa: E402
 from fricjax.fitting.solve import Solution, solve_batch  # noqa: E402
 

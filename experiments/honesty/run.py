@@ -39,7 +39,7 @@ from fricjax.errors import DataError, UsageError  # noqa: E402
 from fricjax.fitting import fit_on_moving_floor  # noqa: E402
 from fricjax.fitting.fit import concluded  # noqa: E402
 from fricjax.fitting.parameters import Request  # noqa: E402
-from fricjax.fitting.problem import Problem  # noqa: E402
+from fricjax.fitting.problem import Problem, build_problem  # noqa: E402
 from fricjax.fitting.residual import Residual  # noqa: E402
 from fricjax.fitting.rest import with_counts  # noqa: E402
 from fricjax.fitting.solve import checking, solve  # noqa: E402

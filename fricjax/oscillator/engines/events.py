@@ -24,8 +24,9 @@ from ..motion import RESULTS, Motion, Start
 from ..oscillator import Oscillator
 from .base import AbstractEngine, AbstractPath, Demands
 
-# Over fifty half-cycles the errors of the steps add up to some thirty times the tolerance.
-_SHARE = 0.02
+# Tolerance of a step as a share of the accuracy: errors of the steps add up, and samples are read off the dense output,
+# whose error no controller sees. At ten times this share the error of an ordinary decay is a tenth of the accuracy.
+_SHARE = 0.002
 _FINEST = 1e-14
 # Samples that one integration may fill: without a bound, each of thousands of half-cycles would go through all samples.
 _WINDOW = 512
