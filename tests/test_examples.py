@@ -2,13 +2,11 @@
 
 import doctest
 import importlib
-import sys
 from pathlib import Path
 
 import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
-sys.path.insert(0, str(ROOT / "experiments" / "structure"))
 FILES = [path for path in sorted((ROOT / "fricjax").rglob("*.py")) if ">>> " in path.read_text()]
 
 

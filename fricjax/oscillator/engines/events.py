@@ -23,6 +23,7 @@ from ..drive import Drive
 from ..motion import RESULTS, Motion, Start
 from ..oscillator import Oscillator
 from .base import AbstractEngine, AbstractPath, Demands
+from .smooth.scaled import Scaled
 
 # Tolerance of a step as a share of the accuracy: errors of the steps add up, and samples are read off the dense output,
 # whose error no controller sees. At ten times this share the error of an ordinary decay is a tenth of the accuracy.
@@ -56,30 +57,29 @@ class _Phase(NamedTuple):
 
 
 class _Machine(eqx.Module):
-    """An oscillator and what drives it, in units of its own: length [m], and rate [1/s] as the inverse of time."""
+    """An oscillator in its units of displacement and time, and what drives it."""
 
-    oscillator: Oscillator
-    length: Array
-    rate: Array
+    scaled: Scaled
     floor: Any
     release: Any
     hold: Array
 
     def pull(self, tau: Array, x: Array) -> Array:
         """Net force towards negative x that friction has to balance at rest [N]."""
-        force = self.oscillator.restoring_force(x * self.length)
+        force = self.scaled.pull(x)
         if self.floor is not None:
-            force = force + self.oscillator.mass * self.floor.evaluate(tau)
+            force = force + self.scaled.oscillator.mass * self.floor.evaluate(tau)
         if self.release is not None:
-            force = force - self.release.force(tau / self.rate, self.hold)
+            force = force - self.release.force(tau / self.scaled.rate, self.hold)
         return force
 
     def excess(self, tau: Array, x: Array, slid: Array) -> Array:
         """By how much the largest force that holds the mass exceeds the pull, in units of the spring's force."""
-        law, load = self.oscillator.friction, self.oscillator.normal_force
+        oscillator, length = self.scaled.oscillator, self.scaled.length
+        law, load = oscillator.friction, oscillator.normal_force
         contact = jnp.where(slid, law.static_force(load), law.breakaway_force(load))
-        most = contact + self.oscillator.hysteresis(x * self.length)
-        return (most - jnp.abs(self.pull(tau, x))) / (self.oscillator.stiffness * self.length)
+        most = contact + oscillator.hysteresis(x * length)
+        return (most - jnp.abs(self.pull(tau, x))) / (oscillator.stiffness * length)
 
     def onward(self, tau: Array, x: Array, slid: Array) -> Array:
         """Where a mass of zero velocity goes: 0 if static friction holds it."""
@@ -102,14 +102,13 @@ class _Args(NamedTuple):
 
 def _field(tau: Any, y: tuple, args: _Args) -> tuple:
     """Rates of the scaled displacement and velocity while the mass slides in one direction, or sticks."""
-    machine, oscillator = args.machine, args.machine.oscillator
-    speed = machine.length * machine.rate
-    x, v = y[0] * machine.length, y[1] * speed
+    scaled, oscillator = args.machine.scaled, args.machine.scaled.oscillator
+    x, v = y[0] * scaled.length, y[1] * scaled.speed
     sliding = oscillator.friction.sliding_force(jnp.maximum(args.direction * v, 0.0), oscillator.normal_force)
     resisting = oscillator.dissipation(v) + args.direction * (sliding + oscillator.hysteresis(x))
-    a = -(machine.pull(tau, y[0]) + resisting) / oscillator.mass
+    a = -(args.machine.pull(tau, y[0]) + resisting) / oscillator.mass
     moves = jnp.abs(args.direction)
-    return moves * y[1], moves * a / (speed * machine.rate)
+    return moves * y[1], moves * a / (scaled.speed * scaled.rate)
 
 
 def _ends(t: Any, y: tuple, args: _Args, **kwargs: Any) -> Array:
@@ -169,8 +168,11 @@ class Events(AbstractEngine):
         half_cycles: Int[Array, ""] | None = None,
         drive: Drive | None = None,
     ) -> Motion:
-        machine = _machine(oscillator, start, ts, drive or Drive())
-        taus, speed = jnp.maximum(ts, 0.0) * machine.rate, machine.length * machine.rate
+        floor, release = (None, None) if drive is None else (drive.base_acceleration, drive.release)
+        scaled = Scaled.of(oscillator, start, floor)
+        path = None if floor is None else diffrax.LinearInterpolation(ts * scaled.rate, floor)
+        machine = _Machine(scaled, path, release, oscillator.restoring_force(start.x0))
+        taus = jnp.maximum(ts, 0.0) * scaled.rate
         most = jnp.asarray(jnp.inf if half_cycles is None else half_cycles, float)
         end = jnp.maximum(taus[-1], 1e-9)
         # Each slide may be followed by a rest, and either may be longer than a window.
@@ -179,7 +181,7 @@ class Events(AbstractEngine):
         last = jax.lax.while_loop(
             going, lambda at: self._next(machine, taus, end, most, at), self._begun(machine, start, taus)
         )
-        x, v, direction = last.xs * machine.length, last.vs * speed, last.directions
+        x, v, direction = last.xs * scaled.length, last.vs * scaled.speed, last.directions
         load = oscillator.normal_force
         sliding = oscillator.friction.sliding_force(jnp.abs(v), load)
         balance = -jax.vmap(machine.pull)(taus, last.xs)
@@ -192,8 +194,8 @@ class Events(AbstractEngine):
             v=jnp.where(ts < 0, 0.0, v),
             friction_force=jnp.where(at_rest, balance, direction * sliding),
             at_rest=at_rest,
-            t_stop=jnp.where(drive is None, last.stopped, jnp.inf) / machine.rate,
-            turning_points=last.points * machine.length,
+            t_stop=jnp.where(drive is None, last.stopped, jnp.inf) / scaled.rate,
+            turning_points=last.points * scaled.length,
             n_half_cycles=last.count,
             regularisation_bias=jnp.zeros(()),
             engine="diffrax",
@@ -202,7 +204,7 @@ class Events(AbstractEngine):
         )
 
     def _begun(self, machine: _Machine, start: Start, taus: Array) -> _Phase:
-        x, v = start.x0 / machine.length, start.v0 / (machine.length * machine.rate)
+        x, v = start.x0 / machine.scaled.length, start.v0 / machine.scaled.speed
         zero, stood = jnp.zeros(()), jnp.asarray(False)
         direction = jnp.where(v == 0, machine.onward(zero, x, stood), jnp.sign(v))
         points = jnp.full(self.max_half_cycles + 1, jnp.nan).at[0].set(jnp.where(v == 0, x, jnp.nan))
@@ -214,7 +216,7 @@ class Events(AbstractEngine):
 
     def _next(self, machine: _Machine, taus: Array, end: Array, most: Array, at: _Phase) -> _Phase:
         """The phase that follows one, which is integrated and sampled."""
-        tolerance = jnp.maximum(_SHARE * self.accuracy / machine.length, _FINEST)
+        tolerance = jnp.maximum(_SHARE * self.accuracy / machine.scaled.length, _FINEST)
         # What the root finder leaves moves the next half-cycle by its square, for the mass hardly moves at a reversal.
         # Newton's method gets lost where a slide ends within its first step: the velocity vanishes at both ends of it.
         finder = optimistix.Bisection(rtol=1e-10, atol=1e-10)
@@ -274,14 +276,3 @@ class Events(AbstractEngine):
             steps=at.steps + solution.stats["num_steps"],
             result=RESULTS.where(failed, RESULTS.promote(solution.result), at.result),
         )
-
-
-def _machine(oscillator: Oscillator, start: Start, ts: Array, drive: Drive) -> _Machine:
-    rate = oscillator.angular_frequency
-    floor, path = drive.base_acceleration, None
-    reach = jnp.maximum(jnp.maximum(jnp.abs(start.x0), jnp.abs(start.v0) / rate), oscillator.dead_band)
-    if floor is not None:
-        reach = jnp.maximum(reach, jnp.max(jnp.abs(floor)) / rate**2)
-        path = diffrax.LinearInterpolation(ts * rate, floor)
-    length = jax.lax.stop_gradient(jnp.where(reach > 0, reach, 1.0))
-    return _Machine(oscillator, length, rate, path, drive.release, oscillator.restoring_force(start.x0))

@@ -5,6 +5,7 @@ fit the steps are found once and kept as a mesh in the phase of the half-cycles,
 motion is then a smooth function of every coefficient, and its derivatives are exactly those of the discrete solution.
 """
 
+import dataclasses
 from collections.abc import Callable
 from typing import Any, ClassVar, NamedTuple
 
@@ -118,7 +119,7 @@ class Smooth(AbstractEngine):
 
     def at_accuracy(self, accuracy: Any) -> "Smooth":
         """The engine without a mesh, for another accuracy [m]."""
-        return Smooth(accuracy, None, self.max_steps, self.max_half_cycles, self.still)
+        return dataclasses.replace(self, accuracy=accuracy, mesh=None)
 
     def path(self, oscillator: Oscillator, start: Start, half_cycles: Int[Array, ""] | None = None) -> Nodes:
         """The motion from time zero to the end of the mesh, where the mass stays.
