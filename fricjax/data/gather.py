@@ -82,4 +82,6 @@ def record_of(source: Any, where: str = "", **options: Any) -> Record:
         what = repr(str(source)) if is_file else "..."
         asks = not options and _OPTION.search(str(error)) and "fricjax." not in str(error)
         hint = f" Read it first: fricjax.read({what}, ...)." if asks else ""
-        raise type(error)(f"{'' if is_file else where}{error}{hint}") from error
+        # The readers' own kinds of refusal are made of other things than a sentence.
+        kind = DataError if isinstance(error, DataError) else UsageError
+        raise kind(f"{'' if is_file else where}{error}{hint}") from error

@@ -23,7 +23,7 @@ from .diagnostics import CONVERGED, Misfit, flags_of, misfit_of, status_of, wors
 from .noise_weighting import NoiseWeighted, weigh_by_noise
 from .parameters import Request
 from .problem import Problem, build_problem
-from .rest import far_off, solve_with_rest
+from .rest import miscounted, solve_with_rest
 from .result import named
 from .solve import Solution, solve_batch
 from .warnings import warnings_of_run
@@ -184,7 +184,7 @@ def _weighted(problem: Problem, solved: tuple[Solution, Summary] | None) -> tupl
         recorded = int(problem.residual.runs[0].half_cycles)
         undecided = bool(problem.windows[0].segmentation.open)
         other = recorded < NEVER and (undecided or 0 < int(summary.half_cycles) != recorded)
-        if not (solution.converged and (other or far_off(problem, solution) or not solution.accurate)):
+        if not (solution.converged and (other or miscounted(problem, solution) or not solution.accurate)):
             weighted = weigh_by_noise(problem, solution, True)
             if not weighted.went_on:
                 return weighted, worst(problem, [float(summary.size)], [0.0], False)

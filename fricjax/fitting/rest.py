@@ -180,10 +180,7 @@ def _candidates(problem: Problem, solution: Solution) -> set[tuple[int, ...]]:
     others: list[tuple[int, int]] = []
     if far_off(problem, solution):
         others += [(run, counts[run] + step) for run in stopping for step in (-1, 1) if counts[run] + step > 0]
-    if solution.chi2 / problem.n_used > _ADEQUATE:
-        # A mass that stopped just before its record ends seems to move to the end.
-        moving = [run for run in range(len(counts)) if run not in stopping]
-        others += [(run, window.completed + 1) for run in moving if _may_have_stopped(window := problem.windows[run])]
+    others += _late_stops(problem, solution)
     candidates |= {(*counts[:run], count, *counts[run + 1 :]) for run, count in others}
     return candidates.union(_open(problem)) - {counts}
 
@@ -195,6 +192,20 @@ def _open(problem: Problem) -> list[tuple[int, ...]]:
         others = [counts[run] + step for step in window.segmentation.open] if counts[run] < NEVER else []
         others_open += [(*counts[:run], count, *counts[run + 1 :]) for count in others if count > 0]
     return others_open
+
+
+def miscounted(problem: Problem, solution: Solution) -> bool:
+    """Whether the residuals are so large that a wrong number of half-cycles could be the reason."""
+    return far_off(problem, solution) or bool(_late_stops(problem, solution))
+
+
+def _late_stops(problem: Problem, solution: Solution) -> list[tuple[int, int]]:
+    """Runs that seem to move to the end of the record but may have stopped just before it, with their half-cycles."""
+    if solution.chi2 / problem.n_used <= _ADEQUATE:
+        return []
+    runs = zip(problem.windows, half_cycles(problem), strict=True)
+    moving = [(run, window) for run, (window, count) in enumerate(runs) if count >= NEVER]
+    return [(run, window.completed + 1) for run, window in moving if _may_have_stopped(window)]
 
 
 def _may_have_stopped(window: Window) -> bool:

@@ -17,6 +17,7 @@ from experiments.files.seeds import SEEDS
 from fricjax import read
 from fricjax.calibrate.frf import read_frf
 from fricjax.data import files as content_module
+from fricjax.data.gather import gather
 from fricjax.data.readers.matlab import Opaque, load_tree
 from fricjax.data.readers.nodes import opened
 from fricjax.data.readers.npz import load_arrays
@@ -31,6 +32,13 @@ def test_a_hostile_file_ends_as_it_should(tmp_path, monkeypatch, name):
     monkeypatch.chdir(tmp_path)
     _, difference = verdict(tmp_path, name, QUICK[name])
     assert not difference
+
+
+def test_a_refusal_of_one_reader_is_one_of_every_function_that_reads(tmp_path):
+    path = tmp_path / "swells.h5"
+    FILES["HDF5"]["swells.h5"][0](path)
+    with pytest.raises(DataError, match=r"swells\.h5 is not read: its chunks are not of the size"):
+        gather(path)
 
 
 def run(script, *arguments):

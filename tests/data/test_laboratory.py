@@ -80,6 +80,7 @@ LABVIEW = lines(
     "X_Value\tWeg\tComment",
     *(row(*pair, *(["let go"] if i == 7 else []), delimiter="\t", decimal=",") for i, pair in enumerate(PAIRS)),
 )
+WITHOUT_COMMENTS = LABVIEW.replace("\tlet go", "")
 SETTINGS = ["Record Length,500", "Vertical Units,mm", "Probe,1.0", *[","] * 497]
 TEKTRONIX = lines(*(f"{left},,{right}" for left, right in zip(SETTINGS, rows(), strict=True)))
 LOGGER = lines(
@@ -108,6 +109,7 @@ TEXTS = {
         "--column x_mm",
     ),
     "LabVIEW": ("run.lvm", LABVIEW, ""),
+    "LabVIEW, without comments": ("run.lvm", WITHOUT_COMMENTS, ""),
     "Tektronix": ("run.csv", TEKTRONIX, ""),
     "PicoScope": (
         "run.csv",

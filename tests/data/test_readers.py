@@ -132,6 +132,7 @@ BAD_TEXT = {
     "no unit at all": ("0,1\n1,2\n2,3\n", {"unit": "parsec per"}, "'parsec per' is not a known unit"),
     "a mere number": ("0,1\n1,2\n2,3\n", {"unit": "percent"}, "'percent' does not fit"),
     "no numbers": ("hello\nworld\n", {}, "holds no rows of numbers"),
+    "a note": ("It stuck, see page 17 of the notebook.\nAgain on Monday.\n", {}, "holds no rows of numbers"),
     "only remarks": ("# hello\n\n", {}, "holds no data"),
     "binary": ("\x00\x01\x02\x03" * 50, {}, "is binary, not text"),
     "empty": ("", {}, "run.csv is empty"),

@@ -62,6 +62,17 @@ def test_a_bad_run_does_not_stop_the_others(traces: list[fj.Trace]):
     assert table["mu"].isna().tolist() == [False, True, True, False]
 
 
+def test_a_mass_that_stopped_just_before_its_record_ends():
+    """Such a record shows motion to its end, and what a wrong count leaves is far below the dead band."""
+    machine = fj.Oscillator(0.41068, 2574.0, 0.17557, 9.66, fj.friction.Coulomb(0.013441))
+    stop = float(np.asarray(fj.simulate(machine, 2.2e-3, np.zeros(1)).t_stop))
+    run = fj.synthetic_run(machine, 2.2e-3, rate=1e4, duration=stop + 6e-3, noise=5e-9, seed=1)
+    assert run.segmentation.rest is None
+    batch = fj.fit_batch([run], machine, MACHINE)
+    assert batch.status == ("converged",)
+    assert abs(batch.values["mu"][0] - 0.013441) < 5 * batch.std_errors["mu"][0]
+
+
 def test_a_run_that_needs_too_many_steps_does_not_stop_the_others(monkeypatch):
     finite, most = mesh._finite, 1500
 

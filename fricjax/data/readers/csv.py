@@ -155,14 +155,16 @@ class TextTable:
 
         layout = self.layout
         clocks = {i for i in places if layout.kinds[i] == WATCH}
+        # Columns of the titles that no row has, as LabVIEW's comments where there are none, may not be named to pandas.
+        wanted = sorted(set(places)) if self._is_partly(places) else None
         table = pd.read_csv(
             file,
             sep=r"\s+" if layout.delimiter == " " else layout.delimiter,
             decimal=layout.decimal,
             thousands=layout.thousands,
             header=None,
-            names=range(len(layout.titles)),
-            usecols=sorted(set(places)) if self._is_partly(places) else None,
+            names=range(wanted[-1] + 1 if wanted else len(layout.titles)),
+            usecols=wanted,
             dtype={i: str if i in clocks else np.float64 for i in places},
             index_col=False,
             na_values=list(MISSING),

@@ -150,8 +150,8 @@ def _separators(lines: list[str], dialect: Dialect, source: str) -> tuple[str, s
     if count < 0.5 * len(sample):
         mixed = {pair: [row for row in rows if NUMBER in row] for pair, rows in read.items()}
         other = max(pairs, key=lambda pair: _score(mixed[pair]))
-        # A single column of words with a number among them is a text, not a table.
-        if _score(mixed[other])[0] > 2 * count and _score(mixed[other])[1] > 1:
+        # A single column of words with a number among them is a text, not a table, and so is a single row.
+        if _score(mixed[other])[0] > max(2 * count, 1) and _score(mixed[other])[1] > 1:
             best, count = other, _score(mixed[other])[0]
     if not count:
         raise DataError(

@@ -231,12 +231,13 @@ def _release_and_reversals(swing: Swing, half_cycles: HalfCycles) -> tuple[float
     edges = half_cycles.edges
     indices = np.minimum(np.searchsorted(swing.t, edges), swing.t.size - 1)
     # Before the first large half-cycle, up to its middle, there may be a guided motion or a part of one of any size.
+    # What goes to and fro before that is a hand, or the noise of a hold: half-cycles of a free mass shrink.
     middle = int(np.mean(indices[:2])) + 1 if edges.size > 1 else swing.t.size
     # The first samples are hardly smoothed, and no spike is seen in them.
     begin = min(int(0.03 * swing.half_period / swing.interval), middle - 2)
     early = swing.smoothed[begin:middle]
     head = [begin + i for i in zigzag(early, extremes(early, swing.threshold), swing.threshold)[:-1]]
-    head = head or [int(indices[0])]
+    head = head[-2:] or [int(indices[0])]
     end = [] if half_cycles.stopped else [swing.t.size - 1]
     release, pivots = locate_release(swing, [*head, *indices[1:].tolist(), *end])
     before = [i for i in pivots[1:] if i in head]

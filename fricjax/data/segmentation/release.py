@@ -1,5 +1,7 @@
 """Where a free decay begins and ends: after the hold or the hand that guides the mass, and where it comes to rest."""
 
+import dataclasses
+
 import numpy as np
 
 from .noise import line_fit
@@ -8,6 +10,8 @@ from .swing import Swing
 
 # Friction takes energy away, so that a free mass approaches a reversal faster than it leaves it; a hand does not.
 SLOW_APPROACH = 1.1
+# Part of a half-cycle by which smoothing, over a sixteenth, and sampling may part two extremes that are one.
+UNSEEN = 0.1
 # A creep moves the mass at rest by more than noise of this many standard deviations, of any colour, spans about a line.
 _CREEPS = 10.0
 
@@ -20,6 +24,9 @@ def locate_release(swing: Swing, pivots: list[int]) -> tuple[float, list[int]]:
     """
     t = swing.t
     guided = len(pivots) >= 3 and _is_guided(swing, pivots)
+    if guided and _is_tiny(swing, pivots):
+        # The noise of a hold, which then moves the mass so far all the time.
+        swing = dataclasses.replace(swing, threshold=max(swing.threshold, swing.distance(*pivots[:2])))
     pivots = pivots[1:] if guided else pivots
     earliest = float(t[pivots[0]]) if guided else float(t[0])
     onset = _onset(swing, pivots)
@@ -32,9 +39,12 @@ def _is_guided(swing: Swing, pivots: list[int]) -> bool:
     """Whether the mass came to the first reversal more slowly than it left, or stayed there."""
     first, reversal, after = pivots[:3]
     size = swing.distance(reversal, after)
-    depth = min(swing.distance(first, reversal), 0.5 * size)
-    if depth < max(30.0 * swing.threshold, 0.02 * size):
-        return False
+    way = swing.distance(first, reversal)
+    if _is_tiny(swing, pivots):
+        # Noise moves the extremes by what it hides; but a free mass covers so short a way in a moment.
+        moment = _time_to_leave(swing, way / size) + _time_to_leave(swing, swing.threshold / size)
+        return bool(swing.t[reversal] - swing.t[first] > moment + UNSEEN * swing.half_period)
+    depth = min(way, 0.5 * size)
     beyond = np.abs(swing.smoothed[first : after + 1] - swing.smoothed[reversal]) >= depth
     inward, outward = np.flatnonzero(beyond[: reversal - first]), np.flatnonzero(beyond[reversal - first :])
     if not inward.size or not outward.size:
@@ -44,6 +54,13 @@ def _is_guided(swing: Swing, pivots: list[int]) -> bool:
     slow = approach > SLOW_APPROACH * departure and approach > 0.1 * swing.half_period
     free = _time_to_leave(swing, depth / size)
     return bool(slow or approach + departure > 4.0 * free + 0.5 * swing.half_period)
+
+
+def _is_tiny(swing: Swing, pivots: list[int]) -> bool:
+    """Whether the way to the first reversal is too short for its speed to be seen."""
+    first, reversal, after = pivots[:3]
+    size = swing.distance(reversal, after)
+    return min(swing.distance(first, reversal), 0.5 * size) < max(30.0 * swing.threshold, 0.02 * size)
 
 
 def _time_to_leave(swing: Swing, share: float) -> float:

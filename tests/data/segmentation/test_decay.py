@@ -8,6 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 from scipy.optimize import least_squares
+from scipy.signal import lfilter
 
 from fricjax.data import read, segment, segment_record
 from fricjax.data.segmentation.reversals import refine
@@ -51,6 +52,18 @@ def test_a_decay_to_rest(half_cycles, noise, hold):
     assert found.amplitude == pytest.approx((2e-3 - exact.points.min()) / 2, rel=1e-4)
     if noise:
         assert found.noise == pytest.approx(noise, rel=0.2)
+
+
+@pytest.mark.parametrize("memory", [0.8, 0.95])
+def test_the_noise_of_a_hold_is_no_motion_however_coloured(memory):
+    """A record without rest shows only the white part of its noise before the reversals are known."""
+    for seed in range(20):
+        random = np.random.default_rng(seed)
+        exact, x = decay(40, rate=2e3, hold=random.uniform(0.02, 0.2), tail=-25.0)
+        noise = lfilter([5e-9 * np.sqrt(1 - memory**2)], [1.0, -memory], random.standard_normal(x.size))
+        found = segment(exact.t, x + noise)
+        assert found.first_reversal == pytest.approx(exact.stops[0], abs=0.02 * exact.half_period)
+        assert found.release_position is None or found.release_position == pytest.approx(2e-3, abs=1e-7)
 
 
 @pytest.mark.parametrize("half_cycles", [3, 20, 300])

@@ -1,0 +1,81 @@
+"""True motions of two rigs in closed form, and what an interferometer adds to them; nothing of the package is used.
+
+Under Coulomb's friction the mass swings about one end of the dead band until it turns, then about the other one, each
+time for half a damped period, and stays where it turns within the band.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from scipy.signal import lfilter
+
+
+class Rig(NamedTuple):
+    """A machine: mass [kg], stiffness [N/m], damping [N s/m] and normal force [N]."""
+
+    mass: float
+    stiffness: float
+    damping: float
+    load: float
+
+    def toml(self) -> str:
+        """Its file, as calibrated: without error, for the truth of the runs is what counts here."""
+        keys = ("mass", "stiffness", "damping", "normal_force")
+        return "".join(f"{key} = {value!r}\n" for key, value in zip(keys, self, strict=True))
+
+
+STIFFNESS, OMEGA, DAMPING_RATIO = 2574.0, 2 * math.pi * 12.6, 0.0027
+_MASS = STIFFNESS / OMEGA**2
+_DAMPING = 2 * DAMPING_RATIO * math.sqrt(STIFFNESS * _MASS)
+RIGS = {name: Rig(_MASS, STIFFNESS, _DAMPING, load) for name, load in (("rolling", 1.89), ("sliding", 9.66))}
+
+
+class Truth(NamedTuple):
+    """What happens in a run: coefficient of friction, release from `x0` [m] at `hold` [s]; how it is sampled."""
+
+    rig: str
+    mu: float
+    x0: float
+    hold: float
+    rate: float
+    samples: int
+    noise: str
+
+    @property
+    def t(self) -> np.ndarray:
+        return np.arange(self.samples) / self.rate
+
+
+def free_decay(truth: Truth) -> np.ndarray:
+    """Displacements about the equilibrium [m] at the times of a run, shape (samples,)."""
+    mass, stiffness, damping, load = RIGS[truth.rig]
+    decay = damping / (2 * mass)
+    omega = math.sqrt(stiffness / mass - decay**2)
+    band, half = truth.mu * load / stiffness, math.pi / omega
+    t = truth.t - truth.hold
+    x, begin, turn = np.full(truth.samples, truth.x0), 0.0, truth.x0
+    while abs(turn) > band and begin < t[-1]:
+        centre = math.copysign(band, turn)
+        after = t >= begin
+        phase = omega * (t[after] - begin)
+        x[after] = centre + (turn - centre) * np.exp(-decay / omega * phase) * (
+            np.cos(phase) + decay / omega * np.sin(phase)
+        )
+        turn = centre - (turn - centre) * math.exp(-decay * half)
+        begin += half
+        x[t >= begin] = turn
+    return x
+
+
+WHITE, STEP, MEMORY = 5e-9, 10e-9, 0.8
+"""Standard deviation of the noise [m], step of a converter [m], and how much of a sample's noise the next one keeps."""
+
+
+def measured(truth: Truth, random: np.random.Generator) -> np.ndarray:
+    """What the interferometer displays: the motion about some zero of its own, with noise of a kind."""
+    x = free_decay(truth) + random.uniform(-50e-6, 50e-6)
+    noise = WHITE * random.standard_normal(truth.samples)
+    if truth.noise == "coloured":
+        noise = lfilter([math.sqrt(1 - MEMORY**2)], [1.0, -MEMORY], noise)
+    return STEP * np.round((x + noise) / STEP) if truth.noise == "quantised" else x + noise
