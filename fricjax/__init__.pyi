@@ -12,6 +12,7 @@ from . import (
     rig,
     sensitivity,
     show,
+    uncertainty,
 )
 from .calibrate.frf import calibrate_frf
 from .calibrate.ringdown import calibrate_added_mass, calibrate_ringdown
@@ -88,5 +89,6 @@ __all__ = [
     "show",
     "simulate",
     "synthetic_run",
+    "uncertainty",
     "write",
 ]

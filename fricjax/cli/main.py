@@ -11,7 +11,7 @@ from typing import NoReturn
 
 import typer
 
-from . import calibrate, check, compare, demo, doctor, energy, fit, inspect, map, models, simulate
+from . import budget, calibrate, check, compare, demo, doctor, energy, fit, inspect, map, models, simulate
 from .failure import INTERRUPTED, failure_of
 from .options import example, grouped
 from .output import tell, tell_json
@@ -34,6 +34,7 @@ for _name, _function, _example in (
     ("compare", compare.compare, "run.csv --rig rig.toml --friction coulomb --friction stribeck"),
     ("map", map.map_, "run1.csv run2.csv run3.csv --rig rig.toml"),
     ("energy", energy.energy, "run.csv --rig rig.toml"),
+    ("budget", budget.budget, "fit.json --rig rig.toml"),
     ("simulate", simulate.simulate, '--rig rig.toml --x0 "2 mm" --fix mu=0.02 --out run.csv'),
     ("doctor", doctor.doctor, ""),
 ):

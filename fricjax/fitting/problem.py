@@ -16,6 +16,7 @@ from ..estimation.space import LINEAR, Parameter, ParameterSpace
 from ..oscillator.engines import UNTABLED, AbstractEngine, Demands
 from ..oscillator.leaves import leaves_of
 from ..oscillator.select import select_engine
+from ..rig import Measured
 from .parameters import Request, free_parameters, parse_priors, parse_ties, shared_leaves
 from .residual import Residual, power, without_inputs
 from .rig_inputs import rig_inputs
@@ -37,7 +38,7 @@ class Problem:
         stage_weights: for each run what its windows need to know, at the condensed samples.
         limits: bounds in coordinates.
         loss: loss of the residuals.
-        parameters: the free parameters in order; `inputs`: names of the uncertain inputs of the rig.
+        parameters: the free parameters in order; `inputs`: the uncertain inputs of the rig, by name.
         windows: the fitted part of each record.
         bracketed: name of a static coefficient that the user freed and that is bracketed instead of fitted.
     """
@@ -48,7 +49,7 @@ class Problem:
     limits: Limits
     loss: AbstractLoss
     parameters: tuple[Parameter, ...]
-    inputs: tuple[str, ...]
+    inputs: dict[str, Measured]
     windows: tuple[Window, ...]
     bracketed: str | None
 
@@ -170,14 +171,14 @@ def _residual(
     space: ParameterSpace,
     windows: Sequence[Window],
     parameters: Sequence[Parameter],
-) -> tuple[Residual, tuple[str, ...]]:
-    """The residual of all samples, and the names of the inputs of the rig in it."""
+) -> tuple[Residual, dict[str, Measured]]:
+    """The residual of all samples, and the inputs of the rig in it."""
     engine = engine_for(request, windows)
     mean, weight = parse_priors(request.priors, [parameter.name for parameter in parameters], windows)
     oscillator = jax.tree.map(lambda leaf: np.asarray(leaf, float), request.oscillator)
     runs = of_one_length(tuple(full_run(window, can_stop(request)) for window in windows))
-    names, *inputs = rig_inputs(request.rig, oscillator, {*space.leaves, *(tie.leaf for tie in space.ties)})
-    return Residual(oscillator, space, engine, runs, np.asarray(mean), np.asarray(weight), *inputs), names
+    measured, *inputs = rig_inputs(request.rig, oscillator, {*space.leaves, *(tie.leaf for tie in space.ties)})
+    return Residual(oscillator, space, engine, runs, np.asarray(mean), np.asarray(weight), *inputs), measured
 
 
 def _condensed(residual: Residual, windows: Sequence[Window]) -> Residual:
@@ -196,10 +197,11 @@ def _limits(space: ParameterSpace, parameters: Sequence[Parameter]) -> Limits:
 def engine_for(request: Request, windows: Sequence[Window]) -> AbstractEngine:
     """The engine, built for the longest record and for an error below what its noise leaves visible."""
     machine = request.oscillator
-    drag_free = any(name.endswith("drag") for name in request.free)
+    uncertain = () if request.rig is None else request.rig.inputs()
+    drag_moves = any(name.endswith("drag") for name in (*request.free, *uncertain))
     half_cycles = max(_half_cycles(window, can_stop(request)) for window in windows)
-    # A drag that is free is no number yet.
-    known = eqx.tree_at(lambda machine: machine.drag, machine, np.asarray(np.nan)) if drag_free else machine
+    # A drag that is free, or with respect to which a derivative is taken, is no number yet.
+    known = eqx.tree_at(lambda machine: machine.drag, machine, np.asarray(np.nan)) if drag_moves else machine
     try:
         engine = select_engine(request.engine, known, max_half_cycles=power(half_cycles + 2, _CAPACITY))
     except ValueError as error:

@@ -23,6 +23,7 @@ from ..errors import DataError, brief, nearest
 from ..friction import AbstractFriction
 from ..oscillator import Exact, Hybrid, Oscillator, Smooth, restoring
 from ..oscillator.engines import AbstractEngine, Span
+from ..rig import Measured
 from .derived import Estimate
 from .noise import Line, Noise, Whiteness
 from .residual import Run
@@ -33,7 +34,7 @@ MODULES: Mapping[str, type] = {
     **{cls.__name__: cls for cls in (restoring.Linear, restoring.Cubic, restoring.Pendulum, restoring.Structural)},
     **{cls.__name__: cls for cls in (Oscillator, Exact, Hybrid, Smooth, Run)},
 }
-TUPLES: Mapping[str, type] = {cls.__name__: cls for cls in (Estimate, Line, Margin, Noise, Span, Whiteness)}
+RECORDS: Mapping[str, type] = {cls.__name__: cls for cls in (Estimate, Line, Margin, Measured, Noise, Span, Whiteness)}
 _WORDS = {float: "a number", int: "a whole number", str: "a text", bool: "true or false", types.NoneType: "null"}
 # Integers beyond are no counts, and floating-point numbers do not tell them from one another.
 _LARGEST_COUNT = 1 << 53
@@ -65,7 +66,7 @@ def restored(kind: Any, value: Any, place: str) -> Any:
         return _array(_expect(isinstance(value, list), value, place, "a list of numbers"), place)
     if isinstance(kind, type) and issubclass(kind, eqx.Module):
         return _module(kind, value, place)
-    if isinstance(kind, type) and kind in TUPLES.values():
+    if isinstance(kind, type) and kind in RECORDS.values():
         fields = _fields(kind, typing.get_type_hints(kind), value, place)
         return kind(**fields)
     # What is left are numbers whose shape only traced code declares: one, or an array.

@@ -12,6 +12,7 @@ from ..data.record import labels
 from ..errors import UsageError
 from ..estimation.covariance import correlation
 from ..oscillator import Oscillator, simulate
+from ..rig import Measured
 from ..show import Report, Reported
 from .derived import Estimate
 from .diagnostics import optimum_found
@@ -63,6 +64,7 @@ class Fit(Reported):
         warnings: what a reader of the numbers must know, in sentences.
         kinematics: natural frequency, damping ratio, dead band and losses per unit mass, which need no rig; where one
             is given, with the uncertainties of its inputs.
+        inputs: the uncertain inputs of the rig that was given, by name.
         contributions: by name, of parameters and kinematics: how much one standard uncertainty of each input of the rig
             changes the value. A periodic nonlinearity has two, as a cosine and as a sine of the reading.
         chi2, dof, chi2_reduced: sum of squared weighted residuals, degrees of freedom, and their ratio.
@@ -110,6 +112,7 @@ class Fit(Reported):
     status: str
     warnings: tuple[str, ...]
     kinematics: dict[str, Estimate]
+    inputs: dict[str, Measured]
     contributions: dict[str, dict[str, float]]
     chi2: float
     dof: int

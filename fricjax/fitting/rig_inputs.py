@@ -10,6 +10,7 @@ from jaxtyping import Array, Float
 from ..errors import UsageError
 from ..oscillator import Oscillator
 from ..oscillator.leaves import leaves_of
+from ..rig import Measured
 from .residual import ERRORS
 
 # The errors of a reading that an input of the rig stands for; of a periodic one the phase is not known.
@@ -24,13 +25,13 @@ class RigInputs(NamedTuple):
     """The uncertain inputs of a rig.
 
     Attributes:
-        names: of the inputs; a periodic nonlinearity is two, for its phase is not known.
+        measured: the inputs by name; a periodic nonlinearity is two, for its phase is not known.
         changes: change of each leaf of the machine for one standard uncertainty of each input; behind the leaves, where
             `period` is not None, of each error of the reading.
         period: of a periodic error [m], inf without one; None where the reading has no uncertain errors at all.
     """
 
-    names: tuple[str, ...]
+    measured: dict[str, Measured]
     changes: Float[np.ndarray, "inputs changes"]
     period: Any
 
@@ -48,18 +49,22 @@ def rig_inputs(rig: Any, oscillator: Oscillator, free: set[int]) -> RigInputs:
     """
     leaves = len(jax.tree.leaves(oscillator))
     if rig is None:
-        return RigInputs((), np.zeros((0, leaves)), None)
-    inputs, changes = rig.inputs(), {}
+        return RigInputs({}, np.zeros((0, leaves)), None)
+    inputs, changes, known = rig.inputs(), {}, {}
     for name, measured in inputs.items():
         if name not in _OF_READING:
-            changes[name] = np.append(_of_machine(rig, name, oscillator, free), np.zeros(len(ERRORS)))
+            known[name], changes[name] = (
+                measured,
+                np.append(_of_machine(rig, name, oscillator, free), np.zeros(len(ERRORS))),
+            )
         for error in _OF_READING.get(name, ()):
             changes[error] = np.append(np.zeros(leaves), [measured.std * (error == other) for other in ERRORS])
+            known[error] = measured
     rows = np.array(list(changes.values())).reshape(-1, leaves + len(ERRORS))
     if not inputs.keys() & _OF_READING.keys():
-        return RigInputs(tuple(changes), rows[:, :leaves], None)
+        return RigInputs(known, rows[:, :leaves], None)
     period = rig.nonlinearity_period
-    return RigInputs(tuple(changes), rows, np.asarray(np.inf if period is None else period.value))
+    return RigInputs(known, rows, np.asarray(np.inf if period is None else period.value))
 
 
 def _of_machine(rig: Any, name: str, oscillator: Oscillator, free: set[int]) -> Float[np.ndarray, " leaves"]:

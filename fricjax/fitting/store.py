@@ -15,9 +15,9 @@ from ..data.files import content as read_content
 from ..errors import DataError, brief
 from ..oscillator.engines import AbstractEngine
 from ..show.files import write_text
-from .restored import TUPLES, restored
+from .restored import RECORDS, restored
 
-SCHEMA = "fricjax.fit/5"
+SCHEMA = "fricjax.fit/6"
 
 _LARGEST = 1_000_000_000
 """Bytes of the largest file that is read; a million samples take about 100 MB."""
@@ -37,8 +37,9 @@ def _plain(value: Any) -> Any:
     if isinstance(value, eqx.Module):
         fields = {field.name: _plain(getattr(value, field.name)) for field in dataclasses.fields(value)}
         return {"type": type(value).__name__, **fields}
-    if type(value).__name__ in TUPLES:
-        return {"type": type(value).__name__, **{k: _plain(v) for k, v in value._asdict().items()}}
+    if type(value).__name__ in RECORDS:
+        names = getattr(value, "_fields", None) or [field.name for field in dataclasses.fields(value)]
+        return {"type": type(value).__name__, **{name: _plain(getattr(value, name)) for name in names}}
     if isinstance(value, dict):
         return {str(k): _plain(v) for k, v in value.items()}
     if isinstance(value, tuple | list):

@@ -1,0 +1,5 @@
+"""How sure a result is: the uncertainty budget of the GUM, its check by Monte Carlo, bootstrap and profiles."""
+
+import lazy_loader as _lazy_loader
+
+__getattr__, __dir__, __all__ = _lazy_loader.attach_stub(__name__, __file__)

@@ -1,0 +1,208 @@
+"""Propagation of distributions by Monte Carlo, and the comparison of a budget with it (JCGM 101:2008)."""
+
+import dataclasses
+import math
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..errors import UsageError
+from ..show import Report, Reported, Table, axis_label, figure, uncertain
+from .inputs import Input
+
+if TYPE_CHECKING:
+    from .result import Expanded
+
+# Draws that are computed at once: 10 inputs of these take 8 MB.
+_BLOCK = 100_000
+# Parts of which the ends of the interval are looked at, to see how far the draws determine them.
+_PARTS = 20
+# A tolerance of half of the last of two digits of the standard uncertainty is the standard's own (7.9.2).
+_DIGITS = 2
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class MonteCarlo(Reported):
+    """The distribution of a result by drawing its inputs, beside the budget to first order.
+
+    Attributes:
+        draws: number of draws.
+        mean, std: of the results.
+        interval: its ends have the same probability outside.
+        shortest: shortest interval of the same probability.
+        level: that probability.
+        value, budget_std, budget_interval: result of the budget, its standard uncertainty and its interval.
+        tolerance: half of the last of two digits of the standard uncertainty.
+        difference: larger distance between the ends of `interval` and those of `budget_interval`.
+        spread: standard error of the ends of `interval`, from parts of the draws.
+        sample: the results in order, shape (draws,).
+
+    Examples:
+        >>> from fricjax.uncertainty import Input, propagate
+        >>> ratio = propagate(lambda a, b: a / b, {"a": Input(1.0, 0.01), "b": Input(1.0, 0.2)}, quantity="ratio")
+        >>> check = ratio.monte_carlo(100_000)
+        >>> check.agrees, check.interval[1] > 1.6 > check.budget_interval[1]
+        (False, True)
+    """
+
+    draws: int
+    mean: float
+    std: float
+    interval: tuple[float, float]
+    shortest: tuple[float, float]
+    level: float
+    value: float
+    budget_std: float
+    budget_interval: tuple[float, float]
+    tolerance: float
+    difference: float
+    spread: float
+    sample: np.ndarray
+
+    @classmethod
+    def of(cls, values: np.ndarray, value: float, std: float, expanded: "Expanded") -> "MonteCarlo":
+        """The outcome of draws of a result, beside the budget's value, standard uncertainty and expanded uncertainty.
+
+        Raises:
+            UsageError: too few draws for the intervals, or draws of which some have no result.
+        """
+        level = expanded.level
+        # Ten draws beyond each end in each part, below which a quantile is a matter of luck.
+        if values.size * (1 - level) / 2 < 10 * _PARTS:
+            raise UsageError(
+                f"{values.size} draws are too few for intervals of {100 * level:g} %: take "
+                f"{math.ceil(20 * _PARTS / (1 - level))} at least."
+            )
+        if not np.all(np.isfinite(values)):
+            lost = int(np.sum(~np.isfinite(values)))
+            raise UsageError(
+                f"The formula has no finite result in {lost} of {values.size} draws: an input reaches values that it "
+                "cannot have. Give that input a distribution with ends."
+            )
+        ends = np.array([(1 - level) / 2, (1 + level) / 2])
+        low, high = np.quantile(values, ends)
+        parts = np.quantile(values[: values.size // _PARTS * _PARTS].reshape(_PARTS, -1), ends, axis=1)
+        budget = (value - expanded.half_width, value + expanded.half_width)
+        ordered = np.sort(values)
+        return cls(
+            draws=values.size,
+            mean=float(values.mean()),
+            std=float(values.std(ddof=1)),
+            interval=(float(low), float(high)),
+            shortest=_shortest(ordered, level),
+            level=level,
+            value=value,
+            budget_std=std,
+            budget_interval=budget,
+            tolerance=_tolerance(std),
+            difference=float(max(abs(low - budget[0]), abs(high - budget[1]))),
+            spread=float(np.max(parts.std(axis=1, ddof=1)) / math.sqrt(_PARTS)),
+            sample=ordered,
+        )
+
+    @property
+    def agrees(self) -> bool:
+        """Whether the budget is validated: the ends of both intervals are the same within the tolerance (8.1)."""
+        return self.difference <= self.tolerance
+
+    @property
+    def stable(self) -> bool:
+        """Whether more draws would change nothing: the ends are known to a fifth of the tolerance (8.2)."""
+        return self.spread <= self.tolerance / 5
+
+    def report(self) -> Report:
+        """Both intervals, and the verdict."""
+        level = f"{100 * self.level:g} %"
+        # With the digits that the tolerance counts, for these decide.
+        digits = max(-math.floor(math.log10(self.tolerance)), 0) if self.tolerance else 6
+        shown = lambda ends: f"[{ends[0]:.{digits}f}, {ends[1]:.{digits}f}]"
+        rows = [
+            ["Monte Carlo", uncertain(self.mean, self.std), shown(self.interval)],
+            ["Monte Carlo, shortest", None, shown(self.shortest)],
+            ["budget", uncertain(self.value, self.budget_std), shown(self.budget_interval)],
+        ]
+        apart = f"the ends of the intervals differ by {self.difference:.2g}"
+        tolerated = f"{self.tolerance:.1g}, half of the last of two digits of the uncertainty (JCGM 101, 8)"
+        if self.agrees:
+            notes = [f"The budget is validated: {apart}, no more than {tolerated}."]
+        else:
+            notes = [f"The budget to first order is not enough: {apart}, more than {tolerated}. Use Monte Carlo's."]
+        warnings = []
+        if not self.stable:
+            warnings.append(f"{self.draws} draws leave the ends uncertain by {self.spread:.2g}: take more.")
+        table = Table(["By", "Mean and standard uncertainty", f"{level} interval"], rows, f"{self.draws} draws")
+        data = {field.name: getattr(self, field.name) for field in dataclasses.fields(self) if field.name != "sample"}
+        data |= {"agrees": self.agrees, "stable": self.stable}
+        return Report([table], notes=notes, warnings=warnings, data=data)
+
+    def plot(self) -> Any:
+        """The distribution of the draws, that of the budget, and both intervals; a matplotlib figure."""
+        drawing, axes = figure()
+        axis = axes[0, 0]
+        # A hundredth of the draws at each end lies far out and would leave the rest no room.
+        low, high = np.quantile(self.sample, [0.001, 0.999])
+        axis.hist(self.sample, bins=120, range=(low, high), density=True, color="#B8D4E8", label="Monte Carlo")
+        at = np.linspace(low, high, 400)
+        normal = np.exp(-(((at - self.value) / self.budget_std) ** 2) / 2) / (self.budget_std * math.sqrt(2 * math.pi))
+        axis.plot(at, normal, color="#D55E00", label="budget, normal")
+        for ends, colour, style in ((self.interval, "#0072B2", "-"), (self.budget_interval, "#D55E00", "--")):
+            for end in ends:
+                axis.axvline(end, color=colour, linestyle=style)
+        axis.set_xlabel(axis_label("Result", "SI units"))
+        axis.set_ylabel("Probability density")
+        axis.legend()
+        return drawing
+
+
+def simulated(
+    formula: Callable[[Mapping[str, Any]], Any],
+    inputs: Mapping[str, Input],
+    correlation: np.ndarray,
+    draws: int,
+    seed: int,
+) -> np.ndarray:
+    """Results of a formula for values of its inputs that are drawn from their distributions, shape (draws,).
+
+    Raises:
+        UsageError: a correlated input that is not normal.
+    """
+    import jax
+
+    names = list(inputs)
+    correlated = np.any(correlation != np.eye(len(names)), axis=1)
+    for name, is_correlated in zip(names, correlated, strict=True):
+        if is_correlated and not inputs[name].is_normal:
+            raise UsageError(
+                f"{name} is correlated but not normal with a known uncertainty: Monte Carlo draws correlated inputs "
+                "from a joint normal distribution (JCGM 101, 6.4.8)."
+            )
+    generator = np.random.default_rng(seed)
+    # Of a singular matrix, as of two inputs that are one, no Cholesky factor exists, but a square root does.
+    eigenvalues, vectors = np.linalg.eigh(correlation)
+    root = vectors * np.sqrt(np.clip(eigenvalues, 0.0, None))
+    each = jax.jit(jax.vmap(lambda values: formula(values)))
+    results = []
+    for first in range(0, draws, _BLOCK):
+        # All blocks have one size, so that the formula is compiled once.
+        block = {name: inputs[name].draw(generator, _BLOCK) for name in names}
+        if correlated.any():
+            errors = generator.normal(size=(_BLOCK, len(names))) @ root.T
+            joint = {name: inputs[name].value + inputs[name].std * errors[:, i] for i, name in enumerate(names)}
+            block |= {name: joint[name] for name, is_one in zip(names, correlated, strict=True) if is_one}
+        results.append(np.asarray(each(block))[: draws - first])
+    return np.concatenate(results)
+
+
+def _tolerance(std: float) -> float:
+    """Half of the last of two significant digits of a standard uncertainty (JCGM 101, 7.9.2)."""
+    if std == 0:
+        return 0.0
+    return 0.5 * 10.0 ** (math.floor(math.log10(std)) - _DIGITS + 1)
+
+
+def _shortest(ordered: np.ndarray, level: float) -> tuple[float, float]:
+    """Shortest interval that holds a part `level` of results in order (JCGM 101, 7.7.4)."""
+    inside = min(max(round(level * ordered.size), 1), ordered.size - 1)
+    first = int(np.argmin(ordered[inside:] - ordered[:-inside]))
+    return float(ordered[first]), float(ordered[first + inside])
