@@ -16,6 +16,7 @@ ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT))
 
 from experiments.files.hostile_archives import ARCHIVES  # noqa: E402
+from experiments.files.hostile_formats import FORMAT_BOMBS, FORMATS  # noqa: E402
 from experiments.files.hostile_texts import FITS, NO_FILES, RIGS, TABLES, Hostile  # noqa: E402
 from experiments.files.hostile_trees import BOMBS, HDF5, MATLAB  # noqa: E402
 from experiments.files.outcome import Outcome, attempt, limit_memory  # noqa: E402
@@ -26,9 +27,10 @@ FILES: dict[str, dict[str, Hostile]] = {
     "archives": ARCHIVES,
     "HDF5": HDF5,
     "MATLAB": MATLAB,
+    "formats": FORMATS,
     "rigs": RIGS,
     "fits": FITS,
-    "bombs": BOMBS,
+    "bombs": {**BOMBS, **FORMAT_BOMBS},
 }
 
 

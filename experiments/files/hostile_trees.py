@@ -128,7 +128,7 @@ def _cut(seed: str, end: float) -> Callable[[Path], object]:
 FAR = "declared to have .* more than plausible"
 HDF5: dict[str, Hostile] = {
     "garbage.h5": (lambda path: path.write_bytes(b"garbage" * 99), REFUSED),
-    "netcdf3.nc": (lambda path: path.write_bytes(b"CDF\x01" + bytes(99)), "netCDF-3 files must be converted"),
+    "netcdf3.nc": (lambda path: path.write_bytes(b"CDF\x01" + bytes(99)), "holds no variable of numbers"),
     **{f"cut{i}.h5": (_cut("plain.h5", end), REFUSED) for i, end in enumerate((0.01, 0.2, 0.5, 0.9))},
     "empty_file.h5": (_hdf5(lambda file: None), "holds no data set"),
     "soft.h5": (_beside(lambda file: file.__setitem__("x", h5py.SoftLink("/x"))), NONE),

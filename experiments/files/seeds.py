@@ -3,6 +3,7 @@
 import dataclasses
 import json
 import typing
+import warnings
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -136,6 +137,53 @@ def _workbook(path: Path) -> None:
     book.save(path)
 
 
+def _waveform(path: Path) -> None:
+    from nptdms import ChannelObject, TdmsWriter
+
+    with TdmsWriter(path) as writer:
+        about = {"unit_string": "um", "wf_increment": 1 / 2000, "wf_start_offset": 0.0}
+        writer.write_segment([ChannelObject("Run", "x", 1e6 * X, about), ChannelObject("Run", "v", X)])
+
+
+def _classic(path: Path) -> None:
+    with scipy.io.netcdf_file(path, "w") as file:
+        file.createDimension("time", N)
+        for name, values in (("time", T), ("x", X)):
+            variable = file.createVariable(name, "d", ("time",))
+            variable[:] = values
+            variable.units = b"s" if name == "time" else b"m"
+
+
+def _table(path: Path) -> None:
+    import pyarrow.parquet
+
+    pyarrow.parquet.write_table(pyarrow.table({"t": T, "x [um]": 1e6 * X}), path, compression="gzip")
+
+
+def _universal(path: Path, binary: int) -> None:
+    import pyuff
+
+    data = pyuff.prepare_58(
+        binary=binary, func_type=1, rsp_node=3, rsp_dir=3, ref_node=1, ref_dir=1, data=1e6 * X, x=T,
+        abscissa_spacing=1, abscissa_min=0.0, abscissa_inc=1 / 2000, abscissa_spec_data_type=17,
+        ordinate_spec_data_type=8, ordinate_axis_units_lab="um", abscissa_axis_units_lab="s",
+        orddenom_spec_data_type=0,
+    )  # fmt: skip
+    path.unlink(missing_ok=True)
+    with warnings.catch_warnings():
+        # pyuff leaves the files that it writes to the collector.
+        warnings.simplefilter("ignore", ResourceWarning)
+        pyuff.UFF(str(path)).write_sets(data, "add")
+
+
+def _raster(path: Path, compression: int) -> None:
+    from asammdf import MDF, Signal
+
+    with MDF(version="4.10") as file:
+        file.append([Signal(1e6 * X, T, name="x", unit="um"), Signal(X, T, name="v", unit="m/s")])
+        file.save(path, overwrite=True, compression=compression)
+
+
 SEEDS: dict[str, Callable[[Path], object]] = {
     "comma.csv": _text,
     "blanks.txt": lambda path: _text(path, " ", "# t x"),
@@ -155,6 +203,13 @@ SEEDS: dict[str, Callable[[Path], object]] = {
     "v5.mat": lambda path: scipy.io.savemat(path, _tree()),
     "packed.mat": lambda path: scipy.io.savemat(path, _tree(), do_compression=True),
     "v73.mat": _matlab73,
+    "wave.tdms": _waveform,
+    "classic.nc": _classic,
+    "table.parquet": _table,
+    "text.uff": lambda path: _universal(path, 0),
+    "bytes.uff": lambda path: _universal(path, 1),
+    "raster.mf4": lambda path: _raster(path, 0),
+    "packed.mf4": lambda path: _raster(path, 2),
     "rig.toml": lambda path: path.write_text(RIG),
     "fit.json": lambda path: fit().save(path),
 }

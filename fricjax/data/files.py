@@ -4,11 +4,13 @@ A path may lead to nothing, to a pipe that never ends, or to a file of a few kil
 terabytes. Sizes are therefore compared with that of the file before anything is unpacked.
 """
 
+import importlib
 import os
 import stat
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 from ..errors import DataError, UsageError, nearest
 
@@ -85,6 +87,34 @@ def check_distinct(paths: Iterable[Path]) -> None:
 def allowance(path: Path) -> int:
     """How many bytes the arrays of a file may have in all."""
     return min(max(_ALWAYS, _PACKED * path.stat().st_size), _LARGEST)
+
+
+def check_size(path: Path, what: str, numbers: int) -> None:
+    """Refuse what is declared larger than a file of this size can hold, before any of it is read.
+
+    Raises:
+        DataError: names the file, and `what` is declared: "'x'".
+    """
+    if not 0 <= numbers * NUMBER <= allowance(path):
+        raise DataError(
+            f"{what} in {path.name} is not read: it is declared to have {gigabytes(numbers * NUMBER)}, more than "
+            "plausible for a file of this size."
+        )
+
+
+def needed(path: Path, module: str, extra: str) -> Any:
+    """The module that reads a format, of a package that an extra of this one brings.
+
+    Raises:
+        UsageError: it is not installed; says how to install it.
+    """
+    try:
+        return importlib.import_module(module)
+    except ImportError as error:
+        package = module.partition(".")[0]
+        raise UsageError(
+            f"{path.name} needs the package {package}: pip install 'fricjax[{extra}]', or export the run as .csv."
+        ) from error
 
 
 def gigabytes(size: float) -> str:

@@ -1,7 +1,7 @@
 """One entry for every source of a record: a file is read by its suffix, what is in memory by what it is.
 
 Readers of further formats join through the entry point group `fricjax.readers`: the name of the entry point is the
-suffix without its dot, the object a function `(path, **options) -> Record`.
+suffix without its dot, the object a function `(path, choice, **options)` that gives a record, or a list for all runs.
 """
 
 import dataclasses
@@ -24,9 +24,13 @@ READERS = {
     ".npz": ("npz", "read_npz"),
     ".mat": ("mat", "read_mat"),
     **dict.fromkeys((".xlsx", ".xlsm"), ("excel", "read_excel")),
-    **dict.fromkeys((".h5", ".hdf5", ".nc"), ("hdf5", "read_hdf5")),
+    **dict.fromkeys((".h5", ".hdf5"), ("hdf5", "read_hdf5")),
+    ".nc": ("netcdf", "read_netcdf"),
+    ".tdms": ("tdms", "read_tdms"),
+    **dict.fromkeys((".parquet", ".pq"), ("parquet", "read_parquet")),
+    **dict.fromkeys((".uff", ".unv"), ("uff", "read_uff")),
+    **dict.fromkeys((".mf4", ".mdf"), ("mdf", "read_mdf")),
 }
-PLUGIN_GROUP = "fricjax.readers"
 # Options of every file and table.
 _COMMON = tuple(field.name for field in dataclasses.fields(Choice))
 
@@ -40,12 +44,12 @@ def read(source: Any, **options: Any) -> Any:
 
     Args:
         source: a path, a table, arrays, a trace or a record. Files are texts (`.csv`, `.txt`, `.dat`, `.tsv`, `.asc`,
-            `.lvm`, `.log`, `.prn`, `.tab`), `.xlsx`, `.npz`, `.mat`, `.h5`, `.hdf5` or `.nc`, or of a format for which
-            a plug-in is installed. Tables are those of pandas
-            or polars (the index is the time where it is named so, or holds dates, durations or decimal numbers),
-            series, dicts, xarray's and structured arrays; units in headers and attributes count. Arrays are times and
-            displacements as a tuple `(t, x)`, or displacements with `rate=` or `t=`; without units they are in seconds
-            and metres.
+            `.lvm`, `.log`, `.prn`, `.tab`), `.npz`, `.mat`, `.h5`, `.hdf5` or `.nc`, with their extras `.xlsx`,
+            `.tdms`, `.parquet`, `.uff`, `.unv` or `.mf4`, or of a format for which a plug-in is installed. Tables are
+            those of pandas or polars (the index is the time where it is named so, or holds dates, durations or decimal
+            numbers), series, dicts, xarray's and structured arrays; units in headers and attributes count. Arrays are
+            times and displacements as a tuple `(t, x)`, or displacements with `rate=` or `t=`; without units they are
+            in seconds and metres.
         **options: for every file and table
 
             - `column`, `time`: the columns of displacement and time, by name or index (text formats), variable
@@ -115,18 +119,14 @@ def _reader(path: Path) -> "Callable[..., Record]":
     if suffix in READERS:
         module, name = READERS[suffix]
         return getattr(importlib.import_module(f".readers.{module}", __package__), name)
-    plugins = _plugins()
-    if suffix.removeprefix(".") in plugins:
-        return plugins[suffix.removeprefix(".")].load()
-    known = ", ".join([*READERS, *(f".{name}" for name in plugins)])
+    from . import plugins
+
+    reader = plugins.reader_of(path)
+    if reader is not None:
+        return reader
+    known = ", ".join(dict.fromkeys((*READERS, *plugins.suffixes())))
     got = f"the suffix '{path.suffix}'" if path.suffix else "no suffix"
     raise DataError(f"{path.name} is of an unknown format: it has {got}, and known are {known}. Export it as .csv.")
-
-
-def _plugins() -> dict[str, Any]:
-    from importlib.metadata import entry_points
-
-    return {point.name.lower().removeprefix("."): point for point in entry_points(group=PLUGIN_GROUP)}
 
 
 def _check_options(reader: "Callable[..., Any]", kind: str, options: Collection[str]) -> None:

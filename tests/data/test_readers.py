@@ -1,14 +1,13 @@
 """Every format gives the same record, and says clearly where it cannot."""
 
 import re
-import sys
 
 import h5py
 import numpy as np
 import pytest
 import scipy.io
 
-from fricjax.data import Record, Trace, read
+from fricjax.data import read
 from fricjax.errors import DataError, UsageError
 
 T = np.arange(6) * 0.5e-3
@@ -177,16 +176,6 @@ def test_missing_and_unknown_files(tmp_path):
         read(tmp_path / "run.xyz")
     with pytest.raises(DataError, match="is a folder"):
         read(tmp_path)
-
-
-def test_a_plug_in_reads_its_suffix(tmp_path, monkeypatch):
-    class Point:
-        def load(self):
-            return lambda path, **options: Record(Trace(T, X), {"source": path.name, **options})
-
-    (tmp_path / "run.xyz").write_text("anything")
-    monkeypatch.setattr(sys.modules["fricjax.data.read"], "_plugins", lambda: {"xyz": Point()})
-    assert read(tmp_path / "run.xyz", scale=3).meta == {"source": "run.xyz", "scale": 3}
 
 
 # --- npz

@@ -9,7 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from ...errors import DataError, UsageError
+from ...errors import DataError
+from ..files import needed
 from ..record import Record
 from .assemble import records_of
 from .choice import Choice
@@ -73,12 +74,7 @@ def _joined(sheets: dict[str, Sheet]) -> Sheet:
 
 def _worksheets(path: Path) -> dict[str, Text]:
     """The worksheets with rows, as texts."""
-    try:
-        import openpyxl
-    except ImportError as error:
-        raise UsageError(
-            f"{path.name} needs the package openpyxl: pip install 'fricjax[excel]', or export the sheet as .csv."
-        ) from error
+    openpyxl = needed(path, "openpyxl", "excel")
     try:
         with zipfile.ZipFile(path) as archive:
             size = sum(part.file_size for part in archive.infolist())

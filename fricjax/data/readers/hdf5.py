@@ -1,7 +1,8 @@
 """Records in HDF5 and netCDF-4 files: data sets by path, units from the `units` attribute of the CF conventions."""
 
 import dataclasses
-from collections.abc import Sequence
+import functools
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -29,10 +30,7 @@ def read_hdf5(path: Path, choice: Choice) -> Record | list[Record]:
     Raises:
         DataError: not such a file, an unknown path (the nearest is offered), a data set that is no vector of numbers.
     """
-    hint = "it is damaged or of another format"
-    if path.suffix.lower() == ".nc":
-        hint += "; netCDF-3 files must be converted to netCDF-4"
-    with opened(path, hint=hint) as tree:
+    with opened(path) as tree:
         mark = tree.attribute(tree.file, MARK)
         if mark is not None and choice.takes_all:
             return with_choice(_restore(tree, mark), choice)
@@ -73,9 +71,7 @@ def _columns(tree: Tree, path: str, node: Any) -> list[Column]:
         parts = array_columns(name, node.dtype, node.shape, path, f"{_folder(path)}/")
     except TypeError:  # a type of numbers that numpy does not know
         return [Column(path, title=path, fault="holds no numbers", key=(path, 0))]
-    units = tree.attribute(node, "units")
-    # "seconds since 2020-01-01" counts seconds
-    unit = None if units is None else str(units).split(" since ")[0].strip() or None
+    unit = cf_unit(tree.attribute(node, "units"))
     return [dataclasses.replace(part, unit=unit or part.unit) for part in parts]
 
 
@@ -84,21 +80,34 @@ def _folder(path: str) -> str:
 
 
 def _values(tree: Tree, node: Any) -> np.ndarray:
-    """The numbers with CF's missing values, scale and offset applied."""
-    raw = np.asarray(tree.read(node))
+    where = f"'{node.name}' in {tree.path.name}"
+    return cf_values(np.asarray(tree.read(node)), functools.partial(tree.attribute, node), where)
+
+
+def cf_unit(units: Any) -> str | None:
+    """The unit that an attribute names; "seconds since 2020-01-01" counts seconds."""
+    return None if units is None else str(units).split(" since ")[0].strip() or None
+
+
+def cf_values(raw: np.ndarray, attribute: Callable[[str], Any], where: str) -> np.ndarray:
+    """Numbers with the missing values, the scale and the offset of the CF conventions applied.
+
+    Args:
+        raw: what is stored, of any shape.
+        attribute: gives the attribute of a name, None where there is none.
+        where: what the numbers are, for messages: "'x' in run.nc".
+
+    Raises:
+        DataError: a scale or offset that is no number.
+    """
     values = raw.astype(np.float64)
     for name in ("_FillValue", "missing_value"):
-        missing = tree.attribute(node, name)
+        missing = attribute(name)
         if missing is not None:
             values[raw == missing] = np.nan
-    return values * _number(tree, node, "scale_factor", 1.0) + _number(tree, node, "add_offset", 0.0)
-
-
-def _number(tree: Tree, node: Any, name: str, default: float) -> float:
-    value = tree.attribute(node, name, default)
+    scale, offset = attribute("scale_factor"), attribute("add_offset")
     try:
-        return float(value)
+        return values * (1.0 if scale is None else float(scale)) + (0.0 if offset is None else float(offset))
     except (TypeError, ValueError) as error:
-        raise DataError(
-            f"The attribute {name} of '{node.name}' in {tree.path.name} is {brief(value)}, no number."
-        ) from error
+        stated = " and ".join(brief(each) for each in (scale, offset) if each is not None)
+        raise DataError(f"scale_factor or add_offset of {where} is {stated}, no number.") from error

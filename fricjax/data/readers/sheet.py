@@ -5,7 +5,8 @@ Every reader describes its file as a `Sheet`; which columns are displacement and
 
 import dataclasses
 import re
-from collections.abc import Callable, Sequence
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -79,6 +80,21 @@ class Sheet:
         """Labels of the runs, in the order of the file: of what has more than a time."""
         values = (column for column in self.columns if column.fault is None and not column.is_time)
         return list(dict.fromkeys(column.run for column in values if column.run is not None))
+
+
+def grouped(groups: Mapping[str, Sequence[Column]]) -> list[Column]:
+    """The columns of a file that keeps them in groups; groups that repeat the name of a signal are runs.
+
+    Each is called as within its group, and titled with the group in front: "x" of "Run 1/x".
+    """
+    signals = (column for columns in groups.values() for column in columns if not (column.fault or column.is_time))
+    times = Counter(column.name for column in signals)
+    runs = {name for name, columns in groups.items() if any(times[column.name] > 1 for column in columns)}
+    return [
+        dataclasses.replace(column, title=f"{name}/{column.shown}", run=name if name in runs else column.run)
+        for name, columns in groups.items()
+        for column in columns
+    ]
 
 
 def array_columns(name: str, dtype: np.dtype, shape: tuple[int, ...], key: Any, folder: str = "") -> list[Column]:

@@ -112,7 +112,7 @@ def column_of(values: Any, header: str) -> Cells:
     if hasattr(values, "magnitude"):
         values, unit = values.magnitude, str(values.units)
     array = _vector(values, name)
-    seconds = _seconds(array)
+    seconds = seconds_of(array)
     return Cells(header, name, unit if seconds is None else "s", run, array if seconds is None else seconds)
 
 
@@ -133,8 +133,8 @@ def _vector(values: Any, name: str) -> np.ndarray:
     raise UsageError(f"'{name}' must be one-dimensional, but it has shape {array.shape}; give one run at a time{rows}.")
 
 
-def _seconds(array: np.ndarray) -> np.ndarray | None:
-    """Durations, or dates from the first one, in seconds; None for anything else."""
+def seconds_of(array: np.ndarray) -> np.ndarray | None:
+    """Durations, or dates from the first one, in seconds, shape (n,); None for anything else."""
     if array.dtype.kind in "mM":
         return (array - array[:1] if array.dtype.kind == "M" else array) / np.timedelta64(1, "s")
     first = array[0] if array.dtype.kind == "O" and array.size else None

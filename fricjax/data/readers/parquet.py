@@ -1,0 +1,139 @@
+"""Records in Parquet files: tables whose columns are read one by one; what pandas says of them is data, and no more."""
+
+import functools
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ...errors import DataError
+from ..files import NUMBER, check_size, damage, needed
+from ..record import Record
+from .assemble import records_of
+from .choice import Choice
+from .header import first_word, split_title
+from .sheet import Column, Sheet
+from .tables import seconds_of
+
+# Names of a column that tells of each row which run it belongs to, in a table of several runs one below the other.
+_LABELS = frozenset(("run", "trial", "shot", "messung", "lauf", "versuch", "essai"))
+# Runs of one table; each is a span of rows.
+_MOST_RUNS = 10_000
+
+
+def read_parquet(path: Path, choice: Choice) -> Record | list[Record]:
+    """Reads two columns of a `.parquet` file.
+
+    Options as in `fricjax.read`, where
+
+    - `unit`, `time_unit`: by default from the metadata `units` of a column, from the `attrs` that pandas keeps, or from
+      the name.
+    - `run`: a label of the column that is called "run", where the runs stand one below the other.
+
+    Raises:
+        DataError: a damaged file, or no column of numbers.
+        UsageError: the package pyarrow is not installed.
+    """
+    parquet = needed(path, "pyarrow.parquet", "parquet")
+    with damage(path, "Parquet"), parquet.ParquetFile(path) as file:
+        return records_of(path, "parquet", _sheet(path, file), choice, vars(choice))
+
+
+def _sheet(path: Path, file: Any) -> Sheet:
+    """The columns of the table, once for each run where a column tells the runs apart."""
+    units = _units(file.schema_arrow)
+    columns = [_column(field, units) for field in file.schema_arrow if not _is_nested(field)]
+    if not any(column.fault is None for column in columns):
+        raise DataError(f"{path.name} holds no column of numbers that could be a record.")
+
+    @functools.lru_cache(maxsize=8)
+    def values(name: str) -> np.ndarray:
+        _check_declared(path, file.metadata, name)
+        return _numbers(file.read([name]).column(name))
+
+    label = next((each for each in columns if first_word(each.name) in _LABELS), None)
+    spans = {} if label is None else _spans(path, file, label.key[0])
+    if len(spans) > 1:
+        columns = [column for column in columns if column is not label]
+        columns = [
+            Column(c.name, c.unit, run, c.title, fault=c.fault, key=(c.key[0], span))
+            for run, span in spans.items()
+            for c in columns
+        ]
+
+    def load(wanted: Sequence[Column]) -> list[np.ndarray]:
+        return [values(name)[span] for name, span in (column.key for column in wanted)]
+
+    return Sheet(columns, load, lambda i: f"row {i + 1}")
+
+
+def _check_declared(path: Path, about: Any, name: str) -> None:
+    """Refuses a column that is declared to have more rows, or more bytes unpacked, than plausible."""
+    pieces = [about.row_group(i).column(j) for i in range(about.num_row_groups) for j in range(about.num_columns)]
+    pieces = [piece for piece in pieces if piece.path_in_schema == name]
+    unpacked = sum(piece.total_uncompressed_size for piece in pieces)
+    rows = max(about.num_rows, sum(piece.num_values for piece in pieces))
+    check_size(path, f"'{name}'", max(rows, unpacked // NUMBER))
+
+
+def _is_nested(field: Any) -> bool:
+    return field.type.num_fields > 0
+
+
+def _units(schema: Any) -> Mapping[str, Any]:
+    """Units by column that pandas has kept of the `attrs` of a table."""
+    about = schema.pandas_metadata or {}
+    attrs = about.get("attributes") if isinstance(about, dict) else None
+    units = attrs.get("units") if isinstance(attrs, dict) else None
+    return units if isinstance(units, dict) else {}
+
+
+def _column(field: Any, units: Mapping[str, Any]) -> Column:
+    from pyarrow import types
+
+    # What pandas calls an index without a name.
+    header = "index" if field.name.startswith("__index_level_") else field.name
+    title = split_title(header)
+    about = field.metadata or {}
+    stated = about.get(b"units", about.get(b"unit", b"")).decode("utf-8", "replace").strip() or units.get(field.name)
+    unit = stated if isinstance(stated, str) and stated else title.unit
+    key = (field.name, slice(None))
+    if types.is_timestamp(field.type) or types.is_duration(field.type):
+        return Column(title.name, "s", title.run, header, key=key)
+    numbers = types.is_integer(field.type) or types.is_floating(field.type) or types.is_decimal(field.type)
+    fault = None if numbers else "holds no numbers"
+    return Column(title.name, unit, title.run, header, fault=fault, key=key)
+
+
+def _numbers(column: Any) -> np.ndarray:
+    """A column as numbers, those left out as NaN; dates and durations in seconds."""
+    import pyarrow
+
+    if pyarrow.types.is_decimal(column.type):
+        column = column.cast(pyarrow.float64())
+    values = column.to_numpy()
+    return values.astype(np.float64) if (seconds := seconds_of(values)) is None else seconds
+
+
+def _spans(path: Path, file: Any, name: str) -> dict[str, slice]:
+    """Which rows belong to each run, by its label; runs stand one below the other.
+
+    Raises:
+        DataError: rows of one run lie apart, or there are too many of them.
+    """
+    _check_declared(path, file.metadata, name)
+    labels = file.read([name]).column(name).combine_chunks().dictionary_encode()
+    codes = labels.indices.to_numpy(zero_copy_only=False)
+    if codes.size == 0 or labels.null_count:
+        return {}
+    starts = np.flatnonzero(np.diff(codes, prepend=-1))
+    if starts.size > _MOST_RUNS:
+        raise DataError(f"{path.name} changes its '{name}' {starts.size} times; sort its rows by run and time.")
+    if starts.size > len(labels.dictionary):
+        raise DataError(f"In {path.name} the rows of one '{name}' lie apart; sort them by run and time.")
+    stops = np.append(starts[1:], codes.size)
+    labels = [str(labels.dictionary[int(codes[start])].as_py())[:80] for start in starts]
+    # A bare number is called by its column: "run 3".
+    names = [f"{name} {label}" if label.isdecimal() else label for label in labels]
+    return {label: slice(int(a), int(b)) for label, a, b in zip(names, starts, stops, strict=True)}

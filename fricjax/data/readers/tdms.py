@@ -1,0 +1,81 @@
+"""Records in LabVIEW's TDMS files: channels in groups, each perhaps a waveform with its own start and interval."""
+
+import dataclasses
+import logging
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ...errors import DataError
+from ..files import check_size, damage, needed
+from ..record import Record
+from .assemble import records_of
+from .choice import Choice
+from .sheet import Column, Sheet, array_columns, grouped
+from .tables import seconds_of
+
+
+def read_tdms(path: Path, choice: Choice) -> Record | list[Record]:
+    """Reads a channel of a `.tdms` file, with the times of its waveform or with a channel of times.
+
+    Options as in `fricjax.read`, where
+
+    - `column`, `time`: a channel by its name, or with its group as "Run 1/x".
+    - `unit`: by default the property `unit_string`, which LabVIEW writes.
+    - `run`: which group, where several have channels of one name.
+
+    Raises:
+        DataError: a damaged file, or no channel of numbers.
+        UsageError: the package nptdms is not installed.
+    """
+    nptdms = needed(path, "nptdms", "tdms")
+    # Of a file that is cut off the library would only say so in its log.
+    needed(path, "nptdms.log", "tdms").log_manager.set_level(logging.ERROR)
+    # A stream, and not a path, for beside a path lies an index that may tell of another file.
+    with damage(path, "TDMS"), path.open("rb") as stream, nptdms.TdmsFile.open(stream, raw_timestamps=True) as file:
+        return records_of(path, "tdms", _sheet(path, file), choice, vars(choice))
+
+
+def _sheet(path: Path, file: Any) -> Sheet:
+    status = file.file_status
+    lengths = (status.channel_statuses or {}).values()
+    if status.incomplete_final_segment or any(each.expected_length != each.read_length for each in lengths):
+        raise DataError(f"{path.name} is cut off: its last segment is not complete; copy or export it again.")
+    groups = {group.name: [_column(channel) for channel in group.channels()] for group in file.groups()}
+    columns = grouped(groups)
+    if not any(column.fault is None for column in columns):
+        raise DataError(f"{path.name} holds no channel of numbers that could be a record.")
+
+    def load(wanted: Sequence[Column]) -> list[np.ndarray]:
+        check_size(path, "What is asked for", sum(len(channel) for channel, _ in (column.key for column in wanted)))
+        return [_values(*column.key) for column in wanted]
+
+    return Sheet(columns, load)
+
+
+def _column(channel: Any) -> Column:
+    """A channel, with the times of its waveform where it has an interval; stamps of date and time become seconds."""
+    dtype = np.dtype(channel.dtype or "O")
+    [part] = array_columns(channel.name, dtype, (len(channel),), channel.name)
+    if dtype.kind == "M":
+        return dataclasses.replace(part, unit="s", fault=None if len(channel) else part.fault, key=(channel, None))
+    unit = str(channel.properties.get("unit_string", "")).strip() or part.unit
+    start, interval = (_number(channel.properties.get(f"wf_{name}")) for name in ("start_offset", "increment"))
+    time = Column(f"{part.name} (waveform)", "s", key=(channel, (start, interval))) if interval > 0 else None
+    return dataclasses.replace(part, unit=unit, time=time, key=(channel, None))
+
+
+def _number(value: Any) -> float:
+    """A property as a number, zero where it is none."""
+    return float(value) if isinstance(value, int | float | np.number) and np.isfinite(value) else 0.0
+
+
+def _values(channel: Any, waveform: tuple[float, float] | None) -> np.ndarray:
+    if waveform is not None:
+        return waveform[0] + waveform[1] * np.arange(len(channel))
+    values = channel[:]
+    # Stamps count fractions of 2^-64 s.
+    seconds = seconds_of(values.as_datetime64("ns")) if hasattr(values, "as_datetime64") else None
+    return np.asarray(values).astype(np.float64) if seconds is None else seconds

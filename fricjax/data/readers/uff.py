@@ -1,0 +1,97 @@
+"""Records in universal files: data set 58, a function at a point, as modal analysis and its instruments write it."""
+
+from collections import Counter
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ...errors import DataError
+from ..files import check_size, damage, gigabytes, needed
+from ..record import Record
+from .assemble import records_of
+from .choice import Choice
+from .header import is_unit
+from .sheet import Column, Sheet
+
+_FUNCTION = 58
+# Types of function that are samples over time: "general", which programs write for anything, and "time response".
+_OVER_TIME = (0, 1)
+_COMPLEX = (5, 6)
+# What is measured, by the code for it [0 is unknown]; of a displacement the name alone says which column is meant.
+_KINDS = {8: "displacement", 9: "force", 11: "velocity", 12: "acceleration", 13: "excitation", 17: "time"}
+_DIRECTIONS = {1: "+X", 2: "+Y", 3: "+Z", 4: "+RX", 5: "+RY", 6: "+RZ"}
+_DIRECTIONS |= {-code: f"-{name[1:]}" for code, name in _DIRECTIONS.items()}
+# Lengths of the systems of units, by the code in data set 164.
+_LENGTHS = {1: "m", 2: "ft", 3: "m", 4: "ft", 5: "mm", 6: "cm", 7: "in", 8: "mm", 10: "mm"}
+# Bytes of a file whose text is taken apart in memory, number by number.
+_LARGEST = 1 << 28
+
+
+def read_uff(path: Path, choice: Choice) -> Record | list[Record]:
+    """Reads a time response of a universal file, text or binary (data set 58 or 58b).
+
+    Options as in `fricjax.read`, where
+
+    - `column`: what is measured and where, as "displacement 3 +Z".
+    - `unit`: by default the label of the ordinate, else that of the system of units in data set 164.
+    - `run`: which data set, where several are of one place.
+
+    Raises:
+        DataError: a damaged file, or no time response in it.
+        UsageError: the package pyuff is not installed.
+    """
+    pyuff = needed(path, "pyuff", "uff")
+    if path.stat().st_size > _LARGEST:
+        size = gigabytes(path.stat().st_size)
+        raise DataError(f"{path.name} has {size}, more than {gigabytes(_LARGEST)}; save one run in a file.")
+    with damage(path, "a universal file"):
+        return records_of(path, "uff", _sheet(path, pyuff.UFF(str(path))), choice, vars(choice))
+
+
+def _sheet(path: Path, file: Any) -> Sheet:
+    kinds = file.get_set_types()
+    heads = {i: file.read_sets(i, header_only=True) for i, kind in enumerate(kinds) if kind == _FUNCTION}
+    heads = {i: head for i, head in heads.items() if head["func_type"] in _OVER_TIME}
+    if not heads:
+        raise DataError(f"{path.name} holds no time response (data set {_FUNCTION}) that could be a record.")
+    systems = (file.read_sets(i) for i, kind in enumerate(kinds) if kind == 164)
+    length = _LENGTHS.get(next((system["units_code"] for system in systems), 0))
+    names = {i: _name(head) for i, head in heads.items()}
+    often = Counter(names.values())
+    columns = []
+    for i, head in heads.items():
+        time = Column("time", _label(head, "abscissa") or "s", key=(i, "x"))
+        fault = "holds complex numbers" if head["ord_data_type"] in _COMPLEX else None
+        unit = _label(head, "ordinate") or (length if head["ordinate_spec_data_type"] == 8 else None)
+        run = f"Set {i + 1}" if often[names[i]] > 1 else None
+        columns.append(Column(names[i], unit, run, time=time, fault=fault, key=(i, "data")))
+
+    def load(wanted: Sequence[Column]) -> list[np.ndarray]:
+        check_size(path, "What is asked for", sum(heads[column.key[0]]["num_pts"] for column in wanted))
+        sets = {i: file.read_sets(i) for i in {column.key[0] for column in wanted}}
+        return [_values(path, sets[i], what) for i, what in (column.key for column in wanted)]
+
+    return Sheet(columns, load)
+
+
+def _name(head: dict[str, Any]) -> str:
+    """What is measured, and the point and the direction of it where they are said."""
+    label = (head.get("ordinate_axis_lab") or "").strip()
+    kind = _KINDS.get(head["ordinate_spec_data_type"]) or (label if label.upper() != "NONE" else "") or "signal"
+    return " ".join(filter(None, [kind, str(head["rsp_node"] or ""), _DIRECTIONS.get(head["rsp_dir"], "")]))
+
+
+def _label(head: dict[str, Any], axis: str) -> str | None:
+    """The unit of an axis; what is none, as NONE, is left out."""
+    text = (head.get(f"{axis}_axis_units_lab") or "").strip()
+    return text if text and is_unit(text) else None
+
+
+def _values(path: Path, data: dict[str, Any], what: str) -> np.ndarray:
+    """The numbers of a set, without those that fill its last line."""
+    values, number = np.asarray(data[what], dtype=np.float64), data["num_pts"]
+    if values.size < number:
+        raise DataError(f"{path.name} is damaged: a data set promises {number} samples and holds {values.size}.")
+    return values[:number]
