@@ -12,9 +12,8 @@ import h5py
 import numpy as np
 import scipy.io
 
-from fricjax import Fit, Oscillator, Record, Trace
+from fricjax import Fit, Measured, Oscillator, Record, Trace
 from fricjax.data import write
-from fricjax.fitting.derived import Estimate
 from fricjax.fitting.noise import Noise, Whiteness
 from fricjax.fitting.residual import Run
 from fricjax.fitting.rest import Margin
@@ -53,7 +52,7 @@ def fit() -> Fit:
         "flags": {"mu": (), "x0": ("at bound",)},
         "status": "converged",
         "warnings": ("A sentence.",),
-        "kinematics": {"natural_frequency": Estimate(12.6, 1e-4, "Hz"), "dead_band": Estimate(1e-4, 1e-8, "m")},
+        "kinematics": {"natural_frequency": Measured(12.6, 1e-4, "Hz"), "dead_band": Measured(1e-4, 1e-8, "m")},
         "contributions": {"mu": {"mass": 1e-6}, "x0": {}, "natural_frequency": {}, "dead_band": {}},
         "residuals": np.where(T > 0.001, 1e-9, np.nan),
         "noises": (Noise(lines=()),),

@@ -71,14 +71,14 @@ def campaign(name: str, runs: int) -> list[fj.Record]:
 def errors(name: str, runs: int) -> dict[str, float]:
     """Relative error of mu by each route."""
     records = campaign(name, runs)
-    found = {route.name: route.mu / MU - 1 for route in compare_routes(records, RIG).routes}
+    found = {route.name: route.mu.value / MU - 1 for route in compare_routes(records, RIG).routes}
     held = pairs_of(records, start="release")
     try:
         fit = fit_final_displacements(held.x0, held.xf, machine(0.03), half_cycles=held.half_cycles)
         found["2, held displacement"] = fit.values["mu"] / MU - 1
         shape = fit_triangle_map(held.x0, held.xf, RIG)
         found["3, held displacement"] = shape.values["mu"] / MU - 1
-        found["3, without damping"] = shape.extras["mu_from_period_without_damping"][0] / MU - 1
+        found["3, without damping"] = shape.extras["mu_from_period_without_damping"].value / MU - 1
     except DataError as error:
         print(f"{name}: {error}")
     return found

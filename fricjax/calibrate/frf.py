@@ -15,6 +15,7 @@ import numpy as np
 
 from ..data.table import read_table
 from ..errors import DataError
+from ..instrument.run import not_negative
 from ..rig.measured import Measured, positive
 from ..rig.quantity import UNITS
 from ..rig.rig import Number, Rig
@@ -144,7 +145,7 @@ def calibrate_frf(
     """
     f, response = _lines(frequency, receptance)
     length = 1 / float(np.median(np.diff(f))) if duration is None else positive("duration", "s", duration).value
-    scale = Measured(1.0, scale_std).std
+    scale = not_negative("scale_std", scale_std, "")
     picked = pick(f, response)
     mode = fit_mode(f, response, picked)
     best: dict[str, Measured] = {name: mode.measured(name, scale) for name in NAMES}

@@ -10,6 +10,7 @@ masses to 1e-5 from a balance: this is the best way to the mass, and with it to 
 load change their stiffness with it: put the mass where it loads them as before.
 """
 
+import dataclasses
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
@@ -184,8 +185,7 @@ def _score(fit: Fit, name: str) -> float:
 
 
 def _kinematic(fit: Fit, name: str) -> Measured:
-    estimate = fit.kinematics[name]
-    return Measured(estimate.value, estimate.std)
+    return dataclasses.replace(fit.kinematics[name], unit=None)
 
 
 def _term(name: str, fit: Fit) -> Measured:

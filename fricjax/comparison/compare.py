@@ -4,20 +4,25 @@ import dataclasses
 import os
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ..errors import DataError, UsageError
+from ..estimation.loss import AbstractLoss
 from ..fitting.colours import Seen, colours_of, described, remembered, under_noise
 from ..fitting.fit import concluded, records_of
 from ..fitting.noise import whiteness
+from ..fitting.parameters import Prior, Settings, Tied
 from ..fitting.problem import Problem, problem_on
 from ..fitting.rest import solve_with_rest
 from ..fitting.result import Fit
 from ..fitting.rows import rows_of
 from ..fitting.solve import Solution
 from ..oscillator import Oscillator, ready
+from ..oscillator.engines import AbstractEngine
+from ..rig import Rig
 from .candidates import Candidate, candidates, law_name
 from .cross_validation import held_out_score
 from .fingerprints import fingerprints
@@ -30,25 +35,25 @@ _BEHIND = 1.5
 
 
 def compare(
-    data: Any,
+    data: object,
     oscillators: Sequence[Oscillator],
     free: Sequence[Sequence[str]] | None = None,
     *,
-    t: Any = None,
+    t: ArrayLike | None = None,
     rate: float | None = None,
     names: Sequence[str] | None = None,
     held_out: bool = True,
     criterion: str = "bic",
     sigma_mode: str = "absolute",
     nuisance: Sequence[str] | None = None,
-    engine: Any = "auto",
+    engine: str | AbstractEngine = "auto",
     start: str | float = "first_reversal",
     bounds: Mapping[str, tuple[float | None, float | None]] | None = None,
-    priors: Mapping[str, Any] | None = None,
-    tie: Mapping[str, Any] | None = None,
-    rig: Any = None,
+    priors: Mapping[str, Prior] | None = None,
+    tie: Mapping[str, Tied] | None = None,
+    rig: Rig | None = None,
     guess: Mapping[str, float] | None = None,
-    loss: Any = "squares",
+    loss: str | AbstractLoss = "squares",
 ) -> Comparison:
     """Fit several laws to the same runs and say which describes them best.
 
@@ -110,8 +115,8 @@ def compare(
     if not machines or not all(isinstance(machine, Oscillator) for machine in machines):
         raise UsageError("compare needs a list of oscillators, each the machine with one of the laws.")
     records = records_of(data, t, rate, sigma_mode)
-    tables = {"bounds": bounds, "priors": priors, "tie": tie, "guess": guess}
-    settings = {"nuisance": nuisance, "engine": engine, "start": start, "rig": rig, "loss": loss, **tables}
+    tables: Settings = {"bounds": bounds, "priors": priors, "tie": tie, "guess": guess}
+    settings: Settings = {"nuisance": nuisance, "engine": engine, "start": start, "rig": rig, "loss": loss, **tables}
     entered = candidates(records, machines, free, names, settings)
     # Laws with internal states take the longest, and the others fill the gaps.
     longest_first = sorted(range(len(entered)), key=lambda i: -entered[i].request.oscillator.friction.n_states)

@@ -40,16 +40,16 @@ _DISTANT = 3.0
 class Route(NamedTuple):
     """One route's dynamic coefficient and from how many runs it comes.
 
-    Its standard error is that from the runs alone, widened as Student's interval is where it rests on few residuals.
+    The standard error of `mu` is that from the runs alone, widened as Student's interval is where it rests on few
+    residuals.
 
     Examples:
-        >>> Route("1 traces", mu=0.05, std=1e-6, runs=6).mu
-        0.05
+        >>> Route("1 traces", mu=Measured(0.05, 1e-6), runs=6).mu
+        0.0500000(10)
     """
 
     name: str
-    mu: float
-    std: float
+    mu: Measured
     runs: int
 
 
@@ -60,22 +60,22 @@ class Agreement(Reported):
     Attributes:
         routes: coefficient by each route; a route that gave none is in `failures`, with the reason.
         failures: sentences by name of the route.
-        mu, std: coefficient of the most precise route and its standard error, enlarged where the others contradict it.
+        mu: coefficient of the most precise route; its standard error is enlarged where the others contradict it.
         chi2: sum of squared distances of the others from it in their standard errors; `dof`: their number.
         spread: largest relative distance between two routes.
         tolerance: relative distance that counts as agreement.
         sources: name of the file of each run, empty where it has none.
 
     Examples:
-        >>> routes = Route("1 traces", 0.05, 1e-6, 6), Route("3 triangle map", 0.05001, 1e-5, 6)
-        >>> Agreement(routes, {}, 0.05, 1e-6, 1.0, 1, 2e-4, 1e-3, ()).agree
+        >>> one, other = Measured(0.05, 1e-6), Measured(0.05001, 1e-5)
+        >>> routes = Route("1 traces", one, 6), Route("3 triangle map", other, 6)
+        >>> Agreement(routes, {}, one, 1.0, 1, 2e-4, 1e-3, ()).agree
         True
     """
 
     routes: tuple[Route, ...]
     failures: dict[str, str]
-    mu: float
-    std: float
+    mu: Measured
     chi2: float
     dof: int
     spread: float
@@ -95,8 +95,9 @@ class Agreement(Reported):
         spread = f"{len(self.routes)} routes lie within {self.spread:.2g} of each other"
         if self.agree:
             return f"{spread}: one coefficient of Coulomb friction describes the runs."
-        off = max(self.routes, key=lambda route: abs(route.mu - self.mu))
-        if all(abs(route.mu - self.mu) <= _DISTANT * route.std for route in self.routes):
+        distance = lambda route: abs(route.mu.value - self.mu.value)
+        off = max(self.routes, key=distance)
+        if all(distance(route) <= _DISTANT * route.mu.std for route in self.routes):
             return (
                 f"{spread}, more than the tolerance of {self.tolerance:g}, if no more than their own scatter allows: "
                 "the runs do not have one coefficient in common. Look at the force map, and record more runs."
@@ -108,10 +109,10 @@ class Agreement(Reported):
 
     def report(self) -> Report:
         """One row per route; the files, the coefficient, and what the routes say of the model."""
-        rows = [[r.name, Measured(r.mu, r.std), plain(r.mu / self.mu - 1, 2), str(r.runs)] for r in self.routes]
+        rows = [[r.name, r.mu, plain(r.mu.value / self.mu.value - 1, 2), str(r.runs)] for r in self.routes]
         rows += [[name, None, None, reason] for name, reason in self.failures.items()]
         files = [("runs", ", ".join(labels(self.sources)))] if any(self.sources) else []
-        facts = [*files, ("most precise", uncertain(self.mu, self.std)), ("agreement", self.conclusion)]
+        facts = [*files, ("most precise", uncertain(self.mu.value, self.mu.std)), ("agreement", self.conclusion)]
         table = Table(["Route", "mu", "From the most precise (relative)", "Runs"], rows)
         return Report([table], facts, data=vars(self) | {"agree": self.agree, "conclusion": self.conclusion})
 
@@ -140,25 +141,26 @@ def compare_routes(records: Any, rig: Rig, *, tolerance: float = 1e-3) -> Agreem
         ...     for i, x0 in enumerate([1.2e-3, 1.6e-3, 2e-3])
         ... ]
         >>> agreement = fj.compare_routes(runs, rig)
-        >>> agreement.agree, round(agreement.mu, 5), len(agreement.routes)
+        >>> agreement.agree, round(agreement.mu.value, 5), len(agreement.routes)
         (True, 0.05, 5)
     """
     runs, exact = gather(records), _exact(rig)
     routes, failures = [], {}
     for name, evaluate in _ROUTES.items():
         try:
-            routes.append(Route(name, *evaluate(runs, exact)))
+            mu, std, used = evaluate(runs, exact)
+            routes.append(Route(name, Measured(mu, std), used))
         except (DataError, UsageError) as error:
             failures[name] = str(error)
     if not routes:
         raise UsageError(f"No route gave a number. {next(iter(failures))}: {next(iter(failures.values()))}")
-    best = min(routes, key=lambda route: route.std)
-    others = [route for route in routes if route is not best]
-    chi2 = float(sum(((route.mu - best.mu) / route.std) ** 2 for route in others))
-    std = best.std * float(np.sqrt(max(chi2 / max(len(others), 1), 1.0)))
-    spread = float(np.ptp([route.mu for route in routes]) / abs(best.mu))
+    best = min(routes, key=lambda route: route.mu.std)
+    others = [route.mu for route in routes if route is not best]
+    chi2 = float(sum(((mu.value - best.mu.value) / mu.std) ** 2 for mu in others))
+    mu = Measured(best.mu.value, best.mu.std * float(np.sqrt(max(chi2 / max(len(others), 1), 1.0))))
+    spread = float(np.ptp([route.mu.value for route in routes]) / abs(mu.value))
     sources = tuple(run.name for run in runs)
-    return Agreement(tuple(routes), failures, best.mu, std, chi2, len(others), spread, tolerance, sources)
+    return Agreement(tuple(routes), failures, mu, chi2, len(others), spread, tolerance, sources)
 
 
 def weighted_mean(values: np.ndarray, stds: np.ndarray) -> tuple[float, float, float]:

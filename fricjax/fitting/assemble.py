@@ -13,8 +13,9 @@ from ..estimation.covariance import COVERAGE, Covariance, covariance
 from ..estimation.loss import Squares
 from ..oscillator import Oscillator
 from ..oscillator.leaves import leaves_of
+from ..rig import Measured
 from ..show import rotary_unit
-from .derived import Estimate, contributions, kinematics
+from .derived import contributions, kinematics
 from .diagnostics import CONVERGED, flags_of, misfit_of, status_of
 from .names import find_leaf
 from .noise import Whiteness, whiteness
@@ -81,11 +82,11 @@ def assemble(counted: NoiseWeighted, sigma_mode: str) -> Fit:
     )
 
 
-def _kinematics(solution: Solution, covariances: Covariance, parts: Mapping[str, np.ndarray]) -> dict[str, Estimate]:
+def _kinematics(solution: Solution, covariances: Covariance, parts: Mapping[str, np.ndarray]) -> dict[str, Measured]:
     """The kinematics with what the inputs of a rig contribute to their uncertainties."""
     estimates = kinematics(solution.derived, covariances)
     return {
-        name: each._replace(std=float(np.hypot(each.std, np.linalg.norm(parts[name]))))
+        name: dataclasses.replace(each, std=float(np.hypot(each.std, np.linalg.norm(parts[name]))))
         for name, each in estimates.items()
     }
 

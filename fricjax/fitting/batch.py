@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ..data import Record
 from ..data.gather import Source, record_of, sources_of
@@ -15,13 +16,14 @@ from ..estimation.covariance import Covariance, covariance
 from ..estimation.loss import AbstractLoss
 from ..oscillator import Oscillator, ready
 from ..oscillator.engines import AbstractEngine
+from ..rig import Rig
 from .assemble import record_time, unit_of
 from .batch_result import BatchFit
 from .chunks import WIDTH, Summary
 from .derived import UNITS, contributions, kinematics
 from .diagnostics import CONVERGED, Misfit, flags_of, misfit_of, status_of, worst
 from .noise_weighting import NoiseWeighted, weigh_by_noise
-from .parameters import Request
+from .parameters import Prior, Request, Settings, Tied
 from .problem import Problem, build_problem
 from .rest import miscounted, solve_with_rest
 from .result import named
@@ -41,20 +43,20 @@ class _Row(NamedTuple):
 
 
 def fit_batch(
-    data: Any,
+    data: object,
     oscillator: Oscillator,
     free: Sequence[str],
     *,
-    t: Any = None,
+    t: ArrayLike | None = None,
     rate: float | None = None,
     nuisance: Sequence[str] | None = None,
     engine: str | AbstractEngine = "auto",
     start: str | float = "first_reversal",
     bounds: Mapping[str, tuple[float | None, float | None]] | None = None,
-    priors: Mapping[str, Any] | None = None,
-    tie: Mapping[str, Any] | None = None,
-    rig: Any = None,
-    guess: Mapping[str, Any] | None = None,
+    priors: Mapping[str, Prior] | None = None,
+    tie: Mapping[str, Tied] | None = None,
+    rig: Rig | None = None,
+    guess: Mapping[str, ArrayLike] | None = None,
     loss: str | AbstractLoss = "squares",
     progress: bool = False,
 ) -> BatchFit:
@@ -106,8 +108,9 @@ def fit_batch(
     if not sources:
         raise UsageError("There is no run to fit: the list is empty.")
     runs = [_opened(each) for each in sources]
-    settings = {"nuisance": nuisance, "engine": engine, "start": start, "bounds": bounds, "priors": priors}
-    common = Request.of(oscillator, free, tie=tie, rig=rig, guess=None, loss=loss, **settings)
+    where: Settings = {"nuisance": nuisance, "engine": engine, "start": start, "loss": loss}
+    settings: Settings = {**where, "bounds": bounds, "priors": priors, "tie": tie, "rig": rig}
+    common = Request.of(oscillator, free, **settings)
     guesses = _per_run(guess or {}, len(runs))
     order = sorted(range(len(runs)), key=lambda i: len(run) if isinstance(run := runs[i], Record) else 0)
     blocks = [order[first : first + WIDTH] for first in range(0, len(order), WIDTH)]
@@ -129,7 +132,7 @@ def fit_batch(
     return _collected([rows[i] for i in range(len(runs))], names)
 
 
-def _per_run(guess: Mapping[str, Any], runs: int) -> list[dict[str, float]]:
+def _per_run(guess: Mapping[str, ArrayLike], runs: int) -> list[dict[str, float]]:
     columns = {}
     for name, values in guess.items():
         if np.ndim(values) and np.shape(values) != (runs,):

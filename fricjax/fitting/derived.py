@@ -13,6 +13,7 @@ from jaxtyping import Array, Float
 
 from ..estimation.covariance import Covariance
 from ..oscillator import Oscillator
+from ..rig import Measured
 from .residual import Residual
 
 
@@ -37,14 +38,6 @@ class Derived(NamedTuple):
     def by_value(self) -> np.ndarray:
         """Derivatives of the kinematics with respect to the values, shape (q, p)."""
         return np.asarray(self.by_coordinate)[:, : len(self.slope)] / np.asarray(self.slope)
-
-
-class Estimate(NamedTuple):
-    """A value with its standard uncertainty and its unit."""
-
-    value: float
-    std: float
-    unit: str
 
 
 UNITS = {
@@ -78,7 +71,7 @@ def _quantities(oscillator: Oscillator) -> Float[Array, " quantities"]:
     )
 
 
-def kinematics(derived: Derived, covariances: Covariance) -> dict[str, Estimate]:
+def kinematics(derived: Derived, covariances: Covariance) -> dict[str, Measured]:
     """Undamped natural frequency, damping ratio, dead band mu N/k, and friction and drag per unit mass.
 
     Args:
@@ -89,7 +82,7 @@ def kinematics(derived: Derived, covariances: Covariance) -> dict[str, Estimate]
     for (name, unit), value, slope in zip(UNITS.items(), derived.kinematics, derived.by_value, strict=True):
         used = slope != 0
         variance = slope[used] @ covariances.statistical[np.ix_(used, used)] @ slope[used]
-        estimates[name] = Estimate(float(value), float(np.sqrt(variance)), unit)
+        estimates[name] = Measured(float(value), float(np.sqrt(variance)), unit)
     return estimates
 
 

@@ -1,9 +1,9 @@
 """The main job: from a record to the coefficients of an oscillator with friction."""
 
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ..data import Record, Trace
 from ..data.gather import gather
@@ -11,9 +11,10 @@ from ..errors import UsageError
 from ..estimation.loss import AbstractLoss
 from ..oscillator import Oscillator, ready
 from ..oscillator.engines import AbstractEngine
+from ..rig import Rig
 from .assemble import assemble
 from .noise_weighting import weigh_by_noise
-from .parameters import Request
+from .parameters import Prior, Request, Settings, Tied
 from .problem import Problem, build_problem
 from .rest import solve_with_rest
 from .result import Fit, FitError
@@ -22,20 +23,20 @@ from .solve import Solution
 
 
 def fit(
-    data: Any,
+    data: object,
     oscillator: Oscillator,
     free: Sequence[str],
     *,
-    t: Any = None,
+    t: ArrayLike | None = None,
     rate: float | None = None,
     nuisance: Sequence[str] | None = None,
     engine: str | AbstractEngine = "auto",
     start: str | float = "first_reversal",
     bounds: Mapping[str, tuple[float | None, float | None]] | None = None,
-    priors: Mapping[str, Any] | None = None,
-    tie: Mapping[str, Any] | None = None,
+    priors: Mapping[str, Prior] | None = None,
+    tie: Mapping[str, Tied] | None = None,
     sigma_mode: str = "absolute",
-    rig: Any = None,
+    rig: Rig | None = None,
     guess: Mapping[str, float] | None = None,
     loss: str | AbstractLoss = "squares",
     throw: bool = True,
@@ -108,12 +109,9 @@ def fit(
     """
     ready()
     records = records_of(data, t, rate, sigma_mode)
-    if not isinstance(oscillator, Oscillator):
-        raise UsageError(
-            f"fit needs an Oscillator, got {type(oscillator).__name__}. Build one, or take rig.oscillator(friction)."
-        )
-    settings = {"nuisance": nuisance, "engine": engine, "start": start, "bounds": bounds, "priors": priors}
-    request = Request.of(oscillator, free, tie=tie, rig=rig, guess=guess, loss=loss, **settings)
+    where: Settings = {"nuisance": nuisance, "engine": engine, "start": start, "loss": loss}
+    settings: Settings = {**where, "bounds": bounds, "priors": priors, "tie": tie, "rig": rig, "guess": guess}
+    request = Request.of(oscillator, free, **settings)
     return concluded(*solve_with_rest(build_problem(records, request)), sigma_mode, throw)
 
 
@@ -132,7 +130,7 @@ def concluded(problem: Problem, solution: Solution, sigma_mode: str, throw: bool
     return result
 
 
-def records_of(data: Any, t: Any, rate: float | None, sigma_mode: str) -> tuple[Record, ...]:
+def records_of(data: object, t: ArrayLike | None, rate: float | None, sigma_mode: str) -> tuple[Record, ...]:
     """The records to fit, also where there is but one.
 
     With the noise to be estimated, stated noise is left out so that all samples weigh the same.

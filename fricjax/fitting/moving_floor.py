@@ -7,15 +7,17 @@ difference hardly depends on the coefficients, two or three rounds settle it.
 """
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Unpack
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ..data import Record, Trace
 from ..data.gather import record_of
 from ..errors import DataError, UsageError
 from ..oscillator import Oscillator, simulate
 from .fit import fit
+from .parameters import Settings
 from .result import Fit
 
 _ROUNDS = 6
@@ -23,7 +25,11 @@ _SETTLED = 1e-2
 
 
 def fit_on_moving_floor(
-    data: Any, base_acceleration: Any, oscillator: Oscillator, free: Sequence[str], **settings: Any
+    data: object,
+    base_acceleration: ArrayLike,
+    oscillator: Oscillator,
+    free: Sequence[str],
+    **settings: Unpack[Settings],
 ) -> Fit:
     """Fit one run whose floor acceleration was recorded with it.
 
@@ -68,7 +74,7 @@ def fit_on_moving_floor(
     return result
 
 
-def _checked(base_acceleration: Any, trace: Trace) -> np.ndarray:
+def _checked(base_acceleration: ArrayLike, trace: Trace) -> np.ndarray:
     floor = np.asarray(base_acceleration, float)
     if floor.shape != trace.t.shape:
         raise UsageError(

@@ -13,7 +13,7 @@ import dataclasses
 import inspect
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Unpack
 
 import numpy as np
 
@@ -22,7 +22,7 @@ from ..estimation.space import Parameter
 from ..oscillator import Oscillator, ready
 from ..show import Report, Reported, figure, plain
 from .fit import concluded, fit, records_of
-from .parameters import Request
+from .parameters import Request, Settings
 from .problem import Problem, problem_on, windows_of
 from .rest import solve_with_rest
 from .result import Fit
@@ -112,14 +112,14 @@ class Multistart(Reported):
 
 
 def multistart(
-    data: Any,
+    data: object,
     oscillator: Oscillator,
     free: Sequence[str],
     *,
     starts: int = 16,
     spread: float = 10.0,
     seed: int = 0,
-    **settings: Any,
+    **settings: Unpack[Settings],
 ) -> Multistart:
     """Fit from many start values, and keep the best fit.
 

@@ -2,10 +2,11 @@
 
 import dataclasses
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypedDict, Unpack
 
 import jax
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ..errors import UsageError
 from ..estimation.loss import AbstractLoss, named_loss
@@ -14,16 +15,38 @@ from ..friction.coefficient import Coefficient
 from ..oscillator import Oscillator
 from ..oscillator.engines import AbstractEngine
 from ..oscillator.leaves import Leaf
+from ..rig import Measured, Rig
 from .guess import guess_machine
 from .law_start import guess_law, highest_of, terms_of
 from .names import NUISANCES, check_names, chosen, sole_coulomb, tied
 from .settings import check_bounds, run_names
 from .window import Window
 
+type Prior = Measured | tuple[float, float]
+type Tied = str | tuple[str, float]
+
+
+class Settings(TypedDict, total=False):
+    """The settings of a fit, which :func:`fricjax.fit` describes, for functions that pass them on."""
+
+    t: ArrayLike | None
+    rate: float | None
+    nuisance: Sequence[str] | None
+    engine: str | AbstractEngine
+    start: str | float
+    bounds: Mapping[str, tuple[float | None, float | None]] | None
+    priors: Mapping[str, Prior] | None
+    tie: Mapping[str, Tied] | None
+    sigma_mode: str
+    rig: Rig | None
+    guess: Mapping[str, float] | None
+    loss: str | AbstractLoss
+    throw: bool
+
 
 @dataclasses.dataclass(frozen=True)
 class Request:
-    """What the caller of a fit asked for, as given."""
+    """What the caller of a fit asked for."""
 
     oscillator: Oscillator
     free: tuple[str, ...]
@@ -31,24 +54,37 @@ class Request:
     engine: str | AbstractEngine
     start: str | float
     bounds: Mapping[str, tuple[float | None, float | None]]
-    priors: Mapping[str, Any]
-    tie: Mapping[str, Any]
-    rig: Any
+    priors: Mapping[str, Prior]
+    tie: Mapping[str, Tied]
+    rig: Rig | None
     guess: Mapping[str, float]
     loss: AbstractLoss
 
     @classmethod
-    def of(cls, oscillator: Oscillator, free: str | Sequence[str], **settings: Any) -> "Request":
-        """The request from the keywords of a fit, of which any but the engine and the start may be None."""
-        nuisance = settings.pop("nuisance")
-        tables = {name: settings.pop(name) or {} for name in ("bounds", "priors", "tie", "guess")}
+    def of(cls, oscillator: Oscillator, free: str | Sequence[str], **settings: Unpack[Settings]) -> "Request":
+        """The request from the settings of a fit that say how; each that is left out is as in a fit.
+
+        Raises:
+            UsageError: no oscillator, no rig, or an unknown loss.
+        """
+        nuisance, rig = settings.get("nuisance"), settings.get("rig")
+        if not isinstance(oscillator, Oscillator):
+            name = type(oscillator).__name__
+            raise UsageError(f"fit needs an Oscillator, got {name}. Build one, or take rig.oscillator(friction).")
+        if not isinstance(rig, Rig | None):
+            raise UsageError(f"rig must be a fricjax.Rig, got {type(rig).__name__}. Read one with Rig.from_toml(path).")
         return cls(
             oscillator=oscillator,
             free=(free,) if isinstance(free, str) else tuple(free),
             nuisance=None if nuisance is None else tuple(nuisance),
-            loss=named_loss(settings.pop("loss")),
-            **tables,
-            **settings,
+            engine=settings.get("engine", "auto"),
+            start=settings.get("start", "first_reversal"),
+            bounds=settings.get("bounds") or {},
+            priors=settings.get("priors") or {},
+            tie=settings.get("tie") or {},
+            rig=rig,
+            guess=settings.get("guess") or {},
+            loss=named_loss(settings.get("loss", "squares")),
         )
 
     def with_guess(self, guess: Mapping[str, float]) -> "Request":
@@ -199,7 +235,7 @@ def _pair(value: Any, demand: str) -> tuple[Any, Any]:
     return first, second
 
 
-def parse_ties(tie: Mapping[str, Any], leaves: Sequence[Leaf], names: Sequence[str]) -> list[Tie]:
+def parse_ties(tie: Mapping[str, Tied], leaves: Sequence[Leaf], names: Sequence[str]) -> list[Tie]:
     """Leaves that follow a free parameter, from {leaf: name} or {leaf: (name, factor)}.
 
     Raises:
@@ -209,7 +245,7 @@ def parse_ties(tie: Mapping[str, Any], leaves: Sequence[Leaf], names: Sequence[s
 
 
 def parse_priors(
-    priors: Mapping[str, Any], names: Sequence[str], windows: Sequence[Window]
+    priors: Mapping[str, Prior], names: Sequence[str], windows: Sequence[Window]
 ) -> tuple[list[float], list[float]]:
     """Mean of each parameter's prior and one over its standard deviation, zero for none.
 
@@ -219,10 +255,12 @@ def parse_priors(
     check_names(priors, names, "Priors")
     mean, weight = [0.0] * len(names), [0.0] * len(names)
     for name, prior in priors.items():
-        pair = (prior.value, prior.std) if hasattr(prior, "value") and hasattr(prior, "std") else prior
+        pair = (prior.value, prior.std) if isinstance(prior, Measured) else prior
         value, std = _pair(pair, f"The prior of {name} must be a mean and a standard deviation")
         if not std > 0:
             raise UsageError(f"The prior of {name} needs a positive standard deviation, got {std}.")
+        if not np.isfinite(value):
+            raise UsageError(f"The prior of {name} needs a finite mean, got {value}.")
         i = names.index(name)
         mean[i], weight[i] = float(value) - _origin(name, windows), 1 / float(std)
     return mean, weight

@@ -177,8 +177,9 @@ def _residual(
     mean, weight = parse_priors(request.priors, [parameter.name for parameter in parameters], windows)
     oscillator = jax.tree.map(lambda leaf: np.asarray(leaf, float), request.oscillator)
     runs = of_one_length(tuple(full_run(window, can_stop(request)) for window in windows))
-    measured, *inputs = rig_inputs(request.rig, oscillator, {*space.leaves, *(tie.leaf for tie in space.ties)})
-    return Residual(oscillator, space, engine, runs, np.asarray(mean), np.asarray(weight), *inputs), measured
+    inputs = rig_inputs(request.rig, oscillator, {*space.leaves, *(tie.leaf for tie in space.ties)})
+    priors = np.asarray(mean), np.asarray(weight)
+    return Residual(oscillator, space, engine, runs, *priors, inputs.changes, inputs.period), inputs.measured
 
 
 def _condensed(residual: Residual, windows: Sequence[Window]) -> Residual:

@@ -19,12 +19,11 @@ import jax.numpy as jnp
 import numpy as np
 
 from .. import friction as friction_laws
-from ..errors import DataError, brief, nearest
+from ..errors import DataError, UsageError, brief, nearest
 from ..friction import AbstractFriction
 from ..oscillator import Exact, Hybrid, Oscillator, Smooth, restoring
 from ..oscillator.engines import AbstractEngine, Span
 from ..rig import Measured
-from .derived import Estimate
 from .noise import Line, Noise, Whiteness
 from .residual import Run
 from .rest import Margin
@@ -34,7 +33,7 @@ MODULES: Mapping[str, type] = {
     **{cls.__name__: cls for cls in (restoring.Linear, restoring.Cubic, restoring.Pendulum, restoring.Structural)},
     **{cls.__name__: cls for cls in (Oscillator, Exact, Hybrid, Smooth, Run)},
 }
-RECORDS: Mapping[str, type] = {cls.__name__: cls for cls in (Estimate, Line, Margin, Measured, Noise, Span, Whiteness)}
+RECORDS: Mapping[str, type] = {cls.__name__: cls for cls in (Line, Margin, Measured, Noise, Span, Whiteness)}
 _WORDS = {float: "a number", int: "a whole number", str: "a text", bool: "true or false", types.NoneType: "null"}
 # Integers beyond are no counts, and floating-point numbers do not tell them from one another.
 _LARGEST_COUNT = 1 << 53
@@ -68,7 +67,10 @@ def restored(kind: Any, value: Any, place: str) -> Any:
         return _module(kind, value, place)
     if isinstance(kind, type) and kind in RECORDS.values():
         fields = _fields(kind, typing.get_type_hints(kind), value, place)
-        return kind(**fields)
+        try:
+            return kind(**fields)
+        except UsageError as error:
+            raise DataError(f"'{place[:200]}' is no {kind.__name__} ({str(error).rstrip('.')})") from error
     # What is left are numbers whose shape only traced code declares: one, or an array.
     return _array(value, place) if isinstance(value, list) else _number(value, place)
 

@@ -14,7 +14,6 @@ from ..estimation.covariance import correlation
 from ..oscillator import Oscillator, simulate
 from ..rig import Measured
 from ..show import Report, Reported
-from .derived import Estimate
 from .diagnostics import optimum_found
 from .noise import Noise, Whiteness
 from .residual import Run, motion
@@ -111,7 +110,7 @@ class Fit(Reported):
     converged: bool
     status: str
     warnings: tuple[str, ...]
-    kinematics: dict[str, Estimate]
+    kinematics: dict[str, Measured]
     inputs: dict[str, Measured]
     contributions: dict[str, dict[str, float]]
     chi2: float

@@ -1,6 +1,6 @@
 """What the uncertain inputs of a rig change in the machine and in the reading of its instrument."""
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -10,7 +10,7 @@ from jaxtyping import Array, Float
 from ..errors import UsageError
 from ..oscillator import Oscillator
 from ..oscillator.leaves import leaves_of
-from ..rig import Measured
+from ..rig import Measured, Rig
 from .residual import ERRORS
 
 # The errors of a reading that an input of the rig stands for; of a periodic one the phase is not known.
@@ -33,10 +33,10 @@ class RigInputs(NamedTuple):
 
     measured: dict[str, Measured]
     changes: Float[np.ndarray, "inputs changes"]
-    period: Any
+    period: np.ndarray | None
 
 
-def rig_inputs(rig: Any, oscillator: Oscillator, free: set[int]) -> RigInputs:
+def rig_inputs(rig: Rig | None, oscillator: Oscillator, free: set[int]) -> RigInputs:
     """The uncertain inputs of a rig.
 
     Args:
@@ -53,10 +53,8 @@ def rig_inputs(rig: Any, oscillator: Oscillator, free: set[int]) -> RigInputs:
     inputs, changes, known = rig.inputs(), {}, {}
     for name, measured in inputs.items():
         if name not in _OF_READING:
-            known[name], changes[name] = (
-                measured,
-                np.append(_of_machine(rig, name, oscillator, free), np.zeros(len(ERRORS))),
-            )
+            known[name] = measured
+            changes[name] = np.append(_of_machine(rig, name, oscillator, free), np.zeros(len(ERRORS)))
         for error in _OF_READING.get(name, ()):
             changes[error] = np.append(np.zeros(leaves), [measured.std * (error == other) for other in ERRORS])
             known[error] = measured
@@ -67,7 +65,7 @@ def rig_inputs(rig: Any, oscillator: Oscillator, free: set[int]) -> RigInputs:
     return RigInputs(known, rows, np.asarray(np.inf if period is None else period.value))
 
 
-def _of_machine(rig: Any, name: str, oscillator: Oscillator, free: set[int]) -> Float[np.ndarray, " leaves"]:
+def _of_machine(rig: Rig, name: str, oscillator: Oscillator, free: set[int]) -> Float[np.ndarray, " leaves"]:
     """Change of each leaf of the machine for one standard uncertainty of an input."""
     measured = rig.inputs()[name]
 

@@ -168,7 +168,7 @@ def _assembled(
         units["mu_s"], flags["mu_s"] = "", ("bracketed, not fitted",)
     scale = np.sqrt(solution.chi2 / solution.dof) if scaled else 1.0
     band = fitted_dead_band(model, solution)
-    counts = counts._replace(dead_band=band[0], offset=offset)
+    counts = counts._replace(dead_band=band.value, offset=offset)
     open_counts = status_of_counts(counts) if solution.converged else None
     return RouteFit(
         route="final displacements",

@@ -17,6 +17,7 @@ from ..estimation.space import ParameterSpace
 from ..estimation.status import CONVERGED, NOT_FINITE, UNDETERMINED
 from ..oscillator import Oscillator, starting_state
 from ..oscillator.engines import AbstractEngine
+from ..rig import Measured
 from .diagnostics import Scale, scale_of
 from .displacements import Pairs
 
@@ -165,7 +166,7 @@ def predicted(model: PairModel, q: Array) -> Array:
     return model(q)
 
 
-def fitted_dead_band(model: PairModel, solution: Solution) -> tuple[float, float, str]:
+def fitted_dead_band(model: PairModel, solution: Solution) -> Measured:
     """Dead band x_d = mu N/k of the fitted machine [m], with its standard error."""
 
     def band(q: Array) -> Array:
@@ -176,4 +177,4 @@ def fitted_dead_band(model: PairModel, solution: Solution) -> tuple[float, float
     # An undetermined parameter without influence on the dead band has an infinite variance: 0 inf is not a number.
     used = slope != 0
     variance = slope[used] @ solution.covariance[np.ix_(used, used)] @ slope[used]
-    return float(band(q)), float(np.sqrt(variance)), "m"
+    return Measured(float(band(q)), float(np.sqrt(variance)), "m")

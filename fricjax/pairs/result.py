@@ -7,9 +7,8 @@ from typing import Any
 import numpy as np
 
 from ..estimation.covariance import correlation
+from ..rig import Measured
 from ..show import Report, Reported, Table, axis_label, display_unit, engineering, figure, interval, plain, uncertain
-
-type Estimate = tuple[float, float | None, str]
 
 
 def coefficient_table(values: Mapping[str, float], stds: Mapping[str, float], units: Mapping[str, str]) -> Table:
@@ -89,7 +88,7 @@ class RouteFit(Reported):
         half_cycles: number of half-cycles of each pair, shape (pairs,).
         sigma: standard deviation of each final displacement [m], shape (pairs,); `sigma_source` says where it is from.
         chi2, dof: sum of squared weighted residuals and degrees of freedom.
-        extras: further estimates by name: value, standard error (None: not known), unit.
+        extras: further estimates by name; a standard uncertainty that nothing tells is NaN.
 
     Examples:
         >>> import fricjax as fj
@@ -119,7 +118,7 @@ class RouteFit(Reported):
     sigma_source: str
     chi2: float
     dof: int
-    extras: dict[str, Estimate]
+    extras: dict[str, Measured]
 
     @property
     def residuals(self) -> np.ndarray:
@@ -148,9 +147,9 @@ class RouteFit(Reported):
             std, unit = self.combined_std_errors.get(name), self.units[name]
             shown = "" if std is None else uncertain(value, std, unit)
             rows.append([name, shown, interval(*self.intervals[name], unit), "; ".join(self.flags[name])])
-        for name, (value, std, unit) in self.extras.items():
-            shown = f"{plain(value, 4)} {unit}".strip() if std is None else uncertain(value, std, unit)
-            rows.append([name.replace("_", " "), shown, "", ""])
+        for name, number in self.extras.items():
+            bare = f"{plain(number.value, 4)} {number.unit}".strip()
+            rows.append([name.replace("_", " "), bare if np.isnan(number.std) else str(number), "", ""])
         rms = engineering(float(np.sqrt(np.mean(self.residuals**2))), "m")
         facts = [
             ("route", self.route),
@@ -160,7 +159,7 @@ class RouteFit(Reported):
             ("residuals", f"{rms} rms, reduced chi^2 {plain(self.chi2_reduced, 4)}"),
         ]
         table = Table(["Parameter", "Value (standard error)", "95 % interval", "Remarks"], rows)
-        data = vars(self) | {"chi2_reduced": self.chi2_reduced, "schema": "fricjax.route/1"}
+        data = vars(self) | {"chi2_reduced": self.chi2_reduced, "schema": "fricjax.route/2"}
         return Report([table], facts, warnings=self.warnings, heading="Route", data=data)
 
     def plot(self) -> Any:

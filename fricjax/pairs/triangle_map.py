@@ -19,10 +19,10 @@ import numpy as np
 
 from ..errors import DataError
 from ..friction import Coulomb
-from ..rig import Rig
+from ..rig import Measured, Rig
 from .diagnostics import count_warnings, status_of_counts, student
 from .displacements import Pairs, checked_pairs
-from .result import Estimate, RouteFit
+from .result import RouteFit
 from .unwrapping import Unwrapped, amplitude_after, count_half_cycles, decay_ratio, sensitivities
 
 # Different pairs from which a line has a slope of its segment alone.
@@ -140,11 +140,13 @@ def fit_triangle_map(x0: Any, xf: Any, rig: Rig, *, half_cycles: Any = None) -> 
         chi2=float(np.sum((residual / sigma) ** 2)),
         dof=max(fitted.dof, 1),
         extras={
-            "dead_band": (band, fitted.std, "m"),
+            "dead_band": Measured(band, fitted.std, "m"),
             **_meetings(lines),
             # Edges that contradict each other, since a run stopped farther out than one that moved on, are as
             # uncertain as they differ.
-            "jump": ((1 + rho) * (sum(static) / 2 - band), (1 + rho) * abs(static[1] - static[0]) / 12**0.5, "m"),
+            "jump": Measured(
+                (1 + rho) * (sum(static) / 2 - band), (1 + rho) * abs(static[1] - static[0]) / 12**0.5, "m"
+            ),
             **_naive(lines, fold, band, per_band),
         },
     )
@@ -226,7 +228,7 @@ def _static(fold: _Fold, band: float) -> tuple[float, float]:
     return lower, upper
 
 
-def _meetings(lines: list[_Line]) -> dict[str, Estimate]:
+def _meetings(lines: list[_Line]) -> dict[str, Measured]:
     """Mean height at which the lines of neighbouring segments meet: the dead band once more."""
     heights = []
     for left, right in itertools.pairwise(lines):
@@ -235,11 +237,11 @@ def _meetings(lines: list[_Line]) -> dict[str, Estimate]:
             heights.append(abs(left.slope * (at - left.zero)))
     if not heights:
         return {}
-    std = float(np.std(heights, ddof=1) / len(heights) ** 0.5) if len(heights) > 1 else None
-    return {"height_of_line_intersections": (float(np.mean(heights)), std, "m")}
+    std = float(np.std(heights, ddof=1) / len(heights) ** 0.5) if len(heights) > 1 else np.nan
+    return {"height_of_line_intersections": Measured(float(np.mean(heights)), std, "m")}
 
 
-def _naive(lines: list[_Line], fold: _Fold, band: float, per_band: float) -> dict[str, Estimate]:
+def _naive(lines: list[_Line], fold: _Fold, band: float, per_band: float) -> dict[str, Measured]:
     """The formulas without damping, and what the damping makes the first one err by."""
     largest = float(np.max(np.abs(fold.end[fold.segment > 0])))
     # From the first zero to the last; a single one is counted from the equilibrium.
@@ -248,9 +250,9 @@ def _naive(lines: list[_Line], fold: _Fold, band: float, per_band: float) -> dic
     spacing = (last.zero - first.zero) / half_cycles
     expected = (_zero(last.segment, fold.rho) - _zero(first.segment, fold.rho)) / half_cycles
     return {
-        "mu_from_period_without_damping": (spacing / 2 * per_band, None, ""),
-        "bias_of_that_by_damping": (expected / 2 - 1, None, ""),
-        "mu_s_from_largest_final_displacement": (largest * per_band, None, ""),
+        "mu_from_period_without_damping": Measured(spacing / 2 * per_band, np.nan, ""),
+        "bias_of_that_by_damping": Measured(expected / 2 - 1, np.nan, ""),
+        "mu_s_from_largest_final_displacement": Measured(largest * per_band, np.nan, ""),
     }
 
 

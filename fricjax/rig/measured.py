@@ -1,4 +1,4 @@
-"""A calibrated number: its value and its standard uncertainty, and what a formula makes of several of them.
+"""A value with its standard uncertainty, calibrated or determined, and what a formula makes of several of them.
 
 Uncertainties are propagated to first order (GUM, JCGM 100:2008, 5.1.2).
 """
@@ -15,14 +15,15 @@ from ..show.numbers import uncertain
 
 @dataclasses.dataclass(frozen=True)
 class Measured:
-    """A measured input with its standard uncertainty (k = 1), both in SI units.
+    """A value with its standard uncertainty (k = 1): an input of a rig, or what a fit or a route has determined.
 
     Attributes:
-        value: best estimate; may be traced where a derivative with respect to it is taken.
-        std: standard uncertainty, finite and not negative; zero: taken as exact.
+        value: best estimate, NaN where there is none; may be traced where a derivative with respect to it is taken.
+        std: standard uncertainty, not negative; zero: exact, inf: undetermined, NaN: not known.
+        unit: of both, empty for a pure number; None: the SI unit that belongs to its place, as to the mass of a rig.
 
     Raises:
-        UsageError: a value or uncertainty that is no finite number, or a negative uncertainty.
+        UsageError: a value or uncertainty that is no number, a negative uncertainty, or a unit that is no text.
 
     Examples:
         >>> import fricjax as fj
@@ -31,19 +32,29 @@ class Measured:
         0.4107(12)
         >>> f"{100 * mass.relative:.2f} %"
         '0.29 %'
+        >>> fj.Measured(12.6, 0.002, "Hz")
+        12.6000(20) Hz
     """
 
     value: Any
     std: float = 0.0
+    unit: str | None = None
 
     def __post_init__(self) -> None:
         for field in ("value", "std"):
             number = getattr(self, field)
             # The value of a tracer is not known yet.
             if not is_traced(number):
-                object.__setattr__(self, field, _finite(field, number))
+                object.__setattr__(self, field, _number(field, number))
         if self.std < 0:
             raise UsageError(f"The standard uncertainty of a Measured must not be negative, got {self.std:g}.")
+        if not isinstance(self.unit, str | None):
+            raise UsageError(f"The unit of a Measured must be a text such as 'kg', got {brief(self.unit)}.")
+
+    @property
+    def is_finite(self) -> bool:
+        """Whether both are finite numbers, as those of a rig must be; a traced value counts as one."""
+        return math.isfinite(self.std) and (is_traced(self.value) or math.isfinite(self.value))
 
     @property
     def relative(self) -> float:
@@ -53,7 +64,13 @@ class Measured:
     def __repr__(self) -> str:
         if is_traced(self.value):
             return f"Measured({self.value}, {self.std:g})"
-        return uncertain(self.value, self.std) if self.std > 0 else f"{self.value:.10g}"
+        unit = self.unit or ""
+        return uncertain(self.value, self.std, unit) if self.std > 0 else f"{self.value:.10g} {unit}".rstrip()
+
+    def _asdict(self) -> dict[str, Any]:
+        """The fields by name, as a named tuple gives them; a unit that its place says is left out."""
+        fields = {"value": self.value, "std": self.std}
+        return fields if self.unit is None else {**fields, "unit": self.unit}
 
 
 def is_traced(value: Any) -> bool:
@@ -62,7 +79,7 @@ def is_traced(value: Any) -> bool:
     return jax is not None and isinstance(value, jax.core.Tracer)
 
 
-def _finite(field: str, number: Any) -> float:
+def _number(field: str, number: Any) -> float:
     # A truth value is a number to Python, and a text one to `float`. NumPy's scalars and arrays without dimensions are
     # told by their own kind and shape, for NumPy is not imported here.
     boolean = isinstance(number, bool) or getattr(getattr(number, "dtype", None), "kind", "") == "b"
@@ -73,13 +90,11 @@ def _finite(field: str, number: Any) -> float:
         converted = None
     if converted is None:
         raise UsageError(f"The {field} of a Measured must be one number, got {brief(number)}.")
-    if not math.isfinite(converted):
-        raise UsageError(f"The {field} of a Measured must be finite, got {converted}.")
     return converted
 
 
 def positive(name: str, unit: str, value: Any) -> Measured:
-    """A number or a `Measured`, refused where it is not larger than zero.
+    """A number or a `Measured`, refused where it is not finite and larger than zero.
 
     Raises:
         UsageError: zero, a negative number, or none at all.
@@ -88,6 +103,8 @@ def positive(name: str, unit: str, value: Any) -> Measured:
         number = value if isinstance(value, Measured) else Measured(value)
     except UsageError as error:
         raise UsageError(f"{name} must be a number in SI units or a Measured, got {value!r}: {error}") from error
+    if not number.is_finite:
+        raise UsageError(f"{name} must be a finite number of {unit}, got {number!r}.")
     if not number.value > 0:
         raise UsageError(f"{name} must be a positive number of {unit}, got {number.value:g}.")
     return number

@@ -4,6 +4,7 @@ A rig is either linear (kg, N/m, N) or rotary (kg m^2, N m/rad, N m). A quantity
 of whichever of the two it fits; a bare number is taken as SI.
 """
 
+import math
 import re
 from collections.abc import Mapping
 from typing import Any
@@ -37,7 +38,7 @@ def quantity(name: str, value: Any) -> Measured:
 
     Args:
         name: which input it is, a key of `UNITS`.
-        value: a number, a `Measured` or an estimate of a fit (SI), a text such as ``"410.7(3) g"`` or
+        value: a number (SI), a `Measured` (SI where it has no unit), a text such as ``"410.7(3) g"`` or
             ``"9.66 +/- 0.05 N"``, or a mapping with `value` and perhaps `std` (a number, or a text such as
             ``"0.5 %"``) and `unit`.
 
@@ -45,7 +46,7 @@ def quantity(name: str, value: Any) -> Measured:
         UsageError: text that is no quantity, an unknown key or unit, or a unit that does not fit the input.
     """
     if isinstance(value, Measured):
-        return value
+        return _in_si(name, value.value, value.std, value.unit or "")
     if isinstance(value, Mapping):
         return _from_mapping(name, value)
     if isinstance(value, str):
@@ -57,12 +58,10 @@ def quantity(name: str, value: Any) -> Measured:
             )
         return _in_si(name, *read)
     try:
-        # Estimates of fits are of no class of this folder, which knows no fits.
-        estimate = hasattr(value, "value") and hasattr(value, "std")
-        return Measured(value.value, value.std) if estimate else Measured(value)
+        number = Measured(value)
     except UsageError as error:
-        unit = f" of {UNITS[name]}" if UNITS[name] else ""
-        raise UsageError(f"{name} must be a finite number{unit}, got {brief(value)}.") from error
+        raise UsageError(_not_finite(name, value)) from error
+    return _in_si(name, number.value, number.std, "")
 
 
 def _from_mapping(name: str, entries: Mapping[str, Any]) -> Measured:
@@ -92,7 +91,7 @@ def _number(name: str, key: str, value: Any) -> float:
         raise UsageError(f"The {key} of {name} must be finite, got {brief(value)}.") from error
 
 
-def _in_si(name: str, value: float, std: float, unit: str) -> Measured:
+def _in_si(name: str, value: Any, std: float, unit: str) -> Measured:
     known = (UNITS[name], rotary_unit(UNITS[name], "rad"))
     factor = 1.0
     if unit not in ("", *known):
@@ -106,9 +105,16 @@ def _in_si(name: str, value: float, std: float, unit: str) -> Measured:
             raise UsageError(f"The unit '{unit}' does not fit {name}; use for example {_examples(name)}.")
         factor = read.scale
     try:
-        return Measured(value * factor, std * factor)
+        number = Measured(value * factor, std * factor)
     except UsageError as error:
         raise UsageError(f"{name}: {error}") from error
+    if not number.is_finite:
+        raise UsageError(_not_finite(name, value if math.isfinite(std) else number))
+    return number
+
+
+def _not_finite(name: str, value: Any) -> str:
+    return f"{name} must be a finite number{f' of {UNITS[name]}' if UNITS[name] else ''}, got {brief(value)}."
 
 
 def _dimension(unit: Unit) -> dict[str, int]:

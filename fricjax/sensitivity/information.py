@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 
 from ..estimation.covariance import correlation
-from ..fitting.derived import Estimate
 from ..fitting.names import NUISANCES
 from ..oscillator import Oscillator
+from ..rig import Measured
 from ..show import Report, Reported, Table, axis_label, duration, engineering, figure
 from .directions import Direction
 from .plan import PlannedMotion
@@ -73,7 +73,7 @@ class Information(Reported):
     noise: float
     engine: str
     oscillator: Oscillator
-    combinations: dict[str, Estimate] = dataclasses.field(default_factory=dict)
+    combinations: dict[str, Measured] = dataclasses.field(default_factory=dict)
     errors: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
 
@@ -118,9 +118,9 @@ class Information(Reported):
         return float(self.correlation[self.names.index(first), self.names.index(second)])
 
     @property
-    def kinematics(self) -> dict[str, Estimate]:
+    def kinematics(self) -> dict[str, Measured]:
         """What needs no rig: natural frequency, damping ratio, dead band, and losses per unit mass."""
-        return {name: Estimate(value, self.std_of(by), unit) for name, (value, unit, by) in self.slopes.items()}
+        return {name: Measured(value, self.std_of(by), unit) for name, (value, unit, by) in self.slopes.items()}
 
     def __repr__(self) -> str:
         errors = ", ".join(f"{name}: {std:.2g}" for name, std in self.std_errors.items())
@@ -153,7 +153,7 @@ class Information(Reported):
         for name in self.names:
             value, std, unit = self.values[name], self.std_errors[name], self.units[name]
             note = "no effect" if name in self.no_effect else "" if np.isfinite(std) else "undetermined"
-            rows.append([name, *_cells(Estimate(value, std, unit)), note])
+            rows.append([name, *_cells(Measured(value, std, unit)), note])
         known = {**{name.replace("_", " "): each for name, each in self.kinematics.items()}, **self.combinations}
         lost, matrix = self.undetermined, self.correlation
         index = [i for i, name in enumerate(self.names) if name not in lost and name not in NUISANCES]
@@ -212,8 +212,8 @@ class Information(Reported):
         return drawing
 
 
-def _cells(estimate: Estimate) -> list[str]:
+def _cells(estimate: Measured) -> list[str]:
     """Value, standard error and their ratio, empty where they are not finite."""
-    value, std, unit = estimate
+    value, std, unit = estimate.value, estimate.std, estimate.unit or ""
     texts = [engineering(*pair) if np.isfinite(pair[0]) else "" for pair in ((value, unit, 6), (std, unit, 2))]
     return [*texts, f"{std / abs(value):.2g}" if value and np.isfinite(std) else ""]

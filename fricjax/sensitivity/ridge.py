@@ -11,8 +11,8 @@ from typing import NamedTuple
 import jax
 import numpy as np
 
-from ..fitting.derived import Estimate
 from ..oscillator.leaves import leaves_of
+from ..rig import Measured
 from .information import Information
 
 WORK = 2.0
@@ -38,11 +38,11 @@ class Ridge(NamedTuple):
         """The combination with that power of the Stribeck velocity."""
         return f"({self.mu_s} - {self.mu}) {self.v_stribeck}^{power:.3g}"
 
-    def estimate(self, information: Information, power: float) -> Estimate:
+    def estimate(self, information: Information, power: float) -> Measured:
         """The same with its expected standard error."""
         value = self.fall * self.speed**power
         slopes = {self.mu_s: 1 / self.fall, self.mu: -1 / self.fall, self.v_stribeck: power / self.speed}
-        return Estimate(value, value * information.std_of(slopes), f"(m/s)^{power:.3g}")
+        return Measured(value, value * information.std_of(slopes), f"(m/s)^{power:.3g}")
 
     def best_power(self, information: Information) -> float:
         """The power of the combination that the run determines best."""
@@ -74,7 +74,7 @@ def ridges_of(information: Information) -> tuple[Ridge, ...]:
     return tuple(ridge for ridge in ridges if {ridge.mu_s, ridge.v_stribeck} <= free and ridge.fall)
 
 
-def combinations(information: Information) -> dict[str, Estimate]:
+def combinations(information: Information) -> dict[str, Measured]:
     """For each of these laws the combination that the run determines best, and that of the work lost at a reversal."""
     estimates = {
         ridge.text(power): ridge.estimate(information, power)

@@ -22,7 +22,7 @@ def test_exact_pairs_give_mu_offset_and_counts_to_rounding():
     assert found.values["mu"] == pytest.approx(MU, rel=1e-10)
     assert found.values["offset"] == pytest.approx(3e-6, abs=1e-14)
     assert np.array_equal(found.half_cycles, counts)
-    assert found.extras["dead_band"][0] == pytest.approx(BAND, rel=1e-10)
+    assert found.extras["dead_band"].value == pytest.approx(BAND, rel=1e-10)
 
 
 def test_the_slope_by_mu_is_that_of_the_map():
@@ -191,17 +191,17 @@ class TestTriangleMap:
         assert found.combined_std_errors["mu"] == pytest.approx(0.01 * MU, rel=1e-2)
         exact = RIG.replace(stiffness=STIFFNESS, displacement_scale=fj.Measured(1.0, 2e-3))
         assert fit_triangle_map(STARTS, xf, exact).combined_std_errors["mu"] == pytest.approx(2e-3 * MU, rel=1e-6)
-        assert found.extras["height_of_line_intersections"][0] == pytest.approx(BAND, rel=1e-8)
+        assert found.extras["height_of_line_intersections"].value == pytest.approx(BAND, rel=1e-8)
         low, high = found.intervals["mu_s"]
         assert low <= 1.1 * MU <= high
         width = (1 + DAMPED) * (high - low) * LOAD / STIFFNESS
-        assert found.extras["jump"][0] == pytest.approx((1 + DAMPED) * 0.1 * BAND, abs=width)
+        assert found.extras["jump"].value == pytest.approx((1 + DAMPED) * 0.1 * BAND, abs=width)
 
     def test_the_formula_without_damping_is_off_as_said(self):
         xf, _ = campaign(STARTS)
         found = fit_triangle_map(STARTS, xf, RIG)
-        naive = found.extras["mu_from_period_without_damping"][0]
-        assert naive / MU - 1 == pytest.approx(found.extras["bias_of_that_by_damping"][0], rel=1e-6)
+        naive = found.extras["mu_from_period_without_damping"].value
+        assert naive / MU - 1 == pytest.approx(found.extras["bias_of_that_by_damping"].value, rel=1e-6)
         assert naive / MU - 1 == pytest.approx(2.6e-2, abs=2e-3)
 
     def test_a_rig_without_damping_is_told(self):

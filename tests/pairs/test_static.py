@@ -102,6 +102,6 @@ def test_edges_that_contradict_each_other_have_a_width():
     band, x0 = 0.02 * 9.66 / 2574.0, np.linspace(1.1e-3, 2e-3, 12)
     n = np.ceil((x0 / band - 1) / 2)
     found = fit_triangle_map(x0, (-1.0) ** n * (x0 - 2 * n * band), rig)
-    width = found.extras["jump"][1]
+    width = found.extras["jump"].std
     assert width is not None and width > 0
     assert "jump" in found.summary()

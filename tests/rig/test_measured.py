@@ -1,7 +1,5 @@
 """A calibrated number: what it accepts, how it reads, and the units in which it may be written."""
 
-from typing import NamedTuple
-
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -9,11 +7,23 @@ from hypothesis import strategies as st
 from fricjax.errors import UsageError
 from fricjax.rig import Measured
 from fricjax.rig.quantity import quantity
+from fricjax.show import plain_data
 
 
 def test_repr_is_the_shorthand_of_the_field():
     assert repr(Measured(0.4107, 0.0012)) == "0.4107(12)"
     assert repr(Measured(9.66)) == "9.66"
+    assert repr(Measured(12.6, 0.002, "Hz")) == "12.6000(20) Hz"
+
+
+def test_what_is_not_determined_says_so():
+    assert repr(Measured(0.01, float("inf"), "N")) == "0.0100 N (undetermined)"
+    assert not Measured(0.01, float("inf")).is_finite and Measured(0.01, 0.1).is_finite
+
+
+def test_as_plain_data_the_unit_stands_where_it_is_said():
+    assert plain_data(Measured(1.0, 0.1, "")) == {"value": 1.0, "std": 0.1, "unit": ""}
+    assert plain_data(Measured(1.0, 0.1)) == {"value": 1.0, "std": 0.1}
 
 
 def test_relative_uncertainty():
@@ -26,8 +36,6 @@ def test_relative_uncertainty():
     ("value", "std", "sentence"),
     [
         (1.0, -0.1, "The standard uncertainty of a Measured must not be negative, got -0.1."),
-        (1.0, float("inf"), "The std of a Measured must be finite, got inf."),
-        (float("nan"), 0.0, "The value of a Measured must be finite, got nan."),
         ("1", 0.0, "The value of a Measured must be one number, got '1'."),
         ([1.0, 2.0], 0.0, "The value of a Measured must be one number, got [1.0, 2.0]."),
         (True, 0.0, "The value of a Measured must be one number, got True."),
@@ -37,14 +45,6 @@ def test_refusals_by_their_text(value, std, sentence):
     with pytest.raises(UsageError) as caught:
         Measured(value, std)
     assert str(caught.value) == sentence
-
-
-class Estimate(NamedTuple):
-    """As fits give them."""
-
-    value: float
-    std: float
-    unit: str
 
 
 @pytest.mark.parametrize(
@@ -62,7 +62,8 @@ class Estimate(NamedTuple):
         ("k3", "5 N/mm^3", 5e9, 0.0),
         ("drag", 0.5, 0.5, 0.0),
         ("mass", Measured(2.0, 0.1), 2.0, 0.1),
-        ("frequency", Estimate(12.6, 1e-5, "Hz"), 12.6, 1e-5),
+        ("frequency", Measured(12.6, 1e-5, "Hz"), 12.6, 1e-5),
+        ("mass", Measured(410.7, 0.3, "g"), 0.4107, 0.0003),
     ],
 )
 def test_written_quantities_are_converted_to_si(name, written, value, std):
@@ -92,6 +93,13 @@ def test_written_quantities_are_converted_to_si(name, written, value, std):
         ),
         ("mass", float("inf"), "mass must be a finite number of kg, got inf."),
         ("mass", None, "mass must be a finite number of kg, got None."),
+        ("mass", Measured(float("nan")), "mass must be a finite number of kg, got nan."),
+        ("mass", Measured(1.0, float("inf")), "mass must be a finite number of kg, got 1.00 (undetermined)."),
+        (
+            "mass",
+            Measured(12.6, 1e-5, "Hz"),
+            "The unit 'Hz' does not fit mass; use for example 'kg' (rotary rigs: 'kg m^2').",
+        ),
     ],
 )
 def test_quantities_refused_by_their_text(name, written, sentence):
