@@ -6,6 +6,7 @@ fit have a common scale that no record shows, so that ``mu = omega^2 x_d m/N`` i
 law is exact. Whatever has the value zero enters in proportion.
 """
 
+import dataclasses
 import math
 from collections.abc import Mapping
 from typing import Any
@@ -13,7 +14,7 @@ from typing import Any
 from ..errors import UsageError, nearest
 from ..fitting import Fit
 from ..fitting.population import Population
-from ..rig import Rig
+from ..rig import Measured, Rig
 from ..rig.quantity import UNITS
 from ..show import rotary_unit
 from .inputs import Input
@@ -63,7 +64,8 @@ def budget(
         (Budget(mu = 0.05000(52), 3 inputs), {'noise of the record': 0, 'mass': 6, 'normal_force': 94})
     """
     name = name or ("mu" if "mu" in fit.names else fit.names[0])
-    value, noise, unit = _fitted(fit, name)
+    fitted = _fitted(fit, name)
+    value, noise, unit = fitted.value, fitted.std, fitted.unit or ""
     slopes = {key: moved / fit.inputs[key].std for key, moved in fit.contributions[name].items()}
     known = {**fit.inputs, **inputs_of(fit, rig), **_given(fit, inputs or {})}
     centres = {key: fit.inputs[key].value for key in slopes}
@@ -89,20 +91,21 @@ def budget(
     return derived(formula, rows, quantity=name, unit=unit, correlations=correlations, notes=notes)
 
 
-def _fitted(fit: Fit, name: str) -> tuple[float, float, str]:
-    """Value, standard error by the noise alone, and unit of a fitted quantity."""
+def _fitted(fit: Fit, name: str) -> Measured:
+    """A fitted quantity with its standard error by the noise alone."""
     known = {**fit.std_errors, **fit.kinematics}
     if name not in known:
         raise UsageError(f"This fit has no {name!r}.{nearest(name, known)} It has {', '.join(known)}.")
     if name in fit.std_errors:
-        value, std, unit = fit.values[name], fit.std_errors[name], fit.units[name]
+        fitted = Measured(fit.values[name], fit.std_errors[name], fit.units[name])
     else:
-        value, combined, unit = fit.kinematics[name]
+        combined = fit.kinematics[name]
         # Where the rig decides, what it leaves of the noise is rounding, of a share that no table shows.
-        std = math.sqrt(max(combined**2 - sum(part**2 for part in fit.contributions[name].values()), 0.0))
-    if not math.isfinite(std):
+        square = combined.std**2 - sum(part**2 for part in fit.contributions[name].values())
+        fitted = dataclasses.replace(combined, std=math.sqrt(max(square, 0.0)))
+    if not fitted.is_finite:
         raise UsageError(f"{name} has no budget, for this fit has not determined it: {fit.status}")
-    return value, std, unit
+    return fitted
 
 
 def inputs_of(fit: Fit, rig: Rig | None) -> dict[str, Input]:
