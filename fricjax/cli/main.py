@@ -11,7 +11,7 @@ from typing import NoReturn
 
 import typer
 
-from . import budget, calibrate, check, compare, demo, doctor, energy, fit, inspect, map, models, simulate
+from . import budget, calibrate, check, compare, demo, doctor, energy, fit, inspect, map, models, report, simulate
 from .failure import INTERRUPTED, failure_of
 from .options import example, grouped
 from .output import tell, tell_json
@@ -36,6 +36,7 @@ for _name, _function, _example in (
     ("energy", energy.energy, "run.csv --rig rig.toml"),
     ("budget", budget.budget, "fit.json --rig rig.toml"),
     ("simulate", simulate.simulate, '--rig rig.toml --x0 "2 mm" --fix mu=0.02 --out run.csv'),
+    ("report", report.report, "fit.json --out report.html"),
     ("doctor", doctor.doctor, ""),
 ):
     app.command(_name, epilog=example(f"{_name} {_example}"))(grouped(_function))

@@ -48,7 +48,7 @@ class Table:
 
     def text(self) -> str:
         """The table as aligned plain text, without a newline at the end."""
-        cells = [list(self.columns), *self._cells()]
+        cells = [list(self.columns), *self.cells()]
         widths = [max(len(row[i]) for row in cells) for i in range(len(self.columns))]
         lines = [self._line(row, widths) for row in cells]
         rule = "  ".join("─" * width for width in widths)
@@ -56,10 +56,10 @@ class Table:
 
     def html(self) -> str:
         """The table as an HTML fragment; every cell is escaped."""
-        styles = ["right" if numeric else "left" for numeric in self._numeric()]
+        styles = ["right" if numeric else "left" for numeric in self.numeric()]
         caption = f"<caption>{escape(self.title)}</caption>" if self.title else ""
         head = _html_row("th", self.columns, styles)
-        body = "".join(_html_row("td", row, styles) for row in self._cells())
+        body = "".join(_html_row("td", row, styles) for row in self.cells())
         return f"<table>{caption}<thead>{head}</thead><tbody>{body}</tbody></table>"
 
     def to_dataframe(self) -> "DataFrame":
@@ -79,16 +79,18 @@ class Table:
     def _repr_html_(self) -> str:
         return self.html()
 
-    def _cells(self) -> list[list[str]]:
+    def cells(self) -> list[list[str]]:
+        """The cells as they are shown."""
         shown = lambda cell: "" if cell is None else plain(cell) if isinstance(cell, float) else str(cell)
         return [[shown(cell) for cell in row] for row in self.rows]
 
-    def _numeric(self) -> list[bool]:
-        cells = self._cells()
+    def numeric(self) -> list[bool]:
+        """For each column whether its cells are numbers, which are aligned to the right."""
+        cells = self.cells()
         return [bool(cells) and all(_NUMERIC.match(row[i]) for row in cells) for i in range(len(self.columns))]
 
     def _line(self, row: Sequence[str], widths: Sequence[int]) -> str:
-        aligned = zip(row, widths, self._numeric(), strict=True)
+        aligned = zip(row, widths, self.numeric(), strict=True)
         return "  ".join(cell.rjust(width) if right else cell.ljust(width) for cell, width, right in aligned).rstrip()
 
 

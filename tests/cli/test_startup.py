@@ -22,7 +22,9 @@ def python(code: str, *arguments: str) -> subprocess.CompletedProcess:
     return subprocess.run([sys.executable, "-c", code, *arguments], capture_output=True, text=True, check=False)
 
 
-@pytest.mark.parametrize("words", [("--help",), ("fit", "--help"), ("demo", "--help"), ("--version",)])
+@pytest.mark.parametrize(
+    "words", [("--help",), ("fit", "--help"), ("demo", "--help"), ("report", "--help"), ("--version",)]
+)
 def test_help_imports_nothing_heavy(words):
     done = python(_HELP.format(heavy=_HEAVY), *words)
     assert done.returncode == 0, done.stderr
@@ -37,6 +39,13 @@ def test_a_column_that_is_not_there_is_refused_without_jax(command, tmp_path):
     done = python(_HELP.format(heavy=("jax", "equinox")), *command.split(), str(run), "--column", "y", *rig)
     assert done.returncode == 4
     assert "run.csv has no column 'y' (asked for with --column)" in done.stderr
+    assert done.stdout.rstrip().endswith("[]")
+
+
+def test_a_report_of_nothing_is_refused_before_numpy(tmp_path):
+    done = python(_HELP.format(heavy=_HEAVY), "report", str(tmp_path / "fit.json"))
+    assert done.returncode == 4
+    assert "There is no file or folder" in done.stderr
     assert done.stdout.rstrip().endswith("[]")
 
 

@@ -1,0 +1,3 @@
+from .page import page, save
+
+__all__ = ["page", "save"]

@@ -1,0 +1,45 @@
+"use strict";
+
+// Elements are made of tags, attributes and texts. Nothing of the data is ever read as HTML, so nothing of it can run.
+
+const SVG = "http://www.w3.org/2000/svg";
+
+function fill(element, attributes, children) {
+  for (const [name, value] of Object.entries(attributes)) {
+    if (typeof value === "function") element.addEventListener(name, value);
+    else if (value === true) element.setAttribute(name, "");
+    else if (value !== false && value != null) element.setAttribute(name, value);
+  }
+  element.append(...children.flat(Infinity).filter((child) => child != null));
+  return element;
+}
+
+const el = (tag, attributes = {}, ...children) => fill(document.createElement(tag), attributes, children);
+const svg = (tag, attributes = {}, ...children) => fill(document.createElementNS(SVG, tag), attributes, children);
+
+/** A number with at most so many significant digits; nothing where there is none. */
+function number(value, digits = 6) {
+  return Number.isFinite(value) ? String(Number(value.toPrecision(digits))).replace("-", "\u2212") : "";
+}
+
+/** A count with its digits in groups of three. */
+const count = (value) => value.toLocaleString("en");
+
+/** A count with its noun. */
+const counted = (value, noun) => `${count(value)} ${noun}${value === 1 ? "" : "s"}`;
+
+/** A table: texts, or elements, in rows below heads; columns of numbers are aligned to the right. Its caption is heard. */
+function table(caption, heads, rows, numeric = []) {
+  const side = (i) => ({ class: numeric[i] ? "number" : null });
+  return el("div", { class: "wide" },
+    el("table", {},
+      el("caption", { class: "heard" }, caption),
+      el("thead", {}, el("tr", {}, heads.map((head, i) => el("th", { scope: "col", ...side(i) }, head)))),
+      el("tbody", {}, rows.map((row) => el("tr", {}, row.map((cell, i) =>
+        i ? el("td", side(i), cell) : el("th", { scope: "row", ...side(i) }, cell)))))));
+}
+
+/** Names and texts below one another. */
+function facts(pairs) {
+  return el("dl", {}, pairs.map(([name, text]) => el("div", {}, el("dt", {}, name), el("dd", {}, text))));
+}

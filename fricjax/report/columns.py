@@ -1,0 +1,173 @@
+"""The columns of a table of runs as the page holds them: compact, with units, and numbers as they are to be read."""
+
+import base64
+import math
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..fitting.derived import UNITS
+from ..fitting.names import NUISANCES
+from ..show import display_unit, rotary_unit, uncertain
+
+if TYPE_CHECKING:
+    from pandas import DataFrame, Series
+
+STD, COMBINED = "_std", "_combined_std"
+# Units of the columns that are no parameters; "x" stands for the unit of the displacement.
+_PLAIN_UNITS = {
+    "residual_rms": "x",
+    "sigma": "x",
+    "amplitude": "x",
+    "rate": "Hz",
+    "duration": "s",
+    "load": "N",
+    "seconds_read": "s",
+    "seconds_fit": "s",
+}
+_TIMES = ("measured_at", "modified", "finished_at")
+_JUDGEMENT = ("chi2_reduced", "residual_rms", "sigma", "numerical_shift", "half_cycles", "iterations", "passes")
+_RECORD = ("quantity", "samples", "rate", "duration", "amplitude", "load", "rig")
+_PROVENANCE = ("key", "engine", "sha256", "bytes", "inode", "settings", "seconds_read", "seconds_fit")
+_PROVENANCE += ("fricjax", "jax", "python", "host", "worker")
+# What the page shows of a run in places of its own, or not at all.
+_APART = ("file", "run", "friction", "status", "outcome", "warnings", "noise")
+_CURVES = ("sketch_t", "sketch_x", "sketch_residual", "reversal_t", "reversal_x")
+
+
+def packed(values: Any, kind: str) -> str:
+    """Numbers as base64 of their bytes, little end first; `kind` as NumPy names it, such as "<f8"."""
+    return base64.b64encode(np.ascontiguousarray(values, dtype=kind).tobytes()).decode("ascii")
+
+
+def parameters(frame: "DataFrame") -> list[str]:
+    """Names of the columns that hold a value with its standard error, in their order."""
+    return [name for name in map(str, frame.columns) if f"{name}{STD}" in frame.columns]
+
+
+def unit_of(name: str, laws: Sequence[str], quantity: str = "m") -> str:
+    """SI unit of a column by its name.
+
+    Args:
+        name: of a parameter, of one of the kinematics, or of another column.
+        laws: friction laws of the table, as on the command line, whose coefficients may be meant.
+        quantity: "m", or "rad" for a rotary rig.
+    """
+    stem = name.split("[")[0].rsplit(".", 1)[-1]
+    unit = {**_PLAIN_UNITS, **_coefficient_units(laws), **NUISANCES, **UNITS}.get(stem, "")
+    return quantity if unit == "x" else rotary_unit(unit, quantity)
+
+
+def _coefficient_units(laws: Sequence[str]) -> dict[str, str]:
+    """Units of the coefficients of the machine and of these laws."""
+    from .. import friction
+    from ..friction.catalogue import CATALOGUE
+    from ..oscillator import Oscillator, restoring
+
+    summands = {part for law in laws for part in law.split("+")}
+    classes = [Oscillator, restoring.Cubic, restoring.Structural]
+    classes += [getattr(friction, CATALOGUE[name].name) for name in sorted(summands) if name in CATALOGUE]
+    return {name: each.unit for cls in classes for name, each in getattr(cls, "coefficients", {}).items()}
+
+
+def columns(frame: "DataFrame", quantity: str) -> list[dict[str, Any]]:
+    """The columns of a table as JSON can hold them; those of curves are left out.
+
+    Each has its `name`, a `label`, the `unit` of its numbers, a `group` ("run", "parameter", "kinematics", "record",
+    "judgement", "fact" or "provenance"), and `shown` where the table shows it at first. A column of numbers has
+    `values`, packed float64; of parameters also `std` and `text`, the number with its uncertainty. A column of texts
+    has its different `words` and for each row the place `at` which its word stands.
+    """
+    laws = sorted(set(frame["friction"].dropna())) if "friction" in frame else []
+    names = parameters(frame)
+    apart = {*_CURVES, *(f"{name}{end}" for name in names for end in (STD, COMBINED))}
+    made = []
+    for name in map(str, frame.columns):
+        if name in apart:
+            continue
+        unit = unit_of(name, laws, quantity)
+        if name in names:
+            made.append(_parameter(frame, name, unit))
+        else:
+            made.append(_column(frame[name], name, unit))
+        made[-1]["group"] = _group(name, names)
+        made[-1]["shown"] = _shown(frame, name, names)
+    return made
+
+
+def _group(name: str, names: Sequence[str]) -> str:
+    if name in names:
+        return "kinematics" if name in UNITS else "parameter"
+    groups: Mapping[str, Sequence[str]] = {
+        "run": _APART,
+        "judgement": _JUDGEMENT,
+        "record": (*_RECORD, "measured_at"),
+        "provenance": (*_PROVENANCE, *_TIMES),
+    }
+    return next((group for group, members in groups.items() if name in members), "fact")
+
+
+def _shown(frame: "DataFrame", name: str, names: Sequence[str]) -> bool:
+    """Whether the table shows a column before its reader chooses: parameters, facts, and what tells runs apart."""
+    group = _group(name, names)
+    if group == "parameter":
+        return name.split("[")[0] not in NUISANCES
+    if name in ("load", "friction", "rig"):
+        return frame[name].nunique() > 1
+    return group == "fact" or name in ("outcome", "amplitude", "half_cycles", "chi2_reduced", "measured_at")
+
+
+def _column(series: "Series", name: str, unit: str) -> dict[str, Any]:
+    """A column of times, numbers or texts."""
+    import pandas as pd
+
+    label = name.replace("_", " ")
+    if name in _TIMES:
+        instants = pd.to_datetime(series, utc=True, errors="coerce", format="ISO8601").dt.tz_localize(None)
+        since = instants.to_numpy("datetime64[ms]")
+        ms = np.where(np.isnat(since), np.nan, since.astype(np.int64))
+        return {"name": name, "label": label, "kind": "time", "values": packed(ms, "<f8")}
+    if pd.api.types.is_numeric_dtype(series) and not pd.api.types.is_bool_dtype(series):
+        values = series.to_numpy(float, na_value=np.nan)
+        factor, shown = typical_unit(values, unit)
+        return {
+            "name": name,
+            "label": label,
+            "unit": shown,
+            "kind": "number",
+            "values": packed(factor * values, "<f8"),
+        }
+    # Names of files may hold bytes that are no text, which the strings of pandas refuse and a dictionary does not.
+    texts = ["" if missing else str(each) for each, missing in zip(series, series.isna(), strict=True)]
+    place = {word: i for i, word in enumerate(dict.fromkeys(texts))}
+    return {
+        "name": name,
+        "label": label,
+        "kind": "text",
+        "words": list(place),
+        "at": packed([place[text] for text in texts], "<u4"),
+    }
+
+
+def _parameter(frame: "DataFrame", name: str, unit: str) -> dict[str, Any]:
+    """A column of values with their uncertainties: the combined one is read, the statistical one is drawn."""
+    value, std = (frame[f"{name}{end}"].to_numpy(float, na_value=np.nan) for end in ("", STD))
+    combined = frame.get(f"{name}{COMBINED}", frame[f"{name}{STD}"]).to_numpy(float, na_value=np.nan)
+    factor, shown = typical_unit(value, unit)
+    pairs = zip((factor * value).tolist(), (factor * np.abs(combined)).tolist(), strict=True)
+    return {
+        "name": name,
+        "label": name.replace("_", " "),
+        "unit": shown,
+        "kind": "number",
+        "values": packed(factor * value, "<f8"),
+        "std": packed(factor * std, "<f8"),
+        "text": ["" if math.isnan(value) else uncertain(value, std) for value, std in pairs],
+    }
+
+
+def typical_unit(values: np.ndarray, unit: str) -> tuple[float, str]:
+    """The factor and the unit in which a typical one of many values is read most easily."""
+    size = np.abs(values[np.isfinite(values) & (values != 0)])
+    return display_unit(float(np.median(size)), unit) if size.size else (1.0, unit)

@@ -1,0 +1,130 @@
+"""The curves of many runs in few bytes: 16 bits a point, in blocks of runs of which a browser decodes one at a time."""
+
+import base64
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from .columns import packed, typical_unit
+from .half_cycles import half_cycles_of
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
+
+# In the order in which they lie in the bytes of a run.
+CURVES = ("t", "x", "residual", "reversal_t", "reversal_x", "speed", "friction")
+# Levels of a point; the one above them stands for a number that is not there.
+_LEVELS, _MISSING = 65534, 65535
+# A block of so many runs is decoded within milliseconds.
+_RUNS_PER_BLOCK = 200
+
+
+class Curves(NamedTuple):
+    """One curve of each run: all their points one after another, and how many of them each run has.
+
+    Attributes:
+        points: shape (points,), NaN where one is missing.
+        sizes: shape (runs,).
+    """
+
+    points: np.ndarray
+    sizes: np.ndarray
+
+    @classmethod
+    def of(cls, arrays: Sequence[np.ndarray]) -> "Curves":
+        """The curves of some runs; what is no list counts as an empty one."""
+        sizes = np.array([np.size(each) if np.ndim(each) else 0 for each in arrays], int)
+        kept = [each for each, size in zip(arrays, sizes, strict=True) if size]
+        return cls(np.concatenate(kept).astype("f8") if kept else np.empty(0), sizes)
+
+    def extremes(self, extreme: np.ufunc) -> np.ndarray:
+        """Of each run the lowest or the highest point that is not missing, by `np.fmin` or `np.fmax`, shape (runs,)."""
+        reached, some = np.full(self.sizes.size, np.nan), self.sizes > 0
+        begins = np.concatenate([[0], np.cumsum(self.sizes[some])[:-1]]).astype(int)
+        reached[some] = extreme.reduceat(self.points, begins) if some.any() else np.nan
+        return reached
+
+    def times(self, factor: float | np.ndarray) -> "Curves":
+        """The curves with each point multiplied by a factor, or by that of its run."""
+        factors = np.repeat(factor, self.sizes) if np.ndim(factor) else factor
+        return Curves(self.points * factors, self.sizes)
+
+
+def pictures(frame: "DataFrame", quantity: str) -> tuple[dict[str, Any], list[str]]:
+    """The curves of all runs of a table.
+
+    Args:
+        frame: a table with the columns ``sketch_*`` and ``reversal_*``, lists of numbers.
+        quantity: unit of the displacement, "m" or "rad".
+
+    Returns:
+        What a reader of the bytes must know, and the bytes as base64, one text for each block of runs. The friction of
+        half-cycles is mu where all runs with curves were fitted by Coulomb's law alone, else the dead band.
+    """
+    t, x, residual, reversal_t, reversal_x = (
+        Curves.of(list(frame[name]) if name in frame else [np.empty(0)] * len(frame))
+        for name in ("sketch_t", "sketch_x", "sketch_residual", "reversal_t", "reversal_x")
+    )
+    damping, dead_band, mu = (_numbers(frame, name) for name in ("damping_ratio", "dead_band", "mu"))
+    ends = np.cumsum(reversal_t.sizes)[:-1]
+    reversals = zip(np.split(reversal_t.points, ends), np.split(reversal_x.points, ends), damping, strict=True)
+    half_cycles = [half_cycles_of(*each) for each in reversals]
+    speed, band = (Curves.of([getattr(each, name) for each in half_cycles]) for name in ("speed", "dead_band"))
+    factor_x, unit_x = typical_unit(x.extremes(np.fmax), quantity)
+    factor_r, unit_r = typical_unit(residual.points, quantity)
+    factor_v, unit_v = typical_unit(speed.extremes(np.fmax), f"{quantity}/s")
+    factor_b, unit_b = typical_unit(band.extremes(np.fmax), quantity)
+    as_mu = "friction" in frame and np.isfinite(mu).any() and set(frame["friction"][np.isfinite(mu)]) == {"coulomb"}
+    with np.errstate(divide="ignore", invalid="ignore"):
+        friction = mu / dead_band if as_mu else np.full(len(frame), factor_b)
+    about = {
+        "curves": CURVES,
+        "units": {"t": "s", "x": unit_x, "residual": unit_r, "speed": unit_v, "friction": "" if as_mu else unit_b},
+        # A residual times this is in the unit of the displacement.
+        "residualUnit": factor_x / factor_r,
+        "frictionIsMu": bool(as_mu),
+        "noise": packed(factor_r * _numbers(frame, "sigma"), "<f4"),
+        "fitted": packed(friction * dead_band, "<f4"),
+        "runsPerBlock": _RUNS_PER_BLOCK,
+    }
+    positions = (t, x.times(factor_x), residual.times(factor_r), reversal_t, reversal_x.times(factor_x))
+    runs = encoded([*positions, speed.times(factor_v), band.times(friction)])
+    return about | {"sizes": [len(run) for run in runs]}, list(_blocks(runs))
+
+
+def encoded(curves: Sequence[Curves]) -> list[bytes]:
+    """The curves of each run as bytes: of each the number of points, its lowest and highest value, and its levels.
+
+    Number and limits are a uint32 and two float32, levels are uint16, all of them little end first. Each curve is
+    filled up to a multiple of four bytes. A run whose first curve is empty has no bytes.
+
+    Examples:
+        >>> import numpy as np
+        >>> [len(run) for run in encoded([Curves.of([np.array([0.0, 0.5, np.nan]), np.empty(0)])])]
+        [20, 0]
+    """
+    parts = [list(_encoded(curve)) for curve in curves]
+    drawn = curves[0].sizes > 0
+    return [b"".join(run) if some else b"" for some, run in zip(drawn, zip(*parts, strict=True), strict=True)]
+
+
+def _encoded(curves: Curves) -> Iterator[bytes]:
+    """One curve of each run."""
+    low, high = (np.nan_to_num(curves.extremes(which)) for which in (np.fmin, np.fmax))
+    scale = np.divide(_LEVELS, high - low, out=np.zeros(low.size), where=high > low)
+    levels = np.rint((curves.points - np.repeat(low, curves.sizes)) * np.repeat(scale, curves.sizes))
+    stored = np.where(np.isfinite(levels), levels, _MISSING).astype("<u2").tobytes()
+    limits, end = np.column_stack([low, high]).astype("<f4"), 0
+    for size, limit in zip(curves.sizes.tolist(), limits, strict=True):
+        begin, end = end, end + 2 * size
+        yield size.to_bytes(4, "little") + limit.tobytes() + stored[begin:end] + bytes(2 * (size % 2))
+
+
+def _blocks(runs: Sequence[bytes]) -> Iterator[str]:
+    for begin in range(0, len(runs), _RUNS_PER_BLOCK):
+        yield base64.b64encode(b"".join(runs[begin : begin + _RUNS_PER_BLOCK])).decode("ascii")
+
+
+def _numbers(frame: "DataFrame", name: str) -> np.ndarray:
+    return frame[name].to_numpy(float, na_value=np.nan) if name in frame else np.full(len(frame), np.nan)

@@ -1,0 +1,107 @@
+"""The runs of a fit as rows of the table that an archive has, with denser curves, so that one page shows both."""
+
+import itertools
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..data import Record
+from ..errors import DataError
+from ..fitting import Fit
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
+
+# A screen has about as many columns of pixels, each of which shows the highest and the lowest sample in it.
+_POINTS = 2000
+
+
+def runs_of(fit: Fit) -> "DataFrame":
+    """One row per run of a fit, with the columns of an archive as far as a fit knows them.
+
+    Examples:
+        >>> import fricjax as fj
+        >>> machine = fj.Oscillator(0.4, 2500.0, 0.2, 10.0, fj.friction.Coulomb(0.05))
+        >>> run = fj.synthetic_run(machine, 2e-3, rate=2e3, duration=0.6, noise=1e-9, seed=0)
+        >>> fitted = runs_of(fj.fit(run, machine, ["mu", "damping", "stiffness"]))
+        >>> fitted["friction"][0], len(fitted["sketch_x"][0])
+        ('coulomb', 1200)
+    """
+    import pandas as pd
+
+    return pd.DataFrame([_row(fit, run) for run in range(len(fit.runs))])
+
+
+def _row(fit: Fit, run: int) -> dict[str, Any]:
+    law = fit.oscillator.friction
+    row: dict[str, Any] = {
+        "key": str(run),
+        "file": fit.labels[run],
+        "friction": "+".join(type(part).__name__.lower() for part in getattr(law, "laws", (law,))),
+        "status": "ok" if fit.converged else "invalid",
+        "outcome": fit.status,
+        "warnings": " ".join(fit.warnings),
+    }
+    number = f"[{run}]"
+    for name in fit.std_errors:
+        # Of the parameters of single runs each row has its number.
+        if name.endswith(number) or not name.endswith("]"):
+            numbers = fit.values[name], fit.std_errors[name], fit.combined_std_errors[name]
+            row |= dict(zip(_columns(name.removesuffix(number)), numbers, strict=True))
+    for name, estimate in fit.kinematics.items():
+        row |= dict(zip(_columns(name), (estimate.value, estimate.std, estimate.std), strict=True))
+    t, x = np.asarray(fit.times[run]), np.asarray(fit.runs[run].x)
+    left = np.asarray(fit.residuals[run] if isinstance(fit.residuals, tuple) else fit.residuals)
+    equilibrium = fit.run_parameter("offset", run) + fit.run_parameter("drift", run) * (t - fit.origins[run])
+    row |= {
+        "residual_rms": float(np.sqrt(np.nanmean(left**2))) if np.isfinite(left).any() else np.nan,
+        "sigma": fit.sigma,
+        "half_cycles": -1 if fit.half_cycles[run] is None else fit.half_cycles[run],
+        "engine": fit.engine,
+        "quantity": fit.quantity,
+        "samples": t.size,
+        "rate": 1 / float(np.median(np.diff(t))),
+        "duration": float(np.ptp(t)),
+        "load": float(fit.oscillator.normal_force),
+    }
+    return row | _curves(t, x - equilibrium, left)
+
+
+def _columns(name: str) -> tuple[str, str, str]:
+    return name, f"{name}_std", f"{name}_combined_std"
+
+
+def _curves(t: np.ndarray, x: np.ndarray, left: np.ndarray) -> dict[str, np.ndarray]:
+    """Samples to be drawn, and the reversals with the stop; without those where the record shows none."""
+    kept = sketched(left)
+    curves = {"sketch_t": t[kept], "sketch_x": x[kept], "sketch_residual": left[kept]}
+    try:
+        decay = Record(t, x).segmentation
+    except DataError:
+        return {**curves, "reversal_t": np.empty(0), "reversal_x": np.empty(0)}
+    stop = [] if decay.rest is None or decay.rest_position is None else [(decay.rest, decay.rest_position)]
+    reversals = np.array([*zip(decay.turning_times, decay.turning_points, strict=True), *stop]).reshape(-1, 2)
+    return {**curves, "reversal_t": reversals[:, 0], "reversal_x": reversals[:, 1]}
+
+
+def sketched(values: np.ndarray, points: int = _POINTS) -> np.ndarray:
+    """Indices of the samples that a picture needs: the highest and the lowest one of each few neighbours.
+
+    Args:
+        values: shape (n,); NaN where there is none.
+        points: how many indices at most.
+
+    Returns:
+        Increasing indices, shape (min(n, points),) or fewer.
+
+    Examples:
+        >>> import numpy as np
+        >>> sketched(np.array([0.0, 5.0, 1.0, -3.0, 2.0, 0.0]), 2)
+        array([1, 3])
+    """
+    if values.size <= points:
+        return np.arange(values.size)
+    edges = np.linspace(0, values.size, points // 2 + 1).astype(int)
+    known = np.where(np.isfinite(values), values, 0.0)
+    spans = list(itertools.pairwise(edges))
+    return np.unique([begin + extreme(known[begin:end]) for begin, end in spans for extreme in (np.argmin, np.argmax)])
