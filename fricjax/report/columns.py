@@ -12,7 +12,7 @@ from ..fitting.names import NUISANCES
 from ..show import display_unit, rotary_unit, uncertain
 
 if TYPE_CHECKING:
-    from pandas import DataFrame, Series
+    from pandas import DataFrame
 
 STD, COMBINED = "_std", "_combined_std"
 # Units of the columns that are no parameters; "x" stands for the unit of the displacement.
@@ -39,6 +39,11 @@ _CURVES = ("sketch_t", "sketch_x", "sketch_residual", "reversal_t", "reversal_x"
 def packed(values: Any, kind: str) -> str:
     """Numbers as base64 of their bytes, little end first; `kind` as NumPy names it, such as "<f8"."""
     return base64.b64encode(np.ascontiguousarray(values, dtype=kind).tobytes()).decode("ascii")
+
+
+def numbers(frame: "DataFrame", name: str) -> np.ndarray:
+    """A column as float64, NaN where a number is missing, and all of it where there is no such column."""
+    return np.asarray(frame[name].to_numpy(float, na_value=np.nan)) if name in frame else np.full(len(frame), np.nan)
 
 
 def parameters(frame: "DataFrame") -> list[str]:
@@ -90,7 +95,7 @@ def columns(frame: "DataFrame", quantity: str) -> list[dict[str, Any]]:
         if name in names:
             made.append(_parameter(frame, name, unit))
         else:
-            made.append(_column(frame[name], name, unit))
+            made.append(_column(frame, name, unit))
         made[-1]["group"] = _group(name, names)
         made[-1]["shown"] = _shown(frame, name, names)
     return made
@@ -114,14 +119,15 @@ def _shown(frame: "DataFrame", name: str, names: Sequence[str]) -> bool:
     if group == "parameter":
         return name.split("[")[0] not in NUISANCES
     if name in ("load", "friction", "rig"):
-        return frame[name].nunique() > 1
+        return len(set(frame[name].dropna())) > 1
     return group == "fact" or name in ("outcome", "amplitude", "half_cycles", "chi2_reduced", "measured_at")
 
 
-def _column(series: "Series", name: str, unit: str) -> dict[str, Any]:
+def _column(frame: "DataFrame", name: str, unit: str) -> dict[str, Any]:
     """A column of times, numbers or texts."""
     import pandas as pd
 
+    series: Any = frame[name]
     label = name.replace("_", " ")
     if name in _TIMES:
         instants = pd.to_datetime(series, utc=True, errors="coerce", format="ISO8601").dt.tz_localize(None)
@@ -129,7 +135,7 @@ def _column(series: "Series", name: str, unit: str) -> dict[str, Any]:
         ms = np.where(np.isnat(since), np.nan, since.astype(np.int64))
         return {"name": name, "label": label, "kind": "time", "values": packed(ms, "<f8")}
     if pd.api.types.is_numeric_dtype(series) and not pd.api.types.is_bool_dtype(series):
-        values = series.to_numpy(float, na_value=np.nan)
+        values = numbers(frame, name)
         factor, shown = typical_unit(values, unit)
         return {
             "name": name,
@@ -152,8 +158,8 @@ def _column(series: "Series", name: str, unit: str) -> dict[str, Any]:
 
 def _parameter(frame: "DataFrame", name: str, unit: str) -> dict[str, Any]:
     """A column of values with their uncertainties: the combined one is read, the statistical one is drawn."""
-    value, std = (frame[f"{name}{end}"].to_numpy(float, na_value=np.nan) for end in ("", STD))
-    combined = frame.get(f"{name}{COMBINED}", frame[f"{name}{STD}"]).to_numpy(float, na_value=np.nan)
+    value, std = numbers(frame, name), numbers(frame, f"{name}{STD}")
+    combined = numbers(frame, f"{name}{COMBINED if f'{name}{COMBINED}' in frame else STD}")
     factor, shown = typical_unit(value, unit)
     pairs = zip((factor * value).tolist(), (factor * np.abs(combined)).tolist(), strict=True)
     return {

@@ -10,7 +10,7 @@ from ..errors import DataError
 from ..fitting.names import NUISANCES
 from ..fitting.population import population
 from ..show import Report, Table, uncertain
-from .columns import COMBINED, STD, parameters, typical_unit, unit_of
+from .columns import COMBINED, STD, numbers, parameters, typical_unit, unit_of
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -47,8 +47,9 @@ def summary(frame: "DataFrame", quantity: str) -> tuple[Report, list[Limits]]:
     laws = sorted(set(frame["friction"].dropna())) if "friction" in frame else [""]
     rows, limits = [], []
     for law in laws:
-        chosen = frame[(frame["status"] == "ok") & ((frame["friction"] == law) if law else True)]
-        several_loads = "load" in chosen and chosen["load"].nunique() > 1
+        chosen: Any = frame[(frame["status"] == "ok") & ((frame["friction"] == law) if law else True)]
+        loads = numbers(chosen, "load")
+        several_loads = np.unique(loads[np.isfinite(loads)]).size > 1
         for name in parameters(frame):
             if name.split("[")[0] in NUISANCES or (several_loads and name in _FOLLOW_THE_LOAD):
                 continue
@@ -59,16 +60,15 @@ def summary(frame: "DataFrame", quantity: str) -> tuple[Report, list[Limits]]:
     present = [status for status in (*STATUSES, *sorted(set(counts) - {*STATUSES})) if counts[status]]
     facts = [("runs", f"{len(frame):,}: " + ", ".join(f"{counts[status]:,} {status}" for status in present))]
     facts += [(name, text) for name in ("friction", "rig", "engine", "fricjax") if (text := _different(frame, name))]
-    if "measured_at" in frame and frame["measured_at"].notna().any():
-        known = frame["measured_at"].dropna().astype(str)
-        facts.append(("measured", f"{known.min()[:16]} to {known.max()[:16]}".replace("T", " ")))
+    if instants := sorted(frame["measured_at"].dropna().astype(str)) if "measured_at" in frame else []:
+        facts.append(("measured", f"{instants[0][:16]} to {instants[-1][:16]}".replace("T", " ")))
     return Report([Table(head, rows)], facts, heading="Archive"), limits
 
 
 def _population(frame: "DataFrame", name: str, law: str, unit: str) -> tuple[list[list[str]], list[Limits]]:
     """A row of the table of coefficients and the control limits; nothing where fewer than three runs tell."""
-    values, std = (frame[f"{name}{end}"].to_numpy(float, na_value=np.nan) for end in ("", STD))
-    combined = frame[f"{name}{COMBINED}"].to_numpy(float, na_value=np.nan) if f"{name}{COMBINED}" in frame else std
+    values, std = numbers(frame, name), numbers(frame, f"{name}{STD}")
+    combined = numbers(frame, f"{name}{COMBINED}")
     # What the inputs of the rig make uncertain is common to all runs: no mean takes it away.
     common = np.sqrt(np.maximum(combined**2 - std**2, 0.0))
     factor, shown = typical_unit(values, unit)

@@ -157,8 +157,8 @@ def _of_table(frame: "DataFrame", title: str) -> _Content:
 
 def _quantity(frame: "DataFrame") -> str:
     """Unit of the displacement of most runs."""
-    known = frame["quantity"].dropna() if "quantity" in frame else []
-    return str(known.mode()[0]) if len(known) else "m"
+    known = list(frame["quantity"].dropna()) if "quantity" in frame else []
+    return "rad" if 2 * known.count("rad") > len(known) else "m"
 
 
 def _data(content: _Content) -> tuple[dict[str, Any], list[str]]:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from .columns import packed, typical_unit
+from .columns import numbers, packed, typical_unit
 from .half_cycles import half_cycles_of
 
 if TYPE_CHECKING:
@@ -66,7 +66,7 @@ def pictures(frame: "DataFrame", quantity: str) -> tuple[dict[str, Any], list[st
         Curves.of(list(frame[name]) if name in frame else [np.empty(0)] * len(frame))
         for name in ("sketch_t", "sketch_x", "sketch_residual", "reversal_t", "reversal_x")
     )
-    damping, dead_band, mu = (_numbers(frame, name) for name in ("damping_ratio", "dead_band", "mu"))
+    damping, dead_band, mu = (numbers(frame, name) for name in ("damping_ratio", "dead_band", "mu"))
     ends = np.cumsum(reversal_t.sizes)[:-1]
     reversals = zip(np.split(reversal_t.points, ends), np.split(reversal_x.points, ends), damping, strict=True)
     half_cycles = [half_cycles_of(*each) for each in reversals]
@@ -84,7 +84,7 @@ def pictures(frame: "DataFrame", quantity: str) -> tuple[dict[str, Any], list[st
         # A residual times this is in the unit of the displacement.
         "residualUnit": factor_x / factor_r,
         "frictionIsMu": bool(as_mu),
-        "noise": packed(factor_r * _numbers(frame, "sigma"), "<f4"),
+        "noise": packed(factor_r * numbers(frame, "sigma"), "<f4"),
         "fitted": packed(friction * dead_band, "<f4"),
         "runsPerBlock": _RUNS_PER_BLOCK,
     }
@@ -124,7 +124,3 @@ def _encoded(curves: Curves) -> Iterator[bytes]:
 def _blocks(runs: Sequence[bytes]) -> Iterator[str]:
     for begin in range(0, len(runs), _RUNS_PER_BLOCK):
         yield base64.b64encode(b"".join(runs[begin : begin + _RUNS_PER_BLOCK])).decode("ascii")
-
-
-def _numbers(frame: "DataFrame", name: str) -> np.ndarray:
-    return frame[name].to_numpy(float, na_value=np.nan) if name in frame else np.full(len(frame), np.nan)
