@@ -1,4 +1,5 @@
 from . import (
+    archive,
     calibrate,
     comparison,
     data,
@@ -15,6 +16,7 @@ from . import (
     show,
     uncertainty,
 )
+from .archive import Archive, batch, open_archive
 from .calibrate.frf import calibrate_frf
 from .calibrate.ringdown import calibrate_added_mass, calibrate_ringdown
 from .comparison import Comparison, compare
@@ -44,6 +46,7 @@ from .rig import Measured, Rig
 __version__: str
 
 __all__ = [
+    "Archive",
     "BatchFit",
     "Comparison",
     "Fit",
@@ -54,6 +57,8 @@ __all__ = [
     "Record",
     "Rig",
     "Trace",
+    "archive",
+    "batch",
     "calibrate",
     "calibrate_added_mass",
     "calibrate_frf",
@@ -80,6 +85,7 @@ __all__ = [
     "instrument",
     "load_fit",
     "multistart",
+    "open_archive",
     "oscillator",
     "pairs",
     "pairs_of",

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 from typer import Option
 
 from ..errors import UsageError
-from .fit import Fitting, fitted, planned, report
+from .fit import OneFit, fitted, planned, report
 from .options import Machine, Reading, Writing
 from .output import deliver, prepare, working
 from .records import read_record
@@ -32,7 +32,7 @@ def demo(
         from ..data.examples import example_paths
 
         run, rig = example_paths()
-        choice, settings = planned([run], Fitting(), Machine(rig=rig), Reading())
+        choice, settings = planned([run], OneFit(), Machine(rig=rig), Reading())
         record = read_record(run, Reading())
         prepare(output)
         fit = fitted(choice, settings, [record])

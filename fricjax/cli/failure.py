@@ -48,7 +48,8 @@ class InvalidFit(Exception):
 def failure_of(error: BaseException) -> Failure:
     """The failure that an exception stands for."""
     if isinstance(error, KeyboardInterrupt) or type(error).__name__ == "Abort":
-        return Failure("Interrupted; nothing more was written.", "interrupted", INTERRUPTED)
+        words = str(error) or "Interrupted; nothing more was written."
+        return Failure(words, "interrupted", INTERRUPTED)
     # Errors of the parser are known by what they can do: where typer keeps their classes changes with its versions.
     if hasattr(error, "format_message"):
         return _of_command_line(error)

@@ -47,9 +47,6 @@ class Fitting:
     ] = None
     nuisance: Annotated[str | None, Option(help="Free parameters of the run: x0,v0,offset,drift,t_release.")] = None
     start: Annotated[str, Option(help="first_reversal, release, or seconds from the first sample.")] = "first_reversal"
-    sigma_mode: Annotated[
-        str, Option(help="absolute: believe the noise; scale: rescale it; estimate: from residuals.")
-    ] = "absolute"
     guess: Annotated[
         list[str] | None,
         Option(metavar="NAME=VALUE", help="Start value in place of the one estimated from the record, as mu=0.012."),
@@ -57,9 +54,18 @@ class Fitting:
     loss: Annotated[str, Option(help="squares, or huber, soft_l1, cauchy: outliers count for less.")] = "squares"
 
 
+@dataclasses.dataclass(frozen=True)
+class OneFit(Fitting):
+    """The same of a single fit, which can take the noise in several ways."""
+
+    sigma_mode: Annotated[
+        str, Option(help="absolute: believe the noise; scale: rescale it; estimate: from residuals.")
+    ] = "absolute"
+
+
 def fit(
     files: Annotated[list[Path], Argument(help="One run, or several for a joint fit.", show_default=False)],
-    fitting: Fitting,
+    fitting: OneFit,
     machine: Machine,
     reading: Reading,
     output: Writing,
@@ -84,7 +90,7 @@ def fit(
     deliver(output, data, text, lambda: write_outcome(output, result, records, plot, out, save), failed=failed)
 
 
-def planned(files: list[Path], fitting: Fitting, machine: Machine, reading: Reading) -> "tuple[Choice, dict[str, Any]]":
+def planned(files: list[Path], fitting: OneFit, machine: Machine, reading: Reading) -> "tuple[Choice, dict[str, Any]]":
     """The machine, and the keywords of `fricjax.fit`; all is checked that can be without opening the files.
 
     Raises:
@@ -95,7 +101,7 @@ def planned(files: list[Path], fitting: Fitting, machine: Machine, reading: Read
     from .machine import choose
 
     check_records(files, reading)
-    settings = _settings(fitting)
+    settings = {**settings_of(fitting), "sigma_mode": fitting.sigma_mode}
     choice = choose(machine, fitting.free, tuple(settings["tie"]))
     check_settings(choice.model, choice.free, len(files), settings)
     return choice, settings
@@ -109,8 +115,8 @@ def fitted(choice: "Choice", settings: dict[str, Any], records: "list[Record]") 
     return fit_records(records, choice.oscillator, choice.free, throw=False, **machine, **settings)
 
 
-def _settings(fitting: Fitting) -> dict[str, Any]:
-    """The keywords that the options stand for."""
+def settings_of(fitting: Fitting) -> dict[str, Any]:
+    """The keywords of `fricjax.fit` and `fricjax.fit_batch` that the options stand for."""
     bounds = parsing.pairs("--bounds", fitting.bounds, "damping=0:")
     priors = parsing.pairs("--prior", fitting.prior, "damping=0.175(2)")
     ties = parsing.pairs("--tie", fitting.tie, "mu_s=mu")
@@ -125,7 +131,6 @@ def _settings(fitting: Fitting) -> dict[str, Any]:
         "bounds": {name: parsing.span(f"--bounds {name}", text) for name, text in bounds.items()},
         "priors": {name: parsing.estimate(f"--prior {name}", text) for name, text in priors.items()},
         "tie": {name: parsing.tied(text) for name, text in ties.items()},
-        "sigma_mode": fitting.sigma_mode,
         "guess": {name: parsing.number(f"--guess {name}", text) for name, text in guesses.items()},
         "loss": fitting.loss,
     }

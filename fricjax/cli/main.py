@@ -11,7 +11,24 @@ from typing import NoReturn
 
 import typer
 
-from . import budget, calibrate, check, compare, demo, doctor, energy, fit, inspect, map, models, report, simulate
+from . import (
+    batch,
+    budget,
+    calibrate,
+    check,
+    compare,
+    demo,
+    doctor,
+    energy,
+    fit,
+    inspect,
+    map,
+    models,
+    query,
+    report,
+    simulate,
+    status,
+)
 from .failure import INTERRUPTED, failure_of
 from .options import example, grouped
 from .output import tell, tell_json
@@ -32,6 +49,9 @@ for _name, _function, _example in (
     ("check", check.check, '--rig rig.toml --x0 "2 mm" --free mu=0.01,damping'),
     ("fit", fit.fit, "run.csv --rig rig.toml"),
     ("compare", compare.compare, "run.csv --rig rig.toml --friction coulomb --friction stribeck"),
+    ("batch", batch.batch, "runs --rig rig.toml --out results"),
+    ("status", status.status, "results"),
+    ("query", query.query, '"select file, mu from runs order by mu" results'),
     ("map", map.map_, "run1.csv run2.csv run3.csv --rig rig.toml"),
     ("energy", energy.energy, "run.csv --rig rig.toml"),
     ("budget", budget.budget, "fit.json --rig rig.toml"),

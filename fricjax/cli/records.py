@@ -38,7 +38,7 @@ def check_records(paths: Sequence[Path], reading: Reading) -> None:
         low, high = parsing.span("--crop", reading.crop)
         if low is not None and high is not None and not low < high:
             raise UsageError(f"--crop '{reading.crop}' ends before it begins; write the earlier time first.")
-    options = _options(reading)
+    options = options_of(reading)
     for path in paths:
         check(path, options)
     # The constructors refuse what no record has; nothing is kept of them.
@@ -48,7 +48,7 @@ def check_records(paths: Sequence[Path], reading: Reading) -> None:
         scale_of(None, reading.time_unit, TIME, "the time", "time_unit")
 
 
-def _options(reading: Reading) -> dict[str, Any]:
+def options_of(reading: Reading) -> dict[str, Any]:
     """The options of `fricjax.read`, without those that were left out."""
     options = {field.name: getattr(reading, field.name) for field in dataclasses.fields(reading)}
     options = {name: value for name, value in options.items() if value is not None and name != "crop"}
@@ -69,7 +69,7 @@ def read_records(paths: Sequence[Path], reading: Reading) -> list["Record"]:
 
     records: list[Record] = []
     for path in paths:
-        content = read(path, **_options(reading))
+        content = read(path, **options_of(reading))
         records += content if isinstance(content, list) else [content]
     if len({record.quantity for record in records}) > 1:
         raise UsageError(

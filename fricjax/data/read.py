@@ -54,7 +54,7 @@ def read(source: Any, **options: Any) -> Any:
 
             - `column`, `time`: the columns of displacement and time, by name or index (text formats), variable
               (`.npz`, `.mat`: also `"s.signals.values"`, `"cells[0]"`, `"a+b"`) or path (`.h5`: `"/run1/x"`)
-            - `run`: which run of a file that holds several, by number or name; "all" for a list of them
+            - `run`: which run of a file that holds several, by number or name; "all" for a list of all, be it of one
             - `unit`, `time_unit`: their units where the file names none (default m and s), or the scale of what an
               instrument counts in, as "12.5 um/V"; what contradicts the file is refused
             - `rate`: samples per second, where there are no times
@@ -90,12 +90,20 @@ def read(source: Any, **options: Any) -> Any:
         from .readers.memory import memory_reader
 
         reader, kind = memory_reader(source)
+    parameters = inspect.signature(reader).parameters
+    if "choice" not in parameters:
+        # A plug-in that knows of no runs has one in each file.
+        alone = str(options.get("run")).lower() == "all" and "run" not in parameters
+        options = {name: value for name, value in options.items() if not (alone and name == "run")}
+        _check_options(reader, kind, options)
+        return [reader(source, **options)] if alone else reader(source, **options)
     _check_options(reader, kind, options)
-    if "choice" not in inspect.signature(reader).parameters:
-        return reader(source, **options)
     common = {name: value for name, value in options.items() if name in _COMMON}
     of_format = {name: value for name, value in options.items() if name not in _COMMON}
-    return reader(source, Choice(**common), **of_format)
+    choice = Choice(**common)
+    content = reader(source, choice, **of_format)
+    # A file of the package itself holds one run, and comes back as it was written.
+    return content if isinstance(content, list) or not choice.all_runs else [content]
 
 
 def check(path: Path, options: Collection[str] = ()) -> None:

@@ -32,8 +32,14 @@ from .warnings import warnings_of_run
 from .window import NEVER
 
 
-class _Row(NamedTuple):
-    """One fitted run; a run that was rejected has a status only."""
+class Row(NamedTuple):
+    """One run of a batch as solved; one that was rejected has a status only.
+
+    Attributes:
+        status: the outcome in words.
+        problem, weighted, covariances: what the numbers of a fitted run follow from.
+        warnings: what a reader of them must know, in sentences.
+    """
 
     status: str
     problem: Problem | None = None
@@ -115,10 +121,10 @@ def fit_batch(
     order = sorted(range(len(runs)), key=lambda i: len(run) if isinstance(run := runs[i], Record) else 0)
     blocks = [order[first : first + WIDTH] for first in range(0, len(order), WIDTH)]
 
-    def work(block: list[int]) -> list[_Row]:
-        return _fit_block([runs[i] for i in block], [common.with_guess(guesses[i]) for i in block])
+    def work(block: list[int]) -> list[Row]:
+        return fit_rows([runs[i] for i in block], [common.with_guess(guesses[i]) for i in block])
 
-    rows: dict[int, _Row] = {}
+    rows: dict[int, Row] = {}
     with ThreadPoolExecutor(os.cpu_count()) as pool:
         results = pool.map(work, blocks)
         if progress:
@@ -129,7 +135,7 @@ def fit_batch(
         for block, rows_of_block in zip(blocks, results, strict=True):
             rows |= dict(zip(block, rows_of_block, strict=True))
     names = tuple(_name(each.run, run) for each, run in zip(sources, runs, strict=True))
-    return _collected([rows[i] for i in range(len(runs))], names)
+    return collected([rows[i] for i in range(len(runs))], names)
 
 
 def _per_run(guess: Mapping[str, ArrayLike], runs: int) -> list[dict[str, float]]:
@@ -158,22 +164,28 @@ def _name(source: Any, run: Record | Exception) -> str:
     return Path(source).name if isinstance(source, str | os.PathLike) else ""
 
 
-def _fit_block(records: Sequence[Any], requests: Sequence[Request]) -> list[_Row]:
-    rows, problems = dict[int, _Row](), dict[int, Problem]()
+def fit_rows(records: Sequence[Any], requests: Sequence[Request]) -> list[Row]:
+    """Fit runs in this thread, those of one shape by one compiled computation.
+
+    Args:
+        records: a record for each run, or the `DataError` or `UsageError` that says why there is none.
+        requests: for each run what is asked of it: one law and loss, on whatever machines.
+    """
+    rows, problems = dict[int, Row](), dict[int, Problem]()
     for i, (record, request) in enumerate(zip(records, requests, strict=True)):
         try:
             if isinstance(record, Exception):
                 raise record
             problems[i] = build_problem((record,), request)
         except (DataError, UsageError) as error:
-            rows[i] = _Row(f"rejected: {error}")
+            rows[i] = Row(f"rejected: {error}")
     meshed = any(problem.residual.engine.needs_mesh for problem in problems.values())
     solutions = [None] * len(problems) if meshed else solve_batch(list(problems.values()))
     for (i, problem), solved in zip(problems.items(), solutions, strict=True):
         try:
             rows[i] = _row(*_weighted(problem, solved))
         except UsageError as error:  # a motion that cannot be computed
-            rows[i] = _Row(f"rejected: {error}")
+            rows[i] = Row(f"rejected: {error}")
     return [rows[i] for i in range(len(records))]
 
 
@@ -198,18 +210,18 @@ def _weighted(problem: Problem, solved: tuple[Solution, Summary] | None) -> tupl
     return weighted, misfit_of(weighted.problem, weighted.solution, weighted.noises, False)
 
 
-def _row(weighted: NoiseWeighted, misfit: Misfit) -> _Row:
+def _row(weighted: NoiseWeighted, misfit: Misfit) -> Row:
     problem, solution = weighted.problem, weighted.solution
     slope, normal = solution.derived.slope, solution.evaluation.normal
     covariances = covariance(solution.shape, slope, normal, weighted.variance, weighted.unsure)
     values = named(problem.names, solution.derived.values)
     errors = named(problem.names, np.sqrt(np.diag(covariances.statistical)))
     warnings = tuple(warnings_of_run(problem, values, errors, misfit, weighted.others))
-    return _Row(status_of(problem, solution, covariances, misfit), problem, weighted, covariances, warnings)
+    return Row(status_of(problem, solution, covariances, misfit), problem, weighted, covariances, warnings)
 
 
-def _collected(rows: Sequence[_Row], sources: tuple[str, ...]) -> BatchFit:
-    """The rows as columns.
+def collected(rows: Sequence[Row], sources: tuple[str, ...]) -> BatchFit:
+    """The rows as columns: of runs whose free parameters and uncertain inputs of the rig have the same names.
 
     Raises:
         UsageError: no run could be fitted.

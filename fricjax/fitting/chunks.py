@@ -5,7 +5,7 @@ steps that it needs; several such loops run side by side in threads, for a compi
 accelerator they are solved side by side, and those that have finished wait until the others have.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import equinox as eqx
@@ -50,24 +50,32 @@ class Summary(NamedTuple):
 
 def solve_in_chunks(members: Sequence[Member], loss: AbstractLoss) -> list[tuple[Iterate, Summary]]:
     """The iterate of each problem, without the residual of its samples, and the summary of where it was evaluated."""
+    return in_chunks(members, lambda chunk, count: _chunk(chunk, loss, np.asarray(count)))
+
+
+def in_chunks[M, R](members: Sequence[M], compute: Callable[[M, int], R]) -> list[R]:
+    """The result of each of several pytrees, those of one shape computed together.
+
+    Args:
+        members: pytrees of arrays and settings.
+        compute: takes `WIDTH` of them stacked along a leading axis, and how many of these are asked for, for the rest
+            are copies; returns a pytree of arrays with that axis.
+    """
     parts = [split(member) for member in members]
     groups: dict[Shape, list[int]] = {}
     for i, (shape, _) in enumerate(parts):
         groups.setdefault(shape, []).append(i)
-    ended: dict[int, tuple[Iterate, Summary]] = {}
+    results: dict[int, R] = {}
     for shape, numbers in groups.items():
         for first in range(0, len(numbers), WIDTH):
             chosen = numbers[first : first + WIDTH]
-            ended |= dict(zip(chosen, _solve_chunk(shape, [parts[i][1] for i in chosen], loss), strict=True))
-    return [ended[i] for i in range(len(members))]
-
-
-def _solve_chunk(shape: Shape, arrays: list[list[Any]], loss: AbstractLoss) -> list[tuple[Iterate, Summary]]:
-    """Solve problems of one shape; those that lack up to `WIDTH` are copies that are never solved on a processor."""
-    columns = zip(*(arrays + arrays[:1] * (WIDTH - len(arrays))), strict=True)
-    ends = _chunk(of_shape(shape, [np.stack(column) for column in columns]), loss, np.asarray(len(arrays)))
-    results, structure = jax.tree.flatten(jax.tree.map(np.asarray, ends))
-    return [jax.tree.unflatten(structure, [result[i] for result in results]) for i in range(len(arrays))]
+            arrays = [parts[i][1] for i in chosen]
+            columns = zip(*(arrays + arrays[:1] * (WIDTH - len(arrays))), strict=True)
+            ends = compute(of_shape(shape, [np.stack(column) for column in columns]), len(chosen))
+            leaves, structure = jax.tree.flatten(jax.tree.map(np.asarray, ends))
+            for row, i in enumerate(chosen):
+                results[i] = jax.tree.unflatten(structure, [leaf[row] for leaf in leaves])
+    return [results[i] for i in range(len(members))]
 
 
 def _solve_all(members: Member, loss: AbstractLoss, count: Any) -> tuple[Iterate, Summary]:

@@ -30,22 +30,23 @@ def to_dict(fit: Any) -> dict[str, Any]:
     """The fit as plain data that JSON can hold, without the samples."""
     fields = {field.name: getattr(fit, field.name) for field in dataclasses.fields(fit) if field.name not in _SAMPLES}
     fields["kinematics"] = {name: estimate._asdict() for name, estimate in fit.kinematics.items()}
-    return {"schema": SCHEMA, "chi2_reduced": _plain(fit.chi2_reduced), **_plain(fields)}
+    return {"schema": SCHEMA, "chi2_reduced": plain_fields(fit.chi2_reduced), **plain_fields(fields)}
 
 
-def _plain(value: Any) -> Any:
+def plain_fields(value: Any) -> Any:
+    """A result of this package as JSON can hold it, with the names of its classes."""
     if isinstance(value, eqx.Module):
-        fields = {field.name: _plain(getattr(value, field.name)) for field in dataclasses.fields(value)}
+        fields = {field.name: plain_fields(getattr(value, field.name)) for field in dataclasses.fields(value)}
         return {"type": type(value).__name__, **fields}
     if type(value).__name__ in RECORDS:
         names = getattr(value, "_fields", None) or [field.name for field in dataclasses.fields(value)]
-        return {"type": type(value).__name__, **{name: _plain(getattr(value, name)) for name in names}}
+        return {"type": type(value).__name__, **{name: plain_fields(getattr(value, name)) for name in names}}
     if isinstance(value, dict):
-        return {str(k): _plain(v) for k, v in value.items()}
+        return {str(k): plain_fields(v) for k, v in value.items()}
     if isinstance(value, tuple | list):
-        return [_plain(v) for v in value]
+        return [plain_fields(v) for v in value]
     if hasattr(value, "dtype"):
-        return _plain(np.asarray(value).tolist())
+        return plain_fields(np.asarray(value).tolist())
     if isinstance(value, float) and not math.isfinite(value):
         return str(value)
     return value
@@ -53,7 +54,7 @@ def _plain(value: Any) -> Any:
 
 def save(fit: Any, path: str | os.PathLike[str], *, overwrite: bool = False) -> Path:
     """Write the fit with its samples; the file appears whole or not at all."""
-    content = {**to_dict(fit), "samples": {name: _plain(getattr(fit, name)) for name in _SAMPLES}}
+    content = {**to_dict(fit), "samples": {name: plain_fields(getattr(fit, name)) for name in _SAMPLES}}
     return write_text(path, json.dumps(content, allow_nan=False), overwrite=overwrite)
 
 

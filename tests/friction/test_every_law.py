@@ -95,7 +95,7 @@ def test_it_acts_on_many_speeds_at_once(name: str):
 @pytest.mark.parametrize("name", LAWS)
 def test_it_is_stored_and_restored(name: str):
     law = LAWS[name].law
-    back = restored(AbstractFriction, json.loads(json.dumps(store._plain(law))), "law")
+    back = restored(AbstractFriction, json.loads(json.dumps(store.plain_fields(law))), "law")
     assert jax.tree.structure(back) == jax.tree.structure(law)
     assert jax.tree.leaves(back) == jax.tree.leaves(law)
 

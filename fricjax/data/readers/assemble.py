@@ -42,7 +42,7 @@ def records_of(path: Path, kind: str, sheet: Sheet, choice: Choice, options: dic
             times = {"time": values[time], "time_name": time.name, "time_unit": time.unit}
             columns = dataclasses.replace(columns, **times)
         records.append(assemble(path, kind, columns, choice, options))
-    return records if str(choice.run).lower() == "all" else records[0]
+    return records if choice.all_runs else records[0]
 
 
 @dataclasses.dataclass(frozen=True)

@@ -31,5 +31,10 @@ class Choice:
     @property
     def takes_all(self) -> bool:
         """Whether no column or unit is chosen, so that a record of the package itself comes back as it was written."""
-        columns_and_units = (self.column, self.time, self.unit, self.time_unit, self.rate, self.run)
-        return all(value is None for value in columns_and_units)
+        columns_and_units = (self.column, self.time, self.unit, self.time_unit, self.rate)
+        return all(value is None for value in columns_and_units) and (self.run is None or self.all_runs)
+
+    @property
+    def all_runs(self) -> bool:
+        """Whether a list of all runs is asked for, be it of one."""
+        return str(self.run).lower() == "all"

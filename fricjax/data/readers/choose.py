@@ -49,13 +49,13 @@ def choose(sheet: Sheet, choice: Choice, source: str) -> list[Pair]:
     """
     sheet = _with_numbered_runs(sheet)
     runs: list[str | None] = list(sheet.runs)
-    if choice.run is not None and not runs:
+    if choice.run is not None and not runs and not choice.all_runs:
         raise DataError(f"{source} holds one run only, but run={choice.run!r} was asked for; leave run= out.")
     if choice.run is None and len(runs) > 1:
         if choice.column is None or len(_matches(choice.column, sheet.columns)) > 1:
             raise DataError(_question(sheet, choice, source))
         runs = [locate(choice.column, sheet.columns, source, "column").run]
-    elif choice.run is not None and str(choice.run).lower() != "all":
+    elif choice.run is not None and not choice.all_runs:
         runs = [_run(choice.run, sheet.runs, source)]
     return [_pair(sheet, run, choice, source) for run in runs or [None]]
 

@@ -1,0 +1,5 @@
+"""Archives of runs: a folder in, one table out, and nothing lost."""
+
+import lazy_loader as _lazy_loader
+
+__getattr__, __dir__, __all__ = _lazy_loader.attach_stub(__name__, __file__)

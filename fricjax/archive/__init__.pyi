@@ -1,0 +1,5 @@
+from .archive import Archive, open_archive, results
+from .driver import batch, run
+from .study import Law, Rule, Study
+
+__all__ = ["Archive", "Law", "Rule", "Study", "batch", "open_archive", "results", "run"]

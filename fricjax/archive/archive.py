@@ -1,0 +1,243 @@
+"""What became of an archive: one table, and the questions that are asked of it."""
+
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..errors import DataError, UsageError, nearest
+from ..show import Report, Reported, Table
+from .store import Store
+from .table import STATUSES
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
+
+    from ..fitting.population import Population
+
+# What a spreadsheet takes for a formula, and what it takes away before it looks.
+_FORMULA = ("=", "+", "-", "@", "\t", "\r")
+_REASONS = 8  # reasons of failures that a summary lists
+
+
+class Archive(Reported):
+    """The records of a store, as they are when it is opened.
+
+    Attributes:
+        path: the folder of the store.
+        table: all rows, a table of Arrow.
+
+    Examples:
+        >>> import fricjax as fj
+        >>> machine = fj.Oscillator(0.4, 2500.0, 0.2, 10.0, fj.friction.Coulomb(0.05))
+        >>> runs = [f"run_{seed}.csv" for seed in range(3)]
+        >>> for seed, name in enumerate(runs):
+        ...     _ = fj.write(fj.synthetic_run(machine, 2e-3, rate=2e3, duration=0.6, noise=1e-9, seed=seed), name)
+        >>> archive = fj.batch(runs, "results", machine)
+        >>> archive
+        Archive('results', 3 rows of 3 files: 3 ok)
+        >>> archive.failures().empty
+        True
+        >>> round(archive.population("mu").mean, 6)
+        0.05
+        >>> archive.query("select count(*) as n from runs where status = 'ok'")["n"].tolist()
+        [3]
+    """
+
+    def __init__(self, path: str | os.PathLike[str]) -> None:
+        store = Store(path)
+        self.path = store.path
+        self.description = store.description()
+        self.table = store.table()
+
+    def __len__(self) -> int:
+        return self.table.num_rows
+
+    def to_dataframe(self) -> "DataFrame":
+        """All rows as a data frame of pandas, one for each run and law, sorted by file; columns as in the table."""
+        return self.table.to_pandas()
+
+    def failures(self) -> "DataFrame":
+        """The rows that are not ok: file, run, law, status, and why, in a sentence."""
+        table = self.table.select(["file", "run", "friction", "status", "outcome"]).to_pandas()
+        return table[table["status"] != "ok"].reset_index(drop=True)
+
+    @property
+    def counts(self) -> dict[str, int]:
+        """Number of rows of each status."""
+        statuses = self.table.column("status").to_pylist()
+        return {name: statuses.count(name) for name in STATUSES}
+
+    def population(self, name: str, by: str | None = None, *, friction: str | None = None) -> Any:
+        """Mean of a coefficient over the runs that are ok, and its scatter from run to run.
+
+        Args:
+            name: a free parameter or one of the kinematics, as "mu".
+            by: a column, as "load": a population for each of its values.
+            friction: the law, where several were fitted.
+
+        Returns:
+            A `Population`, whose numbers of runs count rows of the table; with `by` a mapping of them by value, from
+            which values with fewer than three runs are left out.
+
+        Raises:
+            UsageError: no such column, or several laws and none chosen.
+            DataError: fewer than three runs that count.
+        """
+        laws = sorted(set(self.table.column("friction").to_pylist()))
+        if friction is None and len(laws) > 1:
+            raise UsageError(f"The archive holds rows of {', '.join(laws)}; choose one with friction=.")
+        if friction is not None and friction not in laws:
+            raise UsageError(f"There is no row of {friction!r}.{nearest(friction, laws)} There are {', '.join(laws)}.")
+        self._check_column(name, f"{name}_std")
+        rows = np.asarray(self.table.column("friction").to_pylist(), object) == (friction or (laws or [""])[0])
+        if by is None:
+            return self._population(name, rows)
+        self._check_column(by)
+        values = np.asarray(self.table.column(by).to_pylist(), object)
+        groups = {}
+        for value in dict.fromkeys(v for v in values[rows] if v is not None and v == v):
+            try:
+                groups[value] = self._population(name, rows & (values == value))
+            except DataError:
+                continue
+        if not groups:
+            raise DataError(f"No value of {by} has three runs whose {name} counts.")
+        return dict(sorted(groups.items()))
+
+    def _population(self, name: str, rows: np.ndarray) -> "Population":
+        from ..fitting.population import population
+
+        ok = rows & (np.asarray(self.table.column("status").to_pylist(), object) == "ok")
+        value, std, combined = (self._numbers(column) for column in (name, f"{name}_std", f"{name}_combined_std"))
+        # What the inputs of the rig make uncertain is common to all runs: no mean takes it away.
+        common = np.sqrt(np.maximum(combined**2 - std**2, 0.0))
+        chosen = np.flatnonzero(rows)
+        found = population(np.where(ok, value, np.nan)[chosen], std[chosen], [np.nan_to_num(common[chosen])])
+        numbered = {field: tuple(int(chosen[i]) for i in getattr(found, field)) for field in ("outliers", "left_out")}
+        return found._replace(**numbered)
+
+    def _numbers(self, name: str) -> np.ndarray:
+        return np.asarray(self.table.column(name).to_numpy(zero_copy_only=False), float)
+
+    def _check_column(self, *names: str) -> None:
+        known = [name for name in self.table.column_names if not name.startswith(("sketch_", "reversal_"))]
+        for name in names:
+            if name not in self.table.column_names:
+                raise UsageError(
+                    f"The archive has no column {name!r}.{nearest(name, known)} It has {', '.join(known)}."
+                )
+
+    def query(self, sql: str) -> "DataFrame":
+        """Ask the table by SQL, in which it is called ``runs``; nothing else can be read, and nothing written.
+
+        Raises:
+            UsageError: SQL that DuckDB refuses, or DuckDB is not installed.
+        """
+        from .query import asked
+
+        return asked(self.table, sql)
+
+    def to_csv(self, path: str | os.PathLike[str], *, overwrite: bool = False) -> Path:
+        """Write all rows but their pictures as CSV, in which no cell is a formula.
+
+        Raises:
+            FileExistsError: there is such a file, and `overwrite` is not given.
+            OSError: it cannot be written.
+        """
+        pictures = [name for name in self.table.column_names if name.startswith(("sketch_", "reversal_"))]
+        return write_csv(self.table.drop_columns(pictures).to_pandas(), path, overwrite=overwrite)
+
+    def plot(self, name: str = "mu", against: str = "run") -> Any:
+        """A parameter of all runs that are ok with its standard errors, in their order or against a column.
+
+        Args:
+            name: a free parameter or one of the kinematics.
+            against: a column of numbers, as "load"; "run" is their order in the table.
+
+        Returns:
+            A matplotlib figure.
+
+        Raises:
+            UsageError: no such column.
+        """
+        from .plot import parameter_figure
+
+        self._check_column(name, *([] if against == "run" else [against]))
+        return parameter_figure(self.to_dataframe(), name, against)
+
+    def report(self) -> Report:
+        """How many rows there are of each status, populations of what was fitted, and why runs failed."""
+        counts = self.counts
+        table = Table(["law", *counts], [[law, *row] for law, row in self._by_law().items()])
+        failures = self.failures()
+        reasons = failures["outcome"].str.slice(0, 100).value_counts() if len(failures) else {}
+        rows = [[str(count), reason] for reason, count in list(reasons.items())[:_REASONS]]
+        files = len(set(self.table.column("file").to_pylist()))
+        facts = [("store", str(self.path)), ("files", str(files)), ("made by", f"fricjax {self._version()}")]
+        wrong = sum(counts.values()) - counts["ok"]
+        notes = [f"{wrong} of {len(self)} rows are not ok: failures() lists them."] if wrong else []
+        data = {"path": str(self.path), "rows": len(self), "files": files, "counts": counts}
+        return Report([table, Table(["runs", "reason"], rows)], facts, notes, heading="Archive", data=data)
+
+    def _by_law(self) -> dict[str, list[str]]:
+        laws, statuses = (self.table.column(name).to_pylist() for name in ("friction", "status"))
+        pairs = list(zip(laws, statuses, strict=True))
+        return {law: [str(pairs.count((law, status))) for status in self.counts] for law in sorted(set(laws))}
+
+    def _version(self) -> str:
+        return self.description["versions"]["fricjax"]
+
+    def __repr__(self) -> str:
+        files = len(set(self.table.column("file").to_pylist()))
+        counts = ", ".join(f"{count} {name}" for name, count in self.counts.items() if count)
+        return f"Archive({str(self.path)!r}, {len(self)} rows of {files} files: {counts or 'empty'})"
+
+
+def open_archive(path: str | os.PathLike[str]) -> Archive:
+    """Open the store that `fricjax.batch` or ``fricjax batch`` has made, also while another driver goes on with it.
+
+    Raises:
+        DataError: no store, one of another schema, or a damaged file.
+        UsageError: pyarrow is not installed.
+
+    Examples:
+        >>> import fricjax as fj
+        >>> fj.open_archive("nowhere")
+        Traceback (most recent call last):
+        ...
+        fricjax.errors.DataError: nowhere holds no archive: there is no study.json in it. Make one: fricjax batch.
+    """
+    return Archive(path)
+
+
+def results(path: str | os.PathLike[str]) -> "DataFrame":
+    """The table of a store as a data frame; raises as `open_archive`.
+
+    Examples:
+        >>> import fricjax as fj
+        >>> machine = fj.Oscillator(0.4, 2500.0, 0.2, 10.0, fj.friction.Coulomb(0.05))
+        >>> _ = fj.write(fj.synthetic_run(machine, 2e-3, rate=2e3, duration=0.6, noise=1e-9, seed=0), "run.csv")
+        >>> _ = fj.batch(["run.csv"], "one", machine)
+        >>> fj.archive.results("one")["status"].tolist()
+        ['ok']
+    """
+    return open_archive(path).to_dataframe()
+
+
+def write_csv(table: "DataFrame", path: str | os.PathLike[str], *, overwrite: bool = False) -> Path:
+    """Write a data frame as CSV, each text that a spreadsheet would take for a formula with a quote before it."""
+    from ..show.files import write_text
+
+    text = table.copy()
+    for name in text:
+        if not np.issubdtype(np.asarray(text[name]).dtype, np.number):
+            text[name] = [escaped(cell) for cell in text[name]]
+    text.columns = [escaped(str(name)) for name in text.columns]
+    return write_text(path, text.to_csv(index=False), overwrite=overwrite)
+
+
+def escaped(cell: Any) -> Any:
+    """A cell that no spreadsheet takes for a formula."""
+    return f"'{cell}" if isinstance(cell, str) and cell.startswith(_FORMULA) else cell

@@ -1,0 +1,258 @@
+"""From a folder of runs to its archive: what is planned is done, chunk by chunk, and written down as soon as it is."""
+
+import contextlib
+import os
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ..errors import UsageError
+from .archive import Archive, open_archive
+from .plan import Plan, plan
+from .store import Store
+from .study import Law, Rule, Study
+from .table import STATUSES, of_rows
+
+if TYPE_CHECKING:
+    from .execute import Executor
+
+type Runs = str | os.PathLike[str] | Iterable[str | os.PathLike[str]] | Study
+type Tell = Callable[[int, int, Mapping[str, int]], None]
+
+
+def batch(
+    runs: Runs,
+    out: str | os.PathLike[str],
+    oscillator: Any = None,
+    free: Sequence[str] = ("mu", "damping", "stiffness"),
+    *,
+    rig: Any = None,
+    reading: Mapping[str, Any] | None = None,
+    include: Sequence[str] = (),
+    exclude: Sequence[str] = (),
+    facts: Sequence[str] = (),
+    residuals: bool = False,
+    retry_failed: bool = False,
+    shard: tuple[int, int] = (1, 1),
+    execute: "Executor | None" = None,
+    tell: Tell | None = None,
+    **settings: Any,
+) -> Archive:
+    """Fit every run of a folder, and keep a record of each in a store that can be gone on with at any time.
+
+    A run that cannot be fitted never stops the others: its row says why. What is in the store already is not fitted
+    again, as long as neither the bytes of its file nor the settings have changed.
+
+    Args:
+        runs: a folder, paths of files, or a `Study`.
+        out: the folder of the store, made where it is missing.
+        oscillator: the machine and its friction law, or several to fit a row each; with a `rig` the machine is that of
+            the rig.
+        free: names of the coefficients to fit.
+        rig: a `Rig`, or the path of its file.
+        reading: options of `fricjax.read` for all files.
+        include: patterns of the files in the folder, as ``"lab_b/**/*.csv"``; without one all of known formats.
+        exclude: patterns of files that are left out.
+        facts: templates of paths, as ``"load_{load}N/run_{number}.csv"``: what they name becomes a column, and a load
+            the normal force [N].
+        residuals: write the residuals of each run as netCDF as well.
+        retry_failed: fit again what was rejected or failed.
+        shard: the part of the files that is asked for, as (2, 3) for the second of three; several may share a store.
+        execute: how chunks are done; None: in this process.
+        tell: is told after each chunk how many files are done, of how many, and how many rows there are of each status.
+        **settings: `nuisance`, `engine`, `start`, `bounds`, `priors`, `tie`, `guess` and `loss`, as in `fit_batch`.
+
+    Returns:
+        The archive.
+
+    Raises:
+        UsageError: no runs, settings that fit no run at all, or a store of something else.
+        OSError: the store cannot be written, as on a full disk; what was done is kept.
+
+    Examples:
+        >>> import fricjax as fj
+        >>> from pathlib import Path
+        >>> machine = fj.Oscillator(0.4, 2500.0, 0.2, 10.0, fj.friction.Coulomb(0.05))
+        >>> folder = Path("runs"); folder.mkdir()
+        >>> for seed in (0, 1):
+        ...     run = fj.synthetic_run(machine, 2e-3, rate=2e3, duration=0.6, noise=1e-9, seed=seed)
+        ...     _ = fj.write(run, folder / f"run_{seed}.csv")
+        >>> archive = fj.batch(folder, "results", machine, facts=["run_{number}.csv"])
+        >>> archive.to_dataframe()[["file", "status", "number"]].values.tolist()
+        [['run_0.csv', 'ok', 0.0], ['run_1.csv', 'ok', 1.0]]
+    """
+    study = runs if isinstance(runs, Study) else None
+    if study is None:
+        unknown = set(settings) - set(_SETTINGS)
+        if unknown:
+            raise UsageError(f"batch has no setting {sorted(unknown)[0]!r}; known are {', '.join(_SETTINGS)}.")
+        rig, name = _rig(rig)
+        root, files = place_of(runs)
+        study = Study(
+            root,
+            _laws(oscillator, rig, free),
+            files,
+            include=tuple(include),
+            exclude=tuple(exclude),
+            rules=(Rule("**", reading or {}, rig, name),),
+            facts=tuple(facts),
+            settings=settings,
+            residuals=residuals,
+        )
+    return process(study, out, retry=retry_failed, shard=shard, execute=execute, tell=tell)
+
+
+_SETTINGS = ("nuisance", "engine", "start", "bounds", "priors", "tie", "guess", "loss")
+
+
+def process(
+    study: Study,
+    out: str | os.PathLike[str],
+    *,
+    retry: bool = False,
+    shard: tuple[int, int] = (1, 1),
+    execute: "Executor | None" = None,
+    tell: Tell | None = None,
+) -> Archive:
+    """Do what a study asks for and its store does not have yet; arguments as of `batch`.
+
+    Raises:
+        UsageError: as `batch`.
+        OSError: the store cannot be written.
+        KeyboardInterrupt: after what was at work is written.
+    """
+    from ..oscillator import ready
+
+    ready()
+    store = Store(out)
+    _check(study)
+    with store.locked(shard):
+        store.begin(study)
+        records = store.records()
+        planned = plan(study, records, shard=shard, retry=retry, store=store.path)
+        try:
+            _relabel(study, store, planned)
+            _do(study, store, planned, execute, tell)
+        finally:
+            # Also where the disk is full, for then it is the table that cannot be written, and no part is lost.
+            with contextlib.suppress(OSError):
+                store.write_table(study.root)
+    return open_archive(out)
+
+
+def plan_of(study: Study, out: str | os.PathLike[str], *, retry: bool = False, shard: tuple[int, int] = (1, 1)) -> Plan:
+    """What `process` would do, without a trace of having asked."""
+    store = Store(out)
+    _check(study)
+    if store.exists:
+        store.check(study)
+    return plan(study, store.records(), shard=shard, retry=retry, store=store.path)
+
+
+def _do(study: Study, store: Store, planned: Plan, execute: "Executor | None", tell: Tell | None) -> None:
+    """Fit what is to be fitted; each chunk is on the disk before the next is told of."""
+    from .execute import in_this_process
+    from .work import Work
+
+    execute = in_this_process if execute is None else execute
+    total, ended, counts = sum(map(len, planned.chunks)), 0, dict.fromkeys(map(str, STATUSES), 0)
+    results = execute(planned.chunks, Work(study))
+    with contextlib.closing(results):
+        for chunk, done in results:
+            store.write_part(of_rows(done.rows), done.residuals)
+            ended += len(chunk)
+            for row in done.rows:
+                counts[row["status"]] += 1
+            if tell is not None:
+                tell(ended, total, counts)
+
+
+def _relabel(study: Study, store: Store, planned: Plan) -> None:
+    """Records of files that were moved, copied or touched are written down under what they are now."""
+    from .plan import settings_of
+
+    moved = []
+    for known in planned.known:
+        if known.moved:
+            rule = study.rule_of(known.file)
+            columns = {"file": known.file, "rig": rule.rig_name, **known.signature._asdict()}
+            moved += [(known.sha256, settings_of(study, law, rule, known.facts), columns) for law in study.laws]
+    if moved:
+        store.relabel(moved)
+
+
+def _check(study: Study) -> None:
+    """Refuse settings that fit no run at all.
+
+    Raises:
+        UsageError: as `fricjax.fit` words it.
+    """
+    from ..fitting.parameters import shared_leaves
+    from ..oscillator.leaves import leaves_of
+
+    for law in study.laws:
+        for rule in study.rules or (Rule(),):
+            request = study.request(law, rule, float("nan"))
+            shared_leaves(request, leaves_of(request.oscillator))
+    for template in study.facts:
+        study.facts_of(template)
+
+
+def place_of(runs: Any) -> tuple[Path, tuple[str, ...] | None]:
+    """The folder that the paths of runs are relative to, and these paths; None for all that the folder holds."""
+    if isinstance(runs, str | os.PathLike):
+        path = Path(runs)
+        return (path.parent, (path.name,)) if path.is_file() else (path, None)
+    paths = [os.path.abspath(path) for path in runs]
+    if not paths:
+        raise UsageError("There is no run to fit: the list is empty.")
+    folders = [os.path.dirname(path) for path in paths]
+    root = os.path.commonpath(folders)
+    names = tuple(dict.fromkeys(Path(os.path.relpath(path, root)).as_posix() for path in paths))
+    return Path(root), names
+
+
+def _rig(rig: Any) -> tuple[Any, str]:
+    """The rig, and the name of its file."""
+    if isinstance(rig, str | os.PathLike):
+        from ..rig import Rig
+
+        return Rig.from_toml(Path(rig)), Path(rig).name
+    return rig, ""
+
+
+def _laws(oscillator: Any, rig: Any, free: Sequence[str]) -> tuple[Law, ...]:
+    """The laws of one oscillator or several, named as on the command line."""
+    if oscillator is None:
+        if rig is None:
+            raise UsageError("batch needs a machine: give an oscillator, or a rig= for a Coulomb law on it.")
+        from ..friction import Coulomb
+
+        oscillator = rig.oscillator(Coulomb(0.01))
+    several = oscillator if isinstance(oscillator, list | tuple) else [oscillator]
+    laws = tuple(Law(name_of(each), each, tuple(free)) for each in several)
+    if len({law.name for law in laws}) < len(laws):
+        raise UsageError("Two of the oscillators have the same friction law; a run has one row for each law.")
+    return laws
+
+
+def name_of(oscillator: Any) -> str:
+    """The friction law of an oscillator as the command line calls it, as "coulomb+quadraticdrag"."""
+    from ..friction import Sum
+
+    law = oscillator.friction
+    parts = law.laws if isinstance(law, Sum) else (law,)
+    return "+".join(type(part).__name__.lower() for part in parts)
+
+
+def run(*arguments: Any, **named: Any) -> Archive:
+    """The same as `batch`, as ``fricjax.archive.run``.
+
+    Examples:
+        >>> import fricjax as fj
+        >>> fj.archive.run([], "results")
+        Traceback (most recent call last):
+        ...
+        fricjax.errors.UsageError: There is no run to fit: the list is empty.
+    """
+    return batch(*arguments, **named)

@@ -1,0 +1,268 @@
+"""The folder in which the records of an archive lie, and nothing gets lost.
+
+    study.json        what was fitted, and how
+    parts/*.parquet   rows of chunks that are done; written once, never changed
+    table.parquet     all rows, made of the parts at the end of each start
+    runs/KEY.nc       residuals of a run, where they were asked for
+
+Every file appears complete or not at all. A row that is in a part is done; a driver that was killed goes on behind it.
+"""
+
+import contextlib
+import errno
+import io
+import json
+import os
+import platform
+import secrets
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import IO, Any
+
+from ..data.files import content
+from ..errors import DataError, UsageError, brief
+from ..show.files import write_bytes, write_text
+from .study import SCHEMA, Study, facts_in
+from .table import REMEMBERED, arrow, joined, of_rows, parts_in
+
+try:
+    import fcntl
+except ImportError:  # Windows, where nothing keeps a second driver away
+    fcntl = None
+
+_STUDY, _TABLE, _PARTS, _RUNS = "study.json", "table.parquet", "parts", "runs"
+# Bytes of the largest description of a study.
+_LARGEST = 10_000_000
+_IN_USE = (errno.EWOULDBLOCK, errno.EAGAIN, errno.EACCES)
+
+
+class Store:
+    """The records of an archive in a folder.
+
+    Args:
+        path: the folder.
+    """
+
+    def __init__(self, path: str | os.PathLike[str]) -> None:
+        self.path = Path(path)
+
+    @property
+    def exists(self) -> bool:
+        """Whether the folder holds a store."""
+        return (self.path / _STUDY).is_file()
+
+    def description(self) -> dict[str, Any]:
+        """What was fitted, and how.
+
+        Raises:
+            DataError: no store, or one of another schema.
+        """
+        file = self.path / _STUDY
+        try:
+            described = json.loads(content(file, _LARGEST))
+            schema = described.get("schema")
+        except FileNotFoundError as error:
+            raise DataError(
+                f"{self.path} holds no archive: there is no {_STUDY} in it. Make one: fricjax batch."
+            ) from error
+        except (AttributeError, ValueError) as error:
+            raise DataError(f"{file} is no description of an archive: {str(error)[:200]}.") from error
+        if schema != SCHEMA:
+            raise DataError(f"{file} has the schema {brief(schema)}, and {SCHEMA!r} is known. Use another version.")
+        return described
+
+    def begin(self, study: Study) -> None:
+        """Make the folder where there is none, and write down what is fitted.
+
+        Raises:
+            UsageError: the folder holds the records of another study.
+            OSError: it cannot be written.
+        """
+        asked = self.check(study) if self.exists else study.described()
+        if self.exists and asked == {**self.description(), "versions": asked["versions"]}:
+            return
+        for folder in (self.path, self.path / _PARTS):
+            folder.mkdir(parents=True, exist_ok=True)
+        write_text(self.path / _STUDY, json.dumps(asked, indent=1, default=repr) + "\n", overwrite=True)
+
+    def check(self, study: Study) -> dict[str, Any]:
+        """What the store holds together with a study, as JSON can hold it.
+
+        Raises:
+            UsageError: the store holds the records of another study.
+        """
+        known, asked = self.description(), json.loads(json.dumps(study.described(), default=repr))
+        difference = _difference(known, asked)
+        if difference:
+            raise UsageError(
+                f"{self.path} holds the records of another study: {difference}. Give another folder, or the same "
+                "settings."
+            )
+        return {**asked, "laws": {**known["laws"], **asked["laws"]}}
+
+    @contextlib.contextmanager
+    def locked(self, shard: tuple[int, int] = (1, 1)) -> Iterator[None]:
+        """Keep other drivers away: all of them, or where this one has a shard those of the same and of no shard.
+
+        Raises:
+            UsageError: another one is at work, or the folder holds something else.
+        """
+        entries = [] if not self.path.is_dir() else [e for e in os.listdir(self.path) if not e.startswith(".")]
+        if (entries and not self.exists) or (self.path.exists() and not self.path.is_dir()):
+            raise UsageError(f"{self.path} exists and holds no archive. Give the name of a new folder.")
+        self.path.mkdir(parents=True, exist_ok=True)
+        with contextlib.ExitStack() as stack:
+            whole = stack.enter_context(open(self.path / ".lock", "a+", encoding="utf-8"))
+            if shard[1] == 1:
+                _lock(whole, True, self.path)
+            else:
+                _lock(whole, False, self.path)
+                name = f".lock-{shard[0]}-of-{shard[1]}"
+                whole = stack.enter_context(open(self.path / name, "a+", encoding="utf-8"))
+                _lock(whole, True, self.path)
+            yield
+
+    def write_part(self, table: Any, files: Mapping[str, bytes] | None = None) -> None:
+        """Write rows as done; `files` are those of their residuals by key, which are there before the rows are.
+
+        Raises:
+            OSError: they cannot be written, and none of the rows is.
+        """
+        if files:
+            (self.path / _RUNS).mkdir(exist_ok=True)
+        for key, bytes_ in (files or {}).items():
+            write_bytes(self.path / _RUNS / f"{key}.nc", bytes_, overwrite=True)
+        # Names sort by time; those of two drivers at the same moment differ by chance.
+        name = f"{time.time_ns():020d}-{secrets.token_hex(4)}.parquet"
+        write_bytes(self.path / _PARTS / name, _parquet(table))
+
+    def records(self) -> list[dict[str, Any]]:
+        """Of each row what a plan asks for."""
+        tables = self._tables(REMEMBERED)
+        return [row for _, table in tables for row in table.to_pylist()]
+
+    def relabel(self, rows: Sequence[tuple[str, str, Mapping[str, Any]]]) -> None:
+        """Write records anew for files that were moved: hash and settings of each, and its new columns."""
+        wanted: dict[tuple[str, str], list[Mapping[str, Any]]] = {}
+        for sha256, settings, columns in rows:
+            wanted.setdefault((sha256, settings), []).append(columns)
+        found: dict[tuple[str, str], list[dict[str, Any]]] = {}
+        for _, table in self._tables(None):
+            pairs = zip(table.column("sha256").to_pylist(), table.column("settings").to_pylist(), strict=True)
+            at: dict[tuple[str, str], list[int]] = {}
+            for i, pair in enumerate(pairs):
+                if pair in wanted:
+                    at.setdefault(pair, []).append(i)
+            # Several paths may hold the same bytes; their rows differ in nothing else.
+            for pair, numbers in at.items():
+                named = {row["run"]: row for row in table.take(numbers).to_pylist()}
+                found[pair] = list(named.values())
+        anew = [{**row, **columns} for pair, each in wanted.items() for columns in each for row in found.get(pair, [])]
+        if anew:
+            facts = {name for row in anew for name in row} & set(self.fact_names)
+            self.write_part(of_rows([{n: v for n, v in row.items() if n not in facts} for row in anew]))
+
+    @property
+    def fact_names(self) -> list[str]:
+        """Names of the columns that follow from the paths."""
+        return self.description()["fact_names"]
+
+    def write_table(self, root: Path | None = None) -> None:
+        """Make the table of all parts, where it is not that already."""
+        with open(self.path / ".table-lock", "a+", encoding="utf-8") as lock:
+            if fcntl is not None:
+                with contextlib.suppress(OSError):
+                    fcntl.flock(lock, fcntl.LOCK_EX)
+            tables = self._tables(None)
+            facts = self.description()["facts"]
+            current = len(tables) == 1 and parts_in(tables[0][1])
+            if tables and not (current and tables[0][1].schema.metadata.get(b"facts") == json.dumps(facts).encode()):
+                table = joined(tables, facts_in(facts), None if root is None else str(root))
+                table = table.replace_schema_metadata({**table.schema.metadata, b"facts": json.dumps(facts).encode()})
+                write_bytes(self.path / _TABLE, _parquet(table), overwrite=True)
+
+    def table(self) -> Any:
+        """All rows, those of parts included that the table does not have yet; read without a driver.
+
+        Raises:
+            DataError: no store, or a damaged file.
+        """
+        facts = self.description()["facts"]
+        tables = self._tables(None)
+        if len(tables) == 1 and parts_in(tables[0][1]):
+            return tables[0][1]
+        return joined(tables, facts_in(facts)) if tables else of_rows([])
+
+    def _tables(self, columns: Sequence[str] | None) -> list[tuple[str, Any]]:
+        """The table, and behind it the parts that are not in it, from the oldest to the newest."""
+        tables: list[tuple[str, Any]] = []
+        if (self.path / _TABLE).is_file():
+            tables.append(("", _read(self.path / _TABLE, columns)))
+        had = set(parts_in(tables[0][1])) if tables else set()
+        with contextlib.suppress(FileNotFoundError):
+            names = sorted(n for n in os.listdir(self.path / _PARTS) if n.endswith(".parquet") and n[0] != ".")
+            tables += [(name, _read(self.path / _PARTS / name, columns)) for name in names if name not in had]
+        return tables
+
+
+def _parquet(table: Any) -> memoryview:
+    arrow()
+    from pyarrow import parquet
+
+    buffer = io.BytesIO()
+    parquet.write_table(table, buffer, compression="zstd")
+    return buffer.getbuffer()
+
+
+def _read(path: Path, columns: Sequence[str] | None) -> Any:
+    arrow()
+    from pyarrow import parquet
+
+    try:
+        return parquet.ParquetFile(path).read(None if columns is None else list(columns))
+    except (OSError, ValueError) as error:
+        raise DataError(
+            f"{path} cannot be read ({' '.join(str(error).split())[:120]}). Remove it and start again: its runs are "
+            "fitted anew."
+        ) from error
+
+
+def _lock(file: IO[str], exclusive: bool, store: Path) -> None:
+    """Lock a file as long as this process lives."""
+    if fcntl is None:
+        return
+    try:
+        fcntl.flock(file, (fcntl.LOCK_EX if exclusive else fcntl.LOCK_SH) | fcntl.LOCK_NB)
+    except OSError as error:
+        # Some network disks know no locks.
+        if error.errno not in _IN_USE:
+            return
+        file.seek(0)
+        holder = file.read(200).strip()
+        by = f", {holder}" if holder else ""
+        raise UsageError(
+            f"Another driver is at work on {store}{by}. Wait until it has ended, or let each have a part of the runs: "
+            "--shard 1/2 and --shard 2/2."
+        ) from error
+    file.seek(0)
+    file.truncate()
+    file.write(f"process {os.getpid()} on {platform.node()}")
+    file.flush()
+
+
+def _difference(known: Mapping[str, Any], asked: Mapping[str, Any]) -> str:
+    """The first setting that differs, in words; empty where none does that matters."""
+    for law, setting in asked["laws"].items():
+        if known["laws"].get(law, setting) != setting:
+            return f"the law {law} was fitted with other coefficients or free parameters"
+    for name in sorted({*known["settings"], *asked["settings"]}):
+        before, now = known["settings"].get(name), asked["settings"].get(name)
+        if before != now:
+            return f"{name} was {brief(before)}, and is {brief(now)} now"
+    if known["rules"] != asked["rules"] or known["calibrated"] != asked["calibrated"]:
+        return "its runs were read otherwise, or are of other rigs"
+    # A folder that was moved or copied together with its store is the same.
+    if known["root"] != asked["root"] and os.path.isdir(known["root"]):
+        return f"its runs are in {known['root']}, and not in {asked['root']}"
+    return ""

@@ -1,0 +1,138 @@
+"""The table of an archive: its columns, rows as a part of it, and how parts become one table.
+
+There is a row for each run and law. Columns for the free parameters differ from law to law; what a row lacks is null.
+"""
+
+import json
+import math
+import os
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+from ..errors import UsageError
+from .study import SCHEMA
+
+# Names of columns and of the types of Arrow: text, whole number, number, short numbers of a picture.
+_BEFORE = dict.fromkeys(("key", "file", "run", "friction", "status", "outcome", "warnings"), "string")
+_AFTER = {
+    **dict.fromkeys(("chi2_reduced", "residual_rms", "sigma", "numerical_shift"), "float64"),
+    **dict.fromkeys(("half_cycles", "iterations", "passes"), "int64"),
+    **dict.fromkeys(("engine", "noise", "quantity"), "string"),
+    "samples": "int64",
+    **dict.fromkeys(("rate", "duration", "amplitude"), "float64"),
+    "measured_at": "string",
+    "load": "float64",
+    "rig": "string",
+}
+_PICTURES = ("sketch_t", "sketch_x", "sketch_residual", "reversal_t", "reversal_x")
+_LAST = {
+    **dict.fromkeys(_PICTURES, "list"),
+    "sha256": "string",
+    "bytes": "int64",
+    "modified": "string",
+    "inode": "int64",
+    "settings": "string",
+    **dict.fromkeys(("seconds_read", "seconds_fit"), "float64"),
+    **dict.fromkeys(("finished_at", "fricjax", "jax", "python", "host", "worker"), "string"),
+}
+STATUSES = ("ok", "invalid", "rejected", "failed")
+"""What became of a run: fitted and to be trusted, fitted and not, without valid data, or the program failed with it."""
+COLUMNS = (*_BEFORE, *_AFTER, *_LAST)
+"""Columns that every table has; those of parameters and of facts stand between them."""
+REMEMBERED = ("file", "status", "settings", "sha256", "bytes", "modified", "inode")
+"""Columns that a plan asks for."""
+_PARTS = b"fricjax.parts"
+_FACTS = b"fricjax.facts"
+
+
+def arrow() -> Any:
+    """The package pyarrow.
+
+    Raises:
+        UsageError: it is not installed.
+    """
+    try:
+        import pyarrow.parquet
+    except ImportError as error:
+        raise UsageError("An archive needs the package pyarrow: pip install 'fricjax[batch]'.") from error
+    return pyarrow
+
+
+def of_rows(rows: Sequence[Mapping[str, Any]]) -> Any:
+    """Rows as a table of Arrow, with the columns of their parameters in the order in which they come."""
+    pa = arrow()
+    named = dict.fromkeys(name for row in rows for name in row)
+    parameters = {name: "float64" for name in named if name not in COLUMNS}
+    types = {"string": pa.string(), "int64": pa.int64(), "float64": pa.float64(), "list": pa.list_(pa.float32())}
+    kinds = {**_BEFORE, **parameters, **_AFTER, **_LAST}
+    columns = [pa.array([row.get(name) for row in rows], types[kind]) for name, kind in kinds.items()]
+    return pa.table(columns, pa.schema(list(zip(kinds, (types[k] for k in kinds.values()), strict=True))))
+
+
+def joined(
+    tables: Sequence[tuple[str, Any]], facts_of: Callable[[str], Mapping[str, str]], root: str | None = None
+) -> Any:
+    """Parts as one table: of each file and law the newest rows, sorted by file.
+
+    Args:
+        tables: the parts with their names, from the oldest to the newest.
+        facts_of: what the path of a file says.
+        root: the folder of the files. Records of one that is gone from there are left out where they are found under
+            another path, for the file was moved.
+    """
+    pa = arrow()
+    origin = [number for number, (_, table) in enumerate(tables) for _ in range(table.num_rows)]
+    bare = [table.drop_columns([n for n in _facts(table) if n in table.column_names]) for _, table in tables]
+    whole = pa.concat_tables([table.replace_schema_metadata() for table in bare], promote_options="default")
+    places, laws, keys = (whole.column(name).to_pylist() for name in ("file", "friction", "key"))
+    newest = {(file, law): number for file, law, number in zip(places, laws, origin, strict=True)}
+    kept = [i for i, number in enumerate(origin) if newest[places[i], laws[i]] == number]
+    copies = Counter(keys[i] for i in kept)
+    if root is not None:
+        gone = lambda i: copies[keys[i]] > 1 and not os.path.exists(os.path.join(root, places[i]))
+        kept = [i for i in kept if not gone(i)]
+    kept.sort(key=lambda i: (places[i], laws[i]))
+    table = whole.take(pa.array(kept, pa.int64()))
+    of_facts = _fact_columns([facts_of(file) for file in table.column("file").to_pylist()])
+    for name, values in of_facts.items():
+        if name not in table.column_names:
+            table = table.append_column(name, pa.array(values))
+    facts = [name for name in of_facts if name not in whole.column_names]
+    parameters = [name for name in whole.column_names if name not in COLUMNS]
+    table = table.select([*_BEFORE, *parameters, *_AFTER, *facts, *_LAST])
+    names = [name for part, each in tables for name in (parts_in(each) or [part])]
+    notes = {b"schema": SCHEMA.encode(), _PARTS: json.dumps(names).encode(), _FACTS: json.dumps(facts).encode()}
+    return table.replace_schema_metadata(notes)
+
+
+def parts_in(table: Any) -> list[str]:
+    """Names of the parts that were joined to a table; none for a part itself."""
+    return json.loads((_metadata(table)).get(_PARTS, b"[]"))
+
+
+def _facts(table: Any) -> list[str]:
+    return json.loads(_metadata(table).get(_FACTS, b"[]"))
+
+
+def _metadata(table: Any) -> Mapping[bytes, bytes]:
+    return table.schema.metadata or {}
+
+
+def _fact_columns(facts: Sequence[Mapping[str, str]]) -> dict[str, list[Any]]:
+    """A column for each fact, of numbers where all of them are some."""
+    columns: dict[str, list[Any]] = {}
+    for name in dict.fromkeys(name for row in facts for name in row):
+        texts = [row.get(name) for row in facts]
+        numbers = [_number(text) for text in texts]
+        numeric = all(number is not None for number, text in zip(numbers, texts, strict=True) if text is not None)
+        columns[name] = numbers if numeric else texts
+    return columns
+
+
+def _number(text: str | None) -> float | None:
+    try:
+        number = float("nan" if text is None else text)
+    except ValueError:
+        return None
+    return number if math.isfinite(number) else None

@@ -1,0 +1,261 @@
+"""One chunk of files as rows of the table: read, fitted by as few compiled computations as there are shapes, judged.
+
+Nothing here raises for a file, whatever it holds: each run has its row, and the row says what became of it.
+"""
+
+import dataclasses
+import math
+import os
+import platform
+import time
+import traceback
+import warnings
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from ..data import Record, crop, read
+from ..errors import DataError, UsageError
+from ..fitting.batch import Row, collected, fit_rows
+from ..fitting.diagnostics import CONVERGED
+from ..fitting.names import NUISANCES
+from ..fitting.sketch import few, sketches
+from ..fitting.window import equilibrium
+from .plan import Chunk, Job, hash_of, iso_time, settings_of, signature_of
+from .provenance import netcdf, row_key
+from .study import Law, Rule, Study, versions
+
+if TYPE_CHECKING:
+    from ..fitting.batch_result import BatchFit
+
+_REJECTED = "rejected: "
+
+
+class Done(NamedTuple):
+    """A chunk that is done.
+
+    Attributes:
+        rows: a mapping of columns for each run and law, those that are null left out.
+        residuals: netCDF files by the key of their run, where they were asked for.
+    """
+
+    rows: list[dict[str, Any]]
+    residuals: dict[str, bytes]
+
+
+@dataclasses.dataclass(frozen=True)
+class _Run:
+    """A run of a file, or what kept it from being read, with the columns that are known by then."""
+
+    job: Job
+    record: Record | Exception
+    columns: Mapping[str, Any]
+
+
+@dataclasses.dataclass(frozen=True)
+class Work:
+    """What a worker does with a chunk, wherever it is.
+
+    Attributes:
+        study: the study.
+    """
+
+    study: Study
+
+    def __call__(self, chunk: Chunk) -> Done:
+        """Read and fit the files of a chunk."""
+        runs = [run for job in chunk.jobs for run in self._read(job)]
+        done = Done([], {})
+        for number in sorted({number for job in chunk.jobs for number in job.laws}):
+            of_law = [run for run in runs if number in run.job.laws]
+            self._fit(self.study.laws[number], of_law, done)
+        return done
+
+    def failed(self, chunk: Chunk, error: Exception) -> Done:
+        """The rows of a chunk of which a machine made nothing."""
+        runs = [_Run(job, error, self._columns(job, "")) for job in chunk.jobs]
+        pairs = [(self.study.laws[number], run) for run in runs for number in run.job.laws]
+        return Done([self._row(law, run, *_outcome(error)) for law, run in pairs], {})
+
+    def _read(self, job: Job) -> list[_Run]:
+        """The runs of a file."""
+        started = time.perf_counter()
+        path = self.study.root / job.file
+        sha256 = hash_of(path)
+        columns = self._columns(job, sha256)
+        records: Sequence[Record | Exception]
+        try:
+            records = _records(path, self.study.rule_of(job.file))
+            if signature_of(path) != job.signature and hash_of(path) != sha256:
+                raise DataError(f"{path.name} was written to while it was read. Start again when it is complete.")
+        except Exception as error:
+            records = [error]
+        seconds = (time.perf_counter() - started) / len(records)
+        return [_Run(job, record, {**columns, **_facts_of(record), "seconds_read": seconds}) for record in records]
+
+    def _columns(self, job: Job, sha256: str) -> dict[str, Any]:
+        """What is known of a file from outside."""
+        rule = self.study.rule_of(job.file)
+        signature = job.signature._asdict()
+        measured = {"measured_at": job.signature.modified}
+        return {"file": job.file, "run": "", "rig": rule.rig_name, "sha256": sha256, **signature, **measured}
+
+    def _fit(self, law: Law, runs: Sequence[_Run], done: Done) -> None:
+        """Fit one law to runs, and add their rows."""
+        started = time.perf_counter()
+        outcomes = self._fitted(law, runs)
+        seconds = (time.perf_counter() - started) / max(len(runs), 1)
+        for run, outcome in zip(runs, outcomes, strict=True):
+            row: dict[str, Any] = self._row(law, run, outcome.status, outcome.sentence)
+            row |= {**outcome.columns, "seconds_fit": seconds}
+            done.rows.append(row)
+            if self.study.residuals and outcome.residuals is not None:
+                done.residuals[row["key"]] = netcdf(row, outcome.residuals)
+
+    def _fitted(self, law: Law, runs: Sequence[_Run]) -> "list[_Outcome]":
+        """What became of each run; where the program fails with many, each is tried by itself."""
+        try:
+            return self._fitted_together(law, runs)
+        except Exception as error:
+            if len(runs) == 1:
+                return [_Outcome(*_outcome(error))]
+            return [outcome for run in runs for outcome in self._fitted(law, [run])]
+
+    def _fitted_together(self, law: Law, runs: Sequence[_Run]) -> "list[_Outcome]":
+        outcomes = [_Outcome(*_outcome(run.record)) if isinstance(run.record, Exception) else None for run in runs]
+        requests = {}
+        for i, run in enumerate(runs):
+            if outcomes[i] is None:
+                rule = self.study.rule_of(run.job.file)
+                try:
+                    load = self.study.load_of(run.job.facts, rule)
+                    requests[i] = self.study.request(law, rule, load)
+                except (DataError, UsageError) as error:
+                    outcomes[i] = _Outcome(*_outcome(error))
+        rows = fit_rows([runs[i].record for i in requests], list(requests.values()))
+        groups: dict[Any, list[int]] = {}
+        for i, row in zip(requests, rows, strict=True):
+            if row.problem is None:
+                outcomes[i] = _Outcome("rejected", row.status.removeprefix(_REJECTED))
+            else:
+                groups.setdefault((row.problem.names, tuple(row.problem.inputs)), []).append(i)
+        by_number = dict(zip(requests, rows, strict=True))
+        for numbers in groups.values():
+            told = _told([by_number[i] for i in numbers], self.study)
+            for i, outcome in zip(numbers, told, strict=True):
+                load = float(by_number[i].problem.residual.oscillator.normal_force)  # pyright: ignore[reportOptionalMemberAccess]
+                outcome.columns["load"] = load if self.study.calibrated else math.nan
+                outcomes[i] = outcome
+        return [outcome for outcome in outcomes if outcome is not None]
+
+    def _row(self, law: Law, run: _Run, status: str, sentence: str) -> dict[str, Any]:
+        settings = settings_of(self.study, law, self.study.rule_of(run.job.file), run.job.facts)
+        return {
+            **run.columns,
+            "friction": law.name,
+            "status": status,
+            "outcome": sentence,
+            "settings": settings,
+            "key": row_key(run.columns["sha256"], settings, run.columns["run"]),
+            "finished_at": iso_time(time.time_ns()),
+            **versions(),
+            "host": platform.node(),
+            "worker": str(os.getpid()),
+        }
+
+
+@dataclasses.dataclass
+class _Outcome:
+    """What became of a run: its status and the sentence, and where it was fitted its numbers and residuals."""
+
+    status: str
+    sentence: str
+    columns: dict[str, Any] = dataclasses.field(default_factory=dict)
+    residuals: Any = None
+
+
+def _outcome(error: Exception) -> tuple[str, str]:
+    """Status and sentence of a run that was not fitted."""
+    if isinstance(error, DataError | UsageError):
+        return "rejected", " ".join(str(error).partition("\n")[0].split())
+    if isinstance(error, OSError):
+        return "rejected", f"The file cannot be read: {error.strerror or error}."
+    frames = traceback.extract_tb(error.__traceback__)
+    ours = [frame for frame in frames if "fricjax" in Path(frame.filename).parts]
+    place = next(
+        (f" in {'/'.join(Path(f.filename).parts[-3:])}, line {f.lineno}" for f in reversed(ours or frames)), ""
+    )
+    words = " ".join(str(error).split())[:300]
+    return "failed", f"Unexpected {type(error).__name__}{place}: {words or 'no further words'}"
+
+
+def _records(path: Path, rule: Rule) -> list[Record]:
+    """The runs of a file as a rule reads it."""
+    options = {"run": "all", **rule.reading}
+    span = options.pop("crop", None)
+    with warnings.catch_warnings():
+        # What a reader takes for granted is in the record, and in the warnings of its row.
+        warnings.simplefilter("ignore")
+        records = read(path, **options)
+    records = records if isinstance(records, list) else [records]
+    return records if span is None else [crop(record, *span) for record in records]
+
+
+def _facts_of(record: Record | Exception) -> dict[str, Any]:
+    """What is known of a run before it is fitted."""
+    if isinstance(record, Exception):
+        return {}
+    facts: dict[str, Any] = {
+        "run": str(record.meta.get("run") or ""),
+        "quantity": record.quantity,
+        "samples": len(record),
+        "rate": record.rate,
+        "duration": record.duration,
+    }
+    if record.meta.get("measured_at"):
+        facts["measured_at"] = str(record.meta["measured_at"])
+    t, x, known = record.t - record.t[0], record.x, record.mask
+    middle = float(np.median(x[known])) if known.any() else 0.0
+    # What is no decay is rejected by the fit in words of its own.
+    try:
+        segmentation = record.segmentation
+        middle = equilibrium(segmentation)
+        facts["reversal_t"] = segmentation.turning_times - record.t[0]
+        facts["reversal_x"] = segmentation.turning_points - middle
+        if segmentation.turning_points.size:
+            facts["amplitude"] = abs(float(segmentation.turning_points[0]) - middle)
+    except DataError:
+        pass
+    chosen = few(t.size)
+    facts |= {"sketch_t": t[chosen], "sketch_x": np.where(known, x - middle, np.nan)[chosen]}
+    return facts
+
+
+def _told(rows: Sequence[Row], study: Study) -> list[_Outcome]:
+    """The columns of fitted runs, as a batch fit has them."""
+    batch = collected(rows, ("",) * len(rows))
+    solved: Any = [(row.problem, row.weighted.solution) for row in rows if row.weighted is not None]
+    pictures = sketches(solved)
+    residuals = sketches(solved, None) if study.residuals else [None] * len(rows)
+    numbers = _numbers(batch, study.calibrated)
+    outcomes = []
+    for i, (picture, left) in enumerate(zip(pictures, residuals, strict=True)):
+        shown = {"sketch_t": picture.t, "sketch_x": picture.x, "sketch_residual": picture.residual}
+        status = "ok" if batch.status[i] == CONVERGED else "invalid"
+        columns = {name: column[i] for name, column in numbers.items()} | shown
+        outcomes.append(_Outcome(status, batch.status[i], columns, left))
+    return outcomes
+
+
+def _numbers(batch: "BatchFit", calibrated: bool) -> dict[str, Sequence[Any]]:
+    """The columns of a batch fit; coefficients that a machine without a rig has no meaning for are left out."""
+    meaningless = [] if calibrated else [name for name in batch.names if name not in NUISANCES]
+    frame = batch.to_dataframe()
+    columns = {name: frame[name].to_list() for name in frame if name not in ("source", "converged", "status")}
+    for name in meaningless:
+        for each in (name, f"{name}_std", f"{name}_combined_std"):
+            columns[each] = [math.nan] * len(batch)
+    whole = {name: getattr(batch, name).tolist() for name in ("half_cycles", "iterations", "passes")}
+    return {**columns, "sigma": batch.sigma.tolist(), **whole, "engine": [batch.engine] * len(batch)}

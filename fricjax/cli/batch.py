@@ -1,0 +1,216 @@
+"""``fricjax batch``: every run of a folder, into a store that can be gone on with at any time."""
+
+import dataclasses
+import sys
+import time
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar
+
+from typer import Argument, Exit, Option
+
+from ..errors import UsageError
+from . import parsing
+from .fit import Fitting, settings_of
+from .options import Bench, Machine, Output, Reading
+from .output import finish, log, prepare
+from .records import options_of
+
+if TYPE_CHECKING:
+    from ..archive import Archive, Study
+    from ..archive.plan import Plan
+
+# Seconds between two lines of progress where nothing can be drawn over.
+_EVERY = 10.0
+_SHOWN = 20  # runs that are listed as not ok
+
+
+@dataclasses.dataclass(frozen=True)
+class Batch:
+    """Which files, which laws, and what is done with them."""
+
+    PANEL: ClassVar = "Archive"
+
+    out: Annotated[Path | None, Option(help="Folder of the store; the same one goes on where it ended.")] = None
+    friction: Annotated[
+        list[str] | None,
+        Option(metavar="LAW", help="A law to fit, once for each: a run has a row per law. Default: coulomb."),
+    ] = None
+    include: Annotated[
+        list[str] | None, Option(metavar="PATTERN", help='Only such files of the folder, as "lab_b/**/*.csv".')
+    ] = None
+    exclude: Annotated[list[str] | None, Option(metavar="PATTERN", help="None of these files.")] = None
+    facts: Annotated[
+        list[str] | None,
+        Option(metavar="TEMPLATE", help="What paths say, as load_{load}N/run_{number}.csv; a load is that of the run."),
+    ] = None
+    residuals: Annotated[bool, Option("--residuals", help="Write the residuals of each run as netCDF.")] = False
+    retry_failed: Annotated[bool, Option("--retry-failed", help="Fit again what was rejected or failed.")] = False
+    dry_run: Annotated[bool, Option("--dry-run", help="Say what would be done, and do nothing.")] = False
+    shard: Annotated[str | None, Option(help="The part of the files to do, as 2/3; several may share a store.")] = None
+
+
+def batch(
+    runs: Annotated[list[Path], Argument(help="A folder of runs, or the files.", show_default=False)],
+    batch: Batch,
+    fitting: Fitting,
+    bench: Bench,
+    reading: Reading,
+    output: Output,
+) -> None:
+    """Fit every run of a folder into one table. A broken file stops nothing: its row says why.
+
+    The exit code is 1 where some runs are not ok.
+    """
+    if batch.out is None:
+        raise UsageError("batch needs a folder for its results: add --out results.")
+    shard = shard_of(batch.shard)
+    study = _study(runs, batch, fitting, bench, reading, output)
+    from ..archive.driver import plan_of, process
+
+    if batch.dry_run:
+        planned = plan_of(study, batch.out, retry=batch.retry_failed, shard=shard)
+        finish(output, _plan_data(planned), _plan_text(planned))
+        return
+    progress = Progress(output)
+    try:
+        archive = process(study, batch.out, retry=batch.retry_failed, shard=shard, tell=progress)
+    except KeyboardInterrupt as error:
+        raise KeyboardInterrupt(
+            f"Interrupted. {progress.done} of {progress.total} files are done and kept in {batch.out}; the same "
+            "command goes on with the others."
+        ) from error
+    finally:
+        progress.close()
+    finish(output, archive.to_dict(), text_of(archive))
+    if archive.counts["ok"] < len(archive):
+        raise Exit(1)
+
+
+def _study(runs: list[Path], batch: Batch, fitting: Fitting, bench: Bench, reading: Reading, output: Output) -> "Study":
+    """What the options ask for; names are checked before anything large is imported."""
+    from ..fitting.settings import check_settings
+    from .machine import choose
+
+    settings = settings_of(fitting)
+    shared = {field.name: getattr(bench, field.name) for field in dataclasses.fields(bench)}
+    choices = {}
+    for law in batch.friction or ["coulomb"]:
+        choice = choose(Machine(**shared, friction=law), fitting.free, tuple(settings["tie"]))
+        check_settings(choice.model, choice.free, 1, {**settings, "sigma_mode": "absolute"})
+        choices["+".join(part.name.lower() for part in choice.laws)] = choice
+    prepare(output)
+    from ..archive.driver import place_of
+    from ..archive.study import Law, Rule, Study
+
+    options: dict[str, Any] = options_of(reading)
+    if reading.crop is not None:
+        options["crop"] = parsing.span("--crop", reading.crop)
+    first = next(iter(choices.values()))
+    name = "" if bench.rig is None else bench.rig.name
+    root, files = place_of(runs[0] if len(runs) == 1 else runs)
+    return Study(
+        root,
+        tuple(Law(name, choice.oscillator, choice.free) for name, choice in choices.items()),
+        files,
+        include=tuple(batch.include or ()),
+        exclude=tuple(batch.exclude or ()),
+        rules=(Rule("**", options, first.rig, name),),
+        facts=tuple(batch.facts or ()),
+        settings={**settings, "engine": first.engine},
+        calibrated=first.calibrated,
+        residuals=batch.residuals,
+    )
+
+
+def shard_of(text: str | None) -> tuple[int, int]:
+    """The part that a text as 2/3 asks for.
+
+    Raises:
+        UsageError: it is no such text, or asks for a part that there is not.
+    """
+    if text is None:
+        return 1, 1
+    part, slash, parts = text.partition("/")
+    if not (slash and part.strip().isdecimal() and parts.strip().isdecimal() and 1 <= int(part) <= int(parts)):
+        raise UsageError(f"--shard '{text}' is no part; write for example --shard 2/3, for the second of three.")
+    return int(part), int(parts)
+
+
+def text_of(archive: "Archive") -> str:
+    """The archive in words: how many of what, and the first runs that are not ok."""
+    failures = archive.failures()
+    shown = failures.head(_SHOWN)[["file", "run", "status", "outcome"]].to_numpy().tolist()
+    lines = [f"{file}{f' [{run}]' if run else ''}: {status}: {outcome}" for file, run, status, outcome in shown]
+    if len(failures) > _SHOWN:
+        sql = "select file, outcome from runs where status <> 'ok'"
+        lines.append(f'... and {len(failures) - _SHOWN} more: fricjax query "{sql}" {archive.path}')
+    return "\n\n".join(filter(None, [archive.summary(), "\n".join(lines)]))
+
+
+def _plan_data(planned: "Plan") -> dict[str, Any]:
+    jobs = planned.jobs
+    sizes = {
+        "files": len(planned.files),
+        "done": len(planned.known),
+        "to_do": len(jobs),
+        "changed": list(planned.changed),
+    }
+    return {**sizes, "bytes": sum(max(job.signature.bytes, 0) for job in jobs), "chunks": len(planned.chunks)}
+
+
+def _plan_text(planned: "Plan") -> str:
+    data = _plan_data(planned)
+    lines = [
+        f"files:    {data['files']}",
+        f"done:     {data['done']}",
+        f"to do:    {data['to_do']}, {data['bytes'] / 1e6:.3g} MB, in {data['chunks']} chunks",
+    ]
+    if planned.changed:
+        more = f" and {len(planned.changed) - 5} more" if len(planned.changed) > 5 else ""
+        lines.append(f"changed:  {', '.join(planned.changed[:5])}{more}")
+    return "\n".join(lines)
+
+
+class Progress:
+    """How far a batch is, on stderr: a bar on a terminal, else a line now and then.
+
+    Args:
+        output: says whether anything is told.
+    """
+
+    def __init__(self, output: Output) -> None:
+        self._output, self._begun, self._told = output, time.perf_counter(), time.perf_counter()
+        self.done = self.total = 0
+        self._bar: Any = None
+
+    def __call__(self, done: int, total: int, counts: Mapping[str, int]) -> None:
+        """Tell that so many files of all are done, with so many rows of each status."""
+        self.done, self.total = done, total
+        elapsed = time.perf_counter() - self._begun
+        wrong = ", ".join(f"{count} {name}" for name, count in counts.items() if name != "ok" and count)
+        words = f"{done / elapsed:.3g} files/s, {wrong or 'all ok'}"
+        if self._output.json or self._output.quiet:
+            return
+        if sys.stderr.isatty():
+            self._draw(done, total, words)
+        elif time.perf_counter() - self._told > _EVERY:
+            self._told = time.perf_counter()
+            left = elapsed / done * (total - done)
+            log(self._output, f"{done} of {total} files, {words}, about {left:.0f} s left")
+
+    def _draw(self, done: int, total: int, words: str) -> None:
+        if self._bar is None:
+            from rich.console import Console
+            from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+            columns = BarColumn(), MofNCompleteColumn(), TextColumn("{task.description}", markup=False)
+            self._bar = Progress(*columns, TimeRemainingColumn(), console=Console(stderr=True), transient=True)
+            self._bar.start()
+            self._bar.add_task("", total=total)
+        self._bar.update(self._bar.task_ids[0], completed=done, description=words)
+
+    def close(self) -> None:
+        """Take the bar away."""
+        if self._bar is not None:
+            self._bar.stop()
