@@ -15,7 +15,8 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from ..data.read import PLUGIN_GROUP, READERS
+from ..data import plugins
+from ..data.read import READERS
 from ..errors import DataError, UsageError
 from .study import Law, Rule, Study, matches
 
@@ -235,7 +236,7 @@ def _found(study: Study, store: Path | None) -> Iterator[str]:
     """The files below the folder of a study that are runs, in the order of their names."""
     if not study.root.is_dir():
         raise UsageError(f"There is no folder {study.root}. Give the folder that holds the runs, or their paths.")
-    suffixes = _suffixes()
+    suffixes = {*READERS, *(suffix.lower() for suffix in plugins.suffixes())}
     inside = None if store is None else os.path.realpath(store)
     names = sorted(_walked(study.root, "", inside))
     for name in names:
@@ -260,12 +261,6 @@ def _walked(folder: Path | str, place: str, without: str | None) -> Iterator[str
 
 def _suffix(name: str) -> str:
     return os.path.splitext(name)[1].lower()
-
-
-def _suffixes() -> set[str]:
-    from importlib.metadata import entry_points
-
-    return {*READERS, *(f".{point.name.lower().removeprefix('.')}" for point in entry_points(group=PLUGIN_GROUP))}
 
 
 def _nothing(study: Study) -> str:
