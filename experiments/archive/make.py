@@ -2,9 +2,9 @@
 
     python experiments/archive/make.py FOLDER [--runs 1000] [--seed 1]
 
-FOLDER/runs holds the files by rig and lubricant, FOLDER/*.toml the rigs, and FOLDER/truth.csv a row to each file: its
-coefficients, format and noise, and of a broken one the fault, the status that it must get and the reason as a regular
-expression.
+FOLDER/runs holds the files by load and lubricant, FOLDER/rig.toml the machine, and FOLDER/truth.csv a row to each file:
+its coefficients, format and noise, and of a broken one the fault, the status that it must get and the reason as a
+regular expression.
 """
 
 import argparse
@@ -21,7 +21,7 @@ sys.path.insert(0, str(ROOT))
 
 from experiments.archive.faults import FAULTS  # noqa: E402
 from experiments.archive.formats import FORMATS, WORKBOOK  # noqa: E402
-from experiments.archive.motion import RIGS, Truth, measured  # noqa: E402
+from experiments.archive.motion import DAMPING, LOADS, STIFFNESS, Truth, measured, rig_file  # noqa: E402
 
 BROKEN_EVERY, WORKBOOK_EVERY, LONGEST_WORKBOOK = 20, 25, 3000
 RATES, DURATIONS = (2e3, 5e3, 10e3), (0.6, 1.0, 2.0)
@@ -33,7 +33,7 @@ def drawn(random: np.random.Generator) -> Truth:
     """A run by chance."""
     rate = float(random.choice(RATES))
     return Truth(
-        rig=str(random.choice(list(RIGS))),
+        load=float(random.choice(LOADS)),
         mu=float(random.uniform(0.005, 0.02)),
         x0=float(random.choice([-1, 1]) * random.uniform(0.5e-3, 3e-3)),
         hold=float(random.uniform(0.01, 0.1)),
@@ -57,20 +57,18 @@ def add_run(folder: Path, number: int, random: np.random.Generator) -> dict[str,
     else:
         kind = list(FORMATS)[number % len(FORMATS)]
         ending, write = FORMATS[kind]
-    place = folder / "runs" / truth.rig / lubricant / f"{number:04}.{ending}"
+    place = folder / "runs" / f"load_{truth.load}N" / lubricant / f"{number:04}.{ending}"
     place.parent.mkdir(parents=True, exist_ok=True)
     write(place, truth.t, measured(truth, random))
-    rig = RIGS[truth.rig]
     expected = {"format": kind, "fault": fault, "status": status, "reason": reason}
-    machine = {"damping": rig.damping, "stiffness": rig.stiffness, "load": rig.load, "lubricant": lubricant}
+    machine = {"damping": DAMPING, "stiffness": STIFFNESS, "lubricant": lubricant}
     return {"file": place.relative_to(folder / "runs").as_posix(), **truth._asdict(), **machine, **expected}
 
 
 def make(folder: Path, runs: int = 1000, seed: int = 1) -> None:
     """Make the whole archive, in a folder that is empty or not there."""
     folder.mkdir(parents=True, exist_ok=True)
-    for name, rig in RIGS.items():
-        (folder / f"{name}.toml").write_text(rig.toml())
+    (folder / "rig.toml").write_text(rig_file())
     random = np.random.default_rng(seed)
     truths = [add_run(folder, number, random) for number in range(runs)]
     with (folder / "truth.csv").open("w", newline="") as file:

@@ -1,4 +1,4 @@
-"""True motions of two rigs in closed form, and what an interferometer adds to them; nothing of the package is used.
+"""True motions of a rig in closed form, and what an interferometer adds to them; nothing of the package is used.
 
 Under Coulomb's friction the mass swings about one end of the dead band until it turns, then about the other one, each
 time for half a damped period, and stays where it turns within the band.
@@ -10,31 +10,23 @@ from typing import NamedTuple
 import numpy as np
 from scipy.signal import lfilter
 
-
-class Rig(NamedTuple):
-    """A machine: mass [kg], stiffness [N/m], damping [N s/m] and normal force [N]."""
-
-    mass: float
-    stiffness: float
-    damping: float
-    load: float
-
-    def toml(self) -> str:
-        """Its file, as calibrated: without error, for the truth of the runs is what counts here."""
-        keys = ("mass", "stiffness", "damping", "normal_force")
-        return "".join(f"{key} = {value!r}\n" for key, value in zip(keys, self, strict=True))
-
-
 STIFFNESS, OMEGA, DAMPING_RATIO = 2574.0, 2 * math.pi * 12.6, 0.0027
-_MASS = STIFFNESS / OMEGA**2
-_DAMPING = 2 * DAMPING_RATIO * math.sqrt(STIFFNESS * _MASS)
-RIGS = {name: Rig(_MASS, STIFFNESS, _DAMPING, load) for name, load in (("rolling", 1.89), ("sliding", 9.66))}
+MASS = STIFFNESS / OMEGA**2
+DAMPING = 2 * DAMPING_RATIO * math.sqrt(STIFFNESS * MASS)
+LOADS = (1.89, 9.66)
+"""Of one machine: stiffness [N/m], natural frequency [rad/s], damping ratio, mass [kg], damping [N s/m], loads [N]."""
+
+
+def rig_file() -> str:
+    """The machine as calibrated: without error, for the truth of the runs is what counts here."""
+    machine = {"mass": MASS, "stiffness": STIFFNESS, "damping": DAMPING, "normal_force": LOADS[0]}
+    return "".join(f"{key} = {value!r}\n" for key, value in machine.items())
 
 
 class Truth(NamedTuple):
-    """What happens in a run: coefficient of friction, release from `x0` [m] at `hold` [s]; how it is sampled."""
+    """What happens in a run under a load [N]: release from `x0` [m] at `hold` [s]; how it is sampled."""
 
-    rig: str
+    load: float
     mu: float
     x0: float
     hold: float
@@ -49,10 +41,9 @@ class Truth(NamedTuple):
 
 def free_decay(truth: Truth) -> np.ndarray:
     """Displacements about the equilibrium [m] at the times of a run, shape (samples,)."""
-    mass, stiffness, damping, load = RIGS[truth.rig]
-    decay = damping / (2 * mass)
-    omega = math.sqrt(stiffness / mass - decay**2)
-    band, half = truth.mu * load / stiffness, math.pi / omega
+    decay = DAMPING / (2 * MASS)
+    omega = math.sqrt(OMEGA**2 - decay**2)
+    band, half = truth.mu * truth.load / STIFFNESS, math.pi / omega
     t = truth.t - truth.hold
     x, begin, turn = np.full(truth.samples, truth.x0), 0.0, truth.x0
     while abs(turn) > band and begin < t[-1]:

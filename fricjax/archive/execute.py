@@ -26,7 +26,7 @@ def in_this_process(chunks: Sequence[Chunk], work: Work) -> Generator[tuple[Chun
             # One more than threads, so that none waits for the next; results do not pile up behind a slow disk.
             while True:
                 for chunk in rest:
-                    flying[pool.submit(_done, work, chunk)] = chunk
+                    flying[pool.submit(attempt, work, chunk)] = chunk
                     if len(flying) > threads:
                         break
                 if not flying:
@@ -43,8 +43,8 @@ def in_this_process(chunks: Sequence[Chunk], work: Work) -> Generator[tuple[Chun
                 future.cancel()
 
 
-def _done(work: Work, chunk: Chunk) -> Done:
-    """What became of a chunk, also where the program failed with it."""
+def attempt(work: Work, chunk: Chunk) -> Done:
+    """What became of a chunk, also where the program failed with it: what a worker does, wherever it is."""
     try:
         return work(chunk)
     except Exception as error:

@@ -45,6 +45,10 @@ class Done(NamedTuple):
     residuals: dict[str, bytes]
 
 
+class WorkerDied(RuntimeError):
+    """The process ended that was at work on a file, in words for its row."""
+
+
 @dataclasses.dataclass(frozen=True)
 class _Run:
     """A run of a file, or what kept it from being read, with the columns that are known by then."""
@@ -182,6 +186,8 @@ def _outcome(error: Exception) -> tuple[str, str]:
         return "rejected", " ".join(str(error).partition("\n")[0].split())
     if isinstance(error, OSError):
         return "rejected", f"The file cannot be read: {error.strerror or error}."
+    if isinstance(error, WorkerDied):
+        return "failed", str(error)
     frames = traceback.extract_tb(error.__traceback__)
     ours = [frame for frame in frames if "fricjax" in Path(frame.filename).parts]
     place = next(

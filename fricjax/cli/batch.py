@@ -18,6 +18,7 @@ from .records import options_of
 
 if TYPE_CHECKING:
     from ..archive import Archive, Study
+    from ..archive.execute import Executor
     from ..archive.plan import Plan
 
 # Seconds between two lines of progress where nothing can be drawn over.
@@ -50,9 +51,47 @@ class Batch:
     shard: Annotated[str | None, Option(help="The part of the files to do, as 2/3; several may share a store.")] = None
 
 
+@dataclasses.dataclass(frozen=True)
+class Workers:
+    """Who does the work; without any of them this process."""
+
+    PANEL: ClassVar = "Workers"
+
+    workers: Annotated[int | None, Option(metavar="N", help="So many processes of this machine.")] = None
+    scheduler: Annotated[
+        str | None, Option(metavar="ADDRESS", help="Those of a scheduler of Dask, as tcp://192.168.0.1:8786.")
+    ] = None
+    cluster: Annotated[Path | None, Option(metavar="FILE", help="Jobs of SLURM, as a slurm.toml asks for them.")] = None
+
+    def executor(self) -> "Executor | None":
+        """What does the chunks; None for this process.
+
+        Raises:
+            UsageError: more than one of the options is given, or what it asks for is not there.
+            DataError: the file cannot be read.
+        """
+        given = [f"--{name}" for name, value in vars(self).items() if value is not None]
+        if len(given) > 1:
+            raise UsageError(f"{given[0]} and {given[1]} cannot both do the work; leave one out.")
+        if self.workers is not None:
+            from ..archive.distributed import workers
+
+            return workers(self.workers)
+        if self.scheduler is not None:
+            from ..archive.distributed import scheduler
+
+            return scheduler(self.scheduler)
+        if self.cluster is not None:
+            from ..archive.cluster import slurm
+
+            return slurm(self.cluster)
+        return None
+
+
 def batch(
     runs: Annotated[list[Path], Argument(help="A folder of runs, or the files.", show_default=False)],
     batch: Batch,
+    workers: Workers,
     fitting: Fitting,
     bench: Bench,
     reading: Reading,
@@ -65,6 +104,7 @@ def batch(
     if batch.out is None:
         raise UsageError("batch needs a folder for its results: add --out results.")
     shard = shard_of(batch.shard)
+    execute = workers.executor()
     study = _study(runs, batch, fitting, bench, reading, output)
     from ..archive.driver import plan_of, process
 
@@ -74,7 +114,7 @@ def batch(
         return
     progress = Progress(output)
     try:
-        archive = process(study, batch.out, retry=batch.retry_failed, shard=shard, tell=progress)
+        archive = process(study, batch.out, retry=batch.retry_failed, shard=shard, execute=execute, tell=progress)
     except KeyboardInterrupt as error:
         raise KeyboardInterrupt(
             f"Interrupted. {progress.done} of {progress.total} files are done and kept in {batch.out}; the same "

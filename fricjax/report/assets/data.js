@@ -47,9 +47,8 @@ class Column {
   }
 
   /** The same with its unit. */
-  read(row) { return this.withUnit(this.text(row)); }
-
-  withUnit(text) {
+  read(row) {
+    const text = this.text(row);
     if (!text || !this.unit) return text;
     return text.includes(" (") ? text.replace(" (", ` ${this.unit} (`) : `${text} ${this.unit}`;
   }

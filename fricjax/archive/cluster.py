@@ -1,0 +1,211 @@
+"""Workers as jobs of SLURM: a file says what a job asks for, and jobs are handed in and taken back with the batch.
+
+    workers = 16               # worker processes in all, of one core each
+    per_job = 8                # of them in a job
+    memory = "2 GB"            # of each
+    walltime = "02:00:00"      # of a job
+    queue = "short"
+    account = "tribology"
+    interface = "ib0"          # of the network between this machine and the nodes
+    shared = "/scratch/me"     # a folder that all machines see, for keys and compiled programs
+    directives = ["--constraint=skylake"]
+    prologue = ["module load python/3.12"]
+
+Only `workers`, `memory` and `walltime` have to be given.
+"""
+
+import contextlib
+import dataclasses
+import os
+import re
+import shlex
+import shutil
+import sys
+import tempfile
+import tomllib
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, Self
+
+from ..data.files import content
+from ..errors import DataError, UsageError, brief, nearest
+from .distributed import PRELOAD, check_dask, of_clients
+from .execute import Executor
+
+_LARGEST = 100_000  # bytes of a file of settings
+_KINDS: dict[Any, Any] = {
+    int: (int, "a whole number"),
+    str: (str, "a text"),
+    tuple[str, ...]: (tuple, "a list of texts"),
+}
+# How a text must be written, and an example.
+_TEXTS = {"memory": (r"\d+(\.\d+)? ?[KMGT]i?B", "2 GB"), "walltime": (r"(\d+-)?\d+:\d\d(:\d\d)?", "02:00:00")}
+
+
+@dataclasses.dataclass(frozen=True)
+class Slurm:
+    """What is asked of SLURM; the keys of the file.
+
+    Attributes:
+        workers: worker processes in all, of one core each.
+        memory: of each, as "2 GB".
+        walltime: of a job, as "02:00:00".
+        per_job: worker processes in a job.
+        queue, account: of SLURM; empty for its defaults.
+        interface: of the network between this machine and the nodes; empty for its default.
+        shared: folder that all machines see; empty: the current one.
+        directives: further options of ``sbatch``, as "--constraint=skylake".
+        prologue: lines of the script before the worker starts.
+
+    Examples:
+        >>> Slurm(workers=16, memory="2 GB", walltime="02:00:00", per_job=8).jobs
+        2
+    """
+
+    workers: int
+    memory: str
+    walltime: str
+    per_job: int = 1
+    queue: str = ""
+    account: str = ""
+    interface: str = ""
+    shared: str = ""
+    directives: tuple[str, ...] = ()
+    prologue: tuple[str, ...] = ()
+
+    @classmethod
+    def from_toml(cls, path: str | os.PathLike[str]) -> Self:
+        """Read the file.
+
+        Raises:
+            DataError: no such file, or no TOML.
+            UsageError: an unknown key, a missing one, or a value that it cannot have.
+        """
+        path = Path(path)
+        try:
+            given = tomllib.loads(content(path, _LARGEST).decode("utf-8"))
+        except OSError as error:
+            raise DataError(f"{path} cannot be read: {error.strerror}.") from error
+        except (ValueError, RecursionError) as error:
+            raise DataError(f"{path.name} is no valid TOML ({' '.join(str(error).split())[:200]}).") from error
+        fields = {field.name: field for field in dataclasses.fields(cls)}
+        for key in given:
+            if key not in fields:
+                hint = nearest(key, fields) or f" Known are {', '.join(fields)}."
+                raise UsageError(f"{path.name}: there is no key {brief(key)}.{hint}")
+        missing = [name for name, f in fields.items() if f.default is dataclasses.MISSING and name not in given]
+        if missing:
+            raise UsageError(f"{path.name}: '{missing[0]}' is missing; needed are workers, memory and walltime.")
+        try:
+            values: dict[str, Any] = {
+                k: tuple(value) if isinstance(value, list) else value for k, value in given.items()
+            }
+            return cls(**values)
+        except UsageError as error:
+            raise UsageError(f"{path.name}: {error}") from error
+
+    def __post_init__(self) -> None:
+        for field in dataclasses.fields(self):
+            value: Any = getattr(self, field.name)
+            kind, words = _KINDS[field.type]
+            if type(value) is not kind or (kind is tuple and not all(isinstance(each, str) for each in value)):
+                raise UsageError(f"'{field.name}' must be {words}, but it is {brief(value)}.")
+        for name in ("workers", "per_job"):
+            if getattr(self, name) < 1:
+                raise UsageError(f"'{name}' must be one at least, but it is {getattr(self, name)}.")
+        for name, (pattern, example) in _TEXTS.items():
+            value = getattr(self, name)
+            if not re.fullmatch(pattern, value):
+                raise UsageError(f"'{name}' is {brief(value)}; write it as {name} = \"{example}\".")
+
+    @property
+    def jobs(self) -> int:
+        """How many jobs are handed in."""
+        return -(-self.workers // self.per_job)
+
+    @property
+    def folder(self) -> Path:
+        """The folder that all machines see."""
+        return Path(self.shared or ".").expanduser().resolve()
+
+
+def slurm_cluster(settings: Slurm, keys: Path) -> Any:
+    """A `SLURMCluster` of dask-jobqueue, whose workers SLURM will start; its `job_script()` is what each job runs.
+
+    Args:
+        settings: what is asked of SLURM.
+        keys: a folder that all machines see, for the keys of the connections.
+
+    Raises:
+        UsageError: dask-jobqueue is not installed, or there is no such interface.
+    """
+    try:
+        from dask_jobqueue.slurm import SLURMCluster
+    except ImportError as error:
+        raise UsageError("Jobs of SLURM need the package dask-jobqueue: pip install 'fricjax[cluster]'.") from error
+    amount, unit = re.fullmatch(r"([\d.]+) ?(\w+)", settings.memory).groups()  # pyright: ignore[reportOptionalMemberAccess]
+    # Where the home of the user is on all machines, the folder of compiled programs is.
+    programs = [f"export FRICJAX_CACHE_DIR={shlex.quote(str(settings.folder / 'programs'))}"] if settings.shared else []
+    try:
+        return SLURMCluster(
+            cores=settings.per_job,
+            processes=settings.per_job,
+            memory=f"{float(amount) * settings.per_job:g} {unit}",
+            walltime=settings.walltime,
+            queue=settings.queue or None,
+            account=settings.account or None,
+            interface=settings.interface or None,
+            job_extra_directives=list(settings.directives),
+            job_script_prologue=[*settings.prologue, *programs],
+            worker_extra_args=["--preload", PRELOAD],
+            python=sys.executable,
+            job_name="fricjax",
+            scheduler_options={"dashboard_address": "127.0.0.1:0"},
+            security=True,
+            shared_temp_directory=str(keys),
+        )
+    except (ValueError, OSError, RuntimeError) as error:
+        raise UsageError(f"Workers of SLURM cannot be prepared ({error}). Check the interface.") from error
+
+
+def slurm(path: str | os.PathLike[str]) -> Executor:
+    r"""An executor by workers that SLURM starts when there are chunks; their jobs are taken back behind the last one.
+
+    Args:
+        path: file of the settings.
+
+    Raises:
+        DataError: it cannot be read.
+        UsageError: it holds wrong settings, a package is missing, or there is no SLURM here.
+
+    Examples:
+        >>> from pathlib import Path
+        >>> _ = Path("slurm.toml").write_text("workers = 16\nmemory = '2 GB'\nwaltime = '02:00:00'\n")
+        >>> slurm("slurm.toml")
+        Traceback (most recent call last):
+        ...
+        fricjax.errors.UsageError: slurm.toml: there is no key 'waltime'. Did you mean 'walltime'?
+    """
+    settings = Slurm.from_toml(path)
+    check_dask()
+    if shutil.which("sbatch") is None:
+        raise UsageError(
+            "There is no sbatch here, by which jobs are handed in to SLURM. Start on a machine that has it."
+        )
+    return of_clients(lambda: _started(settings))
+
+
+@contextlib.contextmanager
+def _started(settings: Slurm) -> Iterator[Any]:
+    from distributed import Client
+
+    settings.folder.mkdir(parents=True, exist_ok=True)
+    with (
+        tempfile.TemporaryDirectory(prefix=".fricjax-", dir=settings.folder) as keys,
+        slurm_cluster(settings, Path(keys)) as cluster,
+        Client(cluster, set_as_default=False) as client,
+    ):
+        cluster.scale(settings.workers)
+        # A queue may take hours; Ctrl-C ends the waiting.
+        client.wait_for_workers(1)
+        yield client

@@ -1,0 +1,310 @@
+"""Chunks done by Dask: by worker processes of this machine, or by those of a scheduler that runs already.
+
+A worker is told paths and settings, reads the files itself, and gives rows back; this process alone writes them down.
+So a chunk whose worker is lost is done again by another one, and is written once whatever happens. A chunk that kills
+its workers is taken apart, and each of its files tried while nothing else is at work: one that still kills them has
+failed, and the others are fitted.
+
+Dask passes what it is told as Python objects, and whoever reaches its ports can have anything executed. Between the
+processes of one machine the connections are therefore encrypted by keys that only they have; those of a scheduler are
+as safe as it was set up.
+"""
+
+import contextlib
+import dataclasses
+import logging
+import multiprocessing
+import re
+import secrets
+import signal
+import threading
+from collections import deque
+from collections.abc import Callable, Generator, Iterator, Sequence
+from concurrent.futures import CancelledError
+from contextlib import AbstractContextManager
+from pathlib import Path
+from typing import Any
+
+from ..errors import UsageError
+from .execute import Executor, attempt
+from .plan import Chunk
+from .work import Done, Work, WorkerDied
+
+PRELOAD = __name__
+"""What workers are started with, `--preload`, so that they are ready before their first chunk."""
+# Chunks that each thread of a worker has, so that it does not wait for the next one; those of a worker that dies are
+# all suspected of it.
+_AHEAD = 2
+# Workers that may die of a chunk before it is taken apart. Dask allows for three, but each costs seconds.
+_ALLOWED = 1
+_ANSWERS, _STARTS = 10.0, 60.0
+"""Seconds in which a scheduler must answer, and in which it must have a worker."""
+
+
+def workers(number: int) -> Executor:
+    """An executor by worker processes of this machine, which live as long as there are chunks.
+
+    Args:
+        number: of the processes, each of one thread.
+
+    Raises:
+        UsageError: Dask is not installed, the number is not positive, or, when chunks are there, the processes cannot
+            be started.
+
+    Examples:
+        >>> workers(0)
+        Traceback (most recent call last):
+        ...
+        fricjax.errors.UsageError: There must be one worker at least, but workers=0 was given.
+
+    ```python
+    if __name__ == "__main__":
+        fricjax.batch("runs", "results", rig="rig.toml", execute=fricjax.archive.workers(8))
+    ```
+    """
+    if number < 1:
+        raise UsageError(f"There must be one worker at least, but workers={number} was given.")
+    check_dask()
+    # Each new process imports the main module of this one, and would come here again.
+    if getattr(multiprocessing.current_process(), "_inheriting", False):
+        raise UsageError(_GUARD)
+    return of_clients(lambda: _local(number))
+
+
+def scheduler(address: str) -> Executor:
+    """An executor by the workers of a scheduler that runs, wherever they are; all must see the same files.
+
+    Args:
+        address: of the scheduler, as "tcp://192.168.0.1:8786".
+
+    Raises:
+        UsageError: Dask is not installed, or, when chunks are there, no scheduler or no worker answers.
+
+    Examples:
+        >>> scheduler("nowhere")
+        Traceback (most recent call last):
+        ...
+        fricjax.errors.UsageError: 'nowhere' is no address of a scheduler; write it as tcp://192.168.0.1:8786.
+    """
+    if not re.fullmatch(r"\w+://.+:\d+", address):
+        raise UsageError(f"{address!r} is no address of a scheduler; write it as tcp://192.168.0.1:8786.")
+    check_dask()
+    return of_clients(lambda: _running(address))
+
+
+def of_clients(connected: Callable[[], AbstractContextManager[Any]]) -> Executor:
+    """An executor by the workers of a client of Dask, which is asked for when there are chunks."""
+
+    def execute(chunks: Sequence[Chunk], work: Work) -> Generator[tuple[Chunk, Done]]:
+        if not chunks:
+            return
+        # Workers have another current folder, and no use for the list of all files.
+        files = None if work.study.files is None else ()
+        study = dataclasses.replace(work.study, root=work.study.root.resolve(), files=files)
+        with connected() as client:
+            _check_workers(client, study.root)
+            yield from _Course(client, dataclasses.replace(work, study=study), chunks).results()
+
+    return execute
+
+
+@contextlib.contextmanager
+def _local(number: int) -> Iterator[Any]:
+    from dask import config
+    from distributed import Client, LocalCluster
+
+    # Nobody asks these processes anything by HTTP, and they need not answer.
+    silent = {f"distributed.{kind}.http.routes": [] for kind in ("scheduler", "worker")}
+    with contextlib.ExitStack() as stack:
+        stack.enter_context(config.set({"distributed.scheduler.allowed-failures": _ALLOWED, **silent}))
+        try:
+            cluster = LocalCluster(
+                number,
+                threads_per_worker=1,
+                host="127.0.0.1",
+                dashboard_address="127.0.0.1:0",
+                worker_dashboard_address="127.0.0.1:0",
+                security=True,
+                silence_logs=logging.CRITICAL,
+                preload=PRELOAD,
+            )
+        except RuntimeError as error:
+            raise UsageError(f"The workers did not start ({error}). {_GUARD}") from error
+        yield stack.enter_context(Client(stack.enter_context(cluster), set_as_default=False))
+
+
+@contextlib.contextmanager
+def _running(address: str) -> Iterator[Any]:
+    from distributed import Client
+
+    try:
+        client = Client(address, timeout=_ANSWERS, set_as_default=False)
+    except (OSError, TimeoutError, ValueError) as error:
+        raise UsageError(f"No scheduler answers at {address}. Start one: dask scheduler.") from error
+    with client:
+        try:
+            client.wait_for_workers(1, timeout=_STARTS)
+        except TimeoutError as error:
+            raise UsageError(
+                f"The scheduler at {address} has no workers. Start some: dask worker {address} --nworkers 2 "
+                f"--nthreads 1 --preload {PRELOAD}"
+            ) from error
+        yield client
+
+
+class _Course:
+    """Chunks on their way: waiting, suspected of having killed workers, and at work."""
+
+    def __init__(self, client: Any, work: Work, chunks: Sequence[Chunk]) -> None:
+        from distributed import as_completed
+
+        self._client, self._work = client, work
+        self._waiting, self._suspects = deque(chunks), deque[Chunk]()
+        # With each chunk at work whether it is there alone.
+        self._flying: dict[Any, tuple[Chunk, bool]] = {}
+        self._completed = as_completed(loop=client.loop)
+        self._name = secrets.token_hex(4)
+        self._count = 0
+
+    def results(self) -> Iterator[tuple[Chunk, Done]]:
+        """What became of each chunk. After Ctrl-C no further one is begun, and what is at work is still given."""
+        interrupted: KeyboardInterrupt | None = None
+        try:
+            while True:
+                self._send()
+                if not self._flying:
+                    break
+                try:
+                    future = next(self._completed)
+                except KeyboardInterrupt as error:
+                    if interrupted is not None:
+                        raise
+                    interrupted = error
+                    self._waiting.clear()
+                    self._suspects.clear()
+                    continue
+                chunk, alone = self._flying.pop(future)
+                done = self._result(future, chunk, alone)
+                # What is given is no longer needed by anybody else.
+                del future
+                if done is not None:
+                    yield chunk, done
+            if interrupted is not None:
+                raise interrupted
+        except (OSError, CancelledError) as error:
+            raise OSError(
+                f"The scheduler of the workers is gone ({error or type(error).__name__}). What was done is kept: start "
+                "again."
+            ) from error
+        finally:
+            self._client.cancel(list(self._flying))
+
+    def _send(self) -> None:
+        """Send chunks as long as workers have room, and behind all others one by one those that are suspected."""
+        room = _AHEAD * max(1, sum(self._client.ncores().values()))
+        while self._waiting and len(self._flying) < room:
+            self._submit(self._waiting.popleft(), False)
+        if self._suspects and not self._flying:
+            self._submit(self._suspects.popleft(), True)
+
+    def _submit(self, chunk: Chunk, alone: bool) -> None:
+        self._count += 1
+        key = f"fricjax-{self._name}-{self._count}"
+        future = self._client.submit(_do, self._work, chunk, key=key, pure=False)
+        self._flying[future] = chunk, alone
+        self._completed.add(future)
+
+    def _result(self, future: Any, chunk: Chunk, alone: bool) -> Done | None:
+        """What became of a chunk; None where it is tried again."""
+        from distributed.scheduler import KilledWorker
+
+        try:
+            return future.result()
+        except KilledWorker:
+            if not alone:
+                self._suspects.extend(Chunk((job,)) for job in chunk.jobs)
+                return None
+            return self._work.failed(chunk, WorkerDied(_DIED))
+
+
+def _do(work: Work, chunk: Chunk) -> Done:
+    """What a worker does."""
+    _in_double_precision()
+    return attempt(work, chunk)
+
+
+def dask_setup(worker: Any) -> None:
+    """What Dask calls in a worker that was started with ``--preload fricjax.archive.distributed``.
+
+    Ctrl-C reaches all processes of a terminal; that of the driver waits for what its workers have begun.
+
+    Args:
+        worker: the worker, which stays as it is.
+
+    Examples:
+        >>> dask_setup(None)
+    """
+    if worker is not None and threading.current_thread() is threading.main_thread():
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
+    _in_double_precision()
+
+
+def _in_double_precision() -> None:
+    import jax
+
+    jax.config.update("jax_enable_x64", True)
+
+
+_DIED = (
+    "The process that read and fitted it died each time, also while nothing else was at work. It may need more memory "
+    "than there is: try it by itself with fricjax fit."
+)
+_GUARD = (
+    "New processes import the script that starts them; put what it does under if __name__ == '__main__':, or use the "
+    "command fricjax batch."
+)
+
+
+def check_dask() -> None:
+    """Refuse to start where a package is missing.
+
+    Raises:
+        UsageError: Dask, or what encrypts its connections, is not installed.
+    """
+    try:
+        import cryptography  # noqa: F401
+        import distributed  # noqa: F401
+    except ImportError as error:
+        raise UsageError(
+            "Several workers need the packages dask and cryptography: pip install 'fricjax[batch]'."
+        ) from error
+
+
+def _seen(root: str) -> tuple[str, bool]:
+    """What a worker says of itself: the version of this package, and whether it sees a folder."""
+    from .. import __version__
+
+    return __version__, Path(root).is_dir()
+
+
+def _check_workers(client: Any, root: Path) -> None:
+    """Refuse workers whose results would not be those of this process.
+
+    Raises:
+        UsageError: one has another version of this package or none, or does not see the runs.
+    """
+    from .. import __version__
+
+    try:
+        said = client.run(_seen, str(root))
+    except ImportError as error:
+        raise UsageError(
+            f"A worker cannot import fricjax ({error}). Start it in the environment of this one."
+        ) from error
+    for address, (version, sees) in said.items():
+        if version != __version__:
+            raise UsageError(
+                f"The worker {address} has fricjax {version}, and this is {__version__}. Update one of them."
+            )
+        if not sees:
+            raise UsageError(f"The worker {address} does not see {root}. Put the runs where all workers find them.")

@@ -1,0 +1,107 @@
+"""What is asked of SLURM: the script of a job, and a batch by jobs that a stand-in for ``sbatch`` starts here."""
+
+import os
+import re
+import stat
+
+import pytest
+
+import fricjax as fj
+from fricjax.archive.cluster import Slurm, slurm, slurm_cluster
+from fricjax.errors import DataError, UsageError
+
+SETTINGS = """
+workers = 4
+per_job = 2
+memory = "2 GB"
+walltime = "02:00:00"
+queue = "short"
+account = "tribology"
+interface = "lo"
+shared = "{shared}"
+directives = ["--constraint=skylake"]
+prologue = ["module load python/3.12"]
+"""
+# It keeps the script, as the real one does, and starts it in a session of its own, which `scancel` ends.
+SBATCH = """#!/bin/sh
+cp "$1" {folder}/job.sh
+setsid sh {folder}/job.sh > {folder}/job.out 2>&1 < /dev/null &
+echo "Submitted batch job $!"
+"""
+SCANCEL = "#!/bin/sh\necho $1 >> {folder}/cancelled\nkill -- -$1\n"
+
+
+@pytest.fixture
+def settings(tmp_path):
+    """A file of settings whose folder for all machines is a new one."""
+    file = tmp_path / "slurm.toml"
+    file.write_text(SETTINGS.format(shared=tmp_path / "shared"))
+    return file
+
+
+def test_the_script_of_a_job(settings, tmp_path):
+    asked = Slurm.from_toml(settings)
+    with slurm_cluster(asked, tmp_path) as cluster:
+        script = cluster.job_script()
+    lines = script.splitlines()
+    assert asked.jobs == 2
+    for option in ("-J fricjax", "-p short", "-A tribology", "-n 1", "--cpus-per-task=2", "--mem=4G", "-t 02:00:00"):
+        assert f"#SBATCH {option}" in lines
+    assert lines.index("#SBATCH --constraint=skylake") < lines.index("module load python/3.12")
+    assert f"export FRICJAX_CACHE_DIR={tmp_path}/shared/programs" in lines
+    worker = lines[-1]
+    assert re.search(r"dask_worker tls://127\.0\.0\.1:\d+ .*--nthreads 1 .*--nworkers 2 ", worker)
+    assert "--preload fricjax.archive.distributed" in worker
+    # The keys lie where the nodes find them, and nobody else reads them.
+    (key,) = re.findall(r"--tls-key (\S+)", worker)
+    assert key.startswith(str(tmp_path))
+
+
+def test_a_batch_by_jobs(settings, tmp_path, monkeypatch):
+    commands = tmp_path / "commands"
+    commands.mkdir()
+    for name, text in (("sbatch", SBATCH), ("scancel", SCANCEL)):
+        (commands / name).write_text(text.format(folder=commands))
+        (commands / name).chmod(stat.S_IRWXU)
+    monkeypatch.setenv("PATH", f"{commands}:{os.environ['PATH']}")
+    monkeypatch.setenv("PYTHONPATH", os.getcwd())
+    settings.write_text(settings.read_text().replace("workers = 4", "workers = 2"))
+    machine = fj.Oscillator(0.4, 2500.0, 0.2, 10.0, fj.friction.Coulomb(0.05))
+    (tmp_path / "runs").mkdir()
+    for seed in (0, 1):
+        run = fj.synthetic_run(machine, 2e-3, rate=2e3, duration=0.6, noise=1e-9, seed=seed)
+        fj.write(run, tmp_path / "runs" / f"run_{seed}.npz")
+    archive = fj.batch(tmp_path / "runs", tmp_path / "out", machine, execute=slurm(settings))
+    assert archive.counts["ok"] == 2
+    assert str(os.getpid()) not in set(archive.to_dataframe()["worker"])
+    assert (commands / "cancelled").read_text().strip().isdecimal()
+    # Of the keys nothing is left.
+    assert set(os.listdir(tmp_path / "shared")) <= {"programs"}
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ('queue = "short"', "que = 'short'|there is no key 'que'. Did you mean 'queue'"),
+        ("workers = 4", "|'workers' is missing; needed are workers, memory and walltime"),
+        ("workers = 4", "workers = 0|'workers' must be one at least, but it is 0"),
+        ("workers = 4", "workers = true|'workers' must be a whole number, but it is True"),
+        ('"2 GB"', "\"much\"|'memory' is 'much'; write it as memory = \"2 GB\""),
+        ('"02:00:00"', "\"2 hours\"|'walltime' is '2 hours'; write it as walltime = \"02:00:00\""),
+        ('["--constraint=skylake"]', "\"--constraint=skylake\"|'directives' must be a list of texts"),
+        ("workers = 4", "workers = |is no valid TOML"),
+    ],
+)
+def test_wrong_settings_are_told(settings, change, words):
+    text, _, sentence = words.partition("|")
+    settings.write_text(settings.read_text().replace(change, text))
+    with pytest.raises((DataError, UsageError), match=rf"slurm\.toml:? .*{re.escape(sentence)}"):
+        slurm(settings)
+
+
+def test_no_slurm_and_no_file(settings, tmp_path, monkeypatch):
+    monkeypatch.setenv("PATH", str(tmp_path))
+    with pytest.raises(UsageError, match="There is no sbatch here"):
+        slurm(settings)
+    with pytest.raises(DataError, match=r"none\.toml cannot be read: No such file"):
+        slurm(tmp_path / "none.toml")

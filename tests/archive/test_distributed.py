@@ -1,0 +1,166 @@
+"""A scheduler and its workers as separate processes, over loopback: the same rows, whatever dies."""
+
+import dataclasses
+import os
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pandas as pd
+import pytest
+
+import fricjax as fj
+from fricjax.archive import distributed
+from fricjax.archive.distributed import scheduler, workers
+from fricjax.archive.driver import plan_of
+from fricjax.archive.study import Law, Study
+from fricjax.archive.work import Work
+from fricjax.errors import UsageError
+from tests.archive.deadly import Deadly, Unlucky, compiled
+
+ROOT = Path(__file__).resolve().parents[2]
+MACHINE = fj.Oscillator(0.4, 2500.0, 0.2, 10.0, fj.friction.Coulomb(0.05))
+FREE = ["mu", "damping", "stiffness"]
+# What differs from one process to the next.
+PASSING = ["seconds_read", "seconds_fit", "finished_at", "host", "worker"]
+# One death is enough to take a chunk apart.
+ENVIRONMENT = {**os.environ, "PYTHONPATH": str(ROOT), "DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES": "0"}
+
+
+@pytest.fixture(scope="module")
+def runs(tmp_path_factory):
+    """Six runs and two broken ones."""
+    folder = tmp_path_factory.mktemp("archive") / "runs"
+    folder.mkdir()
+    for seed in range(6):
+        run = fj.synthetic_run(MACHINE, 2e-3, rate=2e3, duration=0.6, noise=1e-9, seed=seed)
+        fj.write(run, folder / f"run_{seed}.npz")
+    (folder / "run_7.csv").write_text("t,x\n1,2\n")
+    (folder / "run_8.npz").write_bytes(b"PK")
+    return folder
+
+
+@pytest.fixture(scope="module")
+def expected(runs, tmp_path_factory):
+    """The rows of this process."""
+    return rows(fj.batch(runs, tmp_path_factory.mktemp("alone") / "out", MACHINE, FREE))
+
+
+def rows(archive):
+    table = archive.to_dataframe().drop(columns=PASSING)
+    return table.sort_values("file").reset_index(drop=True)
+
+
+def dask(*words, **environment):
+    command = [sys.executable, "-m", "dask", *words]
+    return subprocess.Popen(command, env={**ENVIRONMENT, **environment}, stderr=subprocess.DEVNULL)
+
+
+@pytest.fixture(scope="module")
+def address(tmp_path_factory):
+    """A scheduler with two workers, which are started again where they die."""
+    file = tmp_path_factory.mktemp("dask") / "scheduler.json"
+    local = ("--host", "127.0.0.1", "--no-dashboard")
+    started = [dask("scheduler", "--port", "0", "--scheduler-file", str(file), *local)]
+    while not file.exists():
+        time.sleep(0.05)
+    where = pd.read_json(file, typ="series")["address"]
+    preload = ("--preload", "fricjax.archive.distributed", "--local-directory", str(file.parent))
+    started += [dask("worker", where, "--nworkers", "2", "--nthreads", "1", *local, *preload)]
+    yield where
+    for process in reversed(started):
+        process.terminate()
+    for process in started:
+        process.wait(timeout=20)
+
+
+def test_workers_elsewhere_give_the_rows_of_this_process(runs, expected, address, tmp_path, monkeypatch):
+    # Their current folder is another one.
+    monkeypatch.chdir(runs.parent)
+    archive = fj.batch("runs", tmp_path / "out", MACHINE, FREE, execute=scheduler(address))
+    pd.testing.assert_frame_equal(rows(archive), expected)
+    table = archive.to_dataframe()
+    assert str(os.getpid()) not in set(table["worker"])
+
+
+def by(address, kind):
+    """An executor whose workers do work of another kind."""
+    execute = scheduler(address)
+    return lambda chunks, work: execute(chunks, kind(work.study))
+
+
+def test_a_chunk_whose_worker_dies_is_done_again_and_written_once(runs, expected, address, tmp_path):
+    (runs.parent / "killed").unlink(missing_ok=True)
+    archive = fj.batch(runs, tmp_path / "out", MACHINE, FREE, execute=by(address, Unlucky))
+    assert (runs.parent / "killed").exists()
+    pd.testing.assert_frame_equal(rows(archive), expected)
+    parts = [pd.read_parquet(part) for part in (tmp_path / "out" / "parts").glob("*.parquet")]
+    assert len(pd.concat(parts)) == len(expected)
+
+
+def test_a_file_that_kills_its_worker_has_failed_and_the_others_are_fitted(runs, expected, address, tmp_path):
+    names = [runs / name for name in ("run_0.npz", "run_1.npz")]
+    deadly = tmp_path / "runs" / "deadly.npz"
+    deadly.parent.mkdir()
+    deadly.write_bytes(names[0].read_bytes())
+    for name in names:
+        (deadly.parent / name.name).write_bytes(name.read_bytes())
+    archive = fj.batch(deadly.parent, tmp_path / "out", MACHINE, FREE, execute=by(address, Deadly))
+    table = archive.to_dataframe().set_index("file")
+    assert table["status"].to_dict() == {"deadly.npz": "failed", "run_0.npz": "ok", "run_1.npz": "ok"}
+    assert str(table["outcome"]["deadly.npz"]).startswith(
+        "The process that read and fitted it died each time, also while"
+    )
+    assert table["mu"]["run_0.npz"] == expected.set_index("file")["mu"]["run_0.npz"]
+
+
+def test_a_worker_that_joins_compiles_nothing(runs, expected, address, tmp_path):
+    """What others have compiled for these runs lies in the folder that all share."""
+    from distributed import Client
+
+    study = Study(runs, (Law("coulomb", MACHINE, tuple(FREE)),), ("run_0.npz", "run_1.npz"))
+    (chunk,) = plan_of(study, tmp_path / "none").chunks
+    process = dask("worker", address, "--nthreads", "1", "--no-nanny", "--name", "late", "--no-dashboard",
+                   "--local-directory", str(tmp_path))  # fmt: skip
+    with Client(address, set_as_default=False) as client:
+        while "late" not in [each["name"] for each in client.scheduler_info()["workers"].values()]:
+            time.sleep(0.05)
+        statuses, found, made = client.submit(compiled, Work(study), chunk, workers=["late"], pure=False).result()
+        process.terminate()
+        process.wait(timeout=20)
+    assert statuses == ["ok", "ok"]
+    assert found > 0 and made == 0
+
+
+@pytest.mark.slow
+def test_workers_of_this_machine(runs, expected, tmp_path):
+    archive = fj.batch(runs, tmp_path / "out", MACHINE, FREE, execute=workers(2))
+    pd.testing.assert_frame_equal(rows(archive), expected)
+    assert str(os.getpid()) not in set(archive.to_dataframe()["worker"])
+
+
+def test_no_scheduler(runs, tmp_path, monkeypatch):
+    monkeypatch.setattr(distributed, "_ANSWERS", 0.2)
+    with pytest.raises(UsageError, match=r"No scheduler answers at tcp://127\.0\.0\.1:9\. Start one: dask scheduler"):
+        fj.batch(runs, tmp_path / "out", MACHINE, FREE, execute=scheduler("tcp://127.0.0.1:9"))
+    with pytest.raises(UsageError, match="'somewhere' is no address of a scheduler"):
+        scheduler("somewhere")
+
+
+@dataclasses.dataclass
+class Said:
+    """A client whose workers say something of themselves."""
+
+    answers: dict
+
+    def run(self, *_):
+        return self.answers
+
+
+def test_workers_that_would_give_other_results_are_refused():
+    refuse = distributed._check_workers
+    with pytest.raises(UsageError, match=r"tcp://a:1 has fricjax 0\.0\.1, and this is"):
+        refuse(Said({"tcp://a:1": ("0.0.1", True)}), Path("runs"))  # pyright: ignore[reportArgumentType]
+    with pytest.raises(UsageError, match=r"tcp://a:1 does not see runs\. Put the runs where all workers find them"):
+        refuse(Said({"tcp://a:1": (fj.__version__, False)}), Path("runs"))  # pyright: ignore[reportArgumentType]
