@@ -103,7 +103,7 @@ FORMATS: dict[str, Hostile] = {
     "sets.uff": (lambda path: path.write_bytes(b"    -1\n    58\n    -1\n" * 20_000), "cannot be read as"),
     "circle.mf4": (_circle, "its blocks follow one another in a circle"),
     "formula.mf4": (_mdf(_SECRET), "no displacement"),
-    "bomb.mf4": (_endless, "cannot be read as MDF|packed otherwise than told"),
+    "bomb.mf4": (_endless, "cannot be read as MDF|packed otherwise than it says"),
     "cycles.mf4": (_changed("raster.mf4", struct.pack("<Q", N), _HUGE), "declared to have"),
 }
 FORMAT_BOMBS: dict[str, Hostile] = {

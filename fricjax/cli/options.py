@@ -86,6 +86,9 @@ class Reading:
     encoding: Annotated[str | None, Option(help="Encoding of a text file.")] = None
     row: Annotated[int | None, Option(help="Row of a .mat variable with several.")] = None
     cells: Annotated[str | None, Option(help="Cells of a .mat cell array to join, as 0,1,2.")] = None
+    repair: Annotated[
+        str | None, Option(help='Faults to repair: dropouts, slips, or with the fringe "dropouts,slips=158.2 nm".')
+    ] = None
     crop: Annotated[str | None, Option(help="Keep only this span of time in s, as 1:9, 1: or :9.")] = None
 
 

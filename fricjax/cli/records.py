@@ -27,7 +27,7 @@ def check_records(paths: Sequence[Path], reading: Reading) -> None:
     """
     from ..data.files import check_distinct, check_file
     from ..data.read import check
-    from ..data.readers.choice import Choice
+    from ..data.readers.choice import Choice, faults_of
     from ..data.readers.header import scale_of
     from ..data.units import DISPLACEMENT, TIME
 
@@ -43,6 +43,8 @@ def check_records(paths: Sequence[Path], reading: Reading) -> None:
         check(path, options)
     # The constructors refuse what no record has; nothing is kept of them.
     if options:
+        if reading.repair is not None:
+            faults_of(reading.repair)
         Choice(time=reading.time, rate=reading.rate, sign=1 if reading.sign is None else reading.sign)
         scale_of(None, reading.unit, DISPLACEMENT, "the displacement", "unit")
         scale_of(None, reading.time_unit, TIME, "the time", "time_unit")

@@ -12,6 +12,7 @@ from .preprocess import (
 )
 from .read import read
 from .record import Record, Step
+from .repair import find_dropouts, find_slips, mask_dropouts, repair_slips
 from .segmentation import Segmentation, rest_spectrum, segment
 from .trace import Trace
 from .write import write
@@ -26,12 +27,16 @@ __all__ = [
     "crop",
     "estimate_noise",
     "example_paths",
+    "find_dropouts",
     "find_first_reversal",
     "find_release",
     "find_rest",
+    "find_slips",
     "flip_sign",
     "inspect",
+    "mask_dropouts",
     "read",
+    "repair_slips",
     "rest_spectrum",
     "segment",
     "segment_record",

@@ -13,6 +13,7 @@ import numpy as np
 
 from ..show import engineering
 from .gather import record_of
+from .repair import reported_faults
 from .segmentation.decay import Segmentation
 
 REGULAR = 1e-3  # largest deviation of an interval from the median one, relative
@@ -127,7 +128,11 @@ def inspect(record: Any) -> Inspection:
         first_reversal=segmentation.first_reversal,
         rest=segmentation.rest,
         rest_position=segmentation.rest_position,
-        warnings=(*record.doubts, *implausible_scale(segmentation, step, angular=record.quantity == "rad")),
+        warnings=(
+            *record.doubts,
+            *reported_faults(record),
+            *implausible_scale(segmentation, step, angular=record.quantity == "rad"),
+        ),
     )
 
 

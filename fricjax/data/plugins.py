@@ -1,7 +1,7 @@
 """Readers that other packages bring: found by their entry points, loaded when a file has their suffix, never before.
 
 A package of that kind names a function in the group `fricjax.readers`, by the suffix without its dot. What it does
-wrong, its own file or its own reader, is told as its fault, and no other reader suffers from it.
+wrong, its own file or its own reader, counts as its fault, and no other reader suffers from it.
 """
 
 import functools
@@ -59,7 +59,7 @@ def _suffix(point: Any) -> str:
 
 
 def _guarded(reader: Callable[..., Any], name: str) -> Callable[..., Any]:
-    """A reader whose failures are told in one sentence, with the options of the original."""
+    """A reader whose failures become one sentence, with the options of the original."""
 
     @functools.wraps(reader)
     def guarded(path: Path, *arguments: Any, **options: Any) -> Any:

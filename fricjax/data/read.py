@@ -33,6 +33,8 @@ READERS = {
 }
 # Options of every file and table.
 _COMMON = tuple(field.name for field in dataclasses.fields(Choice))
+# Done to the record, whatever it is read from.
+_REPAIR = "repair"
 
 
 @overload
@@ -60,6 +62,8 @@ def read(source: Any, **options: Any) -> Any:
             - `rate`: samples per second, where there are no times
             - `sigma`: standard deviation of the noise, in the unit of the displacement
             - `sign`: -1 reverses the direction
+            - `repair`: faults of the instrument that are found and repaired: "dropouts", whose samples are masked,
+              and "slips" of a fringe counter, "slips=158.2 nm" with the size of a fringe; both as "dropouts,slips"
 
             and for text formats `delimiter`, `decimal`, `comment`, `skip_rows`, `header`, `encoding`; for `.mat`
             files `row` and `cells`. Arrays take all of the former but columns, and `t`, the times; records take
@@ -82,6 +86,18 @@ def read(source: Any, **options: Any) -> Any:
         >>> fj.read([2.0, 1.9, 1.7, 1.4], rate=5000.0, unit="mm").rate
         5000.0
     """
+    options = dict(options)
+    repairs = options.pop(_REPAIR, None)
+    content = _content(source, options)
+    if repairs is None:
+        return content
+    from .repair import repair
+
+    return [repair(each, repairs) for each in content] if isinstance(content, list) else repair(content, repairs)
+
+
+def _content(source: Any, options: dict[str, Any]) -> Any:
+    """The record of a source as it is, or the records of its runs."""
     if isinstance(source, str | os.PathLike):
         source = Path(source)
         check_file(source)
@@ -144,6 +160,7 @@ def _check_options(reader: "Callable[..., Any]", kind: str, options: Collection[
     common = _COMMON if "choice" in parameters else ()
     of_format = [name for name, parameter in parameters.items() if parameter.kind is parameter.KEYWORD_ONLY]
     known = [f"{name}=" for name in (*common, *of_format)]
+    known.append(f"{_REPAIR}=")
     for name in options:
         if f"{name}=" not in known:
             raise UsageError(

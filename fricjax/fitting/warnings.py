@@ -5,6 +5,8 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 
 from ..data.inspect import implausible_scale
+from ..data.record import Record
+from ..data.repair import reported_faults
 from ..oscillator.restoring import Pendulum
 from ..show import engineering, plain
 from .diagnostics import ADEQUATE, Misfit, growth, holds_release, too_large
@@ -79,6 +81,7 @@ def warnings_of_run(
             yield f"The model does not describe the run: its {times}."
         else:
             yield f"The {times}, and are taken for noise, a slow one: it may as well be something that the model lacks."
+        yield from reported_faults(_record(problem, misfit.run), _of_run(misfit.run, problem))
         yield from lacking(problem, misfit.run, misfit.size)
         yield from _on_drift(problem, misfit)
         if any(holds_release(window) for window in problem.windows):
@@ -178,6 +181,11 @@ def _on_static_friction(bracket: Bracket | None) -> Iterator[str]:
             f"{high}, but the mass moved on where it must be below {low}. Static friction differs from stop to stop, "
             "or a stop is misread; no value was put into the oscillator."
         )
+
+
+def _record(problem: Problem, number: int) -> Record:
+    window = problem.windows[number]
+    return Record(window.trace, {"quantity": window.quantity})
 
 
 def _of_run(number: int, problem: Problem) -> str:

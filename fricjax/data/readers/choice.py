@@ -3,8 +3,11 @@
 import dataclasses
 from typing import Any
 
-from ...errors import UsageError
-from ..units import check_rate
+from ...errors import UsageError, nearest
+from ..units import DISPLACEMENT, check_rate
+from .header import scale_of
+
+_FAULTS = ("dropouts", "slips")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -38,3 +41,26 @@ class Choice:
     def all_runs(self) -> bool:
         """Whether a list of all runs is asked for, be it of one."""
         return str(self.run).lower() == "all"
+
+
+def faults_of(words: str) -> dict[str, str | None]:
+    """The faults to repair that words such as `"dropouts,slips=158.2 nm"` name, with the fringe where one is said.
+
+    Raises:
+        UsageError: another word, or none at all.
+        DataError: a fringe that is neither a length nor an angle.
+    """
+    named: dict[str, str | None] = {}
+    for word in filter(None, (word.strip() for word in str(words).split(","))):
+        name, _, size = (part.strip() for part in word.partition("="))
+        if name not in _FAULTS or (size and name != "slips"):
+            raise UsageError(
+                f"There is no fault '{word[:40]}' to repair.{nearest(name, _FAULTS)} Write repair='dropouts', "
+                "repair='slips', or both with the size of a fringe, repair='dropouts,slips=158.2 nm'."
+            )
+        named[name] = size or None
+        if size:
+            scale_of(None, size, DISPLACEMENT, "the fringe", "repair")
+    if not named:
+        raise UsageError("repair= names no fault; write repair='dropouts', repair='slips' or both.")
+    return named

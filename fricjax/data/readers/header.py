@@ -170,6 +170,8 @@ def _parsed(chosen: str, quantities: tuple[str, ...], what: str) -> tuple[float,
     match = _SCALE.fullmatch(chosen)
     number, unit = (match["number"], match["unit"]) if match else (None, chosen)
     unit, _, per = unit.rpartition("/") if unit.rpartition("/")[2].strip().lower() in UNSCALED else (unit, "", "")
+    if number is not None and not unit.strip():
+        raise DataError(f"'{chosen}' says no unit for {what}; write for example '{chosen} {_example(quantities)}'.")
     scale, quantity = factor(unit.strip(), quantities, what)
     if number is not None and not float(number):
         raise DataError(f"{_capital(what)} cannot have the scale '{chosen}', which is zero.")

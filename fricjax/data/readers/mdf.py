@@ -142,7 +142,7 @@ def _check_data(path: Path, group: Any, channel: Any) -> None:
         for block in blocks:
             stream.seek(block.address)
             if block.block_type != _PLAIN and not _unpacks(stream.read(block.compressed_size), block):
-                raise DataError(f"{path.name} holds data packed otherwise than told; save it without compression.")
+                raise DataError(f"{path.name} holds data packed otherwise than it says; save it without compression.")
 
 
 def _unpacks(packed: bytes, block: Any) -> bool:
