@@ -143,7 +143,8 @@ def repair(record: Record, words: str) -> Record:
     if "slips" in named:
         size = named["slips"]
         where = f"the fringe of {record.name or 'the record'}"
-        record = repair_slips(record, size and scale_of(None, size, (record.quantity,), where, "repair")[0])
+        fringe = None if size is None else scale_of(None, size, (record.quantity,), where, "repair")[0]
+        record = repair_slips(record, fringe)
     return record
 
 
