@@ -24,6 +24,8 @@ from .stages import Iterate, Limits, Schedule, StageWeights, like_iterate, solve
 
 # Problems in a chunk: a program is compiled for one number of them, and a chunk that is not full costs copies.
 WIDTH = 32
+# Bytes of a full chunk; longer records go one by one, for each copy of a million samples takes 25 MB.
+_ROOM = 1 << 27
 
 
 class Member(NamedTuple):
@@ -58,8 +60,8 @@ def in_chunks[M, R](members: Sequence[M], compute: Callable[[M, int], R]) -> lis
 
     Args:
         members: pytrees of arrays and settings.
-        compute: takes `WIDTH` of them stacked along a leading axis, and how many of these are asked for, for the rest
-            are copies; returns a pytree of arrays with that axis.
+        compute: takes `WIDTH` of them, or one that is large, stacked along a leading axis, and how many of these are
+            asked for, for the rest are copies; returns a pytree of arrays with that axis.
     """
     parts = [split(member) for member in members]
     groups: dict[Shape, list[int]] = {}
@@ -67,15 +69,21 @@ def in_chunks[M, R](members: Sequence[M], compute: Callable[[M, int], R]) -> lis
         groups.setdefault(shape, []).append(i)
     results: dict[int, R] = {}
     for shape, numbers in groups.items():
-        for first in range(0, len(numbers), WIDTH):
-            chosen = numbers[first : first + WIDTH]
+        width = WIDTH if WIDTH * sum(array.nbytes for array in parts[numbers[0]][1]) <= _ROOM else 1
+        for first in range(0, len(numbers), width):
+            chosen = numbers[first : first + width]
             arrays = [parts[i][1] for i in chosen]
-            columns = zip(*(arrays + arrays[:1] * (WIDTH - len(arrays))), strict=True)
+            columns = zip(*(arrays + arrays[:1] * (width - len(arrays))), strict=True)
             ends = compute(of_shape(shape, [np.stack(column) for column in columns]), len(chosen))
             leaves, structure = jax.tree.flatten(jax.tree.map(np.asarray, ends))
             for row, i in enumerate(chosen):
                 results[i] = jax.tree.unflatten(structure, [leaf[row] for leaf in leaves])
     return [results[i] for i in range(len(members))]
+
+
+def width_of(members: Any) -> int:
+    """How many pytrees are stacked in one."""
+    return next(leaf.shape[0] for leaf in jax.tree.leaves(members) if eqx.is_array(leaf))
 
 
 def _solve_all(members: Member, loss: AbstractLoss, count: Any) -> tuple[Iterate, Summary]:
@@ -89,7 +97,8 @@ def _solve_all(members: Member, loss: AbstractLoss, count: Any) -> tuple[Iterate
 
     if jax.default_backend() != "cpu":
         return eqx.filter_vmap(one, in_axes=eqx.if_array(0))(members)
-    room = jax.tree.map(lambda leaf: jnp.zeros((WIDTH, *leaf.shape), leaf.dtype), eqx.filter_eval_shape(one, member(0)))
+    width = width_of(members)
+    room = jax.tree.map(lambda leaf: jnp.zeros((width, *leaf.shape), leaf.dtype), eqx.filter_eval_shape(one, member(0)))
     step = lambda i, results: jax.tree.map(lambda all_, value: all_.at[i].set(value), results, one(member(i)))
     return jax.lax.fori_loop(0, count, step, room)
 

@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ..oscillator import Program
-from .chunks import WIDTH, in_chunks
+from .chunks import in_chunks, width_of
 from .mesh import with_mesh
 from .problem import Problem
 from .residual import Residual, without_inputs
@@ -86,7 +86,7 @@ def _left_of_all(asked: _Asked) -> Float[Array, "members samples"]:
     def one(i: Array) -> Float[Array, " samples"]:
         return _left_of(jax.tree.map(lambda leaf: leaf[i] if hasattr(leaf, "shape") else leaf, asked))
 
-    return jax.lax.map(one, jnp.arange(WIDTH))
+    return jax.lax.map(one, jnp.arange(width_of(asked)))
 
 
 _left = Program(_left_of, lambda *_: 0)

@@ -1,0 +1,121 @@
+"""How fast an archive is: `python experiments/archive/throughput.py [--runs 256] [--many 20000]`.
+
+Files of 10,000 samples in HDF5 are fitted with Coulomb's law from files to the table, in turn with `fit_batch` on the
+same displacements as an array, compiled programs at hand; the best of each counts, for other work on the machine makes
+either slower. Then a folder of many small files is planned, and a store that is finished is started again; there the
+fits are replaced by copies of one row, for what is asked is the time of all that surrounds them.
+"""
+
+import argparse
+import dataclasses
+import os
+import resource
+import shutil
+import tempfile
+import time
+from pathlib import Path
+
+import jax
+import numpy as np
+
+import fricjax as fj
+from fricjax.archive import Law, Study
+from fricjax.archive.driver import plan_of, process
+from fricjax.archive.plan import Chunk
+from fricjax.archive.work import Done
+
+jax.config.update("jax_enable_x64", True)
+
+MACHINE = fj.Oscillator(0.41, 2574.0, 0.17, 9.66, fj.friction.Coulomb(0.02))
+FREE = ("mu", "damping", "stiffness")
+RATE, DURATION = 1e4, 1.0
+ROUNDS = 4
+
+
+def made(folder: Path, runs: int) -> np.ndarray:
+    """Files of runs, and their displacements."""
+    folder.mkdir()
+    x = []
+    for seed in range(runs):
+        start = 2e-3 * (1 + 0.2 * seed / runs)
+        run = fj.synthetic_run(MACHINE, start, rate=RATE, duration=DURATION, noise=2e-9, seed=seed)
+        fj.write(run, folder / f"run_{seed:05d}.h5")
+        x.append(run.x)
+    return np.array(x)
+
+
+def timed(work) -> float:
+    begun = time.perf_counter()
+    work()
+    return time.perf_counter() - begun
+
+
+def throughput(place: Path, runs: int) -> None:
+    x = made(place / "runs", runs)
+    stores = iter(range(100))
+    by_files = lambda: fj.batch(place / "runs", place / f"store_{next(stores)}", MACHINE, FREE)
+    by_array = lambda: fj.fit_batch(x, MACHINE, FREE, rate=RATE)
+    by_files(), by_array()
+    files, arrays = zip(*((timed(by_files), timed(by_array)) for _ in range(ROUNDS)), strict=True)
+    print(f"{runs} runs of {x.shape[1]} samples, {os.cpu_count()} cores, load {os.getloadavg()[0]:.1f}")
+    for name, seconds in (("fit_batch on an array", arrays), ("files to table", files)):
+        print(f"{name:<22} {1e3 * min(seconds) / runs:7.2f} ms/run  {runs / min(seconds):7.1f} runs/s")
+    pairs = ", ".join(f"{array / file:.2f}" for file, array in zip(files, arrays, strict=True))
+    print(f"share of fit_batch     {min(arrays) / min(files):7.2f}  (in turn: {pairs}; asked for: 0.60)")
+    print(f"memory at most         {resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6:7.2f} GB (asked for: 1.5)")
+
+
+class Copies:
+    """An executor that fits one file, and gives its row for every other one."""
+
+    def __init__(self) -> None:
+        self.row = None
+
+    def __call__(self, chunks, work):
+        for chunk in chunks:
+            if self.row is None:
+                (self.row,) = work(Chunk(chunk.jobs[:1])).rows
+            rows = [{**self.row, "file": job.file, "key": job.file, **job.signature._asdict()} for job in chunk.jobs]
+            yield chunk, Done(rows, {})
+
+
+def many(place: Path, files: int) -> None:
+    folder = place / "many"
+    run = fj.synthetic_run(MACHINE, 2e-3, rate=1e3, duration=0.5, noise=2e-9, seed=0)
+    (folder / "day_00").mkdir(parents=True)
+    content = fj.write(run, folder / "day_00" / "run_00000.csv").read_bytes()
+    for number in range(1, files):
+        file = folder / f"day_{number % 50:02d}" / f"run_{number:05d}.csv"
+        file.parent.mkdir(exist_ok=True)
+        file.write_bytes(content)
+    study = Study(folder, (Law("coulomb", MACHINE, FREE),), facts=("day_{day}/run_{number}.csv",))
+    print(f"\n{files} files")
+    print(f"plan                   {timed(lambda: plan_of(study, place / 'all')):7.2f} s  (asked for: 5)")
+    print(f"records and table      {timed(lambda: process(study, place / 'all', execute=Copies())):7.2f} s")
+    print(
+        f"resume, nothing to do  {timed(lambda: process(study, place / 'all', execute=Copies())):7.2f} s  (asked for: 3)"
+    )
+    print(f"table as a data frame  {timed(lambda: fj.archive.results(place / 'all')):7.2f} s")
+    size = sum(file.stat().st_size for file in (place / "all").rglob("*.parquet"))
+    print(f"store                  {size / 1e6:7.1f} MB")
+    for file in sorted(folder.rglob("*.csv")):
+        os.utime(file)
+    print(f"all files touched      {timed(lambda: process(study, place / 'all', execute=Copies())):7.2f} s")
+    assert len(fj.archive.results(place / "all")) == files, dataclasses.asdict(study)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--runs", type=int, default=256)
+    parser.add_argument("--many", type=int, default=20_000)
+    asked = parser.parse_args()
+    place = Path(tempfile.mkdtemp(prefix="fricjax-throughput-"))
+    try:
+        throughput(place, asked.runs)
+        many(place, asked.many)
+    finally:
+        shutil.rmtree(place)
+
+
+if __name__ == "__main__":
+    main()
