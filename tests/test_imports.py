@@ -10,8 +10,9 @@ import pytest
 import fricjax
 
 PACKAGE = Path(__file__).resolve().parents[1] / "fricjax"
-ORDER = ["errors", "show", "data", "friction", "oscillator", "instrument", "rig", "estimation", "fitting", "comparison"]
-ORDER += ["calibrate", "pairs", "energy_loss", "uncertainty", "sensitivity", "archive", "report", "cli"]
+ORDER = ["errors", "show", "data", "friction", "oscillator", "instrument", "rig", "estimation", "fitting"]
+ORDER += ["comparison", "machine", "calibrate", "pairs", "energy_loss", "uncertainty", "sensitivity", "archive"]
+ORDER += ["report", "cli"]
 TRACED = ("friction", "oscillator")
 HOST_ONLY = {"matplotlib", "pandas", "scipy", "h5py", "pint", "typer", "rich", "pydantic", "uncertainties"}
 HEAVY = ("pandas", "matplotlib", "scipy", "h5py", "pint")

@@ -11,6 +11,7 @@ from .archive import Archive, open_archive
 from .plan import Plan, plan
 from .store import Store
 from .study import Law, Rule, Study
+from .study_file import read_study
 from .table import STATUSES, of_rows
 
 if TYPE_CHECKING:
@@ -44,7 +45,7 @@ def batch(
     again, as long as neither the bytes of its file nor the settings have changed.
 
     Args:
-        runs: a folder, paths of files, or a `Study`.
+        runs: a folder, paths of files, a `study.toml` (see :mod:`fricjax.archive.study_file`), or a `Study`.
         out: the folder of the store, made where it is missing.
         oscillator: the machine and its friction law, or several to fit a row each; with a `rig` the machine is that of
             the rig.
@@ -81,6 +82,10 @@ def batch(
         >>> archive.to_dataframe()[["file", "status", "number"]].values.tolist()
         [['run_0.csv', 'ok', 0.0], ['run_1.csv', 'ok', 1.0]]
     """
+    if isinstance(runs, str | os.PathLike) and os.fspath(runs).endswith(".toml"):
+        if oscillator is not None or rig is not None or reading or settings:
+            raise UsageError(f"{os.fspath(runs)} says what is fitted and how: leave the other arguments out.")
+        runs = read_study(Path(runs))
     study = runs if isinstance(runs, Study) else None
     if study is None:
         unknown = set(settings) - set(_SETTINGS)

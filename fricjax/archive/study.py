@@ -106,7 +106,8 @@ class Study:
         facts: templates of paths, as "load_{load}N/run_{number}.csv": what they name becomes a column, and a load the
             normal force [N].
         settings: keywords of `fricjax.fit_batch` beside those of the machine: `start`, `bounds`, `priors`, ...
-        calibrated: whether masses and loads are those of a real rig; otherwise coefficients of friction mean nothing.
+        calibrated: whether mass and load of the laws are those of a real machine; otherwise only runs of rules with a
+            rig have a coefficient of friction.
         residuals: whether the residuals of every run are written as netCDF.
 
     Examples:
@@ -166,6 +167,10 @@ class Study:
         if rule.rig is not None:
             return rule.rig.normal_force.value
         return float(self.laws[0].oscillator.normal_force) if self.calibrated else math.nan
+
+    def calibrated_by(self, rule: Rule) -> bool:
+        """Whether coefficients of friction mean something for the runs of a rule."""
+        return self.calibrated or rule.rig is not None
 
     def request(self, law: Law, rule: Rule, load: float) -> "Request":
         """What is asked of the runs of a rule under a load."""

@@ -4,7 +4,6 @@ Nothing here raises for a file, whatever it holds: each run has its row, and the
 """
 
 import dataclasses
-import math
 import os
 import platform
 import time
@@ -147,10 +146,11 @@ class Work:
                 groups.setdefault((row.problem.names, tuple(row.problem.inputs)), []).append(i)
         by_number = dict(zip(requests, rows, strict=True))
         for numbers in groups.values():
-            told = _told([by_number[i] for i in numbers], self.study)
-            for i, outcome in zip(numbers, told, strict=True):
+            calibrated = [self.study.calibrated_by(self.study.rule_of(runs[i].job.file)) for i in numbers]
+            told = _told([by_number[i] for i in numbers], calibrated, self.study.residuals)
+            for i, known, outcome in zip(numbers, calibrated, told, strict=True):
                 load = float(by_number[i].problem.residual.oscillator.normal_force)  # pyright: ignore[reportOptionalMemberAccess]
-                outcome.columns["load"] = load if self.study.calibrated else math.nan
+                outcome.columns["load"] = load if known else None
                 outcomes[i] = outcome
         return [outcome for outcome in outcomes if outcome is not None]
 
@@ -239,29 +239,32 @@ def _facts_of(record: Record | Exception) -> dict[str, Any]:
     return facts
 
 
-def _told(rows: Sequence[Row], study: Study) -> list[_Outcome]:
-    """The columns of fitted runs, as a batch fit has them."""
+def _told(rows: Sequence[Row], calibrated: Sequence[bool], with_residuals: bool) -> list[_Outcome]:
+    """The columns of fitted runs, as a batch fit has them; coefficients of an unknown machine are left out."""
     batch = collected(rows, ("",) * len(rows))
     solved: Any = [(row.problem, row.weighted.solution) for row in rows if row.weighted is not None]
     pictures = sketches(solved)
-    residuals = sketches(solved, None) if study.residuals else [None] * len(rows)
-    numbers = _numbers(batch, study.calibrated)
+    residuals = sketches(solved, None) if with_residuals else [None] * len(rows)
+    numbers, meaningless = _numbers(batch), _coefficients(batch)
     outcomes = []
     for i, (picture, left) in enumerate(zip(pictures, residuals, strict=True)):
         shown = {"sketch_t": picture.t, "sketch_x": picture.x, "sketch_residual": picture.residual}
         status = "ok" if batch.status[i] == CONVERGED else "invalid"
         columns = {name: column[i] for name, column in numbers.items()} | shown
+        columns |= {} if calibrated[i] else dict.fromkeys(meaningless)
         outcomes.append(_Outcome(status, batch.status[i], columns, left))
     return outcomes
 
 
-def _numbers(batch: "BatchFit", calibrated: bool) -> dict[str, Sequence[Any]]:
-    """The columns of a batch fit; coefficients that a machine without a rig has no meaning for are left out."""
-    meaningless = [] if calibrated else [name for name in batch.names if name not in NUISANCES]
+def _coefficients(batch: "BatchFit") -> list[str]:
+    """Columns of what is no property of the trace alone."""
+    names = [name for name in batch.names if name not in NUISANCES]
+    return [f"{name}{ending}" for name in names for ending in ("", "_std", "_combined_std")]
+
+
+def _numbers(batch: "BatchFit") -> dict[str, Sequence[Any]]:
+    """The columns of a batch fit."""
     frame = batch.to_dataframe()
     columns = {name: frame[name].to_list() for name in frame if name not in ("source", "converged", "status")}
-    for name in meaningless:
-        for each in (name, f"{name}_std", f"{name}_combined_std"):
-            columns[each] = [math.nan] * len(batch)
     whole = {name: getattr(batch, name).tolist() for name in ("half_cycles", "iterations", "passes")}
     return {**columns, "sigma": batch.sigma.tolist(), **whole, "engine": [batch.engine] * len(batch)}

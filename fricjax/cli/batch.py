@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 from typer import Argument, Exit, Option
 
 from ..errors import UsageError
-from . import parsing
+from ..machine import parsing
 from .fit import Fitting, settings_of
 from .options import Bench, Machine, Output, Reading
 from .output import finish, log, prepare
@@ -89,7 +89,7 @@ class Workers:
 
 
 def batch(
-    runs: Annotated[list[Path], Argument(help="A folder of runs, or the files.", show_default=False)],
+    runs: Annotated[list[Path], Argument(help="A folder of runs, the files, or a study.toml.", show_default=False)],
     batch: Batch,
     workers: Workers,
     fitting: Fitting,
@@ -129,9 +129,14 @@ def batch(
 
 def _study(runs: list[Path], batch: Batch, fitting: Fitting, bench: Bench, reading: Reading, output: Output) -> "Study":
     """What the options ask for; names are checked before anything large is imported."""
+    from ..archive.study_file import read_study
     from ..fitting.settings import check_settings
-    from .machine import choose
+    from ..machine.choose import choose
 
+    if len(runs) == 1 and runs[0].suffix == ".toml":
+        _check_alone(runs[0], batch, fitting, bench, reading)
+        prepare(output)
+        return read_study(runs[0])
     settings = settings_of(fitting)
     shared = {field.name: getattr(bench, field.name) for field in dataclasses.fields(bench)}
     choices = {}
@@ -161,6 +166,18 @@ def _study(runs: list[Path], batch: Batch, fitting: Fitting, bench: Bench, readi
         calibrated=first.calibrated,
         residuals=batch.residuals,
     )
+
+
+def _check_alone(file: Path, batch: Batch, *groups: Any) -> None:
+    """Refuse options that a study file has fields for."""
+    of_study = ("friction", "include", "exclude", "facts", "residuals")
+    given = [name for name in of_study if getattr(batch, name)]
+    for group in groups:
+        fields = dataclasses.fields(group)
+        given += [field.name for field in fields if getattr(group, field.name) != field.default]
+    if given:
+        option = f"--{given[0].replace('_', '-')}"
+        raise UsageError(f"{file} says what is fitted and how: leave {option} out, or write it there.")
 
 
 def shard_of(text: str | None) -> tuple[int, int]:

@@ -8,7 +8,7 @@ from typing import Annotated, Any, ClassVar
 from typer import Argument, Option
 
 from ..errors import UsageError
-from . import parsing
+from ..machine import parsing
 from .options import Plot, Writing
 from .output import deliver, prepare, working
 from .targets import PICTURES, check_targets, write_picture

@@ -5,7 +5,7 @@ from typing import Annotated, ClassVar
 
 from typer import Exit, Option
 
-from . import parsing
+from ..machine import parsing
 from .options import Machine, Plot, Writing
 from .output import deliver, prepare, working
 from .targets import PICTURES, check_targets, write_picture
@@ -37,8 +37,8 @@ def check(run: Planned, machine: Machine, output: Writing, plot: Plot = None) ->
     """Say what a planned run will determine and how well; ends with 3 where a coefficient of --free will not be."""
     from ..fitting.names import find_leaf
     from ..fitting.settings import check_nuisance, check_once
+    from ..machine.choose import known
     from ..sensitivity.settings import check_noise, check_sampling
-    from .machine import known
 
     check_targets(output, ("--plot", plot, PICTURES))
     entries = parsing.words(run.free)

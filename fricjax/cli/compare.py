@@ -49,7 +49,7 @@ def compare(
     """Compare friction laws on the same runs: criteria, prediction of held-out runs, tests of the residuals."""
     from ..comparison.names import check_criterion, check_different
     from ..fitting.settings import check_start
-    from .machine import contenders
+    from ..machine.choose import contenders
 
     check_targets(output, ("--plot", plot, PICTURES))
     laws = comparing.friction or ["coulomb", "stribeck"]

@@ -25,8 +25,8 @@ def energy(
     out: Annotated[Path | None, Option(help="Write the result (.json).", rich_help_panel="Output")] = None,
 ) -> None:
     """Find friction from the rate of energy loss: the force against velocity, and its mean in each half-cycle."""
+    from ..machine.choose import bench
     from ..pairs.settings import check_bins
-    from .machine import bench
 
     check_targets(output, ("--plot", plot, PICTURES), ("--out", out, RESULTS))
     check_records([*files, *([] if no_contact is None else [no_contact])], reading)

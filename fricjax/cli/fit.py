@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 from typer import Argument, Option
 
 from ..errors import UsageError
-from . import parsing
+from ..machine import parsing
 from .options import Machine, Plot, Reading, Save, Writing
 from .output import deliver, prepare, working
 from .records import check_records, read_records
@@ -19,7 +19,7 @@ from .targets import PICTURES, RECORDS, RESULTS, check_targets, numbered, write_
 if TYPE_CHECKING:
     from ..data import Record
     from ..fitting import Fit
-    from .machine import Choice
+    from ..machine.choose import Choice
 
 
 @dataclasses.dataclass(frozen=True)
@@ -98,7 +98,7 @@ def planned(files: list[Path], fitting: OneFit, machine: Machine, reading: Readi
         UsageError: names or values that do not fit.
     """
     from ..fitting.settings import check_settings
-    from .machine import choose
+    from ..machine.choose import choose
 
     check_records(files, reading)
     settings = {**settings_of(fitting), "sigma_mode": fitting.sigma_mode}

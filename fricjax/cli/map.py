@@ -13,7 +13,7 @@ from .records import check_records, read_records, warn_of_doubts
 from .targets import PICTURES, check_targets, write_picture
 
 if TYPE_CHECKING:
-    from .machine import Choice
+    from ..machine.choose import Choice
 
 
 @dataclasses.dataclass(frozen=True)
@@ -71,7 +71,7 @@ def _chosen(files: list[Path], reading: Reading, machine: Machine, mapping: Mapp
     from ..data.files import check_file
     from ..fitting.names import chosen
     from ..fitting.settings import check_start
-    from .machine import choose
+    from ..machine.choose import choose
 
     # One file may be a table of pairs, of which the options of records say nothing.
     if len(files) == 1:

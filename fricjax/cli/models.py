@@ -9,7 +9,7 @@ import typer
 from typer import Argument
 
 from ..friction.catalogue import CATALOGUE
-from .laws import find_law, laws
+from ..machine.laws import find_law, laws
 from .options import Output, example, grouped
 from .output import finish, prepare
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..errors import UsageError
-from . import parsing
+from ..machine import parsing
 from .options import Reading
 
 if TYPE_CHECKING:

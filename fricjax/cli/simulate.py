@@ -14,8 +14,8 @@ from .targets import PICTURES, RECORDS, check_targets, write_picture
 
 if TYPE_CHECKING:
     from ..data import Record
+    from ..machine.choose import Choice
     from ..oscillator import Motion, Oscillator
-    from .machine import Choice
 
 # Seconds at rest at the end of a record whose duration is not given, as the help page says.
 _TAIL = 0.05
@@ -89,8 +89,8 @@ def _known(run: Run, machine: Machine, instrument: Instrument) -> "tuple[Choice,
     from ..instrument.interferometer import Interferometer
     from ..instrument.run import Run as Numbers
     from ..instrument.run import check_seed
-    from . import parsing
-    from .machine import known
+    from ..machine import parsing
+    from ..machine.choose import known
 
     choice, x0 = known(machine), parsing.displacement("--x0", run.x0)
     numbers = dataclasses.asdict(run) | {"x0": x0, "duration": _FOREVER if run.duration is None else run.duration}

@@ -5,10 +5,10 @@ import json
 import numpy as np
 import pytest
 
-from fricjax.cli.machine import contenders
 from fricjax.cli.options import Bench
 from fricjax.data.examples import example_paths
 from fricjax.errors import UsageError
+from fricjax.machine.choose import contenders
 
 RUN, RIG = example_paths()
 

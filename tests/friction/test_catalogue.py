@@ -73,7 +73,7 @@ def test_names_of_coefficients_are_those_of_the_oscillator(name, spring):
 
 
 def test_a_sum_that_no_engine_integrates_is_refused_in_the_same_words():
-    from fricjax.cli.laws import summands
+    from fricjax.machine.laws import summands
 
     with pytest.raises(ValueError) as by_classes:
         Sum((Coulomb(0.1), friction.LuGre(0.1)))

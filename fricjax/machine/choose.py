@@ -1,4 +1,4 @@
-"""From the options to a machine: the rig's values, the friction law by name, and which coefficients are free.
+"""From words to a machine: the rig's values, the friction law by name, and which coefficients are free.
 
 All that can be refused is refused here, by name and number; the oscillator itself is built when it is asked for.
 """
@@ -6,7 +6,8 @@ All that can be refused is refused here, by name and number; the oscillator itse
 import dataclasses
 import functools
 from collections.abc import Collection, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Protocol
 
 from ..errors import UsageError
 from ..fitting.names import find_leaf
@@ -18,11 +19,38 @@ from ..rig.quantity import UNITS
 from ..rig.toml import read_table
 from . import parsing
 from .laws import CONTACT, coefficients, summands
-from .options import Bench, Machine
 
 if TYPE_CHECKING:
     from ..oscillator import Oscillator
     from ..rig import Rig
+
+
+class Bench(Protocol):
+    """A machine in words, but for its friction law; the fields are those of the options of the command line."""
+
+    @property
+    def rig(self) -> Path | None: ...
+    @property
+    def fix(self) -> list[str] | None: ...
+    @property
+    def restoring(self) -> str | None: ...
+    @property
+    def mass(self) -> str | None: ...
+    @property
+    def stiffness(self) -> str | None: ...
+    @property
+    def normal_force(self) -> str | None: ...
+    @property
+    def drag(self) -> float | None: ...
+    @property
+    def engine(self) -> str: ...
+
+
+class Machine(Bench, Protocol):
+    """A machine in words, with its friction law."""
+
+    @property
+    def friction(self) -> str: ...
 
 
 @dataclasses.dataclass(frozen=True)

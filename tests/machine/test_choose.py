@@ -5,12 +5,12 @@ import math
 import pytest
 
 from fricjax import friction
-from fricjax.cli.laws import laws
-from fricjax.cli.machine import choose, known
 from fricjax.cli.options import Machine
 from fricjax.data.examples import example_paths
 from fricjax.errors import UsageError
 from fricjax.friction import Coulomb, LuGre, QuadraticDrag, Stribeck, Sum, Tanh
+from fricjax.machine.choose import choose, known
+from fricjax.machine.laws import laws
 from fricjax.oscillator.restoring import Cubic, Pendulum
 
 RIG = example_paths().rig

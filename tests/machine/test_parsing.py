@@ -4,8 +4,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fricjax.cli import parsing
 from fricjax.errors import UsageError
+from fricjax.machine import parsing
 
 finite = st.floats(allow_nan=False, allow_infinity=False)
 
