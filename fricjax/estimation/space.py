@@ -83,7 +83,7 @@ class ParameterSpace(eqx.Module):
             nuisances=tuple(tuple(names) for names in nuisances),
         )
 
-    def values(self, q: Float[Array, " p"]) -> Float[Array, " p"]:
+    def values(self, q: Float[Array | np.ndarray, " p"]) -> Float[Array, " p"]:
         """Values of all parameters at coordinates `q`."""
         log, inverse = self._fitted("logarithm"), self._fitted("inverse root")
         # Both branches of `where` are differentiated, so each must be finite for coordinates of other kinds too.
@@ -100,7 +100,7 @@ class ParameterSpace(eqx.Module):
             curved = np.where(log, np.log(ratio), 1 - 1 / np.sqrt(ratio))
         return np.where(log | inverse, curved, (values - self.start) / self.scale)
 
-    def slope(self, q: Float[Array, " p"]) -> Float[Array, " p"]:
+    def slope(self, q: Float[Array | np.ndarray, " p"]) -> Float[Array, " p"]:
         """Derivative of each value with respect to its coordinate."""
         log, inverse, values = self._fitted("logarithm"), self._fitted("inverse root"), self.values(q)
         return jnp.where(log, values, jnp.where(inverse, 2 * values * jnp.sqrt(values / self.start), self.scale))

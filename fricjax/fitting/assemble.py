@@ -79,6 +79,7 @@ def assemble(counted: NoiseWeighted, sigma_mode: str) -> Fit:
         oscillator=machine,
         **_of_the_runs(problem),
         engine_used=problem.residual.engine,
+        problem=problem,
     )
 
 

@@ -179,17 +179,36 @@ def fit_rows(records: Sequence[Any], requests: Sequence[Request]) -> list[Row]:
             problems[i] = build_problem((record,), request)
         except (DataError, UsageError) as error:
             rows[i] = Row(f"rejected: {error}")
-    meshed = any(problem.residual.engine.needs_mesh for problem in problems.values())
-    solutions = [None] * len(problems) if meshed else solve_batch(list(problems.values()))
-    for (i, problem), solved in zip(problems.items(), solutions, strict=True):
-        try:
-            rows[i] = _row(*_weighted(problem, solved))
-        except UsageError as error:  # a motion that cannot be computed
-            rows[i] = Row(f"rejected: {error}")
+    solved = solved_rows(list(problems.values()))
+    rows |= dict(zip(problems, solved, strict=True))
     return [rows[i] for i in range(len(records))]
 
 
-def _weighted(problem: Problem, solved: tuple[Solution, Summary] | None) -> tuple[NoiseWeighted, Misfit]:
+def solved_rows(problems: Sequence[Problem], begins: Sequence[np.ndarray] | None = None) -> list[Row]:
+    """Each of many problems solved for itself and weighed by its noise.
+
+    Args:
+        problems: of one engine and one loss.
+        begins: coordinates to start each of them from; None for the start values.
+    """
+    solutions = [None] * len(problems) if any(map(alone, problems)) else solve_batch(problems, begins)
+    rows = []
+    for problem, solved, begin in zip(problems, solutions, begins or [None] * len(problems), strict=True):
+        try:
+            rows.append(_row(*_weighted(problem, solved, begin)))
+        except UsageError as error:  # a motion that cannot be computed
+            rows.append(Row(f"rejected: {error}"))
+    return rows
+
+
+def alone(problem: Problem) -> bool:
+    """Whether a problem is solved by itself: meshes and joint fits have no program for many at once."""
+    return problem.residual.engine.needs_mesh or len(problem.windows) > 1
+
+
+def _weighted(
+    problem: Problem, solved: tuple[Solution, Summary] | None, begin: np.ndarray | None
+) -> tuple[NoiseWeighted, Misfit]:
     """The fit weighed by its noise, and its residuals beside that.
 
     A run whose number of half-cycles is in doubt, or whose solution of a chunk is not accurate, is fitted by itself.
@@ -206,7 +225,7 @@ def _weighted(problem: Problem, solved: tuple[Solution, Summary] | None) -> tupl
             # A chunk keeps no residuals of its samples; a fit that went on by a step has evaluated them again.
             if weighted.solution.evaluation.residual.size:
                 return weighted, misfit_of(weighted.problem, weighted.solution, weighted.noises, False)
-    weighted = weigh_by_noise(*solve_with_rest(problem), True)
+    weighted = weigh_by_noise(*solve_with_rest(problem, begin), True)
     return weighted, misfit_of(weighted.problem, weighted.solution, weighted.noises, False)
 
 

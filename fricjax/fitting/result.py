@@ -16,6 +16,7 @@ from ..rig import Measured
 from ..show import Report, Reported
 from .diagnostics import optimum_found
 from .noise import Noise, Whiteness
+from .problem import Problem
 from .residual import Run, motion
 from .rest import Margin
 from .show import plot, report_of
@@ -87,6 +88,7 @@ class Fit(Reported):
         sources: name of the file of each run, empty where it has none.
         times: times of the samples [s], one array per run.
         runs, origins: what `predict` needs.
+        problem: what was solved, with the records and the settings; None in a fit that was read from a file.
 
     Examples:
         >>> import fricjax as fj
@@ -138,6 +140,7 @@ class Fit(Reported):
     runs: tuple[Run, ...]
     origins: tuple[float, ...]
     engine_used: Any
+    problem: Problem | None = None
 
     @property
     def optimum_found(self) -> bool:

@@ -117,15 +117,19 @@ def solve(problem: Problem, y: Any = None) -> Solution:
     return _refined(problem, at, *((_MESHES, _ON_A_MESH) if meshed else (1, _OPTIMA)))
 
 
-def solve_batch(problems: Sequence[Problem]) -> list[tuple[Solution, Summary]]:
+def solve_batch(
+    problems: Sequence[Problem], begins: Sequence[np.ndarray] | None = None
+) -> list[tuple[Solution, Summary]]:
     """Fit problems of one loss in chunks and check the results, for engines that need no mesh.
 
-    No solution goes on to finer engines, and none keeps the residuals of its samples.
+    No solution goes on to finer engines, and none keeps the residuals of its samples. `begins` are the coordinates from
+    which each problem starts, in place of its start values.
     """
     if not problems:
         return []
+    begins = [start_coordinates(problem) for problem in problems] if begins is None else begins
     run = lambda members, loss: [at for at, _ in solve_in_chunks(members, loss)]
-    ends = _optima(problems, [start_coordinates(problem) for problem in problems], run, Schedule())
+    ends = _optima(problems, begins, run, Schedule())
     targets = [with_inputs(problem.residual, at.y) for problem, at in zip(problems, ends, strict=True)]
     pairs = zip(problems, targets, strict=True)
     members = [on_all_samples(p, checking(p.residual, y), y, EVALUATE_ONLY) for p, y in pairs]

@@ -28,9 +28,15 @@ _KINDS = {"residuals": tuple[np.ndarray, ...] | np.ndarray, "engine_used": Abstr
 
 def to_dict(fit: Any) -> dict[str, Any]:
     """The fit as plain data that JSON can hold, without the samples."""
-    fields = {field.name: getattr(fit, field.name) for field in dataclasses.fields(fit) if field.name not in _SAMPLES}
+    names = [name for name in _saved(fit) if name not in _SAMPLES]
+    fields = {name: getattr(fit, name) for name in names}
     fields["kinematics"] = {name: estimate._asdict() for name, estimate in fit.kinematics.items()}
     return {"schema": SCHEMA, "chi2_reduced": plain_fields(fit.chi2_reduced), **plain_fields(fields)}
+
+
+def _saved(fit: Any) -> list[str]:
+    """Names of the fields that a file has: all but the problem, from which only a fit at hand is solved again."""
+    return [field.name for field in dataclasses.fields(fit) if field.name != "problem"]
 
 
 def plain_fields(value: Any) -> Any:
@@ -65,7 +71,7 @@ def read_fit[F](path: str | os.PathLike[str], cls: type[F]) -> F:
         DataError: no such file, or one that does not hold a fit of this schema; the sentence names the field.
     """
     source = Path(path)
-    stored = _stored(source, [field.name for field in dataclasses.fields(cls)])  # pyright: ignore[reportArgumentType]
+    stored = _stored(source, _saved(cls))
     kinds = {**get_type_hints(cls), **_KINDS}
     try:
         fit = cls(**{name: restored(kinds[name], stored[name], name) for name in stored})

@@ -137,13 +137,11 @@ def _column(frame: "DataFrame", name: str, unit: str) -> dict[str, Any]:
     if pd.api.types.is_numeric_dtype(series) and not pd.api.types.is_bool_dtype(series):
         values = numbers(frame, name)
         factor, shown = typical_unit(values, unit)
-        return {
-            "name": name,
-            "label": label,
-            "unit": shown,
-            "kind": "number",
-            "values": packed(factor * values, "<f8"),
-        }
+        column: dict[str, Any] = {"name": name, "label": label, "unit": shown, "kind": "number"}
+        if name == "half_cycles":
+            # Of a record that ends in motion no number is known.
+            column["text"] = ["" if n != n else "in motion" if n < 0 else f"{n:.0f}" for n in values]
+        return column | {"values": packed(factor * values, "<f8")}
     # Names of files may hold bytes that are no text, which the strings of pandas refuse and a dictionary does not.
     texts = ["" if missing else str(each) for each, missing in zip(series, series.isna(), strict=True)]
     place = {word: i for i, word in enumerate(dict.fromkeys(texts))}

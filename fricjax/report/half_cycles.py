@@ -21,13 +21,16 @@ class HalfCycles(NamedTuple):
 def half_cycles_of(times: np.ndarray, positions: np.ndarray, damping_ratio: float) -> HalfCycles:
     """Friction of the half-cycles between reversals, less the viscous loss, on a linear spring.
 
+    A shift of the equilibrium adds to the friction one way what it takes away the other way. So the equilibrium is the
+    one about which both are equally large on average; what differs between them by tilt is a part of it.
+
     With the amplitudes a_n about the equilibrium, each on its side, and the amplitude ratio
     ``rho = exp(-pi zeta/sqrt(1 - zeta^2))`` of viscous damping, Coulomb friction gives
     ``a_{n+1} = rho a_n - (1 + rho) F/k``. What varies with speed or amplitude is not Coulomb's.
 
     Args:
         times: of the reversals [s], shape (reversals,).
-        positions: displacement from the equilibrium there [m], shape (reversals,).
+        positions: displacement there from about the equilibrium [m], shape (reversals,).
         damping_ratio: zeta; NaN where the run has none, and then the map is empty.
 
     Examples:
@@ -40,4 +43,7 @@ def half_cycles_of(times: np.ndarray, positions: np.ndarray, damping_ratio: floa
     path = np.diff(positions)
     side = -np.sign(path)
     rho = np.exp(-np.pi * damping_ratio / np.sqrt(1 - damping_ratio**2))
-    return HalfCycles(path / np.diff(times), side * (rho * positions[:-1] + positions[1:]) / (1 + rho))
+    dead_band = side * (rho * positions[:-1] + positions[1:]) / (1 + rho)
+    if np.unique(side).size > 1:
+        dead_band -= side * (dead_band[side > 0].mean() - dead_band[side < 0].mean()) / 2
+    return HalfCycles(path / np.diff(times), dead_band)

@@ -79,11 +79,13 @@ def _population(frame: "DataFrame", name: str, law: str, unit: str) -> tuple[lis
     noise = float(np.median(factor * std[np.isfinite(std) & (std > 0)]))
     reach = _SIGMAS * float(np.hypot(pooled.scatter, noise))
     aside = f", {len(pooled.outliers)} set aside" if pooled.outliers else ""
-    mean, scatter = uncertain(pooled.mean, pooled.combined_std, shown), f"{pooled.scatter:.2g} {shown}".strip()
+    mean = uncertain(pooled.mean, pooled.combined_std, shown)
+    scatter = f"{float(f'{pooled.scatter:.2g}'):g} {shown}".strip()
     sentence = (
         f"Lines: mean {uncertain(pooled.mean, pooled.std, shown)} of {pooled.runs:,} ok runs{aside}, and three "
-        f"standard deviations on either side: scatter from run to run {pooled.scatter:.2g} with the typical standard "
-        f"error {noise:.2g}."
+        f"standard deviations on either side: scatter from run to run {scatter} with the typical standard "
+        f"error {noise:.2g} {shown}".rstrip()
+        + "."
     )
     row = [name, law, mean, scatter, f"{pooled.runs:,}", str(len(pooled.outliers) or "")]
     return [row], [Limits(name, law, pooled.mean, pooled.mean - reach, pooled.mean + reach, sentence)]

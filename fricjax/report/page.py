@@ -12,6 +12,7 @@ from importlib import resources
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from ..archive import Archive, open_archive
 from ..errors import DataError, UsageError, nearest
 from ..fitting import Fit, load_fit
 from ..show import Report, Reported
@@ -126,6 +127,8 @@ def _content(source: Any) -> _Content:
         return _Content(f"Fit of {', '.join(source.labels[:3])}", source.report(), runs_of(source))
     if hasattr(source, "columns") and hasattr(source, "to_numpy"):
         return _of_table(source, "Archive of runs")
+    if isinstance(source, Archive):
+        return _of_table(source.to_dataframe(), f"Archive {source.path.name}")
     if isinstance(source, Reported):
         report = source.report()
         return _Content(report.heading, report)
@@ -137,9 +140,7 @@ def _content(source: Any) -> _Content:
 def _of_path(path: Path) -> _Content:
     """The page of an archive's folder, or of a fit in a file."""
     if kind_of(path) == "archive":
-        import pandas as pd
-
-        return _of_table(pd.read_parquet(path / "table.parquet"), f"Archive {path.name}")
+        return _content(open_archive(path))
     return _content(load_fit(path))._replace(title=f"Fit {path.name}")
 
 

@@ -36,3 +36,13 @@ def chromium(*, dark: bool = False, width: int = 1280, height: int = 900) -> Ite
         yield driver
     finally:
         driver.quit()
+
+
+def press(driver: Any, *keys: str) -> None:
+    """Press keys, as a reader does: letters, or the codes that WebDriver has for the others."""
+    from selenium.webdriver.common.action_chains import ActionChains
+
+    actions = ActionChains(driver)
+    for key in keys:
+        actions.send_keys(key)
+    actions.perform()

@@ -8,7 +8,7 @@ import pytest
 
 import fricjax as fj
 from tests.report.archives import archive
-from tests.report.browser import chromium
+from tests.report.browser import chromium, press
 
 # What a file may call itself, or a column, or a sentence say, to run a script in the page of somebody else.
 HOSTILE = (
@@ -86,15 +86,6 @@ def cells(driver, name):
 
 def count_of(driver):
     return driver.execute_script("return document.querySelector('[role=status]').textContent")
-
-
-def press(driver, *keys):
-    from selenium.webdriver.common.action_chains import ActionChains
-
-    actions = ActionChains(driver)
-    for key in keys:
-        actions.send_keys(key)
-    actions.perform()
 
 
 def enter(driver, selector, value):

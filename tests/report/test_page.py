@@ -170,6 +170,8 @@ def test_friction_of_half_cycles_is_that_of_a_simulated_decay():
     np.testing.assert_allclose(map_.dead_band, float(machine.dead_band), rtol=1e-6)
     mean = np.abs(np.diff(points)) * float(machine.angular_frequency) / np.pi
     np.testing.assert_allclose(np.abs(map_.speed)[:3], mean[:3], rtol=1e-3)
+    shifted = half_cycles_of(np.append(0.0, t[at])[: points.size], points + 1e-5, float(machine.damping_ratio))
+    np.testing.assert_allclose(shifted.dead_band, float(machine.dead_band), rtol=1e-6)
     assert half_cycles_of(t[:3], x[:3], np.nan).speed.size == 0
 
 
@@ -237,6 +239,21 @@ def test_other_results_and_their_paths(fit, tmp_path):
     assert fj.report.save(path, tmp_path / "fit.html").read_text().startswith("<!doctype html>")
     with pytest.raises(FileExistsError):
         fj.report.save(path, tmp_path / "fit.html")
+
+
+def test_an_archive_is_shown_from_its_folder(tmp_path):
+    machine = fj.Oscillator(0.4, 2500.0, 0.2, 10.0, fj.friction.Coulomb(0.05))
+    for i, x0 in enumerate((2e-3, 2.2e-3, 2.4e-3)):
+        fj.write(fj.synthetic_run(machine, x0, rate=2e3, duration=0.6, noise=1e-9, seed=i), tmp_path / f"run_{i}.csv")
+    (tmp_path / "run_3.csv").write_text("t [s],x [m]\n")
+    store = fj.batch(sorted(tmp_path.glob("*.csv")), tmp_path / "results", machine)
+    data = Parsed(fj.report.page(tmp_path / "results")).data
+    assert (data["title"], data["rows"]) == ("Archive results", 4)
+    assert [size > 0 for size in data["pictures"]["sizes"]] == [True, True, True, False]
+    np.testing.assert_allclose(numbers(column(data, "mu"))[:3], 0.05, rtol=1e-5)
+    assert [each["runs"] for each in data["reasons"]] == [1]
+    of_archive = Parsed(fj.report.page(store)).data
+    assert {**of_archive, "made": ""} == {**data, "made": ""}
 
 
 @pytest.mark.parametrize(

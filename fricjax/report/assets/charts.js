@@ -13,7 +13,7 @@ const KINDS = {
 /** The charts, and how they follow the runs that the table shows. */
 class Charts {
   constructor() {
-    this.places = ABSCISSAE().map(() => el("div"));
+    this.places = ABSCISSAE.map(() => el("div"));
     this.choice = el("select", { id: "coefficient", change: () => this.draw() },
       page.limits.map((limit, i) => el("option", { value: i }, label(limit))));
     this.source = el("p");
@@ -33,21 +33,21 @@ class Charts {
     const law = column.friction;
     this.source.textContent = limit.sentence;
     const chosen = this.selected.filter((row) => !limit.law || law.text(row) === limit.law);
-    ABSCISSAE().forEach((abscissa, i) => this.places[i].replaceChildren(chart(limit, abscissa, chosen)));
+    ABSCISSAE.forEach((abscissa, i) => this.places[i].replaceChildren(chart(limit, abscissa, chosen)));
   }
 }
 
 const label = ({ name, law }) => (law && page.limits.some((other) => other.law !== law) ? `${name}, ${law}` : name);
 
-/** What a coefficient is drawn against: the order of the table, the load, the time. */
-function ABSCISSAE() {
-  const known = (name) => column[name]?.values.some(Number.isFinite);
+/** What a coefficient is drawn against: the order of the table, and load and time where they differ from run to run. */
+const ABSCISSAE = (() => {
+  const known = (name) => new Set(column[name]?.values.filter(Number.isFinite)).size > 1;
   return [
     { title: "run", label: "Run, in the order of the table", at: (row) => row + 1 },
     known("load") && { title: "load", label: column.load.head, at: (row) => column.load.values[row] },
     known("measured_at") && { title: "time", label: "Time (UTC)", at: (row) => column.measured_at.values[row], time: true },
   ].filter(Boolean);
-}
+})();
 
 function chart(limit, abscissa, chosen) {
   const ordinate = column[limit.name];

@@ -47,8 +47,9 @@ class Column {
   }
 
   /** The same with its unit. */
-  read(row) {
-    const text = this.text(row);
+  read(row) { return this.withUnit(this.text(row)); }
+
+  withUnit(text) {
     if (!text || !this.unit) return text;
     return text.includes(" (") ? text.replace(" (", ` ${this.unit} (`) : `${text} ${this.unit}`;
   }

@@ -19,7 +19,10 @@ const svg = (tag, attributes = {}, ...children) => fill(document.createElementNS
 
 /** A number with at most so many significant digits; nothing where there is none. */
 function number(value, digits = 6) {
-  return Number.isFinite(value) ? String(Number(value.toPrecision(digits))).replace("-", "\u2212") : "";
+  if (!Number.isFinite(value)) return "";
+  const rounded = Number(value.toPrecision(digits));
+  // Below 1e-4 the leading zeros take longer to count than an exponent to read.
+  return rounded !== 0 && Math.abs(rounded) < 1e-4 ? rounded.toExponential() : String(rounded);
 }
 
 /** A count with its digits in groups of three. */

@@ -31,7 +31,7 @@ function runView(row, selected) {
 function values(title, row, group) {
   const shown = columns.filter((each) => each.group === group && each.text(row) !== "");
   const heads = ["Name", "Value (combined uncertainty)", "Statistical"];
-  return shown.length ? el("section", {}, el("h3", {}, title), table(title, heads, shown.map((each) => [each.label, each.read(row), number(each.std[row], 2)]), [false, true, true])) : null;
+  return shown.length ? el("section", {}, el("h3", {}, title), table(title, heads, shown.map((each) => [each.label, each.read(row), each.withUnit(number(each.std[row], 2))]), [false, true, true])) : null;
 }
 
 /** The pictures of a run; a sentence where it has none. */

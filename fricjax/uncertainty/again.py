@@ -1,0 +1,85 @@
+"""A fit solved again: its problem with other displacements, or with a parameter held."""
+
+import dataclasses
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from os import cpu_count
+from typing import Any
+
+import equinox as eqx
+import numpy as np
+
+from ..errors import UsageError
+from ..fitting import Fit
+from ..fitting.batch import Row, alone, solved_rows
+from ..fitting.chunks import WIDTH
+from ..fitting.problem import Problem, with_windows
+from ..fitting.solve import Solution, solve, solve_batch
+
+
+def problem_of(fit: Fit) -> Problem:
+    """The problem of a fit.
+
+    Raises:
+        UsageError: a fit that was read from a file, or that found no optimum.
+    """
+    if fit.problem is None:
+        raise UsageError("This fit was read from a file, which does not hold its settings. Fit the record again.")
+    if not fit.optimum_found:
+        raise UsageError(f"This fit has no optimum to start from: {fit.status}")
+    return fit.problem
+
+
+def optimum(fit: Fit) -> np.ndarray:
+    """The fitted values in the time of the runs, in the order of the names, shape (p,)."""
+    problem = problem_of(fit)
+    return np.array([fit.values[name] for name in fit.names]) - origins(problem)
+
+
+def origins(problem: Problem) -> np.ndarray:
+    """What the time of the record is ahead of that of the run, for release times; zero for other parameters [s]."""
+    first, origins = len(problem.residual.space.leaves), np.zeros(len(problem.names))
+    for window in problem.windows:
+        for name in window.nuisances:
+            origins[first] = window.origin if name == "t_release" else 0.0
+            first += 1
+    return origins
+
+
+def with_displacements(problem: Problem, x: Sequence[np.ndarray]) -> Problem:
+    """The problem of records that were displaced otherwise, with the same windows and weights."""
+    pairs = zip(problem.windows, x, strict=True)
+    return with_windows(
+        problem,
+        tuple(dataclasses.replace(w, trace=eqx.tree_at(lambda trace: trace.x, w.trace, values)) for w, values in pairs),
+    )
+
+
+def held(problem: Problem, parameter: int, value: float, std: float) -> Problem:
+    """The problem with one parameter held at a value, to a part of its standard error, by a prior.
+
+    Taken out of the problem, it would leave one of another shape, which is compiled anew.
+    """
+    mean, weight = (np.array(each) for each in (problem.residual.prior_mean, problem.residual.prior_weight))
+    mean[parameter], weight[parameter] = value, 1 / std
+    priors = {"prior_mean": mean, "prior_weight": weight}
+    residual, condensed = (dataclasses.replace(each, **priors) for each in (problem.residual, problem.condensed))
+    return dataclasses.replace(problem, residual=residual, condensed=condensed)
+
+
+def solved(problems: Iterator[Problem] | Sequence[Problem], count: int, begins: Any) -> list[Row]:
+    """Many problems solved on all cores, each from its coordinates `begins`; made as they are needed."""
+    made, places = iter(problems), [range(first, min(first + WIDTH, count)) for first in range(0, count, WIDTH)]
+    blocks = ([next(made) for _ in place] for place in places)
+    with ThreadPoolExecutor(cpu_count()) as pool:
+        rows = pool.map(
+            lambda pair: solved_rows(pair[0], [begins[i] for i in pair[1]]), zip(blocks, places, strict=True)
+        )
+        return [row for block in rows for row in block]
+
+
+def squares(problems: Sequence[Problem], begins: Sequence[np.ndarray]) -> list[Solution]:
+    """The least squares of many problems, each from its coordinates `begins`."""
+    if problems and alone(problems[0]):
+        return [solve(problem, begin) for problem, begin in zip(problems, begins, strict=True)]
+    return [solution for solution, _ in solve_batch(problems, begins)]

@@ -1,0 +1,221 @@
+"""The profile likelihood of a parameter: how badly the record is described with it held, all others fitted again.
+
+Where chi^2 is a parabola about the optimum, it crosses ``chi^2_min + 3.84`` at 1.96 standard errors. Where it is not,
+the interval between the crossings is the one to give, and where it never crosses, the record does not bound the
+parameter on that side (Raue et al., Bioinformatics 25, 1923, 2009). A record with coloured noise has squares that say
+less than they seem to; they are counted in units in which the curvature at the optimum gives the standard error of the
+fit, which knows of the colour.
+"""
+
+import dataclasses
+from typing import Any
+
+import numpy as np
+
+from ..errors import UsageError, nearest
+from ..estimation.space import LINEAR
+from ..fitting import Fit
+from ..fitting.problem import Problem
+from ..fitting.solve import Solution
+from ..show import Report, Reported, Table, axis_label, figure, interval, uncertain
+from .again import held, optimum, origins, problem_of, squares
+
+BOUNDED, ONE_SIDED, FLAT, MULTIMODAL = "bounded", "one-sided", "flat", "multimodal"
+# Twice the log-likelihood ratio at the ends of an interval: the quantile of chi^2 of one degree of freedom at 95 %.
+_THRESHOLD = 3.841458820694124
+# A prior so narrow holds a value to a thousandth of its step on the profile, and leaves the equations well conditioned.
+_HELD = 1e-3
+# Rounds in which the profile is carried on where it has not crossed, each twice as far.
+_ROUNDS = 6
+# Height of the ridge that makes a valley one of its own: that of a standard error, below which nothing is told apart.
+_RIDGE = 1.0
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Profile(Reported):
+    """The profile of a parameter.
+
+    Attributes:
+        name, unit: of the parameter.
+        value, std_error: of the fit.
+        at: values at which it was held, in order, shape (n,).
+        excess: twice the logarithm of the ratio of the likelihoods at the optimum and there, shape (n,).
+        others: values of all parameters there, by name, shape (n,) each.
+        interval: where `excess` crosses 3.84; a bound, or inf, where it does not.
+        verdict: "bounded", "one-sided", "flat" or "multimodal".
+
+    Examples:
+        >>> import fricjax as fj
+        >>> machine = fj.Oscillator(0.4, 2500.0, 0.2, 10.0, fj.friction.Coulomb(0.05))
+        >>> run = fj.synthetic_run(machine, 2e-3, rate=2e3, duration=0.6, noise=1e-9, seed=0)
+        >>> fit = fj.fit(run, machine, ["mu", "damping", "stiffness"])
+        >>> profile = fj.uncertainty.profile(fit, "mu")
+        >>> low, high = profile.interval
+        >>> profile.verdict, round((high - low) / (2 * 1.96 * fit.std_errors["mu"]), 2)
+        ('bounded', 1.0)
+    """
+
+    name: str
+    unit: str
+    value: float
+    std_error: float
+    at: np.ndarray
+    excess: np.ndarray
+    others: dict[str, np.ndarray]
+    interval: tuple[float, float]
+    verdict: str
+
+    def report(self) -> Report:
+        """The interval of the profile beside that of the standard error."""
+        reach = np.sqrt(_THRESHOLD) * self.std_error
+        rows = [
+            ["profile", interval(*self.interval), self.unit],
+            ["standard error", interval(self.value - reach, self.value + reach), self.unit],
+        ]
+        told = {
+            BOUNDED: "The record bounds it on both sides.",
+            ONE_SIDED: "The record bounds it on one side only.",
+            FLAT: "The record does not bound it: other parameters make up for any of its values.",
+            MULTIMODAL: "There is more than one valley; the interval holds them all.",
+        }
+        facts = [(self.name, uncertain(self.value, self.std_error, self.unit)), ("profile", self.verdict)]
+        table = Table(["By", "95 % interval", "Unit"], rows, f"Profile of {self.name}")
+        data = {field.name: getattr(self, field.name) for field in dataclasses.fields(self)}
+        return Report([table], facts, [told[self.verdict]], data=data)
+
+    def plot(self) -> Any:
+        """The profile with its parabola, and what the other parameters do along it; a matplotlib figure."""
+        drawing, axes = figure(2, share_x=True)
+        upper, lower = axes[:, 0]
+        label = axis_label(self.name, self.unit)
+        near = self.excess < 4 * _THRESHOLD
+        upper.plot(self.at[near], self.excess[near], "o-", markersize=3, label="profile")
+        if np.isfinite(self.std_error) and self.std_error > 0:
+            parabola = ((self.at - self.value) / self.std_error) ** 2
+            shown = near & (parabola < 4 * _THRESHOLD)
+            upper.plot(self.at[shown], parabola[shown], "--", label="standard error")
+        upper.axhline(_THRESHOLD, color="#000000", linewidth=0.8)
+        upper.set_ylabel("Excess of chi^2")
+        upper.legend()
+        for name, values in self.others.items():
+            spread = np.ptp(values[near]) if name != self.name else 0.0
+            if spread:
+                lower.plot(self.at[near], (values[near] - values[near].min()) / spread, label=name)
+        lower.set_ylabel("Other parameters, range 0 to 1")
+        lower.set_xlabel(label)
+        lower.legend(fontsize=7)
+        return drawing
+
+    def __repr__(self) -> str:
+        return f"Profile({self.name}: {self.verdict}, {interval(*self.interval, self.unit)})"
+
+
+def profile(fit: Fit, name: str, *, points: int = 16, reach: float = 3.0) -> Profile:
+    """The profile likelihood of a parameter: all others fitted again with it held at values about its optimum.
+
+    Args:
+        fit: the fit; not one that was read from a file.
+        name: a free parameter.
+        points: number of values on each side.
+        reach: distance of the outermost of them in standard errors; where chi^2 has not risen by 3.84 there, the
+            profile goes on, each time twice as far.
+
+    Returns:
+        The profile, its 95 % interval, and the verdict.
+
+    Raises:
+        UsageError: a name that is not free, or a fit without an optimum or from a file.
+
+    Examples:
+        >>> import fricjax as fj
+        >>> machine = fj.Oscillator(0.4, 2500.0, 0.2, 10.0, fj.friction.Coulomb(0.05))
+        >>> run = fj.synthetic_run(machine, 2e-3, rate=2e3, duration=0.6, noise=1e-9, seed=0)
+        >>> fit = fj.fit(run, machine, ["mu", "damping", "stiffness"])
+        >>> fj.uncertainty.profile(fit, "damping", points=4).verdict
+        'bounded'
+    """
+    problem = problem_of(fit)
+    if name not in fit.names:
+        raise UsageError(
+            f"{name!r} is not free in this fit.{nearest(name, fit.names)} Free are {', '.join(fit.names)}."
+        )
+    space, i = problem.residual.space, fit.names.index(name)
+    fitted = optimum(fit)
+    slope = abs(float(np.asarray(space.slope(space.coordinates(fitted)))[i]))
+    (least,) = squares([problem], [space.coordinates(fitted)])
+    variance, std = least.shape.inverse[i, i], fit.std_errors[name] / slope
+    bounded = np.isfinite(std) and std > 0 and variance > 0
+    # Where there is no standard error the squares count as they are, and a tenth of the value's scale is a step.
+    unit, step = (variance / std**2, std) if bounded else (1 / max(fit.chi2_reduced, 1.0), 0.1)
+    along = least.shape.inverse[:, i] / variance if variance > 0 else np.zeros(len(fitted))
+    along[i] = 1.0
+    found = {0.0: least}
+    reached, wanted = {-1.0: reach, 1.0: reach}, np.outer([-1, 1], np.linspace(reach / points, reach, points)).ravel()
+    for _ in range(_ROUNDS):
+        found |= _held_at(problem, found, i, along, step * wanted)
+        shifts = np.array(sorted(found))
+        rise = np.array([unit * found[shift].chi2 for shift in shifts])
+        rise -= rise.min()
+        open_ends = [side for side in reached if not np.any(rise[shifts * side > 0] > _THRESHOLD)]
+        if not open_ends:
+            break
+        wanted = np.concatenate([side * np.linspace(1, 2, points + 1)[1:] * reached[side] for side in open_ends])
+        reached |= {side: 2 * reached[side] for side in open_ends}
+    values = np.array([np.asarray(found[s].derived.values) for s in shifts]) + origins(problem)
+    # Where noise is coloured the fit is not at the least squares: distances from the optimum are what is kept.
+    at = values[:, i] + fit.values[name] - values[shifts == 0, i]
+    ends, verdict = judged(at, rise)
+    parameter = problem.parameters[i]
+    # What is fitted in its logarithm is never below zero.
+    lowest = parameter.lower if parameter.kind in LINEAR else max(parameter.lower, 0.0)
+    ends = (max(ends[0], lowest), min(ends[1], parameter.upper))
+    others = dict(zip(fit.names, values.T, strict=True))
+    return Profile(name, fit.units[name], fit.values[name], fit.std_errors[name], at, rise, others, ends, verdict)
+
+
+def _held_at(
+    problem: Problem, found: dict[float, Solution], i: int, along: np.ndarray, shifts: np.ndarray
+) -> dict[float, Solution]:
+    """The solutions with parameter `i` held at distances from its optimum, by the distance, within its bounds.
+
+    Each starts from the nearest that is known, for far from the optimum the others do not go on along a straight line.
+    """
+    limits, space, p = problem.limits, problem.residual.space, len(along)
+    middle = found[0.0].y[i]
+    within = [float(shift) for shift in shifts if limits.lower[i] < middle + shift < limits.upper[i]]
+    nearest_ones = [min(found, key=lambda known: abs(known - shift)) for shift in within]
+    starts = [found[near].y[:p] + (shift - near) * along for near, shift in zip(nearest_ones, within, strict=True)]
+    begins = [np.clip(start, limits.lower, limits.upper) for start in starts]
+    problems = []
+    for begin, shift in zip(begins, within, strict=True):
+        begin[i] = middle + shift
+        width = _HELD * abs(shift * float(np.asarray(space.slope(begin))[i]))
+        problems.append(held(problem, i, float(np.asarray(space.values(begin))[i]), width))
+    solutions = zip(within, squares(problems, begins), strict=True)
+    return {shift: each for shift, each in solutions if each.converged and np.isfinite(each.chi2)}
+
+
+def judged(at: np.ndarray, rise: np.ndarray) -> tuple[tuple[float, float], str]:
+    """The interval in which the rise stays below the threshold, and the verdict."""
+    order = np.argsort(at)
+    at, rise = at[order], rise[order]
+    inside = np.flatnonzero(rise <= _THRESHOLD)
+    first, last = inside[0], inside[-1]
+    ends = [-np.inf, np.inf]
+    # The root of chi^2 is nearly a straight line where it crosses.
+    root, level = np.sqrt(rise), np.sqrt(_THRESHOLD)
+    if first > 0:
+        ends[0] = float(np.interp(-level, -root[[first - 1, first]], at[[first - 1, first]]))
+    if last < at.size - 1:
+        ends[1] = float(np.interp(level, root[[last, last + 1]], at[[last, last + 1]]))
+    least = int(np.argmin(rise))
+    valleys = [
+        k
+        for k in inside
+        if k not in (0, least, at.size - 1)
+        and rise[k] < min(rise[k - 1], rise[k + 1])
+        and rise[min(k, least) : max(k, least)].max() > rise[k] + _RIDGE
+    ]
+    open_ends = sum(map(bool, np.isinf(ends)))
+    verdict = MULTIMODAL if valleys and not open_ends else (BOUNDED, ONE_SIDED, FLAT)[open_ends]
+    return (ends[0], ends[1]), verdict

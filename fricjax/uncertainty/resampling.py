@@ -1,0 +1,242 @@
+"""The bootstrap: how the fitted values scatter over records that the same machine and noise could have given.
+
+Blocks of the residuals, drawn with replacement and put back on the fitted motion, keep whatever memory the noise has
+within a block and assume no distribution (Kuensch, Ann. Statist. 17, 1217, 1989). Their length is Carlstein's for an
+autoregression of the correlation time that the residuals have, ``(sqrt(6) r/(1 - r^2))^(2/3) n^(1/3)`` (Ann. Statist.
+14, 1171, 1986).
+"""
+
+import dataclasses
+import math
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from ..errors import UsageError, nearest
+from ..fitting import Fit
+from ..fitting.diagnostics import optimum_found
+from ..fitting.noise import Noise, whiteness
+from ..fitting.problem import Problem
+from ..fitting.window import Window
+from ..show import Report, Reported, Table, axis_label, figure, interval, plain, uncertain
+from .again import optimum, origins, problem_of, solved, with_displacements
+
+NOISES = ("blocks", "model")
+# Fewest records of which quantiles of 2.5 % are told: one beyond each.
+_FEWEST = 40
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Bootstrap(Reported):
+    """Fits of resampled records.
+
+    Attributes:
+        names: free parameters; `units`: by name.
+        sample: fitted values, NaN where a fit found no optimum, shape (draws, p).
+        values, std_errors: those of the fit that was resampled, by name.
+        noise: "blocks" or "model"; `block`: length of the blocks in samples, of each run.
+        failed: number of fits without an optimum.
+
+    Examples:
+        >>> import fricjax as fj
+        >>> machine = fj.Oscillator(0.4, 2500.0, 0.2, 10.0, fj.friction.Coulomb(0.05))
+        >>> run = fj.synthetic_run(machine, 2e-3, rate=2e3, duration=0.6, noise=1e-9, seed=0)
+        >>> fit = fj.fit(run, machine, ["mu", "damping", "stiffness"])
+        >>> check = fj.uncertainty.bootstrap(fit, 64)
+        >>> check.failed, bool(0.7 < check.std["mu"] / fit.std_errors["mu"] < 1.4)
+        (0, True)
+    """
+
+    names: tuple[str, ...]
+    units: dict[str, str]
+    sample: np.ndarray
+    values: dict[str, float]
+    std_errors: dict[str, float]
+    noise: str
+    block: tuple[int, ...]
+
+    @property
+    def failed(self) -> int:
+        """Number of fits that found no optimum."""
+        return int(np.sum(~np.isfinite(self.sample[:, 0])))
+
+    @property
+    def good(self) -> np.ndarray:
+        """Values of the fits that found an optimum, shape (n, p)."""
+        return self.sample[np.isfinite(self.sample[:, 0])]
+
+    @property
+    def covariance(self) -> np.ndarray:
+        """Covariance of the values over the draws, shape (p, p)."""
+        return np.cov(self.good, rowvar=False, ddof=1)
+
+    @property
+    def std(self) -> dict[str, float]:
+        """Standard deviation of each value over the draws."""
+        return dict(zip(self.names, self.good.std(axis=0, ddof=1).tolist(), strict=True))
+
+    @property
+    def bias(self) -> dict[str, float]:
+        """Mean of each value over the draws, less the value of which they were made."""
+        means = zip(self.names, self.good.mean(axis=0).tolist(), strict=True)
+        return {name: mean - self.values[name] for name, mean in means}
+
+    def intervals(self, level: float = 0.95) -> dict[str, tuple[float, float]]:
+        """Intervals that leave out the same part of the draws at both ends."""
+        ends = np.quantile(self.good, [(1 - level) / 2, (1 + level) / 2], axis=0)
+        return {name: (float(low), float(high)) for name, low, high in zip(self.names, *ends, strict=True)}
+
+    def report(self) -> Report:
+        """Standard errors of the fit beside the scatter of the draws."""
+        std, bias, rows = self.std, self.bias, []
+        for name, (low, high) in self.intervals().items():
+            ratio = std[name] / self.std_errors[name] if self.std_errors[name] else math.nan
+            shown = uncertain(self.values[name], std[name])
+            rows.append([name, shown, self.units[name], f"{ratio:.2f}", plain(bias[name], 3), interval(low, high)])
+        heads = ["Parameter", "Value (scatter of the draws)", "Unit", "Scatter/standard error", "Bias", "95 % interval"]
+        how = "residuals in blocks" if self.noise == "blocks" else "noise drawn from its model"
+        blocks = f" of {', '.join(map(str, self.block))} samples" if self.noise == "blocks" else ""
+        facts = [
+            ("resampled", how + blocks),
+            ("draws", f"{len(self.sample)}, {self.failed} of them without an optimum"),
+        ]
+        names = ("names", "values", "std_errors", "noise", "block", "failed", "std", "bias", "covariance")
+        data = {name: getattr(self, name) for name in names} | {"intervals": self.intervals()}
+        return Report([Table(heads, rows, "Bootstrap")], facts, data=data)
+
+    def plot(self) -> Any:
+        """Histogram of each value with the normal distribution of its standard error; a matplotlib figure."""
+        drawing, axes = figure(math.ceil(len(self.names) / 2), 2)
+        for axis, name, values in zip(axes.flat, self.names, self.good.T, strict=False):
+            centre, std = self.values[name], self.std_errors[name]
+            deviations = (values - centre) / std
+            axis.hist(deviations, bins=40, density=True, color="#B8D4E8")
+            at = np.linspace(-4, 4, 200)
+            axis.plot(at, np.exp(-(at**2) / 2) / math.sqrt(2 * math.pi), color="#D55E00")
+            axis.set_xlabel(axis_label(f"{name} less its value, in standard errors", ""))
+        for axis in axes.flat[len(self.names) :]:
+            axis.set_visible(False)
+        return drawing
+
+
+def bootstrap(fit: Fit, draws: int = 1000, *, noise: str = "blocks", seed: int = 0) -> Bootstrap:
+    """Fit records that the same machine and noise could have given, many at once.
+
+    Args:
+        fit: the fit to resample; not one that was read from a file.
+        draws: number of records.
+        noise: "blocks": residuals of the fit in blocks; "model": drawn from the noise that the fit has found, normal
+            with its size and memory, and rounded where the reading is.
+        seed: of the generator; the same seed gives the same numbers.
+
+    Returns:
+        The fitted values of all draws, beside the fit.
+
+    Raises:
+        UsageError: a fit without an optimum or from a file, too few draws, or a noise that cannot be drawn.
+
+    Examples:
+        >>> import fricjax as fj
+        >>> machine = fj.Oscillator(0.4, 2500.0, 0.2, 10.0, fj.friction.Coulomb(0.05))
+        >>> run = fj.synthetic_run(machine, 2e-3, rate=2e3, duration=0.6, noise=1e-9, seed=0)
+        >>> fit = fj.fit(run, machine, ["mu", "damping", "stiffness"])
+        >>> fj.uncertainty.bootstrap(fit, 64, noise="model").sample.shape
+        (64, 6)
+    """
+    problem, values = problem_of(fit), optimum(fit)
+    if noise not in NOISES:
+        raise UsageError(f"There is no noise {noise!r}.{nearest(noise, NOISES)} Choose one of {', '.join(NOISES)}.")
+    if draws < _FEWEST:
+        raise UsageError(f"Of {draws} draws no interval of 95 % can be told. Take {_FEWEST} at least, better 1000.")
+    residuals = fit.residuals if isinstance(fit.residuals, tuple) else (fit.residuals,)
+    parts = [_split(*each) for each in zip(problem.windows, residuals, fit.noises, strict=True)]
+    blocks = tuple(_block_length(random) for _, random in parts)
+    if noise == "model":
+        for each, label in zip(fit.noises, fit.labels, strict=True):
+            _check_drawable(each, label)
+    generator = np.random.default_rng(seed)
+
+    def resampled() -> Iterator[Problem]:
+        for _ in range(draws):
+            rows = zip(problem.windows, parts, fit.noises, blocks, strict=True)
+            yield with_displacements(problem, [_drawn(generator, noise, *row) for row in rows])
+
+    begin = problem.residual.space.coordinates(values)
+    rows = solved(resampled(), draws, [begin] * draws)
+    found = [
+        np.asarray(row.weighted.solution.derived.values) + origins(problem)
+        if row.weighted is not None and optimum_found(row.status)
+        else np.full(len(problem.names), np.nan)
+        for row in rows
+    ]
+    known = {name: fit.values[name] for name in fit.names}
+    units = {name: fit.units[name] for name in fit.names}
+    return Bootstrap(problem.names, units, np.array(found), known, dict(fit.std_errors), noise, blocks)
+
+
+def _split(window: Window, residual: np.ndarray, noise: Noise) -> tuple[np.ndarray, np.ndarray]:
+    """The record without its random noise, and that noise of the used samples."""
+    t = np.asarray(window.trace.t) - window.origin
+    random = (residual - noise.at(t))[window.used]
+    known = np.array(window.trace.x)
+    known[window.used] -= random
+    return known, random - random.mean()
+
+
+def _block_length(random: np.ndarray) -> int:
+    time = whiteness(random).correlation_time
+    r = (time - 1) / (time + 1)
+    return int(
+        np.clip(math.ceil((math.sqrt(6) * r / (1 - r**2)) ** (2 / 3) * random.size ** (1 / 3)), 1, random.size // 4)
+    )
+
+
+def _check_drawable(noise: Noise, label: str) -> None:
+    """Refuse what has no simple model to draw from.
+
+    Raises:
+        UsageError: says what it is.
+    """
+    kinds = {
+        "a random walk": math.isinf(noise.memory),
+        "a floor that shakes": noise.floor > 0,
+        "jitter": noise.jitter > 0,
+    }
+    for kind, is_it in kinds.items():
+        if is_it:
+            raise UsageError(f"The noise of {label} is {kind}, which is not drawn from a model. Take noise='blocks'.")
+
+
+def _drawn(
+    generator: np.random.Generator,
+    kind: str,
+    window: Window,
+    part: tuple[np.ndarray, np.ndarray],
+    noise: Noise,
+    block: int,
+) -> np.ndarray:
+    """Displacements of a record that could have been measured."""
+    known, random = part
+    n, x = random.size, known.copy()
+    if kind == "blocks":
+        # Blocks go round from the end to the begin, so that each residual is drawn as often as any other.
+        starts = generator.integers(0, n, -(-n // block))
+        x[window.used] += random[(starts[:, None] + np.arange(block)).ravel()[:n] % n]
+        return x
+    drawn = generator.normal(size=n)
+    if noise.memory:
+        from scipy.signal import lfilter
+
+        interval = float(np.median(np.diff(np.asarray(window.trace.t))))
+        r = math.exp(-interval / noise.memory)
+        drawn[1:] *= math.sqrt(1 - r**2)
+        drawn = np.asarray(lfilter([1.0], [1.0, -r], drawn))
+    # Rounding is part of the size that the residuals show, and comes anew with the rounding of the sum.
+    size = noise.excess * window.sigma[window.used]
+    if noise.rounding:
+        size = np.sqrt(np.maximum(size**2 - noise.rounding**2 / 12, 0.0))
+    x[window.used] += size * drawn
+    if noise.rounding:
+        x[window.used] = noise.rounding * np.round(x[window.used] / noise.rounding)
+    return x

@@ -1,0 +1,80 @@
+"""The scatter of resampled fits against standard errors, for white noise and for noise that remembers."""
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+import fricjax as fj
+from fricjax.errors import UsageError
+from tests.fitting.runs import coulomb_run
+
+FREE = ("mu", "damping", "stiffness")
+MACHINE = fj.Oscillator(0.41068, 2574.0, 0.1756, 9.66, fj.friction.Coulomb(0.05))
+DRAWS = 256
+# Five standard errors of a standard deviation of so many draws.
+NEAR = 5 / np.sqrt(2 * DRAWS)
+
+
+@pytest.fixture(scope="module")
+def white():
+    return fj.fit(coulomb_run(), MACHINE, FREE)
+
+
+@pytest.fixture(scope="module")
+def coloured():
+    run = coulomb_run()
+    shocks = 2e-8 * np.random.default_rng(5).normal(size=run.n)
+    noise = np.asarray(lfilter([1.0], [1.0, -0.9], shocks))
+    return fj.fit((run.t, run.x + noise), MACHINE, FREE)
+
+
+@pytest.mark.parametrize("noise", ["blocks", "model"])
+def test_the_scatter_is_the_standard_error(white, noise):
+    sample = fj.uncertainty.bootstrap(white, DRAWS, noise=noise)
+    assert sample.failed == 0
+    for name in FREE:
+        assert sample.std[name] == pytest.approx(white.std_errors[name], rel=NEAR)
+        # The standard error of a mean of so many draws is a sixteenth of one.
+        assert abs(sample.bias[name]) < 5 * white.std_errors[name] / np.sqrt(DRAWS)
+    assert sample.covariance.shape == (len(white.names),) * 2
+
+
+def test_noise_that_remembers_scatters_as_the_fit_says_and_not_as_white_noise(coloured):
+    sample = fj.uncertainty.bootstrap(coloured, 64)
+    assert sample.block[0] > 20
+    ratio = np.array([sample.std[name] / coloured.std_errors[name] for name in FREE])
+    assert np.all((ratio > 0.7) & (ratio < 1.35))
+    drawn = fj.uncertainty.bootstrap(coloured, 64, noise="model")
+    assert np.array([drawn.std[name] for name in FREE]) == pytest.approx(
+        [coloured.std_errors[name] for name in FREE], rel=0.35
+    )
+
+
+def test_the_same_seed_gives_the_same_numbers(white):
+    first, second, other = (fj.uncertainty.bootstrap(white, 40, seed=seed).sample for seed in (1, 1, 2))
+    assert np.array_equal(first, second) and not np.array_equal(first, other)
+
+
+def test_runs_of_a_joint_fit_are_resampled_together():
+    runs = [
+        fj.synthetic_run(MACHINE, x0, rate=2e3, duration=0.5, noise=1e-8, seed=i) for i, x0 in enumerate((1e-3, 2e-3))
+    ]
+    fit = fj.fit(runs, MACHINE, ("mu", "damping"))
+    sample = fj.uncertainty.bootstrap(fit, 40)
+    assert sample.std["mu"] == pytest.approx(fit.std_errors["mu"], rel=5 / np.sqrt(80))
+    assert sample.sample.shape == (40, len(fit.names))
+
+
+def test_what_cannot_be_resampled_is_refused(white):
+    with pytest.raises(UsageError, match=r"There is no noise 'block'\. Did you mean 'blocks'\?"):
+        fj.uncertainty.bootstrap(white, noise="block")
+    with pytest.raises(UsageError, match="Of 10 draws no interval of 95 % can be told"):
+        fj.uncertainty.bootstrap(white, 10)
+
+
+def test_a_random_walk_has_no_model_to_draw_from(white):
+    run = coulomb_run()
+    walk = np.cumsum(5e-9 * np.random.default_rng(5).normal(size=run.n))
+    fit = fj.fit((run.t, run.x + walk), MACHINE, FREE)
+    with pytest.raises(UsageError, match="is a random walk, which is not drawn from a model"):
+        fj.uncertainty.bootstrap(fit, noise="model")
