@@ -78,12 +78,26 @@ def attempts(machine: Oscillator, y0: np.ndarray, yf: np.ndarray, half_cycles: n
         >>> (1e3 * at_rest.size).round(6), at_rest.stopped
         (array([0.7, 0.3, 0.1]), array([False, False,  True]))
     """
-    exact = jax.tree.map(lambda leaf: np.asarray(leaf, float), machine)
-    engine = select_engine("auto", exact, max_half_cycles=capacity_for(half_cycles))
-    reversals = np.abs(np.asarray(_turning_points(engine, exact, y0, half_cycles)))
+    reversals = np.abs(reversals_of(machine, y0, half_cycles))
     moved = np.arange(reversals.shape[1]) < half_cycles[:, None]
     sizes = np.concatenate([reversals[moved], np.abs(yf)])
     return Attempts(sizes, np.arange(sizes.size) >= moved.sum())
+
+
+def reversals_of(machine: Oscillator, x0: np.ndarray, half_cycles: np.ndarray) -> np.ndarray:
+    """Turning points of runs that go on for so many half-cycles, wherever friction would hold the mass.
+
+    Args:
+        machine: the machine, of a set-valued law.
+        x0: initial displacements from the equilibrium [m], shape (runs,).
+        half_cycles: their numbers, shape (runs,).
+
+    Returns:
+        The initial displacements and behind them the turning points [m], shape (runs, points).
+    """
+    exact = jax.tree.map(lambda leaf: np.asarray(leaf, float), machine)
+    engine = select_engine("auto", exact, max_half_cycles=capacity_for(half_cycles))
+    return np.asarray(_turning_points(engine, exact, x0, half_cycles))
 
 
 @eqx.filter_jit

@@ -1,0 +1,181 @@
+"""Where to release the mass next, so that its stop tells most of static friction.
+
+A mass that comes to rest for a moment stays where the spring asks for less than static friction can hold, so each
+reversal asks one question of mu_s: is it above ``|R(a)|/N``? Which questions a run asks follows from its release
+through the turning points, which dynamic friction and damping determine. The best release is that after which the
+expected variance of mu_s is the smallest (Lindley, Ann. Math. Stat. 27, 986, 1956, for a quadratic loss): without
+scatter it halves the interval that is left, where a spread of releases at random would leave it to luck.
+"""
+
+import dataclasses
+import math
+from typing import Any, NamedTuple
+
+import jax.numpy as jnp
+import numpy as np
+
+from ..errors import UsageError
+from ..oscillator import Oscillator, ready
+from ..pairs.static import reversals_of
+from ..show import Report, Reported, Table, axis_label, engineering, figure, plain, scaled
+
+# Values of mu_s, and releases, that are looked at: the interval is halved to a few thousandths of what is left of it.
+_GRID, _RELEASES = 400, 801
+# Scatters beyond which no stop is expected.
+_FAR = 6.0
+# Outcomes that a report lists.
+_LISTED = 4
+
+
+class Outcome(NamedTuple):
+    """What a run may do.
+
+    Attributes:
+        half_cycles: after which it stops.
+        displacement: where, from the equilibrium [m].
+        probability: how probable that is.
+        value, std: of mu_s after it.
+    """
+
+    half_cycles: int
+    displacement: float
+    probability: float
+    value: float
+    std: float
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class NextRelease(Reported):
+    """The release that tells most of static friction.
+
+    Attributes:
+        x0: displacement from the equilibrium to release from [m].
+        value, std: of mu_s before the run, all values of its interval being as probable.
+        expected_std: root of the expected variance after it.
+        outcomes: what it may do, the most probable first.
+        releases, expected: the releases that were looked at [m] and the `expected_std` of each, shape (n,).
+
+    Examples:
+        >>> import fricjax as fj
+        >>> machine = fj.Oscillator(0.4, 2500.0, 0.2, 10.0, fj.friction.Coulomb(0.05))
+        >>> best = fj.sensitivity.next_release(machine, (0.5e-3, 2e-3), (0.05, 0.07))
+        >>> round(best.expected_std / best.std, 2), [round(each.probability, 1) for each in best.outcomes]
+        (0.5, [0.5, 0.5])
+    """
+
+    x0: float
+    value: float
+    std: float
+    expected_std: float
+    outcomes: tuple[Outcome, ...]
+    releases: np.ndarray
+    expected: np.ndarray
+
+    def report(self) -> Report:
+        """The release, what it brings, and what the mass may do."""
+        rows = []
+        for each in self.outcomes[:_LISTED]:
+            then = [plain(each.value, 4), f"{100 * each.std / each.value:.2g} %"]
+            rows.append([each.half_cycles, engineering(each.displacement, "m", 4), f"{each.probability:.2f}", *then])
+        heads = ["Stops after half-cycles", "At", "Probability", "Then mu_s", "Then its uncertainty"]
+        relative = lambda std: f"{100 * std / self.value:.2g} %"
+        facts = [
+            ("release from", engineering(self.x0, "m", 5)),
+            ("mu_s now", f"{plain(self.value, 4)}, standard uncertainty {relative(self.std)}"),
+            ("after the run", f"standard uncertainty {relative(self.expected_std)} expected"),
+        ]
+        data = {field.name: getattr(self, field.name) for field in dataclasses.fields(self)}
+        return Report([Table(heads, rows, "The release that tells most of mu_s")], facts, data=data)
+
+    def plot(self) -> Any:
+        """Expected standard uncertainty of mu_s after a run, against its release; a matplotlib figure."""
+        drawing, axes = figure()
+        axis = axes[0, 0]
+        releases, unit = scaled(self.releases, "m")
+        axis.plot(releases, 100 * self.expected / self.value)
+        axis.axhline(100 * self.std / self.value, color="#000000", linestyle="--", linewidth=0.8)
+        axis.plot(self.x0 * releases[-1] / self.releases[-1], 100 * self.expected_std / self.value, "o")
+        axis.set_xlabel(axis_label("Release", unit))
+        axis.set_ylabel(axis_label("Expected u(mu_s)", "%"))
+        return drawing
+
+
+def next_release(
+    oscillator: Oscillator, x0: tuple[float, float], interval: tuple[float, float], *, scatter: float = 0.0
+) -> NextRelease:
+    """Where to release the mass next, for the static coefficient.
+
+    Args:
+        oscillator: the machine with the dynamic coefficient and the damping that are known by now.
+        x0: smallest and largest displacement from the equilibrium that the rig can release from [m].
+        interval: of mu_s, as `fit.intervals["mu_s"]` has it; before the first run, guess a wide one above mu.
+        scatter: relative standard deviation of static friction from stop to stop.
+
+    Returns:
+        The release, and what is to be expected of it.
+
+    Raises:
+        RuntimeError: JAX computes in single precision.
+        UsageError: ends that are none, or a law whose static coefficient no stop tells.
+
+    Examples:
+        >>> import fricjax as fj
+        >>> machine = fj.Oscillator(0.4, 2500.0, 0.2, 10.0, fj.friction.Coulomb(0.05))
+        >>> print(fj.sensitivity.next_release(machine, (0.5e-3, 2e-3), (0.05, 0.07)).summary())
+        The release that tells most of mu_s
+        Stops after half-cycles  At           Probability  Then mu_s  Then its uncertainty
+        ...
+    """
+    ready()
+    if not oscillator.friction.set_valued:
+        raise UsageError(
+            f"Under {type(oscillator.friction).__name__} no stop tells a static coefficient. Take Coulomb."
+        )
+    for name, (low, high), unit in (("x0", x0, " [m]"), ("interval", interval, "")):
+        if not 0 < low < high < math.inf:
+            raise UsageError(f"{name} must be a smaller and a larger positive number{unit}, got {low} and {high}.")
+    if not 0 <= scatter < 1:
+        raise UsageError(f"The scatter must be a part such as 0.02, got {scatter:g}.")
+    releases = np.linspace(*x0, _RELEASES)
+    mu_s = interval[0] + (interval[1] - interval[0]) * (np.arange(_GRID) + 0.5) / _GRID
+    asked, points, counts = _questions(oscillator, releases, interval[0], interval[1] * (1 + _FAR * scatter))
+    stops = _stops(asked, mu_s, scatter)
+    probability = stops.mean(axis=2)
+    weight = np.where(probability > 0, probability, 1.0)
+    mean = (stops @ mu_s) / _GRID / weight
+    variance = np.maximum((stops @ mu_s**2) / _GRID / weight - mean**2, 0.0)
+    expected = np.sqrt(np.sum(probability * variance, axis=1))
+    best = int(np.argmin(expected))
+    columns = (counts, points, probability, mean, np.sqrt(variance))
+    rows = zip(*(each[best] for each in columns), strict=True)
+    outcomes = [Outcome(int(count), *map(float, numbers)) for count, *numbers in rows]
+    chosen = sorted((each for each in outcomes if each.probability > 1 / _GRID), key=lambda each: -each.probability)
+    middle, std = sum(interval) / 2, (interval[1] - interval[0]) / math.sqrt(12)
+    return NextRelease(float(releases[best]), middle, std, float(expected[best]), tuple(chosen), releases, expected)
+
+
+def _questions(machine: Oscillator, releases: np.ndarray, low: float, high: float) -> tuple[np.ndarray, ...]:
+    """The coefficients that the last reversals ask for, their turning points [m] and numbers, shape (releases, points).
+
+    Earlier ones ask for more than the highest value, and the mass moves on. Where the spring asks for less than the
+    lowest value the mass certainly stays, and what follows does not happen.
+    """
+    most = math.ceil(float(releases[-1]) / (2 * float(machine.dead_band))) + 2
+    points = reversals_of(machine, releases, np.full(releases.size, most))[:, : most + 1]
+    asked = np.abs(np.asarray(machine.restoring_force(jnp.asarray(points)))) / float(machine.normal_force)
+    first, last = np.argmax(asked <= high, axis=1), np.argmax(asked <= low, axis=1)
+    numbers = first[:, None] + np.arange(int(np.max(last - first)) + 1)
+    asked, points = (np.take_along_axis(each, np.minimum(numbers, most), axis=1) for each in (asked, points))
+    return np.where(numbers < last[:, None], asked, 0.0), points, numbers
+
+
+def _stops(asked: np.ndarray, mu_s: np.ndarray, scatter: float) -> np.ndarray:
+    """Probability to stop at each reversal for each value of mu_s, shape (releases, points, values)."""
+    from scipy.special import ndtr
+
+    # Where nothing scatters a step stands for the normal distribution.
+    with np.errstate(divide="ignore", invalid="ignore"):
+        deviations = (mu_s / asked[:, :, None] - 1) / scatter if scatter else np.inf * (mu_s - asked[:, :, None])
+    held = ndtr(np.where(asked[:, :, None] == 0, np.inf, deviations))
+    moves_on = np.cumprod(1 - held, axis=1)
+    return held * np.concatenate([np.ones_like(held[:, :1]), moves_on[:, :-1]], axis=1)
