@@ -51,8 +51,8 @@ class Design(Reported):
     @property
     def best(self) -> Information:
         """What one run from the release tells that needs the fewest runs; of several the shortest run."""
-        order = np.lexsort([[each.duration for each in self.informations], self.runs])
-        return self.informations[int(order[0])]
+        runs = zip(self.runs, self.informations, strict=True)
+        return min(runs, key=lambda each: (each[0], each[1].duration))[1]
 
     def relative(self, name: str) -> np.ndarray:
         """Relative standard error of a coefficient after one run from each release, shape (releases,)."""
