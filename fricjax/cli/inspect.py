@@ -1,5 +1,6 @@
 """``fricjax inspect``: what a record is like, before anything is fitted to it."""
 
+import dataclasses
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -31,7 +32,9 @@ def inspect(
     for inspection, record in zip(inspections, records, strict=True):
         steps = [str(step) for step in record.log]
         data.append({**inspection.to_dict(), "log": steps})
-        texts.append("\n".join([inspection.summary(), *(f"{'log':<22}{step}" for step in steps)]))
+        report = inspection.report()
+        logged = dataclasses.replace(report, facts=[*report.facts, *(("log", step) for step in steps)])
+        texts.append(logged.text())
 
     def draw() -> dict[str, str]:
         pictures = {}

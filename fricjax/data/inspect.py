@@ -4,14 +4,13 @@ Scales that no friction oscillator has are pointed out, each with the mistake th
 """
 
 import dataclasses
-import html
 import math
 from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 
-from ..show import engineering
+from ..show import Report, Reported, engineering
 from .gather import record_of
 from .repair import reported_faults
 from .segmentation.decay import Segmentation
@@ -31,7 +30,7 @@ _COMPUTED = 1e-10
 
 
 @dataclasses.dataclass(frozen=True)
-class Inspection:
+class Inspection(Reported):
     """What `inspect` reports: times in s, frequencies in Hz, displacements in `unit` ("m" or "rad").
 
     The fields are those of a `Segmentation`, and of the record: `samples`, `masked`, `duration`, `rate`, whether its
@@ -69,22 +68,12 @@ class Inspection:
     rest_position: float | None
     warnings: tuple[str, ...] = ()
 
-    def to_dict(self) -> dict[str, Any]:
-        """The fields as plain values for JSON."""
-        return dataclasses.asdict(self)
-
-    def summary(self) -> str:
-        """The fields as a table of plain text, with the warnings below it."""
-        lines = [f"{name:<22}{value}" for name, value in _rows(self)]
-        return "\n".join([*lines, *(f"! {sentence}" for sentence in self.warnings)])
+    def report(self) -> Report:
+        """The fields in words, and what is doubtful."""
+        return Report([], _rows(self), warnings=self.warnings, heading="Record", data=vars(self))
 
     def __str__(self) -> str:
         return self.summary()
-
-    def _repr_html_(self) -> str:
-        shown = [*_rows(self), *(("warning", sentence) for sentence in self.warnings)]
-        rows = (f"<tr><th>{html.escape(name)}</th><td>{html.escape(value)}</td></tr>" for name, value in shown)
-        return f"<table>{''.join(rows)}</table>"
 
 
 def inspect(record: Any) -> Inspection:
@@ -96,7 +85,7 @@ def inspect(record: Any) -> Inspection:
     Examples:
         >>> import fricjax as fj
         >>> print(fj.data.inspect(fj.data.example_paths().run).summary().splitlines()[3])
-        rate                  5000 Hz, regular
+        rate:           5000 Hz, regular
     """
     record = record_of(record)
     trace, segmentation = record.trace, record.segmentation

@@ -6,7 +6,6 @@ place: each step of preprocessing returns a new one with one more line in its lo
 
 import dataclasses
 import functools
-import html
 from collections import Counter
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, overload
@@ -14,6 +13,7 @@ from typing import TYPE_CHECKING, Any, overload
 import numpy as np
 
 from ..errors import DataError
+from ..show import Report, Reported
 from .segmentation.decay import Segmentation, segment
 
 if TYPE_CHECKING:
@@ -40,7 +40,7 @@ class Step:
 
 
 @dataclasses.dataclass(frozen=True, init=False)
-class Record:
+class Record(Reported):
     """A measured or synthetic run.
 
     It is made of a trace, its facts and its log, or of what makes a trace: `Record(t, x)`, `Record(x=x, rate=5000.0)`.
@@ -178,21 +178,15 @@ class Record:
         table.attrs.update({"units": {"t": "s", "x": self.quantity}, "source": self.name})
         return table
 
-    def summary(self) -> str:
-        """The record in a few lines of plain text: source, size, span, and the log."""
-        lines = [f"{name:<10}{value}" for name, value in _facts(self)]
-        lines += [f"{'log' if i == 0 else '':<10}{step}" for i, step in enumerate(self.log)]
-        return "\n".join(lines)
+    def report(self) -> Report:
+        """Source, size, span, and the log."""
+        facts = [*_facts(self), *(("log", str(step)) for step in self.log)]
+        return Report([], facts, heading="Record", data={"meta": self.meta, "log": [str(step) for step in self.log]})
 
     def __repr__(self) -> str:
         source = self.name or "in memory"
         span = f"{float(self.trace.t[0]):.6g}..{float(self.trace.t[-1]):.6g} s"
         return f"Record({source!r}, {self.trace.n} samples, {span}, x in {self.quantity}, {len(self.log)} steps)"
-
-    def _repr_html_(self) -> str:
-        rows = [*_facts(self), *(("step", str(step)) for step in self.log)]
-        cells = "".join(f"<tr><th>{html.escape(name)}</th><td>{html.escape(value)}</td></tr>" for name, value in rows)
-        return f"<table>{cells}</table>"
 
 
 def _facts(record: Record) -> list[tuple[str, str]]:

@@ -69,8 +69,12 @@ class Report:
         return {name: plain_data(value) for name, value in self.data.items()}
 
     def to_dataframe(self) -> "DataFrame":
-        """The first table as a data frame of numbers; a column of values with uncertainties gives two."""
-        return self.tables[0].to_dataframe()
+        """The first table as a data frame of numbers; a column of values with uncertainties gives two.
+
+        A report without tables gives its facts.
+        """
+        table = self.tables[0] if self.tables else Table(["fact", "text"], self.facts)
+        return table.to_dataframe()
 
 
 class Reported(abc.ABC):

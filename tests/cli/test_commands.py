@@ -159,7 +159,7 @@ def test_a_fit_without_finite_numbers_is_written_without_a_picture(fricjax, tmp_
 def test_inspect_tells_and_draws(fricjax, tmp_path):
     called = fricjax("inspect", RUN, "--plot", tmp_path / "run.png")
     assert called.code == 0
-    assert "half-cycles           13" in called.out
+    assert "half-cycles:    13" in called.out
     assert (tmp_path / "run.png").stat().st_size > 10_000
     told = json.loads(fricjax("inspect", RUN, "--json").out)
     assert told["n_half_cycles"] == 13
