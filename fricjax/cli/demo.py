@@ -44,6 +44,7 @@ def demo(
         f"fricjax fit {mine}",
         f"fricjax fit {mine} --rig {out / 'rig.toml'} --plot {out / 'mine.png'} --out {out / 'mine.json'}",
         f"fricjax fit {mine} --rig {out / 'rig.toml'} --friction tanh --fix v_s=1e-5",
+        f"fricjax report {out / 'fit.json'} --out {out / 'fit.html'}",
         "fricjax fit --help",
     ]
     advice = "Next:\n" + "\n".join(f"  {command}" for command in data["next"])

@@ -6,13 +6,15 @@ from typing import Any
 import numpy as np
 
 from ..errors import DataError, UsageError, nearest
+from ..show import Report, Reported
 from .diagnostics import optimum_found
 from .noise import Noise
 from .population import Population, population
+from .show import batch_report
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class BatchFit:
+class BatchFit(Reported):
     """Independent fits of many runs; rows of runs that could not be fitted hold NaN and say why in `status`.
 
     Attributes:
@@ -43,8 +45,11 @@ class BatchFit:
         >>> import fricjax as fj
         >>> machine = fj.Oscillator(0.4, 2500.0, 0.2, 10.0, fj.friction.Coulomb(0.05))
         >>> runs = [fj.synthetic_run(machine, 2e-3, rate=2e3, duration=0.6, noise=1e-9, seed=seed) for seed in (0, 1)]
-        >>> fj.fit_batch(runs, machine, ["mu", "damping", "stiffness"]).to_dataframe()["mu"].round(6).tolist()
+        >>> batch = fj.fit_batch(runs, machine, ["mu", "damping", "stiffness"])
+        >>> batch.to_dataframe()["mu"].round(6).tolist()
         [0.05, 0.05]
+        >>> batch.report().facts[0]
+        ('runs', '2: 2 converged')
     """
 
     names: tuple[str, ...]
@@ -122,6 +127,10 @@ class BatchFit:
             more = int(np.sum(self.optimum_found & ~counted))
             hint = f" {more} have not converged though an optimum was found: only_converged=False counts them."
             raise DataError(f"{error}{hint if more else ''}") from error
+
+    def report(self) -> Report:
+        """The parameters of the first runs, their means over all that converged, and how the fits ended."""
+        return batch_report(self)
 
     def to_dataframe(self) -> Any:
         """One row per run: the name of its file, values, their standard errors, and what tells how good they are.

@@ -3,17 +3,21 @@
 The functions take a :class:`~fricjax.fitting.Fit`, which they do not import, for it lies above what shows it.
 """
 
+import contextlib
+from collections import Counter
 from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 
+from ..data.record import labels
+from ..errors import DataError
 from ..show import Report, Table, axis_label, display_unit, engineering, figure, interval, plain, uncertain
 from .names import NUISANCES
 from .rest import CONTRADICTED
 
-# Most files whose names the report lists.
-_LISTED = 4
+# Most files whose names the report lists, and most runs of a batch.
+_LISTED, _LISTED_RUNS = 4, 20
 # Ratio from which on the errors of white noise are shown beside the right ones, and noise as larger than stated.
 _NOTABLE = 1.3
 
@@ -146,6 +150,44 @@ def _stop(fit: Any) -> Iterator[tuple[str, str]]:
 def report_of(fit: Any) -> Report:
     """The report of a fit."""
     return Report([parameter_table(fit), kinematics_table(fit)], facts(fit), warnings=fit.warnings, heading="Fit")
+
+
+def batch_report(batch: Any) -> Report:
+    """The report of a batch: its first runs, what they have in common, and how the fits ended."""
+    names = [name for name in batch.values if name.split("[")[0] not in NUISANCES]
+    combined, runs = batch.combined_std_errors, labels(batch.sources)
+    rows = [
+        [runs[i], *(uncertain(batch.values[name][i], combined[name][i]) for name in names), _outcome(batch.status[i])]
+        for i in range(min(len(batch), _LISTED_RUNS))
+    ]
+    heads = [axis_label(name, batch.units[name]) for name in names]
+    endings = Counter(map(_outcome, batch.status)).most_common()
+    facts = [
+        ("runs", f"{len(batch)}: " + ", ".join(f"{count} {outcome}" for outcome, count in endings)),
+        ("engine", batch.engine),
+    ]
+    more = len(batch) - len(rows)
+    notes = [f"{more} more runs are in to_dataframe()."] if more > 0 else []
+    wrong = sum(map(bool, batch.warnings))
+    warnings = [f"{wrong} of {len(batch)} runs have warnings, which are in to_dataframe()."] if wrong else []
+    tables = [Table(["Run", *heads, "Outcome"], rows), _populations(batch, names)]
+    return Report(tables, facts, notes, warnings, heading="Batch", data=vars(batch))
+
+
+def _outcome(status: str) -> str:
+    return status.partition(":")[0]
+
+
+def _populations(batch: Any, names: list[str]) -> Table:
+    """Mean and scatter of the coefficients over the runs; without rows where fewer than three tell."""
+    rows = []
+    for name in names:
+        # Fewer than three runs tell no scatter.
+        with contextlib.suppress(DataError):
+            pooled = batch.population(name)
+            mean, scatter = uncertain(pooled.mean, pooled.combined_std), plain(pooled.scatter, 3)
+            rows.append([axis_label(name, batch.units[name]), mean, scatter, pooled.runs, len(pooled.outliers)])
+    return Table(["Over the runs", "Mean", "Scatter from run to run", "Runs", "Set aside"], rows)
 
 
 def _runs(fit: Any) -> tuple[np.ndarray, ...]:

@@ -5,9 +5,14 @@ from typing import Any, NamedTuple
 import diffrax
 import equinox as eqx
 import jax
+import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from ..friction.base import Scalar, State
+from ..show import Report, Reported, Table
+
+_SAMPLED = ("t", "x", "v", "friction_force", "at_rest")
+"""Fields with one entry for each sample."""
 
 
 class Start(NamedTuple):
@@ -24,7 +29,7 @@ class Start(NamedTuple):
     state: State
 
 
-class Motion(eqx.Module):
+class Motion(eqx.Module, Reported):
     """A simulated motion, sampled at the times asked for.
 
     Attributes:
@@ -57,6 +62,8 @@ class Motion(eqx.Module):
         >>> motion = fj.simulate(oscillator, 1e-3, np.asarray([0.0, 0.1, 1.0]))
         >>> motion.at_rest.tolist()
         [False, False, True]
+        >>> print(motion.report().facts[1])
+        ('half-cycles', '5')
     """
 
     t: Float[Array, " samples"]
@@ -71,6 +78,27 @@ class Motion(eqx.Module):
     engine: str = eqx.field(static=True)
     result: Any
     stats: dict[str, Any]
+
+    def report(self) -> Report:
+        """How far the mass went, when it stopped, and how that was computed; of several motions only how many."""
+        if self.x.ndim > 1:
+            return Report([], [("motions", str(list(self.x.shape[:-1]))), ("engine", self.engine)], heading="Motion")
+        points = np.asarray(self.turning_points)
+        points, stop = points[np.isfinite(points)], float(self.t_stop)
+        facts = [
+            ("samples", f"{self.t.size}, from {float(self.t[0]):.6g} to {float(self.t[-1]):.6g} s"),
+            ("half-cycles", str(int(self.n_half_cycles))),
+            ("turning points", " to ".join(f"{point:.6g} m" for point in points[[0, -1]]) if points.size else "none"),
+            ("stop", f"at {stop:.6g} s" if np.isfinite(stop) else "none until the last sample"),
+            ("engine", self.engine),
+        ]
+        data = {name: np.asarray(getattr(self, name)) for name in (*_SAMPLED, "t_stop", "n_half_cycles")}
+        return Report([], facts, heading="Motion", data=data | {"turning_points": points, "engine": self.engine})
+
+    def to_dataframe(self) -> Any:
+        """The samples, one row each."""
+        columns = [np.asarray(getattr(self, name)).tolist() for name in _SAMPLED]
+        return Table(_SAMPLED, list(zip(*columns, strict=True))).to_dataframe()
 
 
 class RESULTS(diffrax.RESULTS):  # pyright: ignore[reportGeneralTypeIssues]

@@ -6,17 +6,20 @@ moment of inertia for the mass and angles for displacements.
 """
 
 from collections.abc import Mapping
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
+from jax.core import Tracer
 
 from ..friction.base import AbstractFriction, Scalar, State, Values, scalar
 from ..friction.coefficient import Coefficient, check_coefficients, not_negative, positive
+from ..show import Report, Reported, Table, plain
 from .restoring import AbstractRestoring, Linear
 
 
-class Oscillator(eqx.Module):
+class Oscillator(eqx.Module, Reported):
     """A mass on a spring with viscous damping, quadratic drag and dry friction.
 
     Attributes:
@@ -36,6 +39,8 @@ class Oscillator(eqx.Module):
         >>> oscillator = Oscillator(0.1, 1000.0, damping=0.05, normal_force=10.0, friction=Coulomb(mu=0.01))
         >>> print(f"{float(oscillator.angular_frequency):.1f} rad/s, dead band {float(oscillator.dead_band):.1e} m")
         100.0 rad/s, dead band 1.0e-04 m
+        >>> oscillator.report().facts[0]
+        ('natural frequency', '15.9155 Hz')
     """
 
     coefficients: ClassVar[Mapping[str, Coefficient]] = {
@@ -63,6 +68,27 @@ class Oscillator(eqx.Module):
 
     def __repr__(self) -> str:
         return eqx.tree_pformat(self, short_arrays=False)
+
+    def report(self) -> Report:
+        """Coefficients of the machine, its spring and its friction law with units, and what follows from them."""
+        parts = (self, self.restoring, *getattr(self.friction, "laws", (self.friction,)))
+        coefficients = [
+            (type(part).__name__.lower(), name, getattr(part, name), coefficient.unit)
+            for part in parts
+            for name, coefficient in part.coefficients.items()
+            if getattr(part, name) is not None
+        ]
+        rows = [[of, name, _shown(value), unit] for of, name, value, unit in coefficients]
+        facts = []
+        # Of many machines at once, and of a traced one, there is nothing to derive.
+        if all(map(_single, jax.tree.leaves(self))):
+            facts = [
+                ("natural frequency", f"{_shown(self.angular_frequency / (2 * jnp.pi))} Hz"),
+                ("damping ratio", _shown(self.damping_ratio)),
+                ("dead band", f"{_shown(self.dead_band)} m"),
+            ]
+        data = {f"{of}.{name}": value for of, name, value, _ in coefficients}
+        return Report([Table(["Of", "Coefficient", "Value", "Unit"], rows)], facts, heading="Oscillator", data=data)
 
     @property
     def angular_frequency(self) -> Scalar:
@@ -100,3 +126,15 @@ class Oscillator(eqx.Module):
         rate = self.friction.rate(v, state, self.normal_force)
         friction = self.friction.force_of(v, state, rate, self.normal_force)
         return -(self.dissipation(v) + self.restoring_force(x) + friction) / self.mass, rate
+
+
+def _single(value: Any) -> bool:
+    """Whether a coefficient is one number, neither several nor traced."""
+    return not isinstance(value, tuple | Tracer) and not jnp.shape(value)
+
+
+def _shown(value: Any) -> str:
+    """A coefficient as it is read; of what is no number only its shape."""
+    if isinstance(value, tuple):
+        return ", ".join(map(_shown, value))
+    return plain(float(value)) if _single(value) else f"array{list(jnp.shape(value))}"

@@ -1,0 +1,75 @@
+"""What results show of themselves beside fits: batches, machines, motions, records and their inspection."""
+
+import jax
+import numpy as np
+import pytest
+
+import fricjax as fj
+from fricjax.show import Reported
+
+MACHINE = fj.Oscillator(0.4, 2500.0, 0.2, 10.0, fj.friction.Coulomb(0.05))
+FREE = ["mu", "damping", "stiffness"]
+
+
+@pytest.fixture(scope="module")
+def runs():
+    made = [fj.synthetic_run(MACHINE, 2e-3, rate=2e3, duration=0.6, noise=1e-9, seed=seed) for seed in range(23)]
+    # One that cannot be fitted: the mass never moves.
+    return [*made, fj.Record(made[0].t, 1e-9 * np.random.default_rng(0).standard_normal(made[0].t.size))]
+
+
+@pytest.fixture(scope="module")
+def batch(runs):
+    return fj.fit_batch(runs, MACHINE, FREE)
+
+
+def test_a_batch_shows_its_first_runs_their_mean_and_how_the_fits_ended(batch):
+    report = batch.report()
+    first, pooled = report.tables
+    assert len(first.rows) == 20 and first.columns[1:3] == ["mu", "damping [N s/m]"]
+    assert first.rows[0][1] == fj.show.uncertain(batch.values["mu"][0], batch.combined_std_errors["mu"][0])
+    assert pooled.rows[0][:2] == [
+        "mu",
+        fj.show.uncertain(batch.population("mu").mean, batch.population("mu").combined_std),
+    ]
+    assert dict(report.facts)["runs"].startswith("24: 23 converged, 1 ")
+    assert report.notes == ["4 more runs are in to_dataframe()."]
+    assert batch.to_dict()["values"]["mu"][:23] == batch.values["mu"][:23].tolist()
+    assert len(batch.to_dataframe()) == 24
+
+
+def test_a_machine_shows_the_coefficients_of_its_summands():
+    law = fj.friction.Stribeck(0.05, mu_s=0.06, v_stribeck=1e-3) + fj.friction.Viscous(0.1)
+    machine = fj.Oscillator(0.4, 2500.0, 0.2, 10.0, law, restoring=fj.restoring.Cubic(2e6))
+    rows = {(of, name): (value, unit) for of, name, value, unit in machine.report().tables[0].rows}
+    assert rows["stribeck", "mu_s"] == ("0.0600", "")
+    assert rows["cubic", "k3"] == ("2.00e+06", "N/m^3")
+    assert rows["viscous", "sigma2"] == ("0.100", "N s/m")
+    assert ("coulomb", "mu_s") not in rows
+    many = jax.vmap(lambda mu: fj.Oscillator(0.4, 2500.0, 0.2, 10.0, fj.friction.Coulomb(mu)))(np.array([0.1, 0.2]))
+    assert "array[2]" in many.summary()
+    jax.jit(lambda mass: fj.Oscillator(mass, 2500.0, 0.2, 10.0, fj.friction.Coulomb(0.1)).report() and mass)(0.4)
+
+
+def test_a_motion_shows_where_it_stopped():
+    motion = fj.simulate(MACHINE, 2e-3, np.linspace(0, 0.6, 1200))
+    facts = dict(motion.report().facts)
+    assert facts["half-cycles"] == str(int(motion.n_half_cycles))
+    assert facts["stop"] == f"at {float(motion.t_stop):.6g} s"
+    np.testing.assert_array_equal(motion.to_dataframe()["x"], motion.x)
+    cut = fj.simulate(MACHINE, 2e-3, np.linspace(0, 0.01, 12))
+    assert dict(cut.report().facts)["stop"].startswith("at ")
+    several = jax.vmap(lambda x0: fj.simulate(MACHINE, x0, np.linspace(0, 0.6, 12)))(np.array([1e-3, 2e-3]))
+    assert several.report().facts[0] == ("motions", "[2]")
+
+
+def test_records_and_inspections_have_the_face_of_results(runs):
+    record, inspection = runs[0], fj.data.inspect(runs[0])
+    assert dict(record.report().facts)["samples"] == "1200, 1200 used"
+    assert [text for name, text in record.report().facts if name == "log"] == [str(step) for step in record.log]
+    assert dict(inspection.report().facts)["rate"] == "2000 Hz, regular"
+    assert inspection.to_dict()["n_half_cycles"] == inspection.n_half_cycles
+    assert inspection.to_dataframe()["fact"].tolist()[:2] == ["source", "samples"]
+    for each in (record, inspection, MACHINE):
+        assert isinstance(each, Reported)
+        assert each.summary() and each._repr_html_().startswith("<table>")
