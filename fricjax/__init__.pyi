@@ -18,6 +18,7 @@ from . import (
 )
 from .archive import Archive, batch, open_archive
 from .calibrate.frf import calibrate_frf
+from .calibrate.interferometer import calibrate_interferometer
 from .calibrate.ringdown import calibrate_added_mass, calibrate_ringdown
 from .comparison import Comparison, compare
 from .data import Record, Trace, read, write
@@ -62,6 +63,7 @@ __all__ = [
     "calibrate",
     "calibrate_added_mass",
     "calibrate_frf",
+    "calibrate_interferometer",
     "calibrate_ringdown",
     "compare",
     "compare_routes",

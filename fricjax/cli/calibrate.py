@@ -1,4 +1,4 @@
-"""``fricjax calibrate``: the numbers of the rig, from a ring-down without contact or from an impact test."""
+"""``fricjax calibrate``: the numbers of the rig, from a free swing or an impact test, and those of a fringe."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -8,8 +8,8 @@ from typer import Argument, Option
 
 from ..errors import UsageError
 from .failure import InvalidFit
-from .options import Reading, Writing, example, grouped
-from .output import deliver, prepare, working
+from .options import Output, Reading, Writing, example, grouped
+from .output import deliver, finish, prepare, working
 from .records import check_records, read_record
 from .targets import check_targets
 
@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from ..show import Reported
 
 _RIG = "Rig"
+_LIGHT, _AIR = "Light", "Air"
 
 Out = Annotated[
     Path | None, Option("--out", help="Write the rig file (.toml); needs --normal-force.", rich_help_panel="Output")
@@ -90,6 +91,28 @@ def frf(
     _deliver(output, calibration, rig, out)
 
 
+def interferometer(
+    output: Output,
+    wavelength: Annotated[str, Option(help="Of the laser in vacuum.", rich_help_panel=_LIGHT)] = "632.9908 nm",
+    passes: Annotated[
+        int, Option(help="How often light goes to the mirror and back: 1 or 2.", rich_help_panel=_LIGHT)
+    ] = 1,
+    counts: Annotated[float, Option(help="Counts of the electronics in a fringe.", rich_help_panel=_LIGHT)] = 1,
+    temperature: Annotated[str, Option(help='Of the air in degC, as "20.1(1)".', rich_help_panel=_AIR)] = "20",
+    pressure: Annotated[str, Option(help='Of the air, as "1013.2(3) hPa".', rich_help_panel=_AIR)] = "101325 Pa",
+    humidity: Annotated[str, Option(help='Relative humidity, as "45(5) %".', rich_help_panel=_AIR)] = "50 %",
+    co2: Annotated[str, Option(help='Mole fraction of carbon dioxide, as "450(50) ppm".', rich_help_panel=_AIR)] = (
+        "450 ppm"
+    ),
+) -> None:
+    """What a count of an interferometer is in metres, in the air of the day (Ciddor 1996)."""
+    from ..calibrate.interferometer import calibrate_interferometer
+
+    air = {"temperature": temperature, "pressure": pressure, "humidity": humidity, "co2": co2}
+    scale = calibrate_interferometer(wavelength, passes=passes, counts=counts, **air)
+    finish(output, scale.to_dict(), scale.summary())
+
+
 def _check_out(output: Writing, out: Path | None, needed: dict[str, str | None]) -> None:
     """Refuse a rig file of which numbers are missing, before any work is done."""
     check_targets(output, ("--out", out, (".toml",)))
@@ -113,9 +136,14 @@ def _deliver(output: Writing, calibration: "Reported", rig: "Rig | None", out: P
 
 
 app = typer.Typer(
-    name="calibrate", help="Calibrate the rig, from a ring-down or from an impact test.", no_args_is_help=True
+    name="calibrate",
+    help="Calibrate the rig, from a ring-down or from an impact test, and the counts of its interferometer.",
+    no_args_is_help=True,
 )
 app.command("ringdown", epilog=example("calibrate ringdown swing.csv --mass 0.41 --normal-force 9.66 --out rig.toml"))(
     grouped(ringdown)
 )
 app.command("frf", epilog=example("calibrate frf receptance.csv --normal-force 9.66 --out rig.toml"))(grouped(frf))
+app.command("interferometer", epilog=example('calibrate interferometer --passes 2 --pressure "1013.2(3) hPa"'))(
+    grouped(interferometer)
+)

@@ -1,0 +1,149 @@
+"""What a count of an interferometer is in metres: the wavelength in the air of the day, and how often light passes."""
+
+import dataclasses
+from collections.abc import Mapping
+from typing import Any
+
+from ..data.units import Unit, unit_of
+from ..errors import UsageError, brief
+from ..instrument.air import EQUATION_STD, refractive_index
+from ..rig.measured import Measured, positive, propagated
+from ..show import Report, Reported, Table, parse_uncertain
+
+# The SI unit of each input, or its unit where it is no quantity of the SI, and how it is written as an example.
+INPUTS: Mapping[str, tuple[str, str]] = {
+    "wavelength": ("m", "632.9908(6) nm"),
+    "temperature": ("degC", "20.1(1)"),
+    "pressure": ("Pa", "1013.2(3) hPa"),
+    "humidity": ("1", "45(5) %"),
+    "co2": ("1", "450(50) ppm"),
+}
+
+
+@dataclasses.dataclass(frozen=True)
+class InterferometerCalibration(Reported):
+    """The length of a count, with what wavelength and air contribute to its uncertainty.
+
+    Attributes:
+        count: displacement of one count [m].
+        fringe: displacement of one fringe, ``lambda/(2 passes n)`` [m], by which a counter slips.
+        index: refractive index of the air [1].
+        contributions: relative standard uncertainty of the count from each input and from the equation [1].
+        inputs: what was measured, as it is known in SI units, the temperature in degC.
+
+    Examples:
+        >>> import fricjax as fj
+        >>> scale = fj.calibrate_interferometer("632.9908(6) nm", passes=2, counts=512, pressure="1013.2(3) hPa")
+        >>> scale.count, scale.displacement_scale, scale.unit
+        (3.0899369(29)e-10, 1.00000000(95), '0.308993691 nm/count')
+        >>> rig = fj.Rig(mass=0.41, stiffness=2574.0, normal_force=9.66, displacement_scale=scale.displacement_scale)
+    """
+
+    count: Measured
+    fringe: Measured
+    index: Measured
+    contributions: Mapping[str, float]
+    inputs: Mapping[str, Measured]
+
+    @property
+    def displacement_scale(self) -> Measured:
+        """The input of a rig that says how well lengths are known [1]: one, with the uncertainty of the count."""
+        return Measured(1.0, self.count.relative)
+
+    @property
+    def unit(self) -> str:
+        """The scale by which `fricjax.read` takes counts for a length, as `unit`."""
+        return f"{1e9 * self.count.value:.9g} nm/count"
+
+    def report(self) -> Report:
+        """One row per input, and what to write into the rig and at the reading of a record."""
+        rows = [
+            (name, self.inputs.get(name, ""), INPUTS.get(name, ("", ""))[0].strip("1"), f"{1e6 * part:.2g}")
+            for name, part in self.contributions.items()
+        ]
+        table = Table(("Input", "Value", "Unit", "Contribution in ppm"), rows, "Scale of an interferometer")
+        facts = [
+            ("refractive index", repr(self.index)),
+            ("fringe", f"{Measured(1e9 * self.fringe.value, 1e9 * self.fringe.std)!r} nm"),
+            ("read counts with", f'unit="{self.unit}"'),
+            ("repair slips with", f'repair="slips={1e9 * self.fringe.value:.7g} nm"'),
+            ("in the rig", f'displacement_scale = "1 +/- {self.count.relative:.2g}"'),
+        ]
+        data = {**{f.name: getattr(self, f.name) for f in dataclasses.fields(self)}, "unit": self.unit}
+        exact = [name for name, each in self.inputs.items() if not each.std]
+        named = " and ".join(filter(None, [", ".join(exact[:-1]), *exact[-1:]]))
+        warning = f"{named} {'is' if len(exact) == 1 else 'are'} taken as exact; give standard uncertainties too."
+        data |= {"displacement_scale": self.displacement_scale}
+        return Report([table], facts, warnings=[warning] if exact else [], data=data)
+
+
+def calibrate_interferometer(
+    wavelength: Any = 632.9908e-9,
+    *,
+    passes: int = 1,
+    counts: float = 1,
+    temperature: Any = 20.0,
+    pressure: Any = 101325.0,
+    humidity: Any = 0.5,
+    co2: Any = 450e-6,
+) -> InterferometerCalibration:
+    """The length of a count of an interferometer in air, by Ciddor's equation, with its standard uncertainty.
+
+    Each measured input is a number, a `Measured`, or a text such as `"1013.2(3) hPa"`.
+
+    Args:
+        wavelength: of the laser in vacuum [m].
+        passes: how often light goes to the moving mirror and back: 1 single pass, 2 double pass.
+        counts: counts of the electronics in one fringe.
+        temperature: of the air [degC].
+        pressure: of the air [Pa].
+        humidity: relative humidity [1].
+        co2: mole fraction of carbon dioxide [1].
+
+    Raises:
+        UsageError: a value that is no quantity, or for which the equation does not hold.
+
+    Examples:
+        >>> import fricjax as fj
+        >>> print(fj.calibrate_interferometer("633 nm", temperature="20.0(1)", humidity="50(5) %").index)
+        1.00027137(11)
+    """
+    if isinstance(passes, bool) or not isinstance(passes, int) or passes < 1:
+        raise UsageError(f"passes must be a whole number such as 1 (single pass) or 2 (double pass), got {passes!r}.")
+    per_fringe = positive("counts", "1", counts).value
+    texts = zip(INPUTS, (wavelength, temperature, pressure, humidity, co2), strict=True)
+    inputs = {name: _measured(name, value) for name, value in texts}
+    equation = Measured(0.0, EQUATION_STD)
+
+    def index(light: float, t: float, p: float, h: float, carbon: float, error: float) -> float:
+        return refractive_index(light, temperature=t, pressure=p, humidity=h, co2=carbon) + error
+
+    def fringe(*values: float) -> float:
+        return values[0] / (2 * passes * index(*values))
+
+    known = [*inputs.values(), equation]
+    length = propagated(fringe, *known)
+    alone = lambda i: [each if i == j else Measured(each.value) for j, each in enumerate(known)]
+    names = (*inputs, "equation")
+    contributions = {name: propagated(fringe, *alone(i)).relative for i, name in enumerate(names)}
+    count = Measured(length.value / per_fringe, length.std / per_fringe)
+    return InterferometerCalibration(count, length, propagated(index, *known), contributions, inputs)
+
+
+def _measured(name: str, value: Any) -> Measured:
+    """An input in its unit of `INPUTS`."""
+    wanted, example = INPUTS[name]
+    if isinstance(value, Measured):
+        return value
+    if not isinstance(value, str):
+        return Measured(value)
+    read = parse_uncertain(value)
+    if read is None:
+        raise UsageError(f'{name} = {brief(value)} is no quantity; write it as "{example}".')
+    number, std, unit = read
+    if name == "temperature" and unit == "K":
+        return Measured(number - 273.15, std)
+    known, si = (Unit(1.0, {}) if each in ("", "1") else unit_of(each) for each in (unit or wanted, wanted))
+    if known is None or si is None or known.powers != si.powers:
+        raise UsageError(f"The unit '{unit}' does not fit {name}; write it as \"{example}\".")
+    return Measured(number * known.scale, std * known.scale)
