@@ -220,7 +220,8 @@ class Study:
         }
 
 
-def versions() -> dict[str, str]:
+@functools.cache
+def versions() -> Mapping[str, str]:
     """What a record says of the programs that made it."""
     import platform
 

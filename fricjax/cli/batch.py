@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 from typer import Argument, Exit, Option
 
-from ..errors import UsageError
+from ..errors import UsageError, nearest
 from ..machine import parsing
+from .failure import Interrupted
 from .fit import Fitting, settings_of
 from .options import Bench, Machine, Output, Reading
 from .output import finish, log, prepare
@@ -104,6 +105,10 @@ def batch(
     if batch.out is None:
         raise UsageError("batch needs a folder for its results: add --out results.")
     shard = shard_of(batch.shard)
+    for path in runs:
+        if not path.exists():
+            siblings = [entry.name for entry in path.parent.iterdir()] if path.parent.is_dir() else []
+            raise UsageError(f"There is no folder or file '{path}'.{nearest(path.name, siblings)} Check the path.")
     execute = workers.executor()
     study = _study(runs, batch, fitting, bench, reading, output)
     from ..archive.driver import plan_of, process
@@ -116,7 +121,7 @@ def batch(
     try:
         archive = process(study, batch.out, retry=batch.retry_failed, shard=shard, execute=execute, tell=progress)
     except KeyboardInterrupt as error:
-        raise KeyboardInterrupt(
+        raise Interrupted(
             f"Interrupted. {progress.done} of {progress.total} files are done and kept in {batch.out}; the same "
             "command goes on with the others."
         ) from error

@@ -45,11 +45,16 @@ class InvalidFit(Exception):
     """A fit that has not converged, as its status says."""
 
 
+class Interrupted(Exception):
+    """Ctrl-C in a command that keeps what it has done, with a sentence about how to go on."""
+
+
 def failure_of(error: BaseException) -> Failure:
     """The failure that an exception stands for."""
     if isinstance(error, KeyboardInterrupt) or type(error).__name__ == "Abort":
-        words = str(error) or "Interrupted; nothing more was written."
-        return Failure(words, "interrupted", INTERRUPTED)
+        return Failure("Interrupted; nothing more was written.", "interrupted", INTERRUPTED)
+    if isinstance(error, Interrupted):
+        return Failure(_sentence(error), "interrupted", INTERRUPTED)
     # Errors of the parser are known by what they can do: where typer keeps their classes changes with its versions.
     if hasattr(error, "format_message"):
         return _of_command_line(error)

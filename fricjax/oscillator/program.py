@@ -246,14 +246,11 @@ def _plain(value: Any) -> str:
 @functools.cache
 def _source() -> str | None:
     """A digest of the source of this package and the versions of what it is built on; None where it is in no folder."""
-    import diffrax
-    import jaxlib
-    import lineax
-    import optimistix
+    from importlib.metadata import version
 
     digest = hashlib.blake2b(digest_size=16)
-    for library in (jax, jaxlib, eqx, diffrax, lineax, optimistix, np):
-        digest.update(f"{library.__name__} {library.__version__}\n".encode())
+    for library in ("jax", "jaxlib", "equinox", "diffrax", "lineax", "optimistix", "numpy"):
+        digest.update(f"{library} {version(library)}\n".encode())
     root = Path(__file__).parents[1]
     if not root.is_dir():
         return None

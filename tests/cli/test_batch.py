@@ -1,0 +1,147 @@
+"""``fricjax batch``, ``status`` and ``query``: what they tell, what they refuse, and how they end."""
+
+import csv
+import json
+import sys
+import time
+
+import pytest
+
+import fricjax as fj
+from fricjax.data.examples import example_paths
+
+RUN, RIG = example_paths()
+MACHINE = fj.Rig.from_toml(RIG).oscillator(fj.friction.Coulomb(0.05))
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """Two runs, one of them named like a formula, and a broken one."""
+    place = tmp_path_factory.mktemp("archive") / "runs"
+    place.mkdir()
+    for seed, name in enumerate(("run_0.npz", "=cmd_1.npz")):
+        fj.write(fj.synthetic_run(MACHINE, 2e-3, rate=2e3, duration=0.6, noise=1e-9, seed=seed), place / name)
+    (place / "broken.csv").write_text("t,x\n1,<script>\n")
+    return place
+
+
+@pytest.fixture(scope="module")
+def store(folder, fricjax):
+    """The store of that folder."""
+    out = folder.parent / "out"
+    assert fricjax("batch", folder, "--rig", RIG, "--out", out).code == 1
+    return out
+
+
+def test_a_batch_ends_with_one_where_a_run_is_not_ok(folder, store, fricjax):
+    again = fricjax("batch", folder, "--rig", RIG, "--out", store)
+    assert (
+        again.code == 1
+        and "broken.csv: rejected: " in again.out
+        and "coulomb   2        0         1       0" in again.out
+    )
+    told = json.loads(fricjax("batch", folder, "--rig", RIG, "--out", store, "--json").out)
+    assert told["counts"] == {"ok": 2, "invalid": 0, "rejected": 1, "failed": 0}
+    good = fricjax("batch", folder, "--include", "*.npz", "--rig", RIG, "--out", folder.parent / "good", "--json")
+    assert good.code == 0 and good.err == ""
+
+
+def test_a_dry_run_does_nothing(folder, fricjax):
+    out = folder.parent / "dry"
+    told = fricjax("batch", folder, "--rig", RIG, "--out", out, "--dry-run", "--json")
+    assert told.code == 0 and not out.exists()
+    assert json.loads(told.out)["to_do"] == 3
+
+
+def test_status_and_query(store, fricjax, tmp_path):
+    assert "1 of 3 rows are not ok" in fricjax("status", store).out
+    asked = fricjax(
+        "query", "select file, status, mu from runs order by file", store, "--json", "--csv", tmp_path / "a.csv"
+    )
+    assert asked.code == 0
+    rows = json.loads(asked.out)["rows"]
+    assert [row[:2] for row in rows] == [["=cmd_1.npz", "ok"], ["broken.csv", "rejected"], ["run_0.npz", "ok"]]
+    assert rows[1][2] is None and rows[0][2] == pytest.approx(0.05, rel=1e-4)
+    with open(tmp_path / "a.csv", newline="") as file:
+        assert [row[0] for row in csv.reader(file)] == ["file", "'=cmd_1.npz", "broken.csv", "run_0.npz"]
+
+
+@pytest.mark.parametrize(
+    "sql",
+    [
+        "select * from read_csv('{file}')",
+        "copy runs to '{file}.out'",
+        "attach '{file}.db'",
+        "install httpfs",
+        "set enable_external_access = true",
+        "select * from read_parquet('{file}')",
+    ],
+)
+def test_a_query_reads_the_table_and_nothing_else(store, fricjax, tmp_path, sql):
+    secret = tmp_path / "secret.csv"
+    secret.write_text("a\nsecret\n")
+    told = fricjax("query", sql.format(file=secret), store)
+    assert told.code == 2 and "secret\n" not in told.out + told.err
+    assert [path.name for path in tmp_path.iterdir()] == ["secret.csv"]
+
+
+@pytest.mark.parametrize(
+    ("words", "sentence"),
+    [
+        (["{runs}", "--rig", RIG], "batch needs a folder for its results: add --out results."),
+        (["{runs}s", "--rig", RIG, "--out", "{out}"], "There is no folder or file '{runs}s'. Did you mean 'runs'?"),
+        (["{runs}", "--rig", RIG, "--out", "{out}", "--shard", "3/2"], "--shard '3/2' is no part"),
+        (["{runs}", "--rig", RIG, "--out", "{out}", "--free", "muh"], "no coefficient 'muh'"),
+        (["{runs}", "--rig", RIG, "--out", "{out}", "--facts", "run"], "The template 'run' names no fact"),
+        (["{runs}", "--rig", RIG, "--out", "{runs}"], "exists and holds no archive"),
+        (
+            ["{runs}", "--rig", RIG, "--out", "{store}", "--start", "release"],
+            "start was 'first_reversal', and is 'release' now",
+        ),
+    ],
+)
+def test_wrong_usage(folder, store, fricjax, words, sentence):
+    places = {"runs": folder, "out": folder.parent / "never", "store": store}
+    told = fricjax("batch", *(str(word).format(**places) for word in words))
+    assert told.code == 2 and sentence.format(**places) in told.err
+    assert not (folder.parent / "never").exists()
+
+
+def test_ctrl_c_says_how_to_go_on(folder, fricjax, monkeypatch):
+    from fricjax.archive import execute
+
+    def interrupted(chunks, work):
+        yield chunks[0], work(chunks[0])
+        raise KeyboardInterrupt
+
+    out = folder.parent / "interrupted"
+    monkeypatch.setattr(execute, "in_this_process", interrupted)
+    told = fricjax("batch", folder, "--rig", RIG, "--out", out)
+    assert told.code == 130
+    assert "Interrupted. 1 of 3 files are done" in told.err or "Interrupted. 2 of 3 files are done" in told.err
+    assert f"kept in {out}; the same command goes on with the others." in told.err
+    assert 0 < len(fj.open_archive(out)) < 3
+    monkeypatch.undo()
+    fricjax("batch", folder, "--rig", RIG, "--out", out)
+    assert len(fj.open_archive(out)) == 3
+
+
+def test_a_missing_package_is_one_sentence(store, fricjax, monkeypatch):
+    monkeypatch.setitem(sys.modules, "duckdb", None)
+    told = fricjax("query", "select 1", store)
+    assert told.code == 2 and told.err == "Error: A query needs the package duckdb: pip install 'fricjax[batch]'.\n"
+    monkeypatch.setitem(sys.modules, "pyarrow.parquet", None)
+    told = fricjax("status", store)
+    assert told.code == 2 and "pip install 'fricjax[batch]'" in told.err
+
+
+def test_progress_tells_the_rate_and_what_is_left(capsys, monkeypatch):
+    from fricjax.cli.batch import Progress
+    from fricjax.cli.options import Output
+
+    now = [0.0]
+    monkeypatch.setattr(time, "perf_counter", lambda: now[0])
+    progress = Progress(Output())
+    now[0] = 20.0
+    progress(100, 400, {"ok": 90, "rejected": 7, "failed": 3})
+    assert capsys.readouterr().err == "100 of 400 files, 5 files/s, 7 rejected, 3 failed, about 60 s left\n"
