@@ -114,9 +114,9 @@ class Archive(Reported):
         # What the inputs of the rig make uncertain is common to all runs: no mean takes it away.
         common = np.sqrt(np.maximum(combined**2 - std**2, 0.0))
         chosen = np.flatnonzero(rows)
-        found = population(np.where(ok, value, np.nan)[chosen], std[chosen], [np.nan_to_num(common[chosen])])
-        numbered = {field: tuple(int(chosen[i]) for i in getattr(found, field)) for field in ("outliers", "left_out")}
-        return found._replace(**numbered)
+        pooled = population(np.where(ok, value, np.nan)[chosen], std[chosen], [np.nan_to_num(common[chosen])])
+        numbered = {field: tuple(int(chosen[i]) for i in getattr(pooled, field)) for field in ("outliers", "left_out")}
+        return pooled._replace(**numbered)
 
     def _numbers(self, name: str) -> np.ndarray:
         return np.asarray(self.table.column(name).to_numpy(zero_copy_only=False), float)

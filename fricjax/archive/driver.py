@@ -60,7 +60,7 @@ def batch(
         retry_failed: fit again what was rejected or failed.
         shard: the part of the files that is asked for, as (2, 3) for the second of three; several may share a store.
         execute: how chunks are done; None: in this process.
-        tell: is told after each chunk how many files are done, of how many, and how many rows there are of each status.
+        tell: is called after each chunk with how many files are done, of how many, and the rows of each status.
         **settings: `nuisance`, `engine`, `start`, `bounds`, `priors`, `tie`, `guess` and `loss`, as in `fit_batch`.
 
     Returns:
@@ -155,21 +155,27 @@ def plan_of(study: Study, out: str | os.PathLike[str], *, retry: bool = False, s
 
 
 def _do(study: Study, store: Store, planned: Plan, execute: "Executor | None", tell: Tell | None) -> None:
-    """Fit what is to be fitted; each chunk is on the disk before the next is told of."""
+    """Fit what is to be fitted; each chunk is on the disk before the next is reported."""
     from .execute import in_this_process
     from .work import Work
 
     execute = in_this_process if execute is None else execute
     total, ended, counts = sum(map(len, planned.chunks)), 0, dict.fromkeys(map(str, STATUSES), 0)
     results = execute(planned.chunks, Work(study))
-    with contextlib.closing(results):
+    try:
         for chunk, done in results:
-            store.write_part(of_rows(done.rows), done.residuals)
+            try:
+                store.write_part(of_rows(done.rows), done.residuals)
+            except OSError as error:
+                words = f"{error.strerror}. {ended} of {total} files are done and kept; start again for the others"
+                raise OSError(error.errno, words, error.filename) from error
             ended += len(chunk)
             for row in done.rows:
                 counts[row["status"]] += 1
             if tell is not None:
                 tell(ended, total, counts)
+    finally:
+        results.close()
 
 
 def _relabel(study: Study, store: Store, planned: Plan) -> None:

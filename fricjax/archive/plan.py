@@ -120,7 +120,7 @@ def plan(
     Raises:
         UsageError: no file, or one that is not below the folder of the study.
     """
-    files = study.files if study.files is not None else tuple(_found(study, store))
+    files = study.files if study.files is not None else tuple(_files_below(study, store))
     if not files:
         raise UsageError(_nothing(study))
     history = _History(records, retry)
@@ -215,7 +215,7 @@ def signature_of(path: Path) -> Signature:
 
 
 def iso_time(nanoseconds: int) -> str:
-    """A time since 1970 as ISO text in UTC, to the nanosecond, for files are told apart by it."""
+    """A time since 1970 as ISO text in UTC, to the nanosecond, for files are distinguished by it."""
     seconds, rest = divmod(nanoseconds, 10**9)
     return f"{time.strftime('%Y-%m-%dT%H:%M:%S', time.gmtime(seconds))}.{rest:09d}Z"
 
@@ -232,7 +232,7 @@ def hash_of(path: Path) -> str:
     return digest.hexdigest()
 
 
-def _found(study: Study, store: Path | None) -> Iterator[str]:
+def _files_below(study: Study, store: Path | None) -> Iterator[str]:
     """The files below the folder of a study that are runs, in the order of their names."""
     if not study.root.is_dir():
         raise UsageError(f"There is no folder {study.root}. Give the folder that holds the runs, or their paths.")

@@ -113,14 +113,14 @@ class Store:
             raise UsageError(f"{self.path} exists and holds no archive. Give the name of a new folder.")
         self.path.mkdir(parents=True, exist_ok=True)
         with contextlib.ExitStack() as stack:
-            whole = stack.enter_context(open(self.path / ".lock", "a+", encoding="utf-8"))
+            file = stack.enter_context(open(self.path / ".lock", "a+", encoding="utf-8"))
             if shard[1] == 1:
-                _lock(whole, True, self.path)
+                _lock(file, True, self.path)
             else:
-                _lock(whole, False, self.path)
+                _lock(file, False, self.path)
                 name = f".lock-{shard[0]}-of-{shard[1]}"
-                whole = stack.enter_context(open(self.path / name, "a+", encoding="utf-8"))
-                _lock(whole, True, self.path)
+                file = stack.enter_context(open(self.path / name, "a+", encoding="utf-8"))
+                _lock(file, True, self.path)
             yield
 
     def write_part(self, table: Any, files: Mapping[str, bytes] | None = None) -> None:
@@ -147,7 +147,7 @@ class Store:
         wanted: dict[tuple[str, str], list[Mapping[str, Any]]] = {}
         for sha256, settings, columns in rows:
             wanted.setdefault((sha256, settings), []).append(columns)
-        found: dict[tuple[str, str], list[dict[str, Any]]] = {}
+        known: dict[tuple[str, str], list[dict[str, Any]]] = {}
         for _, table in self._tables(None):
             pairs = zip(table.column("sha256").to_pylist(), table.column("settings").to_pylist(), strict=True)
             at: dict[tuple[str, str], list[int]] = {}
@@ -157,8 +157,8 @@ class Store:
             # Several paths may hold the same bytes; their rows differ in nothing else.
             for pair, numbers in at.items():
                 named = {row["run"]: row for row in table.take(numbers).to_pylist()}
-                found[pair] = list(named.values())
-        anew = [{**row, **columns} for pair, each in wanted.items() for columns in each for row in found.get(pair, [])]
+                known[pair] = list(named.values())
+        anew = [{**row, **columns} for pair, each in wanted.items() for columns in each for row in known.get(pair, [])]
         if anew:
             facts = {name for row in anew for name in row} & set(self.fact_names)
             self.write_part(of_rows([{n: v for n, v in row.items() if n not in facts} for row in anew]))

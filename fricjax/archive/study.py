@@ -1,7 +1,7 @@
 """What of an archive is fitted, and how: which files, how each is read, on which rig it was made, and which laws.
 
 A study is plain data beside its rigs and laws, so that workers elsewhere get it as it is. What matters for the result
-of a run goes into a digest, by which records of other settings are told apart.
+of a run goes into a digest, by which records of other settings are distinguished.
 """
 
 import dataclasses

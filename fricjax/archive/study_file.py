@@ -143,11 +143,11 @@ def _checked(file: Path, table: Mapping[str, Any]) -> Any:
     """The fields of a study file, of the right kinds."""
     from pydantic import BaseModel, ValidationError
 
-    whole, runs = _fields()
+    fields, runs = _fields()
     try:
-        checked: BaseModel = whole.model_validate(table)
+        checked: BaseModel = fields.model_validate(table)
     except ValidationError as error:
-        raise UsageError(f"{file}: {_sentence(error, list(whole.model_fields), list(runs.model_fields))}") from error
+        raise UsageError(f"{file}: {_sentence(error, list(fields.model_fields), list(runs.model_fields))}") from error
     return checked
 
 

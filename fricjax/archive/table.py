@@ -84,8 +84,8 @@ def joined(
     pa = arrow()
     origin = [number for number, (_, table) in enumerate(tables) for _ in range(table.num_rows)]
     bare = [table.drop_columns([n for n in _facts(table) if n in table.column_names]) for _, table in tables]
-    whole = pa.concat_tables([table.replace_schema_metadata() for table in bare], promote_options="default")
-    places, laws, keys = (whole.column(name).to_pylist() for name in ("file", "friction", "key"))
+    full = pa.concat_tables([table.replace_schema_metadata() for table in bare], promote_options="default")
+    places, laws, keys = (full.column(name).to_pylist() for name in ("file", "friction", "key"))
     newest = {(file, law): number for file, law, number in zip(places, laws, origin, strict=True)}
     kept = [i for i, number in enumerate(origin) if newest[places[i], laws[i]] == number]
     copies = Counter(keys[i] for i in kept)
@@ -93,13 +93,13 @@ def joined(
         gone = lambda i: copies[keys[i]] > 1 and not os.path.exists(os.path.join(root, places[i]))
         kept = [i for i in kept if not gone(i)]
     kept.sort(key=lambda i: (places[i], laws[i]))
-    table = whole.take(pa.array(kept, pa.int64()))
+    table = full.take(pa.array(kept, pa.int64()))
     of_facts = _fact_columns([facts_of(file) for file in table.column("file").to_pylist()])
     for name, values in of_facts.items():
         if name not in table.column_names:
             table = table.append_column(name, pa.array(values))
-    facts = [name for name in of_facts if name not in whole.column_names]
-    parameters = [name for name in whole.column_names if name not in COLUMNS]
+    facts = [name for name in of_facts if name not in full.column_names]
+    parameters = [name for name in full.column_names if name not in COLUMNS]
     table = table.select([*_BEFORE, *parameters, *_AFTER, *facts, *_LAST])
     names = [name for part, each in tables for name in (parts_in(each) or [part])]
     notes = {b"schema": SCHEMA.encode(), _PARTS: json.dumps(names).encode(), _FACTS: json.dumps(facts).encode()}

@@ -147,8 +147,8 @@ class Work:
         by_number = dict(zip(requests, rows, strict=True))
         for numbers in groups.values():
             calibrated = [self.study.calibrated_by(self.study.rule_of(runs[i].job.file)) for i in numbers]
-            told = _told([by_number[i] for i in numbers], calibrated, self.study.residuals)
-            for i, known, outcome in zip(numbers, calibrated, told, strict=True):
+            fitted = _outcomes([by_number[i] for i in numbers], calibrated, self.study.residuals)
+            for i, known, outcome in zip(numbers, calibrated, fitted, strict=True):
                 load = float(by_number[i].problem.residual.oscillator.normal_force)  # pyright: ignore[reportOptionalMemberAccess]
                 outcome.columns["load"] = load if known else None
                 outcomes[i] = outcome
@@ -239,7 +239,7 @@ def _facts_of(record: Record | Exception) -> dict[str, Any]:
     return facts
 
 
-def _told(rows: Sequence[Row], calibrated: Sequence[bool], with_residuals: bool) -> list[_Outcome]:
+def _outcomes(rows: Sequence[Row], calibrated: Sequence[bool], with_residuals: bool) -> list[_Outcome]:
     """The columns of fitted runs, as a batch fit has them; coefficients of an unknown machine are left out."""
     batch = collected(rows, ("",) * len(rows))
     solved: Any = [(row.problem, row.weighted.solution) for row in rows if row.weighted is not None]
@@ -266,5 +266,5 @@ def _numbers(batch: "BatchFit") -> dict[str, Sequence[Any]]:
     """The columns of a batch fit."""
     frame = batch.to_dataframe()
     columns = {name: frame[name].to_list() for name in frame if name not in ("source", "converged", "status")}
-    whole = {name: getattr(batch, name).tolist() for name in ("half_cycles", "iterations", "passes")}
-    return {**columns, "sigma": batch.sigma.tolist(), **whole, "engine": [batch.engine] * len(batch)}
+    counts = {name: getattr(batch, name).tolist() for name in ("half_cycles", "iterations", "passes")}
+    return {**columns, "sigma": batch.sigma.tolist(), **counts, "engine": [batch.engine] * len(batch)}

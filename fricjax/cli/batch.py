@@ -68,12 +68,12 @@ class Workers:
         """What does the chunks; None for this process.
 
         Raises:
-            UsageError: more than one of the options is given, or what it asks for is not there.
+            UsageError: more than one of the options is there, or what it asks for is not there.
             DataError: the file cannot be read.
         """
-        given = [f"--{name}" for name, value in vars(self).items() if value is not None]
-        if len(given) > 1:
-            raise UsageError(f"{given[0]} and {given[1]} cannot both do the work; leave one out.")
+        chosen = [f"--{name}" for name, value in vars(self).items() if value is not None]
+        if len(chosen) > 1:
+            raise UsageError(f"{chosen[0]} and {chosen[1]} cannot both do the work; leave one out.")
         if self.workers is not None:
             from ..archive.distributed import workers
 
@@ -176,12 +176,12 @@ def _study(runs: list[Path], batch: Batch, fitting: Fitting, bench: Bench, readi
 def _check_alone(file: Path, batch: Batch, *groups: Any) -> None:
     """Refuse options that a study file has fields for."""
     of_study = ("friction", "include", "exclude", "facts", "residuals")
-    given = [name for name in of_study if getattr(batch, name)]
+    chosen = [name for name in of_study if getattr(batch, name)]
     for group in groups:
         fields = dataclasses.fields(group)
-        given += [field.name for field in fields if getattr(group, field.name) != field.default]
-    if given:
-        option = f"--{given[0].replace('_', '-')}"
+        chosen += [field.name for field in fields if getattr(group, field.name) != field.default]
+    if chosen:
+        option = f"--{chosen[0].replace('_', '-')}"
         raise UsageError(f"{file} says what is fitted and how: leave {option} out, or write it there.")
 
 
@@ -238,11 +238,11 @@ class Progress:
     """How far a batch is, on stderr: a bar on a terminal, else a line now and then.
 
     Args:
-        output: says whether anything is told.
+        output: says whether anything is shown.
     """
 
     def __init__(self, output: Output) -> None:
-        self._output, self._begun, self._told = output, time.perf_counter(), time.perf_counter()
+        self._output, self._begun, self._last = output, time.perf_counter(), time.perf_counter()
         self.done = self.total = 0
         self._bar: Any = None
 
@@ -256,8 +256,8 @@ class Progress:
             return
         if sys.stderr.isatty():
             self._draw(done, total, words)
-        elif time.perf_counter() - self._told > _EVERY:
-            self._told = time.perf_counter()
+        elif time.perf_counter() - self._last > _EVERY:
+            self._last = time.perf_counter()
             left = elapsed / done * (total - done)
             log(self._output, f"{done} of {total} files, {words}, about {left:.0f} s left")
 
