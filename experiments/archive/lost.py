@@ -110,7 +110,7 @@ def main() -> int:
             same, doubled = rows_of(out).equals(expected), twice(out)
             wrong += not same or bool(doubled)
             print(
-                f"{number + 1:3}: {what:18} killed after {delay:5.1f} s, {done:4} rows done then; table "
+                f"{number + 1:3}: {what:18} killed after {delay:5.1f} s, {done:4} rows before the second start; table "
                 f"{'the same' if same else 'ANOTHER'}, {doubled} rows twice",
                 flush=True,
             )

@@ -82,7 +82,7 @@ def main() -> int:
         out = Path(scratch) / "out"
         begin, load = time.perf_counter(), os.getloadavg()[0]
         workers = ["--workers", str(options.workers)] if options.workers > 1 else []
-        code = subprocess.run([*words(folder, out, *workers), "--quiet"]).returncode
+        code = subprocess.run([*words(folder, out, *workers), "--quiet"], stdout=subprocess.DEVNULL).returncode
         seconds = time.perf_counter() - begin
         used = resource.getrusage(resource.RUSAGE_CHILDREN)
         figures = judged(pd.read_csv(folder / "truth.csv", keep_default_na=False), table_of(out))

@@ -172,7 +172,7 @@ HDF5: dict[str, Hostile] = {
     "unit_list.h5": (_attribute("units", ["m"] * 3), ""),
     "unit_none.h5": (_attribute("units", h5py.Empty("S1")), ""),
     "unit_number.h5": (_attribute("units", 5.0), "is not a known unit"),
-    "scale_text.h5": (_attribute("scale_factor", "text"), "attribute scale_factor of '/x'"),
+    "scale_text.h5": (_attribute("scale_factor", "text"), "scale_factor or add_offset of '/x'"),
     "scale_nan.h5": (_attribute("scale_factor", np.nan), "usable samples"),
     "fill_none.h5": (_attribute("_FillValue", np.zeros(0)), ""),
     "fill_text.h5": (_attribute("_FillValue", "text"), ""),
@@ -204,6 +204,11 @@ def _v5(*parts: bytes) -> Callable[[Path], object]:
     head = b"MATLAB 5.0 MAT-file".ljust(116) + bytes(8) + b"\x00\x01IM"
     time = _matrix(6, (N, 1), _element(9, T.tobytes()), b"t")
     return lambda path: path.write_bytes(head + time + b"".join(parts))
+
+
+def matlab_of(kind: int, text: bytes) -> Callable[[Path], object]:
+    """A version 5 file with a variable of a class that holds a text: 16 are handles of functions, 17 objects."""
+    return _v5(_matrix(kind, (1, 1), _matrix(4, (1, len(text)), _element(2, text))))
 
 
 def _nested(levels: int) -> bytes:

@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from ..data import plugins
+from ..data.files import check_regular
 from ..data.read import READERS
 from ..errors import DataError, UsageError
 from .study import Law, Rule, Study, matches
@@ -23,6 +24,8 @@ from .study import Law, Rule, Study, matches
 # Bytes of the files of a chunk: what is read of them, and computed of it, must fit into memory.
 _LARGEST = 1 << 25
 _BLOCK = 1 << 20
+LARGEST_FILE = 1 << 36
+"""Bytes of the largest file of a run; one that claims more, for it is full of holes, would be read for hours."""
 
 
 class Signature(NamedTuple):
@@ -221,13 +224,16 @@ def iso_time(nanoseconds: int) -> str:
 
 
 def hash_of(path: Path) -> str:
-    """SHA-256 of the bytes of a file, read in blocks; empty where it cannot be read."""
+    """SHA-256 of the bytes of a file, read in blocks; empty where it cannot be read or is too large for a run."""
     digest = hashlib.sha256()
     try:
+        check_regular(path)
+        if path.stat().st_size > LARGEST_FILE:
+            return ""
         with open(path, "rb", opener=lambda name, flags: os.open(name, flags | getattr(os, "O_NONBLOCK", 0))) as file:
             while block := file.read(_BLOCK):
                 digest.update(block)
-    except OSError:
+    except (OSError, DataError):
         return ""
     return digest.hexdigest()
 
@@ -251,11 +257,11 @@ def _walked(folder: Path | str, place: str, without: str | None) -> Iterator[str
         for entry in entries:
             if entry.name.startswith("."):
                 continue
-            if entry.is_dir():
-                # A link to a folder further up would be walked for ever.
-                if not entry.is_symlink() and os.path.realpath(entry.path) != without:
+            # A link to a folder further up would be walked for ever.
+            if entry.is_dir(follow_symlinks=False):
+                if os.path.realpath(entry.path) != without:
                     yield from _walked(entry.path, f"{place}{entry.name}/", without)
-            else:
+            elif not (entry.is_symlink() and os.path.isdir(entry.path)):
                 yield f"{place}{entry.name}"
 
 

@@ -90,7 +90,7 @@ def joined(
     kept = [i for i, number in enumerate(origin) if newest[places[i], laws[i]] == number]
     copies = Counter(keys[i] for i in kept)
     if root is not None:
-        gone = lambda i: copies[keys[i]] > 1 and not os.path.exists(os.path.join(root, places[i]))
+        gone = lambda i: copies[keys[i]] > 1 and not os.path.lexists(os.path.join(root, places[i]))
         kept = [i for i in kept if not gone(i)]
     kept.sort(key=lambda i: (places[i], laws[i]))
     table = full.take(pa.array(kept, pa.int64()))

@@ -16,13 +16,14 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from ..data import Record, crop, read
+from ..data.files import gigabytes
 from ..errors import DataError, UsageError
 from ..fitting.batch import Row, collected, fit_rows
 from ..fitting.diagnostics import CONVERGED
 from ..fitting.names import NUISANCES
 from ..fitting.sketch import few, sketches
 from ..fitting.window import equilibrium
-from .plan import Chunk, Job, hash_of, iso_time, settings_of, signature_of
+from .plan import LARGEST_FILE, Chunk, Job, hash_of, iso_time, settings_of, signature_of
 from .provenance import netcdf, row_key
 from .study import Law, Rule, Study, versions
 
@@ -90,6 +91,7 @@ class Work:
         columns = self._columns(job, sha256)
         records: Sequence[Record | Exception]
         try:
+            _check_file(self.study, job)
             records = _records(path, self.study.rule_of(job.file))
             if signature_of(path) != job.signature and hash_of(path) != sha256:
                 raise DataError(f"{path.name} was written to while it was read. Start again when it is complete.")
@@ -162,7 +164,8 @@ class Work:
             "status": status,
             "outcome": sentence,
             "settings": settings,
-            "key": row_key(run.columns["sha256"], settings, run.columns["run"]),
+            # What could not be read is told apart by its place.
+            "key": row_key(run.columns["sha256"] or run.job.file, settings, run.columns["run"]),
             "finished_at": iso_time(time.time_ns()),
             **versions(),
             "host": platform.node(),
@@ -195,6 +198,24 @@ def _outcome(error: Exception) -> tuple[str, str]:
     )
     words = " ".join(str(error).split())[:300]
     return "failed", f"Unexpected {type(error).__name__}{place}: {words or 'no further words'}"
+
+
+def _check_file(study: Study, job: Job) -> None:
+    """Refuse what may be no run of the study, whatever its bytes are.
+
+    Raises:
+        DataError: a file that is too large, or that lies elsewhere though only the folder was named.
+    """
+    name = Path(job.file).name
+    if job.signature.bytes > LARGEST_FILE:
+        size, most = gigabytes(job.signature.bytes), gigabytes(LARGEST_FILE)
+        raise DataError(f"{name} has {size}, and at most {most} are expected of a run.")
+    # Its first line may come to stand in the table, and a table is shown to others.
+    inside = Path(os.path.realpath(study.root / job.file)).is_relative_to(os.path.realpath(study.root))
+    if study.files is None and not inside:
+        raise DataError(
+            f"{name} is a link that leads out of the folder of the runs. Put the file itself there, or name all files."
+        )
 
 
 def _records(path: Path, rule: Rule) -> list[Record]:

@@ -53,6 +53,8 @@ def _missing(path: Path) -> str:
         files = sorted(entry for entry in path.iterdir() if entry.is_file() and not entry.name.startswith("."))
         inside = f"; it holds {named(files)}" if files else ""
         return f"{path} is a folder, not a file; name one record in it{inside}."
+    if os.path.islink(path):
+        return f"There is no file at the end of the link {path}. Check where it leads."
     if not os.path.isdir(path.parent):
         return f"There is no file {path}, for there is no folder {path.parent}. Check the path."
     matching = sorted(path.parent.glob(path.name)) if any(sign in path.name for sign in "*?[") else []
