@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from .. import thresholds
 from ..data.table import read_table
 from ..errors import DataError
 from ..instrument.run import not_negative
@@ -31,8 +32,6 @@ _COLUMNS = {"frequency": "Hz", "real part": "m/N", "imaginary part": "m/N"}
 _LEAST_LINES = 8
 # Lines that the half-power bandwidth, 2 zeta f_n, must hold at least; with fewer, leakage broadens the resonance.
 _BANDWIDTHS = 5.0
-# Difference of the two methods, in standard errors of peak picking, that no noise explains.
-_APART = 5.0
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -161,7 +160,7 @@ def calibrate_frf(
             "Record longer, or take frequency and damping ratio from a ring-down."
         )
     # The scale of the receptance is common to both methods, so that their difference is compared without it.
-    apart = [name for name in NAMES if abs(best[name].value - peaks[name].value) > _APART * peaks[name].std]
+    apart = [name for name in NAMES if abs(best[name].value - peaks[name].value) > thresholds.SURE * peaks[name].std]
     if apart:
         warnings.append(
             f"Least squares and peak picking disagree on {', '.join(apart)}: the receptance is not that of one mode. "

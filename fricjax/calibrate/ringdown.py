@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 
+from .. import thresholds
 from ..data import Record
 from ..data.gather import record_of
 from ..errors import UsageError
@@ -28,7 +29,7 @@ from ..rig.inputs import check_restoring
 from ..rig.measured import Measured, positive, propagated
 from ..rig.quantity import quantity
 from ..rig.rig import Number
-from .ringdown_calibration import SIGNIFICANT, TERMS, RingdownCalibration, Term
+from .ringdown_calibration import TERMS, RingdownCalibration, Term
 
 # A cubic spring starts straight.
 _SPRINGS: Mapping[str, Callable[[], AbstractRestoring]] = {
@@ -139,7 +140,7 @@ def _fits(record: Record, spring: AbstractRestoring, asked: tuple[str, ...]) -> 
     full = fits[asked]
     if not full.optimum_found:
         raise FitError(f"The decay is not that of a free oscillator: {full.status}", full)
-    terms = tuple(name for name in asked if _score(full, name) > SIGNIFICANT)
+    terms = tuple(name for name in asked if _score(full, name) > thresholds.SUSPECTED)
     return fits if terms in fits else {**fits, terms: _fit(record, spring, terms)}
 
 
@@ -152,7 +153,7 @@ def _best(fits: Mapping[tuple[str, ...], Fit]) -> tuple[str, ...]:
     passive = [
         terms
         for terms, candidate in fits.items()
-        if candidate.optimum_found and all(_score(candidate, name) > -SIGNIFICANT for name in terms)
+        if candidate.optimum_found and all(_score(candidate, name) > -thresholds.SUSPECTED for name in terms)
     ]
     if not passive:
         raise FitError(

@@ -7,15 +7,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from .. import thresholds
 from ..fitting import Fit
 from ..rig.measured import Measured, positive, propagated
 from ..rig.quantity import quantity
 from ..rig.rig import Number, Rig
 from ..show.report import Report, Reported
 from ..show.tables import Table
-
-# Standard uncertainties from which on a term is kept; noise alone exceeds them in 3 of 1000 decays.
-SIGNIFICANT = 3.0
 
 
 class Kind(NamedTuple):
@@ -51,7 +49,7 @@ class Term(NamedTuple):
         """A sentence where the term is not significant, or has the wrong sign; else nothing."""
         title, distance = TERMS[self.name].title, f"{abs(self.score):.2g} standard uncertainties"
         fate = "kept" if self.kept else "left out"
-        if abs(self.score) < SIGNIFICANT:
+        if abs(self.score) < thresholds.SUSPECTED:
             return f"The {title} is not significant, {distance} from zero; it was {fate}."
         if self.score < 0 and self.name != "k3":
             return (

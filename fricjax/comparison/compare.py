@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from .. import thresholds
 from ..errors import DataError, UsageError
 from ..estimation.loss import AbstractLoss
 from ..fitting.colours import Seen, colours_of, described, remembered, under_noise
@@ -29,9 +30,6 @@ from .fingerprints import fingerprints
 from .names import check_criterion
 from .residual_tests import diagnose
 from .result import Comparison, Row
-
-# Ratio of chi2 to the least one from which a law is fitted once more, from the coefficients of the best one.
-_BEHIND = 1.5
 
 
 def compare(
@@ -190,7 +188,7 @@ def _again(entries: Sequence[_Entry], sigma_mode: str) -> list[_Entry]:
     for entry in entries:
         request = entry.candidate.request
         guess = {name: known[name] for name in request.free if name in known} | dict(request.guess)
-        behind = best.chi2 * _BEHIND < entry.chi2
+        behind = best.chi2 * thresholds.EXCESS < entry.chi2
         if behind and isinstance(entry.candidate.windows, tuple) and guess != request.guess:
             second = dataclasses.replace(entry.candidate, request=request.with_guess(guess))
             entry = min(entry, _fitted(second, sigma_mode), key=lambda one: one.chi2)

@@ -15,6 +15,7 @@ from typing import NamedTuple
 import equinox as eqx
 import numpy as np
 
+from .. import thresholds
 from ..estimation.covariance import quadratic
 from ..fitting.evaluation import Evaluation
 from ..fitting.problem import Problem
@@ -23,9 +24,8 @@ from ..fitting.solve import Solution, checking, evaluate_at
 
 # Part of a single run, to its stop, that is fitted.
 _SHARE = 2 / 3
-# Most Gauss-Newton steps of a fold and how often one is halved that does not make the fit better; and the step, in
-# standard errors, that is not worth another evaluation.
-_STEPS, _HALVINGS, _NEAR = 8, 4, 0.1
+# Most Gauss-Newton steps of a fold and how often one is halved that does not make the fit better.
+_STEPS, _HALVINGS = 8, 4
 
 
 class _Fold(NamedTuple):
@@ -94,7 +94,7 @@ def _gauss_newton(
         at_bound = (y[:p] <= limits.lower) | (y[:p] >= limits.upper)
         shape = quadratic(evaluation.gradient[:p], evaluation.normal[:p, :p], fixed | at_bound)
         scatter = max(float(evaluation.chi2) / max(problem.n_used, 1), 1.0)
-        if shape.distance < _NEAR * np.sqrt(scatter):
+        if shape.distance < thresholds.ACCURATE * np.sqrt(scatter):
             break
         step = np.concatenate([shape.step, np.zeros(y.size - p)])
         for halving in range(_HALVINGS):

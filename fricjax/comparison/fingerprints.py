@@ -16,16 +16,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from .. import thresholds
 from ..fitting.window import Window, equilibrium, without_ringing
 from ..oscillator import Oscillator
 from ..show import engineering, uncertain
 
-# Standard errors from which a term of the regression is real.
-_SURE = 4.0
 # Part of the damping without contact that its calibration is trusted to.
 _TRUSTED = 0.05
-# Standard deviations of a sample from which a spring-back is real.
-_NOISE = 6.0
 
 
 class Losses(NamedTuple):
@@ -65,9 +62,9 @@ def fingerprints(windows: Sequence[Window], oscillator: Oscillator) -> tuple[str
     if losses is not None:
         no_contact, stiffness = float(oscillator.damping), float(oscillator.stiffness)
         _, _, returned_std, std = losses.errors
-        returns = losses.returned > _SURE * returned_std
-        reduced = losses.plain_damping < min((1 - _TRUSTED) * no_contact, no_contact) - _SURE * std
-        if losses.returned < -_SURE * returned_std or (reduced and not returns):
+        returns = losses.returned > thresholds.SURE * returned_std
+        reduced = losses.plain_damping < min((1 - _TRUSTED) * no_contact, no_contact) - thresholds.SURE * std
+        if losses.returned < -thresholds.SURE * returned_std or (reduced and not returns):
             less = "negative" if losses.plain_damping < 0 else f"against {no_contact:.4g} N s/m without contact"
             other = ", or the contact damps its own motion (LuGre with a large sigma1)" if springs else ""
             sentences.append(
@@ -180,5 +177,5 @@ def spring_back(window: Window) -> float | None:
     position = float(np.mean(x[later]))
     direction = np.sign(position - segmentation.turning_points[-1])
     back = float(np.max(direction * (x[near] - position)))
-    least = _NOISE * float(np.median(window.sigma)) + 2 * segmentation.resolution
+    least = thresholds.EXTREME * float(np.median(window.sigma)) + 2 * segmentation.resolution
     return back if back > least else None

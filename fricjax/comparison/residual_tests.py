@@ -6,18 +6,18 @@ frequency that stands out of its surroundings is a motion of the mass that the m
 floor that shakes.
 """
 
+import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
+from .. import thresholds
 from ..fitting.noise import Whiteness, whiteness
 
 # Frequencies beside the natural one whose mean power is the background, and the nearest of them in resolutions: the
 # one beside it still shares the power of a line that lies between the two.
 _NEIGHBOURS, _NEAREST = 24, 2
-# Chance of a false alarm of each test, and the standard deviations of a normal score that have it.
-_RARE, _RARE_SCORE = 1e-3, 3.3
 
 
 class Signs(NamedTuple):
@@ -57,8 +57,8 @@ class ResidualTests(NamedTuple):
         """Names of the tests that noise alone would fail less often than once in a thousand times."""
         passed = {
             "white": self.whiteness.white,
-            "signs": abs(self.signs.score) < _RARE_SCORE,
-            "resonance": not self.resonance.chance < _RARE,
+            "signs": math.erfc(abs(self.signs.score) / math.sqrt(2)) >= thresholds.RARE,
+            "resonance": not self.resonance.chance < thresholds.RARE,
         }
         return tuple(name for name, passes in passed.items() if not passes)
 

@@ -5,16 +5,11 @@ from typing import Any
 
 import numpy as np
 
+from .. import thresholds
 from ..errors import UsageError, nearest
 from ..fitting.result import Fit
 from ..show import Report, Reported, Table, axis_label, display_unit, figure, plain
 from .residual_tests import ResidualTests
-
-# Difference of twice the logarithm of the evidence below which it is not worth more than a bare mention: Kass and
-# Raftery, J. Am. Stat. Assoc. 90 (1995).
-_WEAK = 2.0
-# Reduced chi^2 from which the best law does not describe the runs.
-_ADEQUATE = 1.5
 
 
 @dataclasses.dataclass(frozen=True)
@@ -139,14 +134,14 @@ class Comparison(Reported):
             return f"{first.name} is the only law with a fit."
         label = {"bic": "BIC", "aicc": "AICc", "held_out": "the held-out score"}[name]
         difference = getattr(rows[1], name) - getattr(first, name)
-        if name != "held_out" and difference < _WEAK:
+        if name != "held_out" and difference < thresholds.BARE_MENTION:
             equal = f"{first.name} and {rows[1].name} describe the runs equally well"
             return f"{equal}: {label} differs by {difference:.2g} only."
         return f"{first.name} describes the runs best: {label} of {rows[1].name} is larger by {plain(difference, 3)}."
 
     def _doubts(self, rows: list[Row]) -> list[str]:
         doubts = []
-        if rows[0].chi2_reduced > _ADEQUATE:
+        if rows[0].chi2_reduced > thresholds.EXCESS:
             doubts.append(
                 f"No law describes the runs to within the noise: the reduced chi^2 of {rows[0].name} is "
                 f"{plain(rows[0].chi2_reduced, 3)}."

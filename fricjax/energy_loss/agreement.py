@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from .. import thresholds
 from ..data import Record
 from ..data.gather import gather
 from ..data.record import labels
@@ -33,8 +34,6 @@ from .half_cycles import half_cycle_friction
 
 # Start value of mu, of the right order only: traces and pairs are both searched for a better one.
 _START = 0.01
-# Standard errors within which a route is no contradiction.
-_DISTANT = 3.0
 
 
 class Route(NamedTuple):
@@ -97,7 +96,7 @@ class Agreement(Reported):
             return f"{spread}: one coefficient of Coulomb friction describes the runs."
         distance = lambda route: abs(route.mu.value - self.mu.value)
         off = max(self.routes, key=distance)
-        if all(distance(route) <= _DISTANT * route.mu.std for route in self.routes):
+        if all(distance(route) <= thresholds.SUSPECTED * route.mu.std for route in self.routes):
             return (
                 f"{spread}, more than the tolerance of {self.tolerance:g}, if no more than their own scatter allows: "
                 "the runs do not have one coefficient in common. Look at the force map, and record more runs."

@@ -11,13 +11,12 @@ stretches, of which `starts` gives the number of the first value, that of the fi
 
 import numpy as np
 
+from .. import thresholds
+
 # Longest memory in rows. A hum that is no line, and a resonance under white noise, take some ten.
 _MOST = 24
 # Rows that an order or a nuisance must have for each of its numbers.
 _ROWS = 8
-# Twice the logarithm of the odds from which evidence is called very strong (Kass and Raftery, J. Am. Stat. Assoc. 90,
-# 773, 1995): white noise is called coloured in one of some hundred records.
-STRONG = 10.0
 # Standard errors by which a process must differ from one that walks at random to be taken for one with a level. A walk
 # itself seems to by up to 4.4, the more so the more is fitted beside it (Fuller, Introduction to Statistical Time
 # Series, 1996, table 10.A.2).
@@ -51,7 +50,7 @@ def process_of(sums: np.ndarray, n: int) -> tuple[np.ndarray, float]:
     along = np.linalg.solve(lower, sums[1:, 0])
     squares = sums[0, 0] - np.concatenate([[0.0], np.cumsum(along**2)])
     criteria = n * np.log(np.maximum(squares, 1e-30 * sums[0, 0]) / n) + np.log(n) * np.arange(most + 1)
-    criteria[0] -= STRONG
+    criteria[0] -= thresholds.VERY_STRONG
     order = int(np.argmin(criteria))
     return np.linalg.solve(lower[:order, :order].T, along[:order]), float(criteria[order])
 

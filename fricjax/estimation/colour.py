@@ -12,9 +12,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from .. import thresholds
 from .autoregression import (
     ROUNDING,
-    STRONG,
     autoregression,
     excitation,
     gram,
@@ -25,15 +25,13 @@ from .autoregression import (
     start_of,
     without_level,
 )
-from .covariance import RANK_TOLERANCE
+from .covariance import WEAKEST
 from .hum import lines_of, waves_of
 from .process import StateTransition, filtered, kicks_of
 
 # Rounds in which the parameters and the colour of what they leave converge to a hundredth of a standard error, and in
 # which the restricted likelihood of the colour does.
 _ROUNDS, _RESTRICTED_ROUNDS = 4, 12
-# Standard deviations by which the variance of rows and of samples may differ in white noise.
-_LEVEL = 4.0
 
 
 class Series(NamedTuple):
@@ -132,7 +130,7 @@ def colour_of(series: Series, level: float, drifts: bool, motion: float = 0.0) -
     u = (series.t - series.t.mean()) / max(np.ptp(series.t), np.finfo(float).tiny)
     drift = (u * series.unit)[:, None]
     # Whatever is more than a process alone has to show by very strong evidence.
-    rivals = [(alone, criterion - STRONG)]
+    rivals = [(alone, criterion - thresholds.VERY_STRONG)]
     if drifts and (alone.coefficients.size or _shows(alone.left, series.slopes, drift[:, 0])):
         rivals.append(_candidate(series, drift, True, ()))
     for so_far, _ in tuple(rivals):
@@ -144,7 +142,7 @@ def colour_of(series: Series, level: float, drifts: bool, motion: float = 0.0) -
     best, _ = min(rivals, key=lambda rival: rival[1])
     if best.coefficients.size:
         return _restricted(series, best)
-    as_white = abs(np.log(max(best.std, 1e-300) ** 2 / level)) < _LEVEL * np.sqrt(2 / n)
+    as_white = abs(np.log(max(best.std, 1e-300) ** 2 / level)) < thresholds.SURE * np.sqrt(2 / n)
     return None if best is alone and as_white and not series.rounding.size else best
 
 
@@ -202,7 +200,7 @@ def _orthonormal(products: np.ndarray, least: float = 0.0) -> np.ndarray:
     squares = np.diag(products)
     unit = np.sqrt(np.divide(1.0, squares, out=np.zeros(squares.size), where=squares > least))
     eigenvalues, vectors = np.linalg.eigh(unit[:, None] * products * unit)
-    kept = eigenvalues > RANK_TOLERANCE * max(eigenvalues[-1:], default=0.0)
+    kept = eigenvalues > WEAKEST * max(eigenvalues[-1:], default=0.0)
     return unit[:, None] * vectors[:, kept] / np.sqrt(eigenvalues[kept])
 
 
@@ -211,8 +209,9 @@ def _shows(left: np.ndarray, slopes: np.ndarray, function: np.ndarray) -> bool:
     along = _orthonormal(slopes.T @ slopes).T @ (slopes.T @ function)
     apart = function @ function - along @ along
     explained = (function @ left) ** 2 / max(apart, 1e-9 * (function @ function), np.finfo(float).tiny)
+    share = min(explained / max(left @ left, np.finfo(float).tiny), 0.999)
     # Half the evidence that will be asked for.
-    return bool(-left.size * np.log1p(-min(explained / max(left @ left, np.finfo(float).tiny), 0.999)) > STRONG / 2)
+    return bool(-left.size * np.log1p(-share) > thresholds.VERY_STRONG / 2)
 
 
 def _candidate(series: Series, functions: np.ndarray, drift: bool, lines: tuple[float, ...]) -> tuple[Colour, float]:

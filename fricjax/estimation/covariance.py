@@ -10,8 +10,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-# Eigenvalue, in that of the strongest direction, below which rounding of J'J hides a direction.
-RANK_TOLERANCE = 1e-13
+WEAKEST = 1e-13
+"""Eigenvalue, in that of the strongest direction, below which rounding of J'J hides a direction; the least damping ever
+used. Derived: a thousand roundings of double precision."""
+
 COVERAGE = 1.959963984540054
 """Half-width of a 95 % interval in standard errors."""
 
@@ -45,7 +47,7 @@ def quadratic(gradient: np.ndarray, normal: np.ndarray, at_bound: np.ndarray) ->
         # Scaled to a unit diagonal, so that the rank does not depend on the units of the parameters.
         unit = size[active]
         eigenvalues, vectors = np.linalg.eigh(normal[np.ix_(active, active)] / np.outer(unit, unit))
-        weak = eigenvalues < RANK_TOLERANCE * eigenvalues[-1]
+        weak = eigenvalues < WEAKEST * eigenvalues[-1]
         strength = np.where(weak, 0.0, 1 / np.where(weak, 1.0, eigenvalues))
         inverse[np.ix_(active, active)] = (vectors * strength) @ vectors.T / np.outer(unit, unit)
         # A parameter with less than a thousandth of a weak direction takes part in it by rounding alone.

@@ -11,10 +11,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
+from .covariance import WEAKEST
 from .passes import Pass
-
-WEAKEST = 1e-13
-"""Eigenvalue of the scaled normal matrix below which rounding hides a direction; the least damping ever used."""
 
 # Largest system that is eliminated here; beyond it a call into LAPACK costs less than the arithmetic.
 _LARGEST_SMALL = 32

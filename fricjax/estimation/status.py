@@ -3,7 +3,8 @@
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
-from .damped_step import WEAKEST, Setting, units
+from .covariance import WEAKEST
+from .damped_step import Setting, units
 
 RUNNING, CONVERGED, AT_BOUND, STALLED, NOT_FINITE, OUT_OF_STEPS, UNDETERMINED = range(7)
 

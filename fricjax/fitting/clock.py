@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .diagnostics import SURE
+from .. import thresholds
 from .problem import Problem, with_windows
 from .rows import Rows
 from .solve import Solution, checking, evaluate_at, solve
@@ -91,7 +91,7 @@ def _seen(window: Window, row: Rows) -> Jitter | None:
         return None
     least = float(np.quantile(row.rough, _QUIET))
     (still, moving), error = _variances(row.rough, row.moved, np.maximum(row.rough, least), least)
-    return Jitter(max(still, least), moving, row.interval) if moving > SURE * error else None
+    return Jitter(max(still, least), moving, row.interval) if moving > thresholds.SURE * error else None
 
 
 def _variances(square: np.ndarray, moved: np.ndarray, size: np.ndarray, least: float) -> tuple[np.ndarray, float]:

@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from .. import thresholds
 from ..data.segmentation.noise import NORMAL_MAD
 from ..estimation.autoregression import autoregression, innovations
 from ..estimation.colour import (
@@ -25,7 +26,7 @@ from ..estimation.colour import (
 )
 from ..estimation.covariance import Quadratic, quadratic
 from ..estimation.loss import Squares
-from .diagnostics import ADEQUATE, SURE, worst
+from .diagnostics import worst
 from .floor import passage_of
 from .noise import whiteness
 from .problem import Problem
@@ -69,7 +70,7 @@ def described(problem: Problem, seen: Sequence[Seen], absolute: bool) -> bool:
     """Whether what is left beside drift and hum is as small as noise in every run."""
     sizes = [float(np.sqrt(variance_left(*run))) for run in seen]
     expected = [expected_size(window, *run) for window, run in zip(problem.windows, seen, strict=True)]
-    return worst(problem, sizes, expected, not absolute).ratio <= ADEQUATE
+    return worst(problem, sizes, expected, not absolute).ratio <= thresholds.DESCRIBED
 
 
 def _or_shaken(problem: Problem, at: Solution, run: int, row: Rows, colour: Colour) -> Colour:
@@ -99,7 +100,7 @@ def _remembers(moving: np.ndarray, level: float) -> bool:
     """Whether what is left in motion is coloured, or larger than white noise of the run; a long rest hides that."""
     if moving.size == 0:
         return False
-    larger = np.mean(moving**2) > level * (1 + SURE * np.sqrt(2 / moving.size))
+    larger = np.mean(moving**2) > level * (1 + thresholds.SURE * np.sqrt(2 / moving.size))
     return bool(larger or autoregression(moving, np.zeros(1, int))[0].size)
 
 
@@ -232,5 +233,5 @@ def _at_rest(window: Window, row: Rows) -> np.ndarray:
 
 def _level(row: Rows, stated: bool) -> float:
     """Variance of white noise: that `stated`, where it is and the residuals do not contradict it."""
-    enough = 1 + SURE * np.sqrt(2 / (row.series.t.size * row.samples))
+    enough = 1 + thresholds.SURE * np.sqrt(2 / (row.series.t.size * row.samples))
     return 1.0 if stated and row.level < enough else row.level

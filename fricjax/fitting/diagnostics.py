@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from .. import thresholds
 from ..estimation.covariance import Covariance
 from ..estimation.space import Parameter
 from ..estimation.status import NOT_FINITE, OUT_OF_STEPS, STALLED
@@ -16,19 +17,8 @@ from .problem import Problem
 from .solve import Solution
 from .window import Window
 
-ADEQUATE = 10.0
-"""Residuals up to this multiple of the noise count as described. It is a convention: what larger ones hold is no longer
-noise but motion."""
-
-SURE = 5.0
-"""Standard errors from which on noise larger than stated, or noise that grows with the velocity, is believed."""
-
 CONVERGED, AT_BOUND, MISFIT = "converged", "at a bound", "does not describe the record"
 _OPTIMA = (CONVERGED, AT_BOUND, MISFIT)
-# Standard error of a positive quantity, in parts of its value, from which on the record hardly tells it.
-_HARDLY = 0.5
-# Clean metals in vacuum and soft rubber come to one or two.
-_LARGEST_MU = 2.0
 # Part of the amplitude that the error of a computed motion may reach, 0.02 nm on 2 mm: a record without noise, as a
 # simulation writes it, is not described more closely.
 _COMPUTED = 1e-8
@@ -110,7 +100,7 @@ def status_of(problem: Problem, solution: Solution, covariance: Covariance, misf
         return f"undetermined: the record does not determine {lost}. Fix one of them or record more half-cycles."
     at_bound = _listed(problem, covariance.at_bound)
     # A size that is not finite is no description either.
-    if not misfit.ratio <= ADEQUATE:
+    if not misfit.ratio <= thresholds.DESCRIBED:
         return f"{MISFIT}: {_compared(problem, misfit)}; {_remedy(problem, at_bound)}."
     if at_bound:
         return f"{AT_BOUND}: {at_bound}. Widen the bound, fix what it holds, or take a law without it."
@@ -157,7 +147,7 @@ def growth(window: Window) -> tuple[float, float] | None:
         return None
     first, last = float(paths[0]), float(paths[-1])
     # One in a hundred is more than a beat between modes or the rounding of an encoder makes of a steady swing.
-    grows = last - first > max(6 * segmentation.noise, 0.01 * first) and np.median(np.diff(paths)) > 0
+    grows = last - first > max(thresholds.EXTREME * segmentation.noise, 0.01 * first) and np.median(np.diff(paths)) > 0
     return (first, last) if grows else None
 
 
@@ -171,7 +161,7 @@ def flags_of(problem: Problem, covariance: Covariance, solution: Solution) -> di
             raised.append("at bound")
         elif covariance.undetermined[i]:
             raised.append("undetermined")
-        elif parameter.fitted_as != "value" and errors[i] > _HARDLY * values[i]:
+        elif parameter.fitted_as != "value" and errors[i] > thresholds.POORLY * values[i]:
             raised.append("hardly determined")
         if too_large(problem, parameter, values[i]):
             raised.append("implausible")
@@ -185,4 +175,4 @@ def too_large(problem: Problem, parameter: Parameter, value: float) -> bool:
     """Whether a value is a coefficient of friction larger than there are."""
     # Under unit load, which stands for an unknown one, mu is a deceleration or a dead band of any size.
     loaded = float(problem.residual.oscillator.normal_force) != 1.0
-    return parameter.kind == "mu" and loaded and value > _LARGEST_MU
+    return parameter.kind == "mu" and loaded and value > thresholds.LARGEST_MU

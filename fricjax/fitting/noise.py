@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from .. import thresholds
 from ..show import engineering
 
 _BLOCK = 1 << 17
@@ -83,7 +84,7 @@ class Whiteness(NamedTuple):
     Attributes:
         lag_one: autocorrelation of neighbouring samples.
         correlation_time: integrated autocorrelation time in samples, one for white residuals.
-        white: whether neighbouring samples are uncorrelated within four standard errors.
+        white: whether neighbouring samples are uncorrelated within `thresholds.SURE` standard errors.
     """
 
     lag_one: float
@@ -103,7 +104,7 @@ def whiteness(residuals: np.ndarray) -> Whiteness:
     ends = np.flatnonzero(pairs <= 2 / np.sqrt(n))
     positive = pairs[: ends[0]] if ends.size else pairs
     time = 1 + 2 * float(np.sum(np.minimum.accumulate(positive))) if positive.size else 1.0
-    return Whiteness(float(correlation[1]), max(time, 1.0), bool(abs(correlation[1]) < 4 / np.sqrt(n)))
+    return Whiteness(float(correlation[1]), max(time, 1.0), bool(abs(correlation[1]) < thresholds.SURE / np.sqrt(n)))
 
 
 def _autocorrelation(centred: np.ndarray) -> np.ndarray:

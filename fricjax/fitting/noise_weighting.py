@@ -20,12 +20,13 @@ from typing import NamedTuple
 
 import numpy as np
 
+from .. import thresholds
 from ..estimation.colour import Colour, whitened
 from ..estimation.loss import Squares
 from ..estimation.small_sample import small_sample_covariance
 from .clock import by_clock
 from .colours import Seen, colours_of, described, expected_size, least_squares, under_noise, variance_left, weighed_rows
-from .diagnostics import ADEQUATE, SURE, worst
+from .diagnostics import worst
 from .evaluation import Block
 from .noise import Line, Noise, whiteness
 from .problem import Problem
@@ -102,7 +103,7 @@ def weigh_by_noise(problem: Problem, solution: Solution, absolute: bool) -> Nois
     rows = rows_of(problem, solution.evaluation)
     # What the model lacks grows with velocity too.
     sizes = [float(np.sqrt(row.level)) for row in rows]
-    small = worst(problem, sizes, [0.0] * len(rows), not absolute).ratio <= ADEQUATE
+    small = worst(problem, sizes, [0.0] * len(rows), not absolute).ratio <= thresholds.DESCRIBED
     clocked = by_clock(problem, solution, rows) if small else None
     if clocked is None:
         return _by_colour(plain, rows, absolute)
@@ -169,7 +170,7 @@ def _plain(problem: Problem, solution: Solution, absolute: bool) -> NoiseWeighte
         )
     else:
         scatter = 1.0 if absolute else reduced
-        variance = reduced if absolute and reduced > 1 + SURE * np.sqrt(2 / problem.dof) else scatter
+        variance = reduced if absolute and reduced > 1 + thresholds.SURE * np.sqrt(2 / problem.dof) else scatter
     noises = tuple(Noise(excess=float(np.sqrt(variance))) for _ in blocks)
     ends = [
         End(half_cycles(like), at.foreseen / variance, at.y[: at.shape.step.size] + at.shape.step)

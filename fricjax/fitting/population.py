@@ -18,15 +18,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from .. import thresholds
 from ..data.segmentation.noise import NORMAL_MAD
 from ..errors import DataError
 from ..show import interval, uncertain
 
 _LEVEL = 0.95
 _LARGEST = 1e3
-# Level for all runs together. The half nearest to the median scatters less than the whole, so that some search ends
-# early, and about one normal sample in a hundred loses a run.
-_LEVEL_OF_OUTLIERS = 1e-3
 # Fewest runs of which a scatter is told.
 _FEWEST = 3
 
@@ -133,7 +131,9 @@ def _predicted(z: np.ndarray, u: np.ndarray, known: np.ndarray) -> np.ndarray:
     """Which runs lie where those already known let one expect them."""
     scatter = _most_likely(z[known], u[known])
     mean, std = _centre(z[known], u[known], scatter)
-    furthest = _quantile(1 - _LEVEL_OF_OUTLIERS / (2 * z.size), int(known.sum()) - 1)
+    # The half nearest to the median scatters less than the whole, so that some search ends early, and about one normal
+    # sample in a hundred loses a run.
+    furthest = _quantile(1 - thresholds.RARE / (2 * z.size), int(known.sum()) - 1)
     return np.abs(z - mean) <= furthest * np.sqrt(scatter**2 + u**2 + std**2)
 
 

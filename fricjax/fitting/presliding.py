@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from .. import thresholds
 from ..data import Segmentation
 from .window import Window, equilibrium
 
@@ -22,8 +23,8 @@ _RESONANCES = np.geomspace(1.3, 300.0, 110)
 _RATIOS = np.geomspace(0.01, 0.6, 9)
 # Damping ratios of a contact that springs back without ringing.
 _SLUGGISH = np.geomspace(0.2, 20.0, 40)
-# A ringing is there where it explains this part of what a creep leaves, and a motion at all beyond these deviations.
-_EXPLAINS, _SEEN = 0.5, 7.0
+# A ringing is there where it explains this part of what a creep leaves.
+_EXPLAINS = 0.5
 # The least delay of a contact that a fit looks for, in standard errors of a displacement from all samples.
 _LATE = 0.3
 # The least delay that double precision resolves, in dead bands.
@@ -136,7 +137,7 @@ def _settling(window: Window, segmentation: Segmentation) -> _Settling | None:
     after = slice(turn, int(np.searchsorted(t, t[turn] + _REACH * h)))
     reversal, rest = float(smooth.max()), float(side * x[(after.start + 3 * after.stop) // 4 : after.stop].mean())
     noise, every = float(np.median(window.sigma)), -(-(after.stop - after.start) // _SAMPLES)
-    returned = reversal - rest if reversal - rest >= _SEEN * noise / np.sqrt(width) else 0.0
+    returned = reversal - rest if reversal - rest >= thresholds.EXTREME * noise / np.sqrt(width) else 0.0
     seen = slice(after.start, after.stop, every)
     return _Settling(t[seen] - t[turn], side * x[seen], noise, reversal - side * equilibrium(segmentation), returned)
 
@@ -162,7 +163,7 @@ def _by_ringing(seen: _Settling, machine: Machine) -> Contact | None:
         explained = float(np.sum((np.linalg.qr(columns)[0].T @ x) ** 2))
         if explained > best:
             best, fitted = explained, (w, z)
-    if fitted is None or best < max(_EXPLAINS * float(x @ x), (_SEEN * seen.noise) ** 2):
+    if fitted is None or best < max(_EXPLAINS * float(x @ x), (thresholds.EXTREME * seen.noise) ** 2):
         return None
     w, z = fitted
     if z == _RATIOS[-1]:

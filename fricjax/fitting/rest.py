@@ -12,6 +12,7 @@ from typing import NamedTuple
 import equinox as eqx
 import numpy as np
 
+from .. import thresholds
 from ..estimation.covariance import quadratic
 from .names import sole_coulomb
 from .noise import whiteness
@@ -20,15 +21,12 @@ from .residual import motion
 from .solve import Rival, Solution, checking, evaluate_at, half_cycles, solve
 from .window import NEVER, Window, equilibrium, extremes
 
-_ADEQUATE = 2.0
-_STROKE_SHARE = 0.02
-# Twice the logarithm of odds of 400 to 1.
-DECISIVE = 12.0
+# Part of the dead band from which residuals are large enough for a missed or added half-cycle [1]. Convention: it moves
+# the rest by a good part of a dead band, of which the mean over all samples keeps some hundredths.
+_HALF_CYCLE_SHARE = 0.02
 # Friction takes two dead bands in each half-cycle, four in two, and holds the mass within one times the ratio of static
 # to dynamic friction: provided for are ratios up to eight.
 _STICKS = 2.0
-# Noises by which a stop must lie above a non-stop to contradict it.
-_CLEAR = 3.0
 
 
 class Margin(NamedTuple):
@@ -150,7 +148,7 @@ def _is_better(problem: Problem, rival: Problem, solution: Solution, other: Solu
 def _by_chance(problem: Problem, solution: Solution) -> float:
     """How far apart noise as correlated as the residuals, and the drift that the rest shows, may put two chi^2."""
     correlated = max(whiteness(part).correlation_time for part in problem.by_run(solution.evaluation.residual))
-    return DECISIVE * correlated * max(map(_unexplained, problem.windows))
+    return thresholds.DECISIVE * correlated * max(map(_unexplained, problem.windows))
 
 
 def _unexplained(window: Window) -> float:
@@ -201,7 +199,7 @@ def miscounted(problem: Problem, solution: Solution) -> bool:
 
 def _late_stops(problem: Problem, solution: Solution) -> list[tuple[int, int]]:
     """Runs that seem to move to the end of the record but may have stopped just before it, with their half-cycles."""
-    if solution.chi2 / problem.n_used <= _ADEQUATE:
+    if solution.chi2 / problem.n_used <= thresholds.EXCESS:
         return []
     runs = zip(problem.windows, half_cycles(problem), strict=True)
     moving = [(run, window) for run, (window, count) in enumerate(runs) if count >= NEVER]
@@ -218,10 +216,10 @@ def _may_have_stopped(window: Window) -> bool:
 def far_off(problem: Problem, solution: Solution) -> bool:
     """Whether the residuals are larger than the noise, and large enough for a missed or added half-cycle."""
     excess = solution.chi2 / problem.n_used
-    if excess <= _ADEQUATE:
+    if excess <= thresholds.EXCESS:
         return False
     sigma = float(np.median(np.concatenate([w.sigma[w.used] for w in problem.windows])))
-    return sigma * np.sqrt(excess) > _STROKE_SHARE * float(solution.derived.machine.dead_band)
+    return sigma * np.sqrt(excess) > _HALF_CYCLE_SHARE * float(solution.derived.machine.dead_band)
 
 
 def _half_cycles_of_law(problem: Problem, solution: Solution, run: int) -> int:
@@ -279,5 +277,5 @@ def bracket_static(problem: Problem, solution: Solution) -> Bracket | None:
         upper = min(upper, float(np.min(moved_on, initial=np.inf)))
         lower = max(lower, float(pull[count]) if stopped else 0.0)
     sigma = max(window.stated for window in problem.windows)
-    contradicted = lower - upper > _CLEAR * sigma * float(machine.stiffness) / load
+    contradicted = lower - upper > thresholds.SUSPECTED * sigma * float(machine.stiffness) / load
     return Bracket(min(lower, upper), max(lower, upper), contradicted)

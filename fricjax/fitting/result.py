@@ -58,7 +58,7 @@ class Fit(Reported):
         units, flags: by name; flags are sentences such as "at bound".
         converged: whether an optimum was found that is finite and of full rank, with no parameter at a bound, and the
             model describes the record: the residuals of no run are larger than ten times its noise
-            (:data:`.verdict.ADEQUATE`), as stated or as seen in the record.
+            (`fricjax.thresholds.DESCRIBED`), as stated or as seen in the record.
         status: the outcome in words, its name before the colon: "converged", "does not describe the record", "at a
             bound", "undetermined", "out of steps", "stalled" or "not finite".
         warnings: what a reader of the numbers must know, in sentences.

@@ -16,6 +16,7 @@ import jax
 import numpy as np
 from jaxtyping import Float
 
+from .. import thresholds
 from ..errors import UsageError
 from ..estimation.covariance import Quadratic, quadratic
 from ..estimation.loss import AbstractLoss, Squares
@@ -31,7 +32,6 @@ from .residual import Residual, without_inputs
 from .runs import full_stage
 from .stages import CONTINUE, CONTINUE_ROBUST, EVALUATE_ONLY, ROUNDING, Iterate, Schedule, like_iterate, solve_in_stages
 
-_ACCURATE = 0.1
 _BOUNDLESS = 1e100
 # The first mesh, and the squares of a robust fit, only lead to where it goes on from: how much larger errors of that
 # mesh may be, and how near its optimum is to be met.
@@ -83,7 +83,7 @@ class Solution(NamedTuple):
     @property
     def accurate(self) -> bool:
         """Whether numerical errors are small against the standard errors."""
-        return self.numerical_shift <= _ACCURATE
+        return self.numerical_shift <= thresholds.ACCURATE
 
     @property
     def converged(self) -> bool:

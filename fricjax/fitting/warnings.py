@@ -4,22 +4,19 @@ from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
+from .. import thresholds
 from ..data.inspect import implausible_scale
 from ..data.record import Record
 from ..data.repair import reported_faults
 from ..oscillator.restoring import Pendulum
 from ..show import engineering, plain
-from .diagnostics import ADEQUATE, Misfit, growth, holds_release, too_large
+from .diagnostics import Misfit, growth, holds_release, too_large
 from .missing import lacking
 from .noise_weighting import Other
 from .problem import Problem
 from .rest import Bracket, Margin
 from .solve import half_cycles
 
-# Misfit in units of the noise, and numerical error in standard errors, from which on they are reported.
-_NOTICED, _VISIBLE = 3.0, 0.1
-# Probability of another number of half-cycles from which on it is reported.
-_POSSIBLE = 0.01
 # Part of the stiffness beyond which no record tells a contact from a rigid one, from which on it counts as such.
 _RIGID = 1 - 1e-6
 
@@ -69,15 +66,15 @@ def warnings_of_run(
     yield from implausible(problem, values)
     yield from _on_growth(problem)
     yield from _on_other_numbers(problem, others)
-    if values.get("damping", 0.0) < -2 * std_errors.get("damping", np.inf):
+    if values.get("damping", 0.0) < -thresholds.SUSPECTED * std_errors.get("damping", np.inf):
         yield (
             "The damping is negative: no passive machine has that. It is the fingerprint of a friction law that falls "
             "with velocity or of a missing term such as drag; bound it at zero or choose another law."
         )
     size = f"{misfit.size:.2e} {unit} rms"
-    if misfit.ratio > _NOTICED:
+    if misfit.ratio > thresholds.NOTICED:
         times = f"residuals of {size} are {misfit.ratio:.3g} times the noise of {misfit.noise:.2e} {unit}"
-        if misfit.ratio > ADEQUATE:
+        if misfit.ratio > thresholds.DESCRIBED:
             yield f"The model does not describe the run: its {times}."
         else:
             yield f"The {times}, and are taken for noise, a slow one: it may as well be something that the model lacks."
@@ -89,7 +86,7 @@ def warnings_of_run(
                 "The window includes the release, whose transient biases friction. Start at the first reversal, which "
                 "is the default."
             )
-    elif misfit.size > _NOTICED * misfit.stated:
+    elif misfit.size > thresholds.NOTICED * misfit.stated:
         yield (
             f"The noise is larger than stated: the residuals of {size} are {misfit.size / misfit.stated:.3g} times the "
             f"stated {misfit.stated:.2e} {unit}, and so is the noise that the record itself shows."
@@ -99,7 +96,7 @@ def warnings_of_run(
 def _on_other_numbers(problem: Problem, others: Sequence[Other]) -> Iterator[str]:
     taken = half_cycles(problem)
     for counts, probability in others:
-        if probability > _POSSIBLE:
+        if probability > thresholds.POSSIBLE:
             run = next(i for i, count in enumerate(counts) if count != taken[i])
             where = _of_run(run, problem)
             yield (
@@ -112,7 +109,7 @@ def _on_drift(problem: Problem, misfit: Misfit) -> Iterator[str]:
     window = problem.windows[misfit.run]
     unit, speed = window.quantity, window.segmentation.drift
     far = abs(speed) * float(np.ptp(np.asarray(window.trace.t)[window.used]))
-    if far > _NOTICED * misfit.noise and "drift" not in window.nuisances:
+    if far > thresholds.NOTICED * misfit.noise and "drift" not in window.nuisances:
         yield (
             f"The record drifts at rest by {engineering(speed, f'{unit}/s')}, over the fitted window by "
             f"{engineering(far, unit)}: free that too, nuisance={[*window.nuisances, 'drift']}."
@@ -145,7 +142,7 @@ def _on_the_model(problem: Problem, values: Mapping[str, float]) -> Iterator[str
 
 
 def _on_the_errors(numerical_shift: float) -> Iterator[str]:
-    if numerical_shift > _VISIBLE:
+    if numerical_shift > thresholds.ACCURATE:
         yield (
             f"The numerical error of the computed motion may move a parameter by {numerical_shift:.2g} standard "
             "errors. Ask the engine for more accuracy, or choose another engine."
@@ -158,14 +155,14 @@ def _on_the_rest(
     """Whether the law stops the mass where the record does."""
     unit = problem.windows[0].quantity
     for i, margin in enumerate(margins):
-        if margin is not None and min(margin) < -_NOTICED * problem.windows[i].stated:
+        if margin is not None and min(margin) < -thresholds.NOTICED * problem.windows[i].stated:
             yield (
                 f"The law would stop the mass{_of_run(i, problem)} after another number of half-cycles than the record "
                 f"shows (margins {margin.one_more:.2e}, {margin.one_less:.2e} {unit}): static friction or the model is "
                 "off."
             )
     for i, excess in enumerate(excesses):
-        if excess is not None and excess < -_NOTICED * problem.windows[i].stated:
+        if excess is not None and excess < -thresholds.NOTICED * problem.windows[i].stated:
             yield (
                 f"The law would stop the mass{_of_run(i, problem)} inside the record, which shows it moving to the "
                 f"end: at a reversal the spring lacks {-excess:.2e} {unit} to overcome static friction. Static "

@@ -4,6 +4,7 @@ import abc
 
 import equinox as eqx
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
 from ..friction.base import Scalar, scalar
@@ -44,9 +45,11 @@ class Drive(eqx.Module):
     """What moves the mass besides its own spring.
 
     Attributes:
-        base_acceleration: acceleration of the floor at the sample times [m/s^2]; linear between them.
+        t: times at which the acceleration of the floor is known [s], shape (instants,).
+        base_acceleration: that acceleration [m/s^2]; linear between them, None for a floor that stands.
         release: law by which the force that held the mass decays.
     """
 
-    base_acceleration: Float[Array, " samples"] | None = None
+    t: Float[Array | np.ndarray, " instants"]
+    base_acceleration: Float[Array, " instants"] | None = None
     release: AbstractRelease | None = None

@@ -20,6 +20,9 @@ from .oscillator import Oscillator
 from .select import concrete, half_cycle_capacity, select_engine
 from .session import ready
 
+# Samples up to which driven motions share a compilation; beyond, each power of two has its own.
+_LEAST_DRIVEN = 2048
+
 
 def simulate(
     oscillator: Oscillator,
@@ -40,7 +43,8 @@ def simulate(
     Args:
         oscillator: the machine and its friction law.
         x0: displacement from the equilibrium at time zero [m].
-        ts: times to sample at, increasing [s], shape (samples,).
+        ts: times to sample at, increasing [s], shape (samples,). Before time zero a
+            free motion is continued backwards, and a driven mass is held.
         v0: velocity at time zero [m/s]. The motion has a kink in `v0` at zero, where the mass starts from rest.
         state0: internal states of the law at time zero, shape (states,); None stands for those after a slow pull to
             `x0`, or after long sliding where `v0` is not zero.
@@ -84,9 +88,29 @@ def simulate(
             '"smooth" or "diffrax".'
         )
     state = None if state0 is None else _floats(state0)
-    floor = None if base_acceleration is None else jnp.asarray(base_acceleration, float)
-    drive = Drive(floor, release) if driven else None
-    return _solve(chosen, _limit_engine(oscillator, capacity), oscillator, x, v, state, times, drive)
+    limit = _limit_engine(oscillator, capacity)
+    if not driven:
+        return _solve(chosen, limit, oscillator, x, v, state, times, None)
+    filled, drive = _filled(times, base_acceleration, release)
+    motion = _solve(chosen, limit, oscillator, x, v, state, filled, drive)
+    samples = {name: getattr(motion, name)[: times.size] for name in ("t", "x", "v", "friction_force", "at_rest")}
+    return dataclasses.replace(motion, **samples)
+
+
+def _filled(times: Any, base_acceleration: ArrayLike | None, release: AbstractRelease | None) -> tuple[Any, Drive]:
+    """Times filled up to one of few sizes, for a driven motion is compiled for each, by repeats of the last; its drive.
+
+    Of repeated instants no path is made: that of the floor goes on evenly behind the last sample.
+    """
+    xp = jnp if isinstance(times, Tracer) else np
+    more = max(_LEAST_DRIVEN, 2 ** math.ceil(math.log2(times.size))) - times.size
+    filled = xp.concatenate([times, xp.repeat(times[-1:], more)])
+    if base_acceleration is None:
+        return filled, Drive(filled, None, release)
+    interval = times[-1] - times[-2] if times.size > 1 else 1.0
+    knots = xp.concatenate([times, times[-1] + interval * xp.arange(1, more + 1)])
+    floor = jnp.asarray(base_acceleration, float)
+    return filled, Drive(knots, jnp.concatenate([floor, jnp.repeat(floor[-1:], more)]), release)
 
 
 def _limit_engine(oscillator: Oscillator, capacity: int) -> AbstractEngine | None:

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..estimation.covariance import RANK_TOLERANCE
+from ..estimation.covariance import WEAKEST
 from ..estimation.space import Parameter
 from ..show import engineering, plain
 
@@ -70,7 +70,7 @@ def spectrum(normal: np.ndarray) -> Spectrum:
     active = size > NO_EFFECT * size.max(initial=0.0)
     unit = size[active]
     values, vectors = np.linalg.eigh(normal[np.ix_(active, active)] / np.outer(unit, unit))
-    weak = values < RANK_TOLERANCE * values[-1:]
+    weak = values < WEAKEST * values[-1:]
     null = np.zeros((int(weak.sum()), size.size))
     null[:, active] = vectors[:, weak].T / unit
     condition = np.inf if weak.any() or not values.size else float(np.sqrt(values[-1] / values[0]))

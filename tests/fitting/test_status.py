@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from fricjax import Fit, Record, Trace, compare, fit, fit_batch, load_fit, multistart
-from fricjax.fitting.diagnostics import ADEQUATE
+from fricjax.thresholds import DESCRIBED
 from tests.fitting.runs import MACHINE, RIGS, STIFFNESS, coulomb_run, oscillator
 from tests.oracles import coulomb_viscous
 
@@ -84,7 +84,7 @@ def test_a_bound_next_to_the_optimum_is_named():
     assert_named(found, "at a bound: damping. Widen the bound, fix what it holds")
 
 
-@pytest.mark.parametrize(("multiple", "described"), [(0.95 * ADEQUATE, True), (1.05 * ADEQUATE, False)])
+@pytest.mark.parametrize(("multiple", "described"), [(0.95 * DESCRIBED, True), (1.05 * DESCRIBED, False)])
 def test_the_multiple_of_the_noise_is_what_is_stated(multiple, described):
     """The same residuals beside a stated noise just above and just below a tenth of them."""
     rms = float(np.sqrt(np.mean(seen(fit(slipped(), MODEL, MACHINE)) ** 2)))
@@ -137,7 +137,7 @@ def test_of_several_runs_the_one_that_is_not_described_is_named():
     """In the root mean square of all samples it would not show."""
     runs = [coulomb_run(seed=seed) for seed in range(3)]
     found = fit([*runs, slipped(size=45e-9)], MODEL, MACHINE)
-    assert found.residual_rms < ADEQUATE * NOISE
+    assert found.residual_rms < DESCRIBED * NOISE
     assert_named(found, MISFIT, " in run 3 are ")
 
 

@@ -5,9 +5,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fricjax.friction import Ageing, Coulomb, Stribeck
+from fricjax.friction import Ageing, Coulomb, Stribeck, Tanh
 from fricjax.instrument import white_acceleration
 from fricjax.oscillator import ExponentialRelease, Oscillator, restoring, simulate
+from tests.compilations import compilations
 from tests.helpers import PROTOTYPE_DAMPING, PROTOTYPE_MASS
 
 STIFFNESS = 2574.0
@@ -87,6 +88,29 @@ def test_an_aged_contact_slips_late_and_only_once():
     young, old = (simulate(rig(each, 9.66), start, ts, engine="diffrax") for each in (Coulomb(0.02, 0.05), law))
     assert 0.05 < -young.x.min() * STIFFNESS / 9.66 < aged
     np.testing.assert_allclose(old.x, young.x, rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize("start", [(2e-3, 0.0), (-1e-3, 0.05)])
+def test_before_time_zero_a_free_motion_is_continued_as_by_the_closed_form(start):
+    ts = np.array([-2e-4, -1e-4, 0.0, 0.1])
+    ours, exact = (
+        simulate(rig(Coulomb(0.01)), start[0], ts, v0=start[1], engine=name) for name in ("diffrax", "exact")
+    )
+    # The jerk is below omega^3 x0, of which (2e-4 s)^3/6 are 1.4 nm; holding the mass would leave 200 nm and 10 um.
+    assert np.abs(ours.x - np.asarray(exact.x)).max() < 2e-9
+    assert np.array_equal(ours.at_rest, exact.at_rest)
+
+
+@pytest.mark.parametrize("law", [Coulomb(0.01), Tanh(0.01, 1e-4)], ids=["set-valued", "smooth"])
+def test_driven_motions_of_many_lengths_are_compiled_once(law):
+    ts = np.arange(2048) / 5e3
+    floor = 0.05 * np.sin(100 * ts)
+    full = simulate(rig(law), 1e-3, ts, base_acceleration=floor, release=ExponentialRelease(1e-3))
+    with compilations() as compiled:
+        short = simulate(rig(law), 1e-3, ts[:1500], base_acceleration=floor[:1500], release=ExponentialRelease(1e-3))
+    assert short.x.shape == short.at_rest.shape == (1500,)
+    np.testing.assert_allclose(short.x, np.asarray(full.x)[:1500], rtol=0, atol=1e-11)
+    assert not [name for name in compiled if "_solve" in name]
 
 
 def test_before_the_release_the_mass_is_held():

@@ -9,6 +9,7 @@ import bisect
 
 import numpy as np
 
+from ... import thresholds
 from .noise import NORMAL_MAD
 from .swing import Swing
 
@@ -26,8 +27,6 @@ CREPT = 0.35
 SHORTEST_REST = 0.25
 # Speed of a creep, as a part of the peak speed of the last half-cycle.
 CREEP = 0.03
-# Twice the logarithm of the likelihood ratio up to which another number stays possible: odds of 400 to 1.
-OPEN = 12.0
 COSINE_VARIANCE = 0.125
 """Variance of a half-cosine of height one."""
 # Half-cycles from which a prediction is made at least, half-cycles that give its misfit, and how many more than those
@@ -75,8 +74,8 @@ def find_stop(
             return size.size, False, ()
     likelihoods = _likelihoods(size, pairs, scatter, other, last, large)
     best = max(likelihoods, key=lambda number: likelihoods[number])
-    near = [n for n, value in likelihoods.items() if n != best and 2 * (likelihoods[best] - value) < OPEN]
-    return best, True, tuple(sorted(near))
+    least = likelihoods[best] - thresholds.DECISIVE / 2
+    return best, True, tuple(sorted(n for n, value in likelihoods.items() if n != best and value > least))
 
 
 def _decaying(size: np.ndarray, floor: np.ndarray, large: int) -> int:

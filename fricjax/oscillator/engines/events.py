@@ -23,7 +23,7 @@ from ..drive import Drive
 from ..motion import RESULTS, Motion, Start
 from ..oscillator import Oscillator
 from .base import AbstractEngine, AbstractPath, Demands
-from .smooth.scaled import Scaled
+from .smooth.scaled import Scaled, continued
 
 # Tolerance of a step as a share of the accuracy: errors of the steps add up, and samples are read off the dense output,
 # whose error no controller sees. At ten times this share the error of an ordinary decay is a tenth of the accuracy.
@@ -57,21 +57,13 @@ class _Phase(NamedTuple):
 
 
 class _Machine(eqx.Module):
-    """An oscillator in its units of displacement and time, and what drives it."""
+    """An oscillator in its units of displacement and time, and when friction holds it."""
 
     scaled: Scaled
-    floor: Any
-    release: Any
-    hold: Array
 
     def pull(self, tau: Array, x: Array) -> Array:
         """Net force towards negative x that friction has to balance at rest [N]."""
-        force = self.scaled.pull(x)
-        if self.floor is not None:
-            force = force + self.scaled.oscillator.mass * self.floor.evaluate(tau)
-        if self.release is not None:
-            force = force - self.release.force(tau / self.scaled.rate, self.hold)
-        return force
+        return self.scaled.pull(x) - self.scaled.push(tau)
 
     def excess(self, tau: Array, x: Array, slid: Array) -> Array:
         """By how much the largest force that holds the mass exceeds the pull, in units of the spring's force."""
@@ -85,7 +77,7 @@ class _Machine(eqx.Module):
         """Where a mass of zero velocity goes: 0 if static friction holds it."""
         spare = self.excess(tau, x, slid)
         # Without contact, a floor that moves leaves no mass at rest, though its pull may vanish for an instant.
-        leaves = (spare < 0) | ((spare == 0) & (self.floor is not None))
+        leaves = (spare < 0) | ((spare == 0) & (self.scaled.floor is not None))
         return jnp.where(leaves, self.away(tau, x), 0.0)
 
     def away(self, tau: Array, x: Array) -> Array:
@@ -168,30 +160,27 @@ class Events(AbstractEngine):
         half_cycles: Int[Array, ""] | None = None,
         drive: Drive | None = None,
     ) -> Motion:
-        floor, release = (None, None) if drive is None else (drive.base_acceleration, drive.release)
-        scaled = Scaled.of(oscillator, start, floor)
-        path = None if floor is None else diffrax.LinearInterpolation(ts * scaled.rate, floor)
-        machine = _Machine(scaled, path, release, oscillator.restoring_force(start.x0))
+        scaled = Scaled.of(oscillator, start, drive)
+        machine = _Machine(scaled)
         taus = jnp.maximum(ts, 0.0) * scaled.rate
         most = jnp.asarray(jnp.inf if half_cycles is None else half_cycles, float)
         end = jnp.maximum(taus[-1], 1e-9)
         # Each slide may be followed by a rest, and either may be longer than a window.
         most_phases = 2 * self.max_half_cycles + 2 * taus.size // _WINDOW + 2
         going = lambda at: (at.tau < end) & (at.phases < most_phases) & (at.count < self.max_half_cycles)
-        last = jax.lax.while_loop(
-            going, lambda at: self._next(machine, taus, end, most, at), self._begun(machine, start, taus)
-        )
-        x, v, direction = last.xs * scaled.length, last.vs * scaled.speed, last.directions
-        load = oscillator.normal_force
+        begun = self._begun(machine, start, taus)
+        last = jax.lax.while_loop(going, lambda at: self._next(machine, taus, end, most, at), begun)
+        args = _Args(machine, begun.direction, begun.slid, begun.tau)
+        a0 = _field(begun.tau, (begun.x, begun.v), args)[1] * scaled.speed * scaled.rate if drive is None else None
+        x, v = continued(ts, start, a0, last.xs * scaled.length, last.vs * scaled.speed)
+        load, direction = oscillator.normal_force, last.directions
         sliding = oscillator.friction.sliding_force(jnp.abs(v), load)
         balance = -jax.vmap(machine.pull)(taus, last.xs)
-        # Before time zero the mass is held where it starts.
-        at_rest = (direction == 0) | (ts < 0)
-        short = last.tau < end
+        at_rest, short = (direction == 0) | (ts < 0) & (drive is not None), last.tau < end
         return Motion(
             t=ts,
             x=x,
-            v=jnp.where(ts < 0, 0.0, v),
+            v=v,
             friction_force=jnp.where(at_rest, balance, direction * sliding),
             at_rest=at_rest,
             t_stop=jnp.where(drive is None, last.stopped, jnp.inf) / scaled.rate,
@@ -226,7 +215,7 @@ class Events(AbstractEngine):
         until = jnp.where(first + width == taus.size, end, window[-1])
         samples = diffrax.SubSaveAt(ts=jnp.clip(window, at.tau, until))
         controller: Any = diffrax.PIDController(rtol=tolerance, atol=tolerance)
-        if machine.floor is not None:
+        if machine.scaled.floor is not None:
             # The floor has a kink at each sample; and a step of a mass that sticks would jump over a short slip.
             controller = diffrax.ClipStepSizeController(controller, step_ts=window)
         solution: Any = diffrax.diffeqsolve(

@@ -25,7 +25,7 @@ from .mesh import Mesh
 from .phase import FieldArgs, Limits, after_switch, choose_phase_steps, field, follow_mesh, switching_quantities
 from .reversals import Log, ReversalRecorder, after_step, last_log
 from .rosenbrock import Rodas5P
-from .scaled import Cautious, Scaled, integrate
+from .scaled import Cautious, Scaled, continued, integrate
 from .switching import SecantSteps, SwitchingSolver, step_across
 
 # The way that a mass may still go and count as resting, in tolerances.
@@ -41,27 +41,17 @@ _MOVED = 2.0
 
 
 class _Args(NamedTuple):
-    """Arguments of the vector field: the scaled machine, and what moves it besides its own spring.
-
-    For the log of a motion there is `shows`, the scaled way from which on ringing shows.
-    """
+    """Arguments of the vector field: the scaled machine; for the log the scaled way from which on ringing shows."""
 
     machine: Scaled
     shows: Any = None
-    floor: Any = None
-    release: Any = None
-    hold: Any = None
 
 
 def _field(tau: Any, y: Any, args: _Args) -> tuple:
     """Rates of the scaled state (x, v, internal states...) in scaled time."""
     machine = args.machine
     a, states = machine.rates(y[0], y[1], y[2:])
-    if args.floor is not None:
-        a = a - args.floor.evaluate(tau) / (machine.speed * machine.rate)
-    if args.release is not None:
-        force = args.release.force(tau / machine.rate, args.hold)
-        a = a + force / (machine.oscillator.mass * machine.speed * machine.rate)
+    a = a + machine.push(tau) / (machine.oscillator.mass * machine.speed * machine.rate)
     return (y[1], a, *states)
 
 
@@ -186,7 +176,7 @@ class Smooth(AbstractEngine):
         half_cycles: Int[Array, ""] | None = None,
         drive: Drive | None = None,
     ) -> Motion:
-        machine, x, v, state, solution = self._integrate(oscillator, start, ts, drive or Drive())
+        machine, x, v, state, solution = self._integrate(oscillator, start, ts, drive)
         load = oscillator.normal_force
         friction = jax.vmap(lambda speed, z: oscillator.friction.force(speed, z, load))(v, state)
         log = solution.solver_state[1]
@@ -222,26 +212,19 @@ class Smooth(AbstractEngine):
         position = jnp.where(way * machine.length < self.still, place, x) * machine.length
         return jnp.where(solution.result == diffrax.RESULTS.event_occurred, position, jnp.nan)
 
-    def _integrate(self, oscillator: Oscillator, start: Start, ts: Array, drive: Drive) -> tuple:
-        """The scaled machine, and displacement, velocity, internal states at `ts`, and the solution.
-
-        Before time zero a parabola continues the motion.
-        """
-        floor = drive.base_acceleration
-        machine = Scaled.of(oscillator, start, floor)
+    def _integrate(self, oscillator: Oscillator, start: Start, ts: Array, drive: Drive | None) -> tuple:
+        """The scaled machine, and displacement, velocity, internal states at `ts`, and the solution."""
+        machine = Scaled.of(oscillator, start, drive)
         tau = jnp.maximum(ts, 0.0) * machine.rate
-        path = None if floor is None else diffrax.LinearInterpolation(ts * machine.rate, floor)
-        shows = jnp.asarray(_SHOWS * self.accuracy / machine.length)
-        args = _Args(machine, shows, path, drive.release, oscillator.restoring_force(start.x0))
+        args = _Args(machine, jnp.asarray(_SHOWS * self.accuracy / machine.length))
         y0 = machine.start(start)
         saved = diffrax.SaveAt(ts=tau, solver_state=True)
         most = self.max_half_cycles
         solution = self._free(y0, args, jnp.maximum(tau[-1], 1e-9), saved, self.max_steps, recorded=most)
         x, v = solution.ys[0] * machine.length, solution.ys[1] * machine.speed
         state = jnp.stack(solution.ys[2:], axis=-1) * machine.state if len(y0) > 2 else jnp.zeros((ts.shape[0], 0))
-        a0 = _field(jnp.zeros(()), y0, args)[1] * machine.speed * machine.rate
-        early = jnp.minimum(ts, 0.0)
-        return machine, x + early * (start.v0 + early * a0 / 2), v + early * a0, state, solution
+        a0 = _field(jnp.zeros(()), y0, args)[1] * machine.speed * machine.rate if drive is None else None
+        return machine, *continued(ts, start, a0, x, v), state, solution
 
     def _free(
         self,

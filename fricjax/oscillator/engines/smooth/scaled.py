@@ -12,6 +12,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
+from ...drive import AbstractRelease, Drive
 from ...motion import Start
 from ...oscillator import Oscillator
 from ..nodes import Nodes
@@ -32,23 +33,45 @@ class Scaled(eqx.Module):
     """An oscillator with the units of displacement [m], of the inverse of time [1/s] and of the internal states.
 
     Motions are tuples of scaled displacement, velocity and internal states; x, v and the states are passed apart.
+
+    Attributes:
+        floor: acceleration of the floor over scaled time [m/s^2], None where it stands.
+        release, holding: law by which the holding force decays, and what it was [N]; None without one.
     """
 
     oscillator: Oscillator
     length: Array
     rate: Array
     state: Array
+    floor: diffrax.LinearInterpolation | None = None
+    release: AbstractRelease | None = None
+    holding: Array | None = None
 
     @classmethod
-    def of(cls, oscillator: Oscillator, start: Start, floor: Array | None = None) -> "Scaled":
-        """The units for a motion from `start`, with the acceleration of the floor [m/s^2] where it moves."""
+    def of(cls, oscillator: Oscillator, start: Start, drive: Drive | None = None) -> "Scaled":
+        """The units for a motion from `start`, and what drives it."""
         rate = oscillator.angular_frequency
+        floor, release = (None, None) if drive is None else (drive.base_acceleration, drive.release)
         reach = jnp.maximum(jnp.maximum(jnp.abs(start.x0), jnp.abs(start.v0) / rate), oscillator.dead_band)
         if floor is not None:
             reach = jnp.maximum(reach, jnp.max(jnp.abs(floor)) / rate**2)
         length = jnp.where(reach > 0, reach, 1.0)
         state = _state_units(oscillator, length)
-        return cls(oscillator, jax.lax.stop_gradient(length), rate, jax.lax.stop_gradient(state))
+        units = jax.lax.stop_gradient(length), rate, jax.lax.stop_gradient(state)
+        holding = None if release is None else oscillator.restoring_force(start.x0)
+        if drive is None or floor is None:
+            return cls(oscillator, *units, None, release, holding)
+        path = diffrax.LinearInterpolation(jnp.asarray(drive.t) * rate, floor)
+        return cls(oscillator, *units, path, release, holding)
+
+    def push(self, tau: Array) -> Array | float:
+        """Force of floor and release on the mass [N]."""
+        force: Array | float = 0.0
+        if self.floor is not None:
+            force = force - self.oscillator.mass * self.floor.evaluate(tau)
+        if self.release is not None and self.holding is not None:
+            force = force + self.release.force(tau / self.rate, self.holding)
+        return force
 
     @property
     def speed(self) -> Array:
@@ -130,6 +153,18 @@ class Scaled(eqx.Module):
 
     def _unscaled(self, states: tuple) -> Array:
         return jnp.stack(states) * self.state if states else jnp.zeros(0)
+
+
+def continued(ts: Array, start: Start, acceleration: Array | None, x: Array, v: Array) -> tuple[Array, Array]:
+    """Displacement and velocity at `ts`, from those at time zero and later.
+
+    A parabola of that `acceleration` continues a free motion backwards, so that a fit which moves the instant of its
+    start sees a smooth motion. A driven one is that of a mass which was held until time zero: it has none.
+    """
+    if acceleration is None:
+        return x, jnp.where(ts < 0, 0.0, v)
+    early = jnp.minimum(ts, 0.0)
+    return x + early * (start.v0 + early * acceleration / 2), v + early * acceleration
 
 
 def _state_units(oscillator: Oscillator, length: Array) -> Array:
