@@ -3,8 +3,8 @@
 Releases of the prototype rig (mu = 0.05, damping ratio 0.27 %) from 1.2 to 12 dead bands, to both sides or to one, with
 an offset and a scatter of 0.1 um of each final displacement. Printed are the share of the 95 and 68 % intervals of mu
 that hold the truth, the standard deviation of the errors in standard errors as normal scores of their Student
-distribution, how many campaigns were told to be open, and how many were given wrong numbers of half-cycles in silence.
-Campaigns whose numbers are told to be open are left out of the intervals.
+distribution, how many campaigns were reported as open, and how many were given wrong numbers of half-cycles in silence.
+Campaigns whose numbers are reported as open are left out of the intervals.
 
     python experiments/honesty/routes.py [--campaigns 400] [--only pairs|stated|energy|agreement|probit]
 """
@@ -41,8 +41,8 @@ NOISE = 1e-7
 SIZES = (4, 6, 8, 12, 16, 24, 40)
 
 
-class Told(NamedTuple):
-    """One campaign: its error in normal scores, whether it was told to be open, and whether its numbers were wrong."""
+class Outcome(NamedTuple):
+    """One campaign: its error in normal scores, whether it was reported as open, and whether its numbers were wrong."""
 
     score: float
     is_open: bool
@@ -71,26 +71,26 @@ def score(error: float, std: float, dof: float) -> float:
     return float(norm.ppf(np.clip(t.cdf(error / std, dof), 1e-300, 1 - 1e-16)))
 
 
-def by_pairs(route: int, sides: Sequence[float], given: bool, stated: float | None, job: tuple[int, int]) -> Told:
+def by_pairs(route: int, sides: Sequence[float], known: bool, stated: float | None, job: tuple[int, int]) -> Outcome:
     """One campaign of pairs by route 2 or 3."""
     x0, xf, counts = campaign(*job, sides)
-    numbers = counts if given else None
+    numbers = counts if known else None
     if route == 2:
         sigma = None if stated is None else NOISE * stated
-        found = fit_final_displacements(
+        fit = fit_final_displacements(
             x0, xf, RIG.oscillator(fj.friction.Coulomb(0.03)), sigma=sigma, half_cycles=numbers
         )
     else:
-        found = fit_triangle_map(x0, xf, RIG, half_cycles=numbers)
-    said = any("half-cycles" in sentence for sentence in found.warnings)
-    wrong = not np.array_equal(found.half_cycles, counts)
-    return Told(_score(found), said, wrong and not said)
+        fit = fit_triangle_map(x0, xf, RIG, half_cycles=numbers)
+    said = any("half-cycles" in sentence for sentence in fit.warnings)
+    wrong = not np.array_equal(fit.half_cycles, counts)
+    return Outcome(_score(fit), said, wrong and not said)
 
 
-def _score(found: RouteFit) -> float:
-    half = (found.intervals["mu"][1] - found.intervals["mu"][0]) / 2
-    normal = found.sigma_source == "given" and half < 1.97 * found.std_errors["mu"]
-    return score(found.values["mu"] - MU, found.std_errors["mu"], 1e9 if normal else found.dof)
+def _score(fit: RouteFit) -> float:
+    half = (fit.intervals["mu"][1] - fit.intervals["mu"][0]) / 2
+    normal = fit.sigma_source == "given" and half < 1.97 * fit.std_errors["mu"]
+    return score(fit.values["mu"] - MU, fit.std_errors["mu"], 1e9 if normal else fit.dof)
 
 
 def recorded(noise: float, runs: int, seed: int) -> list[fj.Record]:
@@ -104,19 +104,19 @@ def recorded(noise: float, runs: int, seed: int) -> list[fj.Record]:
     ]
 
 
-def by_agreement(noise: float, job: tuple[int, int]) -> Told:
+def by_agreement(noise: float, job: tuple[int, int]) -> Outcome:
     """The mean of all routes on the same records."""
-    found = compare_routes(recorded(noise, *job), RIG)
-    return Told((found.mu - MU) / found.std, False, False)
+    fit = compare_routes(recorded(noise, *job), RIG)
+    return Outcome((fit.mu.value - MU) / fit.mu.std, False, False)
 
 
-def by_energy(noise: float, job: tuple[int, int]) -> Told:
+def by_energy(noise: float, job: tuple[int, int]) -> Outcome:
     """Route 4, from the reversals of records."""
-    found = half_cycle_friction(recorded(noise, *job), RIG)
-    return Told((found.mu.value - MU) / found.mu.std, False, False)
+    fit = half_cycle_friction(recorded(noise, *job), RIG)
+    return Outcome((fit.mu.value - MU) / fit.mu.std, False, False)
 
 
-def by_stops(job: tuple[int, int]) -> Told:
+def by_stops(job: tuple[int, int]) -> Outcome:
     """The static band from stops whose static friction scatters by 15 % of the dead band."""
     random, size, stopped = np.random.default_rng(job), [], []
     for a in random.uniform(1.31, 12, job[0]) * BAND:
@@ -127,24 +127,24 @@ def by_stops(job: tuple[int, int]) -> Told:
                 break
             a = abs(a) - 2 * BAND
     try:
-        found = probit(np.array(size), np.array(stopped))
+        fit = probit(np.array(size), np.array(stopped))
     except DataError:
-        return Told(np.nan, True, False)
-    below, above = (abs(end - found.static_band) / norm.ppf(0.975) for end in found.interval)
-    off = found.static_band - 1.3 * BAND
-    return Told(float(off / (below if off > 0 else above)), False, found.scatter <= 0)
+        return Outcome(np.nan, True, False)
+    below, above = (abs(end - fit.static_band) / norm.ppf(0.975) for end in fit.interval)
+    off = fit.static_band - 1.3 * BAND
+    return Outcome(float(off / (below if off > 0 else above)), False, fit.scatter <= 0)
 
 
-def told(name: str, one: Callable[[tuple[int, int]], Told], sizes: Sequence[int], campaigns: int) -> None:
+def report(name: str, one: Callable[[tuple[int, int]], Outcome], sizes: Sequence[int], campaigns: int) -> None:
     """One line for each size of a campaign."""
     with ProcessPoolExecutor() as pool:
         for pairs in sizes:
-            found = list(pool.map(one, [(pairs, seed) for seed in range(campaigns)], chunksize=25))
-            z = np.array([each.score for each in found if not each.is_open])
+            outcomes = list(pool.map(one, [(pairs, seed) for seed in range(campaigns)], chunksize=25))
+            z = np.array([each.score for each in outcomes if not each.is_open])
             sure = f"{np.mean(np.abs(z) < norm.ppf(0.975)):6.1%} {np.mean(np.abs(z) < 1):6.1%}  {np.std(z):4.2f}"
+            still_open, wrong = (sum(getattr(each, field) for each in outcomes) for field in ("is_open", "wrong"))
             print(
-                f"{name:44s} {pairs:3d}  {sure if z.size else '   none left   '}  {sum(e.is_open for e in found):4d} "
-                f"{sum(e.wrong for e in found):4d}",
+                f"{name:44s} {pairs:3d}  {sure if z.size else '   none left   '}  {still_open:4d} {wrong:4d}",
                 flush=True,
             )
 
@@ -160,21 +160,21 @@ def main() -> None:
     if wanted("pairs"):
         for route in (2, 3):
             for sides, side in ((both, "both sides"), (one, "one side")):
-                for given, what in ((False, "numbers found"), (True, "numbers given")):
-                    job = functools.partial(by_pairs, route, sides, given, None)
-                    told(f"route {route}, {side}, {what}", job, SIZES, options.campaigns)
+                for known, what in ((False, "numbers counted"), (True, "numbers known")):
+                    job = functools.partial(by_pairs, route, sides, known, None)
+                    report(f"route {route}, {side}, {what}", job, SIZES, options.campaigns)
     if wanted("stated"):
         for stated in (1.0, 0.2):
             job = functools.partial(by_pairs, 2, both, True, stated)
-            told(f"route 2, noise stated as {stated:g} of the true", job, SIZES, options.campaigns)
+            report(f"route 2, noise stated as {stated:g} of the true", job, SIZES, options.campaigns)
     if wanted("energy"):
         for noise in (1e-9, 1e-7):
-            told(f"route 4, {1e9 * noise:g} nm", functools.partial(by_energy, noise), (4, 8, 16), options.campaigns)
+            report(f"route 4, {1e9 * noise:g} nm", functools.partial(by_energy, noise), (4, 8, 16), options.campaigns)
     if wanted("agreement"):
         for noise in (1e-9, 1e-8):
-            told(f"all routes, {1e9 * noise:g} nm", functools.partial(by_agreement, noise), (6,), options.campaigns)
+            report(f"all routes, {1e9 * noise:g} nm", functools.partial(by_agreement, noise), (6,), options.campaigns)
     if wanted("probit"):
-        told("probability of a stop", by_stops, (20, 40, 80), options.campaigns)
+        report("probability of a stop", by_stops, (20, 40, 80), options.campaigns)
 
 
 if __name__ == "__main__":

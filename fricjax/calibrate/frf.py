@@ -136,8 +136,8 @@ def calibrate_frf(
 
     Examples:
         >>> import fricjax as fj
-        >>> from fricjax.calibrate.impact import impact_test, receptance
-        >>> test = impact_test(0.41, 2574.0, 0.18, duration=40.0, rate=2000.0, noise=1e-3)
+        >>> from fricjax.calibrate.receptance import receptance
+        >>> test = fj.instrument.impact_test(0.41, 2574.0, 0.18, duration=40.0, rate=2000.0, noise=1e-3)
         >>> calibration = fj.calibrate_frf(*receptance(test, band=(8.0, 18.0)))
         >>> print(f"{calibration.frequency.value:.2f} Hz, {calibration.mass.value:.2f} kg")
         12.61 Hz, 0.41 kg

@@ -7,8 +7,9 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from fricjax.calibrate.frf import calibrate_frf, read_frf
-from fricjax.calibrate.impact import ImpactTest, force_noise, impact_test, receptance
+from fricjax.calibrate.receptance import force_noise, receptance
 from fricjax.errors import DataError, UsageError
+from fricjax.instrument import ImpactTest, impact_test
 from fricjax.rig import Measured
 
 MASS, STIFFNESS, RATIO = 0.41068, 2574.0, 0.0027

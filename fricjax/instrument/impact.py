@@ -10,11 +10,8 @@ import math
 
 import numpy as np
 
-from ..errors import DataError, UsageError
-from ..rig.measured import positive
-
-# Half a sine exceeds half of its height during two thirds of its length, far above the noise of the sensor.
-_STRONG = 0.5
+from ..errors import UsageError
+from .run import positive
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -25,6 +22,10 @@ class ImpactTest:
         t: times from the start of the blow [s], shape (n,).
         force: force of the hammer [N], shape (hits, n).
         displacement: displacement of the mass [m], shape (hits, n).
+
+    Examples:
+        >>> ImpactTest(np.arange(3) / 1e3, np.array([[0.0, 1.0, 0.0]]), np.zeros((1, 3))).force.shape
+        (1, 3)
     """
 
     t: np.ndarray
@@ -64,10 +65,15 @@ def impact_test(
 
     Raises:
         UsageError: a value that is not positive, or a damping that lets nothing swing.
+
+    Examples:
+        >>> test = impact_test(0.41, 2574.0, 0.18, duration=1.0, rate=2000.0, hits=3)
+        >>> test.force.shape, test.displacement.shape
+        ((3, 2000), (3, 2000))
     """
     units = {"mass": "kg", "stiffness": "N/m", "duration": "s", "rate": "Hz", "pulse": "s"}
     for name, value in zip(units, (mass, stiffness, duration, rate, pulse), strict=True):
-        positive(name, units[name], value)
+        positive(name, value, units[name])
     if not 0 <= damping < 2 * math.sqrt(stiffness * mass):
         raise UsageError(f"damping must lie between zero and the critical 2 sqrt(k m), got {damping:g} N s/m.")
     t = np.arange(round(duration * rate)) / rate
@@ -90,53 +96,3 @@ def _ramped_sine(t: np.ndarray, drive: float, mass: float, stiffness: float, dam
     after = np.maximum(t, 0.0)
     free = np.exp(-decay * after) * (cosine * np.cos(ringing * after) + sine * np.sin(ringing * after))
     return (steady * np.exp(1j * drive * after)).imag + free
-
-
-def receptance(test: ImpactTest, band: tuple[float, float]) -> tuple[np.ndarray, np.ndarray]:
-    """The receptance X/F by Fourier transform, averaged over the blows for least error from noise of displacement.
-
-    ``H1 = sum conj(F) X / sum |F|^2`` (Bendat and Piersol, Random Data). Before, the force is set to zero outside of
-    the blow, where it is nothing but noise.
-
-    Args:
-        test: the records; each must begin with the mass at rest and last until the motion has died out.
-        band: lowest and highest frequency to return [Hz].
-
-    Returns:
-        Frequencies [Hz], shape (m,), and the complex receptance [m/N], shape (m,).
-
-    Raises:
-        DataError: a band that holds no line of the spectrum.
-    """
-    step = float(test.t[1] - test.t[0])
-    force = np.fft.rfft(np.where(_blow(test.force), test.force, 0.0))
-    motion = np.fft.rfft(test.displacement)
-    frequency = np.fft.rfftfreq(test.t.size, step)
-    inside = (frequency >= band[0]) & (frequency <= band[1])
-    if not inside.any():
-        raise DataError(f"No line of the spectrum lies between {band[0]:g} and {band[1]:g} Hz; widen the band.")
-    force, motion = force[:, inside], motion[:, inside]
-    return frequency[inside], np.sum(force.conj() * motion, axis=0) / np.sum(np.abs(force) ** 2, axis=0)
-
-
-def force_noise(test: ImpactTest) -> float:
-    """Relative standard uncertainty that noise of the force gives the receptance's scale, alike at all lines.
-
-    Below the corner of the pulse's spectrum every line of the force is about the momentum of the blow. Its noise is
-    read from the force outside of the blow. For `scale_std` of the calibration, with that of the sensor itself.
-
-    Args:
-        test: the records.
-    """
-    inside = _blow(test.force)
-    noise = float(np.std(test.force[:, ~inside]))
-    momentum = np.abs(test.force[:, inside].sum(axis=1))
-    return noise * math.sqrt(np.count_nonzero(inside) / np.sum(momentum**2))
-
-
-def _blow(force: np.ndarray) -> np.ndarray:
-    """Samples of the blow: those between the first and the last strong force, and a third of them at either end."""
-    strong = np.flatnonzero(np.abs(force).max(axis=0) > _STRONG * np.abs(force).max())
-    margin = (strong[-1] - strong[0]) // 3 + 1
-    samples = np.arange(force.shape[1])
-    return (samples >= strong[0] - margin) & (samples <= strong[-1] + margin)
