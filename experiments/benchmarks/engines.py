@@ -76,7 +76,7 @@ def main() -> None:
         print(*columns, f"{apart:11.3f}", flush=True)
 
 
-def fit_by_diffrax(law: Callable, x: np.ndarray) -> Callable[[], optx.Solution]:
+def fit_by_diffrax(law: Callable, x: np.ndarray) -> Callable[[], jax.Array]:
     """The fit of mu, damping, stiffness, start and offset to a record, by diffrax and optimistix alone."""
 
     def residual(q: jax.Array, data: jax.Array) -> jax.Array:
@@ -85,9 +85,9 @@ def fit_by_diffrax(law: Callable, x: np.ndarray) -> Callable[[], optx.Solution]:
         return (fj.simulate(machine, x0, TIMES, engine="diffrax").x + NOISE * q[4] - data) / NOISE
 
     @jax.jit
-    def solve(q: jax.Array, data: jax.Array) -> optx.Solution:
+    def solve(q: jax.Array, data: jax.Array) -> jax.Array:
         solver = optx.LevenbergMarquardt(rtol=1e-9, atol=1e-9)
-        return optx.least_squares(residual, solver, q, data, options={"jac": "fwd"}, max_steps=60, throw=False)
+        return optx.least_squares(residual, solver, q, data, options={"jac": "fwd"}, max_steps=60, throw=False).value
 
     return lambda: jax.block_until_ready(solve(jnp.array([1.01, 0.99, 1.0001, 1.001, 0.0]), jnp.asarray(x)))
 
@@ -109,7 +109,7 @@ def fits() -> None:
                 once()
                 spans[engine].append(time.perf_counter() - begin)
         ours, theirs = (1e3 * min(each) for each in spans.values())
-        values = dict(zip(FREE, TRUTH * np.asarray(solution.value)[:4], strict=False))
+        values = dict(zip(FREE, TRUTH * np.asarray(solution)[:4], strict=False))
         apart = max(abs(fit.values[key] - value) / fit.std_errors[key] for key, value in values.items())
         print(f"{name:24s} {ours:11.1f} {theirs:14.1f} {theirs / ours:5.1f} {apart:14.3f}", flush=True)
 
