@@ -37,10 +37,10 @@ def _cut(name: str, part: float) -> Callable[[Path], object]:
 def _parquet(metadata: dict[bytes, bytes], count: int = N, **columns: np.ndarray) -> Callable[[Path], object]:
     def write_it(path: Path) -> None:
         import pyarrow as pa
-        import pyarrow.parquet
+        from pyarrow import parquet
 
         table = pa.table({"t": np.arange(count) / 2000, "x": np.resize(X, count)} | columns)
-        pa.parquet.write_table(table.replace_schema_metadata(metadata), path, compression="gzip")
+        parquet.write_table(table.replace_schema_metadata(metadata), path, compression="gzip")
 
     return write_it
 
@@ -82,6 +82,52 @@ def _endless(path: Path) -> None:
     path.write_bytes(data)
 
 
+def _swelling(path: Path) -> None:
+    """A page that unpacks to 480 MB, under a list of columns that knows of 320 bytes."""
+    import pyarrow as pa
+    from pyarrow import parquet
+
+    def table(count: int) -> bytes:
+        sink = pa.BufferOutputStream()
+        options = {"compression": "gzip", "use_dictionary": False, "data_page_size": 2**30, "max_rows_per_page": count}
+        numbers = pa.table({"t": np.zeros(count), "x": np.zeros(count)})
+        parquet.write_table(numbers, sink, row_group_size=count, write_statistics=False, **options)
+        return sink.getvalue().to_pybytes()
+
+    def varint(value: int) -> bytes:
+        value, digits = 2 * value, bytearray()
+        while value > 127:
+            digits.append(value & 127 | 128)
+            value >>= 7
+        return bytes([*digits, value])
+
+    count = 6 * 10**7
+    data = table(count)
+    place = len(data) - 8 - struct.unpack("<I", data[-8:-4])[0]
+    footer = data[place:-8]
+    assert varint(count) in footer
+    # As many digits for a smaller number, so that nothing moves.
+    for size in {count, *_sizes(footer, 8 * count)}:
+        digits = len(varint(size))
+        small = bytes([2 * N | 128, *[128] * (digits - 2), 0])
+        footer = footer.replace(varint(size), small)
+    path.write_bytes(data[:place] + footer + data[-8:])
+
+
+def _sizes(footer: bytes, least: int) -> set[int]:
+    """Whole numbers of a footer that are as large as the data, and a thousandth more at most."""
+    found = set()
+    for place in range(len(footer)):
+        value = shift = 0
+        for byte in footer[place : place + 9]:
+            value, shift = value | (byte & 127) << shift, shift + 7
+            if byte < 128:
+                break
+        if value % 2 == 0 and least <= value // 2 <= 1.001 * least:
+            found.add(value // 2)
+    return found
+
+
 _HUGE = struct.pack("<Q", 2**40)
 FORMATS: dict[str, Hostile] = {
     "count.tdms": (_changed("wave.tdms", struct.pack("<Q", N), _HUGE), "is cut off"),
@@ -107,6 +153,7 @@ FORMATS: dict[str, Hostile] = {
     "cycles.mf4": (_changed("raster.mf4", struct.pack("<Q", N), _HUGE), "declared to have"),
 }
 FORMAT_BOMBS: dict[str, Hostile] = {
-    "zeros.parquet": (_parquet({}, 3 * 10**7, t=np.zeros(3 * 10**7), x=np.zeros(3 * 10**7)), "declared to have")
+    "swelling.parquet": (_swelling, "declared to have"),
+    "zeros.parquet": (_parquet({}, 3 * 10**7, t=np.zeros(3 * 10**7), x=np.zeros(3 * 10**7)), "declared to have"),
 }
 """What unpacks to far more than its file has."""

@@ -142,6 +142,14 @@ def test_parquet_holds_durations_decimals_and_gaps(tmp_path):
     assert record.x[record.mask] == pytest.approx(np.delete(X, 5), abs=1e-15)
 
 
+@pytest.mark.parametrize("packing", ["none", "snappy", "gzip", "zstd", "lz4"])
+@pytest.mark.parametrize("options", [{"data_page_version": "2.0"}, {"row_group_size": 7, "data_page_size": 8}], ids=str)
+def test_parquet_of_any_packing(tmp_path, packing, options):
+    table = pa.table({"t [s]": T, "x [m]": X, "state": ["ok"] * N, "several": [[1.0, 2.0]] * N})
+    parquet.write_table(table, tmp_path / "run.parquet", compression=packing, **options)
+    assert same(read(tmp_path / "run.parquet"))
+
+
 def test_runs_one_below_the_other(tmp_path):
     path = tmp_path / "runs.parquet"
     table = pd.DataFrame({"run": np.repeat([3, 7], N), "t [s]": np.tile(T, 2), "x [m]": np.tile(X, 2)})

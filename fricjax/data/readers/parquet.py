@@ -1,6 +1,7 @@
 """Records in Parquet files: tables whose columns are read one by one; what pandas says of them is data, and no more."""
 
 import functools
+import mmap
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -15,9 +16,17 @@ from .choice import Choice
 from .header import first_word, split_title
 from .sheet import Column, Sheet
 from .tables import seconds_of
+from .thrift import structure
 
 # Names of a column that tells of each row which run it belongs to, in a table of several runs one below the other.
 _LABELS = frozenset(("run", "trial", "shot", "messung", "lauf", "versuch", "essai"))
+# Bytes of the list of columns; that of a thousand columns in a hundred groups of rows has some ten million.
+_LONGEST_LIST = 1 << 24
+# Numbers of fields, by the definition of the format: of the list, of a group of rows, of a chunk of a column, of the
+# head of a page (bytes of it unpacked and packed).
+_GROUPS, _CHUNKS, _ABOUT = 4, 1, 3
+_PATH, _VALUES, _SIZE, _PACKED_SIZE, _PAGES, _DICTIONARY = 3, 5, 6, 7, 9, 11
+_UNPACKED, _PACKED = 2, 3
 # Runs of one table; each is a span of rows.
 _MOST_RUNS = 10_000
 
@@ -49,7 +58,7 @@ def _sheet(path: Path, file: Any) -> Sheet:
 
     @functools.lru_cache(maxsize=8)
     def values(name: str) -> np.ndarray:
-        _check_declared(path, file.metadata, name)
+        _check_declared(path, name)
         return _numbers(file.read([name]).column(name))
 
     label = next((each for each in columns if first_word(each.name) in _LABELS), None)
@@ -68,13 +77,29 @@ def _sheet(path: Path, file: Any) -> Sheet:
     return Sheet(columns, load, lambda i: f"row {i + 1}")
 
 
-def _check_declared(path: Path, about: Any, name: str) -> None:
-    """Refuses a column that is declared to have more rows, or more bytes unpacked, than plausible."""
-    pieces = [about.row_group(i).column(j) for i in range(about.num_row_groups) for j in range(about.num_columns)]
-    pieces = [piece for piece in pieces if piece.path_in_schema == name]
-    unpacked = sum(piece.total_uncompressed_size for piece in pieces)
-    rows = max(about.num_rows, sum(piece.num_values for piece in pieces))
-    check_size(path, f"'{name}'", max(rows, unpacked // NUMBER))
+def _check_declared(path: Path, name: str) -> None:
+    """Refuses a column that is declared to have more rows, or more bytes unpacked, than plausible, or no pages at all.
+
+    A page is unpacked into as much memory as its head says, whatever the list of columns does.
+    """
+    with path.open("rb") as stream, mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ) as data:
+        length = int.from_bytes(data[-8:-4], "little")
+        if length > _LONGEST_LIST:
+            raise DataError(f"{path.name} has {length >> 20} MB of columns; write time and displacement alone.")
+        about, _ = structure(data[-8 - length : -8], 0)
+        rows = unpacked = 0
+        for chunk in (chunk[_ABOUT] for group in about[_GROUPS] for chunk in group[_CHUNKS]):
+            if chunk[_PATH] != [name.encode()]:
+                continue
+            rows += chunk[_VALUES]
+            check_size(path, f"'{name}'", max(rows, chunk[_SIZE] // NUMBER))
+            place = min(filter(None, (chunk.get(_DICTIONARY), chunk[_PAGES])))
+            end = place + chunk[_PACKED_SIZE]
+            while place < end:
+                head, place = structure(data, place)
+                unpacked += head[_UNPACKED]
+                check_size(path, f"'{name}'", unpacked // NUMBER)
+                place += max(head[_PACKED], 0)
 
 
 def _is_nested(field: Any) -> bool:
@@ -122,7 +147,7 @@ def _spans(path: Path, file: Any, name: str) -> dict[str, slice]:
     Raises:
         DataError: rows of one run lie apart, or there are too many of them.
     """
-    _check_declared(path, file.metadata, name)
+    _check_declared(path, name)
     labels = file.read([name]).column(name).combine_chunks().dictionary_encode()
     codes = labels.indices.to_numpy(zero_copy_only=False)
     if codes.size == 0 or labels.null_count:
