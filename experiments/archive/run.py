@@ -1,6 +1,6 @@
 """Makes the archive, processes it by `fricjax batch`, and holds the table against the truth.
 
-    python experiments/archive/run.py [FOLDER] [--runs 1000] [--workers 1]
+    python experiments/archive/run.py [FOLDER] [--runs 1000] [--workers N]
 
 Prints how many good runs were fitted and how far off they are in standard errors, how many broken ones have the status
 and the reason that they must have, the exit code, the time, the seconds of computing of all processes, and the largest
@@ -73,7 +73,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("folder", type=Path, nargs="?")
     parser.add_argument("--runs", type=int, default=1000)
-    parser.add_argument("--workers", type=int, default=1)
+    parser.add_argument("--workers", type=int, help="processes beside this one; without, all in the driver")
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as scratch:
         folder = options.folder or Path(scratch)
@@ -81,7 +81,7 @@ def main() -> int:
             make(folder, options.runs)
         out = Path(scratch) / "out"
         begin, load = time.perf_counter(), os.getloadavg()[0]
-        workers = ["--workers", str(options.workers)] if options.workers > 1 else []
+        workers = ["--workers", str(options.workers)] if options.workers else []
         code = subprocess.run([*words(folder, out, *workers), "--quiet"], stdout=subprocess.DEVNULL).returncode
         seconds = time.perf_counter() - begin
         used = resource.getrusage(resource.RUSAGE_CHILDREN)
