@@ -15,16 +15,20 @@ from .window import NEVER, Window, equilibrium
 
 # How many times longer than the shortest the longest run of a joint fit may be for them to be filled to one length.
 _UNLIKE = 4
+# A motion is in phase with its record where it is nearer than half the swing there, or half of the largest swing where
+# little is left of it: farther away least squares may lead to the valley of the next cycle. No stage is shorter than
+# four half-periods, from which frequency, friction and damping follow.
 _IN_PHASE, _SMALLEST, _SHORTEST = 0.5, 0.5, 4.0
 # Fewest samples, those up to which sizes are powers, and the factor between them: each size is compiled for itself, and
 # only chunks that hold a sample are gone through.
 _WHOLE = (4096, 1 << 18, 4)
 # Up to this size a condensed record has as many places as the whole one, so that both share a compilation.
 _SHARED = 1 << 16
-_LAYERS = 10.0
-_RELAXATIONS = 20.0
-_SHARE = 1e-3
-_SAMPLES = 2.5
+# Velocities of the law's own scale and deflections of its bristles after which its force is that of sliding: e^-10 of
+# a Tanh and e^-20 of a bristle are left, below the noise of any record.
+_LAYERS, _RELAXATIONS = 10.0, 20.0
+# What is not known of the instant of a reversal, as a part of a half-period and in samples.
+_SHARE, _SAMPLES = 1e-3, 2.5
 # Twelve standard errors of the slope of a straight line: four of that beside curvatures of either side. Where the noise
 # hides a reversal, the clock of the decay still has it to a part of a half-period.
 _ERRORS, _LOST = 12.0, 0.25

@@ -110,6 +110,9 @@ def one_by_one(members: Sequence[Member], loss: AbstractLoss) -> list[Iterate]:
     return [staged(m.residual, m.stage_weights, m.limits, loss, m.y, m.schedule) for m in members]
 
 
+# The way of one fit, from top to bottom: `solve` calls `solve_condensed`, which goes in stages to the optimum of few
+# samples (`_optima`), and `_refined`, which evaluates all samples there (`_checked`) and goes on while that shifts it.
+# Many fits take the same way in `solve_batch`, but for the last step.
 def solve(problem: Problem, y: Any = None) -> Solution:
     """Fit from the start values, or from given coordinates `y`, and check the result."""
     at = solve_condensed(problem, start_coordinates(problem) if y is None else y[: problem.condensed.n_parameters])
