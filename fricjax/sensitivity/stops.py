@@ -35,6 +35,10 @@ class Outcome(NamedTuple):
         displacement: where, from the equilibrium [m].
         probability: how probable that is.
         value, std: of mu_s after it.
+
+    Examples:
+        >>> Outcome(half_cycles=4, displacement=-1.3e-4, probability=0.5, value=0.0575, std=0.0043).half_cycles
+        4
     """
 
     half_cycles: int

@@ -5,6 +5,7 @@ from .profiles import Profile, profile
 from .propagation import propagate
 from .resampling import Bootstrap, bootstrap
 from .result import Budget, Expanded
+from .sampling import Posterior, posterior
 
 __all__ = [
     "Bootstrap",
@@ -12,9 +13,11 @@ __all__ = [
     "Expanded",
     "Input",
     "MonteCarlo",
+    "Posterior",
     "Profile",
     "bootstrap",
     "budget",
+    "posterior",
     "profile",
     "propagate",
 ]

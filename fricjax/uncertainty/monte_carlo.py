@@ -3,16 +3,13 @@
 import dataclasses
 import math
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from ..errors import UsageError
 from ..show import Report, Reported, Table, axis_label, figure, uncertain
 from .inputs import Input
-
-if TYPE_CHECKING:
-    from .result import Expanded
 
 # Draws that are computed at once: 10 inputs of these take 8 MB.
 _BLOCK = 100_000
@@ -61,13 +58,12 @@ class MonteCarlo(Reported):
     sample: np.ndarray
 
     @classmethod
-    def of(cls, values: np.ndarray, value: float, std: float, expanded: "Expanded") -> "MonteCarlo":
-        """The outcome of draws of a result, beside the budget's value, standard uncertainty and expanded uncertainty.
+    def of(cls, values: np.ndarray, value: float, std: float, half_width: float, level: float) -> "MonteCarlo":
+        """The outcome of draws of a result, beside value, standard and expanded uncertainty of its budget.
 
         Raises:
             UsageError: too few draws for the intervals, or draws of which some have no result.
         """
-        level = expanded.level
         # Ten draws beyond each end in each part, below which a quantile is a matter of luck.
         if values.size * (1 - level) / 2 < 10 * _PARTS:
             raise UsageError(
@@ -83,7 +79,7 @@ class MonteCarlo(Reported):
         ends = np.array([(1 - level) / 2, (1 + level) / 2])
         low, high = np.quantile(values, ends)
         parts = np.quantile(values[: values.size // _PARTS * _PARTS].reshape(_PARTS, -1), ends, axis=1)
-        budget = (value - expanded.half_width, value + expanded.half_width)
+        budget = (value - half_width, value + half_width)
         ordered = np.sort(values)
         return cls(
             draws=values.size,

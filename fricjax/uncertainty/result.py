@@ -135,7 +135,7 @@ class Budget(Reported):
             UsageError: correlated inputs that are not normal, or too few draws for the intervals.
         """
         values = simulated(self.formula, self.inputs, self.correlation, draws, seed)
-        return MonteCarlo.of(values, self.value, self.std, self.expanded(level))
+        return MonteCarlo.of(values, self.value, self.std, self.expanded(level).half_width, level)
 
     def to_uncertainties(self) -> Any:
         """The result as a number of the package `uncertainties`, which knows from which inputs its error comes.
@@ -146,7 +146,7 @@ class Budget(Reported):
         try:
             from uncertainties import correlated_values_norm
         except ImportError as error:
-            raise ImportError("This needs the package uncertainties: pip install 'fricjax[uncertainties]'.") from error
+            raise ImportError("This needs the package uncertainties: pip install uncertainties.") from error
         pairs = [(each.value, each.std) for each in self.inputs.values()]
         errors: Any = dict(zip(self.inputs, correlated_values_norm(pairs, self.correlation), strict=True))
         return self.value + sum(self.sensitivities[name] * (x - self.inputs[name].value) for name, x in errors.items())
