@@ -11,7 +11,7 @@
     directives = ["--constraint=skylake"]
     prologue = ["module load python/3.12"]
 
-Only `workers`, `memory` and `walltime` have to be given.
+Only `workers`, `memory` and `walltime` have to be there.
 """
 
 import contextlib
@@ -83,22 +83,22 @@ class Slurm:
         """
         path = Path(path)
         try:
-            given = tomllib.loads(content(path, _LARGEST).decode("utf-8"))
+            table = tomllib.loads(content(path, _LARGEST).decode("utf-8"))
         except OSError as error:
             raise DataError(f"{path} cannot be read: {error.strerror}.") from error
         except (ValueError, RecursionError) as error:
             raise DataError(f"{path.name} is no valid TOML ({' '.join(str(error).split())[:200]}).") from error
         fields = {field.name: field for field in dataclasses.fields(cls)}
-        for key in given:
+        for key in table:
             if key not in fields:
                 hint = nearest(key, fields) or f" Known are {', '.join(fields)}."
                 raise UsageError(f"{path.name}: there is no key {brief(key)}.{hint}")
-        missing = [name for name, f in fields.items() if f.default is dataclasses.MISSING and name not in given]
+        missing = [name for name, f in fields.items() if f.default is dataclasses.MISSING and name not in table]
         if missing:
             raise UsageError(f"{path.name}: '{missing[0]}' is missing; needed are workers, memory and walltime.")
         try:
             values: dict[str, Any] = {
-                k: tuple(value) if isinstance(value, list) else value for k, value in given.items()
+                k: tuple(value) if isinstance(value, list) else value for k, value in table.items()
             }
             return cls(**values)
         except UsageError as error:

@@ -1,11 +1,11 @@
 """Chunks done by Dask: by worker processes of this machine, or by those of a scheduler that runs already.
 
-A worker is told paths and settings, reads the files itself, and gives rows back; this process alone writes them down.
+A worker gets paths and settings, reads the files itself, and gives rows back; this process alone writes them down.
 So a chunk whose worker is lost is done again by another one, and is written once whatever happens. A chunk that kills
 its workers is taken apart, and each of its files tried while nothing else is at work: one that still kills them has
 failed, and the others are fitted.
 
-Dask passes what it is told as Python objects, and whoever reaches its ports can have anything executed. Between the
+Dask passes what it gets as Python objects, and whoever reaches its ports can have anything executed. Between the
 processes of one machine the connections are therefore encrypted by keys that only they have; those of a scheduler are
 as safe as it was set up.
 """
@@ -103,7 +103,7 @@ def of_clients(connected: Callable[[], AbstractContextManager[Any]]) -> Executor
         study = dataclasses.replace(work.study, root=work.study.root.resolve(), files=files)
         with connected() as client:
             _check_workers(client, study.root)
-            yield from _Course(client, dataclasses.replace(work, study=study), chunks).results()
+            yield from _Progress(client, dataclasses.replace(work, study=study), chunks).results()
 
     return execute
 
@@ -152,7 +152,7 @@ def _running(address: str) -> Iterator[Any]:
         yield client
 
 
-class _Course:
+class _Progress:
     """Chunks on their way: waiting, suspected of having killed workers, and at work."""
 
     def __init__(self, client: Any, work: Work, chunks: Sequence[Chunk]) -> None:

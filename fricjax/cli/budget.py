@@ -58,7 +58,7 @@ def budget(
     check_file(fit)
     if not 0 < inputs.level < 1:
         raise UsageError(f"--level must be a probability between 0 and 1 such as 0.95, got {inputs.level:g}.")
-    given, factors = parsing.pairs("--input", inputs.input, "mass=0.4107(3)"), _factors(inputs.factor)
+    stated, factors = parsing.pairs("--input", inputs.input, "mass=0.4107(3)"), _factors(inputs.factor)
     with working(output, f"Propagating the uncertainties of {fit.name}"):
         prepare(output)
         from ..fitting import load_fit
@@ -69,7 +69,7 @@ def budget(
         loaded = load_fit(fit)
         rig = None if inputs.rig is None else Rig.from_toml(inputs.rig)
         scatter = None if inputs.scatter is None else Input.of(inputs.scatter)
-        known: dict[str, Any] = {**given, **_with_factors(loaded, rig, given, factors)}
+        known: dict[str, Any] = {**stated, **_with_factors(loaded, rig, stated, factors)}
         result = budget_of(loaded, rig, inputs.name, inputs=known, scatter=scatter)
         check = result.monte_carlo(inputs.draws, level=inputs.level) if inputs.draws else None
         report = result.report(inputs.level)
@@ -102,14 +102,14 @@ def _factors(texts: list[str] | None) -> list[tuple[str, str, str]]:
     return factors
 
 
-def _with_factors(fit: Any, rig: Any, given: dict[str, str], factors: list[tuple[str, str, str]]) -> dict[str, Any]:
+def _with_factors(fit: Any, rig: Any, stated: dict[str, str], factors: list[tuple[str, str, str]]) -> dict[str, Any]:
     """The inputs that have factors, each as the budget of a product."""
     from ..uncertainty import Input, propagate
     from ..uncertainty.fitted import inputs_of
 
-    own, products = inputs_of(fit, rig), dict[str, Any]()
+    known, products = inputs_of(fit, rig), dict[str, Any]()
     for name, of, value in factors:
         # A name that is none is refused with those of --input, where the budget is made.
-        base = products.get(of) or Input.of(given.get(of, own.get(of, 1.0)), own[of].unit if of in own else "")
+        base = products.get(of) or Input.of(stated.get(of, known.get(of, 1.0)), known[of].unit if of in known else "")
         products[of] = propagate(lambda **values: math.prod(values.values()), {of: base, name: Input.of(value)})
     return products

@@ -63,9 +63,9 @@ class Design(Reported):
         rows = []
         for i in np.argsort(self.runs, kind="stable")[:_LISTED]:
             each = self.informations[i]
-            told = [f"{self.relative(name)[i]:.2g}" for name in self.targets]
+            cells = [f"{self.relative(name)[i]:.2g}" for name in self.targets]
             runs = f"{self.runs[i]:.0f}" if np.isfinite(self.runs[i]) else "none reaches it"
-            rows.append([engineering(each.x0, "m", 4), each.motion.half_cycles, f"{each.duration:.3g} s", *told, runs])
+            rows.append([engineering(each.x0, "m", 4), each.motion.half_cycles, f"{each.duration:.3g} s", *cells, runs])
         heads = ["Release", "Half-cycles", "Record", *(f"u({name})/{name}" for name in self.targets), "Runs"]
         wanted = ", ".join(f"{name} to {target:.2g}" for name, target in self.targets.items())
         facts = [("wanted", wanted), ("noise", f"white, {engineering(self.informations[0].noise, 'm')} a sample")]

@@ -180,6 +180,6 @@ def _stops(asked: np.ndarray, mu_s: np.ndarray, scatter: float) -> np.ndarray:
     # Where nothing scatters a step stands for the normal distribution.
     with np.errstate(divide="ignore", invalid="ignore"):
         deviations = (mu_s / asked[:, :, None] - 1) / scatter if scatter else np.inf * (mu_s - asked[:, :, None])
-    held = ndtr(np.where(asked[:, :, None] == 0, np.inf, deviations))
-    moves_on = np.cumprod(1 - held, axis=1)
-    return held * np.concatenate([np.ones_like(held[:, :1]), moves_on[:, :-1]], axis=1)
+    stays = ndtr(np.where(asked[:, :, None] == 0, np.inf, deviations))
+    moves_on = np.cumprod(1 - stays, axis=1)
+    return stays * np.concatenate([np.ones_like(stays[:, :1]), moves_on[:, :-1]], axis=1)

@@ -1,4 +1,4 @@
-"""A fit solved again: its problem with other displacements, or with a parameter held."""
+"""A fit solved again: its problem with other displacements, or with a parameter fixed."""
 
 import dataclasses
 from collections.abc import Iterator, Sequence
@@ -55,8 +55,8 @@ def with_displacements(problem: Problem, x: Sequence[np.ndarray]) -> Problem:
     )
 
 
-def held(problem: Problem, parameter: int, value: float, std: float) -> Problem:
-    """The problem with one parameter held at a value, to a part of its standard error, by a prior.
+def fixed_at(problem: Problem, parameter: int, value: float, std: float) -> Problem:
+    """The problem with one parameter fixed at a value, to a part of its standard error, by a prior.
 
     Taken out of the problem, it would leave one of another shape, which is compiled anew.
     """

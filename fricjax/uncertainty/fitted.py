@@ -67,7 +67,7 @@ def budget(
     fitted = _fitted(fit, name)
     value, noise, unit = fitted.value, fitted.std, fitted.unit or ""
     slopes = {key: moved / fit.inputs[key].std for key, moved in fit.contributions[name].items()}
-    known = {**fit.inputs, **inputs_of(fit, rig), **_given(fit, inputs or {})}
+    known = {**fit.inputs, **inputs_of(fit, rig), **_stated(fit, inputs or {})}
     centres = {key: fit.inputs[key].value for key in slopes}
     rows: dict[str, Any] = {NOISE: Input(0.0, noise, unit, degrees_of_freedom=max(fit.dof, 1), kind="A")}
     if isinstance(scatter, Population):
@@ -114,9 +114,9 @@ def inputs_of(fit: Fit, rig: Rig | None) -> dict[str, Input]:
     Raises:
         UsageError: an input of the rig that the fit does not know.
     """
-    given = fit.inputs if rig is None else rig.inputs()
+    stated = fit.inputs if rig is None else rig.inputs()
     known: dict[str, Input] = {}
-    for name, each in given.items():
+    for name, each in stated.items():
         # A periodic error is two inputs, for its phase is not known.
         parts = [key for key in fit.inputs if key == name or key.removesuffix("_sine").removesuffix("_cosine") == name]
         if not parts:
@@ -134,7 +134,7 @@ def _unit(fit: Fit, name: str) -> str:
     return rotary_unit(UNITS[stem], fit.quantity)
 
 
-def _given(fit: Fit, inputs: Mapping[str, Any]) -> dict[str, Any]:
+def _stated(fit: Fit, inputs: Mapping[str, Any]) -> dict[str, Any]:
     """Inputs by name, each known to the fit.
 
     Raises:

@@ -108,7 +108,7 @@ class MonteCarlo(Reported):
         return self.spread <= self.tolerance / 5
 
     def report(self) -> Report:
-        """Both intervals, and the verdict."""
+        """Both intervals, and whether they agree."""
         level = f"{100 * self.level:g} %"
         # With the digits that the tolerance counts, for these decide.
         digits = max(-math.floor(math.log10(self.tolerance)), 0) if self.tolerance else 6

@@ -1,4 +1,4 @@
-"""The profile likelihood of a parameter: how badly the record is described with it held, all others fitted again.
+"""The profile likelihood of a parameter: how badly the record is described with it fixed, all others fitted again.
 
 Where chi^2 is a parabola about the optimum, it crosses ``chi^2_min + 3.84`` at 1.96 standard errors. Where it is not,
 the interval between the crossings is the one to give, and where it never crosses, the record does not bound the
@@ -18,7 +18,7 @@ from ..fitting import Fit
 from ..fitting.problem import Problem
 from ..fitting.solve import Solution
 from ..show import Report, Reported, Table, axis_label, figure, interval, uncertain
-from .again import held, optimum, origins, problem_of, squares
+from .again import fixed_at, optimum, origins, problem_of, squares
 
 BOUNDED, ONE_SIDED, FLAT, MULTIMODAL = "bounded", "one-sided", "flat", "multimodal"
 # Twice the log-likelihood ratio at the ends of an interval: the quantile of chi^2 of one degree of freedom at 95 %.
@@ -27,7 +27,7 @@ _THRESHOLD = 3.841458820694124
 _HELD = 1e-3
 # Rounds in which the profile is carried on where it has not crossed, each twice as far.
 _ROUNDS = 6
-# Height of the ridge that makes a valley one of its own: that of a standard error, below which nothing is told apart.
+# Height of the ridge that makes a valley one of its own: that of a standard error, below which nothing differs.
 _RIDGE = 1.0
 
 
@@ -38,11 +38,11 @@ class Profile(Reported):
     Attributes:
         name, unit: of the parameter.
         value, std_error: of the fit.
-        at: values at which it was held, in order, shape (n,).
+        at: values at which it was fixed, in order, shape (n,).
         excess: twice the logarithm of the ratio of the likelihoods at the optimum and there, shape (n,).
         others: values of all parameters there, by name, shape (n,) each.
         interval: where `excess` crosses 3.84; a bound, or inf, where it does not.
-        verdict: "bounded", "one-sided", "flat" or "multimodal".
+        conclusion: "bounded", "one-sided", "flat" or "multimodal".
 
     Examples:
         >>> import fricjax as fj
@@ -51,7 +51,7 @@ class Profile(Reported):
         >>> fit = fj.fit(run, machine, ["mu", "damping", "stiffness"])
         >>> profile = fj.uncertainty.profile(fit, "mu")
         >>> low, high = profile.interval
-        >>> profile.verdict, round((high - low) / (2 * 1.96 * fit.std_errors["mu"]), 2)
+        >>> profile.conclusion, round((high - low) / (2 * 1.96 * fit.std_errors["mu"]), 2)
         ('bounded', 1.0)
     """
 
@@ -63,7 +63,7 @@ class Profile(Reported):
     excess: np.ndarray
     others: dict[str, np.ndarray]
     interval: tuple[float, float]
-    verdict: str
+    conclusion: str
 
     def report(self) -> Report:
         """The interval of the profile beside that of the standard error."""
@@ -72,16 +72,16 @@ class Profile(Reported):
             ["profile", interval(*self.interval), self.unit],
             ["standard error", interval(self.value - reach, self.value + reach), self.unit],
         ]
-        told = {
+        sentences = {
             BOUNDED: "The record bounds it on both sides.",
             ONE_SIDED: "The record bounds it on one side only.",
             FLAT: "The record does not bound it: other parameters make up for any of its values.",
             MULTIMODAL: "There is more than one valley; the interval holds them all.",
         }
-        facts = [(self.name, uncertain(self.value, self.std_error, self.unit)), ("profile", self.verdict)]
+        facts = [(self.name, uncertain(self.value, self.std_error, self.unit)), ("profile", self.conclusion)]
         table = Table(["By", "95 % interval", "Unit"], rows, f"Profile of {self.name}")
         data = {field.name: getattr(self, field.name) for field in dataclasses.fields(self)}
-        return Report([table], facts, [told[self.verdict]], data=data)
+        return Report([table], facts, [sentences[self.conclusion]], data=data)
 
     def plot(self) -> Any:
         """The profile with its parabola, and what the other parameters do along it; a matplotlib figure."""
@@ -107,11 +107,11 @@ class Profile(Reported):
         return drawing
 
     def __repr__(self) -> str:
-        return f"Profile({self.name}: {self.verdict}, {interval(*self.interval, self.unit)})"
+        return f"Profile({self.name}: {self.conclusion}, {interval(*self.interval, self.unit)})"
 
 
 def profile(fit: Fit, name: str, *, points: int = 16, reach: float = 3.0) -> Profile:
-    """The profile likelihood of a parameter: all others fitted again with it held at values about its optimum.
+    """The profile likelihood of a parameter: all others fitted again with it fixed at values about its optimum.
 
     Args:
         fit: the fit; not one that was read from a file.
@@ -121,7 +121,7 @@ def profile(fit: Fit, name: str, *, points: int = 16, reach: float = 3.0) -> Pro
             profile goes on, each time twice as far.
 
     Returns:
-        The profile, its 95 % interval, and the verdict.
+        The profile, its 95 % interval, and the conclusion.
 
     Raises:
         UsageError: a name that is not free, or a fit without an optimum or from a file.
@@ -131,7 +131,7 @@ def profile(fit: Fit, name: str, *, points: int = 16, reach: float = 3.0) -> Pro
         >>> machine = fj.Oscillator(0.4, 2500.0, 0.2, 10.0, fj.friction.Coulomb(0.05))
         >>> run = fj.synthetic_run(machine, 2e-3, rate=2e3, duration=0.6, noise=1e-9, seed=0)
         >>> fit = fj.fit(run, machine, ["mu", "damping", "stiffness"])
-        >>> fj.uncertainty.profile(fit, "damping", points=4).verdict
+        >>> fj.uncertainty.profile(fit, "damping", points=4).conclusion
         'bounded'
     """
     problem = problem_of(fit)
@@ -149,54 +149,54 @@ def profile(fit: Fit, name: str, *, points: int = 16, reach: float = 3.0) -> Pro
     unit, step = (variance / std**2, std) if bounded else (1 / max(fit.chi2_reduced, 1.0), 0.1)
     along = least.shape.inverse[:, i] / variance if variance > 0 else np.zeros(len(fitted))
     along[i] = 1.0
-    found = {0.0: least}
+    solutions = {0.0: least}
     reached, wanted = {-1.0: reach, 1.0: reach}, np.outer([-1, 1], np.linspace(reach / points, reach, points)).ravel()
     for _ in range(_ROUNDS):
-        found |= _held_at(problem, found, i, along, step * wanted)
-        shifts = np.array(sorted(found))
-        rise = np.array([unit * found[shift].chi2 for shift in shifts])
+        solutions |= _fixed_at(problem, solutions, i, along, step * wanted)
+        shifts = np.array(sorted(solutions))
+        rise = np.array([unit * solutions[shift].chi2 for shift in shifts])
         rise -= rise.min()
         open_ends = [side for side in reached if not np.any(rise[shifts * side > 0] > _THRESHOLD)]
         if not open_ends:
             break
         wanted = np.concatenate([side * np.linspace(1, 2, points + 1)[1:] * reached[side] for side in open_ends])
         reached |= {side: 2 * reached[side] for side in open_ends}
-    values = np.array([np.asarray(found[s].derived.values) for s in shifts]) + origins(problem)
+    values = np.array([np.asarray(solutions[s].derived.values) for s in shifts]) + origins(problem)
     # Where noise is coloured the fit is not at the least squares: distances from the optimum are what is kept.
     at = values[:, i] + fit.values[name] - values[shifts == 0, i]
-    ends, verdict = judged(at, rise)
+    ends, conclusion = conclude(at, rise)
     parameter = problem.parameters[i]
     # What is fitted in its logarithm is never below zero.
     lowest = parameter.lower if parameter.kind in LINEAR else max(parameter.lower, 0.0)
     ends = (max(ends[0], lowest), min(ends[1], parameter.upper))
     others = dict(zip(fit.names, values.T, strict=True))
-    return Profile(name, fit.units[name], fit.values[name], fit.std_errors[name], at, rise, others, ends, verdict)
+    return Profile(name, fit.units[name], fit.values[name], fit.std_errors[name], at, rise, others, ends, conclusion)
 
 
-def _held_at(
-    problem: Problem, found: dict[float, Solution], i: int, along: np.ndarray, shifts: np.ndarray
+def _fixed_at(
+    problem: Problem, solutions: dict[float, Solution], i: int, along: np.ndarray, shifts: np.ndarray
 ) -> dict[float, Solution]:
-    """The solutions with parameter `i` held at distances from its optimum, by the distance, within its bounds.
+    """The solutions with parameter `i` fixed at distances from its optimum, by the distance, within its bounds.
 
     Each starts from the nearest that is known, for far from the optimum the others do not go on along a straight line.
     """
     limits, space, p = problem.limits, problem.residual.space, len(along)
-    middle = found[0.0].y[i]
+    middle = solutions[0.0].y[i]
     within = [float(shift) for shift in shifts if limits.lower[i] < middle + shift < limits.upper[i]]
-    nearest_ones = [min(found, key=lambda known: abs(known - shift)) for shift in within]
-    starts = [found[near].y[:p] + (shift - near) * along for near, shift in zip(nearest_ones, within, strict=True)]
+    nearest_ones = [min(solutions, key=lambda known: abs(known - shift)) for shift in within]
+    starts = [solutions[near].y[:p] + (shift - near) * along for near, shift in zip(nearest_ones, within, strict=True)]
     begins = [np.clip(start, limits.lower, limits.upper) for start in starts]
     problems = []
     for begin, shift in zip(begins, within, strict=True):
         begin[i] = middle + shift
         width = _HELD * abs(shift * float(np.asarray(space.slope(begin))[i]))
-        problems.append(held(problem, i, float(np.asarray(space.values(begin))[i]), width))
-    solutions = zip(within, squares(problems, begins), strict=True)
-    return {shift: each for shift, each in solutions if each.converged and np.isfinite(each.chi2)}
+        problems.append(fixed_at(problem, i, float(np.asarray(space.values(begin))[i]), width))
+    further = zip(within, squares(problems, begins), strict=True)
+    return {shift: each for shift, each in further if each.converged and np.isfinite(each.chi2)}
 
 
-def judged(at: np.ndarray, rise: np.ndarray) -> tuple[tuple[float, float], str]:
-    """The interval in which the rise stays below the threshold, and the verdict."""
+def conclude(at: np.ndarray, rise: np.ndarray) -> tuple[tuple[float, float], str]:
+    """The interval in which the rise stays below the threshold, and the conclusion."""
     order = np.argsort(at)
     at, rise = at[order], rise[order]
     inside = np.flatnonzero(rise <= _THRESHOLD)
@@ -217,5 +217,5 @@ def judged(at: np.ndarray, rise: np.ndarray) -> tuple[tuple[float, float], str]:
         and rise[min(k, least) : max(k, least)].max() > rise[k] + _RIDGE
     ]
     open_ends = sum(map(bool, np.isinf(ends)))
-    verdict = MULTIMODAL if valleys and not open_ends else (BOUNDED, ONE_SIDED, FLAT)[open_ends]
-    return (ends[0], ends[1]), verdict
+    conclusion = MULTIMODAL if valleys and not open_ends else (BOUNDED, ONE_SIDED, FLAT)[open_ends]
+    return (ends[0], ends[1]), conclusion

@@ -73,12 +73,12 @@ def derived(
             if flat.setdefault(part, value) != value:
                 raise UsageError(f"Two inputs are named {part} and differ. Give one of them another name.")
 
-    def whole(values: Mapping[str, Any]) -> Any:
+    def composed(values: Mapping[str, Any]) -> Any:
         return formula({name: nested[name].formula(values) if name in nested else values[name] for name in inputs})
 
     at = {name: jnp.asarray(each.value, float) for name, each in flat.items()}
     try:
-        value, slopes = jax.jit(jax.value_and_grad(whole))(at)
+        value, slopes = jax.jit(jax.value_and_grad(composed))(at)
     except (jax.errors.JAXTypeError, TypeError) as error:
         raise UsageError(
             f"The formula of {quantity} cannot be differentiated: {str(error).splitlines()[0]} Write it of its inputs "
@@ -88,7 +88,7 @@ def derived(
         raise UsageError(f"The formula of {quantity} or its derivative is not finite at the values of the inputs.")
     matrix = _correlation(flat, correlations or {}, nested)
     sensitivities = {name: float(slope) for name, slope in slopes.items()}
-    return Budget(quantity, unit, float(value), flat, sensitivities, matrix, whole, notes)
+    return Budget(quantity, unit, float(value), flat, sensitivities, matrix, composed, notes)
 
 
 def _correlation(inputs: Mapping[str, Input], pairs: Correlations, nested: Mapping[str, Budget]) -> np.ndarray:

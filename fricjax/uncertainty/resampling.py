@@ -33,7 +33,7 @@ class Bootstrap(Reported):
 
     Attributes:
         names: free parameters; `units`: by name.
-        sample: fitted values, NaN where a fit found no optimum, shape (draws, p).
+        sample: fitted values, NaN where a fit has no optimum, shape (draws, p).
         values, std_errors: those of the fit that was resampled, by name.
         noise: "blocks" or "model"; `block`: length of the blocks in samples, of each run.
         failed: number of fits without an optimum.
@@ -58,12 +58,12 @@ class Bootstrap(Reported):
 
     @property
     def failed(self) -> int:
-        """Number of fits that found no optimum."""
+        """Number of fits without an optimum."""
         return int(np.sum(~np.isfinite(self.sample[:, 0])))
 
     @property
     def good(self) -> np.ndarray:
-        """Values of the fits that found an optimum, shape (n, p)."""
+        """Values of the fits with an optimum, shape (n, p)."""
         return self.sample[np.isfinite(self.sample[:, 0])]
 
     @property
@@ -126,7 +126,7 @@ def bootstrap(fit: Fit, draws: int = 1000, *, noise: str = "blocks", seed: int =
     Args:
         fit: the fit to resample; not one that was read from a file.
         draws: number of records.
-        noise: "blocks": residuals of the fit in blocks; "model": drawn from the noise that the fit has found, normal
+        noise: "blocks": residuals of the fit in blocks; "model": drawn from the noise of the fit, normal
             with its size and memory, and rounded where the reading is.
         seed: of the generator; the same seed gives the same numbers.
 
@@ -148,7 +148,7 @@ def bootstrap(fit: Fit, draws: int = 1000, *, noise: str = "blocks", seed: int =
     if noise not in NOISES:
         raise UsageError(f"There is no noise {noise!r}.{nearest(noise, NOISES)} Choose one of {', '.join(NOISES)}.")
     if draws < _FEWEST:
-        raise UsageError(f"Of {draws} draws no interval of 95 % can be told. Take {_FEWEST} at least, better 1000.")
+        raise UsageError(f"Of {draws} draws no interval of 95 % can be given. Take {_FEWEST} at least, better 1000.")
     residuals = fit.residuals if isinstance(fit.residuals, tuple) else (fit.residuals,)
     parts = [_split(*each) for each in zip(problem.windows, residuals, fit.noises, strict=True)]
     blocks = tuple(_block_length(random) for _, random in parts)
@@ -164,7 +164,7 @@ def bootstrap(fit: Fit, draws: int = 1000, *, noise: str = "blocks", seed: int =
 
     begin = problem.residual.space.coordinates(values)
     rows = solved(resampled(), draws, [begin] * draws)
-    found = [
+    fitted = [
         np.asarray(row.weighted.solution.derived.values) + origins(problem)
         if row.weighted is not None and optimum_found(row.status)
         else np.full(len(problem.names), np.nan)
@@ -172,7 +172,7 @@ def bootstrap(fit: Fit, draws: int = 1000, *, noise: str = "blocks", seed: int =
     ]
     known = {name: fit.values[name] for name in fit.names}
     units = {name: fit.units[name] for name in fit.names}
-    return Bootstrap(problem.names, units, np.array(found), known, dict(fit.std_errors), noise, blocks)
+    return Bootstrap(problem.names, units, np.array(fitted), known, dict(fit.std_errors), noise, blocks)
 
 
 def _split(window: Window, residual: np.ndarray, noise: Noise) -> tuple[np.ndarray, np.ndarray]:

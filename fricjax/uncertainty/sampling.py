@@ -24,7 +24,7 @@ from .again import optimum, origins, problem_of, squares
 
 # Fewest draws of a chain of which its convergence can be told.
 _FEWEST = 100
-# Largest ratio of variances between and within chains that have met (Vehtari et al., Bayesian Anal. 16, 667, 2021).
+# Largest R-hat of chains that have met (Vehtari et al., Bayesian Anal. 16, 667, 2021).
 _MET = 1.01
 
 
@@ -36,7 +36,7 @@ class Posterior(Reported):
         names: free parameters; `units`: by name.
         sample: draws, shape (chains, draws, p).
         values, std_errors: those of the fit, by name.
-        r_hat: rank-normalised split R-hat of each parameter; `effective`: its effective number of draws in the bulk.
+        r_hat: split R-hat of each parameter; `effective`: its effective number of draws.
         divergences: number of draws at which the sampler went astray; none in a posterior that it can follow.
 
     Examples:
@@ -141,7 +141,7 @@ def posterior(fit: Fit, draws: int = 500, *, chains: int = 4, warmup: int = 300,
         which it makes the covariance of the fit larger.
 
     Raises:
-        ImportError: numpyro or ArviZ is not installed; the sentence says how to.
+        ImportError: numpyro is not installed; the sentence says how to.
         UsageError: a fit without an optimum, from a file, with a robust loss or an undetermined parameter.
 
     Examples:
@@ -153,10 +153,10 @@ def posterior(fit: Fit, draws: int = 500, *, chains: int = 4, warmup: int = 300,
         (2, 100, 6)
     """
     try:
-        from arviz_stats.base import array_stats
+        from numpyro.diagnostics import effective_sample_size, split_gelman_rubin
         from numpyro.infer import MCMC, NUTS
     except ImportError as error:
-        raise ImportError("A posterior needs numpyro and ArviZ: pip install 'fricjax[bayes]'.") from error
+        raise ImportError("A posterior needs numpyro: pip install 'fricjax[bayes]'.") from error
     problem, values = problem_of(fit), optimum(fit)
     if not isinstance(problem.loss, Squares):
         raise UsageError("A robust loss is no likelihood: fit with loss='squares' for a posterior.")
@@ -192,14 +192,14 @@ def posterior(fit: Fit, draws: int = 500, *, chains: int = 4, warmup: int = 300,
     sample = np.asarray(jax.vmap(jax.vmap(space.values))(jnp.asarray(at))) + origins(problem)
     # Where noise is coloured the fit is not at the least squares.
     sample += values - np.asarray(space.values(y))
-    names, columns = fit.names, np.moveaxis(at, 2, 0)
+    names, met, effective = fit.names, split_gelman_rubin(at), effective_sample_size(at)
     return Posterior(
         names,
         {name: fit.units[name] for name in names},
         sample,
         {name: fit.values[name] for name in names},
         dict(fit.std_errors),
-        {name: float(array_stats.rhat(each)) for name, each in zip(names, columns, strict=True)},
-        {name: float(array_stats.ess(each)) for name, each in zip(names, columns, strict=True)},
+        dict(zip(names, np.asarray(met).tolist(), strict=True)),
+        dict(zip(names, np.asarray(effective).tolist(), strict=True)),
         int(np.sum(mcmc.get_extra_fields()["diverging"])),
     )

@@ -68,7 +68,7 @@ def test_runs_of_a_joint_fit_are_resampled_together():
 def test_what_cannot_be_resampled_is_refused(white):
     with pytest.raises(UsageError, match=r"There is no noise 'block'\. Did you mean 'blocks'\?"):
         fj.uncertainty.bootstrap(white, noise="block")
-    with pytest.raises(UsageError, match="Of 10 draws no interval of 95 % can be told"):
+    with pytest.raises(UsageError, match="Of 10 draws no interval of 95 % can be given"):
         fj.uncertainty.bootstrap(white, 10)
 
 

@@ -7,7 +7,7 @@ import pytest
 
 import fricjax as fj
 from fricjax.errors import UsageError
-from fricjax.uncertainty.profiles import judged
+from fricjax.uncertainty.profiles import conclude
 from tests.fitting.runs import coulomb_run
 
 FREE = ("mu", "damping", "stiffness")
@@ -22,7 +22,7 @@ def fit():
 @pytest.mark.parametrize("name", FREE)
 def test_a_parabola_has_the_interval_of_its_standard_error(fit, name):
     profile = fj.uncertainty.profile(fit, name)
-    assert profile.verdict == "bounded"
+    assert profile.conclusion == "bounded"
     low, high = profile.interval
     assert (high - low) / 2 == pytest.approx(1.959964 * fit.std_errors[name], rel=1e-3)
     assert (high + low) / 2 == pytest.approx(fit.values[name], abs=2e-3 * fit.std_errors[name])
@@ -46,7 +46,7 @@ def test_a_ridge_is_one_sided_where_a_standard_error_says_bounded():
     run = fj.synthetic_run(machine, 2e-3, rate=20e3, duration=0.4, noise=2e-5, seed=1)
     fit = fj.fit(run, machine, ("mu", "mu_s", "v_stribeck"))
     profile = fj.uncertainty.profile(fit, "mu_s")
-    assert profile.verdict == "one-sided"
+    assert profile.conclusion == "one-sided"
     assert fit.values["mu_s"] + 1.96 * fit.std_errors["mu_s"] < 0.08 < profile.at[-1]
     # A bound holds it too, by other means.
     held = fj.fit(run, machine, ("mu", "mu_s", "v_stribeck"), bounds={"mu_s": (0.07, 0.0701)})
@@ -67,7 +67,7 @@ def test_a_ridge_is_one_sided_where_a_standard_error_says_bounded():
 )
 def test_the_verdict_on_a_curve(shape, verdict, ends):
     x = np.linspace(-6, 6, 481)
-    found = judged(x, shape(x))
+    found = conclude(x, shape(x))
     assert found[1] == verdict
     assert found[0] == pytest.approx(ends, abs=0.02)
 
