@@ -203,6 +203,8 @@ def engine_for(request: Request, windows: Sequence[Window]) -> AbstractEngine:
     half_cycles = max(_half_cycles(window, can_stop(request)) for window in windows)
     # A drag that is free, or with respect to which a derivative is taken, is no number yet.
     known = eqx.tree_at(lambda machine: machine.drag, machine, np.asarray(np.nan)) if drag_moves else machine
+    if request.engine == "diffrax":
+        raise UsageError("The diffrax engine is a reference for simulations. Fit with another one, such as auto.")
     try:
         engine = select_engine(request.engine, known, max_half_cycles=power(half_cycles + 2, _CAPACITY))
     except ValueError as error:

@@ -32,6 +32,10 @@ USAGE = {
         {"oscillator": machine(Coulomb(0.05) + QuadraticDrag(0.1)), "free": ["mu", "drag"]},
         r"drag cannot be free beside a law with quadratic drag: both are the same force\. Leave one of them out\.",
     ),
+    "a reference": (
+        {"oscillator": machine(Tanh(0.05, 1e-4)), "engine": "diffrax"},
+        r"The diffrax engine is a reference for simulations\. Fit with another one, such as auto\.",
+    ),
     "viscous twice": (
         {"oscillator": machine(LuGre(0.05)), "free": ["mu", "damping", "sigma2"]},
         r"damping and sigma2 cannot both be free, for they are not identifiable: both are the same force",
