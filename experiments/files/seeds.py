@@ -53,6 +53,7 @@ def fit() -> Fit:
         "status": "converged",
         "warnings": ("A sentence.",),
         "kinematics": {"natural_frequency": Measured(12.6, 1e-4, "Hz"), "dead_band": Measured(1e-4, 1e-8, "m")},
+        "inputs": {"mass": Measured(0.41, 1e-4)},
         "contributions": {"mu": {"mass": 1e-6}, "x0": {}, "natural_frequency": {}, "dead_band": {}},
         "residuals": np.where(T > 0.001, 1e-9, np.nan),
         "noises": (Noise(lines=()),),

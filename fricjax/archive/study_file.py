@@ -64,7 +64,7 @@ def read_study(path: str | Path) -> Study:
         >>> from pathlib import Path
         >>> import fricjax as fj
         >>> _ = Path("rig.toml").write_text(fj.data.example_paths().rig.read_text())
-        >>> _ = Path("study.toml").write_text('rig = "rig.toml"\\nfrictoin = "coulomb"')
+        >>> _ = Path("study.toml").write_text('rig = "rig.toml"\nfrictoin = "coulomb"')
         >>> read_study("study.toml")
         Traceback (most recent call last):
         ...

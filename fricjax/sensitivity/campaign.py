@@ -36,7 +36,7 @@ class Design(Reported):
         >>> machine = fj.Oscillator(0.41, 2574.0, 0.18, 9.66, fj.friction.Coulomb(0.05))
         >>> plan = fj.sensitivity.design(machine, [0.5e-3, 1e-3, 2e-3], {"mu": 5e-8}, names=["mu", "stiffness"])
         >>> plan.runs.tolist(), plan.best.x0
-        ([inf, 4.0, 1.0], 0.002)
+        ([inf, 6.0, 1.0], 0.002)
     """
 
     targets: dict[str, float]
@@ -117,7 +117,7 @@ def design(
         >>> machine = fj.Oscillator(0.41, 2574.0, 0.18, 9.66, fj.friction.Coulomb(0.05))
         >>> plan = fj.sensitivity.design(machine, [1e-3, 2e-3], {"mu": 1e-6}, names=["mu", "stiffness"], noise=1e-8)
         >>> print(f"{1e3 * plan.best.x0:.0f} mm, {plan.runs.min():.0f} run")
-        1 mm, 1 run
+        2 mm, 1 run
     """
     for name, target in targets.items():
         if not 0 < target < math.inf:

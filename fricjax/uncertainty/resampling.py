@@ -126,8 +126,8 @@ def bootstrap(fit: Fit, draws: int = 1000, *, noise: str = "blocks", seed: int =
     Args:
         fit: the fit to resample; not one that was read from a file.
         draws: number of records.
-        noise: "blocks": residuals of the fit in blocks; "model": drawn from the noise of the fit, normal
-            with its size and memory, and rounded where the reading is.
+        noise: "blocks": residuals of the fit in blocks; "model": drawn from the noise of the fit where that has no
+            memory, normal with its size, and rounded where the reading is.
         seed: of the generator; the same seed gives the same numbers.
 
     Returns:
@@ -198,11 +198,8 @@ def _check_drawable(noise: Noise, label: str) -> None:
     Raises:
         UsageError: says what it is.
     """
-    kinds = {
-        "a random walk": math.isinf(noise.memory),
-        "a floor that shakes": noise.floor > 0,
-        "jitter": noise.jitter > 0,
-    }
+    # Of memory only the rows of a fit are known, some forty to a half-cycle, between which it may be shorter.
+    kinds = {"one that remembers": noise.memory, "a floor that shakes": noise.floor, "jitter": noise.jitter}
     for kind, is_it in kinds.items():
         if is_it:
             raise UsageError(f"The noise of {label} is {kind}, which is not drawn from a model. Take noise='blocks'.")
@@ -225,13 +222,6 @@ def _drawn(
         x[window.used] += random[(starts[:, None] + np.arange(block)).ravel()[:n] % n]
         return x
     drawn = generator.normal(size=n)
-    if noise.memory:
-        from scipy.signal import lfilter
-
-        interval = float(np.median(np.diff(np.asarray(window.trace.t))))
-        r = math.exp(-interval / noise.memory)
-        drawn[1:] *= math.sqrt(1 - r**2)
-        drawn = np.asarray(lfilter([1.0], [1.0, -r], drawn))
     # Rounding is part of the size that the residuals show, and comes anew with the rounding of the sum.
     size = noise.excess * window.sigma[window.used]
     if noise.rounding:

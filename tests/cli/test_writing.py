@@ -34,8 +34,11 @@ WRITING = {
     "calibrate ringdown": [("none.csv", "--mass", "1", "--normal-force", "9", "--out", "old.toml")],
     "calibrate frf": [("none.csv", "--normal-force", "9", "--out", "old.toml")],
     "demo": [("--out", ".")],
+    "budget": [("none.json", "--plot", "old.png"), ("none.json", "--latex", "old.tex")],
+    "report": [("none.json", "--out", "old.html")],
+    "query": [("select 1", "none", "--csv", "old.csv")],
 }
-OLD = ("old.png", "old.json", "old.npz", "old.toml", "more-2.png")
+OLD = ("old.png", "old.json", "old.npz", "old.toml", "old.tex", "old.html", "old.csv", "more-2.png")
 
 
 @pytest.fixture
@@ -67,7 +70,9 @@ def test_every_command_that_writes_is_tried_above():
             yield from leaves(command, f"{name} ") if hasattr(command, "commands") else [(before + name, command)]
 
     options = {name: {each.name for each in found.params} for name, found in leaves(typer.main.get_command(app))}
-    assert {name for name, found in options.items() if found & {"out", "plot", "save"}} == set(WRITING)
+    writing = {name for name, found in options.items() if found & {"out", "plot", "save", "csv"}}
+    # A store is gone on with, and what it has of a run is kept.
+    assert writing - {"batch"} == set(WRITING)
     assert {name for name, found in options.items() if "force" in found} == set(WRITING)
 
 

@@ -88,7 +88,7 @@ REFUSED = {
     ),
     "a record": (
         {"data": coulomb_run(), "rate": 5.0},
-        r"rate= is no option for records\. Options are sigma=, sign=\.$",
+        r"rate= is no option for records\..* Options are sigma=, sign=, repair=\.$",
     ),
     "a word": (
         {"data": np.zeros(9), "rate": "fast"},

@@ -22,8 +22,9 @@ def white():
 
 @pytest.fixture(scope="module")
 def coloured():
-    run = coulomb_run()
-    shocks = 2e-8 * np.random.default_rng(5).normal(size=run.n)
+    """A record so long that its noise is known well, and holds many blocks."""
+    run = fj.synthetic_run(MACHINE, 2e-3, rate=2e4, duration=0.4, noise=0.0, seed=0)
+    shocks = 2e-8 * np.random.default_rng(5).normal(size=len(run))
     noise = np.asarray(lfilter([1.0], [1.0, -0.9], shocks))
     return fj.fit((run.t, run.x + noise), MACHINE, FREE)
 
@@ -42,12 +43,11 @@ def test_the_scatter_is_the_standard_error(white, noise):
 def test_noise_that_remembers_scatters_as_the_fit_says_and_not_as_white_noise(coloured):
     sample = fj.uncertainty.bootstrap(coloured, 64)
     assert sample.block[0] > 20
-    ratio = np.array([sample.std[name] / coloured.std_errors[name] for name in FREE])
-    assert np.all((ratio > 0.7) & (ratio < 1.35))
-    drawn = fj.uncertainty.bootstrap(coloured, 64, noise="model")
-    assert np.array([drawn.std[name] for name in FREE]) == pytest.approx(
-        [coloured.std_errors[name] for name in FREE], rel=0.35
-    )
+    # Computed records of this noise scatter by 0.92 of these standard errors and by 4.5 of white ones; of the scatter
+    # blocks of such a length lose some tenth, and 64 draws know it to nine percent.
+    for name in FREE:
+        assert 0.6 < sample.std[name] / coloured.std_errors[name] < 1.2
+        assert sample.std[name] > 2.5 * coloured.white_std_errors[name]
 
 
 def test_the_same_seed_gives_the_same_numbers(white):
@@ -72,9 +72,6 @@ def test_what_cannot_be_resampled_is_refused(white):
         fj.uncertainty.bootstrap(white, 10)
 
 
-def test_a_random_walk_has_no_model_to_draw_from(white):
-    run = coulomb_run()
-    walk = np.cumsum(5e-9 * np.random.default_rng(5).normal(size=run.n))
-    fit = fj.fit((run.t, run.x + walk), MACHINE, FREE)
-    with pytest.raises(UsageError, match="is a random walk, which is not drawn from a model"):
-        fj.uncertainty.bootstrap(fit, noise="model")
+def test_noise_that_remembers_has_no_model_to_draw_from(coloured):
+    with pytest.raises(UsageError, match="is one that remembers, which is not drawn from a model"):
+        fj.uncertainty.bootstrap(coloured, noise="model")

@@ -160,7 +160,7 @@ def test_a_pendulum_whose_period_goes_with_its_swing(x0):
 
 THRESHOLDS = [
     (half_cycles, name) for name in ("SURE", "SOUGHT", "BELIEVED", "TINY", "ISOCHRONOUS", "PER_HALF_CYCLE")
-] + [(stop, name) for name in ("STANDS_OUT", "RINGING", "CREPT", "SHORTEST_REST", "CREEP", "OPEN")] + [
+] + [(stop, name) for name in ("STANDS_OUT", "RINGING", "CREPT", "SHORTEST_REST", "CREEP")] + [
     (disturbance, name) for name in ("STRETCH", "RINGS", "LINE", "HALF_CYCLES", "SAMPLES")
 ] + [(swing, "SPIKE"), (swing, "FEW_SPIKES")]  # fmt: skip
 
