@@ -1,10 +1,9 @@
 """A fit solved again: its problem with other displacements, or with a parameter fixed."""
 
 import dataclasses
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from os import cpu_count
-from typing import Any
 
 import equinox as eqx
 import numpy as np
@@ -67,14 +66,11 @@ def fixed_at(problem: Problem, parameter: int, value: float, std: float) -> Prob
     return dataclasses.replace(problem, residual=residual, condensed=condensed)
 
 
-def solved(problems: Iterator[Problem] | Sequence[Problem], count: int, begins: Any) -> list[Row]:
-    """Many problems solved on all cores, each from its coordinates `begins`; made as they are needed."""
-    made, places = iter(problems), [range(first, min(first + WIDTH, count)) for first in range(0, count, WIDTH)]
-    blocks = ([next(made) for _ in place] for place in places)
+def solved(make: Callable[[int], Problem], count: int, begin: np.ndarray) -> list[Row]:
+    """Many problems solved on all cores, all from coordinates `begin`; each is made by the thread that solves it."""
+    places = [range(first, min(first + WIDTH, count)) for first in range(0, count, WIDTH)]
     with ThreadPoolExecutor(cpu_count()) as pool:
-        rows = pool.map(
-            lambda pair: solved_rows(pair[0], [begins[i] for i in pair[1]]), zip(blocks, places, strict=True)
-        )
+        rows = pool.map(lambda place: solved_rows(list(map(make, place)), [begin] * len(place)), places)
         return [row for block in rows for row in block]
 
 

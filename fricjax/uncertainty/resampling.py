@@ -8,7 +8,6 @@ autoregression of the correlation time that the residuals have, ``(sqrt(6) r/(1 
 
 import dataclasses
 import math
-from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -155,15 +154,14 @@ def bootstrap(fit: Fit, draws: int = 1000, *, noise: str = "blocks", seed: int =
     if noise == "model":
         for each, label in zip(fit.noises, fit.labels, strict=True):
             _check_drawable(each, label)
-    generator = np.random.default_rng(seed)
 
-    def resampled() -> Iterator[Problem]:
-        for _ in range(draws):
-            rows = zip(problem.windows, parts, fit.noises, blocks, strict=True)
-            yield with_displacements(problem, [_drawn(generator, noise, *row) for row in rows])
+    def resampled(number: int) -> Problem:
+        # Each record has a generator of its own, so that it is the same in whatever order they are made.
+        generator = np.random.default_rng([seed, number])
+        rows = zip(problem.windows, parts, fit.noises, blocks, strict=True)
+        return with_displacements(problem, [_drawn(generator, noise, *row) for row in rows])
 
-    begin = problem.residual.space.coordinates(values)
-    rows = solved(resampled(), draws, [begin] * draws)
+    rows = solved(resampled, draws, problem.residual.space.coordinates(values))
     fitted = [
         np.asarray(row.weighted.solution.derived.values) + origins(problem)
         if row.weighted is not None and optimum_found(row.status)
