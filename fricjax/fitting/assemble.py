@@ -39,7 +39,7 @@ def assemble(counted: NoiseWeighted, sigma_mode: str) -> Fit:
     residuals, rms = _residuals(problem, solution)
     bracket, name = bracket_static(problem, solution), problem.bracketed or "mu_s"
     machine, static = _machine(problem, solution, bracket)
-    shown = record_time(problem, solution.derived.values)
+    shown = solution.derived.values + problem.origins
     values = named(problem.names, shown)
     std_errors = named(problem.names, np.sqrt(np.diag(covariances.statistical)))
     factor = np.sqrt(counted.scatter) if sigma_mode == "estimate" else 1.0
@@ -124,17 +124,6 @@ def _count(run: Run) -> int | None:
 def unit_of(unit: str, problem: Problem) -> str:
     """The unit of a parameter, on a rotary rig that of the rotary quantity."""
     return rotary_unit(unit, problem.windows[0].quantity)
-
-
-def record_time(problem: Problem, values: np.ndarray) -> np.ndarray:
-    """Values with the release times counted as in the record."""
-    shown = values.copy()
-    first = len(problem.residual.space.leaves)
-    for window, names in zip(problem.windows, problem.residual.space.nuisances, strict=True):
-        for i, name in enumerate(names):
-            shown[first + i] += window.origin if name == "t_release" else 0.0
-        first += len(names)
-    return shown
 
 
 def _whiteness(problem: Problem, solution: Solution) -> Whiteness:

@@ -17,7 +17,7 @@ from ..estimation.loss import AbstractLoss
 from ..oscillator import Oscillator, ready
 from ..oscillator.engines import AbstractEngine
 from ..rig import Rig
-from .assemble import record_time, unit_of
+from .assemble import unit_of
 from .batch_result import BatchFit
 from .chunks import WIDTH, Summary
 from .derived import UNITS, contributions, kinematics
@@ -273,7 +273,7 @@ def collected(rows: Sequence[Row], sources: tuple[str, ...]) -> BatchFit:
     shares = column(parts, (p + len(UNITS), len(problem.inputs)))
     return BatchFit(
         names=names,
-        values=by_name(column(lambda p, w, _: record_time(p, w.solution.derived.values), (p,))),
+        values=by_name(column(lambda p, w, _: w.solution.derived.values + p.origins, (p,))),
         std_errors=by_name(deviations),
         white_std_errors=by_name(column(lambda _, w, __: w.white * w.solution.derived.slope, (p,))),
         covariance=covariances,

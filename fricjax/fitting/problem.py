@@ -62,6 +62,17 @@ class Problem:
         """What sentences call each run."""
         return labels([window.name for window in self.windows])
 
+    @property
+    def origins(self) -> np.ndarray:
+        """What the record is ahead of its run in time, for release times; zero for other parameters, shape (p,)."""
+        origins = np.zeros(len(self.names))
+        first = len(self.residual.space.leaves)
+        for window in self.windows:
+            for i, name in enumerate(window.nuisances):
+                origins[first + i] = window.origin if name == "t_release" else 0.0
+            first += len(window.nuisances)
+        return origins
+
     def by_run(self, residual: Any) -> list[np.ndarray]:
         """The weighted residual of each run at the samples of its record, without those of the priors."""
         ends = np.cumsum([run.t.shape[0] for run in self.residual.runs])

@@ -31,18 +31,7 @@ def problem_of(fit: Fit) -> Problem:
 
 def optimum(fit: Fit) -> np.ndarray:
     """The fitted values in the time of the runs, in the order of the names, shape (p,)."""
-    problem = problem_of(fit)
-    return np.array([fit.values[name] for name in fit.names]) - origins(problem)
-
-
-def origins(problem: Problem) -> np.ndarray:
-    """What the time of the record is ahead of that of the run, for release times; zero for other parameters [s]."""
-    first, origins = len(problem.residual.space.leaves), np.zeros(len(problem.names))
-    for window in problem.windows:
-        for name in window.nuisances:
-            origins[first] = window.origin if name == "t_release" else 0.0
-            first += 1
-    return origins
+    return np.array([fit.values[name] for name in fit.names]) - problem_of(fit).origins
 
 
 def with_displacements(problem: Problem, x: Sequence[np.ndarray]) -> Problem:

@@ -18,7 +18,7 @@ from ..fitting import Fit
 from ..fitting.problem import Problem
 from ..fitting.solve import Solution
 from ..show import Report, Reported, Table, axis_label, figure, interval, uncertain
-from .again import fixed_at, optimum, origins, problem_of, squares
+from .again import fixed_at, optimum, problem_of, squares
 
 BOUNDED, ONE_SIDED, FLAT, MULTIMODAL = "bounded", "one-sided", "flat", "multimodal"
 # Twice the log-likelihood ratio at the ends of an interval: the quantile of chi^2 of one degree of freedom at 95 %.
@@ -161,7 +161,7 @@ def profile(fit: Fit, name: str, *, points: int = 16, reach: float = 3.0) -> Pro
             break
         wanted = np.concatenate([side * np.linspace(1, 2, points + 1)[1:] * reached[side] for side in open_ends])
         reached |= {side: 2 * reached[side] for side in open_ends}
-    values = np.array([np.asarray(solutions[s].derived.values) for s in shifts]) + origins(problem)
+    values = np.array([np.asarray(solutions[s].derived.values) for s in shifts]) + problem.origins
     # Where noise is coloured the fit is not at the least squares: distances from the optimum are what is kept.
     at = values[:, i] + fit.values[name] - values[shifts == 0, i]
     ends, conclusion = conclude(at, rise)

@@ -19,7 +19,7 @@ from ..fitting.noise import Noise, whiteness
 from ..fitting.problem import Problem
 from ..fitting.window import Window
 from ..show import Report, Reported, Table, axis_label, figure, interval, plain, uncertain
-from .again import optimum, origins, problem_of, solved, with_displacements
+from .again import optimum, problem_of, solved, with_displacements
 
 NOISES = ("blocks", "model")
 # Fewest records of which quantiles of 2.5 % are told: one beyond each.
@@ -163,7 +163,7 @@ def bootstrap(fit: Fit, draws: int = 1000, *, noise: str = "blocks", seed: int =
 
     rows = solved(resampled, draws, problem.residual.space.coordinates(values))
     fitted = [
-        np.asarray(row.weighted.solution.derived.values) + origins(problem)
+        np.asarray(row.weighted.solution.derived.values) + problem.origins
         if row.weighted is not None and optimum_found(row.status)
         else np.full(len(problem.names), np.nan)
         for row in rows

@@ -20,7 +20,7 @@ from ..fitting import Fit
 from ..fitting.mesh import with_mesh
 from ..fitting.residual import Residual
 from ..show import Report, Reported, Table, axis_label, figure, interval, uncertain
-from .again import optimum, origins, problem_of, squares
+from .again import optimum, problem_of, squares
 
 # Fewest draws of a chain of which its convergence can be told.
 _FEWEST = 100
@@ -189,7 +189,7 @@ def posterior(fit: Fit, draws: int = 500, *, chains: int = 4, warmup: int = 300,
     mcmc.run(key, init_params=jax.random.normal(start, (chains, y.size)), extra_fields=("diverging",))
     at = y + np.asarray(mcmc.get_samples(group_by_chain=True)) @ root.T
     space = problem.residual.space
-    sample = np.asarray(jax.vmap(jax.vmap(space.values))(jnp.asarray(at))) + origins(problem)
+    sample = np.asarray(jax.vmap(jax.vmap(space.values))(jnp.asarray(at))) + problem.origins
     # Where noise is coloured the fit is not at the least squares.
     sample += values - np.asarray(space.values(y))
     names, met, effective = fit.names, split_gelman_rubin(at), effective_sample_size(at)
