@@ -16,6 +16,8 @@ used. Derived: a thousand roundings of double precision."""
 
 COVERAGE = 1.959963984540054
 """Half-width of a 95 % interval in standard errors."""
+LIKELIHOOD_DROP = 3.841458820694124
+"""Rise of chi^2, twice the fall of log likelihood, at its ends: the 95 % point of chi^2 of one degree of freedom."""
 
 
 class Quadratic(NamedTuple):

@@ -12,13 +12,12 @@ import jax.numpy as jnp
 import numpy as np
 
 from ..errors import DataError, UsageError
+from ..estimation.covariance import LIKELIHOOD_DROP
 from ..oscillator import Oscillator, starting_state
 from ..oscillator.engines import AbstractEngine
 from ..oscillator.select import select_engine
 from .unwrapping import capacity_for
 
-# 95 % point of chi^2 with one degree of freedom.
-_LIKELIHOOD_DROP = 3.841458820694124
 # The profile is searched outwards from one scatter beside the static band, 40 steps in this ratio: eight decades.
 _OUTWARDS, _SEARCHED = 1.6, 40
 
@@ -215,7 +214,7 @@ def probit(size: np.ndarray, stopped: np.ndarray) -> Probit:
     def excess(place: float) -> float:
         """Fall of the profile likelihood at a static band, beyond that at the end of the interval."""
         profile: Any = minimize_scalar(lambda log_beta: negative(np.exp(log_beta) * np.array([place, 1.0])))
-        return 2 * (largest + profile.fun) - _LIKELIHOOD_DROP
+        return 2 * (largest + profile.fun) - LIKELIHOOD_DROP
 
     ends = []
     for side in (-1.0, 1.0):

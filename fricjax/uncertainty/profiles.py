@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import UsageError, nearest
+from ..estimation.covariance import LIKELIHOOD_DROP
 from ..estimation.space import LINEAR
 from ..fitting import Fit
 from ..fitting.problem import Problem
@@ -21,8 +22,6 @@ from ..show import Report, Reported, Table, axis_label, figure, interval, uncert
 from .again import fixed_at, optimum, problem_of, squares
 
 BOUNDED, ONE_SIDED, FLAT, MULTIMODAL = "bounded", "one-sided", "flat", "multimodal"
-# Twice the log-likelihood ratio at the ends of an interval: the quantile of chi^2 of one degree of freedom at 95 %.
-_THRESHOLD = 3.841458820694124
 # A prior so narrow holds a value to a thousandth of its step on the profile, and leaves the equations well conditioned.
 _HELD = 1e-3
 # Rounds in which the profile is carried on where it has not crossed, each twice as far.
@@ -67,7 +66,7 @@ class Profile(Reported):
 
     def report(self) -> Report:
         """The interval of the profile beside that of the standard error."""
-        reach = np.sqrt(_THRESHOLD) * self.std_error
+        reach = np.sqrt(LIKELIHOOD_DROP) * self.std_error
         rows = [
             ["profile", interval(*self.interval), self.unit],
             ["standard error", interval(self.value - reach, self.value + reach), self.unit],
@@ -88,13 +87,13 @@ class Profile(Reported):
         drawing, axes = figure(2, share_x=True)
         upper, lower = axes[:, 0]
         label = axis_label(self.name, self.unit)
-        near = self.excess < 4 * _THRESHOLD
+        near = self.excess < 4 * LIKELIHOOD_DROP
         upper.plot(self.at[near], self.excess[near], "o-", markersize=3, label="profile")
         if np.isfinite(self.std_error) and self.std_error > 0:
             parabola = ((self.at - self.value) / self.std_error) ** 2
-            shown = near & (parabola < 4 * _THRESHOLD)
+            shown = near & (parabola < 4 * LIKELIHOOD_DROP)
             upper.plot(self.at[shown], parabola[shown], "--", label="standard error")
-        upper.axhline(_THRESHOLD, color="#000000", linewidth=0.8)
+        upper.axhline(LIKELIHOOD_DROP, color="#000000", linewidth=0.8)
         upper.set_ylabel("Excess of chi^2")
         upper.legend()
         for name, values in self.others.items():
@@ -156,7 +155,7 @@ def profile(fit: Fit, name: str, *, points: int = 16, reach: float = 3.0) -> Pro
         shifts = np.array(sorted(solutions))
         rise = np.array([unit * solutions[shift].chi2 for shift in shifts])
         rise -= rise.min()
-        open_ends = [side for side in reached if not np.any(rise[shifts * side > 0] > _THRESHOLD)]
+        open_ends = [side for side in reached if not np.any(rise[shifts * side > 0] > LIKELIHOOD_DROP)]
         if not open_ends:
             break
         wanted = np.concatenate([side * np.linspace(1, 2, points + 1)[1:] * reached[side] for side in open_ends])
@@ -199,11 +198,11 @@ def conclude(at: np.ndarray, rise: np.ndarray) -> tuple[tuple[float, float], str
     """The interval in which the rise stays below the threshold, and the conclusion."""
     order = np.argsort(at)
     at, rise = at[order], rise[order]
-    inside = np.flatnonzero(rise <= _THRESHOLD)
+    inside = np.flatnonzero(rise <= LIKELIHOOD_DROP)
     first, last = inside[0], inside[-1]
     ends = [-np.inf, np.inf]
     # The root of chi^2 is nearly a straight line where it crosses.
-    root, level = np.sqrt(rise), np.sqrt(_THRESHOLD)
+    root, level = np.sqrt(rise), np.sqrt(LIKELIHOOD_DROP)
     if first > 0:
         ends[0] = float(np.interp(-level, -root[[first - 1, first]], at[[first - 1, first]]))
     if last < at.size - 1:
