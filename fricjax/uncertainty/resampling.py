@@ -8,7 +8,6 @@ autoregression of the correlation time that the residuals have, ``(sqrt(6) r/(1 
 
 import dataclasses
 import math
-from typing import Any
 
 import numpy as np
 
@@ -18,8 +17,9 @@ from ..fitting.diagnostics import optimum_found
 from ..fitting.noise import Noise, whiteness
 from ..fitting.problem import Problem
 from ..fitting.window import Window
-from ..show import Report, Reported, Table, axis_label, figure, interval, plain, uncertain
+from ..show import Report, Table, interval, plain, uncertain
 from .again import optimum, problem_of, solved, with_displacements
+from .draws import AbstractDraws
 
 NOISES = ("blocks", "model")
 # Fewest records of which quantiles of 2.5 % are told: one beyond each.
@@ -27,7 +27,7 @@ _FEWEST = 40
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class Bootstrap(Reported):
+class Bootstrap(AbstractDraws):
     """Fits of resampled records.
 
     Attributes:
@@ -71,20 +71,10 @@ class Bootstrap(Reported):
         return np.cov(self.good, rowvar=False, ddof=1)
 
     @property
-    def std(self) -> dict[str, float]:
-        """Standard deviation of each value over the draws."""
-        return dict(zip(self.names, self.good.std(axis=0, ddof=1).tolist(), strict=True))
-
-    @property
     def bias(self) -> dict[str, float]:
         """Mean of each value over the draws, less the value of which they were made."""
         means = zip(self.names, self.good.mean(axis=0).tolist(), strict=True)
         return {name: mean - self.values[name] for name, mean in means}
-
-    def intervals(self, level: float = 0.95) -> dict[str, tuple[float, float]]:
-        """Intervals that leave out the same part of the draws at both ends."""
-        ends = np.quantile(self.good, [(1 - level) / 2, (1 + level) / 2], axis=0)
-        return {name: (float(low), float(high)) for name, low, high in zip(self.names, *ends, strict=True)}
 
     def report(self) -> Report:
         """Standard errors of the fit beside the scatter of the draws."""
@@ -103,20 +93,6 @@ class Bootstrap(Reported):
         names = ("names", "values", "std_errors", "noise", "block", "failed", "std", "bias", "covariance")
         data = {name: getattr(self, name) for name in names} | {"intervals": self.intervals()}
         return Report([Table(heads, rows, "Bootstrap")], facts, data=data)
-
-    def plot(self) -> Any:
-        """Histogram of each value with the normal distribution of its standard error; a matplotlib figure."""
-        drawing, axes = figure(math.ceil(len(self.names) / 2), 2)
-        for axis, name, values in zip(axes.flat, self.names, self.good.T, strict=False):
-            centre, std = self.values[name], self.std_errors[name]
-            deviations = (values - centre) / std
-            axis.hist(deviations, bins=40, density=True, color="#B8D4E8")
-            at = np.linspace(-4, 4, 200)
-            axis.plot(at, np.exp(-(at**2) / 2) / math.sqrt(2 * math.pi), color="#D55E00")
-            axis.set_xlabel(axis_label(f"{name} less its value, in standard errors", ""))
-        for axis in axes.flat[len(self.names) :]:
-            axis.set_visible(False)
-        return drawing
 
 
 def bootstrap(fit: Fit, draws: int = 1000, *, noise: str = "blocks", seed: int = 0) -> Bootstrap:

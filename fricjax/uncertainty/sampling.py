@@ -19,8 +19,9 @@ from ..estimation.loss import Squares
 from ..fitting import Fit
 from ..fitting.mesh import with_mesh
 from ..fitting.residual import Residual
-from ..show import Report, Reported, Table, axis_label, figure, interval, uncertain
+from ..show import Report, Table, interval, uncertain
 from .again import optimum, problem_of, squares
+from .draws import AbstractDraws
 
 # Fewest draws of a chain of which its convergence can be told.
 _FEWEST = 100
@@ -29,7 +30,7 @@ _MET = 1.01
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class Posterior(Reported):
+class Posterior(AbstractDraws):
     """Draws from the posterior of a fit.
 
     Attributes:
@@ -59,21 +60,14 @@ class Posterior(Reported):
     divergences: int
 
     @property
-    def std(self) -> dict[str, float]:
-        """Standard deviation of each parameter."""
-        flat = self.sample.reshape(-1, len(self.names))
-        return dict(zip(self.names, flat.std(axis=0, ddof=1).tolist(), strict=True))
+    def good(self) -> np.ndarray:
+        """The draws of all chains, shape (n, p)."""
+        return self.sample.reshape(-1, len(self.names))
 
     @property
     def converged(self) -> bool:
         """Whether the chains have met, and no draw went astray."""
         return self.divergences == 0 and all(each <= _MET for each in self.r_hat.values())
-
-    def intervals(self, level: float = 0.95) -> dict[str, tuple[float, float]]:
-        """Intervals that leave out the same part of the draws at both ends."""
-        flat = self.sample.reshape(-1, len(self.names))
-        ends = np.quantile(flat, [(1 - level) / 2, (1 + level) / 2], axis=0)
-        return {name: (float(low), float(high)) for name, low, high in zip(self.names, *ends, strict=True)}
 
     def to_datatree(self) -> Any:
         """The draws as a DataTree of ArviZ, for its plots and diagnostics."""
@@ -83,8 +77,8 @@ class Posterior(Reported):
 
     def report(self) -> Report:
         """Mean, standard deviation and interval of each parameter, and how well the chains have met."""
-        flat, std = self.sample.reshape(-1, len(self.names)), self.std
-        means = dict(zip(self.names, flat.mean(axis=0).tolist(), strict=True))
+        std = self.std
+        means = dict(zip(self.names, self.good.mean(axis=0).tolist(), strict=True))
         rows = []
         for name, ends in self.intervals().items():
             met = [f"{std[name] / self.std_errors[name]:.2f}", f"{self.r_hat[name]:.3f}", f"{self.effective[name]:.0f}"]
@@ -102,19 +96,6 @@ class Posterior(Reported):
         names = ("names", "values", "std_errors", "r_hat", "effective", "divergences", "std", "converged")
         data = {name: getattr(self, name) for name in names} | {"intervals": self.intervals(), "means": means}
         return Report([Table(heads, rows, "Posterior")], facts, warnings=warnings, data=data)
-
-    def plot(self) -> Any:
-        """Histogram of each parameter with the normal distribution of its standard error; a matplotlib figure."""
-        flat = self.sample.reshape(-1, len(self.names))
-        drawing, axes = figure(math.ceil(len(self.names) / 2), 2)
-        for axis, name, values in zip(axes.flat, self.names, flat.T, strict=False):
-            axis.hist((values - self.values[name]) / self.std_errors[name], bins=60, density=True, color="#B8D4E8")
-            at = np.linspace(-4, 4, 200)
-            axis.plot(at, np.exp(-(at**2) / 2) / math.sqrt(2 * math.pi), color="#D55E00")
-            axis.set_xlabel(axis_label(f"{name} less its value, in standard errors", ""))
-        for axis in axes.flat[len(self.names) :]:
-            axis.set_visible(False)
-        return drawing
 
 
 def _without_fillers(residual: Residual) -> Residual:

@@ -1,0 +1,44 @@
+"""What values of a fit's parameters that were drawn tell: their scatter, their intervals, a picture of each."""
+
+import abc
+import math
+from typing import Any
+
+import numpy as np
+
+from ..show import Reported, axis_label, figure
+
+
+class AbstractDraws(Reported):
+    """Drawn values of the parameters of a fit, beside that fit: `names`, and by name `values` and `std_errors`."""
+
+    names: tuple[str, ...]
+    values: dict[str, float]
+    std_errors: dict[str, float]
+
+    @property
+    @abc.abstractmethod
+    def good(self) -> np.ndarray:
+        """The draws that count, shape (n, p)."""
+
+    @property
+    def std(self) -> dict[str, float]:
+        """Standard deviation of each parameter over the draws."""
+        return dict(zip(self.names, self.good.std(axis=0, ddof=1).tolist(), strict=True))
+
+    def intervals(self, level: float = 0.95) -> dict[str, tuple[float, float]]:
+        """Intervals that leave out the same part of the draws at both ends."""
+        ends = np.quantile(self.good, [(1 - level) / 2, (1 + level) / 2], axis=0)
+        return {name: (float(low), float(high)) for name, low, high in zip(self.names, *ends, strict=True)}
+
+    def plot(self) -> Any:
+        """Histogram of each parameter with the normal distribution of its standard error; a matplotlib figure."""
+        drawing, axes = figure(math.ceil(len(self.names) / 2), 2)
+        at = np.linspace(-4, 4, 200)
+        for axis, name, values in zip(axes.flat, self.names, self.good.T, strict=False):
+            axis.hist((values - self.values[name]) / self.std_errors[name], bins=40, density=True, color="#B8D4E8")
+            axis.plot(at, np.exp(-(at**2) / 2) / math.sqrt(2 * math.pi), color="#D55E00")
+            axis.set_xlabel(axis_label(f"{name} less its value, in standard errors", ""))
+        for axis in axes.flat[len(self.names) :]:
+            axis.set_visible(False)
+        return drawing
