@@ -43,6 +43,7 @@ from .pairs.final_displacement import fit_final_displacements
 from .pairs.release import fit_release
 from .pairs.triangle_map import fit_triangle_map
 from .rig import Measured, Rig
+from .show.working import progress
 
 __version__: str
 
@@ -91,6 +92,7 @@ __all__ = [
     "oscillator",
     "pairs",
     "pairs_of",
+    "progress",
     "read",
     "report",
     "restoring",

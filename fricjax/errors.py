@@ -13,8 +13,10 @@ Examples:
 """
 
 import difflib
+import importlib
 import reprlib
 from collections.abc import Iterable, Sequence
+from typing import Any
 
 
 class DataError(ValueError):
@@ -23,6 +25,25 @@ class DataError(ValueError):
 
 class UsageError(ValueError):
     """A wrong option, name or combination of settings. The command line ends with exit code 2."""
+
+
+def needed(what: str, module: str, extra: str, otherwise: str = "") -> Any:
+    """A module of a package that an extra of this one brings, for those who need it.
+
+    Args:
+        what: who needs it, the subject of the sentence: "run.tdms", "A query".
+        module: its name.
+        extra: the extra by which pip installs it.
+        otherwise: what can be done without it, as "or export the run as .csv".
+
+    Raises:
+        UsageError: it is not installed; says how to install it.
+    """
+    try:
+        return importlib.import_module(module)
+    except ImportError as error:
+        package, way = module.partition(".")[0], f", {otherwise}" if otherwise else ""
+        raise UsageError(f"{what} needs the package {package}: pip install 'fricjax[{extra}]'{way}.") from error
 
 
 def nearest(name: object, options: Iterable[object]) -> str:

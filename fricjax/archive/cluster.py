@@ -28,7 +28,7 @@ from pathlib import Path
 from typing import Any, Self
 
 from ..data.files import content
-from ..errors import DataError, UsageError, brief, nearest
+from ..errors import DataError, UsageError, brief, nearest, needed
 from .distributed import PRELOAD, check_dask, of_clients
 from .execute import Executor
 
@@ -139,15 +139,12 @@ def slurm_cluster(settings: Slurm, keys: Path) -> Any:
     Raises:
         UsageError: dask-jobqueue is not installed, or there is no such interface.
     """
-    try:
-        from dask_jobqueue.slurm import SLURMCluster
-    except ImportError as error:
-        raise UsageError("Jobs of SLURM need the package dask-jobqueue: pip install 'fricjax[cluster]'.") from error
+    slurm = needed("A cluster", "dask_jobqueue.slurm", "cluster")
     amount, unit = re.fullmatch(r"([\d.]+) ?(\w+)", settings.memory).groups()  # pyright: ignore[reportOptionalMemberAccess]
     # Where the home of the user is on all machines, the folder of compiled programs is.
     programs = [f"export FRICJAX_CACHE_DIR={shlex.quote(str(settings.folder / 'programs'))}"] if settings.shared else []
     try:
-        return SLURMCluster(
+        return slurm.SLURMCluster(
             cores=settings.per_job,
             processes=settings.per_job,
             memory=f"{float(amount) * settings.per_job:g} {unit}",

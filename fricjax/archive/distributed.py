@@ -25,7 +25,7 @@ from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Any
 
-from ..errors import UsageError
+from ..errors import UsageError, needed
 from .execute import Executor, attempt
 from .plan import Chunk
 from .work import Done, Work, WorkerDied
@@ -271,13 +271,8 @@ def check_dask() -> None:
     Raises:
         UsageError: Dask, or what encrypts its connections, is not installed.
     """
-    try:
-        import cryptography  # noqa: F401
-        import distributed  # noqa: F401
-    except ImportError as error:
-        raise UsageError(
-            "Several workers need the packages dask and cryptography: pip install 'fricjax[batch]'."
-        ) from error
+    for module in ("cryptography", "distributed"):
+        needed("A batch with workers", module, "batch")
 
 
 def _seen(root: str) -> tuple[str, bool]:

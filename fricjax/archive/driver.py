@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..errors import UsageError
+from ..show.working import working
 from .archive import Archive, open_archive
 from .plan import Plan, plan
 from .store import Store
@@ -162,20 +163,23 @@ def _do(study: Study, store: Store, planned: Plan, execute: "Executor | None", t
     execute = in_this_process if execute is None else execute
     total, ended, counts = sum(map(len, planned.chunks)), 0, dict.fromkeys(map(str, STATUSES), 0)
     results = execute(planned.chunks, Work(study))
-    try:
-        for chunk, done in results:
-            try:
-                store.write_part(of_rows(done.rows), done.residuals)
-            except OSError as error:
-                words = f"{error.strerror}. {ended} of {total} files are done and kept; start again for the others"
-                raise OSError(error.errno, words, error.filename) from error
-            ended += len(chunk)
-            for row in done.rows:
-                counts[row["status"]] += 1
-            if tell is not None:
-                tell(ended, total, counts)
-    finally:
-        results.close()
+    with working("Fitting files", total) as task:
+        try:
+            for chunk, done in results:
+                try:
+                    store.write_part(of_rows(done.rows), done.residuals)
+                except OSError as error:
+                    words = f"{error.strerror}. {ended} of {total} files are done and kept; start again for the others"
+                    raise OSError(error.errno, words, error.filename) from error
+                ended += len(chunk)
+                for row in done.rows:
+                    counts[row["status"]] += 1
+                task.advance(len(chunk))
+                task.detail = ", ".join(f"{count} {name}" for name, count in counts.items() if name != "ok" and count)
+                if tell is not None:
+                    tell(ended, total, counts)
+        finally:
+            results.close()
 
 
 def _relabel(study: Study, store: Store, planned: Plan) -> None:

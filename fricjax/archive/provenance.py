@@ -5,7 +5,7 @@ import io
 from collections.abc import Mapping
 from typing import Any
 
-from ..errors import UsageError
+from ..errors import needed
 from .study import SCHEMA
 
 
@@ -24,11 +24,7 @@ def netcdf(row: Mapping[str, Any], samples: Any) -> bytes:
     Raises:
         UsageError: a package is not installed.
     """
-    try:
-        import h5netcdf  # noqa: F401
-        import xarray
-    except ImportError as error:
-        raise UsageError("Residuals as netCDF need xarray and h5netcdf: pip install 'fricjax[batch]'.") from error
+    xarray, _ = (needed("A file of residuals", module, "batch") for module in ("xarray", "h5netcdf"))
     unit = row["quantity"]
     named = {
         "x": (samples.x, "displacement about the equilibrium"),

@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from ..errors import UsageError
+from ..errors import UsageError, needed
 
 
 def asked(table: Any, sql: str) -> Any:
@@ -11,10 +11,7 @@ def asked(table: Any, sql: str) -> Any:
     Raises:
         UsageError: SQL that DuckDB refuses, or DuckDB is not installed.
     """
-    try:
-        import duckdb
-    except ImportError as error:
-        raise UsageError("A query needs the package duckdb: pip install 'fricjax[batch]'.") from error
+    duckdb = needed("A query", "duckdb", "batch")
     connection = duckdb.connect(":memory:", config={"enable_external_access": "false", "lock_configuration": "true"})
     try:
         connection.register("runs", table)

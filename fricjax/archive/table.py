@@ -10,7 +10,7 @@ from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-from ..errors import UsageError
+from ..errors import needed
 from .study import SCHEMA
 
 # Names of columns and of the types of Arrow: text, whole number, number, short numbers of a picture.
@@ -52,11 +52,8 @@ def arrow() -> Any:
     Raises:
         UsageError: it is not installed.
     """
-    try:
-        import pyarrow.parquet
-    except ImportError as error:
-        raise UsageError("An archive needs the package pyarrow: pip install 'fricjax[batch]'.") from error
-    return pyarrow
+    needed("An archive", "pyarrow.parquet", "batch")
+    return needed("An archive", "pyarrow", "batch")
 
 
 def of_rows(rows: Sequence[Mapping[str, Any]]) -> Any:

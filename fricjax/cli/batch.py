@@ -1,9 +1,6 @@
 """``fricjax batch``: every run of a folder, into a store that can be gone on with at any time."""
 
 import dataclasses
-import sys
-import time
-from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
@@ -14,7 +11,7 @@ from ..machine import parsing
 from .failure import Interrupted
 from .fit import Fitting, settings_of
 from .options import Bench, Machine, Output, Reading
-from .output import finish, log, prepare
+from .output import finish, prepare, working
 from .records import options_of
 
 if TYPE_CHECKING:
@@ -22,8 +19,6 @@ if TYPE_CHECKING:
     from ..archive.execute import Executor
     from ..archive.plan import Plan
 
-# Seconds between two lines of progress where nothing can be drawn over.
-_EVERY = 10.0
 _SHOWN = 20  # runs that are listed as not ok
 
 
@@ -117,16 +112,16 @@ def batch(
         planned = plan_of(study, batch.out, retry=batch.retry_failed, shard=shard)
         finish(output, _plan_data(planned), _plan_text(planned))
         return
-    progress = Progress(output)
+    done = [0, 0]
+    tell = lambda *of_all: done.__setitem__(slice(2), of_all[:2])
     try:
-        archive = process(study, batch.out, retry=batch.retry_failed, shard=shard, execute=execute, tell=progress)
+        with working(output, f"Filling {batch.out}"):
+            archive = process(study, batch.out, retry=batch.retry_failed, shard=shard, execute=execute, tell=tell)
     except KeyboardInterrupt as error:
         raise Interrupted(
-            f"Interrupted. {progress.done} of {progress.total} files are done and kept in {batch.out}; the same "
-            "command goes on with the others."
+            f"Interrupted. {done[0]} of {done[1]} files are done and kept in {batch.out}; the same command goes on "
+            "with the others."
         ) from error
-    finally:
-        progress.close()
     finish(output, archive.to_dict(), text_of(archive))
     if archive.counts["ok"] < len(archive):
         raise Exit(1)
@@ -232,47 +227,3 @@ def _plan_text(planned: "Plan") -> str:
         more = f" and {len(planned.changed) - 5} more" if len(planned.changed) > 5 else ""
         lines.append(f"changed:  {', '.join(planned.changed[:5])}{more}")
     return "\n".join(lines)
-
-
-class Progress:
-    """How far a batch is, on stderr: a bar on a terminal, else a line now and then.
-
-    Args:
-        output: says whether anything is shown.
-    """
-
-    def __init__(self, output: Output) -> None:
-        self._output, self._begun, self._last = output, time.perf_counter(), time.perf_counter()
-        self.done = self.total = 0
-        self._bar: Any = None
-
-    def __call__(self, done: int, total: int, counts: Mapping[str, int]) -> None:
-        """Tell that so many files of all are done, with so many rows of each status."""
-        self.done, self.total = done, total
-        elapsed = time.perf_counter() - self._begun
-        wrong = ", ".join(f"{count} {name}" for name, count in counts.items() if name != "ok" and count)
-        words = f"{done / elapsed:.3g} files/s, {wrong or 'all ok'}"
-        if self._output.json or self._output.quiet:
-            return
-        if sys.stderr.isatty():
-            self._draw(done, total, words)
-        elif time.perf_counter() - self._last > _EVERY:
-            self._last = time.perf_counter()
-            left = elapsed / done * (total - done)
-            log(self._output, f"{done} of {total} files, {words}, about {left:.0f} s left")
-
-    def _draw(self, done: int, total: int, words: str) -> None:
-        if self._bar is None:
-            from rich.console import Console
-            from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
-
-            columns = BarColumn(), MofNCompleteColumn(), TextColumn("{task.description}", markup=False)
-            self._bar = Progress(*columns, TimeRemainingColumn(), console=Console(stderr=True), transient=True)
-            self._bar.start()
-            self._bar.add_task("", total=total)
-        self._bar.update(self._bar.task_ids[0], completed=done, description=words)
-
-    def close(self) -> None:
-        """Take the bar away."""
-        if self._bar is not None:
-            self._bar.stop()

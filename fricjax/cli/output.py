@@ -6,7 +6,6 @@ import math
 import os
 import re
 import sys
-import threading
 import time
 import warnings
 from collections.abc import Callable, Iterator, Mapping
@@ -15,13 +14,15 @@ from typing import TYPE_CHECKING, Any, TextIO
 
 from typer import Exit
 
+from ..show.working import erase, from_environment, progress
+from ..show.working import working as show_working
 from .failure import INVALID, InvalidFit, failure_of
 from .wording import in_options
 
 if TYPE_CHECKING:
     from .options import Output, Writing
 
-# Seconds after which a silent command says that it is at work, and how long it took.
+# Seconds from which on it is told how long a command took.
 PATIENCE = 2.0
 # Control characters but tab and newline, marks that turn the direction of writing, halves of characters.
 _UNSEEN = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200b-\u200f\u2028-\u202e\u2060-\u206f\ufeff\ud800-\udfff]")
@@ -55,6 +56,8 @@ def tell(stream: TextIO, text: str) -> None:
     as escapes.
     """
     text = visible(text) + "\n"
+    if stream is sys.stderr:
+        erase()
     try:
         stream.write(text)
     except UnicodeEncodeError:
@@ -166,24 +169,12 @@ def log(output: "Output", text: str) -> None:
 
 @contextlib.contextmanager
 def working(output: "Output", text: str) -> Iterator[None]:
-    """Show that work goes on: a spinner on a terminal, else a line once the work takes longer than two seconds."""
-    if output.json or output.quiet:
-        yield
-        return
-    started = time.perf_counter()
-    with contextlib.ExitStack() as stack:
-        if sys.stderr.isatty():
-            from rich.console import Console
-            from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+    """Show how the work goes on, and how long it took where that was longer than two seconds.
 
-            columns = SpinnerColumn(), TextColumn("{task.description}", markup=False), TimeElapsedColumn()
-            progress = stack.enter_context(Progress(*columns, console=Console(stderr=True), transient=True))
-            progress.add_task(visible(text), total=None)
-        else:
-            timer = threading.Timer(PATIENCE, lambda: tell(sys.stderr, f"{text} ..."))
-            timer.daemon = True
-            timer.start()
-            stack.callback(timer.cancel)
+    Where stderr is no terminal there is a line now and then, for a job says in its log where it is.
+    """
+    silent, started = output.json or output.quiet, time.perf_counter()
+    with progress(not silent and from_environment() is not False), show_working(text):
         yield
     elapsed = time.perf_counter() - started
     if elapsed > PATIENCE:

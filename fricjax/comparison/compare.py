@@ -24,6 +24,7 @@ from ..fitting.solve import Solution
 from ..oscillator import Oscillator, ready
 from ..oscillator.engines import AbstractEngine
 from ..rig import Rig
+from ..show.working import working
 from .candidates import Candidate, candidates, law_name
 from .cross_validation import held_out_score
 from .fingerprints import fingerprints
@@ -32,6 +33,7 @@ from .residual_tests import diagnose
 from .result import Comparison, Row
 
 
+@working("Comparing laws")
 def compare(
     data: object,
     oscillators: Sequence[Oscillator],

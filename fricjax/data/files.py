@@ -4,7 +4,6 @@ A path may lead to nothing, to a pipe that never ends, or to a file of a few kil
 terabytes. Sizes are therefore compared with that of the file before anything is unpacked.
 """
 
-import importlib
 import os
 import stat
 from collections.abc import Iterable, Iterator
@@ -12,7 +11,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from ..errors import DataError, UsageError, nearest
+from ..errors import DataError, UsageError, nearest, needed
 
 NUMBER = 8
 """Bytes that a number of any type takes as soon as it is part of a record."""
@@ -104,19 +103,13 @@ def check_size(path: Path, what: str, numbers: int) -> None:
         )
 
 
-def needed(path: Path, module: str, extra: str) -> Any:
+def library(path: Path, module: str, extra: str) -> Any:
     """The module that reads a format, of a package that an extra of this one brings.
 
     Raises:
         UsageError: it is not installed; says how to install it.
     """
-    try:
-        return importlib.import_module(module)
-    except ImportError as error:
-        package = module.partition(".")[0]
-        raise UsageError(
-            f"{path.name} needs the package {package}: pip install 'fricjax[{extra}]', or export the run as .csv."
-        ) from error
+    return needed(path.name, module, extra, "or export the run as .csv")
 
 
 def gigabytes(size: float) -> str:

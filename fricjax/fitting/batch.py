@@ -17,6 +17,7 @@ from ..estimation.loss import AbstractLoss
 from ..oscillator import Oscillator, ready
 from ..oscillator.engines import AbstractEngine
 from ..rig import Rig
+from ..show.working import working
 from .assemble import unit_of
 from .batch_result import BatchFit
 from .chunks import WIDTH, Summary
@@ -64,7 +65,6 @@ def fit_batch(
     rig: Rig | None = None,
     guess: Mapping[str, ArrayLike] | None = None,
     loss: str | AbstractLoss = "squares",
-    progress: bool = False,
 ) -> BatchFit:
     """Fit the same oscillator to each of many runs independently.
 
@@ -87,7 +87,6 @@ def fit_batch(
         rig: a `Rig` whose uncertain inputs, the same for all runs, enter the combined standard errors to first order.
         guess: start values by name, one number for all runs or an array of shape (runs,).
         loss: loss of the residuals, as in :func:`fit`.
-        progress: show a progress bar on stderr.
 
     Returns:
         The fits, in the order of the runs.
@@ -125,15 +124,10 @@ def fit_batch(
         return fit_rows([runs[i] for i in block], [common.with_guess(guesses[i]) for i in block])
 
     rows: dict[int, Row] = {}
-    with ThreadPoolExecutor(os.cpu_count()) as pool:
-        results = pool.map(work, blocks)
-        if progress:
-            from rich.console import Console
-            from rich.progress import track
-
-            results = track(results, "fitting", len(blocks), console=Console(stderr=True))
-        for block, rows_of_block in zip(blocks, results, strict=True):
+    with working("Fitting runs", len(runs)) as task, ThreadPoolExecutor(os.cpu_count()) as pool:
+        for block, rows_of_block in zip(blocks, pool.map(work, blocks), strict=True):
             rows |= dict(zip(block, rows_of_block, strict=True))
+            task.advance(len(block))
     names = tuple(_name(each.run, run) for each, run in zip(sources, runs, strict=True))
     return collected([rows[i] for i in range(len(runs))], names)
 

@@ -12,6 +12,7 @@ from ..estimation.loss import AbstractLoss
 from ..oscillator import Oscillator, ready
 from ..oscillator.engines import AbstractEngine
 from ..rig import Rig
+from ..show.working import working
 from .assemble import assemble
 from .noise_weighting import weigh_by_noise
 from .parameters import Prior, Request, Settings, Tied
@@ -22,6 +23,7 @@ from .settings import check_sigma_mode
 from .solve import Solution
 
 
+@working("Fitting")
 def fit(
     data: object,
     oscillator: Oscillator,

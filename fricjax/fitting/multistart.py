@@ -21,6 +21,7 @@ from ..errors import UsageError
 from ..estimation.space import Parameter
 from ..oscillator import Oscillator, ready
 from ..show import Report, Reported, figure, plain
+from ..show.working import working
 from .fit import concluded, fit, records_of
 from .parameters import Request, Settings
 from .problem import Problem, problem_on, windows_of
@@ -163,10 +164,14 @@ def multistart(
     first = problem_on(windows, request)
     points = _points(first, starts, spread, seed)
     problems = [first, *(problem_on(windows, request.with_guess({**request.guess, **at})) for at in points)]
-    ends = [_ended(problem, start_coordinates(problem)) for problem in problems]
-    order = np.argsort([end.cost for end in ends], kind="stable")
-    problem, solution = solve_with_rest(problems[order[0]], ends[order[0]].y)
-    best = concluded(problem, solution, sigma_mode, throw)
+    ends = []
+    with working("Fitting from many starts", len(problems)) as task:
+        for each in problems:
+            ends.append(_ended(each, start_coordinates(each)))
+            task.advance()
+        order = np.argsort([end.cost for end in ends], kind="stable")
+        problem, solution = solve_with_rest(problems[order[0]], ends[order[0]].y)
+        best = concluded(problem, solution, sigma_mode, throw)
     return _ordered(best, problems, ends, order)
 
 

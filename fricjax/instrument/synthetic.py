@@ -17,6 +17,7 @@ from ..errors import UsageError, nearest
 from ..oscillator import RESULTS, ExponentialRelease, Oscillator, is_successful, simulate
 from ..oscillator.leaves import leaves_of
 from ..oscillator.restoring import Pendulum
+from ..show.working import working
 from .interferometer import Interferometer
 from .run import Run, check_seed, number
 
@@ -24,6 +25,7 @@ from .run import Run, check_seed, number
 _STREAMS = ("floor", "sampling_jitter", "noise")
 
 
+@working("Computing a synthetic run")
 def synthetic_run(
     oscillator: Oscillator,
     x0: float,

@@ -25,6 +25,7 @@ import numpy as np
 from jax import export
 from jax.core import Tracer
 
+from ..show.working import working
 from .cache import keep, recall
 from .session import ready
 
@@ -149,7 +150,8 @@ class _Compiled:
         with self._lock:
             if self._call is None:
                 ready()
-                self._call = self._compiled(args, shape, arrays)
+                with working("compiling"):
+                    self._call = self._compiled(args, shape, arrays)
         return jax.tree.unflatten(self._structure, self._call(arrays))
 
     def _compiled(self, args: tuple, shape: Shape, arrays: list[Any]) -> Callable:

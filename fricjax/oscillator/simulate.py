@@ -11,6 +11,7 @@ import numpy as np
 from jax.core import Tracer
 from jaxtyping import Array, ArrayLike, Float
 
+from ..show.working import working
 from .drive import AbstractRelease, Drive
 from .engines.base import AbstractEngine
 from .engines.events import Events
@@ -24,6 +25,7 @@ from .session import ready
 _LEAST_DRIVEN = 2048
 
 
+@working("Simulating")
 def simulate(
     oscillator: Oscillator,
     x0: ArrayLike,

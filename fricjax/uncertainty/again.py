@@ -14,6 +14,7 @@ from ..fitting.batch import Row, alone, solved_rows
 from ..fitting.chunks import WIDTH
 from ..fitting.problem import Problem, with_windows
 from ..fitting.solve import Solution, solve, solve_batch
+from ..show.working import working
 
 
 def problem_of(fit: Fit) -> Problem:
@@ -58,9 +59,12 @@ def fixed_at(problem: Problem, parameter: int, value: float, std: float) -> Prob
 def solved(make: Callable[[int], Problem], count: int, begin: np.ndarray) -> list[Row]:
     """Many problems solved on all cores, all from coordinates `begin`; each is made by the thread that solves it."""
     places = [range(first, min(first + WIDTH, count)) for first in range(0, count, WIDTH)]
-    with ThreadPoolExecutor(cpu_count()) as pool:
-        rows = pool.map(lambda place: solved_rows(list(map(make, place)), [begin] * len(place)), places)
-        return [row for block in rows for row in block]
+    rows: list[Row] = []
+    with working("Fitting records", count) as task, ThreadPoolExecutor(cpu_count()) as pool:
+        for block in pool.map(lambda place: solved_rows(list(map(make, place)), [begin] * len(place)), places):
+            rows += block
+            task.advance(len(block))
+    return rows
 
 
 def squares(problems: Sequence[Problem], begins: Sequence[np.ndarray]) -> list[Solution]:

@@ -9,6 +9,7 @@ import numpy as np
 
 from ..errors import UsageError
 from ..show import Report, Reported, Table, axis_label, figure, uncertain
+from ..show.working import working
 from .inputs import Input
 
 # Draws that are computed at once: 10 inputs of these take 8 MB.
@@ -179,14 +180,16 @@ def simulated(
     root = vectors * np.sqrt(np.clip(eigenvalues, 0.0, None))
     each = jax.jit(jax.vmap(lambda values: formula(values)))
     results = []
-    for first in range(0, draws, _BLOCK):
-        # All blocks have one size, so that the formula is compiled once.
-        block = {name: inputs[name].draw(generator, _BLOCK) for name in names}
-        if correlated.any():
-            errors = generator.normal(size=(_BLOCK, len(names))) @ root.T
-            joint = {name: inputs[name].value + inputs[name].std * errors[:, i] for i, name in enumerate(names)}
-            block |= {name: joint[name] for name, is_one in zip(names, correlated, strict=True) if is_one}
-        results.append(np.asarray(each(block))[: draws - first])
+    with working("Drawing inputs", draws) as task:
+        for first in range(0, draws, _BLOCK):
+            # All blocks have one size, so that the formula is compiled once.
+            block = {name: inputs[name].draw(generator, _BLOCK) for name in names}
+            if correlated.any():
+                errors = generator.normal(size=(_BLOCK, len(names))) @ root.T
+                joint = {name: inputs[name].value + inputs[name].std * errors[:, i] for i, name in enumerate(names)}
+                block |= {name: joint[name] for name, is_one in zip(names, correlated, strict=True) if is_one}
+            results.append(np.asarray(each(block))[: draws - first])
+            task.advance(results[-1].size)
     return np.concatenate(results)
 
 

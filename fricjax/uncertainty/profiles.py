@@ -19,6 +19,7 @@ from ..fitting import Fit
 from ..fitting.problem import Problem
 from ..fitting.solve import Solution
 from ..show import Report, Reported, Table, axis_label, figure, interval, uncertain
+from ..show.working import working
 from .again import fixed_at, optimum, problem_of, squares
 
 BOUNDED, ONE_SIDED, FLAT, MULTIMODAL = "bounded", "one-sided", "flat", "multimodal"
@@ -109,6 +110,7 @@ class Profile(Reported):
         return f"Profile({self.name}: {self.conclusion}, {interval(*self.interval, self.unit)})"
 
 
+@working("Profiling")
 def profile(fit: Fit, name: str, *, points: int = 16, reach: float = 3.0) -> Profile:
     """The profile likelihood of a parameter: all others fitted again with it fixed at values about its optimum.
 

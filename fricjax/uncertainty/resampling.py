@@ -18,6 +18,7 @@ from ..fitting.noise import Noise, whiteness
 from ..fitting.problem import Problem
 from ..fitting.window import Window
 from ..show import Report, Table, interval, plain, uncertain
+from ..show.working import working
 from .again import optimum, problem_of, solved, with_displacements
 from .draws import AbstractDraws
 
@@ -95,6 +96,7 @@ class Bootstrap(AbstractDraws):
         return Report([Table(heads, rows, "Bootstrap")], facts, data=data)
 
 
+@working("Resampling")
 def bootstrap(fit: Fit, draws: int = 1000, *, noise: str = "blocks", seed: int = 0) -> Bootstrap:
     """Fit records that the same machine and noise could have given, many at once.
 

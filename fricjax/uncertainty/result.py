@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ..errors import needed
 from ..rig.measured import Measured
 from ..show import Report, Reported, Table, axis_label, figure, interval, plain, uncertain
 from .inputs import Input
@@ -141,14 +142,11 @@ class Budget(Reported):
         """The result as a number of the package `uncertainties`, which knows from which inputs its error comes.
 
         Raises:
-            ImportError: the package is not installed; the sentence says how to.
+            UsageError: the package is not installed; the sentence says how to.
         """
-        try:
-            from uncertainties import correlated_values_norm
-        except ImportError as error:
-            raise ImportError("This needs the package uncertainties: pip install uncertainties.") from error
+        package = needed("A number that knows its errors", "uncertainties", "interchange")
         pairs = [(each.value, each.std) for each in self.inputs.values()]
-        errors: Any = dict(zip(self.inputs, correlated_values_norm(pairs, self.correlation), strict=True))
+        errors: Any = dict(zip(self.inputs, package.correlated_values_norm(pairs, self.correlation), strict=True))
         return self.value + sum(self.sensitivities[name] * (x - self.inputs[name].value) for name, x in errors.items())
 
     def report(self, level: float = 0.95) -> Report:

@@ -14,12 +14,13 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from ..errors import UsageError
+from ..errors import UsageError, needed
 from ..estimation.loss import Squares
 from ..fitting import Fit
 from ..fitting.mesh import with_mesh
 from ..fitting.residual import Residual
 from ..show import Report, Table, interval, uncertain
+from ..show.working import working
 from .again import optimum, problem_of, squares
 from .draws import AbstractDraws
 
@@ -71,9 +72,8 @@ class Posterior(AbstractDraws):
 
     def to_datatree(self) -> Any:
         """The draws as a DataTree of ArviZ, for its plots and diagnostics."""
-        from arviz_base import from_dict
-
-        return from_dict({"posterior": {name: self.sample[:, :, i] for i, name in enumerate(self.names)}})
+        arviz = needed("A DataTree", "arviz_base", "bayes")
+        return arviz.from_dict({"posterior": {name: self.sample[:, :, i] for i, name in enumerate(self.names)}})
 
     def report(self) -> Report:
         """Mean, standard deviation and interval of each parameter, and how well the chains have met."""
@@ -107,6 +107,7 @@ def _without_fillers(residual: Residual) -> Residual:
     return jax.tree.map(caught, dataclasses.replace(residual, runs=tuple(kept)))
 
 
+@working("Drawing from the posterior")
 def posterior(fit: Fit, draws: int = 500, *, chains: int = 4, warmup: int = 300, seed: int = 0) -> Posterior:
     """Draw the parameters of a fit from their posterior distribution.
 
@@ -122,8 +123,8 @@ def posterior(fit: Fit, draws: int = 500, *, chains: int = 4, warmup: int = 300,
         which it makes the covariance of the fit larger.
 
     Raises:
-        ImportError: numpyro is not installed; the sentence says how to.
-        UsageError: a fit without an optimum, from a file, with a robust loss or an undetermined parameter.
+        UsageError: numpyro is not installed, which the sentence says how to do; a fit without an optimum, from a
+            file, with a robust loss or an undetermined parameter.
 
     Examples:
         >>> import fricjax as fj
@@ -133,11 +134,7 @@ def posterior(fit: Fit, draws: int = 500, *, chains: int = 4, warmup: int = 300,
         >>> fj.uncertainty.posterior(fit, 100, chains=2, warmup=100).sample.shape
         (2, 100, 6)
     """
-    try:
-        from numpyro.diagnostics import effective_sample_size, split_gelman_rubin
-        from numpyro.infer import MCMC, NUTS
-    except ImportError as error:
-        raise ImportError("A posterior needs numpyro: pip install 'fricjax[bayes]'.") from error
+    diagnostics, infer = (needed("A posterior", f"numpyro.{name}", "bayes") for name in ("diagnostics", "infer"))
     problem, values = problem_of(fit), optimum(fit)
     if not isinstance(problem.loss, Squares):
         raise UsageError("A robust loss is no likelihood: fit with loss='squares' for a posterior.")
@@ -163,8 +160,8 @@ def posterior(fit: Fit, draws: int = 500, *, chains: int = 4, warmup: int = 300,
 
     key, start = jax.random.split(jax.random.key(seed))
     # Loops over half-cycles have derivatives forwards only, and the parameters are few.
-    kernel = NUTS(potential_fn=potential, forward_mode_differentiation=True)
-    mcmc = MCMC(
+    kernel = infer.NUTS(potential_fn=potential, forward_mode_differentiation=True)
+    mcmc = infer.MCMC(
         kernel, num_warmup=warmup, num_samples=draws, num_chains=chains, chain_method="vectorized", progress_bar=False
     )
     mcmc.run(key, init_params=jax.random.normal(start, (chains, y.size)), extra_fields=("diverging",))
@@ -173,7 +170,8 @@ def posterior(fit: Fit, draws: int = 500, *, chains: int = 4, warmup: int = 300,
     sample = np.asarray(jax.vmap(jax.vmap(space.values))(jnp.asarray(at))) + problem.origins
     # Where noise is coloured the fit is not at the least squares.
     sample += values - np.asarray(space.values(y))
-    names, met, effective = fit.names, split_gelman_rubin(at), effective_sample_size(at)
+    names = fit.names
+    met, effective = diagnostics.split_gelman_rubin(at), diagnostics.effective_sample_size(at)
     return Posterior(
         names,
         {name: fit.units[name] for name in names},

@@ -3,7 +3,6 @@
 import csv
 import json
 import sys
-import time
 
 import pytest
 
@@ -133,15 +132,3 @@ def test_a_missing_package_is_one_sentence(store, fricjax, monkeypatch):
     monkeypatch.setitem(sys.modules, "pyarrow.parquet", None)
     told = fricjax("status", store)
     assert told.code == 2 and "pip install 'fricjax[batch]'" in told.err
-
-
-def test_progress_tells_the_rate_and_what_is_left(capsys, monkeypatch):
-    from fricjax.cli.batch import Progress
-    from fricjax.cli.options import Output
-
-    now = [0.0]
-    monkeypatch.setattr(time, "perf_counter", lambda: now[0])
-    progress = Progress(Output())
-    now[0] = 20.0
-    progress(100, 400, {"ok": 90, "rejected": 7, "failed": 3})
-    assert capsys.readouterr().err == "100 of 400 files, 5 files/s, 7 rejected, 3 failed, about 60 s left\n"

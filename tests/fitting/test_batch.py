@@ -107,7 +107,7 @@ def test_more_runs_than_one_computation_holds_compile_nothing_new(traces: list[f
     many = [coulomb_run(2e-3, seed=i) for i in range(chunks.WIDTH + 3)]
     fj.fit_batch(many[:2], SLIDING, MACHINE)
     with compilations() as seen:
-        found = fj.fit_batch(many, SLIDING, MACHINE, progress=True)
+        found = fj.fit_batch(many, SLIDING, MACHINE)
     assert not seen
     assert found.converged.all()
     assert np.std((found.values["mu"] - 0.05) / found.std_errors["mu"]) == pytest.approx(1, abs=0.4)

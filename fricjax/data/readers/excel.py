@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from ...errors import DataError
-from ..files import needed
+from ..files import library
 from ..record import Record
 from .assemble import records_of
 from .choice import Choice
@@ -74,7 +74,7 @@ def _joined(sheets: dict[str, Sheet]) -> Sheet:
 
 def _worksheets(path: Path) -> dict[str, Text]:
     """The worksheets with rows, as texts."""
-    openpyxl = needed(path, "openpyxl", "excel")
+    openpyxl = library(path, "openpyxl", "excel")
     try:
         with zipfile.ZipFile(path) as archive:
             size = sum(part.file_size for part in archive.infolist())

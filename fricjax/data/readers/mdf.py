@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from ...errors import DataError
-from ..files import NUMBER, check_size, damage, needed
+from ..files import NUMBER, check_size, damage, library
 from ..record import Record
 from .assemble import records_of
 from .choice import Choice
@@ -59,7 +59,7 @@ def read_mdf(path: Path, choice: Choice) -> Record | list[Record]:
         raise DataError(f"{path.name} cannot be read as MDF; it is damaged or of another format.")
     if head[8:9] == b"3":
         raise DataError(f"{path.name} is of version {head[8:12].decode('ascii', 'replace')}; convert it to MDF 4.")
-    asammdf = needed(path, "asammdf", "mdf")
+    asammdf = library(path, "asammdf", "mdf")
     # The library prints the tracebacks of what it cannot read, where the numbers of a command go.
     with damage(path, "MDF"):
         _check_links(path)

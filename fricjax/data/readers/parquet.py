@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ...errors import DataError
-from ..files import NUMBER, check_size, damage, needed
+from ..files import NUMBER, check_size, damage, library
 from ..record import Record
 from .assemble import records_of
 from .choice import Choice
@@ -44,7 +44,7 @@ def read_parquet(path: Path, choice: Choice) -> Record | list[Record]:
         DataError: a damaged file, or no column of numbers.
         UsageError: the package pyarrow is not installed.
     """
-    parquet = needed(path, "pyarrow.parquet", "parquet")
+    parquet = library(path, "pyarrow.parquet", "parquet")
     with damage(path, "Parquet"), parquet.ParquetFile(path) as file:
         return records_of(path, "parquet", _sheet(path, file), choice, vars(choice))
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ...errors import DataError
-from ..files import check_size, damage, needed
+from ..files import check_size, damage, library
 from ..record import Record
 from .assemble import records_of
 from .choice import Choice
@@ -30,9 +30,9 @@ def read_tdms(path: Path, choice: Choice) -> Record | list[Record]:
         DataError: a damaged file, or no channel of numbers.
         UsageError: the package nptdms is not installed.
     """
-    nptdms = needed(path, "nptdms", "tdms")
+    nptdms = library(path, "nptdms", "tdms")
     # Of a file that is cut off the library would only say so in its log.
-    needed(path, "nptdms.log", "tdms").log_manager.set_level(logging.ERROR)
+    library(path, "nptdms.log", "tdms").log_manager.set_level(logging.ERROR)
     # A stream, and not a path, for beside a path lies an index that may tell of another file.
     with damage(path, "TDMS"), path.open("rb") as stream, nptdms.TdmsFile.open(stream, raw_timestamps=True) as file:
         return records_of(path, "tdms", _sheet(path, file), choice, vars(choice))

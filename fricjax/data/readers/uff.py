@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ...errors import DataError
-from ..files import check_size, damage, gigabytes, needed
+from ..files import check_size, damage, gigabytes, library
 from ..record import Record
 from .assemble import records_of
 from .choice import Choice
@@ -42,7 +42,7 @@ def read_uff(path: Path, choice: Choice) -> Record | list[Record]:
         DataError: a damaged file, or no time response in it.
         UsageError: the package pyuff is not installed.
     """
-    pyuff = needed(path, "pyuff", "uff")
+    pyuff = library(path, "pyuff", "uff")
     if path.stat().st_size > _LARGEST:
         size = gigabytes(path.stat().st_size)
         raise DataError(f"{path.name} has {size}, more than {gigabytes(_LARGEST)}; save one run in a file.")
