@@ -27,6 +27,7 @@ class Archive(Reported):
     Attributes:
         path: the folder of the store.
         table: all rows, a table of Arrow.
+        driver: the process that was at work on the store, as "process 1234 on host"; empty where none was.
 
     Examples:
         >>> import fricjax as fj
@@ -49,6 +50,7 @@ class Archive(Reported):
         store = Store(path)
         self.path = store.path
         self.description = store.description()
+        self.driver = store.driver()
         self.table = store.table()
 
     def __len__(self) -> int:
@@ -176,6 +178,7 @@ class Archive(Reported):
         rows = [[str(count), reason] for reason, count in list(reasons.items())[:_REASONS]]
         files = len(set(self.table.column("file").to_pylist()))
         facts = [("store", str(self.path)), ("files", str(files)), ("made by", f"fricjax {self._version()}")]
+        facts += [("at work", self.driver)] if self.driver else []
         wrong = sum(counts.values()) - counts["ok"]
         notes = [f"{wrong} of {len(self)} rows are not ok: failures() lists them."] if wrong else []
         data = {"path": str(self.path), "rows": len(self), "files": files, "counts": counts}

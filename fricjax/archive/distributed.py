@@ -14,6 +14,7 @@ import contextlib
 import dataclasses
 import logging
 import multiprocessing
+import os
 import re
 import secrets
 import signal
@@ -45,7 +46,7 @@ def workers(number: int) -> Executor:
     """An executor by worker processes of this machine, which live as long as there are chunks.
 
     Args:
-        number: of the processes, each of one thread.
+        number: of the processes, each of which uses one core; one process alone, without workers, uses all of them.
 
     Raises:
         UsageError: Dask is not installed, the number is not positive, or, when chunks are there, the processes cannot
@@ -119,7 +120,7 @@ def _local(number: int) -> Iterator[Any]:
         stack.enter_context(config.set({"distributed.scheduler.allowed-failures": _ALLOWED, **silent}))
         try:
             cluster = LocalCluster(
-                number,
+                n_workers=number,
                 threads_per_worker=1,
                 host="127.0.0.1",
                 dashboard_address="127.0.0.1:0",
@@ -136,12 +137,14 @@ def _local(number: int) -> Iterator[Any]:
 @contextlib.contextmanager
 def _running(address: str) -> Iterator[Any]:
     from distributed import Client
+    from distributed.utils import silence_logging_cmgr
 
     try:
         client = Client(address, timeout=_ANSWERS, set_as_default=False)
     except (OSError, TimeoutError, ValueError) as error:
         raise UsageError(f"No scheduler answers at {address}. Start one: dask scheduler.") from error
-    with client:
+    # That a scheduler has gone is said by this package, once.
+    with silence_logging_cmgr(logging.CRITICAL), client:
         try:
             client.wait_for_workers(1, timeout=_STARTS)
         except TimeoutError as error:
@@ -192,9 +195,8 @@ class _Progress:
             if interrupted is not None:
                 raise interrupted
         except (OSError, CancelledError) as error:
-            raise OSError(
-                f"The scheduler of the workers is gone ({error or type(error).__name__}). What was done is kept: start "
-                "again."
+            raise UsageError(
+                "The scheduler of the workers is gone. What was done is kept: start it, and then this once more."
             ) from error
         finally:
             self._client.cancel(list(self._flying))
@@ -236,7 +238,8 @@ def _do(work: Work, chunk: Chunk) -> Done:
 def dask_setup(worker: Any) -> None:
     """What Dask calls in a worker that was started with ``--preload fricjax.archive.distributed``.
 
-    Ctrl-C reaches all processes of a terminal; that of the driver waits for what its workers have begun.
+    Ctrl-C reaches all processes of a terminal; that of the driver waits for what its workers have begun. Workers of
+    this machine are held to a core each.
 
     Args:
         worker: the worker, which stays as it is.
@@ -246,6 +249,12 @@ def dask_setup(worker: Any) -> None:
     """
     if worker is not None and threading.current_thread() is threading.main_thread():
         signal.signal(signal.SIGINT, signal.SIG_IGN)
+    # The cluster of this machine numbers its workers, and no other does. Their threads and those of XLA, which counts
+    # the cores when it starts, would be as many in each worker as all of them have cores to run on.
+    number = getattr(worker, "name", None)
+    if isinstance(number, int) and hasattr(os, "sched_setaffinity"):
+        usable = sorted(os.sched_getaffinity(0))
+        os.sched_setaffinity(0, {usable[number % len(usable)]})
     _in_double_precision()
 
 

@@ -4,10 +4,10 @@ An executor is a generator function from chunks and what is done with each: it y
 with an answer for each chunk, and ends early only where it is closed or interrupted.
 """
 
-import os
 from collections.abc import Callable, Generator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 
+from ..oscillator import cores
 from .plan import Chunk
 from .work import Done, Work
 
@@ -19,7 +19,7 @@ def in_this_process(chunks: Sequence[Chunk], work: Work) -> Generator[tuple[Chun
 
     After Ctrl-C no further chunk is begun, and what is at work is still given.
     """
-    threads, rest = os.cpu_count() or 1, iter(chunks)
+    threads, rest = cores(), iter(chunks)
     flying: dict[Future[Done], Chunk] = {}
     with ThreadPoolExecutor(threads) as pool:
         try:

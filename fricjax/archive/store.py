@@ -34,6 +34,8 @@ except ImportError:  # Windows, where nothing keeps a second driver away
 _STUDY, _TABLE, _PARTS, _RUNS = "study.json", "table.parquet", "parts", "runs"
 # Bytes of the largest description of a study.
 _LARGEST = 10_000_000
+# Seconds after which a lock is asked for again: who only looks whether a driver is at work has it for a moment.
+_GLANCE = 0.05
 _IN_USE = (errno.EWOULDBLOCK, errno.EAGAIN, errno.EACCES)
 
 
@@ -122,6 +124,17 @@ class Store:
                 file = stack.enter_context(open(self.path / name, "a+", encoding="utf-8"))
                 _lock(file, True, self.path)
             yield
+
+    def driver(self) -> str:
+        """The process that is at work on this store, as "process 1234 on host"; empty where none is."""
+        if fcntl is None or not (self.path / ".lock").is_file():
+            return ""
+        with open(self.path / ".lock", encoding="utf-8") as file:
+            try:
+                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except OSError as error:
+                return file.read(200).strip() if error.errno in _IN_USE else ""
+        return ""
 
     def write_part(self, table: Any, files: Mapping[str, bytes] | None = None) -> None:
         """Write rows as done; `files` are those of their residuals by key, which are there before the rows are.
@@ -232,19 +245,25 @@ def _lock(file: IO[str], exclusive: bool, store: Path) -> None:
     """Lock a file as long as this process lives."""
     if fcntl is None:
         return
-    try:
-        fcntl.flock(file, (fcntl.LOCK_EX if exclusive else fcntl.LOCK_SH) | fcntl.LOCK_NB)
-    except OSError as error:
-        # Some network disks know no locks.
-        if error.errno not in _IN_USE:
-            return
-        file.seek(0)
-        holder = file.read(200).strip()
-        by = f", {holder}" if holder else ""
-        raise UsageError(
-            f"Another driver is at work on {store}{by}. Wait until it has ended, or let each have a part of the runs: "
-            "--shard 1/2 and --shard 2/2."
-        ) from error
+    kind = (fcntl.LOCK_EX if exclusive else fcntl.LOCK_SH) | fcntl.LOCK_NB
+    for patience in (_GLANCE, _GLANCE, 0.0):
+        try:
+            fcntl.flock(file, kind)
+        except OSError as error:
+            # Some network disks know no locks.
+            if error.errno not in _IN_USE:
+                return
+            if patience:
+                time.sleep(patience)
+                continue
+            file.seek(0)
+            holder = file.read(200).strip()
+            by = f", {holder}" if holder else ""
+            raise UsageError(
+                f"Another driver is at work on {store}{by}. Wait until it has ended, or let each have a part of the "
+                "runs: --shard 1/2 and --shard 2/2."
+            ) from error
+        break
     file.seek(0)
     file.truncate()
     file.write(f"process {os.getpid()} on {platform.node()}")

@@ -1,8 +1,12 @@
 """``fricjax batch``: every run of a folder, into a store that can be gone on with at any time."""
 
+import contextlib
 import dataclasses
+import signal
+import sys
+from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, NoReturn
 
 from typer import Argument, Exit, Option
 
@@ -115,7 +119,7 @@ def batch(
     done = [0, 0]
     tell = lambda *of_all: done.__setitem__(slice(2), of_all[:2])
     try:
-        with working(output, f"Filling {batch.out}"):
+        with _two_interrupts(), working(output, f"Filling {batch.out}"):
             archive = process(study, batch.out, retry=batch.retry_failed, shard=shard, execute=execute, tell=tell)
     except KeyboardInterrupt as error:
         raise Interrupted(
@@ -125,6 +129,24 @@ def batch(
     finish(output, archive.to_dict(), text_of(archive))
     if archive.counts["ok"] < len(archive):
         raise Exit(1)
+
+
+@contextlib.contextmanager
+def _two_interrupts() -> Iterator[None]:
+    """Say at the first Ctrl-C that what is at work is finished first, for that lasts, and how to end at once."""
+
+    def announce(*_: Any) -> NoReturn:
+        signal.signal(signal.SIGINT, before)
+        print(
+            "\nWhat is at work is finished and kept first; Ctrl-C once more ends at once.", file=sys.stderr, flush=True
+        )
+        raise KeyboardInterrupt
+
+    before = signal.signal(signal.SIGINT, announce)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
 
 
 def _study(runs: list[Path], batch: Batch, fitting: Fitting, bench: Bench, reading: Reading, output: Output) -> "Study":

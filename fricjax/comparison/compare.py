@@ -1,7 +1,6 @@
 """Which law describes the runs: several laws fitted to the same samples and compared by the same noise."""
 
 import dataclasses
-import os
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import NamedTuple
@@ -21,7 +20,7 @@ from ..fitting.rest import solve_with_rest
 from ..fitting.result import Fit
 from ..fitting.rows import rows_of
 from ..fitting.solve import Solution
-from ..oscillator import Oscillator, ready
+from ..oscillator import Oscillator, cores, ready
 from ..oscillator.engines import AbstractEngine
 from ..rig import Rig
 from ..show.working import working
@@ -121,7 +120,7 @@ def compare(
     # Laws with internal states take the longest, and the others fill the gaps.
     longest_first = sorted(range(len(entered)), key=lambda i: -entered[i].request.oscillator.friction.n_states)
     # Neither the compiler nor what it has compiled holds the interpreter's lock; one more thread traces meanwhile.
-    with ThreadPoolExecutor(1 + (os.cpu_count() or 1)) as pool:
+    with ThreadPoolExecutor(1 + cores()) as pool:
 
         def side_by_side[S, T](task: Callable[[S], T], of: Sequence[S]) -> list[T]:
             begun = {i: pool.submit(task, of[i]) for i in longest_first}

@@ -14,7 +14,7 @@ from ..data.gather import Source, record_of, sources_of
 from ..errors import DataError, UsageError
 from ..estimation.covariance import Covariance, covariance
 from ..estimation.loss import AbstractLoss
-from ..oscillator import Oscillator, ready
+from ..oscillator import Oscillator, cores, ready
 from ..oscillator.engines import AbstractEngine
 from ..rig import Rig
 from ..show.working import working
@@ -124,7 +124,7 @@ def fit_batch(
         return fit_rows([runs[i] for i in block], [common.with_guess(guesses[i]) for i in block])
 
     rows: dict[int, Row] = {}
-    with working("Fitting runs", len(runs)) as task, ThreadPoolExecutor(os.cpu_count()) as pool:
+    with working("Fitting runs", len(runs)) as task, ThreadPoolExecutor(cores()) as pool:
         for block, rows_of_block in zip(blocks, pool.map(work, blocks), strict=True):
             rows |= dict(zip(block, rows_of_block, strict=True))
             task.advance(len(block))

@@ -6,7 +6,7 @@ from .engines.smooth.rosenbrock import Rodas5P
 from .motion import RESULTS, Motion, Start, is_successful
 from .oscillator import Oscillator
 from .program import Program
-from .session import ready
+from .session import cores, ready
 from .simulate import final_displacement, simulate, starting_state
 
 __all__ = [
@@ -23,6 +23,7 @@ __all__ = [
     "Rodas5P",
     "Smooth",
     "Start",
+    "cores",
     "energy",
     "final_displacement",
     "is_successful",

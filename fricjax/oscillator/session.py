@@ -5,6 +5,7 @@ is computed.
 """
 
 import functools
+import os
 import warnings
 from pathlib import Path
 
@@ -35,6 +36,19 @@ def ready() -> None:
             'jax.config.update("jax_enable_x64", True), or set the environment variable JAX_ENABLE_X64=1.'
         )
     _keep_programs()
+
+
+def cores() -> int:
+    """How many cores this process may use: fewer than the machine has where it is held to some.
+
+    Queues of clusters and `taskset` hold a process to some, and so do the local workers of an archive.
+
+    Examples:
+        >>> cores() >= 1
+        True
+    """
+    # What Python 3.13 calls os.process_cpu_count; macOS and Windows hold no process to cores in this way.
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 @functools.cache

@@ -3,7 +3,6 @@
 import dataclasses
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from os import cpu_count
 
 import equinox as eqx
 import numpy as np
@@ -14,6 +13,7 @@ from ..fitting.batch import Row, alone, solved_rows
 from ..fitting.chunks import WIDTH
 from ..fitting.problem import Problem, with_windows
 from ..fitting.solve import Solution, solve, solve_batch
+from ..oscillator import cores
 from ..show.working import working
 
 
@@ -60,7 +60,7 @@ def solved(make: Callable[[int], Problem], count: int, begin: np.ndarray) -> lis
     """Many problems solved on all cores, all from coordinates `begin`; each is made by the thread that solves it."""
     places = [range(first, min(first + WIDTH, count)) for first in range(0, count, WIDTH)]
     rows: list[Row] = []
-    with working("Fitting records", count) as task, ThreadPoolExecutor(cpu_count()) as pool:
+    with working("Fitting records", count) as task, ThreadPoolExecutor(cores()) as pool:
         for block in pool.map(lambda place: solved_rows(list(map(make, place)), [begin] * len(place)), places):
             rows += block
             task.advance(len(block))

@@ -1,7 +1,8 @@
-"""Work that kills the process that does it: for files of a certain name, or once for each file of a folder of marks."""
+"""Work that kills the process that does it, for files of a certain name or once, and work that is slow."""
 
 import os
 import signal
+import time
 from pathlib import Path
 
 from fricjax.archive.work import Work
@@ -24,6 +25,15 @@ class Unlucky(Work):
         if not mark.exists():
             mark.touch()
             os.kill(os.getpid(), signal.SIGKILL)
+        return super().__call__(chunk)
+
+
+class Slow(Work):
+    """Takes its time for all chunks but those of text, of which others are at work when one is done."""
+
+    def __call__(self, chunk):
+        if not any(job.file.endswith(".csv") for job in chunk.jobs):
+            time.sleep(60)
         return super().__call__(chunk)
 
 

@@ -1,6 +1,7 @@
 """From a folder to a table: each run has its row, nothing is fitted twice, nothing is lost."""
 
 import os
+import platform
 
 import numpy as np
 import pytest
@@ -124,7 +125,10 @@ def test_two_drivers_do_not_share_a_store_but_by_shards(folder, tmp_path):
         with pytest.raises(UsageError, match="Another driver"):
             batch(folder, out, shard=(1, 2))
     assert 0 < len(half) < 5
-    assert len(batch(folder, out, shard=(1, 2))) == 5
+    process = f"process {os.getpid()} on {platform.node()}"
+    assert half.driver == process and f"at work: {process}" in half.summary()
+    both = batch(folder, out, shard=(1, 2))
+    assert len(both) == 5 and both.driver == ""
 
 
 def test_a_store_is_made_only_where_nothing_is(folder, tmp_path):

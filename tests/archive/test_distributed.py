@@ -1,5 +1,6 @@
 """A scheduler and its workers as separate processes, over loopback: the same rows, whatever dies."""
 
+import contextlib
 import dataclasses
 import os
 import subprocess
@@ -17,7 +18,7 @@ from fricjax.archive.driver import plan_of
 from fricjax.archive.study import Law, Study
 from fricjax.archive.work import Work
 from fricjax.errors import UsageError
-from tests.archive.deadly import Deadly, Unlucky, compiled
+from tests.archive.deadly import Deadly, Slow, Unlucky, compiled
 
 ROOT = Path(__file__).resolve().parents[2]
 MACHINE = fj.Oscillator(0.4, 2500.0, 0.2, 10.0, fj.friction.Coulomb(0.05))
@@ -57,22 +58,28 @@ def dask(*words, **environment):
     return subprocess.Popen(command, env={**ENVIRONMENT, **environment}, stderr=subprocess.DEVNULL)
 
 
-@pytest.fixture(scope="module")
-def address(tmp_path_factory):
-    """A scheduler with two workers, which are started again where they die."""
-    file = tmp_path_factory.mktemp("dask") / "scheduler.json"
+@contextlib.contextmanager
+def cluster(folder, workers):
+    """The address of a scheduler with workers that are started again where they die, and its process."""
+    file = folder / "scheduler.json"
     local = ("--host", "127.0.0.1", "--no-dashboard")
     started = [dask("scheduler", "--port", "0", "--scheduler-file", str(file), *local)]
     while not file.exists():
         time.sleep(0.05)
     where = pd.read_json(file, typ="series")["address"]
-    preload = ("--preload", "fricjax.archive.distributed", "--local-directory", str(file.parent))
-    started += [dask("worker", where, "--nworkers", "2", "--nthreads", "1", *local, *preload)]
-    yield where
+    preload = ("--preload", "fricjax.archive.distributed", "--local-directory", str(folder))
+    started += [dask("worker", where, "--nworkers", str(workers), "--nthreads", "1", *local, *preload)]
+    yield where, started[0]
     for process in reversed(started):
         process.terminate()
     for process in started:
         process.wait(timeout=20)
+
+
+@pytest.fixture(scope="module")
+def address(tmp_path_factory):
+    with cluster(tmp_path_factory.mktemp("dask"), 2) as (where, _):
+        yield where
 
 
 def test_workers_elsewhere_give_the_rows_of_this_process(runs, expected, address, tmp_path, monkeypatch):
@@ -115,6 +122,18 @@ def test_a_file_that_kills_its_worker_has_failed_and_the_others_are_fitted(runs,
     assert table["mu"]["run_0.npz"] == expected.set_index("file")["mu"]["run_0.npz"]
 
 
+def test_a_scheduler_that_dies_loses_nothing_that_was_done(runs, expected, tmp_path, capfd):
+    with cluster(tmp_path, 1) as (where, process):
+        left = by(where, Slow)
+        kill = lambda *_: process.kill()
+        with pytest.raises(UsageError, match=r"The scheduler of the workers is gone\. What was done is kept: start it"):
+            fj.batch(runs, tmp_path / "out", MACHINE, FREE, execute=left, tell=kill)
+    assert capfd.readouterr().err == ""
+    done = fj.open_archive(tmp_path / "out").to_dataframe()
+    assert 0 < len(done) < len(expected)
+    pd.testing.assert_frame_equal(rows(fj.batch(runs, tmp_path / "out", MACHINE, FREE)), expected)
+
+
 def test_a_worker_that_joins_compiles_nothing(runs, expected, address, tmp_path):
     """What others have compiled for these runs lies in the folder that all share."""
     from distributed import Client
@@ -138,6 +157,19 @@ def test_workers_of_this_machine(runs, expected, tmp_path):
     archive = fj.batch(runs, tmp_path / "out", MACHINE, FREE, execute=workers(2))
     pd.testing.assert_frame_equal(rows(archive), expected)
     assert str(os.getpid()) not in set(archive.to_dataframe()["worker"])
+
+
+def place(dask_worker):
+    return dask_worker.name, sorted(os.sched_getaffinity(0))
+
+
+@pytest.mark.skipif(not hasattr(os, "sched_setaffinity"), reason="this system holds no process to a core")
+def test_workers_of_this_machine_are_as_many_as_asked_for_and_have_a_core_each():
+    """Two would otherwise share all cores with the threads of the other, and be hardly faster than one."""
+    usable = sorted(os.sched_getaffinity(0))
+    with distributed._local(3) as client:
+        places = dict(client.run(place).values())
+    assert places == {number: [usable[number % len(usable)]] for number in range(3)}
 
 
 def test_no_scheduler(runs, tmp_path, monkeypatch):

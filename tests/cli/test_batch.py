@@ -2,11 +2,13 @@
 
 import csv
 import json
+import signal
 import sys
 
 import pytest
 
 import fricjax as fj
+from fricjax.cli.batch import _two_interrupts
 from fricjax.data.examples import example_paths
 
 RUN, RIG = example_paths()
@@ -132,3 +134,14 @@ def test_a_missing_package_is_one_sentence(store, fricjax, monkeypatch):
     monkeypatch.setitem(sys.modules, "pyarrow.parquet", None)
     told = fricjax("status", store)
     assert told.code == 2 and "pip install 'fricjax[batch]'" in told.err
+
+
+def test_ctrl_c_says_that_what_is_at_work_is_finished_and_the_next_one_ends_at_once(capsys):
+    before = signal.getsignal(signal.SIGINT)
+    with pytest.raises(KeyboardInterrupt), _two_interrupts():
+        with pytest.raises(KeyboardInterrupt):
+            signal.raise_signal(signal.SIGINT)
+        assert "finished and kept first; Ctrl-C once more ends at once" in capsys.readouterr().err
+        signal.raise_signal(signal.SIGINT)
+    assert capsys.readouterr().err == ""
+    assert signal.getsignal(signal.SIGINT) is before
