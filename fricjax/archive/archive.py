@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..errors import DataError, UsageError, nearest
-from ..show import Report, Reported, Table
+from ..show import Report, Reported, Style, Table, styled
 from .store import Store
 from .table import STATUSES
 
@@ -151,12 +151,13 @@ class Archive(Reported):
         pictures = [name for name in self.table.column_names if name.startswith(("sketch_", "reversal_"))]
         return write_csv(self.table.drop_columns(pictures).to_pandas(), path, overwrite=overwrite)
 
-    def plot(self, name: str = "mu", against: str = "run") -> Any:
+    def plot(self, name: str = "mu", against: str = "run", *, style: Style = "screen") -> Any:
         """A parameter of all runs that are ok with its standard errors, in their order or against a column.
 
         Args:
             name: a free parameter or one of the kinematics.
             against: a column of numbers, as "load"; "run" is their order in the table.
+            style: as of :func:`fricjax.show.styled`.
 
         Returns:
             A matplotlib figure.
@@ -167,7 +168,7 @@ class Archive(Reported):
         from .plot import parameter_figure
 
         self._check_column(name, *([] if against == "run" else [against]))
-        return parameter_figure(self.to_dataframe(), name, against)
+        return styled(parameter_figure(self.to_dataframe(), name, against), style)
 
     def report(self) -> Report:
         """How many rows there are of each status, populations of what was fitted, and why runs failed."""

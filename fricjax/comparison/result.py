@@ -1,6 +1,7 @@
 """The result of a comparison: what each law came to, which of them comes first, and how that looks."""
 
 import dataclasses
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -8,7 +9,8 @@ import numpy as np
 from .. import thresholds
 from ..errors import UsageError, nearest
 from ..fitting.result import Fit
-from ..show import Report, Reported, Table, axis_label, display_unit, figure, plain
+from ..show import Report, Reported, Style, Table, axis_label, display_unit, figure, plain, styled
+from ..show.thumbnail import bars_svg
 from .residual_tests import ResidualTests
 
 
@@ -169,8 +171,18 @@ class Comparison(Reported):
             rows.append(entry)
         return {**{name: getattr(self, name) for name in names}, "best": self.ranking[0], "rows": rows}
 
-    def plot(self, run: int = 0) -> Any:
-        """Residuals of all laws over time, best on top, and their distance from the best, as a matplotlib figure."""
+    def thumbnails(self) -> Sequence[str]:
+        rows = [self.row(name) for name in self.ranking]
+        behind = [row.bic - min(row.bic for row in rows) for row in rows]
+        return [bars_svg(self.ranking, behind, "BIC above that of the best law")]
+
+    def plot(self, run: int = 0, *, style: Style = "screen") -> Any:
+        """Residuals of all laws over time, best on top, and their distance from the best, as a matplotlib figure.
+
+        Args:
+            run: which run of a joint fit.
+            style: as of :func:`fricjax.show.styled`.
+        """
         names = [name for name in self.ranking if name in self.fits]
         drawing, axes = figure(len(names), 1, share_x=True)
         least = min(row.bic for row in self.rows)
@@ -181,12 +193,12 @@ class Comparison(Reported):
             factor, unit = display_unit(float(np.nanmax(np.abs(residuals))), fit.quantity)
             each.axhspan(-2 * factor * fit.sigma, 2 * factor * fit.sigma, color="0.9", zorder=0)
             each.plot(fit.times[run], factor * residuals, linewidth=0.5)
-            each.set_ylabel(axis_label("Residual", unit))
-            title = f"{name}: reduced chi^2 {_number(row.chi2_reduced)}, BIC + {_number(row.bic - least)}"
+            each.set_ylabel(f"{name}\n{axis_label('Residual', unit)}")
+            title = f"reduced chi^2 {_number(row.chi2_reduced)}, BIC + {_number(row.bic - least)}"
             each.set_title(title, fontsize=9, loc="left")
         axes[-1, 0].set_xlabel(axis_label("Time", "s"))
         drawing.align_ylabels()
-        return drawing
+        return styled(drawing, style)
 
 
 def _number(value: float) -> str:

@@ -13,7 +13,8 @@ from typing import TYPE_CHECKING, Any, overload
 import numpy as np
 
 from ..errors import DataError
-from ..show import Report, Reported
+from ..show import Report, Reported, Style, styled
+from ..show.thumbnail import Curve, curves_svg
 from .segmentation.decay import Segmentation, segment
 
 if TYPE_CHECKING:
@@ -151,10 +152,18 @@ class Record(Reported):
         """Returns the record after `step`: with the new trace (if any), the changed facts, and one more line of log."""
         return Record(self.trace if trace is None else trace, {**self.meta, **meta}, (*self.log, step))
 
-    def plot(self) -> Any:
+    def thumbnails(self) -> Sequence[str]:
+        name = "Displacement" if self.quantity == "m" else "Angle"
+        curve = Curve(self.t, np.where(self.mask, self.x, np.nan))
+        return [curves_svg([curve], ("Time", "s"), (name, self.quantity))]
+
+    def plot(self, *, style: Style = "screen") -> Any:
         """The trace with hold, release, reversals and rest marked, and the spectrum of its rest; a matplotlib figure.
 
         Of a record that cannot be segmented, as one that never moves, only the trace is drawn, and the title says why.
+
+        Args:
+            style: as of :func:`fricjax.show.styled`.
         """
         from .show import record_figure
 
@@ -163,7 +172,7 @@ class Record(Reported):
         except DataError as error:
             segmentation, refusal = None, str(error)
         title = ": ".join(filter(None, [self.name, refusal]))
-        return record_figure(self.trace, self.quantity, segmentation, title)
+        return styled(record_figure(self.trace, self.quantity, segmentation, title), style)
 
     def to_dataframe(self) -> Any:
         """A pandas table with the columns `t`, `x` and `used`; its `attrs` hold their units and the source.

@@ -28,7 +28,8 @@ from ..pairs.final_displacement import fit_final_displacements
 from ..pairs.result import RouteFit
 from ..pairs.triangle_map import fit_triangle_map
 from ..rig import Measured, Rig
-from ..show import Report, Reported, Table, plain, uncertain
+from ..show import Report, Reported, Style, Table, figure, plain, styled, uncertain
+from ..show.thumbnail import Curve, curves_svg
 from .force_map import friction_force_map
 from .half_cycles import half_cycle_friction
 
@@ -105,6 +106,28 @@ class Agreement(Reported):
             f"{spread}, more than their standard errors and the tolerance of {self.tolerance:g} allow; farthest is "
             f"{off.name}. The law, the damping or the release is not what it was taken for: look at the force map."
         )
+
+    def thumbnails(self) -> Sequence[str]:
+        number = np.arange(1, len(self.routes) + 1)
+        means = Curve(number, [r.mu.value for r in self.routes], [r.mu.std for r in self.routes])
+        return [curves_svg([means], ("Route, as in the table", ""), ("mu", ""))]
+
+    def plot(self, *, style: Style = "screen") -> Any:
+        """The coefficient by each route with its standard error, and the tolerance as a band; a matplotlib figure.
+
+        Args:
+            style: as of :func:`fricjax.show.styled`.
+        """
+        drawing, axes = figure()
+        names, means = [r.name for r in self.routes], [r.mu for r in self.routes]
+        bars = {"linestyle": "none", "marker": "o", "markersize": 4, "capsize": 3}
+        axes[0, 0].errorbar([mu.value for mu in means], names, xerr=[mu.std for mu in means], **bars)
+        span = self.tolerance * abs(self.mu.value)
+        axes[0, 0].axvspan(self.mu.value - span, self.mu.value + span, color="0.9", zorder=0)
+        axes[0, 0].invert_yaxis()
+        axes[0, 0].set_xlabel("Coefficient of friction; band: the tolerance")
+        axes[0, 0].ticklabel_format(axis="x", useOffset=False)
+        return styled(drawing, style)
 
     def report(self) -> Report:
         """One row per route; the files, the coefficient, and what the routes say of the model."""

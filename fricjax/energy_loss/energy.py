@@ -8,7 +8,7 @@ import numpy as np
 from ..data.gather import record_of
 from ..oscillator import ready
 from ..rig import Rig
-from ..show import axis_label, figure, scaled
+from ..show import Style, axis_label, figure, scaled, styled
 from .decay import decay
 from .force_samples import force_samples
 from .losses import frictionless, with_losses
@@ -44,8 +44,12 @@ class EnergyLoss:
     friction_power: np.ndarray
     offset: float
 
-    def plot(self) -> Any:
-        """Energy and loss rates against time, as a matplotlib figure."""
+    def plot(self, *, style: Style = "screen") -> Any:
+        """Energy and loss rates against time, as a matplotlib figure.
+
+        Args:
+            style: as of :func:`fricjax.show.styled`.
+        """
         drawing, axes = figure(2, 1, share_x=True)
         top, bottom = axes[:, 0]
         values, unit = scaled(self.energy, "J")
@@ -58,7 +62,7 @@ class EnergyLoss:
         bottom.set_ylabel(axis_label("Loss rate", unit))
         bottom.set_xlabel(axis_label("Time", "s"))
         bottom.legend(loc="upper right", fontsize=8)
-        return drawing
+        return styled(drawing, style)
 
 
 def energy_of(record: Any, rig: Rig, no_contact: Any = None, *, offset: float | None = None) -> EnergyLoss:

@@ -6,6 +6,7 @@ difference between the branches is frictional lag, one between the directions is
 """
 
 import dataclasses
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -15,7 +16,8 @@ from ..errors import UsageError
 from ..oscillator import ready
 from ..pairs.settings import check_bins
 from ..rig import Measured, Rig
-from ..show import Report, Reported, Table, axis_label, display_unit, engineering, figure, uncertain
+from ..show import Report, Reported, Style, Table, axis_label, display_unit, engineering, figure, styled, uncertain
+from ..show.thumbnail import Curve, curves_svg
 from .binning import BIAS_SHARE, binned, pooled
 from .decay import decay, each_of
 from .force_samples import ForceSamples, force_samples
@@ -100,8 +102,20 @@ class ForceMap(Reported):
         table = Table(["Branch", f"Speed [{speed}]", f"Friction force [{force}]", "Samples"], rows)
         return Report([table], facts, self.notes, heading="Force map", data=vars(self) | {"mu": self.mu})
 
-    def plot(self) -> Any:
-        """Friction force against speed, directions and branches apart, with two standard deviations, in matplotlib."""
+    def thumbnails(self) -> Sequence[str]:
+        speed, force = self._units
+        sides = [
+            Curve(np.abs(self.velocity[on]), (self.force * self.direction)[on], self.std[on])
+            for on in (self.direction > 0, self.direction < 0)
+        ]
+        return [curves_svg(sides, ("Speed", speed), ("Friction force", force), log_x=True)]
+
+    def plot(self, *, style: Style = "screen") -> Any:
+        """Friction force against speed, directions and branches apart, with two standard deviations, in matplotlib.
+
+        Args:
+            style: as of :func:`fricjax.show.styled`.
+        """
         drawing, axes = figure(1, 1, heights=(1.5,))
         top = axes[0, 0]
         speed, force = self._units
@@ -110,13 +124,13 @@ class ForceMap(Reported):
         for (direction, branch), marker in zip(_SIDES, "os^v", strict=True):
             on = (self.direction == direction) & (self.branch == branch)
             value, std = factor_f * (self.force * self.direction)[on], 2 * factor_f * self.std[on]
-            style = {"linestyle": "none", "marker": marker, "markersize": 3, "label": _SIDES[direction, branch]}
-            top.errorbar(factor_v * np.abs(self.velocity[on]), value, std, **style)
+            points = {"linestyle": "none", "marker": marker, "markersize": 3, "label": _SIDES[direction, branch]}
+            top.errorbar(factor_v * np.abs(self.velocity[on]), value, std, **points)
         top.set_xscale("log")
         top.set_xlabel(axis_label("Speed", unit_v))
         top.set_ylabel(axis_label("Friction force", unit_f))
-        top.legend(loc="best", fontsize=8)
-        return drawing
+        drawing.legend(loc="outside upper center", ncols=2, fontsize=8)
+        return styled(drawing, style)
 
 
 def friction_force_map(

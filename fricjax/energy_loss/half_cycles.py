@@ -10,13 +10,15 @@ is the mean friction force of the half-cycle, and what it leaves of the energy i
 """
 
 import dataclasses
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from ..oscillator import Oscillator, ready
 from ..rig import Measured, Rig
-from ..show import Report, Reported, Table, uncertain
+from ..show import Report, Reported, Style, Table, axis_label, display_unit, figure, scaled, styled, uncertain
+from ..show.thumbnail import Curve, curves_svg
 from .decay import Decay, decay, each_of
 from .force_map import weighted
 from .losses import frictionless, with_losses
@@ -73,6 +75,28 @@ class HalfCycleFriction(Reported):
         ]
         table = Table(["Record", "Path [mm]", "Mean friction force [N]"], rows)
         return Report([table], facts, self.notes, heading="Half-cycles", data=vars(self))
+
+    def thumbnails(self) -> Sequence[str]:
+        return [curves_svg([Curve(self.swing, self.force, self.std)], ("Path", "m"), ("Mean friction force", "N"))]
+
+    def plot(self, *, style: Style = "screen") -> Any:
+        """Mean friction force of each half-cycle against its path, with standard errors; a matplotlib figure.
+
+        Args:
+            style: as of :func:`fricjax.show.styled`.
+        """
+        drawing, axes = figure()
+        swing, unit_x = scaled(self.swing, "m")
+        factor, unit_f = display_unit(abs(self.mean.value), "N")
+        for i in np.unique(self.record):
+            on = self.record == i
+            bars = {"linestyle": "none", "marker": "o", "markersize": 3.5, "label": f"record {i}"}
+            axes[0, 0].errorbar(swing[on], factor * self.force[on], factor * self.std[on], **bars)
+        axes[0, 0].axhline(factor * self.mean.value, color="0.3", linewidth=1.0, label="mean")
+        axes[0, 0].set_xlabel(axis_label("Path", unit_x))
+        axes[0, 0].set_ylabel(axis_label("Mean friction force", unit_f))
+        drawing.legend(loc="outside upper center", ncols=3, fontsize=8)
+        return styled(drawing, style)
 
 
 def half_cycle_friction(records: Any, rig: Rig, no_contact: Any = None) -> HalfCycleFriction:

@@ -1,16 +1,17 @@
 """The result of many independent fits: the fields of a fit with a leading axis over runs."""
 
 import dataclasses
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
 from ..errors import DataError, UsageError, nearest
-from ..show import Report, Reported
+from ..show import Report, Reported, Style, styled
 from .diagnostics import optimum_found
 from .noise import Noise
 from .population import Population, population
-from .show import batch_report
+from .show import batch_plot, batch_report, batch_thumbnails
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -131,6 +132,20 @@ class BatchFit(Reported):
     def report(self) -> Report:
         """The parameters of the first runs, their means over all that converged, and how the fits ended."""
         return batch_report(self)
+
+    def thumbnails(self) -> Sequence[str]:
+        return batch_thumbnails(self)
+
+    def plot(self, *, style: Style = "screen") -> Any:
+        """Each coefficient against the number of its run with its standard error; a matplotlib figure.
+
+        Runs that have not converged are hollow; the line is the mean over the others, and the band the scatter from
+        run to run, where there are enough of them to tell it.
+
+        Args:
+            style: as of :func:`fricjax.show.styled`.
+        """
+        return styled(batch_plot(self), style)
 
     def to_dataframe(self) -> Any:
         """One row per run: the name of its file, values, their standard errors, and what tells how good they are.

@@ -20,7 +20,8 @@ import numpy as np
 from ..errors import UsageError
 from ..estimation.space import Parameter
 from ..oscillator import Oscillator, ready
-from ..show import Report, Reported, figure, plain
+from ..show import Report, Reported, Style, figure, plain, styled
+from ..show.thumbnail import Curve, curves_svg
 from ..show.working import working
 from .fit import concluded, fit, records_of
 from .parameters import Request, Settings
@@ -89,8 +90,20 @@ class Multistart(Reported):
             facts.append(("bounds", ", ".join(counts)))
         return dataclasses.replace(report, facts=facts)
 
-    def plot(self) -> Any:
-        """The waterfall: reduced chi^2 of all starts in ascending order, the automatic one marked."""
+    def thumbnails(self) -> Sequence[str]:
+        reduced = (self.best.chi2 + self.excess) / self.best.dof
+        starts = Curve(np.arange(1, self.excess.size + 1), reduced, points=True)
+        return [
+            *self.best.thumbnails(),
+            curves_svg([starts], ("Start, in order of its fit", ""), ("Reduced chi^2", "")),
+        ]
+
+    def plot(self, *, style: Style = "screen") -> Any:
+        """The waterfall: reduced chi^2 of all starts in ascending order, the automatic one marked.
+
+        Args:
+            style: as of :func:`fricjax.show.styled`.
+        """
         drawing, grid = figure()
         axes = grid[0, 0]
         rank = np.arange(1, self.excess.size + 1)
@@ -98,7 +111,9 @@ class Multistart(Reported):
         shown, first = np.where(np.isfinite(reduced), reduced, np.nan), self.automatic
         axes.plot(rank, shown, marker="o", markersize=4)
         axes.plot(rank[first], shown[first], marker="s", markersize=7, fillstyle="none", linestyle="")
-        axes.set_yscale("log")
+        if np.nanmax(shown) > 2 * np.nanmin(shown):
+            axes.set_yscale("log")
+        axes.xaxis.get_major_locator().set_params(integer=True)
         axes.set_xlabel("Start, in order of its fit")
         axes.set_ylabel("Reduced $\\chi^2$")
         axes.set_title(
@@ -106,7 +121,7 @@ class Multistart(Reported):
             fontsize=9,
             loc="left",
         )
-        return drawing
+        return styled(drawing, style)
 
     def __repr__(self) -> str:
         return f"Multistart({int(self.reached.sum())} of {self.excess.size} starts reached {self.best!r})"

@@ -2,6 +2,7 @@
 
 import dataclasses
 import os
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -13,13 +14,13 @@ from ..errors import UsageError
 from ..estimation.covariance import correlation
 from ..oscillator import Oscillator, simulate
 from ..rig import Measured
-from ..show import Report, Reported
+from ..show import Report, Reported, Style, styled
 from .diagnostics import optimum_found
 from .noise import Noise, Whiteness
 from .problem import Problem
 from .residual import Run, motion
 from .rest import Margin
-from .show import plot, report_of
+from .show import plot, report_of, thumbnails
 from .store import read_fit, save, to_dict
 from .window import NEVER
 
@@ -210,18 +211,25 @@ class Fit(Reported):
         """Parameters and kinematics with their uncertainties, what the fit rests on, and warnings."""
         return report_of(self)
 
+    def thumbnails(self) -> Sequence[str]:
+        return thumbnails(self)
+
     def __repr__(self) -> str:
         shown = ", ".join(f"{name}={value:.6g}" for name, value in self.values.items())
         return f"Fit({shown}; {self.status})"
 
-    def plot(self, run: int = 0) -> Any:
+    def plot(self, run: int = 0, *, style: Style = "screen") -> Any:
         """Measured and computed trace with residuals, as a matplotlib figure.
+
+        Args:
+            run: which run of a joint fit.
+            style: as of :func:`fricjax.show.styled`.
 
         Raises:
             UsageError: no such run.
         """
         self._check_run(run)
-        return plot(self, run)
+        return styled(plot(self, run), style)
 
     def to_dict(self) -> dict[str, Any]:
         """The fit as plain data, without the samples."""

@@ -12,12 +12,14 @@ import numpy as np
 
 from ..data.record import labels
 from ..errors import DataError
-from ..show import Report, Table, axis_label, display_unit, engineering, figure, interval, plain, uncertain
+from ..show import Report, Table, axis_label, display_unit, engineering, figure, interval, plain, scaled, uncertain
+from ..show.thumbnail import Curve, curves_svg
 from .names import NUISANCES
 from .rest import CONTRADICTED
 
 # Most files whose names the report lists, and most runs of a batch.
 _LISTED, _LISTED_RUNS = 4, 20
+_THUMBNAILS = 2  # coefficients of a batch that are drawn beside its table
 # Ratio from which on the errors of white noise are shown beside the right ones, and noise as larger than stated.
 _NOTABLE = 1.3
 
@@ -188,6 +190,48 @@ def _populations(batch: Any, names: list[str]) -> Table:
             mean, scatter = uncertain(pooled.mean, pooled.combined_std), plain(pooled.scatter, 3)
             rows.append([axis_label(name, batch.units[name]), mean, scatter, pooled.runs, len(pooled.outliers)])
     return Table(["Over the runs", "Mean", "Scatter from run to run", "Runs", "Set aside"], rows)
+
+
+def thumbnails(fit: Any) -> list[str]:
+    """The first run with the model on it, and what is left."""
+    t, x, r = fit.times[0], np.asarray(fit.runs[0].x), _runs(fit)[0]
+    name = "Displacement" if fit.quantity == "m" else "Angle"
+    both = [Curve(t, x, broad=True), Curve(t, x - r)]
+    traces = [(both, name), ([Curve(t, r)], "Residual")]
+    return [curves_svg(curves, ("Time", "s"), (label, fit.quantity)) for curves, label in traces]
+
+
+def batch_thumbnails(batch: Any) -> list[str]:
+    """The first coefficients against the number of the run."""
+    names = [name for name in batch.values if name.split("[")[0] not in NUISANCES][:_THUMBNAILS]
+    runs = np.arange(len(batch))
+    curves = [(name, Curve(runs, batch.values[name], batch.std_errors[name])) for name in names]
+    return [curves_svg([curve], ("Run", ""), (name, batch.units[name])) for name, curve in curves]
+
+
+def batch_plot(batch: Any) -> Any:
+    """Each coefficient against the number of the run, with mean and scatter where there are enough runs."""
+    names = [name for name in batch.values if name.split("[")[0] not in NUISANCES]
+    drawing, axes = figure(len(names), share_x=True)
+    runs, good = np.arange(len(batch)), batch.converged
+    for each, name in zip(axes[:, 0], names, strict=True):
+        values, unit = scaled(batch.values[name], batch.units[name])
+        factor, _ = display_unit(float(np.nanmax(np.abs(batch.values[name]), initial=0.0)), batch.units[name])
+        bars = np.where(np.isfinite(batch.std_errors[name]), factor * batch.std_errors[name], 0.0)
+        for which, face in ((good, "#0072B2"), (~good, "white")):
+            points = {"linestyle": "none", "marker": "o", "markersize": 3.5, "color": "#0072B2", "mfc": face}
+            each.errorbar(runs[which], values[which], bars[which], **points)
+        with contextlib.suppress(DataError):  # fewer than three runs tell no scatter
+            pooled = batch.population(name)
+            mean, scatter = factor * pooled.mean, factor * pooled.scatter
+            each.axhline(mean, color="#D55E00", linewidth=1.0)
+            each.axhspan(mean - scatter, mean + scatter, color="#D55E00", alpha=0.15, zorder=0)
+        each.set_ylabel(axis_label(name, unit))
+        each.ticklabel_format(axis="y", useOffset=False)
+    axes[-1, 0].set_xlabel("Run")
+    axes[-1, 0].xaxis.get_major_locator().set_params(integer=True)
+    drawing.align_ylabels()
+    return drawing
 
 
 def _runs(fit: Any) -> tuple[np.ndarray, ...]:

@@ -1,18 +1,22 @@
 """What a simulation returns: the motion, its turning points, and how it was computed."""
 
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import diffrax
 import equinox as eqx
 import jax
 import numpy as np
+from jax.core import Tracer
 from jaxtyping import Array, Bool, Float, Int
 
 from ..friction.base import Scalar, State
-from ..show import Report, Reported, Table
+from ..show import Report, Reported, Style, Table, axis_label, engineering, figure, scaled, styled
+from ..show.thumbnail import Curve, curves_svg
 
 _SAMPLED = ("t", "x", "v", "friction_force", "at_rest")
 """Fields with one entry for each sample."""
+_MANY = 12  # motions beyond which a thumbnail is a blot
 
 
 class Start(NamedTuple):
@@ -88,12 +92,50 @@ class Motion(eqx.Module, Reported):
         facts = [
             ("samples", f"{self.t.size}, from {float(self.t[0]):.6g} to {float(self.t[-1]):.6g} s"),
             ("half-cycles", str(int(self.n_half_cycles))),
-            ("turning points", " to ".join(f"{point:.6g} m" for point in points[[0, -1]]) if points.size else "none"),
+            (
+                "turning points",
+                " to ".join(engineering(point, "m", 6) for point in points[[0, -1]].tolist())
+                if points.size
+                else "none",
+            ),
             ("stop", f"at {stop:.6g} s" if np.isfinite(stop) else "none until the last sample"),
             ("engine", self.engine),
         ]
         data = {name: np.asarray(getattr(self, name)) for name in (*_SAMPLED, "t_stop", "n_half_cycles")}
         return Report([], facts, heading="Motion", data=data | {"turning_points": points, "engine": self.engine})
+
+    def thumbnails(self) -> Sequence[str]:
+        if isinstance(self.x, Tracer):
+            return []
+        many = [Curve(t, x) for t, x in zip(*self._rows("t", "x"), strict=True)]
+        return [curves_svg(many[:_MANY], ("Time", "s"), ("Displacement", "m"))]
+
+    def plot(self, *, style: Style = "screen") -> Any:
+        """Displacement and friction force against time, as a matplotlib figure; of several motions each.
+
+        Args:
+            style: as of :func:`fricjax.show.styled`.
+        """
+        drawing, axes = figure(2, share_x=True, heights=(3, 2))
+        shown = {"Displacement": ("x", "m"), "Friction force": ("friction_force", "N")}
+        for each, (label, (name, unit)) in zip(axes[:, 0], shown.items(), strict=True):
+            t, values = self._rows("t", name)
+            values, unit = scaled(values, unit)
+            each.plot(t.T, values.T)
+            each.set_ylabel(axis_label(label, unit))
+        stop = np.asarray(self.t_stop)
+        if stop.ndim == 0 and stop < np.max(t):
+            axes[0, 0].axvline(float(stop), color="0.4", linestyle=":", label=f"stop at {float(stop):.4g} s")
+            axes[0, 0].legend(loc="upper right", fontsize=8)
+        axes[1, 0].set_xlabel(axis_label("Time", "s"))
+        drawing.align_ylabels()
+        return styled(drawing, style)
+
+    def _rows(self, *names: str) -> list[np.ndarray]:
+        """Samples of each motion in a row of its own, shape (motions, samples)."""
+        shape = self.x.shape
+        rows = [np.broadcast_to(np.asarray(getattr(self, name)), shape) for name in names]
+        return [each.reshape(-1, shape[-1]) for each in rows]
 
     def to_dataframe(self) -> Any:
         """The samples, one row each."""

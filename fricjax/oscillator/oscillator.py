@@ -5,18 +5,23 @@ from :mod:`fricjax.oscillator.restoring` and :mod:`fricjax.friction`. A rotary r
 moment of inertia for the mass and angles for displacements.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, ClassVar
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jax.core import Tracer
 
 from ..friction.base import AbstractFriction, Scalar, State, Values, scalar
 from ..friction.coefficient import Coefficient, check_coefficients, not_negative, positive
-from ..show import Report, Reported, Table, plain
+from ..show import Report, Reported, Style, Table, axis_label, figure, plain, scaled, styled
+from ..show.thumbnail import Curve, curves_svg
 from .restoring import AbstractRestoring, Linear
+
+# Dead bands of a release, and multiples of the speed at which a law changes, up to which its force is drawn.
+_RELEASE, _BEYOND = 20, 5
 
 
 class Oscillator(eqx.Module, Reported):
@@ -89,6 +94,36 @@ class Oscillator(eqx.Module, Reported):
             ]
         data = {f"{of}.{name}": value for of, name, value, _ in coefficients}
         return Report([Table(["Of", "Coefficient", "Value", "Unit"], rows)], facts, heading="Oscillator", data=data)
+
+    def thumbnails(self) -> Sequence[str]:
+        if not all(map(_single, jax.tree.leaves(self))):
+            return []
+        return [curves_svg([Curve(*self._characteristic())], ("Velocity", "m/s"), ("Friction force", "N"))]
+
+    def plot(self, *, style: Style = "screen") -> Any:
+        """Friction force of steady sliding against velocity, and what holds the mass at rest; a matplotlib figure.
+
+        Args:
+            style: as of :func:`fricjax.show.styled`.
+        """
+        drawing, axes = figure()
+        (v, unit_v), (force, unit_f) = map(scaled, self._characteristic(), ("m/s", "N"))
+        axes[0, 0].plot(v, force)
+        axes[0, 0].set_xlabel(axis_label("Velocity", unit_v))
+        axes[0, 0].set_ylabel(axis_label("Friction force", unit_f))
+        laws = getattr(self.friction, "laws", (self.friction,))
+        axes[0, 0].set_title(" + ".join(type(law).__name__ for law in laws), loc="left")
+        return styled(drawing, style)
+
+    def _characteristic(self) -> tuple[np.ndarray, np.ndarray]:
+        """Velocities [m/s] and friction forces [N] of steady sliding, and between them what rest can ask for."""
+        reached = float(self.angular_frequency * self.dead_band)
+        speeds = [_RELEASE * reached, _BEYOND * float(self.friction.velocity_scale())]
+        fastest = max((speed for speed in speeds if np.isfinite(speed)), default=0.0) or 1.0
+        speed, load = np.linspace(0.0, fastest, 200), self.normal_force
+        force = np.broadcast_to(np.asarray(self.friction.sliding_force(jnp.asarray(speed), load)), speed.shape)
+        v, forces = np.append(0.0, speed), np.append(float(self.friction.static_force(load)), force)
+        return np.append(-v[::-1], v), np.append(-forces[::-1], forces)
 
     @property
     def angular_frequency(self) -> Scalar:

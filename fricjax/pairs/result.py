@@ -8,7 +8,20 @@ import numpy as np
 
 from ..estimation.covariance import correlation
 from ..rig import Measured
-from ..show import Report, Reported, Table, axis_label, display_unit, engineering, figure, interval, plain, uncertain
+from ..show import (
+    Report,
+    Reported,
+    Style,
+    Table,
+    axis_label,
+    display_unit,
+    engineering,
+    figure,
+    interval,
+    plain,
+    styled,
+    uncertain,
+)
 
 
 def coefficient_table(values: Mapping[str, float], stds: Mapping[str, float], units: Mapping[str, str]) -> Table:
@@ -162,8 +175,12 @@ class RouteFit(Reported):
         data = vars(self) | {"chi2_reduced": self.chi2_reduced, "schema": "fricjax.route/2"}
         return Report([table], facts, warnings=self.warnings, heading="Route", data=data)
 
-    def plot(self) -> Any:
-        """Final against initial displacement with the computed points, and the residuals, as a matplotlib figure."""
+    def plot(self, *, style: Style = "screen") -> Any:
+        """Final against initial displacement with the computed points, and the residuals, as a matplotlib figure.
+
+        Args:
+            style: as of :func:`fricjax.show.styled`.
+        """
         drawing, axes = figure(2, 1, share_x=True, heights=(5, 2))
         top, bottom = axes[:, 0]
         across, x_unit = display_unit(float(np.max(np.abs(self.x0))), "m")
@@ -179,4 +196,4 @@ class RouteFit(Reported):
         bottom.set_ylabel(axis_label("Residual", r_unit))
         bottom.set_xlabel(axis_label("Initial displacement", x_unit))
         drawing.align_ylabels()
-        return drawing
+        return styled(drawing, style)

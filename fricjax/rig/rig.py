@@ -11,7 +11,7 @@ corrected by what is known of it before it is fitted.
 
 import dataclasses
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -19,13 +19,14 @@ from ..errors import UsageError, nearest
 from ..friction import AbstractFriction
 from ..oscillator import Oscillator
 from ..oscillator.restoring import AbstractRestoring, Cubic, Linear, Pendulum
-from ..show.report import Report, Reported
-from ..show.tables import Table
-from ..show.units import rotary_unit
+from ..show import Report, Reported, Style, Table, axis_label, figure, rotary_unit, styled
+from ..show.thumbnail import bars_svg
 from .inputs import READING, check_restoring, checked, replaced
 from .measured import Measured
 from .quantity import UNITS
 from .toml import read_table, write_table
+
+_PERCENTAGE = "Relative standard uncertainty [%]"
 
 type Number = float | Measured | str | Mapping[str, Any]
 
@@ -228,3 +229,25 @@ class Rig(Reported):
             rows.append((name, number, rotary_unit(UNITS[name], quantity), spread if number.std > 0 else "exact"))
         table = Table(("quantity", "value", "unit", "uncertainty"), rows, f"Rig with {form} restoring force")
         return Report([table], data={**self.numbers(), "restoring": form})
+
+    def thumbnails(self) -> Sequence[str]:
+        parts = self._percentages()
+        return [bars_svg(list(parts), list(parts.values()), _PERCENTAGE)] if parts else []
+
+    def plot(self, *, style: Style = "screen") -> Any:
+        """Relative standard uncertainties of the calibrated values as bars, the largest on top; a matplotlib figure.
+
+        Args:
+            style: as of :func:`fricjax.show.styled`.
+        """
+        drawing, axes = figure()
+        parts = self._percentages()
+        axes[0, 0].barh(list(parts), list(parts.values()))
+        axes[0, 0].invert_yaxis()
+        axes[0, 0].set_xlabel(axis_label("Relative standard uncertainty", "%"))
+        return styled(drawing, style)
+
+    def _percentages(self) -> dict[str, float]:
+        """Relative standard uncertainties [%] of what is uncertain and not zero, the largest first."""
+        parts = {name: 100 * number.relative for name, number in self.inputs().items() if number.value}
+        return dict(sorted(parts.items(), key=lambda part: -part[1]))

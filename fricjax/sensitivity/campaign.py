@@ -14,7 +14,7 @@ import numpy as np
 
 from ..errors import UsageError, nearest
 from ..oscillator import Oscillator
-from ..show import Report, Reported, Table, axis_label, engineering, figure, scaled
+from ..show import Report, Reported, Style, Table, axis_label, engineering, figure, scaled, styled
 from .fisher import fisher
 from .information import Information
 
@@ -74,8 +74,12 @@ class Design(Reported):
         data |= {"relative": {name: self.relative(name) for name in self.targets}}
         return Report([Table(heads, rows, "Releases by the number of runs")], facts, notes, data=data)
 
-    def plot(self) -> Any:
-        """Relative standard errors after one run against the release, with the targets; a matplotlib figure."""
+    def plot(self, *, style: Style = "screen") -> Any:
+        """Relative standard errors after one run against the release, with the targets; a matplotlib figure.
+
+        Args:
+            style: as of :func:`fricjax.show.styled`.
+        """
         drawing, axes = figure()
         axis = axes[0, 0]
         releases, unit = scaled(self.releases, "m")
@@ -86,7 +90,7 @@ class Design(Reported):
         axis.set_xlabel(axis_label("Release", unit))
         axis.set_ylabel("Relative error of one run")
         axis.legend()
-        return drawing
+        return styled(drawing, style)
 
 
 def design(

@@ -3,7 +3,7 @@
 import dataclasses
 import functools
 import textwrap
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -12,7 +12,8 @@ from ..estimation.covariance import correlation
 from ..fitting.names import NUISANCES
 from ..oscillator import Oscillator
 from ..rig import Measured
-from ..show import Report, Reported, Table, axis_label, duration, engineering, figure
+from ..show import Report, Reported, Style, Table, axis_label, duration, engineering, figure, styled
+from ..show.thumbnail import bars_svg
 from .directions import Direction
 from .plan import PlannedMotion
 
@@ -185,10 +186,18 @@ class Information(Reported):
             ("bound", "standard errors are those of white noise alone; they go with noise/sqrt(rate)"),
         ]
 
-    def plot(self) -> Any:
+    def thumbnails(self) -> Sequence[str]:
+        shown = [name for name in self.names if name not in NUISANCES and self.values[name]]
+        shares = [100 * self.std_errors[name] / abs(self.values[name]) for name in shown]
+        return [bars_svg(shown, shares, "Expected standard error [% of the value]; none: undetermined")]
+
+    def plot(self, *, style: Style = "screen") -> Any:
         """Relative standard errors as bars, and the correlations as a map, as a matplotlib figure.
 
         Nuisances in metres are taken relative to the release; what is undetermined stays empty.
+
+        Args:
+            style: as of :func:`fricjax.show.styled`.
         """
         drawing, axes = figure(1, 2)
         left, right = axes[0]
@@ -209,7 +218,7 @@ class Information(Reported):
         run = f"Released from {engineering(self.x0, 'm')}, noise {engineering(self.noise, 'm')} at {self.rate:g} Hz"
         lost = f"undetermined: {', '.join(self.undetermined)}" if self.undetermined else "all determined"
         drawing.suptitle("\n".join([run, *textwrap.wrap(lost, 100)]), fontsize=9)
-        return drawing
+        return styled(drawing, style)
 
 
 def _cells(estimate: Measured) -> list[str]:

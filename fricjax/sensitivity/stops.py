@@ -17,7 +17,7 @@ import numpy as np
 from ..errors import UsageError
 from ..oscillator import Oscillator, ready
 from ..pairs.static import reversals_of
-from ..show import Report, Reported, Table, axis_label, engineering, figure, plain, scaled
+from ..show import Report, Reported, Style, Table, axis_label, engineering, figure, plain, scaled, styled
 
 # Values of mu_s, and releases, that are looked at: the interval is halved to a few thousandths of what is left of it.
 _GRID, _RELEASES = 400, 801
@@ -91,8 +91,12 @@ class NextRelease(Reported):
         data = {field.name: getattr(self, field.name) for field in dataclasses.fields(self)}
         return Report([Table(heads, rows, "The release that tells most of mu_s")], facts, data=data)
 
-    def plot(self) -> Any:
-        """Expected standard uncertainty of mu_s after a run, against its release; a matplotlib figure."""
+    def plot(self, *, style: Style = "screen") -> Any:
+        """Expected standard uncertainty of mu_s after a run, against its release; a matplotlib figure.
+
+        Args:
+            style: as of :func:`fricjax.show.styled`.
+        """
         drawing, axes = figure()
         axis = axes[0, 0]
         releases, unit = scaled(self.releases, "m")
@@ -101,7 +105,7 @@ class NextRelease(Reported):
         axis.plot(self.x0 * releases[-1] / self.releases[-1], 100 * self.expected_std / self.value, "o")
         axis.set_xlabel(axis_label("Release", unit))
         axis.set_ylabel(axis_label("Expected u(mu_s)", "%"))
-        return drawing
+        return styled(drawing, style)
 
 
 def next_release(

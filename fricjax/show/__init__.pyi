@@ -1,4 +1,4 @@
-from .axes import axis_label, figure, save, scaled
+from .axes import Style, axis_label, figure, save, scaled, styled
 from .numbers import duration, engineering, interval, parse_uncertain, plain, uncertain
 from .report import Report, Reported, plain_data
 from .tables import Table
@@ -7,6 +7,7 @@ from .units import display_unit, rotary_unit
 __all__ = [
     "Report",
     "Reported",
+    "Style",
     "Table",
     "axis_label",
     "display_unit",
@@ -20,5 +21,6 @@ __all__ = [
     "rotary_unit",
     "save",
     "scaled",
+    "styled",
     "uncertain",
 ]

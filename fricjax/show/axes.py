@@ -7,11 +7,14 @@ the user's own plotting state is touched and no display is needed.
 import functools
 import io
 import os
+import textwrap
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..errors import UsageError, nearest
 from .files import write_bytes
 from .units import display_unit
 
@@ -28,6 +31,17 @@ STYLE: dict[str, Any] = {
     "font_size": 9.0,
     "grid": {"color": "#D9D9D9", "linewidth": 0.6},
 }
+
+_LETTERS = 34  # that fit below axes of one column
+
+type Style = str | Mapping[str, Any]
+"""One of `STYLES` by its name, or a mapping as they are."""
+STYLES: dict[str, dict[str, Any]] = {
+    "screen": {},
+    "column": {"width": 85 / 25.4, "font_size": 8.0, "titles": False},
+    "page": {"width": 178 / 25.4, "font_size": 8.0, "titles": False},
+}
+"""How a picture is drawn, by name; the widths are those of one and two columns of a journal [in]."""
 
 
 def figure(
@@ -92,6 +106,66 @@ def style(axes: "Axes") -> None:
     axes.tick_params(labelsize=STYLE["font_size"])
     for text in (axes.xaxis.label, axes.yaxis.label, axes.title):
         text.set_fontsize(STYLE["font_size"])
+
+
+def styled(drawing: "Figure", style: Style = "screen") -> "Figure":
+    """A finished figure in the width and the type size of a place where it is printed.
+
+    Args:
+        drawing: the figure, which is changed.
+        style: "screen": as it is; "column" and "page": one and two columns of a journal, 85 mm and 178 mm wide in type
+            of 8 pt, without titles, for what these say stands in the caption; or a mapping of `width` [in],
+            `font_size` [pt] and `titles`, each of which may be left out.
+
+    Returns:
+        The same figure.
+
+    Raises:
+        UsageError: an unknown style, or an unknown key of one.
+
+    Examples:
+        >>> from fricjax.show import figure, styled
+        >>> drawing, axes = figure()
+        >>> [round(25.4 * float(size)) for size in styled(drawing, "column").get_size_inches()]
+        [85, 46]
+    """
+    if isinstance(style, str) and style not in STYLES:
+        raise UsageError(f"There is no style {style!r}.{nearest(style, STYLES)} Known are {', '.join(STYLES)}.")
+    settings = STYLES[style] if isinstance(style, str) else style
+    known = ("width", "font_size", "titles")
+    for key in settings:
+        if key not in known:
+            raise UsageError(f"A style has no {key!r}.{nearest(key, known)} It has {', '.join(known)}.")
+    if "width" in settings:
+        width, height = drawing.get_size_inches()
+        share = settings["width"] / width
+        # A narrow picture keeps more of its height, or its axes would be strips between their labels.
+        drawing.set_size_inches(settings["width"], height * share**0.5)
+        if settings["width"] < STYLE["width"] / 2:
+            _narrow(drawing)
+    if not settings.get("titles", True):
+        drawing.suptitle("")
+        for axes in drawing.axes:
+            axes.set_title("", loc="left")
+            axes.set_title("")
+    if "font_size" in settings:
+        from matplotlib.text import Text
+
+        for text in drawing.findobj(Text):
+            text.set_fontsize(settings["font_size"])  # pyright: ignore[reportAttributeAccessIssue]
+    return drawing
+
+
+def _narrow(drawing: "Figure") -> None:
+    """Fewer ticks and labels of several lines, for axes that are narrower than what stands below them."""
+    from matplotlib.ticker import AutoLocator
+
+    for axes in drawing.axes:
+        place = axes.get_subplotspec()
+        columns = 1 if place is None else place.get_gridspec().ncols
+        axes.set_xlabel(textwrap.fill(axes.get_xlabel(), _LETTERS // columns))
+        if isinstance(axes.xaxis.get_major_locator(), AutoLocator):
+            axes.locator_params(axis="x", nbins=3)
 
 
 def axis_label(name: str, unit: str) -> str:

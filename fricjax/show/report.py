@@ -15,6 +15,9 @@ if TYPE_CHECKING:
     from pandas import DataFrame
 
 
+_LONG = 30  # rows that fill a screen
+
+
 @dataclasses.dataclass(frozen=True)
 class Report:
     """What a result shows of itself.
@@ -110,8 +113,15 @@ class Reported(abc.ABC):
         """The result's first table as a data frame."""
         return self.report().to_dataframe()
 
+    def thumbnails(self) -> Sequence[str]:
+        """Small pictures of the result as SVG, below its tables in a notebook and made for it alone."""
+        return ()
+
     def _repr_html_(self) -> str:
-        return self.report().html()
+        report, pictures = self.report(), "".join(self.thumbnails())
+        # Below a long table nobody would see them.
+        long = sum(len(table.rows) for table in report.tables) > _LONG
+        return pictures + report.html() if long else report.html() + pictures
 
 
 def plain_data(value: Any) -> Any:

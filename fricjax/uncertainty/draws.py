@@ -2,11 +2,13 @@
 
 import abc
 import math
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
-from ..show import Reported, axis_label, figure
+from ..show import Reported, Style, axis_label, figure, styled
+from ..show.thumbnail import bars_svg
 
 
 class AbstractDraws(Reported):
@@ -31,8 +33,17 @@ class AbstractDraws(Reported):
         ends = np.quantile(self.good, [(1 - level) / 2, (1 + level) / 2], axis=0)
         return {name: (float(low), float(high)) for name, low, high in zip(self.names, *ends, strict=True)}
 
-    def plot(self) -> Any:
-        """Histogram of each parameter with the normal distribution of its standard error; a matplotlib figure."""
+    def thumbnails(self) -> Sequence[str]:
+        std = self.std
+        ratios = [std[name] / self.std_errors[name] if self.std_errors[name] else math.nan for name in self.names]
+        return [bars_svg(self.names, ratios, "Scatter of the draws over the standard error")]
+
+    def plot(self, *, style: Style = "screen") -> Any:
+        """Histogram of each parameter with the normal distribution of its standard error; a matplotlib figure.
+
+        Args:
+            style: as of :func:`fricjax.show.styled`.
+        """
         drawing, axes = figure(math.ceil(len(self.names) / 2), 2)
         at = np.linspace(-4, 4, 200)
         for axis, name, values in zip(axes.flat, self.names, self.good.T, strict=False):
@@ -41,4 +52,4 @@ class AbstractDraws(Reported):
             axis.set_xlabel(axis_label(f"{name} less its value, in standard errors", ""))
         for axis in axes.flat[len(self.names) :]:
             axis.set_visible(False)
-        return drawing
+        return styled(drawing, style)

@@ -2,13 +2,14 @@
 
 import dataclasses
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from ..errors import UsageError
-from ..show import Report, Reported, Table, axis_label, figure, uncertain
+from ..show import Report, Reported, Style, Table, axis_label, figure, styled, uncertain
+from ..show.thumbnail import Curve, curves_svg
 from ..show.working import working
 from .inputs import Input
 
@@ -18,6 +19,7 @@ _BLOCK = 100_000
 _PARTS = 20
 # A tolerance of half of the last of two digits of the standard uncertainty is the standard's own (7.9.2).
 _DIGITS = 2
+_BINS = 80  # of the histogram beside the table
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -133,23 +135,36 @@ class MonteCarlo(Reported):
         data |= {"agrees": self.agrees, "stable": self.stable}
         return Report([table], notes=notes, warnings=warnings, data=data)
 
-    def plot(self) -> Any:
-        """The distribution of the draws, that of the budget, and both intervals; a matplotlib figure."""
+    def thumbnails(self) -> Sequence[str]:
+        density, edges = np.histogram(self.sample, bins=_BINS, density=True)
+        middle = (edges[1:] + edges[:-1]) / 2
+        curves = [Curve(middle, density, broad=True), Curve(middle, self._of_budget(middle))]
+        return [curves_svg(curves, ("Result; thin: that of the budget", ""), ("Density", ""))]
+
+    def plot(self, *, style: Style = "screen") -> Any:
+        """The distribution of the draws, that of the budget, and both intervals; a matplotlib figure.
+
+        Args:
+            style: as of :func:`fricjax.show.styled`.
+        """
         drawing, axes = figure()
         axis = axes[0, 0]
         # A hundredth of the draws at each end lies far out and would leave the rest no room.
         low, high = np.quantile(self.sample, [0.001, 0.999])
         axis.hist(self.sample, bins=120, range=(low, high), density=True, color="#B8D4E8", label="Monte Carlo")
         at = np.linspace(low, high, 400)
-        normal = np.exp(-(((at - self.value) / self.budget_std) ** 2) / 2) / (self.budget_std * math.sqrt(2 * math.pi))
-        axis.plot(at, normal, color="#D55E00", label="budget, normal")
-        for ends, colour, style in ((self.interval, "#0072B2", "-"), (self.budget_interval, "#D55E00", "--")):
+        axis.plot(at, self._of_budget(at), color="#D55E00", label="budget, normal")
+        for ends, colour, dashes in ((self.interval, "#0072B2", "-"), (self.budget_interval, "#D55E00", "--")):
             for end in ends:
-                axis.axvline(end, color=colour, linestyle=style)
+                axis.axvline(end, color=colour, linestyle=dashes)
         axis.set_xlabel(axis_label("Result", "SI units"))
         axis.set_ylabel("Probability density")
         axis.legend()
-        return drawing
+        return styled(drawing, style)
+
+    def _of_budget(self, at: np.ndarray) -> np.ndarray:
+        """Density of the normal distribution that the budget stands for."""
+        return np.exp(-(((at - self.value) / self.budget_std) ** 2) / 2) / (self.budget_std * math.sqrt(2 * math.pi))
 
 
 def simulated(

@@ -8,6 +8,7 @@ fit, which knows of the colour.
 """
 
 import dataclasses
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -18,7 +19,8 @@ from ..estimation.space import LINEAR
 from ..fitting import Fit
 from ..fitting.problem import Problem
 from ..fitting.solve import Solution
-from ..show import Report, Reported, Table, axis_label, figure, interval, uncertain
+from ..show import Report, Reported, Style, Table, axis_label, figure, interval, styled, uncertain
+from ..show.thumbnail import Curve, curves_svg
 from ..show.working import working
 from .again import fixed_at, optimum, problem_of, squares
 
@@ -83,8 +85,17 @@ class Profile(Reported):
         data = {field.name: getattr(self, field.name) for field in dataclasses.fields(self)}
         return Report([table], facts, [sentences[self.conclusion]], data=data)
 
-    def plot(self) -> Any:
-        """The profile with its parabola, and what the other parameters do along it; a matplotlib figure."""
+    def thumbnails(self) -> Sequence[str]:
+        near = self.excess < 4 * LIKELIHOOD_DROP
+        curve = Curve(self.at[near], self.excess[near])
+        return [curves_svg([curve], (self.name, self.unit), ("Excess of chi^2", ""))]
+
+    def plot(self, *, style: Style = "screen") -> Any:
+        """The profile with its parabola, and what the other parameters do along it; a matplotlib figure.
+
+        Args:
+            style: as of :func:`fricjax.show.styled`.
+        """
         drawing, axes = figure(2, share_x=True)
         upper, lower = axes[:, 0]
         label = axis_label(self.name, self.unit)
@@ -104,7 +115,7 @@ class Profile(Reported):
         lower.set_ylabel("Other parameters, range 0 to 1")
         lower.set_xlabel(label)
         lower.legend(fontsize=7)
-        return drawing
+        return styled(drawing, style)
 
     def __repr__(self) -> str:
         return f"Profile({self.name}: {self.conclusion}, {interval(*self.interval, self.unit)})"

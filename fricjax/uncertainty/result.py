@@ -6,14 +6,15 @@ those of Welch and Satterthwaite (G.2b), the coverage factor is Student's.
 
 import dataclasses
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from ..errors import needed
 from ..rig.measured import Measured
-from ..show import Report, Reported, Table, axis_label, figure, interval, plain, uncertain
+from ..show import Report, Reported, Style, Table, axis_label, figure, interval, plain, styled, uncertain
+from ..show.thumbnail import bars_svg
 from .inputs import Input
 from .monte_carlo import MonteCarlo, simulated
 
@@ -203,8 +204,17 @@ class Budget(Reported):
         lines = [r"\begin{tabular}{llllllll}", r"\toprule", rf"{head} \\", r"\midrule", *rows]
         return "\n".join([*lines, r"\midrule", last, r"\bottomrule", r"\end{tabular}"])
 
-    def plot(self) -> Any:
-        """Contributions as bars, the largest on top, and the combined uncertainty; a matplotlib figure."""
+    def thumbnails(self) -> Sequence[str]:
+        shares = {name: 100 * abs(share) for name, share in self.shares.items() if share}
+        names = sorted(shares, key=lambda name: -shares[name])[:_DRAWN]
+        return [bars_svg(names, [shares[name] for name in names], "Share of the variance [%]")] if names else []
+
+    def plot(self, *, style: Style = "screen") -> Any:
+        """Contributions as bars, the largest on top, and the combined uncertainty; a matplotlib figure.
+
+        Args:
+            style: as of :func:`fricjax.show.styled`.
+        """
         drawing, axes = figure()
         axis = axes[0, 0]
         names = sorted(self.inputs, key=lambda name: abs(self.contributions[name]))
@@ -217,7 +227,7 @@ class Budget(Reported):
         reach = self.expanded()
         ends = interval(self.value - reach.half_width, self.value + reach.half_width, self.unit)
         axis.set_title(f"{self.quantity} in {ends} with {100 * reach.level:g} %")
-        return drawing
+        return styled(drawing, style)
 
     def __repr__(self) -> str:
         return f"Budget({self.quantity} = {uncertain(self.value, self.std, self.unit)}, {len(self.inputs)} inputs)"
@@ -225,6 +235,7 @@ class Budget(Reported):
 
 # Degrees of freedom beyond which Student's factor has the digits of the normal one.
 _PLENTY = 1e6
+_DRAWN = 8  # inputs whose shares are drawn beside the table
 
 
 def _percent(share: float) -> str:

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from matplotlib.image import imread
 
-from fricjax.show import axis_label, figure, save, scaled
+from fricjax.errors import UsageError
+from fricjax.show import axis_label, figure, save, scaled, styled
 from tests.helpers import largest
 
 
@@ -96,3 +97,21 @@ def test_no_global_state_is_touched():
 def test_matplotlib_is_imported_on_demand():
     code = "import sys, fricjax.show; print('matplotlib' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True).stdout.strip() == "False"
+
+
+@pytest.mark.parametrize(("name", "millimetres"), [("column", 85), ("page", 178)])
+def test_a_style_is_the_width_and_type_of_a_journal(tmp_path, name, millimetres):
+    made, axes = picture()
+    axes[0, 0].set_title("what the caption says")
+    assert styled(made, name) is made
+    assert made.get_size_inches()[0] * 25.4 == pytest.approx(millimetres)
+    assert axes[0, 0].get_title() == "" and axes[1, 0].xaxis.label.get_fontsize() == 8
+    assert save(made, tmp_path / "plot.pdf").read_bytes().startswith(b"%PDF")
+
+
+def test_a_style_of_ones_own_and_one_that_there_is_not():
+    assert styled(picture()[0], {"width": 4.0}).get_size_inches()[0] == 4.0
+    with pytest.raises(UsageError, match=r"There is no style 'colum'. Did you mean 'column'\? Known are screen"):
+        styled(picture()[0], "colum")
+    with pytest.raises(UsageError, match=r"A style has no 'widht'. Did you mean 'width'\?"):
+        styled(picture()[0], {"widht": 4.0})

@@ -73,3 +73,41 @@ def test_records_and_inspections_have_the_face_of_results(runs):
     for each in (record, inspection, MACHINE):
         assert isinstance(each, Reported)
         assert each.summary() and each._repr_html_().startswith("<table>")
+
+
+def test_every_result_has_a_picture_for_the_screen_and_for_a_column(runs, batch):
+    files = fj.data.example_paths()
+    rig = fj.Rig.from_toml(files.rig)
+    law = fj.friction.Stribeck(0.05, mu_s=0.06, v_stribeck=1e-3) + fj.friction.Viscous(0.1)
+    several = jax.vmap(lambda x0: fj.simulate(MACHINE, x0, np.linspace(0, 0.6, 12)))(np.array([1e-3, 2e-3]))
+    shown = {
+        "Displacement [mm] ": several,
+        "Displacement [mm]": fj.simulate(MACHINE, 2e-3, np.linspace(0, 0.6, 1200)),
+        "Friction force [mN]": MACHINE,
+        "Friction force [mN] ": fj.Oscillator(0.4, 2500.0, 0.2, 10.0, law),
+        "mu": batch,
+        "": rig,
+        "Mean friction force [mN]": fj.half_cycle_friction(files.run, rig),
+    }
+    for label, result in shown.items():
+        drawing = result.plot(style="column")
+        assert drawing.get_size_inches()[0] * 25.4 == pytest.approx(85)
+        assert label.strip() in [axes.get_ylabel() for axes in drawing.axes]
+        assert "<svg" in result._repr_html_()
+
+
+def test_a_batch_is_drawn_with_its_mean_and_those_that_failed_hollow(batch):
+    axes = batch.plot().axes[0]
+    heights = [line.get_ydata() for line in axes.lines if len(line.get_ydata()) == 2]
+    level = [low for low, high in heights if low == high]
+    assert level == [pytest.approx(batch.population("mu").mean)]
+    solid = next(line for line in axes.lines if line.get_markerfacecolor() == "#0072B2")
+    np.testing.assert_array_equal(solid.get_ydata(), batch.values["mu"][batch.converged])
+
+
+def test_the_characteristic_of_a_machine_is_its_law():
+    law = fj.friction.Stribeck(0.05, mu_s=0.06, v_stribeck=1e-3)
+    line = fj.Oscillator(0.4, 2500.0, 0.2, 10.0, law).plot().axes[0].lines[0]
+    v, force = line.get_xdata(), line.get_ydata()
+    assert force[-1] == pytest.approx(1e3 * 0.05 * 10) and force[0] == -force[-1]
+    assert np.max(force[v == 0]) == pytest.approx(600) and np.min(force[v == 0]) == pytest.approx(-600)
