@@ -242,6 +242,7 @@ _DEFAULTS: Mapping[str, Any] = {
     "tie": None,
     "guess": None,
     "loss": "squares",
+    "noise": "auto",
 }
 
 

@@ -128,6 +128,7 @@ def _fields() -> "tuple[type[BaseModel], type[BaseModel]]":
         start: str | float = "first_reversal"
         nuisance: str | list[str] | None = None
         loss: str = "squares"
+        noise: str = "auto"
         guess: dict[str, float] = {}
         bounds: dict[str, str] = {}
         priors: dict[str, str] = {}
@@ -244,6 +245,7 @@ def _settings(asked: Any) -> dict[str, Any]:
         "tie": {name: parsing.tied(text) for name, text in asked.tie.items()},
         "guess": {name: float(value) for name, value in asked.guess.items()},
         "loss": asked.loss,
+        "noise": asked.noise,
     }
 
 

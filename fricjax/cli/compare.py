@@ -35,6 +35,9 @@ class Comparing:
     ] = None
     criterion: Annotated[str, Option(help="Rank by bic, aicc or held_out.")] = "bic"
     start: Annotated[str, Option(help="Where the motion starts: first_reversal or release.")] = "first_reversal"
+    noise: Annotated[
+        str, Option(help="Noise model: auto, white, jitter, autoregressive, coloured or floor; auto: what shows.")
+    ] = "auto"
     held_out: Annotated[bool, Option("--held-out/--no-held-out", help="Predict runs that were left out.")] = True
 
 
@@ -48,7 +51,7 @@ def compare(
 ) -> None:
     """Compare friction laws on the same runs: criteria, prediction of held-out runs, tests of the residuals."""
     from ..comparison.names import check_criterion, check_different
-    from ..fitting.settings import check_start
+    from ..fitting.settings import check_noise_model, check_start
     from ..machine.choose import contenders
 
     check_targets(output, ("--plot", plot, PICTURES))
@@ -58,6 +61,7 @@ def compare(
     check_different(laws)
     check_criterion(comparing.criterion, comparing.held_out)
     check_start(comparing.start)
+    check_noise_model(comparing.noise)
     calibrated = choices[0].calibrated
     with working(output, f"Comparing {', '.join(laws)}"):
         records = read_records(files, reading)
@@ -74,6 +78,7 @@ def compare(
             rig=choices[0].rig,
             criterion=comparing.criterion,
             start=comparing.start,
+            noise=comparing.noise,
             held_out=comparing.held_out,
         )
     data: dict[str, Any] = {**comparison.to_dict(), "calibrated": calibrated}

@@ -52,6 +52,9 @@ class Fitting:
         Option(metavar="NAME=VALUE", help="Start value in place of the one estimated from the record, as mu=0.012."),
     ] = None
     loss: Annotated[str, Option(help="squares, or huber, soft_l1, cauchy: outliers count for less.")] = "squares"
+    noise: Annotated[
+        str, Option(help="Noise model: auto, white, jitter, autoregressive, coloured or floor; auto: what shows.")
+    ] = "auto"
 
 
 @dataclasses.dataclass(frozen=True)
@@ -133,6 +136,7 @@ def settings_of(fitting: Fitting) -> dict[str, Any]:
         "tie": {name: parsing.tied(text) for name, text in ties.items()},
         "guess": {name: parsing.number(f"--guess {name}", text) for name, text in guesses.items()},
         "loss": fitting.loss,
+        "noise": fitting.noise,
     }
 
 

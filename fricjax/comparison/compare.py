@@ -53,6 +53,7 @@ def compare(
     rig: Rig | None = None,
     guess: Mapping[str, float] | None = None,
     loss: str | AbstractLoss = "squares",
+    noise: str = "auto",
 ) -> Comparison:
     """Fit several laws to the same runs and say which describes them best.
 
@@ -89,6 +90,7 @@ def compare(
         rig: the rig whose uncertain inputs enter the combined standard errors.
         guess: start values by name.
         loss: loss of the residuals.
+        noise: noise model by which all laws are fitted and compared.
 
     Returns:
         The comparison. A fit that fails is a row that says so.
@@ -115,7 +117,8 @@ def compare(
         raise UsageError("compare needs a list of oscillators, each the machine with one of the laws.")
     records = records_of(data, t, rate, sigma_mode)
     tables: Settings = {"bounds": bounds, "priors": priors, "tie": tie, "guess": guess}
-    settings: Settings = {"nuisance": nuisance, "engine": engine, "start": start, "rig": rig, "loss": loss, **tables}
+    where: Settings = {"nuisance": nuisance, "engine": engine, "start": start}
+    settings: Settings = {**where, "rig": rig, "loss": loss, "noise": noise, **tables}
     entered = candidates(records, machines, free, names, settings)
     # Laws with internal states take the longest, and the others fill the gaps.
     longest_first = sorted(range(len(entered)), key=lambda i: -entered[i].request.oscillator.friction.n_states)
@@ -131,8 +134,8 @@ def compare(
     fits = {entry.candidate.name: entry.fit for entry in entries if entry.fit is not None}
     if not fits:
         raise UsageError(f"No law could be fitted. The first was {rows[0].status}")
-    noise = _reference_noise(entries, sigma_mode == "absolute")
-    rows = tuple(_with_criteria(row, entry, noise) for row, entry in zip(rows, entries, strict=True))
+    found = _reference_noise(entries, sigma_mode == "absolute")
+    rows = tuple(_with_criteria(row, entry, found) for row, entry in zip(rows, entries, strict=True))
 
     def place(row: Row) -> tuple:
         value = getattr(row, criterion)
@@ -141,7 +144,7 @@ def compare(
     ranking = tuple(row.name for row in sorted(rows, key=place))
     windows = next(candidate.windows for candidate in entered if isinstance(candidate.windows, tuple))
     sentences = fingerprints(windows, machines[0])
-    return Comparison(rows, criterion, ranking, fits, noise.n, noise.effective, noise.inflation, sentences)
+    return Comparison(rows, criterion, ranking, fits, found.n, found.effective, found.inflation, sentences)
 
 
 class _Entry(NamedTuple):

@@ -27,7 +27,7 @@ from .autoregression import (
 )
 from .covariance import WEAKEST
 from .hum import lines_of, waves_of
-from .process import StateTransition, filtered, kicks_of
+from .process import StateTransition, filtered
 
 # Rounds in which the parameters and the colour of what they leave converge to a hundredth of a standard error, and in
 # which the restricted likelihood of the colour does.
@@ -68,6 +68,10 @@ class Colour(NamedTuple):
         spread: sum of the logarithms of the variances of all rows, those before known, over that of an innovation.
         transition: of the linear system that they kick; None where there are none.
         sides: kicks that are one standard error weaker or stronger, and the standard deviations beside them.
+        shape: coefficients of the process that the innovations of moving rows still are, for a floor does not shake
+            alike at all frequencies; none where they are white. `shape_std`: deviation of its innovations.
+        last: number of rows that count, from the first on, for behind them kicks have led too far from the motion for
+            a linear system; None for all.
     """
 
     coefficients: np.ndarray
@@ -82,6 +86,9 @@ class Colour(NamedTuple):
     spread: float = 0.0
     transition: StateTransition | None = None
     sides: tuple[tuple[float, float], ...] = ()
+    shape: np.ndarray = np.zeros(0)
+    shape_std: float = 1.0
+    last: int | None = None
 
     @property
     def waves(self) -> np.ndarray:
@@ -113,7 +120,8 @@ class Colour(NamedTuple):
     @property
     def n_parameters(self) -> int:
         """How many numbers it has beside the variance; a line has a frequency besides its two sizes."""
-        return self.coefficients.size + self.sizes.size + len(self.lines) + (self.transition is not None)
+        processes = self.coefficients.size + self.shape.size + (self.shape.size > 0)
+        return processes + self.sizes.size + len(self.lines) + (self.transition is not None)
 
 
 def colour_of(series: Series, level: float, drifts: bool, motion: float = 0.0) -> Colour | None:
@@ -144,6 +152,15 @@ def colour_of(series: Series, level: float, drifts: bool, motion: float = 0.0) -
         return _restricted(series, best)
     as_white = abs(np.log(max(best.std, 1e-300) ** 2 / level)) < thresholds.SURE * np.sqrt(2 / n)
     return None if best is alone and as_white and not series.rounding.size else best
+
+
+def process_of_noise(series: Series, level: float) -> Colour | None:
+    """The same where nothing but a process may be in the residuals."""
+    alone, _ = _candidate(series._replace(rounding=series.rounding[:, :0]), np.zeros((series.t.size, 0)), False, ())
+    if alone.coefficients.size:
+        return _restricted(series, alone)
+    as_white = abs(np.log(max(alone.std, 1e-300) ** 2 / level)) < thresholds.SURE * np.sqrt(2 / series.t.size)
+    return None if as_white else alone
 
 
 def _restricted(series: Series, colour: Colour) -> Colour:
@@ -258,13 +275,18 @@ def whitened_columns(columns: np.ndarray, series: Series, colour: Colour) -> np.
     """Columns in the rows of a series, through the filter that makes innovations of unit variance of its noise."""
     if colour.transition is None:
         return innovations(columns, series.starts, colour.coefficients, colour.excited) / colour.std
-    return filtered(columns, series.unit, colour.transition, np.array([colour.kicks]))[0][0] / colour.std
+    white = filtered(columns, series.unit, colour.transition, np.array([colour.kicks]))[0][0] / colour.std
+    moving = colour.transition.moving
+    shaped = innovations(white[:moving], np.zeros(1, int), colour.shape) / colour.shape_std
+    return np.concatenate([shaped, white[moving:]])[: colour.last]
 
 
 def instants(series: Series, colour: Colour) -> np.ndarray:
     """Times of the rows that are left of a series once it is whitened."""
     order = colour.coefficients.size
-    if colour.transition is not None or start_of(colour.coefficients).shape[0] == order:
+    if colour.transition is not None:
+        return series.t[: colour.last]
+    if start_of(colour.coefficients).shape[0] == order:
         return series.t
     return np.concatenate([part[order:] for part in np.split(series.t, series.starts[1:])])
 
@@ -275,16 +297,3 @@ def autoregressive(series: Series) -> Colour:
     level = float(np.var(innovations(series.residual[:, None], series.starts, coefficients)))
     spread = spread_of(coefficients, series.starts, series.t.size)
     return white(series, level)._replace(coefficients=coefficients, spread=spread)
-
-
-def thinned(series: Series, step: int) -> Series:
-    """Every `step`-th row."""
-    starts = np.unique(-(-series.starts // step))
-    t, residual, slopes, unit, _, rounding = (values[::step] for values in series)
-    return Series(t, residual, slopes, unit, starts, rounding)
-
-
-def kicked(series: Series, transition: StateTransition) -> Colour:
-    """The colour of kicks of a linear system, beside independent noise."""
-    kicks, std, spread, left, sides = kicks_of(series.residual, series.slopes, series.unit, transition)
-    return white(series, std**2)._replace(left=left, kicks=kicks, spread=spread, transition=transition, sides=sides)

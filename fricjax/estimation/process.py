@@ -10,14 +10,20 @@ variances are those of generalised least squares (Durbin and Koopman, Time Serie
 parameters that are fitted with them (Harville, J. Am. Stat. Assoc. 72, 320, 1977).
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
+import jax
+import jax.numpy as jnp
 import numpy as np
+from jax import Array
 
 # The first search covers this many decades to either side of kicks that add as much to the variance of the rows as
 # their noise has; each further one covers the two intervals beside the best point of the last, so that three searches
 # of 13 points end at intervals of 7 % in the strength.
 _DECADES, _POINTS, _SEARCHES = 6.0, 13, 3
+
+# Rows come in so many, which is a part of what is compiled.
+_ROWS = 512
 
 
 class StateTransition(NamedTuple):
@@ -26,10 +32,27 @@ class StateTransition(NamedTuple):
     Attributes:
         matrix: transition of the state, shape (n, 2, 2).
         noise: covariance that kicks of unit spectral density add on the way, shape (n, 2, 2).
+        bend: by what the square of a deviation of the position is to be multiplied for the error of this linear system,
+            in each row, shape (n,).
     """
 
     matrix: np.ndarray
     noise: np.ndarray
+    bend: np.ndarray
+
+    @property
+    def moving(self) -> int:
+        """Number of rows until the last one before which kicks add anything; those behind it are at rest."""
+        kicked = np.flatnonzero(self.noise.any(axis=(1, 2)))
+        return int(kicked[-1]) + 1 if kicked.size else 0
+
+    def deviations(self) -> np.ndarray:
+        """Variance of the position that kicks of unit spectral density lead to, were nothing measured, shape (n,)."""
+        spread, found = np.zeros((2, 2)), np.empty(self.noise.shape[0])
+        for i, (matrix, noise) in enumerate(zip(self.matrix, self.noise, strict=True)):
+            spread = matrix @ spread @ matrix.T + noise
+            found[i] = spread[0, 0]
+        return found
 
 
 class Kicks(NamedTuple):
@@ -64,20 +87,41 @@ def filtered(
     Returns:
         Innovations over the roots of their variances, shape (k, n, c), and these variances, shape (k, n).
     """
-    n, c = columns.shape
-    state, spread = np.zeros((kicks.size, 2, c)), np.zeros((kicks.size, 2, 2))
-    white, variances = np.empty((kicks.size, n, c)), np.empty((kicks.size, n))
-    for i, (matrix, noise) in enumerate(zip(*transition, strict=True)):
-        state = matrix @ state
-        spread = matrix @ spread @ matrix.T + kicks[:, None, None] * noise
-        seen = unit[i] * spread[:, :, 0]
-        variance = unit[i] * seen[:, 0] + 1.0
-        innovation = columns[i] - unit[i] * state[:, 0]
-        gain = seen / variance[:, None]
-        state = state + gain[:, :, None] * innovation[:, None, :]
-        spread = spread - gain[:, :, None] * seen[:, None, :]
-        white[:, i], variances[:, i] = innovation / np.sqrt(variance)[:, None], variance
-    return white, variances
+    n, size = columns.shape[0], -(-columns.shape[0] // _ROWS) * _ROWS
+    more = ((0, size - n), (0, 0))
+    # Rows of nothing fill up, so that most records share a compilation.
+    rows = np.pad(columns, more), np.pad(unit, more[0])
+    steps = (np.pad(each, (*more, (0, 0))) for each in (transition.matrix, transition.noise))
+    white, variances = _filtered(*rows, *steps, kicks)
+    return np.moveaxis(np.asarray(white), 1, 0)[:, :n], np.asarray(variances).T[:, :n]
+
+
+@jax.jit
+def _filtered(columns: Array, unit: Array, matrices: Array, noises: Array, kicks: Array) -> tuple[Array, Array]:
+    """The same for all rows at once, shapes (n, k, c) and (n, k).
+
+    Written out by components, for of matrices of two by two a compiler makes calls, each of which costs more than all.
+    """
+    nothing, alone = jnp.zeros((kicks.size, columns.shape[1])), jnp.zeros(kicks.size)
+
+    def step(carried: Any, row: Any) -> Any:
+        x, v, xx, xv, vv = carried
+        read, u, ((a, b), (c, d)), noise = row
+        x, v = a * x + b * v, c * x + d * v
+        xx, xv, vv = (
+            a * a * xx + 2 * a * b * xv + b * b * vv + kicks * noise[0, 0],
+            a * c * xx + (a * d + b * c) * xv + b * d * vv + kicks * noise[0, 1],
+            c * c * xx + 2 * c * d * xv + d * d * vv + kicks * noise[1, 1],
+        )
+        variance = u * u * xx + 1.0
+        innovation = read - u * x
+        of_x, of_v = u * xx / variance, u * xv / variance
+        x, v = x + of_x[:, None] * innovation, v + of_v[:, None] * innovation
+        xx, xv, vv = xx - of_x * u * xx, xv - of_x * u * xv, vv - of_v * u * xv
+        return (x, v, xx, xv, vv), (innovation / jnp.sqrt(variance)[:, None], variance)
+
+    _, found = jax.lax.scan(step, (nothing, nothing, alone, alone, alone), (columns, unit, matrices, noises))
+    return found
 
 
 def kicks_of(residual: np.ndarray, slopes: np.ndarray, unit: np.ndarray, transition: StateTransition) -> Kicks:
@@ -85,10 +129,7 @@ def kicks_of(residual: np.ndarray, slopes: np.ndarray, unit: np.ndarray, transit
     scale = np.maximum(np.sqrt(np.mean(slopes**2, axis=0)), np.finfo(float).tiny)
     columns = np.column_stack([residual, slopes / scale])
     # Kicks that in the mean add as much as the noise has, were nothing measured on the way.
-    spread, added = np.zeros((2, 2)), 0.0
-    for matrix, noise, each in zip(*transition, unit, strict=True):
-        spread = matrix @ spread @ matrix.T + noise
-        added += float(each**2 * spread[0, 0])
+    added = float(unit**2 @ transition.deviations())
 
     def likelihoods(points: np.ndarray) -> list[tuple[float, float, float, np.ndarray]]:
         return [_restricted(*pair) for pair in zip(*filtered(columns, unit, transition, points), strict=True)]

@@ -70,6 +70,7 @@ def assemble(counted: NoiseWeighted, sigma_mode: str) -> Fit:
         residuals=residuals,
         residual_rms=rms,
         **_noise(problem, factor, sigma_mode),
+        noise=problem.noise,
         noises=counted.noises,
         whiteness=_whiteness(problem, solution),
         margins=margins,

@@ -65,6 +65,7 @@ def fit_batch(
     rig: Rig | None = None,
     guess: Mapping[str, ArrayLike] | None = None,
     loss: str | AbstractLoss = "squares",
+    noise: str = "auto",
 ) -> BatchFit:
     """Fit the same oscillator to each of many runs independently.
 
@@ -87,6 +88,7 @@ def fit_batch(
         rig: a `Rig` whose uncertain inputs, the same for all runs, enter the combined standard errors to first order.
         guess: start values by name, one number for all runs or an array of shape (runs,).
         loss: loss of the residuals, as in :func:`fit`.
+        noise: noise model, as in :func:`fit`.
 
     Returns:
         The fits, in the order of the runs.
@@ -113,7 +115,7 @@ def fit_batch(
     if not sources:
         raise UsageError("There is no run to fit: the list is empty.")
     runs = [_opened(each) for each in sources]
-    where: Settings = {"nuisance": nuisance, "engine": engine, "start": start, "loss": loss}
+    where: Settings = {"nuisance": nuisance, "engine": engine, "start": start, "loss": loss, "noise": noise}
     settings: Settings = {**where, "bounds": bounds, "priors": priors, "tie": tie, "rig": rig}
     common = Request.of(oscillator, free, **settings)
     guesses = _per_run(guess or {}, len(runs))

@@ -19,13 +19,14 @@ from ..estimation.colour import (
     autoregressive,
     colour_of,
     instants,
-    kicked,
-    thinned,
+    process_of_noise,
     white,
     whitened,
 )
 from ..estimation.covariance import Quadratic, quadratic
 from ..estimation.loss import Squares
+from ..estimation.process import StateTransition
+from ..estimation.shaken import first_rows, kicked
 from .diagnostics import worst
 from .floor import passage_of
 from .noise import whiteness
@@ -34,8 +35,6 @@ from .rows import Rows, run_in_rows
 from .solve import Solution
 from .window import Window
 
-# Rows of the motion by which a floor that shakes is looked for first, for its filter takes them one by one.
-_FEW = 600
 # Rows of a rest that tell its noise.
 _RESTING = 64
 
@@ -48,22 +47,34 @@ class Seen(NamedTuple):
 
 
 def colours_of(problem: Problem, at: Solution, rows: Sequence[Rows], absolute: bool) -> list[Seen]:
-    """The rows of each run with the colour of their noise; none where that of all runs is white."""
+    """The rows of each run with the colour of their noise; none where that of all runs is white.
+
+    The noise model of the problem says which colours may be: all, no motion of the floor, or that alone.
+    """
+    if problem.noise in ("white", "jitter"):
+        return []
     freedom = problem.n_used / problem.dof
     # A coordinate that a bound holds explains nothing of what is left; an input of the rig, as the nonlinearity of an
     # interferometer, may, and is then no noise besides.
     explains = np.ones(at.y.size)
     explains[: at.shape.at_bound.size] = ~at.shape.at_bound
     identified = [row._replace(series=row.series._replace(slopes=row.series.slopes * explains)) for row in rows]
-    colours = [
-        colour_of(row.series, freedom * row.level, "drift" not in window.nuisances, window.segmentation.frequency)
-        for row, window in zip(identified, problem.windows, strict=True)
-    ]
+    first = [_without_floor(problem, run, row, freedom * row.level) for run, row in enumerate(identified)]
     stated, seen = absolute and isinstance(problem.loss, Squares), []
-    for run, (row, colour) in enumerate(zip(identified, colours, strict=True)):
+    for run, (row, colour) in enumerate(zip(identified, first, strict=True)):
         known = white(row.series, _level(row, stated)) if colour is None else colour
         seen.append(Seen(rows[run], _or_shaken(problem, at, run, row, known)))
-    return seen if any(colours) or any(colour.transition for _, colour in seen) else []
+    return seen if any(first) or any(colour.transition for _, colour in seen) else []
+
+
+def _without_floor(problem: Problem, run: int, row: Rows, level: float) -> Colour | None:
+    """The colour of a run as far as no floor is in it, None for white noise or where it is a floor's by its name."""
+    if problem.noise == "floor":
+        return None
+    if problem.noise == "autoregressive":
+        return process_of_noise(row.series, level)
+    window = problem.windows[run]
+    return colour_of(row.series, level, "drift" not in window.nuisances, window.segmentation.frequency)
 
 
 def described(problem: Problem, seen: Sequence[Seen], absolute: bool) -> bool:
@@ -74,20 +85,25 @@ def described(problem: Problem, seen: Sequence[Seen], absolute: bool) -> bool:
 
 
 def _or_shaken(problem: Problem, at: Solution, run: int, row: Rows, colour: Colour) -> Colour:
-    """A colour, or that of a floor that shakes the mass, by Schwarz's criterion; first by a part of the rows."""
+    """A colour, or that of a floor that shakes the mass, by Schwarz's criterion."""
+    if problem.noise != "auto":
+        named = _shaken(problem, at, run, row.series) if problem.noise == "floor" else None
+        return colour if named is None else named
     # No floor moves the reading of a mass that rests, and only a rest tells kicks from what a model lacks.
     still = _at_rest(problem.windows[run], row)
     enough = np.sum(still) >= _RESTING
     if not (enough and _remembers(colour.left[~still], row.level) and _is_quiet(colour.left[still])):
         return colour
-    left = row.series._replace(residual=colour.left)
-    step = max(int(np.sum(~still)) // _FEW, 1)
-    rival = _shaken(problem, at, run, thinned(row.series, step))
-    if rival is None or _criterion(rival) > _criterion(autoregressive(thinned(left, step))):
-        return colour
     rival = _shaken(problem, at, run, row.series)
-    other = colour if colour.coefficients.size else autoregressive(left)
-    return colour if rival is None or _criterion(rival) > _criterion(other) else rival
+    if rival is None or rival.transition is None:
+        return colour
+    left = row.series._replace(residual=colour.left)
+    known, other = rival, colour if colour.coefficients.size else autoregressive(left)
+    if rival.last is not None:
+        # Where the floor has led too far from the motion, neither model is to be judged.
+        passage = StateTransition(*(each[: rival.last] for each in rival.transition))
+        known, other = kicked(first_rows(row.series, rival.last), passage), autoregressive(first_rows(left, rival.last))
+    return colour if _criterion(known) > _criterion(other) else rival
 
 
 def _is_quiet(resting: np.ndarray) -> bool:

@@ -41,6 +41,7 @@ def fit(
     rig: Rig | None = None,
     guess: Mapping[str, float] | None = None,
     loss: str | AbstractLoss = "squares",
+    noise: str = "auto",
     throw: bool = True,
 ) -> Fit:
     """Fit an oscillator with friction to a free decay.
@@ -82,6 +83,9 @@ def fit(
         guess: start values by name, in place of those found in the record.
         loss: "squares", or "huber", "soft_l1" or "cauchy", which count outliers for less, or a loss of
             :mod:`fricjax.estimation.loss`; in units of the noise. The covariance is then that of the weighted samples.
+        noise: noise model by which samples are weighed and standard errors counted: "auto" takes what the record shows;
+            "white", "jitter", "autoregressive", "coloured" or "floor" is taken instead, with its numbers from the
+            residuals. :func:`fricjax.uncertainty.noise_models` compares them.
         throw: raise where no optimum was found or where it leaves parameters undetermined; otherwise the status says
             so.
 
@@ -111,7 +115,7 @@ def fit(
     """
     ready()
     records = records_of(data, t, rate, sigma_mode)
-    where: Settings = {"nuisance": nuisance, "engine": engine, "start": start, "loss": loss}
+    where: Settings = {"nuisance": nuisance, "engine": engine, "start": start, "loss": loss, "noise": noise}
     settings: Settings = {**where, "bounds": bounds, "priors": priors, "tie": tie, "rig": rig, "guess": guess}
     request = Request.of(oscillator, free, **settings)
     return concluded(*solve_with_rest(build_problem(records, request)), sigma_mode, throw)

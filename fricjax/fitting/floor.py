@@ -39,14 +39,17 @@ def passage_of(problem: Problem, at: Solution, run: int, t: np.ndarray) -> State
     if segmentation.rest is not None:
         still = half_cycle == reversals.size
         transitions[still], kicked[still] = np.diag([1.0, 0.0]), 0.0
-    return _joined(t, edges, transitions, kicked, dict(zip(reversals, ratios, strict=True)))
+    # A reversal that comes late by the phase d/X, of a deviation d from a swing X, leaves an error f (d/X)^2.
+    swings = np.append(swing, band)[np.minimum(np.searchsorted(reversals, t), swing.size)]
+    bend = band / np.maximum(swings, band) ** 2
+    return _joined(t, edges, transitions, kicked, dict(zip(reversals, ratios, strict=True)))._replace(bend=bend)
 
 
 def _joined(
     t: np.ndarray, edges: np.ndarray, transitions: np.ndarray, kicked: np.ndarray, reversals: dict[float, float]
 ) -> StateTransition:
     """The passage from row to row, of steps from edge to edge and of what reversals make of the velocity."""
-    joined = StateTransition(np.empty((t.size, 2, 2)), np.empty((t.size, 2, 2)))
+    joined = StateTransition(np.empty((t.size, 2, 2)), np.empty((t.size, 2, 2)), np.zeros(t.size))
     so_far, spread, row = np.eye(2), np.zeros((2, 2)), 0
     for edge, step, kicks in zip(edges[1:], transitions, kicked, strict=True):
         so_far, spread = step @ so_far, step @ spread @ step.T + kicks

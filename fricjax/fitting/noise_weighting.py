@@ -98,13 +98,13 @@ def weigh_by_noise(problem: Problem, solution: Solution, absolute: bool) -> Nois
         absolute: whether the size of the noise is taken at its word, as long as the residuals do not contradict it.
     """
     plain = _plain(problem, solution, absolute)
-    if not solution.converged:
+    if not solution.converged or problem.noise == "white":
         return plain
     rows = rows_of(problem, solution.evaluation)
     # What the model lacks grows with velocity too.
     sizes = [float(np.sqrt(row.level)) for row in rows]
     small = worst(problem, sizes, [0.0] * len(rows), not absolute).ratio <= thresholds.DESCRIBED
-    clocked = by_clock(problem, solution, rows) if small else None
+    clocked = by_clock(problem, solution, rows) if small and problem.noise in ("auto", "jitter") else None
     if clocked is None:
         return _by_colour(plain, rows, absolute)
     rows = rows_of(clocked.problem, clocked.solution.evaluation)

@@ -19,7 +19,7 @@ from ..rig import Measured, Rig
 from .guess import guess_machine
 from .law_start import guess_law, highest_of, terms_of
 from .names import NUISANCES, check_names, chosen, sole_coulomb, tied
-from .settings import check_bounds, run_names
+from .settings import check_bounds, check_noise_model, run_names
 from .window import Window
 
 type Prior = Measured | tuple[float, float]
@@ -41,6 +41,7 @@ class Settings(TypedDict, total=False):
     rig: Rig | None
     guess: Mapping[str, float] | None
     loss: str | AbstractLoss
+    noise: str
     throw: bool
 
 
@@ -59,15 +60,17 @@ class Request:
     rig: Rig | None
     guess: Mapping[str, float]
     loss: AbstractLoss
+    noise: str = "auto"
 
     @classmethod
     def of(cls, oscillator: Oscillator, free: str | Sequence[str], **settings: Unpack[Settings]) -> "Request":
         """The request from the settings of a fit that say how; each that is left out is as in a fit.
 
         Raises:
-            UsageError: no oscillator, no rig, or an unknown loss.
+            UsageError: no oscillator, no rig, or an unknown loss or noise.
         """
-        nuisance, rig = settings.get("nuisance"), settings.get("rig")
+        nuisance, rig, noise = settings.get("nuisance"), settings.get("rig"), settings.get("noise", "auto")
+        check_noise_model(noise)
         if not isinstance(oscillator, Oscillator):
             name = type(oscillator).__name__
             raise UsageError(f"fit needs an Oscillator, got {name}. Build one, or take rig.oscillator(friction).")
@@ -85,6 +88,7 @@ class Request:
             rig=rig,
             guess=settings.get("guess") or {},
             loss=named_loss(settings.get("loss", "squares")),
+            noise=noise,
         )
 
     def with_guess(self, guess: Mapping[str, float]) -> "Request":

@@ -37,7 +37,7 @@ class Problem:
         condensed: the same of far fewer samples that have the same squares, without the inputs; what is solved.
         stage_weights: for each run what its windows need to know, at the condensed samples.
         limits: bounds in coordinates.
-        loss: loss of the residuals.
+        loss: loss of the residuals; `noise`: name of the noise model.
         parameters: the free parameters in order; `inputs`: the uncertain inputs of the rig, by name.
         windows: the fitted part of each record.
         bracketed: name of a static coefficient that the user freed and that is bracketed instead of fitted.
@@ -52,6 +52,7 @@ class Problem:
     inputs: dict[str, Measured]
     windows: tuple[Window, ...]
     bracketed: str | None
+    noise: str = "auto"
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -143,6 +144,7 @@ def problem_on(windows: tuple[Window, ...], request: Request) -> Problem:
         inputs=inputs,
         windows=windows,
         bracketed=bracketed,
+        noise=request.noise,
     )
 
 

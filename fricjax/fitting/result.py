@@ -73,6 +73,7 @@ class Fit(Reported):
             fit.
         residual_rms: root mean square of the fitted ones.
         sigma, sigma_mode, sigma_source: median noise used, how it was used, and where it came from.
+        noise: name of the noise model that was asked for, "auto" for what the record shows.
         noises: the noise of each run as its residuals show it, and as the standard errors count it; drift and hum are
             in `residuals` and not in what `predict` tells.
         whiteness: autocorrelation of the residuals.
@@ -123,6 +124,7 @@ class Fit(Reported):
     sigma: float
     sigma_mode: str
     sigma_source: str
+    noise: str
     noises: tuple[Noise, ...]
     whiteness: Whiteness
     margins: tuple[Margin | None, ...]

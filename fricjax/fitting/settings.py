@@ -9,6 +9,15 @@ from .names import NUISANCES, Named, check_names, chosen, tied
 
 STARTS = ("first_reversal", "release")
 SIGMA_MODES = ("absolute", "scale", "estimate")
+NOISE_MODELS = {
+    "auto": "whichever of these the record shows",
+    "white": "independent samples of one size",
+    "jitter": "independent, from a clock that jitters, where that shows",
+    "autoregressive": "a process that remembers, of the order that the residuals show",
+    "coloured": "such a process beside the drift, hum and rounding that the residuals show",
+    "floor": "motion of the mass, shaken by the floor, beside independent noise of the reading",
+}
+"""Names of the noise models, and what each takes the noise for."""
 _NUISANCES = {
     "first_reversal": ("t_release", "x0", "offset"),
     "release": ("x0", "offset"),
@@ -38,13 +47,14 @@ def check_settings(model: Model, free: Sequence[str], runs: int, settings: Mappi
         free: names of the free coefficients.
         runs: number of records.
         settings: the keywords of `fricjax.fit` that are checked: `nuisance`, `start`, `bounds`, `priors`, `tie`,
-            `sigma_mode`, `guess` and `loss`.
+            `sigma_mode`, `guess`, `loss` and `noise`.
 
     Raises:
         UsageError: as `fricjax.fit` words it.
     """
     check_sigma_mode(settings["sigma_mode"])
     check_loss(settings["loss"])
+    check_noise_model(settings.get("noise", "auto"))
     start = settings["start"]
     if isinstance(start, str):
         check_start(start)
@@ -69,6 +79,17 @@ def check_sigma_mode(mode: str) -> None:
         raise UsageError(
             f"There is no sigma_mode {mode!r}.{nearest(mode, SIGMA_MODES)} Choose one of {', '.join(SIGMA_MODES)}."
         )
+
+
+def check_noise_model(name: str) -> None:
+    """Refuse a noise model that has no name.
+
+    Raises:
+        UsageError: names those that there are.
+    """
+    if name not in NOISE_MODELS:
+        known = ", ".join(NOISE_MODELS)
+        raise UsageError(f"There is no noise model {name!r}.{nearest(str(name), NOISE_MODELS)} Choose one of {known}.")
 
 
 def check_start(

@@ -94,7 +94,8 @@ def _sources(fit: Any) -> Iterator[tuple[str, str]]:
 
 def _noise(fit: Any) -> Iterator[str]:
     """Size and source of the noise, and what makes that of each run other than white noise of that size."""
-    yield f"{engineering(fit.sigma, fit.quantity)} ({fit.sigma_source}), mode {fit.sigma_mode}"
+    model = "" if fit.noise == "auto" else f", taken for {fit.noise}"
+    yield f"{engineering(fit.sigma, fit.quantity)} ({fit.sigma_source}), mode {fit.sigma_mode}{model}"
     for label, noise in zip(fit.labels, fit.noises, strict=True):
         where = "it" if len(fit.noises) == 1 else f"that of {label}"
         if fit.sigma_mode == "absolute" and noise.excess > _NOTABLE:

@@ -17,7 +17,7 @@ from ..oscillator.engines import AbstractEngine
 from ..show.files import write_text
 from .restored import RECORDS, restored
 
-SCHEMA = "fricjax.fit/6"
+SCHEMA = "fricjax.fit/7"
 
 _LARGEST = 1_000_000_000
 """Bytes of the largest file that is read; a million samples take about 100 MB."""

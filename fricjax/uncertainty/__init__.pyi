@@ -1,11 +1,13 @@
 from .fitted import budget
 from .inputs import Input
 from .monte_carlo import MonteCarlo
+from .noise_models import NoiseModelRow, NoiseModels, noise_models
 from .profiles import Profile, profile
 from .propagation import propagate
 from .resampling import Bootstrap, bootstrap
 from .result import Budget, Expanded
 from .sampling import Posterior, posterior
+from .sandwich import Sandwich, sandwich
 
 __all__ = [
     "Bootstrap",
@@ -13,11 +15,16 @@ __all__ = [
     "Expanded",
     "Input",
     "MonteCarlo",
+    "NoiseModelRow",
+    "NoiseModels",
     "Posterior",
     "Profile",
+    "Sandwich",
     "bootstrap",
     "budget",
+    "noise_models",
     "posterior",
     "profile",
     "propagate",
+    "sandwich",
 ]

@@ -16,7 +16,7 @@ def transition() -> StateTransition:
     carried, kicked = np.tile(STEP, (ROWS, 1, 1)), np.tile(KICKED, (ROWS, 1, 1))
     carried[30] = np.diag([1.0, 0.5]) @ STEP
     carried[60:], kicked[60:] = np.diag([1.0, 0.0]), 0.0
-    return StateTransition(carried, kicked)
+    return StateTransition(carried, kicked, np.zeros(len(carried)))
 
 
 def covariance(transition: StateTransition, unit: np.ndarray, kicks: float) -> np.ndarray:
@@ -61,7 +61,7 @@ def test_the_units_of_residuals_and_derivatives_do_not_matter(transition):
         1e6 * residual,
         slopes * np.array([1e-9, 1e9]),
         1e-3 * unit,
-        StateTransition(transition.matrix, 1e6 * transition.noise),
+        StateTransition(transition.matrix, 1e6 * transition.noise, transition.bend),
     )
     assert other.kicks == pytest.approx(one.kicks, rel=1e-6) and other.std == pytest.approx(1e6 * one.std, rel=1e-6)
     assert other.left == pytest.approx(1e6 * one.left, rel=1e-6, abs=1.0)

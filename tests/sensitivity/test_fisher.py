@@ -7,17 +7,28 @@ from fricjax.errors import UsageError
 from fricjax.friction import Coulomb, Stribeck
 from fricjax.oscillator import Oscillator
 from fricjax.sensitivity import fisher
-from tests.sensitivity.machines import ROLLING, STATE, prototype
+from fricjax.sensitivity.plan import TAIL
+from tests.helpers import PROTOTYPE_DAMPING, PROTOTYPE_MASS
+from tests.oracles import Machine, slide
+from tests.sensitivity.machines import ROLLING, SLIDING, STATE, STIFFNESS, prototype
 
 # Relative standard errors of mu with 1 nm at 10 kHz until 50 ms after the stop: mu alone, with frequency, x0 and
 # release time, with the offset, with the damping. Printed with two digits, computed from another program.
 SLIDING_BOUNDS = [
     (0.02, 0.25e-3, 2, (1.3e-7, 3.4e-7, 5.6e-7, 1.3e-5)),
+    (0.02, 0.50e-3, 3, (8.3e-8, 2.0e-7, 2.2e-7, 9.3e-7)),
+    (0.02, 1.00e-3, 6, (3.8e-8, 8.0e-8, 8.3e-8, 3.3e-7)),
+    (0.05, 0.25e-3, 1, (1.1e-7, 4.9e-7, np.inf, np.inf)),
     (0.05, 0.50e-3, 1, (1.1e-7, 4.9e-7, np.inf, np.inf)),
     (0.05, 1.00e-3, 3, (3.3e-8, 7.9e-8, 8.7e-8, 2.3e-7)),
+    (0.10, 0.50e-3, 1, (5.3e-8, 2.5e-7, np.inf, np.inf)),
+    (0.10, 1.00e-3, 1, (5.3e-8, 2.5e-7, np.inf, np.inf)),
+    (0.15, 1.00e-3, 1, (3.5e-8, 1.6e-7, np.inf, np.inf)),
     (0.20, 1.00e-3, 1, (2.6e-8, 1.2e-7, np.inf, np.inf)),
 ]
 ROLLING_BOUNDS = [
+    (0.001, 298, (3.4e-8, 4.1e-8, 9.1e-8), -0.89),
+    (0.002, 226, (2.2e-8, 2.8e-8, 7.2e-8), -0.92),
     (0.005, 141, (1.5e-8, 2.1e-8, 6.3e-8), -0.94),
     (0.010, 91, (1.2e-8, 1.9e-8, 6.2e-8), -0.95),
 ]
@@ -46,6 +57,48 @@ def test_bounds_of_sliding(mu, x0, half_cycles, bounds):
     np.testing.assert_allclose([alone, moving, relative(found)], [bounds[0], bounds[1], bounds[3]], rtol=PRINTED)
     if half_cycles > 1:
         assert among(found, ["mu", "mass", *STATE]) == pytest.approx(bounds[2], rel=PRINTED)
+        assert not found.singular
+        return
+    # A cell without a number: of one half-cycle only the centre x_d + offset is seen, and the release beside it.
+    assert found.undetermined == ("mu", "x0", "offset")
+    (direction,) = found.singular
+    shift = SLIDING * mu / STIFFNESS
+    change = dict(zip(direction.names, direction.changes / direction.changes[direction.names.index("mu")], strict=True))
+    assert change == pytest.approx({"mu": 1.0, "x0": shift / mu, "offset": -shift / mu}, rel=1e-4)
+
+
+@pytest.mark.parametrize(("mu", "x0"), [(0.1, 0.25e-3), (0.2, 0.25e-3), (0.2, 0.5e-3)])
+def test_cells_without_motion_determine_no_friction(mu, x0):
+    found = fisher(prototype(Coulomb(mu)), x0, names=DAMPING, nuisance=STATE, duration=0.05)
+    assert found.motion.half_cycles == 0 and found.no_effect == ("mu", "mass", "damping", "t_release")
+    assert [direction.text for direction in found.singular] == ["x0 and offset only as a sum"]
+
+
+def test_a_bound_from_differences_of_an_integration():
+    """The cell of 0.02 and 0.5 mm once more, by SciPy's DOP853 at shifted parameters and nothing of the package."""
+    mu, x0, mass, damping = 0.02, 0.5e-3, PROTOTYPE_MASS, PROTOTYPE_DAMPING
+    t = np.arange(0.0, 3 * np.pi / np.sqrt(STIFFNESS / mass) + TAIL, 1e-4)
+
+    def reading(mu=mu, mass=mass, damping=damping, x0=x0, release=0.0, offset=0.0):
+        force = mu * SLIDING
+        oracle = Machine(mass, damping, lambda x: STIFFNESS * x, lambda _: force, force)
+        moved = slide(oracle, x0, 0.0, np.maximum(t - release, 0.0))
+        return moved.x + offset
+
+    # Shifts that move the trace by a nanometre or so: differences of them are exact to a part in ten thousand.
+    shifts = {"mu": 1e-5 * mu, "mass": 1e-5 * mass, "damping": 1e-3 * damping, "x0": 1e-9, "offset": 1e-9}
+    shifts["release"] = 1e-7
+    base = {"mu": mu, "mass": mass, "damping": damping, "x0": x0, "release": 0.0, "offset": 0.0}
+    columns = [
+        (reading(**{**base, name: base[name] + step}) - reading(**{**base, name: base[name] - step})) / (2 * step)
+        for name, step in shifts.items()
+    ]
+    unit = np.linalg.norm(columns, axis=1)
+    scaled = (np.array(columns) / unit[:, None]).T
+    error = 1e-9 * np.sqrt(np.linalg.inv(scaled.T @ scaled)[0, 0]) / unit[0] / mu
+    assert error == pytest.approx(9.3e-7, rel=PRINTED)
+    found = fisher(prototype(Coulomb(mu)), x0, names=DAMPING, nuisance=STATE)
+    assert error == pytest.approx(relative(found), rel=5e-3)
 
 
 @pytest.mark.slow

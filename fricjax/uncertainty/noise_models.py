@@ -1,0 +1,168 @@
+"""One fit under each noise model: what its likelihood says of them, and what they make of a value and its error.
+
+The likelihoods are those of the rows by which a fit knows its noise, some forty to a half-cycle, with the parameters
+where that noise has them, so that they can be compared with each other and with nothing else.
+"""
+
+import dataclasses
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ..errors import UsageError, nearest
+from ..estimation.loss import Squares
+from ..fitting import Fit
+from ..fitting.assemble import assemble
+from ..fitting.noise_weighting import NoiseWeighted, weigh_by_noise
+from ..fitting.rows import rows_of
+from ..fitting.settings import NOISE_MODELS
+from ..fitting.solve import solve
+from ..show import Report, Reported, Table, axis_label, figure, plain, uncertain
+from .again import optimum, problem_of
+
+
+class NoiseModelRow(NamedTuple):
+    """One fit under one noise model.
+
+    Attributes:
+        name: of the model.
+        misfit: minus twice the logarithm of its likelihood, less that of the best model.
+        numbers: how many numbers the model has.
+        aic, bic: criteria of Akaike and Schwarz, less those of the best model.
+        fit: the fit under it.
+
+    Examples:
+        >>> from fricjax.uncertainty import NoiseModelRow
+        >>> NoiseModelRow("white", 12.0, 1, 10.0, 4.0, None).numbers
+        1
+    """
+
+    name: str
+    misfit: float
+    numbers: int
+    aic: float
+    bic: float
+    fit: Any
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class NoiseModels(Reported):
+    """A fit under several noise models.
+
+    Attributes:
+        rows: one for each model, the smallest `bic` first.
+        name: the parameter whose value and error are shown.
+        described: names of the models under which the fit describes its record.
+
+    Examples:
+        >>> import fricjax as fj
+        >>> machine = fj.Oscillator(0.4, 2500.0, 0.2, 10.0, fj.friction.Coulomb(0.05))
+        >>> run = fj.synthetic_run(machine, 2e-3, rate=2e3, duration=0.6, noise=1e-9, seed=0)
+        >>> fit = fj.fit(run, machine, ["mu", "damping", "stiffness"])
+        >>> fj.uncertainty.noise_models(fit).best.name
+        'white'
+    """
+
+    rows: tuple[NoiseModelRow, ...]
+    name: str
+
+    @property
+    def best(self) -> NoiseModelRow:
+        """The model of the smallest `bic`."""
+        return self.rows[0]
+
+    @property
+    def described(self) -> tuple[str, ...]:
+        """Names of the models under which the fit describes its record."""
+        return tuple(row.name for row in self.rows if row.fit.converged)
+
+    def report(self) -> Report:
+        """One row per model: criteria, and the value with its error."""
+        rows = []
+        for row in self.rows:
+            fit, numbers = row.fit, [f"{row.misfit:.1f}", str(row.numbers), f"{row.aic:.1f}", f"{row.bic:.1f}"]
+            shown = uncertain(fit.values[self.name], fit.std_errors[self.name], fit.units[self.name])
+            rows.append([row.name, *numbers, shown, fit.status.split(":")[0]])
+        heads = ["Noise model", "-2 ln L", "Numbers", "AIC", "BIC", self.name, "Status"]
+        notes = [f"{row.name}: {NOISE_MODELS[row.name]}." for row in self.rows]
+        data = {
+            row.name: {
+                "misfit": row.misfit,
+                "numbers": row.numbers,
+                "aic": row.aic,
+                "bic": row.bic,
+                "value": row.fit.values[self.name],
+                "std_error": row.fit.std_errors[self.name],
+                "status": row.fit.status,
+            }
+            for row in self.rows
+        }
+        return Report([Table(heads, rows, "Noise models, less the best")], notes=notes, data=data)
+
+    def plot(self) -> Any:
+        """Value and 95 % interval of the parameter under each model, less that of the best; a matplotlib figure."""
+        drawing, axes = figure()
+        axis, best, places = axes[0, 0], self.best.fit, np.arange(len(self.rows))
+        unit = best.std_errors[self.name]
+        shifts = [(row.fit.values[self.name] - best.values[self.name]) / unit for row in self.rows]
+        halves = [np.ptp(row.fit.intervals[self.name]) / 2 / unit for row in self.rows]
+        axis.errorbar(shifts, places, xerr=halves, fmt="o", capsize=4)
+        axis.set_yticks(places, [f"{row.name} (BIC +{plain(row.bic, 3)})" for row in self.rows])
+        axis.invert_yaxis()
+        axis.set_xlabel(axis_label(f"{self.name} less that of the best model, in its standard errors", ""))
+        return drawing
+
+
+def noise_models(fit: Fit, name: str | None = None) -> NoiseModels:
+    """Count a fit by each noise model in turn.
+
+    Args:
+        fit: the fit; not one that was read from a file.
+        name: parameter to show; None: mu, or the first one.
+
+    Returns:
+        The models, that of the smallest criterion of Schwarz first. Where a model finds nothing of its own in the
+        residuals it is the white one, and is left out.
+
+    Raises:
+        UsageError: a fit without an optimum, from a file or with a robust loss, or an unknown parameter.
+
+    Examples:
+        >>> import fricjax as fj
+        >>> machine = fj.Oscillator(0.4, 2500.0, 0.2, 10.0, fj.friction.Coulomb(0.05))
+        >>> run = fj.synthetic_run(machine, 2e-3, rate=2e3, duration=0.6, noise=1e-9, seed=0)
+        >>> fit = fj.fit(run, machine, ["mu", "damping", "stiffness"])
+        >>> [row.name for row in fj.uncertainty.noise_models(fit).rows][0]
+        'white'
+    """
+    problem = problem_of(fit)
+    name = name or ("mu" if "mu" in fit.names else fit.names[0])
+    if name not in fit.names:
+        raise UsageError(f"This fit has no {name!r}.{nearest(name, fit.names)} It has {', '.join(fit.names)}.")
+    if not isinstance(problem.loss, Squares):
+        raise UsageError("A robust loss is no likelihood: fit with loss='squares' to compare noise models.")
+    absolute = fit.sigma_mode == "absolute"
+    solution = solve(problem, problem.residual.space.coordinates(optimum(fit)))
+    unit = 1.0 if absolute else solution.chi2 / problem.dof
+    found = []
+    for model in NOISE_MODELS:
+        counted = weigh_by_noise(dataclasses.replace(problem, noise=model), solution, absolute)
+        if model == "white" or (model != "auto" and counted.went_on):
+            gain, numbers = _of_size(counted, unit) if model == "white" else (counted.gain, counted.numbers)
+            found.append((model, counted.solution.chi2 / unit + gain, numbers, assemble(counted, fit.sigma_mode)))
+    n, k = sum(row.series.t.size for row in rows_of(problem, solution.evaluation)), len(fit.names)
+    criteria = np.array([[m, m + 2 * (k + q), m + (k + q) * np.log(n)] for _, m, q, _ in found])
+    criteria -= criteria.min(axis=0)
+    rows = [NoiseModelRow(e[0], c[0], e[2], c[1], c[2], e[3]) for e, c in zip(found, criteria.tolist(), strict=True)]
+    return NoiseModels(tuple(sorted(rows, key=lambda row: row.bic)), name)
+
+
+def _of_size(counted: NoiseWeighted, unit: float) -> tuple[float, int]:
+    """What another size of white noise than the one stated adds to minus twice the likelihood, and its numbers."""
+    if counted.variance == counted.scatter:
+        return 0.0, 0
+    gain = 0.0
+    for row in rows_of(counted.problem, counted.solution.evaluation):
+        squares_of_row, n = float(row.series.residual @ row.series.residual) / unit, row.series.t.size
+        gain += n + n * np.log(squares_of_row / n) - squares_of_row
+    return gain, 1

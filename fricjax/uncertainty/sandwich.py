@@ -1,0 +1,185 @@
+"""Standard errors that trust no noise model: how much the gradient of a fit scatters in its own record.
+
+Whatever the noise is, the estimate moves by ``H^-1 g``, ``H`` the normal matrix and ``g`` the gradient that the noise
+makes, a sum over rows. Its variance is taken from the rows themselves, with the covariances of those that are near each
+other, which is right for noise that remembers and for noise whose size changes (Newey and West, Econometrica 55, 703,
+1987); up to which lag they count follows from an autoregression of each component (Andrews, Econometrica 59, 817,
+1991). It holds for long records: of a few correlation times it is too small.
+"""
+
+import dataclasses
+import math
+from typing import Any
+
+import numpy as np
+
+from ..errors import UsageError
+from ..estimation.colour import whitened
+from ..estimation.loss import Squares
+from ..fitting import Fit
+from ..fitting.colours import colours_of, least_squares
+from ..fitting.noise_weighting import weigh_by_noise
+from ..fitting.rows import Rows, rows_of
+from ..fitting.solve import solve
+from ..show import Report, Reported, Table, axis_label, figure, uncertain
+from .again import optimum, problem_of
+from .resampling import Bootstrap
+
+# Ratio to the standard error of the fit beyond which its noise model is doubted: between them lie nine of ten of the
+# ratios of fits whose noise is as their model says.
+_DOUBTED = 1.5
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Sandwich(Reported):
+    """Robust standard errors beside those of a fit.
+
+    Attributes:
+        names: free parameters; `units`: by name.
+        values, likelihood: values and standard errors of the fit, by name.
+        std_errors: robust ones, by name; inf where the fit has not determined a parameter.
+        covariance: shape (p, p).
+        memory: up to which lag covariances of the gradient count, of each run [s].
+        bootstrap: scatter of the draws of a bootstrap by name, empty where none was given.
+
+    Examples:
+        >>> import fricjax as fj
+        >>> machine = fj.Oscillator(0.4, 2500.0, 0.2, 10.0, fj.friction.Coulomb(0.05))
+        >>> run = fj.synthetic_run(machine, 2e-3, rate=2e3, duration=0.6, noise=1e-9, seed=0)
+        >>> fit = fj.fit(run, machine, ["mu", "damping", "stiffness"])
+        >>> bool(0.5 < fj.uncertainty.sandwich(fit).ratios["mu"] < 1.5)
+        True
+    """
+
+    names: tuple[str, ...]
+    units: dict[str, str]
+    values: dict[str, float]
+    likelihood: dict[str, float]
+    std_errors: dict[str, float]
+    covariance: np.ndarray
+    memory: tuple[float, ...]
+    bootstrap: dict[str, float] = dataclasses.field(default_factory=dict)
+
+    @property
+    def ratios(self) -> dict[str, float]:
+        """Robust standard error over that of the fit, by name; NaN where neither is known."""
+        pairs = ((name, self.std_errors[name], self.likelihood[name]) for name in self.names)
+        return {name: std / known if known and math.isfinite(known) else math.nan for name, std, known in pairs}
+
+    @property
+    def doubted(self) -> tuple[str, ...]:
+        """Parameters whose robust error is larger than that of the fit by more than chance makes it."""
+        return tuple(name for name, ratio in self.ratios.items() if ratio > _DOUBTED)
+
+    def report(self) -> Report:
+        """Both standard errors of each parameter, and that of the bootstrap where there is one."""
+        ratios, rows = self.ratios, []
+        for name in self.names:
+            cells = [uncertain(self.values[name], self.likelihood[name]), self.units[name]]
+            cells += [f"{self.likelihood[name]:.2g}", f"{self.std_errors[name]:.2g}", f"{ratios[name]:.2f}"]
+            rows.append([name, *cells, *([f"{self.bootstrap[name]:.2g}"] if self.bootstrap else [])])
+        heads = ["Parameter", "Value", "Unit", "Of the fit", "Robust", "Ratio"]
+        heads += ["Bootstrap"] if self.bootstrap else []
+        memory = ", ".join(f"{1e3 * each:.3g} ms" for each in self.memory)
+        warnings = []
+        if self.doubted:
+            warnings.append(
+                f"The robust errors of {', '.join(self.doubted)} are larger than those of the fit: its noise model "
+                "does not hold. Compare noise models, or take noise='auto'."
+            )
+        names = ("names", "values", "likelihood", "std_errors", "ratios", "covariance", "memory", "bootstrap")
+        data = {name: getattr(self, name) for name in names}
+        facts = [("counted", f"covariances of the gradient up to {memory}")]
+        return Report([Table(heads, rows, "Standard errors")], facts, warnings=warnings, data=data)
+
+    def plot(self) -> Any:
+        """Robust errors, and those of the bootstrap, over those of the fit as bars; a matplotlib figure."""
+        drawing, axes = figure()
+        axis, places = axes[0, 0], np.arange(len(self.names))
+        height = 0.4 if self.bootstrap else 0.7
+        axis.barh(places, [self.ratios[name] for name in self.names], height, label="robust")
+        if self.bootstrap:
+            others = [self.bootstrap[name] / self.likelihood[name] for name in self.names]
+            axis.barh(places + height, others, height, label="bootstrap")
+        axis.axvline(1.0, color="#000000", linestyle="--", linewidth=0.8)
+        axis.set_yticks(places + (height / 2 if self.bootstrap else 0), self.names)
+        axis.invert_yaxis()
+        axis.set_xlabel(axis_label("Standard error over that of the fit", "1"))
+        axis.legend()
+        return drawing
+
+
+def sandwich(fit: Fit, bootstrap: Bootstrap | None = None) -> Sandwich:
+    """Robust standard errors of a fit, right for heteroscedastic and autocorrelated noise.
+
+    They are those of the fit as it was counted: of least squares where its noise is white, and of the squares weighed
+    by its noise where it is not. A fit with ``noise="white"`` so has errors that hold for coloured noise too.
+
+    Args:
+        fit: the fit; not one that was read from a file.
+        bootstrap: a bootstrap of the same fit, whose scatter is shown beside.
+
+    Returns:
+        Both errors.
+
+    Raises:
+        UsageError: a fit without an optimum, from a file, or with a robust loss.
+
+    Examples:
+        >>> import fricjax as fj
+        >>> machine = fj.Oscillator(0.4, 2500.0, 0.2, 10.0, fj.friction.Coulomb(0.05))
+        >>> run = fj.synthetic_run(machine, 2e-3, rate=2e3, duration=0.6, noise=1e-9, seed=0)
+        >>> fit = fj.fit(run, machine, ["mu", "damping", "stiffness"])
+        >>> fj.uncertainty.sandwich(fit).doubted
+        ()
+    """
+    problem = problem_of(fit)
+    if not isinstance(problem.loss, Squares):
+        raise UsageError("The sandwich is that of least squares: fit with loss='squares'.")
+    absolute, p = fit.sigma_mode == "absolute", len(fit.names)
+    solution = solve(problem, problem.residual.space.coordinates(optimum(fit)))
+    counted = weigh_by_noise(problem, solution, absolute)
+    problem, at = counted.problem, counted.solution
+    rows = rows_of(problem, at.evaluation)
+    seen = colours_of(problem, at, rows, absolute) if counted.numbers else []
+    weighed = [whitened(row.series, colour) for row, colour in seen] or [_plain(row) for row in rows]
+    shape, *_ = least_squares(problem, at, weighed)
+    slope, values = np.asarray(at.derived.slope), {name: fit.values[name] for name in fit.names}
+    middle, memory = np.zeros((p, p)), []
+    for (residual, slopes), row in zip(weighed, rows, strict=True):
+        long_run, lag = _long_run(slopes[:, :p] * residual[:, None])
+        middle, memory = middle + long_run, [*memory, lag * row.samples * row.interval]
+    n = sum(residual.size for residual, _ in weighed)
+    covariance = shape.inverse @ middle @ shape.inverse * np.outer(slope, slope) * n / max(n - p, 1)
+    lost = ~np.isfinite(np.diag(fit.covariance))
+    covariance[lost, lost] = np.inf
+    errors = dict(zip(fit.names, np.sqrt(np.maximum(np.diag(covariance), 0.0)).tolist(), strict=True))
+    units, scatter = {name: fit.units[name] for name in fit.names}, {} if bootstrap is None else bootstrap.std
+    return Sandwich(fit.names, units, values, dict(fit.std_errors), errors, covariance, tuple(memory), scatter)
+
+
+def _plain(row: Rows) -> tuple[np.ndarray, np.ndarray]:
+    return row.series.residual, row.series.slopes
+
+
+def _long_run(gradients: np.ndarray) -> tuple[np.ndarray, int]:
+    """Covariance of the sum of rows of a gradient, shape (p, p), and the lag up to which they count for each other.
+
+    The weights fall linearly with the lag, which keeps the covariance positive.
+    """
+    n = gradients.shape[0]
+    before, after = gradients[:-1], gradients[1:]
+    power = np.sum(before**2, axis=0)
+    memory = np.sum(before * after, axis=0) / np.where(power > 0, power, 1.0)
+    memory = np.clip(memory, -0.97, 0.97)
+    size = np.var(after - memory * before, axis=0) ** 2
+    weigh = np.divide(1.0, size.clip(np.finfo(float).tiny), where=size > 0, out=np.zeros(size.size))
+    # Each component counts by the inverse square of its own scatter, as their units have nothing in common.
+    above = np.sum(weigh * size * 4 * memory**2 / ((1 - memory) ** 6 * (1 + memory) ** 2))
+    below = np.sum(weigh * size / (1 - memory) ** 4)
+    lag = min(math.ceil(1.1447 * (above / max(below, np.finfo(float).tiny) * n) ** (1 / 3)), n // 4)
+    total = gradients.T @ gradients
+    for k in range(1, lag + 1):
+        product = gradients[k:].T @ gradients[:-k]
+        total += (1 - k / (lag + 1)) * (product + product.T)
+    return total, lag
