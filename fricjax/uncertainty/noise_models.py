@@ -17,7 +17,7 @@ from ..fitting.noise_weighting import NoiseWeighted, weigh_by_noise
 from ..fitting.rows import rows_of
 from ..fitting.settings import NOISE_MODELS
 from ..fitting.solve import solve
-from ..show import Report, Reported, Table, axis_label, figure, plain, uncertain
+from ..show import Report, Reported, Style, Table, axis_label, figure, plain, styled, uncertain
 from .again import optimum, problem_of
 
 
@@ -99,8 +99,12 @@ class NoiseModels(Reported):
         }
         return Report([Table(heads, rows, "Noise models, less the best")], notes=notes, data=data)
 
-    def plot(self) -> Any:
-        """Value and 95 % interval of the parameter under each model, less that of the best; a matplotlib figure."""
+    def plot(self, *, style: Style = "screen") -> Any:
+        """Value and 95 % interval of the parameter under each model, less that of the best; a matplotlib figure.
+
+        Args:
+            style: as of :func:`fricjax.show.styled`.
+        """
         drawing, axes = figure()
         axis, best, places = axes[0, 0], self.best.fit, np.arange(len(self.rows))
         unit = best.std_errors[self.name]
@@ -110,7 +114,7 @@ class NoiseModels(Reported):
         axis.set_yticks(places, [f"{row.name} (BIC +{plain(row.bic, 3)})" for row in self.rows])
         axis.invert_yaxis()
         axis.set_xlabel(axis_label(f"{self.name} less that of the best model, in its standard errors", ""))
-        return drawing
+        return styled(drawing, style)
 
 
 def noise_models(fit: Fit, name: str | None = None) -> NoiseModels:

@@ -21,7 +21,7 @@ from ..fitting.colours import colours_of, least_squares
 from ..fitting.noise_weighting import weigh_by_noise
 from ..fitting.rows import Rows, rows_of
 from ..fitting.solve import solve
-from ..show import Report, Reported, Table, axis_label, figure, uncertain
+from ..show import Report, Reported, Style, Table, axis_label, figure, styled, uncertain
 from .again import optimum, problem_of
 from .resampling import Bootstrap
 
@@ -92,8 +92,12 @@ class Sandwich(Reported):
         facts = [("counted", f"covariances of the gradient up to {memory}")]
         return Report([Table(heads, rows, "Standard errors")], facts, warnings=warnings, data=data)
 
-    def plot(self) -> Any:
-        """Robust errors, and those of the bootstrap, over those of the fit as bars; a matplotlib figure."""
+    def plot(self, *, style: Style = "screen") -> Any:
+        """Robust errors, and those of the bootstrap, over those of the fit as bars; a matplotlib figure.
+
+        Args:
+            style: as of :func:`fricjax.show.styled`.
+        """
         drawing, axes = figure()
         axis, places = axes[0, 0], np.arange(len(self.names))
         height = 0.4 if self.bootstrap else 0.7
@@ -106,7 +110,7 @@ class Sandwich(Reported):
         axis.invert_yaxis()
         axis.set_xlabel(axis_label("Standard error over that of the fit", "1"))
         axis.legend()
-        return drawing
+        return styled(drawing, style)
 
 
 def sandwich(fit: Fit, bootstrap: Bootstrap | None = None) -> Sandwich:
