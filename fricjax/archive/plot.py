@@ -5,7 +5,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..errors import UsageError
-from ..show import figure
+from ..show import axis_label, figure
+from .units import unit_of
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -29,8 +30,10 @@ def parameter_figure(table: "DataFrame", name: str, against: str) -> Any:
     for law in laws:
         rows = (columns["status"] == "ok") & (columns["friction"] == law)
         axes.errorbar(where[rows], columns[name][rows], errors[rows], fmt=".", capsize=2, label=law)
-    axes.set_xlabel("Run" if against == "run" else against.replace("_", " ").capitalize())
-    axes.set_ylabel(name.replace("_", " "))
+    quantity = next((each for each in columns["quantity"] if isinstance(each, str) and each), "m")
+    across, along = (unit_of(column, laws, quantity) for column in (against, name))
+    axes.set_xlabel(axis_label(against.replace("_", " ").capitalize(), across))
+    axes.set_ylabel(axis_label(name.replace("_", " "), along))
     if len(laws) > 1:
         axes.legend()
     return drawn

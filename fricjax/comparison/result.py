@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from .. import thresholds
+from ..data.record import listed
 from ..errors import UsageError, nearest
 from ..fitting.result import Fit
 from ..show import Report, Reported, Style, Table, axis_label, display_unit, figure, plain, styled
@@ -126,7 +127,7 @@ class Comparison(Reported):
             "Distances of AICc and BIC from the smallest; held out: mean square of predicted residuals over noise."
         ]
         if any(self.sources):
-            notes[0] = f"Fitted to {', '.join(self.best.labels)}. {notes[0]}"
+            notes[0] = f"Fitted to {listed(self.sources)}. {notes[0]}"
         notes += [self._conclusion(rows), *self.fingerprints]
         return Report([Table(columns, cells)], notes=notes, warnings=self._doubts(rows), data=self._data())
 

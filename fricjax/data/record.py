@@ -21,6 +21,10 @@ if TYPE_CHECKING:
     from .trace import Trace
 
 
+# Most runs that a report names: with a dozen the line would be wider than a page.
+_LISTED = 4
+
+
 @dataclasses.dataclass(frozen=True)
 class Step:
     """One logged step: its name, the parameters it was called with, and what it did, in words and numbers.
@@ -217,3 +221,9 @@ def labels(names: Sequence[str]) -> tuple[str, ...]:
     often = Counter(names)
     numbered = (f"run {i} ({name})" if name else f"run {i}" for i, name in enumerate(names))
     return tuple(name if often[name] == 1 and name else number for name, number in zip(names, numbered, strict=True))
+
+
+def listed(sources: Sequence[str]) -> str:
+    """What a report says of the runs it rests on: the first of their labels, and how many more there are."""
+    more = len(sources) - _LISTED
+    return ", ".join(labels(sources)[:_LISTED]) + (f" and {more} more" if more > 0 else "")

@@ -17,7 +17,7 @@ import numpy as np
 from .. import thresholds
 from ..data import Record
 from ..data.gather import gather
-from ..data.record import labels
+from ..data.record import listed
 from ..errors import DataError, UsageError
 from ..estimation.covariance import COVERAGE
 from ..fitting import fit_batch
@@ -133,7 +133,7 @@ class Agreement(Reported):
         """One row per route; the files, the coefficient, and what the routes say of the model."""
         rows = [[r.name, r.mu, plain(r.mu.value / self.mu.value - 1, 2), str(r.runs)] for r in self.routes]
         rows += [[name, None, None, reason] for name, reason in self.failures.items()]
-        files = [("runs", ", ".join(labels(self.sources)))] if any(self.sources) else []
+        files = [("runs", listed(self.sources))] if any(self.sources) else []
         facts = [*files, ("most precise", uncertain(self.mu.value, self.mu.std)), ("agreement", self.conclusion)]
         table = Table(["Route", "mu", "From the most precise (relative)", "Runs"], rows)
         return Report([table], facts, data=vars(self) | {"agree": self.agree, "conclusion": self.conclusion})

@@ -10,15 +10,15 @@ from typing import Any
 
 import numpy as np
 
-from ..data.record import labels
+from ..data.record import labels, listed
 from ..errors import DataError
 from ..show import Report, Table, axis_label, display_unit, engineering, figure, interval, plain, scaled, uncertain
 from ..show.thumbnail import Curve, curves_svg
 from .names import NUISANCES
 from .rest import CONTRADICTED
 
-# Most files whose names the report lists, and most runs of a batch.
-_LISTED, _LISTED_RUNS = 4, 20
+# Most runs of a batch that the report lists.
+_LISTED_RUNS = 20
 _THUMBNAILS = 2  # coefficients of a batch that are drawn beside its table
 # Ratio from which on the errors of white noise are shown beside the right ones, and noise as larger than stated.
 _NOTABLE = 1.3
@@ -88,8 +88,7 @@ def facts(fit: Any) -> list[tuple[str, str]]:
 def _sources(fit: Any) -> Iterator[tuple[str, str]]:
     """The files that were fitted; nothing where none has a name."""
     if any(fit.sources):
-        more = len(fit.labels) - _LISTED
-        yield "record", ", ".join(fit.labels[:_LISTED]) + (f" and {more} more" if more > 0 else "")
+        yield "record", listed(fit.sources)
 
 
 def _noise(fit: Any) -> Iterator[str]:

@@ -7,25 +7,15 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..archive.units import unit_of
 from ..fitting.derived import UNITS
 from ..fitting.names import NUISANCES
-from ..show import display_unit, rotary_unit, uncertain
+from ..show import display_unit, uncertain
 
 if TYPE_CHECKING:
     from pandas import DataFrame
 
 STD, COMBINED = "_std", "_combined_std"
-# Units of the columns that are no parameters; "x" stands for the unit of the displacement.
-_PLAIN_UNITS = {
-    "residual_rms": "x",
-    "sigma": "x",
-    "amplitude": "x",
-    "rate": "Hz",
-    "duration": "s",
-    "load": "N",
-    "seconds_read": "s",
-    "seconds_fit": "s",
-}
 _TIMES = ("measured_at", "modified", "finished_at")
 _JUDGEMENT = ("chi2_reduced", "residual_rms", "sigma", "numerical_shift", "half_cycles", "iterations", "passes")
 _RECORD = ("quantity", "samples", "rate", "duration", "amplitude", "load", "rig")
@@ -49,31 +39,6 @@ def numbers(frame: "DataFrame", name: str) -> np.ndarray:
 def parameters(frame: "DataFrame") -> list[str]:
     """Names of the columns that hold a value with its standard error, in their order."""
     return [name for name in map(str, frame.columns) if f"{name}{STD}" in frame.columns]
-
-
-def unit_of(name: str, laws: Sequence[str], quantity: str = "m") -> str:
-    """SI unit of a column by its name.
-
-    Args:
-        name: of a parameter, of one of the kinematics, or of another column.
-        laws: friction laws of the table, as on the command line, whose coefficients may be meant.
-        quantity: "m", or "rad" for a rotary rig.
-    """
-    stem = name.split("[")[0].rsplit(".", 1)[-1]
-    unit = {**_PLAIN_UNITS, **_coefficient_units(laws), **NUISANCES, **UNITS}.get(stem, "")
-    return quantity if unit == "x" else rotary_unit(unit, quantity)
-
-
-def _coefficient_units(laws: Sequence[str]) -> dict[str, str]:
-    """Units of the coefficients of the machine and of these laws."""
-    from .. import friction
-    from ..friction.catalogue import CATALOGUE
-    from ..oscillator import Oscillator, restoring
-
-    summands = {part for law in laws for part in law.split("+")}
-    classes = [Oscillator, restoring.Cubic, restoring.Structural]
-    classes += [getattr(friction, CATALOGUE[name].name) for name in sorted(summands) if name in CATALOGUE]
-    return {name: each.unit for cls in classes for name, each in getattr(cls, "coefficients", {}).items()}
 
 
 def columns(frame: "DataFrame", quantity: str) -> list[dict[str, Any]]:

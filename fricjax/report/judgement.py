@@ -6,11 +6,12 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from ..archive.units import unit_of
 from ..errors import DataError
 from ..fitting.names import NUISANCES
 from ..fitting.population import population
 from ..show import Report, Table, uncertain
-from .columns import COMBINED, STD, numbers, parameters, typical_unit, unit_of
+from .columns import COMBINED, STD, numbers, parameters, typical_unit
 
 if TYPE_CHECKING:
     from pandas import DataFrame

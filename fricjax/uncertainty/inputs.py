@@ -91,7 +91,7 @@ class Input:
             return value
         if not isinstance(value, str):
             number = value if isinstance(value, Measured) else Measured(value)
-            return cls(number.value, number.std, unit)
+            return cls(number.value, number.std, unit or number.unit or "")
         words = _WORDS.fullmatch(value) if len(value) <= LONGEST else None
         read = parse_uncertain(words["number"]) if words else None
         if words is None or read is None or read[2]:

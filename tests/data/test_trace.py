@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from fricjax.data import Trace
+from fricjax.data.record import listed
 from fricjax.errors import DataError
 
 T = [0.0, 0.1, 0.25, 0.3]
@@ -71,3 +72,9 @@ def test_traces_are_stacked_and_mapped():
     stacked = jax.tree.map(lambda *leaves: jnp.stack(leaves), *traces)
     assert stacked.n == 4
     assert jax.vmap(lambda trace: trace.x.sum())(stacked).tolist() == [4.0, 8.0]
+
+
+def test_a_report_names_no_more_runs_than_fit_a_line():
+    assert listed(["a.csv", "b.csv"]) == "a.csv, b.csv"
+    assert listed([f"{i}.csv" for i in range(12)]) == "0.csv, 1.csv, 2.csv, 3.csv and 8 more"
+    assert listed([""] * 5) == "run 0, run 1, run 2, run 3 and 1 more"

@@ -13,7 +13,6 @@ import pytest
 
 import fricjax as fj
 from fricjax.errors import DataError, UsageError
-from fricjax.report.columns import unit_of
 from fricjax.report.half_cycles import half_cycles_of
 from fricjax.report.judgement import reasons, summary
 from fricjax.report.pictures import CURVES, Curves, encoded
@@ -130,18 +129,6 @@ def test_numbers_keep_their_digits_in_the_unit_of_their_column(parsed, frame):
     expected = fj.show.uncertain(frame["mu"][row], frame["mu_combined_std"][row])
     assert mu["text"][row] == expected
     assert mu["text"][frame["mu"].isna().to_numpy().argmax()] == ""
-
-
-def test_units_are_those_of_the_law_and_of_the_rig():
-    assert unit_of("x0[2]", []) == "m"
-    assert unit_of("x0", [], "rad") == "rad"
-    assert unit_of("stiffness", [], "rad") == "N m/rad"
-    assert unit_of("v_stribeck", ["stribeck"]) == "m/s"
-    assert (
-        unit_of("friction.1.quadratic_drag", ["coulomb+quadraticdrag"])
-        == fj.friction.QuadraticDrag.coefficients["quadratic_drag"].unit
-    )
-    assert unit_of("lubricant", ["coulomb"]) == ""
 
 
 def test_curves_come_back_within_half_a_level():

@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+import fricjax as fj
 from fricjax.errors import UsageError
 from fricjax.uncertainty import Input, propagate
 
@@ -200,3 +201,10 @@ def test_the_latex_table_is_one():
     text = end_gauge().to_latex()
     assert text.count(r"\\") == 8 and r"expansion\_difference" in text
     assert text.startswith(r"\begin{tabular}") and text.endswith(r"\end{tabular}")
+
+
+def test_a_measured_value_keeps_its_unit():
+    budget = propagate(lambda inertia: 0.73 * inertia, {"inertia": fj.Measured(8.2e-3, 4e-5, "kg m^2")}, unit="N m")
+    assert budget.inputs["inertia"].unit == "kg m^2"
+    assert "kg m^2" in budget.summary()
+    assert Input.of(fj.Measured(1.0, 0.1)).unit == ""
