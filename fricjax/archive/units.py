@@ -1,4 +1,4 @@
-"""In which units the columns of an archive's table are, told from their names."""
+"""In which units the columns of an archive's table are, by their names."""
 
 from collections.abc import Sequence
 
