@@ -1,0 +1,150 @@
+"""The documentation: it builds without a warning and a network, has every public name, and its blocks run."""
+
+import os
+import re
+import shlex
+import subprocess
+import sys
+import tomllib
+from html.parser import HTMLParser
+from types import ModuleType
+from urllib.parse import unquote, urlsplit
+
+import pytest
+
+import fricjax
+from fricjax.cli.main import run
+from tests import documents
+from tests.documents import ROOT
+
+PAGES = [ROOT / "README.md", *sorted((ROOT / "notebooks").glob("*.md"))]
+QUANTITIES = ("Time", "Displacement", "Amplitude", "Velocity", "Speed", "Friction force", "Frequency", "Residual")
+LEGIBLE = 8.0
+"""Smallest text of a picture in points: 12 pixels where the 7 inches of its width are shown as 800."""
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory):
+    """The documentation as `mkdocs build --strict` writes it, with the code of its pages not run."""
+    folder = tmp_path_factory.mktemp("site")
+    environment = os.environ | {"FRICJAX_PAGES_RUN": "false", "NO_MKDOCS_2_WARNING": "1"}
+    command = [sys.executable, "-m", "mkdocs", "build", "--strict", "--site-dir", str(folder)]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, env=environment)
+    assert done.returncode == 0, done.stderr
+    assert "WARNING" not in done.stderr
+    return folder
+
+
+class Links(HTMLParser):
+    """The anchors of a page, what it links to, and what a browser loads with it."""
+
+    def __init__(self, path):
+        super().__init__()
+        self.anchors, self.links, self.loaded = {"", "__top"}, [], []
+        self.feed(path.read_text())
+
+    def handle_starttag(self, tag, attrs):
+        values = dict(attrs)
+        self.anchors |= {values[name] for name in ("id", "name") if values.get(name)}
+        target = values.get("href") or values.get("src")
+        if target and (tag != "link" or values.get("rel") != "canonical"):
+            (self.links if tag == "a" else self.loaded).append(target)
+
+
+@pytest.fixture(scope="module")
+def read(site):
+    return {path: Links(path) for path in sorted(site.rglob("*.html"))}
+
+
+def test_every_link_leads_somewhere(site, read):
+    broken = []
+    for path, page in read.items():
+        for link in page.links + page.loaded:
+            parts = urlsplit(link)
+            if parts.scheme or path.name == "404.html":
+                continue
+            target = (path.parent / unquote(parts.path)).resolve() if parts.path else path
+            target = target / "index.html" if target.is_dir() else target
+            if not target.exists() or (target in read and parts.fragment not in read[target].anchors):
+                broken.append(f"{path.relative_to(site)}: {link}")
+    assert not broken
+
+
+def test_no_page_needs_a_network(site, read):
+    loaded = {target for page in read.values() for target in page.loaded}
+    assert not [target for target in loaded if urlsplit(target).scheme not in ("", "data")]
+    styles = [path.read_text() for path in (site / "assets").rglob("*.css")]
+    assert not re.findall(r"(?:@import|url\()\s*[\"']?https?:", " ".join(styles))
+
+
+def public_names(module):
+    """What a module exports, by its full name, and what its modules export."""
+    for name in getattr(module, "__all__", ()):
+        value = getattr(module, name)
+        if isinstance(value, ModuleType):
+            if value.__name__ == f"{module.__name__}.{name}":
+                yield from public_names(value)
+        else:
+            yield f"{module.__name__}.{name}"
+
+
+def test_every_public_name_has_an_entry(read):
+    anchors = {anchor for path, page in read.items() if path.parent.name == "reference" for anchor in page.anchors}
+    names = set(public_names(fricjax))
+    assert {"fricjax.fit", "fricjax.friction.Coulomb", "fricjax.uncertainty.budget"} <= names
+    assert not names - anchors
+
+
+def test_formulas_need_no_script(site):
+    text = (site / "symbols.html").read_text()
+    assert text.count("<math") > 20
+    assert "arithmatex" not in text
+
+
+def test_each_notebook_is_a_page(site):
+    notebooks = [path.stem for path in (ROOT / "notebooks").glob("*.ipynb")]
+    front = (site / "index.html").read_text()
+    assert notebooks
+    assert not [name for name in notebooks if f'href="{name}.html"' not in front]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("path", PAGES, ids=lambda path: path.stem)
+def test_the_blocks_of_a_page_run(path, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    codes = documents.blocks(path.read_text(), "python")
+    ran = documents.run(codes, path.name) if codes else documents.Ran("", [])
+    for figure in (value for value in ran.shown if hasattr(value, "savefig")):
+        figure.canvas.draw()
+        for axis in (axis for axes in figure.axes for axis in (axes.xaxis, axes.yaxis)):
+            label, ticks = axis.label.get_text(), axis.get_ticklabels()
+            named = [text for text in ticks if re.search("[a-z]{2}", text.get_text().replace("mathdefault", ""))]
+            assert label or named or not ticks, "an axis of numbers without a label"
+            assert "[" in label or not label.startswith(QUANTITIES), f"the axis '{label}' has no unit"
+            assert min(text.get_fontsize() for text in (axis.label, *ticks)) >= LEGIBLE
+
+
+def test_the_commands_of_the_first_hour_run(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("FRICJAX_CACHE_DIR", "off")
+    for name in ("first_hour", "choose"):
+        for command in documents.commands((ROOT / "notebooks" / f"{name}.md").read_text()):
+            assert run(shlex.split(command)[1:]) == 0, f"{command}\n{capsys.readouterr().err}"
+
+
+@pytest.mark.parametrize("path", PAGES, ids=lambda path: path.stem)
+def test_tables_of_settings_are_read(path, tmp_path):
+    for number, text in enumerate(documents.blocks(path.read_text(), "toml")):
+        settings = tomllib.loads(text)
+        if "mass" in settings:
+            rig = tmp_path / f"{number}.toml"
+            rig.write_text(text)
+            assert fricjax.Rig.from_toml(rig).mass.value > 0
+
+
+@pytest.mark.parametrize("path", [*PAGES, ROOT / "CONTRIBUTING.md", ROOT / "CHANGELOG.md"], ids=lambda path: path.stem)
+def test_what_a_text_names_exists(path):
+    text = path.read_text()
+    named = re.findall(r"\bpython (experiments/[\w/]+\.py)", " ".join(text.split()))
+    linked = re.findall(r"\]\(([\w./]+)(?:#[\w-]+)?\)", text) if path.parent == ROOT else []
+    assert not [name for name in [*named, *linked] if not (ROOT / name).exists()]
