@@ -14,6 +14,7 @@ import numpy as np
 
 from ..errors import DataError
 from ..show import Report, Reported, Style, styled
+from ..show.labelled import Variable, dataset
 from ..show.thumbnail import Curve, curves_svg
 from .segmentation.decay import Segmentation, segment
 
@@ -190,6 +191,20 @@ class Record(Reported):
         table = pd.DataFrame({"t": self.t, "x": x, "used": self.mask})
         table.attrs.update({"units": {"t": "s", "x": self.quantity}, "source": self.name})
         return table
+
+    def to_xarray(self) -> Any:
+        """A data set of xarray with `x` and `used` over `t`; `fricjax.read` takes it back, as it does the table.
+
+        Raises:
+            UsageError: xarray is not installed; the sentence says how to.
+        """
+        x = np.where(~self.mask & (self.x == 0.0), np.nan, self.x)
+        variables = {"x": Variable("t", x, self.quantity, "displacement"), "used": Variable("t", self.mask)}
+        if self.sigma is not None:
+            sigma = np.broadcast_to(self.sigma, self.x.shape)
+            variables["sigma"] = Variable("t", sigma, self.quantity, "standard deviation of the noise")
+        coordinates = {"t": Variable("t", self.t, "s", "time")}
+        return dataset(variables, coordinates, source=self.name, log=[str(step) for step in self.log])
 
     def report(self) -> Report:
         """Source, size, span, and the log."""

@@ -24,7 +24,7 @@ from .chunks import WIDTH, Summary
 from .derived import UNITS, contributions, kinematics
 from .diagnostics import CONVERGED, Misfit, flags_of, misfit_of, status_of, worst
 from .noise_weighting import NoiseWeighted, weigh_by_noise
-from .parameters import Prior, Request, Settings, Tied
+from .parameters import Free, Prior, Request, Settings, Tied
 from .problem import Problem, build_problem
 from .rest import miscounted, solve_with_rest
 from .result import named
@@ -52,7 +52,7 @@ class Row(NamedTuple):
 def fit_batch(
     data: object,
     oscillator: Oscillator,
-    free: Sequence[str],
+    free: Free,
     *,
     t: ArrayLike | None = None,
     rate: float | None = None,
@@ -76,7 +76,7 @@ def fit_batch(
         data: a list of runs of any lengths, each given as to :func:`fit`: a record, a path, a table,
             ``(t, x)``, and with `t` or `rate` also bare displacements, an array of shape (runs, samples) too.
         oscillator: the machine and its friction law, the same for every run.
-        free: names of the coefficients to fit.
+        free: names of the coefficients to fit, or Parameters of lmfit, as in :func:`fit`.
         t: times of runs that are given as bare displacements, shape (samples,) in seconds, for all runs or one of each.
         rate: samples per second of such runs, in place of times: ``fit(x, ..., rate=5000.0)``.
         nuisance: names of each run's own parameters; None for those that belong to `start`.

@@ -9,6 +9,7 @@ import numpy as np
 from ..errors import DataError, UsageError, nearest
 from ..show import Report, Reported, Style, styled
 from .diagnostics import optimum_found
+from .interchange import batch_to_xarray
 from .noise import Noise
 from .population import Population, population
 from .show import batch_plot, batch_report, batch_thumbnails
@@ -163,6 +164,14 @@ class BatchFit(Reported):
         columns["noise"] = [noise and "; ".join(noise.words("")) for noise in self.noises]
         columns |= {"status": self.status, "warnings": [" ".join(warnings) for warnings in self.warnings]}
         return pd.DataFrame(columns).rename_axis("run")
+
+    def to_xarray(self) -> Any:
+        """A data set of xarray with the axes `run` and `parameter`.
+
+        Raises:
+            UsageError: xarray is not installed; the sentence says how to.
+        """
+        return batch_to_xarray(self)
 
     def __repr__(self) -> str:
         return f"BatchFit({len(self)} runs of {', '.join(self.names)}; {int(self.converged.sum())} converged)"

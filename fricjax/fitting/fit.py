@@ -15,7 +15,7 @@ from ..rig import Rig
 from ..show.working import working
 from .assemble import assemble
 from .noise_weighting import weigh_by_noise
-from .parameters import Prior, Request, Settings, Tied
+from .parameters import Free, Prior, Request, Settings, Tied
 from .problem import Problem, build_problem
 from .rest import solve_with_rest
 from .result import Fit, FitError
@@ -27,7 +27,7 @@ from .solve import Solution
 def fit(
     data: object,
     oscillator: Oscillator,
-    free: Sequence[str],
+    free: Free,
     *,
     t: ArrayLike | None = None,
     rate: float | None = None,
@@ -56,6 +56,8 @@ def fit(
         oscillator: the machine and its friction law.
         free: names of the coefficients to fit: "mu", "damping", "stiffness", "sigma0" ...; where two leaves share a
             name the dotted path, "friction.0.mu". The static coefficient of a Coulomb law is bracketed, not fitted.
+            Or Parameters of lmfit: those that vary are free, with their values as start and their bounds, the others
+            are set in the machine.
         t: times of runs that are given as bare displacements, shape (samples,) in seconds, for all runs or one of each.
         rate: samples per second of such runs, in place of times: ``fit(x, ..., rate=5000.0)``.
         nuisance: names of each run's own parameters (x0, v0, offset, drift, t_release, z0); None for those that

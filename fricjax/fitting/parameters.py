@@ -17,12 +17,14 @@ from ..oscillator.engines import AbstractEngine
 from ..oscillator.leaves import Leaf
 from ..rig import Measured, Rig
 from .guess import guess_machine
+from .interchange import asked_of
 from .law_start import guess_law, highest_of, terms_of
 from .names import NUISANCES, check_names, chosen, sole_coulomb, tied
 from .settings import check_bounds, check_noise_model, run_names
 from .window import Window
 
 type Prior = Measured | tuple[float, float]
+type Free = Sequence[str] | Mapping[str, Any]
 type Tied = str | tuple[str, float]
 
 
@@ -63,17 +65,19 @@ class Request:
     noise: str = "auto"
 
     @classmethod
-    def of(cls, oscillator: Oscillator, free: str | Sequence[str], **settings: Unpack[Settings]) -> "Request":
+    def of(cls, oscillator: Oscillator, free: str | Free, **settings: Unpack[Settings]) -> "Request":
         """The request from the settings of a fit that say how; each that is left out is as in a fit.
 
         Raises:
             UsageError: no oscillator, no rig, or an unknown loss or noise.
         """
-        nuisance, rig, noise = settings.get("nuisance"), settings.get("rig"), settings.get("noise", "auto")
+        noise = settings.get("noise", "auto")
         check_noise_model(noise)
         if not isinstance(oscillator, Oscillator):
             name = type(oscillator).__name__
             raise UsageError(f"fit needs an Oscillator, got {name}. Build one, or take rig.oscillator(friction).")
+        oscillator, free, asked = asked_of(free, oscillator, settings)
+        nuisance, rig = settings.get("nuisance"), settings.get("rig")
         if not isinstance(rig, Rig | None):
             raise UsageError(f"rig must be a fricjax.Rig, got {type(rig).__name__}. Read one with Rig.from_toml(path).")
         return cls(
@@ -82,11 +86,11 @@ class Request:
             nuisance=None if nuisance is None else tuple(nuisance),
             engine=settings.get("engine", "auto"),
             start=settings.get("start", "first_reversal"),
-            bounds=settings.get("bounds") or {},
+            bounds=asked.get("bounds") or {},
             priors=settings.get("priors") or {},
             tie=settings.get("tie") or {},
             rig=rig,
-            guess=settings.get("guess") or {},
+            guess=asked.get("guess") or {},
             loss=named_loss(settings.get("loss", "squares")),
             noise=noise,
         )

@@ -15,7 +15,9 @@ from ..estimation.covariance import correlation
 from ..oscillator import Oscillator, simulate
 from ..rig import Measured
 from ..show import Report, Reported, Style, styled
+from . import interchange
 from .diagnostics import optimum_found
+from .interactive import Sliders
 from .noise import Noise, Whiteness
 from .problem import Problem
 from .residual import Run, motion
@@ -232,6 +234,54 @@ class Fit(Reported):
         """
         self._check_run(run)
         return styled(plot(self, run), style)
+
+    def interactive(self, run: int = 0) -> Sliders:
+        """Sliders for the coefficients and the begin of the motion, with the model over the record, for a notebook.
+
+        Their values are in its `guess`, to pass to another fit as start values.
+
+        Args:
+            run: which run of a joint fit.
+
+        Raises:
+            UsageError: no such run, or ipywidgets is not installed; the sentence says how to.
+        """
+        self._check_run(run)
+        return Sliders(self, run)
+
+    def to_dataframe(self) -> Any:
+        """A pandas table of numbers: a row for each parameter, and below them for each quantity of the kinematics.
+
+        Its columns are `value`, `std`, `combined_std`, `low` and `high` (95 %), `unit` and `remarks`.
+        """
+        return interchange.to_dataframe(self)
+
+    def to_xarray(self) -> Any:
+        """A data set of xarray: values and covariances, and the samples of each run with model and residuals.
+
+        Raises:
+            UsageError: xarray is not installed; the sentence says how to.
+        """
+        return interchange.to_xarray(self)
+
+    def to_uncertainties(self) -> dict[str, Any]:
+        """The values by name as numbers of the package uncertainties, correlated by the combined covariance.
+
+        Raises:
+            UsageError: the package is not installed; the sentence says how to.
+        """
+        return interchange.to_uncertainties(self)
+
+    def to_lmfit(self) -> Any:
+        """Parameters of lmfit: values with statistical errors, correlations and bounds, and the machine as fixed ones.
+
+        Names that lmfit does not take are written with underscores: ``friction.0.mu`` as ``friction_0_mu``. `fit` takes
+        them back in place of `free`.
+
+        Raises:
+            UsageError: lmfit is not installed; the sentence says how to.
+        """
+        return interchange.to_lmfit(self)
 
     def to_dict(self) -> dict[str, Any]:
         """The fit as plain data, without the samples."""

@@ -12,6 +12,7 @@ from jaxtyping import Array, Bool, Float, Int
 
 from ..friction.base import Scalar, State
 from ..show import Report, Reported, Style, Table, axis_label, engineering, figure, scaled, styled
+from ..show.labelled import Variable, dataset
 from ..show.thumbnail import Curve, curves_svg
 
 _SAMPLED = ("t", "x", "v", "friction_force", "at_rest")
@@ -136,6 +137,22 @@ class Motion(eqx.Module, Reported):
         shape = self.x.shape
         rows = [np.broadcast_to(np.asarray(getattr(self, name)), shape) for name in names]
         return [each.reshape(-1, shape[-1]) for each in rows]
+
+    def to_xarray(self) -> Any:
+        """A data set of xarray over `t`; of several motions over the axes `motion_0`, ... and `sample`.
+
+        Raises:
+            UsageError: xarray is not installed; the sentence says how to.
+        """
+        before = [f"motion_{i}" for i in range(self.x.ndim - 1)]
+        dims = [*before, "sample"] if before else ["t"]
+        units = {"t": "s", "x": "m", "v": "m/s", "friction_force": "N", "at_rest": ""}
+        sampled = {name: Variable(dims, np.broadcast_to(getattr(self, name), self.x.shape), unit)
+                   for name, unit in units.items()}  # fmt: skip
+        variables = {**sampled, "t_stop": Variable(before, self.t_stop, "s", "time of the final stop")}
+        variables["n_half_cycles"] = Variable(before, self.n_half_cycles)
+        coordinates = {} if before else {"t": variables.pop("t")}
+        return dataset(variables, coordinates, engine=self.engine)
 
     def to_dataframe(self) -> Any:
         """The samples, one row each."""

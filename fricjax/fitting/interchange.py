@@ -1,0 +1,175 @@
+"""Fits for other packages, and what others bring to a fit: pandas, xarray, uncertainties and lmfit.
+
+None of them is imported before it is asked for. Values are SI, and keep their units where the other package has a place
+for them.
+"""
+
+import math
+import re
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import jax
+import numpy as np
+
+from ..errors import UsageError, needed
+from ..oscillator import Oscillator
+from ..oscillator.leaves import leaves_of
+from ..show.labelled import Variable, dataset
+from .names import NUISANCES
+
+type Bounds = tuple[float | None, float | None]
+
+
+class Asked(NamedTuple):
+    """What Parameters of lmfit ask for: a machine, its free coefficients, start values and bounds."""
+
+    oscillator: Oscillator
+    free: tuple[str, ...]
+    guess: dict[str, float]
+    bounds: dict[str, Bounds]
+
+
+def plain_name(name: str) -> str:
+    """A name as packages want it that take names of Python only.
+
+    Examples:
+        >>> from fricjax.fitting.interchange import plain_name
+        >>> plain_name("friction.0.mu"), plain_name("x0[2]")
+        ('friction_0_mu', 'x0_2')
+    """
+    return re.sub(r"\W+", "_", name).strip("_")
+
+
+def is_lmfit(free: Any) -> bool:
+    """Whether free parameters are named by Parameters of lmfit."""
+    return isinstance(free, Mapping) and hasattr(free, "valuesdict")
+
+
+def from_lmfit(parameters: Any, oscillator: Oscillator) -> Asked:
+    """What Parameters of lmfit ask for: those that vary are free, start at their value and keep their bounds.
+
+    What does not vary is set in the machine. Parameters of a run (x0, offset, ...) are free by the start of the fit
+    and have start values and bounds alone.
+
+    Raises:
+        UsageError: a name that the machine does not have, an expression, or a parameter of a run that is fixed.
+    """
+    leaves = {plain_name(name): leaf for leaf in leaves_of(oscillator) for name in (leaf.dotted, leaf.name)}
+    flat, structure = jax.tree.flatten(oscillator)
+    free, guess, bounds = [], {}, {}
+    for name, parameter in parameters.items():
+        nuisance, leaf = re.sub(r"_\d+$", "", name) in NUISANCES, leaves.get(name)
+        if parameter.expr:
+            raise UsageError(f"{name} follows the expression {parameter.expr!r}: write it as tie= of the fit instead.")
+        if leaf is None and not nuisance:
+            raise UsageError(f"This oscillator has no coefficient {name!r}. It has {', '.join(leaves)}.")
+        if nuisance and not parameter.vary:
+            raise UsageError(f"{name} belongs to the run and cannot be fixed: leave it out of nuisance= instead.")
+        called = re.sub(r"_(\d+)$", r"[\1]", name) if leaf is None else leaf.name
+        if leaf is not None and not parameter.vary:
+            flat[leaf.index] = float(parameter.value)
+            continue
+        free += [] if leaf is None else [called]
+        guess |= {called: float(parameter.value)} if math.isfinite(parameter.value) else {}
+        ends = tuple(None if math.isinf(end) else float(end) for end in (parameter.min, parameter.max))
+        bounds |= {called: ends} if ends != (None, None) else {}
+    return Asked(jax.tree.unflatten(structure, flat), tuple(free), guess, bounds)
+
+
+def to_lmfit(fit: Any) -> Any:
+    """A fit as Parameters of lmfit: values with standard errors, correlations and bounds, and the machine as fixed."""
+    lmfit = needed("A fit as Parameters", "lmfit", "interchange")
+    parameters = lmfit.Parameters()
+    known = {} if fit.problem is None else {each.name: each for each in fit.problem.parameters}
+    for name in fit.names:
+        each, shared = known.get(name), name.split("[")[0] not in NUISANCES
+        low, high = (each.lower, each.upper) if each is not None and shared else (-math.inf, math.inf)
+        parameters.add(plain_name(name), fit.values[name], min=low, max=high)
+    for leaf, value in zip(leaves_of(fit.oscillator), jax.tree.leaves(fit.oscillator), strict=True):
+        if plain_name(leaf.name) not in parameters and np.ndim(value) == 0:
+            parameters.add(plain_name(leaf.name), float(value), vary=False)
+    correlation = fit.correlation
+    for i, name in enumerate(fit.names):
+        parameter, std = parameters[plain_name(name)], fit.std_errors[name]
+        parameter.stderr = std if np.isfinite(std) else None
+        others = [(plain_name(other), correlation[i, j]) for j, other in enumerate(fit.names) if j != i]
+        parameter.correl = {other: float(value) for other, value in others if np.isfinite(value)}
+    return parameters
+
+
+def to_uncertainties(fit: Any) -> dict[str, Any]:
+    """The values of a fit as numbers of the package uncertainties, correlated by the combined covariance."""
+    package = needed("A number that knows its errors", "uncertainties", "interchange")
+    determined = [i for i, name in enumerate(fit.names) if np.isfinite(fit.combined_std_errors[name])]
+    values = [fit.values[fit.names[i]] for i in determined]
+    numbers = package.correlated_values(values, fit.combined_covariance[np.ix_(determined, determined)])
+    known = {fit.names[i]: number for i, number in zip(determined, numbers, strict=True)}
+    return {name: known.get(name, package.ufloat(fit.values[name], math.nan)) for name in fit.names}
+
+
+def to_dataframe(fit: Any) -> Any:
+    """One row for each parameter and quantity of the kinematics."""
+    import pandas as pd
+
+    columns = ["value", "std", "combined_std", "low", "high", "unit", "remarks"]
+    rows = {}
+    for name, value in fit.values.items():
+        low, high = fit.intervals.get(name, (math.nan, math.nan))
+        std, combined = (of.get(name, math.nan) for of in (fit.std_errors, fit.combined_std_errors))
+        rows[name] = [value, std, combined, low, high, fit.units[name], "; ".join(fit.flags.get(name, ()))]
+    for name, number in fit.kinematics.items():
+        rows[name] = [number.value, math.nan, number.std, math.nan, math.nan, number.unit, "kinematics"]
+    return pd.DataFrame.from_dict(rows, orient="index", columns=columns).rename_axis("parameter")
+
+
+def to_xarray(fit: Any) -> Any:
+    """Values, covariances and the samples of each run with model and residuals, as a data set of xarray."""
+    square, names = ("parameter", "parameter_2"), list(fit.names)
+    by_name = {"value": fit.values, "std": fit.std_errors, "combined_std": fit.combined_std_errors}
+    variables = {key: Variable("parameter", [of[name] for name in names]) for key, of in by_name.items()}
+    variables |= {key: Variable(square, getattr(fit, key)) for key in ("covariance", "combined_covariance")}
+    coordinates = {axis: Variable(axis, names) for axis in square}
+    coordinates["unit"] = Variable("parameter", [fit.units[name] for name in names])
+    residuals = fit.residuals if isinstance(fit.residuals, tuple) else (fit.residuals,)
+    for i, (t, run, residual) in enumerate(zip(fit.times, fit.runs, residuals, strict=True)):
+        end = "" if len(fit.runs) == 1 else f"_{i}"
+        x = np.asarray(run.x)
+        coordinates[f"t{end}"] = Variable(f"t{end}", t, "s", "time")
+        samples = {"x": (x, "measured"), "model": (x - residual, "computed"), "residual": (residual, "difference")}
+        variables |= {f"{key}{end}": Variable(f"t{end}", values, fit.quantity, f"{what} displacement")
+                      for key, (values, what) in samples.items()}  # fmt: skip
+    law = type(fit.oscillator.friction).__name__
+    facts = {name: getattr(fit, name) for name in ("status", "converged", "chi2", "dof", "sigma", "engine", "warnings")}
+    return dataset(variables, coordinates, **facts, friction=law, sources=fit.labels)
+
+
+def batch_to_xarray(batch: Any) -> Any:
+    """Values, standard errors, covariances and kinematics of all runs, as a data set of xarray."""
+    names, derived = list(batch.names), list(batch.kinematics)
+    both, square = ("run", "parameter"), ("run", "parameter", "parameter_2")
+    rows = lambda of, of_names: np.stack([of[name] for name in of_names], axis=1)
+    variables = {
+        "value": Variable(both, rows(batch.values, names)),
+        "std": Variable(both, rows(batch.std_errors, names)),
+        "combined_std": Variable(both, rows(batch.combined_std_errors, names)),
+        "covariance": Variable(square, batch.covariance),
+        "kinematics": Variable(("run", "quantity"), rows(batch.kinematics, derived)),
+        "kinematics_std": Variable(("run", "quantity"), rows(batch.kinematics_std, derived)),
+        **{name: Variable("run", getattr(batch, name)) for name in ("chi2", "dof", "residual_rms", "half_cycles")},
+        "converged": Variable("run", batch.converged),
+        "status": Variable("run", list(batch.status)),
+    }
+    coordinates = {axis: Variable(axis, names) for axis in square[1:]}
+    coordinates |= {"quantity": Variable("quantity", derived), "source": Variable("run", list(batch.sources))}
+    coordinates["unit"] = Variable("parameter", [batch.units[name] for name in names])
+    return dataset(variables, coordinates, engine=batch.engine)
+
+
+def asked_of(free: Any, oscillator: Oscillator, settings: Mapping[str, Any]) -> tuple[Oscillator, Any, dict[str, Any]]:
+    """Machine, names and settings of a fit, those in Parameters of lmfit taken out; what is said beside them counts."""
+    if not is_lmfit(free):
+        return oscillator, free, dict(settings)
+    asked = from_lmfit(free, oscillator)
+    tables = {name: {**getattr(asked, name), **(settings.get(name) or {})} for name in ("guess", "bounds")}
+    return asked.oscillator, asked.free, {**settings, **tables}
