@@ -15,6 +15,7 @@ from nbformat import NotebookNode
 
 ROOT = Path(__file__).resolve().parents[2]
 BLOCK = re.compile(r"^(?P<indent> *)```python(?P<hidden> hidden)?\n(?P<code>.*?)^(?P=indent)```$", re.DOTALL | re.M)
+FENCED = re.compile(r"^ *(`{3,}).*?^ *\1$", re.DOTALL | re.M)
 COLOUR = re.compile(r"\x1b\[[0-9;]*m")
 PATIENCE = 900  # seconds for one block: the first fit of a law compiles, and the machine may be busy
 
@@ -42,7 +43,9 @@ def outputs(codes: list[str], store: Path) -> list[list[NotebookNode]]:
             place = {"metadata": {"path": folder}}
             # Kernels warn that they talk over TCP, as those of Jupyter do; the build has no secrets.
             quiet = ["--log-level=ERROR"]
-            client = NotebookClient(notebook, timeout=PATIENCE, resources=place, extra_arguments=quiet)
+            client = NotebookClient(
+                notebook, timeout=PATIENCE, resources=place, extra_arguments=quiet, coalesce_streams=True
+            )
             try:
                 client.execute()
             except CellExecutionError as error:
@@ -74,17 +77,14 @@ def with_outputs(
         kept: stores HTML and tells what stands for it.
     """
     rest = iter(shown)
-    heading = "Picture"
 
     def block(found: re.Match[str]) -> str:
-        nonlocal heading
-        titles = re.findall(r"^#+ (.*)$", markdown[: found.start()], re.M)
-        heading = titles[-1] if titles else heading
+        *_, heading = ["Picture", *re.findall(r"^#+ (.*)$", FENCED.sub("", markdown[: found.start()]), re.M)]
         parts = [] if found["hidden"] else [f"```python\n{textwrap.dedent(found['code'])}```"]
         for output in next(rest):
             data = output.get("data", {})
-            if "text/html" in data:
-                parts.append(kept(data["text/html"]))
+            if page := data.get("text/html") or data.get("image/svg+xml"):
+                parts.append(kept(page))
             elif "image/png" in data:
                 name = picture(base64.b64decode(data["image/png"]))
                 parts.append(f"![{heading.replace('`', '')}]({name}){{ .picture }}")

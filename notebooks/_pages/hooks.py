@@ -62,20 +62,25 @@ def _outputs(uri: str, markdown: str) -> list[list]:
 
 def _tutorial(path: Path) -> str:
     """The Markdown of a notebook, with a link to the notebook itself; links between notebooks lead to their pages."""
-    notebook = jupytext.read(path)
-    notebook.metadata = {}
-    text = jupytext.writes(notebook, fmt="md")
+    cells = jupytext.read(path).cells
+    # Blocks within the text are to be read: as `py` they look the same, and are not run.
+    parts = [
+        f"```python\n{cell.source}\n```" if cell.cell_type == "code" else cell.source.replace("```python", "```py")
+        for cell in cells
+    ]
+    text = "\n\n".join(parts)
     text = re.sub(r"\]\((\d\d_\w+)\.(?:ipynb|py)", r"](\1.md", text)
     title, rest = text[text.index("# ") :].split("\n", 1)
     return f"{title}\n\n[The notebook itself]({path.stem}.ipynb){{ download .notebook }}\n{rest}"
 
 
 def _card(name: str, text: str) -> str:
-    """What the front page says of a tutorial: its title, and the sentence with which it begins."""
-    paragraphs = [part for part in text.split("\n\n") if part.strip()]
-    first = next(part for part in paragraphs[1:] if part[0] not in "[#`!")
-    sentence = re.split(r"(?<=[.?!])\s", " ".join(first.split()), maxsplit=1)[0]
-    return f"-   **[{paragraphs[0].removeprefix('# ')}]({name})**\n\n    {sentence}\n"
+    """What the front page says of a tutorial: its title, and the question with which it begins."""
+    title, *paragraphs = (" ".join(part.split()) for part in text.split("\n\n") if part.strip())
+    first = next(part for part in paragraphs if part[0] not in "[#`!")
+    question = re.match(r"\*\*(.+?)\*\*", first)
+    sentence = question[1] if question else re.split(r"(?<=[.?!])\s", first, maxsplit=1)[0]
+    return f"-   **[{title.removeprefix('# ')}]({name})**\n\n    {sentence}\n"
 
 
 def _runs(uri: str) -> bool:

@@ -123,7 +123,9 @@ def page(module: Module) -> str:
     """The page of a module: what it is about, and an entry for each of its names."""
     if not module.has_stub:
         return f"# `{module.name}`\n\n::: {module.name}\n    options:\n      show_root_heading: false\n"
-    entries = [_entry(public) for public in sorted(module.objects, key=lambda public: public.name)]
+    # What others derive from is looked for last.
+    ordered = sorted(module.objects, key=lambda public: (".Abstract" in public.name, public.name))
+    entries = [_entry(public) for public in ordered]
     return f"# `{module.name}`\n\n{module.summary}\n\n{'\n'.join(entries)}"
 
 
