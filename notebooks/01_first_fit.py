@@ -84,6 +84,7 @@ rig = fj.Rig(
     mass="410.68(4) g",
     stiffness="2574(2) N/m",  # a start value: the fit finds it from the frequency and the mass
     normal_force="9.66 +/- 0.5 % N",
+    periodic_nonlinearity="0 +/- 1.5 nm",  # of the interferometer: its amplitude over the square root of two
 )
 rig
 
@@ -104,9 +105,10 @@ fit
 
 # %% [markdown]
 # How to read the first line: `0.05000(25)` is the value with its combined standard uncertainty in the last two
-# digits; the column beside it is what the noise of the record alone would leave, three parts in a million. The 0.5 %
-# of the normal force decides, and a longer record would not help. Static friction has no gradient in a Coulomb law:
-# it is bracketed, by the reversal at which the mass stayed and the last one at which it did not.
+# digits; the column beside it is what the noise of the record alone would leave, some parts in ten million. The line
+# `uncertainty` says whose fault the rest is: of mu the normal force, of damping the interferometer. A longer record
+# would help neither. Static friction has no gradient in a Coulomb law: it is bracketed, by the reversal at which the
+# mass stayed and the last one at which it did not.
 
 # %%
 low, high = fit.intervals["mu_s"]
@@ -114,9 +116,8 @@ print(f"mu   = {fj.show.uncertain(fit.values['mu'], fit.combined_std_errors['mu'
 print(f"mu_s lies between {low:.4f} and {high:.4f}, true 0.065")
 
 # %% [markdown]
-# The line `noise` says that the residuals are 1.8 times as large as stated, and that they remember: it is the
-# periodic error of the interferometer, two nanometres on two millimetres. The statistical errors allow for it; the
-# column beside them tells what they would be if they did not.
+# The line `noise` says that the residuals are 1.6 times as large as the noise that was stated. What is more is that
+# periodic error, two nanometres on two millimetres, which the lower picture shows as soon as the mass moves.
 #
 # ## What goes wrong
 #
@@ -133,8 +134,8 @@ naive = fj.fit(
 naive.plot()
 
 # %%
-off = abs(naive.values["mu"] / 0.05 - 1)
-print(f"mu is {off:.1%} off, {off * 0.05 / fit.std_errors['mu']:.0f} standard errors of the good fit")
+off, good = (abs(each.values["mu"] / 0.05 - 1) for each in (naive, fit))
+print(f"mu is {off:.1e} off, {off / good:.0f} times as far as before")
 print(naive.status)
 
 # %% [markdown]

@@ -103,8 +103,8 @@ print(*fj.sensitivity.fisher(machine, 2.6e-3, noise=noise).errors, sep="\n")
 # %% [markdown]
 # ## Which release?
 #
-# Larger releases tell more, but how much more? `design` takes a target, a relative standard error, and counts the
-# runs.
+# Larger releases tell more, though not in every case, for the stop has its part. `design` takes a target, a relative
+# standard error, and counts the runs it takes from each release.
 
 # %%
 plan = fj.sensitivity.design(

@@ -159,7 +159,8 @@ class MonteCarlo(Reported):
                 axis.axvline(end, color=colour, linestyle=dashes)
         axis.set_xlabel(axis_label("Result", "SI units"))
         axis.set_ylabel("Probability density")
-        axis.legend()
+        # The ends of the intervals run from top to bottom on both sides of the curve.
+        drawing.legend(loc="outside upper center", ncols=2, fontsize=8)
         return styled(drawing, style)
 
     def _of_budget(self, at: np.ndarray) -> np.ndarray:

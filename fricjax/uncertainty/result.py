@@ -226,7 +226,7 @@ class Budget(Reported):
         axis.set_xlabel(axis_label("Standard uncertainty relative to the value", "%"))
         reach = self.expanded()
         ends = interval(self.value - reach.half_width, self.value + reach.half_width, self.unit)
-        axis.set_title(f"{self.quantity} in {ends} with {100 * reach.level:g} %")
+        axis.set_title(f"{self.quantity} in {ends} with {100 * reach.level:g} %", fontsize=9, loc="left")
         return styled(drawing, style)
 
     def __repr__(self) -> str:
