@@ -7,6 +7,9 @@ is imported when it is first asked for, so `import fricjax` costs milliseconds. 
 
 import lazy_loader as _lazy_loader
 
+from .errors import suggesting as _suggesting
+
 __version__ = "0.1.0"
 
 __getattr__, __dir__, __all__ = _lazy_loader.attach_stub(__name__, __file__)
+__getattr__ = _suggesting(__name__, __getattr__, __all__)

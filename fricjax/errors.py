@@ -15,7 +15,7 @@ Examples:
 import difflib
 import importlib
 import reprlib
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
 
@@ -51,6 +51,33 @@ def nearest(name: object, options: Iterable[object]) -> str:
     lowered = {str(option).lower(): str(option) for option in options}
     close = difflib.get_close_matches(str(name).lower()[:100], list(lowered), n=1, cutoff=0.5)
     return f" Did you mean '{lowered[close[0]]}'?" if close else ""
+
+
+def suggesting(package: str, get: Callable[[str], Any], names: Sequence[str]) -> Callable[[str], Any]:
+    """The `__getattr__` of a lazy package, which for a name that it does not have says which one may be meant.
+
+    Args:
+        package: its name.
+        get: the `__getattr__` that it has.
+        names: those it exports.
+
+    Examples:
+        >>> import fricjax as fj
+        >>> fj.friction.Coulumb
+        Traceback (most recent call last):
+        ...
+        AttributeError: fricjax.friction has no 'Coulumb'. Did you mean 'Coulomb'?
+    """
+
+    def getattr_of_package(name: str) -> Any:
+        try:
+            return get(name)
+        except AttributeError as error:
+            if name.startswith("__"):  # asked for by Python itself, which expects no answer
+                raise
+            raise AttributeError(f"{package} has no {name!r}.{nearest(name, names)}") from error
+
+    return getattr_of_package
 
 
 def quoted(names: Sequence[object], limit: int = 12) -> str:

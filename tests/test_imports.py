@@ -149,3 +149,8 @@ def test_the_stub_names_what_design_promises():
 def test_an_unknown_name_is_an_attribute_error():
     with pytest.raises(AttributeError, match="no_such_name"):
         fricjax.no_such_name  # noqa: B018  # pyright: ignore[reportAttributeAccessIssue]
+
+
+def test_a_name_misspelt_names_the_nearest():
+    with pytest.raises(AttributeError, match=r"fricjax\.friction has no 'Coulumb'\. Did you mean 'Coulomb'\?"):
+        fricjax.friction.Coulumb  # noqa: B018  # pyright: ignore[reportAttributeAccessIssue]

@@ -3,6 +3,7 @@
 import platform
 import time
 from collections import Counter
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -27,9 +28,21 @@ _PACKAGES = (
     "matplotlib",
 )
 
+# By extra the packages without which it does nothing.
+_EXTRAS = {
+    "formats": ("openpyxl", "nptdms", "pyarrow", "pyuff", "asammdf"),
+    "batch": ("pyarrow", "duckdb", "distributed", "cryptography", "xarray", "h5netcdf"),
+    "cluster": ("dask_jobqueue",),
+    "bayes": ("numpyro", "arviz"),
+    "interchange": ("xarray", "uncertainties", "lmfit"),
+    "notebooks": ("jupyterlab", "jupytext", "ipywidgets"),
+}
+# A file that the driver of NVIDIA makes, whether JAX can use its card or not.
+_CARD = Path("/dev/nvidia0")
+
 
 def doctor(output: Output) -> None:
-    """Check the installation: versions, double precision, devices, cache, a golden motion and a tiny fit."""
+    """Check the installation: versions, precision, devices, cache, extras, a golden motion and a tiny fit."""
     with working(output, "Checking"):
         prepare(output)
         findings = {"versions": versions(), **platform_facts()}
@@ -74,7 +87,13 @@ def platform_facts() -> dict[str, Any]:
         "x64": bool(jax.config.read("jax_enable_x64")),
         "devices": [str(device) for device in jax.devices()],
         "formats": list(READERS),
+        "extras": {extra: not missing(extra) for extra in _EXTRAS},
     }
+
+
+def missing(extra: str) -> list[str]:
+    """Packages of an extra that are not installed; none of them is imported."""
+    return [name for name in _EXTRAS[extra] if find_spec(name) is None]
 
 
 def cache_facts() -> dict[str, Any]:
@@ -137,15 +156,29 @@ def _text(findings: dict[str, Any], checks: dict[str, Any], sentence: str) -> st
     rows = [
         *findings["versions"].items(),
         ("precision", "64 bits" if findings["x64"] else "32 bits"),
-        ("devices", ", ".join(findings["devices"])),
+        ("devices", _devices_text(findings["devices"])),
         ("cache", _cache_text(cache)),
         ("formats", " ".join(findings["formats"])),
+        *((f"extra {extra}", _extra_text(extra)) for extra in findings["extras"]),
     ]
     lines = [f"{name:<18}{value}" for name, value in rows] + [""]
     for name, check in checks.items():
         mark = "ok" if check["ok"] else "FAILED"
         lines.append(f"{name.replace('_', ' '):<18}{mark}: {check['detail']} ({check['seconds']:.1f} s)")
     return "\n".join([*lines, "", sentence])
+
+
+def _extra_text(extra: str) -> str:
+    """Whether an extra is there, and how to get what is missing."""
+    lost = missing(extra)
+    return f"without {', '.join(lost)}: pip install 'fricjax[{extra}]'" if lost else "installed"
+
+
+def _devices_text(devices: list[str]) -> str:
+    """The devices, and what to do about a card that is not among them."""
+    unused = _CARD.exists() and not any("cuda" in device for device in devices)
+    remedy = "; there is an NVIDIA card that JAX does not use: pip install 'jax[cuda13]'" if unused else ""
+    return ", ".join(devices) + remedy
 
 
 def _cache_text(cache: dict[str, Any]) -> str:

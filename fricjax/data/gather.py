@@ -51,6 +51,11 @@ def sources_of(data: Any, t: Any = None, rate: float | None = None) -> list[Sour
     """
     bare = t is not None or rate is not None
     several = isinstance(data, Iterator) or (isinstance(data, list | tuple) and not (is_pair(data) or is_numbers(data)))
+    if isinstance(data, list) and len(data) == 2 and not bare and all(is_numbers(each) for each in data):
+        raise UsageError(
+            "A list is several runs, and each of them needs its times. Write a tuple (t, x) for the times and the "
+            "displacements of one run; several are given as [(t1, x1), (t2, x2)], or with rate=."
+        )
     runs = list(data) if several or (bare and _has_rows(data)) else [data]
     of_each: Any = t if _has_rows(t) or (isinstance(t, list | tuple) and not is_numbers(t)) else [t] * len(runs)
     times = list(of_each)
@@ -79,9 +84,12 @@ def record_of(source: Any, where: str = "", **options: Any) -> Record:
     try:
         return read(source, **options)
     except (DataError, UsageError) as error:
-        what = repr(str(source)) if is_file else "..."
-        asks = not options and _OPTION.search(str(error)) and "fricjax." not in str(error)
-        hint = f" Read it first: fricjax.read({what}, ...)." if asks else ""
+        asks = not options and not is_pair(source) and _OPTION.search(str(error)) and "fricjax." not in str(error)
+        # Options belong to read: who fits a file or a table at once is told where to write them.
+        what = repr(str(source)) if is_file else "table"
+        hint = f"Read it first: fricjax.read({what}, ...)." if asks else ""
+        first, *rows = str(error).split("\n")
+        message = "\n".join([" ".join(filter(None, [first, hint])), *rows])
         # The readers' own kinds of refusal are made of other things than a sentence.
         kind = DataError if isinstance(error, DataError) else UsageError
-        raise kind(f"{'' if is_file else where}{error}{hint}") from error
+        raise kind(f"{'' if is_file else where}{message}") from error

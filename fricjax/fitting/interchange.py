@@ -6,13 +6,13 @@ for them.
 
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any, NamedTuple
 
 import jax
 import numpy as np
 
-from ..errors import UsageError, needed
+from ..errors import UsageError, brief, needed
 from ..oscillator import Oscillator
 from ..oscillator.leaves import leaves_of
 from ..show.labelled import Variable, dataset
@@ -168,6 +168,10 @@ def batch_to_xarray(batch: Any) -> Any:
 
 def asked_of(free: Any, oscillator: Oscillator, settings: Mapping[str, Any]) -> tuple[Oscillator, Any, dict[str, Any]]:
     """Machine, names and settings of a fit, those in Parameters of lmfit taken out; what is said beside them counts."""
+    if isinstance(free, Oscillator) or not isinstance(free, Iterable):
+        raise UsageError(
+            f"free= takes the names of what is fitted, as ['mu', 'damping', 'stiffness'], got {brief(free)}."
+        )
     if not is_lmfit(free):
         return oscillator, free, dict(settings)
     asked = from_lmfit(free, oscillator)

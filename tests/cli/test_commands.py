@@ -237,3 +237,25 @@ def test_the_example_is_what_its_facts_say():
     assert np.max(np.abs(np.asarray(again.trace.x) - np.asarray(record.trace.x))) < 1e-12
     assert again.meta["coefficients"] == pytest.approx(facts, rel=1e-12)
     assert Path(RUN).stat().st_size < 300_000
+
+
+def test_doctor_says_which_extras_are_missing_and_how_to_get_them(monkeypatch):
+    from fricjax.cli import doctor
+
+    monkeypatch.setattr(doctor, "find_spec", lambda name: None if name == "numpyro" else object())
+    assert doctor._extra_text("batch") == "installed"
+    assert doctor._extra_text("bayes") == "without numpyro: pip install 'fricjax[bayes]'"
+    monkeypatch.setattr(doctor, "_CARD", Path("/dev/null"))
+    assert doctor._devices_text(["cpu:0"]) == (
+        "cpu:0; there is an NVIDIA card that JAX does not use: pip install 'jax[cuda13]'"
+    )
+    assert doctor._devices_text(["cuda:0"]) == "cuda:0"
+
+
+def test_the_extras_of_the_doctor_are_those_of_the_package():
+    import tomllib
+
+    from fricjax.cli import doctor
+
+    project = tomllib.loads((Path(__file__).parents[2] / "pyproject.toml").read_text())["project"]
+    assert set(doctor._EXTRAS) <= set(project["optional-dependencies"])

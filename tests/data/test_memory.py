@@ -259,7 +259,7 @@ def test_what_needs_options_is_read_first(tmp_path):
     with pytest.raises(UsageError, match=r"^run 1: An array is read as displacements.*, rate=5000\.0\)\.$"):
         gather([(T, X), X])
     with pytest.raises(
-        DataError, match=r"run 1: Series has no time for 'x'.* Read it first: fricjax\.read\(\.\.\., \.\.\.\)\."
+        DataError, match=r"run 1: Series has no time for 'x'.* Read it first: fricjax\.read\(table, \.\.\.\)\."
     ):
         gather([(T, X), pd.Series(X)])
     with pytest.raises(DataError, match=r"There is no file .*none\.csv\..* Check the path\.$"):

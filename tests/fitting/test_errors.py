@@ -210,3 +210,18 @@ def test_single_precision_is_refused_with_the_remedy():
     assert done.returncode == 1
     assert "RuntimeError: fricjax computes in double precision, and JAX is set to single." in done.stderr
     assert 'jax.config.update("jax_enable_x64", True)' in done.stderr
+
+
+OSCILLATOR = Oscillator(0.4, 2500.0, 0.2, 10.0, Coulomb(0.05))
+T = np.arange(99.0)
+
+
+@pytest.mark.parametrize("free", [None, 3, OSCILLATOR])
+def test_names_that_are_none(free):
+    with pytest.raises(UsageError, match=r"free= takes the names of what is fitted, as \['mu', 'damping', 'stiffn"):
+        fit((T, np.cos(T)), OSCILLATOR, free)
+
+
+def test_a_list_of_times_and_displacements_is_no_run():
+    with pytest.raises(UsageError, match=r"A list is several runs.* Write a tuple \(t, x\)"):
+        fit([T, np.cos(T)], OSCILLATOR, ["mu"])
