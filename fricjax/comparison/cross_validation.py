@@ -12,7 +12,6 @@ is compiled anew.
 from collections.abc import Iterator
 from typing import NamedTuple
 
-import equinox as eqx
 import numpy as np
 
 from .. import thresholds
@@ -76,7 +75,7 @@ def _only(residual: Residual, samples: list[np.ndarray]) -> Residual:
         np.where(np.pad(part, (0, run.weight.size - part.size)), run.weight, 0.0)
         for part, run in zip(samples, residual.runs, strict=True)
     ]
-    return eqx.tree_at(lambda r: [run.weight for run in r.runs], residual, weights)
+    return residual.with_runs(weight=weights)
 
 
 def _gauss_newton(

@@ -16,7 +16,7 @@ Samples near the reversals, where the acceleration jumps or a law changes fast, 
 
 import functools
 import itertools
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -28,14 +28,6 @@ _LONGEST = 8192
 _EVEN = 1e-9
 
 
-class Samples(NamedTuple):
-    """Times [s], displacements [m] and weights (one over the noise, [1/m]), each of shape (n,)."""
-
-    t: np.ndarray
-    x: np.ndarray
-    weight: np.ndarray
-
-
 class Rule(NamedTuple):
     """Gauss quadrature of weighted samples: nodes in [-1, 1], weights, and the matrix from samples to nodes."""
 
@@ -44,23 +36,58 @@ class Rule(NamedTuple):
     project: np.ndarray
 
 
-def condense(samples: Samples, breaks: ArrayLike, margins: ArrayLike) -> Samples:
+class Condensation(NamedTuple):
+    """Which few samples say what many do: it follows from times and weights alone, and is linear in displacements.
+
+    Attributes:
+        used: which of the many count, shape (n,).
+        t, weight: those of the few, of shape (m,).
+        panels: index ranges of the used samples in order, and the matrix from each to its nodes; None where samples are
+            kept as they are.
+    """
+
+    used: np.ndarray
+    t: np.ndarray
+    weight: np.ndarray
+    panels: Sequence[tuple[int, int, np.ndarray | None]]
+
+    def of(self, x: np.ndarray) -> np.ndarray:
+        """Displacements of the few samples from those of the many [m]."""
+        x = x[self.used]
+        parts = (x[begin:end] if project is None else project @ x[begin:end] for begin, end, project in self.panels)
+        return np.concatenate(list(parts))
+
+
+def condense(t: np.ndarray, weight: np.ndarray, breaks: ArrayLike, margins: ArrayLike) -> Condensation:
     """Condense the used samples between the breaks.
 
     Args:
-        samples: samples in the order of time; those of weight zero are left out.
+        t: times of samples, in order [s].
+        weight: one over the noise of each [1/m]; those of weight zero are left out.
         breaks: instants at which the motion is not smooth [s], in order; what lies before the first one and behind the
             last one is taken for smooth as well.
         margins: for each break the time around it in which samples are kept as they are [s].
 
     Returns:
-        Samples in the order of time.
+        The few samples, in the order of time.
     """
-    used = samples.weight > 0
-    samples = samples if used.all() else Samples(*(values[used] for values in samples))
-    even = _is_even(samples)
-    parts = [_panel(samples, panel, even) for panel in _panels(samples.t, breaks, margins)]
-    return Samples(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
+    used = weight > 0
+    t, weight = t[used], weight[used]
+    even = _is_even(t, weight)
+    times, weights, panels = [], [], []
+    for begin, end, smooth in _panels(t, breaks, margins):
+        place, power, project = t[begin:end], weight[begin:end], None
+        if smooth:
+            middle, half = (place[0] + place[-1]) / 2, (place[-1] - place[0]) / 2
+            if even or _is_even(place, power):
+                rule, size = _even_rule(place.size), power[0]
+            else:
+                rule, size = gauss_rule((place - middle) / half, power**2), 1.0
+            place, power, project = middle + half * rule.nodes, size * np.sqrt(rule.weights), rule.project
+        times.append(place)
+        weights.append(power)
+        panels.append((begin, end, project))
+    return Condensation(used, np.concatenate(times), np.concatenate(weights), panels)
 
 
 def _panels(t: np.ndarray, breaks: ArrayLike, margins: ArrayLike) -> Iterator[tuple[int, int, bool]]:
@@ -79,22 +106,8 @@ def _panels(t: np.ndarray, breaks: ArrayLike, margins: ArrayLike) -> Iterator[tu
             at = end
 
 
-def _panel(samples: Samples, panel: tuple[int, int, bool], even: bool) -> Samples:
-    begin, end, smooth = panel
-    t, x, weight = (values[begin:end] for values in samples)
-    if not smooth:
-        return Samples(t, x, weight)
-    middle, half = (t[0] + t[-1]) / 2, (t[-1] - t[0]) / 2
-    if even or _is_even(Samples(t, x, weight)):
-        rule, size = _even_rule(t.size), weight[0]
-    else:
-        rule, size = gauss_rule((t - middle) / half, weight**2), 1.0
-    return Samples(middle + half * rule.nodes, rule.project @ x, size * np.sqrt(rule.weights))
-
-
-def _is_even(samples: Samples) -> bool:
+def _is_even(t: np.ndarray, weight: np.ndarray) -> bool:
     """Whether all samples weigh the same and are equidistant to far below their interval."""
-    t, weight = samples.t, samples.weight
     interval = (t[-1] - t[0]) / (t.size - 1)
     apart = np.abs(t - t[0] - interval * np.arange(t.size))
     return bool(np.all(weight == weight[0]) and np.all(apart < _EVEN * interval + 4e-16 * np.abs(t[-1])))

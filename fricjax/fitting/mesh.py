@@ -6,7 +6,6 @@ the parameters have moved; there is room for one of a few numbers of steps, so t
 costs no steps.
 """
 
-import dataclasses
 from collections.abc import Sequence
 from typing import Any, cast
 
@@ -40,10 +39,9 @@ def with_mesh(residual: Residual, y: Any, slack: float = 1.0) -> Residual:
     if not residual.engine.needs_mesh:
         return residual
     # Of the samples only the last instant matters, so that records of any length share the compilation.
-    ends = [
-        dataclasses.replace(run, t=run.t[-1:], x=run.x[:0], weight=run.weight[:0], engine=None) for run in residual.runs
-    ]
-    bare = eqx.tree_at(lambda r: r.runs, residual, tuple(ends))
+    runs = residual.runs
+    none = {name: [getattr(run, name)[:0] for run in runs] for name in ("x", "weight")}
+    bare = residual.with_runs(t=[run.t[-1:] for run in runs], **none, engine=[None] * len(runs))
     engine = cast(Smooth, residual.engine)
     meshes = _meshes(engine.at_accuracy(slack * engine.accuracy), bare, y)
     lists = [(_finite(phases), _graded(_finite(times))) for phases, times in meshes]
@@ -56,7 +54,7 @@ def with_mesh(residual: Residual, y: Any, slack: float = 1.0) -> Residual:
 
 def _with(residual: Residual, meshes: Sequence[Mesh]) -> Residual:
     engines = [eqx.tree_at(lambda e: e.mesh, residual.engine, m, is_leaf=lambda x: x is None) for m in meshes]
-    return eqx.tree_at(lambda r: [run.engine for run in r.runs], residual, engines, is_leaf=lambda x: x is None)
+    return residual.with_runs(engine=engines)
 
 
 def _meshed(free: Smooth, residual: Residual, y: Any) -> list[tuple[Any, Any]]:

@@ -1,7 +1,7 @@
 """From what the user asked for to the problem that is solved: parameters with start values, and the residual."""
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
 import equinox as eqx
@@ -17,10 +17,11 @@ from ..oscillator.engines import UNTABLED, AbstractEngine, Demands
 from ..oscillator.leaves import leaves_of
 from ..oscillator.select import select_engine
 from ..rig import Measured
+from .condense import Condensation
 from .parameters import Request, free_parameters, parse_priors, parse_ties, shared_leaves
 from .residual import Residual, power, without_inputs
 from .rig_inputs import rig_inputs
-from .runs import condensed_run, full_run, of_one_length, stage_weights_of
+from .runs import condensation, condensed_run, full_run, longer, of_one_length, stage_weights_of
 from .stages import Limits, StageWeights
 from .window import NEVER, Window, equilibrium, open_window
 
@@ -158,12 +159,35 @@ def with_windows(problem: Problem, windows: tuple[Window, ...]) -> Problem:
     """The problem with other samples, or others weights of them."""
     pairs = zip(windows, problem.residual.runs, strict=True)
     runs = tuple(dataclasses.replace(full_run(window, True), half_cycles=run.half_cycles) for window, run in pairs)
-    residual = dataclasses.replace(problem.residual, runs=of_one_length(runs))
+    residual = problem.residual._replace(runs=of_one_length(runs))
     condensed = _condensed(residual, windows)
     stage_weights = tuple(stage_weights_of(window, run) for window, run in zip(windows, condensed.runs, strict=True))
     return dataclasses.replace(
         problem, residual=residual, condensed=condensed, stage_weights=stage_weights, windows=windows
     )
+
+
+def displaced(problem: Problem) -> Callable[[Sequence[np.ndarray]], Problem]:
+    """From the displacements of other records [m], one array for each run, to the problem of these.
+
+    Times, weights and windows are those of the problem, so that nothing but displacements has to be condensed anew.
+    """
+    pairs = zip(problem.windows, problem.residual.runs, strict=True)
+    few = [condensation(window, run, problem.residual.oscillator) for window, run in pairs]
+
+    def filled(residual: Residual, columns: Iterable[np.ndarray]) -> Residual:
+        rows = zip(columns, residual.runs, strict=True)
+        return residual.with_runs(x=[longer(values, run.t.size, values[-1]) for values, run in rows])
+
+    def of(x: Sequence[np.ndarray]) -> Problem:
+        residual = filled(problem.residual, x)
+        condensed = filled(problem.condensed, map(Condensation.of, few, [run.x for run in residual.runs]))
+        traces = (eqx.tree_at(lambda trace: trace.x, w.trace, each) for w, each in zip(problem.windows, x, strict=True))
+        pairs = zip(problem.windows, traces, strict=True)
+        windows = tuple(dataclasses.replace(window, trace=trace) for window, trace in pairs)
+        return dataclasses.replace(problem, residual=residual, condensed=condensed, windows=windows)
+
+    return of
 
 
 def _check_windows(windows: Sequence[Window]) -> None:
@@ -199,7 +223,7 @@ def _condensed(residual: Residual, windows: Sequence[Window]) -> Residual:
     """The residual of the condensed records, without the inputs of the rig."""
     pairs = zip(windows, residual.runs, strict=True)
     runs = of_one_length(tuple(condensed_run(*pair, residual.oscillator) for pair in pairs))
-    return dataclasses.replace(without_inputs(residual), runs=runs)
+    return without_inputs(residual)._replace(runs=runs)
 
 
 def _limits(space: ParameterSpace, parameters: Sequence[Parameter]) -> Limits:

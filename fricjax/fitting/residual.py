@@ -1,8 +1,8 @@
 """What a fit makes small: the weighted distance of computed from measured displacement, and of values from priors."""
 
 import dataclasses
-from collections.abc import Callable, Mapping, Sequence
-from typing import Any
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -69,7 +69,7 @@ class ObservedMotion(eqx.Module):
         return reading + self.errors @ jax.lax.stop_gradient(by_error)
 
 
-class Residual(eqx.Module):
+class Residual(NamedTuple):
     """The residual of one or several runs of the same machine, and of the priors, as a function of the coordinates.
 
     The coordinates are those of the free parameters, followed by one for each uncertain input of the rig in units of
@@ -88,6 +88,9 @@ class Residual(eqx.Module):
         period: displacement over which the periodic error of the reading repeats [m].
     """
 
+    # A tuple, as the other parts of a problem: the host makes some of each for every run, and reading a field of a
+    # module of equinox takes it fifty times longer.
+
     oscillator: Oscillator
     space: ParameterSpace
     engine: AbstractEngine
@@ -101,6 +104,12 @@ class Residual(eqx.Module):
     def n_parameters(self) -> int:
         """Number of free parameters."""
         return self.prior_mean.shape[0]
+
+    def with_runs(self, **columns: Iterable[Any]) -> "Residual":
+        """The residual with fields of its runs replaced, each by one entry for every run."""
+        rows = zip(*columns.values(), strict=True)
+        pairs = zip(self.runs, (dict(zip(columns, row, strict=True)) for row in rows), strict=True)
+        return self._replace(runs=tuple(dataclasses.replace(run, **fields) for run, fields in pairs))
 
     def __call__(self, y: Float[Array, " coordinates"], args: None = None) -> Float[Array, " residuals"]:
         parts = self.each(lambda i, run: run.weight * (self.observed(y, i, run).read(run.t) - run.x), self.runs)
@@ -176,7 +185,7 @@ def start_of(machine: Oscillator, at: Mapping[str, Any]) -> Start:
 def without_inputs(residual: Residual) -> Residual:
     """The residual as a function of the coordinates of the free parameters alone."""
     leaves = len(jax.tree.leaves(residual.oscillator))
-    return dataclasses.replace(residual, inputs=residual.inputs[:0, :leaves], period=None)
+    return residual._replace(inputs=residual.inputs[:0, :leaves], period=None)
 
 
 @eqx.filter_jit

@@ -9,7 +9,6 @@ import dataclasses
 from collections.abc import Mapping
 from typing import NamedTuple
 
-import equinox as eqx
 import numpy as np
 
 from .. import thresholds
@@ -161,8 +160,7 @@ def _unexplained(window: Window) -> float:
 def with_counts(problem: Problem, counts: tuple[int, ...]) -> Problem:
     """The problem with other numbers of half-cycles, one for each run."""
     arrays = [np.asarray(count) for count in counts]
-    both = (problem.residual, problem.condensed)
-    residual, condensed = (eqx.tree_at(lambda r: [run.half_cycles for run in r.runs], r, arrays) for r in both)
+    residual, condensed = (each.with_runs(half_cycles=arrays) for each in (problem.residual, problem.condensed))
     return dataclasses.replace(problem, residual=residual, condensed=condensed)
 
 

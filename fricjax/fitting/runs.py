@@ -8,7 +8,7 @@ import numpy as np
 from ..data.segmentation.reversals import window as extreme_window
 from ..oscillator import Oscillator
 from ..oscillator.restoring import Pendulum
-from .condense import DEGREE, Samples, condense
+from .condense import DEGREE, Condensation, condense
 from .residual import Run, filled
 from .stages import StageWeights
 from .window import NEVER, Window, equilibrium
@@ -41,13 +41,9 @@ def full_run(window: Window, stops: bool) -> Run:
     """The run with all samples of its record; `stops` tells whether the law can hold the mass."""
     used = np.flatnonzero(window.used)
     t = np.asarray(window.trace.t) - window.origin
-    samples = Samples(
-        t=np.clip(t, t[used[0]], t[used[-1]]),
-        x=np.asarray(window.trace.x),
-        weight=np.where(window.used, 1 / window.sigma, 0.0),
-    )
+    samples = np.clip(t, t[used[0]], t[used[-1]]), np.asarray(window.trace.x)
     return Run(
-        *_up_to(filled(samples.t.size, *_WHOLE), samples),
+        *_up_to(filled(t.size, *_WHOLE), *samples, np.where(window.used, 1 / window.sigma, 0.0)),
         half_cycles=np.asarray(window.half_cycles if stops else NEVER),
         fixed={name: np.asarray(value) for name, value in window.guesses.items()},
     )
@@ -55,8 +51,9 @@ def full_run(window: Window, stops: bool) -> Run:
 
 def condensed_run(window: Window, run: Run, oscillator: Oscillator) -> Run:
     """The run with few samples that say the same."""
-    few = condensed(window, Samples(run.t, run.x, run.weight), oscillator)
-    return _with_samples(run, _up_to(max(min(run.t.size, _SHARED), filled(few.t.size, *_WHOLE)), few))
+    few = condensation(window, run, oscillator)
+    places = max(min(run.t.size, _SHARED), filled(few.t.size, *_WHOLE))
+    return _with_samples(run, places, few.t, few.of(run.x), few.weight)
 
 
 def of_one_length(runs: tuple[Run, ...]) -> tuple[Run, ...]:
@@ -64,20 +61,20 @@ def of_one_length(runs: tuple[Run, ...]) -> tuple[Run, ...]:
     sizes = [run.t.size for run in runs]
     if len(set(sizes)) == 1 or max(sizes) > _UNLIKE * min(sizes):
         return runs
-    return tuple(_with_samples(run, _up_to(max(sizes), Samples(run.t, run.x, run.weight))) for run in runs)
+    return tuple(_with_samples(run, max(sizes), run.t, run.x, run.weight) for run in runs)
 
 
-def _with_samples(run: Run, samples: Samples) -> Run:
-    return dataclasses.replace(run, t=samples.t, x=samples.x, weight=samples.weight)
+def _with_samples(run: Run, n: int, t: np.ndarray, x: np.ndarray, weight: np.ndarray) -> Run:
+    return dataclasses.replace(run, **dict(zip(("t", "x", "weight"), _up_to(n, t, x, weight), strict=True)))
 
 
-def _up_to(n: int, samples: Samples) -> Samples:
+def _up_to(n: int, t: np.ndarray, x: np.ndarray, weight: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Samples without weight added at the end, so that records of other lengths share one compilation."""
-    t, x, weight = samples
-    return Samples(_longer(t, n, t[-1]), _longer(x, n, x[-1]), _longer(weight, n))
+    return longer(t, n, t[-1]), longer(x, n, x[-1]), longer(weight, n)
 
 
-def _longer(values: np.ndarray, n: int, end: Any = 0.0) -> np.ndarray:
+def longer(values: np.ndarray, n: int, end: Any = 0.0) -> np.ndarray:
+    """Values with as many added behind them as make `n`."""
     filled = np.full(n, end)
     filled[: values.size] = values
     return filled
@@ -103,8 +100,8 @@ def full_stage(run: Run) -> StageWeights:
     return StageWeights(np.asarray(run.weight), np.full(run.weight.shape, np.inf), np.zeros(()))
 
 
-def condensed(window: Window, samples: Samples, oscillator: Oscillator) -> Samples:
-    """The used samples of a record, condensed between its reversals; times count from the window's origin.
+def condensation(window: Window, run: Run, oscillator: Oscillator) -> Condensation:
+    """Which few samples stand for the used ones of a run, between its reversals.
 
     Around the start and each reversal samples are kept as long as the law's force still changes: until the velocity
     has passed its own scale ten times, and the sliding distance the deflection of the bristles twenty times. Beyond
@@ -116,7 +113,7 @@ def condensed(window: Window, samples: Samples, oscillator: Oscillator) -> Sampl
     cuts = _cuts(window, oscillator, times, deflections)
     order = np.argsort(np.concatenate([times, cuts]), kind="stable")
     breaks, widths = np.concatenate([times, cuts])[order], np.concatenate([margins, np.zeros(cuts.size)])[order]
-    return condense(samples, breaks - window.origin, widths)
+    return condense(run.t, run.weight, breaks - window.origin, widths)
 
 
 def _cuts(window: Window, oscillator: Oscillator, times: np.ndarray, deflections: np.ndarray) -> np.ndarray:

@@ -3,7 +3,6 @@
 The motion is computed once more at the samples that are shown, those of many runs by one compiled computation.
 """
 
-import dataclasses
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -69,9 +68,8 @@ def _asked(problem: Problem, solution: Solution, samples: np.ndarray, most: int 
     t = np.asarray(window.trace.t)[places] - window.origin
     y = solution.y[: problem.residual.n_parameters]
     residual = with_mesh(without_inputs(problem.residual), y)
-    (run,) = residual.runs
-    thin = dataclasses.replace(run, t=t, x=np.asarray(window.trace.x)[places], weight=np.ones(size))
-    return _Asked(dataclasses.replace(residual, runs=(thin,)), y)
+    x = np.asarray(window.trace.x)[places]
+    return _Asked(residual.with_runs(t=[t], x=[x], weight=[np.ones(size)]), y)
 
 
 def _left_of(asked: _Asked) -> Float[Array, " samples"]:

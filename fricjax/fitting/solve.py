@@ -8,7 +8,6 @@ engine. The smooth engine, whose mesh is made for one set of coordinates, gets a
 All of that is one program, called with other samples, other meshes and another way to go.
 """
 
-import dataclasses
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
@@ -204,7 +203,7 @@ def _refined(problem: Problem, at: Iterate, rounds: int, endings: tuple[int, ...
 
 
 def _with_engine(residual: Residual, engine: AbstractEngine) -> Residual:
-    return dataclasses.replace(residual, engine=engine)
+    return residual._replace(engine=engine)
 
 
 def checking(residual: Residual, y: Any) -> Residual:

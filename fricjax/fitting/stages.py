@@ -14,7 +14,6 @@ from another optimum, is compiled already.
 
 from typing import Any, NamedTuple
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -36,7 +35,7 @@ _MOVING, _EVERYTHING = 1.0, 2.0
 _ON_THE_WAY = 1.0
 
 
-class StageWeights(eqx.Module):
+class StageWeights(NamedTuple):
     """What the windows of a run need to know.
 
     Attributes:
@@ -50,7 +49,7 @@ class StageWeights(eqx.Module):
     shortest: Any
 
 
-class Limits(eqx.Module):
+class Limits(NamedTuple):
     """Bounds of the coordinates, and those in which the residual is linear, each of shape (p,)."""
 
     lower: Any
@@ -181,7 +180,7 @@ def _least_squares(
 
 def _with_weights(residual: Residual, weights: list[Array]) -> Residual:
     """The same residual with other weights of the samples."""
-    return eqx.tree_at(lambda r: [run.weight for run in r.runs], residual, weights)
+    return residual.with_runs(weight=weights)
 
 
 def _until(t: Array, moving: Array, reach: Array) -> Array:

@@ -128,7 +128,7 @@ def _normal(planned: Plan) -> np.ndarray:
         np.pad(np.asarray(values)[:count], (0, filler), mode="edge") for values in (run.t, run.x, run.weight)
     )
     weight[count:] = 0.0
-    residual = dataclasses.replace(residual, runs=(dataclasses.replace(run, t=t, x=x, weight=weight),))
+    residual = residual.with_runs(t=[t], x=[x], weight=[weight])
     normal = np.asarray(evaluate(residual, jnp.zeros(len(planned.parameters)), Squares()).normal)
     lost = [name for name, size in zip(planned.names, np.diag(normal), strict=True) if not np.isfinite(size)]
     if lost:

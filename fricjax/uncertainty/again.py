@@ -4,14 +4,13 @@ import dataclasses
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 
-import equinox as eqx
 import numpy as np
 
 from ..errors import UsageError
 from ..fitting import Fit
 from ..fitting.batch import Row, alone, solved_rows
 from ..fitting.chunks import WIDTH
-from ..fitting.problem import Problem, with_windows
+from ..fitting.problem import Problem
 from ..fitting.solve import Solution, solve, solve_batch
 from ..oscillator import cores
 from ..show.working import working
@@ -35,15 +34,6 @@ def optimum(fit: Fit) -> np.ndarray:
     return np.array([fit.values[name] for name in fit.names]) - problem_of(fit).origins
 
 
-def with_displacements(problem: Problem, x: Sequence[np.ndarray]) -> Problem:
-    """The problem of records that were displaced otherwise, with the same windows and weights."""
-    pairs = zip(problem.windows, x, strict=True)
-    return with_windows(
-        problem,
-        tuple(dataclasses.replace(w, trace=eqx.tree_at(lambda trace: trace.x, w.trace, values)) for w, values in pairs),
-    )
-
-
 def fixed_at(problem: Problem, parameter: int, value: float, std: float) -> Problem:
     """The problem with one parameter fixed at a value, to a part of its standard error, by a prior.
 
@@ -52,7 +42,7 @@ def fixed_at(problem: Problem, parameter: int, value: float, std: float) -> Prob
     mean, weight = (np.array(each) for each in (problem.residual.prior_mean, problem.residual.prior_weight))
     mean[parameter], weight[parameter] = value, 1 / std
     priors = {"prior_mean": mean, "prior_weight": weight}
-    residual, condensed = (dataclasses.replace(each, **priors) for each in (problem.residual, problem.condensed))
+    residual, condensed = (each._replace(**priors) for each in (problem.residual, problem.condensed))
     return dataclasses.replace(problem, residual=residual, condensed=condensed)
 
 

@@ -15,11 +15,11 @@ from ..errors import UsageError, nearest
 from ..fitting import Fit
 from ..fitting.diagnostics import optimum_found
 from ..fitting.noise import Noise, whiteness
-from ..fitting.problem import Problem
+from ..fitting.problem import Problem, displaced
 from ..fitting.window import Window
 from ..show import Report, Table, interval, plain, uncertain
 from ..show.working import working
-from .again import optimum, problem_of, solved, with_displacements
+from .again import optimum, problem_of, solved
 from .draws import AbstractDraws
 
 NOISES = ("blocks", "model")
@@ -133,11 +133,13 @@ def bootstrap(fit: Fit, draws: int = 1000, *, noise: str = "blocks", seed: int =
         for each, label in zip(fit.noises, fit.labels, strict=True):
             _check_drawable(each, label)
 
+    measured = displaced(problem)
+
     def resampled(number: int) -> Problem:
         # Each record has a generator of its own, so that it is the same in whatever order they are made.
         generator = np.random.default_rng([seed, number])
         rows = zip(problem.windows, parts, fit.noises, blocks, strict=True)
-        return with_displacements(problem, [_drawn(generator, noise, *row) for row in rows])
+        return measured([_drawn(generator, noise, *row) for row in rows])
 
     rows = solved(resampled, draws, problem.residual.space.coordinates(values))
     fitted = [

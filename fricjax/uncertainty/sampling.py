@@ -104,7 +104,7 @@ def _without_fillers(residual: Residual) -> Residual:
     kept = (dataclasses.replace(run, t=run.t[at], x=run.x[at], weight=run.weight[at]) for run, at in runs)
     # Nothing else makes arrays of what a traced function has caught.
     caught = lambda leaf: jnp.asarray(leaf) if isinstance(leaf, np.ndarray) else leaf
-    return jax.tree.map(caught, dataclasses.replace(residual, runs=tuple(kept)))
+    return jax.tree.map(caught, residual._replace(runs=tuple(kept)))
 
 
 @working("Drawing from the posterior")
