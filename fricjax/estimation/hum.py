@@ -1,5 +1,6 @@
 """The lines of a hum in the noise of a series: which stand out of its spectrum, and their waves in its rows."""
 
+import functools
 from collections.abc import Iterable, Sequence
 
 import numpy as np
@@ -15,9 +16,19 @@ _TUNINGS = 3
 
 def waves_of(t: np.ndarray, unit: np.ndarray, lines: Iterable[float]) -> np.ndarray:
     """Cosine and sine of each line [Hz] in rows, each a mean over its time, shape (n, 2 lines)."""
-    row = float(np.median(np.diff(t)))
+    row = _interval(t)
     waves = [np.sinc(line * row) * f(2 * np.pi * line * t) for line in lines for f in (np.cos, np.sin)]
     return np.column_stack(waves) * unit[:, None]
+
+
+def _interval(t: np.ndarray) -> float:
+    """Time from one row to the next, of most of them [s]."""
+    return float(np.median(np.diff(t)))
+
+
+@functools.lru_cache(maxsize=16)
+def _window(n: int) -> np.ndarray:
+    return np.hanning(n)
 
 
 def lines_of(t: np.ndarray, unit: np.ndarray, residual: np.ndarray, motion: float) -> tuple[float, ...]:
@@ -45,8 +56,8 @@ def _strongest(t: np.ndarray, left: np.ndarray, motion: float) -> float | None:
     from scipy.fft import next_fast_len
 
     size = int(next_fast_len(left.size, real=True) or left.size)
-    power = np.abs(np.fft.rfft(left * np.hanning(left.size), size)) ** 2
-    step = 1 / (size * float(np.median(np.diff(t))))
+    power = np.abs(np.fft.rfft(left * _window(left.size), size)) ** 2
+    step = 1 / (size * _interval(t))
     # What the model lacks of the motion is no hum; the lowest frequencies are those of drifts.
     apart = np.abs(step * np.arange(power.size) - motion) >= motion / 2
     apart[:_WIDE] = False

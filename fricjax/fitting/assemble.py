@@ -115,7 +115,7 @@ def _of_the_runs(problem: Problem) -> dict[str, Any]:
 
 def _cut(run: Run, n: int) -> Run:
     """The run without the samples that only fill it up."""
-    return dataclasses.replace(run, t=run.t[:n], x=run.x[:n], weight=run.weight[:n])
+    return run._replace(t=run.t[:n], x=run.x[:n], weight=run.weight[:n])
 
 
 def _count(run: Run) -> int | None:

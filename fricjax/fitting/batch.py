@@ -14,7 +14,7 @@ from ..data.gather import Source, record_of, sources_of
 from ..errors import DataError, UsageError
 from ..estimation.covariance import Covariance, covariance
 from ..estimation.loss import AbstractLoss
-from ..oscillator import Oscillator, cores, ready
+from ..oscillator import Oscillator, cores, ready, taking_turns
 from ..oscillator.engines import AbstractEngine
 from ..rig import Rig
 from ..show.working import working
@@ -126,7 +126,7 @@ def fit_batch(
         return fit_rows([runs[i] for i in block], [common.with_guess(guesses[i]) for i in block])
 
     rows: dict[int, Row] = {}
-    with working("Fitting runs", len(runs)) as task, ThreadPoolExecutor(cores()) as pool:
+    with working("Fitting runs", len(runs)) as task, ThreadPoolExecutor(cores() + 1) as pool:
         for block, rows_of_block in zip(blocks, pool.map(work, blocks), strict=True):
             rows |= dict(zip(block, rows_of_block, strict=True))
             task.advance(len(block))
@@ -160,6 +160,7 @@ def _name(source: Any, run: Record | Exception) -> str:
     return Path(source).name if isinstance(source, str | os.PathLike) else ""
 
 
+@taking_turns()
 def fit_rows(records: Sequence[Any], requests: Sequence[Request]) -> list[Row]:
     """Fit runs in this thread, those of one shape by one compiled computation.
 

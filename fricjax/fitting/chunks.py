@@ -16,7 +16,7 @@ from jaxtyping import Array
 
 from ..data.segmentation.noise import NORMAL_MAD
 from ..estimation.loss import AbstractLoss, Squares
-from ..oscillator import Program
+from ..oscillator import Program, waiting
 from ..oscillator.program import Shape, of_shape, split
 from .derived import Derived
 from .residual import Residual, start_of
@@ -74,8 +74,9 @@ def in_chunks[M, R](members: Sequence[M], compute: Callable[[M, int], R]) -> lis
             chosen = numbers[first : first + width]
             arrays = [parts[i][1] for i in chosen]
             columns = zip(*(arrays + arrays[:1] * (width - len(arrays))), strict=True)
-            ends = compute(of_shape(shape, [np.stack(column) for column in columns]), len(chosen))
-            leaves, structure = jax.tree.flatten(jax.tree.map(np.asarray, ends))
+            stacked = of_shape(shape, [np.stack(column) for column in columns])
+            with waiting():
+                leaves, structure = jax.tree.flatten(jax.tree.map(np.asarray, compute(stacked, len(chosen))))
             for row, i in enumerate(chosen):
                 results[i] = jax.tree.unflatten(structure, [leaf[row] for leaf in leaves])
     return [results[i] for i in range(len(members))]

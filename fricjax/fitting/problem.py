@@ -158,7 +158,7 @@ def with_rests(problem: Problem) -> Problem:
 def with_windows(problem: Problem, windows: tuple[Window, ...]) -> Problem:
     """The problem with other samples, or others weights of them."""
     pairs = zip(windows, problem.residual.runs, strict=True)
-    runs = tuple(dataclasses.replace(full_run(window, True), half_cycles=run.half_cycles) for window, run in pairs)
+    runs = tuple(full_run(window, True)._replace(half_cycles=run.half_cycles) for window, run in pairs)
     residual = problem.residual._replace(runs=of_one_length(runs))
     condensed = _condensed(residual, windows)
     stage_weights = tuple(stage_weights_of(window, run) for window, run in zip(windows, condensed.runs, strict=True))

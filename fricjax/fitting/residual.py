@@ -1,6 +1,5 @@
 """What a fit makes small: the weighted distance of computed from measured displacement, and of values from priors."""
 
-import dataclasses
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
@@ -21,7 +20,9 @@ ERRORS = ("displacement_scale", "time_scale", "periodic_nonlinearity_cosine", "p
 amplitudes of an error that is periodic in the displacement [m]. A fit takes them for zero."""
 
 
-class Run(eqx.Module):
+# The parts of a problem are tuples: the host makes several of each for every run, and takes fifty times longer to read
+# a field of a module of equinox, and a hundred to make one.
+class Run(NamedTuple):
     """One record as the residual sees it, in numpy arrays until it is traced; times count from the run's own origin.
 
     Attributes:
@@ -88,9 +89,6 @@ class Residual(NamedTuple):
         period: displacement over which the periodic error of the reading repeats [m].
     """
 
-    # A tuple, as the other parts of a problem: the host makes some of each for every run, and reading a field of a
-    # module of equinox takes it fifty times longer.
-
     oscillator: Oscillator
     space: ParameterSpace
     engine: AbstractEngine
@@ -109,7 +107,7 @@ class Residual(NamedTuple):
         """The residual with fields of its runs replaced, each by one entry for every run."""
         rows = zip(*columns.values(), strict=True)
         pairs = zip(self.runs, (dict(zip(columns, row, strict=True)) for row in rows), strict=True)
-        return self._replace(runs=tuple(dataclasses.replace(run, **fields) for run, fields in pairs))
+        return self._replace(runs=tuple(run._replace(**fields) for run, fields in pairs))
 
     def __call__(self, y: Float[Array, " coordinates"], args: None = None) -> Float[Array, " residuals"]:
         parts = self.each(lambda i, run: run.weight * (self.observed(y, i, run).read(run.t) - run.x), self.runs)

@@ -31,9 +31,9 @@ from .rest import Margin
 MODULES: Mapping[str, type] = {
     **{name: getattr(friction_laws, name) for name in friction_laws.__all__ if name != "AbstractFriction"},
     **{cls.__name__: cls for cls in (restoring.Linear, restoring.Cubic, restoring.Pendulum, restoring.Structural)},
-    **{cls.__name__: cls for cls in (Oscillator, Exact, Hybrid, Smooth, Run)},
+    **{cls.__name__: cls for cls in (Oscillator, Exact, Hybrid, Smooth)},
 }
-RECORDS: Mapping[str, type] = {cls.__name__: cls for cls in (Line, Margin, Measured, Noise, Span, Whiteness)}
+RECORDS: Mapping[str, type] = {cls.__name__: cls for cls in (Line, Margin, Measured, Noise, Run, Span, Whiteness)}
 _WORDS = {float: "a number", int: "a whole number", str: "a text", bool: "true or false", types.NoneType: "null"}
 # Integers beyond are no counts, and floating-point numbers do not tell them from one another.
 _LARGEST_COUNT = 1 << 53
@@ -68,7 +68,7 @@ def restored(kind: Any, value: Any, place: str) -> Any:
     if isinstance(kind, type) and kind in RECORDS.values():
         fields = _fields(kind, typing.get_type_hints(kind), value, place)
         try:
-            return kind(**fields)
+            return _built(kind)(**fields)
         except UsageError as error:
             raise DataError(f"'{place[:200]}' is no {kind.__name__} ({str(error).rstrip('.')})") from error
     # What is left are numbers whose shape only traced code declares: one, or an array.
@@ -130,7 +130,7 @@ def _array(value: Any, place: str) -> np.ndarray:
 
 
 def _module(base: type, value: Any, place: str) -> Any:
-    """A law, a machine, an engine or a run, by the name of its class."""
+    """A law, a machine or an engine, by the name of its class."""
     _expect(isinstance(value, dict), value, place, f"an object of the type {base.__name__.removeprefix('Abstract')}")
     name = value.get("type")
     cls = MODULES.get(name) if isinstance(name, str) else None

@@ -1,6 +1,5 @@
 """A record as the residual sees it: whole, condensed, and with what its windows need to know."""
 
-import dataclasses
 from typing import Any
 
 import numpy as np
@@ -65,7 +64,7 @@ def of_one_length(runs: tuple[Run, ...]) -> tuple[Run, ...]:
 
 
 def _with_samples(run: Run, n: int, t: np.ndarray, x: np.ndarray, weight: np.ndarray) -> Run:
-    return dataclasses.replace(run, **dict(zip(("t", "x", "weight"), _up_to(n, t, x, weight), strict=True)))
+    return run._replace(**dict(zip(("t", "x", "weight"), _up_to(n, t, x, weight), strict=True)))
 
 
 def _up_to(n: int, t: np.ndarray, x: np.ndarray, weight: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -20,7 +20,7 @@ from ..errors import UsageError
 from ..estimation.covariance import Quadratic, quadratic
 from ..estimation.loss import AbstractLoss, Squares
 from ..estimation.status import AT_BOUND, CONVERGED, OUT_OF_STEPS, STALLED, UNDETERMINED
-from ..oscillator import Program
+from ..oscillator import Program, waiting
 from ..oscillator.engines import AbstractEngine
 from .chunks import Member, Summary, solve_in_chunks
 from .derived import Derived
@@ -106,7 +106,9 @@ staged = Program(solve_in_stages, like_iterate)
 
 def one_by_one(members: Sequence[Member], loss: AbstractLoss) -> list[Iterate]:
     """The iterate of each problem, each by a program of its own."""
-    return [staged(m.residual, m.stage_weights, m.limits, loss, m.y, m.schedule) for m in members]
+    with waiting():
+        ends = [staged(m.residual, m.stage_weights, m.limits, loss, m.y, m.schedule) for m in members]
+        return jax.tree.map(np.asarray, ends)
 
 
 # The way of one fit, from top to bottom: `solve` calls `solve_condensed`, which goes in stages to the optimum of few
@@ -219,12 +221,12 @@ def with_inputs(residual: Residual, y: Any) -> np.ndarray:
 def evaluate_at(problem: Problem, residual: Residual, y: Any) -> Iterate:
     """The evaluation of all samples of a residual at coordinates `y` of parameters and inputs."""
     (at,) = one_by_one([on_all_samples(problem, residual, y, EVALUATE_ONLY)], problem.loss)
-    return jax.tree.map(np.asarray, at)
+    return at
 
 
 def _checked(problem: Problem, residual: Residual, at: Iterate) -> Solution:
     y = with_inputs(residual, at.y)
-    return solution_of(problem, jax.tree.map(np.asarray, at), evaluate_at(problem, checking(residual, y), y))
+    return solution_of(problem, at, evaluate_at(problem, checking(residual, y), y))
 
 
 def solution_of(problem: Problem, at: Iterate, looked: Iterate) -> Solution:

@@ -6,7 +6,7 @@ from .engines.smooth.rosenbrock import Rodas5P
 from .motion import RESULTS, Motion, Start, is_successful
 from .oscillator import Oscillator
 from .program import Program
-from .session import cores, ready
+from .session import cores, ready, taking_turns, waiting
 from .simulate import final_displacement, simulate, starting_state
 
 __all__ = [
@@ -31,4 +31,6 @@ __all__ = [
     "restoring",
     "simulate",
     "starting_state",
+    "taking_turns",
+    "waiting",
 ]

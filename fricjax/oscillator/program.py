@@ -27,7 +27,7 @@ from jax.core import Tracer
 
 from ..show.working import working
 from .cache import keep, recall
-from .session import ready
+from .session import ready, waiting
 
 # A program of a fit holds four to eight hundred mappings of memory, of which a process may have 65,530, and there are
 # three functions. What goes is loaded again in half a second; few sessions see as many laws and shapes.
@@ -91,7 +91,7 @@ def of_shape(shape: Shape, arrays: Sequence[Any]) -> Any:
 
 
 def _is_array(leaf: Any) -> bool:
-    return isinstance(leaf, jax.Array | np.ndarray | np.generic)
+    return isinstance(leaf, np.ndarray | np.generic | jax.Array)
 
 
 class Program[*Arguments, Result]:
@@ -147,11 +147,12 @@ class _Compiled:
         self._structure: Any = None
 
     def __call__(self, args: tuple, shape: Shape, arrays: list[Any]) -> Any:
-        with self._lock:
-            if self._call is None:
-                ready()
-                with working("compiling"):
-                    self._call = self._compiled(args, shape, arrays)
+        if self._call is None:
+            with waiting(), self._lock:
+                if self._call is None:
+                    ready()
+                    with working("compiling"):
+                        self._call = self._compiled(args, shape, arrays)
         return jax.tree.unflatten(self._structure, self._call(arrays))
 
     def _compiled(self, args: tuple, shape: Shape, arrays: list[Any]) -> Callable:

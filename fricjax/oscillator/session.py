@@ -4,9 +4,12 @@ Compiling takes seconds, loading what an earlier process has compiled a tenth of
 is computed.
 """
 
+import contextlib
 import functools
 import os
+import threading
 import warnings
+from collections.abc import Iterator
 from pathlib import Path
 
 import jax
@@ -49,6 +52,48 @@ def cores() -> int:
     """
     # What Python 3.13 calls os.process_cpu_count; macOS and Windows hold no process to cores in this way.
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+_TURN = threading.Lock()
+_HOLDER = threading.local()
+
+
+@contextlib.contextmanager
+def taking_turns() -> Iterator[None]:
+    """Work of the host beside other threads that do the same, of which one computes while the others wait for XLA.
+
+    Of Python only one runs at a time anyway. Left to themselves, threads hand it to each other at each call of NumPy,
+    and two of them take a third longer than one for the same (1000 resampled records: 6.0 s, and by turns 4.6 s).
+
+    Examples:
+        >>> with taking_turns():
+        ...     with waiting():
+        ...         pass  # a compiled computation, or the compiler
+    """
+    with _TURN:
+        _HOLDER.holds = True
+        try:
+            yield
+        finally:
+            _HOLDER.holds = False
+
+
+@contextlib.contextmanager
+def waiting() -> Iterator[None]:
+    """Let another thread have its turn while this one waits for what holds no lock of the interpreter.
+
+    Nobody who waits may hold another lock that somebody at work asks for.
+    """
+    if not getattr(_HOLDER, "holds", False):
+        yield
+        return
+    _HOLDER.holds = False
+    _TURN.release()
+    try:
+        yield
+    finally:
+        _TURN.acquire()
+        _HOLDER.holds = True
 
 
 @functools.cache

@@ -12,7 +12,7 @@ from ..fitting.batch import Row, alone, solved_rows
 from ..fitting.chunks import WIDTH
 from ..fitting.problem import Problem
 from ..fitting.solve import Solution, solve, solve_batch
-from ..oscillator import cores
+from ..oscillator import cores, taking_turns
 from ..show.working import working
 
 
@@ -49,11 +49,16 @@ def fixed_at(problem: Problem, parameter: int, value: float, std: float) -> Prob
 def solved(make: Callable[[int], Problem], count: int, begin: np.ndarray) -> list[Row]:
     """Many problems solved on all cores, all from coordinates `begin`; each is made by the thread that solves it."""
     places = [range(first, min(first + WIDTH, count)) for first in range(0, count, WIDTH)]
+
+    @taking_turns()
+    def block(place: Sequence[int]) -> list[Row]:
+        return solved_rows([make(i) for i in place], [begin] * len(place))
+
     rows: list[Row] = []
-    with working("Fitting records", count) as task, ThreadPoolExecutor(cores()) as pool:
-        for block in pool.map(lambda place: solved_rows(list(map(make, place)), [begin] * len(place)), places):
-            rows += block
-            task.advance(len(block))
+    with working("Fitting records", count) as task, ThreadPoolExecutor(cores() + 1) as pool:
+        for solved in pool.map(block, places):
+            rows += solved
+            task.advance(len(solved))
     return rows
 
 

@@ -101,7 +101,7 @@ class Posterior(AbstractDraws):
 def _without_fillers(residual: Residual) -> Residual:
     """The residual without samples that count for nothing: they share compilations, but here each is paid for often."""
     runs = [(run, np.asarray(run.weight) > 0) for run in residual.runs]
-    kept = (dataclasses.replace(run, t=run.t[at], x=run.x[at], weight=run.weight[at]) for run, at in runs)
+    kept = (run._replace(t=run.t[at], x=run.x[at], weight=run.weight[at]) for run, at in runs)
     # Nothing else makes arrays of what a traced function has caught.
     caught = lambda leaf: jnp.asarray(leaf) if isinstance(leaf, np.ndarray) else leaf
     return jax.tree.map(caught, residual._replace(runs=tuple(kept)))

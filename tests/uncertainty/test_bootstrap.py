@@ -1,11 +1,16 @@
 """The scatter of resampled fits against standard errors, for white noise and for noise that remembers."""
 
+import dataclasses
+
+import equinox as eqx
+import jax
 import numpy as np
 import pytest
 from scipy.signal import lfilter
 
 import fricjax as fj
 from fricjax.errors import UsageError
+from fricjax.fitting.problem import displaced, with_windows
 from tests.fitting.runs import coulomb_run
 
 FREE = ("mu", "damping", "stiffness")
@@ -75,3 +80,17 @@ def test_what_cannot_be_resampled_is_refused(white):
 def test_noise_that_remembers_has_no_model_to_draw_from(coloured):
     with pytest.raises(UsageError, match="is one that remembers, which is not drawn from a model"):
         fj.uncertainty.bootstrap(coloured, noise="model")
+
+
+def test_the_problem_of_a_resampled_record_is_that_of_a_record_measured_so(white):
+    """All that times and weights give is shared; what is left is what building the problem anew gives."""
+    problem = white.problem
+    (window,) = problem.windows
+    x = np.asarray(window.trace.x) + 1e-9 * np.random.default_rng(3).normal(size=window.trace.n)
+    trace = eqx.tree_at(lambda trace: trace.x, window.trace, x)
+    anew = with_windows(problem, (dataclasses.replace(window, trace=trace),))
+    shared = displaced(problem)([x])
+    for ours, theirs in ((shared.residual, anew.residual), (shared.condensed, anew.condensed)):
+        for left, right in zip(jax.tree.leaves(ours.runs), jax.tree.leaves(theirs.runs), strict=True):
+            assert np.array_equal(left, right)
+    assert np.array_equal(shared.stage_weights[0].moving, anew.stage_weights[0].moving)
