@@ -1,18 +1,24 @@
 from .campaign import Design, design
+from .curves import Curves, curves
 from .directions import Direction
 from .fisher import fisher
 from .information import Information
 from .local import local
 from .stops import NextRelease, Outcome, next_release
+from .variance import Sobol, sobol
 
 __all__ = [
+    "Curves",
     "Design",
     "Direction",
     "Information",
     "NextRelease",
     "Outcome",
+    "Sobol",
+    "curves",
     "design",
     "fisher",
     "local",
     "next_release",
+    "sobol",
 ]

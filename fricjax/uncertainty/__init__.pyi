@@ -1,4 +1,5 @@
 from .fitted import budget
+from .hierarchy import Hierarchical, hierarchical
 from .inputs import Input
 from .monte_carlo import MonteCarlo
 from .noise_models import NoiseModelRow, NoiseModels, noise_models
@@ -13,6 +14,7 @@ __all__ = [
     "Bootstrap",
     "Budget",
     "Expanded",
+    "Hierarchical",
     "Input",
     "MonteCarlo",
     "NoiseModelRow",
@@ -22,6 +24,7 @@ __all__ = [
     "Sandwich",
     "bootstrap",
     "budget",
+    "hierarchical",
     "noise_models",
     "posterior",
     "profile",
