@@ -14,7 +14,6 @@ import jax
 jax.config.update("jax_enable_x64", True)
 
 import numpy as np  # noqa: E402
-from run import FREE, machine, record  # noqa: E402
 from scipy.stats import chi2  # noqa: E402
 
 import fricjax as fj  # noqa: E402
@@ -52,6 +51,8 @@ def truths_of(campaigns, rng):
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--campaigns", type=int, default=200)
+    from run import FREE, machine, record
+
     campaigns, rng = parser.parse_args().campaigns, np.random.default_rng(11)
     truths = truths_of(campaigns, rng)
     runs = [record(rng, mean + scatter * rng.standard_normal()) for mean, scatter in truths for _ in range(RUNS)]

@@ -7,6 +7,7 @@ from .profiles import Profile, profile
 from .propagation import propagate
 from .resampling import Bootstrap, bootstrap
 from .result import Budget, Expanded
+from .routes import route_budget
 from .sampling import Posterior, posterior
 from .sandwich import Sandwich, sandwich
 
@@ -29,5 +30,6 @@ __all__ = [
     "posterior",
     "profile",
     "propagate",
+    "route_budget",
     "sandwich",
 ]

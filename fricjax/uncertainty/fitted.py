@@ -8,7 +8,7 @@ law is exact. Whatever has the value zero enters in proportion.
 
 import dataclasses
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 from ..errors import UsageError, nearest
@@ -76,6 +76,16 @@ def budget(
     elif scatter is not None:
         rows[SCATTER] = scatter
     added = tuple(rows)
+    formula = by_powers(value, slopes, centres, added)
+    rows |= {key: known[key] for key in slopes}
+    notes = ("No uncertain input of the rig is counted: fit with rig=.",) if not slopes else ()
+    return derived(formula, rows, quantity=name, unit=unit, correlations=correlations, notes=notes)
+
+
+def by_powers(
+    value: float, slopes: Mapping[str, float], centres: Mapping[str, float], added: tuple[str, ...]
+) -> Callable[[Mapping[str, Any]], Any]:
+    """A value as a function of its inputs: powers of those with a size, with these slopes, and what is added."""
     powers = {key: slope * centres[key] / value for key, slope in slopes.items() if centres[key] and value}
 
     def formula(values: Mapping[str, Any]) -> Any:
@@ -86,9 +96,7 @@ def budget(
             result = result + slopes[key] * (values[key] - centres[key])
         return result + sum(values[key] for key in added)
 
-    rows |= {key: known[key] for key in slopes}
-    notes = ("No uncertain input of the rig is counted: fit with rig=.",) if not slopes else ()
-    return derived(formula, rows, quantity=name, unit=unit, correlations=correlations, notes=notes)
+    return formula
 
 
 def _fitted(fit: Fit, name: str) -> Measured:

@@ -175,7 +175,8 @@ def hierarchical(
     size = max(float(np.std(y, ddof=1)), float(np.median(u)))
     matrix = np.reshape(list(common.values()), (-1, y.size)).T
     most = _WIDE * float(np.hypot(size, np.linalg.norm(matrix, axis=1).max(initial=0.0)))
-    expected, width = (float(y.mean()), most) if mean is None else (float(mean[0]), float(mean[1]))
+    stated = (mean.value, mean.std) if isinstance(mean, Measured) else mean
+    expected, width = (float(y.mean()), most) if stated is None else stated
     told = {"y": (y - y.mean()) / size, "u": u / size, "common": matrix / size}
     priors = {"expected": (expected - y.mean()) / size, "width": width / size}
     priors["scale"] = _WIDE if scatter is None else scatter / size

@@ -1,5 +1,6 @@
 """The posterior over runs against its closed form, against ranks of drawn truths, and what it refuses."""
 
+import importlib
 import sys
 from pathlib import Path
 
@@ -11,7 +12,7 @@ import fricjax as fj
 from fricjax.errors import UsageError
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "experiments" / "uncertainty"))
-import calibration
+calibration = importlib.import_module("calibration")
 
 VALUES = 0.02 + 2e-4 * np.array([-1.3, -0.4, 0.1, 0.3, 0.6, 1.4])
 ERRORS = np.full(6, 1e-7)
@@ -44,7 +45,7 @@ def test_no_run_takes_the_error_of_the_rig_away():
     runs = [fj.synthetic_run(machine, 2e-3, rate=2e3, duration=0.6, noise=1e-9, seed=seed) for seed in range(4)]
     rig = fj.Rig(mass=0.4, stiffness=2500.0, normal_force="10 +/- 0.1", damping=0.2)
     batch = fj.fit_batch(runs, rig.oscillator(fj.friction.Coulomb(0.05)), ["mu", "damping", "stiffness"], rig=rig)
-    found = fj.uncertainty.hierarchical(batch, scatter=1e-6)
+    found = fj.uncertainty.hierarchical(batch, mean=fj.Measured(0.05, 0.1), scatter=1e-6)
     assert found.mean.std() == pytest.approx(0.01 * 0.05, rel=0.1)
     assert list(found.inputs) == ["normal_force"]
 
