@@ -134,8 +134,8 @@ def compare(
     fits = {entry.candidate.name: entry.fit for entry in entries if entry.fit is not None}
     if not fits:
         raise UsageError(f"No law could be fitted. The first was {rows[0].status}")
-    found = _reference_noise(entries, sigma_mode == "absolute")
-    rows = tuple(_with_criteria(row, entry, found) for row, entry in zip(rows, entries, strict=True))
+    reference = _reference_noise(entries, sigma_mode == "absolute")
+    rows = tuple(_with_criteria(row, entry, reference) for row, entry in zip(rows, entries, strict=True))
 
     def place(row: Row) -> tuple:
         value = getattr(row, criterion)
@@ -144,7 +144,7 @@ def compare(
     ranking = tuple(row.name for row in sorted(rows, key=place))
     windows = next(candidate.windows for candidate in entered if isinstance(candidate.windows, tuple))
     sentences = fingerprints(windows, machines[0])
-    return Comparison(rows, criterion, ranking, fits, found.n, found.effective, found.inflation, sentences)
+    return Comparison(rows, criterion, ranking, fits, reference.n, reference.effective, reference.inflation, sentences)
 
 
 class _Entry(NamedTuple):

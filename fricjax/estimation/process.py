@@ -48,11 +48,11 @@ class StateTransition(NamedTuple):
 
     def deviations(self) -> np.ndarray:
         """Variance of the position that kicks of unit spectral density lead to, were nothing measured, shape (n,)."""
-        spread, found = np.zeros((2, 2)), np.empty(self.noise.shape[0])
+        spread, variances = np.zeros((2, 2)), np.empty(self.noise.shape[0])
         for i, (matrix, noise) in enumerate(zip(self.matrix, self.noise, strict=True)):
             spread = matrix @ spread @ matrix.T + noise
-            found[i] = spread[0, 0]
-        return found
+            variances[i] = spread[0, 0]
+        return variances
 
 
 class Kicks(NamedTuple):
@@ -104,8 +104,8 @@ def _filtered(columns: Array, unit: Array, matrices: Array, noises: Array, kicks
     """
     nothing, alone = jnp.zeros((kicks.size, columns.shape[1])), jnp.zeros(kicks.size)
 
-    def step(carried: Any, row: Any) -> Any:
-        x, v, xx, xv, vv = carried
+    def step(state: Any, row: Any) -> Any:
+        x, v, xx, xv, vv = state
         read, u, ((a, b), (c, d)), noise = row
         x, v = a * x + b * v, c * x + d * v
         xx, xv, vv = (
@@ -120,8 +120,8 @@ def _filtered(columns: Array, unit: Array, matrices: Array, noises: Array, kicks
         xx, xv, vv = xx - of_x * u * xx, xv - of_x * u * xv, vv - of_v * u * xv
         return (x, v, xx, xv, vv), (innovation / jnp.sqrt(variance)[:, None], variance)
 
-    _, found = jax.lax.scan(step, (nothing, nothing, alone, alone, alone), (columns, unit, matrices, noises))
-    return found
+    _, innovations = jax.lax.scan(step, (nothing, nothing, alone, alone, alone), (columns, unit, matrices, noises))
+    return innovations
 
 
 def kicks_of(residual: np.ndarray, slopes: np.ndarray, unit: np.ndarray, transition: StateTransition) -> Kicks:

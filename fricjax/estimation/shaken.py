@@ -1,8 +1,8 @@
 """The colour of a motion that a floor shakes: kicks of a linear system, for as long as that system is linear.
 
 The acceleration of a floor is not white: what Kalman's filter for white kicks leaves still remembers, and goes through
-the filter of an autoregression of its own. Towards the end of a decay the strokes become as short as what the kicks
-have added up to, reversals come early or late by much of a stroke, and no linear system says what follows.
+the filter of an autoregression of its own. Towards the end of a decay half-cycles become as short as what the kicks
+have added up to, reversals come early or late by much of a half-cycle, and no linear system says what follows.
 """
 
 import numpy as np

@@ -142,14 +142,14 @@ def sobol(
 
     values = np.asarray(jax.jit(jax.vmap(of))(points))
     # The first of each group of rows is a point of its own, the others share all but one number with it.
-    own = points[:: len(names) + 2]
-    slopes = np.asarray(jax.jit(jax.vmap(jax.jacfwd(of)))(own))
+    bases = points[:: len(names) + 2]
+    slopes = np.asarray(jax.jit(jax.vmap(jax.jacfwd(of)))(bases))
     if not (np.all(np.isfinite(values)) and np.all(np.isfinite(slopes))):
         raise UsageError("The quantity or its derivative is not finite all over the ranges. Make the ranges smaller.")
-    found = indices.analyze(problem, values, calc_second_order=False, seed=seed, print_to_console=False)
+    by_design = indices.analyze(problem, values, calc_second_order=False, seed=seed, print_to_console=False)
     mean, variance = float(values.mean()), float(values.var())
     squares = np.mean(slopes**2, axis=0)
     bounds = squares * np.ptp(ends, axis=1) ** 2 / (math.pi**2 * variance)
     by_name = {name: (float(low), float(high)) for name, (low, high) in ranges.items()}
-    errors = found["S1_conf"], found["ST_conf"]
-    return Sobol(names, by_name, mean, variance, found["S1"], found["ST"], *errors, squares, bounds, values.size)
+    first, total, *errors = (by_design[key] for key in ("S1", "ST", "S1_conf", "ST_conf"))
+    return Sobol(names, by_name, mean, variance, first, total, *errors, squares, bounds, values.size)

@@ -164,7 +164,7 @@ def hierarchical(
         >>> fj.uncertainty.hierarchical((values, errors), scatter=1e-3, draws=200, chains=2).divergences
         0
     """
-    y, u, unit, common = _told(runs, name)
+    y, u, unit, common = _observed(runs, name)
     if y.size < _FEWEST:
         raise UsageError(f"A scatter from run to run needs at least three fitted runs, got {y.size}.")
     if scatter is not None and not scatter > 0:
@@ -177,11 +177,11 @@ def hierarchical(
     most = _WIDE * float(np.hypot(size, np.linalg.norm(matrix, axis=1).max(initial=0.0)))
     stated = (mean.value, mean.std) if isinstance(mean, Measured) else mean
     expected, width = (float(y.mean()), most) if stated is None else stated
-    told = {"y": (y - y.mean()) / size, "u": u / size, "common": matrix / size}
+    observed = {"y": (y - y.mean()) / size, "u": u / size, "common": matrix / size}
     priors = {"expected": (expected - y.mean()) / size, "width": width / size}
     priors["scale"] = _WIDE if scatter is None else scatter / size
     sampler = _sampler(matrix.shape[1], draws, chains, warmup)
-    sampler.run(jax.random.key(seed), **told, **priors, extra_fields=("diverging",))
+    sampler.run(jax.random.key(seed), **observed, **priors, extra_fields=("diverging",))
     drawn = {key: np.asarray(each) for key, each in sampler.get_samples(group_by_chain=True).items()}
     middle, spread, z = y.mean() + size * drawn["mean"], size * drawn["scatter"], drawn["z"]
     inputs = {source: z[:, :, k] for k, source in enumerate(common)}
@@ -194,7 +194,7 @@ def hierarchical(
     return Hierarchical(name, unit, middle, spread, inputs, of_runs, y, u, met, effective, astray)
 
 
-def _told(runs: Any, name: str) -> tuple[np.ndarray, np.ndarray, str, dict[str, np.ndarray]]:
+def _observed(runs: Any, name: str) -> tuple[np.ndarray, np.ndarray, str, dict[str, np.ndarray]]:
     """Values and standard errors of the runs that count, the unit, and what each input of a rig adds to them."""
     if not isinstance(runs, BatchFit):
         y, u = (np.asarray(each, float) for each in runs)

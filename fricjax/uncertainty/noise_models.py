@@ -148,16 +148,16 @@ def noise_models(fit: Fit, name: str | None = None) -> NoiseModels:
     absolute = fit.sigma_mode == "absolute"
     solution = solve(problem, problem.residual.space.coordinates(optimum(fit)))
     unit = 1.0 if absolute else solution.chi2 / problem.dof
-    found = []
+    counts = []
     for model in NOISE_MODELS:
         counted = weigh_by_noise(dataclasses.replace(problem, noise=model), solution, absolute)
         if model == "white" or (model != "auto" and counted.went_on):
             gain, numbers = _of_size(counted, unit) if model == "white" else (counted.gain, counted.numbers)
-            found.append((model, counted.solution.chi2 / unit + gain, numbers, assemble(counted, fit.sigma_mode)))
+            counts.append((model, counted.solution.chi2 / unit + gain, numbers, assemble(counted, fit.sigma_mode)))
     n, k = sum(row.series.t.size for row in rows_of(problem, solution.evaluation)), len(fit.names)
-    criteria = np.array([[m, m + 2 * (k + q), m + (k + q) * np.log(n)] for _, m, q, _ in found])
+    criteria = np.array([[m, m + 2 * (k + q), m + (k + q) * np.log(n)] for _, m, q, _ in counts])
     criteria -= criteria.min(axis=0)
-    rows = [NoiseModelRow(e[0], c[0], e[2], c[1], c[2], e[3]) for e, c in zip(found, criteria.tolist(), strict=True)]
+    rows = [NoiseModelRow(e[0], c[0], e[2], c[1], c[2], e[3]) for e, c in zip(counts, criteria.tolist(), strict=True)]
     return NoiseModels(tuple(sorted(rows, key=lambda row: row.bic)), name)
 
 
