@@ -151,5 +151,5 @@ def sobol(
     squares = np.mean(slopes**2, axis=0)
     bounds = squares * np.ptp(ends, axis=1) ** 2 / (math.pi**2 * variance)
     by_name = {name: (float(low), float(high)) for name, (low, high) in ranges.items()}
-    first, total, *errors = (by_design[key] for key in ("S1", "ST", "S1_conf", "ST_conf"))
-    return Sobol(names, by_name, mean, variance, first, total, *errors, squares, bounds, values.size)
+    first, total, *errors = (np.asarray(by_design[key]) for key in ("S1", "ST", "S1_conf", "ST_conf"))
+    return Sobol(names, by_name, mean, variance, first, total, errors[0], errors[1], squares, bounds, int(values.size))
