@@ -109,7 +109,7 @@ class Sandwich(Reported):
         axis.set_yticks(places + (height / 2 if self.bootstrap else 0), self.names)
         axis.invert_yaxis()
         axis.set_xlabel(axis_label("Standard error over that of the fit", "1"))
-        axis.legend()
+        axis.legend(loc="lower left", bbox_to_anchor=(0, 1), ncols=2)
         return styled(drawing, style)
 
 
