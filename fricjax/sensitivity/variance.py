@@ -117,10 +117,11 @@ def sobol(
     Examples:
         Where a mass stops is decided by friction far more than by damping:
 
+        >>> import numpy as np
         >>> import fricjax as fj
         >>> def decay(p):
         ...     machine = fj.Oscillator(0.4, 2500.0, p["damping"], 10.0, fj.friction.Coulomb(p["mu"]))
-        ...     return fj.simulate(machine, 2e-3, [0.0, 0.3], engine="exact").x[1]
+        ...     return fj.simulate(machine, 2e-3, np.array([0.0, 0.3]), engine="exact").x[1]
         >>> found = fj.sensitivity.sobol(decay, {"mu": (0.03, 0.0301), "damping": (0.1, 0.1001)}, samples=16)
         >>> found.names[int(found.total.argmax())]
         'mu'
