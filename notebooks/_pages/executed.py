@@ -2,6 +2,7 @@
 
 import base64
 import hashlib
+import os
 import re
 import tempfile
 import textwrap
@@ -47,7 +48,8 @@ def outputs(codes: list[str], store: Path) -> list[list[NotebookNode]]:
                 notebook, timeout=PATIENCE, resources=place, extra_arguments=quiet, coalesce_streams=True
             )
             try:
-                client.execute()
+                # How far a fit is concerns who waits for it, and no reader.
+                client.execute(env=os.environ | {"FRICJAX_PROGRESS": "off"})
             except CellExecutionError as error:
                 raise Failed(f"a code block fails.\n{COLOUR.sub('', str(error))}") from error
         store.mkdir(parents=True, exist_ok=True)
