@@ -131,7 +131,9 @@ def _rows(inspection: Inspection) -> list[tuple[str, str]]:
     gaps = f"{inspection.gaps}, the longest {inspection.longest_gap:.4g} s" if inspection.gaps else "none"
     rest = "none: the record ends in motion"
     if inspection.rest is not None:
-        rest = f"{inspection.rest:.6g} s at {inspection.rest_position:.6g} {unit}"
+        rest = f"{inspection.rest:.6g} s at {engineering(inspection.rest_position or 0.0, unit, 6)}"
+    noise, white = (engineering(size, unit) for size in (inspection.noise, inspection.white_noise))
+    hum = ", ".join(f"{engineering(size, unit)} at {frequency:.4g} Hz" for frequency, size in inspection.lines)
     others = ", ".join(str(inspection.n_half_cycles + step) for step in inspection.open)
     possibly = f", possibly {others}" if others else ""
     return [
@@ -140,10 +142,10 @@ def _rows(inspection: Inspection) -> list[tuple[str, str]]:
         ("duration", f"{inspection.duration:.6g} s"),
         ("rate", f"{inspection.rate:.6g} Hz, {spacing}"),
         ("gaps", gaps),
-        ("noise", f"{inspection.noise:.3g} {unit} rms, of which {inspection.white_noise:.3g} {unit} white"),
-        ("hum at rest", ", ".join(f"{size:.3g} {unit} at {at:.4g} Hz" for at, size in inspection.lines) or "none seen"),
-        ("resolution", f"{inspection.resolution:.3g} {unit}" if inspection.resolution else "no steps seen"),
-        ("amplitude", f"{inspection.amplitude:.6g} {unit}"),
+        ("noise", f"{noise} rms, of which {white} white"),
+        ("hum at rest", hum or "none seen"),
+        ("resolution", engineering(inspection.resolution, unit) if inspection.resolution else "no steps seen"),
+        ("amplitude", engineering(inspection.amplitude, unit, 6)),
         ("half-cycles", f"{inspection.n_half_cycles} ({inspection.cycles:g} cycles){possibly}"),
         ("half-period", f"{inspection.half_period:.6g} s ({inspection.frequency:.6g} Hz)"),
         ("release", f"{inspection.release:.6g} s"),

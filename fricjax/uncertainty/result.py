@@ -188,7 +188,7 @@ class Budget(Reported):
             each = self.inputs[name]
             freedom = "" if math.isinf(each.degrees_of_freedom) else f", {each.degrees_of_freedom:.3g} d.o.f."
             number = uncertain(each.value, each.std) if each.std else plain(each.value)
-            slope, share = f"{self.sensitivities[name]:.3g}", _percent(shares[name])
+            slope, share = f"{self.sensitivities[name] + 0.0:.3g}", _percent(shares[name])
             kind = each.distribution + freedom if each.std else "exact"
             rows.append([name, number, each.unit, each.kind, kind, slope, f"{abs(parts[name]):.2g}", share])
         heads = ["Input", "Value", "Unit", "Type", "Distribution", "Sensitivity", "Contribution", "Share"]

@@ -123,6 +123,7 @@ def test_inspection(record):
     assert json.loads(json.dumps(found.to_dict()))["samples"] == 10000
     for text in (found.summary(), found._repr_html_()):
         assert "10000 Hz, regular" in text and "12.6" in text
+        assert f"{1e9 * found.noise:.3g} nm rms" in text and f"{1e3 * found.amplitude:.6g} mm" in text
 
 
 def test_inspection_counts_gaps_in_samples_and_in_time(record):

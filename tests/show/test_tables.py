@@ -48,3 +48,9 @@ def test_html_is_escaped():
 
 def test_an_empty_table_has_its_heads():
     assert str(Table(["a", "b"], [])) == "a  b\n─  ─"
+
+
+def test_no_browser_breaks_a_number_or_its_unit():
+    short, sentence = "-9.04e-08 N s/m", "residuals of 57.2 mrad are 22.2 times the noise"
+    html = Table(["Bias", "Note"], [[short, sentence]]).html()
+    assert f'nowrap">{short}<' in html and f'left">{sentence}<' in html
