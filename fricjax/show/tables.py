@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 _NUMERIC = re.compile(r"\s*([-+−±\[]?\.?\d|inf\b|nan\b|undetermined\b|-?$)")
 # A number, a unit or an interval so short stays in one line; a browser would break it at its sign or blank.
-_WHOLE = 28
+_UNBROKEN = 28
 
 
 @dataclass(frozen=True)
@@ -98,7 +98,7 @@ class Table:
 
 def _html_row(tag: str, cells: Sequence[str], styles: Sequence[str]) -> str:
     """One row of an HTML table; `tag` is th or td."""
-    whole = lambda cell: ";white-space:nowrap" if tag == "td" and len(cell) <= _WHOLE else ""
+    nowrap = lambda cell: ";white-space:nowrap" if tag == "td" and len(cell) <= _UNBROKEN else ""
     pairs = zip(cells, styles, strict=True)
-    inner = "".join(f'<{tag} style="text-align:{align}{whole(cell)}">{escape(cell)}</{tag}>' for cell, align in pairs)
+    inner = "".join(f'<{tag} style="text-align:{align}{nowrap(cell)}">{escape(cell)}</{tag}>' for cell, align in pairs)
     return f"<tr>{inner}</tr>"
