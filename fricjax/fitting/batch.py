@@ -14,7 +14,7 @@ from ..data.gather import Source, record_of, sources_of
 from ..errors import DataError, UsageError
 from ..estimation.covariance import Covariance, covariance
 from ..estimation.loss import AbstractLoss
-from ..oscillator import Oscillator, cores, ready, taking_turns
+from ..oscillator import Oscillator, cores, one_at_a_time, ready
 from ..oscillator.engines import AbstractEngine
 from ..rig import Rig
 from ..show.working import working
@@ -160,7 +160,7 @@ def _name(source: Any, run: Record | Exception) -> str:
     return Path(source).name if isinstance(source, str | os.PathLike) else ""
 
 
-@taking_turns()
+@one_at_a_time()
 def fit_rows(records: Sequence[Any], requests: Sequence[Request]) -> list[Row]:
     """Fit runs in this thread, those of one shape by one compiled computation.
 

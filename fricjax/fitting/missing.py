@@ -8,7 +8,6 @@ model lacks. The same holds for the times of the reversals, which a spring that 
 A^2.
 """
 
-from collections.abc import Iterator
 from typing import NamedTuple
 
 import jax.numpy as jnp
@@ -24,7 +23,19 @@ from .window import equilibrium, without_ringing
 
 # Reversals from which a term can be told from chance; part of the residuals that it must take away, which is the one
 # worth a sentence, and part of them that must show in the reversals.
-_FEWEST, _HALVES, _SHOWN = 8, 0.5, 0.5
+FEWEST, _HALVES, _SHOWN = 8, 0.5, 0.5
+
+
+class Lacking(NamedTuple):
+    """A term that the model lacks.
+
+    Attributes:
+        term: its name: "damping", "drag", "contact", "falling", "softening" or "stiffening".
+        left: what it would leave of the residuals at the reversals [m or rad], rms.
+    """
+
+    term: str
+    left: float
 
 
 class _Decay(NamedTuple):
@@ -48,25 +59,32 @@ class _Sums(NamedTuple):
     lacking: tuple[tuple[str, np.ndarray], ...]
 
 
-def lacking(problem: Problem, run: int, size: float) -> Iterator[str]:
-    """A sentence on the term that would halve residuals of this size [m or rad] in a run; none where none would."""
+def lacking(problem: Problem, run: int, size: float) -> Lacking | None:
+    """The term that would halve residuals of this size [m or rad] in a run; None where none would."""
     window, machine = problem.windows[run], problem.residual.oscillator
     segmentation = without_ringing(window.segmentation)
     later = segmentation.turning_times >= window.t_start - segmentation.half_period / 4
     y = (segmentation.turning_points - equilibrium(segmentation))[later]
-    if y.size < _FEWEST:
-        return
+    if y.size < FEWEST:
+        return None
     mean = (np.abs(y[1:]) + np.abs(y[:-1])) / 2
     decay = _Decay(y, segmentation.turning_times[later], mean, np.pi / segmentation.half_period)
     kinds = {parameter.kind for parameter in problem.parameters}
     gains = [gain for sums in (_energies(decay, machine, kinds), _times(decay, machine)) for gain in _gains(sums, size)]
-    if gains:
-        _, left, term = max(gains)
-        names = [parameter.name for parameter in problem.parameters if "[" not in parameter.name]
-        shared = [name for name in names if name.rsplit(".", 1)[-1] not in NUISANCES]
-        what, how = _advice(term, shared, window.quantity)
-        rest = engineering(left, window.quantity)
-        yield f"{what} would leave {rest} of these residuals at the reversals: fit with {how}."
+    if not gains:
+        return None
+    _, left, term = max(gains)
+    return Lacking(term, left)
+
+
+def advice(problem: Problem, run: int, term: Lacking) -> str:
+    """A sentence on a term that a run lacks, and on how it is fitted."""
+    quantity = problem.windows[run].quantity
+    names = [parameter.name for parameter in problem.parameters if "[" not in parameter.name]
+    shared = [name for name in names if name.rsplit(".", 1)[-1] not in NUISANCES]
+    what, how = _advice(term.term, shared, quantity)
+    rest = engineering(term.left, quantity)
+    return f"{what} would leave {rest} of these residuals at the reversals: fit with {how}."
 
 
 def _advice(term: str, free: list[str], quantity: str) -> tuple[str, str]:

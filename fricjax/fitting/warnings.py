@@ -11,7 +11,7 @@ from ..data.repair import reported_faults
 from ..oscillator.restoring import Pendulum
 from ..show import engineering, plain
 from .diagnostics import Misfit, growth, holds_release, too_large
-from .missing import lacking
+from .missing import advice, lacking
 from .noise_weighting import Other
 from .problem import Problem
 from .rest import Bracket, Margin
@@ -79,7 +79,9 @@ def warnings_of_run(
         else:
             yield f"The {times}, and are taken for noise, a slow one: it may as well be something that the model lacks."
         yield from reported_faults(_record(problem, misfit.run), _of_run(misfit.run, problem))
-        yield from lacking(problem, misfit.run, misfit.size)
+        term = lacking(problem, misfit.run, misfit.size)
+        if term is not None:
+            yield advice(problem, misfit.run, term)
         yield from _on_drift(problem, misfit)
         if any(holds_release(window) for window in problem.windows):
             yield (

@@ -6,7 +6,7 @@ from .engines.smooth.rosenbrock import Rodas5P
 from .motion import RESULTS, Motion, Start, is_successful
 from .oscillator import Oscillator
 from .program import Program
-from .session import cores, ready, taking_turns, waiting
+from .session import cores, one_at_a_time, ready, waiting
 from .simulate import final_displacement, simulate, starting_state
 
 __all__ = [
@@ -27,10 +27,10 @@ __all__ = [
     "energy",
     "final_displacement",
     "is_successful",
+    "one_at_a_time",
     "ready",
     "restoring",
     "simulate",
     "starting_state",
-    "taking_turns",
     "waiting",
 ]

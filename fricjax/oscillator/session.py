@@ -54,46 +54,50 @@ def cores() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
-_TURN = threading.Lock()
-_HOLDER = threading.local()
+_HOST = threading.Lock()
+_THREAD = threading.local()
 
 
 @contextlib.contextmanager
-def taking_turns() -> Iterator[None]:
+def one_at_a_time() -> Iterator[None]:
     """Work of the host beside other threads that do the same, of which one computes while the others wait for XLA.
 
     Of Python only one runs at a time anyway. Left to themselves, threads hand it to each other at each call of NumPy,
-    and two of them take a third longer than one for the same (1000 resampled records: 6.0 s, and by turns 4.6 s).
+    and two of them take a third longer than one for the same (1000 resampled records: 6.0 s, and in this way 4.6 s).
 
     Examples:
-        >>> with taking_turns():
+        >>> with one_at_a_time():
         ...     with waiting():
         ...         pass  # a compiled computation, or the compiler
     """
-    with _TURN:
-        _HOLDER.holds = True
+    with _HOST:
+        _THREAD.holds = True
         try:
             yield
         finally:
-            _HOLDER.holds = False
+            _THREAD.holds = False
 
 
 @contextlib.contextmanager
 def waiting() -> Iterator[None]:
-    """Let another thread have its turn while this one waits for what holds no lock of the interpreter.
+    """Let another thread of the host work while this one waits for what holds no lock of the interpreter.
 
     Nobody who waits may hold another lock that somebody at work asks for.
+
+    Examples:
+        >>> with one_at_a_time(), waiting():
+        ...     pass
     """
-    if not getattr(_HOLDER, "holds", False):
+    if not getattr(_THREAD, "holds", False):
         yield
         return
-    _HOLDER.holds = False
-    _TURN.release()
+    _THREAD.holds = False
+    _HOST.release()
     try:
         yield
     finally:
-        _TURN.acquire()
-        _HOLDER.holds = True
+        _HOST.acquire()
+        _THREAD.holds = True
 
 
 @functools.cache

@@ -12,7 +12,7 @@ from ..fitting.batch import Row, alone, solved_rows
 from ..fitting.chunks import WIDTH
 from ..fitting.problem import Problem
 from ..fitting.solve import Solution, solve, solve_batch
-from ..oscillator import cores, taking_turns
+from ..oscillator import cores, one_at_a_time
 from ..show.working import working
 
 
@@ -50,7 +50,7 @@ def solved(make: Callable[[int], Problem], count: int, begin: np.ndarray) -> lis
     """Many problems solved on all cores, all from coordinates `begin`; each is made by the thread that solves it."""
     places = [range(first, min(first + WIDTH, count)) for first in range(0, count, WIDTH)]
 
-    @taking_turns()
+    @one_at_a_time()
     def block(place: Sequence[int]) -> list[Row]:
         return solved_rows([make(i) for i in place], [begin] * len(place))
 

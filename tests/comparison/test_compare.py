@@ -162,7 +162,7 @@ def test_how_it_looks(joint, single):
     assert "known describes the runs best: BIC of free is larger by" in text
     assert text.index("known") < text.index("free") < text.index("wrong")
     assert "<table>" in single._repr_html_()
-    assert [axes.get_title(loc="left").split(":")[0] for axes in joint.plot(1).axes] == ["known", "wrong"]
+    assert [axes.get_ylabel().split("\n")[0] for axes in joint.plot(1).axes] == ["known", "wrong"]
     told = single.to_dict()
     assert (told["best"], told["rows"][1]["name"], told["criterion"]) == ("known", "free", "bic")
     assert told["rows"][0]["values"]["mu"] == pytest.approx(MU, rel=1e-5)

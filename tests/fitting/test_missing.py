@@ -51,3 +51,13 @@ def test_nothing_is_lacking_from_the_right_model_and_with_what_was_lacking_it_is
     assert found.chi2_reduced == pytest.approx(1, abs=0.1) and not said(found)
     assert found.values["drag"] == pytest.approx(0.5, rel=1e-3)
     assert not said(fit(run(machine(Coulomb(0.01))), machine(Coulomb(0.01)), MACHINE))
+
+
+@pytest.mark.parametrize("duration", [1.5, 3.0])
+def test_a_quiet_rest_makes_no_shaken_floor_of_what_is_lacking(duration):
+    """Kicks of the floor explain any motion, and none shows in the rest: "converged", mu 12 standard errors off."""
+    truth = machine(Coulomb(0.02), drag=2.0)
+    record = synthetic_run(truth, 1e-3, rate=1e3, duration=duration, noise=5e-9, seed=0)
+    found = fit(record, machine(Coulomb(0.02)), MACHINE, throw=False)
+    assert found.status.startswith("does not describe") and found.noises[0].floor == 0
+    assert "'drag'" in said(found)[0]
