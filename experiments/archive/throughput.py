@@ -1,9 +1,11 @@
-"""How fast an archive is: `python experiments/archive/throughput.py [--runs 256] [--many 20000]`.
+"""How fast an archive is: `python experiments/archive/throughput.py [--runs 256] [--many 20000] [--for-workers 0]`.
 
 Files of 10,000 samples in HDF5 are fitted with Coulomb's law from files to the table, in turn with `fit_batch` on the
 same displacements as an array, compiled programs at hand; the best of each counts, for other work on the machine makes
-either slower. Then a folder of many small files is planned, and a store that is finished is started again; there the
-fits are replaced by copies of one row, for what is asked is the time of all that surrounds them.
+either slower. With `--for-workers N`, so many files are also fitted by one worker process and by two, in turn, with
+all that it takes to start and end them. Then a folder of many small files is planned, and a store that is finished is
+started again; there the fits are replaced by copies of one row, for what is asked is the time of all that surrounds
+them.
 """
 
 import argparse
@@ -65,6 +67,19 @@ def throughput(place: Path, runs: int) -> None:
     print(f"memory at most         {resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6:7.2f} GB (asked for: 1.5)")
 
 
+def by_workers(place: Path, runs: int) -> None:
+    made(place / "for_workers", runs)
+    stores = iter(range(100))
+    by = lambda number: fj.batch(
+        place / "for_workers", place / f"by_workers_{next(stores)}", MACHINE, FREE, execute=fj.archive.workers(number)
+    )
+    by(1)
+    one, two = zip(*((timed(lambda: by(1)), timed(lambda: by(2))) for _ in range(2)), strict=True)
+    print(f"\n{runs} runs, {os.cpu_count()} cores, load {os.getloadavg()[0]:.1f}")
+    print(f"one worker             {min(one):7.2f} s")
+    print(f"two workers            {min(two):7.2f} s, {min(one) / min(two):.2f} times as fast  (asked for: 1.7)")
+
+
 class Copies:
     """An executor that fits one file, and gives its row for every other one."""
 
@@ -107,10 +122,13 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--runs", type=int, default=256)
     parser.add_argument("--many", type=int, default=20_000)
+    parser.add_argument("--for-workers", type=int, default=0)
     asked = parser.parse_args()
     place = Path(tempfile.mkdtemp(prefix="fricjax-throughput-"))
     try:
         throughput(place, asked.runs)
+        if asked.for_workers:
+            by_workers(place, asked.for_workers)
         many(place, asked.many)
     finally:
         shutil.rmtree(place)

@@ -23,6 +23,7 @@ from ..fitting.diagnostics import CONVERGED
 from ..fitting.names import NUISANCES
 from ..fitting.sketch import few, sketches
 from ..fitting.window import equilibrium
+from ..oscillator import one_at_a_time
 from .plan import LARGEST_FILE, Chunk, Job, hash_of, iso_time, settings_of, signature_of
 from .provenance import netcdf, row_key
 from .study import Law, Rule, Study, versions
@@ -230,6 +231,7 @@ def _records(path: Path, rule: Rule) -> list[Record]:
     return records if span is None else [crop(record, *span) for record in records]
 
 
+@one_at_a_time()
 def _facts_of(record: Record | Exception) -> dict[str, Any]:
     """What is known of a run before it is fitted."""
     if isinstance(record, Exception):

@@ -126,7 +126,7 @@ def fit_batch(
         return fit_rows([runs[i] for i in block], [common.with_guess(guesses[i]) for i in block])
 
     rows: dict[int, Row] = {}
-    with working("Fitting runs", len(runs)) as task, ThreadPoolExecutor(cores() + 1) as pool:
+    with working("Fitting runs", len(runs)) as task, ThreadPoolExecutor(cores()) as pool:
         for block, rows_of_block in zip(blocks, pool.map(work, blocks), strict=True):
             rows |= dict(zip(block, rows_of_block, strict=True))
             task.advance(len(block))
