@@ -90,6 +90,9 @@ def _seen(window: Window, row: Rows) -> Jitter | None:
     if row.rough.size < _FEWEST or not level * window.stated**2 > DITHERED * window.segmentation.resolution**2:
         return None
     least = float(np.quantile(row.rough, _QUIET))
+    # Of rows whose samples all lie beyond the bend of a robust loss nothing is known.
+    if not least > 0:
+        return None
     (still, moving), error = _variances(row.rough, row.moved, np.maximum(row.rough, least), least)
     return Jitter(max(still, least), moving, row.interval) if moving > thresholds.SURE * error else None
 

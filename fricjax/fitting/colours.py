@@ -36,6 +36,9 @@ from .rows import Rows, run_in_rows
 from .solve import Solution
 from .window import Window
 
+# Part of a derivative that parameters do not explain, from which on it is a function of its own. Convention: they are
+# computed to a part in 10^9 of themselves, and what is a function of its own differs by far more.
+_OF_ITS_OWN = 1e-6
 # Rows of a rest that tell its noise.
 _RESTING = 64
 # Rows of a piece of it that tell white noise, and the most pieces that are looked at.
@@ -57,17 +60,29 @@ def colours_of(problem: Problem, at: Solution, rows: Sequence[Rows], absolute: b
     if problem.noise in ("white", "jitter"):
         return []
     freedom = problem.n_used / problem.dof
-    # A coordinate that a bound holds explains nothing of what is left; an input of the rig, as the nonlinearity of an
-    # interferometer, may, and is then no noise besides.
-    explains = np.ones(at.y.size)
-    explains[: at.shape.at_bound.size] = ~at.shape.at_bound
-    identified = [row._replace(series=row.series._replace(slopes=row.series.slopes * explains)) for row in rows]
+    identified = [_identified(row, at.shape.at_bound) for row in rows]
     first = [_without_floor(problem, run, row, freedom * row.level) for run, row in enumerate(identified)]
     stated, seen = absolute and isinstance(problem.loss, Squares), []
     for run, (row, colour) in enumerate(zip(identified, first, strict=True)):
         known = white(row.series, _level(row, stated)) if colour is None else colour
         seen.append(Seen(rows[run], _or_shaken(problem, at, run, row, known)))
     return seen if any(first) or any(colour.transition for _, colour in seen) else []
+
+
+def _identified(row: Rows, at_bound: np.ndarray) -> Rows:
+    """Rows with the derivatives by what may explain some of what is left.
+
+    A coordinate that a bound holds does not. An input of the rig, as the nonlinearity of an interferometer, may, and is
+    then no noise besides; but a mass does nothing that free parameters do not, and the rounding in which it differs
+    from them would pass for a function of its own.
+    """
+    slopes, p = row.series.slopes, at_bound.size
+    slopes = np.column_stack([slopes[:, :p] * ~at_bound, slopes[:, p:]])
+    unit = np.maximum(np.linalg.norm(slopes, axis=0), np.finfo(float).tiny)
+    columns = slopes / unit
+    apart = columns[:, p:] - columns[:, :p] @ np.linalg.lstsq(columns[:, :p], columns[:, p:], rcond=1e-9)[0]
+    slopes[:, p:] *= np.linalg.norm(apart, axis=0) > _OF_ITS_OWN
+    return row._replace(series=row.series._replace(slopes=slopes))
 
 
 def _without_floor(problem: Problem, run: int, row: Rows, level: float) -> Colour | None:

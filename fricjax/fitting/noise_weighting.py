@@ -216,7 +216,8 @@ def _noise(window: Window, row: Rows, colour: Colour) -> Noise:
     """A colour in the terms of the user."""
     t, order = row.series.t, colour.coefficients.size
     largest = float(np.max(np.abs(np.roots(np.concatenate([[1.0], -colour.coefficients]))), initial=0.0))
-    memory = 0.0 if not order else np.inf if largest >= 1 else -row.samples * row.interval / np.log(largest)
+    walks = largest >= 1 or not colour.has_level
+    memory = 0.0 if not order else np.inf if walks else -row.samples * row.interval / np.log(largest)
     return Noise(
         excess=float(np.sqrt(variance_left(row, colour))),
         memory=float(memory),

@@ -260,3 +260,8 @@ def test_a_batch_knows_rounding_and_drift_of_its_runs():
         for name in MACHINE:
             assert batch.values[name][i] == pytest.approx(alone.values[name], abs=0.1 * alone.std_errors[name])
             assert batch.std_errors[name][i] == pytest.approx(alone.std_errors[name], rel=0.03)
+
+
+def test_a_robust_fit_of_noise_that_remembers_knows_nothing_of_rows_beyond_its_bend():
+    found = fitted(autoregressive(0.9, 1), loss="huber")
+    assert found.converged and abs(found.values["mu"] - RIG.mu) < 5 * found.std_errors["mu"]

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from fricjax import Measured, Rig, fit
+from fricjax import Measured, Oscillator, Rig, fit, synthetic_run
 from fricjax.errors import UsageError
 from fricjax.friction import Coulomb
 from fricjax.oscillator.restoring import Pendulum
@@ -85,3 +85,19 @@ def test_a_rig_with_other_numbers_is_refused():
         UsageError, match=r"The rig gives normal_force = 5, but the oscillator has 9\.66\. Build it with rig"
     ):
         fit(coulomb_run(), machine, FREE, rig=other)
+
+
+@pytest.mark.parametrize("seed", [7, 8])
+def test_a_rig_changes_neither_the_noise_nor_the_standard_errors(seed):
+    """A mass does nothing that free parameters do not; beside a periodic error its rounding passed for noise."""
+    truth = Oscillator(0.41068, 2574.0, 0.1756, 9.66, Coulomb(0.05, mu_s=0.065))
+    record = synthetic_run(
+        truth, 2e-3, rate=2e4, duration=0.3, hold=0.02, noise=1e-9, periodic_nonlinearity=(2e-9, 0.7e-9), seed=seed
+    )
+    known = {"mass": (0.41068, 4e-5), "stiffness": (2574.0, 2.0), "normal_force": (9.66, 0.0483)}
+    rig = Rig(**{name: Measured(*pair) for name, pair in known.items()})
+    alone, calibrated = (fit(record, truth, ["mu", "damping", "stiffness"], rig=each) for each in (None, rig))
+    for name in alone.names:
+        assert calibrated.std_errors[name] == pytest.approx(alone.std_errors[name], rel=1e-6)
+    assert calibrated.noises[0].memory == pytest.approx(alone.noises[0].memory, rel=1e-6)
+    assert abs(calibrated.values["mu"] - 0.05) < 4 * calibrated.std_errors["mu"]
