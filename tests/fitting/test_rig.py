@@ -94,8 +94,7 @@ def test_a_rig_changes_neither_the_noise_nor_the_standard_errors(seed):
     record = synthetic_run(
         truth, 2e-3, rate=2e4, duration=0.3, hold=0.02, noise=1e-9, periodic_nonlinearity=(2e-9, 0.7e-9), seed=seed
     )
-    known = {"mass": (0.41068, 4e-5), "stiffness": (2574.0, 2.0), "normal_force": (9.66, 0.0483)}
-    rig = Rig(**{name: Measured(*pair) for name, pair in known.items()})
+    rig = Rig(mass=Measured(0.41068, 4e-5), stiffness=Measured(2574.0, 2.0), normal_force=Measured(9.66, 0.0483))
     alone, calibrated = (fit(record, truth, ["mu", "damping", "stiffness"], rig=each) for each in (None, rig))
     for name in alone.names:
         assert calibrated.std_errors[name] == pytest.approx(alone.std_errors[name], rel=1e-6)
