@@ -75,7 +75,8 @@ def suggesting(package: str, get: Callable[[str], Any], names: Sequence[str]) ->
         except AttributeError as error:
             if name.startswith("__"):  # asked for by Python itself, which expects no answer
                 raise
-            raise AttributeError(f"{package} has no {name!r}.{nearest(name, names)}") from error
+            # Python would add a guess of its own to an error that names no object.
+            raise AttributeError(f"{package} has no {name!r}.{nearest(name, names)}", name=name, obj=None) from error
 
     return getattr_of_package
 

@@ -29,7 +29,7 @@ from ..estimation.process import StateTransition
 from ..estimation.shaken import first_rows, kicked
 from .diagnostics import worst
 from .floor import passage_of
-from .missing import FEWEST, lacking
+from .missing import lacking
 from .noise import whiteness
 from .problem import Problem
 from .rows import Rows, run_in_rows
@@ -112,7 +112,7 @@ def _or_shaken(problem: Problem, at: Solution, run: int, row: Rows, colour: Colo
     enough = np.sum(still) >= _RESTING
     if not (enough and _remembers(colour.left[~still], row.level) and _is_quiet(colour.left[still])):
         return colour
-    if _may_lack_a_term(problem, run, row, still):
+    if _lacks_a_term(problem, run, row, still):
         return colour
     rival = _shaken(problem, at, run, row.series)
     if rival is None or rival.transition is None:
@@ -126,21 +126,18 @@ def _or_shaken(problem: Problem, at: Solution, run: int, row: Rows, colour: Colo
     return colour if _criterion(known) > _criterion(other) else rival
 
 
-def _may_lack_a_term(problem: Problem, run: int, row: Rows, still: np.ndarray) -> bool:
-    """Whether a term that the model has not may be what moves the mass by far more than the noise.
+def _lacks_a_term(problem: Problem, run: int, row: Rows, still: np.ndarray) -> bool:
+    """Whether a term that the model has not moves the mass by far more than the noise.
 
-    Kicks explain whatever a model lacks, each reversal by kicks of its own: with 0.2 um left by a drag that is not free
-    mu was seven of its standard errors off. No floor moves a mass as one term does from the first reversal to the last,
-    so that nothing but noise is left beside that: of what a floor of class VC-C does it leaves hundreds of times as
-    much. With few reversals any of several terms would leave little.
+    Kicks explain whatever a model lacks, each reversal by kicks of its own: with 2 um left by a drag that is not free
+    mu was twelve of its standard errors off. No floor moves a mass as one term does from the first reversal to the
+    last, so that nothing but noise is left beside that: of what a floor of class VC-C does it leaves hundreds of times
+    as much.
     """
-    series, segmentation = row.series, problem.windows[run].segmentation
+    series, noise = row.series, problem.windows[run].segmentation.noise
     size = float(np.sqrt(np.mean((series.residual / series.unit)[~still] ** 2)))
-    if size <= thresholds.DESCRIBED * segmentation.noise:
-        return False
-    term = lacking(problem, run, size)
-    few = segmentation.turning_times.size < FEWEST
-    return few or (term is not None and term.left < thresholds.NOTICED * segmentation.noise)
+    term = lacking(problem, run, size) if size > thresholds.DESCRIBED * noise else None
+    return term is not None and term.left < thresholds.NOTICED * noise
 
 
 def _is_quiet(resting: np.ndarray) -> bool:

@@ -23,7 +23,7 @@ from .window import equilibrium, without_ringing
 
 # Reversals from which a term can be told from chance; part of the residuals that it must take away, which is the one
 # worth a sentence, and part of them that must show in the reversals.
-FEWEST, _HALVES, _SHOWN = 8, 0.5, 0.5
+_FEWEST, _HALVES, _SHOWN = 8, 0.5, 0.5
 
 
 class Lacking(NamedTuple):
@@ -65,7 +65,7 @@ def lacking(problem: Problem, run: int, size: float) -> Lacking | None:
     segmentation = without_ringing(window.segmentation)
     later = segmentation.turning_times >= window.t_start - segmentation.half_period / 4
     y = (segmentation.turning_points - equilibrium(segmentation))[later]
-    if y.size < FEWEST:
+    if y.size < _FEWEST:
         return None
     mean = (np.abs(y[1:]) + np.abs(y[:-1])) / 2
     decay = _Decay(y, segmentation.turning_times[later], mean, np.pi / segmentation.half_period)
