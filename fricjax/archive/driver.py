@@ -163,23 +163,20 @@ def _do(study: Study, store: Store, planned: Plan, execute: "Executor | None", t
     execute = in_this_process if execute is None else execute
     total, ended, counts = sum(map(len, planned.chunks)), 0, dict.fromkeys(map(str, STATUSES), 0)
     results = execute(planned.chunks, Work(study))
-    with working("Fitting files", total) as task:
-        try:
-            for chunk, done in results:
-                try:
-                    store.write_part(of_rows(done.rows), done.residuals)
-                except OSError as error:
-                    words = f"{error.strerror}. {ended} of {total} files are done and kept; start again for the others"
-                    raise OSError(error.errno, words, error.filename) from error
-                ended += len(chunk)
-                for row in done.rows:
-                    counts[row["status"]] += 1
-                task.advance(len(chunk))
-                task.detail = ", ".join(f"{count} {name}" for name, count in counts.items() if name != "ok" and count)
-                if tell is not None:
-                    tell(ended, total, counts)
-        finally:
-            results.close()
+    with working("Fitting files", total) as task, contextlib.closing(results):
+        for chunk, done in results:
+            try:
+                store.write_part(of_rows(done.rows), done.residuals)
+            except OSError as error:
+                words = f"{error.strerror}. {ended} of {total} files are done and kept; start again for the others"
+                raise OSError(error.errno, words, error.filename) from error
+            ended += len(chunk)
+            for row in done.rows:
+                counts[row["status"]] += 1
+            task.advance(len(chunk))
+            task.detail = ", ".join(f"{count} {name}" for name, count in counts.items() if name != "ok" and count)
+            if tell is not None:
+                tell(ended, total, counts)
 
 
 def _relabel(study: Study, store: Store, planned: Plan) -> None:

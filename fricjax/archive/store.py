@@ -130,11 +130,7 @@ class Store:
         if fcntl is None or not (self.path / ".lock").is_file():
             return ""
         with open(self.path / ".lock", encoding="utf-8") as file:
-            try:
-                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            except OSError as error:
-                return file.read(200).strip() if error.errno in _IN_USE else ""
-        return ""
+            return file.read(200).strip() if _had(file, fcntl.LOCK_EX) is False else ""
 
     def write_part(self, table: Any, files: Mapping[str, bytes] | None = None) -> None:
         """Write rows as done; `files` are those of their residuals by key, which are there before the rows are.
@@ -241,29 +237,35 @@ def _read(path: Path, columns: Sequence[str] | None) -> Any:
         ) from error
 
 
+def _had(file: IO[str], kind: int) -> bool | None:
+    """Whether a lock could be had; None on a disk that knows no locks, as some of networks do."""
+    assert fcntl is not None
+    for patience in (_GLANCE, _GLANCE, 0.0):
+        try:
+            fcntl.flock(file, kind | fcntl.LOCK_NB)
+            return True
+        except OSError as error:
+            if error.errno not in _IN_USE:
+                return None
+            time.sleep(patience)
+    return False
+
+
 def _lock(file: IO[str], exclusive: bool, store: Path) -> None:
     """Lock a file as long as this process lives."""
     if fcntl is None:
         return
-    kind = (fcntl.LOCK_EX if exclusive else fcntl.LOCK_SH) | fcntl.LOCK_NB
-    for patience in (_GLANCE, _GLANCE, 0.0):
-        try:
-            fcntl.flock(file, kind)
-        except OSError as error:
-            # Some network disks know no locks.
-            if error.errno not in _IN_USE:
-                return
-            if patience:
-                time.sleep(patience)
-                continue
-            file.seek(0)
-            holder = file.read(200).strip()
-            by = f", {holder}" if holder else ""
-            raise UsageError(
-                f"Another driver is at work on {store}{by}. Wait until it has ended, or let each have a part of the "
-                "runs: --shard 1/2 and --shard 2/2."
-            ) from error
-        break
+    had = _had(file, fcntl.LOCK_EX if exclusive else fcntl.LOCK_SH)
+    if had is None:
+        return
+    if not had:
+        file.seek(0)
+        holder = file.read(200).strip()
+        by = f", {holder}" if holder else ""
+        raise UsageError(
+            f"Another driver is at work on {store}{by}. Wait until it has ended, or let each have a part of the runs: "
+            "--shard 1/2 and --shard 2/2."
+        )
     file.seek(0)
     file.truncate()
     file.write(f"process {os.getpid()} on {platform.node()}")

@@ -15,7 +15,7 @@ from ..machine import parsing
 from .failure import Interrupted
 from .fit import Fitting, settings_of
 from .options import Bench, Machine, Output, Reading
-from .output import finish, prepare, working
+from .output import finish, prepare, tell, working
 from .records import options_of
 
 if TYPE_CHECKING:
@@ -116,15 +116,19 @@ def batch(
         planned = plan_of(study, batch.out, retry=batch.retry_failed, shard=shard)
         finish(output, _plan_data(planned), _plan_text(planned))
         return
-    done = [0, 0]
-    tell = lambda *of_all: done.__setitem__(slice(2), of_all[:2])
+    done = total = 0
+
+    def count(ended: int, of_all: int, _: Any) -> None:
+        nonlocal done, total
+        done, total = ended, of_all
+
     try:
         with _two_interrupts(), working(output, f"Filling {batch.out}"):
-            archive = process(study, batch.out, retry=batch.retry_failed, shard=shard, execute=execute, tell=tell)
+            archive = process(study, batch.out, retry=batch.retry_failed, shard=shard, execute=execute, tell=count)
     except KeyboardInterrupt as error:
         raise Interrupted(
-            f"Interrupted. {done[0]} of {done[1]} files are done and kept in {batch.out}; the same command goes on "
-            "with the others."
+            f"Interrupted. {done} of {total} files are done and kept in {batch.out}; the same command goes on with the "
+            "others."
         ) from error
     finish(output, archive.to_dict(), text_of(archive))
     if archive.counts["ok"] < len(archive):
@@ -137,9 +141,7 @@ def _two_interrupts() -> Iterator[None]:
 
     def announce(*_: Any) -> NoReturn:
         signal.signal(signal.SIGINT, before)
-        print(
-            "\nWhat is at work is finished and kept first; Ctrl-C once more ends at once.", file=sys.stderr, flush=True
-        )
+        tell(sys.stderr, "\nWhat is at work is finished and kept first; Ctrl-C once more ends at once.")
         raise KeyboardInterrupt
 
     before = signal.signal(signal.SIGINT, announce)

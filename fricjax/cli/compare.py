@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 from typer import Argument, Option
 
-from .options import Bench, Plot, Reading, Writing
+from .options import NOISE_HELP, Bench, Plot, Reading, Writing
 from .output import deliver, prepare, working
 from .records import check_records, read_records, warn_of_doubts
 from .targets import PICTURES, check_targets, write_picture
@@ -35,9 +35,7 @@ class Comparing:
     ] = None
     criterion: Annotated[str, Option(help="Rank by bic, aicc or held_out.")] = "bic"
     start: Annotated[str, Option(help="Where the motion starts: first_reversal or release.")] = "first_reversal"
-    noise: Annotated[
-        str, Option(help="Noise model: auto, white, jitter, autoregressive, coloured or floor; auto: what shows.")
-    ] = "auto"
+    noise: Annotated[str, Option(help=NOISE_HELP)] = "auto"
     held_out: Annotated[bool, Option("--held-out/--no-held-out", help="Predict runs that were left out.")] = True
 
 

@@ -11,7 +11,7 @@ from typer import Argument, Option
 
 from ..errors import UsageError
 from ..machine import parsing
-from .options import Machine, Plot, Reading, Save, Writing
+from .options import NOISE_HELP, Machine, Plot, Reading, Save, Writing
 from .output import deliver, prepare, working
 from .records import check_records, read_records
 from .targets import PICTURES, RECORDS, RESULTS, check_targets, numbered, write_picture
@@ -52,9 +52,7 @@ class Fitting:
         Option(metavar="NAME=VALUE", help="Start value in place of the one estimated from the record, as mu=0.012."),
     ] = None
     loss: Annotated[str, Option(help="squares, or huber, soft_l1, cauchy: outliers count for less.")] = "squares"
-    noise: Annotated[
-        str, Option(help="Noise model: auto, white, jitter, autoregressive, coloured or floor; auto: what shows.")
-    ] = "auto"
+    noise: Annotated[str, Option(help=NOISE_HELP)] = "auto"
 
 
 @dataclasses.dataclass(frozen=True)

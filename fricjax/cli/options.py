@@ -60,6 +60,10 @@ def _fields(group: Any) -> dict[str, inspect.Parameter]:
     return parameters
 
 
+# The option itself stands in each group that has it, for it learns the panel of its group.
+NOISE_HELP = "Noise model: auto, white, jitter, autoregressive, coloured or floor; auto: what shows."
+
+
 @dataclasses.dataclass(frozen=True)
 class Reading:
     """How files are read; the names are those of `fricjax.read`."""

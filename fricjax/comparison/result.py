@@ -190,7 +190,7 @@ class Comparison(Reported):
         for each, name in zip(axes[:, 0], names, strict=True):
             fit, row = self.fits[name], self.row(name)
             fit._check_run(run)
-            residuals = fit.residuals[run] if isinstance(fit.residuals, tuple) else fit.residuals
+            residuals = fit.residuals_by_run[run]
             factor, unit = display_unit(float(np.nanmax(np.abs(residuals))), fit.quantity)
             each.axhspan(-2 * factor * fit.sigma, 2 * factor * fit.sigma, color="0.9", zorder=0)
             each.plot(fit.times[run], factor * residuals, linewidth=0.5)

@@ -131,8 +131,7 @@ def to_xarray(fit: Any) -> Any:
     variables |= {key: Variable(square, getattr(fit, key)) for key in ("covariance", "combined_covariance")}
     coordinates = {axis: Variable(axis, names) for axis in square}
     coordinates["unit"] = Variable("parameter", [fit.units[name] for name in names])
-    residuals = fit.residuals if isinstance(fit.residuals, tuple) else (fit.residuals,)
-    for i, (t, run, residual) in enumerate(zip(fit.times, fit.runs, residuals, strict=True)):
+    for i, (t, run, residual) in enumerate(zip(fit.times, fit.runs, fit.residuals_by_run, strict=True)):
         end = "" if len(fit.runs) == 1 else f"_{i}"
         x = np.asarray(run.x)
         coordinates[f"t{end}"] = Variable(f"t{end}", t, "s", "time")

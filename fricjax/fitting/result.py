@@ -158,6 +158,11 @@ class Fit(Reported):
         return labels(self.sources)
 
     @property
+    def residuals_by_run(self) -> tuple[np.ndarray, ...]:
+        """The residuals of each run, in a tuple for one run too, as `times` and `runs` are."""
+        return self.residuals if isinstance(self.residuals, tuple) else (self.residuals,)
+
+    @property
     def chi2_reduced(self) -> float:
         """Sum of squared weighted residuals per degree of freedom."""
         return self.chi2 / self.dof

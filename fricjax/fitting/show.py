@@ -71,7 +71,7 @@ def _value(fit: Any, value: float, std: float, unit: str) -> str:
 def facts(fit: Any) -> list[tuple[str, str]]:
     """The remaining lines of the report; of a fit that is not finite only what is."""
     restoring = type(fit.oscillator.restoring).__name__.lower()
-    used = sum(int(np.isfinite(r).sum()) for r in _runs(fit))
+    used = sum(int(np.isfinite(r).sum()) for r in fit.residuals_by_run)
     stages = "1 stage" if fit.stages == 1 else f"{fit.stages} stages"
     return [
         *_sources(fit),
@@ -194,7 +194,7 @@ def _populations(batch: Any, names: list[str]) -> Table:
 
 def thumbnails(fit: Any) -> list[str]:
     """The first run with the model on it, and what is left."""
-    t, x, r = fit.times[0], np.asarray(fit.runs[0].x), _runs(fit)[0]
+    t, x, r = fit.times[0], np.asarray(fit.runs[0].x), fit.residuals_by_run[0]
     name = "Displacement" if fit.quantity == "m" else "Angle"
     both = [Curve(t, x, broad=True), Curve(t, x - r)]
     traces = [(both, name), ([Curve(t, r)], "Residual")]
@@ -234,10 +234,6 @@ def batch_plot(batch: Any) -> Any:
     return drawing
 
 
-def _runs(fit: Any) -> tuple[np.ndarray, ...]:
-    return fit.residuals if isinstance(fit.residuals, tuple) else (fit.residuals,)
-
-
 def plot(fit: Any, run: int = 0) -> Any:
     """Measured and computed trace above, residuals with the band of the noise below.
 
@@ -256,7 +252,7 @@ def plot(fit: Any, run: int = 0) -> Any:
 
 def _draw_trace(axes: Any, fit: Any, run: int) -> None:
     """The record as a broad pale line, grey where it is not fitted, and the model as a thin dark one on it."""
-    t, x, r = fit.times[run], np.asarray(fit.runs[run].x), _runs(fit)[run]
+    t, x, r = fit.times[run], np.asarray(fit.runs[run].x), fit.residuals_by_run[run]
     fitted = np.isfinite(r)
     factor, unit = display_unit(float(np.max(np.abs(x))), fit.quantity)
     if not fitted.all():
@@ -272,7 +268,7 @@ def _draw_trace(axes: Any, fit: Any, run: int) -> None:
 
 def _draw_residuals(axes: Any, fit: Any, run: int) -> None:
     """Measured minus model; where the model describes the run, 95 of 100 lie within two standard deviations."""
-    residuals = _runs(fit)[run]
+    residuals = fit.residuals_by_run[run]
     factor, unit = display_unit(float(np.nanmax(np.abs(residuals))), fit.quantity)
     axes.axhspan(-2 * factor * fit.sigma, 2 * factor * fit.sigma, color="0.9", zorder=0)
     axes.plot(fit.times[run], factor * residuals, color="#0072B2", linewidth=0.5)

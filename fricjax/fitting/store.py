@@ -129,7 +129,7 @@ def _check(fit: Any) -> None:
     for name, _ in stds:
         if name not in fit.names:
             raise DataError(f"a standard error is that of {brief(name)}, which is not among the names")
-    residuals = fit.residuals if isinstance(fit.residuals, tuple) else (fit.residuals,)
+    residuals = fit.residuals_by_run
     listed = {"residuals": residuals} | {
         name: getattr(fit, name) for name in ("times", "origins", "noises", "margins", "half_cycles", "sources")
     }

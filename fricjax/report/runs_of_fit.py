@@ -51,7 +51,7 @@ def _row(fit: Fit, run: int) -> dict[str, Any]:
     for name, estimate in fit.kinematics.items():
         row |= dict(zip(_columns(name), (estimate.value, estimate.std, estimate.std), strict=True))
     t, x = np.asarray(fit.times[run]), np.asarray(fit.runs[run].x)
-    left = np.asarray(fit.residuals[run] if isinstance(fit.residuals, tuple) else fit.residuals)
+    left = fit.residuals_by_run[run]
     equilibrium = fit.run_parameter("offset", run) + fit.run_parameter("drift", run) * (t - fit.origins[run])
     row |= {
         "residual_rms": float(np.sqrt(np.nanmean(left**2))) if np.isfinite(left).any() else np.nan,

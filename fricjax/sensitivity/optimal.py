@@ -248,8 +248,8 @@ def _information(residual: Residual, free: Any, moved: Any, shared: int) -> Any:
         return a - scaled_b @ jnp.linalg.solve(c / jnp.outer(unit, unit), scaled_b.T), jnp.diag(a)
 
     nothing = jnp.zeros(2)
-    slopes = jax.jacfwd(lambda shift: of(shift)[0])(nothing)
-    return of(nothing)[0], slopes, of(nothing)[1]
+    value, alone = of(nothing)
+    return value, jax.jacfwd(lambda shift: of(shift)[0])(nothing), alone
 
 
 def criterion_of(total: np.ndarray, wanted: np.ndarray, criterion: str) -> tuple[float, np.ndarray]:
@@ -291,8 +291,7 @@ def _best(
     ends = np.log(np.array([x0, loads], float))
     places = np.linspace(ends[0, 0], ends[0, 1], _SPREAD)
     starts = [np.array([place, load]) for place in places for load in np.unique(ends[1])]
-    starts.sort(key=lambda where: at(where)[0])
-    least, _, _, count = at(starts[0])
+    start, (least, _, _, count) = min(((where, at(where)) for where in starts), key=lambda each: each[1][0])
     if not math.isfinite(least):
         raise UsageError("No release in this range determines these coefficients. Release from farther away.")
 
@@ -302,9 +301,9 @@ def _best(
         return (value, slope) if half_cycles == count else (value + 1e3, slope)
 
     moved: Any = minimize(
-        within, starts[0], jac=True, bounds=ends.tolist(), method="L-BFGS-B", options={"maxfun": _EVALUATIONS}
+        within, start, jac=True, bounds=ends.tolist(), method="L-BFGS-B", options={"maxfun": _EVALUATIONS}
     )
-    where = moved.x if moved.fun <= least else starts[0]
+    where = moved.x if moved.fun <= least else start
     _, slope, information, half_cycles = at(where)
     release, load = np.clip(np.exp(where), [x0[0], loads[0]], [x0[1], loads[1]])
     return Point(float(release), float(load), half_cycles, {}, (float(slope[0]), float(slope[1]))), information

@@ -56,9 +56,9 @@ def solved(make: Callable[[int], Problem], count: int, begin: np.ndarray) -> lis
 
     rows: list[Row] = []
     with working("Fitting records", count) as task, ThreadPoolExecutor(cores() + 1) as pool:
-        for solved in pool.map(block, places):
-            rows += solved
-            task.advance(len(solved))
+        for rows_of_block in pool.map(block, places):
+            rows += rows_of_block
+            task.advance(len(rows_of_block))
     return rows
 
 

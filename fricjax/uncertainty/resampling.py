@@ -126,8 +126,7 @@ def bootstrap(fit: Fit, draws: int = 1000, *, noise: str = "blocks", seed: int =
         raise UsageError(f"There is no noise {noise!r}.{nearest(noise, NOISES)} Choose one of {', '.join(NOISES)}.")
     if draws < _FEWEST:
         raise UsageError(f"Of {draws} draws no interval of 95 % can be given. Take {_FEWEST} at least, better 1000.")
-    residuals = fit.residuals if isinstance(fit.residuals, tuple) else (fit.residuals,)
-    parts = [_split(*each) for each in zip(problem.windows, residuals, fit.noises, strict=True)]
+    parts = [_split(*each) for each in zip(problem.windows, fit.residuals_by_run, fit.noises, strict=True)]
     blocks = tuple(_block_length(random) for _, random in parts)
     if noise == "model":
         for each, label in zip(fit.noises, fit.labels, strict=True):

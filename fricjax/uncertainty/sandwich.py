@@ -19,7 +19,7 @@ from ..estimation.loss import Squares
 from ..fitting import Fit
 from ..fitting.colours import colours_of, least_squares
 from ..fitting.noise_weighting import weigh_by_noise
-from ..fitting.rows import Rows, rows_of
+from ..fitting.rows import rows_of
 from ..fitting.solve import solve
 from ..show import Report, Reported, Style, Table, axis_label, figure, styled, uncertain
 from .again import optimum, problem_of
@@ -146,7 +146,9 @@ def sandwich(fit: Fit, bootstrap: Bootstrap | None = None) -> Sandwich:
     problem, at = counted.problem, counted.solution
     rows = rows_of(problem, at.evaluation)
     seen = colours_of(problem, at, rows, absolute) if counted.numbers else []
-    weighed = [whitened(row.series, colour) for row, colour in seen] or [_plain(row) for row in rows]
+    weighed = [whitened(row.series, colour) for row, colour in seen] or [
+        (row.series.residual, row.series.slopes) for row in rows
+    ]
     shape, *_ = least_squares(problem, at, weighed)
     slope, values = np.asarray(at.derived.slope), {name: fit.values[name] for name in fit.names}
     middle, memory = np.zeros((p, p)), []
@@ -160,10 +162,6 @@ def sandwich(fit: Fit, bootstrap: Bootstrap | None = None) -> Sandwich:
     errors = dict(zip(fit.names, np.sqrt(np.maximum(np.diag(covariance), 0.0)).tolist(), strict=True))
     units, scatter = {name: fit.units[name] for name in fit.names}, {} if bootstrap is None else bootstrap.std
     return Sandwich(fit.names, units, values, dict(fit.std_errors), errors, covariance, tuple(memory), scatter)
-
-
-def _plain(row: Rows) -> tuple[np.ndarray, np.ndarray]:
-    return row.series.residual, row.series.slopes
 
 
 def _long_run(gradients: np.ndarray) -> tuple[np.ndarray, int]:
