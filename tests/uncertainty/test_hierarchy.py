@@ -1,5 +1,6 @@
 """The posterior over runs against its closed form, against ranks of drawn truths, and what it refuses."""
 
+import dataclasses
 import importlib
 import sys
 from pathlib import Path
@@ -39,15 +40,34 @@ def test_runs_that_are_known_stay_where_they_are(found):
     assert "mean of mu" in found.summary() and found.plot().get_axes()[0].get_ylabel() == "mu [1]"
 
 
-def test_no_run_takes_the_error_of_the_rig_away():
-    """A load known to 1 % leaves a mean that is known to 1 %, however little the runs scatter."""
+@pytest.fixture(scope="module")
+def batch():
+    """Four runs of a rig whose load is known to 1 %."""
     machine = fj.Oscillator(0.4, 2500.0, 0.2, 10.0, fj.friction.Coulomb(0.05))
     runs = [fj.synthetic_run(machine, 2e-3, rate=2e3, duration=0.6, noise=1e-9, seed=seed) for seed in range(4)]
     rig = fj.Rig(mass=0.4, stiffness=2500.0, normal_force="10 +/- 0.1", damping=0.2)
-    batch = fj.fit_batch(runs, rig.oscillator(fj.friction.Coulomb(0.05)), ["mu", "damping", "stiffness"], rig=rig)
+    return fj.fit_batch(runs, rig.oscillator(fj.friction.Coulomb(0.05)), ["mu", "damping", "stiffness"], rig=rig)
+
+
+def test_no_run_takes_the_error_of_the_rig_away(batch):
+    """A load known to 1 % leaves a mean that is known to 1 %, however little the runs scatter."""
     found = fj.uncertainty.hierarchical(batch, mean=fj.Measured(0.05, 0.1), scatter=1e-6)
     assert found.mean.std() == pytest.approx(0.01 * 0.05, rel=0.1)
     assert list(found.inputs) == ["normal_force"]
+
+
+def test_an_error_of_the_rig_that_runs_show_is_taken_out_of_the_mean(batch):
+    """It adds to runs in parts that differ, so that they show it: mean and error are intercept and slope of a line."""
+    adds, error = 5e-4 * np.array([0.5, 1.0, 1.5, 2.0]), 1.2
+    shown = dataclasses.replace(
+        batch,
+        values=batch.values | {"mu": 0.05 + error * adds},
+        std_errors=batch.std_errors | {"mu": np.full(4, 1e-8)},
+        contributions=batch.contributions | {"mu": {"normal_force": adds}},
+    )
+    found = fj.uncertainty.hierarchical(shown, mean=fj.Measured(0.05, 0.1), scatter=1e-7)
+    assert found.mean.mean() == pytest.approx(0.05, abs=2e-6)
+    assert found.inputs["normal_force"].mean() == pytest.approx(error, abs=5e-3)
 
 
 def test_ranks_of_truths_are_uniform():
