@@ -170,8 +170,8 @@ def _imports(path: Path, tree: ast.Module, names: dict[str, Path]) -> Iterator[s
 
 def retired_words(source: str) -> Iterator[str]:
     """Retired words in identifiers, and jargon in sentences, docstrings included."""
-    # Neither the unit matrix of NumPy nor the line of SVG is a word of ours.
-    source = re.sub(r'\bstroke(-\w+)?="', 'line="', source.replace("np.eye(", "np.identity("))
+    # Neither the unit matrix of NumPy, nor what closes a generator, nor the line of SVG is a word of ours.
+    source = re.sub(r'\bstroke(-\w+)?="', 'line="', re.sub(r"np\.eye\(|contextlib\.closing\(", "np.matrix(", source))
     for token in tokenize.generate_tokens(io.StringIO(source).readline):
         if token.type == tokenize.NAME and not KEPT.fullmatch(token.string.strip("_").lower()):
             yield from (word for word in _words(re.sub(r"([A-Z])", r"_\1", token.string)) if word in RETIRED)

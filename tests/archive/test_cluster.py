@@ -2,7 +2,9 @@
 
 import os
 import re
+import signal
 import stat
+import sys
 
 import pytest
 
@@ -55,6 +57,14 @@ def test_the_script_of_a_job(settings, tmp_path):
     # The keys lie where the nodes find them, and nobody else reads them.
     (key,) = re.findall(r"--tls-key (\S+)", worker)
     assert key.startswith(str(tmp_path))
+
+
+def test_jobs_leave_ctrl_c_to_who_started_the_batch(settings, tmp_path, monkeypatch):
+    for name in [name for name in sys.modules if name.partition(".")[0] == "dask_jobqueue"]:
+        monkeypatch.delitem(sys.modules, name)
+    handler = signal.getsignal(signal.SIGINT)
+    with slurm_cluster(Slurm.from_toml(settings), tmp_path):
+        assert signal.getsignal(signal.SIGINT) is handler
 
 
 def test_a_batch_by_jobs(settings, tmp_path, monkeypatch):
