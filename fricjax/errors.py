@@ -15,7 +15,7 @@ Examples:
 import difflib
 import importlib
 import reprlib
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 from typing import Any
 
 
@@ -51,6 +51,27 @@ def nearest(name: object, options: Iterable[object]) -> str:
     lowered = {str(option).lower(): str(option) for option in options}
     close = difflib.get_close_matches(str(name).lower()[:100], list(lowered), n=1, cutoff=0.5)
     return f" Did you mean '{lowered[close[0]]}'?" if close else ""
+
+
+def check_choice(what: str, name: object, known: Collection[str]) -> None:
+    """Refuse a name that is none of those that are known.
+
+    Args:
+        what: what it is a name of, "loss".
+        name: the name.
+        known: those that there are.
+
+    Raises:
+        UsageError: offers the nearest one, and names all.
+
+    Examples:
+        >>> check_choice("loss", "hubert", ("squares", "huber"))
+        Traceback (most recent call last):
+        ...
+        fricjax.errors.UsageError: There is no loss 'hubert'. Did you mean 'huber'? Choose one of squares, huber.
+    """
+    if name not in known:
+        raise UsageError(f"There is no {what} {brief(name)}.{nearest(name, known)} Choose one of {', '.join(known)}.")
 
 
 def suggesting(package: str, get: Callable[[str], Any], names: Sequence[str]) -> Callable[[str], Any]:

@@ -10,7 +10,19 @@ import pytest
 import fricjax
 
 PACKAGE = Path(__file__).resolve().parents[1] / "fricjax"
-ORDER = ["errors", "thresholds", "show", "data", "friction", "oscillator", "instrument", "rig", "estimation", "fitting"]
+ORDER = [
+    "errors",
+    "thresholds",
+    "settings",
+    "show",
+    "data",
+    "friction",
+    "oscillator",
+    "instrument",
+    "rig",
+    "estimation",
+    "fitting",
+]
 ORDER += ["comparison", "machine", "calibrate", "pairs", "energy_loss", "uncertainty", "sensitivity", "archive"]
 ORDER += ["report", "cli"]
 TRACED = ("friction", "oscillator")
@@ -69,7 +81,7 @@ def modules_of_the_package(names):
 def test_every_folder_has_its_place():
     folders = {path.parent.name for path in PACKAGE.glob("*/__init__.py")}
     assert folders <= set(ORDER)
-    assert {path.name for path in PACKAGE.glob("*.py")} == {"__init__.py", "errors.py", "thresholds.py"}
+    assert {path.name for path in PACKAGE.glob("*.py")} == {"__init__.py", "errors.py", "thresholds.py", "settings.py"}
 
 
 @pytest.mark.parametrize("folder", ORDER)
@@ -89,7 +101,7 @@ def test_estimation_knows_neither_records_nor_oscillators():
     files = [file for file in FILES if file.relative_to(PACKAGE).parts[0] == "estimation"]
     targets = {target for file in files for target in modules_of_the_package(imports(file))}
     outside = {target for target in targets if not target.startswith("fricjax.estimation")}
-    assert outside == {"fricjax.errors", "fricjax.thresholds"}
+    assert outside == {"fricjax.errors", "fricjax.thresholds", "fricjax.settings"}
 
 
 def test_no_circle_of_modules():

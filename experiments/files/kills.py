@@ -22,7 +22,7 @@ import jax
 import numpy as np
 
 import fricjax as fj
-from fricjax.data.examples import example_paths
+from fricjax.data.read import example_paths
 
 jax.config.update("jax_enable_x64", True)
 

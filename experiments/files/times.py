@@ -15,7 +15,7 @@ import numpy as np
 import pandas as pd
 
 import fricjax as fj
-from fricjax.data.examples import example_paths
+from fricjax.data.read import example_paths
 
 ROWS, LONG, ROUNDS = 10**6, 10**7, 9
 PEAK = """import sys, resource, fricjax

@@ -200,7 +200,7 @@ def _check(study: Study) -> None:
         UsageError: as `fricjax.fit` words it.
     """
     from ..fitting.parameters import shared_leaves
-    from ..oscillator.leaves import leaves_of
+    from ..oscillator.oscillator import leaves_of
 
     for law in study.laws:
         for rule in study.rules or (Rule(),):

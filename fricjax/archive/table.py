@@ -1,8 +1,10 @@
 """The table of an archive: its columns, rows as a part of it, and how parts become one table.
 
 There is a row for each run and law. Columns for the free parameters differ from law to law; what a row lacks is null.
+The residuals of a run are a file of their own, which says what they are of.
 """
 
+import io
 import json
 import math
 import os
@@ -11,6 +13,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from ..errors import needed
+from ..show.tables import Variable, dataset
 from .study import SCHEMA
 
 # Names of columns and of the types of Arrow: text, whole number, number, short numbers of a picture.
@@ -133,3 +136,27 @@ def _number(text: str | None) -> float | None:
     except ValueError:
         return None
     return number if math.isfinite(number) else None
+
+
+def netcdf(row: Mapping[str, Any], samples: Any) -> bytes:
+    """Times, displacements and residuals of a run as netCDF-4.
+
+    Args:
+        row: its row of the table, of which the attributes are made.
+        samples: a sketch of all its samples.
+
+    Raises:
+        UsageError: a package is not installed.
+    """
+    needed("A file of residuals", "h5netcdf", "batch")
+    unit = row["quantity"]
+    named = {
+        "x": Variable("t", samples.x, unit, "displacement about the equilibrium"),
+        "residual": Variable("t", samples.residual, unit, "measured minus model"),
+    }
+    times = {"t": Variable("t", samples.t, "s", "time from the first sample")}
+    kept = ("key", "file", "run", "friction", "status", "sha256", "fricjax")
+    buffer = io.BytesIO()
+    facts = {name: str(row[name]) for name in kept}
+    dataset(named, times, Conventions="CF-1.11", **facts).to_netcdf(buffer, engine="h5netcdf")
+    return buffer.getvalue()

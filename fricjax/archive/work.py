@@ -4,6 +4,7 @@ Nothing here raises for a file, whatever it holds: each run has its row, and the
 """
 
 import dataclasses
+import hashlib
 import os
 import platform
 import time
@@ -25,8 +26,8 @@ from ..fitting.sketch import few, sketches
 from ..fitting.window import equilibrium
 from ..oscillator import one_at_a_time
 from .plan import LARGEST_FILE, Chunk, Job, hash_of, iso_time, settings_of, signature_of
-from .provenance import netcdf, row_key
-from .study import Law, Rule, Study, versions
+from .study import SCHEMA, Law, Rule, Study, versions
+from .table import netcdf
 
 if TYPE_CHECKING:
     from ..fitting.batch_result import BatchFit
@@ -165,13 +166,19 @@ class Work:
             "status": status,
             "outcome": sentence,
             "settings": settings,
-            # What could not be read is told apart by its place.
-            "key": row_key(run.columns["sha256"] or run.job.file, settings, run.columns["run"]),
+            "key": _key(run, settings),
             "finished_at": iso_time(time.time_ns()),
             **versions(),
             "host": platform.node(),
             "worker": str(os.getpid()),
         }
+
+
+def _key(run: _Run, settings: str) -> str:
+    """What a run is known by: the bytes of its file, its name there, and what it was fitted with."""
+    # What could not be read is told apart by its place.
+    parts = (SCHEMA, run.columns["sha256"] or run.job.file, settings, run.columns["run"])
+    return hashlib.sha256("\0".join(parts).encode()).hexdigest()
 
 
 @dataclasses.dataclass

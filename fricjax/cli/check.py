@@ -38,7 +38,7 @@ def check(run: Planned, machine: Machine, output: Writing, plot: Plot = None) ->
     from ..fitting.names import find_leaf
     from ..fitting.settings import check_nuisance, check_once
     from ..machine.choose import known
-    from ..sensitivity.settings import check_noise, check_sampling
+    from ..settings import check_noise, check_sampling
 
     check_targets(output, ("--plot", plot, PICTURES))
     entries = parsing.words(run.free)

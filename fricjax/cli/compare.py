@@ -48,9 +48,10 @@ def compare(
     plot: Plot = None,
 ) -> None:
     """Compare friction laws on the same runs: criteria, prediction of held-out runs, tests of the residuals."""
-    from ..comparison.names import check_criterion, check_different
-    from ..fitting.settings import check_noise_model, check_start
+    from ..errors import check_choice
+    from ..fitting.settings import NOISE_MODELS, check_start
     from ..machine.choose import contenders
+    from ..settings import check_criterion, check_different
 
     check_targets(output, ("--plot", plot, PICTURES))
     laws = comparing.friction or ["coulomb", "stribeck"]
@@ -59,7 +60,7 @@ def compare(
     check_different(laws)
     check_criterion(comparing.criterion, comparing.held_out)
     check_start(comparing.start)
-    check_noise_model(comparing.noise)
+    check_choice("noise model", comparing.noise, NOISE_MODELS)
     calibrated = choices[0].calibrated
     with working(output, f"Comparing {', '.join(laws)}"):
         records = read_records(files, reading)

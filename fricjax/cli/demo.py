@@ -29,7 +29,7 @@ def demo(
     # Of a folder that is not there, the nearest one above it must let itself be written to.
     check_folder(next(each for each in (out, *out.absolute().parents) if each.is_dir()), out)
     with working(output, "Fitting the example run"):
-        from ..data.examples import example_paths
+        from ..data.read import example_paths
 
         run, rig = example_paths()
         choice, settings = planned([run], OneFit(), Machine(rig=rig), Reading())

@@ -26,7 +26,7 @@ def energy(
 ) -> None:
     """Find friction from the rate of energy loss: the force against velocity, and its mean in each half-cycle."""
     from ..machine.choose import bench
-    from ..pairs.settings import check_bins
+    from ..settings import check_bins
 
     check_targets(output, ("--plot", plot, PICTURES), ("--out", out, RESULTS))
     check_records([*files, *([] if no_contact is None else [no_contact])], reading)

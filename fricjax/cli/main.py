@@ -24,10 +24,8 @@ from . import (
     inspect,
     map,
     models,
-    query,
-    report,
+    results,
     simulate,
-    status,
 )
 from .failure import INTERRUPTED, failure_of
 from .options import example, grouped
@@ -50,13 +48,13 @@ for _name, _function, _example in (
     ("fit", fit.fit, "run.csv --rig rig.toml"),
     ("compare", compare.compare, "run.csv --rig rig.toml --friction coulomb --friction stribeck"),
     ("batch", batch.batch, "runs --rig rig.toml --out results"),
-    ("status", status.status, "results"),
-    ("query", query.query, '"select file, mu from runs order by mu" results'),
+    ("status", results.status, "results"),
+    ("query", results.query, '"select file, mu from runs order by mu" results'),
     ("map", map.map_, "run1.csv run2.csv run3.csv --rig rig.toml"),
     ("energy", energy.energy, "run.csv --rig rig.toml"),
     ("budget", budget.budget, "fit.json --rig rig.toml"),
     ("simulate", simulate.simulate, '--rig rig.toml --x0 "2 mm" --fix mu=0.02 --out run.csv'),
-    ("report", report.report, "fit.json --out report.html"),
+    ("report", results.report, "fit.json --out report.html"),
     ("doctor", doctor.doctor, ""),
 ):
     app.command(_name, epilog=example(f"{_name} {_example}"))(grouped(_function))

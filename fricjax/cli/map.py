@@ -44,7 +44,7 @@ def map_(
     plot: Plot = None,
 ) -> None:
     """Friction from final against initial displacements: mu by route 2 and 3, mu_s between stops and non-stops."""
-    from ..pairs.settings import check_scatter
+    from ..settings import check_scatter
 
     check_targets(output, ("--plot", plot, PICTURES))
     choice = _chosen(files, reading, machine, mapping)

@@ -17,8 +17,8 @@ from ..fitting.parameters import Request
 from ..fitting.problem import windows_of
 from ..fitting.window import Window
 from ..oscillator import Oscillator
-from ..oscillator.leaves import leaves_of
-from .names import check_different
+from ..oscillator.oscillator import leaves_of
+from ..settings import check_different
 
 _TABLES = ("bounds", "priors", "tie", "guess")
 # Speeds at which a law is asked for its derivatives [m/s]: those of a decay by decades, and one of the other sign.

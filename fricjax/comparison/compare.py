@@ -23,11 +23,11 @@ from ..fitting.solve import Solution
 from ..oscillator import Oscillator, cores, ready
 from ..oscillator.engines import AbstractEngine
 from ..rig import Rig
+from ..settings import check_criterion
 from ..show.working import working
 from .candidates import Candidate, candidates, law_name
 from .cross_validation import held_out_score
 from .fingerprints import fingerprints
-from .names import check_criterion
 from .residual_tests import diagnose
 from .result import Comparison, Row
 

@@ -1,4 +1,3 @@
-from .examples import example_paths
 from .inspect import Inspection, inspect
 from .preprocess import (
     convert_unit,
@@ -10,7 +9,7 @@ from .preprocess import (
     flip_sign,
     segment_record,
 )
-from .read import read
+from .read import example_paths, read
 from .record import Record, Step
 from .repair import find_dropouts, find_slips, mask_dropouts, repair_slips
 from .segmentation import Segmentation, rest_spectrum, segment

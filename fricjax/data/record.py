@@ -14,7 +14,7 @@ import numpy as np
 
 from ..errors import DataError
 from ..show import Report, Reported, Style, styled
-from ..show.labelled import Variable, dataset
+from ..show.tables import Variable, dataset
 from ..show.thumbnail import Curve, curves_svg
 from .segmentation.decay import Segmentation, segment
 

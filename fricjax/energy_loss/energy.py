@@ -9,9 +9,8 @@ from ..data.gather import record_of
 from ..oscillator import ready
 from ..rig import Rig
 from ..show import Style, axis_label, figure, scaled, styled
-from .decay import decay
+from .decay import decay, frictionless, with_losses
 from .force_samples import force_samples
-from .losses import frictionless, with_losses
 
 
 @dataclasses.dataclass(frozen=True, eq=False)

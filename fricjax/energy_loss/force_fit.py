@@ -11,12 +11,11 @@ import optimistix as optx
 from jaxtyping import Array, Float
 
 from ..errors import UsageError
-from ..estimation.levenberg_marquardt import LevenbergMarquardt
-from ..estimation.status import CONVERGED, SENTENCES
+from ..estimation.levenberg_marquardt import CONVERGED, SENTENCES, LevenbergMarquardt
 from ..fitting.names import find_leaf
 from ..friction import AbstractFriction
 from ..oscillator import Oscillator, ready
-from ..oscillator.leaves import Leaf, leaves_of
+from ..oscillator.oscillator import Leaf, leaves_of
 from ..pairs.result import coefficient_table
 from ..show import Report, Reported
 from .force_map import ForceMap

@@ -14,14 +14,13 @@ import numpy as np
 from ..data.gather import gather
 from ..errors import UsageError
 from ..oscillator import ready
-from ..pairs.settings import check_bins
 from ..rig import Measured, Rig
+from ..settings import check_bins
 from ..show import Report, Reported, Style, Table, axis_label, display_unit, engineering, figure, styled, uncertain
 from ..show.thumbnail import Curve, curves_svg
 from .binning import BIAS_SHARE, binned, pooled
-from .decay import decay, each_of
+from .decay import decay, each_of, frictionless, with_losses
 from .force_samples import ForceSamples, force_samples
-from .losses import frictionless, with_losses
 
 # Where the lowest range of speeds ends: so many decades below the largest speed.
 DECADES_BELOW = 2.5

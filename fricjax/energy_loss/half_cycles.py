@@ -19,9 +19,8 @@ from ..oscillator import Oscillator, ready
 from ..rig import Measured, Rig
 from ..show import Report, Reported, Style, Table, axis_label, display_unit, figure, scaled, styled, uncertain
 from ..show.thumbnail import Curve, curves_svg
-from .decay import Decay, decay, each_of
+from .decay import Decay, decay, each_of, frictionless, with_losses
 from .force_map import weighted
-from .losses import frictionless, with_losses
 
 # The equilibrium enters linearly but for the curvature of the restoring force and quadratic drag.
 ROUNDS = 4

@@ -13,9 +13,8 @@ from ..errors import UsageError
 from ..oscillator import Oscillator, ready
 from ..pairs.result import Estimates
 from ..rig import Rig
-from .decay import decay, each_of
+from .decay import decay, each_of, frictionless, with_losses
 from .force_samples import force_samples
-from .losses import frictionless, with_losses
 from .smoothing import Smoothed
 
 # Energies evaluated per half-cycle; their noise is correlated, and the full covariance is used.

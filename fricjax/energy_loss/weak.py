@@ -16,8 +16,7 @@ import numpy as np
 from ..oscillator import ready
 from ..pairs.result import Estimates
 from ..rig import Rig
-from .decay import Decay, decay, each_of
-from .losses import frictionless
+from .decay import Decay, decay, each_of, frictionless
 
 # Length of phi in half-cycles: each contains a reversal, without which friction looks like a shifted equilibrium.
 SUPPORT = 1.25

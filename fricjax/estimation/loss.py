@@ -12,7 +12,8 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from .names import LOSSES, check_loss
+from ..errors import check_choice
+from ..settings import LOSSES
 
 # Part of its weight that the curvature along a residual keeps at least, see above.
 _LEAST_CURVATURE = 0.1
@@ -95,5 +96,5 @@ def named_loss(loss: str | AbstractLoss) -> AbstractLoss:
     """
     if isinstance(loss, AbstractLoss):
         return loss
-    check_loss(loss)
+    check_choice("loss", loss, LOSSES)
     return _NAMED[loss]()

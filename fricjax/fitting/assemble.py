@@ -12,7 +12,7 @@ import numpy as np
 from ..estimation.covariance import COVERAGE, Covariance, covariance
 from ..estimation.loss import Squares
 from ..oscillator import Oscillator
-from ..oscillator.leaves import leaves_of
+from ..oscillator.oscillator import leaves_of
 from ..rig import Measured
 from ..show import rotary_unit
 from .derived import contributions, kinematics

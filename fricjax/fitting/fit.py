@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike
 
 from ..data import Record, Trace
 from ..data.gather import gather
-from ..errors import UsageError
+from ..errors import UsageError, check_choice
 from ..estimation.loss import AbstractLoss
 from ..oscillator import Oscillator, ready
 from ..oscillator.engines import AbstractEngine
@@ -19,7 +19,7 @@ from .parameters import Free, Prior, Request, Settings, Tied
 from .problem import Problem, build_problem
 from .rest import solve_with_rest
 from .result import Fit, FitError
-from .settings import check_sigma_mode
+from .settings import SIGMA_MODES
 from .solve import Solution
 
 
@@ -147,7 +147,7 @@ def records_of(data: object, t: ArrayLike | None, rate: float | None, sigma_mode
         UsageError: no run, something of which no record can be made, or an unknown `sigma_mode`.
         DataError: a run that cannot be read.
     """
-    check_sigma_mode(sigma_mode)
+    check_choice("sigma_mode", sigma_mode, SIGMA_MODES)
     records = gather(data, t, rate)
     return tuple(map(_without_sigma, records)) if sigma_mode == "estimate" else records
 

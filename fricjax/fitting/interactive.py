@@ -7,7 +7,7 @@ import numpy as np
 
 from ..errors import needed
 from ..oscillator import Oscillator, simulate
-from ..oscillator.leaves import leaves_of
+from ..oscillator.oscillator import leaves_of
 from ..show import engineering
 from ..show.thumbnail import Curve, curves_svg
 from .names import NUISANCES

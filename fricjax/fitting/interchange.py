@@ -14,8 +14,8 @@ import numpy as np
 
 from ..errors import UsageError, brief, needed
 from ..oscillator import Oscillator
-from ..oscillator.leaves import leaves_of
-from ..show.labelled import Variable, dataset
+from ..oscillator.oscillator import leaves_of
+from ..show.tables import Variable, dataset
 from .names import NUISANCES
 
 type Bounds = tuple[float | None, float | None]

@@ -17,7 +17,7 @@ import numpy as np
 from ..friction import AbstractFriction
 from ..friction.coefficient import Coefficient
 from ..oscillator import Oscillator
-from ..oscillator.leaves import Leaf
+from ..oscillator.oscillator import Leaf
 from .presliding import Machine, contact_of, stiffest
 from .window import Window
 

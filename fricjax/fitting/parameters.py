@@ -8,19 +8,19 @@ import jax
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..errors import UsageError
+from ..errors import UsageError, check_choice
 from ..estimation.loss import AbstractLoss, named_loss
 from ..estimation.space import Parameter, Tie
 from ..friction.coefficient import Coefficient
 from ..oscillator import Oscillator
 from ..oscillator.engines import AbstractEngine
-from ..oscillator.leaves import Leaf
+from ..oscillator.oscillator import Leaf
 from ..rig import Measured, Rig
 from .guess import guess_machine
 from .interchange import asked_of
 from .law_start import guess_law, highest_of, terms_of
 from .names import NUISANCES, check_names, chosen, sole_coulomb, tied
-from .settings import check_bounds, check_noise_model, run_names
+from .settings import NOISE_MODELS, check_bounds, run_names
 from .window import Window
 
 type Prior = Measured | tuple[float, float]
@@ -72,7 +72,7 @@ class Request:
             UsageError: no oscillator, no rig, or an unknown loss or noise.
         """
         noise = settings.get("noise", "auto")
-        check_noise_model(noise)
+        check_choice("noise model", noise, NOISE_MODELS)
         if not isinstance(oscillator, Oscillator):
             name = type(oscillator).__name__
             raise UsageError(f"fit needs an Oscillator, got {name}. Build one, or take rig.oscillator(friction).")

@@ -14,7 +14,7 @@ from ..errors import DataError, UsageError
 from ..estimation.loss import AbstractLoss
 from ..estimation.space import LINEAR, Parameter, ParameterSpace
 from ..oscillator.engines import UNTABLED, AbstractEngine, Demands
-from ..oscillator.leaves import leaves_of
+from ..oscillator.oscillator import leaves_of
 from ..oscillator.select import select_engine
 from ..rig import Measured
 from .condense import Condensation

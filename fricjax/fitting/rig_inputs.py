@@ -9,7 +9,7 @@ from jaxtyping import Array, Float
 
 from ..errors import UsageError
 from ..oscillator import Oscillator
-from ..oscillator.leaves import leaves_of
+from ..oscillator.oscillator import leaves_of
 from ..rig import Measured, Rig
 from .residual import ERRORS
 

@@ -3,8 +3,8 @@
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
-from ..errors import UsageError, nearest
-from ..estimation.names import check_loss
+from ..errors import UsageError, check_choice, nearest
+from ..settings import LOSSES
 from .names import NUISANCES, Named, check_names, chosen, tied
 
 STARTS = ("first_reversal", "release")
@@ -52,9 +52,9 @@ def check_settings(model: Model, free: Sequence[str], runs: int, settings: Mappi
     Raises:
         UsageError: as `fricjax.fit` words it.
     """
-    check_sigma_mode(settings["sigma_mode"])
-    check_loss(settings["loss"])
-    check_noise_model(settings.get("noise", "auto"))
+    check_choice("sigma_mode", settings["sigma_mode"], SIGMA_MODES)
+    check_choice("loss", settings["loss"], LOSSES)
+    check_choice("noise model", settings.get("noise", "auto"), NOISE_MODELS)
     start = settings["start"]
     if isinstance(start, str):
         check_start(start)
@@ -67,29 +67,6 @@ def check_settings(model: Model, free: Sequence[str], runs: int, settings: Mappi
     check_names(settings["guess"], names, "Start values")
     check_names(settings["priors"], names, "Priors")
     tied(settings["tie"], model.leaves, names)
-
-
-def check_sigma_mode(mode: str) -> None:
-    """Refuse an unknown way to take the noise.
-
-    Raises:
-        UsageError: names those that there are.
-    """
-    if mode not in SIGMA_MODES:
-        raise UsageError(
-            f"There is no sigma_mode {mode!r}.{nearest(mode, SIGMA_MODES)} Choose one of {', '.join(SIGMA_MODES)}."
-        )
-
-
-def check_noise_model(name: str) -> None:
-    """Refuse a noise model that has no name.
-
-    Raises:
-        UsageError: names those that there are.
-    """
-    if name not in NOISE_MODELS:
-        known = ", ".join(NOISE_MODELS)
-        raise UsageError(f"There is no noise model {name!r}.{nearest(str(name), NOISE_MODELS)} Choose one of {known}.")
 
 
 def check_start(

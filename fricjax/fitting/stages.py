@@ -20,9 +20,8 @@ import numpy as np
 import optimistix as optx
 from jaxtyping import Array, Float
 
-from ..estimation.levenberg_marquardt import MAX_STEPS, LevenbergMarquardt
+from ..estimation.levenberg_marquardt import MAX_STEPS, NOT_FINITE, LevenbergMarquardt
 from ..estimation.loss import AbstractLoss, Squares
-from ..estimation.status import NOT_FINITE
 from .derived import Derived, derive
 from .evaluation import Evaluation, EvaluationPasses
 from .residual import Residual

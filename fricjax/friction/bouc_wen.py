@@ -8,7 +8,7 @@ import jax.numpy as jnp
 
 from .base import Scalar, State, Values, power, scalar
 from .coefficient import MU_BRISTLE, SIGMA0, Coefficient, within
-from .deflection import AbstractDeflection
+from .kinds import AbstractDeflection
 
 
 class BoucWen(AbstractDeflection):

@@ -5,8 +5,8 @@ that is missing here, or differs, fails it.
 """
 
 import dataclasses
-from collections.abc import Collection, Iterator, Mapping
-from typing import Literal
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from typing import Literal, NamedTuple
 
 type Kind = Literal["set-valued", "smooth", "bristle"]
 
@@ -102,3 +102,18 @@ def dotted(laws: Collection[Law], passed: Collection[Collection[str]]) -> Iterat
     for i, (law, names) in enumerate(zip(laws, passed, strict=True)):
         place = "friction" if len(laws) == 1 else f"friction.{i}"
         yield from (f"{place}.{name}" for name in law.present(names))
+
+
+class Name(NamedTuple):
+    """A coefficient by name: the shortest one that tells it from the others, and the whole one."""
+
+    name: str
+    dotted: str
+
+
+def short_names(dotted: Sequence[str]) -> tuple[Name, ...]:
+    """The shortest names for these whole ones."""
+    last = [name.rsplit(".", 1)[-1] for name in dotted]
+    return tuple(
+        Name(short if last.count(short) == 1 else full, full) for short, full in zip(last, dotted, strict=True)
+    )

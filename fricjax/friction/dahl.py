@@ -8,7 +8,7 @@ import jax.numpy as jnp
 
 from .base import Scalar, State, scalar, signed_power
 from .coefficient import MU_BRISTLE, SIGMA0, Coefficient, within
-from .deflection import AbstractDeflection
+from .kinds import AbstractDeflection
 
 
 class Dahl(AbstractDeflection):

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 
 from .base import Scalar, State, Values, scalar, scalars
 from .coefficient import Coefficient, not_negative
-from .stribeck_elements import STRIBECK_ELEMENTS, AbstractStribeckElements
+from .elements import STRIBECK_ELEMENTS, AbstractStribeckElements
 
 
 class GeneralisedMaxwellSlip(AbstractStribeckElements):

@@ -7,8 +7,7 @@ import jax.numpy as jnp
 
 from .base import Scalar, State, Values, scalar, scalars, signed_power
 from .coefficient import SIGMA1, Coefficient, within
-from .elements import BEYOND, yielded
-from .stribeck_elements import STRIBECK_ELEMENTS, AbstractStribeckElements
+from .elements import BEYOND, STRIBECK_ELEMENTS, AbstractStribeckElements, yielded
 
 # Least part of the force of steady sliding that is taken to lie between the last reversal and steady sliding.
 _ROOM = 0.01

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 
 from .base import Scalar, State, scalar
 from .coefficient import MU, Coefficient, positive
-from .deflection import AbstractDeflection
+from .kinds import AbstractDeflection
 
 
 class Rolling(AbstractDeflection):

@@ -15,7 +15,7 @@ from ..data.record import Record, Step
 from ..data.trace import Trace
 from ..errors import UsageError, nearest
 from ..oscillator import RESULTS, ExponentialRelease, Oscillator, is_successful, simulate
-from ..oscillator.leaves import leaves_of
+from ..oscillator.oscillator import leaves_of
 from ..oscillator.restoring import Pendulum
 from ..show.working import working
 from .interferometer import Interferometer

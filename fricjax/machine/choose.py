@@ -9,16 +9,16 @@ from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
-from ..errors import UsageError
+from ..errors import UsageError, check_choice
 from ..fitting.names import find_leaf
 from ..fitting.settings import Model
 from ..friction.catalogue import Law
-from ..oscillator.names import check_engine, coefficient_names
 from ..rig.inputs import check_restoring, checked, replaced
 from ..rig.quantity import UNITS
 from ..rig.toml import read_table
+from ..settings import ENGINES
 from . import parsing
-from .laws import CONTACT, coefficients, summands
+from .laws import CONTACT, coefficient_names, coefficients, summands
 
 if TYPE_CHECKING:
     from ..oscillator import Oscillator
@@ -110,7 +110,7 @@ class Choice:
 
         from .. import friction
         from ..friction import Sum
-        from ..oscillator.leaves import leaves_of
+        from ..oscillator.oscillator import leaves_of
         from ..oscillator.select import select_engine
 
         try:
@@ -237,10 +237,7 @@ def _choice(
     complete: bool = False,
 ) -> Choice:
     """The rig with the law of that name and its coefficients, each of which must exist."""
-    try:
-        check_engine(options.engine)
-    except ValueError as error:
-        raise UsageError(str(error)) from error
+    check_choice("engine", options.engine, ENGINES)
     laws = summands(named)
     places = [None] if len(laws) == 1 else range(len(laws))
     numbers = tuple(coefficients(law, i, values, mentioned, complete) for i, law in zip(places, laws, strict=True))

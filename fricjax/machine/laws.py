@@ -3,7 +3,7 @@
 from collections.abc import Collection, Mapping
 
 from ..errors import UsageError, nearest
-from ..friction.catalogue import CATALOGUE, Law, check_summands
+from ..friction.catalogue import CATALOGUE, Law, Name, check_summands, dotted, short_names
 
 # Where a law asks for a coefficient that nobody gave, a fit begins here; mu and drag are then estimated from the decay.
 _STARTS = {"mu": 0.01, "v_s": 1e-4, "quadratic_drag": 0.0}
@@ -26,11 +26,11 @@ def find_law(name: str, known: Mapping[str, Law]) -> Law:
     return known[word]
 
 
-def summands(named: str) -> tuple[Law, ...]:
+def summands(text: str) -> tuple[Law, ...]:
     """The law, or the laws joined by ``+``."""
-    words = named.split("+")
+    words = text.split("+")
     if not all(word.strip() for word in words):
-        lacking = f"'{named}' lacks a law beside its +" if len(words) > 1 else "names no law"
+        lacking = f"'{text}' lacks a law beside its +" if len(words) > 1 else "names no law"
         raise UsageError(f"--friction {lacking}; write for example --friction coulomb+quadraticdrag.")
     parts = tuple(find_law(word, laws()) for word in words)
     kinds = {law.kind for law in parts}
@@ -83,3 +83,17 @@ def coefficients(
             "start value, as in --free mu,mu_s=0.02,damping."
         )
     return chosen
+
+
+def coefficient_names(
+    laws: Collection[Law], named_coefficients: Collection[Collection[str]], spring: Collection[str]
+) -> tuple[Name, ...]:
+    """The coefficients of an oscillator in the order of its leaves.
+
+    Args:
+        laws: its law, or the summands of it.
+        named_coefficients: for each of them the names of the coefficients that are given.
+        spring: names of the coefficients of its restoring force besides the stiffness.
+    """
+    machine = ("mass", "stiffness", "damping", "normal_force")
+    return short_names([*machine, *dotted(laws, named_coefficients), *(f"restoring.{name}" for name in spring), "drag"])

@@ -1,10 +1,9 @@
 from . import restoring
-from .drive import AbstractRelease, ExponentialRelease
 from .energy import Energy, energy
 from .engines import Events, Exact, Hybrid, Smooth
 from .engines.smooth.rosenbrock import Rodas5P
 from .motion import RESULTS, Motion, Start, is_successful
-from .oscillator import Oscillator
+from .oscillator import AbstractRelease, ExponentialRelease, Oscillator
 from .program import Program
 from .session import cores, one_at_a_time, ready, waiting
 from .simulate import final_displacement, simulate, starting_state

@@ -12,7 +12,7 @@ from jaxtyping import Array, Bool, Float, Int
 
 from ..friction.base import Scalar, State
 from ..show import Report, Reported, Style, Table, axis_label, engineering, figure, scaled, styled
-from ..show.labelled import Variable, dataset
+from ..show.tables import Variable, dataset
 from ..show.thumbnail import Curve, curves_svg
 
 _SAMPLED = ("t", "x", "v", "friction_force", "at_rest")

@@ -2,19 +2,23 @@
 
 ``m a + damping v + drag v|v| + R(x) + F = 0``, with the restoring force ``R`` and the friction force ``F`` chosen
 from :mod:`fricjax.oscillator.restoring` and :mod:`fricjax.friction`. A rotary rig uses the same equation with the
-moment of inertia for the mass and angles for displacements.
+moment of inertia for the mass and angles for displacements. Coefficients have the shortest name that tells them from
+the others. A floor that shakes, and the force that held the mass, as it dies away, are a `Drive`.
 """
 
+import abc
 from collections.abc import Mapping, Sequence
-from typing import Any, ClassVar
+from typing import Any, ClassVar, NamedTuple
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.core import Tracer
+from jaxtyping import Array, Float
 
 from ..friction.base import AbstractFriction, Scalar, State, Values, scalar
+from ..friction.catalogue import short_names
 from ..friction.coefficient import Coefficient, check_coefficients, not_negative, positive
 from ..show import Report, Reported, Style, Table, axis_label, figure, plain, scaled, styled
 from ..show.thumbnail import Curve, curves_svg
@@ -173,3 +177,97 @@ def _shown(value: Any) -> str:
     if isinstance(value, tuple):
         return ", ".join(map(_shown, value))
     return plain(float(value)) if _single(value) else f"array{list(jnp.shape(value))}"
+
+
+class Leaf(NamedTuple):
+    """A coefficient of an oscillator: its shortest unambiguous name, its place among the leaves, and what it is."""
+
+    name: str
+    dotted: str
+    index: int
+    coefficient: Coefficient
+
+    @property
+    def kind(self) -> str:
+        """Last part of the name."""
+        return self.name.rsplit(".", 1)[-1]
+
+    @property
+    def unit(self) -> str:
+        """SI unit."""
+        return self.coefficient.unit
+
+
+def leaves_of(oscillator: Oscillator) -> tuple[Leaf, ...]:
+    """All coefficients of an oscillator in the order of its leaves."""
+    paths = [path for path, _ in jax.tree_util.tree_flatten_with_path(oscillator)[0]]
+    dotted = [".".join(_parts(path)) for path in paths]
+    pairs = zip(short_names(dotted), paths, strict=True)
+    return tuple(Leaf(*name, i, _coefficient(oscillator, path)) for i, (name, path) in enumerate(pairs))
+
+
+def _parts(path: Sequence) -> list[str]:
+    """The names along a path: laws of a sum are numbered, and so are numbers of a list, as in ``forces_3``."""
+    parts: list[str] = []
+    inside_sum = False
+    for key in path:
+        if not hasattr(key, "name"):
+            parts = [*parts, str(key.idx)] if inside_sum else [*parts[:-1], f"{parts[-1]}_{key.idx}"]
+        elif key.name != "laws":
+            parts.append(key.name)
+        inside_sum = getattr(key, "name", None) == "laws"
+    return parts
+
+
+def _coefficient(oscillator: Oscillator, path: Sequence) -> Coefficient:
+    """What the model knows of a leaf: the owner of a list of numbers knows it by the name of the list."""
+    named = max(i for i, key in enumerate(path) if hasattr(key, "name"))
+    owner: Any = oscillator
+    for key in path[:named]:
+        owner = getattr(owner, key.name) if hasattr(key, "name") else owner[key.idx]
+    return owner.coefficients[path[named].name]
+
+
+class AbstractRelease(eqx.Module):
+    """A holding force that decays from the moment of release.
+
+    Examples:
+        >>> issubclass(ExponentialRelease, AbstractRelease)
+        True
+    """
+
+    @abc.abstractmethod
+    def force(self, t: Scalar, hold: Scalar) -> Scalar:
+        """Remaining force [N] a time `t` [s] after release, where `hold` [N] balanced the spring before it."""
+
+
+class ExponentialRelease(AbstractRelease):
+    """An electromagnet whose force dies away as ``exp(-t/time_constant)``.
+
+    Attributes:
+        time_constant: decay time of the force [s]; 0.5 to 3 ms for a small holding magnet.
+
+    Examples:
+        >>> release = ExponentialRelease(time_constant=2e-3)
+        >>> print(f"{release.force(jnp.asarray(2e-3), hold=jnp.asarray(10.0)):.3f} N are left")
+        3.679 N are left
+    """
+
+    time_constant: Scalar = eqx.field(converter=scalar)
+
+    def force(self, t: Scalar, hold: Scalar) -> Scalar:
+        return hold * jnp.exp(-t / self.time_constant)
+
+
+class Drive(eqx.Module):
+    """What moves the mass besides its own spring.
+
+    Attributes:
+        t: times at which the acceleration of the floor is known [s], shape (instants,).
+        base_acceleration: that acceleration [m/s^2]; linear between them, None for a floor that stands.
+        release: law by which the force that held the mass decays.
+    """
+
+    t: Float[Array | np.ndarray, " instants"]
+    base_acceleration: Float[Array, " instants"] | None = None
+    release: AbstractRelease | None = None

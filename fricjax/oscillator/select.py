@@ -10,12 +10,13 @@ import diffrax
 import numpy as np
 from jax.core import Tracer
 
+from ..errors import check_choice
+from ..settings import ENGINES
 from .engines.base import AbstractEngine
 from .engines.events import Events
 from .engines.exact import Exact
 from .engines.hybrid import Hybrid
 from .engines.smooth import Smooth
-from .names import check_engine
 from .oscillator import Oscillator
 
 # diffrax takes the tolerance of the stages from a controller only where it sees the solver bare.
@@ -52,7 +53,7 @@ def _named(name: str, oscillator: Oscillator, accuracy: float, max_half_cycles: 
         return events if oscillator.friction.set_valued else smooth
     if name in engines:
         return engines[name]
-    check_engine(name)
+    check_choice("engine", name, ENGINES)
     # A drag that is being differentiated counts as present, whatever its value.
     without_drag = isinstance(oscillator.drag, np.ndarray)
     candidates = [engines[candidate] for candidate in (("exact", "hybrid") if without_drag else ("hybrid",))]

@@ -12,12 +12,11 @@ from jax.core import Tracer
 from jaxtyping import Array, ArrayLike, Float
 
 from ..show.working import working
-from .drive import AbstractRelease, Drive
 from .engines.base import AbstractEngine
 from .engines.events import Events
 from .engines.smooth import Smooth
 from .motion import Motion, Start
-from .oscillator import Oscillator
+from .oscillator import AbstractRelease, Drive, Oscillator
 from .select import concrete, half_cycle_capacity, select_engine
 from .session import ready
 

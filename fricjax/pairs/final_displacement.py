@@ -16,13 +16,13 @@ from ..errors import DataError, UsageError
 from ..estimation.space import Parameter, ParameterSpace
 from ..fitting.names import check_identifiable, find_leaf, sole_coulomb
 from ..oscillator import Oscillator, ready
-from ..oscillator.leaves import leaves_of
+from ..oscillator.oscillator import leaves_of
 from ..oscillator.select import select_engine
+from ..settings import check_scatter
 from .diagnostics import fit_warnings, status_of_counts
 from .displacements import Pairs, checked_pairs
 from .least_squares import PairModel, Solution, fitted_dead_band, predicted, solve_pairs
 from .result import RouteFit
-from .settings import check_scatter
 from .static import bracket
 from .unwrapping import Unwrapped, capacity_for, count_half_cycles, decay_ratio
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..archive.units import unit_of
+from ..archive.show import unit_of
 from ..fitting.derived import UNITS
 from ..fitting.names import NUISANCES
 from ..show import display_unit, uncertain

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from ..archive.units import unit_of
+from ..archive.show import unit_of
 from ..errors import DataError
 from ..fitting.names import NUISANCES
 from ..fitting.population import population

@@ -11,7 +11,7 @@ from jaxtyping import ArrayLike
 from ..fitting.names import NUISANCES, find_leaf
 from ..oscillator import Oscillator
 from ..oscillator.engines import AbstractEngine
-from ..oscillator.leaves import leaves_of
+from ..oscillator.oscillator import leaves_of
 from ..show import Report, Reported, Style, Table, axis_label, engineering, figure, plain, scaled, styled
 from .local import local
 

@@ -20,12 +20,12 @@ from ..fitting.derived import UNITS, derive
 from ..fitting.evaluation import evaluate
 from ..oscillator import Oscillator, simulate
 from ..oscillator.engines import AbstractEngine
+from ..settings import check_noise
 from .advice import errors_of, warnings_of
 from .directions import directions, spectrum
 from .information import Information
 from .plan import Plan, checked_times, plan, planned_motion, planned_times
 from .ridge import combinations
-from .settings import check_noise
 
 # Room for at least so many samples: the size is part of a program, and runs of one size share their compilation.
 _FEWEST = 4096

@@ -21,9 +21,9 @@ import numpy as np
 from ..errors import UsageError, nearest
 from ..fitting.residual import Residual
 from ..oscillator import Oscillator
+from ..settings import check_noise, check_sampling
 from ..show import Report, Reported, Style, Table, axis_label, engineering, figure, scaled, styled
 from .plan import TAIL, plan, planned_motion
-from .settings import check_noise, check_sampling
 
 # Instants at which a run is looked at: a sum over its samples is an integral, to parts in ten thousand.
 _INSTANTS = 1024

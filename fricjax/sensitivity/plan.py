@@ -24,9 +24,9 @@ from ..fitting.window import NEVER
 from ..friction import Coulomb
 from ..oscillator import Motion, Oscillator, ready, simulate
 from ..oscillator.engines import AbstractEngine
-from ..oscillator.leaves import leaves_of
+from ..oscillator.oscillator import leaves_of
 from ..oscillator.select import half_cycle_capacity, select_engine
-from .settings import check_sampling
+from ..settings import check_sampling
 
 TAIL = 0.05
 """Time at rest that a record should hold behind the stop [s]."""

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import jax
 import numpy as np
 
-from ..oscillator.leaves import leaves_of
+from ..oscillator.oscillator import leaves_of
 from ..rig import Measured
 from .information import Information
 

@@ -1,14 +1,16 @@
 """A small table: column heads, rows of cells, a title. The same table is printed in a terminal and in a notebook.
 
-Columns whose cells all begin like a number are right-aligned, so that magnitudes can be compared by eye.
+Columns whose cells all begin like a number are right-aligned, so that magnitudes can be compared by eye. Results that
+hold arrays give them with names and units too, as data sets of xarray.
 """
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from html import escape
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, NamedTuple
 
+from ..errors import needed
 from .numbers import plain
 
 if TYPE_CHECKING:
@@ -102,3 +104,54 @@ def _html_row(tag: str, cells: Sequence[str], styles: Sequence[str]) -> str:
     pairs = zip(cells, styles, strict=True)
     inner = "".join(f'<{tag} style="text-align:{align}{nowrap(cell)}">{escape(cell)}</{tag}>' for cell, align in pairs)
     return f"<tr>{inner}</tr>"
+
+
+class Variable(NamedTuple):
+    """One array of a data set.
+
+    Attributes:
+        dims: names of its axes.
+        values: its numbers, or texts.
+        unit: SI unit; empty: none.
+        meaning: what it is, in words.
+    """
+
+    dims: str | Sequence[str]
+    values: Any
+    unit: str = ""
+    meaning: str = ""
+
+
+def dataset(variables: Mapping[str, Variable], coordinates: Mapping[str, Variable], **facts: Any) -> Any:
+    """A data set of xarray that netCDF can hold: units and meanings as attributes of each variable.
+
+    Args:
+        variables: the arrays by name.
+        coordinates: those that count along the axes.
+        **facts: attributes of the whole: texts, numbers, and sequences of texts, which become lines.
+
+    Raises:
+        UsageError: xarray is not installed; the sentence says how to.
+
+    Examples:
+        >>> from fricjax.show.tables import Variable, dataset
+        >>> time = Variable("t", [0.0, 0.1], "s")
+        >>> made = dataset({"x": Variable("t", [0.0, 2e-3], "m")}, {"t": time}, source="run.csv")
+        >>> made["x"].attrs["units"], made["x"].sel(t=0.1).item()
+        ('m', 0.002)
+    """
+    import numpy as np
+
+    xarray = needed("A data set", "xarray", "interchange")
+
+    def labelled(variable: Variable) -> tuple[Any, Any, dict[str, str]]:
+        texts = {"units": variable.unit, "long_name": variable.meaning}
+        return variable.dims, np.asarray(variable.values), {name: text for name, text in texts.items() if text}
+
+    attributes = {name: "\n".join(fact) if isinstance(fact, list | tuple) else fact for name, fact in facts.items()}
+    return xarray.Dataset(
+        {name: labelled(each) for name, each in variables.items()},
+        {name: labelled(each) for name, each in coordinates.items()},
+        # netCDF knows no truth values.
+        {name: int(fact) if isinstance(fact, bool) else fact for name, fact in attributes.items()},
+    )

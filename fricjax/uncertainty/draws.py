@@ -1,6 +1,7 @@
 """What values of a fit's parameters that were drawn tell: their scatter, their intervals, a picture of each."""
 
 import abc
+import dataclasses
 import math
 from collections.abc import Sequence
 from typing import Any
@@ -11,10 +12,19 @@ from ..show import Reported, Style, axis_label, figure, styled
 from ..show.thumbnail import bars_svg
 
 
+@dataclasses.dataclass(frozen=True, eq=False)
 class AbstractDraws(Reported):
-    """Drawn values of the parameters of a fit, beside that fit: `names`, and by name `values` and `std_errors`."""
+    """Drawn values of the parameters of a fit, beside that fit.
+
+    Attributes:
+        names: free parameters; `units`: by name.
+        sample: draws, of which the last axis is that of the parameters.
+        values, std_errors: those of the fit, by name.
+    """
 
     names: tuple[str, ...]
+    units: dict[str, str]
+    sample: np.ndarray
     values: dict[str, float]
     std_errors: dict[str, float]
 

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import UsageError, brief, nearest
+from ..errors import UsageError, brief, check_choice
 from ..rig.measured import Measured
 from ..show import parse_uncertain, uncertain
 from ..show.numbers import LONGEST
@@ -67,11 +67,7 @@ class Input:
         number = Measured(self.value, self.std)
         object.__setattr__(self, "value", number.value)
         object.__setattr__(self, "std", number.std)
-        if self.distribution not in DISTRIBUTIONS:
-            raise UsageError(
-                f"There is no distribution {brief(self.distribution)}.{nearest(str(self.distribution), DISTRIBUTIONS)} "
-                f"Choose one of {', '.join(DISTRIBUTIONS)}."
-            )
+        check_choice("distribution", self.distribution, DISTRIBUTIONS)
         if self.kind not in ("A", "B"):
             raise UsageError(f"The kind of an input is A or B, got {brief(self.kind)}.")
         if not self.degrees_of_freedom >= 1:

@@ -11,7 +11,7 @@ import math
 
 import numpy as np
 
-from ..errors import UsageError, nearest
+from ..errors import UsageError, check_choice
 from ..fitting import Fit
 from ..fitting.diagnostics import optimum_found
 from ..fitting.noise import Noise, whiteness
@@ -48,11 +48,6 @@ class Bootstrap(AbstractDraws):
         (0, True)
     """
 
-    names: tuple[str, ...]
-    units: dict[str, str]
-    sample: np.ndarray
-    values: dict[str, float]
-    std_errors: dict[str, float]
     noise: str
     block: tuple[int, ...]
 
@@ -122,8 +117,7 @@ def bootstrap(fit: Fit, draws: int = 1000, *, noise: str = "blocks", seed: int =
         (64, 6)
     """
     problem, values = problem_of(fit), optimum(fit)
-    if noise not in NOISES:
-        raise UsageError(f"There is no noise {noise!r}.{nearest(noise, NOISES)} Choose one of {', '.join(NOISES)}.")
+    check_choice("noise", noise, NOISES)
     if draws < _FEWEST:
         raise UsageError(f"Of {draws} draws no interval of 95 % can be given. Take {_FEWEST} at least, better 1000.")
     parts = [_split(*each) for each in zip(problem.windows, fit.residuals_by_run, fit.noises, strict=True)]

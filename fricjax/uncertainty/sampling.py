@@ -51,11 +51,6 @@ class Posterior(AbstractDraws):
         (0, True)
     """
 
-    names: tuple[str, ...]
-    units: dict[str, str]
-    sample: np.ndarray
-    values: dict[str, float]
-    std_errors: dict[str, float]
     r_hat: dict[str, float]
     effective: dict[str, float]
     divergences: int

@@ -4,7 +4,7 @@ import pytest
 
 import fricjax as fj
 from fricjax.archive.study_file import read_study
-from fricjax.data.examples import example_paths
+from fricjax.data.read import example_paths
 from fricjax.errors import UsageError
 
 RIG = example_paths().rig.read_text()

@@ -9,7 +9,7 @@ import pytest
 
 import fricjax as fj
 from fricjax.cli.batch import _two_interrupts
-from fricjax.data.examples import example_paths
+from fricjax.data.read import example_paths
 
 RUN, RIG = example_paths()
 MACHINE = fj.Rig.from_toml(RIG).oscillator(fj.friction.Coulomb(0.05))

@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-from fricjax.data.examples import example_paths
+from fricjax.data.read import example_paths
 
 RIG = ("--rig", example_paths()[1], "--normal-force", "9.66")
 

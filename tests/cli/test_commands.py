@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import fricjax as fj
-from fricjax.data.examples import example_paths
+from fricjax.data.read import example_paths
 from fricjax.rig import Rig
 
 RUN, RIG = example_paths()

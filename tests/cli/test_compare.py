@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from fricjax.cli.options import Bench
-from fricjax.data.examples import example_paths
+from fricjax.data.read import example_paths
 from fricjax.errors import UsageError
 from fricjax.machine.choose import contenders
 

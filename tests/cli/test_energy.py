@@ -6,7 +6,7 @@ import shutil
 import pytest
 
 import fricjax as fj
-from fricjax.data.examples import example_paths
+from fricjax.data.read import example_paths
 
 RUN, RIG = example_paths()
 TRUTH = fj.read(RUN).meta["coefficients"]

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from fricjax.cli.failure import failure_of
-from fricjax.data.examples import example_paths
+from fricjax.data.read import example_paths
 from tests.helpers import python_in
 
 RUN, RIG = example_paths()

@@ -66,7 +66,11 @@ NAMES = [
     (("fit", "good.csv", "--restoring", "pendlum"), "There is no restoring force 'pendlum'; known are linear,", 2),
     (("fit", "good.csv", "--restoring", "cubic"), "A cubic spring needs its coefficient: give k3", 2),
     (("fit", "good.csv", "--fix", "k3=1"), "k3 belongs to a cubic spring: give --restoring cubic with it", 2),
-    (("fit", "good.csv", "--engine", "exat"), "There is no engine 'exat'. Choose one of auto, exact,", 2),
+    (
+        ("fit", "good.csv", "--engine", "exat"),
+        "There is no engine 'exat'. Did you mean 'exact'? Choose one of auto",
+        2,
+    ),
     (("fit", "good.csv", "--start", "relese"), "There is no start 'relese'. Did you mean 'release'?", 2),
     (("fit", "good.csv", "--nuisance", "ofset"), "There is no nuisance parameter 'ofset'. Did you mean 'offset'?", 2),
     (("fit", "good.csv", "--nuisance", "x0,z0"), "this law has none. Leave it out of --nuisance.", 2),

@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-from fricjax.data.examples import example_paths
+from fricjax.data.read import example_paths
 
 
 @pytest.fixture(scope="module")

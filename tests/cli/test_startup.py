@@ -6,7 +6,7 @@ import sys
 
 import pytest
 
-from fricjax.data.examples import example_paths
+from fricjax.data.read import example_paths
 
 _HEAVY = ("jax", "numpy", "pandas", "scipy", "matplotlib", "equinox", "pint", "h5py")
 _HELP = """

@@ -13,7 +13,7 @@ import typer
 from fricjax.cli import demo
 from fricjax.cli.failure import failure_of
 from fricjax.cli.main import app
-from fricjax.data.examples import example_paths
+from fricjax.data.read import example_paths
 from fricjax.show import files
 
 RUN, RIG = example_paths()

@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares as scipy_least_squares
 
-from fricjax.estimation.levenberg_marquardt import LevenbergMarquardt
-from fricjax.estimation.status import AT_BOUND, CONVERGED, UNDETERMINED
+from fricjax.estimation.levenberg_marquardt import AT_BOUND, CONVERGED, UNDETERMINED, LevenbergMarquardt
 from tests.fitting.problems import DECAY, EXACT, LINE, NOISY, T, clean_decay, decay, line, powell, solve, status, steps
 
 

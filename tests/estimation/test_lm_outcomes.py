@@ -7,8 +7,7 @@ import numpy as np
 import optimistix as optx
 import pytest
 
-from fricjax.estimation.levenberg_marquardt import LevenbergMarquardt
-from fricjax.estimation.status import (
+from fricjax.estimation.levenberg_marquardt import (
     AT_BOUND,
     CONVERGED,
     NOT_FINITE,
@@ -17,6 +16,7 @@ from fricjax.estimation.status import (
     SENTENCES,
     STALLED,
     UNDETERMINED,
+    LevenbergMarquardt,
 )
 from tests.fitting.problems import T, clean_decay, decay, noisy_rosenbrock, options_for, solve, status, steps
 

@@ -117,7 +117,10 @@ USAGE = {
         {"nuisance": ["v0", "t_release"]},
         r"v0 and t_release cannot both be free: each shifts the motion in time\.",
     ),
-    "engine": ({"engine": "exat"}, r"There is no engine 'exat'\. Choose one of auto, exact, hybrid, smooth, diffrax\."),
+    "engine": (
+        {"engine": "exat"},
+        r"There is no engine 'exat'\. Did you mean 'exact'\? Choose one of auto",
+    ),
     "engine for another law": (
         {"engine": "smooth"},
         r"The smooth engine cannot integrate the jump of Coulomb\. Use the exact or the hybrid engine",

@@ -11,9 +11,9 @@ from fricjax import friction
 from fricjax.friction import Coulomb, Sum
 from fricjax.friction.catalogue import CATALOGUE
 from fricjax.friction.stribeck_curve import AbstractFalling
+from fricjax.machine.laws import coefficient_names
 from fricjax.oscillator import Oscillator
-from fricjax.oscillator.leaves import leaves_of
-from fricjax.oscillator.names import coefficient_names
+from fricjax.oscillator.oscillator import leaves_of
 from fricjax.oscillator.restoring import Cubic, Linear
 from tests.helpers import LAWS
 

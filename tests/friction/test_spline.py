@@ -14,7 +14,7 @@ from fricjax.energy_loss.force_fit import fit_force_map
 from fricjax.energy_loss.force_map import ForceMap
 from fricjax.friction import Coulomb, MonotoneSpline, Spline, Stribeck, Tanh
 from fricjax.oscillator import simulate
-from fricjax.oscillator.leaves import leaves_of
+from fricjax.oscillator.oscillator import leaves_of
 from fricjax.rig import Measured
 from tests.helpers import PROTOTYPE_DAMPING, PROTOTYPE_MASS
 from tests.oracles import Machine, slide

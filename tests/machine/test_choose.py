@@ -6,7 +6,7 @@ import pytest
 
 from fricjax import friction
 from fricjax.cli.options import Machine
-from fricjax.data.examples import example_paths
+from fricjax.data.read import example_paths
 from fricjax.errors import UsageError
 from fricjax.friction import Coulomb, LuGre, QuadraticDrag, Stribeck, Sum, Tanh
 from fricjax.machine.choose import choose, known

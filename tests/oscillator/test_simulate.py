@@ -68,7 +68,10 @@ def test_the_motion_says_which_engine_made_it():
         ({"ts": np.zeros(0)}, r"got an array of shape \(0,\)"),
         ({"ts": np.array([0.0, 0.2, 0.1])}, "ts must increase from sample to sample"),
         ({"ts": np.array([0.0, np.nan, 0.1])}, "ts must increase from sample to sample"),
-        ({"engine": "hybird"}, "There is no engine 'hybird'. Choose one of auto, exact, hybrid, smooth"),
+        (
+            {"engine": "hybird"},
+            "There is no engine 'hybird'. Did you mean 'hybrid'? Choose one of auto",
+        ),
         ({"engine": "smooth"}, "cannot integrate the jump of Coulomb. Use the exact or the hybrid engine"),
         ({"x0": np.array([1e-3, 2e-3])}, r"x0 must be one number, got shape \(2,\). For several starts use jax.vmap"),
         ({"v0": np.zeros(1)}, r"v0 must be one number, got shape \(1,\)"),

@@ -13,9 +13,8 @@ import pytest
 
 import fricjax as fj
 from fricjax.errors import DataError, UsageError
-from fricjax.report.half_cycles import half_cycles_of
 from fricjax.report.judgement import reasons, summary
-from fricjax.report.pictures import CURVES, Curves, encoded
+from fricjax.report.pictures import CURVES, Curves, encoded, half_cycles_of
 from fricjax.report.runs_of_fit import sketched
 from tests.report.archives import archive
 

@@ -7,7 +7,7 @@ import pytest
 from fricjax.errors import UsageError
 from fricjax.friction import Coulomb, LuGre, Stribeck
 from fricjax.oscillator import simulate
-from fricjax.oscillator.leaves import leaves_of
+from fricjax.oscillator.oscillator import leaves_of
 from fricjax.sensitivity import local
 from tests.helpers import PROTOTYPE_DAMPING, PROTOTYPE_MASS
 from tests.sensitivity.machines import SLIDING, STIFFNESS, prototype

@@ -1,6 +1,6 @@
 """Ways to integrate one oscillator, with one interface."""
 
-from ..drive import Drive
+from ..oscillator import Drive
 from .base import AbstractEngine, AbstractPath, Demands
 from .events import Events
 from .exact import Exact

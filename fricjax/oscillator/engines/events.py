@@ -19,9 +19,8 @@ import numpy as np
 import optimistix
 from jaxtyping import Array, Float, Int
 
-from ..drive import Drive
 from ..motion import RESULTS, Motion, Start
-from ..oscillator import Oscillator
+from ..oscillator import Drive, Oscillator
 from .base import AbstractEngine, AbstractPath, Demands
 from .smooth.scaled import Scaled, continued
 

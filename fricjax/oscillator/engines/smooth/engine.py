@@ -16,9 +16,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from ...drive import Drive
 from ...motion import RESULTS, Motion, Start
-from ...oscillator import Oscillator
+from ...oscillator import Drive, Oscillator
 from ..base import AbstractEngine, Demands
 from ..nodes import Nodes
 from .mesh import Mesh

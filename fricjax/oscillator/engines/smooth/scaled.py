@@ -12,9 +12,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from ...drive import AbstractRelease, Drive
 from ...motion import Start
-from ...oscillator import Oscillator
+from ...oscillator import AbstractRelease, Drive, Oscillator
 from ..nodes import Nodes
 
 # How much larger the tolerance of an internal state may be than that of the displacement, at most.

@@ -4,8 +4,7 @@ import pandas as pd
 import pytest
 
 import fricjax as fj
-from fricjax.archive.plot import parameter_figure
-from fricjax.archive.units import unit_of
+from fricjax.archive.show import parameter_figure, unit_of
 
 
 def test_units_are_those_of_the_law_and_of_the_rig():

@@ -1,0 +1,79 @@
+"""How the columns of an archive's table are shown: their units, and a parameter of all runs in one picture."""
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..errors import UsageError
+from ..fitting.derived import UNITS
+from ..fitting.names import NUISANCES
+from ..show import axis_label, figure, rotary_unit
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
+
+
+def parameter_figure(table: "DataFrame", name: str, against: str) -> Any:
+    """The parameter of the rows that are ok with its combined standard errors, laws beside each other.
+
+    Raises:
+        UsageError: a column that holds no numbers.
+    """
+    for column in (name, against):
+        if column != "run" and table[column].dtype.kind not in "fiu":
+            raise UsageError(f"The column {column!r} holds no numbers, and cannot be drawn.")
+    drawn, grid = figure()
+    axes = grid[0, 0]
+    columns = {column: np.asarray(table[column]) for column in table}
+    laws = sorted(set(columns["friction"]))
+    where = np.arange(len(table)) if against == "run" else columns[against].astype(float)
+    errors = np.nan_to_num(columns.get(f"{name}_combined_std", np.zeros(len(table))), posinf=0.0)
+    for law in laws:
+        rows = (columns["status"] == "ok") & (columns["friction"] == law)
+        axes.errorbar(where[rows], columns[name][rows], errors[rows], fmt=".", capsize=2, label=law)
+    quantity = next((each for each in columns["quantity"] if isinstance(each, str) and each), "m")
+    across, along = (unit_of(column, laws, quantity) for column in (against, name))
+    axes.set_xlabel(axis_label(against.replace("_", " ").capitalize(), across))
+    axes.set_ylabel(axis_label(name.replace("_", " "), along))
+    if len(laws) > 1:
+        axes.legend()
+    return drawn
+
+
+# Of the columns that are no parameters; "x" stands for the unit of the displacement.
+_PLAIN_UNITS = {
+    "residual_rms": "x",
+    "sigma": "x",
+    "amplitude": "x",
+    "rate": "Hz",
+    "duration": "s",
+    "load": "N",
+    "seconds_read": "s",
+    "seconds_fit": "s",
+}
+
+
+def unit_of(name: str, laws: Sequence[str], quantity: str = "m") -> str:
+    """SI unit of a column by its name.
+
+    Args:
+        name: of a parameter, of one of the kinematics, or of another column.
+        laws: friction laws of the table, as on the command line, whose coefficients may be meant.
+        quantity: "m", or "rad" for a rotary rig.
+    """
+    stem = name.split("[")[0].rsplit(".", 1)[-1]
+    unit = {**_PLAIN_UNITS, **_coefficient_units(laws), **NUISANCES, **UNITS}.get(stem, "")
+    return quantity if unit == "x" else rotary_unit(unit, quantity)
+
+
+def _coefficient_units(laws: Sequence[str]) -> dict[str, str]:
+    """Units of the coefficients of the machine and of these laws."""
+    from .. import friction
+    from ..friction.catalogue import CATALOGUE
+    from ..oscillator import Oscillator, restoring
+
+    summands = {part for law in laws for part in law.split("+")}
+    classes = [Oscillator, restoring.Cubic, restoring.Structural]
+    classes += [getattr(friction, CATALOGUE[name].name) for name in sorted(summands) if name in CATALOGUE]
+    return {name: each.unit for cls in classes for name, each in getattr(cls, "coefficients", {}).items()}
