@@ -23,17 +23,17 @@ import shutil
 import signal
 import sys
 import tempfile
-import tomllib
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, Self
 
-from ..data.files import content
-from ..errors import DataError, UsageError, brief, nearest, needed
+from ..data.files import naming, read_toml
+from ..errors import UsageError, brief, needed
 from .distributed import PRELOAD, check_dask, of_clients
 from .execute import Executor
 
-_LARGEST = 100_000  # bytes of a file of settings
+# Keys that have to be there, with an example of each.
+_NEEDED = {"workers": "16", "memory": '"2 GB"', "walltime": '"02:00:00"'}
 _KINDS: dict[Any, Any] = {
     int: (int, "a whole number"),
     str: (str, "a text"),
@@ -79,31 +79,13 @@ class Slurm:
         """Read the file.
 
         Raises:
-            DataError: no such file, or no TOML.
-            UsageError: an unknown key, a missing one, or a value that it cannot have.
+            UsageError: no such file, no TOML, an unknown key, a missing one, or a value that it cannot have.
         """
         path = Path(path)
-        try:
-            table = tomllib.loads(content(path, _LARGEST).decode("utf-8"))
-        except OSError as error:
-            raise DataError(f"{path} cannot be read: {error.strerror}.") from error
-        except (ValueError, RecursionError) as error:
-            raise DataError(f"{path.name} is no valid TOML ({' '.join(str(error).split())[:200]}).") from error
-        fields = {field.name: field for field in dataclasses.fields(cls)}
-        for key in table:
-            if key not in fields:
-                hint = nearest(key, fields) or f" Known are {', '.join(fields)}."
-                raise UsageError(f"{path.name}: there is no key {brief(key)}.{hint}")
-        missing = [name for name, f in fields.items() if f.default is dataclasses.MISSING and name not in table]
-        if missing:
-            raise UsageError(f"{path.name}: '{missing[0]}' is missing; needed are workers, memory and walltime.")
-        try:
-            values: dict[str, Any] = {
-                k: tuple(value) if isinstance(value, list) else value for k, value in table.items()
-            }
+        table = read_toml(path, "SLURM", [field.name for field in dataclasses.fields(cls)], _NEEDED)
+        with naming(path):
+            values: dict[str, Any] = {k: tuple(v) if isinstance(v, list) else v for k, v in table.items()}
             return cls(**values)
-        except UsageError as error:
-            raise UsageError(f"{path.name}: {error}") from error
 
     def __post_init__(self) -> None:
         for field in dataclasses.fields(self):
@@ -176,8 +158,7 @@ def slurm(path: str | os.PathLike[str]) -> Executor:
         path: file of the settings.
 
     Raises:
-        DataError: it cannot be read.
-        UsageError: it holds wrong settings, a package is missing, or there is no SLURM here.
+        UsageError: it cannot be read or holds wrong settings, a package is missing, or there is no SLURM here.
 
     Examples:
         >>> from pathlib import Path
@@ -185,7 +166,7 @@ def slurm(path: str | os.PathLike[str]) -> Executor:
         >>> slurm("slurm.toml")
         Traceback (most recent call last):
         ...
-        fricjax.errors.UsageError: slurm.toml: there is no key 'waltime'. Did you mean 'walltime'?
+        fricjax.errors.UsageError: slurm.toml: there is no key 'waltime' in a SLURM file. Did you mean 'walltime'? ...
     """
     settings = Slurm.from_toml(path)
     check_dask()

@@ -21,21 +21,17 @@ name and number is checked here by the same code.
 import dataclasses
 import functools
 import re
-import tomllib
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ..data.files import content
+from ..data.files import read_toml
 from ..errors import UsageError, brief, nearest
 from ..machine import parsing
 from .study import Law, Rule, Study
 
 if TYPE_CHECKING:
     from pydantic import BaseModel, ValidationError
-
-# Bytes of the largest file that can be a study.
-_LARGEST = 1_000_000
 
 
 @dataclasses.dataclass(frozen=True)
@@ -68,10 +64,10 @@ def read_study(path: str | Path) -> Study:
         >>> read_study("study.toml")
         Traceback (most recent call last):
         ...
-        fricjax.errors.UsageError: study.toml: there is no field 'frictoin'. Did you mean 'friction'? ...
+        fricjax.errors.UsageError: study.toml: there is no key 'frictoin' in a study file. Did you mean 'friction'? ...
     """
     file = Path(path)
-    asked = _checked(file, _parsed(file))
+    asked = _checked(file, read_toml(file, "study"))
     try:
         return _study(file.parent, asked)
     except UsageError as error:
@@ -80,22 +76,6 @@ def read_study(path: str | Path) -> Study:
             # What the options of the command line are called without their dashes.
             words = f"{file}: {re.sub(r'--([a-z]+)', lambda match: match[1], words)}"
         raise UsageError(words) from error
-
-
-def _parsed(file: Path) -> dict[str, Any]:
-    try:
-        return tomllib.loads(content(file, _LARGEST, UsageError).decode("utf-8-sig"))
-    except FileNotFoundError as error:
-        siblings = [entry.name for entry in file.parent.glob("*.toml")] if file.parent.is_dir() else []
-        raise UsageError(f"There is no study file '{file}'.{nearest(file.name, siblings)} Check the path.") from error
-    except OSError as error:
-        raise UsageError(f"The study file '{file}' cannot be read: {error.strerror}.") from error
-    except RecursionError as error:
-        raise UsageError(f"{file}: this is no study file: its tables are nested too deeply.") from error
-    except UsageError:
-        raise
-    except ValueError as error:
-        raise UsageError(f"{file}: this is no valid TOML file: {str(error)[:200]}.") from error
 
 
 @functools.cache
@@ -173,7 +153,7 @@ def _sentence(error: "ValidationError", fields: list[str], of_runs: list[str]) -
     field = ".".join(names).replace(".[", "[")
     known = of_runs if names[0] == "runs" and len(names) > 1 else fields
     if first["type"] == "extra_forbidden":
-        return f"there is no field '{field}'.{nearest(names[-1], known)} Known are {', '.join(known)}."
+        return f"there is no key '{field}' in a study file.{nearest(names[-1], known)} Known are {', '.join(known)}."
     if first["type"] == "missing":
         return f"'{field}' is missing; add a line such as {names[-1]} = \"lab_b/**\"."
     same = [each for each in errors if each["loc"][: len(place)] == first["loc"][: len(place)]]

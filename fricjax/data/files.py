@@ -1,17 +1,18 @@
 """Files that anybody can have written: what is asked before they are opened, and how much may come out of them.
 
 A path may lead to nothing, to a pipe that never ends, or to a file of a few kilobytes that declares an array of
-terabytes. Sizes are therefore compared with that of the file before anything is unpacked.
+terabytes. Sizes are therefore compared with that of the file before anything is unpacked. Settings are read here too.
 """
 
 import os
 import stat
-from collections.abc import Iterable, Iterator
+import tomllib
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from ..errors import DataError, UsageError, nearest, needed
+from ..errors import DataError, UsageError, brief, nearest, needed
 
 NUMBER = 8
 """Bytes that a number of any type takes as soon as it is part of a record."""
@@ -22,6 +23,9 @@ _ALWAYS = 1 << 27
 _PACKED = 16
 # What none may hold: 268 million numbers.
 _LARGEST = 1 << 31
+# Bytes of the largest file of settings, and characters of its longest line; most have a few hundred in all. The time
+# that a dotted key takes grows with the square of its length, so that both together bound the reading to a second.
+_LARGEST_TOML, _WIDEST_TOML = 100_000, 1_000
 _SHOWN = 3  # files that a sentence names as examples
 
 
@@ -151,6 +155,59 @@ def content(path: Path, largest: int, refused: type[ValueError] = DataError) -> 
             size = gigabytes(path.stat().st_size)
             raise refused(f"{path} has {size}, but at most {gigabytes(largest)} are expected of such a file.")
     return data
+
+
+def read_toml(
+    path: Path, what: str, keys: Collection[str] | None = None, required: Mapping[str, str] | None = None
+) -> dict[str, Any]:
+    """The table of a file of settings in TOML: of a rig, of a study, of a cluster.
+
+    Args:
+        path: the file.
+        what: it describes, in a word: "rig".
+        keys: those that it may have; None: whoever asks will see to that.
+        required: keys that it must have, each with a value as an example.
+
+    Raises:
+        UsageError: no such file, a larger one, no TOML, an unknown key or one that is missing; names file and key.
+    """
+    try:
+        # Editors on Windows begin a file with a mark of its encoding, which is no TOML.
+        text = content(path, _LARGEST_TOML, UsageError).decode("utf-8-sig")
+        if any(len(line) > _WIDEST_TOML for line in text.splitlines()):
+            raise UsageError(f"{path}: this is no {what} file: a line has more than {_WIDEST_TOML} characters.")
+        table = tomllib.loads(text)
+    except FileNotFoundError as error:
+        siblings = [entry.name for entry in path.parent.glob("*.toml")] if path.parent.is_dir() else []
+        raise UsageError(f"There is no {what} file '{path}'.{nearest(path.name, siblings)} Check the path.") from error
+    except OSError as error:
+        raise UsageError(f"The {what} file '{path}' cannot be read: {error.strerror}.") from error
+    except RecursionError as error:
+        raise UsageError(f"{path}: this is no {what} file: its tables are nested too deeply.") from error
+    except UsageError:
+        raise
+    except ValueError as error:  # TOML that is none, other encodings, and numbers of thousands of digits
+        raise UsageError(f"{path}: this is no valid TOML file: {str(error)[:200]}.") from error
+    if keys is not None and (unknown := [key for key in table if key not in keys]):
+        hint = f"{nearest(unknown[0], keys)} Known are {', '.join(keys)}."
+        raise UsageError(f"{path}: there is no key {brief(unknown[0])} in a {what} file.{hint}")
+    for key, example in (required or {}).items():
+        if key not in table:
+            raise UsageError(f"{path}: '{key}' is missing; add a line such as {key} = {example}.")
+    return table
+
+
+@contextmanager
+def naming(path: str | Path) -> Iterator[None]:
+    """Puts the name of a file before what is wrong with a value that stands in it.
+
+    Raises:
+        UsageError: as what is done under it, with the name.
+    """
+    try:
+        yield
+    except UsageError as error:
+        raise UsageError(f"{path}: {error}") from error
 
 
 @contextmanager

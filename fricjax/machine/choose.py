@@ -9,13 +9,13 @@ from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
+from ..data.files import naming
 from ..errors import UsageError, check_choice
 from ..fitting.names import find_leaf
 from ..fitting.settings import Model
 from ..friction.catalogue import Law
-from ..rig.inputs import check_restoring, checked, replaced
+from ..rig.inputs import check_restoring, checked, read_table, replaced
 from ..rig.quantity import UNITS
-from ..rig.toml import read_table
 from ..settings import ENGINES
 from . import parsing
 from .laws import CONTACT, coefficient_names, coefficients, summands
@@ -214,10 +214,8 @@ def known(options: Machine) -> Choice:
 def bench(path: Any) -> dict[str, Any]:
     """The arguments of the rig that a file describes."""
     table = read_table(path)
-    try:
+    with naming(path):
         _check_rig(table)
-    except UsageError as error:
-        raise UsageError(f"{path}: {error}") from error
     return table
 
 

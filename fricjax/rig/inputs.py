@@ -1,12 +1,21 @@
-"""The arguments of a rig: which of them make one, and one sentence for each way in which they do not.
+"""The arguments of a rig: which of them make one, one sentence for each way in which they do not, and their file.
 
-This is asked before a machine is built of them, and without JAX, which building one takes.
+This is asked before a machine is built of them, and without JAX, which building one takes. The file is TOML with the
+names of `Rig`, each number in SI units or with a unit beside it:
+
+    mass = { value = 410.7, std = 0.3, unit = "g" }
+    frequency = "12.600(2) Hz"
+    normal_force = { value = 9.66, std = "0.5 %" }
+    restoring = "linear"
 """
 
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
+from ..data.files import read_toml
 from ..errors import UsageError, brief, nearest
+from ..show.files import write_text
 from .measured import Measured, is_traced
 from .quantity import UNITS, quantity
 
@@ -24,6 +33,10 @@ READING = {
     "time_scale": (1.0, "multiply the times of the record by it, and give its standard uncertainty"),
     "periodic_nonlinearity": (0.0, "give its standard uncertainty alone, for an amplitude A of any phase A/sqrt(2)"),
 }
+_HEAD = (
+    "# A rig, in SI units: kg, N/m, N s/m, N; for rotary rigs kg m^2, N m/rad, N m s/rad, N m.",
+    '# std is the standard uncertainty (k = 1); a unit may be added, as in { value = 410.7, std = 0.3, unit = "g" }.',
+)
 _ALTERNATIVES = {
     "stiffness": "frequency",
     "frequency": "stiffness",
@@ -111,3 +124,26 @@ def replaced(values: Mapping[str, Any]) -> dict[str, Any]:
     if values.get("periodic_nonlinearity", 0.0) is None:
         displaced["nonlinearity_period"] = None
     return {**displaced, **values}
+
+
+def read_table(path: Path) -> dict[str, Any]:
+    """The arguments of `Rig` that a file holds, as they stand there.
+
+    Raises:
+        UsageError: no file, no TOML, an unknown key, or one that is missing; the sentence names file and key.
+    """
+    return read_toml(path, "rig", ARGUMENTS, {"mass": "1.0", "normal_force": "1.0"})
+
+
+def write_table(numbers: Mapping[str, Measured], restoring: str, path: Path, *, overwrite: bool = False) -> Path:
+    """Write the numbers and the restoring force of a rig as TOML; the file appears complete or not at all.
+
+    Raises:
+        UsageError: a restoring force that a file cannot name.
+    """
+    name = restoring.lower()
+    if name not in RESTORING:
+        raise UsageError(f"A rig file cannot hold the restoring force {restoring}; build that rig in Python.")
+    entry = lambda number: f"{{ value = {number.value!r}, std = {number.std!r} }}" if number.std > 0 else number.value
+    lines = [*_HEAD, *(f"{key} = {entry(number)}" for key, number in numbers.items()), f'restoring = "{name}"']
+    return write_text(path, "\n".join(lines) + "\n", overwrite=overwrite)

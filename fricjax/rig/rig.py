@@ -15,16 +15,16 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from ..data.files import naming
 from ..errors import UsageError, nearest
 from ..friction import AbstractFriction
 from ..oscillator import Oscillator
 from ..oscillator.restoring import AbstractRestoring, Cubic, Linear, Pendulum
 from ..show import Report, Reported, Style, Table, axis_label, figure, rotary_unit, styled
 from ..show.thumbnail import bars_svg
-from .inputs import READING, check_restoring, checked, replaced
+from .inputs import READING, check_restoring, checked, read_table, replaced, write_table
 from .measured import Measured
 from .quantity import UNITS
-from .toml import read_table, write_table
 
 _PERCENTAGE = "Relative standard uncertainty [%]"
 
@@ -144,10 +144,8 @@ class Rig(Reported):
             UsageError: the file is missing or no TOML, or a key or a value does not fit; the sentence names them.
         """
         table = read_table(Path(path))
-        try:
+        with naming(path):
             return cls(**table)
-        except UsageError as error:
-            raise UsageError(f"{path}: {error}") from error
 
     def to_toml(self, path: str | Path, *, overwrite: bool = False) -> Path:
         """Write the rig to a TOML file in SI units; the file appears complete or not at all.

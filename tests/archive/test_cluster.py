@@ -10,7 +10,7 @@ import pytest
 
 import fricjax as fj
 from fricjax.archive.cluster import Slurm, slurm, slurm_cluster
-from fricjax.errors import DataError, UsageError
+from fricjax.errors import UsageError
 
 SETTINGS = """
 workers = 4
@@ -92,20 +92,20 @@ def test_a_batch_by_jobs(settings, tmp_path, monkeypatch):
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        ('queue = "short"', "que = 'short'|there is no key 'que'. Did you mean 'queue'"),
-        ("workers = 4", "|'workers' is missing; needed are workers, memory and walltime"),
+        ('queue = "short"', "que = 'short'|there is no key 'que' in a SLURM file. Did you mean 'queue'"),
+        ("workers = 4", "|'workers' is missing; add a line such as workers = 16"),
         ("workers = 4", "workers = 0|'workers' must be one at least, but it is 0"),
         ("workers = 4", "workers = true|'workers' must be a whole number, but it is True"),
         ('"2 GB"', "\"much\"|'memory' is 'much'; write it as memory = \"2 GB\""),
         ('"02:00:00"', "\"2 hours\"|'walltime' is '2 hours'; write it as walltime = \"02:00:00\""),
         ('["--constraint=skylake"]', "\"--constraint=skylake\"|'directives' must be a list of texts"),
-        ("workers = 4", "workers = |is no valid TOML"),
+        ("workers = 4", "workers = |this is no valid TOML file"),
     ],
 )
 def test_wrong_settings_are_told(settings, change, words):
     text, _, sentence = words.partition("|")
     settings.write_text(settings.read_text().replace(change, text))
-    with pytest.raises((DataError, UsageError), match=rf"slurm\.toml:? .*{re.escape(sentence)}"):
+    with pytest.raises(UsageError, match=rf"slurm\.toml:? .*{re.escape(sentence)}"):
         slurm(settings)
 
 
@@ -113,5 +113,5 @@ def test_no_slurm_and_no_file(settings, tmp_path, monkeypatch):
     monkeypatch.setenv("PATH", str(tmp_path))
     with pytest.raises(UsageError, match="There is no sbatch here"):
         slurm(settings)
-    with pytest.raises(DataError, match=r"none\.toml cannot be read: No such file"):
+    with pytest.raises(UsageError, match=r"There is no SLURM file '.*none\.toml'"):
         slurm(tmp_path / "none.toml")

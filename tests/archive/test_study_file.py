@@ -64,10 +64,10 @@ def test_without_a_rig_of_the_study_those_of_the_rules_count(written):
     [
         (
             "rig = 'a.toml'\nfrictoin = 'coulomb'",
-            r"study.toml: there is no field 'frictoin'. Did you mean 'friction'\?",
+            r"study.toml: there is no key 'frictoin' in a study file. Did you mean 'friction'\?",
         ),
         ("[[runs]]\nrig = 'b.toml'", r"study.toml: 'runs\[1\].pattern' is missing"),
-        ("[[runs]]\npattern = '**'\nrgi = 'b.toml'", r"no field 'runs\[1\].rgi'. Did you mean 'rig'\?"),
+        ("[[runs]]\npattern = '**'\nrgi = 'b.toml'", r"no key 'runs\[1\].rgi' in a study file. Did you mean 'rig'\?"),
         ("friction = 3", "study.toml: 'friction' must be a text in quotes or a list, got 3"),
         ("guess = { mu = 'much' }", "study.toml: 'guess.mu' must be a number, got 'much'"),
         ("friction = 'strybeck'", r"study.toml: There is no friction law 'strybeck'. Did you mean 'stribeck'\?"),

@@ -96,7 +96,11 @@ NAMES = [
 NUMBERS = [
     (("fit", "good.csv", "--rig", "rg.toml"), "There is no rig file 'rg.toml'. Did you mean 'rig.toml'?", 2),
     (("fit", "good.csv", "--rig", "broken.toml"), "broken.toml: this is no valid TOML file", 2),
-    (("fit", "good.csv", "--rig", "key.toml"), "key.toml: there is no key 'mss' in a rig file; known are mass,", 2),
+    (
+        ("fit", "good.csv", "--rig", "key.toml"),
+        "key.toml: there is no key 'mss' in a rig file. Did you mean 'mass'?",
+        2,
+    ),
     (
         ("energy", "good.csv", "--rig", "negative.toml"),
         "negative.toml: mass must be a positive number of kg, got -0.4.",

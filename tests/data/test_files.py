@@ -2,8 +2,11 @@
 
 import pytest
 
+from fricjax.archive.cluster import Slurm
+from fricjax.archive.study_file import read_study
 from fricjax.data.files import check_distinct, check_file
 from fricjax.errors import DataError, UsageError
+from fricjax.rig import Rig
 
 
 @pytest.fixture
@@ -48,3 +51,26 @@ def test_one_file_counts_once(folder, monkeypatch):
     (folder / "link.csv").symlink_to(folder / "run0.csv")
     with pytest.raises(UsageError, match=r"link.csv is given twice, also as .*run0.csv"):
         check_distinct([folder / "run0.csv", folder / "link.csv"])
+
+
+SETTINGS = {"rig": Rig.from_toml, "study": read_study, "SLURM": Slurm.from_toml}
+NOT_SETTINGS = {
+    "absent": (None, "There is no {what} file '.*settings.toml'. Did you mean 'setting.toml'"),
+    "wide": ("# " + "x" * 1000, "settings.toml: this is no {what} file: a line has more than 1000 characters"),
+    "large": ("#\n" * 60_000, "settings.toml has 0.00012 GB, but at most 0.0001 GB are expected"),
+    "deep": ("mass = " + "[\n" * 5000, "settings.toml: this is no {what} file: its tables are nested too deeply"),
+    "dotted": (".".join("a" * 400) + " = 1", "settings.toml: there is no key 'a' in a {what} file"),
+    "binary": ("\udcff\udcfe", "settings.toml: this is no valid TOML file: 'utf-8' codec"),
+    "unfinished": ("mass = ", "settings.toml: this is no valid TOML file: Invalid value"),
+}
+
+
+@pytest.mark.parametrize("what", SETTINGS)
+@pytest.mark.parametrize("kind", NOT_SETTINGS)
+def test_files_of_settings_are_refused_alike(tmp_path, what, kind):
+    text, sentence = NOT_SETTINGS[kind]
+    (tmp_path / "setting.toml").touch()
+    if text is not None:
+        (tmp_path / "settings.toml").write_bytes(text.encode("utf-8", "surrogateescape"))
+    with pytest.raises(UsageError, match=sentence.format(what=what)):
+        SETTINGS[what](tmp_path / "settings.toml")
