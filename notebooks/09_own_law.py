@@ -28,9 +28,7 @@ import numpy as np
 jax.config.update("jax_enable_x64", True)  # nanometres on millimetres need double precision
 
 import fricjax as fj
-from fricjax.friction import AbstractSetValued
-from fricjax.friction.base import scalar
-from fricjax.friction.coefficient import MU, positive
+from fricjax.friction import AbstractSetValued, not_negative, positive, scalar
 from fricjax.show import axis_label, figure
 
 # %% [markdown]
@@ -45,7 +43,7 @@ class Activated(AbstractSetValued):
     """``F = mu N [1 + b asinh(v/v_0)]``: friction by thermal activation grows with the logarithm of the speed."""
 
     coefficients = {
-        "mu": MU,
+        "mu": not_negative("", "coefficient of friction at rest"),
         "b": positive("", "growth of friction with the logarithm of the speed"),
         "v_0": positive("m/s", "speed from which on it grows"),
     }

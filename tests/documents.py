@@ -43,6 +43,7 @@ def run(codes: list[str], name: str) -> Ran:
 
 
 def commands(markdown: str) -> list[str]:
-    """The command lines of `fricjax` in the blocks of a shell, without their remarks."""
-    lines = [line for code in blocks(markdown, "sh") for line in code.splitlines()]
-    return [line.partition(" #")[0].strip() for line in lines if line.startswith("fricjax ")]
+    """The commands in the blocks of a shell, without their remarks and their virtual environment."""
+    lines = [line.partition("#")[0] for code in blocks(markdown, "sh") for line in code.splitlines()]
+    parts = [part.strip() for line in lines for part in line.split(" && ")]
+    return [part.removeprefix(".venv/bin/") for part in parts if part]

@@ -7,7 +7,7 @@ result, and peak picking, its check.
 
 import dataclasses
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -20,9 +20,9 @@ from ..instrument.run import not_negative
 from ..rig.measured import Measured, positive
 from ..rig.quantity import UNITS
 from ..rig.rig import Number, Rig
+from ..show import Report, Reported, Style, Table, axis_label, display_unit, figure, styled
 from ..show.numbers import duration as spoken
-from ..show.report import Report, Reported
-from ..show.tables import Table
+from ..show.thumbnail import Curve, curves_svg
 from .modal import fit_mode
 from .peaks import NAMES, SCALED, pick, picking_error
 
@@ -48,6 +48,9 @@ class ModalCalibration(Reported):
         residual_compliance: compliance of the modes above the band [m/N].
         noise: standard deviation of the line at the resonance over its size [1].
         duration: length of the record [s].
+        lines: frequencies of the spectrum [Hz], shape (n,).
+        receptance: complex X/F that was measured at the lines [m/N], shape (n,).
+        fitted: that of the mode, shape (n,).
         warnings: what a reader of the numbers must know, in sentences.
 
     Examples:
@@ -70,6 +73,9 @@ class ModalCalibration(Reported):
     residual_compliance: Measured
     noise: float
     duration: float
+    lines: np.ndarray
+    receptance: np.ndarray
+    fitted: np.ndarray
     warnings: tuple[str, ...]
 
     def rig(self, normal_force: Number, **others: Any) -> Rig:
@@ -94,7 +100,32 @@ class ModalCalibration(Reported):
         rows = [(name, number, self.peak_picking[name], UNITS[name]) for name, number in self.numbers().items()]
         title = f"Modal calibration from a record of {spoken(self.duration)}"
         table = Table(("quantity", "least squares", "peak picking", "unit"), rows, title)
-        return Report([table], warnings=self.warnings, data=vars(self))
+        data = {name: value for name, value in vars(self).items() if name not in ("lines", "receptance", "fitted")}
+        return Report([table], warnings=self.warnings, data=data)
+
+    def thumbnails(self) -> Sequence[str]:
+        sizes = [Curve(self.lines, np.abs(values)) for values in (self.receptance, self.fitted)]
+        return [curves_svg(sizes, ("Frequency", "Hz"), ("Receptance", "m/N"))]
+
+    def plot(self, *, style: Style = "screen") -> Any:
+        """Size and phase of the receptance, measured and of the mode, as a matplotlib figure.
+
+        Args:
+            style: as of :func:`fricjax.show.styled`.
+        """
+        drawing, axes = figure(2, 1, share_x=True, heights=(5, 3))
+        top, bottom = axes[:, 0]
+        factor, unit = display_unit(float(np.max(np.abs(self.fitted))), "m/N")
+        for values, mark, label in ((self.receptance, ".", "measured"), (self.fitted, "-", "mode")):
+            top.plot(self.lines, factor * np.abs(values), mark, label=label)
+            bottom.plot(self.lines, np.degrees(np.unwrap(np.angle(values))), mark)
+        top.set_yscale("log")
+        top.set_ylabel(axis_label("Receptance", unit))
+        top.legend(loc="upper right", fontsize=8)
+        bottom.set_ylabel(axis_label("Phase", "deg"))
+        bottom.set_xlabel(axis_label("Frequency", "Hz"))
+        drawing.align_ylabels()
+        return styled(drawing, style)
 
 
 def read_frf(path: str | Path) -> tuple[np.ndarray, np.ndarray]:
@@ -178,6 +209,9 @@ def calibrate_frf(
         residual_compliance=mode.residual_compliance,
         noise=float(mode.line_noise[resonance] / np.abs(mode.fitted[resonance])),
         duration=length,
+        lines=f,
+        receptance=response,
+        fitted=mode.fitted,
         warnings=tuple(warnings),
     )
 

@@ -1,14 +1,15 @@
 """What a count of an interferometer is in metres: the wavelength in the air of the day, and how often light passes."""
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from ..data.units import Unit, unit_of
 from ..errors import UsageError, brief
 from ..instrument.air import EQUATION_STD, refractive_index
 from ..rig.measured import Measured, positive, propagated
-from ..show import Report, Reported, Table, parse_uncertain
+from ..show import Report, Reported, Style, Table, axis_label, figure, parse_uncertain, styled
+from ..show.thumbnail import bars_svg
 
 # The SI unit of each input, or its unit where it is no quantity of the SI, and how it is written as an example.
 INPUTS: Mapping[str, tuple[str, str]] = {
@@ -75,6 +76,28 @@ class InterferometerCalibration(Reported):
         warning = f"{named} {'is' if len(exact) == 1 else 'are'} taken as exact; give standard uncertainties too."
         data |= {"displacement_scale": self.displacement_scale}
         return Report([table], facts, warnings=[warning] if exact else [], data=data)
+
+    def _parts(self) -> dict[str, float]:
+        """Contributions that are not zero in parts per million, the smallest first."""
+        parts = {name: 1e6 * part for name, part in self.contributions.items() if part}
+        return dict(sorted(parts.items(), key=lambda each: each[1]))
+
+    def thumbnails(self) -> Sequence[str]:
+        parts = self._parts()
+        return [bars_svg([*parts][::-1], [*parts.values()][::-1], "Relative standard uncertainty of a count [ppm]")]
+
+    def plot(self, *, style: Style = "screen") -> Any:
+        """What each input adds to the uncertainty of a count, the largest on top, as bars; a matplotlib figure.
+
+        Args:
+            style: as of :func:`fricjax.show.styled`.
+        """
+        drawing, axes = figure()
+        parts = self._parts() | {"combined": 1e6 * self.count.relative}
+        axes[0, 0].barh([*parts], [*parts.values()])
+        axes[0, 0].patches[-1].set_color("#D55E00")
+        axes[0, 0].set_xlabel(axis_label("Relative standard uncertainty of a count", "ppm"))
+        return styled(drawing, style)
 
 
 def calibrate_interferometer(

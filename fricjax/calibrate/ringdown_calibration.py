@@ -2,7 +2,7 @@
 
 import dataclasses
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -12,8 +12,7 @@ from ..fitting import Fit
 from ..rig.measured import Measured, positive, propagated
 from ..rig.quantity import quantity
 from ..rig.rig import Number, Rig
-from ..show.report import Report, Reported
-from ..show.tables import Table
+from ..show import Report, Reported, Style, Table
 
 
 class Kind(NamedTuple):
@@ -157,6 +156,17 @@ class RingdownCalibration(Reported):
         }
         table = Table(("quantity", "value", "unit", "remark"), rows, title)
         return Report([table], notes=self.notes, warnings=self.warnings, data={**data, **more})
+
+    def thumbnails(self) -> Sequence[str]:
+        return self.fit.thumbnails()
+
+    def plot(self, *, style: Style = "screen") -> Any:
+        """The decay with the chosen fit and its residuals, as a matplotlib figure.
+
+        Args:
+            style: as of :func:`fricjax.show.styled`.
+        """
+        return self.fit.plot(style=style)
 
     def _number(self, name: str) -> Measured | None:
         return next((term.number for term in self.terms if term.name == name), None)

@@ -34,6 +34,7 @@ _EXTRAS = {
     "batch": ("pyarrow", "duckdb", "distributed", "cryptography", "xarray", "h5netcdf"),
     "cluster": ("dask_jobqueue",),
     "bayes": ("numpyro", "arviz"),
+    "sens": ("SALib",),
     "interchange": ("xarray", "uncertainties", "lmfit"),
     "notebooks": ("jupyterlab", "jupytext", "ipywidgets"),
 }

@@ -5,13 +5,14 @@ Scales that no friction oscillator has are pointed out, each with the mistake th
 
 import dataclasses
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
 
-from ..show import Report, Reported, engineering
+from ..show import Report, Reported, Style, engineering
 from .gather import record_of
+from .record import Record
 from .repair import reported_faults
 from .segmentation.decay import Segmentation
 
@@ -34,7 +35,8 @@ class Inspection(Reported):
     """What `inspect` reports: times in s, frequencies in Hz, displacements in `unit` ("m" or "rad").
 
     The fields are those of a `Segmentation`, and of the record: `samples`, `masked`, `duration`, `rate`, whether its
-    samples are `regular`, `gaps` and the `longest_gap`. `warnings` are sentences about what is doubtful.
+    samples are `regular`, `gaps` and the `longest_gap`. `record` is what was inspected, and `warnings` are sentences
+    about what is doubtful.
 
     Examples:
         >>> import fricjax as fj
@@ -66,11 +68,24 @@ class Inspection(Reported):
     first_reversal: float | None
     rest: float | None
     rest_position: float | None
+    record: Record = dataclasses.field(repr=False, compare=False)
     warnings: tuple[str, ...] = ()
 
     def report(self) -> Report:
         """The fields in words, and what is doubtful."""
-        return Report([], _rows(self), warnings=self.warnings, heading="Record", data=vars(self))
+        data = {name: value for name, value in vars(self).items() if name != "record"}
+        return Report([], _rows(self), warnings=self.warnings, heading="Record", data=data)
+
+    def thumbnails(self) -> Sequence[str]:
+        return self.record.thumbnails()
+
+    def plot(self, *, style: Style = "screen") -> Any:
+        """The record with what was found in it: release, reversals, rest, and the spectrum of the rest; in matplotlib.
+
+        Args:
+            style: as of :func:`fricjax.show.styled`.
+        """
+        return self.record.plot(style=style)
 
     def __str__(self) -> str:
         return self.summary()
@@ -117,6 +132,7 @@ def inspect(record: Any) -> Inspection:
         first_reversal=segmentation.first_reversal,
         rest=segmentation.rest,
         rest_position=segmentation.rest_position,
+        record=record,
         warnings=(
             *record.doubts,
             *reported_faults(record),

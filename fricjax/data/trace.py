@@ -32,6 +32,8 @@ class Trace(eqx.Module):
     - `mask`: shape `(n,)`, True where a sample is used; None: wherever `x` is finite.
     - `rate`: samples per second, in place of times; the first sample is then at 0 s.
 
+    Of a file, a data frame or an array of xarray, with their units, `fricjax.read(table).trace` is the trace.
+
     Raises `DataError` with one sentence where the arrays do not make a trace, and `UsageError` where there are not as
     many of them as it takes.
 
@@ -41,6 +43,10 @@ class Trace(eqx.Module):
         >>> trace = fj.Trace(x=2e-3 * np.cos(np.arange(500)), rate=5000.0, sigma=1e-9)
         >>> trace.n, round(float(trace.duration), 4)
         (500, 0.0998)
+        >>> import pandas as pd
+        >>> table = pd.DataFrame({"t [ms]": 0.2 * np.arange(500), "x [mm]": 2.0 * np.cos(np.arange(500))})
+        >>> float(fj.read(table).trace.x[0])
+        0.002
     """
 
     t: Float[Array | np.ndarray, " n"]
@@ -52,7 +58,8 @@ class Trace(eqx.Module):
         if x is None or (t is None) == (rate is None):
             raise UsageError(
                 "A trace is made of displacements and either their times or their rate: Trace(t, x) or "
-                "Trace(x=x, rate=5000.0). A file or a table is read by fricjax.read."
+                "Trace(x=x, rate=5000.0). A file, a data frame or an array of xarray is read by "
+                "fricjax.read, whose record has its trace: fricjax.read(table).trace."
             )
         x = _floats(x, "x")
         if rate is not None:

@@ -2,6 +2,7 @@
 
 import dataclasses
 from collections.abc import Sequence
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -17,7 +18,7 @@ from ..friction import AbstractFriction
 from ..oscillator import Oscillator, ready
 from ..oscillator.oscillator import Leaf, leaves_of
 from ..pairs.result import coefficient_table
-from ..show import Report, Reported
+from ..show import Report, Reported, Style, figure, styled
 from .force_map import ForceMap
 
 # Far more than a fit needs whose start is of the right order.
@@ -37,6 +38,7 @@ class ForceFit(Reported):
         covariance: in the order of the names, shape (p, p).
         chi2, dof: sum of squared weighted residuals, and degrees of freedom.
         residuals: force of the map minus that of the law [N], shape (n,).
+        force_map: the map that was fitted.
         converged: converged, and every coefficient determined.
         status: the outcome in words.
 
@@ -57,6 +59,7 @@ class ForceFit(Reported):
     chi2: float
     dof: int
     residuals: np.ndarray
+    force_map: ForceMap
     converged: bool
     status: str
 
@@ -75,7 +78,34 @@ class ForceFit(Reported):
         ]
         table = coefficient_table(self.values, self.std_errors, self.units)
         data = vars(self) | {"friction": law, "chi2_reduced": self.chi2_reduced}
+        del data["force_map"]
         return Report([table], facts, heading="Fit", data=data)
+
+    def thumbnails(self) -> Sequence[str]:
+        return self.force_map.thumbnails()
+
+    def plot(self, *, style: Style = "screen") -> Any:
+        """The map with the fitted law through it, and the residuals in standard deviations below; in matplotlib.
+
+        Args:
+            style: as of :func:`fricjax.show.styled`.
+        """
+        drawing, axes = figure(2, 1, share_x=True, heights=(5, 2))
+        top, bottom = axes[:, 0]
+        factor_v, factor_f = self.force_map.draw(top)
+        speeds = np.abs(self.force_map.velocity)
+        v = np.geomspace(speeds.min(), speeds.max(), 200)
+        force = np.asarray(self.friction.force(jnp.asarray(v), jnp.zeros(0), jnp.asarray(self.force_map.normal_force)))
+        top.plot(factor_v * v, factor_f * force, color="#000000", label=_law(self.friction), zorder=3)
+        bottom.set_xlabel(top.get_xlabel())
+        top.set_xlabel("")
+        bottom.axhspan(-2, 2, color="0.9", zorder=0)
+        along = self.residuals * self.force_map.direction / self.force_map.std
+        bottom.plot(factor_v * speeds, along, "o", markersize=3, color="#000000")
+        bottom.set_ylabel("Residual [std]")
+        drawing.align_ylabels()
+        drawing.legend(loc="outside upper center", ncols=2, fontsize=8)
+        return styled(drawing, style)
 
 
 def fit_force_map(force_map: ForceMap, friction: AbstractFriction, free: Sequence[str] | None = None) -> ForceFit:
@@ -125,6 +155,7 @@ def fit_force_map(force_map: ForceMap, friction: AbstractFriction, free: Sequenc
         chi2=2 * float(solved.stats["cost"]),
         dof=dof,
         residuals=np.asarray(residual(solved.value) * residual.std),
+        force_map=force_map,
         converged=status == CONVERGED and bool(np.all(np.isfinite(std))),
         status=SENTENCES[status],
     )

@@ -116,7 +116,12 @@ class ForceMap(Reported):
             style: as of :func:`fricjax.show.styled`.
         """
         drawing, axes = figure(1, 1, heights=(1.5,))
-        top = axes[0, 0]
+        self.draw(axes[0, 0])
+        drawing.legend(loc="outside upper center", ncols=2, fontsize=8)
+        return styled(drawing, style)
+
+    def draw(self, axes: Any) -> tuple[float, float]:
+        """Draws the map, as `plot` does, and tells the factors from m/s and N to the units of the axes."""
         speed, force = self._units
         factor_v, unit_v = display_unit(float(np.max(np.abs(self.velocity))), speed)
         factor_f, unit_f = display_unit(abs(self.mean.value), force)
@@ -124,12 +129,11 @@ class ForceMap(Reported):
             on = (self.direction == direction) & (self.branch == branch)
             value, std = factor_f * (self.force * self.direction)[on], 2 * factor_f * self.std[on]
             points = {"linestyle": "none", "marker": marker, "markersize": 3, "label": _SIDES[direction, branch]}
-            top.errorbar(factor_v * np.abs(self.velocity[on]), value, std, **points)
-        top.set_xscale("log")
-        top.set_xlabel(axis_label("Speed", unit_v))
-        top.set_ylabel(axis_label("Friction force", unit_f))
-        drawing.legend(loc="outside upper center", ncols=2, fontsize=8)
-        return styled(drawing, style)
+            axes.errorbar(factor_v * np.abs(self.velocity[on]), value, std, **points)
+        axes.set_xscale("log")
+        axes.set_xlabel(axis_label("Speed", unit_v))
+        axes.set_ylabel(axis_label("Friction force", unit_f))
+        return factor_v, factor_f
 
 
 def friction_force_map(

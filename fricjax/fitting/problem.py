@@ -20,7 +20,7 @@ from ..rig import Measured
 from .condense import Condensation
 from .parameters import Request, free_parameters, parse_priors, parse_ties, shared_leaves
 from .residual import Residual, power, without_inputs
-from .rig_inputs import rig_inputs
+from .rig_inputs import contradiction, rig_inputs
 from .runs import condensation, condensed_run, full_run, longer, of_one_length, stage_weights_of
 from .stages import Limits, StageWeights
 from .window import NEVER, Window, equilibrium, open_window
@@ -115,11 +115,11 @@ def windows_of(records: Sequence[Record | Trace], request: Request) -> tuple[Win
         DataError: a record without the motion that the start asks for.
     """
     law = request.oscillator.friction
-    creeps = law.kind == "smooth"
-    return tuple(
-        open_window(record, request.start, request.nuisance, keeps_memory=law.n_states > 0, creeps=creeps)
-        for record in records
-    )
+    how = {"keeps_memory": law.n_states > 0, "creeps": law.kind == "smooth"}
+    windows = [open_window(record, request.start, request.nuisance, **how) for record in records]
+    # What is wrong with the machine is said once for all of its runs.
+    doubts = (*windows[0].doubts, *contradiction(request.oscillator, windows[0]))
+    return (dataclasses.replace(windows[0], doubts=doubts), *windows[1:])
 
 
 def problem_on(windows: tuple[Window, ...], request: Request) -> Problem:

@@ -1,5 +1,9 @@
-"""What the uncertain inputs of a rig change in the machine and in the reading of its instrument."""
+"""What the uncertain inputs of a rig change in the machine and in the reading of its instrument.
 
+And whether the numbers of the machine can be those of the record at all.
+"""
+
+import math
 from typing import NamedTuple
 
 import jax
@@ -12,6 +16,18 @@ from ..oscillator import Oscillator
 from ..oscillator.oscillator import leaves_of
 from ..rig import Measured, Rig
 from .residual import ERRORS
+from .window import Window
+
+# Of record and machine the ratio of natural frequencies, squared, beyond which a number of the machine is a mistake. A
+# start value may be wrong by some factor, and damping or a nonlinear spring shift a frequency by less than two.
+_CONTRADICTED = 10.0
+# By the power of ten of this ratio the mistake of units that makes it; within half a power it is named.
+_MISTAKES = {
+    3: "A mass in g that is given as if in kg does this, and a stiffness in N/mm as if in N/m.",
+    -3: "A stiffness in N/m that is given as if in N/mm does this.",
+    6: "Times in s that are read as ms do this.",
+    -6: "Times in ms that are read as s do this.",
+}
 
 # The errors of a reading that an input of the rig stands for; of a periodic one the phase is not known.
 _OF_READING = {
@@ -90,3 +106,25 @@ def _check_same(made: Oscillator, oscillator: Oscillator, free: set[int]) -> Non
                 f"The rig gives {leaf.name} = {float(theirs):.9g}, but the oscillator has {float(ours):.9g}. Build it "
                 "with rig.oscillator(friction)."
             )
+
+
+def contradiction(oscillator: Oscillator, window: Window) -> tuple[str, ...]:
+    """A sentence where the record swings at a frequency that the machine cannot have; else nothing.
+
+    Args:
+        oscillator: the machine at its start values.
+        window: the fitted part of the record.
+    """
+    machine = float(oscillator.angular_frequency) / (2 * math.pi)
+    record = 0.5 / window.segmentation.half_period
+    ratio = (record / machine) ** 2
+    # A contact that holds the mass may be far stiffer than the spring, and the mass then rings on it.
+    rings = bool(oscillator.friction.n_states) and ratio > 1
+    if rings or not machine > 0 or 1 / _CONTRADICTED < ratio < _CONTRADICTED:
+        return ()
+    power = math.log10(ratio)
+    mistake = next((text for at, text in _MISTAKES.items() if abs(power - at) < 0.5), "Is one of them in another unit?")
+    return (
+        f"By its stiffness and mass the machine swings at {machine:.4g} Hz, but the record at {record:.4g} Hz: check "
+        f"stiffness and mass, from which damping and friction follow, and the unit of the time. {mistake}",
+    )

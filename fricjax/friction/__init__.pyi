@@ -1,7 +1,8 @@
 from .ageing import Ageing
-from .base import AbstractFriction, Sum
+from .base import AbstractFriction, Sum, scalar
 from .bliman_sorine import BlimanSorine
 from .bouc_wen import BoucWen
+from .coefficient import Coefficient, fraction, not_negative, positive, within
 from .coulomb import Coulomb
 from .dahl import Dahl
 from .elasto_plastic import ElastoPlastic
@@ -29,6 +30,7 @@ __all__ = [
     "Ageing",
     "BlimanSorine",
     "BoucWen",
+    "Coefficient",
     "Coulomb",
     "Dahl",
     "ElastoPlastic",
@@ -50,4 +52,9 @@ __all__ = [
     "Sum",
     "Tanh",
     "Viscous",
+    "fraction",
+    "not_negative",
+    "positive",
+    "scalar",
+    "within",
 ]

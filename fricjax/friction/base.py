@@ -35,7 +35,19 @@ else:
 
 
 def scalar(value: Any) -> Any:
-    """A coefficient as a leaf: numbers become float64 zero-dimensional arrays, arrays and tracers pass unchanged."""
+    """A coefficient as a leaf, the converter of its field: ``mu: float = eqx.field(converter=scalar)``.
+
+    Args:
+        value: a number, which becomes a float64 array of shape (); tracers and other objects pass unchanged.
+
+    Raises:
+        ValueError: a text.
+
+    Examples:
+        >>> import fricjax as fj
+        >>> fj.friction.scalar(0.05)
+        array(0.05)
+    """
     if isinstance(value, str):
         raise ValueError(f"A coefficient must be a number in SI units, got the text {value!r}.")
     if isinstance(value, int | float | np.ndarray | np.generic):

@@ -18,6 +18,12 @@ class Coefficient(NamedTuple):
         open: whether the lower bound itself is excluded.
         fitted_as: what fits work in: its "value"; its "logarithm" where it may range over decades; its "inverse
             root" where the motion follows that, as it follows the time that a stiff contact takes to turn.
+
+    Examples:
+        >>> import fricjax as fj
+        >>> slope = fj.friction.Coefficient("N s/m", "viscous coefficient of the contact")
+        >>> slope.admits(-0.1), fj.friction.not_negative("", "friction").admits(-0.1)
+        (True, False)
     """
 
     unit: str
@@ -48,22 +54,63 @@ class Coefficient(NamedTuple):
 
 
 def positive(unit: str, about: str) -> Coefficient:
-    """A coefficient above zero that may range over decades."""
+    """A coefficient above zero that may range over decades, so that fits vary its logarithm.
+
+    Args:
+        unit: SI unit, empty for a ratio.
+        about: what it is, in a few words.
+
+    Examples:
+        >>> import fricjax as fj
+        >>> fj.friction.positive("m/s", "speed from which on friction grows").demand
+        'must be a positive number of m/s'
+    """
     return Coefficient(unit, about, 0.0, open=True, fitted_as="logarithm")
 
 
 def not_negative(unit: str, about: str) -> Coefficient:
-    """A coefficient of zero or more."""
+    """A coefficient of zero or more.
+
+    Args:
+        unit: SI unit, empty for a ratio.
+        about: what it is, in a few words.
+
+    Examples:
+        >>> import fricjax as fj
+        >>> fj.friction.not_negative("", "dynamic coefficient of friction").demand
+        'must not be negative'
+    """
     return Coefficient(unit, about, 0.0)
 
 
 def within(lower: float, upper: float, unit: str, about: str) -> Coefficient:
-    """A coefficient between two bounds, which it may reach."""
+    """A coefficient between two bounds, which it may reach.
+
+    Args:
+        lower: the least value, in `unit`.
+        upper: the largest one.
+        unit: SI unit, empty for a ratio.
+        about: what it is, in a few words.
+
+    Examples:
+        >>> import fricjax as fj
+        >>> fj.friction.within(0.5, 2.0, "", "exponent of the speed").demand
+        'must lie between 0.5 and 2'
+    """
     return Coefficient(unit, about, lower, upper)
 
 
 def fraction(about: str) -> Coefficient:
-    """A share between zero and one, of which it reaches neither."""
+    """A share between zero and one, of which it reaches neither.
+
+    Args:
+        about: what it is, in a few words.
+
+    Examples:
+        >>> import fricjax as fj
+        >>> fj.friction.fraction("share of the bristles that stick").admits(1.0)
+        False
+    """
     return Coefficient("", about, 0.0, math.nextafter(1.0, 0.0), open=True)
 
 

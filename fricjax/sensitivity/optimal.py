@@ -100,26 +100,30 @@ class OptimalRuns(Reported):
         return Report([Table(heads, rows, "Runs in order")], facts, notes, warnings, data=data)
 
     def plot(self, *, style: Style = "screen") -> Any:
-        """Relative standard errors after each run with the targets, and the releases; a matplotlib figure.
+        """Relative standard errors after each run with their targets, releases, and loads that differ; in matplotlib.
 
         Args:
             style: as of :func:`fricjax.show.styled`.
         """
-        drawing, axes = figure(1, 2)
-        left, right = axes[0]
+        places = {"Release": scaled([point.x0 for point in self.points], "m")}
+        loads = [point.normal_force for point in self.points]
+        if len(set(loads)) > 1:
+            places["Load"] = scaled(loads, "N")
+        drawing, grid = figure(1 + len(places), 1, share_x=True, heights=(4, *[2] * len(places)))
+        top, *others = grid[:, 0]
         numbers = np.arange(1, len(self.points) + 1)
         for name, target in self.targets.items():
-            (line,) = left.plot(numbers, [point.std_errors[name] for point in self.points], "o-", label=name)
-            left.axhline(target, color=line.get_color(), linestyle="--", linewidth=0.8)
-        left.set_yscale("log")
-        left.set_ylabel(axis_label("Relative standard error", "1"))
-        left.legend()
-        releases, unit = scaled(np.array([point.x0 for point in self.points]), "m")
-        right.plot(numbers, releases, "o")
-        right.set_ylabel(axis_label("Release", unit))
-        for axis in (left, right):
-            axis.set_xticks(numbers)
-            axis.set_xlabel(axis_label("Run", ""))
+            (line,) = top.plot(numbers, [point.std_errors[name] for point in self.points], "o-", label=name)
+            top.axhline(target, color=line.get_color(), linestyle="--", linewidth=0.8, label=f"wanted of {name}")
+        top.set_yscale("log")
+        top.set_ylabel("Relative standard error")
+        for axis, (name, (values, unit)) in zip(others, places.items(), strict=True):
+            axis.plot(numbers, values, "o")
+            axis.set_ylabel(axis_label(name, unit))
+        others[-1].set_xticks(numbers)
+        others[-1].set_xlabel("Run")
+        drawing.align_ylabels()
+        drawing.legend(loc="outside upper center", ncols=2, fontsize=8)
         return styled(drawing, style)
 
 

@@ -276,9 +276,7 @@ def test_a_record_shows_its_samples():
     assert whole.name == "a.csv" and whole.trace is record.trace and whole.log == ()
     assert fj.Record(trace=record.trace).meta == {}
     for wrong in (("run.csv",), (X,), ()):
-        with pytest.raises(
-            UsageError, match=r"Trace\(t, x\) or Trace\(x=x, rate=5000\.0\)\. A file or a table is read by"
-        ):
+        with pytest.raises(UsageError, match=r"Trace\(t, x\) or Trace\(x=x, rate=5000\.0\)\. A file, a data frame or "):
             fj.Record(*wrong)
     with pytest.raises(UsageError, match="rate must be a positive number of samples per second, but it is 0"):
         fj.Trace(x=X, rate=0)

@@ -42,6 +42,34 @@ def test_the_rows_of_a_batch_are_remarked_on(wrong):
     assert "check the unit of the displacement" in batch.to_dataframe()["warnings"][1]
 
 
+@pytest.mark.parametrize(
+    ("mass", "stiffness", "sentence"),
+    [
+        (1e3 * PROTOTYPE_MASS, STIFFNESS, "A mass in g that is given as if in kg"),
+        (PROTOTYPE_MASS, 1e-3 * STIFFNESS, "a stiffness in N/mm as if in N/m."),
+        (PROTOTYPE_MASS, 1e3 * STIFFNESS, "A stiffness in N/m that is given as if in N/mm does this."),
+        (PROTOTYPE_MASS, 30 * STIFFNESS, "check stiffness and mass"),
+    ],
+)
+def test_a_machine_that_cannot_swing_as_the_record_does_is_remarked_on(mass, stiffness, sentence):
+    machine = Oscillator(mass, stiffness, PROTOTYPE_DAMPING * mass / PROTOTYPE_MASS, LOAD, Coulomb(0.05))
+    swings = f"the machine swings at {FREQUENCY * np.sqrt(stiffness / STIFFNESS * PROTOTYPE_MASS / mass):.4g} Hz"
+    (remark,) = remarks(fit(coulomb_run(), machine, MACHINE, throw=False).warnings, "By its stiffness and mass")
+    assert swings in remark and f"the record at {FREQUENCY:.4g} Hz" in remark and sentence in remark
+
+
+def test_times_in_milliseconds_taken_for_seconds_are_remarked_on():
+    run = coulomb_run()
+    slow = Trace(1e3 * np.asarray(run.t), run.x, sigma=run.sigma)
+    (remark,) = remarks(fit(slow, MODEL, MACHINE, throw=False).warnings, "By its stiffness and mass")
+    assert remark.endswith("Times in ms that are read as s do this.")
+
+
+def test_a_start_value_twice_off_is_no_mistake():
+    machine = Oscillator(PROTOTYPE_MASS, 2 * STIFFNESS, PROTOTYPE_DAMPING, LOAD, Coulomb(0.05))
+    assert not remarks(fit(coulomb_run(), machine, MACHINE).warnings, "By its stiffness and mass")
+
+
 def test_per_unit_of_load_a_coefficient_may_have_any_size():
     found = fit(coulomb_run(scale=10.0), Oscillator(1.0, 4000.0, 0.0, 1.0, Coulomb(0.1)), MACHINE)
     assert found.values["mu"] > 10 and not remarks(found.warnings, "larger than")

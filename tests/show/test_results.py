@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 import fricjax as fj
+from fricjax.calibrate.receptance import receptance
 from fricjax.show import Reported
 
 MACHINE = fj.Oscillator(0.4, 2500.0, 0.2, 10.0, fj.friction.Coulomb(0.05))
@@ -80,6 +81,10 @@ def test_every_result_has_a_picture_for_the_screen_and_for_a_column(runs, batch)
     rig = fj.Rig.from_toml(files.rig)
     law = fj.friction.Stribeck(0.05, mu_s=0.06, v_stribeck=1e-3) + fj.friction.Viscous(0.1)
     several = jax.vmap(lambda x0: fj.simulate(MACHINE, x0, np.linspace(0, 0.6, 12)))(np.array([1e-3, 2e-3]))
+    force_fit = fj.fit_force_map(fj.friction_force_map(files.run, rig), fj.friction.Coulomb(0.05), ["mu"])
+    free = rig.oscillator(fj.friction.Coulomb(0.0))
+    swing = fj.synthetic_run(free, 2e-3, rate=1e3, duration=2.0, noise=1e-8, seed=1)
+    blow = fj.instrument.impact_test(0.41, 2574.0, 0.18, duration=40.0, rate=2000.0, noise=1e-3)
     shown = {
         "Displacement [mm] ": several,
         "Displacement [mm]": fj.simulate(MACHINE, 2e-3, np.linspace(0, 0.6, 1200)),
@@ -88,6 +93,11 @@ def test_every_result_has_a_picture_for_the_screen_and_for_a_column(runs, batch)
         "mu": batch,
         "": rig,
         "Mean friction force [mN]": fj.half_cycle_friction(files.run, rig),
+        "Displacement [mm]  ": fj.data.inspect(files.run),
+        "Residual [std]": force_fit,
+        "Residual [nm]": fj.calibrate_ringdown(swing, drag=False, friction=False),
+        "Receptance [mm/N]": fj.calibrate_frf(*receptance(blow, band=(8.0, 18.0))),
+        " ": fj.calibrate_interferometer("632.9908(6) nm", pressure="1013.2(3) hPa"),
     }
     for label, result in shown.items():
         drawing = result.plot(style="column")

@@ -1,0 +1,122 @@
+"""The code blocks of README, documentation and CONTRIBUTING: each is run, or excepted by name."""
+
+import re
+import shlex
+import shutil
+import tomllib
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import fricjax as fj
+from tests import documents
+from tests.cli.conftest import call
+from tests.documents import ROOT
+
+PAGES = [ROOT / "README.md", *sorted((ROOT / "notebooks").glob("*.md"))]
+QUANTITIES = ("Time", "Displacement", "Amplitude", "Velocity", "Speed", "Friction force", "Frequency", "Residual")
+LEGIBLE = 8.0
+"""Smallest text of a picture in points: 12 pixels where the 7 inches of its width are shown as 800."""
+
+EXCEPTED = {
+    "-m venv .venv": "an environment of its own; the automatic check makes one by this line",
+    "pip install": "asks the package index",
+    "pre-commit install": "changes the checkout's git",
+    "-m pytest": "is this run",
+    "mkdocs build": "tests/notebooks/test_pages.py builds the documentation",
+    "--cluster slurm.toml": "asks for SLURM; tests/archive/test_cluster.py has a stand-in for it",
+}
+# What ends otherwise than with 0, as the page says.
+CODES = {"fricjax inspect sheet.csv": 4}
+# Processes are started by tests/archive/test_distributed.py; here it is read what is asked for.
+WITH_OTHERS = ("--workers", "--scheduler")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("path", PAGES, ids=lambda path: path.stem)
+def test_the_blocks_of_a_page_run(path, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    codes = documents.blocks(path.read_text(), "python")
+    ran = documents.run(codes, path.name) if codes else documents.Ran("", [])
+    for figure in (value for value in ran.shown if hasattr(value, "savefig")):
+        figure.canvas.draw()
+        for axis in (axis for axes in figure.axes for axis in (axes.xaxis, axes.yaxis)):
+            label, ticks = axis.label.get_text(), axis.get_ticklabels()
+            named = [text for text in ticks if re.search("[a-z]{2}", text.get_text().replace("mathdefault", ""))]
+            assert label or named or not ticks, "an axis of numbers without a label"
+            assert "[" in label or not label.startswith(QUANTITIES), f"the axis '{label}' has no unit"
+            assert min(text.get_fontsize() for text in (axis.label, *ticks)) >= LEGIBLE
+
+
+class Files(NamedTuple):
+    """Writes files that the commands of the pages name, as a laboratory would: of known coefficients, with units."""
+
+    folder: Path
+
+    def write(self, name: str, **columns: object) -> None:
+        path = self.folder / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        pd.DataFrame(columns).to_csv(path, index=False)
+
+    def write_run(self, name: str, run: fj.Record) -> None:
+        self.write(name, **{"Time [s]": run.t, "Displacement [mm]": 1e3 * run.x})
+
+
+@pytest.fixture(scope="module")
+def laboratory(tmp_path_factory):
+    """A folder with the files that the pages name: runs as those of README's Python blocks, which share programs."""
+    files = Files(tmp_path_factory.mktemp("laboratory"))
+
+    def made(mu=0.05, x0=2e-3, seed=1, load=1.89, rate=5000.0):
+        oscillator = fj.Oscillator(0.41068, 2574.0, 0.1756, load, fj.friction.Coulomb(mu))
+        return fj.synthetic_run(oscillator, x0, rate=rate, duration=2.0, noise=5e-9, seed=seed)
+
+    several = [made(x0=x0, seed=seed) for seed, x0 in enumerate((1e-3, 2e-3, 2.9e-3))]
+    for number, run in enumerate(several, 1):
+        files.write_run(f"run{number}.csv", run)
+    files.write_run("run.csv", made())
+    files.write_run("free.csv", made(mu=0.0))
+    sheet = [(f"{name} Run #{i}", x) for i, r in enumerate(several, 1) for name, x in (("t (s)", r.t), ("x (m)", r.x))]
+    files.write("sheet.csv", **dict(sheet))
+    files.write("scope.csv", **{"Time [s]": several[0].t, "CH1 [V]": several[0].x / 12.5e-6})
+    np.savetxt(files.folder / "angles.txt", 5e3 * made(rate=1000.0).x)
+    for load in (2, 3):
+        for number in (1, 2):
+            files.write_run(f"runs/load_{load}N/run_{number}.csv", made(seed=number, load=float(load)))
+    return files.folder
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("path", [*PAGES, ROOT / "CONTRIBUTING.md"], ids=lambda path: path.stem)
+def test_the_commands_of_a_page_run(path, laboratory, tmp_path, monkeypatch):
+    monkeypatch.chdir(shutil.copytree(laboratory, tmp_path / "here"))
+    monkeypatch.setenv("FRICJAX_CACHE_DIR", "off")
+    for command in documents.commands(path.read_text()):
+        if any(words in command for words in EXCEPTED):
+            continue
+        program, *words = shlex.split(command)
+        assert program == "fricjax", f"{command}: run it, or say in EXCEPTED why not"
+        called = call(*words, *(["--dry-run"] if set(words) & set(WITH_OTHERS) else []))
+        assert called.code == CODES.get(command, 0), f"{command}\n{called.err}"
+        assert "Warning" not in called.err, f"{command}\n{called.err}"
+
+
+@pytest.mark.parametrize("path", PAGES, ids=lambda path: path.stem)
+def test_tables_of_settings_are_read(path, tmp_path):
+    for number, text in enumerate(documents.blocks(path.read_text(), "toml")):
+        settings = tomllib.loads(text)
+        if "mass" in settings:
+            rig = tmp_path / f"{number}.toml"
+            rig.write_text(text)
+            assert fj.Rig.from_toml(rig).mass.value > 0
+
+
+@pytest.mark.parametrize("path", [*PAGES, ROOT / "CONTRIBUTING.md", ROOT / "CHANGELOG.md"], ids=lambda path: path.stem)
+def test_what_a_text_names_exists(path):
+    text = path.read_text()
+    named = re.findall(r"\bpython (experiments/[\w/]+\.py)", " ".join(text.split()))
+    linked = re.findall(r"\]\(([\w./]+)(?:#[\w-]+)?\)", text) if path.parent == ROOT else []
+    assert not [name for name in [*named, *linked] if not (ROOT / name).exists()]
