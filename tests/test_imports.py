@@ -166,3 +166,17 @@ def test_an_unknown_name_is_an_attribute_error():
 def test_a_name_misspelt_names_the_nearest():
     with pytest.raises(AttributeError, match=r"fricjax\.friction has no 'Coulumb'\. Did you mean 'Coulomb'\?"):
         fricjax.friction.Coulumb  # noqa: B018  # pyright: ignore[reportAttributeAccessIssue]
+
+
+def test_a_fit_waits_for_no_library_that_it_does_not_use():
+    """Of diffrax it is the quarter of a second of a first fit, of SciPy's optimisation and linear algebra as much."""
+    fit = """
+import numpy as np, jax
+jax.config.update("jax_enable_x64", True)
+import fricjax
+machine = fricjax.Oscillator(0.4, 2500.0, 0.2, 10.0, fricjax.friction.Coulomb(0.05))
+times = np.arange(800) / 2e3
+run = 2e-3 * np.cos(79.06 * times) * (1 - times / 0.5), 2e3
+fricjax.fit((times, run[0]), machine, ["mu", "damping", "stiffness"], throw=False)
+"""
+    assert not loaded_after(fit) & {"diffrax", "scipy.optimize", "pandas", "matplotlib"}

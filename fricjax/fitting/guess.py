@@ -15,7 +15,7 @@ from ..data import Segmentation
 from ..oscillator import Oscillator
 from ..oscillator.restoring import Pendulum
 from .envelope import Envelope, envelope
-from .window import equilibrium, extremes
+from .window import equilibrium, extremes, non_negative
 
 # Reversals from which a negative damping or drag follows from the envelope and not by the noise of its readings.
 _TELLING = 30
@@ -165,12 +165,7 @@ def _losses(oscillator: Oscillator, decay: _Decay, free: Sequence[str], at: Mapp
         return {}
     columns = np.stack([terms[name] for name in names], axis=1)
     size = np.maximum(np.abs(columns).max(axis=0), 1e-300)
-    solution = np.linalg.lstsq(columns / size, lost, rcond=None)[0] / size
-    if a.size < len(names) or np.any(solution < 0):
-        # Elsewhere that library need not be imported, which a first fit would wait for.
-        from scipy.optimize import nnls
-
-        solution = nnls(columns / size, lost)[0] / size
+    solution = non_negative(columns / size, lost) / size
     floor = 1e-3 * max(float(np.mean(lost)), 0.0) / np.mean(columns, axis=0)
     losses = dict(zip(names, np.maximum(solution, floor), strict=True))
     return _as_coefficients(losses, sought, at)

@@ -6,15 +6,12 @@ the parameters have moved; there is room for one of a few numbers of steps, so t
 costs no steps.
 """
 
-from collections.abc import Sequence
-from typing import Any, cast
+from typing import Any
 
-import equinox as eqx
 import numpy as np
 
 from ..errors import UsageError
-from ..oscillator import Program, Smooth
-from ..oscillator.engines import Mesh
+from ..oscillator import Program
 from .residual import Residual, Run, start_of
 
 CAPACITY = 1 << 17
@@ -42,22 +39,17 @@ def with_mesh(residual: Residual, y: Any, slack: float = 1.0) -> Residual:
     runs = residual.runs
     none = {name: [getattr(run, name)[:0] for run in runs] for name in ("x", "weight")}
     bare = residual.with_runs(t=[run.t[-1:] for run in runs], **none, engine=[None] * len(runs))
-    engine = cast(Smooth, residual.engine)
+    engine: Any = residual.engine
     meshes = _meshes(engine.at_accuracy(slack * engine.accuracy), bare, y)
     lists = [(_finite(phases), _graded(_finite(times))) for phases, times in meshes]
     longest = max(phases.size + times.size - 1 for phases, times in lists)
     replaced: list[Any] = [run.engine for run in residual.runs if run.engine is not None]
     rooms = [min(longest * slack ** (1 / _ORDER), _SIZES[-1]), *(engine.mesh.ends.size for engine in replaced)]
     size = next(size for size in _SIZES if size >= max(rooms))
-    return _with(residual, [Mesh.of(*pair, size) for pair in lists])
+    return residual.with_runs(engine=[engine.on_mesh(*pair, size) for pair in lists])
 
 
-def _with(residual: Residual, meshes: Sequence[Mesh]) -> Residual:
-    engines = [eqx.tree_at(lambda e: e.mesh, residual.engine, m, is_leaf=lambda x: x is None) for m in meshes]
-    return residual.with_runs(engine=engines)
-
-
-def _meshed(free: Smooth, residual: Residual, y: Any) -> list[tuple[Any, Any]]:
+def _meshed(free: Any, residual: Residual, y: Any) -> list[tuple[Any, Any]]:
     machine = residual.machine(y)
 
     def one(number: Any, run: Run) -> tuple[Any, Any]:

@@ -13,7 +13,8 @@ from ..data.record import labels
 from ..errors import DataError, UsageError
 from ..estimation.loss import AbstractLoss
 from ..estimation.space import LINEAR, Parameter, ParameterSpace
-from ..oscillator.engines import UNTABLED, AbstractEngine, Demands
+from ..oscillator.engines import AbstractEngine, Demands
+from ..oscillator.engines.base import UNTABLED
 from ..oscillator.oscillator import leaves_of
 from ..oscillator.select import select_engine
 from ..rig import Measured

@@ -22,7 +22,8 @@ from .. import friction as friction_laws
 from ..errors import DataError, UsageError, brief, nearest
 from ..friction import AbstractFriction
 from ..oscillator import Exact, Hybrid, Oscillator, Smooth, restoring
-from ..oscillator.engines import AbstractEngine, Span
+from ..oscillator.engines import AbstractEngine
+from ..oscillator.engines.hybrid import Span
 from ..rig import Measured
 from .noise import Line, Noise, Whiteness
 from .residual import Run

@@ -23,7 +23,6 @@ from .problem import Problem
 from .residual import Run, motion
 from .rest import Margin
 from .show import plot, report_of, thumbnails
-from .store import read_fit, save, to_dict
 from .window import NEVER
 
 
@@ -290,6 +289,8 @@ class Fit(Reported):
 
     def to_dict(self) -> dict[str, Any]:
         """The fit as plain data, without the samples."""
+        from .store import to_dict
+
         return to_dict(self)
 
     def save(self, path: str | os.PathLike[str], *, overwrite: bool = False) -> Path:
@@ -299,6 +300,8 @@ class Fit(Reported):
             FileExistsError: there is such a file, and `overwrite` is not given.
             OSError: the file cannot be written, as on a full disk; what was there is as it was.
         """
+        from .store import save
+
         return save(self, path, overwrite=overwrite)
 
 
@@ -316,6 +319,8 @@ def load_fit(path: str | os.PathLike[str]) -> Fit:
         >>> round(fj.load_fit(path).values["mu"], 6)
         0.05
     """
+    from .store import read_fit
+
     return read_fit(path, Fit)
 
 

@@ -2,6 +2,7 @@
 
 import dataclasses
 import functools
+import itertools
 
 import numpy as np
 
@@ -212,12 +213,27 @@ def _last_reversal(segmentation: Segmentation) -> int | None:
 
 def _band(swing: np.ndarray) -> float:
     """Dead band [m] from what successive deflections lose, to friction, damping and drag."""
-    from scipy.optimize import nnls
-
     # Where the mass is fast, friction has its full strength.
     mean = (swing[:-1] + swing[1:]) / 2
     columns = np.stack([np.full(mean.size, 2.0), mean, mean**2 / swing[0]], axis=1)
-    return float(nnls(columns * mean[:, None], (swing[:-1] - swing[1:]) * mean)[0][0])
+    return float(non_negative(columns * mean[:, None], (swing[:-1] - swing[1:]) * mean)[0])
+
+
+def non_negative(columns: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Least squares by coefficients that are not negative, shape (k,), for the few columns of a loss.
+
+    It is the best of those by some of the columns that come out positive. `scipy.optimize` has it for many columns, at
+    the price of an import that a first fit would wait for longer than for its solve.
+    """
+    best, least, rounding = np.zeros(columns.shape[1]), values @ values, 1e-15 * (values @ values)
+    for chosen in itertools.product((False, True), repeat=best.size):
+        some = np.flatnonzero(chosen)
+        solution = np.linalg.lstsq(columns[:, some], values, rcond=None)[0]
+        left = values - columns[:, some] @ solution
+        if np.all(solution > 0) and left @ left < least - rounding:
+            best, least = np.zeros(best.size), left @ left
+            best[some] = solution
+    return best
 
 
 def _half_cycles(segmentation: Segmentation, t_start: float, last_reversal: int | None) -> int:

@@ -1,9 +1,13 @@
 from . import restoring
 from .energy import Energy, energy
-from .engines import Events, Exact, Hybrid, Smooth
+from .engines.events import Events
+from .engines.exact import Exact
+from .engines.hybrid import Hybrid
+from .engines.smooth import Smooth
 from .engines.smooth.rosenbrock import Rodas5P
-from .motion import RESULTS, Motion, Start, is_successful
+from .motion import Motion, Start
 from .oscillator import AbstractRelease, ExponentialRelease, Oscillator
+from .outcome import RESULTS, is_successful
 from .program import Program
 from .session import cores, one_at_a_time, ready, waiting
 from .simulate import final_displacement, simulate, starting_state

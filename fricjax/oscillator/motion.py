@@ -3,9 +3,7 @@
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
-import diffrax
 import equinox as eqx
-import jax
 import numpy as np
 from jax.core import Tracer
 from jaxtyping import Array, Bool, Float, Int
@@ -158,35 +156,3 @@ class Motion(eqx.Module, Reported):
         """The samples, one row each."""
         columns = [np.asarray(getattr(self, name)).tolist() for name in _SAMPLED]
         return Table(_SAMPLED, list(zip(*columns, strict=True))).to_dataframe()
-
-
-class RESULTS(diffrax.RESULTS):  # pyright: ignore[reportGeneralTypeIssues]
-    """Every outcome of a simulation, with cause and remedy.
-
-    Examples:
-        >>> print(RESULTS[RESULTS.drag_unsupported])
-        The exact engine has no quadratic drag. Use the hybrid engine.
-    """
-
-    too_many_half_cycles = (
-        "The motion has more half-cycles than the engine was built for. Pass an engine with a larger max_half_cycles."
-    )
-    overdamped = (
-        "The damping ratio is one or more, so there are no half-cycles. Use the smooth engine with a regularised law, "
-        "or check damping, mass and stiffness."
-    )
-    drag_unsupported = "The exact engine has no quadratic drag. Use the hybrid engine."
-    phase_reversed = (
-        "A half-cycle does not reach its reversal: friction or damping outweighs the spring in it. Check the "
-        "law's coefficients against stiffness times amplitude."
-    )
-
-
-def is_successful(result: object) -> jax.Array:
-    """Whether a result code stands for success.
-
-    Examples:
-        >>> bool(is_successful(RESULTS.successful)), bool(is_successful(RESULTS.overdamped))
-        (True, False)
-    """
-    return result == RESULTS.successful  # type: ignore[return-value]

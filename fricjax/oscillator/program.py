@@ -9,6 +9,7 @@ its source may change while its name does not. Whoever changes functions or cons
 process switches the folder off.
 """
 
+import dataclasses
 import functools
 import hashlib
 import threading
@@ -181,12 +182,25 @@ class _Compiled:
                 raise TypeError(f"{name} returns {self._structure}, and its programs are kept as {likely}.")
             keep(place, bytes(traced.serialize()))
         self._structure = likely
+        traced = _bare(traced)
 
         def kept(arrays: list[Any]) -> Any:
             return traced.call(arrays)
 
         kept.__name__ = name
         return jax.jit(kept).lower(arrays).compile()
+
+
+def _bare(traced: export.Exported) -> export.Exported:
+    """A traced program that asks for no LAPACK where it calls none.
+
+    JAX gets that of SciPy ready for whatever was traced for a CPU, and what it imports for it takes as long as the
+    rest of a first fit. So such a program is no longer said to be traced for one, and called all the same.
+    """
+    if b"lapack" in traced.mlir_module_serialized:
+        return traced
+    checks = (*traced.disabled_safety_checks, export.DisabledSafetyCheck.platform())
+    return dataclasses.replace(traced, platforms=("any",), disabled_safety_checks=checks)
 
 
 def _place(function: Callable, shape: Shape) -> Path | None:

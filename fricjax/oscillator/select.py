@@ -3,24 +3,15 @@
 import dataclasses
 import functools
 import math
-from collections.abc import Mapping
 from typing import Any
 
-import diffrax
 import numpy as np
 from jax.core import Tracer
 
 from ..errors import check_choice
 from ..settings import ENGINES
 from .engines.base import AbstractEngine
-from .engines.events import Events
-from .engines.exact import Exact
-from .engines.hybrid import Hybrid
-from .engines.smooth import Smooth
 from .oscillator import Oscillator
-
-# diffrax takes the tolerance of the stages from a controller only where it sees the solver bare.
-_KVAERNO = diffrax.Kvaerno5(scan_kind="lax", root_finder=diffrax.VeryChord(rtol=1e-10, atol=1e-12))
 
 
 def select_engine(
@@ -45,28 +36,46 @@ def select_engine(
 
 
 def _named(name: str, oscillator: Oscillator, accuracy: float, max_half_cycles: int) -> AbstractEngine:
-    engines = _engines(accuracy, max_half_cycles, oscillator.friction.step_refinement)
+    check_choice("engine", name, ENGINES)
+    law = oscillator.friction
+    candidates: tuple[str, ...] = (name,)
     if name == "diffrax":
         # Its own solvers from end to end: the reference, by which the others are tested.
-        events = Events(accuracy, max_half_cycles)
-        smooth = dataclasses.replace(engines["smooth"], method=_KVAERNO)
-        return events if oscillator.friction.set_valued else smooth
-    if name in engines:
-        return engines[name]
-    check_choice("engine", name, ENGINES)
-    # A drag that is being differentiated counts as present, whatever its value.
-    without_drag = isinstance(oscillator.drag, np.ndarray)
-    candidates = [engines[candidate] for candidate in (("exact", "hybrid") if without_drag else ("hybrid",))]
-    return next((e for e in candidates if e.refusal(oscillator) is None), engines["smooth"])
+        candidates = ("events",) if law.set_valued else ("kvaerno",)
+    elif name == "auto":
+        # A drag that is being differentiated counts as present, whatever its value.
+        without_drag = isinstance(oscillator.drag, np.ndarray)
+        candidates = ("exact", "hybrid", "smooth") if without_drag else ("hybrid", "smooth")
+    engines = [_made(candidate, accuracy, max_half_cycles, law.step_refinement) for candidate in candidates[:-1]]
+    fitting = (engine for engine in engines if engine.refusal(oscillator) is None)
+    return next(fitting, None) or _made(candidates[-1], accuracy, max_half_cycles, law.step_refinement)
 
 
 @functools.cache
-def _engines(accuracy: float, max_half_cycles: int, divisor: int) -> Mapping[str, AbstractEngine]:
-    return {
-        "exact": Exact(max_half_cycles),
-        "hybrid": Hybrid(nodes=nodes_for(accuracy) * divisor, max_half_cycles=max_half_cycles),
-        "smooth": Smooth(accuracy=accuracy / divisor, max_half_cycles=max_half_cycles),
-    }
+def _made(name: str, accuracy: float, max_half_cycles: int, divisor: int) -> AbstractEngine:
+    """The engine of a name; no other is imported, for diffrax takes longer than a fit."""
+    if name == "exact":
+        from .engines.exact import Exact
+
+        return Exact(max_half_cycles)
+    if name == "hybrid":
+        from .engines.hybrid import Hybrid
+
+        return Hybrid(nodes=nodes_for(accuracy) * divisor, max_half_cycles=max_half_cycles)
+    if name == "events":
+        from .engines.events import Events
+
+        return Events(accuracy, max_half_cycles)
+    import diffrax
+
+    from .engines.smooth import Smooth
+
+    smooth = Smooth(accuracy=accuracy / divisor, max_half_cycles=max_half_cycles)
+    if name == "smooth":
+        return smooth
+    # diffrax takes the tolerance of the stages from a controller only where it sees the solver bare.
+    kvaerno = diffrax.Kvaerno5(scan_kind="lax", root_finder=diffrax.VeryChord(rtol=1e-10, atol=1e-12))
+    return dataclasses.replace(smooth, method=kvaerno)
 
 
 def nodes_for(accuracy: float) -> int:

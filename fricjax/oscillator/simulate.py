@@ -13,8 +13,6 @@ from jaxtyping import Array, ArrayLike, Float
 
 from ..show.working import working
 from .engines.base import AbstractEngine
-from .engines.events import Events
-from .engines.smooth import Smooth
 from .motion import Motion, Start
 from .oscillator import AbstractRelease, Drive, Oscillator
 from .select import concrete, half_cycle_capacity, select_engine
@@ -83,7 +81,7 @@ def simulate(
         # A floor may reverse the mass more often than its spring does, though hardly from sample to sample.
         capacity = max(capacity, 2 ** math.ceil(math.log2(times.size)))
     chosen = select_engine(name, oscillator, accuracy=accuracy, max_half_cycles=capacity)
-    if driven and not isinstance(chosen, Smooth | Events):
+    if driven and not chosen.takes_drive:
         raise ValueError(
             "Floor motion and a decaying holding force need integration in time: leave the engine to auto, or choose "
             '"smooth" or "diffrax".'
@@ -184,8 +182,8 @@ def _solve(
     drive: Drive | None,
 ) -> Motion:
     start = starting_state(oscillator, x0, v0, state0)
-    if drive is not None and isinstance(engine, Smooth | Events):
-        motion = engine.solve(oscillator, start, ts, drive=drive)
+    if drive is not None and engine.takes_drive:
+        motion = engine.solve(oscillator, start, ts, drive=drive)  # pyright: ignore[reportCallIssue]
         return motion if limit is None else eqx.tree_at(lambda m: m.regularisation_bias, motion, jnp.asarray(jnp.nan))
     motion = engine.solve(oscillator, start, ts)
     if limit is None:
@@ -239,9 +237,7 @@ def _final(engine: AbstractEngine, oscillator: Oscillator, x0: Array) -> Array:
     if oscillator.friction.set_valued:
         motion = engine.solve(oscillator, start, jnp.asarray([1e30]))
         return jnp.where(jnp.isfinite(motion.t_stop), motion.x[0], jnp.nan)
-    if isinstance(engine, Smooth):
-        return engine.rest(oscillator, start)
-    raise ValueError(f"{type(engine).__name__} cannot say where a law with internal states stops. Use Smooth.")
+    return engine.rest(oscillator, start)
 
 
 def _half_cycles_to_rest(oscillator: Oscillator, x0: ArrayLike) -> int:

@@ -7,7 +7,14 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares as scipy_least_squares
 
-from fricjax.estimation.levenberg_marquardt import AT_BOUND, CONVERGED, UNDETERMINED, LevenbergMarquardt
+from fricjax.estimation.covariance import WEAKEST
+from fricjax.estimation.levenberg_marquardt import (
+    AT_BOUND,
+    CONVERGED,
+    UNDETERMINED,
+    LevenbergMarquardt,
+    is_determined,
+)
 from tests.fitting.problems import DECAY, EXACT, LINE, NOISY, T, clean_decay, decay, line, powell, solve, status, steps
 
 
@@ -161,3 +168,17 @@ def test_forty_parameters_are_solved_for_too():
     found = solve(lambda p, args=None: jnp.sinh(p) - target, np.zeros(40), solver=LevenbergMarquardt())
     assert status(found) == CONVERGED
     np.testing.assert_allclose(found.value, np.arcsinh(target), rtol=1e-10)
+
+
+@pytest.mark.parametrize("weakest", [1e-16, 0.2 * WEAKEST, 5 * WEAKEST, 1e-9])
+def test_a_direction_is_determined_as_its_eigenvalue_says(weakest):
+    """On matrices with one weak direction of a known eigenvalue, those of units far apart among them."""
+    random = np.random.default_rng(2)
+    for n in (2, 5, 9):
+        across = np.linalg.qr(random.standard_normal((n, n)))[0]
+        matrix = (across * np.r_[weakest, np.ones(n - 1)]) @ across.T
+        units = np.sqrt(np.diag(matrix))
+        scaled = matrix / np.outer(units, units)
+        told = np.linalg.eigvalsh(scaled)[0] > WEAKEST
+        size = 10.0 ** random.uniform(-6, 6, n)
+        assert bool(is_determined(jnp.asarray(scaled * np.outer(size, size)), jnp.ones(n, bool))) == told

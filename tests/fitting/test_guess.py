@@ -2,10 +2,12 @@
 
 import numpy as np
 import pytest
+from scipy.optimize import nnls
 
 from fricjax import Oscillator, Trace
 from fricjax.data import segment
 from fricjax.fitting.guess import guess_machine
+from fricjax.fitting.window import non_negative
 from fricjax.friction import Coulomb
 from fricjax.oscillator.restoring import Cubic, Pendulum
 from tests.fitting.runs import STIFFNESS, coulomb_run
@@ -104,3 +106,11 @@ def test_with_two_reversals_the_release_tells_the_equilibrium():
     found = guess(run, wrong(), "mu", "damping", "stiffness")
     assert found["mu"] == pytest.approx(0.05, rel=0.03)
     assert found["stiffness"] == pytest.approx(STIFFNESS, rel=1e-3)
+
+
+@pytest.mark.parametrize("few", [1, 2, 3, 4])
+def test_losses_that_are_not_negative_are_those_of_scipy(few: int):
+    random = np.random.default_rng(few)
+    for shift in (0.0, 2.0):
+        columns, values = shift + random.standard_normal((9, few)), random.standard_normal(9)
+        assert non_negative(columns, values) == pytest.approx(nnls(columns, values)[0], abs=1e-12)

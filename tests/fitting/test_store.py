@@ -14,7 +14,7 @@ from fricjax.fitting.diagnostics import Misfit
 from fricjax.fitting.warnings import warnings_of
 from fricjax.friction import Coulomb
 from fricjax.oscillator import Exact, Hybrid, Smooth
-from fricjax.oscillator.engines import Span
+from fricjax.oscillator.engines.hybrid import Span
 from tests.fitting.problem_of import problem_of
 from tests.fitting.runs import MACHINE, coulomb_run
 from tests.helpers import PROTOTYPE_DAMPING, PROTOTYPE_MASS, largest

@@ -8,7 +8,7 @@ import pytest
 
 from fricjax.friction import AbstractFriction, Coulomb, Stribeck, Tanh
 from fricjax.oscillator import Hybrid, Oscillator, restoring, starting_state
-from fricjax.oscillator.engines import Span
+from fricjax.oscillator.engines.hybrid import Span
 from tests.helpers import PROTOTYPE_DAMPING, PROTOTYPE_MASS
 
 M, K, C = PROTOTYPE_MASS, 2574.0, PROTOTYPE_DAMPING

@@ -14,7 +14,8 @@ import pytest
 
 from fricjax.friction import Coulomb, LuGre, Stribeck, Tanh
 from fricjax.oscillator import Exact, Hybrid, Oscillator, Smooth, starting_state
-from fricjax.oscillator.engines import Mesh, Span
+from fricjax.oscillator.engines.hybrid import Span
+from fricjax.oscillator.engines.smooth import Mesh
 
 SPAN = Span(np.asarray(3e-4), np.asarray(2.1e-3))
 FEW = 5

@@ -9,7 +9,7 @@ from scipy.special import ellipkm1
 
 from fricjax.friction import Coulomb
 from fricjax.oscillator import Hybrid, Oscillator, starting_state
-from fricjax.oscillator.engines import Span
+from fricjax.oscillator.engines.hybrid import Span
 from fricjax.oscillator.restoring import Pendulum
 from tests.oracles import Machine, Slide, slide
 

@@ -7,7 +7,7 @@ import pytest
 
 from fricjax import friction, simulate
 from fricjax.oscillator import Oscillator, Smooth, starting_state
-from fricjax.oscillator.engines import Mesh
+from fricjax.oscillator.engines.smooth import Mesh
 from tests.helpers import PROTOTYPE_DAMPING, PROTOTYPE_MASS
 
 STIFFNESS, LOAD, END, CAPACITY = 2574.0, 9.66, 0.3, 1 << 14

@@ -138,3 +138,13 @@ def test_a_program_is_part_of_a_larger_one():
     program = Program(counted()[0], same)
     slope = jax.grad(lambda x: jnp.sum(program(start(x)).x0 ** 2))(jnp.asarray(ONE))
     assert np.array_equal(slope, 8 * ONE)
+
+
+def test_a_program_that_calls_lapack_does_so_from_its_file_too(folder):
+    matrix, right = np.array([[2.0, 1.0], [1.0, 3.0]]), np.array([1.0, 2.0])
+    for _ in range(2):
+        solved = lambda start: start._replace(x0=jnp.linalg.solve(start.v0, start.x0))
+        solved.__module__ = "fricjax.oscillator.nowhere"
+        found = Program(solved, same)(holding(right, matrix, np.zeros(0)))
+        assert np.asarray(found.x0) == pytest.approx(np.linalg.solve(matrix, right))
+    assert len(traced(folder)) == 1

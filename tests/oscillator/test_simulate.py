@@ -70,7 +70,7 @@ def test_the_motion_says_which_engine_made_it():
         ({"ts": np.array([0.0, np.nan, 0.1])}, "ts must increase from sample to sample"),
         (
             {"engine": "hybird"},
-            "There is no engine 'hybird'. Did you mean 'hybrid'? Choose one of auto",
+            r"There is no engine 'hybird'\. Did you mean 'hybrid'\? Choose one of auto",
         ),
         ({"engine": "smooth"}, "cannot integrate the jump of Coulomb. Use the exact or the hybrid engine"),
         ({"x0": np.array([1e-3, 2e-3])}, r"x0 must be one number, got shape \(2,\). For several starts use jax.vmap"),

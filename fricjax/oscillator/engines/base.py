@@ -2,7 +2,7 @@
 
 import abc
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 import equinox as eqx
 import numpy as np
@@ -10,6 +10,9 @@ from jaxtyping import Array, Float, Int
 
 from ..motion import Motion, Start
 from ..oscillator import Oscillator
+
+UNTABLED = 2
+"""Half-cycles before a stop that are integrated each for itself, not read off a table."""
 
 
 class Demands(NamedTuple):
@@ -47,9 +50,11 @@ class AbstractEngine(eqx.Module):
 
     Attributes:
         needs_mesh: whether the steps of a motion have to be found before its path is a smooth function of it.
+        takes_drive: whether `solve` takes a `drive`: a floor that moves, a holding force that decays.
     """
 
     needs_mesh: eqx.AbstractClassVar[bool]
+    takes_drive: ClassVar[bool] = False
 
     @staticmethod
     @abc.abstractmethod
@@ -88,3 +93,11 @@ class AbstractEngine(eqx.Module):
         `half_cycles`, where given, is the number of half-cycles after which a set-valued law stops the mass, in
         place of the rest condition: a fit takes this number from the record, which keeps its residual smooth.
         """
+
+    def rest(self, oscillator: Oscillator, start: Start) -> Array:
+        """Where the contact of a law with internal states holds the mass [m].
+
+        Raises:
+            ValueError: an engine that does not integrate such laws.
+        """
+        raise ValueError(f"{type(self).__name__} cannot say where a law with internal states stops. Use Smooth.")

@@ -19,8 +19,9 @@ import numpy as np
 import optimistix
 from jaxtyping import Array, Float, Int
 
-from ..motion import RESULTS, Motion, Start
+from ..motion import Motion, Start
 from ..oscillator import Drive, Oscillator
+from ..outcome import RESULTS
 from .base import AbstractEngine, AbstractPath, Demands
 from .smooth.scaled import Scaled, continued
 
@@ -128,6 +129,7 @@ class Events(AbstractEngine):
     """
 
     needs_mesh: ClassVar[bool] = False
+    takes_drive: ClassVar[bool] = True
     accuracy: float | Float[Array | np.ndarray, ""] = 1e-10
     max_half_cycles: int = eqx.field(static=True, default=512)
     max_steps: int = eqx.field(static=True, default=100_000)

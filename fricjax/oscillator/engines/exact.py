@@ -17,7 +17,7 @@ from jaxtyping import Array, Float, Int
 
 from ...friction.base import Scalar
 from ...friction.kinds import AbstractConstant
-from ..motion import RESULTS, Motion, Start
+from ..motion import Motion, Start
 from ..oscillator import Oscillator
 from ..restoring import Linear
 from .base import AbstractEngine, AbstractPath, Demands
@@ -210,6 +210,8 @@ class Exact(AbstractEngine):
         ts: Float[Array, " samples"],
         half_cycles: Int[Array, ""] | None = None,
     ) -> Motion:
+        from ..outcome import RESULTS
+
         cycles = self.path(oscillator, start, half_cycles)
         x, v = cycles.sample(ts)
         n = cycles.count_at(ts)

@@ -1,7 +1,6 @@
 """Half-cycles in phase angle, for laws without internal states."""
 
 from .amplitude_table import Span
-from .decay import UNTABLED
 from .engine import Hybrid
 
-__all__ = ["UNTABLED", "Hybrid", "Span"]
+__all__ = ["Hybrid", "Span"]

@@ -9,6 +9,7 @@ from jaxtyping import Array, Float
 
 from ...motion import Start
 from ...oscillator import Oscillator
+from ..base import UNTABLED
 from ..nodes import Nodes, spliced
 from .amplitude_table import AmplitudeTable, half_cycles_from_table
 from .collocation import Panels
@@ -23,9 +24,6 @@ from .half_cycles import (
     half_cycle_by_collocation,
     half_cycle_by_steps,
 )
-
-UNTABLED = 2
-"""Half-cycles before a stop that are integrated each for itself, not read off a table."""
 
 
 class Decay(NamedTuple):

@@ -20,11 +20,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
-from ...motion import RESULTS, Motion, Start
+from ...motion import Motion, Start
 from ...oscillator import Oscillator
 from ..base import AbstractEngine, AbstractPath, Demands
 from ..nodes import Nodes, spliced, turning_points
-from ..smooth import Smooth
 from .amplitude_table import Span, make_table, table_for
 from .collocation import make_panels
 from .decay import Decay, by_table, one_by_one, rest_condition, to_rest
@@ -33,8 +32,6 @@ from .phase_steps import layer_width, separatrix_width
 
 # How much another mesh is skewed, and how much wider its table is, for the check.
 _SKEW, _MARGIN = 0.2, 0.05
-_CODES: Any = RESULTS  # an equinox enumeration, whose members pyright does not know
-
 
 # Steps of the smooth engine through the creep that follows the half-cycles of a regularised law.
 _CREEP_STEPS = 1024
@@ -78,6 +75,8 @@ class Creeping(AbstractPath):
         before, never = self.half_cycles, jnp.asarray(False)
 
         def integrated() -> Nodes:
+            from ..smooth import Smooth
+
             duration = limit * (1 + _BEYOND) - self.time
             nodes = Smooth(max_steps=_CREEP_STEPS).trail(self.oscillator, self.start, duration)
             return Nodes(nodes.t + self.time, nodes.x, nodes.v, nodes.a, before.rest_position, before.t_stop, never)
@@ -154,10 +153,13 @@ class Hybrid(AbstractEngine):
         ts: Float[Array, " samples"],
         half_cycles: Int[Array, ""] | None = None,
     ) -> Motion:
+        from ...outcome import RESULTS
+
+        codes: Any = RESULTS  # an equinox enumeration, whose members pyright does not know
         decay, rests = self._decay(oscillator, start, half_cycles)
         if oscillator.friction.set_valued:
             nodes, points, end = to_rest(decay, oscillator, start, rests)
-            lost, stopped = _CODES.where(end.resolved, _CODES.too_many_half_cycles, _CODES.phase_reversed), end.at_rest
+            lost, stopped = codes.where(end.resolved, codes.too_many_half_cycles, codes.phase_reversed), end.at_rest
             count = jnp.where(stopped, end.count, -1)
         else:
             creep = Creeping.behind(decay, oscillator, start).creep(ts[-1])
@@ -167,7 +169,7 @@ class Hybrid(AbstractEngine):
             later, more = turning_points(creep.t, creep.x, creep.v, creep.x[0], points.size)
             points = spliced(points, later[1:], decay.end.count)
             count = jnp.sum(made & ~jnp.isnan(decay.turning_points)) + more
-            lost = _CODES.where(decay.end.resolved, _CODES.too_many_half_cycles, _CODES.max_steps_reached)
+            lost = codes.where(decay.end.resolved, codes.too_many_half_cycles, codes.max_steps_reached)
         x, v = nodes.sample_in_order(ts)
         at_rest, reached = stopped & (ts >= nodes.t_stop), stopped | (ts <= nodes.t[-1])
         sliding = oscillator.friction_force(v, jnp.zeros(0))
@@ -182,7 +184,7 @@ class Hybrid(AbstractEngine):
             n_half_cycles=count,
             regularisation_bias=jnp.zeros(()),
             engine="hybrid",
-            result=_CODES.where(jnp.all(reached), _CODES.successful, lost),
+            result=codes.where(jnp.all(reached), codes.successful, lost),
             stats={
                 "nodes_per_half_cycle": self.nodes,
                 "t_handover": jnp.where(decay.end.resolved, jnp.inf, decay.end.time),

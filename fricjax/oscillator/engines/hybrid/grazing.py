@@ -8,7 +8,6 @@ forwards, so the reversal lies at ``theta = pi`` here too and no event has to be
 
 from typing import Any, NamedTuple
 
-import diffrax
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
@@ -56,6 +55,8 @@ class _Breakaway(NamedTuple):
 
 def _break_away(mass: _Breakaway, speed: Array, needed: Array) -> tuple[Array, Array, Array, Array]:
     """Time, way and speed at the ends of the steps until the mass slows down, and whether it does within them."""
+    import diffrax
+
     slowing = diffrax.Event(lambda t, y, args, **_: args.acceleration(*y) < 0)
     begin = (jnp.zeros_like(speed), speed)
     end = jnp.where(needed & (mass.acceleration(*begin) > 0), _FOREVER, 0.0)

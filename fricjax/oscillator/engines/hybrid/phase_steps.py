@@ -6,7 +6,6 @@ follows from the amplitude and drives nothing, so only its quadrature is made.
 
 from typing import Any
 
-import diffrax
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -23,13 +22,6 @@ _LOGARITHMIC_SHARE = 0.6
 _NEWTON_STEPS = 24
 # Slope of the stretched coordinate at which a turning point counts as the unstable equilibrium itself.
 _STEEPEST = 1e-6
-
-_TABLEAU = diffrax.Dopri8.tableau
-# The last stage of the published table is the first one of the next step.
-_STAGES = _TABLEAU.num_stages - 1
-_FRACTIONS = np.append(0.0, _TABLEAU.c[: _STAGES - 1])
-_COUPLINGS = (np.zeros(0), *_TABLEAU.a_lower[: _STAGES - 1])
-_WEIGHTS = _TABLEAU.b_sol[:_STAGES]
 
 _Pair = tuple[Array, Array]
 
@@ -105,18 +97,24 @@ def integrate_phase(
     oscillator: Oscillator, frame: Frame, amplitude: Float[Array, ""], theta: Float[Array, " nodes"]
 ) -> tuple[Float[Array, " nodes"], Float[Array, " nodes"]]:
     """Amplitude and elapsed time at the phases `theta` of a half-cycle."""
-    steps = jnp.diff(theta)
-    angles = Angle.of(theta[:-1, None] + steps[:, None] * _FRACTIONS)
+    import diffrax
+
+    tableau = diffrax.Dopri8.tableau
+    # The last stage of the published table is the first one of the next step.
+    stages = tableau.num_stages - 1
+    fractions, couplings_of = np.append(0.0, tableau.c[: stages - 1]), (np.zeros(0), *tableau.a_lower[: stages - 1])
+    weights, steps = tableau.b_sol[:stages], jnp.diff(theta)
+    angles = Angle.of(theta[:-1, None] + steps[:, None] * fractions)
 
     def step(now: _Pair, at: tuple[Array, Angle]) -> tuple[_Pair, _Pair]:
         width, angle = at
         rises, lapses = [], []
-        for i, couplings in enumerate(_COUPLINGS):
+        for i, couplings in enumerate(couplings_of):
             there = once(now[0] + width * _combined(couplings, rises))
             rise, lapse = once(phase_rates(oscillator, frame, there, angle.at(i)))
             rises.append(rise)
             lapses.append(lapse)
-        then = once((now[0] + width * _combined(_WEIGHTS, rises), now[1] + width * _combined(_WEIGHTS, lapses)))
+        then = once((now[0] + width * _combined(weights, rises), now[1] + width * _combined(weights, lapses)))
         return then, then
 
     begin = (amplitude, jnp.zeros_like(amplitude))

@@ -16,8 +16,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from ...motion import RESULTS, Motion, Start
+from ...motion import Motion, Start
 from ...oscillator import Drive, Oscillator
+from ...outcome import RESULTS
 from ..base import AbstractEngine, Demands
 from ..nodes import Nodes
 from .mesh import Mesh
@@ -73,6 +74,7 @@ class Smooth(AbstractEngine):
     """
 
     needs_mesh: ClassVar[bool] = True
+    takes_drive: ClassVar[bool] = True
     accuracy: float | Float[Array | np.ndarray, ""] = 1e-10
     mesh: Mesh | None = None
     max_steps: int = eqx.field(static=True, default=1_000_000)
@@ -109,6 +111,10 @@ class Smooth(AbstractEngine):
     def at_accuracy(self, accuracy: Any) -> "Smooth":
         """The engine without a mesh, for another accuracy [m]."""
         return dataclasses.replace(self, accuracy=accuracy, mesh=None)
+
+    def on_mesh(self, phases: np.ndarray, times: np.ndarray, size: int) -> "Smooth":
+        """The engine with the steps of `meshed`, in a list with room for `size` of them."""
+        return dataclasses.replace(self, mesh=Mesh.of(phases, times, size))
 
     def path(self, oscillator: Oscillator, start: Start, half_cycles: Int[Array, ""] | None = None) -> Nodes:
         """The motion from time zero to the end of the mesh, where the mass stays.
