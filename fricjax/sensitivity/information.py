@@ -214,7 +214,9 @@ class Information(Reported):
             axis.set_yticks(rows, names)
         left.invert_yaxis()
         right.grid(False)
-        drawing.colorbar(shown, ax=right, label=axis_label("Correlation", "1"))
+        bar = drawing.colorbar(shown, ax=right)
+        bar.set_label(axis_label("Correlation", "1"), fontsize=9)
+        bar.ax.tick_params(labelsize=9)
         run = f"Released from {engineering(self.x0, 'm')}, noise {engineering(self.noise, 'm')} at {self.rate:g} Hz"
         lost = f"undetermined: {', '.join(self.undetermined)}" if self.undetermined else "all determined"
         drawing.suptitle("\n".join([run, *textwrap.wrap(lost, 100)]), fontsize=9)

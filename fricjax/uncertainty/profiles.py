@@ -19,7 +19,7 @@ from ..estimation.space import LINEAR
 from ..fitting import Fit
 from ..fitting.problem import Problem
 from ..fitting.solve import Solution
-from ..show import Report, Reported, Style, Table, axis_label, figure, interval, styled, uncertain
+from ..show import Report, Reported, Style, Table, axis_label, figure, interval, scaled, styled, uncertain
 from ..show.thumbnail import Curve, curves_svg
 from ..show.working import working
 from .again import fixed_at, optimum, problem_of, squares
@@ -43,6 +43,7 @@ class Profile(Reported):
         at: values at which it was fixed, in order, shape (n,).
         excess: twice the logarithm of the ratio of the likelihoods at the optimum and there, shape (n,).
         others: values of all parameters there, by name, shape (n,) each.
+        std_errors: of all parameters in the fit, by name.
         interval: where `excess` crosses 3.84; a bound, or inf, where it does not.
         conclusion: "bounded", "one-sided", "flat" or "multimodal".
 
@@ -64,6 +65,7 @@ class Profile(Reported):
     at: np.ndarray
     excess: np.ndarray
     others: dict[str, np.ndarray]
+    std_errors: dict[str, float]
     interval: tuple[float, float]
     conclusion: str
 
@@ -93,28 +95,35 @@ class Profile(Reported):
     def plot(self, *, style: Style = "screen") -> Any:
         """The profile with its parabola, and what the other parameters do along it; a matplotlib figure.
 
+        Where there are standard errors, these are the unit of both: values differ by a few parts in a million.
+
         Args:
             style: as of :func:`fricjax.show.styled`.
         """
         drawing, axes = figure(2, share_x=True)
         upper, lower = axes[:, 0]
-        label = axis_label(self.name, self.unit)
         near = self.excess < 4 * LIKELIHOOD_DROP
-        upper.plot(self.at[near], self.excess[near], "o-", markersize=3, label="profile")
         if np.isfinite(self.std_error) and self.std_error > 0:
-            parabola = ((self.at - self.value) / self.std_error) ** 2
-            shown = near & (parabola < 4 * LIKELIHOOD_DROP)
-            upper.plot(self.at[shown], parabola[shown], "--", label="standard error")
+            at = (self.at - self.value) / self.std_error
+            label = f"{self.name}, in standard errors from {uncertain(self.value, self.std_error, self.unit)}"
+            shown = near & (at**2 < 4 * LIKELIHOOD_DROP)
+            upper.plot(at[shown], at[shown] ** 2, "--", color="#D55E00", label="standard error", zorder=3)
+        else:
+            at, unit = scaled(self.at, self.unit)
+            label = axis_label(self.name, unit)
+        upper.plot(at[near], self.excess[near], "o-", color="#0072B2", markersize=3, label="profile")
         upper.axhline(LIKELIHOOD_DROP, color="#000000", linewidth=0.8)
         upper.set_ylabel("Excess of chi^2")
-        upper.legend()
+        upper.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), fontsize=8)
+        best = int(np.argmin(self.excess))
         for name, values in self.others.items():
-            spread = np.ptp(values[near]) if name != self.name else 0.0
-            if spread:
-                lower.plot(self.at[near], (values[near] - values[near].min()) / spread, label=name)
-        lower.set_ylabel("Other parameters, range 0 to 1")
+            size = self.std_errors[name] if np.isfinite(self.std_errors[name]) else np.ptp(values[near])
+            if name != self.name and size > 0:
+                lower.plot(at[near], (values[near] - values[best]) / size, label=name)
+        lower.set_ylabel("Others [standard errors]")
         lower.set_xlabel(label)
-        lower.legend(fontsize=7)
+        lower.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), fontsize=8)
+        drawing.align_ylabels()
         return styled(drawing, style)
 
     def __repr__(self) -> str:
@@ -182,7 +191,8 @@ def profile(fit: Fit, name: str, *, points: int = 16, reach: float = 3.0) -> Pro
     lowest = parameter.lower if parameter.kind in LINEAR else max(parameter.lower, 0.0)
     ends = (max(ends[0], lowest), min(ends[1], parameter.upper))
     others = dict(zip(fit.names, values.T, strict=True))
-    return Profile(name, fit.units[name], fit.values[name], fit.std_errors[name], at, rise, others, ends, conclusion)
+    errors = dict(fit.std_errors)
+    return Profile(name, fit.units[name], fit.values[name], errors[name], at, rise, others, errors, ends, conclusion)
 
 
 def _fixed_at(
