@@ -115,6 +115,9 @@ def contradiction(oscillator: Oscillator, window: Window) -> tuple[str, ...]:
         oscillator: the machine at its start values.
         window: the fitted part of the record.
     """
+    # A unit mass stands for an unknown one, and a unit stiffness for one that the record is to tell.
+    if 1.0 in (float(oscillator.mass), float(oscillator.stiffness)):
+        return ()
     machine = float(oscillator.angular_frequency) / (2 * math.pi)
     record = 0.5 / window.segmentation.half_period
     ratio = (record / machine) ** 2

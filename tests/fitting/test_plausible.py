@@ -65,8 +65,9 @@ def test_times_in_milliseconds_taken_for_seconds_are_remarked_on():
     assert remark.endswith("Times in ms that are read as s do this.")
 
 
-def test_a_start_value_twice_off_is_no_mistake():
-    machine = Oscillator(PROTOTYPE_MASS, 2 * STIFFNESS, PROTOTYPE_DAMPING, LOAD, Coulomb(0.05))
+@pytest.mark.parametrize(("mass", "stiffness"), [(PROTOTYPE_MASS, 2 * STIFFNESS), (1.0, 1.0), (PROTOTYPE_MASS, 1.0)])
+def test_a_start_value_twice_off_or_left_open_is_no_mistake(mass, stiffness):
+    machine = Oscillator(mass, stiffness, PROTOTYPE_DAMPING, LOAD, Coulomb(0.05))
     assert not remarks(fit(coulomb_run(), machine, MACHINE).warnings, "By its stiffness and mass")
 
 
