@@ -80,19 +80,19 @@ def main() -> None:
     sources = {path: path.read_text() for root in roots for path in sorted(root.rglob("*.py"))}
     trees = {path: ast.parse(source) for path, source in sources.items()}
     lines = sum(source.count("\n") for source in sources.values())
-    short = sum(source.count("\n") < SHORT for source in sources.values())
+    small = short(sources)
     commented = sum(map(comments, sources.values()))
     once = list(used_once(trees))
     documented = list(public(trees))
     without = [name for name, text in documented if ">>>" not in text]
-    wide = [f"{path.name}:{node.lineno} {node.name}" for path, node in _functions(trees) if _parameters(node) > MANY]
+    broad = list(wide(trees))
     words = Counter(word for source in sources.values() for word in retired_words(source))
     print(f"files                                   {len(sources):8d}  (190)")
     print(f"lines                                   {lines:8d}  (22500)")
-    print(f"files below {SHORT} lines                    {100 * short / len(sources):7.0f} %  (12)")
+    print(f"files below {SHORT} lines                    {100 * small / len(sources):7.0f} %  (12)")
     print(f"private functions used once / 1000 lines {1000 * len(once) / lines:7.1f}  (12)")
     print(f"full-line comments / 1000 lines         {1000 * commented / lines:8.1f}  (20)")
-    print(f"functions of more than {MANY} parameters     {len(wide):8d}  (3)  {', '.join(wide)}")
+    print(f"functions of more than {MANY} parameters     {len(broad):8d}  (3)  {', '.join(broad)}")
     print(f"modules in cycles of imports            {len(cycles(trees)):8d}  (0)  {' '.join(sorted(cycles(trees)))}")
     print(f"public objects without an example       {len(without):8d}  (0) of {len(documented)}")
     print(f"retired words                           {sum(words.values()):8d}  (0)  {dict(words.most_common())}")
@@ -104,14 +104,19 @@ def comments(source: str) -> int:
     return sum(token.type == tokenize.COMMENT and not token.line[: token.start[1]].strip() for token in tokens)
 
 
-def _functions(trees: dict[Path, ast.Module]) -> Iterator[tuple[Path, ast.FunctionDef]]:
+def short(sources: dict[Path, str]) -> int:
+    """Number of files that are hardly worth opening."""
+    return sum(source.count("\n") < SHORT for source in sources.values())
+
+
+def wide(trees: dict[Path, ast.Module]) -> Iterator[str]:
+    """Functions of more parameters than anybody holds in mind."""
     for path, tree in trees.items():
-        yield from ((path, node) for node in ast.walk(tree) if isinstance(node, ast.FunctionDef))
-
-
-def _parameters(node: ast.FunctionDef) -> int:
-    of = node.args
-    return len([*of.posonlyargs, *of.args, *of.kwonlyargs])
+        for node in ast.walk(tree):
+            if isinstance(node, ast.FunctionDef):
+                of = node.args
+                if len([*of.posonlyargs, *of.args, *of.kwonlyargs]) > MANY:
+                    yield f"{path.parent.name}/{path.name} {node.name}"
 
 
 def used_once(trees: dict[Path, ast.Module]) -> Iterator[str]:

@@ -6,12 +6,12 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ..errors import UsageError
+from ..errors import UsageError, nearest
 from ..show.working import working
 from .archive import Archive, open_archive
 from .plan import Plan, plan
 from .store import Store
-from .study import Law, Rule, Study
+from .study import DEFAULTS, Law, Rule, Study
 from .study_file import read_study
 from .table import STATUSES, of_rows
 
@@ -21,24 +21,21 @@ if TYPE_CHECKING:
 type Runs = str | os.PathLike[str] | Iterable[str | os.PathLike[str]] | Study
 type Tell = Callable[[int, int, Mapping[str, int]], None]
 
+FREE = ("mu", "damping", "stiffness")
+"""What is fitted where nobody says: what a decay on a spring determines."""
+
 
 def batch(
     runs: Runs,
     out: str | os.PathLike[str],
     oscillator: Any = None,
-    free: Sequence[str] = ("mu", "damping", "stiffness"),
+    free: Sequence[str] = FREE,
     *,
-    rig: Any = None,
-    reading: Mapping[str, Any] | None = None,
-    include: Sequence[str] = (),
-    exclude: Sequence[str] = (),
-    facts: Sequence[str] = (),
-    residuals: bool = False,
     retry_failed: bool = False,
     shard: tuple[int, int] = (1, 1),
     execute: "Executor | None" = None,
     tell: Tell | None = None,
-    **settings: Any,
+    **study: Any,
 ) -> Archive:
     """Fit every run of a folder, and keep a record of each in a store that can be gone on with at any time.
 
@@ -51,18 +48,15 @@ def batch(
         oscillator: the machine and its friction law, or several to fit a row each; with a `rig` the machine is that of
             the rig.
         free: names of the coefficients to fit.
-        rig: a `Rig`, or the path of its file.
-        reading: options of `fricjax.read` for all files.
-        include: patterns of the files in the folder, as ``"lab_b/**/*.csv"``; without one all of known formats.
-        exclude: patterns of files that are left out.
-        facts: templates of paths, as ``"load_{load}N/run_{number}.csv"``: what they name becomes a column, and a load
-            the normal force [N].
-        residuals: write the residuals of each run as netCDF as well.
         retry_failed: fit again what was rejected or failed.
         shard: the part of the files that is asked for, as (2, 3) for the second of three; several may share a store.
         execute: how chunks are done; None: in this process.
         tell: is called after each chunk with how many files are done, of how many, and the rows of each status.
-        **settings: `nuisance`, `engine`, `start`, `bounds`, `priors`, `tie`, `guess` and `loss`, as in `fit_batch`.
+        **study: what else a study has: `rig` (or the path of its file), `reading` (options of `fricjax.read` for all
+            files), `include` and `exclude` (patterns of files, as ``["lab_b/**/*.csv"]``), `facts` (templates of paths,
+            as ``["load_{load}N/run_{number}.csv"]``: what they name becomes a column, and a load the normal force [N]),
+            `residuals` (write those of each run as netCDF as well); and of `fit_batch` `nuisance`, `engine`, `start`,
+            `bounds`, `priors`, `tie`, `guess`, `loss` and `noise`.
 
     Returns:
         The archive.
@@ -84,31 +78,59 @@ def batch(
         [['run_0.csv', 'ok', 0.0], ['run_1.csv', 'ok', 1.0]]
     """
     if isinstance(runs, str | os.PathLike) and os.fspath(runs).endswith(".toml"):
-        if oscillator is not None or rig is not None or reading or settings:
-            raise UsageError(f"{os.fspath(runs)} says what is fitted and how: leave the other arguments out.")
-        runs = read_study(Path(runs))
-    study = runs if isinstance(runs, Study) else None
-    if study is None:
-        unknown = set(settings) - set(_SETTINGS)
-        if unknown:
-            raise UsageError(f"batch has no setting {sorted(unknown)[0]!r}; known are {', '.join(_SETTINGS)}.")
-        rig, name = _rig(rig)
-        root, files = place_of(runs)
-        study = Study(
-            root,
-            _laws(oscillator, rig, free),
-            files,
-            include=tuple(include),
-            exclude=tuple(exclude),
-            rules=(Rule("**", reading or {}, rig, name),),
-            facts=tuple(facts),
-            settings=settings,
-            residuals=residuals,
-        )
-    return process(study, out, retry=retry_failed, shard=shard, execute=execute, tell=tell)
+        name, asked = os.fspath(runs), read_study(Path(runs))
+    elif isinstance(runs, Study):
+        name, asked = "The study", runs
+    else:
+        name, asked = "", study_of(runs, oscillator, free, **study)
+    if name and (oscillator is not None or study):
+        raise UsageError(f"{name} says what is fitted and how: leave the other arguments out.")
+    return process(asked, out, retry=retry_failed, shard=shard, execute=execute, tell=tell)
 
 
-_SETTINGS = ("nuisance", "engine", "start", "bounds", "priors", "tie", "guess", "loss")
+run = batch
+"""`batch` as ``fricjax.archive.run``."""
+
+
+def study_of(
+    runs: str | os.PathLike[str] | Iterable[str | os.PathLike[str]],
+    oscillator: Any = None,
+    free: Sequence[str] = FREE,
+    *,
+    rig: Any = None,
+    reading: Mapping[str, Any] | None = None,
+    include: Sequence[str] = (),
+    exclude: Sequence[str] = (),
+    facts: Sequence[str] = (),
+    residuals: bool = False,
+    **settings: Any,
+) -> Study:
+    """The study of runs that are all read in one way and made on one rig; arguments as of `batch`.
+
+    Raises:
+        UsageError: no runs, no machine, or a setting that no study has.
+    """
+    for name in settings:
+        if name not in DEFAULTS:
+            known = ("rig", "reading", "include", "exclude", "facts", "residuals", *DEFAULTS)
+            raise UsageError(f"batch has no setting {name!r}.{nearest(name, known)} Known are {', '.join(known)}.")
+    name = ""
+    if isinstance(rig, str | os.PathLike):
+        from ..rig import Rig
+
+        rig, name = Rig.from_toml(Path(rig)), Path(rig).name
+    root, files = place_of(runs)
+    return Study(
+        root,
+        _laws(oscillator, rig, free),
+        files,
+        include=tuple(include),
+        exclude=tuple(exclude),
+        rules=(Rule("**", reading or {}, rig, name),),
+        facts=tuple(facts),
+        settings=settings,
+        residuals=residuals,
+    )
 
 
 def process(
@@ -224,15 +246,6 @@ def place_of(runs: Any) -> tuple[Path, tuple[str, ...] | None]:
     return Path(root), names
 
 
-def _rig(rig: Any) -> tuple[Any, str]:
-    """The rig, and the name of its file."""
-    if isinstance(rig, str | os.PathLike):
-        from ..rig import Rig
-
-        return Rig.from_toml(Path(rig)), Path(rig).name
-    return rig, ""
-
-
 def _laws(oscillator: Any, rig: Any, free: Sequence[str]) -> tuple[Law, ...]:
     """The laws of one oscillator or several, named as on the command line."""
     if oscillator is None:
@@ -255,16 +268,3 @@ def name_of(oscillator: Any) -> str:
     law = oscillator.friction
     parts = law.laws if isinstance(law, Sum) else (law,)
     return "+".join(type(part).__name__.lower() for part in parts)
-
-
-def run(*arguments: Any, **named: Any) -> Archive:
-    """The same as `batch`, as ``fricjax.archive.run``.
-
-    Examples:
-        >>> import fricjax as fj
-        >>> fj.archive.run([], "results")
-        Traceback (most recent call last):
-        ...
-        fricjax.errors.UsageError: There is no run to fit: the list is empty.
-    """
-    return batch(*arguments, **named)

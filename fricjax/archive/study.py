@@ -181,7 +181,7 @@ class Study:
         if math.isfinite(load) and load != float(machine.normal_force):
             machine = dataclasses.replace(machine, normal_force=load)
             rig = None if rig is None else rig.with_inputs({"normal_force": load})
-        return Request.of(machine, law.free, rig=rig, **{**_DEFAULTS, **self.settings})
+        return Request.of(machine, law.free, rig=rig, **{**DEFAULTS, **self.settings})
 
     def digest(self, law: Law, rule: Rule, load: float) -> str:
         """A name of all settings that matter for the result of a run but the run itself."""
@@ -190,7 +190,7 @@ class Study:
         rig = None if rule.rig is None else {n: (m.value, m.std) for n, m in rule.rig.numbers().items()}
         restoring = None if rule.rig is None else type(rule.rig.restoring).__name__
         known = [law.name, law.oscillator, list(law.free), dict(rule.reading), rig, restoring, load, self.calibrated]
-        settings = {**_DEFAULTS, **self.settings}
+        settings = {**DEFAULTS, **self.settings}
         text = json.dumps([SCHEMA, *plain_fields(known), plain_fields(settings)], sort_keys=True, default=repr)
         return hashlib.sha256(text.encode()).hexdigest()[:32]
 
@@ -214,7 +214,7 @@ class Study:
             "rules": plain_fields(rules),
             "facts": list(self.facts),
             "fact_names": list(self.fact_names),
-            "settings": plain_fields({**_DEFAULTS, **self.settings}),
+            "settings": plain_fields({**DEFAULTS, **self.settings}),
             "calibrated": self.calibrated,
             "versions": versions(),
         }
@@ -233,7 +233,7 @@ def versions() -> Mapping[str, str]:
 
 
 _ANY = Rule()
-_DEFAULTS: Mapping[str, Any] = {
+DEFAULTS: Mapping[str, Any] = {
     "nuisance": None,
     "engine": "auto",
     "start": "first_reversal",

@@ -15,7 +15,6 @@ from . import (
     batch,
     budget,
     calibrate,
-    check,
     compare,
     demo,
     doctor,
@@ -44,7 +43,7 @@ app = typer.Typer(
 for _name, _function, _example in (
     ("demo", demo.demo, ""),
     ("inspect", inspect.inspect, "run.csv --plot run.png"),
-    ("check", check.check, '--rig rig.toml --x0 "2 mm" --free mu=0.01,damping'),
+    ("check", inspect.check, '--rig rig.toml --x0 "2 mm" --free mu=0.01,damping'),
     ("fit", fit.fit, "run.csv --rig rig.toml"),
     ("compare", compare.compare, "run.csv --rig rig.toml --friction coulomb --friction stribeck"),
     ("batch", batch.batch, "runs --rig rig.toml --out results"),

@@ -26,9 +26,8 @@ from ..estimation.colour import (
 from ..estimation.covariance import Quadratic, quadratic
 from ..estimation.loss import Squares
 from ..estimation.process import StateTransition
-from ..estimation.shaken import first_rows, kicked
 from .diagnostics import worst
-from .floor import passage_of
+from .floor import first_rows, kicked, passage_of
 from .missing import lacking
 from .noise import whiteness
 from .problem import Problem

@@ -139,3 +139,14 @@ def test_a_store_is_made_only_where_nothing_is(folder, tmp_path):
         fj.open_archive(folder)
     with pytest.raises(UsageError, match="There is no folder"):
         batch(tmp_path / "nothing", tmp_path / "out2")
+
+
+def test_settings_that_no_study_has_are_refused(folder, tmp_path):
+    with pytest.raises(
+        UsageError, match=r"batch has no setting 'residual'\. Did you mean 'residuals'\? Known are rig, "
+    ):
+        batch(folder, tmp_path / "out", residual=True)
+    study = fj.archive.Study(folder, (fj.archive.Law("coulomb", MACHINE, tuple(FREE)),))
+    with pytest.raises(UsageError, match="The study says what is fitted and how: leave the other arguments out"):
+        fj.archive.run(study, tmp_path / "out", noise="white")
+    assert not (tmp_path / "out").exists()

@@ -29,6 +29,15 @@ def test_few_helpers_are_used_once_and_comments_say_why():
     assert sum(map(run.comments, SOURCES.values())) / THOUSANDS >= 20
 
 
+def test_few_files_are_small():
+    assert run.short(SOURCES) / len(SOURCES) <= 0.125
+
+
+def test_only_fits_and_the_numbers_of_a_rig_have_many_parameters():
+    fits = {"comparison/compare.py compare", "fitting/batch.py fit_batch", "fitting/fit.py fit"}
+    assert set(run.wide(TREES)) == fits | {"rig/rig.py __init__"}
+
+
 def test_no_retired_word():
     words = Counter(word for source in SOURCES.values() for word in run.retired_words(source))
     assert not words, words
