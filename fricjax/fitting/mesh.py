@@ -17,18 +17,19 @@ from .residual import Residual, Run, start_of
 CAPACITY = 1 << 17
 _REACH = 1.05
 _GROWTH = 4.0
-# Of a bristle law a rough mesh has 1100 steps over five half-cycles and 2900 over fifty, and the finest one twice as
-# many: all of them share a compilation. What is not used of 8192 places costs nothing, of 65536 as much as the steps.
+# Of a bristle law a rough mesh has 1100 steps over five half-cycles and 2900 over fifty, and that of the check twice as
+# many; of one whose elements yield it has 14,000, and that of the check 51,000. What is not used of 8192 places costs
+# nothing, of 65536 as much as the steps.
 _SIZES = tuple(2**power for power in (13, 15, 17, 19))
-# Order of the error in the length of the steps: the number of steps grows by the root of the gain in accuracy.
-_ORDER = 5
+# How many more steps there may be at the optimum than at the start values.
+_MORE = 1.1
 
 
 def with_mesh(residual: Residual, y: Any, slack: float = 1.0) -> Residual:
     """The residual with a mesh for each run, made for coordinates `y`; unchanged for engines that need none.
 
-    `slack` is the factor by which the error may be larger than the engine's. There is room for the steps of the
-    engine's own error too, and for those of a mesh that is replaced, so that both share a compilation.
+    `slack` is the factor by which the error may be larger than the engine's. Where it is, there is room for the steps
+    of its check, which are counted, and there always is for those of a mesh that is replaced: a fit compiles once.
 
     Raises:
         UsageError: more steps than a list of them can hold.
@@ -44,7 +45,11 @@ def with_mesh(residual: Residual, y: Any, slack: float = 1.0) -> Residual:
     lists = [(_finite(phases), _graded(_finite(times))) for phases, times in meshes]
     longest = max(phases.size + times.size - 1 for phases, times in lists)
     replaced: list[Any] = [run.engine for run in residual.runs if run.engine is not None]
-    rooms = [min(longest * slack ** (1 / _ORDER), _SIZES[-1]), *(engine.mesh.ends.size for engine in replaced)]
+    rooms = [longest, *(engine.mesh.ends.size for engine in replaced)]
+    if slack > 1:
+        finest = _meshes(engine.checking(), bare, y)
+        steps = max(sum(np.isfinite(ends).sum() for ends in pair) for pair in finest)
+        rooms.append(min(int(_MORE * steps), _SIZES[-1]))
     size = next(size for size in _SIZES if size >= max(rooms))
     return residual.with_runs(engine=[engine.on_mesh(*pair, size) for pair in lists])
 

@@ -11,6 +11,8 @@ from .elements import BEYOND, STRIBECK_ELEMENTS, AbstractStribeckElements, yield
 
 # Least part of the force of steady sliding that is taken to lie between the last reversal and steady sliding.
 _ROOM = 0.01
+# How far beyond steady sliding the deflection counts as returning: in steady sliding r is one but for rounding.
+_AT_STEADY = 1e-9
 
 
 class Leuven(AbstractStribeckElements):
@@ -98,15 +100,18 @@ class Leuven(AbstractStribeckElements):
         """Force F_h of the elements [N]."""
         return jnp.sum(self.springs() * yielded(state[:-2], self._limits(load)))
 
-    def _creep(self, v: Scalar, state: State, load: Scalar) -> Values:
-        """Rate dz/dt of the deflection [m/s]."""
+    def _share_of_steady(self, v: Scalar, state: State, load: Scalar) -> Values:
+        """The part r of the way from the last reversal to steady sliding that the force has gone."""
         force = self._hysteresis(state, load)
         # Within the step in which the velocity changes its sign the reversal is where the motion is now.
         reversal = jnp.where(state[-1] * v > 0, jnp.sum(self.springs()) * state[-2], force)
         steady = self.limit(jnp.abs(v), load)
         since = jnp.minimum(jnp.sign(v) * reversal, (1 - _ROOM) * steady)
-        ratio = (jnp.sign(v) * force - since) / (steady - since)
-        return v * (1 - signed_power(ratio, self.exponent))
+        return (jnp.sign(v) * force - since) / (steady - since)
+
+    def _creep(self, v: Scalar, state: State, load: Scalar) -> Values:
+        """Rate dz/dt of the deflection [m/s]."""
+        return v * (1 - signed_power(self._share_of_steady(v, state, load), self.exponent))
 
     def rate(self, v: Scalar, state: State, load: Scalar) -> State:
         return jnp.append(self._creep(v, state, load) * jnp.ones(len(self.stiffnesses)), jnp.zeros(2))
@@ -125,7 +130,10 @@ class Leuven(AbstractStribeckElements):
         return jnp.append(yielded(state[:-2], BEYOND * self._limits(load)), jnp.stack([reversal, direction]))
 
     def switches(self, v: Scalar, state: State, load: Scalar) -> Values:
-        return self._limits(load) - jnp.sign(v) * state[:-2]
+        # Beyond r = 1 the deflection returns while the mass moves on, and an element that has yielded follows it from
+        # there. Within a step it would first take back what the slider has cut off, an error that no estimate sees.
+        returns = 1 + _AT_STEADY - self._share_of_steady(v, state, load)
+        return jnp.append(self._limits(load) - jnp.sign(v) * state[:-2], returns)
 
     def steady_state(self, v: Scalar, direction: Scalar, load: Scalar) -> State:
         strained = self._limits(load) * self.limit(jnp.abs(v), load) / self.static_force(load)
