@@ -11,7 +11,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..data.gather import gather
-from ..data.record import labels
+from ..data.record import Record, labels
+from ..data.segmentation.decay import Segmentation
+from ..data.segmentation.reversals import order_for, point_std, window
 from ..data.table import read_table
 from ..errors import DataError, UsageError
 from ..fitting.settings import check_start
@@ -23,7 +25,7 @@ class Pairs(NamedTuple):
     Attributes:
         x0, xf: initial and final displacement [m], shape (pairs,).
         half_cycles: number of half-cycles between them, shape (pairs,), or None where it is not known.
-        sigma: standard deviation of each final displacement [m], shape (pairs,), or None.
+        sigma: standard deviation of each final displacement [m], shape (pairs,), with that of the initial one; or None.
 
     Examples:
         >>> import numpy as np
@@ -64,20 +66,42 @@ def pairs_of(records: Any, *, start: str = "first_reversal") -> Pairs:
             raise DataError(
                 f"There is no final displacement of {label}, which does not come to rest within its record."
             )
-        # The rest position is a mean over the samples at rest; the floor keeps exact synthetic runs finite.
-        at_rest = max(int(np.sum(run.mask & (run.t >= segmentation.rest))), 1)
-        sigma = max(segmentation.noise, 1e-12 * amplitude) / np.sqrt(at_rest)
+        of_rest = _of_mean(segmentation, run, run.t >= segmentation.rest)
         if start == "release":
-            x0 = float(np.mean(run.x[run.mask & (run.t <= segmentation.release)]))
+            held = run.t <= segmentation.release
+            x0, of_start = float(np.mean(run.x[run.mask & held])), _of_mean(segmentation, run, held)
             half_cycles = segmentation.n_half_cycles
         elif segmentation.turning_points.size:
-            x0 = float(segmentation.turning_points[0])
+            x0, of_start = float(segmentation.turning_points[0]), _of_reversal(segmentation, run)
             half_cycles = segmentation.n_half_cycles_after_first_reversal
         else:
             raise DataError(f"There is no reversal in {label} before its rest; take its pair from the release.")
+        # An error of the start is handed on by every half-cycle, a little less of it by damping. The floor keeps exact
+        # synthetic runs finite.
+        sigma = max(float(np.hypot(of_rest, of_start)), 1e-12 * amplitude)
         rows.append((x0, segmentation.rest_position, half_cycles, sigma))
     x0, xf, counts, sigma = (np.array(column) for column in zip(*rows, strict=True))
     return Pairs(x0, xf, counts.astype(int), sigma)
+
+
+def _of_mean(segmentation: Segmentation, run: Record, inside: np.ndarray) -> float:
+    """Standard error [m] of a mean over samples, of which the slow part of the noise forgets itself in a half-cycle."""
+    samples = max(int(np.sum(run.mask & inside)), 1)
+    independent = max(samples / (run.rate * segmentation.half_period), 1.0)
+    return float(np.hypot(segmentation.white_noise / samples**0.5, _slow(segmentation) / independent**0.5))
+
+
+def _of_reversal(segmentation: Segmentation, run: Record) -> float:
+    """Standard error [m] of the position of the first reversal, over whose window no slow noise is averaged."""
+    noise, step = segmentation.white_noise, 1 / run.rate
+    swing = abs(float(segmentation.turning_points[0]))
+    width = window(segmentation.half_period, swing, segmentation.noise, step)
+    return float(np.hypot(point_std(width, order_for(swing, segmentation.noise), noise, step), _slow(segmentation)))
+
+
+def _slow(segmentation: Segmentation) -> float:
+    """The noise that is not white [m]."""
+    return max(segmentation.noise**2 - segmentation.white_noise**2, 0.0) ** 0.5
 
 
 def checked_pairs(x0: Any, xf: Any, half_cycles: Any, sigma: Any) -> Pairs:

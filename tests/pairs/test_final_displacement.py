@@ -3,6 +3,7 @@
 import jax
 import numpy as np
 import pytest
+import scipy.signal
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -101,6 +102,24 @@ def test_pairs_from_the_first_reversal_do_not_feel_the_release(time_constant: fl
     pairs = pairs_of(runs)
     found = fit_final_displacements(pairs.x0, pairs.xf, machine(), half_cycles=pairs.half_cycles)
     assert found.values["mu"] == pytest.approx(MU, rel=1e-5)
+
+
+@pytest.mark.parametrize("start", ["first_reversal", "release"])
+@pytest.mark.parametrize("memory", [0.0, 0.8])
+def test_the_stated_errors_of_pairs_are_those_that_noise_makes(memory: float, start: str):
+    """White noise and an autoregression, over forty seeds; each pair against that of the motion without noise."""
+    clean = fj.synthetic_run(machine(MU), 2e-3, rate=2e3, duration=0.6, seed=0, hold=0.1)
+    truth = pairs_of(fj.Record(clean.t, clean.x, sigma=1e-12), start=start)
+    count = int(np.asarray(truth.half_cycles)[0])
+    handed_on = (-1) ** count * np.exp(-DAMPING / (2 * MASS) * np.pi * np.sqrt(MASS / STIFFNESS) * count)
+    errors, stated = [], []
+    for seed in range(40):
+        white = 1e-7 * np.sqrt(1 - memory**2) * np.random.default_rng(seed).standard_normal(clean.t.size + 200)
+        noise = scipy.signal.lfilter([1.0], [1.0, -memory], white)[200:]
+        pair = pairs_of((clean.t, clean.x + noise), start=start)
+        errors.append(pair.xf[0] - truth.xf[0] - handed_on * (pair.x0[0] - truth.x0[0]))
+        stated.append(np.asarray(pair.sigma)[0])
+    assert 0.8 < np.median(stated) / np.std(errors) < 2.5
 
 
 def test_the_report_and_the_picture(tmp_path):
