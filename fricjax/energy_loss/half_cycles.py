@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ..fitting.rig_inputs import contradiction
 from ..oscillator import Oscillator, ready
 from ..rig import Measured, Rig
 from ..show import Report, Reported, Style, Table, axis_label, display_unit, figure, scaled, styled, uncertain
@@ -42,7 +43,7 @@ class HalfCycleFriction(Reported):
         chi2_reduced: scatter of the forces about their weighted means, over what the noise explains; above one the
             friction changes with amplitude, as it does where it depends on velocity.
         offsets: equilibrium position in each record [m].
-        notes: sentences on records that were left out.
+        notes: sentences on records that were left out, and on a rig that cannot swing as they do.
 
     Examples:
         >>> import fricjax as fj
@@ -147,7 +148,7 @@ def half_cycle_friction(records: Any, rig: Rig, no_contact: Any = None) -> HalfC
         mu=Measured(mu, float(variance**0.5)),
         chi2_reduced=reduced,
         offsets=tuple(each.offset for each in balances),
-        notes=notes,
+        notes=(*notes, *contradiction(oscillator, float(np.median(np.diff(decays[0].times))))),
     )
 
 

@@ -119,7 +119,7 @@ def windows_of(records: Sequence[Record | Trace], request: Request) -> tuple[Win
     how = {"keeps_memory": law.n_states > 0, "creeps": law.kind == "smooth"}
     windows = [open_window(record, request.start, request.nuisance, **how) for record in records]
     # What is wrong with the machine is said once for all of its runs.
-    doubts = (*windows[0].doubts, *contradiction(request.oscillator, windows[0]))
+    doubts = (*windows[0].doubts, *contradiction(request.oscillator, windows[0].segmentation.half_period))
     return (dataclasses.replace(windows[0], doubts=doubts), *windows[1:])
 
 

@@ -16,7 +16,6 @@ from ..oscillator import Oscillator
 from ..oscillator.oscillator import leaves_of
 from ..rig import Measured, Rig
 from .residual import ERRORS
-from .window import Window
 
 # Of record and machine the ratio of natural frequencies, squared, beyond which a number of the machine is a mistake. A
 # start value may be wrong by some factor, and damping or a nonlinear spring shift a frequency by less than two.
@@ -108,18 +107,18 @@ def _check_same(made: Oscillator, oscillator: Oscillator, free: set[int]) -> Non
             )
 
 
-def contradiction(oscillator: Oscillator, window: Window) -> tuple[str, ...]:
+def contradiction(oscillator: Oscillator, half_period: float) -> tuple[str, ...]:
     """A sentence where the record swings at a frequency that the machine cannot have; else nothing.
 
     Args:
         oscillator: the machine at its start values.
-        window: the fitted part of the record.
+        half_period: of the record [s].
     """
     # A unit mass stands for an unknown one, and a unit stiffness for one that the record is to tell.
     if 1.0 in (float(oscillator.mass), float(oscillator.stiffness)):
         return ()
     machine = float(oscillator.angular_frequency) / (2 * math.pi)
-    record = 0.5 / window.segmentation.half_period
+    record = 0.5 / half_period
     ratio = (record / machine) ** 2
     # A contact that holds the mass may be far stiffer than the spring, and the mass then rings on it.
     rings = bool(oscillator.friction.n_states) and ratio > 1

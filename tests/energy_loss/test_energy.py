@@ -6,6 +6,7 @@ import json
 import numpy as np
 import pytest
 
+import fricjax as fj
 from fricjax.data import Trace
 from fricjax.energy_loss.energy import energy_of
 from fricjax.energy_loss.half_cycles import half_cycle_friction
@@ -154,3 +155,12 @@ def test_a_rig_without_damping_is_refused(route):
 def test_a_stribeck_velocity_must_be_positive():
     with pytest.raises(UsageError, match="v_stribeck must be a positive speed"):
         integral_friction(coulomb_runs()[0], RIG, v_stribeck=-1.0)
+
+
+def test_a_rig_that_cannot_swing_as_the_record_does_is_remarked_on():
+    files = fj.data.example_paths()
+    rig = fj.Rig.from_toml(files.rig)
+    assert not fj.half_cycle_friction(files.run, rig).notes
+    heavy = rig.replace(mass=1e3 * 0.4107, stiffness=2574.0, damping=0.18)
+    (note,) = fj.half_cycle_friction(files.run, heavy).notes
+    assert "the machine swings at 0.3984 Hz, but the record at 12.6 Hz" in note and "A mass in g" in note
