@@ -170,15 +170,11 @@ def _looked_up(study: Study, file: str, history: _History) -> tuple[Job, Known |
         sha256 = hash_of(path)
     wanted = range(len(study.laws))
     if sha256:
-        digests = _digests(study, file, facts)
+        rule = study.rule_of(file)
+        digests = [settings_of(study, law, rule, facts) for law in study.laws]
         wanted = [i for i, digest in enumerate(digests) if (sha256, digest) not in history.done]
     job = Job(file, signature, facts, tuple(wanted))
     return job, None if wanted else Known(file, signature, facts, sha256, moved=not seen)
-
-
-def _digests(study: Study, file: str, facts: Mapping[str, str]) -> list[str]:
-    rule = study.rule_of(file)
-    return [settings_of(study, law, rule, facts) for law in study.laws]
 
 
 def settings_of(study: Study, law: Law, rule: Rule, facts: Mapping[str, str]) -> str:

@@ -21,7 +21,7 @@ name and number is checked here by the same code.
 import dataclasses
 import functools
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -230,8 +230,4 @@ def _settings(asked: Any) -> dict[str, Any]:
 
 
 def _texts(value: str | list[str]) -> list[str]:
-    return list(_listed(value))
-
-
-def _listed(value: str | list[str]) -> Iterator[str]:
-    yield from [value] if isinstance(value, str) else value
+    return [value] if isinstance(value, str) else value

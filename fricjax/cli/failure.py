@@ -7,7 +7,7 @@ from ..errors import DataError, UsageError
 from .wording import in_options
 
 # Two for wrong usage is the parser's own; 130 is what a shell shows for a process that Ctrl-C ended, 128 + SIGINT.
-DONE, FAULT, USAGE, INVALID, REJECTED, INTERRUPTED = 0, 1, 2, 3, 4, 130
+FAULT, USAGE, INVALID, REJECTED, INTERRUPTED = 1, 2, 3, 4, 130
 # A file can have thousands of columns, and a sentence that names them all hides its beginning.
 _LONGEST = 2000
 NO_SPACE = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)

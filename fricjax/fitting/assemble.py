@@ -21,7 +21,6 @@ from .names import find_leaf
 from .noise import Whiteness, whiteness
 from .noise_weighting import NoiseWeighted
 from .problem import Problem
-from .residual import Run
 from .rest import CONTRADICTED, Bracket, bracket_static, excess_at_reversals, rest_margin
 from .result import Fit, named
 from .solve import Solution
@@ -103,23 +102,18 @@ def _noise(problem: Problem, factor: float, sigma_mode: str) -> dict[str, Any]:
 def _of_the_runs(problem: Problem) -> dict[str, Any]:
     """What `predict` and the plot need to know of the records."""
     runs, windows = problem.residual.runs, problem.windows
+    counts, sizes = [int(run.half_cycles) for run in runs], [w.used.size for w in windows]
     return {
-        "half_cycles": tuple(_count(run) for run in runs),
+        "half_cycles": tuple(None if count >= NEVER else count for count in counts),
         "quantity": windows[0].quantity,
         "sources": tuple(w.name for w in windows),
         "times": tuple(np.asarray(w.trace.t) for w in windows),
-        "runs": tuple(_cut(run, w.used.size) for run, w in zip(runs, windows, strict=True)),
+        # Without the samples that only fill a run up.
+        "runs": tuple(
+            run._replace(t=run.t[:n], x=run.x[:n], weight=run.weight[:n]) for run, n in zip(runs, sizes, strict=True)
+        ),
         "origins": tuple(w.origin for w in windows),
     }
-
-
-def _cut(run: Run, n: int) -> Run:
-    """The run without the samples that only fill it up."""
-    return run._replace(t=run.t[:n], x=run.x[:n], weight=run.weight[:n])
-
-
-def _count(run: Run) -> int | None:
-    return None if int(run.half_cycles) >= NEVER else int(run.half_cycles)
 
 
 def unit_of(unit: str, problem: Problem) -> str:

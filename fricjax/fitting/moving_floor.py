@@ -67,9 +67,11 @@ def fit_on_moving_floor(
     floor = _checked(base_acceleration, record.trace)
     result = fit(record, oscillator, free, **settings)
     for _ in range(_ROUNDS):
-        before = result
-        result = fit(_without(record, _response(result, record.t, floor)), oscillator, free, **settings)
-        if _moved(before, result) < _SETTLED:
+        before, response = result, _response(result, record.t, floor)
+        trace = Trace(record.t, record.x - response, sigma=record.sigma, mask=record.mask)
+        result = fit(Record(trace, record.meta, record.log), oscillator, free, **settings)
+        changes = [abs(result.values[name] - before.values[name]) / result.std_errors[name] for name in result.names]
+        if max(changes) < _SETTLED:
             break
     return result
 
@@ -92,21 +94,6 @@ def _response(result: Fit, t: np.ndarray, floor: np.ndarray) -> np.ndarray:
     later = t > start
     ts, x0, v0 = t[later] - start, result.run_parameter("x0"), result.run_parameter("v0")
     response = np.zeros(t.shape)
-    response[later] = np.subtract(*(_moved_by(result.oscillator, x0, v0, ts, a) for a in (floor[later], 0 * ts)))
+    on_floor = lambda a: np.asarray(simulate(result.oscillator, x0, ts, v0=v0, base_acceleration=a).x)
+    response[later] = on_floor(floor[later]) - on_floor(0 * ts)
     return response
-
-
-def _moved_by(oscillator: Oscillator, x0: float, v0: float, ts: np.ndarray, floor: np.ndarray) -> np.ndarray:
-    """Motion on a floor with that acceleration [m]."""
-    return np.asarray(simulate(oscillator, x0, ts, v0=v0, base_acceleration=floor).x)
-
-
-def _without(record: Record, response: np.ndarray) -> Record:
-    """The run without what the floor added to it."""
-    trace = Trace(record.t, record.x - response, sigma=record.sigma, mask=record.mask)
-    return Record(trace, record.meta, record.log)
-
-
-def _moved(before: Fit, after: Fit) -> float:
-    """Largest change of a fitted value between two rounds, in standard errors."""
-    return max(abs(after.values[name] - before.values[name]) / after.std_errors[name] for name in after.names)

@@ -57,12 +57,9 @@ class Population(NamedTuple):
             f"{self.scatter:.2g} in {interval(*self.scatter_interval)}"
         )
         for what, numbers in (("outliers set aside", self.outliers), ("not valid", self.left_out)):
-            text += f"; {what}: {_runs(numbers)}" if numbers else ""
+            plural = "s" if len(numbers) > 1 else ""
+            text += f"; {what}: run{plural} {', '.join(map(str, numbers))}" if numbers else ""
         return text
-
-
-def _runs(numbers: tuple[int, ...]) -> str:
-    return f"run{'s' if len(numbers) > 1 else ''} {', '.join(map(str, numbers))}"
 
 
 def population(values: np.ndarray, std_errors: np.ndarray, contributions: Sequence[np.ndarray] = ()) -> Population:

@@ -76,7 +76,12 @@ def contact_of(windows: Sequence[Window], machine: Machine, returned: float | No
     decay alone tells that it returns nothing, and less surely, to bend by the noise. Neither is taken to ring.
     """
     settlings = sorted(_settlings(windows), key=lambda settling: abs(settling.reversal))
-    contacts = [_at_rest(settling, machine) for settling in settlings if settling.returned > 0]
+    # By its ringing where it rings, by its spring-back where it creeps home.
+    contacts = [
+        _by_ringing(settling, machine) or _by_spring_back(settling, machine)
+        for settling in settlings
+        if settling.returned > 0
+    ]
     seen = next((contact for contact in contacts if contact.stiffness is not None), None)
     if seen is not None:
         return seen
@@ -140,11 +145,6 @@ def _settling(window: Window, segmentation: Segmentation) -> _Settling | None:
     returned = reversal - rest if reversal - rest >= thresholds.EXTREME * noise / np.sqrt(width) else 0.0
     seen = slice(after.start, after.stop, every)
     return _Settling(t[seen] - t[turn], side * x[seen], noise, reversal - side * equilibrium(segmentation), returned)
-
-
-def _at_rest(seen: _Settling, machine: Machine) -> Contact:
-    """The contact from the settling: by its ringing where it rings, by its spring-back where it creeps home."""
-    return _by_ringing(seen, machine) or _by_spring_back(seen, machine)
 
 
 def _by_ringing(seen: _Settling, machine: Machine) -> Contact | None:

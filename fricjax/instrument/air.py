@@ -13,7 +13,6 @@ EQUATION_STD = 2e-8
 """Standard uncertainty of the equation itself [1]; the paper claims a few parts in 10^8."""
 _ZERO_CELSIUS = 273.15  # [K]
 _GAS_CONSTANT = 8.314510  # [J/(mol K)], of the paper; it cancels but for the water vapour
-_WATER_MOLE = 0.018015  # [kg/mol]
 # Refractivity of standard air (15 degC, 101325 Pa, 450 ppm) and of water vapour (20 degC, 1333 Pa) [um^-2, um^2 ...].
 _K0, _K1, _K2, _K3 = 238.0185, 5792105.0, 57.362, 167917.0
 _VAPOUR, _VAPOUR_CORRECTION = (295.235, 2.6422, -0.032380, 0.004028), 1.022

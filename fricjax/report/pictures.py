@@ -89,7 +89,8 @@ def pictures(frame: "DataFrame", quantity: str) -> tuple[dict[str, Any], list[st
     }
     positions = (t, x.times(factor_x), residual.times(factor_r), reversal_t, reversal_x.times(factor_x))
     runs = encoded([*positions, speed.times(factor_v), band.times(friction)])
-    return about | {"sizes": [len(run) for run in runs]}, list(_blocks(runs))
+    blocks = [b"".join(runs[begin : begin + _RUNS_PER_BLOCK]) for begin in range(0, len(runs), _RUNS_PER_BLOCK)]
+    return about | {"sizes": [len(run) for run in runs]}, [base64.b64encode(each).decode("ascii") for each in blocks]
 
 
 def encoded(curves: Sequence[Curves]) -> list[bytes]:
@@ -118,11 +119,6 @@ def _encoded(curves: Curves) -> Iterator[bytes]:
     for size, limit in zip(curves.sizes.tolist(), limits, strict=True):
         begin, end = end, end + 2 * size
         yield size.to_bytes(4, "little") + limit.tobytes() + stored[begin:end] + bytes(2 * (size % 2))
-
-
-def _blocks(runs: Sequence[bytes]) -> Iterator[str]:
-    for begin in range(0, len(runs), _RUNS_PER_BLOCK):
-        yield base64.b64encode(b"".join(runs[begin : begin + _RUNS_PER_BLOCK])).decode("ascii")
 
 
 class HalfCycles(NamedTuple):

@@ -167,11 +167,11 @@ class Tree:
 
 
 @contextmanager
-def opened(path: Path, kind: str = "HDF5", hint: str = "it is damaged or of another format") -> Iterator[Tree]:
+def opened(path: Path, kind: str = "HDF5") -> Iterator[Tree]:
     """The file while the block lasts, in which whatever the library cannot read becomes a `DataError`."""
     import h5py
 
-    with damage(path, kind, hint), h5py.File(path, "r") as file:
+    with damage(path, kind), h5py.File(path, "r") as file:
         yield Tree(path, file)
 
 

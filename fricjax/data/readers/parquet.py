@@ -52,7 +52,7 @@ def read_parquet(path: Path, choice: Choice) -> Record | list[Record]:
 def _sheet(path: Path, file: Any) -> Sheet:
     """The columns of the table, once for each run where a column tells the runs apart."""
     units = _units(file.schema_arrow)
-    columns = [_column(field, units) for field in file.schema_arrow if not _is_nested(field)]
+    columns = [_column(field, units) for field in file.schema_arrow if field.type.num_fields == 0]
     if not any(column.fault is None for column in columns):
         raise DataError(f"{path.name} holds no column of numbers that could be a record.")
 
@@ -100,10 +100,6 @@ def _check_declared(path: Path, name: str) -> None:
                 unpacked += head[_UNPACKED]
                 check_size(path, f"'{name}'", unpacked // NUMBER)
                 place += max(head[_PACKED], 0)
-
-
-def _is_nested(field: Any) -> bool:
-    return field.type.num_fields > 0
 
 
 def _units(schema: Any) -> Mapping[str, Any]:
