@@ -150,7 +150,7 @@ def _leaf_names(oscillator: Oscillator) -> list[str]:
 
 def _request(oscillator: Oscillator, free: tuple[str, ...], settings: Mapping[str, Any]) -> Request:
     """The fit of one candidate, with those entries of the tables that it knows."""
-    used = {"nuisance": None, "engine": "auto", "start": "first_reversal", "rig": None, "loss": "squares", **settings}
+    used = dict(settings)
     for table in _TABLES:
         names = _leaf_names(oscillator) if table == "tie" else free
         entries = (used.get(table) or {}).items()

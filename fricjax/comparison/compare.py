@@ -1,28 +1,24 @@
 """Which law describes the runs: several laws fitted to the same samples and compared by the same noise."""
 
 import dataclasses
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from typing import NamedTuple
+from typing import NamedTuple, Unpack
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from .. import thresholds
 from ..errors import DataError, UsageError
-from ..estimation.loss import AbstractLoss
 from ..fitting.colours import Seen, colours_of, described, remembered, under_noise
 from ..fitting.fit import concluded, records_of
 from ..fitting.noise import whiteness
-from ..fitting.parameters import Prior, Settings, Tied
+from ..fitting.parameters import Settings, check_known
 from ..fitting.problem import Problem, problem_on
 from ..fitting.rest import solve_with_rest
 from ..fitting.result import Fit
 from ..fitting.rows import rows_of
 from ..fitting.solve import Solution
 from ..oscillator import Oscillator, cores, ready
-from ..oscillator.engines import AbstractEngine
-from ..rig import Rig
 from ..settings import check_criterion
 from ..show.working import working
 from .candidates import Candidate, candidates, law_name
@@ -38,22 +34,10 @@ def compare(
     oscillators: Sequence[Oscillator],
     free: Sequence[Sequence[str]] | None = None,
     *,
-    t: ArrayLike | None = None,
-    rate: float | None = None,
     names: Sequence[str] | None = None,
     held_out: bool = True,
     criterion: str = "bic",
-    sigma_mode: str = "absolute",
-    nuisance: Sequence[str] | None = None,
-    engine: str | AbstractEngine = "auto",
-    start: str | float = "first_reversal",
-    bounds: Mapping[str, tuple[float | None, float | None]] | None = None,
-    priors: Mapping[str, Prior] | None = None,
-    tie: Mapping[str, Tied] | None = None,
-    rig: Rig | None = None,
-    guess: Mapping[str, float] | None = None,
-    loss: str | AbstractLoss = "squares",
-    noise: str = "auto",
+    **settings: Unpack[Settings],
 ) -> Comparison:
     """Fit several laws to the same runs and say which describes them best.
 
@@ -78,19 +62,8 @@ def compare(
         names: for each oscillator a name; None for that of its law.
         held_out: whether to compute the score of held-out samples (see `fricjax.comparison.cross_validation`).
         criterion: what to rank by: "bic", "aicc" or "held_out".
-        sigma_mode: as for `fit`, and so are the following.
-        t: times of runs that are bare displacements, shape (samples,) in seconds, for all runs or one of each.
-        rate: samples per second of such runs, in place of times: ``fit(x, ..., rate=5000.0)``.
-        nuisance: free parameters of each run.
-        engine: name of the engine, or an engine.
-        start: where the motion starts.
-        bounds: an entry of this and of the other tables counts for those laws that have its coefficient.
-        priors: prior knowledge by name.
-        tie: leaves that follow a free parameter.
-        rig: the rig whose uncertain inputs enter the combined standard errors.
-        guess: start values by name.
-        loss: loss of the residuals.
-        noise: noise model by which all laws are fitted and compared.
+        **settings: as for :func:`fricjax.fit`, but `throw`. An entry of a table, as of `bounds`, counts for those laws
+            that have its coefficient; by the noise model all laws are fitted and compared.
 
     Returns:
         The comparison. A fit that fails is a row that says so.
@@ -111,14 +84,13 @@ def compare(
         Comparison(known < fitted by bic)
     """
     ready()
+    check_known("compare", settings, [name for name in Settings.__annotations__ if name != "throw"])
     check_criterion(criterion, held_out)
+    sigma_mode = settings.get("sigma_mode", "absolute")
     machines: tuple[Oscillator, ...] = tuple(oscillators) if isinstance(oscillators, list | tuple) else ()
     if not machines or not all(isinstance(machine, Oscillator) for machine in machines):
         raise UsageError("compare needs a list of oscillators, each the machine with one of the laws.")
-    records = records_of(data, t, rate, sigma_mode)
-    tables: Settings = {"bounds": bounds, "priors": priors, "tie": tie, "guess": guess}
-    where: Settings = {"nuisance": nuisance, "engine": engine, "start": start}
-    settings: Settings = {**where, "rig": rig, "loss": loss, "noise": noise, **tables}
+    records = records_of(data, settings.get("t"), settings.get("rate"), sigma_mode)
     entered = candidates(records, machines, free, names, settings)
     # Laws with internal states take the longest, and the others fill the gaps.
     longest_first = sorted(range(len(entered)), key=lambda i: -entered[i].request.oscillator.friction.n_states)

@@ -4,7 +4,7 @@ import os
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -13,10 +13,7 @@ from ..data import Record
 from ..data.gather import Source, record_of, sources_of
 from ..errors import DataError, UsageError
 from ..estimation.covariance import Covariance, covariance
-from ..estimation.loss import AbstractLoss
 from ..oscillator import Oscillator, cores, one_at_a_time, ready
-from ..oscillator.engines import AbstractEngine
-from ..rig import Rig
 from ..show.working import working
 from .assemble import unit_of
 from .batch_result import BatchFit
@@ -24,7 +21,7 @@ from .chunks import WIDTH, Summary
 from .derived import UNITS, contributions, kinematics
 from .diagnostics import CONVERGED, Misfit, flags_of, misfit_of, status_of, worst
 from .noise_weighting import NoiseWeighted, weigh_by_noise
-from .parameters import Free, Prior, Request, Settings, Tied
+from .parameters import Free, Request, RunSettings, check_known
 from .problem import Problem, build_problem
 from .rest import miscounted, solve_with_rest
 from .result import named
@@ -54,18 +51,8 @@ def fit_batch(
     oscillator: Oscillator,
     free: Free,
     *,
-    t: ArrayLike | None = None,
-    rate: float | None = None,
-    nuisance: Sequence[str] | None = None,
-    engine: str | AbstractEngine = "auto",
-    start: str | float = "first_reversal",
-    bounds: Mapping[str, tuple[float | None, float | None]] | None = None,
-    priors: Mapping[str, Prior] | None = None,
-    tie: Mapping[str, Tied] | None = None,
-    rig: Rig | None = None,
     guess: Mapping[str, ArrayLike] | None = None,
-    loss: str | AbstractLoss = "squares",
-    noise: str = "auto",
+    **settings: Unpack[RunSettings],
 ) -> BatchFit:
     """Fit the same oscillator to each of many runs independently.
 
@@ -77,18 +64,8 @@ def fit_batch(
             ``(t, x)``, and with `t` or `rate` also bare displacements, an array of shape (runs, samples) too.
         oscillator: the machine and its friction law, the same for every run.
         free: names of the coefficients to fit, or Parameters of lmfit, as in :func:`fit`.
-        t: times of runs that are given as bare displacements, shape (samples,) in seconds, for all runs or one of each.
-        rate: samples per second of such runs, in place of times: ``fit(x, ..., rate=5000.0)``.
-        nuisance: names of each run's own parameters; None for those that belong to `start`.
-        engine: "auto", "exact", "hybrid", "smooth" or an engine.
-        start: "first_reversal", "release" or a number of seconds, as in :func:`fit`.
-        bounds: lower and upper bound by name.
-        priors: mean and standard deviation by name.
-        tie: leaves that follow a free parameter.
-        rig: a `Rig` whose uncertain inputs, the same for all runs, enter the combined standard errors to first order.
         guess: start values by name, one number for all runs or an array of shape (runs,).
-        loss: loss of the residuals, as in :func:`fit`.
-        noise: noise model, as in :func:`fit`.
+        **settings: as for :func:`fit`, but `sigma_mode` and `throw`; the same for all runs.
 
     Returns:
         The fits, in the order of the runs.
@@ -111,12 +88,11 @@ def fit_batch(
         ([True, True], [0.05, 0.05])
     """
     ready()
-    sources = sources_of(data, t, rate)
+    check_known("fit_batch", settings, (*RunSettings.__annotations__, "guess"))
+    sources = sources_of(data, settings.get("t"), settings.get("rate"))
     if not sources:
         raise UsageError("There is no run to fit: the list is empty.")
     runs = [_opened(each) for each in sources]
-    where: Settings = {"nuisance": nuisance, "engine": engine, "start": start, "loss": loss, "noise": noise}
-    settings: Settings = {**where, "bounds": bounds, "priors": priors, "tie": tie, "rig": rig}
     common = Request.of(oscillator, free, **settings)
     guesses = _per_run(guess or {}, len(runs))
     order = sorted(range(len(runs)), key=lambda i: len(run) if isinstance(run := runs[i], Record) else 0)

@@ -1,14 +1,14 @@
 """The free parameters of a fit as the caller names them: start values, scales, bounds, ties and priors."""
 
 import dataclasses
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from typing import Any, NamedTuple, TypedDict, Unpack
 
 import jax
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..errors import UsageError, check_choice
+from ..errors import UsageError, check_choice, nearest
 from ..estimation.loss import AbstractLoss, named_loss
 from ..estimation.space import Parameter, Tie
 from ..friction.coefficient import Coefficient
@@ -28,8 +28,8 @@ type Free = Sequence[str] | Mapping[str, Any]
 type Tied = str | tuple[str, float]
 
 
-class Settings(TypedDict, total=False):
-    """The settings of a fit, which :func:`fricjax.fit` describes, for functions that pass them on."""
+class RunSettings(TypedDict, total=False):
+    """The settings of a fit that hold for one run or for each of many; :func:`fricjax.fit` describes them."""
 
     t: ArrayLike | None
     rate: float | None
@@ -39,12 +39,28 @@ class Settings(TypedDict, total=False):
     bounds: Mapping[str, tuple[float | None, float | None]] | None
     priors: Mapping[str, Prior] | None
     tie: Mapping[str, Tied] | None
-    sigma_mode: str
     rig: Rig | None
-    guess: Mapping[str, float] | None
     loss: str | AbstractLoss
     noise: str
+
+
+class Settings(RunSettings, total=False):
+    """All settings of a fit, for functions that pass them on."""
+
+    sigma_mode: str
+    guess: Mapping[str, float] | None
     throw: bool
+
+
+def check_known(what: str, settings: Mapping[str, Any], known: Collection[str]) -> None:
+    """Refuse a setting that a function which passes settings on to a fit does not have.
+
+    Raises:
+        UsageError: offers the nearest one, and names all.
+    """
+    for name in settings:
+        if name not in known:
+            raise UsageError(f"{what} has no setting {name!r}.{nearest(name, known)} It has {', '.join(known)}.")
 
 
 @dataclasses.dataclass(frozen=True)

@@ -208,11 +208,13 @@ def test_all_laws_see_the_same_samples():
         ({"free": [["mu"]]}, "3 oscillators but 1 lists"),
         ({"bounds": {"sigma9": (0, 1)}}, "bounds names 'sigma9', which no candidate has"),
         ({"sigma_mode": "relative"}, "no sigma_mode"),
+        ({"bonds": {}}, r"compare has no setting 'bonds'. Did you mean 'bounds'\?"),
+        ({"throw": False}, "compare has no setting 'throw'"),
     ],
 )
 def test_wrong_arguments(arguments, words):
     with pytest.raises(UsageError, match=words):
-        compare(RUNS[0], MACHINES, **{"free": FREE, **arguments})
+        compare(RUNS[0], MACHINES, **{"free": FREE, **arguments})  # pyright: ignore[reportArgumentType]
 
 
 def test_nothing_to_compare():

@@ -90,6 +90,8 @@ def test_a_run_that_needs_too_many_steps_does_not_stop_the_others(monkeypatch):
 def test_settings_that_fit_no_run_are_an_error(traces: list[fj.Trace]):
     with pytest.raises(UsageError, match=r"No run could be fitted\. The first was rejected: .*'mue'"):
         fj.fit_batch(traces, SLIDING, ["mue"])
+    with pytest.raises(UsageError, match=r"fit_batch has no setting 'gues'\. Did you mean 'guess'\?"):
+        fj.fit_batch(traces, SLIDING, MACHINE, gues={})  # pyright: ignore[reportCallIssue]
     with pytest.raises(UsageError, match="There is no run to fit"):
         fj.fit_batch([], SLIDING, MACHINE)
     with pytest.raises(UsageError, match=r"Start values of mu must be .* one per run \(4\), got shape \(3,\)"):
