@@ -68,8 +68,8 @@ def pairs_of(records: Any, *, start: str = "first_reversal") -> Pairs:
             )
         of_rest = _of_mean(segmentation, run, run.t >= segmentation.rest)
         if start == "release":
-            held = run.t <= segmentation.release
-            x0, of_start = float(np.mean(run.x[run.mask & held])), _of_mean(segmentation, run, held)
+            before = run.t <= segmentation.release
+            x0, of_start = float(np.mean(run.x[run.mask & before])), _of_mean(segmentation, run, before)
             half_cycles = segmentation.n_half_cycles
         elif segmentation.turning_points.size:
             x0, of_start = float(segmentation.turning_points[0]), _of_reversal(segmentation, run)
