@@ -117,7 +117,8 @@ def contradiction(oscillator: Oscillator, half_period: float) -> tuple[str, ...]
     # A unit mass stands for an unknown one, and a unit stiffness for one that the record is to tell.
     if 1.0 in (float(oscillator.mass), float(oscillator.stiffness)):
         return ()
-    machine = float(oscillator.angular_frequency) / (2 * math.pi)
+    # By numbers of the host: an operation of JAX is a program of its own, which a first fit would wait for.
+    machine = math.sqrt(float(oscillator.stiffness) / float(oscillator.mass)) / (2 * math.pi)
     record = 0.5 / half_period
     ratio = (record / machine) ** 2
     # A contact that holds the mass may be far stiffer than the spring, and the mass then rings on it.
