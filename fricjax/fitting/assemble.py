@@ -17,6 +17,7 @@ from ..rig import Measured
 from ..show import rotary_unit
 from .derived import contributions, kinematics
 from .diagnostics import CONVERGED, flags_of, misfit_of, status_of
+from .missing import advice
 from .names import find_leaf
 from .noise import Whiteness, whiteness
 from .noise_weighting import NoiseWeighted
@@ -24,7 +25,7 @@ from .problem import Problem
 from .rest import CONTRADICTED, Bracket, bracket_static, excess_at_reversals, rest_margin
 from .result import Fit, named
 from .solve import Solution
-from .warnings import warnings_of
+from .warnings import warnings_of_model, warnings_of_run
 from .window import NEVER
 
 
@@ -45,8 +46,11 @@ def assemble(counted: NoiseWeighted, sigma_mode: str) -> Fit:
     misfit = misfit_of(problem, solution, counted.noises, sigma_mode != "absolute")
     status = status_of(problem, solution, covariances, misfit)
     parts = contributions(problem.names, solution.derived, covariances)
-    shift = solution.numerical_shift
-    warnings = warnings_of(problem, values, std_errors, misfit, counted.others, margins, excesses, bracket, shift)
+    warnings = (
+        *warnings_of_run(problem, values, std_errors, misfit, counted.others),
+        *advice(problem, solution, covariances, counted.lacks),
+        *warnings_of_model(problem, values, margins, excesses, bracket, solution.numerical_shift),
+    )
     return Fit(
         names=problem.names,
         values={**values, **static},

@@ -20,6 +20,7 @@ from .batch_result import BatchFit
 from .chunks import WIDTH, Summary
 from .derived import UNITS, contributions, kinematics
 from .diagnostics import CONVERGED, Misfit, flags_of, misfit_of, status_of, worst
+from .missing import advice
 from .noise_weighting import NoiseWeighted, weigh_by_noise
 from .parameters import Free, Request, RunSettings, check_known
 from .problem import Problem, build_problem
@@ -208,7 +209,8 @@ def _row(weighted: NoiseWeighted, misfit: Misfit) -> Row:
     covariances = covariance(solution.shape, slope, normal, weighted.variance, weighted.unsure)
     values = named(problem.names, solution.derived.values)
     errors = named(problem.names, np.sqrt(np.diag(covariances.statistical)))
-    warnings = tuple(warnings_of_run(problem, values, errors, misfit, weighted.others))
+    lacking = advice(problem, solution, covariances, weighted.lacks)
+    warnings = (*warnings_of_run(problem, values, errors, misfit, weighted.others), *lacking)
     return Row(status_of(problem, solution, covariances, misfit), problem, weighted, covariances, warnings)
 
 

@@ -42,7 +42,7 @@ class Summary(NamedTuple):
     """What is kept of all samples of a problem that was evaluated in a chunk.
 
     Attributes:
-        size: typical size of the residuals, in units of the noise.
+        size: typical size of the residuals, in units of the noise; that in motion where it is larger.
         half_cycles: number of half-cycles after which the law itself would stop the mass; -1 for never.
     """
 
@@ -112,8 +112,9 @@ def _solve_one(member: Member, loss: AbstractLoss) -> tuple[Iterate, Summary]:
     at = solve_in_stages(*member[:3], loss, *member[3:])
     evaluation, residual = at.evaluation, member.residual
     samples = evaluation.residual[: evaluation.residual.size - residual.n_parameters]
-    weights = jnp.concatenate([run.weight for run in residual.runs])
-    size = typical(jnp.where(weights > 0, samples, jnp.nan), loss, jnp.nanmean, jnp.nanmedian)
+    used = jnp.concatenate([run.weight > 0 for run in residual.runs])
+    moving = jnp.concatenate([part.moving > 0 for part in member.stage_weights])
+    size = typical(samples, used, moving, loss, jnp)
     # The residuals of all samples of an archive would not fit into memory.
     short = at._replace(evaluation=evaluation._replace(residual=jnp.zeros(0)))
     evaluated = member.schedule.steps <= 1
@@ -121,9 +122,16 @@ def _solve_one(member: Member, loss: AbstractLoss) -> tuple[Iterate, Summary]:
     return short, Summary(size, count)
 
 
-def typical(residual: Any, loss: AbstractLoss, mean: Any = np.mean, median: Any = np.median) -> Any:
-    """Typical size of residuals: their root mean square, or with a robust loss what their median says of it."""
-    return mean(residual**2) ** 0.5 if isinstance(loss, Squares) else median(abs(residual)) / NORMAL_MAD
+def typical(residual: Any, used: Any, moving: Any, loss: AbstractLoss, numpy: Any = np) -> Any:
+    """Typical size of residuals: their root mean square, or with a robust loss what their median says of it.
+
+    A long rest, which every model describes, would hide what one lacks in motion: the larger one of both counts.
+    """
+    if isinstance(loss, Squares):
+        squares = [numpy.sum(part * residual**2) / numpy.maximum(numpy.sum(part), 1) for part in (used, moving)]
+        return numpy.sqrt(numpy.maximum(*squares))
+    sizes = [numpy.nanmedian(numpy.where(part, abs(residual), numpy.nan)) for part in (used, moving)]
+    return numpy.fmax(*sizes) / NORMAL_MAD
 
 
 def _half_cycles_of_law(residual: Residual, derived: Derived) -> Array:

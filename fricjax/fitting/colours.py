@@ -28,7 +28,6 @@ from ..estimation.loss import Squares
 from ..estimation.process import StateTransition
 from .diagnostics import worst
 from .floor import first_rows, kicked, passage_of
-from .missing import lacking
 from .noise import whiteness
 from .problem import Problem
 from .rows import Rows, run_in_rows
@@ -95,8 +94,11 @@ def _without_floor(problem: Problem, run: int, row: Rows, level: float) -> Colou
 
 
 def described(problem: Problem, seen: Sequence[Seen], absolute: bool) -> bool:
-    """Whether what is left beside drift and hum is as small as noise in every run."""
-    sizes = [float(np.sqrt(variance_left(*run))) for run in seen]
+    """Whether what is left beside drift and hum is as small as noise in every run, and in the motion of every run."""
+    sizes = [
+        float(np.sqrt(max(variance_left(*run), variance_left(*run, until=window.stopped))))
+        for window, run in zip(problem.windows, seen, strict=True)
+    ]
     expected = [expected_size(window, *run) for window, run in zip(problem.windows, seen, strict=True)]
     return worst(problem, sizes, expected, not absolute).ratio <= thresholds.DESCRIBED
 
@@ -111,8 +113,6 @@ def _or_shaken(problem: Problem, at: Solution, run: int, row: Rows, colour: Colo
     enough = np.sum(still) >= _RESTING
     if not (enough and _remembers(colour.left[~still], row.level) and _is_quiet(colour.left[still])):
         return colour
-    if _lacks_a_term(problem, run, row, still):
-        return colour
     rival = _shaken(problem, at, run, row.series)
     if rival is None or rival.transition is None:
         return colour
@@ -123,20 +123,6 @@ def _or_shaken(problem: Problem, at: Solution, run: int, row: Rows, colour: Colo
         passage = StateTransition(*(each[: rival.last] for each in rival.transition))
         known, other = kicked(first_rows(row.series, rival.last), passage), autoregressive(first_rows(left, rival.last))
     return colour if _criterion(known) > _criterion(other) else rival
-
-
-def _lacks_a_term(problem: Problem, run: int, row: Rows, still: np.ndarray) -> bool:
-    """Whether a term that the model has not moves the mass by far more than the noise.
-
-    Kicks explain whatever a model lacks, each reversal by kicks of its own: with 2 um left by a drag that is not free
-    mu was twelve of its standard errors off. No floor moves a mass as one term does from the first reversal to the
-    last, so that nothing but noise is left beside that: of what a floor of class VC-C does it leaves hundreds of times
-    as much.
-    """
-    series, noise = row.series, problem.windows[run].segmentation.noise
-    size = float(np.sqrt(np.mean((series.residual / series.unit)[~still] ** 2)))
-    term = lacking(problem, run, size) if size > thresholds.DESCRIBED * noise else None
-    return term is not None and term.left < thresholds.NOTICED * noise
 
 
 def _is_quiet(resting: np.ndarray) -> bool:
@@ -241,21 +227,21 @@ def least_squares(
     return quadratic(down, normal[:p, :p], at_bound), gradient, normal
 
 
-def variance_left(row: Rows, colour: Colour) -> float:
-    """Variance of the samples without a drift, a hum and a level, in that stated.
+def variance_left(row: Rows, colour: Colour, until: float = np.inf) -> float:
+    """Variance of the samples up to a time [s] without a drift, a hum and a level, in that stated.
 
     Drift and hum are taken from the samples, for rows do not show all of them; what else the rows have less of is the
     motion that is not fitted anew yet.
     """
-    series = row.series
-    samples = row.left + colour.at(row.t, series.t) * row.weight
+    series, used = row.series, (row.weight > 0) & (row.t <= until)
+    samples = (row.left + colour.at(row.t, series.t) * row.weight)[used]
     before = series.residual + colour.beside @ colour.sizes
     after = colour.left
     if colour.coefficients.size:
         # The level about which noise that remembers wanders means nothing.
         after = after - series.unit * (series.unit @ after) / (series.unit @ series.unit)
-    moved = float(np.mean(before**2) - np.mean(after**2)) / row.samples
-    return max(float(samples @ samples) / np.count_nonzero(row.weight) - moved, 0.0)
+    moved = float(np.mean((before**2 - after**2)[series.t <= until])) / row.samples
+    return max(float(np.mean(samples**2)) - moved, 0.0)
 
 
 def expected_size(window: Window, row: Rows, colour: Colour) -> float:
@@ -284,8 +270,7 @@ def expected_size(window: Window, row: Rows, colour: Colour) -> float:
 
 def _at_rest(window: Window, row: Rows) -> np.ndarray:
     """Which rows lie in the rest."""
-    rest = window.segmentation.rest
-    return row.series.t > (np.inf if rest is None else rest - window.origin)
+    return row.series.t > window.stopped
 
 
 def _level(row: Rows, stated: bool) -> float:

@@ -29,7 +29,7 @@ class Misfit(NamedTuple):
 
     Attributes:
         size: root mean square of its residuals, or with a robust loss their median absolute value over 0.6745, in the
-            unit of the record.
+            unit of the record; of those in motion where these are larger.
         noise: its noise, as stated or as seen in the record; `stated`: as stated, inf where its size says nothing.
         run: its number.
     """
@@ -61,7 +61,8 @@ def misfit_of(problem: Problem, solution: Solution, noises: Sequence[Noise], rel
     sizes = []
     for part, window, noise in zip(problem.by_run(solution.evaluation.residual), problem.windows, noises, strict=True):
         t = np.asarray(window.trace.t) - window.origin
-        sizes.append(float(typical((part + noise.at(t) / window.sigma)[window.used], problem.loss)))
+        left = np.where(window.used, part + noise.at(t) / window.sigma, 0.0)
+        sizes.append(float(typical(left, window.used, window.moving, problem.loss)))
     return worst(problem, sizes, [noise.expected for noise in noises], relative)
 
 

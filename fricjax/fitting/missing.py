@@ -1,172 +1,197 @@
-"""What a model lacks that does not describe its record, as the reversals tell it.
+"""What a model lacks, as the motion that it leaves in the residuals tells.
 
-Over a half-cycle of mean amplitude A the spring loses, over the stiffness, what :mod:`fricjax.comparison.fingerprints`
-lists, and to a drag of coefficient q besides ``(4/3)(q/m) A^3``. Summed up from the first reversal on, this says how
-far the energy of each turning point has fallen, and, over the slope of that, how large its amplitude is. A term
-without which the amplitudes lie off by as much as the residuals of the fit, and with which they do not, is what the
-model lacks. The same holds for the times of the reversals, which a spring that stiffens or softens shifts by a sum of
-A^2.
+The response of the motion to a force that the model has not (:mod:`.responses`) is sought in the residuals beside the
+free parameters, in two ways. Where it explains what is left down to noise that forgets within a few samples, that is no
+noise that remembers for longer, nor a floor that shakes, for these are another thing in every half-cycle. And where it
+is seen beside noise that is known, fitting the force would move the parameters, which their standard errors must allow
+for.
 """
 
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
-import jax.numpy as jnp
 import numpy as np
 
-from ..friction import Coulomb
-from ..oscillator import Oscillator
-from ..oscillator.restoring import Linear
-from ..show import engineering
+from .. import thresholds
+from ..estimation.colour import whitened
+from ..estimation.covariance import Covariance
+from .colours import Seen
 from .names import NUISANCES
 from .problem import Problem
-from .window import equilibrium, without_ringing
+from .responses import responses
+from .rows import Rows
+from .solve import Solution
 
-# Reversals from which a term can be told from chance; part of the residuals that it must take away, which is the one
-# worth a sentence, and part of them that must show in the reversals.
-_FEWEST, _HALVES, _SHOWN = 8, 0.5, 0.5
+# Part of what is larger than noise that a force must take away to be all that the model lacks.
+_HALVES = 0.5
 
 
 class Lacking(NamedTuple):
-    """A term that the model lacks.
+    """A force that the model lacks.
 
     Attributes:
-        term: its name: "damping", "drag", "contact", "falling", "softening" or "stiffening".
-        left: what it would leave of the residuals at the reversals [m or rad], rms.
+        run: number of the run that shows it.
+        force: its name, of those of `responses`.
+        seen: its size in standard errors.
+        shift: how far fitting it would move the coordinates of the free parameters, shape (p,).
     """
 
-    term: str
-    left: float
+    run: int
+    force: str
+    seen: float
+    shift: np.ndarray
 
 
-class _Decay(NamedTuple):
-    """Reversals of a run: deflections and times, mean amplitude and angular frequency between them."""
+class _Explained(NamedTuple):
+    """What a force explains.
 
-    y: np.ndarray
-    t: np.ndarray
-    mean: np.ndarray
-    omega: float
-
-
-class _Sums(NamedTuple):
-    """What is read at each reversal, times its weight a length [m]; the terms that are free; and those that are not.
-
-    Of the latter a positive multiple is sought.
+    Attributes:
+        force: its name.
+        size: that of its response; `effect`: that response in the residuals, shape (rows,).
+        before, after: mean squares of what the parameters leave, and of what the force leaves besides.
+        degrees: of freedom of the latter.
     """
 
-    read: np.ndarray
-    weight: np.ndarray
-    free: tuple[np.ndarray, ...]
-    lacking: tuple[tuple[str, np.ndarray], ...]
+    force: str
+    size: float
+    effect: np.ndarray
+    before: float
+    after: float
+    degrees: int
+
+    @property
+    def seen(self) -> float:
+        """Size in standard errors."""
+        gain = max(self.before - self.after, 0.0) / max(self.after, np.finfo(float).tiny)
+        return float(np.sqrt(gain * self.degrees))
+
+    def lacking(self, run: int, slopes: np.ndarray, inverse: np.ndarray) -> Lacking:
+        """The force that a run lacks; its derivatives by the coordinates, and the inverse of all normal equations."""
+        return Lacking(run, self.force, self.seen, -self.size * inverse @ (slopes.T @ self.effect))
 
 
-def lacking(problem: Problem, run: int, size: float) -> Lacking | None:
-    """The term that would halve residuals of this size [m or rad] in a run; None where none would."""
-    window, machine = problem.windows[run], problem.residual.oscillator
-    segmentation = without_ringing(window.segmentation)
-    later = segmentation.turning_times >= window.t_start - segmentation.half_period / 4
-    y = (segmentation.turning_points - equilibrium(segmentation))[later]
-    if y.size < _FEWEST:
+def explaining(problem: Problem, solution: Solution, run: int, rows: Rows) -> Lacking | None:
+    """The force that explains what a run shows in motion down to noise of short memory; None where none does."""
+    from scipy.special import fdtrc
+
+    series, p = rows.series, problem.residual.n_parameters
+    moving = series.t <= problem.windows[run].stopped
+    known = _responses_in(problem, solution, run, rows)
+    if known is None:
         return None
-    mean = (np.abs(y[1:]) + np.abs(y[:-1])) / 2
-    decay = _Decay(y, segmentation.turning_times[later], mean, np.pi / segmentation.half_period)
+    names, effects, half_cycles = known
+    slopes, residual = series.slopes[moving, :p] * ~solution.shape.at_bound, series.residual[moving]
+    # Of noise the second differences of neighbouring rows are large, of a motion they are not.
+    noise = float(np.mean(np.diff(residual, n=2) ** 2)) / 6
+    # A half-cycle on a floor that shakes has two numbers of its own, an amplitude and a phase: by the F test such a
+    # motion looks like none of so many forces by chance.
+    independent = 2 * half_cycles - np.count_nonzero(np.any(slopes, axis=0)) - 1
+    found = []
+    for force in _explained(names, effects[moving], residual, slopes) if independent > 0 else ():
+        excess, left = max(force.before - noise, 0.0), max(force.after - noise, 0.0)
+        ratio = (excess - left) * independent / max(left, np.finfo(float).tiny)
+        chance = float(fdtrc(1, independent, ratio)) * len(names)
+        if force.seen > thresholds.SURE and left < _HALVES**2 * excess and chance < thresholds.RARE:
+            found.append(force)
+    if not found:
+        return None
+    best = min(found, key=lambda force: force.after)
+    return best.lacking(run, slopes, solution.shape.inverse)
+
+
+def seen_beside_noise(problem: Problem, at: Solution, run: int, seen: Seen, inverse: np.ndarray) -> Lacking | None:
+    """The force that is seen the most surely beside the noise of a run; None where none is.
+
+    Args:
+        problem: the problem.
+        at: its solution.
+        run: number of the run.
+        seen: its rows and their noise.
+        inverse: of the normal matrix of all runs, weighed by their noises, shape (p, p).
+    """
+    rows, colour = seen
+    known = _responses_in(problem, at, run, rows)
+    if known is None:
+        return None
+    names, effects, _ = known
+    p = problem.residual.n_parameters
+    together = np.column_stack([rows.series.slopes[:, :p] * ~at.shape.at_bound, effects])
+    residual, columns = whitened(rows.series._replace(slopes=together), colour)
+    found = [
+        force for force in _explained(names, columns[:, p:], residual, columns[:, :p]) if force.seen > thresholds.SURE
+    ]
+    best = max(found, key=lambda force: force.seen, default=None)
+    return None if best is None else best.lacking(run, columns[:, :p], inverse)
+
+
+def _responses_in(
+    problem: Problem, at: Solution, run: int, rows: Rows
+) -> tuple[tuple[str, ...], np.ndarray, int] | None:
+    """The same as `responses` in rows of a run, in their units."""
     kinds = {parameter.kind for parameter in problem.parameters}
-    gains = [gain for sums in (_energies(decay, machine, kinds), _times(decay, machine)) for gain in _gains(sums, size)]
-    if not gains:
-        return None
-    _, left, term = max(gains)
-    return Lacking(term, left)
+    known = responses(problem.windows[run], at.derived, kinds, rows.series.t)
+    return known and (known[0], known[1] * rows.series.unit[:, None], known[2])
 
 
-def advice(problem: Problem, run: int, term: Lacking) -> str:
-    """A sentence on a term that a run lacks, and on how it is fitted."""
-    quantity = problem.windows[run].quantity
+def _explained(
+    names: Sequence[str], effects: np.ndarray, residual: np.ndarray, slopes: np.ndarray
+) -> Iterator[_Explained]:
+    """What each force explains beside the parameters, of those that have the right sign."""
+    slopes = slopes[:, np.any(slopes, axis=0)]
+    degrees = residual.size - slopes.shape[1] - 1
+    if degrees < 1:
+        return
+    basis = np.linalg.svd(slopes / np.linalg.norm(slopes, axis=0), full_matrices=False)[0]
+    left, apart = (columns - basis @ (basis.T @ columns) for columns in (residual, effects))
+    before = float(left @ left) / degrees
+    for name, effect, own in zip(names, effects.T, apart.T, strict=True):
+        # The computed motion lies where the force has not taken it.
+        size = -float(own @ left) / max(float(own @ own), np.finfo(float).tiny)
+        if size > 0:
+            yield _Explained(name, size, effect, before, before - size**2 * float(own @ own) / degrees, degrees)
+
+
+def allowed_for(lacks: Sequence[Lacking | None], parameters: int) -> np.ndarray:
+    """What is to be added to the covariance of the coordinates, shape (p, p), for forces that are lacking.
+
+    Of several runs that lack the same the shifts add up.
+    """
+    shifts: dict[str, np.ndarray] = {}
+    for lack in filter(None, lacks):
+        shifts[lack.force] = shifts.get(lack.force, 0.0) + lack.shift
+    return sum((np.outer(shift, shift) for shift in shifts.values()), np.zeros((parameters, parameters)))
+
+
+def advice(
+    problem: Problem, solution: Solution, covariance: Covariance, lacks: Sequence[Lacking | None]
+) -> Iterator[str]:
+    """A sentence on what is lacking the most surely, what it would move, and how it is fitted."""
+    lack = max(filter(None, lacks), key=lambda each: each.seen, default=None)
+    if lack is None:
+        return
+    shift, errors = lack.shift * solution.derived.slope, np.sqrt(np.diag(covariance.statistical))
+    most = int(np.argmax(np.abs(shift) / np.where(errors > 0, errors, np.inf)))
+    moved = problem.parameters[most]
     names = [parameter.name for parameter in problem.parameters if "[" not in parameter.name]
     shared = [name for name in names if name.rsplit(".", 1)[-1] not in NUISANCES]
-    what, how = _advice(term.term, shared, quantity)
-    rest = engineering(term.left, quantity)
-    return f"{what} would leave {rest} of these residuals at the reversals: fit with {how}."
+    what, how = _advice(lack.force, shared, problem.windows[lack.run].quantity)
+    yield (
+        f"{what} would move {moved.name} by {shift[most]:.2g}{moved.unit and f' {moved.unit}'}, for which its standard "
+        f"error allows; it is seen by {lack.seen:.3g} standard errors. Fit with {how}."
+    )
 
 
-def _advice(term: str, free: list[str], quantity: str) -> tuple[str, str]:
+def _advice(force: str, free: list[str], quantity: str) -> tuple[str, str]:
     """What is lacking, and how it is fitted."""
-    if term == "damping":
+    if force == "damping":
         return "A viscous damping", f"free={[*free, 'damping']}"
-    if term == "drag":
+    if force == "drag":
         return "A drag with the square of the speed", f"free={[*free, 'drag']}"
-    if term == "contact":
+    if force == "contact":
         return "A contact that bends before it slides", "friction=Dahl(...) or friction=LuGre(...)"
-    if term == "falling":
+    if force == "falling":
         return "Friction that falls with velocity", "friction=Stribeck(...)"
-    if term == "softening" and quantity == "rad":
+    if force == "softening" and quantity == "rad":
         return "The restoring force of a pendulum", "restoring=Pendulum()"
-    spring = f"A spring that {term.removesuffix('ing')}s with deflection"
+    spring = f"A spring that {force.removesuffix('ing')}s with deflection"
     return spring, f"restoring=Cubic(0.0) with free={[*free, 'k3']}"
-
-
-def _energies(decay: _Decay, machine: Oscillator, kinds: set[str]) -> _Sums:
-    """Losses of the half-cycles, summed up."""
-    stiffness, mass = float(machine.stiffness), float(machine.mass)
-    k = jnp.asarray(machine.stiffness)
-    energy, slope = (
-        np.asarray(law(jnp.asarray(decay.y), k)) / stiffness
-        for law in (machine.restoring.potential, machine.restoring.force)
-    )
-    damping = np.pi / 2 * decay.omega / stiffness * decay.mean**2
-    drag = 4 / 3 / mass * decay.mean**3
-    terms = {"damping": damping, "drag": drag}
-    fixed = sum(
-        (float(getattr(machine, name)) * terms[name] for name in terms.keys() - kinds), np.zeros(decay.mean.size)
-    )
-    bend = -np.ones(decay.mean.size)
-    always = [np.abs(decay.y[1:]) + np.abs(decay.y[:-1]), *(terms[name] for name in terms.keys() & kinds)]
-    sought = {name: terms[name] for name in terms.keys() - kinds}
-    # Other laws than that of constant friction have losses of their own, which this term may stand for.
-    if _is_constant(machine):
-        sought |= {"contact": bend, "falling": -bend}
-    else:
-        always.append(bend)
-    free = (np.ones(decay.y.size), slope, *(_summed(term) for term in always))
-    fallen = energy[0] - energy - _summed(fixed)
-    return _Sums(fallen, 1 / np.abs(slope), free, tuple((name, _summed(term)) for name, term in sought.items()))
-
-
-def _times(decay: _Decay, machine: Oscillator) -> _Sums:
-    """Durations of the half-cycles, summed up."""
-    ranks = np.arange(decay.t.size)
-    free = np.ones(ranks.size), ranks * np.pi / decay.omega
-    sought = []
-    if isinstance(machine.restoring, Linear):
-        square = _summed(decay.mean**2)
-        sought += [("softening", square), ("stiffening", -square)]
-    if _is_constant(machine):
-        # From the reversal on the mass takes this long to bend the contact, whose force differs from that of sliding.
-        bent = _summed(decay.mean**-0.5)
-        sought += [("contact", bent), ("contact", -bent)]
-    return _Sums(decay.t - decay.t[0], decay.omega * np.abs(decay.y), free, tuple(sought))
-
-
-def _is_constant(machine: Oscillator) -> bool:
-    law = machine.friction
-    return not law.n_states and isinstance(law.set_valued_limit(), Coulomb)
-
-
-def _summed(terms: np.ndarray) -> np.ndarray:
-    return np.append(0.0, np.cumsum(terms))
-
-
-def _gains(sums: _Sums, size: float) -> list[tuple[float, float, str]]:
-    """Squares that each term takes away and the root of what it leaves, where its lack explains residuals of a size."""
-    without, _ = _fitted(sums, ())
-    if without < _SHOWN * size:
-        return []
-    fits = [(name, *_fitted(sums, (term,))) for name, term in sums.lacking]
-    return [(without**2 - left**2, left, name) for name, left, value in fits if value > 0 and left < _HALVES * without]
-
-
-def _fitted(sums: _Sums, more: tuple[np.ndarray, ...]) -> tuple[float, float]:
-    """What is left of the readings, as the root mean square of a swing of that amplitude, and the last coefficient."""
-    columns = np.stack([*sums.free, *more], axis=1) * sums.weight[:, None]
-    unit = np.linalg.norm(columns, axis=0)
-    solution = np.linalg.lstsq(columns / unit, sums.read * sums.weight, rcond=None)[0]
-    off = sums.read * sums.weight - columns / unit @ solution
-    return float(np.sqrt(off @ off / (off.size - unit.size) / 2)), float(solution[-1])

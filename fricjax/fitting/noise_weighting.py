@@ -21,13 +21,14 @@ from typing import NamedTuple
 import numpy as np
 
 from .. import thresholds
-from ..estimation.colour import Colour, whitened
+from ..estimation.colour import Colour, white, whitened
 from ..estimation.loss import Squares
 from ..estimation.small_sample import small_sample_covariance
 from .clock import by_clock
 from .colours import Seen, colours_of, described, expected_size, least_squares, under_noise, variance_left, weighed_rows
 from .diagnostics import worst
 from .evaluation import Block
+from .missing import Lacking, allowed_for, explaining, seen_beside_noise
 from .noise import Line, Noise, whiteness
 from .problem import Problem
 from .rows import Rows, rounded, rows_of
@@ -71,7 +72,8 @@ class NoiseWeighted(NamedTuple):
             `white`: standard errors of the coordinates under it.
         noises: the noise of each run.
         unsure: what is to be added to that covariance of the coordinates for what the record leaves open of its noise
-            and of its number of half-cycles; `others`: the other numbers.
+            of its number of half-cycles, and of what its model lacks; `others`: the other numbers.
+        lacks: what the model lacks in each run; nothing where it was not looked for.
         went_on: whether the fit went on from its least squares.
         gain: what the colour adds to minus twice the logarithm of the likelihood; `numbers`: how many numbers it has.
     """
@@ -83,6 +85,7 @@ class NoiseWeighted(NamedTuple):
     white: np.ndarray
     noises: tuple[Noise, ...]
     unsure: np.ndarray
+    lacks: tuple[Lacking | None, ...] = ()
     others: tuple[Other, ...] = ()
     went_on: bool = False
     gain: float = 0.0
@@ -98,9 +101,15 @@ def weigh_by_noise(problem: Problem, solution: Solution, absolute: bool) -> Nois
         absolute: whether the size of the noise is taken at its word, as long as the residuals do not contradict it.
     """
     plain = _plain(problem, solution, absolute)
-    if not solution.converged or problem.noise == "white":
+    if not solution.converged:
         return plain
     rows = rows_of(problem, solution.evaluation)
+    lacks = [explaining(problem, solution, run, row) for run, row in enumerate(rows)]
+    if any(lacks):
+        # Memory, or kicks of a floor, would explain in each half-cycle anew what one force does in all of them.
+        return _allowing(_undescribed(plain, rows) if problem.noise == "auto" else plain, lacks)
+    if problem.noise == "white":
+        return _beside(plain, solution, _white(rows))
     # What the model lacks grows with velocity too.
     sizes = [float(np.sqrt(row.level)) for row in rows]
     small = worst(problem, sizes, [0.0] * len(rows), not absolute).ratio <= thresholds.DESCRIBED
@@ -131,16 +140,16 @@ def _by_colour(plain: NoiseWeighted, first: Sequence[Rows], absolute: bool) -> N
             rows = rows_of(problem, at.evaluation)
             continue
         if not seen:
-            return plain
-        if not described(problem, seen, absolute):
-            break
+            return _beside(plain, solution, _white(rows))
         shape, gradient, normal = least_squares(problem, at, weighed_rows(seen))
+        if not described(problem, seen, absolute):
+            return _beside(_undescribed(plain, first), at._replace(shape=shape), seen)
         if not shape.distance > _NEAR:
             counts = at.evaluation._replace(gradient=gradient, normal=normal)
             shift = max(solution.numerical_shift, shape.distance)
             likelihoods = [_likelihood(*run, absolute) for run in seen]
             doubt = _doubt(problem, at, seen)
-            return plain._replace(
+            weighted = plain._replace(
                 solution=at._replace(evaluation=counts, shape=shape, numerical_shift=shift),
                 variance=1.0,
                 unsure=small_sample_covariance([(row.series, colour) for row, colour in seen], shape.inverse)
@@ -151,11 +160,30 @@ def _by_colour(plain: NoiseWeighted, first: Sequence[Rows], absolute: bool) -> N
                 gain=sum(gain for gain, _ in likelihoods),
                 numbers=sum(numbers for _, numbers in likelihoods),
             )
+            return _beside(weighted, at._replace(shape=shape), seen)
         at = _moved(problem, at, shape.step)
         if not np.isfinite(at.evaluation.chi2):
             break
         rows = rows_of(problem, at.evaluation)
     return _undescribed(plain, first)
+
+
+def _white(rows: Sequence[Rows]) -> list[Seen]:
+    """Rows with the noise that least squares take them to have."""
+    return [Seen(row, white(row.series, 1.0)) for row in rows]
+
+
+def _beside(weighted: NoiseWeighted, at: Solution, seen: Sequence[Seen]) -> NoiseWeighted:
+    """The fit with what its model lacks beside the noise that was seen."""
+    problem, inverse = weighted.problem, at.shape.inverse
+    runs = enumerate(seen)
+    return _allowing(weighted, [seen_beside_noise(problem, at, run, like, inverse) for run, like in runs])
+
+
+def _allowing(weighted: NoiseWeighted, lacks: Sequence[Lacking | None]) -> NoiseWeighted:
+    """The fit with standard errors that allow for what its model lacks."""
+    unsure = weighted.unsure + allowed_for(lacks, weighted.problem.residual.n_parameters)
+    return weighted._replace(lacks=tuple(lacks), unsure=unsure)
 
 
 def _plain(problem: Problem, solution: Solution, absolute: bool) -> NoiseWeighted:
@@ -193,9 +221,11 @@ def _doubt(problem: Problem, at: Solution, seen: Sequence[Seen]) -> Doubt:
 
 
 def _undescribed(plain: NoiseWeighted, rows: Sequence[Rows]) -> NoiseWeighted:
-    """The fit of least squares, its errors enlarged for residuals that are no noise."""
-    times = [whiteness(row.series.residual).correlation_time for row in rows]
-    sizes = [float(np.mean(row.series.residual**2)) for row in rows]
+    """The fit of least squares, its errors enlarged for residuals that are no noise, as large as they are in motion."""
+    pairs = zip(plain.problem.windows, rows, strict=True)
+    moving = [row.series.residual[row.series.t <= window.stopped] for window, row in pairs]
+    times = [whiteness(left).correlation_time for left in moving]
+    sizes = [float(np.mean(left**2)) for left in moving]
     noises = tuple(
         Noise(excess=float(np.sqrt(row.level)), memory=float(time) * row.samples * row.interval)
         for row, time in zip(rows, times, strict=True)

@@ -81,9 +81,7 @@ def longer(values: np.ndarray, n: int, end: Any = 0.0) -> np.ndarray:
 
 def stage_weights_of(window: Window, run: Run) -> StageWeights:
     """Weights of a run without its rest, and how far from the record its motion may be to count as in phase."""
-    segmentation, t = window.segmentation, np.asarray(run.t)
-    rest = np.inf if segmentation.rest is None else segmentation.rest - window.origin
-    moving = np.where(t <= rest, run.weight, 0.0)
+    segmentation, t, moving = window.segmentation, np.asarray(run.t), _without_rest(window, run)
     local = np.full(t.shape, segmentation.amplitude)
     if segmentation.turning_times.size:
         swing = np.abs(segmentation.turning_points - window.guesses["offset"])
@@ -94,9 +92,13 @@ def stage_weights_of(window: Window, run: Run) -> StageWeights:
     return StageWeights(moving, tolerance, np.asarray(_SHORTEST * segmentation.half_period / span))
 
 
-def full_stage(run: Run) -> StageWeights:
+def full_stage(window: Window, run: Run) -> StageWeights:
     """The stage_weights of a run that is looked at as a whole."""
-    return StageWeights(np.asarray(run.weight), np.full(run.weight.shape, np.inf), np.zeros(()))
+    return StageWeights(_without_rest(window, run), np.full(run.weight.shape, np.inf), np.zeros(()))
+
+
+def _without_rest(window: Window, run: Run) -> np.ndarray:
+    return np.where(run.t <= window.stopped, run.weight, 0.0)
 
 
 def condensation(window: Window, run: Run, oscillator: Oscillator) -> Condensation:

@@ -176,7 +176,8 @@ def joined(first: Iterate, then: Iterate) -> Iterate:
 
 def on_all_samples(problem: Problem, residual: Residual, y: Any, schedule: Schedule) -> Member:
     """What is to be solved from coordinates `y` with all samples of a residual."""
-    return Member(residual, tuple(full_stage(run) for run in residual.runs), problem.limits, y, schedule)
+    stages = tuple(full_stage(*pair) for pair in zip(problem.windows, residual.runs, strict=True))
+    return Member(residual, stages, problem.limits, y, schedule)
 
 
 def _refined(problem: Problem, at: Iterate, rounds: int, endings: tuple[int, ...]) -> Solution:

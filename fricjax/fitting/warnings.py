@@ -11,7 +11,6 @@ from ..data.repair import reported_faults
 from ..oscillator.restoring import Pendulum
 from ..show import engineering, plain
 from .diagnostics import Misfit, growth, holds_release, too_large
-from .missing import advice, lacking
 from .noise_weighting import Other
 from .problem import Problem
 from .rest import Bracket, Margin
@@ -21,37 +20,28 @@ from .solve import half_cycles
 _RIGID = 1 - 1e-6
 
 
-def warnings_of(
+def warnings_of_model(
     problem: Problem,
     values: Mapping[str, float],
-    std_errors: Mapping[str, float],
-    misfit: Misfit,
-    others: Sequence[Other],
     margins: tuple[Margin | None, ...],
     excesses: tuple[float | None, ...],
     bracket: Bracket | None,
     numerical_shift: float,
-) -> tuple[str, ...]:
-    """All that must be known of a fit.
+) -> Iterator[str]:
+    """What must be known of the model and of the stops, of a fit that was looked at by itself.
 
     Args:
         problem: the problem that was solved.
         values: fitted values by name.
-        std_errors: their standard errors.
-        misfit: its residuals beside its noise.
-        others: other numbers of half-cycles that the record leaves possible.
         margins: for each run the distance to another number of half-cycles.
         excesses: for each run that ends in motion what the law leaves for it to move on.
         bracket: interval of the static coefficient of a Coulomb law.
         numerical_shift: how far numerical errors can have moved any parameter, in its standard errors.
     """
-    return (
-        *warnings_of_run(problem, values, std_errors, misfit, others),
-        *_on_the_model(problem, values),
-        *_on_the_errors(numerical_shift),
-        *_on_the_rest(problem, margins, excesses),
-        *_on_static_friction(bracket),
-    )
+    yield from _on_the_model(problem, values)
+    yield from _on_the_errors(numerical_shift)
+    yield from _on_the_rest(problem, margins, excesses)
+    yield from _on_static_friction(bracket)
 
 
 def warnings_of_run(
@@ -61,7 +51,15 @@ def warnings_of_run(
     misfit: Misfit,
     others: Sequence[Other],
 ) -> Iterator[str]:
-    """What the record and the fitted values tell by themselves, also of a run among many."""
+    """What the record and the fitted values tell by themselves, also of a run among many.
+
+    Args:
+        problem: the problem that was solved.
+        values: fitted values by name.
+        std_errors: their standard errors.
+        misfit: its residuals beside its noise.
+        others: other numbers of half-cycles that the record leaves possible.
+    """
     unit = problem.windows[0].quantity
     yield from implausible(problem, values)
     yield from _on_growth(problem)
@@ -79,9 +77,6 @@ def warnings_of_run(
         else:
             yield f"The {times}, and are taken for noise, a slow one: it may as well be something that the model lacks."
         yield from reported_faults(_record(problem, misfit.run), _of_run(misfit.run, problem))
-        term = lacking(problem, misfit.run, misfit.size)
-        if term is not None:
-            yield advice(problem, misfit.run, term)
         yield from _on_drift(problem, misfit)
         if any(holds_release(window) for window in problem.windows):
             yield (

@@ -66,6 +66,12 @@ class Window:
         return float(np.median(self.sigma[self.used]))
 
     @property
+    def stopped(self) -> float:
+        """Time of the run from which on the mass rests [s]; inf where the record ends in motion."""
+        rest = self.segmentation.rest
+        return np.inf if rest is None else rest - self.origin
+
+    @property
     def completed(self) -> int:
         """Completed half-cycles in the window."""
         later = int(np.sum(self.segmentation.turning_times > self.t_start + self.segmentation.half_period / 4))

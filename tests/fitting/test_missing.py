@@ -18,7 +18,7 @@ def run(truth: Oscillator):
 
 
 def said(found: Fit) -> list[str]:
-    return [sentence for sentence in found.warnings if "would leave" in sentence]
+    return [sentence for sentence in found.warnings if "would move" in sentence]
 
 
 LACKING = {

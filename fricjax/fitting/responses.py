@@ -1,0 +1,117 @@
+"""What forces that a model has not would do to the motion: the linear response of the oscillator along its own decay.
+
+A force f moves it since the last reversal by ``integral f(theta) sin(phi - theta) d theta / k`` (Nayfeh and Mook,
+Nonlinear Oscillations, 1979, 3); what has grown so far swings on and fades. Amplitudes and times are those of the
+record.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from ..friction import Coulomb
+from ..oscillator import Oscillator
+from ..oscillator.restoring import Linear
+from .derived import UNITS, Derived
+from .window import Window, equilibrium, without_ringing
+
+# Fewest half-cycles in which a force differs from other start values.
+_FEWEST = 3
+# Phases of a half-cycle at which forces are computed. Friction that falls does so within a part of the largest speed,
+# and a contact bends over a part of the largest amplitude: both are seen as well if they do so elsewhere.
+_PHASES = np.linspace(0.0, np.pi, 257)
+_SLOW, _BENT = 0.2, 0.005
+
+
+class _HalfCycles(NamedTuple):
+    """The half-cycles of a run.
+
+    Attributes:
+        t: times of the reversals and of the stop, which begin and end them, shape (n + 1,); `swing`: amplitudes there.
+        side: on which each begins, shape (n,); `mean`: mean amplitude.
+    """
+
+    t: np.ndarray
+    side: np.ndarray
+    mean: np.ndarray
+    swing: np.ndarray
+
+
+def responses(
+    window: Window, derived: Derived, kinds: set[str], t: np.ndarray
+) -> tuple[tuple[str, ...], np.ndarray, int] | None:
+    """The responses to all forces that a model has not, each up to a positive factor.
+
+    Args:
+        window: the fitted part of a record.
+        derived: the fitted oscillator.
+        kinds: of the free parameters; what these describe is not lacking.
+        t: times of the run [s], shape (n,).
+
+    Returns:
+        Names of the forces ("damping", "drag", "contact", "falling", "softening", "stiffening"), the displacements that
+        they make, shape (n, forces), and the number of half-cycles; None where these are too few, or no force is known
+        that the model has not.
+    """
+    half_cycles = _half_cycles_of(window)
+    if half_cycles.mean.size < _FEWEST:
+        return None
+    forces = _forces(half_cycles, derived.machine, kinds)
+    if not forces:
+        return None
+    names, each = zip(*forces, strict=True)
+    return names, _responses(half_cycles, np.stack(each), derived, t), half_cycles.mean.size
+
+
+def _half_cycles_of(window: Window) -> _HalfCycles:
+    segmentation = without_ringing(window.segmentation)
+    later = segmentation.turning_times >= window.t_start - segmentation.half_period / 4
+    times, y = segmentation.turning_times[later], (segmentation.turning_points - equilibrium(segmentation))[later]
+    if segmentation.rest is None or segmentation.rest_position is None:
+        end, last = times[-1:] + segmentation.half_period, y[-1:]
+    else:
+        end, last = [segmentation.rest], [segmentation.rest_position - equilibrium(segmentation)]
+    swing = np.abs(np.concatenate([y, last]))
+    return _HalfCycles(np.concatenate([times, end]) - window.origin, np.sign(y), (swing[:-1] + swing[1:]) / 2, swing)
+
+
+def _forces(half_cycles: _HalfCycles, machine: Oscillator, kinds: set[str]) -> list[tuple[str, np.ndarray]]:
+    """What each adds to the force in each half-cycle, towards the side on which this begins, shape (n, phases)."""
+    mean, largest = half_cycles.mean[:, None], half_cycles.mean.max()
+    speed, x = mean * np.sin(_PHASES), mean * np.cos(_PHASES)
+    forces = [("damping", speed), ("drag", speed**2)]
+    if not machine.friction.n_states and isinstance(machine.friction.set_valued_limit(), Coulomb):
+        # Laws other than that of constant friction have forces of their own, for which these may stand. A contact that
+        # bends may be weaker than one that slides or, by its own damping, stronger.
+        bent, falling = np.exp((x - mean) / (_BENT * largest)), np.exp(-((speed / (_SLOW * largest)) ** 2))
+        forces += [("falling", falling), ("contact", -bent), ("contact", bent)]
+    if isinstance(machine.restoring, Linear):
+        forces += [("softening", x**3), ("stiffening", -(x**3))]
+    return [(name, force) for name, force in forces if name not in kinds]
+
+
+def _responses(half_cycles: _HalfCycles, forces: np.ndarray, derived: Derived, t: np.ndarray) -> np.ndarray:
+    """The responses to forces of shape (forces, half-cycles, phases).
+
+    Friction turns round where the disturbed motion does: at a reversal a change of velocity shrinks as the acceleration
+    does (Leine and Nijmeijer, Dynamics and Bifurcations of Non-Smooth Mechanical Systems, 2004, 7).
+    """
+    n = half_cycles.mean.size
+    damping, band = (float(derived.kinematics[list(UNITS).index(name)]) for name in ("damping_ratio", "dead_band"))
+    grown = np.exp(damping * _PHASES)
+    of_cosine, of_sine = (
+        np.pad(np.cumsum(each[..., 1:] + each[..., :-1], axis=-1), ((0, 0), (0, 0), (1, 0))) * (_PHASES[1] / 2)
+        for each in (forces * grown * np.cos(_PHASES), forces * grown * np.sin(_PHASES))
+    )
+    shrunk = np.maximum(half_cycles.swing - band, 0.0) / (half_cycles.swing + band)
+    # Displacement, and velocity over the angular frequency, behind each reversal.
+    begin, state = np.empty((n, 2, len(forces))), np.zeros((2, len(forces)))
+    for i in range(n):
+        begin[i] = state
+        end = half_cycles.side[i] * np.stack([of_sine[:, i, -1], -of_cosine[:, i, -1]]) - state
+        state = end / grown[-1] * np.array([[1.0], [shrunk[i + 1]]])
+    number = np.clip(np.searchsorted(half_cycles.t, t, side="right") - 1, 0, n - 1)
+    part = np.clip((t - half_cycles.t[number]) / np.diff(half_cycles.t)[number], 0.0, 1.0)
+    at, phase, side = np.rint(part * (_PHASES.size - 1)).astype(int), np.pi * part, half_cycles.side[number]
+    x, v = begin[number, 0].T - side * of_sine[:, number, at], begin[number, 1].T + side * of_cosine[:, number, at]
+    return ((x * np.cos(phase) + v * np.sin(phase)) * np.exp(-damping * phase)).T
