@@ -71,11 +71,11 @@ class NoiseWeighted(NamedTuple):
         scatter: the same for white noise of the size stated, or that of the residuals where none is taken at its word;
             `white`: standard errors of the coordinates under it.
         noises: the noise of each run.
-        unsure: what is to be added to that covariance of the coordinates for what the record leaves open of its noise
+        unsure: what is to be added to that covariance of the coordinates for what the record leaves open of its noise,
             of its number of half-cycles, and of what its model lacks; `others`: the other numbers.
-        lacks: what the model lacks in each run; nothing where it was not looked for.
         went_on: whether the fit went on from its least squares.
         gain: what the colour adds to minus twice the logarithm of the likelihood; `numbers`: how many numbers it has.
+        lacks: what the model lacks in each run; nothing where it was not looked for.
     """
 
     problem: Problem
@@ -85,11 +85,11 @@ class NoiseWeighted(NamedTuple):
     white: np.ndarray
     noises: tuple[Noise, ...]
     unsure: np.ndarray
-    lacks: tuple[Lacking | None, ...] = ()
     others: tuple[Other, ...] = ()
     went_on: bool = False
     gain: float = 0.0
     numbers: int = 0
+    lacks: tuple[Lacking | None, ...] = ()
 
 
 def weigh_by_noise(problem: Problem, solution: Solution, absolute: bool) -> NoiseWeighted:

@@ -1,8 +1,11 @@
 """What a fit says that its model lacks, for motions that were computed with it."""
 
+import equinox as eqx
+import numpy as np
 import pytest
+from scipy.signal import lfilter
 
-from fricjax import Fit, Oscillator, fit, synthetic_run
+from fricjax import Fit, Oscillator, Trace, fit, fit_batch, synthetic_run
 from fricjax.friction import Coulomb, Dahl, LuGre, Stribeck
 from fricjax.oscillator.restoring import Cubic
 from tests.fitting.runs import MACHINE, STIFFNESS
@@ -61,3 +64,42 @@ def test_a_quiet_rest_makes_no_shaken_floor_of_what_is_lacking(duration):
     found = fit(record, machine(Coulomb(0.02)), MACHINE, throw=False)
     assert found.status.startswith("does not describe") and found.noises[0].floor == 0
     assert "'drag'" in said(found)[0]
+
+
+@pytest.mark.parametrize("duration", [0.3, 1.5])
+def test_a_long_rest_hides_nothing_that_the_motion_shows(duration):
+    """Residuals of 26 times the noise in motion were 10 times it over all: "converged", mu 17 standard errors off."""
+    loaded = Oscillator(PROTOTYPE_MASS, STIFFNESS, PROTOTYPE_DAMPING, 9.66, Coulomb(0.02))
+    truth = eqx.tree_at(lambda o: o.drag, loaded, 2.0)
+    record = synthetic_run(truth, 1e-3, rate=1e4, duration=duration, noise=5e-9, seed=0)
+    found = fit(record, loaded, MACHINE, throw=False)
+    batch = fit_batch([record] * 2, loaded, MACHINE)
+    assert found.status.startswith("does not describe") and "'drag'" in said(found)[0]
+    assert batch.status[0].startswith("does not describe") and "'drag'" in " ".join(batch.warnings[0])
+
+
+def remembering(record: Trace, seed: int) -> Trace:
+    """The record with 10 nm of noise that forgets within ten samples."""
+    noise = lfilter([1], [1, -0.9], np.random.default_rng(seed).normal(size=record.t.size)) * np.sqrt(1 - 0.9**2)
+    return Trace(record.t, np.asarray(record.x) + 10e-9 * noise)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_standard_errors_allow_for_a_drag_that_is_not_fitted(seed):
+    """It hides in the noise and moves mu by tens of standard errors of the noise."""
+    record = remembering(
+        synthetic_run(machine(Coulomb(0.01), drag=0.1), 2e-3, rate=5e3, duration=0.5, seed=seed).trace, seed
+    )
+    without, fitted = (fit(record, machine(Coulomb(0.01)), (*MACHINE, *more)) for more in ((), ("drag",)))
+    (sentence,) = said(without)
+    assert "'drag'" in sentence and "for which its standard error allows" in sentence
+    assert abs(without.values["mu"] - 0.01) < 3 * without.std_errors["mu"]
+    assert without.std_errors["mu"] > 10 * without.white_std_errors["mu"]
+    assert abs(fitted.values["mu"] - 0.01) < 3 * fitted.std_errors["mu"] and not said(fitted)
+
+
+def test_noise_that_remembers_lacks_nothing():
+    record = synthetic_run(machine(Coulomb(0.01)), 2e-3, rate=5e3, duration=0.5, seed=0).trace
+    for seed in range(3):
+        found = fit(remembering(record, seed), machine(Coulomb(0.01)), MACHINE)
+        assert not said(found) and abs(found.values["mu"] - 0.01) < 4 * found.std_errors["mu"]
