@@ -18,7 +18,7 @@ from ..estimation.covariance import Covariance
 from .colours import Seen
 from .names import NUISANCES
 from .problem import Problem
-from .responses import responses
+from .responses import Responses, responses
 from .rows import Rows
 from .solve import Solution
 
@@ -70,27 +70,30 @@ class _Explained(NamedTuple):
         return Lacking(run, self.force, self.seen, -self.size * inverse @ (slopes.T @ self.effect))
 
 
-def explaining(problem: Problem, solution: Solution, run: int, rows: Rows) -> Lacking | None:
+def responses_in(problem: Problem, at: Solution, run: int, rows: Rows) -> Responses:
+    """The responses of a run to forces that its model has not, in its rows and in their units."""
+    kinds = {parameter.kind for parameter in problem.parameters}
+    known = responses(problem.windows[run], at.derived, kinds, rows.series.t)
+    return known._replace(effects=known.effects * rows.series.unit[:, None])
+
+
+def explaining(problem: Problem, solution: Solution, run: int, rows: Rows, known: Responses) -> Lacking | None:
     """The force that explains what a run shows in motion down to noise of short memory; None where none does."""
     from scipy.special import fdtrc
 
     series, p = rows.series, problem.residual.n_parameters
     moving = series.t <= problem.windows[run].stopped
-    known = _responses_in(problem, solution, run, rows)
-    if known is None:
-        return None
-    names, effects, half_cycles = known
     slopes, residual = series.slopes[moving, :p] * ~solution.shape.at_bound, series.residual[moving]
     # Of noise the second differences of neighbouring rows are large, of a motion they are not.
     noise = float(np.mean(np.diff(residual, n=2) ** 2)) / 6
     # A half-cycle on a floor that shakes has two numbers of its own, an amplitude and a phase: by the F test such a
     # motion looks like none of so many forces by chance.
-    independent = 2 * half_cycles - np.count_nonzero(np.any(slopes, axis=0)) - 1
+    independent = 2 * known.half_cycles - np.count_nonzero(np.any(slopes, axis=0)) - 1
     found = []
-    for force in _explained(names, effects[moving], residual, slopes) if independent > 0 else ():
+    for force in _explained(known.forces, known.effects[moving], residual, slopes) if independent > 0 else ():
         excess, left = max(force.before - noise, 0.0), max(force.after - noise, 0.0)
         ratio = (excess - left) * independent / max(left, np.finfo(float).tiny)
-        chance = float(fdtrc(1, independent, ratio)) * len(names)
+        chance = float(fdtrc(1, independent, ratio)) * len(known.forces)
         if force.seen > thresholds.SURE and left < _HALVES**2 * excess and chance < thresholds.RARE:
             found.append(force)
     if not found:
@@ -99,55 +102,41 @@ def explaining(problem: Problem, solution: Solution, run: int, rows: Rows) -> La
     return best.lacking(run, slopes, solution.shape.inverse)
 
 
-def seen_beside_noise(problem: Problem, at: Solution, run: int, seen: Seen, inverse: np.ndarray) -> Lacking | None:
+def seen_beside_noise(problem: Problem, at: Solution, run: int, seen: Seen, known: Responses) -> Lacking | None:
     """The force that is seen the most surely beside the noise of a run; None where none is.
 
     Args:
         problem: the problem.
-        at: its solution.
+        at: its solution, whose quadratic form counts by the noise.
         run: number of the run.
         seen: its rows and their noise.
-        inverse: of the normal matrix of all runs, weighed by their noises, shape (p, p).
+        known: the responses to forces in these rows.
     """
     rows, colour = seen
-    known = _responses_in(problem, at, run, rows)
-    if known is None:
-        return None
-    names, effects, _ = known
     p = problem.residual.n_parameters
-    together = np.column_stack([rows.series.slopes[:, :p] * ~at.shape.at_bound, effects])
+    together = np.column_stack([rows.series.slopes[:, :p] * ~at.shape.at_bound, known.effects])
     residual, columns = whitened(rows.series._replace(slopes=together), colour)
-    found = [
-        force for force in _explained(names, columns[:, p:], residual, columns[:, :p]) if force.seen > thresholds.SURE
-    ]
-    best = max(found, key=lambda force: force.seen, default=None)
-    return None if best is None else best.lacking(run, columns[:, :p], inverse)
-
-
-def _responses_in(
-    problem: Problem, at: Solution, run: int, rows: Rows
-) -> tuple[tuple[str, ...], np.ndarray, int] | None:
-    """The same as `responses` in rows of a run, in their units."""
-    kinds = {parameter.kind for parameter in problem.parameters}
-    known = responses(problem.windows[run], at.derived, kinds, rows.series.t)
-    return known and (known[0], known[1] * rows.series.unit[:, None], known[2])
+    forces = _explained(known.forces, columns[:, p:], residual, columns[:, :p])
+    best = max(forces, key=lambda force: force.seen, default=None)
+    return best.lacking(run, columns[:, :p], at.shape.inverse) if best and best.seen > thresholds.SURE else None
 
 
 def _explained(
-    names: Sequence[str], effects: np.ndarray, residual: np.ndarray, slopes: np.ndarray
+    forces: Sequence[tuple[str, str]], effects: np.ndarray, residual: np.ndarray, slopes: np.ndarray
 ) -> Iterator[_Explained]:
-    """What each force explains beside the parameters, of those that have the right sign."""
+    """What each force explains beside the parameters, of those that can have its sign."""
     slopes = slopes[:, np.any(slopes, axis=0)]
     degrees = residual.size - slopes.shape[1] - 1
     if degrees < 1:
         return
-    basis = np.linalg.svd(slopes / np.linalg.norm(slopes, axis=0), full_matrices=False)[0]
+    basis = np.linalg.qr(slopes / np.linalg.norm(slopes, axis=0))[0]
     left, apart = (columns - basis @ (basis.T @ columns) for columns in (residual, effects))
     before = float(left @ left) / degrees
-    for name, effect, own in zip(names, effects.T, apart.T, strict=True):
+    for names, effect, own in zip(forces, effects.T, apart.T, strict=True):
         # The computed motion lies where the force has not taken it.
         size = -float(own @ left) / max(float(own @ own), np.finfo(float).tiny)
-        if size > 0:
+        name = names[size < 0]
+        if name:
             yield _Explained(name, size, effect, before, before - size**2 * float(own @ own) / degrees, degrees)
 
 

@@ -28,9 +28,10 @@ from .clock import by_clock
 from .colours import Seen, colours_of, described, expected_size, least_squares, under_noise, variance_left, weighed_rows
 from .diagnostics import worst
 from .evaluation import Block
-from .missing import Lacking, allowed_for, explaining, seen_beside_noise
+from .missing import Lacking, allowed_for, explaining, responses_in, seen_beside_noise
 from .noise import Line, Noise, whiteness
 from .problem import Problem
+from .responses import Responses
 from .rows import Rows, rounded, rows_of
 from .solve import Solution, checking, evaluate_at, half_cycles
 from .window import Window
@@ -104,20 +105,22 @@ def weigh_by_noise(problem: Problem, solution: Solution, absolute: bool) -> Nois
     if not solution.converged:
         return plain
     rows = rows_of(problem, solution.evaluation)
-    lacks = [explaining(problem, solution, run, row) for run, row in enumerate(rows)]
+    known = [responses_in(problem, solution, run, row) for run, row in enumerate(rows)]
+    lacks = [explaining(problem, solution, run, *each) for run, each in enumerate(zip(rows, known, strict=True))]
     if any(lacks):
         # Memory, or kicks of a floor, would explain in each half-cycle anew what one force does in all of them.
         return _allowing(_undescribed(plain, rows) if problem.noise == "auto" else plain, lacks)
     if problem.noise == "white":
-        return _beside(plain, solution, _white(rows))
+        return _beside(plain, solution, _white(rows), known)
     # What the model lacks grows with velocity too.
     sizes = [float(np.sqrt(row.level)) for row in rows]
     small = worst(problem, sizes, [0.0] * len(rows), not absolute).ratio <= thresholds.DESCRIBED
     clocked = by_clock(problem, solution, rows) if small and problem.noise in ("auto", "jitter") else None
     if clocked is None:
-        return _by_colour(plain, rows, absolute)
+        return _by_colour(plain, rows, known, absolute)
     rows = rows_of(clocked.problem, clocked.solution.evaluation)
-    counted = _by_colour(_plain(clocked.problem, clocked.solution, absolute), rows, absolute)
+    known = [responses_in(clocked.problem, clocked.solution, run, row) for run, row in enumerate(rows)]
+    counted = _by_colour(_plain(clocked.problem, clocked.solution, absolute), rows, known, absolute)
     pairs = zip(counted.noises, clocked.jitters, strict=True)
     return counted._replace(
         white=plain.white,
@@ -128,8 +131,17 @@ def weigh_by_noise(problem: Problem, solution: Solution, absolute: bool) -> Nois
     )
 
 
-def _by_colour(plain: NoiseWeighted, first: Sequence[Rows], absolute: bool) -> NoiseWeighted:
-    """The fit carried on where the noise of a run is coloured; `first` are the rows of its least squares."""
+def _by_colour(
+    plain: NoiseWeighted, first: Sequence[Rows], known: Sequence[Responses], absolute: bool
+) -> NoiseWeighted:
+    """The fit carried on where the noise of a run is coloured.
+
+    Args:
+        plain: its least squares.
+        first: their rows.
+        known: the responses to forces in these rows.
+        absolute: as in `weigh_by_noise`.
+    """
     problem, solution = plain.problem, plain.solution
     at, rows = solution, first
     for _ in range(_ROUNDS):
@@ -140,10 +152,10 @@ def _by_colour(plain: NoiseWeighted, first: Sequence[Rows], absolute: bool) -> N
             rows = rows_of(problem, at.evaluation)
             continue
         if not seen:
-            return _beside(plain, solution, _white(rows))
+            return _beside(plain, solution, _white(rows), known)
         shape, gradient, normal = least_squares(problem, at, weighed_rows(seen))
         if not described(problem, seen, absolute):
-            return _beside(_undescribed(plain, first), at._replace(shape=shape), seen)
+            return _beside(_undescribed(plain, first), at._replace(shape=shape), seen, known)
         if not shape.distance > _NEAR:
             counts = at.evaluation._replace(gradient=gradient, normal=normal)
             shift = max(solution.numerical_shift, shape.distance)
@@ -160,7 +172,7 @@ def _by_colour(plain: NoiseWeighted, first: Sequence[Rows], absolute: bool) -> N
                 gain=sum(gain for gain, _ in likelihoods),
                 numbers=sum(numbers for _, numbers in likelihoods),
             )
-            return _beside(weighted, at._replace(shape=shape), seen)
+            return _beside(weighted, at._replace(shape=shape), seen, known)
         at = _moved(problem, at, shape.step)
         if not np.isfinite(at.evaluation.chi2):
             break
@@ -173,11 +185,10 @@ def _white(rows: Sequence[Rows]) -> list[Seen]:
     return [Seen(row, white(row.series, 1.0)) for row in rows]
 
 
-def _beside(weighted: NoiseWeighted, at: Solution, seen: Sequence[Seen]) -> NoiseWeighted:
+def _beside(weighted: NoiseWeighted, at: Solution, seen: Sequence[Seen], known: Sequence[Responses]) -> NoiseWeighted:
     """The fit with what its model lacks beside the noise that was seen."""
-    problem, inverse = weighted.problem, at.shape.inverse
-    runs = enumerate(seen)
-    return _allowing(weighted, [seen_beside_noise(problem, at, run, like, inverse) for run, like in runs])
+    runs = enumerate(zip(seen, known, strict=True))
+    return _allowing(weighted, [seen_beside_noise(weighted.problem, at, run, *each) for run, each in runs])
 
 
 def _allowing(weighted: NoiseWeighted, lacks: Sequence[Lacking | None]) -> NoiseWeighted:

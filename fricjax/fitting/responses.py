@@ -19,7 +19,7 @@ from .window import Window, equilibrium, without_ringing
 _FEWEST = 3
 # Phases of a half-cycle at which forces are computed. Friction that falls does so within a part of the largest speed,
 # and a contact bends over a part of the largest amplitude: both are seen as well if they do so elsewhere.
-_PHASES = np.linspace(0.0, np.pi, 257)
+_PHASES = np.linspace(0.0, np.pi, 65)
 _SLOW, _BENT = 0.2, 0.005
 
 
@@ -37,30 +37,35 @@ class _HalfCycles(NamedTuple):
     swing: np.ndarray
 
 
-def responses(
-    window: Window, derived: Derived, kinds: set[str], t: np.ndarray
-) -> tuple[tuple[str, ...], np.ndarray, int] | None:
-    """The responses to all forces that a model has not, each up to a positive factor.
+class Responses(NamedTuple):
+    """What forces do to the motion.
+
+    Attributes:
+        forces: what each is called as it is, and turned round; the latter is empty where it cannot be turned round.
+        effects: the displacement that each makes, up to a positive factor, shape (n, forces).
+        half_cycles: their number.
+    """
+
+    forces: tuple[tuple[str, str], ...]
+    effects: np.ndarray
+    half_cycles: int
+
+
+def responses(window: Window, derived: Derived, kinds: set[str], t: np.ndarray) -> Responses:
+    """The responses to all known forces that a model has not; to none where there are too few half-cycles.
 
     Args:
         window: the fitted part of a record.
         derived: the fitted oscillator.
         kinds: of the free parameters; what these describe is not lacking.
         t: times of the run [s], shape (n,).
-
-    Returns:
-        Names of the forces ("damping", "drag", "contact", "falling", "softening", "stiffening"), the displacements that
-        they make, shape (n, forces), and the number of half-cycles; None where these are too few, or no force is known
-        that the model has not.
     """
     half_cycles = _half_cycles_of(window)
-    if half_cycles.mean.size < _FEWEST:
-        return None
-    forces = _forces(half_cycles, derived.machine, kinds)
+    n = half_cycles.mean.size
+    forces = _forces(half_cycles, derived.machine, kinds) if n >= _FEWEST else {}
     if not forces:
-        return None
-    names, each = zip(*forces, strict=True)
-    return names, _responses(half_cycles, np.stack(each), derived, t), half_cycles.mean.size
+        return Responses((), np.zeros((t.size, 0)), n)
+    return Responses(tuple(forces), _responses(half_cycles, np.stack(list(forces.values())), derived, t), n)
 
 
 def _half_cycles_of(window: Window) -> _HalfCycles:
@@ -75,19 +80,19 @@ def _half_cycles_of(window: Window) -> _HalfCycles:
     return _HalfCycles(np.concatenate([times, end]) - window.origin, np.sign(y), (swing[:-1] + swing[1:]) / 2, swing)
 
 
-def _forces(half_cycles: _HalfCycles, machine: Oscillator, kinds: set[str]) -> list[tuple[str, np.ndarray]]:
+def _forces(half_cycles: _HalfCycles, machine: Oscillator, kinds: set[str]) -> dict[tuple[str, str], np.ndarray]:
     """What each adds to the force in each half-cycle, towards the side on which this begins, shape (n, phases)."""
     mean, largest = half_cycles.mean[:, None], half_cycles.mean.max()
     speed, x = mean * np.sin(_PHASES), mean * np.cos(_PHASES)
-    forces = [("damping", speed), ("drag", speed**2)]
+    forces = {("damping", ""): speed, ("drag", ""): speed**2}
     if not machine.friction.n_states and isinstance(machine.friction.set_valued_limit(), Coulomb):
         # Laws other than that of constant friction have forces of their own, for which these may stand. A contact that
         # bends may be weaker than one that slides or, by its own damping, stronger.
-        bent, falling = np.exp((x - mean) / (_BENT * largest)), np.exp(-((speed / (_SLOW * largest)) ** 2))
-        forces += [("falling", falling), ("contact", -bent), ("contact", bent)]
+        forces["falling", ""] = np.exp(-((speed / (_SLOW * largest)) ** 2))
+        forces["contact", "contact"] = np.exp((x - mean) / (_BENT * largest))
     if isinstance(machine.restoring, Linear):
-        forces += [("softening", x**3), ("stiffening", -(x**3))]
-    return [(name, force) for name, force in forces if name not in kinds]
+        forces["softening", "stiffening"] = x**3
+    return {names: force for names, force in forces.items() if names[0] not in kinds}
 
 
 def _responses(half_cycles: _HalfCycles, forces: np.ndarray, derived: Derived, t: np.ndarray) -> np.ndarray:

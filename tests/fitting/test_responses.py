@@ -52,11 +52,11 @@ def test_a_force_moves_the_mass_as_two_simulations_differ(problem, name):
         [motion(machine(), (1 + 1e-6) * RELEASE) - plain, motion(machine(), later=1e-7) - plain], axis=1
     )
     derived = derive(problem.residual, np.zeros(len(problem.names)))
-    names, effects, half_cycles = responses(window, derived, set(), t - window.origin)
-    assert half_cycles == window.segmentation.turning_times.size
-    sought = [effects[:, i] for i, other in enumerate(names) if other == name]
-    fits = [_fitted(motion(more) - plain, np.column_stack([effect, releases])) for effect in sought]
-    assert min(left for left, size in fits if size > 0) < tolerance
+    known = responses(window, derived, set(), t - window.origin)
+    assert known.half_cycles == window.segmentation.turning_times.size
+    ((names, effect),) = [pair for pair in zip(known.forces, known.effects.T, strict=True) if name in pair[0]]
+    left, size = _fitted(motion(more) - plain, np.column_stack([effect, releases]))
+    assert names[size < 0] == name and left < tolerance
 
 
 def _fitted(measured: np.ndarray, columns: np.ndarray) -> tuple[float, float]:

@@ -1,7 +1,6 @@
 """Fits on disk, as plain data, and as reports that one reads."""
 
 import dataclasses
-import functools
 import json
 
 import jax.numpy as jnp
@@ -10,8 +9,7 @@ import pytest
 
 from fricjax import Fit, Oscillator, Record, Trace, fit, load_fit, simulate
 from fricjax.errors import DataError, UsageError
-from fricjax.fitting.diagnostics import Misfit
-from fricjax.fitting.warnings import warnings_of
+from fricjax.fitting.warnings import warnings_of_model
 from fricjax.friction import Coulomb
 from fricjax.oscillator import Exact, Hybrid, Smooth
 from fricjax.oscillator.engines.hybrid import Span
@@ -101,10 +99,9 @@ def test_the_engine_of_a_fit_comes_back_as_it_was(found, tmp_path, engine):
 
 
 def test_a_numerical_error_that_shows_is_warned_of(found):
-    told = functools.partial(warnings_of, problem_of(coulomb_run(), found.oscillator, MACHINE), found.values)
+    problem = problem_of(coulomb_run(), found.oscillator, MACHINE)
     sentences = [
-        told(found.std_errors, Misfit(1e-9, 1e-9, 1e-9, 0), (), found.margins, (None,), None, shift)
-        for shift in (0.09, 0.32)
+        list(warnings_of_model(problem, found.values, found.margins, (None,), None, shift)) for shift in (0.09, 0.32)
     ]
     assert not any("numerical error" in sentence for sentence in sentences[0])
     assert any("may move a parameter by 0.32 standard errors. Ask the engine" in sentence for sentence in sentences[1])
