@@ -89,16 +89,16 @@ def explaining(problem: Problem, solution: Solution, run: int, rows: Rows, known
     # A half-cycle on a floor that shakes has two numbers of its own, an amplitude and a phase: by the F test such a
     # motion looks like none of so many forces by chance.
     independent = 2 * known.half_cycles - np.count_nonzero(np.any(slopes, axis=0)) - 1
-    found = []
+    sufficient = []
     for force in _explained(known.forces, known.effects[moving], residual, slopes) if independent > 0 else ():
         excess, left = max(force.before - noise, 0.0), max(force.after - noise, 0.0)
         ratio = (excess - left) * independent / max(left, np.finfo(float).tiny)
         chance = float(fdtrc(1, independent, ratio)) * len(known.forces)
         if force.seen > thresholds.SURE and left < _HALVES**2 * excess and chance < thresholds.RARE:
-            found.append(force)
-    if not found:
+            sufficient.append(force)
+    if not sufficient:
         return None
-    best = min(found, key=lambda force: force.after)
+    best = min(sufficient, key=lambda force: force.after)
     return best.lacking(run, slopes, solution.shape.inverse)
 
 
@@ -132,12 +132,12 @@ def _explained(
     basis = np.linalg.qr(slopes / np.linalg.norm(slopes, axis=0))[0]
     left, apart = (columns - basis @ (basis.T @ columns) for columns in (residual, effects))
     before = float(left @ left) / degrees
-    for names, effect, own in zip(forces, effects.T, apart.T, strict=True):
+    for names, effect, beside in zip(forces, effects.T, apart.T, strict=True):
         # The computed motion lies where the force has not taken it.
-        size = -float(own @ left) / max(float(own @ own), np.finfo(float).tiny)
+        size = -float(beside @ left) / max(float(beside @ beside), np.finfo(float).tiny)
         name = names[size < 0]
         if name:
-            yield _Explained(name, size, effect, before, before - size**2 * float(own @ own) / degrees, degrees)
+            yield _Explained(name, size, effect, before, before - size**2 * float(beside @ beside) / degrees, degrees)
 
 
 def allowed_for(lacks: Sequence[Lacking | None], parameters: int) -> np.ndarray:
