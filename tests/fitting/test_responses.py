@@ -1,5 +1,6 @@
 """The response to a force that a model has not, against the difference of two computed motions."""
 
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -51,7 +52,7 @@ def test_a_force_moves_the_mass_as_two_simulations_differ(problem, name):
     releases = np.stack(
         [motion(machine(), (1 + 1e-6) * RELEASE) - plain, motion(machine(), later=1e-7) - plain], axis=1
     )
-    derived = derive(problem.residual, np.zeros(len(problem.names)))
+    derived = derive(problem.residual, jnp.zeros(len(problem.names)))
     known = responses(window, derived, set(), t - window.origin)
     assert known.half_cycles == window.segmentation.turning_times.size
     ((names, effect),) = [pair for pair in zip(known.forces, known.effects.T, strict=True) if name in pair[0]]
