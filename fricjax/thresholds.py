@@ -31,8 +31,8 @@ EXTREME = 6.0
 BARE_MENTION = 2.0
 """Below which they are equally good. Convention: Kass and Raftery, J. Am. Stat. Assoc. 90, 773 (1995)."""
 VERY_STRONG = 10.0
-"""From which on noise has a colour, a drift or a hum. Convention, as above: one in some hundred records of white noise
-is called coloured."""
+"""From which on noise has a colour, a drift or a hum, and a model lacks a force. Convention, as above: one in some
+hundred records of white noise is called coloured."""
 DECISIVE = 12.0
 """From which on another number of half-cycles is excluded: odds of 400 to 1. Tuned: experiments/honesty/run.py."""
 POSSIBLE = 0.01

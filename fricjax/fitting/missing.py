@@ -94,7 +94,7 @@ def explaining(problem: Problem, solution: Solution, run: int, rows: Rows, known
         excess, left = max(force.before - noise, 0.0), max(force.after - noise, 0.0)
         ratio = (excess - left) * independent / max(left, np.finfo(float).tiny)
         chance = float(fdtrc(1, independent, ratio)) * len(known.forces)
-        if force.seen > thresholds.SURE and left < _HALVES**2 * excess and chance < thresholds.RARE:
+        if _is_very_strong(force, rows) and left < _HALVES**2 * excess and chance < thresholds.RARE:
             sufficient.append(force)
     if not sufficient:
         return None
@@ -118,7 +118,12 @@ def seen_beside_noise(problem: Problem, at: Solution, run: int, seen: Seen, know
     residual, columns = whitened(rows.series._replace(slopes=together), colour)
     forces = _explained(known.forces, columns[:, p:], residual, columns[:, :p])
     best = max(forces, key=lambda force: force.seen, default=None)
-    return best.lacking(run, columns[:, :p], at.shape.inverse) if best and best.seen > thresholds.SURE else None
+    return best.lacking(run, columns[:, :p], at.shape.inverse) if best and _is_very_strong(best, rows) else None
+
+
+def _is_very_strong(force: _Explained, rows: Rows) -> bool:
+    """Whether the evidence for a force is very strong, by Schwarz's criterion for all samples."""
+    return force.seen**2 > thresholds.VERY_STRONG + np.log(rows.series.t.size * rows.samples)
 
 
 def _explained(
