@@ -26,6 +26,19 @@ def _interval(t: np.ndarray) -> float:
     return float(np.median(np.diff(t)))
 
 
+def fast_length(n: int) -> int:
+    """A length of `n` or little more of which a Fourier transform is fast: some eighths of a power of two.
+
+    SciPy knows lengths that are nearer, but its import takes as long as all else that the host does in a first fit.
+
+    Examples:
+        >>> fast_length(1000), fast_length(1025)
+        (1024, 1280)
+    """
+    eighth = 1 << max((n - 1).bit_length() - 3, 0)
+    return -(-n // eighth) * eighth
+
+
 @functools.lru_cache(maxsize=16)
 def _window(n: int) -> np.ndarray:
     return np.hanning(n)
@@ -53,10 +66,7 @@ def lines_of(t: np.ndarray, unit: np.ndarray, residual: np.ndarray, motion: floa
 
 def _strongest(t: np.ndarray, left: np.ndarray, motion: float) -> float | None:
     """Frequency of the strongest line of a series to a part of its resolution, None where none stands out."""
-    # Some eighths of a power of two, which have no large prime factor. SciPy knows lengths that are nearer, but its
-    # import takes as long as all else that the host does in a first fit.
-    eighth = 1 << max((left.size - 1).bit_length() - 3, 0)
-    size = -(-left.size // eighth) * eighth
+    size = fast_length(left.size)
     power = np.abs(np.fft.rfft(left * _window(left.size), size)) ** 2
     step = 1 / (size * _interval(t))
     # What the model lacks of the motion is no hum; the lowest frequencies are those of drifts.

@@ -79,27 +79,32 @@ def responses_in(problem: Problem, at: Solution, run: int, rows: Rows) -> Respon
 
 def explaining(problem: Problem, solution: Solution, run: int, rows: Rows, known: Responses) -> Lacking | None:
     """The force that explains what a run shows in motion down to noise of short memory; None where none does."""
-    from scipy.special import fdtrc
-
     series, p = rows.series, problem.residual.n_parameters
     moving = series.t <= problem.windows[run].stopped
     slopes, residual = series.slopes[moving, :p] * ~solution.shape.at_bound, series.residual[moving]
     # Of noise the second differences of neighbouring rows are large, of a motion they are not.
     noise = float(np.mean(np.diff(residual, n=2) ** 2)) / 6
-    # A half-cycle on a floor that shakes has two numbers of its own, an amplitude and a phase: by the F test such a
-    # motion looks like none of so many forces by chance.
+    # A half-cycle on a floor that shakes has two numbers of its own, an amplitude and a phase.
     independent = 2 * known.half_cycles - np.count_nonzero(np.any(slopes, axis=0)) - 1
     sufficient = []
     for force in _explained(known.forces, known.effects[moving], residual, slopes) if independent > 0 else ():
         excess, left = max(force.before - noise, 0.0), max(force.after - noise, 0.0)
-        ratio = (excess - left) * independent / max(left, np.finfo(float).tiny)
-        chance = float(fdtrc(1, independent, ratio)) * len(known.forces)
-        if _is_very_strong(force, rows) and left < _HALVES**2 * excess and chance < thresholds.RARE:
+        if not (_is_very_strong(force, rows) and left < _HALVES**2 * excess):
+            continue
+        if _chance(excess, left, independent) * len(known.forces) < thresholds.RARE:
             sufficient.append(force)
     if not sufficient:
         return None
     best = min(sufficient, key=lambda force: force.after)
     return best.lacking(run, slopes, solution.shape.inverse)
+
+
+def _chance(excess: float, left: float, independent: int) -> float:
+    """Probability that a curve explains as much of so many independent numbers by chance (F test)."""
+    # Imported by the few fits that need it: it takes longer than all of this module does.
+    from scipy.special import fdtrc
+
+    return float(fdtrc(1, independent, (excess - left) * independent / max(left, np.finfo(float).tiny)))
 
 
 def seen_beside_noise(problem: Problem, at: Solution, run: int, seen: Seen, known: Responses) -> Lacking | None:

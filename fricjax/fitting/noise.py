@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from .. import thresholds
+from ..estimation.hum import fast_length
 from ..show import engineering
 
 _BLOCK = 1 << 17
@@ -112,11 +113,9 @@ def _autocorrelation(centred: np.ndarray) -> np.ndarray:
 
     A long record is cut into blocks, so that the cost stays linear; products across their borders are left out.
     """
-    from scipy.fft import next_fast_len
-
     length = min(centred.size, _BLOCK)
     blocks = np.pad(centred, (0, -centred.size % length)).reshape(-1, length)
     # So long that the lags do not wrap around.
-    size = int(next_fast_len(length + length // 2, real=True) or 2 * length)
+    size = fast_length(length + length // 2)
     spectrum = sum(np.abs(np.fft.rfft(block, size)) ** 2 for block in blocks)
     return np.fft.irfft(spectrum, size)[: length // 2]
