@@ -26,17 +26,18 @@ def _interval(t: np.ndarray) -> float:
     return float(np.median(np.diff(t)))
 
 
+@functools.lru_cache(maxsize=16)
 def fast_length(n: int) -> int:
-    """A length of `n` or little more of which a Fourier transform is fast: some eighths of a power of two.
+    """The least length of `n` or more of which a Fourier transform is fast: without prime factors above five.
 
-    SciPy knows lengths that are nearer, but its import takes as long as all else that the host does in a first fit.
+    SciPy has it too, but its import takes as long as all else that the host does in a first fit.
 
     Examples:
         >>> fast_length(1000), fast_length(1025)
-        (1024, 1280)
+        (1000, 1080)
     """
-    eighth = 1 << max((n - 1).bit_length() - 3, 0)
-    return -(-n // eighth) * eighth
+    odd = (3**i * 5**j for i in range(n.bit_length()) for j in range(n.bit_length()))
+    return min(product << (-(-n // product) - 1).bit_length() for product in odd)
 
 
 @functools.lru_cache(maxsize=16)

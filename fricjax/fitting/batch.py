@@ -195,7 +195,7 @@ def _weighted(
         if not (solution.converged and (other or miscounted(problem, solution) or not solution.accurate)):
             weighted = weigh_by_noise(problem, solution, True)
             if not weighted.went_on:
-                return weighted, worst(problem, [float(summary.size)], [0.0], False)
+                return weighted, worst(problem, [summary.sizes], [0.0], False)
             # A chunk keeps no residuals of its samples; a fit that went on by a step has evaluated them again.
             if weighted.solution.evaluation.residual.size:
                 return weighted, misfit_of(weighted.problem, weighted.solution, weighted.noises, False)

@@ -42,11 +42,11 @@ class Summary(NamedTuple):
     """What is kept of all samples of a problem that was evaluated in a chunk.
 
     Attributes:
-        size: typical size of the residuals, in units of the noise; that in motion where it is larger.
+        sizes: typical size of the residuals, in units of the noise, over all and in motion, shape (2,).
         half_cycles: number of half-cycles after which the law itself would stop the mass; -1 for never.
     """
 
-    size: Any
+    sizes: Any
     half_cycles: Any
 
 
@@ -114,24 +114,23 @@ def _solve_one(member: Member, loss: AbstractLoss) -> tuple[Iterate, Summary]:
     samples = evaluation.residual[: evaluation.residual.size - residual.n_parameters]
     used = jnp.concatenate([run.weight > 0 for run in residual.runs])
     moving = jnp.concatenate([part.moving > 0 for part in member.stage_weights])
-    size = typical(samples, used, moving, loss, jnp)
+    sizes = typical(samples, used, moving, loss, jnp)
     # The residuals of all samples of an archive would not fit into memory.
     short = at._replace(evaluation=evaluation._replace(residual=jnp.zeros(0)))
     evaluated = member.schedule.steps <= 1
     count = jax.lax.cond(evaluated, lambda: _half_cycles_of_law(residual, at.derived), lambda: jnp.asarray(-1))
-    return short, Summary(size, count)
+    return short, Summary(sizes, count)
 
 
 def typical(residual: Any, used: Any, moving: Any, loss: AbstractLoss, numpy: Any = np) -> Any:
-    """Typical size of residuals: their root mean square, or with a robust loss what their median says of it.
+    """Typical size of residuals, over all and in motion, shape (2,).
 
-    A long rest, which every model describes, would hide what one lacks in motion: the larger one of both counts.
+    It is their root mean square, or with a robust loss what their median says of it.
     """
+    parts = numpy.stack([used, moving])
     if isinstance(loss, Squares):
-        squares = [numpy.sum(part * residual**2) / numpy.maximum(numpy.sum(part), 1) for part in (used, moving)]
-        return numpy.sqrt(numpy.maximum(*squares))
-    sizes = [numpy.nanmedian(numpy.where(part, abs(residual), numpy.nan)) for part in (used, moving)]
-    return numpy.fmax(*sizes) / NORMAL_MAD
+        return numpy.sqrt(numpy.sum(parts * residual**2, axis=1) / numpy.maximum(numpy.sum(parts, axis=1), 1))
+    return numpy.nanmedian(numpy.where(parts, abs(residual), numpy.nan), axis=1) / NORMAL_MAD
 
 
 def _half_cycles_of_law(residual: Residual, derived: Derived) -> Array:

@@ -96,7 +96,7 @@ def _without_floor(problem: Problem, run: int, row: Rows, level: float) -> Colou
 def described(problem: Problem, seen: Sequence[Seen], absolute: bool) -> bool:
     """Whether what is left beside drift and hum is as small as noise in every run, and in the motion of every run."""
     sizes = [
-        float(np.sqrt(max(variance_left(*run), variance_left(*run, until=window.stopped))))
+        [float(np.sqrt(variance_left(*run, until=time))) for time in (np.inf, window.stopped)]
         for window, run in zip(problem.windows, seen, strict=True)
     ]
     expected = [expected_size(window, *run) for window, run in zip(problem.windows, seen, strict=True)]

@@ -29,7 +29,7 @@ class Misfit(NamedTuple):
 
     Attributes:
         size: root mean square of its residuals, or with a robust loss their median absolute value over 0.6745, in the
-            unit of the record; of those in motion where these are larger.
+            unit of the record; of those in motion where these are larger, `in_motion`.
         noise: its noise, as stated or as seen in the record; `stated`: as stated, inf where its size says nothing.
         run: its number.
     """
@@ -38,6 +38,7 @@ class Misfit(NamedTuple):
     noise: float
     stated: float
     run: int
+    in_motion: bool = False
 
     @property
     def ratio(self) -> float:
@@ -62,24 +63,26 @@ def misfit_of(problem: Problem, solution: Solution, noises: Sequence[Noise], rel
     for part, window, noise in zip(problem.by_run(solution.evaluation.residual), problem.windows, noises, strict=True):
         t = np.asarray(window.trace.t) - window.origin
         left = np.where(window.used, part + noise.at(t) / window.sigma, 0.0)
-        sizes.append(float(typical(left, window.used, window.moving, problem.loss)))
+        sizes.append(typical(left, window.used, window.moving, problem.loss))
     return worst(problem, sizes, [noise.expected for noise in noises], relative)
 
 
-def worst(problem: Problem, sizes: Sequence[float], expected: Sequence[float], relative: bool) -> Misfit:
+def worst(problem: Problem, sizes: Sequence[Sequence[float]], expected: Sequence[float], relative: bool) -> Misfit:
     """The run whose residuals are the largest in units of its noise.
 
     Args:
         problem: the problem.
-        sizes: typical size of the weighted residuals of each run.
+        sizes: typical size of the weighted residuals of each run, over all and in motion.
         expected: that which its noise may have.
         relative: whether stated noise only weighs the samples.
     """
     misfits = []
-    for run, (size, least, window) in enumerate(zip(sizes, expected, problem.windows, strict=True)):
+    for run, ((over_all, moving), least, window) in enumerate(zip(sizes, expected, problem.windows, strict=True)):
         stated = window.stated
         noise = max(noise_level(window, relative), least * stated)
-        misfits.append(Misfit(size * stated, noise, np.inf if relative else stated, run))
+        # A long rest, which every model describes, would hide what one lacks in motion.
+        size = float(np.maximum(over_all, moving)) * stated
+        misfits.append(Misfit(size, noise, np.inf if relative else stated, run, bool(moving > over_all)))
     return max(misfits, key=lambda misfit: misfit.ratio)
 
 
@@ -119,7 +122,8 @@ def _listed(problem: Problem, which: np.ndarray) -> str:
 def _compared(problem: Problem, misfit: Misfit) -> str:
     unit = problem.windows[0].quantity
     size, noise = (engineering(value, unit) for value in (misfit.size, misfit.noise))
-    where = "" if len(problem.windows) == 1 else f" in {problem.labels[misfit.run]}"
+    where = " in motion" if misfit.in_motion else ""
+    where += "" if len(problem.windows) == 1 else f" in {problem.labels[misfit.run]}"
     return f"residuals of {size}{where} are {misfit.ratio:.3g} times the noise of {noise}"
 
 

@@ -85,7 +85,7 @@ def explaining(problem: Problem, solution: Solution, run: int, rows: Rows, known
     # Of noise the second differences of neighbouring rows are large, of a motion they are not.
     noise = float(np.mean(np.diff(residual, n=2) ** 2)) / 6
     # A half-cycle on a floor that shakes has two numbers of its own, an amplitude and a phase.
-    independent = 2 * known.half_cycles - np.count_nonzero(np.any(slopes, axis=0)) - 1
+    independent = 2 * known.half_cycles - int(np.count_nonzero(np.any(slopes, axis=0))) - 1
     sufficient = []
     for force in _explained(known.forces, known.effects[moving], residual, slopes) if independent > 0 else ():
         excess, left = max(force.before - noise, 0.0), max(force.after - noise, 0.0)

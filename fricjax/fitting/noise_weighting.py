@@ -113,7 +113,7 @@ def weigh_by_noise(problem: Problem, solution: Solution, absolute: bool) -> Nois
     if problem.noise == "white":
         return _beside(plain, solution, _white(rows), known)
     # What the model lacks grows with velocity too.
-    sizes = [float(np.sqrt(row.level)) for row in rows]
+    sizes = [2 * [float(np.sqrt(row.level))] for row in rows]
     small = worst(problem, sizes, [0.0] * len(rows), not absolute).ratio <= thresholds.DESCRIBED
     clocked = by_clock(problem, solution, rows) if small and problem.noise in ("auto", "jitter") else None
     if clocked is None:

@@ -69,7 +69,7 @@ def warnings_of_run(
             "The damping is negative: no passive machine has that. It is the fingerprint of a friction law that falls "
             "with velocity or of a missing term such as drag; bound it at zero or choose another law."
         )
-    size = f"{misfit.size:.2e} {unit} rms"
+    size = f"{misfit.size:.2e} {unit} rms{' in motion' if misfit.in_motion else ''}"
     if misfit.ratio > thresholds.NOTICED:
         times = f"residuals of {size} are {misfit.ratio:.3g} times the noise of {misfit.noise:.2e} {unit}"
         if misfit.ratio > thresholds.DESCRIBED:
