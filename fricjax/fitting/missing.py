@@ -87,11 +87,10 @@ def explaining(problem: Problem, solution: Solution, run: int, rows: Rows, known
     # A half-cycle on a floor that shakes has two numbers of its own, an amplitude and a phase.
     independent = 2 * known.half_cycles - int(np.count_nonzero(np.any(slopes, axis=0))) - 1
     sufficient = []
-    for force in _explained(known.forces, known.effects[moving], residual, slopes) if independent > 0 else ():
+    for force in _seen(known.forces, known.effects[moving], residual, slopes, rows.samples) if independent > 0 else ():
         excess, left = max(force.before - noise, 0.0), max(force.after - noise, 0.0)
-        if not (_is_very_strong(force, rows) and left < _HALVES**2 * excess):
-            continue
-        if _chance(excess, left, independent) * len(known.forces) < thresholds.RARE:
+        halves = left < _HALVES**2 * excess
+        if halves and _chance(excess, left, independent) * len(known.forces) < thresholds.RARE:
             sufficient.append(force)
     if not sufficient:
         return None
@@ -121,33 +120,45 @@ def seen_beside_noise(problem: Problem, at: Solution, run: int, seen: Seen, know
     p = problem.residual.n_parameters
     together = np.column_stack([rows.series.slopes[:, :p] * ~at.shape.at_bound, known.effects])
     residual, columns = whitened(rows.series._replace(slopes=together), colour)
-    forces = _explained(known.forces, columns[:, p:], residual, columns[:, :p])
+    forces = _seen(known.forces, columns[:, p:], residual, columns[:, :p], rows.samples)
     best = max(forces, key=lambda force: force.seen, default=None)
-    return best.lacking(run, columns[:, :p], at.shape.inverse) if best and _is_very_strong(best, rows) else None
+    return None if best is None else best.lacking(run, columns[:, :p], at.shape.inverse)
 
 
-def _is_very_strong(force: _Explained, rows: Rows) -> bool:
-    """Whether the evidence for a force is very strong, by Schwarz's criterion for all samples."""
-    return force.seen**2 > thresholds.VERY_STRONG + np.log(rows.series.t.size * rows.samples)
+def _seen(
+    forces: Sequence[tuple[str, str]], effects: np.ndarray, residual: np.ndarray, slopes: np.ndarray, samples: int
+) -> list[_Explained]:
+    """The forces for which there is very strong evidence beside the parameters, of those that can have their sign.
 
-
-def _explained(
-    forces: Sequence[tuple[str, str]], effects: np.ndarray, residual: np.ndarray, slopes: np.ndarray
-) -> Iterator[_Explained]:
-    """What each force explains beside the parameters, of those that can have its sign."""
-    slopes = slopes[:, np.any(slopes, axis=0)]
-    degrees = residual.size - slopes.shape[1] - 1
-    if degrees < 1:
-        return
-    basis = np.linalg.qr(slopes / np.linalg.norm(slopes, axis=0))[0]
-    left, apart = (columns - basis @ (basis.T @ columns) for columns in (residual, effects))
-    before = float(left @ left) / degrees
-    for names, effect, beside in zip(forces, effects.T, apart.T, strict=True):
-        # The computed motion lies where the force has not taken it.
-        size = -float(beside @ left) / max(float(beside @ beside), np.finfo(float).tiny)
-        name = names[size < 0]
-        if name:
-            yield _Explained(name, size, effect, before, before - size**2 * float(beside @ beside) / degrees, degrees)
+    Args:
+        forces: their names.
+        effects: their responses, shape (rows, forces).
+        residual: shape (rows,).
+        slopes: its derivatives by the parameters, shape (rows, p).
+        samples: number of samples in a row, all of which count in Schwarz's criterion.
+    """
+    columns = np.column_stack([slopes, residual, effects])
+    products, p = columns.T @ columns, slopes.shape[1]
+    unit = np.sqrt(np.diag(products)[:p])
+    free = unit > 0
+    degrees = residual.size - int(free.sum()) - 1
+    if degrees < 1 or not forces:
+        return []
+    unit = unit[free]
+    within, across = products[:p, :p][np.ix_(free, free)] / np.outer(unit, unit), products[:p, p:][free] / unit[:, None]
+    # Products of the residual and of the responses with what the parameters leave of them.
+    beside = products[p:, p:] - across.T @ np.linalg.lstsq(within, across, rcond=None)[0]
+    before, squares = float(beside[0, 0]), np.maximum(np.diag(beside)[1:], np.finfo(float).tiny)
+    # The computed motion lies where the force has not taken it.
+    sizes = -beside[0, 1:] / squares
+    after = np.maximum(before - sizes**2 * squares, 0.0)
+    evidence = (before - after) * degrees - (thresholds.VERY_STRONG + np.log(residual.size * samples)) * after
+    names = [names[int(size < 0)] for names, size in zip(forces, sizes, strict=True)]
+    return [
+        _Explained(names[i], float(sizes[i]), effects[:, i], before / degrees, float(after[i]) / degrees, degrees)
+        for i in range(len(names))
+        if names[i] and evidence[i] > 0
+    ]
 
 
 def allowed_for(lacks: Sequence[Lacking | None], parameters: int) -> np.ndarray:

@@ -19,7 +19,7 @@ from .window import Window, equilibrium, without_ringing
 _FEWEST = 3
 # Phases of a half-cycle at which forces are computed. Friction that falls does so within a part of the largest speed,
 # and a contact bends over a part of the largest amplitude: both are seen as well if they do so elsewhere.
-_PHASES = np.linspace(0.0, np.pi, 65)
+_PHASES = np.linspace(0.0, np.pi, 33)
 _SLOW, _BENT = 0.2, 0.005
 
 
@@ -101,22 +101,22 @@ def _responses(half_cycles: _HalfCycles, forces: np.ndarray, derived: Derived, t
     Friction turns round where the disturbed motion does: at a reversal a change of velocity shrinks as the acceleration
     does (Leine and Nijmeijer, Dynamics and Bifurcations of Non-Smooth Mechanical Systems, 2004, 7).
     """
-    n = half_cycles.mean.size
+    n, side = half_cycles.mean.size, half_cycles.side
     damping, band = (float(derived.kinematics[list(UNITS).index(name)]) for name in ("damping_ratio", "dead_band"))
-    grown = np.exp(damping * _PHASES)
-    of_cosine, of_sine = (
-        np.pad(np.cumsum(each[..., 1:] + each[..., :-1], axis=-1), ((0, 0), (0, 0), (1, 0))) * (_PHASES[1] / 2)
-        for each in (forces * grown * np.cos(_PHASES), forces * grown * np.sin(_PHASES))
-    )
+    # Displacement, and velocity over the angular frequency as the imaginary part, turned back by the phase.
+    each = forces * np.exp((damping + 1j) * _PHASES)
+    integral = np.zeros(each.shape, complex)
+    np.cumsum((each[..., 1:] + each[..., :-1]) * (_PHASES[1] / 2), axis=-1, out=integral[..., 1:])
     shrunk = np.maximum(half_cycles.swing - band, 0.0) / (half_cycles.swing + band)
-    # Displacement, and velocity over the angular frequency, behind each reversal.
-    begin, state = np.empty((n, 2, len(forces))), np.zeros((2, len(forces)))
-    for i in range(n):
-        begin[i] = state
-        end = half_cycles.side[i] * np.stack([of_sine[:, i, -1], -of_cosine[:, i, -1]]) - state
-        state = end / grown[-1] * np.array([[1.0], [shrunk[i + 1]]])
+    kept = np.exp(-damping * np.pi) * np.stack([np.ones(n), shrunk[1:]], axis=1)[:, :, None]
+    end = -1j * side[:, None] * integral[:, :, -1].T
+    forced = kept * np.stack([end.real, end.imag], axis=1)
+    state = np.zeros(forced.shape)
+    for i in range(n - 1):
+        state[i + 1] = forced[i] - kept[i] * state[i]
+    begin = state[:, 0] + 1j * state[:, 1]
     number = np.clip(np.searchsorted(half_cycles.t, t, side="right") - 1, 0, n - 1)
     part = np.clip((t - half_cycles.t[number]) / np.diff(half_cycles.t)[number], 0.0, 1.0)
-    at, phase, side = np.rint(part * (_PHASES.size - 1)).astype(int), np.pi * part, half_cycles.side[number]
-    x, v = begin[number, 0].T - side * of_sine[:, number, at], begin[number, 1].T + side * of_cosine[:, number, at]
-    return ((x * np.cos(phase) + v * np.sin(phase)) * np.exp(-damping * phase)).T
+    at = np.rint(part * (_PHASES.size - 1)).astype(int)
+    turned = begin[number] + 1j * side[number, None] * integral.transpose(1, 2, 0)[number, at]
+    return (turned * np.exp(-(damping + 1j) * np.pi * part)[:, None]).real
