@@ -11,7 +11,8 @@ from fricjax import friction
 LAWS: dict[str, Any] = {
     name.lower(): law
     for name in friction.__all__
-    if not inspect.isabstract(law := getattr(friction, name)) and law is not friction.Sum
+    if inspect.isclass(law := getattr(friction, name)) and issubclass(law, friction.AbstractFriction)
+    if not inspect.isabstract(law) and law is not friction.Sum
 }
 
 
