@@ -1,16 +1,18 @@
 """Tables shared by the tests: golden motions, rigs, friction laws, and finite differences."""
 
+import inspect
 import re
 import resource
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
-from fricjax.friction import Coulomb
+from fricjax import friction
+from fricjax.friction import AbstractFriction, Coulomb
 from fricjax.oscillator import Oscillator
 from tests.cases.bristle import BRISTLE
 from tests.cases.memoryless import MEMORYLESS
@@ -18,6 +20,14 @@ from tests.cases.slip import SLIP
 
 PROTOTYPE_MASS = 2574.0 / (2 * np.pi * 12.6) ** 2
 PROTOTYPE_DAMPING = 2 * 0.0027 * np.sqrt(2574.0 * PROTOTYPE_MASS)
+
+EXPORTED_LAWS: dict[str, Any] = {
+    name: law
+    for name in friction.__all__
+    if inspect.isclass(law := getattr(friction, name)) and issubclass(law, AbstractFriction)
+    if not inspect.isabstract(law)
+}
+"""Every law that can be used, by its name."""
 
 
 class Golden(NamedTuple):

@@ -1,19 +1,12 @@
 """The catalogue of friction laws on the command line."""
 
-import inspect
 import json
-from typing import Any
 
 import pytest
 
-from fricjax import friction
+from tests.helpers import EXPORTED_LAWS
 
-LAWS: dict[str, Any] = {
-    name.lower(): law
-    for name in friction.__all__
-    if inspect.isclass(law := getattr(friction, name)) and issubclass(law, friction.AbstractFriction)
-    if not inspect.isabstract(law) and law is not friction.Sum
-}
+LAWS = {name.lower(): law for name, law in EXPORTED_LAWS.items() if name != "Sum"}
 
 
 def test_the_catalogue_holds_every_law(fricjax):

@@ -1,7 +1,6 @@
 """The table of laws that is asked before JAX is imported says what the classes say, law by law."""
 
 import dataclasses
-import inspect
 from typing import Any, get_origin
 
 import jax
@@ -15,13 +14,9 @@ from fricjax.machine.laws import coefficient_names
 from fricjax.oscillator import Oscillator
 from fricjax.oscillator.oscillator import leaves_of
 from fricjax.oscillator.restoring import Cubic, Linear
-from tests.helpers import LAWS
+from tests.helpers import EXPORTED_LAWS, LAWS
 
-CLASSES: dict[str, Any] = {
-    name.lower(): law
-    for name in friction.__all__
-    if not inspect.isabstract(law := getattr(friction, name)) and law is not Sum
-}
+CLASSES = {name.lower(): law for name, law in EXPORTED_LAWS.items() if name != "Sum"}
 
 
 def kind(law: Any) -> str:
