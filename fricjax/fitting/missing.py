@@ -22,8 +22,11 @@ from .responses import Responses, responses
 from .rows import Rows
 from .solve import Solution
 
-# Part of what is larger than noise that a force must take away to be all that the model lacks.
-_HALVES = 0.5
+# Part of the square of a response that rounding leaves of one that parameters explain.
+_ROUNDING = 1e-10
+# Part of the mean square beyond noise that a force must take away to be what the model lacks above all. Convention:
+# of a large swing that bends the linear response explains two thirds.
+_HALF = 0.5
 
 
 class Lacking(NamedTuple):
@@ -89,7 +92,7 @@ def explaining(problem: Problem, solution: Solution, run: int, rows: Rows, known
     sufficient = []
     for force in _seen(known.forces, known.effects[moving], residual, slopes, rows.samples) if independent > 0 else ():
         excess, left = max(force.before - noise, 0.0), max(force.after - noise, 0.0)
-        halves = left < _HALVES**2 * excess
+        halves = left < _HALF * excess
         if halves and _chance(excess, left, independent) * len(known.forces) < thresholds.RARE:
             sufficient.append(force)
     if not sufficient:
@@ -148,10 +151,12 @@ def _seen(
     within, across = products[:p, :p][np.ix_(free, free)] / np.outer(unit, unit), products[:p, p:][free] / unit[:, None]
     # Products of the residual and of the responses with what the parameters leave of them.
     beside = products[p:, p:] - across.T @ np.linalg.lstsq(within, across, rcond=None)[0]
-    before, squares = float(beside[0, 0]), np.maximum(np.diag(beside)[1:], np.finfo(float).tiny)
+    before, alone = float(beside[0, 0]), np.diag(beside)[1:]
+    # Of a response that the parameters explain but for rounding no size is known.
+    squares = np.where(alone > _ROUNDING * np.diag(products)[p + 1 :], alone, np.inf)
     # The computed motion lies where the force has not taken it.
     sizes = -beside[0, 1:] / squares
-    after = np.maximum(before - sizes**2 * squares, 0.0)
+    after = np.maximum(before + sizes * beside[0, 1:], 0.0)
     evidence = (before - after) * degrees - (thresholds.VERY_STRONG + np.log(residual.size * samples)) * after
     names = [names[int(size < 0)] for names, size in zip(forces, sizes, strict=True)]
     return [

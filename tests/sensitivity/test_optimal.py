@@ -53,7 +53,7 @@ def test_chosen_runs_leave_less_than_as_many_others():
     # One more run brings less than the one before it.
     errors = [point.std_errors["damping"] for point in best.points]
     assert errors == sorted(errors, reverse=True)
-    assert best.plot().get_axes()[0].get_xlabel() == "Run"
+    assert best.plot().get_axes()[-1].get_xlabel() == "Run"
 
 
 @pytest.mark.parametrize(
