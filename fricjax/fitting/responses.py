@@ -118,5 +118,5 @@ def _responses(half_cycles: _HalfCycles, forces: np.ndarray, derived: Derived, t
     number = np.clip(np.searchsorted(half_cycles.t, t, side="right") - 1, 0, n - 1)
     part = np.clip((t - half_cycles.t[number]) / np.diff(half_cycles.t)[number], 0.0, 1.0)
     at = np.rint(part * (_PHASES.size - 1)).astype(int)
-    turned = begin[number] + 1j * side[number, None] * integral.transpose(1, 2, 0)[number, at]
-    return (turned * np.exp(-(damping + 1j) * np.pi * part)[:, None]).real
+    phasor = begin[number] + 1j * side[number, None] * integral.transpose(1, 2, 0)[number, at]
+    return (phasor * np.exp(-(damping + 1j) * np.pi * part)[:, None]).real
