@@ -125,7 +125,8 @@ def slurm_cluster(settings: Slurm, keys: Path) -> Any:
     # Its import takes Ctrl-C for itself, and ends the process without a word; who started the batch goes on to decide.
     handler = signal.getsignal(signal.SIGINT)
     slurm = needed("A cluster", "dask_jobqueue.slurm", "cluster")
-    signal.signal(signal.SIGINT, handler)
+    if signal.getsignal(signal.SIGINT) is not handler:
+        signal.signal(signal.SIGINT, handler)
     amount, unit = re.fullmatch(r"([\d.]+) ?(\w+)", settings.memory).groups()  # pyright: ignore[reportOptionalMemberAccess]
     # Where the home of the user is on all machines, the folder of compiled programs is.
     programs = [f"export FRICJAX_CACHE_DIR={shlex.quote(str(settings.folder / 'programs'))}"] if settings.shared else []

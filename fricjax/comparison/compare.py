@@ -84,7 +84,8 @@ def compare(
         Comparison(known < fitted by bic)
     """
     ready()
-    check_known("compare", settings, [name for name in Settings.__annotations__ if name != "throw"])
+    of_fits = [name for name in Settings.__annotations__ if name != "throw"]
+    check_known("compare", settings, [*of_fits, "names", "held_out", "criterion"])
     check_criterion(criterion, held_out)
     sigma_mode = settings.get("sigma_mode", "absolute")
     machines: tuple[Oscillator, ...] = tuple(oscillators) if isinstance(oscillators, list | tuple) else ()

@@ -15,6 +15,7 @@ import numpy as np
 from .. import thresholds
 from ..estimation.colour import whitened
 from ..estimation.covariance import Covariance
+from ..show import rotary_unit
 from .colours import Seen
 from .names import NUISANCES
 from .problem import Problem
@@ -74,10 +75,9 @@ class _Explained(NamedTuple):
 
 
 def responses_in(problem: Problem, at: Solution, run: int, rows: Rows) -> Responses:
-    """The responses of a run to forces that its model has not, in its rows and in their units."""
+    """The responses of a run to forces that its model has not, at the times of its rows."""
     kinds = {parameter.kind for parameter in problem.parameters}
-    known = responses(problem.windows[run], at.derived, kinds, rows.series.t)
-    return known._replace(effects=known.effects * rows.series.unit[:, None])
+    return responses(problem.windows[run], at.derived, kinds, rows.series.t)
 
 
 def explaining(problem: Problem, solution: Solution, run: int, rows: Rows, known: Responses) -> Lacking | None:
@@ -85,12 +85,13 @@ def explaining(problem: Problem, solution: Solution, run: int, rows: Rows, known
     series, p = rows.series, problem.residual.n_parameters
     moving = series.t <= problem.windows[run].stopped
     slopes, residual = series.slopes[moving, :p] * ~solution.shape.at_bound, series.residual[moving]
+    effects = known.effects[moving] * series.unit[moving, None]
     # Of noise the second differences of neighbouring rows are large, of a motion they are not.
     noise = float(np.mean(np.diff(residual, n=2) ** 2)) / 6
     # A half-cycle on a floor that shakes has two numbers of its own, an amplitude and a phase.
     independent = 2 * known.half_cycles - int(np.count_nonzero(np.any(slopes, axis=0))) - 1
     sufficient = []
-    for force in _seen(known.forces, known.effects[moving], residual, slopes, rows.samples) if independent > 0 else ():
+    for force in _seen(known.forces, effects, residual, slopes, rows.samples) if independent > 0 else ():
         excess, left = max(force.before - noise, 0.0), max(force.after - noise, 0.0)
         halves = left < _HALF * excess
         if halves and _chance(excess, left, independent) * len(known.forces) < thresholds.RARE:
@@ -117,13 +118,12 @@ def seen_beside_noise(problem: Problem, at: Solution, run: int, seen: Seen, know
         at: its solution, whose quadratic form counts by the noise.
         run: number of the run.
         seen: its rows and their noise.
-        known: the responses to forces in these rows.
+        known: the responses to forces at the times of these rows.
     """
-    rows, colour = seen
-    p = problem.residual.n_parameters
-    together = np.column_stack([rows.series.slopes[:, :p] * ~at.shape.at_bound, known.effects])
-    residual, columns = whitened(rows.series._replace(slopes=together), colour)
-    forces = _seen(known.forces, columns[:, p:], residual, columns[:, :p], rows.samples)
+    series, p = seen.rows.series, problem.residual.n_parameters
+    together = np.column_stack([series.slopes[:, :p] * ~at.shape.at_bound, known.effects * series.unit[:, None]])
+    residual, columns = whitened(series._replace(slopes=together), seen.colour)
+    forces = _seen(known.forces, columns[:, p:], residual, columns[:, :p], seen.rows.samples)
     best = max(forces, key=lambda force: force.seen, default=None)
     return None if best is None else best.lacking(run, columns[:, :p], at.shape.inverse)
 
@@ -186,13 +186,14 @@ def advice(
         return
     shift, errors = lack.shift * solution.derived.slope, np.sqrt(np.diag(covariance.statistical))
     most = int(np.argmax(np.abs(shift) / np.where(errors > 0, errors, np.inf)))
-    moved = problem.parameters[most]
+    quantity, moved = problem.windows[lack.run].quantity, problem.parameters[most]
+    by = f"{shift[most]:.2g} {rotary_unit(moved.unit, quantity)}".rstrip()
     names = [parameter.name for parameter in problem.parameters if "[" not in parameter.name]
     shared = [name for name in names if name.rsplit(".", 1)[-1] not in NUISANCES]
-    what, how = _advice(lack.force, shared, problem.windows[lack.run].quantity)
+    what, how = _advice(lack.force, shared, quantity)
     yield (
-        f"{what} would move {moved.name} by {shift[most]:.2g}{moved.unit and f' {moved.unit}'}, for which its standard "
-        f"error allows; it is seen by {lack.seen:.3g} standard errors. Fit with {how}."
+        f"{what} would move {moved.name} by {by}, for which its standard error allows; it is seen by {lack.seen:.3g} "
+        f"standard errors. Fit with {how}."
     )
 
 

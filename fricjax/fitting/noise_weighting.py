@@ -119,7 +119,6 @@ def weigh_by_noise(problem: Problem, solution: Solution, absolute: bool) -> Nois
     if clocked is None:
         return _by_colour(plain, rows, known, absolute)
     rows = rows_of(clocked.problem, clocked.solution.evaluation)
-    known = [responses_in(clocked.problem, clocked.solution, run, row) for run, row in enumerate(rows)]
     counted = _by_colour(_plain(clocked.problem, clocked.solution, absolute), rows, known, absolute)
     pairs = zip(counted.noises, clocked.jitters, strict=True)
     return counted._replace(
@@ -139,7 +138,7 @@ def _by_colour(
     Args:
         plain: its least squares.
         first: their rows.
-        known: the responses to forces in these rows.
+        known: the responses to forces at the times of these rows.
         absolute: as in `weigh_by_noise`.
     """
     problem, solution = plain.problem, plain.solution

@@ -6,6 +6,7 @@ import re
 import signal
 import stat
 import sys
+from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
@@ -68,6 +69,18 @@ def test_jobs_leave_ctrl_c_to_who_started_the_batch(settings, tmp_path, monkeypa
     handler = signal.getsignal(signal.SIGINT)
     with slurm_cluster(Slurm.from_toml(settings), tmp_path):
         assert signal.getsignal(signal.SIGINT) is handler
+
+
+def test_jobs_are_asked_for_from_any_thread(settings, tmp_path):
+    """Where the package is imported already: only the main thread may set what Ctrl-C does."""
+
+    def script() -> str:
+        with slurm_cluster(Slurm.from_toml(settings), tmp_path) as cluster:
+            return cluster.job_script()
+
+    script()
+    with ThreadPoolExecutor(1) as pool:
+        assert "#SBATCH -J fricjax" in pool.submit(script).result()
 
 
 def test_a_batch_by_jobs(settings, tmp_path, monkeypatch):

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from fricjax import Fit, Oscillator, Trace, fit, fit_batch, synthetic_run
+from fricjax import Fit, Oscillator, Record, Trace, fit, fit_batch, synthetic_run
 from fricjax.friction import Coulomb, Dahl, LuGre, Stribeck
 from fricjax.oscillator.restoring import Cubic
 from tests.fitting.runs import MACHINE, STIFFNESS
@@ -103,3 +103,9 @@ def test_noise_that_remembers_lacks_nothing():
     for seed in range(3):
         found = fit(remembering(record, seed), machine(Coulomb(0.01)), MACHINE)
         assert not said(found) and abs(found.values["mu"] - 0.01) < 4 * found.std_errors["mu"]
+
+
+def test_what_it_moves_has_the_unit_of_the_rig():
+    record = Record(run(machine(Coulomb(0.01), drag=0.5)).trace, {"quantity": "rad"})
+    (sentence,) = said(fit(record, machine(Coulomb(0.01)), MACHINE, throw=False))
+    assert "would move damping by" in sentence and " N m s/rad, for which" in sentence
