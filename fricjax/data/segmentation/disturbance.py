@@ -120,11 +120,12 @@ def rest_spectrum(t: np.ndarray, x: np.ndarray, stop: float, half_period: float)
         >>> print(f"{frequency[np.argmax(amplitude)]:.0f} Hz, {1e9 * amplitude.max():.0f} nm")
         50 Hz, 3 nm
     """
-    from scipy.fft import prev_fast_len
-
     longest = min(t.size - int(np.searchsorted(t, stop + RINGS * half_period)), LONGEST)
     if longest < 64 or t[-1] - t[-longest] < 2 * STRETCH * half_period:
         return np.empty(0), np.empty(0)
+    # Imported where there is a rest, for it takes longer than a fit.
+    from scipy.fft import prev_fast_len
+
     # A length with a large prime factor would take thirty times as long.
     size = int(prev_fast_len(longest, real=True) or longest)
     t, x = t[-size:], x[-size:]

@@ -117,8 +117,6 @@ def _likelihoods(
     A half-cycle is as large as the decay predicts, or anything up to the one before where too few predict it. It is
     seen together with the next one, if there is one, so that a creep or a drift is not taken for it.
     """
-    from scipy.special import log_ndtr
-
     # The last half-cycle of all has none after it that could tell it from a creep.
     first, end = max(last - 1, large, 1), max(min(size.size - 1, last + _AHEAD), last)
     moved = other[last:end] & (size[last:end] > STANDS_OUT * scatter[last:end])
@@ -136,6 +134,9 @@ def _likelihoods(
 
         moving, ending = log_density(both), log_density(curve[first:end])
     else:
+        # Imported where a decay is that short, for it takes longer than a fit.
+        from scipy.special import log_ndtr
+
         height = np.maximum(size[last - 1], STANDS_OUT * noise)
         moving = ending = log_ndtr(seen / noise) + 0.5 * np.log(2 * np.pi) - np.log(height)
     return {
