@@ -104,9 +104,13 @@ def suggesting(package: str, get: Callable[[str], Any], names: Sequence[str]) ->
 
 def quoted(names: Sequence[object], limit: int = 12) -> str:
     """`'a', 'b' and 3 more`: names for a sentence, long ones and long lists cut."""
-    shown = [f"'{name if len(str(name)) <= 60 else f'{str(name)[:57]}...'}'" for name in names[:limit]]
-    more = f" and {len(names) - limit} more" if len(names) > limit else ""
-    return ", ".join(shown) + more
+    return first_of((f"'{name if len(str(name)) <= 60 else f'{str(name)[:57]}...'}'" for name in names), limit)
+
+
+def first_of(words: Iterable[object], limit: int = 3) -> str:
+    """`a, b and 3 more`: the first words for a sentence, and how many there are besides."""
+    every = list(map(str, words))
+    return ", ".join(every[:limit]) + (f" and {len(every) - limit} more" if len(every) > limit else "")
 
 
 _BRIEF = reprlib.Repr(maxlevel=3, maxstring=80, maxother=80, maxlong=40)

@@ -190,8 +190,8 @@ def _picture(motion: "Motion", record: "Record") -> Any:
     """Displacement and friction force over time."""
     import numpy as np
 
-    from ..data.show import displacement
     from ..show import axis_label, display_unit, figure, rotary_unit
+    from ..show.units import displacement_name
 
     drawing, axes = figure(2, 1, share_x=True, heights=(3, 2))
     top, bottom = axes[:, 0]
@@ -202,7 +202,7 @@ def _picture(motion: "Motion", record: "Record") -> Any:
     if stop <= t[-1]:
         top.axvspan(stop, t[-1], color="0.92", zorder=0, label=f"at rest from {stop:.6g} s")
         top.legend(loc="upper right", fontsize=8)
-    top.set_ylabel(axis_label(displacement(record.quantity), unit))
+    top.set_ylabel(axis_label(displacement_name(record.quantity), unit))
     factor, unit = display_unit(float(np.max(np.abs(force))), rotary_unit("N", record.quantity))
     bottom.plot(np.asarray(motion.t), factor * force, color="#D55E00")
     bottom.set_ylabel(axis_label("Friction force", unit))

@@ -12,7 +12,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from ..errors import DataError, UsageError, brief, nearest, needed
+from ..errors import DataError, UsageError, brief, first_of, nearest, needed
 
 NUMBER = 8
 """Bytes that a number of any type takes as soon as it is part of a record."""
@@ -26,7 +26,6 @@ _LARGEST = 1 << 31
 # Bytes of the largest file of settings, and characters of its longest line; most have a few hundred in all. The time
 # that a dotted key takes grows with the square of its length, so that both together bound the reading to a second.
 _LARGEST_TOML, _WIDEST_TOML = 100_000, 1_000
-_SHOWN = 3  # files that a sentence names as examples
 
 
 def check_file(path: Path) -> None:
@@ -47,14 +46,9 @@ def check_file(path: Path) -> None:
 
 def _missing(path: Path) -> str:
     """Why a path leads to no file, and what may be meant."""
-
-    def named(files: list[Path]) -> str:
-        more = len(files) - _SHOWN
-        return ", ".join(str(file) for file in files[:_SHOWN]) + (f" and {more} more" if more > 0 else "")
-
     if os.path.isdir(path):
         files = sorted(entry for entry in path.iterdir() if entry.is_file() and not entry.name.startswith("."))
-        inside = f"; it holds {named(files)}" if files else ""
+        inside = f"; it holds {first_of(files)}" if files else ""
         return f"{path} is a folder, not a file; name one record in it{inside}."
     if os.path.islink(path):
         return f"There is no file at the end of the link {path}. Check where it leads."
@@ -63,7 +57,7 @@ def _missing(path: Path) -> str:
     matching = sorted(path.parent.glob(path.name)) if any(sign in path.name for sign in "*?[") else []
     if matching:
         return (
-            f"{path} is a pattern, not a file; it matches {named(matching)}. Name each file, or leave the pattern "
+            f"{path} is a pattern, not a file; it matches {first_of(matching)}. Name each file, or leave the pattern "
             "without quotes, so that the shell puts the names in its place."
         )
     if any(sign in path.name for sign in "*?"):

@@ -28,6 +28,10 @@ _GRAVITY = 9.80665  # m/s^2
 _LEAST_DENSITY = 1e-15
 # Noise relative to the amplitude below which a record is a computed one, without noise but its rounding.
 _COMPUTED = 1e-10
+_OF_SEGMENTATION = (
+    "noise", "white_noise", "lines", "resolution", "amplitude", "cycles", "n_half_cycles", "open", "half_period",
+    "frequency", "release", "first_reversal", "rest", "rest_position",
+)  # fmt: skip
 
 
 @dataclasses.dataclass(frozen=True)
@@ -118,20 +122,7 @@ def inspect(record: Any) -> Inspection:
         regular=bool(np.all(np.abs(steps - step) <= REGULAR * step)),
         gaps=int(gaps.size),
         longest_gap=float(gaps.max()) if gaps.size else 0.0,
-        noise=segmentation.noise,
-        white_noise=segmentation.white_noise,
-        lines=segmentation.lines,
-        resolution=segmentation.resolution,
-        amplitude=segmentation.amplitude,
-        cycles=segmentation.cycles,
-        n_half_cycles=segmentation.n_half_cycles,
-        open=segmentation.open,
-        half_period=segmentation.half_period,
-        frequency=0.5 / segmentation.half_period,
-        release=segmentation.release,
-        first_reversal=segmentation.first_reversal,
-        rest=segmentation.rest,
-        rest_position=segmentation.rest_position,
+        **{name: getattr(segmentation, name) for name in _OF_SEGMENTATION},
         record=record,
         warnings=(
             *record.doubts,

@@ -12,10 +12,11 @@ from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
 
-from ..errors import DataError
+from ..errors import DataError, first_of
 from ..show import Report, Reported, Style, styled
 from ..show.tables import Variable, dataset
 from ..show.thumbnail import Curve, curves_svg
+from ..show.units import displacement_name
 from .segmentation.decay import Segmentation, segment
 
 if TYPE_CHECKING:
@@ -158,9 +159,8 @@ class Record(Reported):
         return Record(self.trace if trace is None else trace, {**self.meta, **meta}, (*self.log, step))
 
     def thumbnails(self) -> Sequence[str]:
-        name = "Displacement" if self.quantity == "m" else "Angle"
         curve = Curve(self.t, np.where(self.mask, self.x, np.nan))
-        return [curves_svg([curve], ("Time", "s"), (name, self.quantity))]
+        return [curves_svg([curve], ("Time", "s"), (displacement_name(self.quantity), self.quantity))]
 
     def plot(self, *, style: Style = "screen") -> Any:
         """The trace with hold, release, reversals and rest marked, and the spectrum of its rest; a matplotlib figure.
@@ -240,5 +240,4 @@ def labels(names: Sequence[str]) -> tuple[str, ...]:
 
 def listed(sources: Sequence[str]) -> str:
     """What a report says of the runs it rests on: the first of their labels, and how many more there are."""
-    more = len(sources) - _LISTED
-    return ", ".join(labels(sources)[:_LISTED]) + (f" and {more} more" if more > 0 else "")
+    return first_of(labels(sources), _LISTED)

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from ..errors import UsageError
+from ..errors import UsageError, first_of
 from ..show import engineering
 from .dropouts import Dropout, dropouts
 from .readers.choice import faults_of
@@ -15,7 +15,6 @@ from .trace import Trace
 
 # Intervals of a stretch that is evenly spaced: largest deviation from the median one, relative.
 _REGULAR = 1e-2
-_SHOWN = 3  # faults that a sentence names
 
 
 def find_slips(record: Record, fringe: float | None = None) -> list[Slip]:
@@ -79,7 +78,8 @@ def repair_slips(record: Record, fringe: float | None = None) -> Record:
     for slip in faults:
         moved[slip.index :] += slip.size
     trace = Trace(record.t, np.where(record.mask, record.x - moved, record.x), record.sigma, record.mask)
-    effect = f"{_count(faults, 'slip')} taken out{_listed(_slip_words(record, faults), ': ')}"
+    where = f": {_slip_words(record, faults)}" if faults else ""
+    effect = f"{_count(faults, 'slip')} taken out{where}"
     return record.with_step(Step("repair_slips", {"fringe": fringe}, effect), trace=trace if faults else None)
 
 
@@ -119,7 +119,8 @@ def mask_dropouts(record: Record) -> Record:
     for each in faults:
         mask[each.start : each.stop] = False
     count = int(record.mask.sum() - mask.sum())
-    where = _listed((f"{record.t[each.start]:.6g} s to {record.t[each.stop - 1]:.6g} s" for each in faults), ": ")
+    spans = first_of(f"{record.t[each.start]:.6g} s to {record.t[each.stop - 1]:.6g} s" for each in faults)
+    where = f": {spans}" if faults else ""
     step = Step("mask_dropouts", {}, f"{count} samples in {_count(faults, 'dropout')} masked{where}")
     return record.with_step(step, trace=Trace(record.t, record.x, record.sigma, mask) if faults else None)
 
@@ -159,7 +160,7 @@ def reported_faults(record: Record, where: str = "") -> Iterator[str]:
     """
     lost = find_dropouts(record)
     if lost:
-        spans = _listed(f"{record.t[each.start]:.6g} s" for each in lost)
+        spans = first_of(f"{record.t[each.start]:.6g} s" for each in lost)
         yield (
             f"The record{where} repeats one value while the mass moves, at {spans}: its signal was lost or left the "
             "range. Read it with repair='dropouts'."
@@ -167,21 +168,14 @@ def reported_faults(record: Record, where: str = "") -> Iterator[str]:
     slipped = find_slips(record) if record.quantity == "m" else []
     if slipped:
         yield (
-            f"The record{where} steps between two samples as no decay can, by {_listed(_slip_words(record, slipped))}: "
+            f"The record{where} steps between two samples as no decay can, by {_slip_words(record, slipped)}: "
             "its counter has slipped. Read it with repair='slips', or with the fringe, repair='slips=158.2 nm'."
         )
 
 
-def _slip_words(record: Record, faults: list[Slip]) -> Iterator[str]:
-    return (f"{engineering(slip.size, record.quantity)} at {record.t[slip.index]:.6g} s" for slip in faults)
+def _slip_words(record: Record, faults: list[Slip]) -> str:
+    return first_of(f"{engineering(slip.size, record.quantity)} at {record.t[slip.index]:.6g} s" for slip in faults)
 
 
 def _count(faults: list[Slip] | list[Dropout], word: str) -> str:
     return f"{len(faults)} {word}{'' if len(faults) == 1 else 's'}"
-
-
-def _listed(words: Iterator[str], mark: str = "") -> str:
-    """The first words after a mark, and how many more there are; nothing where there are none."""
-    first = list(words)
-    more = len(first) - _SHOWN
-    return f"{mark}{', '.join(first[:_SHOWN])}{f' and {more} more' if more > 0 else ''}" if first else ""

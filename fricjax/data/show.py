@@ -5,15 +5,11 @@ from typing import Any
 import numpy as np
 
 from ..show import axis_label, display_unit, figure
+from ..show.units import displacement_name
 from .segmentation.decay import Segmentation
 from .segmentation.disturbance import rest_spectrum
 
 _MANY_REVERSALS = 60
-
-
-def displacement(quantity: str) -> str:
-    """What the ordinate shows: a displacement in "m", an angle in "rad"."""
-    return "Displacement" if quantity == "m" else "Angle"
 
 
 def record_figure(trace: Any, quantity: str, segmentation: Segmentation | None, title: str) -> Any:
@@ -36,7 +32,7 @@ def record_figure(trace: Any, quantity: str, segmentation: Segmentation | None, 
     if segmentation is not None:
         _mark(top, t, segmentation, factor)
     top.set_xlabel(axis_label("Time", "s"))
-    top.set_ylabel(axis_label(displacement(quantity), unit))
+    top.set_ylabel(axis_label(displacement_name(quantity), unit))
     top.set_title(title, fontsize=9, wrap=True)
     top.legend(loc="upper right", fontsize=8, framealpha=0.9)
     if segmentation is not None and frequency.size:

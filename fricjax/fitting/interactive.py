@@ -10,6 +10,7 @@ from ..oscillator import Oscillator, simulate
 from ..oscillator.oscillator import leaves_of
 from ..show import engineering
 from ..show.thumbnail import Curve, curves_svg
+from ..show.units import displacement_name
 from .names import NUISANCES
 
 # Samples that are drawn, and computed anew at each move of a slider: a millisecond's work.
@@ -76,9 +77,8 @@ class Sliders:
     def _draw(self, *_: Any) -> None:
         model, fit = self.model, self._fit
         rms = float(np.sqrt(np.nanmean((self._x - model) ** 2)))
-        name = "Displacement" if fit.quantity == "m" else "Angle"
         curves = [Curve(self.t, self._x, broad=True), Curve(self.t, model)]
-        picture = curves_svg(curves, ("Time", "s"), (name, fit.quantity))
+        picture = curves_svg(curves, ("Time", "s"), (displacement_name(fit.quantity), fit.quantity))
         self._picture.value = f"{picture}<div>measured minus model: {engineering(rms, fit.quantity)} rms</div>"
 
     def _repr_mimebundle_(self, **how: Any) -> Any:

@@ -14,6 +14,7 @@ from ..data.record import labels, listed
 from ..errors import DataError
 from ..show import Report, Table, axis_label, display_unit, engineering, figure, interval, plain, scaled, uncertain
 from ..show.thumbnail import Curve, curves_svg
+from ..show.units import displacement_name
 from .names import NUISANCES
 from .rest import CONTRADICTED
 
@@ -195,9 +196,8 @@ def _populations(batch: Any, names: list[str]) -> Table:
 def thumbnails(fit: Any) -> list[str]:
     """The first run with the model on it, and what is left."""
     t, x, r = fit.times[0], np.asarray(fit.runs[0].x), fit.residuals_by_run[0]
-    name = "Displacement" if fit.quantity == "m" else "Angle"
     both = [Curve(t, x, broad=True), Curve(t, x - r)]
-    traces = [(both, name), ([Curve(t, r)], "Residual")]
+    traces = [(both, displacement_name(fit.quantity)), ([Curve(t, r)], "Residual")]
     return [curves_svg(curves, ("Time", "s"), (label, fit.quantity)) for curves, label in traces]
 
 
@@ -260,7 +260,7 @@ def _draw_trace(axes: Any, fit: Any, run: int) -> None:
     axes.plot(t, np.where(fitted, factor * x, np.nan), color="#56B4E9", linewidth=3.5, label="measured")
     model = np.where(fitted, factor * (x - np.where(fitted, r, 0.0)), np.nan)
     axes.plot(t, model, color="#8C2D04", linewidth=1.0, label="model")
-    axes.set_ylabel(axis_label("Displacement" if fit.quantity == "m" else "Angle", unit))
+    axes.set_ylabel(axis_label(displacement_name(fit.quantity), unit))
     axes.legend(loc="upper right", fontsize=8, framealpha=0.9)
     title = f"{_law(fit)} friction, {fit.engine} engine: {fit.status.split(':')[0]}"
     axes.set_title(", ".join(filter(None, [fit.sources[run], title])), fontsize=9, loc="left")

@@ -25,6 +25,11 @@ ROTARY: Mapping[str, str] = {
 }
 
 
+def displacement_name(quantity: str) -> str:
+    """What a record of this quantity shows: a displacement in "m", an angle in "rad"."""
+    return "Displacement" if quantity == "m" else "Angle"
+
+
 def rotary_unit(unit: str, quantity: str) -> str:
     """The unit of a coefficient on the rig whose records measure `quantity`.
 

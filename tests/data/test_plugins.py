@@ -19,7 +19,7 @@ def read_xyz(path, choice, *, skip=0):
         [Column("t", "ms", key=0), Column("x", "um", key=1), Column("y", "um", key=2)],
         lambda wanted: [numbers[:, column.key] for column in wanted],
     )
-    return records_of(path, "xyz", sheet, choice, vars(choice))
+    return records_of(path, "xyz", sheet, choice)
 
 nothing = lambda path: None
 number = 5

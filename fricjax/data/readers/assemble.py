@@ -1,9 +1,8 @@
 """From the columns of a file to its records: units, sign, gaps, and the checks that name file, column and row."""
 
-import dataclasses
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -13,13 +12,13 @@ from ..units import DISPLACEMENT, TIME
 from .choice import Choice
 from .choose import choose
 from .header import scale_of
-from .sheet import Sheet
+from .sheet import Column, Sheet
 
 if TYPE_CHECKING:
     from ..trace import Trace
 
 
-def records_of(path: Path, kind: str, sheet: Sheet, choice: Choice, options: dict[str, Any]) -> Record | list[Record]:
+def records_of(path: Path, kind: str, sheet: Sheet, choice: Choice, **of_format: Any) -> Record | list[Record]:
     """The record of a sheet, or those of all its runs where the caller asks for `run="all"`.
 
     Args:
@@ -27,84 +26,78 @@ def records_of(path: Path, kind: str, sheet: Sheet, choice: Choice, options: dic
         kind: the format, for `meta`.
         sheet: its columns.
         choice: the common options.
-        options: all options, for the log.
+        of_format: the other options, for the log.
 
     Raises:
         DataError: as `choose` and `assemble` do.
     """
     pairs = choose(sheet, choice, path.name)
     wanted = list(dict.fromkeys(column for pair in pairs for column in pair if column is not None))
-    values = dict(zip(wanted, sheet.load(wanted), strict=True))
+    loaded = (np.asarray(numbers, dtype=np.float64).ravel() for numbers in sheet.load(wanted))
+    values = dict(zip(wanted, loaded, strict=True))
     records = []
     for x, time in pairs:
-        columns = Columns(values[x], None, x.name, x_unit=x.unit, run=x.run, place=sheet.place)
-        if time is not None:
-            times = {"time": values[time], "time_name": time.name, "time_unit": time.unit}
-            columns = dataclasses.replace(columns, **times)
-        records.append(assemble(path, kind, columns, choice, options))
+        samples = Samples(x, values[x], time, None if time is None else values[time], sheet.place)
+        records.append(assemble(path, kind, samples, choice, **of_format))
     return records if choice.all_runs else records[0]
 
 
-@dataclasses.dataclass(frozen=True)
-class Columns:
-    """The two columns as a reader returns them, before units.
+class Samples(NamedTuple):
+    """The numbers of one run, before units.
 
-    `place(i)` words where sample `i` stands in the file ("row 17"); `time` is None where there is only a rate,
-    `run` the label of the run where the file holds several.
+    `time` and `times` are None where there is a rate; `place(i)` words where sample `i` stands in the file ("row 17").
     """
 
-    x: np.ndarray
-    time: np.ndarray | None
-    x_name: str
-    time_name: str = "time"
-    x_unit: str | None = None
-    time_unit: str | None = None
-    run: str | None = None
-    place: Callable[[int], str] = lambda i: f"sample {i + 1}"
+    x: Column
+    values: np.ndarray
+    time: Column | None
+    times: np.ndarray | None
+    place: Callable[[int], str]
 
 
-def assemble(path: Path, kind: str, columns: Columns, choice: Choice, options: dict[str, Any]) -> Record:
-    """Builds the record of a file.
+def assemble(path: Path, kind: str, samples: Samples, choice: Choice, **of_format: Any) -> Record:
+    """Builds the record of a run.
 
     Args:
         path: the file, named in messages and in `meta`.
         kind: the format, for `meta`.
-        columns: what the reader returned.
+        samples: what the reader returned.
         choice: the common options; units there replace those of the file.
-        options: all options, for the log.
+        of_format: the other options, for the log.
 
     Raises:
         DataError: too few samples, a time that is missing or does not increase, a unit that does not fit.
     """
     from ..trace import MINIMUM_SAMPLES, Trace
 
-    columns = _without_blank_rows(columns)
-    x = np.asarray(columns.x, dtype=np.float64).ravel()
-    where = f"the displacement '{columns.x_name}' of {path.name}"
-    scale, quantity = scale_of(columns.x_unit, choice.unit, DISPLACEMENT, where, "unit")
-    t, time_unit = _times(path, x.size, columns, choice)
-    used = np.count_nonzero(np.isfinite(x))
+    samples = _without_blank_rows(samples)
+    x, values, time = samples.x, samples.values, samples.time
+    where = f"the displacement '{x.name}' of {path.name}"
+    scale, quantity = scale_of(x.unit, choice.unit, DISPLACEMENT, where, "unit")
+    t, time_unit = _times(path, samples, choice)
+    used = np.count_nonzero(np.isfinite(values))
     if used < MINIMUM_SAMPLES:
         raise DataError(
-            f"{path.name} holds {used} usable samples in '{columns.x_name}', but a trace needs at least "
-            f"{MINIMUM_SAMPLES}; check the column and the rows skipped."
+            f"{path.name} holds {used} usable samples in '{x.name}', but a trace needs at least {MINIMUM_SAMPLES}; "
+            "check the column and the rows skipped."
         )
     sigma = None if choice.sigma is None else np.asarray(choice.sigma, dtype=np.float64) * abs(scale)
     # A long record that is in SI units already is not copied.
     factor = scale * choice.sign
-    trace = Trace(t, x if factor == 1.0 else x * factor, sigma)
-    unit = choice.unit or columns.x_unit
+    trace = Trace(t, values if factor == 1.0 else values * factor, sigma)
+    unit = choice.unit or x.unit
     meta = {
         "source": path.name,
         "format": kind,
-        "columns": {"t": columns.time_name if choice.rate is None else None, "x": columns.x_name},
+        "columns": {"t": None if time is None else time.name, "x": x.name},
         "units": {"t": time_unit, "x": unit or quantity},
         "quantity": quantity,
         "release_time": None,
-        **({} if columns.run is None else {"run": columns.run}),
-        **({} if unit else {"warnings": [_unit_missing(path, columns, choice)]}),
+        **({} if x.run is None else {"run": x.run}),
+        **({} if unit else {"warnings": [_unit_missing(path, samples, choice)]}),
     }
-    return Record(trace, meta, (Step("read", _plain(options), _effect(trace, columns, unit, quantity, choice)),))
+    read = Step("read", _plain({**vars(choice), **of_format}), _effect(trace, x, unit, quantity, choice))
+    return Record(trace, meta, (read,))
 
 
 def with_choice(record: Record, choice: Choice) -> Record:
@@ -128,73 +121,63 @@ def _plain(options: dict[str, Any]) -> dict[str, Any]:
     }
 
 
-def _without_blank_rows(columns: Columns) -> Columns:
-    """The columns without rows that hold neither value nor time, and without blank displacements at their end.
+def _without_blank_rows(samples: Samples) -> Samples:
+    """Without rows that hold neither value nor time, and without blank displacements at their end.
 
     Where runs of unequal length stand side by side, the shorter ones end in such rows.
     """
-    x = np.asarray(columns.x, dtype=np.float64).ravel()
-    time = None if columns.time is None else np.asarray(columns.time, dtype=np.float64).ravel()
-    blank = np.isnan(x)
-    if not blank.any() or (time is not None and time.size != x.size):
-        return columns
+    values, times = samples.values, samples.times
+    blank = np.isnan(values)
+    if not blank.any() or (times is not None and times.size != values.size):
+        return samples
     filled = np.flatnonzero(~blank)
-    after = np.arange(x.size) > (filled[-1] if filled.size else -1)
-    kept = np.flatnonzero(~(after | (blank & np.isnan(time)) if time is not None else after))
-    place = columns.place
-    times = None if time is None else time[kept]
-    return dataclasses.replace(columns, x=x[kept], time=times, place=lambda i: place(int(kept[i])))
+    after = np.arange(values.size) > (filled[-1] if filled.size else -1)
+    kept = np.flatnonzero(~(after | (blank & np.isnan(times)) if times is not None else after))
+    times = None if times is None else times[kept]
+    return samples._replace(values=values[kept], times=times, place=lambda i: samples.place(int(kept[i])))
 
 
-def _unit_missing(path: Path, columns: Columns, choice: Choice) -> str:
+def _unit_missing(path: Path, samples: Samples, choice: Choice) -> str:
     """What is assumed where a title names no unit."""
-    bare_time = choice.rate is None and columns.time_unit is None and choice.time_unit is None
-    times = f", '{columns.time_name}' as s" if bare_time else ""
-    also = " and time_unit=" if bare_time else ""
-    named = f"{path.name} names no unit for '{columns.x_name}'"
+    time = samples.time
+    times, also = "", ""
+    if time is not None and time.unit is None and choice.time_unit is None:
+        times, also = f", '{time.name}' as s", " and time_unit="
+    named = f"{path.name} names no unit for '{samples.x.name}'"
     return f"{named}: it is taken as m{times}. If that is not so, give unit={also}."
 
 
-def _times(path: Path, size: int, columns: Columns, choice: Choice) -> tuple[np.ndarray, str]:
-    if choice.rate is not None:
-        return np.arange(size) / float(choice.rate), "s"
-    if columns.time is None:
-        raise DataError(
-            f"{path.name} has no time for '{columns.x_name}'; give rate= (samples per second) or time= (a column)."
-        )
-    t = np.asarray(columns.time, dtype=np.float64).ravel()
+def _times(path: Path, samples: Samples, choice: Choice) -> tuple[np.ndarray, str]:
+    size, time, t = samples.values.size, samples.time, samples.times
+    if time is None or t is None:
+        return np.arange(size) / float(choice.rate or np.nan), "s"
     if t.size != size:
         raise DataError(
-            f"In {path.name} '{columns.time_name}' has {t.size} samples and '{columns.x_name}' has {size}; choose "
-            "columns of one length with time= and column=."
+            f"In {path.name} '{time.name}' has {t.size} samples and '{samples.x.name}' has {size}; choose columns of "
+            "one length with time= and column=."
         )
-    where = f"the time '{columns.time_name}' of {path.name}"
-    scale, _ = scale_of(columns.time_unit, choice.time_unit, TIME, where, "time_unit")
-    _check_times(path, t, columns)
-    return t if scale == 1.0 else t * scale, choice.time_unit or columns.time_unit or "s"
+    scale, _ = scale_of(time.unit, choice.time_unit, TIME, f"the time '{time.name}' of {path.name}", "time_unit")
+    _check_times(f"{path.name}, column '{time.name}'", t, samples.place)
+    return t if scale == 1.0 else t * scale, choice.time_unit or time.unit or "s"
 
 
-def _check_times(path: Path, t: np.ndarray, columns: Columns) -> None:
+def _check_times(where: str, t: np.ndarray, place: Callable[[int], str]) -> None:
     from ..trace import first_not_later
 
     remedy = "repair or drop that row, choose another column with time=, or give rate= instead."
     finite = np.isfinite(t)
     if not finite.all():
         i = int(np.argmin(finite))
-        raise DataError(
-            f"{path.name}, column '{columns.time_name}', {columns.place(i)}: the time is {t[i]} (NaN, infinite or "
-            f"missing); {remedy}"
-        )
+        raise DataError(f"{where}, {place(i)}: the time is {t[i]} (NaN, infinite or missing); {remedy}")
     i = first_not_later(t)
     if i is not None:
         raise DataError(
-            f"{path.name}, column '{columns.time_name}', {columns.place(i)}: the time is not increasing "
-            f"({float(t[i])} after {float(t[i - 1])}); {remedy}"
+            f"{where}, {place(i)}: the time is not increasing ({float(t[i])} after {float(t[i - 1])}); {remedy}"
         )
 
 
-def _effect(trace: "Trace", columns: Columns, unit: str | None, quantity: str, choice: Choice) -> str:
-    parts = [f"{trace.n} samples of '{columns.x_name}'"]
+def _effect(trace: "Trace", x: Column, unit: str | None, quantity: str, choice: Choice) -> str:
+    parts = [f"{trace.n} samples of '{x.name}'"]
     parts.append(f"in {unit}" if unit else "no unit found or given, taken as m")
     if unit not in (None, quantity):
         parts.append(f"converted to {quantity}")

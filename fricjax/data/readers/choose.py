@@ -44,9 +44,11 @@ def choose(sheet: Sheet, choice: Choice, source: str) -> list[Pair]:
         source: the file, for messages.
 
     Raises:
-        DataError: an unknown column or run, several runs and none chosen, several columns that could be the
+        DataError: no numbers, an unknown column or run, several runs and none chosen, several columns that could be the
             displacement.
     """
+    if sheet.of and not any(column.fault is None for column in sheet.columns):
+        raise DataError(f"{source} holds no {sheet.of} of numbers that could be a record.")
     sheet = _with_numbered_runs(sheet)
     runs: list[str | None] = list(sheet.runs)
     if choice.run is not None and not runs and not choice.all_runs:

@@ -49,14 +49,13 @@ def read_csv(
         DataError: no table of numbers, an unknown column or run, a cell that is no number (with its row).
     """
     dialect = Dialect(delimiter, decimal, comment, skip_rows, header)
-    options = {**vars(choice), **vars(dialect), "encoding": encoding}
     text = Text.of(path, encoding)
     if choice.takes_all and dialect == Dialect() and text.head[0].startswith(TEXT_MARK):
         restored = restore_text(path, list(text.lines()))
         if restored is not None:
             return with_choice(restored, choice)
     table = TextTable(text, dialect, sniff(text.head, dialect, path.name))
-    return records_of(path, "csv", table.sheet(), choice, options)
+    return records_of(path, "csv", table.sheet(), choice, **vars(dialect), encoding=encoding)
 
 
 _FEW = 4  # columns that are read at once, without asking which are wanted

@@ -52,8 +52,8 @@ def read_excel(
             trouble = error
     if not tables:
         raise trouble or DataError(f"{path.name} holds no worksheet with rows.")
-    options = {**vars(choice), "skip_rows": skip_rows, "header": header}
-    return records_of(path, "xlsx", _joined({title: table.sheet() for title, table in tables.items()}), choice, options)
+    sheet = _joined({title: table.sheet() for title, table in tables.items()})
+    return records_of(path, "xlsx", sheet, choice, skip_rows=skip_rows, header=header)
 
 
 def _joined(sheets: dict[str, Sheet]) -> Sheet:

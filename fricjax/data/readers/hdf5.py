@@ -34,7 +34,7 @@ def read_hdf5(path: Path, choice: Choice) -> Record | list[Record]:
         mark = tree.attribute(tree.file, MARK)
         if mark is not None and choice.takes_all:
             return with_choice(_restore(tree, mark), choice)
-        return records_of(path, "hdf5", _sheet(tree, path.name), choice, vars(choice))
+        return records_of(path, "hdf5", _sheet(tree), choice)
 
 
 def _restore(tree: Tree, mark: Any) -> Record:
@@ -45,12 +45,10 @@ def _restore(tree: Tree, mark: Any) -> Record:
     return decode(arrays, texts, tree.path.name)
 
 
-def _sheet(tree: Tree, source: str) -> Sheet:
+def _sheet(tree: Tree) -> Sheet:
     """The data sets as columns; where several groups hold a time of their own, each group is a run."""
     nodes = {path: node for path, node in tree.data_sets().items() if node.ndim}
     columns = {path: _columns(tree, path, node) for path, node in nodes.items()}
-    if not any(part.fault is None for parts in columns.values() for part in parts):
-        raise DataError(f"{source} holds no data set of numbers that could be a record.")
     timed = dict.fromkeys(_folder(path) for path, parts in columns.items() if parts[0].is_time)
     runs = {folder: folder.strip("/") or "/" for folder in timed} if len(timed) > 1 else {}
 
@@ -62,17 +60,16 @@ def _sheet(tree: Tree, source: str) -> Sheet:
     def load(wanted: Sequence[Column]) -> list[np.ndarray]:
         return [signal(_values(tree, nodes[path]), index) for path, index in (column.key for column in wanted)]
 
-    return Sheet([complete(path, part) for path, parts in columns.items() for part in parts], load)
+    return Sheet([complete(path, part) for path, parts in columns.items() for part in parts], load, of="data set")
 
 
 def _columns(tree: Tree, path: str, node: Any) -> list[Column]:
     name = path.rsplit("/", 1)[1]
+    unit = cf_unit(tree.attribute(node, "units"))
     try:
-        parts = array_columns(name, node.dtype, node.shape, path, f"{_folder(path)}/")
+        return array_columns(name, node.dtype, node.shape, path, folder=f"{_folder(path)}/", unit=unit)
     except TypeError:  # a type of numbers that numpy does not know
         return [Column(path, title=path, fault="holds no numbers", key=(path, 0))]
-    unit = cf_unit(tree.attribute(node, "units"))
-    return [dataclasses.replace(part, unit=unit or part.unit) for part in parts]
 
 
 def _folder(path: str) -> str:

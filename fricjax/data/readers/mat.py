@@ -58,8 +58,7 @@ def read_mat(
     def load(wanted: Sequence[Column]) -> list[np.ndarray]:
         return [_loaded(tree, column, row, cells, path.name) for column in wanted]
 
-    options = {**vars(choice), "row": row or None, "cells": cells}
-    return records_of(path, "mat", Sheet(columns, load), choice, options)
+    return records_of(path, "mat", Sheet(columns, load), choice, row=row or None, cells=cells)
 
 
 def _columns(tree: dict[str, Any]) -> list[Column]:
@@ -87,7 +86,7 @@ def _walk(name: str, node: Any) -> Iterator[Column]:
     elif isinstance(node, np.ndarray):
         if node.size != 1:
             folder = f"{folder_of(name)}." if folder_of(name) else ""
-            yield from array_columns(name.removeprefix(folder), node.dtype, node.shape, name, folder)
+            yield from array_columns(name.removeprefix(folder), node.dtype, node.shape, name, folder=folder)
     else:
         kind = f"is {node.kind}" if isinstance(node, Opaque) else "holds text"
         yield Column(name, title=name, fault=kind, key=(name, None))

@@ -66,7 +66,7 @@ def read_mdf(path: Path, choice: Choice) -> Record | list[Record]:
         # The library prints the tracebacks of what it cannot read, where the numbers of a command go. It gets a stream,
         # and not a path, for it unpacks paths elsewhere.
         with path.open("rb") as stream, contextlib.redirect_stdout(io.StringIO()), asammdf.MDF(stream) as file:
-            return records_of(path, "mdf", _sheet(path, file), choice, vars(choice))
+            return records_of(path, "mdf", _sheet(path, file), choice)
 
 
 def _check_links(path: Path) -> None:
@@ -99,15 +99,13 @@ def _sheet(path: Path, file: Any) -> Sheet:
         time = clocks[0] if clocks else None
         columns = [column if column is time else dataclasses.replace(column, time=time) for column in columns]
         groups[f"Group {i + 1} {group.channel_group.acq_name or ''}".strip()] = columns
-    if not any(column.fault is None for columns in groups.values() for column in columns):
-        raise DataError(f"{path.name} holds no channel of numbers that could be a record.")
 
     def load(wanted: Sequence[Column]) -> list[np.ndarray]:
         for i, j in (column.key for column in wanted):
             _check_data(path, file.groups[i], file.groups[i].channels[j])
         return [_values(file, *column.key) for column in wanted]
 
-    return Sheet(grouped(groups), load)
+    return Sheet(grouped(groups), load, of="channel")
 
 
 def _is_clock(channel: Any) -> bool:

@@ -14,7 +14,7 @@ import numpy as np
 from ...errors import DataError, UsageError
 from ..record import Record
 from ..trace import Trace
-from .assemble import Columns, assemble, records_of, with_choice
+from .assemble import Samples, assemble, records_of, with_choice
 from .choice import Choice
 from .sheet import Column, Sheet
 from .tables import Cells, column_of, floats_of, header_of, is_vector, table_columns
@@ -93,7 +93,7 @@ def _read_table(source: Any, choice: Choice) -> Record | list[Record]:
     def load(wanted: Sequence[Column]) -> list[np.ndarray]:
         return [floats_of(cells[column.key], kind) for column in wanted]
 
-    records = records_of(Path(kind), kind, Sheet(columns, load, _PLACE), choice, vars(choice))
+    records = records_of(Path(kind), kind, Sheet(columns, load, _PLACE), choice)
     return [_of(record, name) for record in records] if isinstance(records, list) else _of(records, name)
 
 
@@ -140,16 +140,11 @@ def _read_arrays(t: Cells | None, x: Cells, choice: Choice) -> Record:
     if t is not None and t.values.size != x.values.size:
         raise DataError(f"There are {t.values.size} times and {x.values.size} displacements; give as many of each.")
     # Bare numbers are in SI units, of which nothing needs to be said.
-    columns = Columns(
-        floats_of(x, "array"),
-        None if t is None else floats_of(t, "array"),
-        x.name,
-        "time" if t is None else t.name,
-        x.unit or (None if choice.unit else "m"),
-        None if t is None else t.unit or (None if choice.time_unit else "s"),
-        place=_PLACE,
-    )
-    return _of(assemble(Path("array"), "array", columns, choice, vars(choice)), None)
+    column = Column(x.name, x.unit or (None if choice.unit else "m"))
+    time = None if t is None else Column(t.name, t.unit or (None if choice.time_unit else "s"))
+    times = None if t is None else floats_of(t, "array")
+    samples = Samples(column, floats_of(x, "array"), time, times, _PLACE)
+    return _of(assemble(Path("array"), "array", samples, choice), None)
 
 
 def _of(record: Record, source: str | None) -> Record:

@@ -46,7 +46,7 @@ def read_netcdf(path: Path, choice: Choice) -> Record | list[Record]:
     with damage(path, "netCDF"), _Metered(path) as stream:
         # SciPy takes anything that reads, seeks and tells.
         file = netcdf_file(cast(IO[bytes], stream), "r", mmap=False)
-        return records_of(path, "netcdf", _sheet(path, dict(file.variables)), choice, vars(choice))
+        return records_of(path, "netcdf", _sheet(path, dict(file.variables)), choice)
 
 
 class _Metered(io.FileIO):
@@ -66,8 +66,6 @@ class _Metered(io.FileIO):
 def _sheet(path: Path, variables: dict[str, Any]) -> Sheet:
     """The variables as columns; the one that is called as a dimension holds the places along it."""
     columns = {name: _columns(name, each) for name, each in variables.items() if np.ndim(each.data)}
-    if not any(part.fault is None for parts in columns.values() for part in parts):
-        raise DataError(f"{path.name} holds no variable of numbers that could be a record.")
 
     def complete(name: str, part: Column) -> Column:
         coordinate = next((each for each in variables[name].dimensions if each in columns), name)
@@ -76,14 +74,12 @@ def _sheet(path: Path, variables: dict[str, Any]) -> Sheet:
     def load(wanted: Sequence[Column]) -> list[np.ndarray]:
         return [signal(_values(path, name, variables[name]), index) for name, index in (each.key for each in wanted)]
 
-    return Sheet([complete(name, part) for name, parts in columns.items() for part in parts], load)
+    return Sheet([complete(name, part) for name, parts in columns.items() for part in parts], load, of="variable")
 
 
 def _columns(name: str, variable: Any) -> list[Column]:
-    data = np.asarray(variable.data)
-    unit = cf_unit(_attribute_of(variable)("units"))
-    parts = array_columns(name, data.dtype, data.shape, name)
-    return [dataclasses.replace(part, unit=unit or part.unit) for part in parts]
+    data, unit = np.asarray(variable.data), cf_unit(_attribute_of(variable)("units"))
+    return array_columns(name, data.dtype, data.shape, name, unit=unit)
 
 
 def _attribute_of(variable: Any) -> Callable[[str], Any]:

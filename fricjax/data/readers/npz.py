@@ -41,7 +41,7 @@ def read_npz(path: Path, choice: Choice) -> Record | list[Record]:
     def load(wanted: Sequence[Column]) -> list[np.ndarray]:
         return [signal(vectors[name], index) for name, index in (column.key for column in wanted)]
 
-    return records_of(path, "npz", Sheet(columns, load), choice, vars(choice))
+    return records_of(path, "npz", Sheet(columns, load), choice)
 
 
 # Members, and bytes of the list of members at the end of the archive; numpy takes about 60 for each.

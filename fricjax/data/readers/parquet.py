@@ -46,15 +46,13 @@ def read_parquet(path: Path, choice: Choice) -> Record | list[Record]:
     """
     parquet = library(path, "pyarrow.parquet", "parquet")
     with damage(path, "Parquet"), parquet.ParquetFile(path) as file:
-        return records_of(path, "parquet", _sheet(path, file), choice, vars(choice))
+        return records_of(path, "parquet", _sheet(path, file), choice)
 
 
 def _sheet(path: Path, file: Any) -> Sheet:
     """The columns of the table, once for each run where a column tells the runs apart."""
     units = _units(file.schema_arrow)
     columns = [_column(field, units) for field in file.schema_arrow if field.type.num_fields == 0]
-    if not any(column.fault is None for column in columns):
-        raise DataError(f"{path.name} holds no column of numbers that could be a record.")
 
     @functools.lru_cache(maxsize=8)
     def values(name: str) -> np.ndarray:
@@ -74,7 +72,7 @@ def _sheet(path: Path, file: Any) -> Sheet:
     def load(wanted: Sequence[Column]) -> list[np.ndarray]:
         return [values(name)[span] for name, span in (column.key for column in wanted)]
 
-    return Sheet(columns, load, lambda i: f"row {i + 1}")
+    return Sheet(columns, load, lambda i: f"row {i + 1}", of="column")
 
 
 def _check_declared(path: Path, name: str) -> None:

@@ -67,13 +67,15 @@ class Sheet:
     """The columns of a file, and how their numbers are got.
 
     `load` gives the numbers of the columns asked for, each of shape (samples,); `place(i)` words where sample i of a
-    column stands in the file ("row 17"); `advice` is added where times are missing ("its header says 1000 Hz").
+    column stands in the file ("row 17"); `advice` is added where times are missing ("its header says 1000 Hz"); `of` is
+    what the format calls a column that may hold anything ("channel"), for the refusal of a file without numbers.
     """
 
     columns: Sequence[Column]
     load: Callable[[Sequence[Column]], list[np.ndarray]]
     place: Callable[[int], str] = lambda i: f"sample {i + 1}"
     advice: str = ""
+    of: str = ""
 
     @property
     def runs(self) -> list[str]:
@@ -97,13 +99,15 @@ def grouped(groups: Mapping[str, Sequence[Column]]) -> list[Column]:
     ]
 
 
-def array_columns(name: str, dtype: np.dtype, shape: tuple[int, ...], key: Any, folder: str = "") -> list[Column]:
+def array_columns(
+    name: str, dtype: np.dtype, shape: tuple[int, ...], key: Any, *, folder: str = "", unit: str | None = None
+) -> list[Column]:
     """The column of a named array, its name taken apart; a matrix of few columns is one for each of them.
 
-    `folder` is put in front of the name as it is: "/run1/", "run.".
+    `folder` is put in front of the name as it is: "/run1/", "run."; `unit` replaces the one in the name.
     """
     title = split_title(name)
-    name, unit, run = folder + title.name, title.unit, title.run
+    name, unit, run = folder + title.name, unit or title.unit, title.run
     lengths = [length for length in shape if length != 1]
     if len(lengths) == 2 and 2 <= min(lengths) <= WIDEST and _fault(dtype, (max(lengths),)) is None:
         return [Column(f"{name}[{i}]", unit, run, bare=True, key=(key, i)) for i in range(min(lengths))]

@@ -35,7 +35,7 @@ def read_tdms(path: Path, choice: Choice) -> Record | list[Record]:
     library(path, "nptdms.log", "tdms").log_manager.set_level(logging.ERROR)
     # A stream, and not a path, for beside a path lies an index that may tell of another file.
     with damage(path, "TDMS"), path.open("rb") as stream, nptdms.TdmsFile.open(stream, raw_timestamps=True) as file:
-        return records_of(path, "tdms", _sheet(path, file), choice, vars(choice))
+        return records_of(path, "tdms", _sheet(path, file), choice)
 
 
 def _sheet(path: Path, file: Any) -> Sheet:
@@ -44,27 +44,24 @@ def _sheet(path: Path, file: Any) -> Sheet:
     if status.incomplete_final_segment or any(each.expected_length != each.read_length for each in lengths):
         raise DataError(f"{path.name} is cut off: its last segment is not complete; copy or export it again.")
     groups = {group.name: [_column(channel) for channel in group.channels()] for group in file.groups()}
-    columns = grouped(groups)
-    if not any(column.fault is None for column in columns):
-        raise DataError(f"{path.name} holds no channel of numbers that could be a record.")
 
     def load(wanted: Sequence[Column]) -> list[np.ndarray]:
         check_size(path, "What is asked for", sum(len(channel) for channel, _ in (column.key for column in wanted)))
         return [_values(*column.key) for column in wanted]
 
-    return Sheet(columns, load)
+    return Sheet(grouped(groups), load, of="channel")
 
 
 def _column(channel: Any) -> Column:
     """A channel, with the times of its waveform where it has an interval; stamps of date and time become seconds."""
     dtype = np.dtype(channel.dtype or "O")
-    [part] = array_columns(channel.name, dtype, (len(channel),), channel.name)
+    unit = str(channel.properties.get("unit_string", "")).strip()
+    [part] = array_columns(channel.name, dtype, (len(channel),), channel.name, unit=unit)
     if dtype.kind == "M":
         return dataclasses.replace(part, unit="s", fault=None if len(channel) else part.fault, key=(channel, None))
-    unit = str(channel.properties.get("unit_string", "")).strip() or part.unit
     start, interval = (_number(channel.properties.get(f"wf_{name}")) for name in ("start_offset", "increment"))
     time = Column(f"{part.name} (waveform)", "s", key=(channel, (start, interval))) if interval > 0 else None
-    return dataclasses.replace(part, unit=unit, time=time, key=(channel, None))
+    return dataclasses.replace(part, time=time, key=(channel, None))
 
 
 def _number(value: Any) -> float:

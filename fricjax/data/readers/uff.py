@@ -47,7 +47,7 @@ def read_uff(path: Path, choice: Choice) -> Record | list[Record]:
         size = gigabytes(path.stat().st_size)
         raise DataError(f"{path.name} has {size}, more than {gigabytes(_LARGEST)}; save one run in a file.")
     with damage(path, "a universal file"):
-        return records_of(path, "uff", _sheet(path, pyuff.UFF(str(path))), choice, vars(choice))
+        return records_of(path, "uff", _sheet(path, pyuff.UFF(str(path))), choice)
 
 
 def _sheet(path: Path, file: Any) -> Sheet:

@@ -157,12 +157,12 @@ def segment(t: Any, x: Any, sigma: Any = None, mask: Any = None) -> Segmentation
     if half_cycles is None:
         raise DataError(f"x is constant within its noise ({noise:.3g}); a decay needs a motion: check the column.")
     # All of the noise, not only its white part, can be measured now that the motion is known.
-    every = disturbance(swing, half_cycles)
+    total, drift, lines = disturbance(swing, half_cycles)
     # Smoothing takes nothing from noise that is slow.
-    slow = 10.0 * float(np.sqrt(max(every.total**2 - noise**2, 0.0)))
-    swing = dataclasses.replace(swing, noise=every.total, threshold=max(swing.threshold, slow))
+    slow = 10.0 * float(np.sqrt(max(total**2 - noise**2, 0.0)))
+    swing = dataclasses.replace(swing, noise=total, threshold=max(swing.threshold, slow))
     segmentation = _refined_segmentation(swing, half_cycles)
-    return dataclasses.replace(segmentation, white_noise=every.white, lines=every.lines, drift=every.drift)
+    return dataclasses.replace(segmentation, white_noise=noise, lines=lines, drift=drift)
 
 
 def _half_period(t: np.ndarray, x: np.ndarray, noise: float, step: float) -> float:
@@ -178,6 +178,8 @@ def _half_period(t: np.ndarray, x: np.ndarray, noise: float, step: float) -> flo
         x = median_filter(x, 5, mode="nearest")
         among = extremes(x, sizes[-1])
         pivots = next((more for size in sizes if len(more := zigzag(x, among, size)) >= 4), pivots)
+        # Extremes that were spikes are gone.
+        pivots = pivots if np.all(np.diff(x[pivots])) else zigzag(x, among, sizes[0])
     if len(pivots) >= 4:
         return float(np.median(np.diff(t[pivots[1:-1]])))
     # One or two half-cycles: the time from 10 to 90 % of each, free of the hold before and the rest after it.
@@ -207,6 +209,10 @@ def _refined_segmentation(swing: Swing, half_cycles: HalfCycles) -> Segmentation
             swing, begin, begin + float(np.median(durations)) if times.size else float(last[0])
         )
     moving = swing.x[np.searchsorted(t, release) : None if rest is None else np.searchsorted(t, rest, side="right")]
+    if not moving.size:
+        raise DataError(
+            "No motion is seen between release and rest, as where spikes hide it: mask them, or crop them off."
+        )
     ends = times if rest is None else np.append(times, rest)
     half_period = float(np.median(np.diff(ends))) if ends.size >= 2 else swing.half_period
     from_rest = times.size > 0 and abs(float(times[0]) - release - half_period) < AS_LONG * half_period
@@ -234,7 +240,7 @@ def _release_and_reversals(swing: Swing, half_cycles: HalfCycles) -> tuple[float
     # What goes to and fro before that is a hand, or the noise of a hold: half-cycles of a free mass shrink.
     middle = int(np.mean(indices[:2])) + 1 if edges.size > 1 else swing.t.size
     # The first samples are hardly smoothed, and no spike is seen in them.
-    begin = min(int(0.03 * swing.half_period / swing.interval), middle - 2)
+    begin = max(min(int(0.03 * swing.half_period / swing.interval), middle - 2), 0)
     early = swing.smoothed[begin:middle]
     head = [begin + i for i in zigzag(early, extremes(early, swing.threshold), swing.threshold)[:-1]]
     head = head[-2:] or [int(indices[0])]

@@ -5,8 +5,6 @@ its floor and its instrument drift. What a polynomial leaves of the one, and a s
 of the record: all of it, where differences of neighbouring samples see only its white part.
 """
 
-from typing import NamedTuple
-
 import numpy as np
 
 from .half_cycles import HalfCycles
@@ -26,35 +24,24 @@ WIDE, NEAR = 3, 24  # bins that a line fills to either side, and those about it 
 LONGEST = 1 << 17  # samples of a spectrum
 
 
-class Disturbance(NamedTuple):
-    """The noise of a record, in the unit of x.
+def disturbance(swing: Swing, half_cycles: HalfCycles) -> tuple[float, float, tuple[tuple[float, float], ...]]:
+    """The noise of a record whose half-cycles are known.
 
-    **Fields:**
-
-    - `total`: standard deviation of all of it; `white`: of its white part.
-    - `drift`: slope of x over the rest [1/s], 0.0 where the rest is shorter than a cycle.
-    - `lines`: frequency [Hz] and amplitude of each hum that stands out of the rest.
+    Returns:
+        Its standard deviation, the slope of x over the rest [1/s] (0.0 where that is shorter than a cycle), and
+        frequency [Hz] and amplitude of each hum that stands out of the rest.
     """
-
-    total: float
-    white: float
-    drift: float = 0.0
-    lines: tuple[tuple[float, float], ...] = ()
-
-
-def disturbance(swing: Swing, half_cycles: HalfCycles) -> Disturbance:
-    """The noise of a record whose half-cycles are known."""
     stop = float(half_cycles.edges[-1])
     parts = [_moving(swing, half_cycles.edges), _resting(swing, stop) if half_cycles.stopped else None]
     variances = np.array([variance for variance in parts if variance is not None])
     # The larger one counts, for slow noise hides in the motion and jitter in the rest; of two like ones their mean.
     total = max(float(np.mean(variances**4) ** (1 / 8)), swing.noise) if variances.size else swing.noise
     if not half_cycles.stopped:
-        return Disturbance(total, swing.noise)
+        return total, 0.0, ()
     begin = int(np.searchsorted(swing.t, stop + RINGS * swing.half_period))
     t, x = swing.t[begin:], swing.x[begin:]
     long = t.size >= 8 and t[-1] - t[0] >= STRETCH * swing.half_period
-    return Disturbance(total, swing.noise, line_fit(t, x)[0] if long else 0.0, _lines(swing, stop))
+    return total, line_fit(t, x)[0] if long else 0.0, _lines(swing, stop)
 
 
 def _moving(swing: Swing, edges: np.ndarray) -> float | None:

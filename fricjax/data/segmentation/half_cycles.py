@@ -75,7 +75,9 @@ def _large(swing: Swing, pivots: list[int]) -> np.ndarray:
     edges = t[pivots[:-1]]
     if edges.size > 1:
         side = float(np.sign(np.subtract(*swing.smoothed[[pivots[-2], pivots[-3]]])))
-        edges[-1] = _reversal(swing, float(edges[-1]), swing.half_period, side)
+        last = _reversal(swing, float(edges[-1]), swing.half_period, side)
+        # A spike beside a reversal is one of its own, before which no parabola leads.
+        edges[-1] = last if last > edges[-2] else edges[-1]
     # Near the smallest size some half-cycles are seen and others missed: the clock goes on from the first one missed.
     missed = np.flatnonzero(np.diff(edges)[STEADY:] > 2 * np.diff(edges)[STEADY - 1 : -1])
     edges = edges[: STEADY + 1 + int(missed[0])] if missed.size else edges

@@ -361,3 +361,19 @@ def test_a_large_swing_that_goes_on(measured_data):
     assert (record.trace.n, found.rest, found.release) == (55001, None, 0.0)
     assert found.turning_times.size == found.n_half_cycles == 133
     assert found.first_reversal == pytest.approx(0.4406, abs=1e-3)
+
+
+@pytest.mark.parametrize(("rate", "samples"), [(150.0, 60), (300.0, 150), (1000.0, 150)])
+def test_a_spike_near_the_release_of_a_coarse_record(rate, samples):
+    """One sample of a few half-cycles is off by the amplitude: another shape perhaps, but neither an error nor NaN."""
+    t = np.arange(samples) / rate
+    for frequency, band in ((5.0, 0.45), (5.0, 0.6), (9.0, 0.29), (14.2, 0.29), (14.2, 0.45)):
+        for spike in range(12):
+            exact = coulomb_viscous(t, 1e-3, frequency=frequency, zeta=0.0, dead_band=1e-3 * band)
+            x = exact.x + 1e-3 * (np.arange(samples) == spike)
+            try:
+                segmentation = segment(t, x)
+            except DataError as error:
+                assert "sample faster" in str(error) or "as where spikes hide it" in str(error)
+            else:
+                assert 0 < segmentation.half_period < t[-1]
