@@ -6,12 +6,21 @@ import tempfile
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
+from fricjax.oscillator import cache
+
 # Most of the time goes into compiling. What one worker has compiled serves the other ones, the commands that tests
-# start, and the tests after compiled functions were let go. The first process makes the folder and removes it; a folder
-# that the user has named is kept. jax reads these variables when it is imported.
-_PROGRAMS = None if "JAX_COMPILATION_CACHE_DIR" in os.environ else tempfile.TemporaryDirectory(prefix="fricjax-tests-")
-if _PROGRAMS is not None:
-    os.environ["JAX_COMPILATION_CACHE_DIR"] = _PROGRAMS.name
+# start, and the next run, which compiles what has changed: programs are kept under all that they depend on. They lie
+# beside those of the user, within the same bound, or where the user says; with FRICJAX_CACHE_DIR=off in a folder that
+# goes with the run. Only the first process finds none named. jax reads these variables when it is imported.
+_PROGRAMS = None
+if "JAX_COMPILATION_CACHE_DIR" not in os.environ:
+    _asked = cache.asked_folder()
+    _folder = None if _asked is None else _asked.with_name(f"{_asked.name}-tests")
+    if _folder is None or not cache.made(_folder) or cache.distrust(_folder):
+        _PROGRAMS = tempfile.TemporaryDirectory(prefix="fricjax-tests-")
+        _folder = Path(_PROGRAMS.name)
+    cache.prune(_folder)
+    os.environ["JAX_COMPILATION_CACHE_DIR"] = str(_folder)
 os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0")
 os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_ENTRY_SIZE_BYTES", "-1")
 

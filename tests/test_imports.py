@@ -1,6 +1,7 @@
 """The folders of the package import in one direction only, and the root costs next to nothing."""
 
 import ast
+import functools
 import subprocess
 import sys
 from pathlib import Path
@@ -47,6 +48,7 @@ def imported(node, file):
     return [f"{base}.{alias.name}" for alias in node.names]
 
 
+@functools.cache
 def imports(file, *, top_level_only=False):
     """Every import in a file, or only those that run when the module is loaded."""
     tree = ast.parse(file.read_text())
@@ -68,12 +70,14 @@ def _loaded(body):
             yield from _loaded(handler.body)
 
 
+KNOWN = {module_name(file) for file in FILES}
+
+
 def modules_of_the_package(names):
     """The longest prefix of each name that is a module of the package."""
-    known = {module_name(file) for file in FILES}
     for name in names:
         parts = name.split(".")
-        found = next((".".join(parts[:n]) for n in range(len(parts), 0, -1) if ".".join(parts[:n]) in known), None)
+        found = next((".".join(parts[:n]) for n in range(len(parts), 0, -1) if ".".join(parts[:n]) in KNOWN), None)
         if found:
             yield found
 
