@@ -263,8 +263,6 @@ def _laws(oscillator: Any, rig: Any, free: Sequence[str]) -> tuple[Law, ...]:
 
 def name_of(oscillator: Any) -> str:
     """The friction law of an oscillator as the command line calls it, as "coulomb+quadraticdrag"."""
-    from ..friction import Sum
+    from ..friction.base import law_name
 
-    law = oscillator.friction
-    parts = law.laws if isinstance(law, Sum) else (law,)
-    return "+".join(type(part).__name__.lower() for part in parts)
+    return law_name(oscillator.friction).replace(" ", "").lower()

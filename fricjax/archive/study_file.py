@@ -18,11 +18,11 @@ Paths are relative to the file. The names are those of the options of ``fricjax 
 name and number is checked here by the same code.
 """
 
-import dataclasses
 import functools
 import re
 from collections.abc import Mapping
 from pathlib import Path
+from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
 from ..data.files import read_toml
@@ -32,21 +32,6 @@ from .study import Law, Rule, Study
 
 if TYPE_CHECKING:
     from pydantic import BaseModel, ValidationError
-
-
-@dataclasses.dataclass(frozen=True)
-class _Words:
-    """A machine as :mod:`fricjax.machine.choose` takes it."""
-
-    rig: Path | None
-    fix: list[str] | None
-    restoring: str | None
-    mass: str | None
-    stiffness: str | None
-    normal_force: str | None
-    drag: float | None
-    engine: str
-    friction: str
 
 
 def read_study(path: str | Path) -> Study:
@@ -170,7 +155,7 @@ def _study(folder: Path, asked: Any) -> Study:
     settings = _settings(asked)
     choices = {}
     for friction in _texts(asked.friction):
-        words = _Words(friction=friction, **_machine(folder, asked))
+        words: Any = SimpleNamespace(friction=friction, **_machine(folder, asked))
         free = None if asked.free is None else ",".join(_texts(asked.free))
         choice = choose(words, free, tuple(settings["tie"]))
         check_settings(choice.model, choice.free, 1, {**settings, "sigma_mode": "absolute"})
@@ -196,7 +181,7 @@ def _study(folder: Path, asked: Any) -> Study:
 
 
 def _machine(folder: Path, asked: Any) -> dict[str, Any]:
-    """What the machine is described by, but its law."""
+    """What the machine is described by, as :mod:`fricjax.machine.choose` takes it, but its law."""
     # A study of several rigs and none of its own is checked with the first of them.
     rig = next(runs.rig for runs in asked.runs if runs.rig) if _only_rules(asked) else asked.rig
     texts = {name: getattr(asked, name) for name in ("mass", "stiffness", "normal_force")}

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, NoReturn
 
 from typer import Argument, Exit, Option
 
-from ..errors import UsageError, nearest
+from ..errors import UsageError, first_of, nearest
 from ..machine import parsing
 from .failure import Interrupted
 from .fit import Fitting, settings_of
@@ -248,6 +248,5 @@ def _plan_text(planned: "Plan") -> str:
         f"to do:    {data['to_do']}, {data['bytes'] / 1e6:.3g} MB, in {data['chunks']} chunks",
     ]
     if planned.changed:
-        more = f" and {len(planned.changed) - 5} more" if len(planned.changed) > 5 else ""
-        lines.append(f"changed:  {', '.join(planned.changed[:5])}{more}")
+        lines.append(f"changed:  {first_of(planned.changed, 5)}")
     return "\n".join(lines)

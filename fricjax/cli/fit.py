@@ -14,7 +14,7 @@ from ..machine import parsing
 from .options import NOISE_HELP, Machine, Plot, Reading, Save, Writing
 from .output import deliver, prepare, working
 from .records import check_records, read_records
-from .targets import PICTURES, RECORDS, RESULTS, check_targets, numbered, write_picture
+from .targets import PICTURES, RECORDS, RESULTS, check_targets, numbered, write_pictures
 
 if TYPE_CHECKING:
     from ..data import Record
@@ -163,12 +163,9 @@ def write_outcome(
     """Write the files that were asked for and return them by what they are."""
     from ..data import write
 
-    written: dict[str, str] = {}
     # A motion that is not finite cannot be drawn.
-    if isfinite(fit.residual_rms):
-        for i, path in enumerate(numbered(plot, len(records))):
-            name = "picture" if len(records) == 1 else f"picture_{i + 1}"
-            written |= write_picture(output, path, functools.partial(fit.plot, i), name)
+    draws = [functools.partial(fit.plot, i) for i in range(len(records))] if isfinite(fit.residual_rms) else []
+    written = write_pictures(output, plot, draws)
     if out is not None:
         written["fit"] = str(fit.save(out, overwrite=output.force))
     if save is not None:

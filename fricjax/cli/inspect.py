@@ -10,7 +10,7 @@ from ..machine import parsing
 from .options import Machine, Plot, Reading, Writing
 from .output import deliver, prepare, working
 from .records import check_records, read_records
-from .targets import PICTURES, check_targets, numbered, write_picture
+from .targets import PICTURES, check_targets, write_picture, write_pictures
 
 
 def inspect(
@@ -36,14 +36,7 @@ def inspect(
         report = inspection.report()
         logged = dataclasses.replace(report, facts=[*report.facts, *(("log", step) for step in steps)])
         texts.append(logged.text())
-
-    def draw() -> dict[str, str]:
-        pictures = {}
-        for i, path in enumerate(numbered(plot, len(records))):
-            name = "picture" if len(records) == 1 else f"picture_{i + 1}"
-            pictures |= write_picture(output, path, records[i].plot, name)
-        return pictures
-
+    draw = lambda: write_pictures(output, plot, [record.plot for record in records])
     deliver(output, data[0] if len(data) == 1 else {"runs": data}, "\n\n".join(texts), draw)
 
 

@@ -2,7 +2,7 @@
 
 import errno
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -25,6 +25,14 @@ def write_picture(
     from ..show import save
 
     return {name: str(save(draw(), plot, overwrite=output.force))}
+
+
+def write_pictures(output: "Writing", plot: Path | None, draws: Sequence[Callable[[], Any]]) -> dict[str, str]:
+    """A picture of each run where some were asked for, numbered where there are several."""
+    written: dict[str, str] = {}
+    for i, path in enumerate(numbered(plot, len(draws))):
+        written |= write_picture(output, path, draws[i], "picture" if len(draws) == 1 else f"picture_{i + 1}")
+    return written
 
 
 def check_targets(output: "Writing", *targets: tuple[str, Path | None, tuple[str, ...]]) -> None:

@@ -12,10 +12,11 @@ from jaxtyping import Array
 
 from ..data import Record, Trace
 from ..errors import DataError, UsageError, nearest
-from ..fitting.names import NUISANCES, check_identifiable
+from ..fitting.names import check_identifiable, of_run
 from ..fitting.parameters import Request
 from ..fitting.problem import windows_of
 from ..fitting.window import Window
+from ..friction.base import law_name
 from ..oscillator import Oscillator
 from ..oscillator.oscillator import leaves_of
 from ..settings import check_different
@@ -54,7 +55,7 @@ def candidates(
         DataError: records to which no candidate can be fitted.
     """
     lists = [tuple(entry) for entry in (map(identifiable_coefficients, oscillators) if free is None else free)]
-    laws = [law_name(machine) for machine in oscillators]
+    laws = [law_name(machine.friction) for machine in oscillators]
     if names is None:
         # Laws that occur again have a number.
         numbers = [laws[: i + 1].count(law) for i, law in enumerate(laws)]
@@ -124,12 +125,6 @@ def _slopes(structure: Any, at: Array | np.ndarray) -> Array:
     return jax.vmap(jax.jacfwd(forces), (None, 0))(at, jnp.asarray(_SPEEDS))
 
 
-def law_name(oscillator: Oscillator) -> str:
-    """The laws of an oscillator by their names, joined by +."""
-    law = oscillator.friction
-    return " + ".join(type(part).__name__ for part in getattr(law, "laws", (law,)))
-
-
 def _check_tables(
     settings: Mapping[str, Any], oscillators: Sequence[Oscillator], free: Sequence[Sequence[str]]
 ) -> None:
@@ -137,7 +132,7 @@ def _check_tables(
     known = {name for machine, names in zip(oscillators, free, strict=True) for name in (*_leaf_names(machine), *names)}
     for table in _TABLES:
         for name in settings.get(table) or {}:
-            if name not in known and name.split("[")[0] not in NUISANCES:
+            if name not in known and not of_run(name):
                 raise UsageError(
                     f"{table} names {name!r}, which no candidate has.{nearest(name, known)} "
                     f"There are {', '.join(sorted(known))}."
@@ -154,5 +149,5 @@ def _request(oscillator: Oscillator, free: tuple[str, ...], settings: Mapping[st
     for table in _TABLES:
         names = _leaf_names(oscillator) if table == "tie" else free
         entries = (used.get(table) or {}).items()
-        used[table] = {name: entry for name, entry in entries if name in names or name.split("[")[0] in NUISANCES}
+        used[table] = {name: entry for name, entry in entries if name in names or of_run(name)}
     return Request.of(oscillator, free, **used)

@@ -18,10 +18,11 @@ from ..fitting.rest import solve_with_rest
 from ..fitting.result import Fit
 from ..fitting.rows import rows_of
 from ..fitting.solve import Solution
+from ..friction.base import law_name
 from ..oscillator import Oscillator, cores, ready
 from ..settings import check_criterion
 from ..show.working import working
-from .candidates import Candidate, candidates, law_name
+from .candidates import Candidate, candidates
 from .cross_validation import held_out_score
 from .fingerprints import fingerprints
 from .residual_tests import diagnose
@@ -176,7 +177,7 @@ def _again(entries: Sequence[_Entry], sigma_mode: str) -> list[_Entry]:
 def _row(entry: _Entry, held_out: bool) -> Row:
     """The row of one law, without criteria."""
     request, problem, solution = entry.candidate.request, entry.problem, entry.solution
-    row = Row(entry.candidate.name, law_name(request.oscillator), request.free, entry.status)
+    row = Row(entry.candidate.name, law_name(request.oscillator.friction), request.free, entry.status)
     if problem is None or solution is None or entry.fit is None:
         return row
     chi2 = solution.chi2 if np.isfinite(solution.chi2) else np.inf

@@ -15,6 +15,7 @@ from ..errors import UsageError
 from ..estimation.levenberg_marquardt import CONVERGED, SENTENCES, LevenbergMarquardt
 from ..fitting.names import find_leaf
 from ..friction import AbstractFriction
+from ..friction.base import law_name
 from ..oscillator import Oscillator, ready
 from ..oscillator.oscillator import Leaf, leaves_of
 from ..pairs.result import coefficient_table
@@ -70,7 +71,7 @@ class ForceFit(Reported):
 
     def report(self) -> Report:
         """One row per free coefficient; law, outcome and scatter."""
-        law = _law(self.friction)
+        law = law_name(self.friction)
         facts = [
             ("law", f"{law} friction, fitted to a force map"),
             ("status", self.status),
@@ -96,7 +97,7 @@ class ForceFit(Reported):
         speeds = np.abs(self.force_map.velocity)
         v = np.geomspace(speeds.min(), speeds.max(), 200)
         force = np.asarray(self.friction.force(jnp.asarray(v), jnp.zeros(0), jnp.asarray(self.force_map.normal_force)))
-        top.plot(factor_v * v, factor_f * force, color="#000000", label=_law(self.friction), zorder=3)
+        top.plot(factor_v * v, factor_f * force, color="#000000", label=law_name(self.friction), zorder=3)
         bottom.set_xlabel(top.get_xlabel())
         top.set_xlabel("")
         bottom.axhspan(-2, 2, color="0.9", zorder=0)
@@ -201,8 +202,8 @@ def _free(friction: AbstractFriction, force_map: ForceMap, names: Sequence[str] 
         raise UsageError(f"friction must be a law such as fricjax.friction.Stribeck(...), got {friction!r}.")
     if friction.n_states:
         raise UsageError(
-            f"{_law(friction)} friction has internal states, so that it is no function of velocity; fit its records "
-            "with fricjax.fit."
+            f"{law_name(friction)} friction has internal states, so that it is no function of velocity; fit its "
+            "records with fricjax.fit."
         )
     # The names of coefficients are those that they have in an oscillator, whose other leaves come before them.
     oscillator = Oscillator(1.0, 1.0, 0.0, force_map.normal_force, friction)
@@ -225,7 +226,3 @@ def _inverse(normal: np.ndarray) -> np.ndarray:
     if not np.all(np.isfinite(scaled)) or np.linalg.cond(scaled) > SINGULAR:
         return np.diag(np.full(unit.size, np.inf))
     return np.linalg.inv(scaled) / np.outer(unit, unit)
-
-
-def _law(friction: AbstractFriction) -> str:
-    return " + ".join(type(law).__name__ for law in getattr(friction, "laws", (friction,)))

@@ -11,7 +11,7 @@ from ..oscillator.oscillator import leaves_of
 from ..show import engineering
 from ..show.thumbnail import Curve, curves_svg
 from ..show.units import displacement_name
-from .names import NUISANCES
+from .names import of_run
 
 # Samples that are drawn, and computed anew at each move of a slider: a millisecond's work.
 _SAMPLES = 800
@@ -41,7 +41,7 @@ class Sliders:
         every = max(1, fit.times[run].size // _SAMPLES)
         self.t, self._x = fit.times[run][::every], np.asarray(fit.runs[run].x)[::every]
         end = "" if len(fit.runs) == 1 else f"[{run}]"
-        moved = [name for name in fit.names if name.split("[")[0] not in NUISANCES or name == f"x0{end}"]
+        moved = [name for name in fit.names if not of_run(name) or name == f"x0{end}"]
         self.sliders = {name: _slider(widgets, name, fit.values[name], fit.units[name]) for name in moved}
         self._picture = widgets.HTML()
         for slider in self.sliders.values():
@@ -64,7 +64,7 @@ class Sliders:
     @property
     def model(self) -> np.ndarray:
         at = {name: self._fit.run_parameter(name, self._run) for name in self._fit.runs[self._run].fixed}
-        at |= {name.split("[")[0]: value for name, value in self.guess.items() if name.split("[")[0] in NUISANCES}
+        at |= {name.split("[")[0]: value for name, value in self.guess.items() if of_run(name)}
         begin = at["t_release"] if at.get("t_release") is not None else self._fit.origins[self._run]
         before = int(np.sum(self.t < begin))
         # As many instants behind the record as there are before the motion, so that all moves share a compilation.

@@ -16,7 +16,7 @@ from ..errors import UsageError, brief, needed
 from ..oscillator import Oscillator
 from ..oscillator.oscillator import leaves_of
 from ..show.tables import Variable, dataset
-from .names import NUISANCES
+from .names import NUISANCES, of_run
 
 type Bounds = tuple[float | None, float | None]
 
@@ -83,7 +83,7 @@ def to_lmfit(fit: Any) -> Any:
     parameters = lmfit.Parameters()
     known = {} if fit.problem is None else {each.name: each for each in fit.problem.parameters}
     for name in fit.names:
-        each, shared = known.get(name), name.split("[")[0] not in NUISANCES
+        each, shared = known.get(name), not of_run(name)
         low, high = (each.lower, each.upper) if each is not None and shared else (-math.inf, math.inf)
         parameters.add(plain_name(name), fit.values[name], min=low, max=high)
     for leaf, value in zip(leaves_of(fit.oscillator), jax.tree.leaves(fit.oscillator), strict=True):

@@ -10,9 +10,8 @@ of steps, for which the others would wait if they went side by side.
 """
 
 import dataclasses
-import inspect
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any, NamedTuple, Unpack
 
 import numpy as np
@@ -23,8 +22,8 @@ from ..oscillator import Oscillator, ready
 from ..show import Report, Reported, Style, figure, plain, styled
 from ..show.thumbnail import Curve, curves_svg
 from ..show.working import working
-from .fit import concluded, fit, records_of
-from .parameters import Request, Settings
+from .fit import concluded, records_of
+from .parameters import Request, Settings, check_known
 from .problem import Problem, problem_on, windows_of
 from .rest import solve_with_rest
 from .result import Fit
@@ -172,10 +171,10 @@ def multistart(
     ready()
     if starts < 1 or not spread > 1:
         raise UsageError(f"multistart needs at least one start and a spread above 1, got {starts} and {spread:g}.")
-    keywords = _settings(data, oscillator, free, settings)
-    t, rate, sigma_mode, throw = map(keywords.pop, ("t", "rate", "sigma_mode", "throw"))
-    request = Request.of(oscillator, free, **keywords)
-    windows = windows_of(records_of(data, t, rate, sigma_mode), request)
+    check_known("multistart", settings, [*Settings.__annotations__, "starts", "spread", "seed"])
+    sigma_mode, throw = settings.get("sigma_mode", "absolute"), settings.get("throw", True)
+    request = Request.of(oscillator, free, **settings)
+    windows = windows_of(records_of(data, settings.get("t"), settings.get("rate"), sigma_mode), request)
     first = problem_on(windows, request)
     points = _points(first, starts, spread, seed)
     problems = [first, *(problem_on(windows, request.with_guess({**request.guess, **at})) for at in points)]
@@ -206,20 +205,6 @@ def _ended(problem: Problem, begin: np.ndarray) -> _Ended:
         return _Ended(begin, np.full(begin.size, np.nan), np.inf)
     cost = 2 * float(at.evaluation.cost)
     return _Ended(np.asarray(at.y), np.asarray(at.derived.values), cost if np.isfinite(cost) else np.inf)
-
-
-def _settings(data: Any, oscillator: Any, free: Any, settings: Mapping[str, Any]) -> dict[str, Any]:
-    """The settings of a fit, with its defaults.
-
-    Raises:
-        UsageError: a setting that a fit does not have.
-    """
-    try:
-        bound = inspect.signature(fit).bind(data, oscillator, free, **settings)
-    except TypeError as error:
-        raise UsageError(f"multistart takes the settings of fit: {error}.") from error
-    bound.apply_defaults()
-    return {name: value for name, value in bound.arguments.items() if name not in ("data", "oscillator", "free")}
 
 
 def _points(problem: Problem, starts: int, spread: float, seed: int) -> list[dict[str, float]]:

@@ -19,6 +19,11 @@ _SAME_FORCE = (
 )
 
 
+def of_run(name: str) -> bool:
+    """Whether a parameter belongs to a run and not to the machine, be it "x0" or "x0[2]"."""
+    return name.split("[")[0] in NUISANCES
+
+
 class Named(Protocol):
     """What has a short and a whole name, as a leaf of an oscillator has."""
 
@@ -49,9 +54,10 @@ def find_leaf[L: Named](name: str, leaves: Sequence[L]) -> L:
 
 def sole_coulomb(law: "AbstractFriction") -> "Coulomb | None":
     """The Coulomb law that alone holds the mass at rest, if it does: its static coefficient can be bracketed."""
-    from ..friction import Coulomb, Sum
+    from ..friction import Coulomb
+    from ..friction.base import laws_of
 
-    holding = [part for part in (law.laws if isinstance(law, Sum) else (law,)) if part.set_valued]
+    holding = [part for part in laws_of(law) if part.set_valued]
     return holding[0] if len(holding) == 1 and isinstance(holding[0], Coulomb) else None
 
 

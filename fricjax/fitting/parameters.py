@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from ..errors import UsageError, check_choice, nearest
 from ..estimation.loss import AbstractLoss, named_loss
-from ..estimation.space import Parameter, Tie
+from ..estimation.space import Parameter
 from ..friction.coefficient import Coefficient
 from ..oscillator import Oscillator
 from ..oscillator.engines import AbstractEngine
@@ -19,7 +19,7 @@ from ..rig import Measured, Rig
 from .guess import guess_machine
 from .interchange import asked_of
 from .law_start import guess_law, highest_of, terms_of
-from .names import NUISANCES, check_names, chosen, sole_coulomb, tied
+from .names import NUISANCES, check_names, chosen, sole_coulomb
 from .settings import NOISE_MODELS, check_bounds, run_names
 from .window import Window
 
@@ -257,15 +257,6 @@ def _pair(value: Any, demand: str) -> tuple[Any, Any]:
     except (TypeError, ValueError) as error:
         raise UsageError(f"{demand}, got {value!r}.") from error
     return first, second
-
-
-def parse_ties(tie: Mapping[str, Tied], leaves: Sequence[Leaf], names: Sequence[str]) -> list[Tie]:
-    """Leaves that follow a free parameter, from {leaf: name} or {leaf: (name, factor)}.
-
-    Raises:
-        UsageError: an unknown leaf or parameter, or a leaf that is free itself.
-    """
-    return [Tie(leaf.index, names.index(name), factor) for leaf, name, factor in tied(tie, leaves, names)]
 
 
 def parse_priors(

@@ -12,14 +12,15 @@ from ..data import Record, Trace
 from ..data.record import labels
 from ..errors import DataError, UsageError
 from ..estimation.loss import AbstractLoss
-from ..estimation.space import LINEAR, Parameter, ParameterSpace
+from ..estimation.space import LINEAR, Parameter, ParameterSpace, Tie
 from ..oscillator.engines import AbstractEngine, Demands
 from ..oscillator.engines.base import UNTABLED
 from ..oscillator.oscillator import leaves_of
 from ..oscillator.select import select_engine
 from ..rig import Measured
 from .condense import Condensation
-from .parameters import Request, free_parameters, parse_priors, parse_ties, shared_leaves
+from .names import tied
+from .parameters import Request, free_parameters, parse_priors, shared_leaves
 from .residual import Residual, power, without_inputs
 from .rig_inputs import contradiction, rig_inputs
 from .runs import condensation, condensed_run, full_run, longer, of_one_length, stage_weights_of
@@ -130,7 +131,7 @@ def problem_on(windows: tuple[Window, ...], request: Request) -> Problem:
     _check_windows(windows)
     parameters = free_parameters(request, shared, leaves, windows)
     names = [parameter.name for parameter in parameters]
-    ties = parse_ties(request.tie, leaves, names)
+    ties = [Tie(leaf.index, names.index(name), factor) for leaf, name, factor in tied(request.tie, leaves, names)]
     space = ParameterSpace.build(
         parameters, [leaf.index for leaf in shared], ties, [window.nuisances for window in windows]
     )

@@ -12,10 +12,11 @@ import numpy as np
 
 from ..data.record import labels, listed
 from ..errors import DataError
+from ..friction.base import law_name
 from ..show import Report, Table, axis_label, display_unit, engineering, figure, interval, plain, scaled, uncertain
 from ..show.thumbnail import Curve, curves_svg
 from ..show.units import displacement_name
-from .names import NUISANCES
+from .names import of_run
 from .rest import CONTRADICTED
 
 # Most runs of a batch that the report lists.
@@ -77,7 +78,7 @@ def facts(fit: Any) -> list[tuple[str, str]]:
     return [
         *_sources(fit),
         ("status", fit.status),
-        ("model", f"{_law(fit)} friction, {restoring} restoring force, {fit.engine} engine"),
+        ("model", f"{law_name(fit.oscillator.friction)} friction, {restoring} restoring force, {fit.engine} engine"),
         ("samples", f"{used} fitted, {stages}, {fit.iterations} iterations, {fit.passes} passes"),
         ("noise", "; ".join(_noise(fit))),
         *_budget(fit),
@@ -111,7 +112,7 @@ def _budget(fit: Any) -> Iterator[tuple[str, str]]:
     parts_of_names = []
     for name in fit.names:
         std = fit.std_errors[name]
-        if name.split("[")[0] in NUISANCES or not fit.contributions[name]:
+        if of_run(name) or not fit.contributions[name]:
             continue
         parts = {"the noise": std}
         for source, change in fit.contributions[name].items():
@@ -157,7 +158,7 @@ def report_of(fit: Any) -> Report:
 
 def batch_report(batch: Any) -> Report:
     """The report of a batch: its first runs, what they have in common, and how the fits ended."""
-    names = [name for name in batch.values if name.split("[")[0] not in NUISANCES]
+    names = [name for name in batch.values if not of_run(name)]
     combined, runs = batch.combined_std_errors, labels(batch.sources)
     rows = [
         [runs[i], *(uncertain(batch.values[name][i], combined[name][i]) for name in names), _outcome(batch.status[i])]
@@ -203,7 +204,7 @@ def thumbnails(fit: Any) -> list[str]:
 
 def batch_thumbnails(batch: Any) -> list[str]:
     """The first coefficients against the number of the run."""
-    names = [name for name in batch.values if name.split("[")[0] not in NUISANCES][:_THUMBNAILS]
+    names = [name for name in batch.values if not of_run(name)][:_THUMBNAILS]
     runs = np.arange(len(batch))
     curves = [(name, Curve(runs, batch.values[name], batch.std_errors[name])) for name in names]
     return [curves_svg([curve], ("Run", ""), (name, batch.units[name])) for name, curve in curves]
@@ -211,7 +212,7 @@ def batch_thumbnails(batch: Any) -> list[str]:
 
 def batch_plot(batch: Any) -> Any:
     """Each coefficient against the number of the run, with mean and scatter where there are enough runs."""
-    names = [name for name in batch.values if name.split("[")[0] not in NUISANCES]
+    names = [name for name in batch.values if not of_run(name)]
     drawing, axes = figure(len(names), share_x=True)
     runs, good = np.arange(len(batch)), batch.converged
     for each, name in zip(axes[:, 0], names, strict=True):
@@ -262,7 +263,7 @@ def _draw_trace(axes: Any, fit: Any, run: int) -> None:
     axes.plot(t, model, color="#8C2D04", linewidth=1.0, label="model")
     axes.set_ylabel(axis_label(displacement_name(fit.quantity), unit))
     axes.legend(loc="upper right", fontsize=8, framealpha=0.9)
-    title = f"{_law(fit)} friction, {fit.engine} engine: {fit.status.split(':')[0]}"
+    title = f"{law_name(fit.oscillator.friction)} friction, {fit.engine} engine: {fit.status.split(':')[0]}"
     axes.set_title(", ".join(filter(None, [fit.sources[run], title])), fontsize=9, loc="left")
 
 
@@ -276,8 +277,3 @@ def _draw_residuals(axes: Any, fit: Any, run: int) -> None:
     rms = engineering(float(np.sqrt(np.nanmean(residuals**2))), fit.quantity)
     noise = engineering(fit.sigma, fit.quantity)
     axes.set_title(f"measured minus model: {rms} rms; band: twice the noise of {noise}", fontsize=9, loc="left")
-
-
-def _law(fit: Any) -> str:
-    law = fit.oscillator.friction
-    return " + ".join(type(part).__name__ for part in getattr(law, "laws", (law,)))

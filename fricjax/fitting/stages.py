@@ -134,7 +134,7 @@ def solve_in_stages(
         sure = state.reach <= state.trusted
         near = jnp.where(state.reach < _EVERYTHING, jnp.maximum(way.tolerance, _ON_THE_WAY), way.tolerance)
         passes = EvaluationPasses(
-            residual=_with_weights(residual, weights(state.reach)),
+            residual=residual.with_runs(weight=weights(state.reach)),
             loss=loss,
             doubted=jnp.where(sure, jnp.nan, state.y),
             tolerance=[part.tolerance for part in stage_weights],
@@ -175,11 +175,6 @@ def _least_squares(
     solver = LevenbergMarquardt(passes=passes, max_steps=steps, tolerance=tolerance)
     # The passes know the model; of a function optimistix asks the shape. The solver counts its steps itself.
     return optx.least_squares(lambda q, _: q, solver, y, options=options, max_steps=None, throw=False)
-
-
-def _with_weights(residual: Residual, weights: list[Array]) -> Residual:
-    """The same residual with other weights of the samples."""
-    return residual.with_runs(weight=weights)
 
 
 def _until(t: Array, moving: Array, reach: Array) -> Array:

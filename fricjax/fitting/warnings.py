@@ -198,6 +198,5 @@ def implausible(problem: Problem, values: Mapping[str, float]) -> Iterator[str]:
             )
     angular = problem.windows[0].quantity == "rad" or isinstance(problem.residual.oscillator.restoring, Pendulum)
     for i, window in enumerate(problem.windows):
-        where = "" if len(problem.windows) == 1 else f" of run {i}"
         interval = float(np.median(np.diff(np.asarray(window.trace.t))))
-        yield from implausible_scale(window.segmentation, interval, angular=angular, where=where)
+        yield from implausible_scale(window.segmentation, interval, angular=angular, where=_of_run(i, problem))

@@ -126,7 +126,7 @@ def open_window(
         half_cycles=_half_cycles(segmentation, t_start, last_reversal),
         nuisances=nuisances,
         guesses=_guess_state(t, x, mask, segmentation, t_start, t_first, mode, nuisances),
-        doubts=data.doubts if isinstance(data, Record) else (),
+        doubts=data.doubts,
         name=data.name,
     )
 

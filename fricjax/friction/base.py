@@ -221,7 +221,7 @@ class AbstractFriction(eqx.Module):
         return jnp.full(self.n_states, jnp.inf)
 
     def __add__(self, other: "AbstractFriction") -> "AbstractFriction":
-        return Sum(*(law.laws if isinstance(law, Sum) else (law,) for law in (self, other)))
+        return Sum(laws_of(self), laws_of(other))
 
 
 class Sum(AbstractFriction):
@@ -333,3 +333,13 @@ class Sum(AbstractFriction):
     def set_valued_limit(self) -> "Sum":
         # A sum with memory has no set-valued twin that an engine could integrate.
         return self if self.n_states else Sum(tuple(law.set_valued_limit() for law in self.laws))
+
+
+def laws_of(law: AbstractFriction) -> tuple[AbstractFriction, ...]:
+    """The laws that a sum is made of; of any other the law itself."""
+    return law.laws if isinstance(law, Sum) else (law,)
+
+
+def law_name(law: AbstractFriction) -> str:
+    """What reports call a law: "Coulomb + QuadraticDrag"."""
+    return " + ".join(type(part).__name__ for part in laws_of(law))

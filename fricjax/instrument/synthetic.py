@@ -14,6 +14,7 @@ import numpy as np
 from ..data.record import Record, Step
 from ..data.trace import Trace
 from ..errors import UsageError, nearest
+from ..friction.base import laws_of
 from ..oscillator import RESULTS, ExponentialRelease, Oscillator, is_successful, simulate
 from ..oscillator.oscillator import leaves_of
 from ..oscillator.restoring import Pendulum
@@ -135,7 +136,7 @@ def _meta(
     oscillator: Oscillator, coefficients: dict[str, float], run: Run, interferometer: Interferometer, seed: int
 ) -> dict[str, Any]:
     quantity = "rad" if isinstance(oscillator.restoring, Pendulum) else "m"
-    laws = getattr(oscillator.friction, "laws", (oscillator.friction,))
+    laws = laws_of(oscillator.friction)
     parameters = {**dataclasses.asdict(run), **dataclasses.asdict(interferometer), "seed": seed}
     parameters["periodic_nonlinearity"] = list(parameters["periodic_nonlinearity"])
     return {

@@ -17,7 +17,7 @@ import numpy as np
 from jax.core import Tracer
 from jaxtyping import Array, Float
 
-from ..friction.base import AbstractFriction, Scalar, State, Values, scalar
+from ..friction.base import AbstractFriction, Scalar, State, Values, law_name, laws_of, scalar
 from ..friction.catalogue import short_names
 from ..friction.coefficient import Coefficient, check_coefficients, not_negative, positive
 from ..show import Report, Reported, Style, Table, axis_label, figure, plain, scaled, styled
@@ -80,7 +80,7 @@ class Oscillator(eqx.Module, Reported):
 
     def report(self) -> Report:
         """Coefficients of the machine, its spring and its friction law with units, and what follows from them."""
-        parts = (self, self.restoring, *getattr(self.friction, "laws", (self.friction,)))
+        parts = (self, self.restoring, *laws_of(self.friction))
         coefficients = [
             (type(part).__name__.lower(), name, getattr(part, name), coefficient.unit)
             for part in parts
@@ -115,8 +115,7 @@ class Oscillator(eqx.Module, Reported):
         axes[0, 0].plot(v, force)
         axes[0, 0].set_xlabel(axis_label("Velocity", unit_v))
         axes[0, 0].set_ylabel(axis_label("Friction force", unit_f))
-        laws = getattr(self.friction, "laws", (self.friction,))
-        axes[0, 0].set_title(" + ".join(type(law).__name__ for law in laws), loc="left")
+        axes[0, 0].set_title(law_name(self.friction), loc="left")
         return styled(drawing, style)
 
     def _characteristic(self) -> tuple[np.ndarray, np.ndarray]:

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..archive.show import unit_of
 from ..fitting.derived import UNITS
-from ..fitting.names import NUISANCES
+from ..fitting.names import of_run
 from ..show import display_unit, uncertain
 
 if TYPE_CHECKING:
@@ -82,7 +82,7 @@ def _shown(frame: "DataFrame", name: str, names: Sequence[str]) -> bool:
     """Whether the table shows a column before its reader chooses: parameters, facts, and what tells runs apart."""
     group = _group(name, names)
     if group == "parameter":
-        return name.split("[")[0] not in NUISANCES
+        return not of_run(name)
     if name in ("load", "friction", "rig"):
         return len(set(frame[name].dropna())) > 1
     return group == "fact" or name in ("outcome", "amplitude", "half_cycles", "chi2_reduced", "measured_at")

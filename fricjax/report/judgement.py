@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from ..archive.show import unit_of
-from ..errors import DataError
-from ..fitting.names import NUISANCES
+from ..archive.table import STATUSES
+from ..errors import DataError, first_of
+from ..fitting.names import of_run
 from ..fitting.population import population
 from ..show import Report, Table, uncertain
 from .columns import COMBINED, STD, numbers, parameters, typical_unit
@@ -16,7 +17,6 @@ from .columns import COMBINED, STD, numbers, parameters, typical_unit
 if TYPE_CHECKING:
     from pandas import DataFrame
 
-STATUSES = ("ok", "invalid", "rejected", "failed")
 # Shewhart's: of runs that are alike three of a thousand lie beyond.
 _SIGMAS = 3.0
 # Of runs under several loads these have no mean.
@@ -52,7 +52,7 @@ def summary(frame: "DataFrame", quantity: str) -> tuple[Report, list[Limits]]:
         loads = numbers(chosen, "load")
         several_loads = np.unique(loads[np.isfinite(loads)]).size > 1
         for name in parameters(frame):
-            if name.split("[")[0] in NUISANCES or (several_loads and name in _FOLLOW_THE_LOAD):
+            if of_run(name) or (several_loads and name in _FOLLOW_THE_LOAD):
                 continue
             row, limit = _population(chosen, name, law, unit_of(name, laws, quantity))
             rows += row
@@ -97,7 +97,7 @@ def _different(frame: "DataFrame", name: str) -> str:
     if name not in frame:
         return ""
     words = [str(word) for word in frame[name].dropna().value_counts().index if word != ""]
-    return ", ".join(words[:4]) + (f" and {len(words) - 4} more" if len(words) > 4 else "")
+    return first_of(words, 4)
 
 
 def reasons(frame: "DataFrame") -> tuple[list[dict[str, Any]], np.ndarray]:

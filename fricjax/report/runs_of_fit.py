@@ -1,6 +1,5 @@
 """The runs of a fit as rows of the table that an archive has, with denser curves, so that one page shows both."""
 
-import itertools
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -8,6 +7,8 @@ import numpy as np
 from ..data import Record
 from ..errors import DataError
 from ..fitting import Fit
+from ..friction.base import law_name
+from ..show.thumbnail import sketched
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -33,11 +34,10 @@ def runs_of(fit: Fit) -> "DataFrame":
 
 
 def _row(fit: Fit, run: int) -> dict[str, Any]:
-    law = fit.oscillator.friction
     row: dict[str, Any] = {
         "key": str(run),
         "file": fit.labels[run],
-        "friction": "+".join(type(part).__name__.lower() for part in getattr(law, "laws", (law,))),
+        "friction": law_name(fit.oscillator.friction).replace(" ", "").lower(),
         "status": "ok" if fit.converged else "invalid",
         "outcome": fit.status,
         "warnings": " ".join(fit.warnings),
@@ -73,7 +73,7 @@ def _columns(name: str) -> tuple[str, str, str]:
 
 def _curves(t: np.ndarray, x: np.ndarray, left: np.ndarray) -> dict[str, np.ndarray]:
     """Samples to be drawn, and the reversals with the stop; without those where the record shows none."""
-    kept = sketched(left)
+    kept = sketched(left, _POINTS)
     curves = {"sketch_t": t[kept], "sketch_x": x[kept], "sketch_residual": left[kept]}
     try:
         decay = Record(t, x).segmentation
@@ -82,26 +82,3 @@ def _curves(t: np.ndarray, x: np.ndarray, left: np.ndarray) -> dict[str, np.ndar
     stop = [] if decay.rest is None or decay.rest_position is None else [(decay.rest, decay.rest_position)]
     reversals = np.array([*zip(decay.turning_times, decay.turning_points, strict=True), *stop]).reshape(-1, 2)
     return {**curves, "reversal_t": reversals[:, 0], "reversal_x": reversals[:, 1]}
-
-
-def sketched(values: np.ndarray, points: int = _POINTS) -> np.ndarray:
-    """Indices of the samples that a picture needs: the highest and the lowest one of each few neighbours.
-
-    Args:
-        values: shape (n,); NaN where there is none.
-        points: how many indices at most.
-
-    Returns:
-        Increasing indices, shape (min(n, points),) or fewer.
-
-    Examples:
-        >>> import numpy as np
-        >>> sketched(np.array([0.0, 5.0, 1.0, -3.0, 2.0, 0.0]), 2)
-        array([1, 3])
-    """
-    if values.size <= points:
-        return np.arange(values.size)
-    edges = np.linspace(0, values.size, points // 2 + 1).astype(int)
-    known = np.where(np.isfinite(values), values, 0.0)
-    spans = list(itertools.pairwise(edges))
-    return np.unique([begin + extreme(known[begin:end]) for begin, end in spans for extreme in (np.argmin, np.argmax)])

@@ -4,6 +4,7 @@ Text and axes take the colour of the page's own text; the colours of curves are 
 readers who do not see red and green apart.
 """
 
+import itertools
 import math
 from collections.abc import Iterable, Sequence
 from html import escape
@@ -121,17 +122,33 @@ def _finite(curve: Curve, log_x: bool) -> Curve:
     x, y, std = x[kept], y[kept], std[kept]
     if x.size > 2 * _COLUMNS:
         line = curve.std is None and not curve.points
-        at = _extremes(y) if line else np.linspace(0, x.size - 1, _COLUMNS).astype(int)
+        at = sketched(y, 2 * _COLUMNS) if line else np.linspace(0, x.size - 1, _COLUMNS).astype(int)
         x, y, std = x[at], y[at], std[at]
     return Curve(x, y, std, curve.points or curve.std is not None, curve.broad)
 
 
-def _extremes(y: np.ndarray) -> np.ndarray:
-    """Places of the lowest and the highest of each of the columns, in order."""
-    size = y.size // _COLUMNS
-    columns = np.where(np.isfinite(y), y, 0.0)[: size * _COLUMNS].reshape(_COLUMNS, size)
-    both = np.stack([columns.argmin(axis=1), columns.argmax(axis=1)], axis=1) + size * np.arange(_COLUMNS)[:, None]
-    return np.append(np.sort(both, axis=1).ravel(), y.size - 1)
+def sketched(values: np.ndarray, points: int) -> np.ndarray:
+    """Indices of the samples that a picture needs: the highest and the lowest one of each few neighbours.
+
+    Args:
+        values: shape (n,); NaN where there is none.
+        points: how many indices at most.
+
+    Returns:
+        Increasing indices, shape (min(n, points),) or fewer.
+
+    Examples:
+        >>> import numpy as np
+        >>> from fricjax.show.thumbnail import sketched
+        >>> sketched(np.array([0.0, 5.0, 1.0, -3.0, 2.0, 0.0]), 2)
+        array([1, 3])
+    """
+    if values.size <= points:
+        return np.arange(values.size)
+    edges = np.linspace(0, values.size, points // 2 + 1).astype(int)
+    known = np.where(np.isfinite(values), values, 0.0)
+    spans = list(itertools.pairwise(edges))
+    return np.unique([begin + extreme(known[begin:end]) for begin, end in spans for extreme in (np.argmin, np.argmax)])
 
 
 class _Axis(NamedTuple):

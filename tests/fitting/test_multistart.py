@@ -70,7 +70,11 @@ def test_the_report_and_the_waterfall_are_drawn():
 
 @pytest.mark.parametrize(
     ("settings", "words"),
-    [({"starts": 0}, "at least one start"), ({"spread": 1.0}, "spread above 1"), ({"strat": "x"}, "settings of fit")],
+    [
+        ({"starts": 0}, "at least one start"),
+        ({"spread": 1.0}, "spread above 1"),
+        ({"gues": {}}, r"multistart has no setting 'gues'\. Did you mean 'guess'\?"),
+    ],
 )
 def test_settings_that_make_no_sense_are_refused(settings, words):
     with pytest.raises(UsageError, match=words):

@@ -15,7 +15,7 @@ import fricjax as fj
 from fricjax.errors import DataError, UsageError
 from fricjax.report.judgement import reasons, summary
 from fricjax.report.pictures import CURVES, Curves, encoded, half_cycles_of
-from fricjax.report.runs_of_fit import sketched
+from fricjax.show.thumbnail import sketched
 from tests.report.archives import archive
 
 SCRIPTS = [path for path in resources.files("fricjax.report").joinpath("assets").iterdir() if path.name.endswith(".js")]

@@ -66,15 +66,15 @@ class AbstractEngine(eqx.Module):
         """The engine that a fit of an oscillator to records asks for, from what they show."""
 
     @abc.abstractmethod
+    def finer(self) -> "AbstractEngine":
+        """An engine of the same kind whose numerical error is clearly smaller."""
+
     def checking(self) -> "AbstractEngine":
         """An engine that tells the numerical error of this one, of the same shape so that both share a compilation.
 
         Its own error is clearly smaller, or of the same size but another one: on another mesh.
         """
-
-    @abc.abstractmethod
-    def finer(self) -> "AbstractEngine":
-        """An engine of the same kind whose numerical error is clearly smaller."""
+        return self.finer()
 
     @abc.abstractmethod
     def path(self, oscillator: Oscillator, start: Start, half_cycles: Int[Array, ""] | None = None) -> AbstractPath:

@@ -144,9 +144,6 @@ class Events(AbstractEngine):
     def tuned(self, oscillator: Oscillator, demands: Demands) -> "Events":
         return Events(np.asarray(demands.accuracy), self.max_half_cycles, self.max_steps)
 
-    def checking(self) -> "Events":
-        return self.finer()
-
     def finer(self) -> "Events":
         return Events(self.accuracy / 10, self.max_half_cycles, self.max_steps)
 

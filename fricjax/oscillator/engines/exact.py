@@ -188,9 +188,6 @@ class Exact(AbstractEngine):
         # It computes no half-cycle that is not asked for, so that all records may share one capacity.
         return Exact(max(Exact().max_half_cycles, self.max_half_cycles))
 
-    def checking(self) -> "Exact":
-        return self
-
     def finer(self) -> "Exact":
         return self
 

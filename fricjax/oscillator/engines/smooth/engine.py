@@ -102,9 +102,6 @@ class Smooth(AbstractEngine):
         accuracy = np.asarray(demands.accuracy)
         return Smooth(accuracy, None, self.max_steps, self.max_half_cycles, accuracy)
 
-    def checking(self) -> "Smooth":
-        return self.finer()
-
     def finer(self) -> "Smooth":
         return self.at_accuracy(self.accuracy / 10)
 
