@@ -68,7 +68,8 @@ def from_lmfit(parameters: Any, oscillator: Oscillator) -> Asked:
             raise UsageError(f"{name} belongs to the run and cannot be fixed: leave it out of nuisance= instead.")
         called = re.sub(r"_(\d+)$", r"[\1]", name) if leaf is None else leaf.name
         if leaf is not None and not parameter.vary:
-            flat[leaf.index] = float(parameter.value)
+            # A number of Python would count as one that is differentiated, and a drag of zero as a drag.
+            flat[leaf.index] = np.asarray(float(parameter.value))
             continue
         free += [] if leaf is None else [called]
         guess |= {called: float(parameter.value)} if math.isfinite(parameter.value) else {}

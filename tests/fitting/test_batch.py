@@ -66,7 +66,7 @@ def test_a_mass_that_stopped_just_before_its_record_ends():
     """Such a record shows motion to its end, and what a wrong count leaves is far below the dead band."""
     machine = fj.Oscillator(0.41068, 2574.0, 0.17557, 9.66, fj.friction.Coulomb(0.013441))
     stop = float(np.asarray(fj.simulate(machine, 2.2e-3, np.zeros(1)).t_stop))
-    run = fj.synthetic_run(machine, 2.2e-3, rate=1e4, duration=stop + 6e-3, noise=5e-9, seed=1)
+    run = fj.synthetic_run(machine, 2.2e-3, rate=4e3, duration=stop + 6e-3, noise=5e-9, seed=1)
     assert run.segmentation.rest is None
     batch = fj.fit_batch([run], machine, MACHINE)
     assert batch.status == ("converged",)

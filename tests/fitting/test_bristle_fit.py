@@ -52,20 +52,11 @@ def run_of(machine: Oscillator, x0: float, t: np.ndarray, noise: float, seed: in
 
 @pytest.mark.slow
 def test_rate_and_state_is_found_although_its_force_jumps_at_each_reversal():
-    law = functools.partial(RateState, a=2e-3, slip_distance=1e-5)
-    machine = Oscillator(PROTOTYPE_MASS, STIFFNESS, PROTOTYPE_DAMPING, 9.66, law(0.05, b=1e-3))
-    run = run_of(machine, 2e-3, np.arange(6400) / 20e3, 1e-9, 0)
-    start = Oscillator(PROTOTYPE_MASS, STIFFNESS, 3 * PROTOTYPE_DAMPING, 9.66, law(0.15, b=1e-3))
-    found = fit(run, start, (*MACHINE, "b"))
-    recovers(found, {"mu": 0.05, "damping": PROTOTYPE_DAMPING, "stiffness": STIFFNESS, "b": 1e-3})
-
-
-@pytest.mark.slow
-def test_meshes_become_finer_until_numerical_errors_are_small():
-    """Over fifty half-cycles a mesh one step finer than the first leaves 1.8 standard errors."""
-    law = RateState(0.01, a=4e-4, b=2e-4, slip_distance=1e-5)
-    machine = Oscillator(PROTOTYPE_MASS, STIFFNESS, PROTOTYPE_DAMPING, 1.89, law)
-    found = fit(run_of(machine, 2e-3, np.arange(6400) / 3.2e3, 5e-9, 0), machine, (*MACHINE, "b"))
+    """From far off; over fifty half-cycles a mesh one step finer than the first leaves 1.8 standard errors."""
+    law = functools.partial(RateState, a=4e-4, b=2e-4, slip_distance=1e-5)
+    machine = Oscillator(PROTOTYPE_MASS, STIFFNESS, PROTOTYPE_DAMPING, 1.89, law(0.01))
+    start = Oscillator(PROTOTYPE_MASS, STIFFNESS, 3 * PROTOTYPE_DAMPING, 1.89, law(0.03))
+    found = fit(run_of(machine, 2e-3, np.arange(6400) / 3.2e3, 5e-9, 0), start, (*MACHINE, "b"))
     recovers(found, {"mu": 0.01, "damping": PROTOTYPE_DAMPING, "stiffness": STIFFNESS, "b": 2e-4})
     assert found.numerical_shift <= 0.1
 

@@ -218,9 +218,10 @@ class TestNoise:
         assert plain.aicc == pytest.approx(plain.chi2 + 2 * p + 2 * p * (p + 1) / (n - p - 1))
         assert plain.bic == pytest.approx(plain.chi2 + p * np.log(n))
 
-    def test_what_hardly_changes_the_motion_is_flagged(self, run):
+    def test_what_hardly_changes_the_motion_is_flagged(self):
         """Without a static excess there is no speed at which it fades."""
-        found = fit(run, machine(Stribeck(0.02, 0.021, v_stribeck=5e-3)), (*MACHINE, "mu_s", "v_stribeck"))
+        # With this noise the first mesh is fine enough; a finer one would be a program more.
+        found = fit(coulomb_run(noise=1e-7), machine(Stribeck(0.02, 0.021, 5e-3)), (*MACHINE, "mu_s", "v_stribeck"))
         assert abs(found.values["mu_s"] - found.values["mu"]) < 4 * found.std_errors["mu_s"]
         assert found.flags["v_stribeck"] == ("hardly determined",) and not found.flags["mu"]
 
@@ -322,7 +323,7 @@ class TestSeveralRuns:
 
 class TestFailure:
     def test_a_model_that_is_not_finite_is_said_to_be_so(self, run):
-        failed = fit(run, machine(damping=1e5), ("mu",), throw=False)  # overdamped: no half-cycles
+        failed = fit(run, machine(damping=1e5), ("mu", "stiffness"), throw=False)  # overdamped: no half-cycles
         assert not failed.converged
         assert failed.status.startswith("not finite: the model fails at the start values.")
         assert all(std == np.inf for std in failed.std_errors.values())
@@ -331,8 +332,8 @@ class TestFailure:
 
     def test_it_raises_with_the_fit_in_hand(self, run):
         with pytest.raises(FitError, match="The fit is not valid, not finite") as caught:
-            fit(run, machine(damping=1e5), ("mu",))
-        assert caught.value.fit.names == ("mu", "t_release", "x0", "offset")
+            fit(run, machine(damping=1e5), ("mu", "stiffness"))
+        assert caught.value.fit.names == ("mu", "stiffness", "t_release", "x0", "offset")
 
 
 class TestHalfCycles:
@@ -379,7 +380,7 @@ def test_a_held_frequency_is_warned_of(run, plain):
 def test_a_fitted_release_transient_is_named():
     """A magnet that lets go slowly: the fit from the release says why it is bad."""
     truth = machine()
-    record = synthetic_run(truth, X0, rate=20e3, duration=0.29842, hold=0.01, release_time_constant=1e-3, noise=1e-9)
+    record = synthetic_run(truth, X0, rate=10e3, duration=0.29842, hold=0.01, release_time_constant=1e-3, noise=1e-9)
     found = fit(record, truth, MACHINE, start="release", throw=False)
     assert any("The window includes the release" in sentence for sentence in found.warnings)
     assert not any("release" in sentence for sentence in fit(record, truth, MACHINE).warnings)

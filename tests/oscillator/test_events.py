@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from fricjax.friction import Coulomb, QuadraticDrag, Stribeck
-from fricjax.oscillator import Exact, Hybrid, Oscillator, restoring, simulate
+from fricjax.oscillator import Exact, Hybrid, Motion, Oscillator, restoring, simulate
 from tests.helpers import PROTOTYPE_DAMPING, PROTOTYPE_MASS
 from tests.oracles import Machine, Slide, slide
 
@@ -110,13 +110,17 @@ HYBRID_TOLERANCE = {
 }
 
 
+@eqx.filter_jit
+def motions_of(machine: Oscillator, starts: jax.Array, ts: jax.Array, engine: Hybrid) -> Motion:
+    """A motion from each displacement and velocity."""
+    return jax.vmap(lambda start: simulate(machine, start[0], ts, v0=start[1], engine=engine))(starts)
+
+
 @pytest.mark.parametrize("name", HYBRID)
 def test_any_sliding_law_and_spring(name: str):
     machine, plain, starts = HYBRID[name]
-    x0, v0 = jnp.asarray(starts).T
     ts = np.linspace(0, 14 * np.pi * np.sqrt(machine.mass / machine.stiffness), 301)[1:]
-    engine = Hybrid(max_half_cycles=32)
-    motions = eqx.filter_jit(jax.vmap(lambda x, v: simulate(machine, x, ts, v0=v, engine=engine)))(x0, v0)
+    motions = motions_of(machine, jnp.asarray(starts), jnp.asarray(ts), Hybrid(max_half_cycles=32))
     for i, (x, v) in enumerate(starts):
         expected = slide(plain, x, v, ts)
         reach = np.max(np.abs(expected.x))
@@ -132,8 +136,8 @@ def test_more_nodes_bring_the_hybrid_engine_closer():
     machine, plain, starts = HYBRID["sliding"]
     ts = np.linspace(0, 0.2, 301)[1:]
     expected = slide(plain, *starts[0], ts)
-    errors = [
-        float(np.max(np.abs(simulate(machine, 2e-3, ts, engine=Hybrid(nodes=n, max_half_cycles=16)).x - expected.x)))
-        for n in (12, 24)
-    ]
+    # The second engine is that of the motions above, and so its program.
+    engines = Hybrid(nodes=12, max_half_cycles=32), Hybrid(max_half_cycles=32)
+    found = [motions_of(machine, jnp.asarray(starts), jnp.asarray(ts), engine).x[0] for engine in engines]
+    errors = [float(np.max(np.abs(x - expected.x))) for x in found]
     assert errors[0] > 8 * errors[1]

@@ -64,7 +64,7 @@ def test_runs_of_a_joint_fit_are_resampled_together():
     runs = [
         fj.synthetic_run(MACHINE, x0, rate=2e3, duration=0.5, noise=1e-8, seed=i) for i, x0 in enumerate((1e-3, 2e-3))
     ]
-    fit = fj.fit(runs, MACHINE, ("mu", "damping"))
+    fit = fj.fit(runs, MACHINE, FREE)
     sample = fj.uncertainty.bootstrap(fit, 40)
     assert sample.std["mu"] == pytest.approx(fit.std_errors["mu"], rel=5 / np.sqrt(80))
     assert sample.sample.shape == (40, len(fit.names))
