@@ -128,6 +128,15 @@ def bits(number: int, size: float) -> Noise:
     return lambda rig, t, x, random: step * np.round((x + size * random.standard_normal(t.size)) / step)
 
 
+def in_steps(step: float, speed: float, noise: Noise) -> Noise:
+    """Rounding to steps, after a drift and a noise."""
+
+    def add(rig: Rig, t: np.ndarray, x: np.ndarray, random: np.random.Generator) -> np.ndarray:
+        return step * np.round((noise(rig, t, x, random) + random.choice([-1, 1]) * speed * t) / step)
+
+    return add
+
+
 def jitter(size: float) -> Noise:
     """Samples taken at times that are off, over 1 nm of white noise."""
     return lambda rig, t, x, random: (
@@ -154,6 +163,8 @@ TUNED: dict[str, Noise] = {
     "narrow 12.6 Hz, 100 nm": narrow(FREQUENCY, 100e-9),
     "drift 1 um/s": drift(1e-6),
     "1 % outliers": outliers(0.01, 1e-5),
+    "AR(1) 0.95 drifting, 10 nm steps": in_steps(10e-9, 2e-6, autoregressive(0.95, 20e-9)),
+    "white 1 nm drifting, 2 nm steps": in_steps(2e-9, 2e-6, white(1e-9)),
 }
 ASIDE: dict[str, Noise] = {
     "white 20 nm": white(20e-9),
@@ -167,6 +178,8 @@ ASIDE: dict[str, Noise] = {
     "decaying mode 20 nm": mode(20e-9),
     "drift 10 um/s": drift(10e-6),
     "jitter 2 us": jitter(2e-6),
+    "AR(1) 0.8 drifting, 30 nm steps": in_steps(30e-9, 5e-6, autoregressive(0.8, 10e-9)),
+    "AR(1) 0.99 drifting, 5 nm steps": in_steps(5e-9, 0.5e-6, autoregressive(0.99, 100e-9)),
     SHAKEN: white(1e-9),
     RECORDED: white(1e-9),
 }

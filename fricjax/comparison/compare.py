@@ -9,14 +9,14 @@ import numpy as np
 
 from .. import thresholds
 from ..errors import DataError, UsageError
-from ..fitting.colours import Seen, colours_of, described, remembered, under_noise
+from ..fitting.colours import colours_of, described, remembered, under_noise
 from ..fitting.fit import concluded, records_of
 from ..fitting.noise import whiteness
 from ..fitting.parameters import Settings, check_known
 from ..fitting.problem import Problem, problem_on
 from ..fitting.rest import solve_with_rest
 from ..fitting.result import Fit
-from ..fitting.rows import rows_of
+from ..fitting.rows import Seen, rows_of
 from ..fitting.solve import Solution
 from ..friction.base import law_name
 from ..oscillator import Oscillator, cores, ready

@@ -1,8 +1,7 @@
 """Many problems at once: those of the same shape in chunks, each of which is one compiled computation.
 
-On a processor the problems of a chunk are solved one after the other in a compiled loop, so that each takes only the
-steps that it needs; several such loops run side by side in threads, for a compiled computation holds no lock. On an
-accelerator they are solved side by side, and those that have finished wait until the others have.
+The problems of a chunk are solved one after the other in a compiled loop, so that each takes only the steps that it
+needs; several such loops run side by side in threads, for a compiled computation holds no lock.
 """
 
 from collections.abc import Callable, Sequence
@@ -96,8 +95,6 @@ def _solve_all(members: Member, loss: AbstractLoss, count: Any) -> tuple[Iterate
     def member(i: Array | int) -> Member:
         return jax.tree.map(lambda leaf: leaf[i] if eqx.is_array(leaf) else leaf, members)
 
-    if jax.default_backend() != "cpu":
-        return eqx.filter_vmap(one, in_axes=eqx.if_array(0))(members)
     width = width_of(members)
     room = jax.tree.map(lambda leaf: jnp.zeros((width, *leaf.shape), leaf.dtype), eqx.filter_eval_shape(one, member(0)))
     step = lambda i, results: jax.tree.map(lambda all_, value: all_.at[i].set(value), results, one(member(i)))

@@ -30,7 +30,7 @@ from .diagnostics import worst
 from .floor import first_rows, kicked, passage_of
 from .noise import whiteness
 from .problem import Problem
-from .rows import Rows, run_in_rows
+from .rows import Rows, Seen, run_in_rows
 from .solve import Solution
 from .window import Window
 
@@ -41,13 +41,6 @@ _OF_ITS_OWN = 1e-6
 _RESTING = 64
 # Rows of a piece of it that tell white noise, and the most pieces that are looked at.
 _PIECE, _PIECES = 32, 8
-
-
-class Seen(NamedTuple):
-    """The rows of a run and the colour of their noise."""
-
-    rows: Rows
-    colour: Colour
 
 
 def colours_of(problem: Problem, at: Solution, rows: Sequence[Rows], absolute: bool) -> list[Seen]:

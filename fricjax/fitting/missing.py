@@ -16,11 +16,10 @@ from .. import thresholds
 from ..estimation.colour import whitened
 from ..estimation.covariance import Covariance
 from ..show import rotary_unit
-from .colours import Seen
 from .names import NUISANCES
 from .problem import Problem
 from .responses import Responses, responses
-from .rows import Rows
+from .rows import Rows, Seen
 from .solve import Solution
 
 # Part of the square of a response that rounding leaves of one that parameters explain.

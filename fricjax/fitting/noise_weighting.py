@@ -22,22 +22,24 @@ import numpy as np
 
 from .. import thresholds
 from ..estimation.colour import Colour, white, whitened
+from ..estimation.covariance import Quadratic
 from ..estimation.loss import Squares
 from ..estimation.small_sample import small_sample_covariance
 from .clock import by_clock
-from .colours import Seen, colours_of, described, expected_size, least_squares, under_noise, variance_left, weighed_rows
+from .colours import colours_of, described, expected_size, least_squares, under_noise, variance_left, weighed_rows
 from .diagnostics import worst
 from .evaluation import Block
 from .missing import Lacking, allowed_for, explaining, responses_in, seen_beside_noise
 from .noise import Line, Noise, whiteness
 from .problem import Problem
 from .responses import Responses
-from .rows import Rows, rounded, rows_of
+from .rows import Rows, Seen, rounded, rows_of
 from .solve import Solution, checking, evaluate_at, half_cycles
 from .window import Window
 
-# Rounds until step and colour settle, and the step in standard errors that is left then.
-_ROUNDS, _NEAR = 8, 0.05
+# Rounds of the fit under coloured noise, those that look at the noise anew, and the step in standard errors that may be
+# left. Most fits arrive in three; one that has not in five goes back and forth between two descriptions of the noise.
+_ROUNDS, _LOOKS, _NEAR = 8, 5, 0.05
 
 
 class Other(NamedTuple):
@@ -142,41 +144,74 @@ def _by_colour(
         absolute: as in `weigh_by_noise`.
     """
     problem, solution = plain.problem, plain.solution
-    at, rows = solution, first
-    for _ in range(_ROUNDS):
-        seen = colours_of(problem, at, rows, absolute)
+    none = np.zeros(problem.residual.n_parameters)
+    at, rows, seen, misfits, in_doubt = solution, first, [], 0, none
+    for number in range(_ROUNDS):
+        if number < _LOOKS:
+            seen = colours_of(problem, at, rows, absolute)
+        else:
+            seen = [Seen(row, colour) for row, (_, colour) in zip(rows, seen, strict=True)]
         if not at.evaluation.residual.size and (seen or any(map(rounded, problem.windows))):
             # Of a lane no residual is left of the samples.
-            at = _moved(problem, at, np.zeros(problem.residual.n_parameters))
+            at = _moved(problem, at, none)
             rows = rows_of(problem, at.evaluation)
             continue
         if not seen:
             return _beside(plain, solution, _white(rows), known)
-        shape, gradient, normal = least_squares(problem, at, weighed_rows(seen))
-        if not described(problem, seen, absolute):
-            return _beside(_undescribed(plain, first), at._replace(shape=shape), seen, known)
-        if not shape.distance > _NEAR:
-            counts = at.evaluation._replace(gradient=gradient, normal=normal)
-            shift = max(solution.numerical_shift, shape.distance)
-            likelihoods = [_likelihood(*run, absolute) for run in seen]
-            doubt = _doubt(problem, at, seen)
-            weighted = plain._replace(
-                solution=at._replace(evaluation=counts, shape=shape, numerical_shift=shift),
-                variance=1.0,
-                unsure=small_sample_covariance([(row.series, colour) for row, colour in seen], shape.inverse)
-                + doubt.covariance,
-                others=doubt.others,
-                noises=tuple(_noise(window, *run) for window, run in zip(problem.windows, seen, strict=True)),
-                went_on=True,
-                gain=sum(gain for gain, _ in likelihoods),
-                numbers=sum(numbers for _, numbers in likelihoods),
-            )
-            return _beside(weighted, at._replace(shape=shape), seen, known)
-        at = _moved(problem, at, shape.step)
+        least = least_squares(problem, at, weighed_rows(seen))
+        ended = at._replace(shape=least[0])
+        arrived = ended.shape.distance <= _NEAR
+        # A long step is not as straight as its derivatives; the misfit that this makes goes with the next step.
+        misfits = 0 if described(problem, seen, absolute) else misfits + 1
+        if misfits > 1 or (misfits and arrived):
+            return _beside(_undescribed(plain, first), ended, seen, known)
+        if arrived:
+            return _beside(_under_colour(plain, at, seen, least, in_doubt, absolute), ended, seen, known)
+        if number == _LOOKS - 1:
+            in_doubt = ended.shape.step
+        at = _moved(problem, at, ended.shape.step)
         if not np.isfinite(at.evaluation.chi2):
             break
-        rows = rows_of(problem, at.evaluation)
+        rows = rows_of(problem, at.evaluation, seen)
     return _undescribed(plain, first)
+
+
+def _under_colour(
+    plain: NoiseWeighted,
+    at: Solution,
+    seen: Sequence[Seen],
+    least: tuple[Quadratic, np.ndarray, np.ndarray],
+    in_doubt: np.ndarray,
+    absolute: bool,
+) -> NoiseWeighted:
+    """The fit where it arrived under coloured noise.
+
+    Args:
+        plain: its least squares.
+        at: where it arrived.
+        seen: the noise.
+        least: quadratic form, gradient and normal matrix that count by it.
+        in_doubt: how far apart two descriptions of the noise lead that are as good as each other, shape (p,).
+        absolute: as in `weigh_by_noise`.
+    """
+    problem, (shape, gradient, normal) = plain.problem, least
+    likelihoods = [_likelihood(*run, absolute) for run in seen]
+    doubt = _doubt(problem, at, seen)
+    few = small_sample_covariance([(row.series, colour) for row, colour in seen], shape.inverse)
+    return plain._replace(
+        solution=at._replace(
+            evaluation=at.evaluation._replace(gradient=gradient, normal=normal),
+            shape=shape,
+            numerical_shift=max(plain.solution.numerical_shift, shape.distance),
+        ),
+        variance=1.0,
+        unsure=few + doubt.covariance + np.outer(in_doubt, in_doubt),
+        others=doubt.others,
+        noises=tuple(_noise(window, *run) for window, run in zip(problem.windows, seen, strict=True)),
+        went_on=True,
+        gain=sum(gain for gain, _ in likelihoods),
+        numbers=sum(numbers for _, numbers in likelihoods),
+    )
 
 
 def _white(rows: Sequence[Rows]) -> list[Seen]:

@@ -1,10 +1,12 @@
 """What a fit leaves of each run, in rows of neighbouring samples: few enough to be quick, short against the motion."""
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
-from ..estimation.colour import Series
+from ..data.segmentation.noise import NORMAL_MAD
+from ..estimation.colour import Colour, Series
 from .evaluation import Block, Evaluation, block_length
 from .problem import Problem
 from .window import Window
@@ -14,6 +16,9 @@ _ROWS, _FULL = 40.0, 0.5
 # Harmonics by which the error of rounding is described. The first four hold five sixths of its power, and what is left
 # comes and goes within an eighth of a step.
 _HARMONICS = 4
+# Noise, rounding included, over the step from which on no rounding shows: half a step beside the error of rounding
+# itself. Derived: of the first harmonic, exp(-pi^2 / 2) is left, a part in 140.
+_WIPED_OUT = (1 / 4 + 1 / 12) ** 0.5
 
 
 class Rows(NamedTuple):
@@ -41,12 +46,23 @@ class Rows(NamedTuple):
     moved: np.ndarray
 
 
-def rows_of(problem: Problem, evaluation: Evaluation) -> list[Rows]:
-    """The rows of each run."""
-    return [run_in_rows(problem, evaluation, run) for run in range(len(problem.windows))]
+class Seen(NamedTuple):
+    """The rows of a run and the colour of their noise."""
+
+    rows: Rows
+    colour: Colour
 
 
-def run_in_rows(problem: Problem, evaluation: Evaluation, run: int, samples: int | None = None) -> Rows:
+def rows_of(problem: Problem, evaluation: Evaluation, seen: Sequence[Seen] = ()) -> list[Rows]:
+    """The rows of each run, with what was `seen` of its noise where the fit was before, if anything was."""
+    return [
+        run_in_rows(problem, evaluation, run, before=seen[run] if seen else None) for run in range(len(problem.windows))
+    ]
+
+
+def run_in_rows(
+    problem: Problem, evaluation: Evaluation, run: int, samples: int | None = None, before: Seen | None = None
+) -> Rows:
     """A run in rows, of so many samples each, or as many as its motion asks for."""
     window, record, blocks = problem.windows[run], problem.residual.runs[run], evaluation.blocks[run]
     length, used = block_length(record.t.size), np.flatnonzero(window.used)
@@ -71,7 +87,7 @@ def run_in_rows(problem: Problem, evaluation: Evaluation, run: int, samples: int
         residual=row.residual * scale,
         slopes=row.slopes * scale[:, None],
         unit=row.curvature * scale * weight[kept] / number,
-        rounding=_rounding(problem, evaluation, run, begins * length)[kept] * scale[:, None],
+        rounding=_rounding(problem, evaluation, run, begins * length, before)[kept] * scale[:, None],
         starts=np.flatnonzero(np.diff(np.flatnonzero(kept), prepend=-2) > 1),
     )
     return Rows(
@@ -88,23 +104,34 @@ def run_in_rows(problem: Problem, evaluation: Evaluation, run: int, samples: int
 
 
 def rounded(window: Window) -> bool:
-    """Whether the rounding of a record shows, which noise of half a step wipes out."""
+    """Whether the rounding of a record shows, which white noise of half a step wipes out."""
     segmentation = window.segmentation
     return 0 < segmentation.white_noise <= segmentation.resolution / 2
 
 
-def _rounding(problem: Problem, evaluation: Evaluation, run: int, begins: np.ndarray) -> np.ndarray:
+def _rounding(
+    problem: Problem, evaluation: Evaluation, run: int, begins: np.ndarray, before: Seen | None
+) -> np.ndarray:
     """Weighted sums, over the samples of each row, of what rounding makes of the computed reading; shape (rows, k).
 
     The error of rounding to steps q is a function of the reading alone, ``q/pi sum_k (-1)^k/k sin(2 pi k x/q)``
     (Widrow and Kollar, Quantization Noise, 2008, 3). Where none shows, or no residual is left of the samples, k is 0.
+    So it is where the computed reading, with the drift and the hum that were seen before, misses that of the record by
+    more than half a step: slow noise and a drift wipe rounding out as white noise does, and waves of another phase
+    would be functions anew at each step of the fit.
     """
     window, weight = problem.windows[run], np.asarray(problem.residual.runs[run].weight)
+    none = np.zeros((begins.size, 0))
     if not rounded(window) or not evaluation.residual.size:
-        return np.zeros((begins.size, 0))
+        return none
     x, left = np.asarray(window.trace.x), problem.by_run(evaluation.residual)[run]
     weight = weight[: x.size]
-    computed = x + np.divide(left, weight, out=np.zeros(x.size), where=weight > 0)
-    phase = 2 * np.pi * (computed - x[0]) / window.segmentation.resolution
+    missed = np.divide(left, weight, out=np.zeros(x.size), where=weight > 0)
+    if before is not None:
+        missed = missed + before.colour.at(before.rows.t, before.rows.series.t)
+    step = window.segmentation.resolution
+    if np.median(np.abs(missed[weight > 0])) / NORMAL_MAD > step * _WIPED_OUT:
+        return none
+    phase = 2 * np.pi * (x + missed - x[0]) / step
     waves = [np.add.reduceat(weight * np.sin(k * phase), begins) for k in range(1, _HARMONICS + 1)]
     return np.column_stack(waves)

@@ -28,7 +28,7 @@ from jax.core import Tracer
 
 from ..show.working import working
 from .cache import keep, recall
-from .session import ready, waiting
+from .session import processor, ready, waiting
 
 # A program of a fit holds four to eight hundred mappings of memory, of which a process may have 65,530, and there are
 # three functions. What goes is loaded again in half a second; few sessions see as many laws and shapes.
@@ -152,7 +152,7 @@ class _Compiled:
             with waiting(), self._lock:
                 if self._call is None:
                     ready()
-                    with working("compiling"):
+                    with working("compiling"), jax.default_device(processor()):
                         self._call = self._compiled(args, shape, arrays)
         return jax.tree.unflatten(self._structure, self._call(arrays))
 
@@ -174,7 +174,7 @@ class _Compiled:
         if traced is None or len(traced.out_avals) != likely.num_leaves:
             try:
                 with _TRACING:
-                    traced = export.export(jitted)(arrays)
+                    traced = export.export(jitted, platforms=["cpu"])(arrays)
             except NotImplementedError:
                 # It calls the host, where only this process knows what to call.
                 return jitted.lower(arrays).compile()
@@ -207,8 +207,8 @@ def _place(function: Callable, shape: Shape) -> Path | None:
     """The file of a traced program; None where it cannot be kept."""
     folder = jax.config.jax_compilation_cache_dir  # pyright: ignore[reportAttributeAccessIssue]
     source = _source()
-    watched = any(getattr(jax.config, each) for each in _WATCHED)
-    if source is None or folder is None or not Path(folder).is_dir() or watched or not _is_ours(function):
+    watched = any(getattr(jax.config, each) for each in _WATCHED) or processor() is None
+    if source is None or not folder or not Path(folder).is_dir() or watched or not _is_ours(function):
         return None
     try:
         parts = [*_names(shape.structure), *map(_plain, shape.settings)]
@@ -218,7 +218,6 @@ def _place(function: Callable, shape: Shape) -> Path | None:
         function.__module__,
         function.__qualname__,
         source,
-        jax.default_backend(),
         *(str(getattr(jax.config, each)) for each in _SETTINGS),
     ]
     arrays = [f"{dtype}{sizes}" for sizes, dtype in shape.arrays]

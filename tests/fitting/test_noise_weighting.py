@@ -7,7 +7,7 @@ import pytest
 from scipy.linalg import solve_toeplitz, toeplitz
 from scipy.signal import lfilter
 
-from fricjax import Fit, Trace, fit, fit_batch
+from fricjax import Fit, Oscillator, Trace, fit, fit_batch, synthetic_run
 from fricjax.fitting import rows
 from fricjax.fitting.noise_weighting import weigh_by_noise
 from fricjax.fitting.solve import solve
@@ -15,7 +15,7 @@ from fricjax.friction import Coulomb
 from tests.fitting.problem_of import problem_of
 from tests.fitting.runs import MACHINE, RIGS, STIFFNESS, clean, coulomb_run, oscillator, truth
 from tests.fitting.test_evaluation import whole
-from tests.helpers import PROTOTYPE_DAMPING
+from tests.helpers import PROTOTYPE_DAMPING, PROTOTYPE_MASS
 
 RIG = RIGS["rolling"]
 MODEL = oscillator(RIG, "Coulomb")
@@ -208,6 +208,41 @@ def test_noise_of_more_than_half_a_step_hides_the_rounding():
     # Rounding to steps of one deviation adds a twelfth of the variance, independent of the noise: 0.3 standard errors.
     assert_same(fit(trace, MODEL, MACHINE), fitted(noise), within=1.0, bars=0.06)
     assert not fit(trace, MODEL, MACHINE).noises[0].rounding
+
+
+@pytest.mark.parametrize(
+    ("noise", "step", "shows"),
+    [
+        # Slow noise and a drift hide rounding, though their innovations would not.
+        (lambda seed: autoregressive(0.95, seed), 1e-8, False),
+        # Beside a drift that is known it shows.
+        (lambda seed: white(seed, 1e-9), 1e-8, True),
+        # Derivatives are no straight line over a step as long as that to the fit beside the drift.
+        (lambda seed: white(seed, 1e-9), 2e-9, False),
+        (lambda seed: white(seed, 1e-9), 5e-8, True),
+    ],
+    ids=["slow noise", "rounding", "fine steps", "coarse steps"],
+)
+def test_rounding_and_drift_and_noise_come_together(noise, step, shows):
+    records = [step * np.round((X + noise(seed) + 2e-6 * T) / step) for seed in range(8)]
+    found = [fit(Trace(T, x), MODEL, MACHINE) for x in records]
+    assert [each.status for each in found] == 8 * ["converged"]
+    assert all(bool(each.noises[0].rounding) == shows for each in found)
+    assert [each.noises[0].drift for each in found] == pytest.approx(8 * [2e-6], rel=0.01)
+    scores = np.array([errors(each) for each in found])
+    assert np.sqrt(np.mean(scores**2, axis=0)) == pytest.approx(1.0, abs=0.6) and np.max(np.abs(scores)) < 4
+
+
+def test_a_fit_ends_where_its_noise_is_seen_now_in_one_way_now_in_another():
+    """Harmonics of the rounding pass for lines of a hum in every second look, and would for ever."""
+    machine = Oscillator(PROTOTYPE_MASS, STIFFNESS, PROTOTYPE_DAMPING, 9.66, Coulomb(0.02))
+    for seed in range(4):
+        run = synthetic_run(machine, 1.5e-3, rate=5e3, duration=0.8, noise=1e-12, seed=seed)
+        t, x = np.asarray(run.trace.t), np.asarray(run.trace.x) + 2e-6 * np.asarray(run.trace.t)
+        x += 1e-9 * np.random.default_rng(seed).standard_normal(t.size)
+        found = fit(Trace(t, 5e-8 * np.round(x / 5e-8)), machine, MACHINE)
+        assert found.converged and found.numerical_shift < 0.1
+        assert abs(found.values["mu"] - 0.02) < 4 * found.std_errors["mu"] < 4e-7
 
 
 @pytest.mark.parametrize(("sign", "shift"), [(-1, 0.0), (1, 1e-3)])

@@ -1,5 +1,8 @@
 """Programs that are kept: traced once for all processes, held in a bounded number, and never mistaken for another."""
 
+import os
+import subprocess
+import sys
 import threading
 from collections.abc import Callable
 from typing import Any, NamedTuple
@@ -148,3 +151,21 @@ def test_a_program_that_calls_lapack_does_so_from_its_file_too(folder):
         found = Program(solved, same)(holding(right, matrix, np.zeros(0)))
         assert np.asarray(found.x0) == pytest.approx(np.linalg.solve(matrix, right))
     assert len(traced(folder)) == 1
+
+
+def test_fits_compute_on_the_processor_wherever_else_arrays_are_made():
+    """The second of two devices stands for a GPU: JAX makes its arrays there."""
+    code = """
+import jax
+jax.config.update("jax_enable_x64", True)
+jax.config.update("jax_default_device", jax.devices()[1])
+import jax.numpy as jnp
+from fricjax.oscillator import Program
+twice = Program(lambda x: 2 * x, like=lambda x: x)
+print(jnp.ones(2).device.id, *(twice(x).device.id for x in (jnp.ones(2), jnp.ones(2).__array__())))
+"""
+    devices = {"XLA_FLAGS": "--xla_force_host_platform_device_count=2", "FRICJAX_CACHE_DIR": "off"}
+    ended = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True, env=os.environ | devices
+    )
+    assert ended.stdout.split() == ["1", "0", "0"]
