@@ -9,7 +9,7 @@ import numpy as np
 
 from .. import thresholds
 from ..errors import DataError, UsageError
-from ..fitting.colours import colours_of, described, remembered, under_noise
+from ..fitting.colours import colours_of, misfit_of, remembered, under_noise
 from ..fitting.fit import concluded, records_of
 from ..fitting.noise import whiteness
 from ..fitting.parameters import Settings, check_known
@@ -222,7 +222,7 @@ def _reference_noise(entries: Sequence[_Entry], absolute: bool) -> _ReferenceNoi
     evaluation, time = solution.evaluation, 1.0
     seen = colours_of(problem, solution, rows_of(problem, evaluation), absolute) if solution.converged else []
     scatter = max(solution.chi2 / problem.dof, 1.0 if absolute else np.finfo(float).tiny)
-    if seen and described(problem, seen, absolute):
+    if seen and misfit_of(problem, seen, absolute) <= thresholds.DESCRIBED:
         time = max(remembered(*run) for run in seen)
     elif seen:
         # What no law describes is no noise by which laws could be weighted.

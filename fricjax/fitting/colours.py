@@ -86,14 +86,14 @@ def _without_floor(problem: Problem, run: int, row: Rows, level: float) -> Colou
     return colour_of(row.series, level, "drift" not in window.nuisances, window.segmentation.frequency)
 
 
-def described(problem: Problem, seen: Sequence[Seen], absolute: bool) -> bool:
-    """Whether what is left beside drift and hum is as small as noise in every run, and in the motion of every run."""
+def misfit_of(problem: Problem, seen: Sequence[Seen], absolute: bool) -> float:
+    """What is left beside drift and hum over the noise of its run: the most of all runs, and of the motion of each."""
     sizes = [
         [float(np.sqrt(variance_left(*run, until=time))) for time in (np.inf, window.stopped)]
         for window, run in zip(problem.windows, seen, strict=True)
     ]
     expected = [expected_size(window, *run) for window, run in zip(problem.windows, seen, strict=True)]
-    return worst(problem, sizes, expected, not absolute).ratio <= thresholds.DESCRIBED
+    return worst(problem, sizes, expected, not absolute).ratio
 
 
 def _or_shaken(problem: Problem, at: Solution, run: int, row: Rows, colour: Colour) -> Colour:

@@ -26,7 +26,7 @@ from ..estimation.covariance import Quadratic
 from ..estimation.loss import Squares
 from ..estimation.small_sample import small_sample_covariance
 from .clock import by_clock
-from .colours import colours_of, described, expected_size, least_squares, under_noise, variance_left, weighed_rows
+from .colours import colours_of, expected_size, least_squares, misfit_of, under_noise, variance_left, weighed_rows
 from .diagnostics import worst
 from .evaluation import Block
 from .missing import Lacking, allowed_for, explaining, responses_in, seen_beside_noise
@@ -115,8 +115,7 @@ def weigh_by_noise(problem: Problem, solution: Solution, absolute: bool) -> Nois
     if problem.noise == "white":
         return _beside(plain, solution, _white(rows), known)
     # What the model lacks grows with velocity too.
-    sizes = [2 * [float(np.sqrt(row.level))] for row in rows]
-    small = worst(problem, sizes, [0.0] * len(rows), not absolute).ratio <= thresholds.DESCRIBED
+    small = _size_of(problem, rows, absolute) <= thresholds.DESCRIBED
     clocked = by_clock(problem, solution, rows) if small and problem.noise in ("auto", "jitter") else None
     if clocked is None:
         return _by_colour(plain, rows, known, absolute)
@@ -132,6 +131,12 @@ def weigh_by_noise(problem: Problem, solution: Solution, absolute: bool) -> Nois
     )
 
 
+def _size_of(problem: Problem, rows: Sequence[Rows], absolute: bool) -> float:
+    """The size of all residuals over the noise of their run, the most of all runs."""
+    sizes = [2 * [float(np.sqrt(row.level))] for row in rows]
+    return worst(problem, sizes, [0.0] * len(rows), not absolute).ratio
+
+
 def _by_colour(
     plain: NoiseWeighted, first: Sequence[Rows], known: Sequence[Responses], absolute: bool
 ) -> NoiseWeighted:
@@ -145,7 +150,10 @@ def _by_colour(
     """
     problem, solution = plain.problem, plain.solution
     none = np.zeros(problem.residual.n_parameters)
-    at, rows, seen, misfits, in_doubt = solution, first, [], 0, none
+    at, rows, seen, in_doubt = solution, first, [], none
+    # A drift that is far larger than the noise makes steps so long that the motion curves within them, and what that
+    # leaves is for the next step. Of a misfit that no noise explains, more than a tenth is left.
+    on_the_way = max(_size_of(problem, first, absolute) / thresholds.DESCRIBED, thresholds.DESCRIBED)
     for number in range(_ROUNDS):
         if number < _LOOKS:
             seen = colours_of(problem, at, rows, absolute)
@@ -161,9 +169,7 @@ def _by_colour(
         least = least_squares(problem, at, weighed_rows(seen))
         ended = at._replace(shape=least[0])
         arrived = ended.shape.distance <= _NEAR
-        # A long step is not as straight as its derivatives; the misfit that this makes goes with the next step.
-        misfits = 0 if described(problem, seen, absolute) else misfits + 1
-        if misfits > 1 or (misfits and arrived):
+        if not misfit_of(problem, seen, absolute) <= (thresholds.DESCRIBED if arrived else on_the_way):
             return _beside(_undescribed(plain, first), ended, seen, known)
         if arrived:
             return _beside(_under_colour(plain, at, seen, least, in_doubt, absolute), ended, seen, known)
