@@ -137,9 +137,9 @@ print(f"largest difference between devices: {largest:.1e} m")
 # ## Fits
 #
 # `fj.fit`, `fj.fit_batch`, `fj.compare` and bootstraps compute on the processor, also where JAX has found a GPU, so
-# there is nothing to set. They work on condensed records, some hundred samples for each run, in steps that wait for each
-# other: on the H100 a first fit waited two to two and a half times as long for the compiler (LuGre 42 s, and 17 s), and a
-# fit after it two to four times as long.
+# there is nothing to set. They work on condensed records, some hundred samples for each run, in steps that wait for
+# each other: on the H100 a first fit waited two to two and a half times as long for the compiler (LuGre 42 s, and
+# 17 s), and a fit after it two to four times as long.
 #
 # For archives that take hours there are several processes: `fricjax batch runs --out results --workers 8`.
 #
