@@ -11,6 +11,7 @@ import threading
 import warnings
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import jax
 from jax._src import compilation_cache
@@ -54,7 +55,7 @@ def cores() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
-def processor() -> jax.Device | None:
+def processor() -> Any:
     """The device that fits compute on: the processor, also where JAX has found a GPU; None where JAX was denied it.
 
     A fit is some hundred steps of small arrays, each waiting for the one before it. A GPU (H100) waited twice as long
