@@ -2,6 +2,7 @@
 
 import contextlib
 import os
+from collections import Counter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -185,25 +186,20 @@ class Archive(Reported):
     def report(self) -> Report:
         """How many rows there are of each status, populations of what was fitted, and why runs failed."""
         counts = self.counts
-        table = Table(["law", *counts], [[law, *row] for law, row in self._by_law().items()])
+        pairs = Counter(zip(*(self.table.column(name).to_pylist() for name in ("friction", "status")), strict=True))
+        laws = sorted({law for law, _ in pairs})
+        table = Table(["law", *counts], [[law, *(str(pairs[law, status]) for status in counts)] for law in laws])
         failures = self.failures()
         reasons = failures["outcome"].str.slice(0, 100).value_counts() if len(failures) else {}
         rows = [[str(count), reason] for reason, count in list(reasons.items())[:_REASONS]]
         files = len(set(self.table.column("file").to_pylist()))
-        facts = [("store", str(self.path)), ("files", str(files)), ("made by", f"fricjax {self._version()}")]
+        version = self.description["versions"]["fricjax"]
+        facts = [("store", str(self.path)), ("files", str(files)), ("made by", f"fricjax {version}")]
         facts += [("at work", self.driver)] if self.driver else []
         wrong = sum(counts.values()) - counts["ok"]
         notes = [f"{wrong} of {len(self)} rows are not ok: failures() lists them."] if wrong else []
         data = {"path": str(self.path), "rows": len(self), "files": files, "counts": counts}
         return Report([table, Table(["runs", "reason"], rows)], facts, notes, heading="Archive", data=data)
-
-    def _by_law(self) -> dict[str, list[str]]:
-        laws, statuses = (self.table.column(name).to_pylist() for name in ("friction", "status"))
-        pairs = list(zip(laws, statuses, strict=True))
-        return {law: [str(pairs.count((law, status))) for status in self.counts] for law in sorted(set(laws))}
-
-    def _version(self) -> str:
-        return self.description["versions"]["fricjax"]
 
     def __repr__(self) -> str:
         files = len(set(self.table.column("file").to_pylist()))

@@ -124,8 +124,12 @@ def plan(
         UsageError: no file, or one that is not below the folder of the study.
     """
     files = study.files if study.files is not None else tuple(_files_below(study, store))
+    if not files and study.include:
+        raise UsageError(f"No file in {study.root} matches {' or '.join(study.include)}. Check the pattern.")
     if not files:
-        raise UsageError(_nothing(study))
+        raise UsageError(
+            f"{study.root} holds no file of a known format. Give another folder, or a pattern with include=."
+        )
     history = _History(records, retry)
     jobs, known, changed = [], [], []
     for file in files:
@@ -263,12 +267,6 @@ def _walked(folder: Path | str, place: str, without: str | None) -> Iterator[str
 
 def _suffix(name: str) -> str:
     return os.path.splitext(name)[1].lower()
-
-
-def _nothing(study: Study) -> str:
-    if study.include:
-        return f"No file in {study.root} matches {' or '.join(study.include)}. Check the pattern."
-    return f"{study.root} holds no file of a known format. Give another folder, or a pattern with include=."
 
 
 def _chunks(study: Study, jobs: Sequence[Job]) -> Iterator[Chunk]:

@@ -21,7 +21,7 @@ from ..data.files import gigabytes
 from ..errors import DataError, UsageError
 from ..fitting.batch import Row, collected, fit_rows
 from ..fitting.diagnostics import CONVERGED
-from ..fitting.names import NUISANCES
+from ..fitting.names import of_run
 from ..fitting.sketch import few, sketches
 from ..fitting.window import equilibrium
 from ..oscillator import one_at_a_time
@@ -275,7 +275,10 @@ def _outcomes(rows: Sequence[Row], calibrated: Sequence[bool], with_residuals: b
     solved: Any = [(row.problem, row.weighted.solution) for row in rows if row.weighted is not None]
     pictures = sketches(solved)
     residuals = sketches(solved, None) if with_residuals else [None] * len(rows)
-    numbers, meaningless = _numbers(batch), _coefficients(batch)
+    numbers = _numbers(batch)
+    # What is no property of the trace alone.
+    coefficients = [name for name in batch.names if not of_run(name)]
+    meaningless = [f"{name}{ending}" for name in coefficients for ending in ("", "_std", "_combined_std")]
     outcomes = []
     for i, (picture, left) in enumerate(zip(pictures, residuals, strict=True)):
         shown = {"sketch_t": picture.t, "sketch_x": picture.x, "sketch_residual": picture.residual}
@@ -284,12 +287,6 @@ def _outcomes(rows: Sequence[Row], calibrated: Sequence[bool], with_residuals: b
         columns |= {} if calibrated[i] else dict.fromkeys(meaningless)
         outcomes.append(_Outcome(status, batch.status[i], columns, left))
     return outcomes
-
-
-def _coefficients(batch: "BatchFit") -> list[str]:
-    """Columns of what is no property of the trace alone."""
-    names = [name for name in batch.names if name not in NUISANCES]
-    return [f"{name}{ending}" for name in names for ending in ("", "_std", "_combined_std")]
 
 
 def _numbers(batch: "BatchFit") -> dict[str, Sequence[Any]]:

@@ -270,7 +270,8 @@ def collected(rows: Sequence[Row], sources: tuple[str, ...]) -> BatchFit:
         },
         chi2=column(lambda _, w, __: w.solution.chi2),
         dof=column(lambda p, *_: p.dof),
-        residual_rms=column(_rms),
+        # Exact where all samples have the same noise.
+        residual_rms=column(lambda p, w, _: p.windows[0].stated * np.sqrt(w.solution.chi2 / p.n_used)),
         sigma=column(lambda p, *_: p.windows[0].stated),
         noises=tuple(None if row.weighted is None else row.weighted.noises[0] for row in rows),
         numerical_shift=column(lambda _, w, __: w.solution.numerical_shift),
@@ -280,11 +281,6 @@ def collected(rows: Sequence[Row], sources: tuple[str, ...]) -> BatchFit:
         engine=type(problem.residual.engine).__name__.lower(),
         sources=sources,
     )
-
-
-def _rms(problem: Problem, weighted: NoiseWeighted, _: Covariance) -> float:
-    """Root mean square of the residuals, exact where all samples have the same noise."""
-    return problem.windows[0].stated * float(np.sqrt(weighted.solution.chi2 / problem.n_used))
 
 
 def _half_cycles(problem: Problem, *_: Any) -> int:

@@ -11,7 +11,6 @@ from ..estimation.levenberg_marquardt import NOT_FINITE, OUT_OF_STEPS, STALLED
 from ..estimation.space import Parameter
 from ..show import engineering
 from .chunks import typical
-from .derived import Derived
 from .noise import Noise
 from .problem import Problem
 from .solve import Solution
@@ -93,7 +92,7 @@ def optimum_found(status: str) -> bool:
 
 def status_of(problem: Problem, solution: Solution, covariance: Covariance, misfit: Misfit) -> str:
     """The outcome in words; what stands before the colon is its name."""
-    if solution.status == NOT_FINITE or not _is_finite(solution.derived):
+    if solution.status == NOT_FINITE or not np.all(np.isfinite(solution.derived.values)):
         return "not finite: the model fails at the start values. Check the law's coefficients and the engine."
     if solution.status == OUT_OF_STEPS:
         return "out of steps: the optimum was not reached. Start nearer, or free fewer parameters."
@@ -109,10 +108,6 @@ def status_of(problem: Problem, solution: Solution, covariance: Covariance, misf
     if at_bound:
         return f"{AT_BOUND}: {at_bound}. Widen the bound, fix what it holds, or take a law without it."
     return CONVERGED
-
-
-def _is_finite(derived: Derived) -> bool:
-    return bool(np.all(np.isfinite(derived.values)))
 
 
 def _listed(problem: Problem, which: np.ndarray) -> str:

@@ -149,7 +149,9 @@ def records_of(data: object, t: ArrayLike | None, rate: float | None, sigma_mode
     """
     check_choice("sigma_mode", sigma_mode, SIGMA_MODES)
     records = gather(data, t, rate)
-    return tuple(map(_without_sigma, records)) if sigma_mode == "estimate" else records
+    if sigma_mode != "estimate":
+        return records
+    return tuple(Record(Trace(each.t, each.x, mask=each.mask), each.meta, each.log) for each in records)
 
 
 def check_effect(problem: Problem, solution: Solution) -> None:
@@ -165,8 +167,3 @@ def check_effect(problem: Problem, solution: Solution) -> None:
             f"{' and '.join(without_effect)} cannot be fitted: the fitted motion does not depend on it. "
             "Take it out of free=."
         )
-
-
-def _without_sigma(record: Record) -> Record:
-    trace = record.trace
-    return Record(Trace(trace.t, trace.x, mask=trace.mask), record.meta, record.log)

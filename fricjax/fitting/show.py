@@ -76,7 +76,7 @@ def facts(fit: Any) -> list[tuple[str, str]]:
     used = sum(int(np.isfinite(r).sum()) for r in fit.residuals_by_run)
     stages = "1 stage" if fit.stages == 1 else f"{fit.stages} stages"
     return [
-        *_sources(fit),
+        *([("record", listed(fit.sources))] if any(fit.sources) else []),
         ("status", fit.status),
         ("model", f"{law_name(fit.oscillator.friction)} friction, {restoring} restoring force, {fit.engine} engine"),
         ("samples", f"{used} fitted, {stages}, {fit.iterations} iterations, {fit.passes} passes"),
@@ -85,12 +85,6 @@ def facts(fit: Any) -> list[tuple[str, str]]:
         *_accuracy(fit),
         *_stop(fit),
     ]
-
-
-def _sources(fit: Any) -> Iterator[tuple[str, str]]:
-    """The files that were fitted; nothing where none has a name."""
-    if any(fit.sources):
-        yield "record", listed(fit.sources)
 
 
 def _noise(fit: Any) -> Iterator[str]:

@@ -179,10 +179,6 @@ def _least_squares(
 
 def _until(t: Array, moving: Array, reach: Array) -> Array:
     """Weights of the first part of the moving window of a run."""
-    begin, end = _ends(t, moving)
-    return jnp.where(t <= begin + jnp.minimum(reach, _MOVING) * (end - begin), moving, 0.0)
-
-
-def _ends(t: Array, moving: Array) -> tuple[Array, Array]:
     used = moving > 0
-    return jnp.min(jnp.where(used, t, jnp.inf)), jnp.max(jnp.where(used, t, -jnp.inf))
+    begin, end = jnp.min(jnp.where(used, t, jnp.inf)), jnp.max(jnp.where(used, t, -jnp.inf))
+    return jnp.where(t <= begin + jnp.minimum(reach, _MOVING) * (end - begin), moving, 0.0)

@@ -76,7 +76,8 @@ def warnings_of_run(
             yield f"The model does not describe the run: its {times}."
         else:
             yield f"The {times}, and are taken for noise, a slow one: it may as well be something that the model lacks."
-        yield from reported_faults(_record(problem, misfit.run), _of_run(misfit.run, problem))
+        record = Record(problem.windows[misfit.run].trace, {"quantity": unit})
+        yield from reported_faults(record, _of_run(misfit.run, problem))
         yield from _on_drift(problem, misfit)
         if any(holds_release(window) for window in problem.windows):
             yield (
@@ -175,11 +176,6 @@ def _on_static_friction(bracket: Bracket | None) -> Iterator[str]:
             f"{high}, but the mass moved on where it must be below {low}. Static friction differs from stop to stop, "
             "or a stop is misread; no value was put into the oscillator."
         )
-
-
-def _record(problem: Problem, number: int) -> Record:
-    window = problem.windows[number]
-    return Record(window.trace, {"quantity": window.quantity})
 
 
 def _of_run(number: int, problem: Problem) -> str:

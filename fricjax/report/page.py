@@ -122,7 +122,10 @@ def save(source: Any, path: str | os.PathLike[str], *, title: str = "", overwrit
 def _content(source: Any) -> _Content:
     """What is shown of any of the sources."""
     if isinstance(source, str | os.PathLike):
-        return _of_path(Path(source))
+        path = Path(source)
+        if kind_of(path) == "archive":
+            return _content(open_archive(path))
+        return _content(load_fit(path))._replace(title=f"Fit {path.name}")
     if isinstance(source, Fit):
         return _Content(f"Fit of {', '.join(source.labels[:3])}", source.report(), runs_of(source))
     if hasattr(source, "columns") and hasattr(source, "to_numpy"):
@@ -135,13 +138,6 @@ def _content(source: Any) -> _Content:
     raise UsageError(
         f"A page shows a fit, an archive or another result, not {type(source).__name__}: give one, or its path."
     )
-
-
-def _of_path(path: Path) -> _Content:
-    """The page of an archive's folder, or of a fit in a file."""
-    if kind_of(path) == "archive":
-        return _content(open_archive(path))
-    return _content(load_fit(path))._replace(title=f"Fit {path.name}")
 
 
 def _of_table(frame: "DataFrame", title: str) -> _Content:

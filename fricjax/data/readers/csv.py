@@ -76,7 +76,8 @@ class TextTable:
         layout = self.layout
         columns = [self._column(i) for i in range(len(layout.titles))]
         if not self._is_stacked():
-            return Sheet(columns, self._load, lambda i: f"row {self._row(i)}", layout.advice)
+            place = lambda i: f"row {next(itertools.islice(self._numbered_lines(), i, None))[0]}"
+            return Sheet(columns, self._load, place, layout.advice)
         blocks = self._blocks()
         runs = range(len(blocks))
         stacked = [dataclasses.replace(c, run=f"Run {i + 1}", key=(c.key, i)) for i in runs for c in columns]
@@ -113,7 +114,7 @@ class TextTable:
         values = narrow if set(places) <= set(narrow) else self._read_at_once(places)
         if not values or not self._is_complete(values[places[0]].size, places):
             # Comments among the rows, words below them, or a row that is wrong: line by line.
-            lines = self._data_lines()
+            lines = _trimmed(list(self._numbered_lines()), lambda numbered: self._is_row(numbered[1]))
             self._check(lines, places)
             values = self._parsed_lines([line for _, line in lines], places)
         return [values[i] for i in places]
@@ -229,14 +230,6 @@ class TextTable:
         for i, line in enumerate(self.text.lines()):
             if i >= self.layout.first_line and self.dialect.holds_data(line):
                 yield i + 1, line
-
-    def _data_lines(self) -> list[tuple[int, str]]:
-        """The rows, without words that stand below the last of them."""
-        return _trimmed(list(self._numbered_lines()), lambda numbered: self._is_row(numbered[1]))
-
-    def _row(self, sample: int) -> int:
-        """Row in the file, counted from 1, of a sample."""
-        return next(itertools.islice(self._numbered_lines(), sample, None))[0]
 
     def _check(self, lines: list[tuple[int, str]], places: list[int]) -> None:
         """Refuses the first row that does not fit."""
