@@ -217,6 +217,8 @@ def _row(weighted: NoiseWeighted, misfit: Misfit) -> Row:
 def collected(rows: Sequence[Row], sources: tuple[str, ...]) -> BatchFit:
     """The rows as columns: of runs whose free parameters and uncertain inputs of the rig have the same names.
 
+    The root mean square of the residuals is exact where all samples of a run have the same noise.
+
     Raises:
         UsageError: no run could be fitted.
     """
@@ -270,7 +272,6 @@ def collected(rows: Sequence[Row], sources: tuple[str, ...]) -> BatchFit:
         },
         chi2=column(lambda _, w, __: w.solution.chi2),
         dof=column(lambda p, *_: p.dof),
-        # Exact where all samples have the same noise.
         residual_rms=column(lambda p, w, _: p.windows[0].stated * np.sqrt(w.solution.chi2 / p.n_used)),
         sigma=column(lambda p, *_: p.windows[0].stated),
         noises=tuple(None if row.weighted is None else row.weighted.noises[0] for row in rows),
