@@ -138,8 +138,8 @@ print(f"largest difference between devices: {largest:.1e} m")
 #
 # `fj.fit`, `fj.fit_batch`, `fj.compare` and bootstraps compute on the processor, also where JAX has found a GPU, so
 # there is nothing to set. They work on condensed records, some hundred samples for each run, in steps that wait for
-# each other: on the H100 a first fit waited two to two and a half times as long for the compiler (LuGre 42 s, and
-# 17 s), and a fit after it two to four times as long.
+# each other: on the H100 a first fit took two to three times as long as on the cores beside it (LuGre 42 s, and 13 s),
+# a fit after it two to four times, and a batch up to 35 times.
 #
 # For archives that take hours there are several processes: `fricjax batch runs --out results --workers 8`.
 #
