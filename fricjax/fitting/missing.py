@@ -74,13 +74,17 @@ class _Explained(NamedTuple):
 
 
 def responses_in(problem: Problem, at: Solution, run: int, rows: Rows) -> Responses:
-    """The responses of a run to forces that its model has not, at the times of its rows."""
+    """The responses of a run to forces that its model has not, if it may lack any, at the times of its rows."""
+    if problem.made:
+        return Responses((), np.zeros((rows.series.t.size, 0)), 0)
     kinds = {parameter.kind for parameter in problem.parameters}
     return responses(problem.windows[run], at.derived, kinds, rows.series.t)
 
 
 def explaining(problem: Problem, solution: Solution, run: int, rows: Rows, known: Responses) -> Lacking | None:
     """The force that explains what a run shows in motion down to noise of short memory; None where none does."""
+    if not known.forces:
+        return None
     series, p = rows.series, problem.residual.n_parameters
     moving = series.t <= problem.windows[run].stopped
     slopes, residual = series.slopes[moving, :p] * ~solution.shape.at_bound, series.residual[moving]
@@ -119,6 +123,8 @@ def seen_beside_noise(problem: Problem, at: Solution, run: int, seen: Seen, know
         seen: its rows and their noise.
         known: the responses to forces at the times of these rows.
     """
+    if not known.forces:
+        return None
     series, p = seen.rows.series, problem.residual.n_parameters
     together = np.column_stack([series.slopes[:, :p] * ~at.shape.at_bound, known.effects * series.unit[:, None]])
     residual, columns = whitened(series._replace(slopes=together), seen.colour)
@@ -144,7 +150,7 @@ def _seen(
     unit = np.sqrt(np.diag(products)[:p])
     free = unit > 0
     degrees = residual.size - int(free.sum()) - 1
-    if degrees < 1 or not forces:
+    if degrees < 1:
         return []
     unit = unit[free]
     within, across = products[:p, :p][np.ix_(free, free)] / np.outer(unit, unit), products[:p, p:][free] / unit[:, None]

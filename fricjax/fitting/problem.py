@@ -44,6 +44,7 @@ class Problem:
         parameters: the free parameters in order; `inputs`: the uncertain inputs of the rig, by name.
         windows: the fitted part of each record.
         bracketed: name of a static coefficient that the user freed and that is bracketed instead of fitted.
+        made: whether its records were made from the fitted model, which then lacks nothing.
     """
 
     residual: Residual
@@ -56,6 +57,7 @@ class Problem:
     windows: tuple[Window, ...]
     bracketed: str | None
     noise: str = "auto"
+    made: bool = False
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -170,7 +172,7 @@ def with_windows(problem: Problem, windows: tuple[Window, ...]) -> Problem:
 
 
 def displaced(problem: Problem) -> Callable[[Sequence[np.ndarray]], Problem]:
-    """From the displacements of other records [m], one array for each run, to the problem of these.
+    """From the displacements of records made from the model [m], one array for each run, to the problem of these.
 
     Times, weights and windows are those of the problem, so that nothing but displacements has to be condensed anew.
     """
@@ -187,7 +189,7 @@ def displaced(problem: Problem) -> Callable[[Sequence[np.ndarray]], Problem]:
         traces = (eqx.tree_at(lambda trace: trace.x, w.trace, each) for w, each in zip(problem.windows, x, strict=True))
         pairs = zip(problem.windows, traces, strict=True)
         windows = tuple(dataclasses.replace(window, trace=trace) for window, trace in pairs)
-        return dataclasses.replace(problem, residual=residual, condensed=condensed, windows=windows)
+        return dataclasses.replace(problem, residual=residual, condensed=condensed, windows=windows, made=True)
 
     return of
 
