@@ -144,7 +144,10 @@ def _two_interrupts() -> Iterator[None]:
         tell(sys.stderr, "\nWhat is at work is finished and kept first; Ctrl-C once more ends at once.")
         raise KeyboardInterrupt
 
-    before = signal.signal(signal.SIGINT, announce)
+    before = signal.getsignal(signal.SIGINT)
+    # A shell that starts a command with & has it ignore the Ctrl-C that is meant for others.
+    if before is not signal.SIG_IGN:
+        signal.signal(signal.SIGINT, announce)
     try:
         yield
     finally:

@@ -4,6 +4,8 @@ import csv
 import json
 import signal
 import sys
+from collections.abc import Callable, Iterator
+from typing import Any
 
 import pytest
 
@@ -136,8 +138,17 @@ def test_a_missing_package_is_one_sentence(store, fricjax, monkeypatch):
     assert told.code == 2 and "pip install 'fricjax[batch]'" in told.err
 
 
-def test_ctrl_c_says_that_what_is_at_work_is_finished_and_the_next_one_ends_at_once(monkeypatch):
-    before, said = signal.getsignal(signal.SIGINT), []
+@pytest.fixture
+def interrupted_by() -> Iterator[Callable[..., Any]]:
+    """`interrupted_by(handler)` sets what Ctrl-C does; tests that were started with & ignore it."""
+    before = signal.getsignal(signal.SIGINT)
+    yield lambda handler: signal.signal(signal.SIGINT, handler)
+    signal.signal(signal.SIGINT, before)
+
+
+def test_ctrl_c_says_that_what_is_at_work_is_finished_and_the_next_one_ends_at_once(monkeypatch, interrupted_by):
+    interrupted_by(signal.default_int_handler)
+    said = []
     # Threads of Dask that other tests have left may write to stderr at any time.
     monkeypatch.setattr("fricjax.cli.batch.tell", lambda stream, text: said.append((stream, text)))
     with pytest.raises(KeyboardInterrupt), _two_interrupts():
@@ -147,4 +158,11 @@ def test_ctrl_c_says_that_what_is_at_work_is_finished_and_the_next_one_ends_at_o
         assert stream is sys.stderr and "finished and kept first; Ctrl-C once more ends at once" in text
         signal.raise_signal(signal.SIGINT)
     assert len(said) == 1
-    assert signal.getsignal(signal.SIGINT) is before
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+
+
+def test_a_batch_in_the_background_goes_on_ignoring_ctrl_c(interrupted_by):
+    interrupted_by(signal.SIG_IGN)
+    with _two_interrupts():
+        signal.raise_signal(signal.SIGINT)
+    assert signal.getsignal(signal.SIGINT) is signal.SIG_IGN
