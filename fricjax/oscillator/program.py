@@ -207,8 +207,11 @@ def _place(function: Callable, shape: Shape) -> Path | None:
     """The file of a traced program; None where it cannot be kept."""
     folder = jax.config.jax_compilation_cache_dir  # pyright: ignore[reportAttributeAccessIssue]
     source = _source()
-    watched = any(getattr(jax.config, each) for each in _WATCHED) or processor() is None
+    watched = any(getattr(jax.config, each) for each in _WATCHED)
     if source is None or not folder or not Path(folder).is_dir() or watched or not _is_ours(function):
+        return None
+    # What is kept was traced for the processor.
+    if processor() is None:
         return None
     try:
         parts = [*_names(shape.structure), *map(_plain, shape.settings)]

@@ -95,7 +95,7 @@ def simulate(
         # Whoever traces it compiles it for times of their own.
         return _solve(chosen, limit, oscillator, x, v, state, times, None)
     else:
-        filled, drive = np.concatenate([times, np.repeat(times[-1:], _more(times, _SIZES))]), None
+        filled, drive = _longer(times, _more(times, _SIZES)), None
     motion = _solve(chosen, limit, oscillator, x, v, state, filled, drive)
     if filled.size == times.size:
         return motion
@@ -120,15 +120,20 @@ def _filled(times: Any, base_acceleration: ArrayLike | None, release: AbstractRe
 
     Of repeated instants no path is made: that of the floor goes on evenly behind the last sample.
     """
-    xp = jnp if isinstance(times, Tracer) else np
     more = _more(times)
-    filled = xp.concatenate([times, xp.repeat(times[-1:], more)])
+    filled = _longer(times, more)
     if base_acceleration is None:
         return filled, Drive(filled, None, release)
     interval = times[-1] - times[-2] if times.size > 1 else 1.0
+    xp = jnp if isinstance(times, Tracer) else np
     knots = xp.concatenate([times, times[-1] + interval * xp.arange(1, more + 1)])
-    floor = jnp.asarray(base_acceleration, float)
-    return filled, Drive(knots, jnp.concatenate([floor, jnp.repeat(floor[-1:], more)]), release)
+    return filled, Drive(knots, _longer(jnp.asarray(base_acceleration, float), more), release)
+
+
+def _longer(values: Any, more: int) -> Any:
+    """Values with so many repeats of the last."""
+    xp = jnp if isinstance(values, jax.Array) else np
+    return xp.concatenate([values, xp.repeat(values[-1:], more)])
 
 
 def _limit_engine(oscillator: Oscillator, capacity: int) -> AbstractEngine | None:

@@ -4,10 +4,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..archive.driver import name_of
 from ..data import Record
 from ..errors import DataError
 from ..fitting import Fit
-from ..friction.base import law_name
 from ..show.thumbnail import sketched
 
 if TYPE_CHECKING:
@@ -37,7 +37,7 @@ def _row(fit: Fit, run: int) -> dict[str, Any]:
     row: dict[str, Any] = {
         "key": str(run),
         "file": fit.labels[run],
-        "friction": law_name(fit.oscillator.friction).replace(" ", "").lower(),
+        "friction": name_of(fit.oscillator),
         "status": "ok" if fit.converged else "invalid",
         "outcome": fit.status,
         "warnings": " ".join(fit.warnings),

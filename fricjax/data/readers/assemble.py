@@ -150,7 +150,9 @@ def _unit_missing(path: Path, samples: Samples, choice: Choice) -> str:
 def _times(path: Path, samples: Samples, choice: Choice) -> tuple[np.ndarray, str]:
     size, time, t = samples.values.size, samples.time, samples.times
     if time is None or t is None:
-        return np.arange(size) / float(choice.rate or np.nan), "s"
+        # Without either the sheet was refused when its columns were chosen.
+        assert choice.rate is not None
+        return np.arange(size) / float(choice.rate), "s"
     if t.size != size:
         raise DataError(
             f"In {path.name} '{time.name}' has {t.size} samples and '{samples.x.name}' has {size}; choose columns of "
