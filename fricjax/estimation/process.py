@@ -46,6 +46,10 @@ class StateTransition(NamedTuple):
         kicked = np.flatnonzero(self.noise.any(axis=(1, 2)))
         return int(kicked[-1]) + 1 if kicked.size else 0
 
+    def first(self, n: int | None) -> "StateTransition":
+        """That of the first rows; of all for None."""
+        return StateTransition(*(each[:n] for each in self))
+
     def deviations(self) -> np.ndarray:
         """Variance of the position that kicks of unit spectral density lead to, were nothing measured, shape (n,)."""
         spread, variances = np.zeros((2, 2)), np.empty(self.noise.shape[0])
@@ -63,6 +67,7 @@ class Kicks(NamedTuple):
         std: standard deviation of that noise.
         spread: sum of the logarithms of the variances of the innovations over that of the noise.
         left: the residuals with the parameters fitted anew, shape (n,).
+        sizes: of the derivatives that are to be added to the residuals to fit the parameters anew, shape (p,).
         sides: `kicks` and `std` where the kicks are one standard error of their logarithm weaker and stronger.
     """
 
@@ -70,6 +75,7 @@ class Kicks(NamedTuple):
     std: float
     spread: float
     left: np.ndarray
+    sizes: np.ndarray
     sides: tuple[tuple[float, float], ...]
 
 
@@ -151,7 +157,7 @@ def kicks_of(residual: np.ndarray, slopes: np.ndarray, unit: np.ndarray, transit
     _, std, logarithms, sizes = best
     near = kicks * np.exp([-error, error])
     sides = tuple((float(point), deviation) for point, (_, deviation, *_) in zip(near, likelihoods(near), strict=True))
-    return Kicks(kicks, std, logarithms, residual + columns[:, 1:] @ sizes, sides)
+    return Kicks(kicks, std, logarithms, residual + columns[:, 1:] @ sizes, sizes / scale, sides)
 
 
 def _restricted(white: np.ndarray, variances: np.ndarray) -> tuple[float, float, float, np.ndarray]:

@@ -25,9 +25,8 @@ from ..estimation.colour import (
 )
 from ..estimation.covariance import Quadratic, quadratic
 from ..estimation.loss import Squares
-from ..estimation.process import StateTransition
 from .diagnostics import worst
-from .floor import first_rows, kicked, passage_of
+from .floor import first_rows, kicked, kicked_until, passage_of
 from .noise import whiteness
 from .problem import Problem
 from .rows import Rows, Seen, run_in_rows
@@ -41,6 +40,9 @@ _OF_ITS_OWN = 1e-6
 _RESTING = 64
 # Rows of a piece of it that tell white noise, and the most pieces that are looked at.
 _PIECE, _PIECES = 32, 8
+# Rows on either side of a step in a rest whose means tell it: a slide is over within about as many, a tenth of a
+# half-cycle, for a floor that can move a resting mass does so by its highest frequencies.
+_BESIDE = 4
 
 
 def colours_of(problem: Problem, at: Solution, rows: Sequence[Rows], absolute: bool) -> list[Seen]:
@@ -101,10 +103,8 @@ def _or_shaken(problem: Problem, at: Solution, run: int, row: Rows, colour: Colo
     if problem.noise != "auto":
         named = _shaken(problem, at, run, row.series) if problem.noise == "floor" else None
         return colour if named is None else named
-    # No floor moves the reading of a mass that rests, and only a rest tells kicks from what a model lacks.
     still = _at_rest(problem.windows[run], row)
-    enough = np.sum(still) >= _RESTING
-    if not (enough and _remembers(colour.left[~still], row.level) and _is_quiet(colour.left[still])):
+    if not (_tells_kicks(colour.left[still]) and _remembers(colour.left[~still], row.level)):
         return colour
     rival = _shaken(problem, at, run, row.series)
     if rival is None or rival.transition is None:
@@ -113,18 +113,53 @@ def _or_shaken(problem: Problem, at: Solution, run: int, row: Rows, colour: Colo
     known, other = rival, colour if colour.coefficients.size else autoregressive(left)
     if rival.last is not None:
         # Where the floor has led too far from the motion, neither model is to be judged.
-        passage = StateTransition(*(each[: rival.last] for each in rival.transition))
-        known, other = kicked(first_rows(row.series, rival.last), passage), autoregressive(first_rows(left, rival.last))
+        series, passage = first_rows(row.series, rival.last), rival.transition.first(rival.last)
+        known, other = kicked_until(series, passage, None), autoregressive(first_rows(left, rival.last))
     return colour if _criterion(known) > _criterion(other) else rival
+
+
+def by_kicks(problem: Problem, at: Solution, run: int, row: Rows) -> Seen | None:
+    """The rows of a run with white kicks of a floor as their noise; None where its rest tells of none."""
+    if not _tells_kicks(row.series.residual[_at_rest(problem.windows[run], row)]):
+        return None
+    colour = _shaken(problem, at, run, _identified(row, at.shape.at_bound).series)
+    return None if colour is None else Seen(row, colour._replace(shape=np.zeros(0), shape_std=1.0))
+
+
+def _tells_kicks(resting: np.ndarray) -> bool:
+    """Whether a rest is long and quiet enough to tell kicks from what a model lacks: no floor moves a reading in it."""
+    return resting.size >= _RESTING and _is_quiet(resting)
 
 
 def _is_quiet(resting: np.ndarray) -> bool:
     """Whether the reading of a rest is white beside a straight line, in most pieces of it.
 
-    A floor may bring a mass that stopped near the edge of its dead band to slide on a little, now and then.
+    A floor may bring a mass that stopped near the edge of its dead band to slide on a little, now and then. What lies
+    between two slides is looked at, for noise that remembers does so all the time.
     """
-    pieces = np.array_split(resting, min(max(resting.size // _PIECE, 1), _PIECES))
+    stretches = [stretch for stretch in _between_slides(resting) if stretch.size >= min(_PIECE, resting.size)]
+    pieces = [
+        piece
+        for stretch in stretches
+        for piece in np.array_split(stretch, min(max(stretch.size // _PIECE, 1), _PIECES))
+    ]
     return sum(map(_is_white, pieces)) > len(pieces) / 2
+
+
+def _between_slides(resting: np.ndarray) -> list[np.ndarray]:
+    """The rows of a rest without those about a step, which is an outlier among the differences of neighbouring means.
+
+    By medians, so that differences of all kinds of steady noise, and of a drift, have no outliers.
+    """
+    sums, ends = np.concatenate([[0.0], np.cumsum(resting)]), np.arange(_BESIDE, resting.size - _BESIDE + 1)
+    steps = sums[ends + _BESIDE] - 2 * sums[ends] + sums[ends - _BESIDE]
+    off = np.abs(steps - np.median(steps))
+    still = np.ones(resting.size + 2, bool)
+    for end in ends[off > thresholds.EXTREME * np.median(off) / NORMAL_MAD]:
+        still[end - _BESIDE + 1 : end + _BESIDE + 1] = False
+    still[[0, -1]] = False
+    edges = np.flatnonzero(np.diff(still))
+    return [resting[begin:end] for begin, end in zip(edges[::2], edges[1::2], strict=True)]
 
 
 def _is_white(rows: np.ndarray) -> bool:

@@ -22,6 +22,10 @@ from .problem import Problem
 from .solve import Solution
 from .window import equilibrium
 
+# Rounds in which the kicks and the rows that show them come to agree. Of so few rows for each parameter the size of
+# kicks is known no better than to a fifth, and none of them are left out.
+_ROUNDS, _LEAST = 3, 32
+
 
 def passage_of(problem: Problem, at: Solution, run: int, t: np.ndarray) -> StateTransition | None:
     """The passage of a deviation between times of a run; None where the record shows no half-cycles."""
@@ -89,20 +93,42 @@ def _steps(steps: np.ndarray, rates: np.ndarray, damping: float) -> tuple[np.nda
     return transitions[which], (transitions @ grown[:, :2, 2:])[which]
 
 
-def first_rows(series: Series, n: int) -> Series:
-    """The first rows of a series."""
+def first_rows(series: Series, n: int | None) -> Series:
+    """The first rows of a series; all for None."""
+    if n is None:
+        return series
     t, residual, slopes, unit, starts, rounding = series
     return Series(t[:n], residual[:n], slopes[:n], unit[:n], starts[starts < n], rounding[:n])
 
 
 def kicked(series: Series, transition: StateTransition) -> Colour:
-    """The colour of kicks of a linear system, beside independent noise.
+    """The colour of kicks of a linear system, beside independent noise, seen in the rows for which it is linear.
+
+    How far these reach follows from the kicks.
+    """
+    colour = kicked_until(series, transition, None)
+    for _ in range(_ROUNDS):
+        last = colour.last
+        if last is None or last <= _LEAST * series.slopes.shape[1]:
+            break
+        colour = kicked_until(series, transition, last)
+        if colour.last == last:
+            break
+    return colour
+
+
+def kicked_until(series: Series, transition: StateTransition, rows: int | None) -> Colour:
+    """The same, seen in the first rows, or in all for None.
 
     Kicks that are not white leave innovations that remember, and these are whitened by a process of their own.
     """
-    kicks, std, spread, left, sides = kicks_of(series.residual, series.slopes, series.unit, transition)
+    part, passage = first_rows(series, rows), transition.first(rows)
+    kicks, std, _, _, sizes, sides = kicks_of(part.residual, part.slopes, part.unit, passage)
+    left = series.residual + series.slopes @ sizes
+    _, (variances,) = filtered(np.zeros((series.t.size, 1)), series.unit, transition, np.array([kicks]))
+    spread = float(np.sum(np.log(variances)))
     colour = white(series, std**2)._replace(left=left, kicks=kicks, spread=spread, transition=transition, sides=sides)
-    begin, moving = np.zeros(1, int), transition.moving
+    begin, moving = np.zeros(1, int), passage.moving
     shaken = whitened_columns(left[:, None], series, colour)[:moving]
     shape, _ = autoregression(shaken[:, 0], begin)
     # One that is not stationary says nothing of its first rows, which the rest of the package counts on.
@@ -110,12 +136,11 @@ def kicked(series: Series, transition: StateTransition) -> Colour:
         size = float(np.std(innovations(shaken, begin, shape)))
         more = spread_of(shape, begin, moving) + 2 * moving * np.log(size)
         colour = colour._replace(shape=shape, shape_std=size, spread=spread + more)
-    return colour._replace(last=_as_far_as_linear(series, colour, transition))
+    return colour._replace(last=_as_far_as_linear(series, colour, transition, variances))
 
 
-def _as_far_as_linear(series: Series, colour: Colour, transition: StateTransition) -> int | None:
+def _as_far_as_linear(series: Series, colour: Colour, transition: StateTransition, variances: np.ndarray) -> int | None:
     """Number of rows in which the error of the linear system is below an innovation; None for all."""
-    _, (variances,) = filtered(np.zeros((series.t.size, 1)), series.unit, transition, np.array([colour.kicks]))
     deviation = colour.kicks * colour.std**2 * transition.deviations()
     beyond = transition.bend * deviation * series.unit > colour.std * np.sqrt(variances) * colour.shape_std
     return int(np.argmax(beyond)) if beyond.any() else None

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from fricjax import Oscillator, Trace, fit, simulate
+from fricjax import Oscillator, Record, Trace, fit, simulate
 from fricjax.fitting.floor import passage_of
 from fricjax.fitting.solve import solve
 from fricjax.friction import Coulomb, Stribeck
@@ -15,6 +15,7 @@ from tests.helpers import PROTOTYPE_DAMPING, PROTOTYPE_MASS
 MODEL = Oscillator(PROTOTYPE_MASS, STIFFNESS, PROTOTYPE_DAMPING, 9.66, Coulomb(0.05))
 T = np.arange(8000) / 2e4
 FLOOR = 3e-11
+ROLLING = Oscillator(PROTOTYPE_MASS, 2574.0, PROTOTYPE_DAMPING, 1.89, Coulomb(0.02))
 
 
 def at_rows(model: Oscillator = MODEL):
@@ -92,3 +93,44 @@ def test_a_long_rest_does_not_hide_a_floor():
     found = [fit(shaken(seed, 1.0e-3, 1.25e-3, np.arange(40000) / 2e4), MODEL, MACHINE) for seed in range(6)]
     assert all(f.half_cycles[0] == 2 for f in found)
     assert all(f.noises[0].floor == pytest.approx(FLOOR, rel=0.9) for f in found)
+
+
+def on_strong_floor(seed: int) -> Record:
+    """Rolling on a floor of class VC-C: 12.5 um/s in each third of an octave from 1 to 80 Hz."""
+    random, rate, n = np.random.default_rng(seed), 5e3, 15000
+    frequency = np.fft.rfftfreq(n, 1 / rate)
+    inside = (frequency >= 1) & (frequency <= 80)
+    density = (2 * np.pi * 12.5e-6) ** 2 * frequency[inside] / (2 ** (1 / 6) - 2 ** (-1 / 6))
+    spectrum = np.zeros(frequency.size, complex)
+    spectrum[inside] = np.sqrt(density * rate * n / 4) * (random.standard_normal((inside.sum(), 2)) @ [1, 1j])
+    t = np.arange(n) / rate
+    motion = simulate(ROLLING, random.uniform(1.5e-3, 2.5e-3), t, base_acceleration=np.fft.irfft(spectrum, n))
+    return Record(t, np.asarray(motion.x) + 5e-9 * random.standard_normal(n))
+
+
+def rests(record: Record) -> np.ndarray:
+    """Means of fifty samples of a rest, in which noise of 5 nm is below 1 nm."""
+    rest = record.segmentation.rest
+    assert rest is not None
+    resting = record.x[record.t > rest + 0.05]
+    return resting[: resting.size // 50 * 50].reshape(-1, 50).mean(axis=1)
+
+
+def is_true_on_a_floor(record: Record) -> bool:
+    found = fit(record, ROLLING, MACHINE, throw=False)
+    seen = found.converged and found.noises[0].floor > 0
+    return seen and abs(found.values["mu"] - 0.02) < 3 * found.std_errors["mu"]
+
+
+@pytest.mark.parametrize("seed", [6, 12])
+def test_a_mass_that_slides_on_in_its_rest_hides_no_floor(seed: int):
+    record = on_strong_floor(seed)
+    assert np.ptp(rests(record)) > 3e-7
+    assert is_true_on_a_floor(record)
+
+
+def test_kicks_that_add_up_are_no_force_that_the_model_lacks():
+    """Neighbouring half-cycles deviate alike, and a drag would explain most of that."""
+    record = on_strong_floor(8)
+    assert np.ptp(rests(record)) < 1e-8
+    assert is_true_on_a_floor(record)
