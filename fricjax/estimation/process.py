@@ -46,8 +46,8 @@ class StateTransition(NamedTuple):
         kicked = np.flatnonzero(self.noise.any(axis=(1, 2)))
         return int(kicked[-1]) + 1 if kicked.size else 0
 
-    def first(self, n: int | None) -> "StateTransition":
-        """That of the first rows; of all for None."""
+    def first(self, n: int) -> "StateTransition":
+        """That of the first rows."""
         return StateTransition(*(each[:n] for each in self))
 
     def deviations(self) -> np.ndarray:
@@ -65,7 +65,6 @@ class Kicks(NamedTuple):
     Attributes:
         kicks: their spectral density over the variance of the noise beside them.
         std: standard deviation of that noise.
-        spread: sum of the logarithms of the variances of the innovations over that of the noise.
         left: the residuals with the parameters fitted anew, shape (n,).
         sizes: of the derivatives that are to be added to the residuals to fit the parameters anew, shape (p,).
         sides: `kicks` and `std` where the kicks are one standard error of their logarithm weaker and stronger.
@@ -73,7 +72,6 @@ class Kicks(NamedTuple):
 
     kicks: float
     std: float
-    spread: float
     left: np.ndarray
     sizes: np.ndarray
     sides: tuple[tuple[float, float], ...]
@@ -137,11 +135,11 @@ def kicks_of(residual: np.ndarray, slopes: np.ndarray, unit: np.ndarray, transit
     # Kicks that in the mean add as much as the noise has, were nothing measured on the way.
     added = float(unit**2 @ transition.deviations())
 
-    def likelihoods(points: np.ndarray) -> list[tuple[float, float, float, np.ndarray]]:
+    def likelihoods(points: np.ndarray) -> list[tuple[float, float, np.ndarray]]:
         return [_restricted(*pair) for pair in zip(*filtered(columns, unit, transition, points), strict=True)]
 
     middle, reach = -np.log10(max(added / residual.size, np.finfo(float).tiny)), _DECADES
-    kicks, error, best = 0.0, 0.0, (0.0, 0.0, 0.0, np.zeros(slopes.shape[1]))
+    kicks, error, best = 0.0, 0.0, (0.0, 0.0, np.zeros(slopes.shape[1]))
     for _ in range(_SEARCHES):
         points = 10.0 ** np.linspace(middle - reach, middle + reach, _POINTS)
         each = likelihoods(points)
@@ -154,17 +152,17 @@ def kicks_of(residual: np.ndarray, slopes: np.ndarray, unit: np.ndarray, transit
             curvature = bend / np.log(points[1] / points[0]) ** 2
             error = min(np.sqrt(2 / max(curvature, np.finfo(float).tiny)), _DECADES)
         middle, reach = float(np.log10(points[k])), 2 * reach / (_POINTS - 1)
-    _, std, logarithms, sizes = best
+    _, std, sizes = best
     near = kicks * np.exp([-error, error])
     sides = tuple((float(point), deviation) for point, (_, deviation, *_) in zip(near, likelihoods(near), strict=True))
-    return Kicks(kicks, std, logarithms, residual + columns[:, 1:] @ sizes, sizes / scale, sides)
+    return Kicks(kicks, std, residual + columns[:, 1:] @ sizes, sizes / scale, sides)
 
 
-def _restricted(white: np.ndarray, variances: np.ndarray) -> tuple[float, float, float, np.ndarray]:
-    """Minus twice the restricted log likelihood, deviation of the noise, spread, and sizes of the derivatives."""
+def _restricted(white: np.ndarray, variances: np.ndarray) -> tuple[float, float, np.ndarray]:
+    """Minus twice the restricted log likelihood, deviation of the noise, and sizes of the derivatives."""
     sizes, _, rank, singular = np.linalg.lstsq(white[:, 1:], -white[:, 0], rcond=1e-12)
     dof = max(white.shape[0] - int(rank), 1)
     variance = float(np.sum((white[:, 0] + white[:, 1:] @ sizes) ** 2)) / dof
     information = 2 * float(np.sum(np.log(singular[: int(rank)])))
     spread = float(np.sum(np.log(variances)))
-    return dof * np.log(variance) + spread + information, float(np.sqrt(variance)), spread, sizes
+    return dof * np.log(variance) + spread + information, float(np.sqrt(variance)), sizes

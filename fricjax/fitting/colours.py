@@ -104,7 +104,8 @@ def _or_shaken(problem: Problem, at: Solution, run: int, row: Rows, colour: Colo
         named = _shaken(problem, at, run, row.series) if problem.noise == "floor" else None
         return colour if named is None else named
     still = _at_rest(problem.windows[run], row)
-    if not (_tells_kicks(colour.left[still]) and _remembers(colour.left[~still], row.level)):
+    # What costs the most comes last: most records hold white noise, which ends here.
+    if not (still.any() and _remembers(colour.left[~still], row.level) and _tells_kicks(colour.left[still])):
         return colour
     rival = _shaken(problem, at, run, row.series)
     if rival is None or rival.transition is None:
@@ -114,7 +115,7 @@ def _or_shaken(problem: Problem, at: Solution, run: int, row: Rows, colour: Colo
     if rival.last is not None:
         # Where the floor has led too far from the motion, neither model is to be judged.
         series, passage = first_rows(row.series, rival.last), rival.transition.first(rival.last)
-        known, other = kicked_until(series, passage, None), autoregressive(first_rows(left, rival.last))
+        known, other = kicked_until(series, passage, rival.last), autoregressive(first_rows(left, rival.last))
     return colour if _criterion(known) > _criterion(other) else rival
 
 
@@ -123,26 +124,21 @@ def by_kicks(problem: Problem, at: Solution, run: int, row: Rows) -> Seen | None
     if not _tells_kicks(row.series.residual[_at_rest(problem.windows[run], row)]):
         return None
     colour = _shaken(problem, at, run, _identified(row, at.shape.at_bound).series)
+    # A process of the kicks would take for their memory what a force does in all half-cycles.
     return None if colour is None else Seen(row, colour._replace(shape=np.zeros(0), shape_std=1.0))
 
 
 def _tells_kicks(resting: np.ndarray) -> bool:
-    """Whether a rest is long and quiet enough to tell kicks from what a model lacks: no floor moves a reading in it."""
-    return resting.size >= _RESTING and _is_quiet(resting)
+    """Whether a rest is long and quiet enough to tell kicks from what a model lacks: no floor moves a reading in it.
 
-
-def _is_quiet(resting: np.ndarray) -> bool:
-    """Whether the reading of a rest is white beside a straight line, in most pieces of it.
-
-    A floor may bring a mass that stopped near the edge of its dead band to slide on a little, now and then. What lies
-    between two slides is looked at, for noise that remembers does so all the time.
+    Quiet is one that is white beside a straight line, in most pieces of it. A floor may bring a mass that stopped near
+    the edge of its dead band to slide on a little, now and then. What lies between two slides is looked at, for noise
+    that remembers does so all the time.
     """
-    stretches = [stretch for stretch in _between_slides(resting) if stretch.size >= min(_PIECE, resting.size)]
-    pieces = [
-        piece
-        for stretch in stretches
-        for piece in np.array_split(stretch, min(max(stretch.size // _PIECE, 1), _PIECES))
-    ]
+    if resting.size < _RESTING:
+        return False
+    stretches = [stretch for stretch in _between_slides(resting) if stretch.size >= _PIECE]
+    pieces = [piece for stretch in stretches for piece in np.array_split(stretch, min(stretch.size // _PIECE, _PIECES))]
     return sum(map(_is_white, pieces)) > len(pieces) / 2
 
 

@@ -93,10 +93,8 @@ def _steps(steps: np.ndarray, rates: np.ndarray, damping: float) -> tuple[np.nda
     return transitions[which], (transitions @ grown[:, :2, 2:])[which]
 
 
-def first_rows(series: Series, n: int | None) -> Series:
-    """The first rows of a series; all for None."""
-    if n is None:
-        return series
+def first_rows(series: Series, n: int) -> Series:
+    """The first rows of a series."""
     t, residual, slopes, unit, starts, rounding = series
     return Series(t[:n], residual[:n], slopes[:n], unit[:n], starts[starts < n], rounding[:n])
 
@@ -106,7 +104,7 @@ def kicked(series: Series, transition: StateTransition) -> Colour:
 
     How far these reach follows from the kicks.
     """
-    colour = kicked_until(series, transition, None)
+    colour = kicked_until(series, transition, series.t.size)
     for _ in range(_ROUNDS):
         last = colour.last
         if last is None or last <= _LEAST * series.slopes.shape[1]:
@@ -117,13 +115,13 @@ def kicked(series: Series, transition: StateTransition) -> Colour:
     return colour
 
 
-def kicked_until(series: Series, transition: StateTransition, rows: int | None) -> Colour:
-    """The same, seen in the first rows, or in all for None.
+def kicked_until(series: Series, transition: StateTransition, rows: int) -> Colour:
+    """The same, seen in so many of the first rows.
 
     Kicks that are not white leave innovations that remember, and these are whitened by a process of their own.
     """
     part, passage = first_rows(series, rows), transition.first(rows)
-    kicks, std, _, _, sizes, sides = kicks_of(part.residual, part.slopes, part.unit, passage)
+    kicks, std, _, sizes, sides = kicks_of(part.residual, part.slopes, part.unit, passage)
     left = series.residual + series.slopes @ sizes
     _, (variances,) = filtered(np.zeros((series.t.size, 1)), series.unit, transition, np.array([kicks]))
     spread = float(np.sum(np.log(variances)))

@@ -16,6 +16,7 @@ from .. import thresholds
 from ..estimation.colour import whitened
 from ..estimation.covariance import Covariance
 from ..show import rotary_unit
+from .colours import by_kicks
 from .names import NUISANCES
 from .problem import Problem
 from .responses import Responses, responses
@@ -82,7 +83,11 @@ def responses_in(problem: Problem, at: Solution, run: int, rows: Rows) -> Respon
 
 
 def explaining(problem: Problem, solution: Solution, run: int, rows: Rows, known: Responses) -> Lacking | None:
-    """The force that explains what a run shows in motion down to noise of short memory; None where none does."""
+    """The force that explains what a run shows in motion down to noise of short memory; None where none does.
+
+    Kicks of a floor add up, so that neighbouring half-cycles deviate alike, and a force may explain most of that by
+    chance: beside kicks some force must be seen too.
+    """
     if not known.forces:
         return None
     series, p = rows.series, problem.residual.n_parameters
@@ -100,6 +105,9 @@ def explaining(problem: Problem, solution: Solution, run: int, rows: Rows, known
         if halves and _chance(excess, left, independent) * len(known.forces) < thresholds.RARE:
             sufficient.append(force)
     if not sufficient:
+        return None
+    shaken = by_kicks(problem, solution, run, rows) if problem.noise == "auto" else None
+    if shaken is not None and seen_beside_noise(problem, solution, run, shaken, known) is None:
         return None
     best = min(sufficient, key=lambda force: force.after)
     return best.lacking(run, slopes, solution.shape.inverse)

@@ -26,16 +26,7 @@ from ..estimation.covariance import Quadratic
 from ..estimation.loss import Squares
 from ..estimation.small_sample import small_sample_covariance
 from .clock import by_clock
-from .colours import (
-    by_kicks,
-    colours_of,
-    expected_size,
-    least_squares,
-    misfit_of,
-    under_noise,
-    variance_left,
-    weighed_rows,
-)
+from .colours import colours_of, expected_size, least_squares, misfit_of, under_noise, variance_left, weighed_rows
 from .diagnostics import worst
 from .evaluation import Block
 from .missing import Lacking, allowed_for, explaining, responses_in, seen_beside_noise
@@ -117,7 +108,7 @@ def weigh_by_noise(problem: Problem, solution: Solution, absolute: bool) -> Nois
         return plain
     rows = rows_of(problem, solution.evaluation)
     known = [responses_in(problem, solution, run, row) for run, row in enumerate(rows)]
-    lacks = [_explaining(problem, solution, run, *each) for run, each in enumerate(zip(rows, known, strict=True))]
+    lacks = [explaining(problem, solution, run, *each) for run, each in enumerate(zip(rows, known, strict=True))]
     if any(lacks):
         # Memory, or kicks of a floor, would explain in each half-cycle anew what one force does in all of them.
         return _allowing(_undescribed(plain, rows) if problem.noise == "auto" else plain, lacks)
@@ -138,18 +129,6 @@ def weigh_by_noise(problem: Problem, solution: Solution, absolute: bool) -> Nois
         gain=counted.gain + clocked.gain,
         numbers=counted.numbers + 2 * sum(jitter is not None for jitter in clocked.jitters),
     )
-
-
-def _explaining(problem: Problem, solution: Solution, run: int, row: Rows, known: Responses) -> Lacking | None:
-    """The force that explains what a run shows in motion; none where kicks of a floor leave nothing of any force.
-
-    Kicks add up, so that neighbouring half-cycles deviate alike, and a force may explain most of that by chance.
-    """
-    lack = explaining(problem, solution, run, row, known)
-    shaken = by_kicks(problem, solution, run, row) if lack is not None and problem.noise == "auto" else None
-    if shaken is not None and seen_beside_noise(problem, solution, run, shaken, known) is None:
-        return None
-    return lack
 
 
 def _size_of(problem: Problem, rows: Sequence[Rows], absolute: bool) -> float:
