@@ -60,6 +60,11 @@ class Noise(NamedTuple):
         )
         return self.drift * (t - self.middle) + waves
 
+    @property
+    def white(self) -> bool:
+        """Whether it is white, of whatever size."""
+        return not any(self.words(""))
+
     def words(self, unit: str) -> Iterator[str]:
         """What makes it other than white noise of the size stated."""
         if np.isinf(self.memory):

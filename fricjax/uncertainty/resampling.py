@@ -103,7 +103,8 @@ def bootstrap(fit: Fit, draws: int = 1000, *, noise: str = "blocks", seed: int =
         seed: of the generator; the same seed gives the same numbers.
 
     Returns:
-        The fitted values of all draws, beside the fit.
+        The fitted values of all draws, beside the fit. Where it found its noise white they are least squares, as it was;
+        else the noise of each record is sought anew.
 
     Raises:
         UsageError: a fit without an optimum or from a file, too few draws, or a noise that cannot be drawn.
@@ -126,6 +127,9 @@ def bootstrap(fit: Fit, draws: int = 1000, *, noise: str = "blocks", seed: int =
         for each, label in zip(fit.noises, fit.labels, strict=True):
             _check_drawable(each, label)
 
+    if all(noise.white for noise in fit.noises):
+        # Records of noise that was found to be white are fitted by least squares, as this one was.
+        problem = dataclasses.replace(problem, noise="white")
     measured = displaced(problem)
 
     def resampled(number: int) -> Problem:

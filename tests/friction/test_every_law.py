@@ -1,4 +1,7 @@
-"""What every law must do in a motion: move, be differentiated, lose energy; be vectorised, stored and catalogued."""
+"""What every law must do in a motion: move, be differentiated, lose energy; be vectorised, stored and catalogued.
+
+Each is also integrated by the solvers of diffrax from end to end, and both motions agree.
+"""
 
 import functools
 import json
@@ -17,7 +20,7 @@ from fricjax.oscillator import Oscillator, energy, is_successful, simulate
 from tests.cases.case import LOAD
 from tests.helpers import LAWS
 
-TS = np.linspace(0.0, 0.12, 241)
+TS = np.linspace(0.0, 0.25, 501)
 X0 = -2e-3
 H = 1e-5
 # One case of each law: the variants of a law differ in numbers, and each law is compiled for itself.
@@ -28,12 +31,16 @@ MOVING = list(
 pytestmark = pytest.mark.slow
 
 
+def machine_with(law: AbstractFriction) -> Oscillator:
+    return Oscillator(0.41068, 2574.0, 0.17557, LOAD, law)
+
+
 @eqx.filter_jit
 def look(law: AbstractFriction, along: AbstractFriction):
     """A motion, its energies, and its derivative along a direction of the coefficients."""
 
     def moved(law: AbstractFriction):
-        machine = Oscillator(0.41068, 2574.0, 0.17557, LOAD, law)
+        machine = machine_with(law)
         motion = simulate(machine, X0, TS)
         return motion, energy(machine, motion)
 
@@ -55,6 +62,13 @@ def test_it_moves(name: str):
     assert x[0] == pytest.approx(X0)
     assert np.all(np.abs(x) <= abs(X0) * (1 + 1e-9))
     assert abs(x[-1]) < 0.99 * abs(X0)
+
+
+@pytest.mark.parametrize("name", LAWS)
+def test_its_motion_is_that_of_the_solvers_of_diffrax(name: str):
+    # Of the engine that the law chooses for itself the program is compiled that is looked at.
+    reference = simulate(machine_with(LAWS[name].law), X0, TS, engine="diffrax")
+    np.testing.assert_allclose(reference.x, looked(name)[0].x, rtol=0, atol=1e-9)
 
 
 @pytest.mark.parametrize("name", MOVING)

@@ -45,6 +45,13 @@ def test_the_scatter_is_the_standard_error(white, noise):
     assert sample.covariance.shape == (len(white.names),) * 2
 
 
+def test_records_of_white_noise_are_fitted_by_least_squares_as_the_fit_was(white):
+    """What a draw shows of colour by chance, one in some hundred does, is no more sought in it than in the fit."""
+    sample = fj.uncertainty.bootstrap(white, 40)
+    by_squares = fj.uncertainty.bootstrap(fj.fit(coulomb_run(), MACHINE, FREE, noise="white"), 40)
+    assert white.noises[0].white and np.array_equal(sample.sample, by_squares.sample)
+
+
 def test_noise_that_remembers_scatters_as_the_fit_says_and_not_as_white_noise(coloured):
     sample = fj.uncertainty.bootstrap(coloured, 64)
     assert sample.block[0] > 20
