@@ -103,7 +103,7 @@ def bootstrap(fit: Fit, draws: int = 1000, *, noise: str = "blocks", seed: int =
         seed: of the generator; the same seed gives the same numbers.
 
     Returns:
-        The fitted values of all draws, beside the fit. Where it found its noise white they are least squares, as it was;
+        The fitted values of all draws, beside the fit. Where it found its noise white they are least squares, as it is;
         else the noise of each record is sought anew.
 
     Raises:
