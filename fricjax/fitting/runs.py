@@ -20,9 +20,8 @@ _UNLIKE = 4
 _IN_PHASE, _SMALLEST, _SHORTEST = 0.5, 0.5, 4.0
 # Fewest samples, those up to which sizes are powers, and the factor between them: each size is compiled for itself, and
 # only chunks that hold a sample are gone through.
-_WHOLE = (4096, 1 << 18, 4)
-# Up to this size a condensed record has as many places as the whole one, so that both share a compilation.
-_SHARED = 1 << 16
+_POWERS = 1 << 18
+_WHOLE = (4096, _POWERS, 4)
 # Velocities of the law's own scale and deflections of its bristles after which its force is that of sliding: e^-10 of
 # a Tanh and e^-20 of a bristle are left, below the noise of any record.
 _LAYERS, _RELAXATIONS = 10.0, 20.0
@@ -49,9 +48,13 @@ def full_run(window: Window, stops: bool) -> Run:
 
 
 def condensed_run(window: Window, run: Run, oscillator: Oscillator) -> Run:
-    """The run with few samples that say the same."""
+    """The run with few samples that say the same.
+
+    It has as many places as the whole one, so that both share a program, but for a record of a million samples, whose
+    copies would cost more than the program.
+    """
     few = condensation(window, run, oscillator)
-    places = max(min(run.t.size, _SHARED), filled(few.t.size, *_WHOLE))
+    places = max(min(run.t.size, _POWERS), filled(few.t.size, *_WHOLE))
     return _with_samples(run, places, few.t, few.of(run.x), few.weight)
 
 

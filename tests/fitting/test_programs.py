@@ -14,7 +14,7 @@ from fricjax.friction import Stribeck
 from fricjax.oscillator import Hybrid
 from fricjax.oscillator.program import Shape, split
 from tests.fitting.problem_of import problem_of
-from tests.fitting.runs import MACHINE, RIGS, STIFFNESS, noisy, oscillator
+from tests.fitting.runs import MACHINE, RIGS, STIFFNESS, coulomb_run, noisy, oscillator
 from tests.helpers import PROTOTYPE_DAMPING, PROTOTYPE_MASS
 
 # Instructions before optimisation of all that a fit compiles, a tenth above what they were when this was written.
@@ -55,6 +55,15 @@ def test_a_fit_and_its_check_are_one_program_of_bounded_size(law: str, monkeypat
     assert len(texts) == len(programs)
     instructions = [op for text in texts for op in re.findall(r"^ *%\S+ = (\S+)", text, re.MULTILINE)]
     assert sum(op != "stablehlo.constant" for op in instructions) < BUDGETS[law]
+
+
+@pytest.mark.parametrize("samples", [3_000, 60_000, 250_000])
+def test_a_record_and_its_condensation_share_a_program(samples: int):
+    """The fit goes by the condensed record and is checked by the whole one: of two shapes both would be compiled."""
+    problem = problem_of(
+        coulomb_run(samples=samples, rate=samples / 0.4), oscillator(RIGS["sliding"], "Coulomb"), MACHINE
+    )
+    assert split(problem.condensed)[0] == split(problem.residual)[0]
 
 
 @pytest.mark.parametrize(("nodes", "amplitudes"), [(16, 24), (28, 6), (16, None)], ids=["nodes", "table", "no table"])
