@@ -9,7 +9,7 @@ with everything. A robust loss, nearly flat far from its optimum, is led there f
 squares. All of it is traced, so that many fits can be mapped over; the model stands in it once.
 
 The same program only looks at where it is, where it is given one step to take: so what checks a fit, and what goes on
-from another optimum, is compiled already.
+from another optimum, is compiled already. Inputs of a rig are looked at only, by a small program.
 """
 
 from typing import Any, NamedTuple
@@ -23,7 +23,7 @@ from jaxtyping import Array, Float
 from ..estimation.levenberg_marquardt import MAX_STEPS, NOT_FINITE, LevenbergMarquardt
 from ..estimation.loss import AbstractLoss, Squares
 from .derived import Derived, derive
-from .evaluation import Evaluation, EvaluationPasses
+from .evaluation import Evaluation, EvaluationPasses, evaluate
 from .residual import Residual
 
 ROUNDING = 1e-12
@@ -122,7 +122,13 @@ def solve_in_stages(
     y: Float[Array, " coordinates"],
     way: Schedule,
 ) -> Iterate:
-    """Least squares from coordinates `y`, in as many stages as it needs."""
+    """Least squares from coordinates `y`, in as many stages as it needs; with inputs of a rig behind them, only a look.
+
+    Stages would never move these, and a solver of so many coordinates be compiled for nothing.
+    """
+    none, y = jnp.asarray(0), jnp.asarray(y)
+    if residual.inputs.shape[0]:
+        return Iterate(y, none, none, none, evaluate(residual, y, loss), derive(residual, y))
     all_weights = [run.weight for run in residual.runs]
     shortest = jnp.min(jnp.stack([jnp.asarray(part.shortest) for part in stage_weights]))
 
@@ -148,7 +154,6 @@ def solve_in_stages(
         lost = ~sure & (stats["status"] == NOT_FINITE)
         return jax.tree.map(lambda back, on: jnp.where(lost, back, on), shorter, onward)
 
-    none, y = jnp.asarray(0), jnp.asarray(y)
     unseen = EvaluationPasses(residual=residual, loss=loss, doubted=y, tolerance=[]).nothing(y).kept
     trusted = jnp.where(way.sure, _EVERYTHING, shortest)
     first = _State(y, none, none, none, unseen, jnp.asarray(_EVERYTHING), trusted)
@@ -162,16 +167,14 @@ def _least_squares(
     """One run of Levenberg-Marquardt from coordinates `y`."""
     residual = passes.residual
     informed = sum(jnp.sum(run.weight > 0) for run in residual.runs) + jnp.sum(residual.prior_weight > 0)
-    # Inputs of the rig are looked at only.
-    inputs = (0, y.size - residual.n_parameters)
     options = {
-        "lower": jnp.pad(limits.lower, inputs),
-        "upper": jnp.pad(limits.upper, inputs),
+        "lower": limits.lower,
+        "upper": limits.upper,
         "dof": jnp.maximum(informed - residual.n_parameters, 1) * 1.0,
         "floor": sum(jnp.sum((ROUNDING * run.weight * jnp.max(jnp.abs(run.x))) ** 2) for run in residual.runs),
     }
     if isinstance(passes.loss, Squares):
-        options["linear"] = jnp.pad(limits.linear, inputs) & (steps > 1)
+        options["linear"] = limits.linear & (steps > 1)
     solver = LevenbergMarquardt(passes=passes, max_steps=steps, tolerance=tolerance)
     # The passes know the model; of a function optimistix asks the shape. The solver counts its steps itself.
     return optx.least_squares(lambda q, _: q, solver, y, options=options, max_steps=None, throw=False)

@@ -6,11 +6,12 @@ import equinox as eqx
 import numpy as np
 import pytest
 
-from fricjax import Oscillator, fit
+from fricjax import Measured, Oscillator, Rig, fit
 from fricjax.estimation.loss import Squares
-from fricjax.fitting import mesh, solve
+from fricjax.fitting import mesh, solve, stages
 from fricjax.fitting.evaluation import evaluate
-from fricjax.friction import Stribeck
+from fricjax.fitting.residual import without_inputs
+from fricjax.friction import Coulomb, Stribeck
 from fricjax.oscillator import Hybrid
 from fricjax.oscillator.program import Shape, split
 from tests.fitting.problem_of import problem_of
@@ -64,6 +65,24 @@ def test_a_record_and_its_condensation_share_a_program(samples: int):
         coulomb_run(samples=samples, rate=samples / 0.4), oscillator(RIGS["sliding"], "Coulomb"), MACHINE
     )
     assert split(problem.condensed)[0] == split(problem.residual)[0]
+
+
+def test_inputs_of_a_rig_are_looked_at_by_a_small_program():
+    """Stages never move them, so that no solver of so many coordinates is compiled."""
+    rig = Rig(
+        mass=Measured(0.41, 1e-4), stiffness=Measured(2574.0, 2.0), normal_force=Measured(9.66, 0.05), damping=0.2
+    )
+    problem = problem_of(coulomb_run(), rig.oscillator(Coulomb(0.05)), MACHINE, rig=rig)
+    y = solve.start_coordinates(problem)
+
+    def instructions(residual, at):
+        member = solve.on_all_samples(problem, residual, at, stages.EVALUATE_ONLY)
+        text = eqx.filter_jit(stages.solve_in_stages).lower(*member[:3], Squares(), *member[3:]).as_text()
+        return text.count(" = stablehlo.")
+
+    every = solve.with_inputs(problem.residual, y)
+    assert every.size == y.size + 3
+    assert instructions(problem.residual, every) < 0.75 * instructions(without_inputs(problem.residual), y)
 
 
 @pytest.mark.parametrize(("nodes", "amplitudes"), [(16, 24), (28, 6), (16, None)], ids=["nodes", "table", "no table"])
