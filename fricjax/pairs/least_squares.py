@@ -1,6 +1,5 @@
 """Computed final displacements of a campaign of releases, and their least-squares fit to the measured ones."""
 
-from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import equinox as eqx
@@ -12,7 +11,6 @@ from jaxtyping import Array, Float
 
 from ..estimation.covariance import quadratic
 from ..estimation.levenberg_marquardt import CONVERGED, NOT_FINITE, UNDETERMINED, LevenbergMarquardt
-from ..estimation.passes import residual_and_jacobian
 from ..estimation.space import ParameterSpace
 from ..oscillator import Oscillator, starting_state
 from ..oscillator.engines import AbstractEngine
@@ -134,11 +132,11 @@ def _nearest(model: PairModel, q: np.ndarray, xf: np.ndarray) -> np.ndarray:
     return np.stack(rivals)[np.argmin(away, axis=0), np.arange(xf.size)]
 
 
-def _minimise(residual: Callable, parameters: int, scaled: bool, floor: float) -> Solution:
+def _minimise(residual: _Residual, parameters: int, scaled: bool, floor: float) -> Solution:
     """Least squares from the origin, and what its answer is worth."""
-    q, r, jacobian, status = map(np.asarray, _least_squares(residual, jnp.zeros(parameters), np.asarray(floor)))
-    spare, chi2 = r.size - parameters, max(float(r @ r), floor if scaled else 0.0)
-    shape = quadratic(jacobian.T @ r, jacobian.T @ jacobian, np.zeros(parameters, bool))
+    q, stats = jax.tree.map(np.asarray, _least_squares(residual, jnp.zeros(parameters), np.asarray(floor)))
+    spare, chi2 = residual.xf.size - parameters, max(2 * float(stats["cost"]), floor if scaled else 0.0)
+    shape = quadratic(stats["gradient"], stats["normal"], np.zeros(parameters, bool))
     scale = scale_of(chi2, spare, known=not scaled)
     unknown = shape.undetermined | (not np.isfinite(scale.factor))
     covariance = (scale.factor if np.isfinite(scale.factor) else 1.0) ** 2 * shape.inverse
@@ -146,17 +144,16 @@ def _minimise(residual: Callable, parameters: int, scaled: bool, floor: float) -
     covariance[unknown, unknown] = np.inf
     no_scatter = "As many parameters as pairs: the scatter gives no uncertainty."
     warnings = () if spare or not scaled else (no_scatter,)
-    return Solution(q, covariance, shape.undetermined, chi2, max(spare, 1), scale, int(status), warnings)
+    return Solution(q, covariance, shape.undetermined, chi2, max(spare, 1), scale, int(stats["status"]), warnings)
 
 
 @eqx.filter_jit
-def _least_squares(residual: Callable, start: Array, floor: Any) -> tuple[Array, Array, Array, Array]:
-    """Coordinates, residuals and Jacobian at the optimum, and the status of the solver."""
-    wide, dof = jnp.full(start.shape, jnp.inf), max(jax.eval_shape(residual, start).size - start.size, 1)
+def _least_squares(residual: _Residual, start: Array, floor: Any) -> tuple[Array, dict[str, Any]]:
+    """Coordinates at the optimum, and what the last pass of the solver has left there: the model is compiled once."""
+    wide, dof = jnp.full(start.shape, jnp.inf), max(residual.xf.size - start.size, 1)
     options = {"lower": -wide, "upper": wide, "dof": jnp.asarray(float(dof)), "floor": floor}
     solution = optx.least_squares(lambda q, _: residual(q), LevenbergMarquardt(), start, options=options, throw=False)
-    r, jacobian = residual_and_jacobian(residual, solution.value)
-    return solution.value, r, jacobian, solution.stats["status"]
+    return solution.value, {name: solution.stats[name] for name in ("cost", "gradient", "normal", "status")}
 
 
 @eqx.filter_jit
