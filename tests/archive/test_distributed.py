@@ -58,6 +58,16 @@ def dask(*words, **environment):
     return subprocess.Popen(command, env={**ENVIRONMENT, **environment}, stderr=subprocess.DEVNULL)
 
 
+def end(process):
+    """Ended in good order or, where that takes long on a busy machine, at once: how a worker ends is not asked here."""
+    process.terminate()
+    try:
+        process.wait(timeout=20)
+    except subprocess.TimeoutExpired:
+        process.kill()
+        process.wait()
+
+
 @contextlib.contextmanager
 def cluster(folder, workers):
     """The address of a scheduler with workers that are started again where they die, and its process."""
@@ -71,9 +81,7 @@ def cluster(folder, workers):
     started += [dask("worker", where, "--nworkers", str(workers), "--nthreads", "1", *local, *preload)]
     yield where, started[0]
     for process in reversed(started):
-        process.terminate()
-    for process in started:
-        process.wait(timeout=20)
+        end(process)
 
 
 @pytest.fixture(scope="module")
@@ -146,8 +154,7 @@ def test_a_worker_that_joins_compiles_nothing(runs, expected, address, tmp_path)
         while "late" not in [each["name"] for each in client.scheduler_info()["workers"].values()]:
             time.sleep(0.05)
         statuses, found, made = client.submit(compiled, Work(study), chunk, workers=["late"], pure=False).result()
-        process.terminate()
-        process.wait(timeout=20)
+        end(process)
     assert statuses == ["ok", "ok"]
     assert found > 0 and made == 0
 
