@@ -104,7 +104,8 @@ def weigh_by_noise(problem: Problem, solution: Solution, absolute: bool) -> Nois
         absolute: whether the size of the noise is taken at its word, as long as the residuals do not contradict it.
     """
     plain = _plain(problem, solution, absolute)
-    if not solution.converged:
+    if not solution.converged or (problem.made and problem.noise == "white"):
+        # Of a record made from the model with such noise there is nothing to find.
         return plain
     rows = rows_of(problem, solution.evaluation)
     known = [responses_in(problem, solution, run, row) for run, row in enumerate(rows)]
