@@ -66,7 +66,7 @@ def test_it_moves(name: str):
 
 @pytest.mark.parametrize("name", LAWS)
 def test_its_motion_is_that_of_the_solvers_of_diffrax(name: str):
-    # Of the engine that the law chooses for itself the program is compiled that is looked at.
+    # The motion of the law's own engine is the one that the other tests look at, so that it is compiled once.
     reference = simulate(machine_with(LAWS[name].law), X0, TS, engine="diffrax")
     np.testing.assert_allclose(reference.x, looked(name)[0].x, rtol=0, atol=1e-9)
 
