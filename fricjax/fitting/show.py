@@ -262,12 +262,19 @@ def _draw_trace(axes: Any, fit: Any, run: int) -> None:
 
 
 def _draw_residuals(axes: Any, fit: Any, run: int) -> None:
-    """Measured minus model; where the model describes the run, 95 of 100 lie within two standard deviations."""
-    residuals = fit.residuals_by_run[run]
+    """Measured minus model, with the drift and hum that count as noise.
+
+    Where the model describes the run, 95 of 100 lie within two standard deviations of these.
+    """
+    t, residuals = fit.times[run], fit.residuals_by_run[run]
+    slow = fit.noises[run].at(t - fit.origins[run])
     factor, unit = display_unit(float(np.nanmax(np.abs(residuals))), fit.quantity)
-    axes.axhspan(-2 * factor * fit.sigma, 2 * factor * fit.sigma, color="0.9", zorder=0)
-    axes.plot(fit.times[run], factor * residuals, color="#0072B2", linewidth=0.5)
+    axes.fill_between(t, *(factor * (slow + side * fit.sigma) for side in (-2, 2)), color="0.9", linewidth=0, zorder=0)
+    axes.plot(t, factor * residuals, color="#0072B2", linewidth=0.5)
     axes.set_ylabel(axis_label("Residual", unit))
     rms = engineering(float(np.sqrt(np.nanmean(residuals**2))), fit.quantity)
-    noise = engineering(fit.sigma, fit.quantity)
-    axes.set_title(f"measured minus model: {rms} rms; band: twice the noise of {noise}", fontsize=9, loc="left")
+    title = f"measured minus model: {rms} rms; band: twice the noise of {engineering(fit.sigma, fit.quantity)}"
+    if np.any(slow):
+        axes.plot(t, factor * slow, color="#D55E00", linewidth=1.0)
+        title += " about drift and hum"
+    axes.set_title(title, fontsize=9, loc="left")

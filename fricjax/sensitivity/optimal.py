@@ -39,19 +39,21 @@ class Point(NamedTuple):
     """One run of a design.
 
     Attributes:
-        x0: displacement at release [m]; `normal_force`: load [N]; `half_cycles`: until it stops.
+        x0: displacement at release [m]; `normal_force`: load [N].
+        half_cycles: until it stops; None where it does not stop by itself. `duration`: of the record [s].
         std_errors: relative standard errors of the targets after this run and those before it, by name.
         slopes: of the criterion by the logarithm of the release and of the load, where the run was left.
 
     Examples:
         >>> from fricjax.sensitivity import Point
-        >>> Point(1e-3, 9.66, 3, {"mu": 1e-7}, (0.0, -1.0)).half_cycles
+        >>> Point(1e-3, 9.66, 3, 0.17, {"mu": 1e-7}, (0.0, -1.0)).half_cycles
         3
     """
 
     x0: float
     normal_force: float
-    half_cycles: int
+    half_cycles: int | None
+    duration: float
     std_errors: dict[str, float]
     slopes: tuple[float, float]
 
@@ -66,6 +68,8 @@ class OptimalRuns(Reported):
         points: the runs.
         reached: whether all targets are met after the last.
         samples: rate and noise of the runs [1/s], [m].
+        rate_for_targets: at which these runs reach the targets, as long as the noise of neighbouring samples is white
+            [1/s].
 
     Examples:
         >>> import fricjax as fj
@@ -81,21 +85,29 @@ class OptimalRuns(Reported):
     reached: bool
     samples: tuple[float, float]
 
+    @property
+    def rate_for_targets(self) -> float:
+        last = self.points[-1].std_errors
+        return self.samples[0] * max(last[name] / target for name, target in self.targets.items()) ** 2
+
     def report(self) -> Report:
         """The runs, and what is known after each."""
         rows = []
         for number, point in enumerate(self.points, 1):
             cells = [f"{point.std_errors[name]:.2g}" for name in self.targets]
-            place = [engineering(point.x0, "m", 4), engineering(point.normal_force, "N", 3), point.half_cycles]
-            rows.append([number, *place, *cells])
-        heads = ["Run", "Release", "Load", "Half-cycles", *(f"then u({name})/{name}" for name in self.targets)]
+            count = "no stop" if point.half_cycles is None else point.half_cycles
+            place = [engineering(point.x0, "m", 4), engineering(point.normal_force, "N", 3), count]
+            rows.append([number, *place, f"{point.duration:.3g} s", *cells])
+        heads = ["Run", "Release", "Load", "Half-cycles", "Record", *(f"then u({name})/{name}" for name in self.targets)]
         wanted = ", ".join(f"{name} to {target:.2g}" for name, target in self.targets.items())
         rate, noise = self.samples
         facts = [("wanted", wanted), ("criterion", f"{self.criterion}-optimal")]
         facts.append(("noise", f"white, {engineering(noise, 'm')} a sample at {rate:g} Hz"))
-        notes = ["Errors go with noise/sqrt(rate): of four times the rate they are half as large."]
-        warnings = [] if self.reached else ["These runs do not reach the targets: allow more, or a wider range."]
-        data = {name: getattr(self, name) for name in ("targets", "criterion", "reached", "samples")}
+        enough = engineering(self.rate_for_targets, "Hz", 3)
+        notes = [f"As long as the noise is white, these runs reach the targets from {enough} on."]
+        short = "These runs do not reach the targets: allow more, a wider range or longer records, or sample faster."
+        warnings = [] if self.reached else [short]
+        data = {name: getattr(self, name) for name in ("targets", "criterion", "reached", "samples", "rate_for_targets")}
         data |= {"points": [point._asdict() for point in self.points]}
         return Report([Table(heads, rows, "Runs in order")], facts, notes, warnings, data=data)
 
@@ -137,6 +149,7 @@ def optimal_runs(
     criterion: str = "c",
     runs: int = 6,
     rate: float = 10e3,
+    duration: float | None = None,
     noise: float = 1e-9,
 ) -> OptimalRuns:
     """Runs that reach targets with the fewest of them, each chosen for what the runs before it leave open.
@@ -150,6 +163,7 @@ def optimal_runs(
         criterion: "c" for the targets, "D" for all coefficients together.
         runs: most runs that there may be.
         rate: samples per second.
+        duration: longest record that there may be [s]; None: each until 50 ms after its stop.
         noise: standard deviation of the white noise of one sample [m].
 
     Returns:
@@ -157,7 +171,8 @@ def optimal_runs(
 
     Raises:
         RuntimeError: JAX computes in single precision.
-        UsageError: ranges or targets that are none, an unknown criterion, or a mass that never stops.
+        UsageError: ranges, targets or a duration that are none, an unknown criterion, or without a duration a mass that
+            never stops.
 
     Examples:
         >>> import fricjax as fj
@@ -167,8 +182,8 @@ def optimal_runs(
     """
     _check(x0, targets, names, load, criterion, runs)
     check_noise(noise)
-    check_sampling(rate, None)
-    space = _Space(oscillator, tuple(names), rate, noise)
+    check_sampling(rate, duration)
+    space = _Space(oscillator, tuple(names), rate, math.inf if duration is None else duration, noise)
     wanted = np.array([targets.get(name, math.inf) for name in names])
     total, points = np.diag(np.full(len(names), _NOTHING)), []
     loads = (float(oscillator.normal_force),) * 2 if load is None else load
@@ -207,18 +222,19 @@ class _Space(NamedTuple):
     oscillator: Oscillator
     names: tuple[str, ...]
     rate: float
+    longest: float
     noise: float
 
-    def information(self, x0: float, load: float) -> tuple[np.ndarray, np.ndarray, int]:
+    def information(self, x0: float, load: float) -> tuple[np.ndarray, np.ndarray, int | None, float]:
         """Of one run about its coefficients, in units of their values, and its derivatives by release and load.
 
-        Shapes (p, p) and (p, p, 2), the derivatives by the logarithms; and the number of half-cycles.
+        Shapes (p, p) and (p, p, 2), the derivatives by the logarithms; the number of half-cycles; and how long to record.
         """
         machine = eqx.tree_at(lambda each: each.normal_force, self.oscillator, np.asarray(load))
         motion = planned_motion(machine, x0)
-        if motion.half_cycles is None:
-            raise UsageError("The mass does not come to rest by itself here, so that its runs have no length.")
-        end = motion.t_stop + TAIL
+        end = min(motion.t_stop + TAIL, self.longest)
+        if not math.isfinite(end):
+            raise UsageError("The mass does not come to rest by itself here: say with the duration how long to record.")
         # Samples stand for so many of the run as lie between two of them.
         noise = self.noise / math.sqrt(self.rate * end / _INSTANTS)
         fixed = () if "normal_force" in self.names else ("normal_force",)
@@ -234,7 +250,7 @@ class _Space(NamedTuple):
         # Of what the parameters of the run take away altogether rounding is left, which would count as knowledge.
         unit = np.sqrt(np.outer(alone, alone))
         sizes, vectors = np.linalg.eigh(value / unit)
-        return (vectors * np.where(sizes > _ROUNDING, sizes, 0.0)) @ vectors.T * unit, slopes, motion.half_cycles
+        return (vectors * np.where(sizes > _ROUNDING, sizes, 0.0)) @ vectors.T * unit, slopes, motion.half_cycles, end
 
 
 @eqx.filter_jit
@@ -287,20 +303,20 @@ def _best(
     """The run that makes the criterion the least, with its information."""
     from scipy.optimize import minimize
 
-    def at(where: np.ndarray) -> tuple[float, np.ndarray, np.ndarray, int]:
-        information, slopes, count = space.information(*np.exp(where))
+    def at(where: np.ndarray) -> tuple[float, np.ndarray, np.ndarray, int | None, float]:
+        information, slopes, count, end = space.information(*np.exp(where))
         value, by_matrix = criterion_of(total + information, wanted, criterion)
-        return value, np.einsum("ij,ijk->k", by_matrix, slopes), information, count
+        return value, np.einsum("ij,ijk->k", by_matrix, slopes), information, count, end
 
     ends = np.log(np.array([x0, loads], float))
     places = np.linspace(ends[0, 0], ends[0, 1], _SPREAD)
     starts = [np.array([place, load]) for place in places for load in np.unique(ends[1])]
-    start, (least, _, _, count) = min(((where, at(where)) for where in starts), key=lambda each: each[1][0])
+    start, (least, _, _, count, _) = min(((where, at(where)) for where in starts), key=lambda each: each[1][0])
     if not math.isfinite(least):
         raise UsageError("No release in this range determines these coefficients. Release from farther away.")
 
     def within(where: np.ndarray) -> tuple[float, np.ndarray]:
-        value, slope, _, half_cycles = at(where)
+        value, slope, _, half_cycles, _ = at(where)
         # Behind an edge of the map the motion is another one.
         return (value, slope) if half_cycles == count else (value + 1e3, slope)
 
@@ -308,6 +324,6 @@ def _best(
         within, start, jac=True, bounds=ends.tolist(), method="L-BFGS-B", options={"maxfun": _EVALUATIONS}
     )
     where = moved.x if moved.fun <= least else start
-    _, slope, information, half_cycles = at(where)
+    _, slope, information, half_cycles, end = at(where)
     release, load = np.clip(np.exp(where), [x0[0], loads[0]], [x0[1], loads[1]])
-    return Point(float(release), float(load), half_cycles, {}, (float(slope[0]), float(slope[1]))), information
+    return Point(float(release), float(load), half_cycles, end, {}, (float(slope[0]), float(slope[1]))), information

@@ -139,6 +139,10 @@ def test_a_hum_is_taken_out():
     # Two sizes and a frequency more are told by the same samples.
     assert_same(found, quiet, within=0.2)
     assert found.noises[0].at(T - found.origins[0]) == pytest.approx(hum, abs=2e-8)
+    # The plot shows it on the residuals, with the band of the noise about it.
+    residuals = found.plot().axes[1]
+    assert "[um]" in residuals.get_ylabel() and "about drift and hum" in residuals.get_title(loc="left")
+    assert 1e-6 * residuals.lines[-1].get_ydata() == pytest.approx(hum, abs=2e-8)
 
 
 def test_a_strong_hum_over_a_quiet_motion_needs_no_rest():
