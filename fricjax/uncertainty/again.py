@@ -11,6 +11,7 @@ from ..fitting import Fit
 from ..fitting.batch import Row, alone, solved_rows
 from ..fitting.chunks import WIDTH
 from ..fitting.problem import Problem
+from ..fitting.residual import without_inputs
 from ..fitting.solve import Solution, solve, solve_batch
 from ..oscillator import cores, one_at_a_time
 from ..show.working import working
@@ -46,13 +47,18 @@ def fixed_at(problem: Problem, parameter: int, value: float, std: float) -> Prob
     return dataclasses.replace(problem, residual=residual, condensed=condensed)
 
 
+def _of_record(problem: Problem) -> Problem:
+    """The problem without the inputs of a rig: what they contribute is asked of the fit alone, not of those beside it."""
+    return dataclasses.replace(problem, residual=without_inputs(problem.residual), inputs={})
+
+
 def solved(make: Callable[[int], Problem], count: int, begin: np.ndarray) -> list[Row]:
     """Many problems solved on all cores, all from coordinates `begin`; each is made by the thread that solves it."""
     places = [range(first, min(first + WIDTH, count)) for first in range(0, count, WIDTH)]
 
     @one_at_a_time()
     def block(place: Sequence[int]) -> list[Row]:
-        return solved_rows([make(i) for i in place], [begin] * len(place))
+        return solved_rows([_of_record(make(i)) for i in place], [begin] * len(place))
 
     rows: list[Row] = []
     with working("Fitting records", count) as task, ThreadPoolExecutor(cores() + 1) as pool:
@@ -64,6 +70,7 @@ def solved(make: Callable[[int], Problem], count: int, begin: np.ndarray) -> lis
 
 def squares(problems: Sequence[Problem], begins: Sequence[np.ndarray]) -> list[Solution]:
     """The least squares of many problems, each from its coordinates `begins`."""
-    if problems and alone(problems[0]):
-        return [solve(problem, begin) for problem, begin in zip(problems, begins, strict=True)]
-    return [solution for solution, _ in solve_batch(problems, begins)]
+    asked = list(map(_of_record, problems))
+    if asked and alone(asked[0]):
+        return [solve(problem, begin) for problem, begin in zip(asked, begins, strict=True)]
+    return [solution for solution, _ in solve_batch(asked, begins)]
