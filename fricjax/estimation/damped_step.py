@@ -18,6 +18,8 @@ from .passes import Pass
 _LARGEST_SMALL = 32
 # Part of the cost below which what a projection leaves of it has lost half of its digits.
 _DIGITS_LOST = 1e-8
+# Part of a Gauss-Newton step that damping may take for the step to be tried undamped.
+_KEPT = 0.5
 
 Systems = Float[Array, "k p"]
 
@@ -142,26 +144,36 @@ class Proposal(NamedTuple):
     """The damped and the Gauss-Newton step from a point, within the bounds.
 
     Attributes:
-        trial: where the damped step ends.
+        trial: where the step ends that is to be tried.
         predicted: by how much it should lower the cost.
         full: the Gauss-Newton step.
         shortening: its square in the metric of the normal matrix: twice what it should lower the cost by.
+        undamped: whether the trial is the Gauss-Newton step.
     """
 
     trial: Float[Array, " p"]
     predicted: Float[Array, ""]
     full: Float[Array, " p"]
     shortening: Float[Array, ""]
+    undamped: Bool[Array, ""]
 
 
-def propose(y: Array, here: Pass, scale: Array, damping: Array, setting: Setting) -> Proposal:
-    """Solve for both steps from `y`, whose pass is `here`; `scale` is the largest diagonal of ``J'J`` met so far."""
+def propose(y: Array, here: Pass, scale: Array, damping: Array, setting: Setting, trusted: Array) -> Proposal:
+    """Solve for both steps from `y`, whose pass is `here`; `scale` is the largest diagonal of ``J'J`` met so far.
+
+    The trial is the Gauss-Newton step where its shortening is below that which is `trusted`, and most of it is left when
+    it is damped.
+    """
     relative = jnp.where(setting.linear, 0.0, damping * scale / units(here.normal) ** 2)
     lower, upper = setting.lower - y, setting.upper - y
     dampings = jnp.maximum(jnp.stack([relative, jnp.zeros_like(y)]), WEAKEST)
     steps = bounded_steps(here, dampings, lower, upper)
-    step, full = steps[0], steps[1]
     bends = jnp.sum(steps * (steps @ here.normal), axis=1)
+    full, shortening = steps[1], bends[1]
+    # Along a direction that the residual hardly tells damping is what keeps a step short.
+    size, shortened = jnp.sum((units(here.normal) * jnp.stack([full, full - steps[0]])) ** 2, axis=1)
+    undamped = (shortening < trusted) & (shortened < _KEPT**2 * size)
+    step, bend = jnp.where(undamped, full, steps[0]), jnp.where(undamped, shortening, bends[0])
     # A step that ends at a bound ends there exactly, which adding it to `y` would miss by rounding.
     trial = jnp.where(step <= lower, setting.lower, jnp.where(step >= upper, setting.upper, y + step))
-    return Proposal(trial, -(here.gradient @ step + bends[0] / 2), full, bends[1])
+    return Proposal(trial, -(here.gradient @ step + bend / 2), full, shortening, undamped)

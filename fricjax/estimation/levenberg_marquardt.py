@@ -29,6 +29,10 @@ from .passes import AbstractPasses, DensePasses, Pass
 MAX_STEPS = 60
 # Of the first step, as a part of the diagonal of J'J.
 _FIRST_DAMPING = 1e-4
+# Part of the sum of squares below which what a Gauss-Newton step has to gain is scatter. On its scale a residual is as
+# good as linear, and the step is not damped, for another pass is spent on what damping leaves of it. Where the last
+# step gained less than such a part of what was foreseen, the residual is not.
+_SCATTER, _FORESEEN = 0.01, 0.75
 # Part of the Gauss-Newton step's gain below which a trial, after rejections, is not worth a pass.
 _HOPELESS = 1e-6
 # Least factors of the damping after a good step; easing fast just after a rejection runs into the same wall again.
@@ -60,6 +64,7 @@ class _State(eqx.Module):
     status: Int[Array, ""]
     steps: Int[Array, ""]
     first: Bool[Array, ""]
+    undamped: Bool[Array, ""]
     repeated: Bool[Array, ""]
     start_cost: Float[Array, ""]
     remaining: Float[Array, ""]
@@ -111,7 +116,7 @@ class LevenbergMarquardt(optx.AbstractLeastSquaresSolver):
         zero, none = jnp.zeros(()), jnp.asarray(0)
         nothing = self.passes.nothing(y)
         damping, status, yes = zero + _FIRST_DAMPING, jnp.asarray(RUNNING), jnp.asarray(True)
-        return _State(y, nothing, jnp.zeros(y.size), damping, zero + 2, zero, status, none, yes, ~yes, zero, zero)
+        return _State(y, nothing, jnp.zeros(y.size), damping, zero + 2, zero, status, none, yes, ~yes, ~yes, zero, zero)
 
     def step(
         self, fn: Callable, y: Array, args: PyTree, options: dict, state: _State, tags: frozenset
@@ -127,16 +132,18 @@ class LevenbergMarquardt(optx.AbstractLeastSquaresSolver):
         at = jnp.where(accept, reached, y)
         least = jnp.where(state.growth > 2, _EASE_AFTER_REJECTION, _EASE)
         eased = state.damping * jnp.maximum(least, 1 - (2 * jnp.clip(gain, 0.0, 1.0) - 1) ** 3)
-        damping = jnp.where(state.first, state.damping, jnp.where(accept, eased, state.damping * state.growth))
-        growth = jnp.where(accept, 2.0, state.growth * 2)
+        # A step that was not damped says nothing of the damping.
+        kept = state.first | (state.undamped & ~accept)
+        damping = jnp.where(kept, state.damping, jnp.where(accept, eased, state.damping * state.growth))
+        growth = jnp.where(kept, state.growth, jnp.where(accept, 2.0, state.growth * 2))
         scale = jnp.maximum(state.scale, jnp.diagonal(here.normal))
-        ahead = propose(at, here, scale, damping, setting)
+        linear = accept & (state.first | (gain > _FORESEEN))
+        ahead = propose(at, here, scale, damping, setting, jnp.where(linear, 2 * _SCATTER * here.cost, 0.0))
         status, remaining = self._status(at, here, ahead, accept, reduction, state, setting)
         steps, no = state.steps + 1, jnp.asarray(False)
         begun = jnp.where(state.first, here.cost, state.start_cost)
-        after = _State(
-            ahead.trial, here, scale, damping, growth, ahead.predicted, status, steps, no, no, begun, remaining
-        )
+        going = ahead.predicted, status, steps, no, ahead.undamped, no, begun, remaining
+        after = _State(ahead.trial, here, scale, damping, growth, *going)
         once_more = (reached, steps, self._running(steps), ~no)
         again = eqx.tree_at(lambda s: (s.trial, s.steps, s.status, s.repeated), state, once_more)
         repeat = blurred & finite
@@ -157,7 +164,7 @@ class LevenbergMarquardt(optx.AbstractLeastSquaresSolver):
         setting: Setting,
     ) -> tuple[Array, Array]:
         """Status after a pass, and the square of the Gauss-Newton step in standard errors."""
-        loose, unit = jnp.where(accept, 1.0, _ROUGH), units(here.normal)
+        loose, unit = jnp.where(accept | state.undamped, 1.0, _ROUGH), units(here.normal)
         variance = (2 * here.cost + setting.floor) / setting.dof
         movable = ~pressed(here, setting.lower - y, setting.upper - y)
         cosine = jnp.max(jnp.where(movable, jnp.abs(here.gradient) / unit, 0.0))

@@ -36,15 +36,25 @@ class Row(NamedTuple):
 
     Attributes:
         status: the outcome in words.
-        problem, weighted, covariances: what the numbers of a fitted run follow from.
-        warnings: what a reader of them must know, in sentences.
+        problem, weighted, covariances, misfit: what the numbers of a fitted run follow from.
     """
 
     status: str
     problem: Problem | None = None
     weighted: NoiseWeighted | None = None
     covariances: Covariance | None = None
-    warnings: tuple[str, ...] = ()
+    misfit: Misfit | None = None
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What a reader of the numbers must know, in sentences; worked out when asked for."""
+        if self.problem is None or self.weighted is None or self.covariances is None or self.misfit is None:
+            return ()
+        problem, solution, covariances = self.problem, self.weighted.solution, self.covariances
+        values = named(problem.names, solution.derived.values)
+        errors = named(problem.names, np.sqrt(np.diag(covariances.statistical)))
+        lacking = advice(problem, solution, covariances, self.weighted.lacks)
+        return (*warnings_of_run(problem, values, errors, self.misfit, self.weighted.others), *lacking)
 
 
 def fit_batch(
@@ -207,11 +217,7 @@ def _row(weighted: NoiseWeighted, misfit: Misfit) -> Row:
     problem, solution = weighted.problem, weighted.solution
     slope, normal = solution.derived.slope, solution.evaluation.normal
     covariances = covariance(solution.shape, slope, normal, weighted.variance, weighted.unsure)
-    values = named(problem.names, solution.derived.values)
-    errors = named(problem.names, np.sqrt(np.diag(covariances.statistical)))
-    lacking = advice(problem, solution, covariances, weighted.lacks)
-    warnings = (*warnings_of_run(problem, values, errors, misfit, weighted.others), *lacking)
-    return Row(status_of(problem, solution, covariances, misfit), problem, weighted, covariances, warnings)
+    return Row(status_of(problem, solution, covariances, misfit), problem, weighted, covariances, misfit)
 
 
 def collected(rows: Sequence[Row], sources: tuple[str, ...]) -> BatchFit:

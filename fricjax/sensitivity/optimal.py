@@ -98,7 +98,14 @@ class OptimalRuns(Reported):
             count = "no stop" if point.half_cycles is None else point.half_cycles
             place = [engineering(point.x0, "m", 4), engineering(point.normal_force, "N", 3), count]
             rows.append([number, *place, f"{point.duration:.3g} s", *cells])
-        heads = ["Run", "Release", "Load", "Half-cycles", "Record", *(f"then u({name})/{name}" for name in self.targets)]
+        heads = [
+            "Run",
+            "Release",
+            "Load",
+            "Half-cycles",
+            "Record",
+            *(f"then u({name})/{name}" for name in self.targets),
+        ]
         wanted = ", ".join(f"{name} to {target:.2g}" for name, target in self.targets.items())
         rate, noise = self.samples
         facts = [("wanted", wanted), ("criterion", f"{self.criterion}-optimal")]
@@ -107,7 +114,9 @@ class OptimalRuns(Reported):
         notes = [f"As long as the noise is white, these runs reach the targets from {enough} on."]
         short = "These runs do not reach the targets: allow more, a wider range or longer records, or sample faster."
         warnings = [] if self.reached else [short]
-        data = {name: getattr(self, name) for name in ("targets", "criterion", "reached", "samples", "rate_for_targets")}
+        data = {
+            name: getattr(self, name) for name in ("targets", "criterion", "reached", "samples", "rate_for_targets")
+        }
         data |= {"points": [point._asdict() for point in self.points]}
         return Report([Table(heads, rows, "Runs in order")], facts, notes, warnings, data=data)
 
@@ -228,7 +237,7 @@ class _Space(NamedTuple):
     def information(self, x0: float, load: float) -> tuple[np.ndarray, np.ndarray, int | None, float]:
         """Of one run about its coefficients, in units of their values, and its derivatives by release and load.
 
-        Shapes (p, p) and (p, p, 2), the derivatives by the logarithms; the number of half-cycles; and how long to record.
+        Shapes (p, p) and (p, p, 2), the derivatives by the logarithms; the number of half-cycles; and the end.
         """
         machine = eqx.tree_at(lambda each: each.normal_force, self.oscillator, np.asarray(load))
         motion = planned_motion(machine, x0)

@@ -48,7 +48,7 @@ def fixed_at(problem: Problem, parameter: int, value: float, std: float) -> Prob
 
 
 def _of_record(problem: Problem) -> Problem:
-    """The problem without the inputs of a rig: what they contribute is asked of the fit alone, not of those beside it."""
+    """The problem without the inputs of a rig: what they contribute is asked of the fit, not of those beside it."""
     return dataclasses.replace(problem, residual=without_inputs(problem.residual), inputs={})
 
 

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares as scipy_least_squares
 
+from fricjax.estimation import levenberg_marquardt
 from fricjax.estimation.covariance import WEAKEST
 from fricjax.estimation.levenberg_marquardt import (
     AT_BOUND,
@@ -61,6 +62,28 @@ def test_a_linear_problem_is_done_after_one_step():
     assert np.asarray(found.value) == pytest.approx([intercept, slope], rel=1e-4)
     # The first pass measures the start; the damping of the first step leaves a last small one.
     assert steps(found) <= 3
+
+
+@pytest.mark.parametrize("factor", [0.5, 1.0, 2.0])
+def test_a_step_within_the_scatter_is_not_damped(factor, monkeypatch):
+    """On that scale the residual is as good as linear: one pass measures the start, the next one the optimum."""
+    monkeypatch.setattr(levenberg_marquardt, "_SCATTER", factor * levenberg_marquardt._SCATTER)
+    t = np.linspace(0.0, 2.0, 4000)
+    seen = 5.0 * np.exp(-1.7 * t) + 0.5 + 0.005 * np.random.default_rng(4).standard_normal(t.size)
+    of = lambda p, _=None: p[0] * jnp.exp(-p[1] * t) + p[2] - seen
+    x, _, std = reference(of, (1.0, 1.0, 0.0))
+    found = solve(of, (5.0, 1.7, 0.5))
+    assert (status(found), steps(found)) == (CONVERGED, 2)
+    assert np.all(np.abs(np.asarray(found.value) - x) < 5e-3 * std)
+
+
+def test_a_step_within_the_scatter_that_fails_is_damped():
+    """The Gauss-Newton step of an arc tangent overshoots, here by a step that is short beside the other residuals."""
+    of = lambda p, _=None: jnp.concatenate([jnp.arctan(5 * p), 3.0 * (-1.0) ** jnp.arange(40)])
+    found = solve(of, (1.0,))
+    assert status(found) == CONVERGED and steps(found) < 15
+    # To a thousandth of its standard error, and no less for the step that failed.
+    assert abs(float(found.value[0])) < 1e-3 * 3 / 5
 
 
 def test_a_start_at_an_exact_optimum_takes_one_pass():
