@@ -161,8 +161,8 @@ class Proposal(NamedTuple):
 def propose(y: Array, here: Pass, scale: Array, damping: Array, setting: Setting, trusted: Array) -> Proposal:
     """Solve for both steps from `y`, whose pass is `here`; `scale` is the largest diagonal of ``J'J`` met so far.
 
-    The trial is the Gauss-Newton step where its shortening is below that which is `trusted`, and most of it is left when
-    it is damped.
+    The trial is the Gauss-Newton step where its shortening is below that which is `trusted`, and damping leaves most of
+    it.
     """
     relative = jnp.where(setting.linear, 0.0, damping * scale / units(here.normal) ** 2)
     lower, upper = setting.lower - y, setting.upper - y
