@@ -19,7 +19,7 @@ _LARGEST_SMALL = 32
 # Part of the cost below which what a projection leaves of it has lost half of its digits.
 _DIGITS_LOST = 1e-8
 # Part of a Gauss-Newton step that damping may take for the step to be tried undamped.
-_KEPT = 0.5
+_TAKEN = 0.5
 
 Systems = Float[Array, "k p"]
 
@@ -172,7 +172,7 @@ def propose(y: Array, here: Pass, scale: Array, damping: Array, setting: Setting
     full, shortening = steps[1], bends[1]
     # Along a direction that the residual hardly tells damping is what keeps a step short.
     size, shortened = jnp.sum((units(here.normal) * jnp.stack([full, full - steps[0]])) ** 2, axis=1)
-    undamped = (shortening < trusted) & (shortened < _KEPT**2 * size)
+    undamped = (shortening < trusted) & (shortened < _TAKEN**2 * size)
     step, bend = jnp.where(undamped, full, steps[0]), jnp.where(undamped, shortening, bends[0])
     # A step that ends at a bound ends there exactly, which adding it to `y` would miss by rounding.
     trial = jnp.where(step <= lower, setting.lower, jnp.where(step >= upper, setting.upper, y + step))

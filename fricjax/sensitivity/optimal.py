@@ -68,8 +68,6 @@ class OptimalRuns(Reported):
         points: the runs.
         reached: whether all targets are met after the last.
         samples: rate and noise of the runs [1/s], [m].
-        rate_for_targets: at which these runs reach the targets, as long as the noise of neighbouring samples is white
-            [1/s].
 
     Examples:
         >>> import fricjax as fj
@@ -87,6 +85,7 @@ class OptimalRuns(Reported):
 
     @property
     def rate_for_targets(self) -> float:
+        """At which these runs reach the targets, as long as the noise of neighbouring samples is white [1/s]."""
         last = self.points[-1].std_errors
         return self.samples[0] * max(last[name] / target for name, target in self.targets.items()) ** 2
 
@@ -98,14 +97,8 @@ class OptimalRuns(Reported):
             count = "no stop" if point.half_cycles is None else point.half_cycles
             place = [engineering(point.x0, "m", 4), engineering(point.normal_force, "N", 3), count]
             rows.append([number, *place, f"{point.duration:.3g} s", *cells])
-        heads = [
-            "Run",
-            "Release",
-            "Load",
-            "Half-cycles",
-            "Record",
-            *(f"then u({name})/{name}" for name in self.targets),
-        ]
+        known = [f"then u({name})/{name}" for name in self.targets]
+        heads = ["Run", "Release", "Load", "Half-cycles", "Record", *known]
         wanted = ", ".join(f"{name} to {target:.2g}" for name, target in self.targets.items())
         rate, noise = self.samples
         facts = [("wanted", wanted), ("criterion", f"{self.criterion}-optimal")]
@@ -225,6 +218,21 @@ def _check(x0: Any, targets: Any, names: Any, load: Any, criterion: str, runs: i
             raise UsageError(f"The target of {name} must be a positive relative standard error, got {target}.")
 
 
+class _Told(NamedTuple):
+    """What a run tells about its coefficients.
+
+    Attributes:
+        information: in units of their values, shape (p, p); `slopes`: its derivatives by the logarithms of release and
+            load, shape (p, p, 2).
+        half_cycles, duration: as of a `Point`.
+    """
+
+    information: np.ndarray
+    slopes: np.ndarray
+    half_cycles: int | None
+    duration: float
+
+
 class _Space(NamedTuple):
     """What all runs of a design have in common."""
 
@@ -234,11 +242,8 @@ class _Space(NamedTuple):
     longest: float
     noise: float
 
-    def information(self, x0: float, load: float) -> tuple[np.ndarray, np.ndarray, int | None, float]:
-        """Of one run about its coefficients, in units of their values, and its derivatives by release and load.
-
-        Shapes (p, p) and (p, p, 2), the derivatives by the logarithms; the number of half-cycles; and the end.
-        """
+    def told(self, x0: float, load: float) -> _Told:
+        """What one run tells."""
         machine = eqx.tree_at(lambda each: each.normal_force, self.oscillator, np.asarray(load))
         motion = planned_motion(machine, x0)
         end = min(motion.t_stop + TAIL, self.longest)
@@ -259,7 +264,8 @@ class _Space(NamedTuple):
         # Of what the parameters of the run take away altogether rounding is left, which would count as knowledge.
         unit = np.sqrt(np.outer(alone, alone))
         sizes, vectors = np.linalg.eigh(value / unit)
-        return (vectors * np.where(sizes > _ROUNDING, sizes, 0.0)) @ vectors.T * unit, slopes, motion.half_cycles, end
+        information = (vectors * np.where(sizes > _ROUNDING, sizes, 0.0)) @ vectors.T * unit
+        return _Told(information, slopes, motion.half_cycles, end)
 
 
 @eqx.filter_jit
@@ -312,27 +318,28 @@ def _best(
     """The run that makes the criterion the least, with its information."""
     from scipy.optimize import minimize
 
-    def at(where: np.ndarray) -> tuple[float, np.ndarray, np.ndarray, int | None, float]:
-        information, slopes, count, end = space.information(*np.exp(where))
-        value, by_matrix = criterion_of(total + information, wanted, criterion)
-        return value, np.einsum("ij,ijk->k", by_matrix, slopes), information, count, end
+    def at(where: np.ndarray) -> tuple[float, np.ndarray, _Told]:
+        told = space.told(*np.exp(where))
+        value, by_matrix = criterion_of(total + told.information, wanted, criterion)
+        return value, np.einsum("ij,ijk->k", by_matrix, told.slopes), told
 
     ends = np.log(np.array([x0, loads], float))
     places = np.linspace(ends[0, 0], ends[0, 1], _SPREAD)
     starts = [np.array([place, load]) for place in places for load in np.unique(ends[1])]
-    start, (least, _, _, count, _) = min(((where, at(where)) for where in starts), key=lambda each: each[1][0])
+    start, (least, _, first) = min(((where, at(where)) for where in starts), key=lambda each: each[1][0])
     if not math.isfinite(least):
         raise UsageError("No release in this range determines these coefficients. Release from farther away.")
 
     def within(where: np.ndarray) -> tuple[float, np.ndarray]:
-        value, slope, _, half_cycles, _ = at(where)
+        value, slope, told = at(where)
         # Behind an edge of the map the motion is another one.
-        return (value, slope) if half_cycles == count else (value + 1e3, slope)
+        return (value, slope) if told.half_cycles == first.half_cycles else (value + 1e3, slope)
 
     moved: Any = minimize(
         within, start, jac=True, bounds=ends.tolist(), method="L-BFGS-B", options={"maxfun": _EVALUATIONS}
     )
     where = moved.x if moved.fun <= least else start
-    _, slope, information, half_cycles, end = at(where)
+    _, slope, told = at(where)
     release, load = np.clip(np.exp(where), [x0[0], loads[0]], [x0[1], loads[1]])
-    return Point(float(release), float(load), half_cycles, end, {}, (float(slope[0]), float(slope[1]))), information
+    slopes = float(slope[0]), float(slope[1])
+    return Point(float(release), float(load), told.half_cycles, told.duration, {}, slopes), told.information

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares as scipy_least_squares
 
-from fricjax.estimation import levenberg_marquardt
+from fricjax.estimation import damped_step, levenberg_marquardt
 from fricjax.estimation.covariance import WEAKEST
 from fricjax.estimation.levenberg_marquardt import (
     AT_BOUND,
@@ -64,10 +64,21 @@ def test_a_linear_problem_is_done_after_one_step():
     assert steps(found) <= 3
 
 
-@pytest.mark.parametrize("factor", [0.5, 1.0, 2.0])
-def test_a_step_within_the_scatter_is_not_damped(factor, monkeypatch):
+@pytest.mark.parametrize(
+    ("module", "constant", "value"),
+    [
+        (levenberg_marquardt, "_SCATTER", 0.01),
+        (levenberg_marquardt, "_SCATTER", 0.005),
+        (levenberg_marquardt, "_SCATTER", 0.02),
+        (levenberg_marquardt, "_FORESEEN", 0.5),
+        (levenberg_marquardt, "_FORESEEN", 0.9),
+        (damped_step, "_TAKEN", 0.25),
+        (damped_step, "_TAKEN", 0.75),
+    ],
+)
+def test_a_step_within_the_scatter_is_not_damped(module, constant, value, monkeypatch):
     """On that scale the residual is as good as linear: one pass measures the start, the next one the optimum."""
-    monkeypatch.setattr(levenberg_marquardt, "_SCATTER", factor * levenberg_marquardt._SCATTER)
+    monkeypatch.setattr(module, constant, value)
     t = np.linspace(0.0, 2.0, 4000)
     seen = 5.0 * np.exp(-1.7 * t) + 0.5 + 0.005 * np.random.default_rng(4).standard_normal(t.size)
     of = lambda p, _=None: p[0] * jnp.exp(-p[1] * t) + p[2] - seen
