@@ -218,16 +218,16 @@ def _check(x0: Any, targets: Any, names: Any, load: Any, criterion: str, runs: i
             raise UsageError(f"The target of {name} must be a positive relative standard error, got {target}.")
 
 
-class _Told(NamedTuple):
-    """What a run tells about its coefficients.
+class _RunInformation(NamedTuple):
+    """Information of one run about its coefficients.
 
     Attributes:
-        information: in units of their values, shape (p, p); `slopes`: its derivatives by the logarithms of release and
+        matrix: in units of their values, shape (p, p); `slopes`: its derivatives by the logarithms of release and
             load, shape (p, p, 2).
         half_cycles, duration: as of a `Point`.
     """
 
-    information: np.ndarray
+    matrix: np.ndarray
     slopes: np.ndarray
     half_cycles: int | None
     duration: float
@@ -242,8 +242,8 @@ class _Space(NamedTuple):
     longest: float
     noise: float
 
-    def told(self, x0: float, load: float) -> _Told:
-        """What one run tells."""
+    def information(self, x0: float, load: float) -> _RunInformation:
+        """The information of a run."""
         machine = eqx.tree_at(lambda each: each.normal_force, self.oscillator, np.asarray(load))
         motion = planned_motion(machine, x0)
         end = min(motion.t_stop + TAIL, self.longest)
@@ -264,8 +264,8 @@ class _Space(NamedTuple):
         # Of what the parameters of the run take away altogether rounding is left, which would count as knowledge.
         unit = np.sqrt(np.outer(alone, alone))
         sizes, vectors = np.linalg.eigh(value / unit)
-        information = (vectors * np.where(sizes > _ROUNDING, sizes, 0.0)) @ vectors.T * unit
-        return _Told(information, slopes, motion.half_cycles, end)
+        matrix = (vectors * np.where(sizes > _ROUNDING, sizes, 0.0)) @ vectors.T * unit
+        return _RunInformation(matrix, slopes, motion.half_cycles, end)
 
 
 @eqx.filter_jit
@@ -318,10 +318,10 @@ def _best(
     """The run that makes the criterion the least, with its information."""
     from scipy.optimize import minimize
 
-    def at(where: np.ndarray) -> tuple[float, np.ndarray, _Told]:
-        told = space.told(*np.exp(where))
-        value, by_matrix = criterion_of(total + told.information, wanted, criterion)
-        return value, np.einsum("ij,ijk->k", by_matrix, told.slopes), told
+    def at(where: np.ndarray) -> tuple[float, np.ndarray, _RunInformation]:
+        run = space.information(*np.exp(where))
+        value, by_matrix = criterion_of(total + run.matrix, wanted, criterion)
+        return value, np.einsum("ij,ijk->k", by_matrix, run.slopes), run
 
     ends = np.log(np.array([x0, loads], float))
     places = np.linspace(ends[0, 0], ends[0, 1], _SPREAD)
@@ -331,15 +331,15 @@ def _best(
         raise UsageError("No release in this range determines these coefficients. Release from farther away.")
 
     def within(where: np.ndarray) -> tuple[float, np.ndarray]:
-        value, slope, told = at(where)
+        value, slope, run = at(where)
         # Behind an edge of the map the motion is another one.
-        return (value, slope) if told.half_cycles == first.half_cycles else (value + 1e3, slope)
+        return (value, slope) if run.half_cycles == first.half_cycles else (value + 1e3, slope)
 
     moved: Any = minimize(
         within, start, jac=True, bounds=ends.tolist(), method="L-BFGS-B", options={"maxfun": _EVALUATIONS}
     )
     where = moved.x if moved.fun <= least else start
-    _, slope, told = at(where)
+    _, slope, run = at(where)
     release, load = np.clip(np.exp(where), [x0[0], loads[0]], [x0[1], loads[1]])
     slopes = float(slope[0]), float(slope[1])
-    return Point(float(release), float(load), told.half_cycles, told.duration, {}, slopes), told.information
+    return Point(float(release), float(load), run.half_cycles, run.duration, {}, slopes), run.matrix

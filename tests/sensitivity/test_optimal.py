@@ -19,10 +19,10 @@ def test_the_slope_of_the_criterion_is_that_of_differences(criterion):
     space, wanted = _Space(MACHINE, tuple(NAMES), 1e4, np.inf, 1e-9), np.array([1e-7, 1e-6, np.inf])
 
     def value(x0, load):
-        return criterion_of(space.told(x0, load).information, wanted, criterion)[0]
+        return criterion_of(space.information(x0, load).matrix, wanted, criterion)[0]
 
     at, step = (1.9e-3, 9.66), 1e-4
-    information, slopes, half_cycles, _ = space.told(*at)
+    information, slopes, half_cycles, _ = space.information(*at)
     _, by_matrix = criterion_of(information, wanted, criterion)
     found = np.einsum("ij,ijk->k", by_matrix, slopes)
     up, down = np.exp(step), np.exp(-step)
@@ -33,7 +33,7 @@ def test_the_slope_of_the_criterion_is_that_of_differences(criterion):
 
 def test_the_information_is_that_of_a_planned_run():
     space = _Space(MACHINE, tuple(NAMES), 1e4, np.inf, 1e-9)
-    errors = np.sqrt(np.diag(np.linalg.inv(space.told(1.9e-3, 9.66).information)))
+    errors = np.sqrt(np.diag(np.linalg.inv(space.information(1.9e-3, 9.66).matrix)))
     planned = fj.sensitivity.fisher(MACHINE, 1.9e-3, names=NAMES, nuisance=("x0", "t_release", "offset"))
     assert errors == pytest.approx([planned.std_errors[name] / planned.values[name] for name in NAMES], rel=5e-3)
 
@@ -46,7 +46,7 @@ def test_chosen_runs_leave_less_than_as_many_others():
     last = best.points[-1].std_errors
     chosen = np.linalg.norm([last[name] / target for name, target in targets.items()])
     space, rng, spread = _Space(MACHINE, tuple(NAMES), 1e4, np.inf, 1e-9), np.random.default_rng(1), []
-    known = [space.told(float(x0), 9.66).information for x0 in rng.uniform(*RANGE, 40)]
+    known = [space.information(float(x0), 9.66).matrix for x0 in rng.uniform(*RANGE, 40)]
     for _ in range(200):
         inverse = np.linalg.inv(sum(known[i] for i in rng.integers(0, 40, 4)))
         spread.append(np.linalg.norm([np.sqrt(inverse[i, i]) / target for i, target in enumerate(targets.values())]))
