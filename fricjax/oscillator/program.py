@@ -28,6 +28,7 @@ from jax.core import Tracer
 
 from ..show.working import working
 from .cache import keep, recall
+from .kernels import OPTIONS, in_few_kernels
 from .session import processor, ready, waiting
 
 # A program of a fit holds four to eight hundred mappings of memory, of which a process may have 65,530, and there are
@@ -164,10 +165,10 @@ class _Compiled:
             return result
 
         flat.__name__ = name
-        jitted = jax.jit(flat)
+        jitted = jax.jit(in_few_kernels(flat, arrays))
         place = _place(self._function, shape)
         if place is None:
-            return jitted.lower(arrays).compile()
+            return jitted.lower(arrays).compile(OPTIONS)
         likely = jax.tree.structure(self._like(*args))
         data = recall(place)
         traced = None if data is None else export.deserialize(bytearray(data))
@@ -177,7 +178,7 @@ class _Compiled:
                     traced = export.export(jitted, platforms=["cpu"])(arrays)
             except NotImplementedError:
                 # It calls the host, where only this process knows what to call.
-                return jitted.lower(arrays).compile()
+                return jitted.lower(arrays).compile(OPTIONS)
             if self._structure != likely:
                 raise TypeError(f"{name} returns {self._structure}, and its programs are kept as {likely}.")
             keep(place, bytes(traced.serialize()))
@@ -188,7 +189,7 @@ class _Compiled:
             return traced.call(arrays)
 
         kept.__name__ = name
-        return jax.jit(kept).lower(arrays).compile()
+        return jax.jit(kept).lower(arrays).compile(OPTIONS)
 
 
 def _bare(traced: export.Exported) -> export.Exported:

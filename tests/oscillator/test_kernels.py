@@ -1,0 +1,79 @@
+"""Programs of few kernels compute what the functions do, and compile to less."""
+
+import re
+import subprocess
+import sys
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from fricjax.oscillator.kernels import OPTIONS, in_few_kernels
+
+X = np.linspace(0.1, 2.0, 60)
+
+FUNCTIONS = {
+    "elementwise": lambda x: jnp.exp(-x) * jnp.sin(x) + jnp.tanh(x) ** 3 / jnp.cbrt(1 + x),
+    "sums": lambda x: (jnp.cumsum(x) / jnp.sum(x), jnp.argmax(jnp.sin(x)), jnp.any(x > 1)),
+    "parts": lambda x: jnp.concatenate([x[::-1][3:], x[2:5] * 2]).reshape(3, -1).T,
+    "searched": lambda x: jnp.interp(x + 0.05, x, x**2) + x[jnp.searchsorted(x, 0.7 * x)],
+    "choice": lambda x: jax.lax.cond(x[0] > 0.5, lambda a: a * 2, lambda a: jnp.cos(a) + 1, x),
+    "loop": lambda x: jax.lax.fori_loop(0, 5, lambda i, s: s.at[i + 1].set(s[i] * 2 + s[0]), x),
+    "until": lambda x: jax.lax.while_loop(lambda s: jnp.sum(s) < 500, lambda s: s * 1.1 + 1, x),
+    "derivative": lambda x: jax.jacfwd(lambda a: jnp.sin(a) * jnp.sum(a**2) + jnp.max(a))(x),
+    "batch": lambda x: jax.vmap(lambda a: jax.lax.fori_loop(0, 3, lambda _, s: s * a + 1, a))(x),
+    "matrix": lambda x: jnp.outer(x, x).T @ jnp.outer(x, x) + jnp.eye(60) * jnp.arange(60.0),
+    "sorted": lambda x: jnp.sort(jnp.sin(9 * x)) * 2 + 1,
+    "solved": lambda x: jnp.linalg.solve(jnp.diag(x[:5]) + 0.1, jnp.sin(x[:5])) * 3 - 1,
+    "scattered": lambda x: jnp.zeros(60).at[jnp.arange(60) // 2].add(jnp.sin(x)) * 2,
+    "nothing": lambda x: (x * 2 + 1, x[:0] * 3, jnp.sum(x[:0]) + x),
+    "long": lambda x: jnp.sum(jnp.sin(jnp.tile(x, 200)) ** 2) + jnp.tile(x, 200)[-1],
+    "the same": lambda x: (x, jnp.sin(x) + 1, x),
+    "constants": lambda x: (jnp.arange(4.0) * 2 + 1, jnp.eye(3) @ jnp.ones(3), x * 1),
+}
+
+
+@pytest.mark.parametrize("name", FUNCTIONS)
+def test_results_are_those_of_the_function(name):
+    function = FUNCTIONS[name]
+    few = jax.jit(in_few_kernels(function, X)).lower(X).compile(OPTIONS)(X)
+    for one, other in zip(jax.tree.leaves(few), jax.tree.leaves(function(X)), strict=True):
+        np.testing.assert_allclose(one, other, rtol=1e-12, atol=1e-14)
+
+
+def kernels(function) -> int:
+    """How many functions the compiler makes for a program: its operations that lie in no marked call, and the calls."""
+    text = jax.jit(function).lower(X).compile(OPTIONS).as_text() or ""
+    bodies = dict(re.findall(r"^(?:ENTRY )?%([\w.\-]+) \(.*?\{\n(.*?)^\}", text, re.MULTILINE | re.DOTALL))
+    marked = set(re.findall(r"to_apply=%([\w.\-]+), frontend_attributes=\{[^}]*xla_cpu_small_call", text))
+    return len(marked) + sum(
+        body.count(" fusion(") for name, body in bodies.items() if name not in marked and "fused" not in name
+    )
+
+
+def test_few_kernels_are_compiled():
+    def steps(x):
+        for _ in range(20):
+            x = jnp.cumsum(jnp.sin(x)) / jnp.sum(x)
+        return x
+
+    assert kernels(steps) >= 40
+    assert kernels(in_few_kernels(steps, X)) <= 3
+
+
+ENDS = """
+import jax, jax.numpy as jnp, numpy as np
+from fricjax.oscillator.kernels import OPTIONS, in_few_kernels
+def f(x, k, c):
+    # Of k and of c simplification leaves nothing.
+    y = jnp.where(jnp.full(3, True), jnp.sin(x) * 2 + 1, k * x)
+    return jnp.cos(y) - 0 * jnp.floor(jnp.isnan(c) * 0), y[:0] * k
+x = np.ones(3), np.asarray(2.0), np.arange(3)
+print(jax.jit(in_few_kernels(f, *x)).lower(*x).compile(OPTIONS)(*x)[0].shape)
+"""
+
+
+def test_arguments_without_use_and_arrays_without_elements_do_not_end_the_process():
+    ended = subprocess.run([sys.executable, "-c", ENDS], capture_output=True, text=True, check=False)
+    assert (ended.returncode, ended.stdout.strip()) == (0, "(3,)"), ended.stderr
