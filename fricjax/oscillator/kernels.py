@@ -48,25 +48,17 @@ _CALLS = {
 }
 _PARTIAL = ("dynamic_update_slice", "maybe_set", "copy", "select_if_vmap", "optimization_barrier", "scatter")
 # Sorting, linear algebra of LAPACK, scattering of many rows and calls of the host are not among them.
-_KNOWN = frozenset(
-    (
-        *(
-            "abs add add_any and argmax argmin asinh atan atan2 atanh broadcast_in_dim cbrt ceil clamp concatenate"
-        ).split(),
-        *("convert_element_type copy cos cosh cumlogsumexp cummax cummin cumprod cumsum div dot_general").split(),
-        *(
-            "dynamic_slice dynamic_update_slice eq erf erfc erf_inv exp exp2 expm1 floor gather ge gt integer_pow"
-        ).split(),
-        *(
-            "iota is_finite le lgamma log log1p logistic lt lt_to max maybe_set min mul ne neg nextafter nonbatchable"
-        ).split(),
-        *(
-            "nondifferentiable_backward not one_minus_square optimization_barrier or pad platform_index pow reduce_and reduce_max reduce_min reduce_or reduce_prod"
-        ).split(),
-        *("reduce_sum rem reshape rev round rsqrt scatter select_if_vmap select_n sign sin sinh slice").split(),
-        *("split sqrt square squeeze stack stop_gradient sub tan tanh transpose unstack unvmap_any xor").split(),
-    )
-)
+_NAMES = """
+abs add add_any and argmax argmin asinh atan atan2 atanh broadcast_in_dim cbrt ceil clamp concatenate
+convert_element_type copy cos cosh cumlogsumexp cummax cummin cumprod cumsum div dot_general dynamic_slice
+dynamic_update_slice eq erf erf_inv erfc exp exp2 expm1 floor gather ge gt integer_pow iota is_finite le
+lgamma log log1p logistic lt lt_to max maybe_set min mul ne neg nextafter nonbatchable
+nondifferentiable_backward not one_minus_square optimization_barrier or pad platform_index pow reduce_and
+reduce_max reduce_min reduce_or reduce_prod reduce_sum rem reshape rev round rsqrt scatter select_if_vmap
+select_n sign sin sinh slice split sqrt square squeeze stack stop_gradient sub tan tanh transpose unstack
+unvmap_any xor
+"""
+_KNOWN = frozenset(_NAMES.split())
 
 
 def in_few_kernels(function: Callable[..., Any], *args: Any) -> Callable[..., Any]:
