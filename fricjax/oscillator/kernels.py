@@ -1,4 +1,4 @@
-"""Programs of few kernels, for which the compiler takes half the time.
+"""Programs of few kernels, for which the compiler takes two thirds of the time.
 
 XLA for the CPU makes of every fused operation of a program a function with a module and passes of its own, at ten to
 twenty milliseconds each, and a fit has 300 to 600 of them. Of a call that is marked as small it makes one function,
@@ -15,17 +15,17 @@ compiled as they are. Two things end the process where another compiler would co
 
 import functools
 import math
+import platform
 from collections.abc import Callable, Iterable, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 from jax.experimental.xla_metadata import xla_metadata_call
 from jax.extend import core
 
-# Whether this is a version of JAX for which the marks are known to do what is said above.
-_TRIED = jax.version.__version_info__[:2] == (0, 12)
+# Whether these are a version of JAX and a processor for which the marks are known to do what is said above.
+_TRIED = jax.__version_info__[:2] == (0, 12) and platform.machine() in ("x86_64", "AMD64")
 _MARKS = {"inlineable": "false", "xla_cpu_small_call": "true"}
 # Most operations of a kernel: LLVM's time grows faster than what it is given, and two cores want two kernels.
 _MOST, _LEAST = 500, 4
@@ -34,8 +34,9 @@ _LONGEST = 4096
 # Longest array that is copied for a change of a part of it. Outside of kernels it is changed where it is.
 _COPIED = 64
 
-# Sums of long arrays would be handed to a library, which a call cannot hold.
-OPTIONS = {"xla_cpu_experimental_ynn_fusion_type": ""} if _TRIED else {}
+# Sums of long arrays would be handed to a library, which a call cannot hold. Of what LLVM does by default the last
+# level takes it a quarter of its time, and no fit is faster for it.
+OPTIONS = {"xla_cpu_experimental_ynn_fusion_type": "", "xla_backend_optimization_level": 2} if _TRIED else {}
 
 _CONTROL = ("while", "scan", "cond")
 # Calls that mean nothing but what they call, and the name of that.
@@ -69,6 +70,7 @@ def in_few_kernels(function: Callable[..., Any], *args: Any) -> Callable[..., An
         args: arguments of the shapes that it will be compiled for.
 
     Examples:
+        >>> import jax.numpy as jnp
         >>> def wave(t):
         ...     return jnp.exp(-t) * jnp.cos(t), jnp.max(t)
         >>> few = jax.jit(in_few_kernels(wave, np.arange(3.0)))
@@ -78,7 +80,7 @@ def in_few_kernels(function: Callable[..., Any], *args: Any) -> Callable[..., An
     if not _TRIED:
         return function
     traced = jax.jit(function).trace(*args)
-    gathered = core.jaxpr_as_fun(_gathered(traced.lojax.jaxpr))
+    gathered = core.jaxpr_as_fun(_Pass().gathered(traced.lojax.jaxpr))
     structure = jax.tree.structure(traced.out_info)
 
     @functools.wraps(function)
@@ -88,50 +90,119 @@ def in_few_kernels(function: Callable[..., Any], *args: Any) -> Callable[..., An
     return few
 
 
-def _gathered(jaxpr: core.Jaxpr) -> core.Jaxpr:
-    """A program, or the body of a loop, whose operations are gathered into kernels."""
-    inlined = _Inlined()
-    outvars = inlined.add(jaxpr)
-    last = {}
-    for k, eqn in enumerate(inlined.eqns):
-        last |= dict.fromkeys(_variables(eqn.invars), k)
-    last |= dict.fromkeys(_variables(outvars), len(inlined.eqns))
-    done: list[Any] = []
-    names = jaxpr.debug_info.with_unknown_names()
-    run: list[Any] = []
+class _Contents(NamedTuple):
+    """What is in a program, with all that it calls.
 
-    def close(until: int) -> None:
-        results = [each for eqn in run for each in eqn.outvars if last.get(each, -1) >= until]
-        done.extend(_kernel(run, results, names) if sum(map(_size, run)) >= _LEAST else run)
-        run.clear()
+    Attributes:
+        size: how many operations.
+        known: whether a kernel can hold them.
+        short: whether none of them is one that a kernel does slower.
+    """
 
-    for k, eqn in enumerate(inlined.eqns):
-        if _may_join(eqn):
-            if sum(map(_size, [*run, eqn])) > _MOST:
+    size: int
+    known: bool
+    short: bool
+
+
+def _together(parts: Sequence[_Contents]) -> _Contents:
+    return _Contents(
+        sum(each.size for each in parts), all(each.known for each in parts), all(each.short for each in parts)
+    )
+
+
+class _Pass:
+    """One pass over a program and the bodies of its loops."""
+
+    def __init__(self) -> None:
+        self._contents: dict[core.Jaxpr, _Contents] = {}
+
+    def gathered(self, jaxpr: core.Jaxpr) -> core.Jaxpr:
+        """A program, or a body, whose operations are gathered into kernels."""
+        inlined = _Inlined(lambda eqn: not self._joins(eqn))
+        outvars = inlined.add(jaxpr)
+        last = {each: k for k, eqn in enumerate(inlined.eqns) for each in _variables(eqn.invars)}
+        last |= dict.fromkeys(_variables(outvars), len(inlined.eqns))
+        names = jaxpr.debug_info.with_unknown_names()
+        done: list[Any] = []
+        run: list[Any] = []
+        size, made = 0, set()
+
+        def close(until: int) -> None:
+            results = [each for eqn in run for each in eqn.outvars if last.get(each, -1) >= until]
+            done.extend(_kernel(run, results, names) if size >= _LEAST else run)
+            run.clear()
+            made.clear()
+
+        for k, eqn in enumerate(inlined.eqns):
+            joins, more = self._joins(eqn), self._of(eqn).size
+            # What needs nothing of the run goes before it.
+            if (joins and size + more > _MOST) or (not joins and not made.isdisjoint(_variables(eqn.invars))):
                 close(k)
-            run.append(eqn)
-            continue
-        # What needs nothing of the run goes before it.
-        if set(_variables(eqn.invars)) & {each for other in run for each in other.outvars}:
-            close(k)
-        done.append(_with_bodies(eqn) if eqn.primitive.name in _CONTROL else eqn)
-    close(len(inlined.eqns))
-    constants = [*jaxpr.constvars, *inlined.constants]
-    values = [*jaxpr.consts, *inlined.constants.values()]
-    return core.Jaxpr(constants, jaxpr.invars, outvars, done, jaxpr.effects, jaxpr.debug_info, consts=values or None)
+                size = 0
+            if joins:
+                run.append(eqn)
+                made.update(eqn.outvars)
+                size += more
+            else:
+                done.append(self._with_bodies(eqn))
+        close(len(inlined.eqns))
+        constants = [*jaxpr.constvars, *inlined.constants]
+        values = [*jaxpr.consts, *inlined.constants.values()]
+        return core.Jaxpr(
+            constants, jaxpr.invars, outvars, done, jaxpr.effects, jaxpr.debug_info, consts=values or None
+        )
+
+    def _joins(self, eqn: Any) -> bool:
+        """Whether an operation is gathered with others."""
+        size, known, short = self._of(eqn)
+        # A loop is taken with all that it carries: to leave it is to compile its body by itself.
+        return known and size <= _MOST and (short or eqn.primitive.name in _CONTROL)
+
+    def _of(self, eqn: Any) -> _Contents:
+        """The contents of an operation."""
+        bodies = list(core.jaxprs_in_params(eqn.params))
+        name, plain = eqn.primitive.name, all(_is_plain(atom.aval) for atom in [*eqn.invars, *eqn.outvars])
+        if bodies:
+            inner = _together([self._of_body(body) for body in bodies])
+            return inner._replace(known=inner.known and plain and (name in _CONTROL or name in _CALLS))
+        known = plain and name in _KNOWN and not eqn.effects
+        if name == "scatter":
+            known = known and math.prod(eqn.invars[1].aval.shape[:-1]) == 1
+        longest = _COPIED if name in _PARTIAL else _LONGEST
+        return _Contents(1, known, all(math.prod(atom.aval.shape) <= longest for atom in eqn.outvars))
+
+    def _of_body(self, jaxpr: core.Jaxpr) -> _Contents:
+        if jaxpr not in self._contents:
+            self._contents[jaxpr] = _together([self._of(eqn) for eqn in jaxpr.eqns])
+        return self._contents[jaxpr]
+
+    def _with_bodies(self, eqn: Any) -> Any:
+        """An operation; of a loop or a choice with its bodies gathered, but not with what is asked before each turn."""
+        if eqn.primitive.name not in _CONTROL:
+            return eqn
+        params = {
+            name: jax.tree.map(self.gathered, value, is_leaf=_is_body)
+            for name, value in eqn.params.items()
+            if name != "cond_jaxpr" and _holds_bodies(value)
+        }
+        return eqn.replace(params=eqn.params | params)
 
 
 class _Inlined:
-    """Operations with those of the functions that they call in place of the calls.
+    """Operations with those of the functions that they call in place of some of the calls.
+
+    Args:
+        whether: which calls are replaced.
 
     Attributes:
         eqns: the operations.
         constants: that these functions bring along, with their values.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, whether: Callable[[Any], bool]) -> None:
         self.eqns: list[Any] = []
         self.constants: dict[Any, Any] = {}
+        self._whether = whether
         self._now: dict[Any, Any] = {}
 
     def add(self, jaxpr: core.Jaxpr) -> list[Any]:
@@ -139,7 +210,7 @@ class _Inlined:
         for eqn in jaxpr.eqns:
             invars = [self._atom(each) for each in eqn.invars]
             inner = _CALLS.get(eqn.primitive.name)
-            if inner is None:
+            if inner is None or not self._whether(eqn):
                 # The same function may be called twice, and each time gives other results.
                 outvars = [self._new(each) for each in eqn.outvars]
                 self.eqns.append(eqn.replace(invars=invars, outvars=outvars))
@@ -163,46 +234,9 @@ def _variables(atoms: Iterable[Any]) -> list[Any]:
     return [atom for atom in atoms if not isinstance(atom, core.Literal)]
 
 
-def _size(eqn: Any) -> int:
-    """How many operations there are in one."""
-    return sum(_size(inner) for body in core.jaxprs_in_params(eqn.params) for inner in body.eqns) or 1
-
-
-def _known(eqn: Any) -> bool:
-    """Whether a kernel can hold an operation, and all that it calls."""
-    bodies = list(core.jaxprs_in_params(eqn.params))
-    if bodies:
-        named = eqn.primitive.name in _CONTROL or eqn.primitive.name in _CALLS
-        return named and all(_known(inner) for body in bodies for inner in body.eqns)
-    if eqn.primitive.name == "scatter" and math.prod(eqn.invars[1].aval.shape[:-1]) != 1:
-        return False
-    return eqn.primitive.name in _KNOWN and not eqn.effects
-
-
-def _may_join(eqn: Any) -> bool:
-    """Whether an operation may be gathered with others."""
-    shapes = [atom.aval.shape for atom in eqn.outvars]
-    longest = _COPIED if eqn.primitive.name in _PARTIAL else _LONGEST
-    # A loop is taken with all that it carries: to leave it is to compile its body by itself.
-    if eqn.primitive.name not in _CONTROL and any(math.prod(shape) > longest for shape in shapes):
-        return False
-    plain = all(_is_plain(atom.aval) for atom in [*eqn.invars, *eqn.outvars])
-    return plain and _size(eqn) <= _MOST and _known(eqn)
-
-
 def _is_plain(aval: Any) -> bool:
     """Whether something is an array of some real numbers or truth values."""
     return isinstance(aval.dtype, np.dtype) and aval.dtype.kind in "biuf" and 0 not in aval.shape
-
-
-def _with_bodies(eqn: Any) -> Any:
-    """A loop or a choice whose bodies are gathered; what decides whether a loop goes on is small anyway."""
-    params = {
-        name: value if name == "cond_jaxpr" else jax.tree.map(_gathered, value, is_leaf=_is_body)
-        for name, value in eqn.params.items()
-        if _holds_bodies(value)
-    }
-    return eqn.replace(params=eqn.params | params)
 
 
 def _is_body(value: Any) -> bool:
@@ -242,25 +276,32 @@ def _patterns() -> tuple[Any, Any]:
 
 def _touch(variables: Sequence[Any]) -> tuple[list[Any], Any]:
     """Operations that make one number of the first elements of arrays, and the number."""
-    eqns, numbers = [], []
+    part, reshape, convert, add = _operations()
+    eqns: list[Any] = []
+
+    def then(pattern: Any, atoms: list[Any], like: Any, **params: Any) -> Any:
+        result = core.Var(like)
+        eqns.append(pattern.replace(invars=atoms, outvars=[result], params=pattern.params | params))
+        return result
+
+    total = None
     for variable in variables:
-        first = _first(variable.aval.shape, variable.aval.dtype)
-        numbers.append(core.Var(first.outvars[0].aval))
-        eqns.append(first.replace(invars=[variable], outvars=[numbers[-1]]))
-    while len(numbers) > 1:
-        total = core.Var(numbers[0].aval)
-        eqns.append(_plus().replace(invars=[numbers.pop(), numbers.pop()], outvars=[total]))
-        numbers.append(total)
-    return eqns, numbers[0]
+        ones, number = (1,) * variable.aval.ndim, variable
+        if ones:
+            zeros = tuple([0 for _ in ones])
+            first = then(part, [number], number.aval.update(shape=ones), start_indices=zeros, limit_indices=ones)
+            number = then(reshape, [first], first.aval.update(shape=()))
+        number = then(convert, [number], convert.outvars[0].aval)
+        total = number if total is None else then(add, [total, number], number.aval)
+    return eqns, total
 
 
 @functools.cache
-def _first(shape: tuple[int, ...], dtype: Any) -> Any:
-    """The first element of an array as a floating-point number, as an operation to be copied."""
-    first = jax.jit(lambda x: jnp.ravel(x)[0].astype(float) if shape else jnp.asarray(x, float))
-    return jax.make_jaxpr(first)(jax.ShapeDtypeStruct(shape, dtype)).eqns[0]
+def _operations() -> list[Any]:
+    """To be copied: a part of an array, its only element as a scalar, that as a floating-point number, a sum."""
 
+    def each(x: Any) -> Any:
+        number = jax.lax.reshape(jax.lax.slice(x, (0,), (1,)), ())
+        return jax.lax.add(jax.lax.convert_element_type(number, float), 1.0)
 
-@functools.cache
-def _plus() -> Any:
-    return jax.make_jaxpr(jnp.add)(np.zeros(()), np.zeros(())).eqns[0]
+    return jax.make_jaxpr(each)(np.arange(2)).eqns
