@@ -19,8 +19,10 @@ import jax.numpy as jnp
 import numpy as np
 
 from ..errors import UsageError, nearest
+from ..fitting.names import find_leaf
 from ..fitting.residual import Residual
 from ..oscillator import Oscillator
+from ..oscillator.oscillator import leaves_of
 from ..settings import check_noise, check_sampling
 from ..show import Report, Reported, Style, Table, axis_label, engineering, figure, scaled, styled
 from .plan import TAIL, plan, planned_motion
@@ -173,8 +175,8 @@ def optimal_runs(
 
     Raises:
         RuntimeError: JAX computes in single precision.
-        UsageError: ranges, targets or a duration that are none, an unknown criterion, or without a duration a mass that
-            never stops.
+        UsageError: ranges, targets, names or a duration that are none, an unknown criterion, or without a duration a
+            mass that never stops.
 
     Examples:
         >>> import fricjax as fj
@@ -182,6 +184,9 @@ def optimal_runs(
         >>> fj.sensitivity.optimal_runs(machine, (0.5e-3, 2e-3), {"mu": 1e-7}, ["mu", "damping", "stiffness"]).reached
         True
     """
+    leaves = leaves_of(oscillator)
+    for name in names:
+        find_leaf(name, leaves)
     _check(x0, targets, names, load, criterion, runs)
     check_noise(noise)
     check_sampling(rate, duration)

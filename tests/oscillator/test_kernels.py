@@ -9,6 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from fricjax.oscillator import kernels as module
 from fricjax.oscillator.kernels import OPTIONS, in_few_kernels
 
 X = np.linspace(0.1, 2.0, 60)
@@ -42,6 +43,18 @@ def test_results_are_those_of_the_function(name):
         np.testing.assert_allclose(one, other, rtol=1e-12, atol=1e-14)
 
 
+@pytest.mark.parametrize("factor", [0.5, 2])
+@pytest.mark.parametrize("constant", ["_MOST", "_LEAST", "_LONGEST", "_COPIED"])
+def test_constants_decide_how_long_something_takes_and_no_result(constant, factor, monkeypatch):
+    def steps(x):
+        part = jax.lax.fori_loop(0, 5, lambda i, s: s.at[2 * i + 1].set(s[i] * 2 + jnp.sum(jnp.sin(s))), jnp.tile(x, 2))
+        return jnp.cumsum(jnp.tanh(jnp.outer(part, x)), axis=0)[-1] / jnp.sum(x)
+
+    monkeypatch.setattr(module, constant, int(factor * getattr(module, constant)))
+    few = jax.jit(in_few_kernels(steps, X)).lower(X).compile(OPTIONS)(X)
+    np.testing.assert_allclose(few, steps(X), rtol=1e-12)
+
+
 def kernels(function) -> int:
     """How many functions the compiler makes for a program: its operations that lie in no marked call, and the calls."""
     text = jax.jit(function).lower(X).compile(OPTIONS).as_text() or ""
@@ -64,6 +77,7 @@ def test_few_kernels_are_compiled():
 
 ENDS = """
 import jax, jax.numpy as jnp, numpy as np
+from fricjax.oscillator import kernels as module
 from fricjax.oscillator.kernels import OPTIONS, in_few_kernels
 def f(x, k, c):
     # Of k and of c simplification leaves nothing.

@@ -87,6 +87,10 @@ def test_a_mass_that_never_stops_is_recorded_for_as_long_as_is_said():
     [
         ({"x0": (2e-3, 1e-3)}, "x0 must be a smaller and a larger positive number, got 0.002 and 0.001"),
         ({"targets": {"nu": 1e-6}}, "nu is not fitted. Did you mean 'mu'?"),
+        (
+            {"targets": {"damping": 1e-6}, "names": ["mu", "dampin"]},
+            "This oscillator has no coefficient 'dampin'. Did you mean 'damping'?",
+        ),
         ({"targets": {}}, "at least one target"),
         ({"criterion": "A"}, "no criterion 'A'"),
         ({"x0": (0.2e-3, 0.4e-3)}, "No release in this range determines"),
