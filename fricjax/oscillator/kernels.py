@@ -275,33 +275,44 @@ def _patterns() -> tuple[Any, Any]:
 
 
 def _touch(variables: Sequence[Any]) -> tuple[list[Any], Any]:
-    """Operations that make one number of the first elements of arrays, and the number."""
-    part, reshape, convert, add = _operations()
-    eqns: list[Any] = []
+    """Operations that make one number of arrays, of long ones of their first elements, and the number."""
+    operations, eqns = _operations(), []
 
-    def then(pattern: Any, atoms: list[Any], like: Any, **params: Any) -> Any:
-        result = core.Var(like)
+    def then(name: str, atoms: list[Any], like: Any, **params: Any) -> Any:
+        pattern, result = operations[name], core.Var(like)
         eqns.append(pattern.replace(invars=atoms, outvars=[result], params=pattern.params | params))
         return result
 
-    total = None
+    def scalar(array: Any) -> Any:
+        ones = (1,) * array.aval.ndim
+        if not ones:
+            return array
+        zeros = tuple([0 for _ in ones])
+        first = then("slice", [array], array.aval.update(shape=ones), start_indices=zeros, limit_indices=ones)
+        return then("reshape", [first], first.aval.update(shape=()))
+
+    # Like ones are added whole where they are short, for each operation costs the compiler as much as another.
+    alike: dict[Any, Any] = {}
     for variable in variables:
-        ones, number = (1,) * variable.aval.ndim, variable
-        if ones:
-            zeros = tuple([0 for _ in ones])
-            first = then(part, [number], number.aval.update(shape=ones), start_indices=zeros, limit_indices=ones)
-            number = then(reshape, [first], first.aval.update(shape=()))
-        number = then(convert, [number], convert.outvars[0].aval)
-        total = number if total is None else then(add, [total, number], number.aval)
+        each = variable if math.prod(variable.aval.shape) <= _COPIED else scalar(variable)
+        kind = (each.aval.shape, each.aval.dtype)
+        name = "or" if each.aval.dtype == bool else "add"
+        alike[kind] = then(name, [alike[kind], each], each.aval) if kind in alike else each
+    total = None
+    for each in alike.values():
+        number = scalar(each)
+        if number.aval.dtype != float:
+            number = then("convert_element_type", [number], operations["add"].outvars[0].aval)
+        total = number if total is None else then("add", [total, number], number.aval)
     return eqns, total
 
 
 @functools.cache
-def _operations() -> list[Any]:
-    """To be copied: a part of an array, its only element as a scalar, that as a floating-point number, a sum."""
+def _operations() -> dict[str, Any]:
+    """To be copied, by their names: what takes one element of an array, makes it a number, and joins two."""
 
     def each(x: Any) -> Any:
         number = jax.lax.reshape(jax.lax.slice(x, (0,), (1,)), ())
-        return jax.lax.add(jax.lax.convert_element_type(number, float), 1.0)
+        return jax.lax.add(jax.lax.convert_element_type(number, float), 1.0), jax.lax.bitwise_or(number, number)
 
-    return jax.make_jaxpr(each)(np.arange(2)).eqns
+    return {eqn.primitive.name: eqn for eqn in jax.make_jaxpr(each)(np.arange(2)).eqns}
