@@ -184,14 +184,17 @@ class _Compiled:
             return result
 
         flat.__name__ = name
+        try:
+            return self._gathered(flat, args, shape, arrays)
+        except jax.errors.JaxRuntimeError:
+            # Something in a kernel is nothing that XLA can put into one.
+            return jax.jit(flat).lower(arrays).compile()
 
-        def lowered() -> Any:
-            with _tracing():
-                return jax.jit(in_few_kernels(flat, arrays)).lower(arrays)
-
+    def _gathered(self, flat: Callable, args: tuple, shape: Shape, arrays: list[Any]) -> Callable:
+        name = self._function.__name__
         place = _place(self._function, shape)
         if place is None:
-            return lowered().compile(OPTIONS)
+            return _lowered(flat, arrays).compile(OPTIONS)
         likely = jax.tree.structure(self._like(*args))
         data = recall(place)
         traced = None if data is None else export.deserialize(bytearray(data))
@@ -201,7 +204,7 @@ class _Compiled:
                     traced = export.export(jax.jit(in_few_kernels(flat, arrays)), platforms=["cpu"])(arrays)
             except NotImplementedError:
                 # It calls the host, where only this process knows what to call.
-                return lowered().compile(OPTIONS)
+                return _lowered(flat, arrays).compile(OPTIONS)
             if self._structure != likely:
                 raise TypeError(f"{name} returns {self._structure}, and its programs are kept as {likely}.")
             keep(place, bytes(traced.serialize()))
@@ -213,6 +216,11 @@ class _Compiled:
 
         kept.__name__ = name
         return jax.jit(kept).lower(arrays).compile(OPTIONS)
+
+
+def _lowered(flat: Callable, arrays: list[Any]) -> Any:
+    with _tracing():
+        return jax.jit(in_few_kernels(flat, arrays)).lower(arrays)
 
 
 def _bare(traced: export.Exported) -> export.Exported:

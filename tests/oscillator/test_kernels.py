@@ -10,9 +10,16 @@ import numpy as np
 import pytest
 
 from fricjax.oscillator import kernels as module
+from fricjax.oscillator import program
 from fricjax.oscillator.kernels import OPTIONS, in_few_kernels
+from fricjax.oscillator.program import Program
 
 X = np.linspace(0.1, 2.0, 60)
+
+
+def sorted_waves(x):
+    return jnp.sort(jnp.sin(9 * x)) * 2 + 1
+
 
 FUNCTIONS = {
     "elementwise": lambda x: jnp.exp(-x) * jnp.sin(x) + jnp.tanh(x) ** 3 / jnp.cbrt(1 + x),
@@ -25,7 +32,7 @@ FUNCTIONS = {
     "derivative": lambda x: jax.jacfwd(lambda a: jnp.sin(a) * jnp.sum(a**2) + jnp.max(a))(x),
     "batch": lambda x: jax.vmap(lambda a: jax.lax.fori_loop(0, 3, lambda _, s: s * a + 1, a))(x),
     "matrix": lambda x: jnp.outer(x, x).T @ jnp.outer(x, x) + jnp.eye(60) * jnp.arange(60.0),
-    "sorted": lambda x: jnp.sort(jnp.sin(9 * x)) * 2 + 1,
+    "sorted": sorted_waves,
     "solved": lambda x: jnp.linalg.solve(jnp.diag(x[:5]) + 0.1, jnp.sin(x[:5])) * 3 - 1,
     "scattered": lambda x: jnp.zeros(60).at[jnp.arange(60) // 2].add(jnp.sin(x)) * 2,
     "nothing": lambda x: (x * 2 + 1, x[:0] * 3, jnp.sum(x[:0]) + x),
@@ -75,9 +82,25 @@ def test_few_kernels_are_compiled():
     assert kernels(in_few_kernels(steps, X)) <= 3
 
 
+@pytest.mark.parametrize("kept", [True, False])
+def test_what_xla_refuses_in_a_kernel_is_compiled_without(kept, tmp_path, monkeypatch):
+    monkeypatch.setattr(module, "_KNOWN", module._KNOWN | {"sort"})
+    with pytest.raises(jax.errors.JaxRuntimeError, match="kernel"):
+        jax.jit(in_few_kernels(sorted_waves, X)).lower(X).compile(OPTIONS)
+    monkeypatch.setattr(program, "_is_ours", lambda _: kept)
+    before = jax.config.jax_compilation_cache_dir
+    jax.config.update("jax_compilation_cache_dir", str(tmp_path))
+    try:
+        np.testing.assert_allclose(Program(sorted_waves, lambda x: x)(X), np.sort(np.sin(9 * X)) * 2 + 1, rtol=1e-14)
+    finally:
+        jax.config.update("jax_compilation_cache_dir", before)
+    assert any(path.name.startswith("fricjax-traced") for path in tmp_path.iterdir()) == kept
+
+
 ENDS = """
 import jax, jax.numpy as jnp, numpy as np
 from fricjax.oscillator import kernels as module
+from fricjax.oscillator import program
 from fricjax.oscillator.kernels import OPTIONS, in_few_kernels
 def f(x, k, c):
     # Of k and of c simplification leaves nothing.
