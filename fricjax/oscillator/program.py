@@ -177,21 +177,18 @@ class _Compiled:
         return jax.tree.unflatten(self._structure, self._call(arrays))
 
     def _compiled(self, args: tuple, shape: Shape, arrays: list[Any]) -> Callable:
-        name = self._function.__name__
-
         def flat(arrays: list[Any]) -> list[Any]:
             result, self._structure = jax.tree.flatten(self._function(*of_shape(shape, arrays)))
             return result
 
-        flat.__name__ = name
+        flat.__name__ = self._function.__name__
         try:
-            return self._gathered(flat, args, shape, arrays)
+            return self._in_kernels(flat, args, shape, arrays)
         except jax.errors.JaxRuntimeError:
             # Something in a kernel is nothing that XLA can put into one.
             return jax.jit(flat).lower(arrays).compile()
 
-    def _gathered(self, flat: Callable, args: tuple, shape: Shape, arrays: list[Any]) -> Callable:
-        name = self._function.__name__
+    def _in_kernels(self, flat: Callable, args: tuple, shape: Shape, arrays: list[Any]) -> Callable:
         place = _place(self._function, shape)
         if place is None:
             return _lowered(flat, arrays).compile(OPTIONS)
@@ -206,7 +203,7 @@ class _Compiled:
                 # It calls the host, where only this process knows what to call.
                 return _lowered(flat, arrays).compile(OPTIONS)
             if self._structure != likely:
-                raise TypeError(f"{name} returns {self._structure}, and its programs are kept as {likely}.")
+                raise TypeError(f"{flat.__name__} returns {self._structure}, and its programs are kept as {likely}.")
             keep(place, bytes(traced.serialize()))
         self._structure = likely
         traced = _bare(traced)
@@ -214,7 +211,7 @@ class _Compiled:
         def kept(arrays: list[Any]) -> Any:
             return traced.call(arrays)
 
-        kept.__name__ = name
+        kept.__name__ = flat.__name__
         return jax.jit(kept).lower(arrays).compile(OPTIONS)
 
 
