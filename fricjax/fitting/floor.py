@@ -52,7 +52,9 @@ def passage_of(problem: Problem, at: Solution, run: int, t: np.ndarray) -> State
         transitions[still], kicked[still] = np.diag([1.0, 0.0]), 0.0
     # A reversal that comes late by the phase d/X, of a deviation d from a swing X, leaves an error f (d/X)^2.
     swings = np.append(swing, band)[np.minimum(np.searchsorted(reversals, t), swing.size)]
-    bend = band / np.maximum(swings, band) ** 2
+    # Without friction it leaves none, nor is there a swing that it would end.
+    swings = np.maximum(swings, band)
+    bend = np.divide(band, swings**2, out=np.zeros_like(swings), where=swings > 0)
     return _joined(t, edges, transitions, kicked, dict(zip(reversals, ratios, strict=True)))._replace(bend=bend)
 
 
