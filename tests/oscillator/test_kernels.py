@@ -99,8 +99,6 @@ def test_what_xla_refuses_in_a_kernel_is_compiled_without(kept, tmp_path, monkey
 
 ENDS = """
 import jax, jax.numpy as jnp, numpy as np
-from fricjax.oscillator import kernels as module
-from fricjax.oscillator import program
 from fricjax.oscillator.kernels import OPTIONS, in_few_kernels
 def f(x, k, c):
     # Of k and of c simplification leaves nothing.
