@@ -62,30 +62,28 @@ unvmap_any xor
 _KNOWN = frozenset(_NAMES.split())
 
 
-def in_few_kernels(function: Callable[..., Any], *args: Any) -> Callable[..., Any]:
-    """The function for arguments of the same shapes, to be compiled with `OPTIONS`.
+def in_few_kernels(function: Callable[..., Any]) -> Callable[..., Any]:
+    """The function, to be compiled with `OPTIONS`; it cannot be differentiated or batched any more.
 
     Args:
         function: of pytrees of arrays; returns one.
-        args: arguments of the shapes that it will be compiled for.
 
     Examples:
         >>> import jax.numpy as jnp
         >>> def wave(t):
         ...     return jnp.exp(-t) * jnp.cos(t), jnp.max(t)
-        >>> few = jax.jit(in_few_kernels(wave, np.arange(3.0)))
+        >>> few = jax.jit(in_few_kernels(wave))
         >>> bool(jnp.allclose(few(np.arange(3.0))[0], wave(np.arange(3.0))[0]))
         True
     """
     if not _TRIED:
         return function
-    traced = jax.jit(function).trace(*args)
-    gathered = core.jaxpr_as_fun(_Pass().gathered(traced.lojax.jaxpr))
-    structure = jax.tree.structure(traced.out_info)
 
     @functools.wraps(function)
     def few(*args: Any) -> Any:
-        return jax.tree.unflatten(structure, gathered(*jax.tree.leaves(args)))
+        traced = jax.jit(function).trace(*args)
+        gathered = core.jaxpr_as_fun(_Pass().gathered(traced.lojax.jaxpr))
+        return jax.tree.unflatten(jax.tree.structure(traced.out_info), gathered(*jax.tree.leaves(args)))
 
     return few
 

@@ -268,5 +268,5 @@ class Drive(eqx.Module):
     """
 
     t: Float[Array | np.ndarray, " instants"]
-    base_acceleration: Float[Array, " instants"] | None = None
+    base_acceleration: Float[Array | np.ndarray, " instants"] | None = None
     release: AbstractRelease | None = None

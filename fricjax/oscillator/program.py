@@ -123,6 +123,9 @@ class Program[*Arguments, Result]:
     Args:
         function: what to compile; its arguments and its result are pytrees.
         like: from the same arguments a pytree of the structure that the result has, whatever its leaves.
+        most: how many programs are held.
+        kernels: whether operations are gathered into few kernels. Not so for a loop that fills long arrays step by
+            step, which a kernel copies at each.
 
     Examples:
         >>> twice = Program(lambda x: 2 * x, like=lambda x: x)
@@ -131,9 +134,14 @@ class Program[*Arguments, Result]:
     """
 
     def __init__(
-        self, function: Callable[[*Arguments], Result], like: Callable[[*Arguments], Any], most: int = MOST
+        self,
+        function: Callable[[*Arguments], Result],
+        like: Callable[[*Arguments], Any],
+        most: int = MOST,
+        *,
+        kernels: bool = True,
     ) -> None:
-        self._function, self._like, self._most = function, like, most
+        self._function, self._like, self._most, self._kernels = function, like, most, kernels
         self._programs: OrderedDict[Hashable, _Compiled] = OrderedDict()
         self._lock = threading.Lock()
         functools.update_wrapper(self, function)
@@ -150,7 +158,7 @@ class Program[*Arguments, Result]:
             return self._function(*args)
         with self._lock:
             if shape not in self._programs:
-                self._programs[shape] = _Compiled(self._function, self._like)
+                self._programs[shape] = _Compiled(self._function, self._like, self._kernels)
             self._programs.move_to_end(shape)
             while len(self._programs) > self._most:
                 self._programs.popitem(last=False)
@@ -161,8 +169,8 @@ class Program[*Arguments, Result]:
 class _Compiled:
     """A function for one shape of arguments: compiled once, whichever thread comes first."""
 
-    def __init__(self, function: Callable, like: Callable) -> None:
-        self._function, self._like = function, like
+    def __init__(self, function: Callable, like: Callable, kernels: bool) -> None:
+        self._function, self._like, self._kernels = function, like, kernels
         self._lock = threading.Lock()
         self._call: Callable | None = None
         self._structure: Any = None
@@ -182,26 +190,28 @@ class _Compiled:
             return result
 
         flat.__name__ = self._function.__name__
-        try:
-            return self._in_kernels(flat, args, shape, arrays)
-        except jax.errors.JaxRuntimeError:
-            # Something in a kernel is nothing that XLA can put into one.
+        if self._kernels:
+            # What XLA refuses to put into a kernel is compiled operation by operation.
+            with contextlib.suppress(jax.errors.JaxRuntimeError):
+                return self._kept(in_few_kernels(flat), args, shape, arrays).compile(OPTIONS)
             return jax.jit(flat).lower(arrays).compile()
+        return self._kept(flat, args, shape, arrays).compile()
 
-    def _in_kernels(self, flat: Callable, args: tuple, shape: Shape, arrays: list[Any]) -> Callable:
+    def _kept(self, flat: Callable, args: tuple, shape: Shape, arrays: list[Any]) -> Any:
+        """The lowered program, recalled or kept for another time."""
         place = _place(self._function, shape)
         if place is None:
-            return _lowered(flat, arrays).compile(OPTIONS)
+            return _lowered(flat, arrays)
         likely = jax.tree.structure(self._like(*args))
         data = recall(place)
         traced = None if data is None else export.deserialize(bytearray(data))
         if traced is None or len(traced.out_avals) != likely.num_leaves:
             try:
                 with _tracing():
-                    traced = export.export(jax.jit(in_few_kernels(flat, arrays)), platforms=["cpu"])(arrays)
+                    traced = export.export(jax.jit(flat), platforms=["cpu"])(arrays)
             except NotImplementedError:
                 # It calls the host, where only this process knows what to call.
-                return _lowered(flat, arrays).compile(OPTIONS)
+                return _lowered(flat, arrays)
             if self._structure != likely:
                 raise TypeError(f"{flat.__name__} returns {self._structure}, and its programs are kept as {likely}.")
             keep(place, bytes(traced.serialize()))
@@ -212,12 +222,12 @@ class _Compiled:
             return traced.call(arrays)
 
         kept.__name__ = flat.__name__
-        return jax.jit(kept).lower(arrays).compile(OPTIONS)
+        return jax.jit(kept).lower(arrays)
 
 
 def _lowered(flat: Callable, arrays: list[Any]) -> Any:
     with _tracing():
-        return jax.jit(in_few_kernels(flat, arrays)).lower(arrays)
+        return jax.jit(flat).lower(arrays)
 
 
 def _bare(traced: export.Exported) -> export.Exported:

@@ -16,6 +16,7 @@ from ..show.working import working
 from .engines.base import AbstractEngine
 from .motion import Motion, Start
 from .oscillator import AbstractRelease, Drive, Oscillator
+from .program import Program
 from .select import concrete, half_cycle_capacity, select_engine
 from .session import ready
 
@@ -91,16 +92,21 @@ def simulate(
     limit = _limit_engine(oscillator, capacity)
     if driven:
         filled, drive = _filled(times, base_acceleration, release)
-    elif any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves((oscillator, x, v, state, times))):
+    elif _is_traced((oscillator, x, v, state, times)):
         # Whoever traces it compiles it for times of their own.
         return _solve(chosen, limit, oscillator, x, v, state, times, None)
     else:
         filled, drive = _longer(times, _more(times, _SIZES)), None
-    motion = _solve(chosen, limit, oscillator, x, v, state, filled, drive)
+    args = (chosen, limit, oscillator, x, v, state, filled, drive)
+    motion = _solve(*args) if _is_traced(args) else Motion(engine=chosen.name, **_kept(*jax.tree.map(np.asarray, args)))
     if filled.size == times.size:
         return motion
     samples = {name: getattr(motion, name) for name in ("t", "x", "v", "friction_force", "at_rest")}
     return dataclasses.replace(motion, **_first(samples, times.size))
+
+
+def _is_traced(values: Any) -> bool:
+    return any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves(values))
 
 
 # In one call, for each costs a fifth of a millisecond.
@@ -127,7 +133,7 @@ def _filled(times: Any, base_acceleration: ArrayLike | None, release: AbstractRe
     interval = times[-1] - times[-2] if times.size > 1 else 1.0
     xp = jnp if isinstance(times, Tracer) else np
     knots = xp.concatenate([times, times[-1] + interval * xp.arange(1, more + 1)])
-    return filled, Drive(knots, _longer(jnp.asarray(base_acceleration, float), more), release)
+    return filled, Drive(knots, _longer(_floats(base_acceleration), more), release)
 
 
 def _longer(values: Any, more: int) -> Any:
@@ -194,8 +200,7 @@ def _times(ts: ArrayLike) -> Any:
     return times
 
 
-@jax.jit
-def _solve(
+def _solved(
     engine: AbstractEngine,
     limit: AbstractEngine | None,
     oscillator: Oscillator,
@@ -216,6 +221,26 @@ def _solve(
     reference = dataclasses.replace(oscillator, friction=oscillator.friction.set_valued_limit())
     bias = jnp.max(jnp.abs(limit.solve(reference, start._replace(state=jnp.zeros(0)), motion.t).x - motion.x))
     return eqx.tree_at(lambda m: m.regularisation_bias, motion, bias)
+
+
+_solve = jax.jit(_solved)
+
+
+def _fields(engine: AbstractEngine, *args: Any) -> dict[str, Any]:
+    """The motion as what is kept between processes: its fields but the name of the engine."""
+    motion = _solved(engine, *args)
+    return {name: getattr(motion, name) for name in _NAMES}
+
+
+def _like(engine: AbstractEngine, *_: Any) -> dict[str, Any]:
+    from .outcome import RESULTS
+
+    return dict.fromkeys(_NAMES, 0) | {"result": RESULTS.successful, "stats": dict.fromkeys(engine.counted, 0)}
+
+
+_NAMES = [each.name for each in dataclasses.fields(Motion) if each.name != "engine"]
+# One motion is computed on the host, for a GPU would wait at each of its steps.
+_kept = Program(_fields, _like, kernels=False)
 
 
 def final_displacement(oscillator: Oscillator, x0: ArrayLike, *, engine: str | AbstractEngine = "auto") -> Array:

@@ -45,7 +45,7 @@ FUNCTIONS = {
 @pytest.mark.parametrize("name", FUNCTIONS)
 def test_results_are_those_of_the_function(name):
     function = FUNCTIONS[name]
-    few = jax.jit(in_few_kernels(function, X)).lower(X).compile(OPTIONS)(X)
+    few = jax.jit(in_few_kernels(function)).lower(X).compile(OPTIONS)(X)
     for one, other in zip(jax.tree.leaves(few), jax.tree.leaves(function(X)), strict=True):
         np.testing.assert_allclose(one, other, rtol=1e-12, atol=1e-14)
 
@@ -58,7 +58,7 @@ def test_constants_decide_how_long_something_takes_and_no_result(constant, facto
         return jnp.cumsum(jnp.tanh(jnp.outer(part, x)), axis=0)[-1] / jnp.sum(x)
 
     monkeypatch.setattr(module, constant, int(factor * getattr(module, constant)))
-    few = jax.jit(in_few_kernels(steps, X)).lower(X).compile(OPTIONS)(X)
+    few = jax.jit(in_few_kernels(steps)).lower(X).compile(OPTIONS)(X)
     np.testing.assert_allclose(few, steps(X), rtol=1e-12)
 
 
@@ -79,14 +79,14 @@ def test_few_kernels_are_compiled():
         return x
 
     assert kernels(steps) >= 40
-    assert kernels(in_few_kernels(steps, X)) <= 3
+    assert kernels(in_few_kernels(steps)) <= 3
 
 
 @pytest.mark.parametrize("kept", [True, False])
 def test_what_xla_refuses_in_a_kernel_is_compiled_without(kept, tmp_path, monkeypatch):
     monkeypatch.setattr(module, "_KNOWN", module._KNOWN | {"sort"})
     with pytest.raises(jax.errors.JaxRuntimeError, match="kernel"):
-        jax.jit(in_few_kernels(sorted_waves, X)).lower(X).compile(OPTIONS)
+        jax.jit(in_few_kernels(sorted_waves)).lower(X).compile(OPTIONS)
     monkeypatch.setattr(program, "_is_ours", lambda _: kept)
     before = jax.config.jax_compilation_cache_dir
     jax.config.update("jax_compilation_cache_dir", str(tmp_path))
@@ -105,7 +105,7 @@ def f(x, k, c):
     y = jnp.where(jnp.full(3, True), jnp.sin(x) * 2 + 1, k * x)
     return jnp.cos(y) - 0 * jnp.floor(jnp.isnan(c) * 0), y[:0] * k
 x = np.ones(3), np.asarray(2.0), np.arange(3)
-print(jax.jit(in_few_kernels(f, *x)).lower(*x).compile(OPTIONS)(*x)[0].shape)
+print(jax.jit(in_few_kernels(f)).lower(*x).compile(OPTIONS)(*x)[0].shape)
 """
 
 

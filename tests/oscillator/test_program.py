@@ -12,8 +12,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from fricjax.friction import Coulomb
-from fricjax.oscillator import Program, Start
+from fricjax.friction import Coulomb, Tanh
+from fricjax.oscillator import Exact, Hybrid, Oscillator, Program, Start, simulate
 from fricjax.oscillator.program import forget_programs
 
 ONE, TWO = np.ones(3), np.ones(4)
@@ -74,6 +74,20 @@ def test_each_shape_and_each_class_has_its_own(folder):
         assert np.array_equal(found.x0, 2 * x) and found.x0.dtype == x.dtype
         assert jax.tree.structure(found) == jax.tree.structure(given)
     assert len(traces) == len(traced(folder)) == 4
+
+
+@pytest.mark.parametrize("law", [Coulomb(0.05), Tanh(0.05, 1e-3)], ids=["Coulomb", "Tanh"])
+def test_a_later_process_traces_no_motion_again(folder, law, monkeypatch):
+    machine, ts = Oscillator(1.0, 5000.0, 1.0, 9.81, law), np.linspace(0.0, 0.3, 31)
+    forget_programs()
+    before = simulate(machine, 2e-3, ts)
+    forget_programs()
+    for engine in (Exact, Hybrid):
+        monkeypatch.setattr(engine, "solve", None)
+    again = simulate(machine, 2e-3, ts)
+    assert jax.tree.structure(again) == jax.tree.structure(before)
+    jax.tree.map(np.testing.assert_array_equal, again, before)
+    assert len(traced(folder)) == 1
 
 
 def test_classes_of_others_are_compiled_but_not_kept(folder):

@@ -49,10 +49,14 @@ class AbstractEngine(eqx.Module):
     of the same shape compiles nothing.
 
     Attributes:
+        name: by which :func:`fricjax.simulate` knows it.
+        counted: what the `stats` of its motions tell.
         needs_mesh: whether the steps of a motion have to be found before its path is a smooth function of it.
         takes_drive: whether `solve` takes a `drive`: a floor that moves, a holding force that decays.
     """
 
+    name: eqx.AbstractClassVar[str]
+    counted: ClassVar[tuple[str, ...]] = ()
     needs_mesh: eqx.AbstractClassVar[bool]
     takes_drive: ClassVar[bool] = False
 

@@ -128,6 +128,8 @@ class Events(AbstractEngine):
         (5, True)
     """
 
+    name: ClassVar[str] = "diffrax"
+    counted: ClassVar[tuple[str, ...]] = ("num_steps",)
     needs_mesh: ClassVar[bool] = False
     takes_drive: ClassVar[bool] = True
     accuracy: float | Float[Array | np.ndarray, ""] = 1e-10
@@ -185,7 +187,7 @@ class Events(AbstractEngine):
             turning_points=last.points * scaled.length,
             n_half_cycles=last.count,
             regularisation_bias=jnp.zeros(()),
-            engine="diffrax",
+            engine=self.name,
             result=RESULTS.where(short, RESULTS.too_many_half_cycles, last.result),
             stats={"num_steps": last.steps},
         )

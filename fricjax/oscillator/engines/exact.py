@@ -170,6 +170,7 @@ class Exact(AbstractEngine):
         (17,)
     """
 
+    name: ClassVar[str] = "exact"
     needs_mesh: ClassVar[bool] = False
     max_half_cycles: int = eqx.field(static=True, default=512)
 
@@ -228,7 +229,7 @@ class Exact(AbstractEngine):
             turning_points=_without_drag(points, oscillator.drag),
             n_half_cycles=jnp.where(jnp.isfinite(cycles.last), cycles.last, -1).astype(int),
             regularisation_bias=jnp.zeros(()),
-            engine="exact",
+            engine=self.name,
             result=RESULTS.where(oscillator.damping_ratio < 1, outcome, RESULTS.overdamped),
             stats={},
         )

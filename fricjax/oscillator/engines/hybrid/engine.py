@@ -107,6 +107,8 @@ class Hybrid(AbstractEngine):
         42
     """
 
+    name: ClassVar[str] = "hybrid"
+    counted: ClassVar[tuple[str, ...]] = ("nodes_per_half_cycle", "t_handover")
     needs_mesh: ClassVar[bool] = False
     nodes: int = eqx.field(static=True, default=32)
     max_half_cycles: int = eqx.field(static=True, default=512)
@@ -183,7 +185,7 @@ class Hybrid(AbstractEngine):
             turning_points=jnp.concatenate([jnp.reshape(start.x0, (1,)), points]),
             n_half_cycles=count,
             regularisation_bias=jnp.zeros(()),
-            engine="hybrid",
+            engine=self.name,
             result=codes.where(jnp.all(reached), codes.successful, lost),
             stats={
                 "nodes_per_half_cycle": self.nodes,

@@ -73,6 +73,8 @@ class Smooth(AbstractEngine):
         1e-11 m
     """
 
+    name: ClassVar[str] = "smooth"
+    counted: ClassVar[tuple[str, ...]] = ("num_steps", "num_rejected_steps")
     needs_mesh: ClassVar[bool] = True
     takes_drive: ClassVar[bool] = True
     accuracy: float | Float[Array | np.ndarray, ""] = 1e-10
@@ -196,9 +198,9 @@ class Smooth(AbstractEngine):
             turning_points=log.points * machine.length,
             n_half_cycles=log.count,
             regularisation_bias=jnp.zeros(()),
-            engine="smooth",
+            engine=self.name,
             result=RESULTS.promote(solution.result),
-            stats={name: solution.stats[name] for name in ("num_steps", "num_rejected_steps")},
+            stats={name: solution.stats[name] for name in self.counted},
         )
 
     def rest(self, oscillator: Oscillator, start: Start) -> Array:
