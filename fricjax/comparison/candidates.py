@@ -4,7 +4,6 @@ import dataclasses
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -17,7 +16,7 @@ from ..fitting.parameters import Request
 from ..fitting.problem import windows_of
 from ..fitting.window import Window
 from ..friction.base import law_name
-from ..oscillator import Oscillator
+from ..oscillator import Oscillator, Program
 from ..oscillator.oscillator import leaves_of
 from ..settings import check_different
 
@@ -97,8 +96,8 @@ def identifiable_coefficients(oscillator: Oscillator) -> tuple[str, ...]:
     """
     leaves, structure = jax.tree.flatten(oscillator)
     # A little away from the values at hand, which may be special: a law may not depend on v_stribeck where mu_s is mu.
-    at = np.array([float(leaf) * (1 + 0.01 * i) for i, leaf in enumerate(leaves)])
-    slopes = np.asarray(_slopes(structure, at))
+    at = [np.asarray(float(leaf) * (1 + 0.01 * i)) for i, leaf in enumerate(leaves)]
+    slopes = np.asarray(_slopes(jax.tree.unflatten(structure, at)))
     free = ["damping", "stiffness"]
     for leaf in leaves_of(oscillator):
         acts = leaf.dotted.startswith("friction.") and np.any(slopes[..., leaf.index] != 0)
@@ -112,9 +111,9 @@ def identifiable_coefficients(oscillator: Oscillator) -> tuple[str, ...]:
     return (*free[2:], *free[:2])
 
 
-@eqx.filter_jit
-def _slopes(structure: Any, at: Array | np.ndarray) -> Array:
+def _slopes_of(oscillator: Oscillator) -> Array:
     """Derivatives of the friction force and the rates of its states by all leaves of an oscillator, at some speeds."""
+    leaves, structure = jax.tree.flatten(oscillator)
 
     def forces(values: Array, v: Array) -> Array:
         machine = jax.tree.unflatten(structure, list(values))
@@ -122,7 +121,10 @@ def _slopes(structure: Any, at: Array | np.ndarray) -> Array:
         state = 0.4 * law.state_scale(load)
         return jnp.append(law.rate(v, state, load), law.force(v, state, load))
 
-    return jax.vmap(jax.jacfwd(forces), (None, 0))(at, jnp.asarray(_SPEEDS))
+    return jax.vmap(jax.jacfwd(forces), (None, 0))(jnp.stack(leaves), jnp.asarray(_SPEEDS))
+
+
+_slopes = Program(_slopes_of, lambda _: 0)
 
 
 def _check_tables(

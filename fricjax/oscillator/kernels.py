@@ -254,13 +254,14 @@ def _kernel(run: Sequence[Any], results: list[Any], names: Any) -> list[Any]:
     place = {"source_info": run[0].source_info, "ctx": run[0].ctx}
     touch, number = _touch(needed)
     body = core.Jaxpr([], needed, [*results, number], [*run, *touch], frozenset(), names)
-    sealed, raw = [core.Var(each.aval) for each in needed], [core.Var(results[0].aval), core.Var(number.aval)]
+    sealed, raw = ([core.Var(each.aval) for each in atoms] for atoms in (needed, [*results, number]))
     call, barrier = _patterns()
     before = barrier.replace(invars=needed, outvars=sealed, **place)
     params = call.params | {"jaxpr": body}
-    kernel = call.replace(invars=sealed, outvars=[raw[0], *results[1:], raw[1]], params=params, **place)
-    # The number is returned by the call and wanted by nobody: without a barrier JAX would take it away.
-    behind = barrier.replace(invars=raw, outvars=[results[0], core.Var(number.aval)], **place)
+    kernel = call.replace(invars=sealed, outvars=raw, params=params, **place)
+    # The number is wanted by nobody, and JAX takes away what is not: so it passes a barrier with all results, of which
+    # any may turn out to be wanted by nobody either.
+    behind = barrier.replace(invars=raw, outvars=[*results, core.Var(number.aval)], **place)
     return [before, kernel, behind]
 
 

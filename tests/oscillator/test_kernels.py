@@ -97,18 +97,31 @@ def test_what_xla_refuses_in_a_kernel_is_compiled_without(kept, tmp_path, monkey
     assert any(path.name.startswith("fricjax-traced") for path in tmp_path.iterdir()) == kept
 
 
-ENDS = """
+BEGIN = """
 import jax, jax.numpy as jnp, numpy as np
 from fricjax.oscillator.kernels import OPTIONS, in_few_kernels
+"""
+WITHOUT_USE = """
 def f(x, k, c):
     # Of k and of c simplification leaves nothing.
     y = jnp.where(jnp.full(3, True), jnp.sin(x) * 2 + 1, k * x)
     return jnp.cos(y) - 0 * jnp.floor(jnp.isnan(c) * 0), y[:0] * k
+"""
+UNWANTED = """
+def f(x, k, c):
+    # The first result of the kernel is wanted by a sorting alone, and that by nobody; k is used by halves.
+    y, z = jnp.sin(x) * 2 + 1, jnp.cos(x) * jnp.stack([k, 3.0])[1] + c
+    jnp.sort(y)
+    return jnp.sort(z), z
+"""
+END = """
 x = np.ones(3), np.asarray(2.0), np.arange(3)
 print(jax.jit(in_few_kernels(f)).lower(*x).compile(OPTIONS)(*x)[0].shape)
 """
 
 
-def test_arguments_without_use_and_arrays_without_elements_do_not_end_the_process():
-    ended = subprocess.run([sys.executable, "-c", ENDS], capture_output=True, text=True, check=False)
+@pytest.mark.parametrize("function", [WITHOUT_USE, UNWANTED], ids=["arguments without use", "a result without use"])
+def test_what_xla_does_not_expect_of_a_kernel_does_not_end_the_process(function):
+    """Nor do arrays without elements."""
+    ended = subprocess.run([sys.executable, "-c", BEGIN + function + END], capture_output=True, text=True, check=False)
     assert (ended.returncode, ended.stdout.strip()) == (0, "(3,)"), ended.stderr
