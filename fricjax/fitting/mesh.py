@@ -36,10 +36,7 @@ def with_mesh(residual: Residual, y: Any, slack: float = 1.0) -> Residual:
     """
     if not residual.engine.needs_mesh:
         return residual
-    # Of the samples only the last instant matters, so that records of any length share the compilation.
-    runs = residual.runs
-    none = {name: [getattr(run, name)[:0] for run in runs] for name in ("x", "weight")}
-    bare = residual.with_runs(t=[run.t[-1:] for run in runs], **none, engine=[None] * len(runs))
+    bare = _bare(residual)
     engine: Any = residual.engine
     meshes = _meshes(engine.at_accuracy(slack * engine.accuracy), bare, y)
     lists = [(_finite(phases), _graded(_finite(times))) for phases, times in meshes]
@@ -52,6 +49,29 @@ def with_mesh(residual: Residual, y: Any, slack: float = 1.0) -> Residual:
         rooms.append(min(int(_MORE * steps), _SIZES[-1]))
     size = next(size for size in _SIZES if size >= max(rooms))
     return residual.with_runs(engine=[engine.on_mesh(*pair, size) for pair in lists])
+
+
+def likely(residual: Residual, y: Any) -> Residual | None:
+    """The residual with meshes of the size that is likely and nothing in them, before the first mesh can be made.
+
+    What is compiled for it meanwhile is what a first fit waits for longest. None where nothing is to be compiled, and
+    where no size is likely.
+    """
+    engine: Any = residual.engine
+    law = residual.oscillator.friction
+    # Of laws whose elements stick some need the third size, and a wrong guess costs more than a right one gains.
+    if not engine.needs_mesh or law.n_modes or _meshes.is_compiled(engine, _bare(residual), y):
+        return None
+    size = _SIZES[0 if law.n_states * law.step_refinement == 1 else 1]
+    nothing = np.array([0.0, 1.0])
+    return residual.with_runs(engine=[engine.on_mesh(nothing, nothing, size) for _ in residual.runs])
+
+
+def _bare(residual: Residual) -> Residual:
+    """Of the samples only the last instant matters, so that records of any length share the compilation."""
+    runs = residual.runs
+    none = {name: [getattr(run, name)[:0] for run in runs] for name in ("x", "weight")}
+    return residual.with_runs(t=[run.t[-1:] for run in runs], **none, engine=[None] * len(runs))
 
 
 def _meshed(free: Any, residual: Residual, y: Any) -> list[tuple[Any, Any]]:

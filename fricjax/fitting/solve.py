@@ -25,7 +25,7 @@ from ..oscillator.engines import AbstractEngine
 from .chunks import Member, Summary, solve_in_chunks
 from .derived import Derived
 from .evaluation import Evaluation
-from .mesh import with_mesh
+from .mesh import likely, with_mesh
 from .problem import Problem
 from .residual import Residual, without_inputs
 from .runs import full_stage
@@ -143,6 +143,9 @@ def solve_batch(
 
 def solve_condensed(problem: Problem, begin: Any) -> Iterate:
     """The optimum of the condensed record, from coordinates `begin`; of all samples under a robust loss."""
+    expected = likely(problem.condensed, begin)
+    if expected is not None:
+        staged.compile_beside(expected, problem.stage_weights, problem.limits, Squares(), begin, _NEAR)
     return _optima([problem], [begin], one_by_one, _NEAR)[0]
 
 

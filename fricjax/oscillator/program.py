@@ -156,14 +156,47 @@ class Program[*Arguments, Result]:
         shape, arrays = split(args)
         if any(isinstance(leaf, Tracer) for leaf in arrays):
             return self._function(*args)
+        return self._held(shape).of(args, shape, arrays)
+
+    def is_compiled(self, *args: *Arguments) -> bool:
+        """Whether a program for such arguments is at hand, so that a call waits for its result alone.
+
+        Examples:
+            >>> Program(lambda x: 2 * x, like=lambda x: x).is_compiled(np.arange(3.0))
+            False
+        """
+        with self._lock:
+            known = self._programs.get(split(args)[0])
+        return known is not None and known.is_compiled
+
+    def compile_beside(self, *args: *Arguments) -> None:
+        """Begin to compile for arguments of such shapes, by a thread of its own while the caller goes on.
+
+        A call that comes before its end waits for it, and tells what was wrong.
+
+        Examples:
+            >>> twice = Program(lambda x: 2 * x, like=lambda x: x)
+            >>> twice.compile_beside(np.zeros(3))
+            >>> twice(np.arange(3.0)).tolist()
+            [0.0, 2.0, 4.0]
+        """
+        shape, arrays = split(args)
+        compiled = self._held(shape)
+
+        def work() -> None:
+            with contextlib.suppress(Exception):
+                compiled.compiled(args, shape, arrays)
+
+        threading.Thread(target=work, name=f"compiling {self._function.__name__}").start()
+
+    def _held(self, shape: Shape) -> "_Compiled":
         with self._lock:
             if shape not in self._programs:
                 self._programs[shape] = _Compiled(self._function, self._like, self._kernels)
             self._programs.move_to_end(shape)
             while len(self._programs) > self._most:
                 self._programs.popitem(last=False)
-            compiled = self._programs[shape]
-        return compiled(args, shape, arrays)
+            return self._programs[shape]
 
 
 class _Compiled:
@@ -175,16 +208,24 @@ class _Compiled:
         self._call: Callable | None = None
         self._structure: Any = None
 
-    def __call__(self, args: tuple, shape: Shape, arrays: list[Any]) -> Any:
+    @property
+    def is_compiled(self) -> bool:
+        return self._call is not None
+
+    def of(self, args: tuple, shape: Shape, arrays: list[Any]) -> Any:
+        results = self.compiled(args, shape, arrays)(arrays)
+        return jax.tree.unflatten(self._structure, results)
+
+    def compiled(self, args: tuple, shape: Shape, arrays: list[Any]) -> Callable:
         if self._call is None:
             with waiting(), self._lock:
                 if self._call is None:
                     ready()
                     with working("compiling"), jax.default_device(processor()):
-                        self._call = self._compiled(args, shape, arrays)
-        return jax.tree.unflatten(self._structure, self._call(arrays))
+                        self._call = self._made(args, shape, arrays)
+        return self._call
 
-    def _compiled(self, args: tuple, shape: Shape, arrays: list[Any]) -> Callable:
+    def _made(self, args: tuple, shape: Shape, arrays: list[Any]) -> Callable:
         def flat(arrays: list[Any]) -> list[Any]:
             result, self._structure = jax.tree.flatten(self._function(*of_shape(shape, arrays)))
             return result

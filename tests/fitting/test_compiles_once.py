@@ -1,5 +1,7 @@
 """A second fit of the same shape compiles nothing, whatever the engine."""
 
+import threading
+
 import jax
 import numpy as np
 import pytest
@@ -54,10 +56,11 @@ def test_smooth(law):
 
 
 def test_the_meshes_of_a_sliding_run_share_a_program():
-    """From the coarsest, of the first stage, to the finest, of the check."""
+    """From the coarsest, of the first stage, to the finest, of the check; it is compiled beside the first."""
     forget_programs()
     with compilations() as seen:
         fit(noisy("sliding", "LuGre", 0), oscillator(RIGS["sliding"], "LuGre"), (*MACHINE, "sigma0"))
+    assert not [thread for thread in threading.enumerate() if thread.name.startswith("compiling")]
     assert len([name for name in seen if "solve_in_stages" in name]) == 1, seen
 
 

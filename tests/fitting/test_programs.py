@@ -37,17 +37,28 @@ def test_a_fit_and_its_check_are_one_program_of_bounded_size(law: str, monkeypat
     """Climb, check and what goes on from there differ in numbers alone; a mesh is found by a program of its own."""
     programs: dict[str, dict[Shape, str]] = {}
 
-    def watched(name, function):
-        def call(*args):
+    def watch(module, attribute: str, name: str) -> None:
+        program = getattr(module, attribute)
+
+        def lowered(args: tuple) -> None:
             shape, known = split(args)[0], programs.setdefault(name, {})
             if shape not in known:
-                known[shape] = eqx.filter_jit(function.__wrapped__).lower(*args).as_text()
-            return function(*args)
+                known[shape] = eqx.filter_jit(program.__wrapped__).lower(*args).as_text()
 
-        return call
+        class Watched:
+            is_compiled = program.is_compiled
 
-    monkeypatch.setattr(solve, "staged", watched("stages", solve.staged))
-    monkeypatch.setattr(mesh, "_meshes", watched("mesh", mesh._meshes))
+            def __call__(self, *args):
+                lowered(args)
+                return program(*args)
+
+            def compile_beside(self, *args):
+                lowered(args)
+
+        monkeypatch.setattr(module, attribute, Watched())
+
+    watch(solve, "staged", "stages")
+    watch(mesh, "_meshes", "mesh")
     run, free = noisy("rolling", "Coulomb" if law == "Stribeck" else law, 3), FREE.get(law, MACHINE)
     found = fit(run, machine(law), free, throw=False)
     assert found.passes > 2

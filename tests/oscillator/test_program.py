@@ -90,6 +90,34 @@ def test_a_later_process_traces_no_motion_again(folder, law, monkeypatch):
     assert len(traced(folder)) == 1
 
 
+def test_a_program_is_compiled_beside_what_its_caller_does():
+    begun, go_on = threading.Event(), threading.Event()
+    function, traces = counted()
+
+    def slowly(x: Any) -> Any:
+        begun.set()
+        assert go_on.wait(60)
+        return function(x)
+
+    program = Program(slowly, same)
+    program.compile_beside(start(ONE))
+    assert begun.wait(60) and not program.is_compiled(start(ONE))
+    go_on.set()
+    assert np.array_equal(program(start(3 * ONE)).x0, 6 * ONE)
+    assert program.is_compiled(start(ONE)) and not program.is_compiled(start(TWO))
+    assert len(traces) == 1
+
+
+def test_what_is_wrong_with_a_program_compiled_beside_its_call_tells():
+    def wrong(x: Any) -> Any:
+        raise ValueError("no such motion")
+
+    program = Program(wrong, same)
+    program.compile_beside(start(ONE))
+    with pytest.raises(ValueError, match="no such motion"):
+        program(start(ONE))
+
+
 def test_classes_of_others_are_compiled_but_not_kept(folder):
     class Start(NamedTuple):
         x0: Any

@@ -58,7 +58,8 @@ class Nodes(AbstractPath):
     def _read(self, ts: Samples, index: Int[Array, " samples"]) -> tuple[Samples, Samples]:
         index = jnp.clip(index, 0, self.t.size - 2)
         # Twins may differ by rounding.
-        index = jnp.where((jnp.diff(self.t) > _ROUNDING * self.t[1:])[index], index, index - 1)
+        begin, end = (jax.lax.stop_gradient(self.t)[at] for at in (index, index + 1))
+        index = jnp.where(end - begin > _ROUNDING * end, index, index - 1)
         left = tuple(values[index] for values in (self.x, self.v, self.a))
         right = tuple(values[index + 1] for values in (self.x, self.v, self.a))
         begin, end = self.t[index], self.t[index + 1]

@@ -73,12 +73,12 @@ def follow_mesh(solver: Any, machine: Scaled, y0: tuple, mesh: Mesh) -> tuple[No
     """
     begin, first = _in_phase(y0, machine)
     over = FieldArgs(machine, jnp.asarray(True))
-    shifted = mesh.begun_at(begin)
+    still = jax.lax.stop_gradient(begin)
+    ends = mesh.begun_at(still)
     n_phase = jnp.asarray(mesh.n_phase)
     count = n_phase + mesh.n_time
-    ends = jax.lax.stop_gradient(shifted)
     slopes = field(ends[0], first, over)
-    entered_state = tuple(value + (ends[0] - shifted[0]) * slope for value, slope in zip(first, slopes, strict=True))
+    entered_state = tuple(value + (still - begin) * slope for value, slope in zip(first, slopes, strict=True))
 
     def entered(i: Array, y: tuple) -> tuple[tuple, FieldArgs]:
         x, v, _ = _places(ends[n_phase], y, over)
