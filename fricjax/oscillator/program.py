@@ -156,7 +156,7 @@ class Program[*Arguments, Result]:
         shape, arrays = split(args)
         if any(isinstance(leaf, Tracer) for leaf in arrays):
             return self._function(*args)
-        return self._held(shape).of(args, shape, arrays)
+        return self._program(shape).of(args, shape, arrays)
 
     def is_compiled(self, *args: *Arguments) -> bool:
         """Whether a program for such arguments is at hand, so that a call waits for its result alone.
@@ -181,7 +181,7 @@ class Program[*Arguments, Result]:
             [0.0, 2.0, 4.0]
         """
         shape, arrays = split(args)
-        compiled = self._held(shape)
+        compiled = self._program(shape)
 
         def work() -> None:
             with contextlib.suppress(Exception):
@@ -189,7 +189,7 @@ class Program[*Arguments, Result]:
 
         threading.Thread(target=work, name=f"compiling {self._function.__name__}").start()
 
-    def _held(self, shape: Shape) -> "_Compiled":
+    def _program(self, shape: Shape) -> "_Compiled":
         with self._lock:
             if shape not in self._programs:
                 self._programs[shape] = _Compiled(self._function, self._like, self._kernels)
