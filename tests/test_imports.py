@@ -172,8 +172,10 @@ def test_a_name_misspelt_names_the_nearest():
         fricjax.friction.Coulumb  # noqa: B018  # pyright: ignore[reportAttributeAccessIssue]
 
 
-def test_a_fit_waits_for_nothing_that_it_does_not_use():
-    """Nor for a program beside its own: each operation of JAX on the host would be one."""
+def test_a_fit_waits_for_nothing_that_it_does_not_use(tmp_path, monkeypatch):
+    """Nor for a program beside its own: each operation of JAX on the host would be one. Nor for a solver it recalls."""
+    monkeypatch.setenv("FRICJAX_CACHE_DIR", str(tmp_path))
+    monkeypatch.delenv("JAX_COMPILATION_CACHE_DIR", raising=False)
     fit = """
 import numpy as np, jax
 jax.config.update("jax_enable_x64", True)
@@ -191,4 +193,6 @@ x = centre + (1.8e-3 - 4e-4 * swing) * np.cos(times * np.sqrt(6250.0)) + noise
 fricjax.fit((times, x), machine, ["mu", "damping", "stiffness"], throw=False)
 assert len(programs) == 1, programs
 """
-    assert not loaded_after(fit) & {"diffrax", "scipy.optimize", "pandas", "matplotlib"}
+    unused = {"diffrax", "scipy.optimize", "pandas", "matplotlib"}
+    assert not loaded_after(fit) & unused
+    assert not loaded_after(fit) & {*unused, "optimistix", "lineax"}

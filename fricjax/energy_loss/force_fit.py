@@ -12,7 +12,8 @@ import optimistix as optx
 from jaxtyping import Array, Float
 
 from ..errors import UsageError
-from ..estimation.levenberg_marquardt import CONVERGED, SENTENCES, LevenbergMarquardt
+from ..estimation.levenberg_marquardt import LevenbergMarquardt
+from ..estimation.status import CONVERGED, SENTENCES
 from ..fitting.names import find_leaf
 from ..friction import AbstractFriction
 from ..friction.base import law_name

@@ -21,12 +21,11 @@ import jax.numpy as jnp
 import optimistix as optx
 from jaxtyping import Array, Bool, Float, Int, PyTree
 
-from .covariance import WEAKEST
 from .damped_step import Proposal, Setting, pressed, project, propose, units
 from .loss import Squares
 from .passes import AbstractPasses, DensePasses, Pass
+from .status import CONVERGED, MAX_STEPS, NOT_FINITE, OUT_OF_STEPS, RUNNING, STALLED, final_status
 
-MAX_STEPS = 60
 # Of the first step, as a part of the diagonal of J'J.
 _FIRST_DAMPING = 1e-4
 # Part of the sum of squares below which what a Gauss-Newton step has to gain is scatter. On its scale a residual is as
@@ -39,19 +38,6 @@ _HOPELESS = 1e-6
 _EASE, _EASE_AFTER_REJECTION = 0.1, 0.5
 # A rejection shows that the residual is rough on this scale; then a hundred times more counts as finished.
 _ROUGH = 100.0
-
-# How a run ended, as small integers that arrays can hold, and what each of them means in words.
-RUNNING, CONVERGED, AT_BOUND, STALLED, NOT_FINITE, OUT_OF_STEPS, UNDETERMINED = range(7)
-
-SENTENCES = {
-    RUNNING: "The solver is still at work.",
-    CONVERGED: "Converged: any further step would be lost in the scatter of the residuals.",
-    AT_BOUND: "Converged with a parameter at its bound: the bound and not the data decides its value.",
-    STALLED: "Stalled: no step makes the fit better although the gradient asks for one.",
-    NOT_FINITE: "Not finite: the model fails at the start values.",
-    OUT_OF_STEPS: "Out of steps: the optimum was not reached.",
-    UNDETERMINED: "Converged, but a direction among the parameters has no effect on the residuals.",
-}
 
 
 class _State(eqx.Module):
@@ -78,7 +64,7 @@ class LevenbergMarquardt(optx.AbstractLeastSquaresSolver):
     coordinates in which the residual is linear while the other columns of the Jacobian do not depend on them. Only
     unbounded ones are projected.
 
-    The solution's `stats` hold `status` (see `SENTENCES`), what the pass at the answer left behind
+    The solution's `stats` hold `status` (see `status.SENTENCES`), what the pass at the answer left behind
     (`cost`, `gradient`, `normal`, and what else is `kept`), and `remaining`, the square of the
     Gauss-Newton step left in standard errors. Auxiliary output of the function is dropped.
 
@@ -208,34 +194,3 @@ class LevenbergMarquardt(optx.AbstractLeastSquaresSolver):
         here = state.accepted
         status = final_status(state.status, y, here.normal, Setting.of(options))
         return y, None, {"status": status, **here._asdict(), "remaining": state.remaining}
-
-
-def final_status(
-    status: Int[Array, ""], y: Float[Array, " p"], normal: Float[Array, "p p"], setting: Setting
-) -> Int[Array, ""]:
-    """Status once the loop has ended: a converged fit may still be at a bound or undetermined."""
-    # A loop that is ended from outside, by optimistix's own limit of steps, leaves the status at RUNNING.
-    cut_short = jnp.where(jnp.all(jnp.isfinite(y)), OUT_OF_STEPS, NOT_FINITE)
-    status = jnp.where(status == RUNNING, cut_short, status)
-    movable = setting.lower < setting.upper
-    inside = (setting.lower < y) & (y < setting.upper)
-    at_bound = jnp.any(movable & ~inside)
-    converged = jnp.where(at_bound, AT_BOUND, CONVERGED)
-    converged = jnp.where(is_determined(normal, inside), converged, UNDETERMINED)
-    return jnp.where(status == CONVERGED, converged, status)
-
-
-def is_determined(normal: Float[Array, "p p"], free: Bool[Array, " p"]) -> Bool[Array, ""]:
-    """Whether every direction among the free parameters shows in the normal matrix."""
-    unit, identity = units(normal), jnp.eye(free.size)
-    # Rows that are fixed or not finite become those of the identity, whose eigenvalue of one hides none of the others.
-    matrix = jnp.where(free[:, None] & free & jnp.isfinite(normal), normal / (unit[:, None] * unit), identity)
-    below = jnp.arange(free.size)[:, None]
-
-    def clear_below(k: Array, rows: Array) -> Array:
-        return jnp.where(below > k, rows - rows[:, k, None] * rows[k] / rows[k, k], rows)
-
-    # By Sylvester's law of inertia no eigenvalue is smaller than what leaves all pivots positive. LAPACK, which would
-    # tell the eigenvalues, costs a first fit more time than all its steps.
-    pivots = jnp.diagonal(jax.lax.fori_loop(0, free.size, clear_below, matrix - WEAKEST * identity))
-    return jnp.all(pivots > 0)

@@ -7,8 +7,8 @@ import numpy as np
 
 from .. import thresholds
 from ..estimation.covariance import Covariance
-from ..estimation.levenberg_marquardt import NOT_FINITE, OUT_OF_STEPS, STALLED
 from ..estimation.space import Parameter
+from ..estimation.status import NOT_FINITE, OUT_OF_STEPS, STALLED
 from ..show import engineering
 from .chunks import typical
 from .noise import Noise

@@ -18,8 +18,8 @@ from jaxtyping import Float
 from .. import thresholds
 from ..errors import UsageError
 from ..estimation.covariance import Quadratic, quadratic
-from ..estimation.levenberg_marquardt import AT_BOUND, CONVERGED, OUT_OF_STEPS, STALLED, UNDETERMINED
 from ..estimation.loss import AbstractLoss, Squares
+from ..estimation.status import AT_BOUND, CONVERGED, OUT_OF_STEPS, STALLED, UNDETERMINED
 from ..oscillator import Program, waiting
 from ..oscillator.engines import AbstractEngine
 from .chunks import Member, Summary, solve_in_chunks

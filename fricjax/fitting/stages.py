@@ -12,19 +12,21 @@ The same program only looks at where it is, where it is given one step to take: 
 from another optimum, is compiled already. Inputs of a rig are looked at only, by a small program.
 """
 
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-import optimistix as optx
 from jaxtyping import Array, Float
 
-from ..estimation.levenberg_marquardt import MAX_STEPS, NOT_FINITE, LevenbergMarquardt
 from ..estimation.loss import AbstractLoss, Squares
+from ..estimation.status import MAX_STEPS, NOT_FINITE
 from .derived import Derived, derive
 from .evaluation import Evaluation, EvaluationPasses, evaluate
 from .residual import Residual
+
+if TYPE_CHECKING:
+    import optimistix
 
 ROUNDING = 1e-12
 FINE = 1e-3
@@ -163,8 +165,13 @@ def solve_in_stages(
 
 def _least_squares(
     passes: EvaluationPasses, limits: Limits, y: Float[Array, " coordinates"], tolerance: Array, steps: Array
-) -> optx.Solution:
+) -> "optimistix.Solution":
     """One run of Levenberg-Marquardt from coordinates `y`."""
+    # Only who traces it needs the solver: a process that recalls the program is spared half a second of imports.
+    import optimistix
+
+    from ..estimation.levenberg_marquardt import LevenbergMarquardt
+
     residual = passes.residual
     informed = sum(jnp.sum(run.weight > 0) for run in residual.runs) + jnp.sum(residual.prior_weight > 0)
     options = {
@@ -177,7 +184,7 @@ def _least_squares(
         options["linear"] = limits.linear & (steps > 1)
     solver = LevenbergMarquardt(passes=passes, max_steps=steps, tolerance=tolerance)
     # The passes know the model; of a function optimistix asks the shape. The solver counts its steps itself.
-    return optx.least_squares(lambda q, _: q, solver, y, options=options, max_steps=None, throw=False)
+    return optimistix.least_squares(lambda q, _: q, solver, y, options=options, max_steps=None, throw=False)
 
 
 def _until(t: Array, moving: Array, reach: Array) -> Array:

@@ -10,8 +10,9 @@ import optimistix as optx
 from jaxtyping import Array, Float
 
 from ..estimation.covariance import quadratic
-from ..estimation.levenberg_marquardt import CONVERGED, NOT_FINITE, UNDETERMINED, LevenbergMarquardt
+from ..estimation.levenberg_marquardt import LevenbergMarquardt
 from ..estimation.space import ParameterSpace
+from ..estimation.status import CONVERGED, NOT_FINITE, UNDETERMINED
 from ..oscillator import Oscillator, starting_state
 from ..oscillator.engines import AbstractEngine
 from ..rig import Measured

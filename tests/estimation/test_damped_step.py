@@ -7,9 +7,10 @@ import pytest
 from scipy.optimize import lsq_linear
 
 from fricjax.estimation.damped_step import WEAKEST, bounded_steps, project, restricted_solve
-from fricjax.estimation.levenberg_marquardt import CONVERGED, LevenbergMarquardt
+from fricjax.estimation.levenberg_marquardt import LevenbergMarquardt
 from fricjax.estimation.loss import Huber, Squares
 from fricjax.estimation.passes import DensePasses, Pass, gather
+from fricjax.estimation.status import CONVERGED
 from tests.fitting.problems import DECAY, T, decay, options_for, solve, status, steps
 
 step_of, gathered = jax.jit(bounded_steps), jax.jit(gather)

@@ -9,13 +9,8 @@ from scipy.optimize import least_squares as scipy_least_squares
 
 from fricjax.estimation import damped_step, levenberg_marquardt
 from fricjax.estimation.covariance import WEAKEST
-from fricjax.estimation.levenberg_marquardt import (
-    AT_BOUND,
-    CONVERGED,
-    UNDETERMINED,
-    LevenbergMarquardt,
-    is_determined,
-)
+from fricjax.estimation.levenberg_marquardt import LevenbergMarquardt
+from fricjax.estimation.status import AT_BOUND, CONVERGED, UNDETERMINED, is_determined
 from tests.fitting.problems import DECAY, EXACT, LINE, NOISY, T, clean_decay, decay, line, powell, solve, status, steps
 
 

@@ -7,7 +7,8 @@ import numpy as np
 import optimistix as optx
 import pytest
 
-from fricjax.estimation.levenberg_marquardt import (
+from fricjax.estimation.levenberg_marquardt import LevenbergMarquardt
+from fricjax.estimation.status import (
     AT_BOUND,
     CONVERGED,
     NOT_FINITE,
@@ -16,7 +17,6 @@ from fricjax.estimation.levenberg_marquardt import (
     SENTENCES,
     STALLED,
     UNDETERMINED,
-    LevenbergMarquardt,
 )
 from tests.fitting.problems import T, clean_decay, decay, noisy_rosenbrock, options_for, solve, status, steps
 

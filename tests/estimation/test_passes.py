@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares as scipy_least_squares
 
-from fricjax.estimation.levenberg_marquardt import CONVERGED, LevenbergMarquardt
+from fricjax.estimation.levenberg_marquardt import LevenbergMarquardt
 from fricjax.estimation.loss import Cauchy, Huber, SoftL1, Squares
 from fricjax.estimation.passes import DensePasses, gather, residual_and_jacobian
+from fricjax.estimation.status import CONVERGED
 from tests.fitting.problems import T, clean_decay, decay, solve, status, steps
 
 LOSSES = {"linear": Squares(), "huber": Huber(1.5), "soft_l1": SoftL1(1.5), "cauchy": Cauchy(1.5)}

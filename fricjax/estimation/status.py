@@ -1,0 +1,64 @@
+"""How a run of Levenberg-Marquardt ended.
+
+It stands apart from the solver: who recalls one that was compiled needs these and no optimistix.
+"""
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float, Int
+
+from .covariance import WEAKEST
+from .damped_step import Setting, units
+
+MAX_STEPS = 60
+"""Most passes of a run where no other number is asked for."""
+
+# How a run ended, as small integers that arrays can hold, and what each of them means in words.
+RUNNING, CONVERGED, AT_BOUND, STALLED, NOT_FINITE, OUT_OF_STEPS, UNDETERMINED = range(7)
+
+SENTENCES = {
+    RUNNING: "The solver is still at work.",
+    CONVERGED: "Converged: any further step would be lost in the scatter of the residuals.",
+    AT_BOUND: "Converged with a parameter at its bound: the bound and not the data decides its value.",
+    STALLED: "Stalled: no step makes the fit better although the gradient asks for one.",
+    NOT_FINITE: "Not finite: the model fails at the start values.",
+    OUT_OF_STEPS: "Out of steps: the optimum was not reached.",
+    UNDETERMINED: "Converged, but a direction among the parameters has no effect on the residuals.",
+}
+
+
+def final_status(
+    status: Int[Array, ""], y: Float[Array, " p"], normal: Float[Array, "p p"], setting: Setting
+) -> Int[Array, ""]:
+    """Status once the loop has ended: a converged fit may still be at a bound or undetermined."""
+    # A loop that is ended from outside, by optimistix's own limit of steps, leaves the status at RUNNING.
+    cut_short = jnp.where(jnp.all(jnp.isfinite(y)), OUT_OF_STEPS, NOT_FINITE)
+    status = jnp.where(status == RUNNING, cut_short, status)
+    movable = setting.lower < setting.upper
+    inside = (setting.lower < y) & (y < setting.upper)
+    at_bound = jnp.any(movable & ~inside)
+    converged = jnp.where(at_bound, AT_BOUND, CONVERGED)
+    converged = jnp.where(is_determined(normal, inside), converged, UNDETERMINED)
+    return jnp.where(status == CONVERGED, converged, status)
+
+
+def is_determined(normal: Float[Array, "p p"], free: Bool[Array, " p"]) -> Bool[Array, ""]:
+    """Whether every direction among the free parameters shows in the normal matrix, in whatever units.
+
+    Examples:
+        >>> free = jnp.ones(2, bool)
+        >>> bool(is_determined(jnp.diag(jnp.array([2.0, 1e-9])), free)), bool(is_determined(jnp.ones((2, 2)), free))
+        (True, False)
+    """
+    unit, identity = units(normal), jnp.eye(free.size)
+    # Rows that are fixed or not finite become those of the identity, whose eigenvalue of one hides none of the others.
+    matrix = jnp.where(free[:, None] & free & jnp.isfinite(normal), normal / (unit[:, None] * unit), identity)
+    below = jnp.arange(free.size)[:, None]
+
+    def clear_below(k: Array, rows: Array) -> Array:
+        return jnp.where(below > k, rows - rows[:, k, None] * rows[k] / rows[k, k], rows)
+
+    # By Sylvester's law of inertia no eigenvalue is smaller than what leaves all pivots positive. LAPACK, which would
+    # tell the eigenvalues, costs a first fit more time than all its steps.
+    pivots = jnp.diagonal(jax.lax.fori_loop(0, free.size, clear_below, matrix - WEAKEST * identity))
+    return jnp.all(pivots > 0)
