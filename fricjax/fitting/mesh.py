@@ -59,7 +59,8 @@ def likely(residual: Residual, y: Any) -> Residual | None:
     """
     engine: Any = residual.engine
     law = residual.oscillator.friction
-    # Of laws whose elements stick some need the third size, and a wrong guess costs more than a right one gains.
+    # One state needs the first size, two of them or steps that are finer than usual the second. Of laws whose elements
+    # stick some need the third, and a wrong guess costs more than a right one gains.
     if not engine.needs_mesh or law.n_modes or _meshes.is_compiled(engine, _bare(residual), y):
         return None
     size = _SIZES[0 if law.n_states * law.step_refinement == 1 else 1]
