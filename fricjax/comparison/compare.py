@@ -103,8 +103,13 @@ def compare(
             begun = {i: pool.submit(task, of[i]) for i in longest_first}
             return [begun[i].result() for i in range(len(of))]
 
-        entries = _again(side_by_side(lambda candidate: _fitted(candidate, sigma_mode), entered), sigma_mode)
-        rows = side_by_side(lambda entry: _row(entry, held_out), entries)
+        def fitted(candidate: Candidate) -> _Entry:
+            return _entry(candidate, sigma_mode, held_out)
+
+        first = side_by_side(fitted, entered)
+        best = min(first, key=lambda entry: entry.chi2)
+        entries = side_by_side(lambda entry: _again(entry, best, fitted), first)
+    rows = [entry.row for entry in entries]
     fits = {entry.candidate.name: entry.fit for entry in entries if entry.fit is not None}
     if not fits:
         raise UsageError(f"No law could be fitted. The first was {rows[0].status}")
@@ -122,10 +127,10 @@ def compare(
 
 
 class _Entry(NamedTuple):
-    """A candidate with its fit, or with the reason why there is none."""
+    """A candidate with its row and its fit, or with the reason why there is none."""
 
     candidate: Candidate
-    status: str
+    row: Row
     problem: Problem | None = None
     solution: Solution | None = None
     fit: Fit | None = None
@@ -144,48 +149,25 @@ class _Entry(NamedTuple):
         return np.nan if self.fit is None else self.fit.kinematics["natural_frequency"].value
 
 
-def _fitted(candidate: Candidate, sigma_mode: str) -> _Entry:
+def _entry(candidate: Candidate, sigma_mode: str, held_out: bool) -> _Entry:
+    """The fit of a candidate with its row, the criteria but for the held-out score still to come."""
+    request = candidate.request
+    row = Row(candidate.name, law_name(request.oscillator.friction), request.free, "")
     try:
         if not isinstance(candidate.windows, tuple):
             raise candidate.windows
-        problem, solution = solve_with_rest(problem_on(candidate.windows, candidate.request))
+        problem, solution = solve_with_rest(problem_on(candidate.windows, request))
         fit = concluded(problem, solution, sigma_mode, throw=False)
     except (DataError, UsageError, RuntimeError) as error:
-        return _Entry(candidate, f"rejected: {' '.join(str(error).split())}")
-    return _Entry(candidate, fit.status, problem, solution, fit)
-
-
-def _again(entries: Sequence[_Entry], sigma_mode: str) -> list[_Entry]:
-    """The entries, those far behind after a second fit from the coefficients of the best one where that is better.
-
-    So no law is rejected for a poor start.
-    """
-    best = min(entries, key=lambda entry: entry.chi2)
-    known = {} if best.fit is None else {name: v for name, v in best.fit.values.items() if np.isfinite(v)}
-    tried = []
-    for entry in entries:
-        request = entry.candidate.request
-        guess = {name: known[name] for name in request.free if name in known} | dict(request.guess)
-        behind = best.chi2 * thresholds.EXCESS < entry.chi2
-        if behind and isinstance(entry.candidate.windows, tuple) and guess != request.guess:
-            second = dataclasses.replace(entry.candidate, request=request.with_guess(guess))
-            entry = min(entry, _fitted(second, sigma_mode), key=lambda one: one.chi2)
-        tried.append(entry)
-    return tried
-
-
-def _row(entry: _Entry, held_out: bool) -> Row:
-    """The row of one law, without criteria."""
-    request, problem, solution = entry.candidate.request, entry.problem, entry.solution
-    row = Row(entry.candidate.name, law_name(request.oscillator.friction), request.free, entry.status)
-    if problem is None or solution is None or entry.fit is None:
-        return row
+        return _Entry(candidate, dataclasses.replace(row, status=f"rejected: {' '.join(str(error).split())}"))
+    entry = _Entry(candidate, row, problem, solution, fit)
     chi2 = solution.chi2 if np.isfinite(solution.chi2) else np.inf
     times = [np.asarray(window.trace.t)[window.used] for window in problem.windows]
     parts = zip(problem.by_run(solution.evaluation.residual), problem.windows, strict=True)
-    return dataclasses.replace(
+    row = dataclasses.replace(
         row,
-        valid=entry.fit.converged,
+        status=fit.status,
+        valid=fit.converged,
         ended=np.isfinite(entry.chi2),
         chi2=chi2,
         n_parameters=len(problem.parameters),
@@ -193,6 +175,22 @@ def _row(entry: _Entry, held_out: bool) -> Row:
         held_out=held_out_score(problem, solution) if held_out and solution.converged else np.nan,
         tests=diagnose(times, [part[window.used] for part, window in parts], entry.frequency),
     )
+    return entry._replace(row=row)
+
+
+def _again(entry: _Entry, best: _Entry, fitted: Callable[[Candidate], _Entry]) -> _Entry:
+    """The entry, or where it is far behind and that is better, a second fit from the coefficients of the best one.
+
+    So no law is rejected for a poor start.
+    """
+    known = {} if best.fit is None else {name: v for name, v in best.fit.values.items() if np.isfinite(v)}
+    request = entry.candidate.request
+    guess = {name: known[name] for name in request.free if name in known} | dict(request.guess)
+    behind = best.chi2 * thresholds.EXCESS < entry.chi2
+    if not (behind and isinstance(entry.candidate.windows, tuple) and guess != request.guess):
+        return entry
+    second = fitted(dataclasses.replace(entry.candidate, request=request.with_guess(guess)))
+    return min(entry, second, key=lambda one: one.chi2)
 
 
 class _ReferenceNoise(NamedTuple):

@@ -61,6 +61,7 @@ class Evaluation(NamedTuple):
         cost: half the sum of losses.
         gradient: J'r, shape (coordinates,), each sample weighted as its loss says.
         normal: J'J, shape (coordinates, coordinates), likewise.
+        runs: what each run adds to cost, gradient and normal matrix, of the samples alone.
         pulls: size of the spring's force at the turning points of each run, as its path notes them [N].
         blocks: sums over blocks of samples of each run, the columns of a `Block`, shape (blocks, 6 + coordinates).
     """
@@ -70,6 +71,7 @@ class Evaluation(NamedTuple):
     cost: Any
     gradient: Any
     normal: Any
+    runs: Any
     pulls: Any
     blocks: Any
 
@@ -78,13 +80,17 @@ class Evaluation(NamedTuple):
 def evaluate(residual: Residual, y: Float[Array, " coordinates"], loss: AbstractLoss) -> Evaluation:
     """Residual, gradient and normal matrix at coordinates `y`, from every sample."""
     parts = residual.each(_of_runs(residual, y, loss), residual.runs)
+    if len(parts) > 1:
+        parts = [_among_all(residual.directions(i), *part) for i, part in enumerate(parts)]
     r, slopes = residual_and_jacobian(residual.priors, y)
     # A prior counts with its square whatever the loss.
     priors = gather(r, slopes, Squares())
     residuals, passes, pulls, blocks = zip(*parts, strict=True)
     sums = jax.tree.map(lambda *values: sum(values), priors, *passes)
     joined = jnp.concatenate([*residuals, r])
-    return Evaluation(joined, joined @ joined, sums.cost, sums.gradient, sums.normal, list(pulls), list(blocks))
+    return Evaluation(
+        joined, joined @ joined, sums.cost, sums.gradient, sums.normal, list(passes), list(pulls), list(blocks)
+    )
 
 
 class EvaluationPasses(AbstractPasses):
@@ -134,13 +140,26 @@ def _of_runs(
     return asked if len(residual.runs) == 1 else asked_where_seen
 
 
+def _among_all(
+    directions: Array, residual: Array, sums: Pass, pulls: Array, blocks: Array
+) -> tuple[Array, Pass, Array, Array]:
+    """What is asked of a run, with its sums along all coordinates."""
+    few = len(Block._fields) - 1
+    slopes = blocks[:, few:] @ directions.astype(blocks.dtype)
+    whole = Pass(sums.cost, sums.gradient @ directions, directions.T @ sums.normal @ directions)
+    return residual, whole, pulls, jnp.concatenate([blocks[:, :few], slopes], axis=1)
+
+
 def block_length(samples: int) -> int:
     """Samples in a block of a record of so many places."""
     return 1 if samples <= _SHORT else min(power(-(-samples // BLOCKS), _LEAST), CHUNK)
 
 
 def _run(residual: Residual, y: Array, number: Any, data: Run, loss: AbstractLoss) -> tuple[Array, Pass, Array, Array]:
-    """Residual of one run, its sums, the pulls at its turning points, and the sums over its blocks."""
+    """Residual of one run, its sums, the pulls at its turning points, and the sums over its blocks.
+
+    Its sums are those along its own directions alone: of a joint fit of many runs most coordinates move other ones.
+    """
     n = data.t.shape[0]
     pieces, length = -(-n // CHUNK), block_length(n)
     t, x = (jnp.pad(values, (0, pieces * CHUNK - n), mode="edge") for values in (data.t, data.x))
@@ -150,7 +169,9 @@ def _run(residual: Residual, y: Array, number: Any, data: Run, loss: AbstractLos
         moving, fixed = eqx.partition(residual.observed(at, number, data), eqx.is_inexact_array)
         return moving, (moving, fixed)
 
-    tangents, (moving, fixed) = jax.jacfwd(observed, has_aux=True)(y)
+    along = lambda direction: jax.jvp(observed, (y,), (direction,), has_aux=True)
+    directions = residual.directions(number)
+    _, tangents, (moving, fixed) = jax.vmap(along, out_axes=(None, -1, None))(directions)
 
     def chunk(number: Array, so_far: tuple[Array, Array, Pass]) -> tuple[Array, Array, Pass]:
         residuals, blocks, sums = so_far
@@ -181,12 +202,12 @@ def _run(residual: Residual, y: Array, number: Any, data: Run, loss: AbstractLos
             jax.tree.map(jnp.add, sums, sums_of_chunk),
         )
 
-    zero = jnp.zeros(y.shape)
+    zero = jnp.zeros(len(directions))
     # Behind the last sample of any weight there is only filling.
     last = jnp.max(jnp.where(weight > 0, jnp.arange(weight.size), -1))
     begin = (
         jnp.zeros(weight.shape),
-        jnp.zeros((weight.size // length, len(Block._fields) - 1 + y.size), jnp.float32),
+        jnp.zeros((weight.size // length, len(Block._fields) - 1 + zero.size), jnp.float32),
         Pass(jnp.zeros(()), zero, zero[:, None] * zero),
     )
     r, blocks, sums = jax.lax.fori_loop(0, last // CHUNK + 1, chunk, begin)

@@ -130,6 +130,14 @@ class Residual(NamedTuple):
         results = jax.lax.map(one, (jnp.arange(len(rows)), stacked))
         return [jax.tree.map(lambda values, i=i: values[i], results) for i in range(len(rows))]
 
+    def directions(self, number: Any) -> Float[Array, "directions coordinates"]:
+        """Unit vectors along the coordinates on which the motion of a run depends: all but those of other runs."""
+        p, shared, total = self.n_parameters, len(self.space.leaves), self.n_parameters + self.inputs.shape[0]
+        if any(tie.parameter >= shared for tie in self.space.ties):
+            return jnp.identity(total)
+        along = jnp.array([*range(shared), *self.space.own(number).values(), *range(p, total)])
+        return (along[:, None] == jnp.arange(total)) * 1.0
+
     def priors(self, y: Float[Array, " coordinates"]) -> Float[Array, " p"]:
         """Distance of the values to the means of their priors, in standard deviations."""
         return (self.values(y) - self.prior_mean) * self.prior_weight

@@ -20,6 +20,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ..estimation.loss import AbstractLoss, Squares
+from ..estimation.passes import Pass
 from ..estimation.status import MAX_STEPS, NOT_FINITE
 from .derived import Derived, derive
 from .evaluation import Evaluation, EvaluationPasses, evaluate
@@ -100,7 +101,8 @@ class Iterate(NamedTuple):
 def like_iterate(residual: Residual, *_: Any) -> Iterate:
     """Something of the structure of what :func:`solve_in_stages` returns for a residual."""
     runs = residual.runs
-    evaluation = Evaluation(0, 0, 0, 0, 0, pulls=[0 for _ in runs], blocks=[0 for _ in runs])
+    each = {name: [0 for _ in runs] for name in ("pulls", "blocks")}
+    evaluation = Evaluation(0, 0, 0, 0, 0, runs=[Pass(0, 0, 0) for _ in runs], **each)
     return Iterate(0, 0, 0, 0, evaluation, Derived(0, 0, residual.oscillator, 0, 0))
 
 

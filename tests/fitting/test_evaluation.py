@@ -1,5 +1,7 @@
 """The streamed pass over all samples against the dense Jacobian of the residual."""
 
+import itertools
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -8,6 +10,7 @@ import pytest
 
 from fricjax import Measured, Oscillator, Rig
 from fricjax.estimation.loss import Cauchy, Huber, Squares
+from fricjax.estimation.passes import Pass
 from fricjax.fitting import evaluation as module
 from fricjax.fitting.evaluation import Evaluation
 from fricjax.fitting.mesh import with_mesh
@@ -50,8 +53,16 @@ def dense(residual, y, loss) -> Evaluation:
     rows = r.size - residual.n_parameters
     priors = r[rows:] ** 2, np.ones(r.size - rows), np.ones(r.size - rows)
     rho, weight, curvature = (np.r_[np.asarray(a), b] for a, b in zip(loss.parts(r[:rows]), priors, strict=True))
-    gradient, normal = jacobian.T @ (weight * r), jacobian.T @ (curvature[:, None] * jacobian)
-    return Evaluation(r, r @ r, np.sum(rho) / 2, gradient, normal, [], [])
+    ends = np.cumsum([0, *(run.t.size for run in residual.runs)])
+    total, *runs = (
+        Pass(
+            np.sum(rho[part]) / 2,
+            jacobian[part].T @ (weight * r)[part],
+            jacobian[part].T @ (curvature[:, None] * jacobian)[part],
+        )
+        for part in (slice(None), *(slice(*pair) for pair in itertools.pairwise(ends)))
+    )
+    return Evaluation(r, r @ r, total.cost, total.gradient, total.normal, runs, [], [])
 
 
 def streamed(residual, y, loss, monkeypatch, chunk) -> Evaluation:
@@ -71,6 +82,10 @@ def assert_same(residual, found: Evaluation, expected: Evaluation):
     assert found.gradient / unit == pytest.approx(expected.gradient / unit, abs=1e-10 * np.sqrt(expected.chi2))
     scale = np.outer(unit, unit)
     assert found.normal / scale == pytest.approx(expected.normal / scale, abs=1e-10)
+    for one, other in zip(found.runs, expected.runs, strict=True):
+        assert float(one.cost) == pytest.approx(float(other.cost), rel=1e-12, abs=rounding)
+        assert one.gradient / unit == pytest.approx(other.gradient / unit, abs=1e-10 * np.sqrt(expected.chi2))
+        assert one.normal / scale == pytest.approx(other.normal / scale, abs=1e-10)
 
 
 @pytest.mark.parametrize("engine", ["exact", "hybrid", "smooth"])
@@ -95,9 +110,22 @@ def test_each_sample_is_weighted_as_its_loss_says_and_priors_are_not(loss, monke
     assert_same(residual, streamed(residual, y, loss, monkeypatch, 16384), dense(residual, y, loss))
 
 
-def test_several_runs_add_up(monkeypatch):
-    both = problem_of([coulomb_run(), coulomb_run(2.5e-3, seed=5)], machine(Coulomb(0.05)), MACHINE).residual
-    y = 1e-5 * jnp.ones(both.n_parameters)
+@pytest.mark.parametrize(
+    "free, settings",
+    [
+        (MACHINE, {}),
+        (("mu", "damping"), {"rig": RIG}),
+        # The machine of each run follows a parameter of the first one.
+        (("mu", "stiffness"), {"tie": {"damping": ("x0[0]", 50.0)}}),
+    ],
+    ids=["as they are", "with a rig", "with a tie to one run"],
+)
+def test_several_runs_add_up(free, settings, monkeypatch):
+    """Each of them has derivatives only along what it depends on."""
+    records = [coulomb_run(), coulomb_run(2.5e-3, seed=5)]
+    law = RIG.oscillator(Coulomb(0.05)) if "rig" in settings else machine(Coulomb(0.05))
+    both = problem_of(records, law, free, **settings).residual
+    y = jnp.asarray(np.r_[1e-5 * np.ones(both.n_parameters), np.zeros(both.inputs.shape[0])])
     assert_same(both, streamed(both, y, Squares(), monkeypatch, 900), dense(both, y, Squares()))
 
 
