@@ -172,6 +172,13 @@ def test_a_name_misspelt_names_the_nearest():
         fricjax.friction.Coulumb  # noqa: B018  # pyright: ignore[reportAttributeAccessIssue]
 
 
+def test_an_engine_with_a_mesh_imports_no_solver():
+    """Its programs may be recalled; who traces one imports diffrax."""
+    engine = "import numpy; from fricjax.oscillator.engines.smooth import Smooth\n"
+    engine += "Smooth().finer().on_mesh(numpy.arange(2.0), numpy.arange(2.0), 8)"
+    assert not loaded_after(engine) & {"diffrax", "optimistix"}
+
+
 def test_a_fit_waits_for_nothing_that_it_does_not_use(tmp_path, monkeypatch):
     """Nor for a program beside its own: each operation of JAX on the host would be one. Nor for a solver it recalls."""
     monkeypatch.setenv("FRICJAX_CACHE_DIR", str(tmp_path))

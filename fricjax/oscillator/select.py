@@ -66,14 +66,14 @@ def _made(name: str, accuracy: float, max_half_cycles: int, divisor: int) -> Abs
         from .engines.events import Events
 
         return Events(accuracy, max_half_cycles)
-    import diffrax
-
     from .engines.smooth import Smooth
 
     smooth = Smooth(accuracy=accuracy / divisor, max_half_cycles=max_half_cycles)
     if name == "smooth":
         return smooth
-    # diffrax takes the tolerance of the stages from a controller only where it sees the solver bare.
+    import diffrax
+
+    # It takes the tolerance of the stages from a controller only where it sees the solver bare.
     kvaerno = diffrax.Kvaerno5(scan_kind="lax", root_finder=diffrax.VeryChord(rtol=1e-10, atol=1e-12))
     return dataclasses.replace(smooth, method=kvaerno)
 

@@ -3,7 +3,6 @@
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
-import diffrax
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -61,6 +60,8 @@ def stepped(field: Callable, solver: Any, steps: Steps, y0: Any, entered: Callab
     that provides for on the way, such as events and the end of a step that rounding has missed, is a sixth of all that
     a fit of a bristle law compiles.
     """
+    import diffrax
+
     terms = diffrax.ODETerm(field)
 
     def step(state: tuple) -> tuple:
