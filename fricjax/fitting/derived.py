@@ -53,9 +53,14 @@ def derive(residual: Residual, y: Float[Array, " coordinates"]) -> Derived:
     """What coordinates `y` stand for; traced."""
     p = residual.n_parameters
     slope = residual.space.slope(y[:p])
-    by_coordinate = jax.jacfwd(lambda at: _quantities(residual.machine(at)))(y)
-    machine = residual.machine(y)
-    return Derived(residual.values(y), slope, machine, _quantities(machine), by_coordinate)
+
+    def quantities(at: Array) -> tuple[Array, tuple[Oscillator, Array]]:
+        machine = residual.machine(at)
+        values = _quantities(machine)
+        return values, (machine, values)
+
+    by_coordinate, (machine, values) = jax.jacfwd(quantities, has_aux=True)(y)
+    return Derived(residual.values(y), slope, machine, values, by_coordinate)
 
 
 def _quantities(oscillator: Oscillator) -> Float[Array, " quantities"]:

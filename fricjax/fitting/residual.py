@@ -148,11 +148,16 @@ class Residual(NamedTuple):
 
     def machine(self, y: Float[Array, " coordinates"]) -> Oscillator:
         """The oscillator at coordinates `y`."""
-        shift = y[self.n_parameters :] @ self.inputs
-        leaves, structure = jax.tree.flatten(self.oscillator)
-        moved = jax.tree.unflatten(structure, [leaf + shift[i] for i, leaf in enumerate(leaves)])
+        return self._machine(y, self.values(y))
+
+    def _machine(self, y: Float[Array, " coordinates"], values: Float[Array, " p"]) -> Oscillator:
+        moved = self.oscillator
+        if self.inputs.shape[0]:
+            shift = y[self.n_parameters :] @ self.inputs
+            leaves, structure = jax.tree.flatten(moved)
+            moved = jax.tree.unflatten(structure, [leaf + shift[i] for i, leaf in enumerate(leaves)])
         # All over the program its coefficients would be computed anew.
-        return once(self.space.model(moved, self.values(y)))
+        return once(self.space.model(moved, values))
 
     def run_parameters(self, values: Float[Array | np.ndarray, " p"], run: int) -> dict[str, Array]:
         """State and offset of one run, free or fixed, by name, from the values of the parameters."""
@@ -164,7 +169,8 @@ class Residual(NamedTuple):
 
     def observed(self, y: Float[Array, " coordinates"], number: Any, record: Run) -> ObservedMotion:
         """Computed motion of the run of a number."""
-        machine, at = self.machine(y), self.parameters_of_run(self.values(y), number, record)
+        values = self.values(y)
+        machine, at = self._machine(y, values), self.parameters_of_run(values, number, record)
         path = (record.engine or self.engine).path(machine, start_of(machine, at), record.half_cycles)
         parts = path, at["t_release"], at["offset"], at["drift"]
         if self.period is None:

@@ -194,10 +194,12 @@ class Exact(AbstractEngine):
 
     def path(self, oscillator: Oscillator, start: Start, half_cycles: Int[Array, ""] | None = None) -> HalfCycles:
         cycles, moving = _begin(oscillator, start, self.max_half_cycles)
-        law, load, stiffness = oscillator.friction, oscillator.normal_force, oscillator.stiffness
-        static, breakaway = law.static_force(load) / stiffness, law.breakaway_force(load) / stiffness
-        by_law = cycles.half_cycles_to_rest(static, breakaway, moving)
-        last = by_law if half_cycles is None else half_cycles.astype(float)
+        if half_cycles is None:
+            law, load, stiffness = oscillator.friction, oscillator.normal_force, oscillator.stiffness
+            static, breakaway = law.static_force(load) / stiffness, law.breakaway_force(load) / stiffness
+            last = cycles.half_cycles_to_rest(static, breakaway, moving)
+        else:
+            last = half_cycles.astype(float)
         supported = (oscillator.drag == 0) & (oscillator.damping_ratio < 1)
         return eqx.tree_at(lambda c: c.last, cycles, jnp.where(supported, last, jnp.nan))
 
