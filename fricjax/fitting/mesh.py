@@ -12,7 +12,7 @@ import numpy as np
 
 from ..errors import UsageError
 from ..oscillator import Program
-from .residual import Residual, Run, start_of
+from .residual import Residual, Run, start_of, without_inputs
 
 CAPACITY = 1 << 17
 _REACH = 1.05
@@ -36,7 +36,7 @@ def with_mesh(residual: Residual, y: Any, slack: float = 1.0) -> Residual:
     """
     if not residual.engine.needs_mesh:
         return residual
-    bare = _bare(residual)
+    bare, y = _bare(residual), y[: residual.n_parameters]
     engine: Any = residual.engine
     meshes = _meshes(engine.at_accuracy(slack * engine.accuracy), bare, y)
     lists = [(_finite(phases), _graded(_finite(times))) for phases, times in meshes]
@@ -54,14 +54,16 @@ def with_mesh(residual: Residual, y: Any, slack: float = 1.0) -> Residual:
 def likely(residual: Residual, y: Any) -> Residual | None:
     """The residual with meshes of the size that is likely and nothing in them, before the first mesh can be made.
 
-    What is compiled for it meanwhile is what a first fit waits for longest. None where nothing is to be compiled, and
-    where no size is likely.
+    What is compiled for it meanwhile is what a first fit waits for longest. None where a mesh is at hand without
+    compiling, and where no size is likely; an engine that needs no mesh is likely as it is.
     """
     engine: Any = residual.engine
     law = residual.oscillator.friction
+    if not engine.needs_mesh:
+        return residual
     # One state needs the first size, two of them or steps that are finer than usual the second. Of laws whose elements
     # stick some need the third, and a wrong guess costs more than a right one gains.
-    if not engine.needs_mesh or law.n_modes or _meshes.is_compiled(engine, _bare(residual), y):
+    if law.n_modes or _meshes.is_compiled(engine, _bare(residual), y[: residual.n_parameters]):
         return None
     size = _SIZES[0 if law.n_states * law.step_refinement == 1 else 1]
     nothing = np.array([0.0, 1.0])
@@ -69,10 +71,13 @@ def likely(residual: Residual, y: Any) -> Residual | None:
 
 
 def _bare(residual: Residual) -> Residual:
-    """Of the samples only the last instant matters, so that records of any length share the compilation."""
+    """Of the samples only the last instant matters, so that records of any length share the compilation.
+
+    An input of a rig moves the motion by so little that no step need be another one.
+    """
     runs = residual.runs
     none = {name: [getattr(run, name)[:0] for run in runs] for name in ("x", "weight")}
-    return residual.with_runs(t=[run.t[-1:] for run in runs], **none, engine=[None] * len(runs))
+    return without_inputs(residual.with_runs(t=[run.t[-1:] for run in runs], **none, engine=[None] * len(runs)))
 
 
 def _meshed(free: Any, residual: Residual, y: Any) -> list[tuple[Any, Any]]:

@@ -143,10 +143,23 @@ def solve_batch(
 
 def solve_condensed(problem: Problem, begin: Any) -> Iterate:
     """The optimum of the condensed record, from coordinates `begin`; of all samples under a robust loss."""
-    expected = likely(problem.condensed, begin)
-    if expected is not None:
-        staged.compile_beside(expected, problem.stage_weights, problem.limits, Squares(), begin, _NEAR)
+    _compile_beside(problem, begin)
     return _optima([problem], [begin], one_by_one, _NEAR)[0]
+
+
+def _compile_beside(problem: Problem, begin: Any) -> None:
+    """What only a first fit waits for: the solver, beside its mesh, and the look with the inputs of a rig beside both."""
+    wanted = []
+    if problem.residual.engine.needs_mesh and (expected := likely(problem.condensed, begin)) is not None:
+        wanted.append((Member(expected, problem.stage_weights, problem.limits, begin, _NEAR), Squares()))
+    if problem.residual.inputs.shape[0] and (expected := likely(problem.residual, begin)) is not None:
+        looked = _with_engine(expected, expected.engine.checking())
+        member = on_all_samples(problem, looked, with_inputs(looked, begin), EVALUATE_ONLY)
+        wanted.append((member, problem.loss))
+    for m, loss in wanted:
+        args = m.residual, m.stage_weights, m.limits, loss, m.y, m.schedule
+        if not staged.is_compiled(*args):
+            staged.compile_beside(*args)
 
 
 def _optima(

@@ -32,9 +32,8 @@ def machine(law: str) -> Oscillator:
     return Oscillator(PROTOTYPE_MASS, STIFFNESS, PROTOTYPE_DAMPING, rig.load, falling)
 
 
-@pytest.mark.parametrize("law", BUDGETS)
-def test_a_fit_and_its_check_are_one_program_of_bounded_size(law: str, monkeypatch):
-    """Climb, check and what goes on from there differ in numbers alone; a mesh is found by a program of its own."""
+def watched(monkeypatch) -> dict[str, dict[Shape, str]]:
+    """The programs of fits to come, lowered, by what they do and by the shape of their arguments."""
     programs: dict[str, dict[Shape, str]] = {}
 
     def watch(module, attribute: str, name: str) -> None:
@@ -59,6 +58,13 @@ def test_a_fit_and_its_check_are_one_program_of_bounded_size(law: str, monkeypat
 
     watch(solve, "staged", "stages")
     watch(mesh, "_meshes", "mesh")
+    return programs
+
+
+@pytest.mark.parametrize("law", BUDGETS)
+def test_a_fit_and_its_check_are_one_program_of_bounded_size(law: str, monkeypatch):
+    """Climb, check and what goes on from there differ in numbers alone; a mesh is found by a program of its own."""
+    programs = watched(monkeypatch)
     run, free = noisy("rolling", "Coulomb" if law == "Stribeck" else law, 3), FREE.get(law, MACHINE)
     found = fit(run, machine(law), free, throw=False)
     assert found.passes > 2
@@ -78,12 +84,32 @@ def test_a_record_and_its_condensation_share_a_program(samples: int):
     assert split(problem.condensed)[0] == split(problem.residual)[0]
 
 
+UNCERTAIN = Rig(
+    mass=Measured(0.41, 1e-4), stiffness=Measured(2574.0, 2.0), normal_force=Measured(9.66, 0.05), damping=0.2
+)
+
+
+def test_a_rig_adds_one_program_that_is_compiled_beside_the_solver(monkeypatch):
+    """Were its shape not the one that is expected, a first fit would compile three."""
+    programs = watched(monkeypatch)
+    fit(coulomb_run(), UNCERTAIN.oscillator(Coulomb(0.05)), MACHINE, rig=UNCERTAIN)
+    assert [len(shapes) for shapes in programs.values()] == [2]
+
+
+def test_a_mesh_is_the_same_program_with_a_rig():
+    rig = Rig(mass=Measured(0.41, 1e-4), stiffness=2574.0, normal_force=Measured(1.89, 0.05), damping=0.17)
+    law = machine("LuGre").friction
+    alone, beside = (
+        problem_of(noisy("rolling", "LuGre", 3), rig.oscillator(law), FREE["LuGre"], rig=each).residual
+        for each in (None, rig)
+    )
+    assert beside.inputs.shape[0] == 2
+    assert split(mesh._bare(alone))[0] == split(mesh._bare(beside))[0]
+
+
 def test_inputs_of_a_rig_are_looked_at_by_a_small_program():
     """Stages never move them, so that no solver of so many coordinates is compiled."""
-    rig = Rig(
-        mass=Measured(0.41, 1e-4), stiffness=Measured(2574.0, 2.0), normal_force=Measured(9.66, 0.05), damping=0.2
-    )
-    problem = problem_of(coulomb_run(), rig.oscillator(Coulomb(0.05)), MACHINE, rig=rig)
+    problem = problem_of(coulomb_run(), UNCERTAIN.oscillator(Coulomb(0.05)), MACHINE, rig=UNCERTAIN)
     y = solve.start_coordinates(problem)
 
     def instructions(residual, at):

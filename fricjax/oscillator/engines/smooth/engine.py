@@ -72,7 +72,9 @@ class Smooth(AbstractEngine):
     def tuned(self, oscillator: Oscillator, demands: Demands) -> "Smooth":
         # Its error is some ten times smaller than the accuracy that it is asked for.
         accuracy = np.asarray(demands.accuracy)
-        return Smooth(accuracy, None, self.max_steps, self.max_half_cycles, accuracy)
+        # On its mesh a list costs nothing, so that all records may share one capacity.
+        capacity = max(Smooth().max_half_cycles, self.max_half_cycles)
+        return Smooth(accuracy, None, self.max_steps, capacity, accuracy)
 
     def finer(self) -> "Smooth":
         return self.at_accuracy(self.accuracy / 10)
