@@ -17,14 +17,14 @@ from ..oscillator import Oscillator, cores, one_at_a_time, ready
 from ..show.working import working
 from .assemble import unit_of
 from .batch_result import BatchFit
-from .chunks import WIDTH, Summary
+from .chunks import WIDTH
 from .derived import UNITS, contributions, kinematics
 from .diagnostics import CONVERGED, Misfit, flags_of, misfit_of, status_of, worst
 from .missing import advice
 from .noise_weighting import NoiseWeighted, weigh_by_noise
 from .parameters import Free, Request, RunSettings, check_known
 from .problem import Problem, build_problem
-from .rest import miscounted, solve_with_rest
+from .rest import miscounted, solve_with_rest, stops_within
 from .result import named
 from .solve import Solution, solve_batch
 from .warnings import warnings_of_run
@@ -191,21 +191,22 @@ def alone(problem: Problem) -> bool:
 
 
 def _weighted(
-    problem: Problem, solved: tuple[Solution, Summary] | None, begin: np.ndarray | None
+    problem: Problem, solved: tuple[Solution, Any] | None, begin: np.ndarray | None
 ) -> tuple[NoiseWeighted, Misfit]:
     """The fit weighed by its noise, and its residuals beside that.
 
     A run whose number of half-cycles is in doubt, or whose solution of a chunk is not accurate, is fitted by itself.
     """
     if solved is not None:
-        solution, summary = solved
+        solution, sizes = solved
         recorded = int(problem.residual.runs[0].half_cycles)
         undecided = bool(problem.windows[0].segmentation.open)
-        other = recorded < NEVER and (undecided or 0 < int(summary.half_cycles) != recorded)
+        stops = problem.residual.oscillator.friction.set_valued
+        other = recorded < NEVER and (undecided or (stops and stops_within(problem, solution, 0) != recorded))
         if not (solution.converged and (other or miscounted(problem, solution) or not solution.accurate)):
             weighted = weigh_by_noise(problem, solution, True)
             if not weighted.went_on:
-                return weighted, worst(problem, [summary.sizes], [0.0], False)
+                return weighted, worst(problem, [sizes], [0.0], False)
             # A chunk keeps no residuals of its samples; a fit that went on by a step has evaluated them again.
             if weighted.solution.evaluation.residual.size:
                 return weighted, misfit_of(weighted.problem, weighted.solution, weighted.noises, False)

@@ -17,8 +17,7 @@ from ..data.segmentation.noise import NORMAL_MAD
 from ..estimation.loss import AbstractLoss, Squares
 from ..oscillator import Program, waiting
 from ..oscillator.program import Shape, of_shape, split
-from .derived import Derived
-from .residual import Residual, start_of
+from .residual import Residual
 from .stages import Iterate, Limits, Schedule, StageWeights, like_iterate, solve_in_stages
 
 # Problems in a chunk: a program is compiled for one number of them, and a chunk that is not full costs copies.
@@ -37,20 +36,8 @@ class Member(NamedTuple):
     schedule: Schedule
 
 
-class Summary(NamedTuple):
-    """What is kept of all samples of a problem that was evaluated in a chunk.
-
-    Attributes:
-        sizes: typical size of the residuals, in units of the noise, over all and in motion, shape (2,).
-        half_cycles: number of half-cycles after which the law itself would stop the mass; -1 for never.
-    """
-
-    sizes: Any
-    half_cycles: Any
-
-
-def solve_in_chunks(members: Sequence[Member], loss: AbstractLoss) -> list[tuple[Iterate, Summary]]:
-    """The iterate of each problem, without the residual of its samples, and the summary of where it was evaluated."""
+def solve_in_chunks(members: Sequence[Member], loss: AbstractLoss) -> list[tuple[Iterate, Any]]:
+    """The iterate of each problem, without the residual of its samples, and their typical size in all and in motion."""
     return in_chunks(members, lambda chunk, count: _chunk(chunk, loss, np.asarray(count)))
 
 
@@ -86,10 +73,10 @@ def width_of(members: Any) -> int:
     return next(leaf.shape[0] for leaf in jax.tree.leaves(members) if eqx.is_array(leaf))
 
 
-def _solve_all(members: Member, loss: AbstractLoss, count: Any) -> tuple[Iterate, Summary]:
+def _solve_all(members: Member, loss: AbstractLoss, count: Any) -> tuple[Iterate, Array]:
     """Solve the first `count` problems, one behind the other; their arrays have a leading axis."""
 
-    def one(member: Member) -> tuple[Iterate, Summary]:
+    def one(member: Member) -> tuple[Iterate, Array]:
         return _solve_one(member, loss)
 
     def member(i: Array | int) -> Member:
@@ -101,11 +88,11 @@ def _solve_all(members: Member, loss: AbstractLoss, count: Any) -> tuple[Iterate
     return jax.lax.fori_loop(0, count, step, room)
 
 
-_chunk = Program(_solve_all, lambda members, *_: (like_iterate(members.residual), Summary(0, 0)))
+_chunk = Program(_solve_all, lambda members, *_: (like_iterate(members.residual), 0))
 
 
-def _solve_one(member: Member, loss: AbstractLoss) -> tuple[Iterate, Summary]:
-    """Solve one problem; the count of the law is asked for only where the problem is evaluated."""
+def _solve_one(member: Member, loss: AbstractLoss) -> tuple[Iterate, Array]:
+    """Solve one problem."""
     at = solve_in_stages(*member[:3], loss, *member[3:])
     evaluation, residual = at.evaluation, member.residual
     samples = evaluation.residual[: evaluation.residual.size - residual.n_parameters]
@@ -113,10 +100,7 @@ def _solve_one(member: Member, loss: AbstractLoss) -> tuple[Iterate, Summary]:
     moving = jnp.concatenate([part.moving > 0 for part in member.stage_weights])
     sizes = typical(samples, used, moving, loss, jnp)
     # The residuals of all samples of an archive would not fit into memory.
-    short = at._replace(evaluation=evaluation._replace(residual=jnp.zeros(0)))
-    evaluated = member.schedule.steps <= 1
-    count = jax.lax.cond(evaluated, lambda: _half_cycles_of_law(residual, at.derived), lambda: jnp.asarray(-1))
-    return short, Summary(sizes, count)
+    return at._replace(evaluation=evaluation._replace(residual=jnp.zeros(0))), sizes
 
 
 def typical(residual: Any, used: Any, moving: Any, loss: AbstractLoss, numpy: Any = np) -> Any:
@@ -128,12 +112,3 @@ def typical(residual: Any, used: Any, moving: Any, loss: AbstractLoss, numpy: An
     if isinstance(loss, Squares):
         return numpy.sqrt(numpy.sum(parts * residual**2, axis=1) / numpy.maximum(numpy.sum(parts, axis=1), 1))
     return numpy.nanmedian(numpy.where(parts, abs(residual), numpy.nan), axis=1) / NORMAL_MAD
-
-
-def _half_cycles_of_law(residual: Residual, derived: Derived) -> Array:
-    """Half-cycles after which the law itself would stop the mass; -1 where it never does."""
-    if not residual.oscillator.friction.set_valued:
-        return jnp.asarray(-1)
-    nuisances = residual.run_parameters(derived.values, 0)
-    start = start_of(derived.machine, nuisances)
-    return residual.engine.solve(derived.machine, start, jnp.zeros(1)).n_half_cycles

@@ -220,15 +220,30 @@ def far_off(problem: Problem, solution: Solution) -> bool:
     return sigma * np.sqrt(excess) > _HALF_CYCLE_SHARE * float(solution.derived.machine.dead_band)
 
 
+def stops_within(problem: Problem, solution: Solution, run: int) -> int | None:
+    """The half-cycle after which the law stops a run, None where it goes on behind the last one of the record.
+
+    The rest condition at the turning points that the solution has anyway. A run that the law does not even let begin,
+    or that ends in motion, has the number of its record.
+    """
+    recorded, machine = int(problem.residual.runs[run].half_cycles), solution.derived.machine
+    law, load, pulls = machine.friction, machine.normal_force, solution.evaluation.pulls[run]
+    begins = _starts_moving(problem, run) or not pulls[0] <= float(law.breakaway_force(load))
+    if recorded >= NEVER or not begins:
+        return recorded
+    held = np.flatnonzero(pulls[1 : recorded + 1] <= float(law.static_force(load)))
+    return 1 + int(held[0]) if held.size else None
+
+
 def _half_cycles_of_law(problem: Problem, solution: Solution, run: int) -> int:
     """Half-cycles until the rest condition holds; the record's count where it ends in motion or the law never stops."""
-    recorded = int(problem.residual.runs[run].half_cycles)
-    if recorded >= NEVER:
-        return recorded
+    within = stops_within(problem, solution, run)
+    if within is not None:
+        return within
     residual = problem.residual
     at = residual.run_parameters(solution.derived.values, run)
     count = int(motion(residual.engine, solution.derived.machine, at, np.zeros(1), None).n_half_cycles)
-    return recorded if count <= 0 else count
+    return int(residual.runs[run].half_cycles) if count <= 0 else count
 
 
 def rest_margin(problem: Problem, solution: Solution, run: int) -> Margin | None:

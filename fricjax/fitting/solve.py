@@ -22,7 +22,7 @@ from ..estimation.loss import AbstractLoss, Squares
 from ..estimation.status import AT_BOUND, CONVERGED, OUT_OF_STEPS, STALLED, UNDETERMINED
 from ..oscillator import Program, waiting
 from ..oscillator.engines import AbstractEngine
-from .chunks import Member, Summary, solve_in_chunks
+from .chunks import Member, solve_in_chunks
 from .derived import Derived
 from .evaluation import Evaluation
 from .mesh import likely, with_mesh
@@ -121,13 +121,12 @@ def solve(problem: Problem, y: Any = None) -> Solution:
     return _refined(problem, at, *((_MESHES, _ON_A_MESH) if meshed else (1, _OPTIMA)))
 
 
-def solve_batch(
-    problems: Sequence[Problem], begins: Sequence[np.ndarray] | None = None
-) -> list[tuple[Solution, Summary]]:
+def solve_batch(problems: Sequence[Problem], begins: Sequence[np.ndarray] | None = None) -> list[tuple[Solution, Any]]:
     """Fit problems of one loss in chunks and check the results, for engines that need no mesh.
 
-    No solution goes on to finer engines, and none keeps the residuals of its samples. `begins` are the coordinates from
-    which each problem starts, in place of its start values.
+    No solution goes on to finer engines, and none keeps the residuals of its samples, of which only the typical sizes
+    are handed on, over all and in motion. `begins` are the coordinates from which each problem starts, in place of its
+    start values.
     """
     if not problems:
         return []
@@ -138,7 +137,7 @@ def solve_batch(
     pairs = zip(problems, targets, strict=True)
     members = [on_all_samples(p, checking(p.residual, y), y, EVALUATE_ONLY) for p, y in pairs]
     checked = zip(problems, ends, solve_in_chunks(members, problems[0].loss), strict=True)
-    return [(solution_of(problem, at, evaluated), summary) for problem, at, (evaluated, summary) in checked]
+    return [(solution_of(problem, at, evaluated), sizes) for problem, at, (evaluated, sizes) in checked]
 
 
 def solve_condensed(problem: Problem, begin: Any) -> Iterate:
@@ -148,7 +147,7 @@ def solve_condensed(problem: Problem, begin: Any) -> Iterate:
 
 
 def _compile_beside(problem: Problem, begin: Any) -> None:
-    """What only a first fit waits for: the solver, beside its mesh, and the look with the inputs of a rig beside both."""
+    """What a first fit waits for: the solver, beside its mesh, and the look with the inputs of a rig, beside both."""
     wanted = []
     if problem.residual.engine.needs_mesh and (expected := likely(problem.condensed, begin)) is not None:
         wanted.append((Member(expected, problem.stage_weights, problem.limits, begin, _NEAR), Squares()))

@@ -100,10 +100,10 @@ class Iterate(NamedTuple):
 
 def like_iterate(residual: Residual, *_: Any) -> Iterate:
     """Something of the structure of what :func:`solve_in_stages` returns for a residual."""
-    runs = residual.runs
-    each = {name: [0 for _ in runs] for name in ("pulls", "blocks")}
-    evaluation = Evaluation(0, 0, 0, 0, 0, runs=[Pass(0, 0, 0) for _ in runs], **each)
-    return Iterate(0, 0, 0, 0, evaluation, Derived(0, 0, residual.oscillator, 0, 0))
+    none: Any = 0
+    each = [none for _ in residual.runs]
+    evaluation = Evaluation(*[none] * 5, runs=[Pass(none, none, none) for _ in each], pulls=each, blocks=each)
+    return Iterate(none, none, none, none, evaluation, Derived(none, none, residual.oscillator, none, none))
 
 
 class _State(NamedTuple):

@@ -4,8 +4,12 @@ import numpy as np
 import pytest
 
 from fricjax import Oscillator, fit, fit_batch, synthetic_run
-from fricjax.friction import Stribeck, Tanh
-from tests.fitting.runs import STIFFNESS
+from fricjax.fitting import solve
+from fricjax.fitting.residual import motion
+from fricjax.fitting.rest import stops_within
+from fricjax.friction import Coulomb, Stribeck, Tanh
+from tests.fitting.problem_of import problem_of
+from tests.fitting.runs import STIFFNESS, coulomb_run
 from tests.helpers import PROTOTYPE_DAMPING, PROTOTYPE_MASS
 
 TRUTH = {"mu": 0.02, "mu_s": 0.026, "v_stribeck": 5e-3, "stiffness": STIFFNESS}
@@ -43,3 +47,26 @@ def test_a_law_that_creeps_is_fitted_wherever_its_record_ends(v_s: float):
     found = fit_batch(runs, of(0.01), ["mu", "damping", "stiffness"])
     assert found.status == ("converged",) * 24
     assert np.all(np.abs(found.values["mu"] - mu) < 4 * found.std_errors["mu"])
+
+
+@pytest.mark.parametrize("start", ["first_reversal", "release"])
+@pytest.mark.parametrize("engine", ["exact", "hybrid"])
+def test_the_stop_by_the_law_is_read_off_the_turning_points(engine: str, start: str):
+    """As the motion under the law alone has it, which is computed only where that goes on behind the record's stop."""
+    model = Oscillator(PROTOTYPE_MASS, STIFFNESS, PROTOTYPE_DAMPING, 9.66, Coulomb(0.05))
+    problem = problem_of(coulomb_run(), model, ("mu", "stiffness"), engine=engine, start=start)
+    residual, seen = problem.residual, set()
+    recorded = int(residual.runs[0].half_cycles)
+    solution = solve.solve(problem)
+    # Up to where the law does not let the mass begin.
+    for mu in np.geomspace(0.02, 1.0, 100):
+        y = solution.y.copy()
+        y[0] = problem.residual.space.coordinates(np.array([mu, *solution.derived.values[1:]]))[0]
+        looked = solve.evaluate_at(problem, solve.checking(residual, y), y)
+        at = residual.run_parameters(looked.derived.values, 0)
+        count = int(motion(residual.engine, looked.derived.machine, at, np.zeros(1), None).n_half_cycles)
+        within = stops_within(problem, solution._replace(evaluation=looked.evaluation, derived=looked.derived), 0)
+        expected = recorded if count == 0 else count if count <= recorded else None
+        assert within == expected, (mu, count)
+        seen.add(expected)
+    assert {None, recorded} < seen and len(seen) > 3
