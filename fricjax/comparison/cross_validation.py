@@ -55,12 +55,12 @@ def held_out_score(problem: Problem, solved: Solution) -> float:
 
 def _without_run(problem: Problem, solved: Solution, residual: Residual, run: int) -> float:
     """Sum of squares of one run, whose own parameters alone are fitted to it."""
-    own = np.isin(np.arange(residual.n_parameters), list(residual.space.own(run).values()))
+    nuisances = np.isin(np.arange(residual.n_parameters), list(residual.space.places(run).values()))
 
     def parts(seen: Evaluation) -> list[_Part]:
         alone = seen.runs[run]
         others = seen.cost - alone.cost, seen.gradient - alone.gradient, seen.normal - alone.normal
-        return [_Part(*others, ~own), _Part(alone.cost, alone.gradient, alone.normal, own)]
+        return [_Part(*others, ~nuisances), _Part(alone.cost, alone.gradient, alone.normal, nuisances)]
 
     _, seen = _gauss_newton(problem, residual, solved.y, solved.evaluation, parts)
     held_out = problem.by_run(seen.residual)[run]

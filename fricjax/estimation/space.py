@@ -122,12 +122,12 @@ class ParameterSpace(eqx.Module):
         """Whether all runs have the same nuisance parameters."""
         return len(set(self.nuisances)) == 1
 
-    def own(self, run: Any) -> dict[str, Any]:
+    def places(self, run: Any) -> dict[str, Any]:
         """Places of the nuisance parameters of one run by name; its number may be traced where the runs are alike."""
         before = run * len(self.nuisances[0]) if self.alike else sum(map(len, self.nuisances[:run]))
         names = self.nuisances[0 if self.alike else run]
         return {name: len(self.leaves) + before + i for i, name in enumerate(names)}
 
-    def run_values(self, values: Float[Array | np.ndarray, " p"], run: Any) -> dict[str, Array]:
-        """The same of their values."""
-        return {name: values[place] for name, place in self.own(run).items()}
+    def run_values(self, values: Float[Array | np.ndarray, " p"], run: Any) -> dict[str, Any]:
+        """The nuisance parameters of one run by name."""
+        return {name: values[place] for name, place in self.places(run).items()}

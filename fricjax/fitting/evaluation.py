@@ -146,8 +146,8 @@ def _among_all(
     """What is asked of a run, with its sums along all coordinates."""
     few = len(Block._fields) - 1
     slopes = blocks[:, few:] @ directions.astype(blocks.dtype)
-    whole = Pass(sums.cost, sums.gradient @ directions, directions.T @ sums.normal @ directions)
-    return residual, whole, pulls, jnp.concatenate([blocks[:, :few], slopes], axis=1)
+    along_all = Pass(sums.cost, sums.gradient @ directions, directions.T @ sums.normal @ directions)
+    return residual, along_all, pulls, jnp.concatenate([blocks[:, :few], slopes], axis=1)
 
 
 def block_length(samples: int) -> int:

@@ -135,7 +135,7 @@ class Residual(NamedTuple):
         p, shared, total = self.n_parameters, len(self.space.leaves), self.n_parameters + self.inputs.shape[0]
         if any(tie.parameter >= shared for tie in self.space.ties):
             return jnp.identity(total)
-        along = jnp.array([*range(shared), *self.space.own(number).values(), *range(p, total)])
+        along = jnp.array([*range(shared), *self.space.places(number).values(), *range(p, total)])
         return (along[:, None] == jnp.arange(total)) * 1.0
 
     def priors(self, y: Float[Array, " coordinates"]) -> Float[Array, " p"]:

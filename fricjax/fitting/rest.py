@@ -231,8 +231,8 @@ def stops_within(problem: Problem, solution: Solution, run: int) -> int | None:
     begins = _starts_moving(problem, run) or not pulls[0] <= float(law.breakaway_force(load))
     if recorded >= NEVER or not begins:
         return recorded
-    held = np.flatnonzero(pulls[1 : recorded + 1] <= float(law.static_force(load)))
-    return 1 + int(held[0]) if held.size else None
+    sticking = np.flatnonzero(pulls[1 : recorded + 1] <= float(law.static_force(load)))
+    return 1 + int(sticking[0]) if sticking.size else None
 
 
 def _half_cycles_of_law(problem: Problem, solution: Solution, run: int) -> int:

@@ -24,6 +24,9 @@ if TYPE_CHECKING:
 # What a motion is traced from is imported where it is traced: with diffrax it takes longer than a fit, and a process
 # that recalls its programs needs neither.
 
+# How much finer a motion is integrated of which only the end is asked for.
+_FINER = 100.0
+
 
 class Smooth(AbstractEngine):
     """Integration in time with a Rosenbrock solver, and on a mesh over the phase of the half-cycles first.
@@ -135,4 +138,6 @@ class Smooth(AbstractEngine):
         """Where the mass comes to rest [m]; NaN where it still moves after `max_steps` or ten thousand half-periods."""
         from . import integration
 
-        return integration.rest(self, oscillator, start)
+        # A contact may ring for thousands of swings, whose errors add up.
+        fine = Smooth(self.accuracy / _FINER, max_steps=self.max_steps, still=self.still)
+        return integration.rest(fine, oscillator, start)

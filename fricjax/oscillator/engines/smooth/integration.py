@@ -1,7 +1,7 @@
 """What the smooth engine integrates: in time with steps that the error estimate chooses, or by the steps of a mesh."""
 
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple, Protocol, runtime_checkable
 
 import diffrax
 import equinox as eqx
@@ -14,7 +14,6 @@ from ...motion import Motion, Start
 from ...oscillator import Drive, Oscillator
 from ...outcome import RESULTS
 from ..nodes import Nodes
-from .engine import Smooth
 from .phase import FieldArgs, Limits, after_switch, choose_phase_steps, field, follow_mesh, switching_quantities
 from .reversals import Log, ReversalRecorder, after_step, last_log
 from .rosenbrock import Rodas5P
@@ -27,10 +26,22 @@ _STILL = 0.1
 _LONG = 1e4 * np.pi
 # Ringing that shows in a sampled motion, in its accuracy: less is lost in the errors of the steps.
 _SHOWS = 0.1
-# How much finer a motion is integrated of which only the end is asked for.
-_FINER = 100.0
 # How much longer than `still` the way of a mass that rests may be on a mesh that was made for another motion.
 _MOVED = 2.0
+
+
+@runtime_checkable
+class Settings(Protocol):
+    """What of the smooth engine an integration depends on."""
+
+    name: ClassVar[str]
+    counted: ClassVar[tuple[str, ...]]
+    accuracy: Any
+    mesh: Any
+    max_steps: int
+    max_half_cycles: int
+    still: Any
+    method: Any
 
 
 class _Args(NamedTuple):
@@ -48,7 +59,7 @@ def _field(tau: Any, y: Any, args: _Args) -> tuple:
     return (y[1], a, *states)
 
 
-def path(engine: Smooth, oscillator: Oscillator, start: Start) -> Nodes:
+def path(engine: Settings, oscillator: Oscillator, start: Start) -> Nodes:
     """See `Smooth.path`."""
     if engine.mesh is None:
         raise ValueError("A path of the smooth engine needs a mesh: make one with Smooth.meshed.")
@@ -61,7 +72,7 @@ def path(engine: Smooth, oscillator: Oscillator, start: Start) -> Nodes:
     return eqx.tree_at(lambda n: (n.rest_position, n.finished), motion, (position, jnp.asarray(True)))
 
 
-def trail(engine: Smooth, oscillator: Oscillator, start: Start, duration: Float[Array, ""]) -> Nodes:
+def trail(engine: Settings, oscillator: Oscillator, start: Start, duration: Float[Array, ""]) -> Nodes:
     """See `Smooth.trail`."""
     machine = Scaled.of(oscillator, start)
     end = duration * machine.rate
@@ -74,7 +85,7 @@ def trail(engine: Smooth, oscillator: Oscillator, start: Start, duration: Float[
 
 
 def meshed(
-    engine: Smooth, oscillator: Oscillator, start: Start, duration: Array, half_cycles: Array | None, capacity: int
+    engine: Settings, oscillator: Oscillator, start: Start, duration: Array, half_cycles: Array | None, capacity: int
 ) -> tuple[Array, Array]:
     """See `Smooth.meshed`."""
     machine = Scaled.of(oscillator, start)
@@ -96,7 +107,7 @@ def meshed(
 
 
 def solve(
-    engine: Smooth,
+    engine: Settings,
     oscillator: Oscillator,
     start: Start,
     ts: Float[Array, " samples"],
@@ -127,21 +138,19 @@ def solve(
     )
 
 
-def rest(engine: Smooth, oscillator: Oscillator, start: Start) -> Array:
+def rest(engine: Settings, oscillator: Oscillator, start: Start) -> Array:
     """See `Smooth.rest`."""
     machine = Scaled.of(oscillator, start)
-    # A contact may ring for thousands of swings, whose errors add up.
-    fine = Smooth(engine.accuracy / _FINER)
-    rests = _resting(_field, _tolerance(fine, machine), jnp.asarray(_LONG), engine.still / machine.length)
+    rests = _resting(_field, _tolerance(engine, machine), jnp.asarray(_LONG), engine.still / machine.length)
     y0, end, one = machine.start(start), jnp.asarray(_LONG), diffrax.SaveAt(t1=True)
-    solution = _free(fine, y0, _Args(machine), end, one, engine.max_steps, diffrax.Event(rests))
+    solution = _free(engine, y0, _Args(machine), end, one, engine.max_steps, diffrax.Event(rests))
     x, v, *states = (values[-1] for values in solution.ys)
     place, way = machine.settling(x, v, tuple(states))
     position = jnp.where(way * machine.length < engine.still, place, x) * machine.length
     return jnp.where(solution.result == diffrax.RESULTS.event_occurred, position, jnp.nan)
 
 
-def _integrate(engine: Smooth, oscillator: Oscillator, start: Start, ts: Array, drive: Drive | None) -> tuple:
+def _integrate(engine: Settings, oscillator: Oscillator, start: Start, ts: Array, drive: Drive | None) -> tuple:
     """The scaled machine, and displacement, velocity, internal states at `ts`, and the solution."""
     machine = Scaled.of(oscillator, start, drive)
     tau = jnp.maximum(ts, 0.0) * machine.rate
@@ -157,7 +166,7 @@ def _integrate(engine: Smooth, oscillator: Oscillator, start: Start, ts: Array, 
 
 
 def _free(
-    engine: Smooth,
+    engine: Settings,
     y0: tuple,
     args: _Args,
     end: Array,
@@ -177,7 +186,9 @@ def _free(
     return integrate(_field, with_log, jnp.zeros(()), end, y0, args, **settings)
 
 
-def _chosen(engine: Smooth, machine: Scaled, switching: SwitchingSolver) -> tuple[diffrax.AbstractAdaptiveSolver, Any]:
+def _chosen(
+    engine: Settings, machine: Scaled, switching: SwitchingSolver
+) -> tuple[diffrax.AbstractAdaptiveSolver, Any]:
     """Solver and controller in time; their steps end where the rates of a law with states have a kink."""
     tolerance = _tolerance(engine, machine)
     if engine.method is not None:
@@ -187,7 +198,7 @@ def _chosen(engine: Smooth, machine: Scaled, switching: SwitchingSolver) -> tupl
     return switching, SecantSteps(Cautious(rtol=tolerance, atol=tolerance), step_across(tolerance))
 
 
-def _tolerance(engine: Smooth, machine: Scaled) -> Array:
+def _tolerance(engine: Settings, machine: Scaled) -> Array:
     # Over fifty half-cycles the errors of the steps add up to some thirty times the tolerance.
     return jnp.maximum(0.02 * engine.accuracy / machine.length, 1e-14)
 
