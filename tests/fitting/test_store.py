@@ -98,6 +98,15 @@ def test_the_engine_of_a_fit_comes_back_as_it_was(found, tmp_path, engine):
     assert back.engine_used == engine
 
 
+def test_what_is_no_solver_is_no_method_of_an_engine(found, tmp_path):
+    path = dataclasses.replace(found, engine_used=Smooth(1e-10)).save(tmp_path / "fit.json")
+    content = json.loads(path.read_text())
+    content["samples"]["engine_used"]["method"] = content["oscillator"]["restoring"]
+    path.write_text(json.dumps(content))
+    with pytest.raises(DataError, match=r"is no Smooth \(method must be an adaptive solver .* got a Linear\)"):
+        load_fit(path)
+
+
 def test_a_numerical_error_that_shows_is_warned_of(found):
     problem = problem_of(coulomb_run(), found.oscillator, MACHINE)
     sentences = [

@@ -6,7 +6,7 @@ motion is then a smooth function of every coefficient, and its derivatives are e
 """
 
 import dataclasses
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 import equinox as eqx
 import numpy as np
@@ -17,9 +17,6 @@ from ...oscillator import Drive, Oscillator
 from ..base import AbstractEngine, Demands
 from ..nodes import Nodes
 from .mesh import Mesh
-
-if TYPE_CHECKING:
-    import diffrax
 
 # What a motion is traced from is imported where it is traced: with diffrax it takes longer than a fit, and a process
 # that recalls its programs needs neither.
@@ -56,7 +53,17 @@ class Smooth(AbstractEngine):
     max_half_cycles: int = eqx.field(static=True, default=512)
     still: float | Float[Array | np.ndarray, ""] = 1e-13
     # Of its fields some are no arrays, so that it shapes the computation.
-    method: "diffrax.AbstractAdaptiveSolver | None" = eqx.field(static=True, default=None)
+    method: eqx.Module | None = eqx.field(static=True, default=None)
+
+    def __check_init__(self) -> None:
+        if self.method is None:
+            return
+        import diffrax
+
+        if not isinstance(self.method, diffrax.AbstractAdaptiveSolver):
+            raise ValueError(
+                f"method must be an adaptive solver such as diffrax.Kvaerno5(), got a {type(self.method).__name__}."
+            )
 
     @staticmethod
     def refusal(oscillator: Oscillator) -> str | None:
