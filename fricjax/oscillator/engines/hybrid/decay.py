@@ -45,6 +45,10 @@ class Decay(NamedTuple):
         nodes, resolved = self.nodes, self.end.resolved
         rest = jnp.where(resolved, nodes.rest_position, jnp.nan)
         points = jnp.concatenate([self.half_cycles.x[:1, 0], self.turning_points])
+        # Behind the half-cycles from a table there may be room before the last ones.
+        made = ~jnp.isnan(points)
+        places = jnp.where(made, jnp.cumsum(made) - 1, points.size)
+        points = jnp.full_like(points, jnp.nan).at[places].set(points, mode="drop")
         return Nodes(nodes.t, nodes.x, nodes.v, nodes.a, rest, nodes.t_stop, nodes.finished | ~resolved, points)
 
 
