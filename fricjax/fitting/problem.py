@@ -72,11 +72,10 @@ class Problem:
     def origins(self) -> np.ndarray:
         """What the record is ahead of its run in time, for release times; zero for other parameters, shape (p,)."""
         origins = np.zeros(len(self.names))
-        first = len(self.residual.space.leaves)
-        for window in self.windows:
-            for i, name in enumerate(window.nuisances):
-                origins[first + i] = window.origin if name == "t_release" else 0.0
-            first += len(window.nuisances)
+        for run, window in enumerate(self.windows):
+            place = self.residual.space.places(run).get("t_release")
+            if place is not None:
+                origins[place] = window.origin
         return origins
 
     def by_run(self, residual: Any) -> list[np.ndarray]:
