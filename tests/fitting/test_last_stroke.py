@@ -77,5 +77,5 @@ def test_the_last_turning_points_stand_behind_those_from_the_table():
     run = coulomb_run(2e-3, mu=0.02, samples=4000)
     model = Oscillator(PROTOTYPE_MASS, STIFFNESS, PROTOTYPE_DAMPING, 9.66, Coulomb(0.02))
     exact, hybrid = (fit(run, model, ["mu", "stiffness"], engine=engine) for engine in ("exact", "hybrid"))
-    assert exact.half_cycles == hybrid.half_cycles and exact.half_cycles[0] > 8
+    assert exact.half_cycles == hybrid.half_cycles and (exact.half_cycles[0] or 0) > 8
     assert hybrid.margins[0] == pytest.approx(exact.margins[0], abs=1e-9)
