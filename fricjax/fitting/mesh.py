@@ -8,9 +8,11 @@ costs no steps.
 
 from typing import Any
 
+import jax
 import numpy as np
 
 from ..errors import UsageError
+from ..friction import AbstractFriction
 from ..oscillator import Program
 from .residual import Residual, Run, start_of, without_inputs
 
@@ -18,8 +20,9 @@ CAPACITY = 1 << 17
 _REACH = 1.05
 _GROWTH = 4.0
 # Of a bristle law a rough mesh has 1100 steps over five half-cycles and 2900 over fifty, and that of the check twice as
-# many; of one whose elements yield it has 14,000, and that of the check 51,000. What is not used of 8192 places costs
-# nothing, of 65536 as much as the steps.
+# many; of elements that yield it has 3000 to 9000, and that of the check four times as many; of those that follow a
+# mean deflection (Leuven's) 14,000 and 51,000. What is not used of 8192 places costs nothing, of 65536 as much as the
+# steps.
 _SIZES = tuple(2**power for power in (13, 15, 17, 19))
 # How many more steps there may be at the optimum than at the start values.
 _MORE = 1.1
@@ -42,7 +45,7 @@ def with_mesh(residual: Residual, y: Any, slack: float = 1.0) -> Residual:
     lists = [(_finite(phases), _graded(_finite(times))) for phases, times in meshes]
     longest = max(phases.size + times.size - 1 for phases, times in lists)
     replaced: list[Any] = [run.engine for run in residual.runs if run.engine is not None]
-    rooms = [longest, *(engine.mesh.ends.size for engine in replaced)]
+    rooms = [_least_size(residual.oscillator.friction), longest, *(engine.mesh.ends.size for engine in replaced)]
     if slack > 1:
         finest = _meshes(engine.checking(), bare, y)
         steps = max(sum(np.isfinite(ends).sum() for ends in pair) for pair in finest)
@@ -55,19 +58,27 @@ def likely(residual: Residual, y: Any) -> Residual | None:
     """The residual with meshes of the size that is likely and nothing in them, before the first mesh can be made.
 
     What is compiled for it meanwhile is what a first fit waits for longest. None where a mesh is at hand without
-    compiling, and where no size is likely; an engine that needs no mesh is likely as it is.
+    compiling; an engine that needs no mesh is likely as it is.
     """
     engine: Any = residual.engine
-    law = residual.oscillator.friction
     if not engine.needs_mesh:
         return residual
-    # One state needs the first size, two of them or steps that are finer than usual the second. Of laws whose elements
-    # stick some need the third, and a wrong guess costs more than a right one gains.
-    if law.n_modes or _meshes.is_compiled(engine, _bare(residual), y[: residual.n_parameters]):
+    if _meshes.is_compiled(engine, _bare(residual), y[: residual.n_parameters]):
         return None
-    size = _SIZES[0 if law.n_states * law.step_refinement == 1 else 1]
+    size = _least_size(residual.oscillator.friction)
     nothing = np.array([0.0, 1.0])
     return residual.with_runs(engine=[engine.on_mesh(nothing, nothing, size) for _ in residual.runs])
+
+
+def _least_size(law: AbstractFriction) -> int:
+    """Room that the meshes of a law mostly need, and all get, so that its fits compile one size.
+
+    One smooth state needs the first size; several states, switches, or steps that are finer than usual, the second.
+    Where a law switches by more than its moving states, as Leuven's does on its return to steady sliding, the third.
+    """
+    moving = law.n_states - law.n_modes
+    switches = jax.eval_shape(law.switches, *(jax.ShapeDtypeStruct(n, float) for n in ((), (law.n_states,), ()))).size
+    return _SIZES[2 if switches > moving else 1 if (moving + switches) * law.step_refinement > 1 else 0]
 
 
 def _bare(residual: Residual) -> Residual:

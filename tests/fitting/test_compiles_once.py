@@ -6,8 +6,8 @@ import jax
 import numpy as np
 import pytest
 
-from fricjax import Oscillator, Trace, fit
-from fricjax.friction import Coulomb
+from fricjax import Oscillator, Record, Trace, fit, synthetic_run
+from fricjax.friction import BlimanSorine, Coulomb
 from fricjax.oscillator.program import forget_programs
 from tests.compilations import compilations
 from tests.fitting.runs import MACHINE, RIGS, STIFFNESS, coulomb_run, noisy, oscillator
@@ -55,11 +55,27 @@ def test_smooth(law):
     assert not seen
 
 
-def test_the_meshes_of_a_sliding_run_share_a_program():
+def two_states() -> tuple[Record, Oscillator]:
+    """A motion under a law of two states, whose coarsest mesh has 3000 steps and whose finest one 10,000."""
+    rolling = machine(BlimanSorine(0.014, 0.004, 0.3, 1e-4))
+    return synthetic_run(rolling, 1e-3, rate=5e3, duration=1.0, noise=5e-9, seed=0), rolling
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("made", "free"),
+    [
+        (lambda: (noisy("sliding", "LuGre", 0), oscillator(RIGS["sliding"], "LuGre")), (*MACHINE, "sigma0")),
+        (two_states, MACHINE[1:]),
+    ],
+    ids=["LuGre", "BlimanSorine"],
+)
+def test_all_meshes_of_a_fit_share_a_program(made, free):
     """From the coarsest, of the first stage, to the finest, of the check; it is compiled beside the first."""
+    run, model = made()
     forget_programs()
     with compilations() as seen:
-        fit(noisy("sliding", "LuGre", 0), oscillator(RIGS["sliding"], "LuGre"), (*MACHINE, "sigma0"))
+        fit(run, model, free)
     assert not [thread for thread in threading.enumerate() if thread.name.startswith("compiling")]
     assert len([name for name in seen if "solve_in_stages" in name]) == 1, seen
 
