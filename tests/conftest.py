@@ -84,6 +84,12 @@ def getkey() -> Callable[[], jax.Array]:
     return lambda: jax.random.key(next(keys))
 
 
+@pytest.fixture
+def small_chunks(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two problems fill a chunk: a few runs are solved as many are, and of an odd number the first alone."""
+    monkeypatch.setattr("fricjax.fitting.chunks.WIDTH", 2)
+
+
 @pytest.fixture(scope="session")
 def measured_data() -> Callable[[str], Path]:
     """`measured_data("folder/file")`: the path of a measured run below FRICJAX_DATA, or the test is skipped."""

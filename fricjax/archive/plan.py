@@ -271,18 +271,20 @@ def _suffix(name: str) -> str:
 
 def _chunks(study: Study, jobs: Sequence[Job]) -> Iterator[Chunk]:
     """Files that are likely to share a shape: of one ending, of like sizes, and asked for the same laws."""
-    from ..fitting.chunks import WIDTH
+    from ..fitting.chunks import blocks
 
     groups: dict[Any, list[Job]] = {}
     for job in jobs:
         groups.setdefault((_suffix(job.file), job.laws), []).append(job)
     # A law that is integrated on a mesh is fitted run by run; of its short chunks little is lost with one.
-    width = WIDTH if all(law.oscillator.friction.kind == "set-valued" for law in study.laws) else WIDTH // 8
+    parts = 1 if all(law.oscillator.friction.kind == "set-valued" for law in study.laws) else 8
     for group in groups.values():
-        chunk: list[Job] = []
-        for job in sorted(group, key=lambda job: job.signature.bytes):
-            if chunk and (len(chunk) == width or sum(j.signature.bytes for j in (*chunk, job)) > _LARGEST):
-                yield Chunk(tuple(chunk))
-                chunk = []
-            chunk.append(job)
-        yield Chunk(tuple(chunk))
+        by_size = sorted(group, key=lambda job: job.signature.bytes)
+        for block in blocks(len(group), parts):
+            chunk: list[Job] = []
+            for job in by_size[block.start : block.stop]:
+                if chunk and sum(j.signature.bytes for j in (*chunk, job)) > _LARGEST:
+                    yield Chunk(tuple(chunk))
+                    chunk = []
+                chunk.append(job)
+            yield Chunk(tuple(chunk))

@@ -17,7 +17,7 @@ from ..oscillator import Oscillator, cores, one_at_a_time, ready
 from ..show.working import working
 from .assemble import unit_of
 from .batch_result import BatchFit
-from .chunks import WIDTH
+from .chunks import blocks
 from .derived import UNITS, contributions, kinematics
 from .diagnostics import CONVERGED, Misfit, flags_of, misfit_of, status_of, worst
 from .missing import advice
@@ -107,14 +107,14 @@ def fit_batch(
     common = Request.of(oscillator, free, **settings)
     guesses = _per_run(guess or {}, len(runs))
     order = sorted(range(len(runs)), key=lambda i: len(run) if isinstance(run := runs[i], Record) else 0)
-    blocks = [order[first : first + WIDTH] for first in range(0, len(order), WIDTH)]
+    parts = [[order[i] for i in block] for block in blocks(len(order))]
 
     def work(block: list[int]) -> list[Row]:
         return fit_rows([runs[i] for i in block], [common.with_guess(guesses[i]) for i in block])
 
     rows: dict[int, Row] = {}
     with working("Fitting runs", len(runs)) as task, ThreadPoolExecutor(cores()) as pool:
-        for block, rows_of_block in zip(blocks, pool.map(work, blocks), strict=True):
+        for block, rows_of_block in zip(parts, pool.map(work, parts), strict=True):
             rows |= dict(zip(block, rows_of_block, strict=True))
             task.advance(len(block))
     names = tuple(_name(each.run, run) for each, run in zip(sources, runs, strict=True))
@@ -175,7 +175,7 @@ def solved_rows(problems: Sequence[Problem], begins: Sequence[np.ndarray] | None
         problems: of one engine and one loss.
         begins: coordinates to start each of them from; None for the start values.
     """
-    solutions = [None] * len(problems) if any(map(alone, problems)) else solve_batch(problems, begins)
+    solutions = [None] * len(problems) if alone(problems) else solve_batch(problems, begins)
     rows = []
     for problem, solved, begin in zip(problems, solutions, begins or [None] * len(problems), strict=True):
         try:
@@ -185,9 +185,9 @@ def solved_rows(problems: Sequence[Problem], begins: Sequence[np.ndarray] | None
     return rows
 
 
-def alone(problem: Problem) -> bool:
-    """Whether a problem is solved by itself: meshes and joint fits have no program for many at once."""
-    return problem.residual.engine.needs_mesh or len(problem.windows) > 1
+def alone(problems: Sequence[Problem]) -> bool:
+    """Whether each is solved as by `fit`: a single one, and those on meshes and joint fits, which no loop solves."""
+    return len(problems) == 1 or any(each.residual.engine.needs_mesh or len(each.windows) > 1 for each in problems)
 
 
 def _weighted(

@@ -1,9 +1,11 @@
 """Many problems at once: those of the same shape in chunks, each of which is one compiled computation.
 
 The problems of a chunk are solved one after the other in a compiled loop, so that each takes only the steps that it
-needs; several such loops run side by side in threads, for a compiled computation holds no lock.
+needs; several such loops run side by side in threads, for a compiled computation holds no lock. Fewer than a chunk
+holds are solved by the program of a single one: the loop would be compiled for seconds, to save some milliseconds each.
 """
 
+import itertools
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
@@ -34,6 +36,16 @@ class Member(NamedTuple):
     limits: Limits
     y: Any
     schedule: Schedule
+
+
+def blocks(count: int, parts: int = 1) -> list[range]:
+    """The numbers below `count` in blocks of like sizes, which hold a chunk at most, or one of so many `parts` of it.
+
+    Fewer than fill a chunk have a block each. Of more none is left by itself, where it would ask for another program.
+    """
+    width = max(WIDTH // parts, 1) if count >= WIDTH else 1
+    many = -(-count // width)
+    return [range(*ends) for ends in itertools.pairwise(count * i // max(many, 1) for i in range(many + 1))]
 
 
 def solve_in_chunks(members: Sequence[Member], loss: AbstractLoss) -> list[tuple[Iterate, Any]]:

@@ -9,7 +9,7 @@ import numpy as np
 from ..errors import UsageError
 from ..fitting import Fit
 from ..fitting.batch import Row, alone, solved_rows
-from ..fitting.chunks import WIDTH
+from ..fitting.chunks import blocks
 from ..fitting.problem import Problem
 from ..fitting.residual import without_inputs
 from ..fitting.solve import Solution, solve, solve_batch
@@ -54,7 +54,6 @@ def _of_record(problem: Problem) -> Problem:
 
 def solved(make: Callable[[int], Problem], count: int, begin: np.ndarray) -> list[Row]:
     """Many problems solved on all cores, all from coordinates `begin`; each is made by the thread that solves it."""
-    places = [range(first, min(first + WIDTH, count)) for first in range(0, count, WIDTH)]
 
     @one_at_a_time()
     def block(place: Sequence[int]) -> list[Row]:
@@ -62,7 +61,7 @@ def solved(make: Callable[[int], Problem], count: int, begin: np.ndarray) -> lis
 
     rows: list[Row] = []
     with working("Fitting records", count) as task, ThreadPoolExecutor(cores() + 1) as pool:
-        for rows_of_block in pool.map(block, places):
+        for rows_of_block in pool.map(block, blocks(count)):
             rows += rows_of_block
             task.advance(len(rows_of_block))
     return rows
@@ -71,6 +70,6 @@ def solved(make: Callable[[int], Problem], count: int, begin: np.ndarray) -> lis
 def squares(problems: Sequence[Problem], begins: Sequence[np.ndarray]) -> list[Solution]:
     """The least squares of many problems, each from its coordinates `begins`."""
     asked = list(map(_of_record, problems))
-    if asked and alone(asked[0]):
+    if alone(asked):
         return [solve(problem, begin) for problem, begin in zip(asked, begins, strict=True)]
     return [solution for solution, _ in solve_batch(asked, begins)]

@@ -20,9 +20,12 @@ def traces() -> list[fj.Trace]:
     return long + [coulomb_run(x0, seed=2 + i, samples=1500) for i, x0 in enumerate(STARTS[2:])]
 
 
-@pytest.fixture(scope="module")
-def batch(traces: list[fj.Trace]) -> fj.BatchFit:
-    return fj.fit_batch(traces, SLIDING, MACHINE)
+@pytest.fixture(scope="module", params=["one by one", "in chunks"])
+def batch(traces: list[fj.Trace], request: pytest.FixtureRequest) -> fj.BatchFit:
+    with pytest.MonkeyPatch.context() as patch:
+        if request.param == "in chunks":
+            patch.setattr(chunks, "WIDTH", 2)
+        return fj.fit_batch(traces, SLIDING, MACHINE)
 
 
 def test_each_run_is_fitted_as_it_would_be_alone(batch: fj.BatchFit, traces: list[fj.Trace]):
@@ -47,6 +50,7 @@ def test_the_truth_lies_within_the_errors(batch: fj.BatchFit):
     assert np.all(batch.numerical_shift < 0.1)
 
 
+@pytest.mark.usefixtures("small_chunks")
 def test_a_bad_run_does_not_stop_the_others(traces: list[fj.Trace]):
     t = np.arange(2000) / 5e3
     still = fj.Trace(t, 1e-9 * np.random.default_rng(0).standard_normal(t.size))
@@ -62,14 +66,15 @@ def test_a_bad_run_does_not_stop_the_others(traces: list[fj.Trace]):
     assert table["mu"].isna().tolist() == [False, True, True, False]
 
 
+@pytest.mark.usefixtures("small_chunks")
 def test_a_mass_that_stopped_just_before_its_record_ends():
     """Such a record shows motion to its end, and what a wrong count leaves is far below the dead band."""
     machine = fj.Oscillator(0.41068, 2574.0, 0.17557, 9.66, fj.friction.Coulomb(0.013441))
     stop = float(np.asarray(fj.simulate(machine, 2.2e-3, np.zeros(1)).t_stop))
     run = fj.synthetic_run(machine, 2.2e-3, rate=4e3, duration=stop + 6e-3, noise=5e-9, seed=1)
     assert run.segmentation.rest is None
-    batch = fj.fit_batch([run], machine, MACHINE)
-    assert batch.status == ("converged",)
+    batch = fj.fit_batch([run, run], machine, MACHINE)
+    assert batch.status == 2 * ("converged",)
     assert abs(batch.values["mu"][0] - 0.013441) < 5 * batch.std_errors["mu"][0]
 
 
@@ -107,7 +112,7 @@ def test_start_values_may_differ_from_run_to_run(batch: fj.BatchFit, traces: lis
 
 def test_more_runs_than_one_computation_holds_compile_nothing_new(traces: list[fj.Trace]):
     many = [coulomb_run(2e-3, seed=i) for i in range(chunks.WIDTH + 3)]
-    fj.fit_batch(many[:2], SLIDING, MACHINE)
+    fj.fit_batch(many[: chunks.WIDTH], SLIDING, MACHINE)
     with compilations() as seen:
         found = fj.fit_batch(many, SLIDING, MACHINE)
     assert not seen
@@ -115,7 +120,24 @@ def test_more_runs_than_one_computation_holds_compile_nothing_new(traces: list[f
     assert np.std((found.values["mu"] - 0.05) / found.std_errors["mu"]) == pytest.approx(1, abs=0.4)
 
 
+def test_a_few_runs_are_fitted_by_the_program_of_a_single_one(traces: list[fj.Trace]):
+    fj.fit(traces[0], SLIDING, MACHINE)
+    with compilations() as seen:
+        found = fj.fit_batch(traces[:3], SLIDING, MACHINE)
+    assert not seen and found.converged.all()
+
+
+@pytest.mark.parametrize("count", [0, 1, 31, 32, 33, 65, 100])
+def test_blocks_hold_all_numbers_and_none_of_them_by_itself_where_others_share_one(count: int):
+    for parts in (1, 8):
+        sizes = list(map(len, chunks.blocks(count, parts)))
+        assert [i for block in chunks.blocks(count, parts) for i in block] == list(range(count))
+        assert max(sizes, default=0) <= chunks.WIDTH // parts
+        assert len(sizes) == count if count < chunks.WIDTH else max(sizes) - min(sizes) <= 1 < min(sizes)
+
+
 @pytest.mark.slow
+@pytest.mark.usefixtures("small_chunks")
 @pytest.mark.parametrize("law", ["Tanh", "LuGre"])
 def test_other_engines(law: str):
     runs = [noisy("sliding", law, seed) for seed in range(2)]
@@ -129,10 +151,11 @@ def test_other_engines(law: str):
     assert found.engine == {"Tanh": "hybrid", "LuGre": "smooth"}[law]
 
 
+@pytest.mark.usefixtures("small_chunks")
 def test_outliers_count_for_less_under_a_robust_loss(traces: list[fj.Trace]):
     x = np.array(traces[0].x)
     x[np.random.default_rng(0).choice(x.size, x.size // 50)] += 2e-6
     spoilt = fj.Trace(traces[0].t, x, sigma=traces[0].sigma)
-    squares, robust = (fj.fit_batch([spoilt], SLIDING, MACHINE, loss=loss) for loss in ("squares", "cauchy"))
+    squares, robust = (fj.fit_batch([spoilt, spoilt], SLIDING, MACHINE, loss=loss) for loss in ("squares", "cauchy"))
     errors = [abs(found.values["mu"][0] - 0.05) for found in (squares, robust)]
     assert errors[1] < 4 * robust.std_errors["mu"][0] < errors[0]

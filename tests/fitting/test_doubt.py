@@ -76,9 +76,10 @@ def test_numbers_are_as_probable_as_they_are_often_true(fits):
     assert abs(wrong - expected.sum()) < 3 * np.sqrt(np.sum(expected * (1 - expected)))
 
 
+@pytest.mark.usefixtures("small_chunks")
 def test_a_batch_says_and_counts_the_same(fits):
     at = next(i for i, found in enumerate(fits) if told(found))
-    batch = fit_batch([noisy(at)], oscillator(RIG, "Coulomb"), MACHINE)
+    batch = fit_batch([noisy(at)] * 2, oscillator(RIG, "Coulomb"), MACHINE)
     assert told(fits[at]) == list(batch.warnings[0])
     for name in MACHINE:
         assert batch.std_errors[name][0] == pytest.approx(fits[at].std_errors[name], rel=1e-3)

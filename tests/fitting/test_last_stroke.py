@@ -32,6 +32,7 @@ def test_the_last_stroke_needs_no_stop(duration: float):
         assert abs(found.values[name] - true) < 4 * found.std_errors[name], name
 
 
+@pytest.mark.usefixtures("small_chunks")
 @pytest.mark.slow
 @pytest.mark.parametrize("v_s", [1e-3, 1e-4])
 def test_a_law_that_creeps_is_fitted_wherever_its_record_ends(v_s: float):

@@ -66,6 +66,7 @@ def test_a_quiet_rest_makes_no_shaken_floor_of_what_is_lacking(duration):
     assert "'drag'" in said(found)[0]
 
 
+@pytest.mark.usefixtures("small_chunks")
 @pytest.mark.parametrize("duration", [0.3, 1.5])
 def test_a_long_rest_hides_nothing_that_the_motion_shows(duration):
     """Residuals of 26 times the noise in motion were 10 times it over all: "converged", mu 17 standard errors off."""

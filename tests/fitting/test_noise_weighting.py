@@ -270,6 +270,7 @@ def test_runs_of_a_joint_fit_count_by_their_own_noise():
         assert 0.85 * first.std_errors[name] < joint.std_errors[name] < first.std_errors[name]
 
 
+@pytest.mark.usefixtures("small_chunks")
 def test_a_batch_counts_by_the_noise_of_each_run():
     traces = [Trace(T, X + white(10)), Trace(T, X + autoregressive(0.99, 11))]
     batch = fit_batch(traces, MODEL, MACHINE)
@@ -291,6 +292,7 @@ def test_criteria_prefer_the_colour_that_is_there():
     assert right.aicc < right.chi2 - 1e3
 
 
+@pytest.mark.usefixtures("small_chunks")
 def test_a_batch_knows_rounding_and_drift_of_its_runs():
     traces = [rounded(0), Trace(T, X + white(3) + 1e-6 * T), rounded(1)]
     batch = fit_batch(traces, MODEL, MACHINE)

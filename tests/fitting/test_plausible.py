@@ -34,6 +34,7 @@ def test_a_coefficient_that_no_friction_has_is_remarked_on(wrong):
     assert "implausible" in found.flags["mu"]
 
 
+@pytest.mark.usefixtures("small_chunks")
 def test_the_rows_of_a_batch_are_remarked_on(wrong):
     batch = fit_batch([coulomb_run(), wrong], MODEL, MACHINE)
     assert not batch.warnings[0] and "implausible" not in batch.flags[0]["mu"]

@@ -129,6 +129,7 @@ def test_the_report_says_what_is_most_uncertain(found: Fit):
     assert "uncertainty:" not in fit(coulomb_run(), FULL.oscillator(Coulomb(0.05)), MACHINE).summary()
 
 
+@pytest.mark.usefixtures("small_chunks")
 def test_a_batch_tells_for_each_run_what_a_fit_tells():
     traces = [coulomb_run(x0, seed=i) for i, x0 in enumerate((2e-3, 1.8e-3, 2.4e-3, 2.2e-3))]
     machine = FULL.oscillator(Coulomb(0.05))

@@ -143,6 +143,7 @@ def test_of_several_runs_the_one_that_is_not_described_is_named():
     assert_named(found, MISFIT, " in run 3 are ")
 
 
+@pytest.mark.usefixtures("small_chunks")
 def test_a_batch_says_the_same():
     runs = [coulomb_run(), slipped(), reversed_in_time(), coulomb_run(seed=3)]
     batch = fit_batch(runs, MODEL, MACHINE)
