@@ -29,8 +29,9 @@ _TRIED = jax.__version_info__[:2] == (0, 12) and platform.machine() in ("x86_64"
 _MARKS = {"inlineable": "false", "xla_cpu_small_call": "true"}
 # Most operations of a kernel: LLVM's time grows faster than what it is given, and two cores want two kernels.
 _MOST, _LEAST = 500, 4
-# Longest arrays of a kernel: XLA shares what is longer among threads, and a kernel has one.
-_LONGEST = 4096
+# Longest arrays of a kernel: XLA shares what is longer among threads, and a kernel has one. With 2048 and more the warm
+# solves of Tanh and Stribeck take a third longer; from 128 to 1024 they are as fast as without kernels.
+_LONGEST = 1024
 # Longest array that is copied for a change of a part of it. Outside of kernels it is changed where it is.
 _COPIED = 64
 
@@ -153,8 +154,7 @@ class _Pass:
     def _joins(self, eqn: Any) -> bool:
         """Whether an operation is gathered with others."""
         size, known, short = self._of(eqn)
-        # A loop is taken with all that it carries: to leave it is to compile its body by itself.
-        return known and size <= _MOST and (short or eqn.primitive.name in _CONTROL)
+        return known and short and size <= _MOST
 
     def _of(self, eqn: Any) -> _Contents:
         """The contents of an operation."""
