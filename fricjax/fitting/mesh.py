@@ -45,7 +45,8 @@ def with_mesh(residual: Residual, y: Any, slack: float = 1.0) -> Residual:
     lists = [(_finite(phases), _graded(_finite(times))) for phases, times in meshes]
     longest = max(phases.size + times.size - 1 for phases, times in lists)
     replaced: list[Any] = [run.engine for run in residual.runs if run.engine is not None]
-    rooms = [_least_size(residual.oscillator.friction), longest, *(engine.mesh.ends.size for engine in replaced)]
+    # A mesh that is replaced has the least room already.
+    rooms = [longest, *([each.mesh.ends.size for each in replaced] or [_least_size(residual.oscillator.friction)])]
     if slack > 1:
         finest = _meshes(engine.checking(), bare, y)
         steps = max(sum(np.isfinite(ends).sum() for ends in pair) for pair in finest)
