@@ -6,10 +6,11 @@ whatever is in it. So operations that follow one another are gathered into such 
 and all batches are laid out.
 
 What a call may hold is not promised anywhere. It was tried for the versions named here; with others, programs are
-compiled as they are. Two things end the process where another compiler would complain, and are kept away from it:
+compiled as they are. Three things end the process where another compiler would complain, and are kept away from it:
 
 - a call with an argument that nothing in it uses, or of which simplification leaves no use. So arguments pass a
   barrier, which keeps what is known of them outside, and one number made of all of them is returned.
+- a call of whose results none is wanted. So all of them pass a barrier with that number.
 - an array without elements that is returned.
 """
 

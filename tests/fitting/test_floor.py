@@ -69,6 +69,23 @@ def test_kicks_add_up_as_their_integral_says():
     assert not passage.noise[-1].any()
 
 
+def test_without_friction_a_deviation_swings_as_the_mass_does():
+    """No reversal changes anything, and nowhere is the system but linear."""
+    model = Oscillator(PROTOTYPE_MASS, STIFFNESS, PROTOTYPE_DAMPING, 9.66, Coulomb(0.0))
+    clean = np.asarray(simulate(model, 2e-3, T).x)
+    run = Trace(T, clean + 1e-9 * np.random.default_rng(0).standard_normal(T.size))
+    problem = problem_of(run, model, ("damping", "stiffness"))
+    passage = passage_of(problem, solve(problem), 0, T[1000:2000])
+    assert passage is not None and not passage.bend.any()
+    state = np.array([1.0, 0.0])
+    for carried in passage.matrix[1:]:
+        state = carried @ state
+    half, time = PROTOTYPE_DAMPING / PROTOTYPE_MASS / 2, T[1999] - T[1000]
+    rate = np.sqrt(STIFFNESS / PROTOTYPE_MASS - half**2)
+    swung = np.cos(rate * time) + half / rate * np.sin(rate * time)
+    assert state[0] == pytest.approx(np.exp(-half * time) * swung, abs=1e-3)
+
+
 def shaken(seed: int, least: float = 1.8e-3, most: float = 2.6e-3, t: np.ndarray = T) -> Trace:
     random = np.random.default_rng(seed)
     start, floor = random.uniform(least, most), white_acceleration(t.size, 2e4, FLOOR, random)
