@@ -88,8 +88,30 @@ def explaining(problem: Problem, solution: Solution, run: int, rows: Rows, known
     Kicks of a floor add up, so that neighbouring half-cycles deviate alike, and a force may explain most of that by
     chance: beside kicks some force must be seen too.
     """
-    if not known.forces:
+    best = next((lack for lack, chance in _main(problem, solution, run, rows, known) if chance < thresholds.RARE), None)
+    shaken = by_kicks(problem, solution, run, rows) if best is not None and problem.noise == "auto" else None
+    if shaken is not None and seen_beside_noise(problem, solution, run, shaken, known) is None:
         return None
+    return best
+
+
+def instead_of_kicks(problem: Problem, solution: Solution, run: int, rows: Rows, known: Responses) -> list[Lacking]:
+    """The forces each of which explains most of what a run shows in motion, be it by chance.
+
+    Few half-cycles do not tell one that is there from kicks of a floor that happen to look like it.
+    """
+    return [lack for lack, _ in _main(problem, solution, run, rows, known)]
+
+
+def _main(
+    problem: Problem, solution: Solution, run: int, rows: Rows, known: Responses
+) -> Iterator[tuple[Lacking, float]]:
+    """The forces that take away most of what a run shows in motion beyond noise, the best one first.
+
+    Each comes with the probability that it does so by chance.
+    """
+    if not known.forces:
+        return
     series, p = rows.series, problem.residual.n_parameters
     moving = series.t <= problem.windows[run].stopped
     slopes, residual = series.slopes[moving, :p] * ~solution.shape.at_bound, series.residual[moving]
@@ -98,19 +120,12 @@ def explaining(problem: Problem, solution: Solution, run: int, rows: Rows, known
     noise = float(np.mean(np.diff(residual, n=2) ** 2)) / 6
     # A half-cycle on a floor that shakes has two numbers of its own, an amplitude and a phase.
     independent = 2 * known.half_cycles - int(np.count_nonzero(np.any(slopes, axis=0))) - 1
-    sufficient = []
-    for force in _seen(known.forces, effects, residual, slopes, rows.samples) if independent > 0 else ():
+    forces = _seen(known.forces, effects, residual, slopes, rows.samples)
+    for force in sorted(forces, key=lambda force: force.after):
         excess, left = max(force.before - noise, 0.0), max(force.after - noise, 0.0)
-        halves = left < _HALF * excess
-        if halves and _chance(excess, left, independent) * len(known.forces) < thresholds.RARE:
-            sufficient.append(force)
-    if not sufficient:
-        return None
-    shaken = by_kicks(problem, solution, run, rows) if problem.noise == "auto" else None
-    if shaken is not None and seen_beside_noise(problem, solution, run, shaken, known) is None:
-        return None
-    best = min(sufficient, key=lambda force: force.after)
-    return best.lacking(run, slopes, solution.shape.inverse)
+        if left < _HALF * excess:
+            chance = _chance(excess, left, independent) * len(known.forces) if independent > 0 else 1.0
+            yield force.lacking(run, slopes, solution.shape.inverse), chance
 
 
 def _chance(excess: float, left: float, independent: int) -> float:

@@ -29,7 +29,7 @@ from .clock import by_clock
 from .colours import colours_of, expected_size, least_squares, misfit_of, under_noise, variance_left, weighed_rows
 from .diagnostics import worst
 from .evaluation import Block
-from .missing import Lacking, allowed_for, explaining, responses_in, seen_beside_noise
+from .missing import Lacking, allowed_for, explaining, instead_of_kicks, responses_in, seen_beside_noise
 from .noise import Line, Noise, whiteness
 from .problem import Problem
 from .responses import Responses
@@ -171,16 +171,18 @@ def _by_colour(
         ended = at._replace(shape=least[0])
         arrived = ended.shape.distance <= _NEAR
         if not misfit_of(problem, seen, absolute) <= (thresholds.DESCRIBED if arrived else on_the_way):
-            return _beside(_undescribed(plain, first), ended, seen, known)
+            return _or_forces(_beside(_undescribed(plain, first), ended, seen, known), plain, first, known)
         if arrived:
-            return _beside(_under_colour(plain, at, seen, least, in_doubt, absolute), ended, seen, known)
+            counted = _beside(_under_colour(plain, at, seen, least, in_doubt, absolute), ended, seen, known)
+            guessed = problem.noise == "auto" and any(colour.transition for _, colour in seen)
+            return _or_forces(counted, plain, first, known) if guessed else counted
         if number == _LOOKS - 1:
             in_doubt = ended.shape.step
         at = _moved(problem, at, ended.shape.step)
         if not np.isfinite(at.evaluation.chi2):
             break
         rows = rows_of(problem, at.evaluation, seen)
-    return _undescribed(plain, first)
+    return _or_forces(_undescribed(plain, first), plain, first, known)
 
 
 def _under_colour(
@@ -230,6 +232,28 @@ def _beside(weighted: NoiseWeighted, at: Solution, seen: Sequence[Seen], known: 
     """The fit with what its model lacks beside the noise that was seen."""
     runs = enumerate(zip(seen, known, strict=True))
     return _allowing(weighted, [seen_beside_noise(weighted.problem, at, run, *each) for run, each in runs])
+
+
+def _or_forces(
+    counted: NoiseWeighted, plain: NoiseWeighted, first: Sequence[Rows], known: Sequence[Responses]
+) -> NoiseWeighted:
+    """The fit with errors that allow for forces that few half-cycles do not tell from what explains the motion now.
+
+    Args:
+        counted: the fit beside kicks of a floor, or beside what no noise explains.
+        plain: its least squares, of which the shifts are.
+        first: their rows.
+        known: the responses to forces at the times of these rows.
+    """
+    problem, p = counted.problem, counted.problem.residual.n_parameters
+    moved, noises, lacks = plain.solution.y[:p] - counted.solution.y[:p], list(counted.noises), []
+    for run, (row, responses) in enumerate(zip(first, known, strict=True)):
+        forces = instead_of_kicks(problem, plain.solution, run, row, responses)
+        lacks += [force._replace(shift=force.shift + moved) for force in forces]
+        if forces:
+            # What may be a force is no noise, however large.
+            noises[run] = noises[run]._replace(expected=0.0)
+    return _allowing(counted, lacks)._replace(lacks=(*counted.lacks, *lacks), noises=tuple(noises))
 
 
 def _allowing(weighted: NoiseWeighted, lacks: Sequence[Lacking | None]) -> NoiseWeighted:

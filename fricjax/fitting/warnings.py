@@ -10,7 +10,7 @@ from ..data.record import Record
 from ..data.repair import reported_faults
 from ..oscillator.restoring import Pendulum
 from ..show import engineering, plain
-from .diagnostics import Misfit, growth, holds_release, too_large
+from .diagnostics import Misfit, growth, holds_release, noise_level, too_large
 from .noise_weighting import Other
 from .problem import Problem
 from .rest import Bracket, Margin
@@ -70,6 +70,7 @@ def warnings_of_run(
             "with velocity or of a missing term such as drag; bound it at zero or choose another law."
         )
     size = f"{misfit.size:.2e} {unit} rms{' in motion' if misfit.in_motion else ''}"
+    level = noise_level(problem.windows[misfit.run], relative=bool(np.isinf(misfit.stated)))
     if misfit.ratio > thresholds.NOTICED:
         times = f"residuals of {size} are {misfit.ratio:.3g} times the noise of {misfit.noise:.2e} {unit}"
         if misfit.ratio > thresholds.DESCRIBED:
@@ -84,6 +85,12 @@ def warnings_of_run(
                 "The window includes the release, whose transient biases friction. Start at the first reversal, which "
                 "is the default."
             )
+    elif misfit.size > thresholds.NOTICED * level:
+        yield (
+            f"The residuals of {size} are {misfit.size / level:.3g} times the noise of {level:.2e} {unit} that "
+            "neighbouring samples show. Noise of the kind that was found may be so large, and so may be what the model "
+            "lacks."
+        )
     elif misfit.size > thresholds.NOTICED * misfit.stated:
         yield (
             f"The noise is larger than stated: the residuals of {size} are {misfit.size / misfit.stated:.3g} times the "

@@ -66,6 +66,26 @@ def test_a_quiet_rest_makes_no_shaken_floor_of_what_is_lacking(duration):
     assert "'drag'" in said(found)[0]
 
 
+STIFF = Oscillator(1.0, 5000.0, 4.3, 9.81, Coulomb(0.0489))
+FEW = {
+    "drag": (eqx.tree_at(lambda o: o.drag, STIFF, 4.9), 1.25e-3),
+    "drag, three half-cycles": (eqx.tree_at(lambda o: o.drag, STIFF, 5.1), 0.98e-3),
+    "stiffening": (eqx.tree_at(lambda o: o.restoring, STIFF, Cubic(5.6e7)), 1.1e-3),
+    "falling friction": (eqx.tree_at(lambda o: o.friction, STIFF, Stribeck(0.0489, 0.0587, 4e-3)), 1.2e-3),
+}
+
+
+@pytest.mark.parametrize("truth, x0", FEW.values(), ids=FEW.keys())
+def test_few_half_cycles_do_not_tell_a_shaken_floor_from_what_is_lacking(truth, x0):
+    """Kicks of a floor fitted them: "converged", with damping or stiffness 9 to 15 standard errors off."""
+    record = synthetic_run(truth, x0, rate=1e4, duration=1.4, noise=50e-9, seed=0)
+    found = fit(record, STIFF, MACHINE, throw=False)
+    true = {"mu": 0.0489, "damping": 4.3, "stiffness": 5000.0}
+    scores = [(found.values[name] - value) / found.std_errors[name] for name, value in true.items()]
+    assert np.max(np.abs(scores)) < 3 and said(found)
+    assert found.converged == (found.chi2_reduced < 25)
+
+
 @pytest.mark.usefixtures("small_chunks")
 @pytest.mark.parametrize("duration", [0.3, 1.5])
 def test_a_long_rest_hides_nothing_that_the_motion_shows(duration):
