@@ -126,7 +126,7 @@ def inspect(record: Any) -> Inspection:
         record=record,
         warnings=(
             *record.doubts,
-            *reported_faults(record),
+            *reported_faults(record).values(),
             *implausible_scale(segmentation, step, angular=record.quantity == "rad"),
         ),
     )

@@ -1,7 +1,5 @@
 """Faults of an instrument that a record shows by itself, reported and repaired: slips of its counter, dropouts."""
 
-from collections.abc import Iterator
-
 import numpy as np
 
 from ..errors import UsageError, first_of
@@ -149,8 +147,8 @@ def repair(record: Record, words: str) -> Record:
     return record
 
 
-def reported_faults(record: Record, where: str = "") -> Iterator[str]:
-    """A sentence for each kind of fault that a record shows.
+def reported_faults(record: Record, where: str = "") -> dict[str, str]:
+    """A sentence for each kind of fault that a record shows, by the name of its repair.
 
     Of angles only dropouts are reported: encoders have no fringes, and step at their marks.
 
@@ -158,19 +156,21 @@ def reported_faults(record: Record, where: str = "") -> Iterator[str]:
         record: a record.
         where: which one, for the sentence: " of run 2".
     """
+    told = {}
     lost = find_dropouts(record)
     if lost:
         spans = first_of(f"{record.t[each.start]:.6g} s" for each in lost)
-        yield (
+        told["dropouts"] = (
             f"The record{where} repeats one value while the mass moves, at {spans}: its signal was lost or left the "
             "range. Read it with repair='dropouts'."
         )
     slipped = find_slips(record) if record.quantity == "m" else []
     if slipped:
-        yield (
+        told["slips"] = (
             f"The record{where} steps between two samples as no decay can, by {_slip_words(record, slipped)}: "
             "its counter has slipped. Read it with repair='slips', or with the fringe, repair='slips=158.2 nm'."
         )
+    return told
 
 
 def _slip_words(record: Record, faults: list[Slip]) -> str:

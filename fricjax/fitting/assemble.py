@@ -16,7 +16,7 @@ from ..oscillator.oscillator import leaves_of
 from ..rig import Measured
 from ..show import rotary_unit
 from .derived import contributions, kinematics
-from .diagnostics import CONVERGED, flags_of, misfit_of, status_of
+from .diagnostics import CONVERGED, flags_of, misfit_of, status_of, with_faults
 from .missing import advice
 from .names import find_leaf
 from .noise import Whiteness, whiteness
@@ -43,7 +43,7 @@ def assemble(counted: NoiseWeighted, sigma_mode: str) -> Fit:
     values = named(problem.names, shown)
     std_errors = named(problem.names, np.sqrt(np.diag(covariances.statistical)))
     factor = np.sqrt(counted.scatter) if sigma_mode == "estimate" else 1.0
-    misfit = misfit_of(problem, solution, counted.noises, sigma_mode != "absolute")
+    misfit = with_faults(problem, misfit_of(problem, solution, counted.noises, sigma_mode != "absolute"))
     status = status_of(problem, solution, covariances, misfit)
     parts = contributions(problem.names, solution.derived, covariances)
     warnings = (

@@ -19,7 +19,7 @@ from .assemble import unit_of
 from .batch_result import BatchFit
 from .chunks import blocks
 from .derived import UNITS, contributions, kinematics
-from .diagnostics import CONVERGED, Misfit, flags_of, misfit_of, status_of, worst
+from .diagnostics import CONVERGED, Misfit, flags_of, misfit_of, status_of, with_faults, worst
 from .missing import advice
 from .noise_weighting import NoiseWeighted, weigh_by_noise
 from .parameters import Free, Request, RunSettings, check_known
@@ -216,6 +216,7 @@ def _weighted(
 
 def _row(weighted: NoiseWeighted, misfit: Misfit) -> Row:
     problem, solution = weighted.problem, weighted.solution
+    misfit = with_faults(problem, misfit)
     slope, normal = solution.derived.slope, solution.evaluation.normal
     covariances = covariance(solution.shape, slope, normal, weighted.variance, weighted.unsure)
     return Row(status_of(problem, solution, covariances, misfit), problem, weighted, covariances, misfit)

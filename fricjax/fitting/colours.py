@@ -113,6 +113,9 @@ def _or_shaken(problem: Problem, at: Solution, run: int, row: Rows, colour: Colo
     left = row.series._replace(residual=colour.left)
     known, other = rival, colour if colour.coefficients.size else autoregressive(left)
     if rival.last is not None:
+        if rival.last <= row.series.slopes.shape[1]:
+            # The floor has led too far from the motion at once: as many parameters fit such rows without any noise.
+            return colour
         # Where the floor has led too far from the motion, neither model is to be judged.
         series, passage = first_rows(row.series, rival.last), rival.transition.first(rival.last)
         known, other = kicked_until(series, passage, rival.last), autoregressive(first_rows(left, rival.last))

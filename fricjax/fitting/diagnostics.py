@@ -1,11 +1,14 @@
 """What a fit came to: its status in words, the flags of its parameters, and how well the model describes the record."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
 
 from .. import thresholds
+from ..data.record import Record
+from ..data.repair import reported_faults
 from ..estimation.covariance import Covariance
 from ..estimation.space import Parameter
 from ..estimation.status import NOT_FINITE, OUT_OF_STEPS, STALLED
@@ -31,6 +34,7 @@ class Misfit(NamedTuple):
             unit of the record; of those in motion where these are larger, `in_motion`.
         noise: its noise, as stated or as seen in the record; `stated`: as stated, inf where its size says nothing.
         run: its number.
+        faults: what its record shows besides, a sentence for each kind , where it was looked for.
     """
 
     size: float
@@ -38,6 +42,7 @@ class Misfit(NamedTuple):
     stated: float
     run: int
     in_motion: bool = False
+    faults: Mapping[str, str] = MappingProxyType({})
 
     @property
     def ratio(self) -> float:
@@ -85,6 +90,20 @@ def worst(problem: Problem, sizes: Sequence[Sequence[float]], expected: Sequence
     return max(misfits, key=lambda misfit: misfit.ratio)
 
 
+def with_faults(problem: Problem, misfit: Misfit) -> Misfit:
+    """The same with the faults of its record, which are looked for where residuals are larger than its noise."""
+    window = problem.windows[misfit.run]
+    if not misfit.size > thresholds.NOTICED * noise_level(window, relative=bool(np.isinf(misfit.stated))):
+        return misfit
+    record = Record(window.trace, {"quantity": window.quantity})
+    return misfit._replace(faults=reported_faults(record, of_run(misfit.run, problem)))
+
+
+def of_run(number: int, problem: Problem) -> str:
+    """Which run a sentence is about, where there are several: " of run 2"."""
+    return "" if len(problem.windows) == 1 else f" of {problem.labels[number]}"
+
+
 def optimum_found(status: str) -> bool:
     """Whether a status is that of an optimum that determines all parameters not held by a bound."""
     return status.split(":")[0] in _OPTIMA
@@ -102,9 +121,9 @@ def status_of(problem: Problem, solution: Solution, covariance: Covariance, misf
         lost = _listed(problem, covariance.undetermined)
         return f"undetermined: the record does not determine {lost}. Fix one of them or record more half-cycles."
     at_bound = _listed(problem, covariance.at_bound)
-    # A size that is not finite is no description either.
-    if not misfit.ratio <= thresholds.DESCRIBED:
-        return f"{MISFIT}: {_compared(problem, misfit)}; {_remedy(problem, at_bound)}."
+    # A size that is not finite is no description either, and values that were repeated are no noise of any size.
+    if not misfit.ratio <= thresholds.DESCRIBED or "dropouts" in misfit.faults:
+        return f"{MISFIT}: {_compared(problem, misfit)}; {_remedy(problem, misfit, at_bound)}."
     if at_bound:
         return f"{AT_BOUND}: {at_bound}. Widen the bound, fix what it holds, or take a law without it."
     return CONVERGED
@@ -122,8 +141,10 @@ def _compared(problem: Problem, misfit: Misfit) -> str:
     return f"residuals of {size}{where} are {misfit.ratio:.3g} times the noise of {noise}"
 
 
-def _remedy(problem: Problem, at_bound: str) -> str:
+def _remedy(problem: Problem, misfit: Misfit, at_bound: str) -> str:
     """What most likely keeps a model from describing its record."""
+    if misfit.faults:
+        return f"read it with repair='{','.join(misfit.faults)}'"
     if any(growth(window) for window in problem.windows):
         return "its swing grows with time: check the order of the samples"
     if at_bound:

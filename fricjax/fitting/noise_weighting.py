@@ -154,7 +154,8 @@ def _by_colour(
     at, rows, seen, in_doubt = solution, first, [], none
     # A drift that is far larger than the noise makes steps so long that the motion curves within them, and what that
     # leaves is for the next step. Of a misfit that no noise explains, more than a tenth is left.
-    on_the_way = max(_size_of(problem, first, absolute) / thresholds.DESCRIBED, thresholds.DESCRIBED)
+    size = _size_of(problem, first, absolute)
+    on_the_way = max(size / thresholds.DESCRIBED, thresholds.DESCRIBED)
     for number in range(_ROUNDS):
         if number < _LOOKS:
             seen = colours_of(problem, at, rows, absolute)
@@ -182,6 +183,10 @@ def _by_colour(
         if not np.isfinite(at.evaluation.chi2):
             break
         rows = rows_of(problem, at.evaluation, seen)
+        # Under any noise the fit stays about as near to its record as least squares: where a step leads away from it,
+        # the next ones would run off to stiffnesses beyond all numbers.
+        if _size_of(problem, rows, absolute) > thresholds.DESCRIBED * max(size, 1.0):
+            break
     return _or_forces(_undescribed(plain, first), plain, first, known)
 
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from ..data import Record, Trace
 from ..data.record import labels
+from ..data.repair import reported_faults
 from ..errors import DataError, UsageError
 from ..estimation.loss import AbstractLoss
 from ..estimation.space import LINEAR, Parameter, ParameterSpace, Tie
@@ -199,10 +200,12 @@ def _check_windows(windows: Sequence[Window]) -> None:
         if window.used.sum() < 8:
             raise DataError(f"The fitted window{where} holds only {int(window.used.sum())} samples. Widen it.")
         if "offset" in window.nuisances and window.completed < 2:
+            # Lost samples may have hidden the others.
+            faults = reported_faults(Record(window.trace, {"quantity": window.quantity}), where)
             raise DataError(
                 f"The fitted window{where} holds {window.completed} complete half-cycle(s), and with the offset free "
                 "friction is undetermined from fewer than two. Release from farther away, start at the release, or fix "
-                "the offset (nuisance= without 'offset')."
+                "the offset (nuisance= without 'offset')." + "".join(f" {fault}" for fault in faults.values())
             )
 
 

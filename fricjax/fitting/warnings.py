@@ -6,11 +6,9 @@ import numpy as np
 
 from .. import thresholds
 from ..data.inspect import implausible_scale
-from ..data.record import Record
-from ..data.repair import reported_faults
 from ..oscillator.restoring import Pendulum
 from ..show import engineering, plain
-from .diagnostics import Misfit, growth, holds_release, noise_level, too_large
+from .diagnostics import Misfit, growth, holds_release, noise_level, of_run, too_large
 from .noise_weighting import Other
 from .problem import Problem
 from .rest import Bracket, Margin
@@ -71,14 +69,13 @@ def warnings_of_run(
         )
     size = f"{misfit.size:.2e} {unit} rms{' in motion' if misfit.in_motion else ''}"
     level = noise_level(problem.windows[misfit.run], relative=bool(np.isinf(misfit.stated)))
+    yield from misfit.faults.values()
     if misfit.ratio > thresholds.NOTICED:
         times = f"residuals of {size} are {misfit.ratio:.3g} times the noise of {misfit.noise:.2e} {unit}"
         if misfit.ratio > thresholds.DESCRIBED:
             yield f"The model does not describe the run: its {times}."
         else:
             yield f"The {times}, and are taken for noise, a slow one: it may as well be something that the model lacks."
-        record = Record(problem.windows[misfit.run].trace, {"quantity": unit})
-        yield from reported_faults(record, _of_run(misfit.run, problem))
         yield from _on_drift(problem, misfit)
         if any(holds_release(window) for window in problem.windows):
             yield (
@@ -103,7 +100,7 @@ def _on_other_numbers(problem: Problem, others: Sequence[Other]) -> Iterator[str
     for counts, probability in others:
         if probability > thresholds.POSSIBLE:
             run = next(i for i, count in enumerate(counts) if count != taken[i])
-            where = _of_run(run, problem)
+            where = of_run(run, problem)
             yield (
                 f"The record leaves open whether the mass{where} stopped after {taken[run]} half-cycles or after "
                 f"{counts[run]}, with a probability of {probability:.2g}; the standard errors allow for both."
@@ -127,7 +124,7 @@ def _on_growth(problem: Problem) -> Iterator[str]:
         if grown is not None:
             first, last = (engineering(path, window.quantity) for path in grown)
             yield (
-                f"The swing{_of_run(i, problem)} grows with time, from half-cycles of {first} to {last}, which no free "
+                f"The swing{of_run(i, problem)} grows with time, from half-cycles of {first} to {last}, which no free "
                 "decay does: is the time in reverse, or is the mass driven?"
             )
 
@@ -162,14 +159,14 @@ def _on_the_rest(
     for i, margin in enumerate(margins):
         if margin is not None and min(margin) < -thresholds.NOTICED * problem.windows[i].stated:
             yield (
-                f"The law would stop the mass{_of_run(i, problem)} after another number of half-cycles than the record "
+                f"The law would stop the mass{of_run(i, problem)} after another number of half-cycles than the record "
                 f"shows (margins {margin.one_more:.2e}, {margin.one_less:.2e} {unit}): static friction or the model is "
                 "off."
             )
     for i, excess in enumerate(excesses):
         if excess is not None and excess < -thresholds.NOTICED * problem.windows[i].stated:
             yield (
-                f"The law would stop the mass{_of_run(i, problem)} inside the record, which shows it moving to the "
+                f"The law would stop the mass{of_run(i, problem)} inside the record, which shows it moving to the "
                 f"end: at a reversal the spring lacks {-excess:.2e} {unit} to overcome static friction. Static "
                 "friction or the model is off."
             )
@@ -185,10 +182,6 @@ def _on_static_friction(bracket: Bracket | None) -> Iterator[str]:
         )
 
 
-def _of_run(number: int, problem: Problem) -> str:
-    return "" if len(problem.windows) == 1 else f" of {problem.labels[number]}"
-
-
 def implausible(problem: Problem, values: Mapping[str, float]) -> Iterator[str]:
     """A sentence for each value that cannot be true, and for what was taken for granted when a record was read."""
     for window in problem.windows:
@@ -202,4 +195,4 @@ def implausible(problem: Problem, values: Mapping[str, float]) -> Iterator[str]:
     angular = problem.windows[0].quantity == "rad" or isinstance(problem.residual.oscillator.restoring, Pendulum)
     for i, window in enumerate(problem.windows):
         interval = float(np.median(np.diff(np.asarray(window.trace.t))))
-        yield from implausible_scale(window.segmentation, interval, angular=angular, where=_of_run(i, problem))
+        yield from implausible_scale(window.segmentation, interval, angular=angular, where=of_run(i, problem))
