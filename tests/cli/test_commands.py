@@ -134,7 +134,8 @@ def test_a_fit_that_does_not_describe_its_record_ends_with_three_and_is_written_
     told = fricjax(*words, "--json", "--force")
     report = json.loads(told.out)
     assert (told.code, report["kind"], report["exit_code"], report["converged"]) == (3, "fit", 3, False)
-    assert report["error"] == report["status"] == found.status
+    assert found.status.endswith("; read it with repair='slips'.")
+    assert report["error"] == report["status"] == found.status.replace("repair='slips'", "--repair slips")
     assert report["files"] == {"fit": str(files["json"]), "picture": str(files["png"])}
     assert report["values"]["mu"] == found.values["mu"]
 

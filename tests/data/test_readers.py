@@ -111,6 +111,12 @@ def test_sigma_is_in_the_unit_of_the_displacement(tmp_path):
     assert read(path, unit="um", sigma=0.005).trace.sigma == pytest.approx(5e-9)
 
 
+def test_a_preamble_states_the_unit_of_a_single_column(tmp_path):
+    path = tmp_path / "run.csv"
+    path.write_text("# instrument: X\n# unit: um\n" + "\n".join(f"{x:.4f}" for x in range(8)))
+    assert np.asarray(read(path, rate=1e4).trace.x) == pytest.approx(1e-6 * np.arange(8))
+
+
 # What the file holds, the options, and what the message says.
 BAD_TEXT = {
     "word in the data": ("t,x\n0,1\n1,2\n2,oops\n3,4\n", {}, "run.csv, row 4, column 'x': 'oops' is not a number"),
@@ -118,6 +124,13 @@ BAD_TEXT = {
     "NaN in the time": ("t,x\n0,1\n1,2\nnan,3\n3,4\n", {}, "column 't', row 4: the time is nan"),
     "time goes back": ("t,x\n0,1\n2,2\n1.5,3\n3,4\n", {}, "row 4: the time is not increasing (1.5 after 2.0)"),
     "time repeats": ("0,1\n1,2\n1,3\n3,4\n", {}, "row 3: the time is not increasing (1.0 after 1.0)"),
+    "runs below each other": (
+        "t,x\n0,1\n1,2\n2,3\n0,1\n1,2\n",
+        {},
+        "it starts again there, as where one run",
+    ),
+    "volts": ("Second,Volt\n0,1\n1,2\n2,3\n", {}, "'Volt' of run.csv is in Volt, which only a scale makes"),
+    "rate in the preamble": ("# unit: um\n# rate: 10000 Hz\n1\n2\n3\n4\n", {}, "it says 10000 Hz"),
     "too many fields": ("t,x\n0,1\n1,2\n2,3,4\n3,4\n", {}, "row 4: 3 fields, but 2 were expected"),
     "two samples": ("t,x\n0,1\n1,2\n", {}, "holds 2 usable samples in 'x', but a trace needs at least 3"),
     "no time": ("1\n2\n3\n4\n", {}, "has no time for 'column0'; give rate="),

@@ -54,10 +54,10 @@ def split_title(text: str) -> Title:
     text = " ".join(text.strip().strip('"').split())
     if len(text) > _LONGEST:
         text = f"{text[: _LONGEST // 2]} ... {text[-_LONGEST // 2 :]}"
-    text, run = _split_run(text.replace("Âµ", "µ").replace("Â°", "°"))
-    name, unit = _split_unit(text)
-    unit = unit or _COUNTED.get(name.lower())
-    return Title(name or text, unit, run)
+    text, unit = _split_unit(text.replace("Âµ", "µ").replace("Â°", "°"))
+    text, run = _split_run(text)
+    name, unit = (text, unit) if unit else _split_unit(text)
+    return Title(name or text, unit or _COUNTED.get(name.lower()) or _as_title(name), run)
 
 
 def measures(unit: str | None) -> str | None:
@@ -112,6 +112,12 @@ def _split_unit(text: str) -> tuple[str, str | None]:
         if mark and name.strip() and _follows(name.strip(), unit.strip(), marked=sign in "/ in :"):
             return name.strip(" ,"), unit.strip()
     return text, None
+
+
+def _as_title(name: str) -> str | None:
+    """The unit that is the whole title, as oscilloscopes write `Second, Volt`; a letter alone is rather a name."""
+    word = name.lower()
+    return name if len(word) > 1 and (word in UNSCALED or measures(word) in ("m", "rad")) else None
 
 
 def _follows(name: str, unit: str, *, marked: bool) -> bool:

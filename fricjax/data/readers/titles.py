@@ -11,7 +11,8 @@ _NEAR = 6  # lines above the data among which titles and units are sought, rules
 _RULE = re.compile(r"[\s\-=_*+|~.:;,]*[-=_*+~]{2}[\s\-=_*+|~.:;,]*")
 _STATED = ("y_unit_label", "vertical units", "vertical unit", "y units", "y unit", "yunit", "units", "unit", "einheit")
 _RATE = re.compile(
-    r"(?:sampl|scan|acquisition|abtast)\w*[ _]?(?:rate|freq\w*)?[^\d\n]{0,20}?(\d+(?:\.\d+)?)\s*(k?)Hz", re.IGNORECASE
+    r"(?:(?:sampl|scan|acquisition|abtast)\w*[ _]?(?:rate|freq\w*)?|\brate)[^\d\n]{0,20}?(\d+(?:\.\d+)?)\s*(k?)Hz",
+    re.IGNORECASE,
 )
 _INTERVAL = re.compile(
     r"(?:delta_?x|sampl\w+ (?:interval|period))[^\d\n]{0,20}?(\d+(?:[.,]\d+)?(?:[eE][-+]?\d+)?)", re.IGNORECASE
@@ -87,8 +88,8 @@ def with_stated_units(titles: Titles, preamble: Sequence[str], kinds: list[str])
         for i, kind in enumerate(kinds)
         if kind == NUMBER and not is_time(titles.titles[i].name, titles.titles[i].unit)
     ]
-    if not any(titles.texts):
-        values = values[1:]  # without any titles the first column is the time
+    if not any(titles.texts) and len(values) > 1:
+        values = values[1:]  # without any titles the first of several columns is the time
     stated = dict(zip(values, units, strict=False))
     return [title._replace(unit=title.unit or stated.get(i)) for i, title in enumerate(titles.titles)]
 

@@ -25,6 +25,9 @@ TINY = 0.02
 STEADY = 3
 # Standard errors within which a period does not depend on the amplitude; durations that can show that it does.
 ISOCHRONOUS, DURATIONS = 4.0, 6
+# How many times shorter or longer than the typical half-cycle the small ones may last: those of a pendulum are half as
+# long as from near its top. Convention.
+FOLDS = 4.0
 # Averages per half-cycle from which its size is computed.
 PER_HALF_CYCLE = 256
 
@@ -54,7 +57,9 @@ def find_half_cycles(swing: Swing, visible: float) -> HalfCycles | None:
     edges = _large(swing, pivots)
     if edges.size < 2:
         return HalfCycles(edges, False, ())
-    large, period = edges.size - 1, _small_period(swing, edges)
+    # Of several decays in one record the trend of the durations may lead to none or less.
+    period = float(np.clip(_small_period(swing, edges), swing.half_period / FOLDS, swing.half_period * FOLDS))
+    large = edges.size - 1
     side = float(np.sign(np.subtract(*np.interp(edges[[-1, -2]], swing.t, swing.smoothed))))
     edges = _by_clock(swing, edges, side, period)
     size, error, misfit = _sizes(swing, edges, side * (-1.0) ** (np.arange(edges.size - 1) - large + 1))

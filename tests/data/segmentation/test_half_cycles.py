@@ -158,8 +158,21 @@ def test_a_pendulum_whose_period_goes_with_its_swing(x0):
         assert found.turning_times[:count] == pytest.approx(exact.times[:count], abs=0.05)
 
 
+def test_several_decays_in_one_record_end_the_clock(monkeypatch):
+    """Their durations had a trend to less than none, by which the clock stood still and filled the memory."""
+    exact = [decay(seed) for seed in range(3)]
+    x = np.concatenate([each.x - each.x[0] for each in exact])
+    t = np.arange(x.size) / RATE
+    foretold = []
+    reversal = half_cycles._reversal
+    monkeypatch.setattr(half_cycles, "_reversal", lambda *args: foretold.append(args[1]) or reversal(*args))
+    monkeypatch.setattr(half_cycles, "_small_period", lambda swing, edges: -0.1 * swing.half_period)
+    segment(t, x + 20e-9 * np.random.default_rng(0).standard_normal(t.size))
+    assert len(foretold) < 5 * t[-1] * 2 * FREQUENCY
+
+
 THRESHOLDS = [
-    (half_cycles, name) for name in ("SURE", "SOUGHT", "BELIEVED", "TINY", "ISOCHRONOUS", "PER_HALF_CYCLE")
+    (half_cycles, name) for name in ("SURE", "SOUGHT", "BELIEVED", "TINY", "ISOCHRONOUS", "FOLDS", "PER_HALF_CYCLE")
 ] + [(stop, name) for name in ("STANDS_OUT", "RINGING", "CREPT", "SHORTEST_REST", "CREEP")] + [
     (disturbance, name) for name in ("STRETCH", "RINGS", "LINE", "HALF_CYCLES", "SAMPLES")
 ] + [(swing, "SPIKE"), (swing, "FEW_SPIKES")]  # fmt: skip
