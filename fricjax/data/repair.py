@@ -161,8 +161,8 @@ def reported_faults(record: Record, where: str = "") -> dict[str, str]:
     if lost:
         spans = first_of(f"{record.t[each.start]:.6g} s" for each in lost)
         told["dropouts"] = (
-            f"The record{where} repeats one value while the mass moves, at {spans}: its signal was lost or left the "
-            "range. Read it with repair='dropouts'."
+            f"The record{where} repeats one value where the mass was elsewhere, at {spans}: its signal was lost or "
+            "left the range. Read it with repair='dropouts'."
         )
     slipped = find_slips(record) if record.quantity == "m" else []
     if slipped:

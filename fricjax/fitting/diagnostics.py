@@ -10,6 +10,7 @@ from .. import thresholds
 from ..data.record import Record
 from ..data.repair import reported_faults
 from ..estimation.covariance import Covariance
+from ..estimation.loss import Squares
 from ..estimation.space import Parameter
 from ..estimation.status import NOT_FINITE, OUT_OF_STEPS, STALLED
 from ..show import engineering
@@ -114,16 +115,20 @@ def status_of(problem: Problem, solution: Solution, covariance: Covariance, misf
     if solution.status == NOT_FINITE or not np.all(np.isfinite(solution.derived.values)):
         return "not finite: the model fails at the start values. Check the law's coefficients and the engine."
     if solution.status == OUT_OF_STEPS:
-        return "out of steps: the optimum was not reached. Start nearer, or free fewer parameters."
+        return "out of steps: the optimum was not reached. Start nearer, free fewer parameters, or ask multistart()."
     if solution.status == STALLED:
-        return "stalled: no step improves the fit although the gradient asks for one. Check bounds and the law."
+        return (
+            "stalled: no step improves the fit although the gradient asks for one. Check bounds and the law, or ask "
+            "multistart() for better start values."
+        )
     if not covariance.full_rank:
         lost = _listed(problem, covariance.undetermined)
-        return f"undetermined: the record does not determine {lost}. Fix one of them or record more half-cycles."
+        remedy = _repair(misfit) or "fix one of them or record more half-cycles"
+        return f"undetermined: the record does not determine {lost}. {remedy.capitalize()}."
     at_bound = _listed(problem, covariance.at_bound)
     # A size that is not finite is no description either, and values that were repeated are no noise of any size.
     if not misfit.ratio <= thresholds.DESCRIBED or "dropouts" in misfit.faults:
-        return f"{MISFIT}: {_compared(problem, misfit)}; {_remedy(problem, misfit, at_bound)}."
+        return f"{MISFIT}: {_compared(problem, misfit)}; {_remedy(problem, solution, misfit, at_bound)}."
     if at_bound:
         return f"{AT_BOUND}: {at_bound}. Widen the bound, fix what it holds, or take a law without it."
     return CONVERGED
@@ -141,10 +146,12 @@ def _compared(problem: Problem, misfit: Misfit) -> str:
     return f"residuals of {size}{where} are {misfit.ratio:.3g} times the noise of {noise}"
 
 
-def _remedy(problem: Problem, misfit: Misfit, at_bound: str) -> str:
+def _remedy(problem: Problem, solution: Solution, misfit: Misfit, at_bound: str) -> str:
     """What most likely keeps a model from describing its record."""
     if misfit.faults:
-        return f"read it with repair='{','.join(misfit.faults)}'"
+        return _repair(misfit)
+    if isinstance(problem.loss, Squares) and _by_few(problem, solution, misfit.run):
+        return "few samples far from all others hold most of that: mask them, or count them less with loss='huber'"
     if any(growth(window) for window in problem.windows):
         return "its swing grows with time: check the order of the samples"
     if at_bound:
@@ -152,6 +159,23 @@ def _remedy(problem: Problem, misfit: Misfit, at_bound: str) -> str:
     if any(holds_release(window) for window in problem.windows):
         return "start at the first reversal, behind the transient of the release"
     return "plot them: choose another law, or look for fringe slips, vibration and drift"
+
+
+def _repair(misfit: Misfit) -> str:
+    """What mends the faults of a record; empty where it has none."""
+    return f"read it with repair='{','.join(misfit.faults)}'" if misfit.faults else ""
+
+
+def _by_few(problem: Problem, solution: Solution, run: int) -> bool:
+    """Whether a fiftieth of the samples in motion holds nine tenths of the squares, as of spikes and of no motion.
+
+    Convention: of a sinusoid it holds a twenty-fifth. A chunk of a batch keeps no residuals to look at.
+    """
+    if not solution.evaluation.residual.size:
+        return False
+    part, window = problem.by_run(solution.evaluation.residual)[run], problem.windows[run]
+    squares = np.sort(np.square(part[window.moving]))[::-1]
+    return bool(np.sum(squares[: squares.size // 50]) > 0.9 * np.sum(squares))
 
 
 def holds_release(window: Window) -> bool:

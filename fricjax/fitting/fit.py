@@ -163,7 +163,9 @@ def check_effect(problem: Problem, solution: Solution) -> None:
     slopes = np.diag(np.asarray(solution.evaluation.normal))
     without_effect = [p.name for p, slope in zip(problem.parameters, slopes, strict=False) if slope == 0]
     if without_effect:
+        unloaded = float(problem.residual.oscillator.normal_force) == 0
         raise UsageError(
-            f"{' and '.join(without_effect)} cannot be fitted: the fitted motion does not depend on it. "
-            "Take it out of free=."
+            f"{' and '.join(without_effect)} cannot be fitted: the fitted motion does not depend on it"
+            f"{' under a normal force of zero' if unloaded else ''}. Take it out of free="
+            f"{', or give the normal force' if unloaded else ''}."
         )

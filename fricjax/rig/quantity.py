@@ -97,7 +97,8 @@ def _in_si(name: str, value: Any, std: float, unit: str) -> Measured:
     if unit not in ("", *known):
         read = unit_of(unit)
         if read is None:
-            raise UsageError(f"{name} has the unknown unit {brief(unit)}; use for example {_examples(name)}.")
+            comma = " A decimal sign is a point here." if unit.startswith(",") else ""
+            raise UsageError(f"{name} has the unknown unit {brief(unit)}; use for example {_examples(name)}.{comma}")
         # Hz and rad/s have the same dimension, and a factor of 2 pi between them would pass unnoticed.
         if name == "frequency" and "rad" in read.powers:
             raise UsageError(f"frequency counts cycles: give it in Hz, not in '{unit}' (1 Hz is 2 pi rad/s).")

@@ -90,7 +90,7 @@ def test_what_a_record_shows_is_told_with_the_words_that_repair_it(tmp_path):
     assert "steps between two samples as no decay can, by 15" in sentence and "repair='slips=158.2 nm'" in sentence
     held = X.copy()
     held[900:930] = held[900]
-    assert "repeats one value while the mass moves, at 0.18 s" in inspect(Record(T, held)).warnings[0]
+    assert "repeats one value where the mass was elsewhere, at 0.18 s" in inspect(Record(T, held)).warnings[0]
     # Encoders have no fringes.
     assert inspect(Record(record.trace, {"quantity": "rad"})).warnings == ()
     np.savetxt(tmp_path / "run.csv", np.stack([T, record.x], axis=1), delimiter=",", header="t [s],x [m]", fmt="%.12g")

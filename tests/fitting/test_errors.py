@@ -159,6 +159,14 @@ def test_a_parameter_without_effect_is_refused():
         fit(RUN, stribeck, ["v_stribeck"], nuisance=["x0"])
 
 
+def test_friction_without_a_load_is_refused():
+    unloaded = Oscillator(PROTOTYPE_MASS, 2574.0, 0.18, 0.0, Coulomb(0.05))
+    with pytest.raises(
+        UsageError, match=r"under a normal force of zero\. Take it out of free=, or give the normal force"
+    ):
+        fit(RUN, unloaded, MACHINE)
+
+
 def test_fewer_than_two_half_cycles_do_not_determine_friction_beside_an_offset():
     short = coulomb_run(0.5e-3)  # one half-cycle: the first reversal is the stop
     with pytest.raises(DataError, match=r"with the offset free friction is undetermined from fewer than two"):

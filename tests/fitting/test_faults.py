@@ -21,7 +21,10 @@ from tests.helpers import PROTOTYPE_DAMPING, PROTOTYPE_MASS
 RUN = coulomb_run()
 START = {"mu": 0.08}
 FAILS_AT_START = "not finite: the model fails at the start values. Check the law's coefficients and the engine."
-STALLED = "stalled: no step improves the fit although the gradient asks for one. Check bounds and the law."
+STALLED = (
+    "stalled: no step improves the fit although the gradient asks for one. Check bounds and the law, or ask "
+    "multistart() for better start values."
+)
 
 
 @jax.custom_jvp

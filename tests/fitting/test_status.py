@@ -57,7 +57,7 @@ def assert_named(found: Fit, name: str, *parts: str):
 def test_a_fringe_slip_has_not_converged():
     found = fit(slipped(), MODEL, MACHINE)
     assert found.chi2_reduced > 1e3
-    assert_named(found, MISFIT, "fringe slips")
+    assert_named(found, MISFIT, "read it with repair='slips'")
     ((ratio, noise),) = re.findall(r"in motion are ([\d.]+) times the noise of ([\d.]+) nm; ", found.status)
     # The noise is that seen in the record, which is known to a percent or two.
     assert float(noise) * 1e-9 == pytest.approx(NOISE, rel=0.03)
@@ -136,7 +136,7 @@ def test_a_record_without_noise_is_described_by_its_model():
 
 def test_outliers_are_no_misfit_under_a_robust_loss():
     squares = fit(with_outliers(), MODEL, MACHINE)
-    assert_named(squares, MISFIT)
+    assert_named(squares, MISFIT, "few samples far from all others hold most of that", "loss='huber'")
     robust = fit(with_outliers(), MODEL, MACHINE, loss="cauchy")
     assert robust.converged and abs(robust.values["mu"] - 0.05) < 4 * robust.std_errors["mu"]
     assert not any("does not describe" in told for told in robust.warnings)
