@@ -135,11 +135,6 @@ UNITS = [
     (("fit", "good.csv", "--unit", "kgg"), "'kgg' is not a known unit", 4),
     (("fit", "good.csv", *RIG, "--mass", "0.4 kgg"), "mass has the unknown unit 'kgg'; use for example 'kg'", 2),
     (("fit", "good.csv", *RIG, "--mass", "0,4"), "A decimal sign is a point here.", 2),
-    (
-        ("fit", "good.csv", *RIG, "--normal-force", "0"),
-        "under a normal force of zero. Take it out of --free, or give",
-        2,
-    ),
     (("fit", "good.csv", *RIG, "--mass", "0.4 N"), "The unit 'N' does not fit mass", 2),
     (("simulate", *RIG, "--x0", "2 kg", "--fix", "mu=0.1"), "The unit 'kg' does not fit --x0", 2),
 ]
