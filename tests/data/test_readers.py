@@ -117,6 +117,14 @@ def test_a_preamble_states_the_unit_of_a_single_column(tmp_path):
     assert np.asarray(read(path, rate=1e4).trace.x) == pytest.approx(1e-6 * np.arange(8))
 
 
+def test_between_quotes_a_comma_marks_decimals(tmp_path):
+    path = tmp_path / "run.csv"
+    path.write_text('"time, s","x, mm"\n' + "".join(f'"0,{i:04}","1,{i:03}"\n' for i in range(50)))
+    record = read(path)
+    assert np.asarray(record.trace.t) == pytest.approx(1e-4 * np.arange(50))
+    assert np.asarray(record.trace.x) == pytest.approx(1e-3 + 1e-6 * np.arange(50))
+
+
 # What the file holds, the options, and what the message says.
 BAD_TEXT = {
     "word in the data": ("t,x\n0,1\n1,2\n2,oops\n3,4\n", {}, "run.csv, row 4, column 'x': 'oops' is not a number"),

@@ -135,11 +135,13 @@ def _separators(lines: list[str], dialect: Dialect, source: str) -> tuple[str, s
     # The tab stands for a table of one column too, in which nothing separates.
     occurring = [mark for mark in DELIMITERS if mark == "\t" or any(mark in line for line in sample)]
     chosen = [] if dialect.delimiter is None else [NAMED.get(dialect.delimiter, dialect.delimiter)]
+    # Between quotes a comma is no delimiter, and may mark decimals.
+    quoted = any('"' in line for line in sample)
     pairs = [
         (delimiter, decimal)
         for delimiter in chosen or occurring
         for decimal in ((".", ",") if dialect.decimal is None else (dialect.decimal,))
-        if delimiter != decimal
+        if delimiter != decimal or quoted
     ]
     read = {
         pair: [[kind_of(f, pair[1]) for f in split(line, pair[0])[: WIDEST + 1]] for line in sample] for pair in pairs
