@@ -156,21 +156,21 @@ def reported_faults(record: Record, where: str = "") -> dict[str, str]:
         record: a record.
         where: which one, for the sentence: " of run 2".
     """
-    told = {}
+    sentences = {}
     lost = find_dropouts(record)
     if lost:
         spans = first_of(f"{record.t[each.start]:.6g} s" for each in lost)
-        told["dropouts"] = (
+        sentences["dropouts"] = (
             f"The record{where} repeats one value where the mass was elsewhere, at {spans}: its signal was lost or "
             "left the range. Read it with repair='dropouts'."
         )
     slipped = find_slips(record) if record.quantity == "m" else []
     if slipped:
-        told["slips"] = (
+        sentences["slips"] = (
             f"The record{where} steps between two samples as no decay can, by {_slip_words(record, slipped)}: "
             "its counter has slipped. Read it with repair='slips', or with the fringe, repair='slips=158.2 nm'."
         )
-    return told
+    return sentences
 
 
 def _slip_words(record: Record, faults: list[Slip]) -> str:

@@ -34,6 +34,7 @@ from .noise import Line, Noise, whiteness
 from .problem import Problem
 from .responses import Responses
 from .rows import Rows, Seen, rounded, rows_of
+from .runs import IN_PHASE
 from .solve import Solution, checking, evaluate_at, half_cycles
 from .window import Window
 
@@ -154,8 +155,7 @@ def _by_colour(
     at, rows, seen, in_doubt = solution, first, [], none
     # A drift that is far larger than the noise makes steps so long that the motion curves within them, and what that
     # leaves is for the next step. Of a misfit that no noise explains, more than a tenth is left.
-    size = _size_of(problem, first, absolute)
-    on_the_way = max(size / thresholds.DESCRIBED, thresholds.DESCRIBED)
+    on_the_way = max(_size_of(problem, first, absolute) / thresholds.DESCRIBED, thresholds.DESCRIBED)
     for number in range(_ROUNDS):
         if number < _LOOKS:
             seen = colours_of(problem, at, rows, absolute)
@@ -183,11 +183,16 @@ def _by_colour(
         if not np.isfinite(at.evaluation.chi2):
             break
         rows = rows_of(problem, at.evaluation, seen)
-        # Under any noise the fit stays about as near to its record as least squares: where a step leads away from it,
-        # the next ones would run off to stiffnesses beyond all numbers.
-        if _size_of(problem, rows, absolute) > thresholds.DESCRIBED * max(size, 1.0):
+        # Where a step leads out of phase with the record, the next ones run off to stiffnesses beyond all numbers.
+        if any(map(_out_of_phase, problem.windows, rows, first)):
             break
     return _or_forces(_undescribed(plain, first), plain, first, known)
+
+
+def _out_of_phase(window: Window, row: Rows, first: Rows) -> bool:
+    """Whether a motion is farther from its record than half the amplitude, and than least squares were (`first`)."""
+    farthest, before = (float(np.max(np.abs(each.series.residual / each.series.unit))) for each in (row, first))
+    return farthest > max(IN_PHASE * window.segmentation.amplitude, before)
 
 
 def _under_colour(
@@ -251,14 +256,11 @@ def _or_forces(
         known: the responses to forces at the times of these rows.
     """
     problem, p = counted.problem, counted.problem.residual.n_parameters
-    moved, noises, lacks = plain.solution.y[:p] - counted.solution.y[:p], list(counted.noises), []
+    moved, lacks = plain.solution.y[:p] - counted.solution.y[:p], []
     for run, (row, responses) in enumerate(zip(first, known, strict=True)):
         forces = instead_of_kicks(problem, plain.solution, run, row, responses)
         lacks += [force._replace(shift=force.shift + moved) for force in forces]
-        if forces:
-            # What may be a force is no noise, however large.
-            noises[run] = noises[run]._replace(expected=0.0)
-    return _allowing(counted, lacks)._replace(lacks=(*counted.lacks, *lacks), noises=tuple(noises))
+    return _allowing(counted, lacks)._replace(lacks=(*counted.lacks, *lacks))
 
 
 def _allowing(weighted: NoiseWeighted, lacks: Sequence[Lacking | None]) -> NoiseWeighted:

@@ -17,7 +17,7 @@ _UNLIKE = 4
 # A motion is in phase with its record where it is nearer than half the swing there, or half of the largest swing where
 # little is left of it: farther away least squares may lead to the valley of the next cycle. No stage is shorter than
 # four half-periods, from which frequency, friction and damping follow.
-_IN_PHASE, _SMALLEST, _SHORTEST = 0.5, 0.5, 4.0
+IN_PHASE, _SMALLEST, _SHORTEST = 0.5, 0.5, 4.0
 # Fewest samples, those up to which sizes are powers, and the factor between them: each size is compiled for itself, and
 # only chunks that hold a sample are gone through.
 _POWERS = 1 << 18
@@ -89,7 +89,7 @@ def stage_weights_of(window: Window, run: Run) -> StageWeights:
     if segmentation.turning_times.size:
         swing = np.abs(segmentation.turning_points - window.guesses["offset"])
         local = np.interp(t, segmentation.turning_times - window.origin, swing)
-    tolerance = _IN_PHASE * run.weight * np.maximum(local, _SMALLEST * segmentation.amplitude)
+    tolerance = IN_PHASE * run.weight * np.maximum(local, _SMALLEST * segmentation.amplitude)
     tolerance = np.where(moving > 0, tolerance, np.inf)
     span = np.ptp(t[moving > 0])
     return StageWeights(moving, tolerance, np.asarray(_SHORTEST * segmentation.half_period / span))

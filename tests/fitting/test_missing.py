@@ -83,7 +83,6 @@ def test_few_half_cycles_do_not_tell_a_shaken_floor_from_what_is_lacking(truth, 
     true = {"mu": 0.0489, "damping": 4.3, "stiffness": 5000.0}
     scores = [(found.values[name] - value) / found.std_errors[name] for name, value in true.items()]
     assert np.max(np.abs(scores)) < 3 and said(found)
-    assert found.converged == (found.chi2_reduced < 25)
 
 
 @pytest.mark.usefixtures("small_chunks")
