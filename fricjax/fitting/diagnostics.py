@@ -1,7 +1,6 @@
 """What a fit came to: its status in words, the flags of its parameters, and how well the model describes the record."""
 
 from collections.abc import Mapping, Sequence
-from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
@@ -35,7 +34,7 @@ class Misfit(NamedTuple):
             unit of the record; of those in motion where these are larger, `in_motion`.
         noise: its noise, as stated or as seen in the record; `stated`: as stated, inf where its size says nothing.
         run: its number.
-        faults: what its record shows besides, a sentence for each kind , where it was looked for.
+        faults: what its record shows besides, a sentence for each by its repair, where they were looked for.
     """
 
     size: float
@@ -43,7 +42,7 @@ class Misfit(NamedTuple):
     stated: float
     run: int
     in_motion: bool = False
-    faults: Mapping[str, str] = MappingProxyType({})
+    faults: Mapping[str, str] = {}
 
     @property
     def ratio(self) -> float:

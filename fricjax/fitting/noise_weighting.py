@@ -191,8 +191,9 @@ def _by_colour(
 
 def _out_of_phase(window: Window, row: Rows, first: Rows) -> bool:
     """Whether a motion is farther from its record than half the amplitude, and than least squares were (`first`)."""
-    farthest, before = (float(np.max(np.abs(each.series.residual / each.series.unit))) for each in (row, first))
-    return farthest > max(IN_PHASE * window.segmentation.amplitude, before)
+    # A robust loss leaves a row of outliers almost no unit of its own.
+    farthest, before = (np.max(np.abs(each.series.residual)) / np.max(each.series.unit) for each in (row, first))
+    return bool(farthest > max(IN_PHASE * window.segmentation.amplitude, before))
 
 
 def _under_colour(
