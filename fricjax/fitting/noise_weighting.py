@@ -79,7 +79,7 @@ class NoiseWeighted(NamedTuple):
             of its number of half-cycles, and of what its model lacks; `others`: the other numbers.
         went_on: whether the fit went on from its least squares.
         gain: what the colour adds to minus twice the logarithm of the likelihood; `numbers`: how many numbers it has.
-        lacks: what the model lacks in each run; nothing where it was not looked for.
+        lacks: what the model lacks in each run, and what it may lack as well; nothing where it was not looked for.
     """
 
     problem: Problem
