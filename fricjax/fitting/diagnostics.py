@@ -32,7 +32,8 @@ class Misfit(NamedTuple):
     Attributes:
         size: root mean square of its residuals, or with a robust loss their median absolute value over 0.6745, in the
             unit of the record; of those in motion where these are larger, `in_motion`.
-        noise: its noise, as stated or as seen in the record; `stated`: as stated, inf where its size says nothing.
+        noise: its noise, with what that found in it may add up to; `level`: as stated or as neighbouring samples show
+            it; `stated`: as stated, inf where its size says nothing.
         run: its number.
         faults: what its record shows besides, a sentence for each by its repair, where they were looked for.
     """
@@ -40,6 +41,7 @@ class Misfit(NamedTuple):
     size: float
     noise: float
     stated: float
+    level: float
     run: int
     in_motion: bool = False
     faults: Mapping[str, str] = {}
@@ -83,18 +85,19 @@ def worst(problem: Problem, sizes: Sequence[Sequence[float]], expected: Sequence
     misfits = []
     for run, ((over_all, moving), least, window) in enumerate(zip(sizes, expected, problem.windows, strict=True)):
         stated = window.stated
-        noise = max(noise_level(window, relative), least * stated)
+        level = noise_level(window, relative)
         # A long rest, which every model describes, would hide what one lacks in motion.
         size = float(np.maximum(over_all, moving)) * stated
-        misfits.append(Misfit(size, noise, np.inf if relative else stated, run, bool(moving > over_all)))
+        noise = max(level, least * stated)
+        misfits.append(Misfit(size, noise, np.inf if relative else stated, level, run, bool(moving > over_all)))
     return max(misfits, key=lambda misfit: misfit.ratio)
 
 
 def with_faults(problem: Problem, misfit: Misfit) -> Misfit:
     """The same with the faults of its record, which are looked for where residuals are larger than its noise."""
-    window = problem.windows[misfit.run]
-    if not misfit.size > thresholds.NOTICED * noise_level(window, relative=bool(np.isinf(misfit.stated))):
+    if not misfit.size > thresholds.NOTICED * misfit.level:
         return misfit
+    window = problem.windows[misfit.run]
     record = Record(window.trace, {"quantity": window.quantity})
     return misfit._replace(faults=reported_faults(record, of_run(misfit.run, problem)))
 
@@ -147,8 +150,8 @@ def _compared(problem: Problem, misfit: Misfit) -> str:
 
 def _remedy(problem: Problem, solution: Solution, misfit: Misfit, at_bound: str) -> str:
     """What most likely keeps a model from describing its record."""
-    if misfit.faults:
-        return _repair(misfit)
+    if repair := _repair(misfit):
+        return repair
     if isinstance(problem.loss, Squares) and _by_few(problem, solution, misfit.run):
         return "few samples far from all others hold most of that: mask them, or count them less with loss='huber'"
     if any(growth(window) for window in problem.windows):

@@ -88,22 +88,15 @@ def explaining(problem: Problem, solution: Solution, run: int, rows: Rows, known
     Kicks of a floor add up, so that neighbouring half-cycles deviate alike, and a force may explain most of that by
     chance: beside kicks some force must be seen too.
     """
-    best = next((lack for lack, chance in _main(problem, solution, run, rows, known) if chance < thresholds.RARE), None)
+    forces = main_forces(problem, solution, run, rows, known)
+    best = next((force for force, chance in forces if chance < thresholds.RARE), None)
     shaken = by_kicks(problem, solution, run, rows) if best is not None and problem.noise == "auto" else None
     if shaken is not None and seen_beside_noise(problem, solution, run, shaken, known) is None:
         return None
     return best
 
 
-def instead_of_kicks(problem: Problem, solution: Solution, run: int, rows: Rows, known: Responses) -> list[Lacking]:
-    """The forces each of which explains most of what a run shows in motion, be it by chance.
-
-    Few half-cycles do not tell one that is there from kicks of a floor that happen to look like it.
-    """
-    return [lack for lack, _ in _main(problem, solution, run, rows, known)]
-
-
-def _main(
+def main_forces(
     problem: Problem, solution: Solution, run: int, rows: Rows, known: Responses
 ) -> Iterator[tuple[Lacking, float]]:
     """The forces that take away most of what a run shows in motion beyond noise, the best one first.

@@ -29,7 +29,7 @@ from .clock import by_clock
 from .colours import colours_of, expected_size, least_squares, misfit_of, under_noise, variance_left, weighed_rows
 from .diagnostics import worst
 from .evaluation import Block
-from .missing import Lacking, allowed_for, explaining, instead_of_kicks, responses_in, seen_beside_noise
+from .missing import Lacking, allowed_for, explaining, main_forces, responses_in, seen_beside_noise
 from .noise import Line, Noise, whiteness
 from .problem import Problem
 from .responses import Responses
@@ -259,8 +259,8 @@ def _or_forces(
     problem, p = counted.problem, counted.problem.residual.n_parameters
     moved, lacks = plain.solution.y[:p] - counted.solution.y[:p], []
     for run, (row, responses) in enumerate(zip(first, known, strict=True)):
-        forces = instead_of_kicks(problem, plain.solution, run, row, responses)
-        lacks += [force._replace(shift=force.shift + moved) for force in forces]
+        forces = main_forces(problem, plain.solution, run, row, responses)
+        lacks += [force._replace(shift=force.shift + moved) for force, _ in forces]
     return _allowing(counted, lacks)._replace(lacks=(*counted.lacks, *lacks))
 
 

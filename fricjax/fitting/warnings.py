@@ -8,7 +8,7 @@ from .. import thresholds
 from ..data.inspect import implausible_scale
 from ..oscillator.restoring import Pendulum
 from ..show import engineering, plain
-from .diagnostics import Misfit, growth, holds_release, noise_level, of_run, too_large
+from .diagnostics import Misfit, growth, holds_release, of_run, too_large
 from .noise_weighting import Other
 from .problem import Problem
 from .rest import Bracket, Margin
@@ -68,7 +68,6 @@ def warnings_of_run(
             "with velocity or of a missing term such as drag; bound it at zero or choose another law."
         )
     size = f"{misfit.size:.2e} {unit} rms{' in motion' if misfit.in_motion else ''}"
-    level = noise_level(problem.windows[misfit.run], relative=bool(np.isinf(misfit.stated)))
     yield from misfit.faults.values()
     if misfit.ratio > thresholds.NOTICED:
         times = f"residuals of {size} are {misfit.ratio:.3g} times the noise of {misfit.noise:.2e} {unit}"
@@ -82,11 +81,11 @@ def warnings_of_run(
                 "The window includes the release, whose transient biases friction. Start at the first reversal, which "
                 "is the default."
             )
-    elif misfit.size > thresholds.NOTICED * level:
+    elif misfit.size > thresholds.NOTICED * misfit.level:
         yield (
-            f"The residuals of {size} are {misfit.size / level:.3g} times the noise of {level:.2e} {unit} that "
-            "neighbouring samples show. Noise of the kind that was found may be so large, and so may be what the model "
-            "lacks."
+            f"The residuals of {size} are {misfit.size / misfit.level:.3g} times the noise of {misfit.level:.2e} "
+            f"{unit} that neighbouring samples show. Noise of the kind that was found may be so large, and so may be "
+            "what the model lacks."
         )
     elif misfit.size > thresholds.NOTICED * misfit.stated:
         yield (

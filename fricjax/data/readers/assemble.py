@@ -172,9 +172,9 @@ def _check_times(where: str, t: np.ndarray, place: Callable[[int], str]) -> None
         i = int(np.argmin(finite))
         raise DataError(f"{where}, {place(i)}: the time is {t[i]} (NaN, infinite or missing); {remedy}")
     i = first_not_later(t)
-    if i is not None and i > 1 and t[i] <= t[0]:
-        remedy = "it starts again there, as where one run follows another: write each run to a file of its own."
     if i is not None:
+        if i > 1 and t[i] <= t[0]:
+            remedy = "it starts again there, as where one run follows another: write each run to a file of its own."
         raise DataError(
             f"{where}, {place(i)}: the time is not increasing ({float(t[i])} after {float(t[i - 1])}); {remedy}"
         )
