@@ -19,7 +19,7 @@ from ..fitting.result import Fit
 from ..fitting.rows import Seen, rows_of
 from ..fitting.solve import Solution
 from ..friction.base import law_name
-from ..oscillator import Oscillator, cores, ready
+from ..oscillator import Oscillator, cores, one_blas_thread, ready
 from ..settings import check_criterion
 from ..show.working import working
 from .candidates import Candidate, candidates
@@ -30,6 +30,7 @@ from .result import Comparison, Row
 
 
 @working("Comparing laws")
+@one_blas_thread()
 def compare(
     data: object,
     oscillators: Sequence[Oscillator],

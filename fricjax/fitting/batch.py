@@ -1,4 +1,4 @@
-"""Independent fits of many runs, on all cores, each with its own outcome."""
+"""Fit many runs independently, on all cores."""
 
 import os
 from collections.abc import Callable, Mapping, Sequence
@@ -13,7 +13,7 @@ from ..data import Record
 from ..data.gather import Source, record_of, sources_of
 from ..errors import DataError, UsageError
 from ..estimation.covariance import Covariance, covariance
-from ..oscillator import Oscillator, cores, one_at_a_time, ready
+from ..oscillator import Oscillator, cores, one_at_a_time, one_blas_thread, ready
 from ..show.working import working
 from .assemble import unit_of
 from .batch_result import BatchFit
@@ -32,11 +32,11 @@ from .window import NEVER
 
 
 class Row(NamedTuple):
-    """One run of a batch as solved; one that was rejected has a status only.
+    """One run of a batch; a rejected run has only a status.
 
     Attributes:
         status: the outcome in words.
-        problem, weighted, covariances, misfit: what the numbers of a fitted run follow from.
+        problem, weighted, covariances, misfit: intermediate results of a fitted run.
     """
 
     status: str
@@ -47,7 +47,7 @@ class Row(NamedTuple):
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What a reader of the numbers must know, in sentences; worked out when asked for."""
+        """Return the warnings about this run, in sentences."""
         if self.problem is None or self.weighted is None or self.covariances is None or self.misfit is None:
             return ()
         problem, solution, covariances = self.problem, self.weighted.solution, self.covariances
@@ -57,6 +57,7 @@ class Row(NamedTuple):
         return (*warnings_of_run(problem, values, errors, self.misfit, self.weighted.others), *lacking)
 
 
+@one_blas_thread()
 def fit_batch(
     data: object,
     oscillator: Oscillator,
@@ -67,8 +68,8 @@ def fit_batch(
 ) -> BatchFit:
     """Fit the same oscillator to each of many runs independently.
 
-    A run that cannot be fitted never stops the others: its row says why. All cores are used, by threads, so that no
-    guard or setting is needed; memory is bounded by the runs that are at work.
+    A run that cannot be fitted does not stop the others: its status gives the reason. The runs are distributed over
+    threads on all cores. Memory use depends on the number of runs in progress, not on the number of runs.
 
     Args:
         data: a list of runs of any lengths, each given as to :func:`fit`: a record, a path, a table,
@@ -76,7 +77,7 @@ def fit_batch(
         oscillator: the machine and its friction law, the same for every run.
         free: names of the coefficients to fit, or Parameters of lmfit, as in :func:`fit`.
         guess: start values by name, one number for all runs or an array of shape (runs,).
-        **settings: as for :func:`fit`, but `sigma_mode` and `throw`; the same for all runs.
+            **settings: as for :func:`fit`, except `sigma_mode` and `throw`; the same for all runs.
 
     Returns:
         The fits, in the order of the runs.
@@ -133,7 +134,7 @@ def _per_run(guess: Mapping[str, ArrayLike], runs: int) -> list[dict[str, float]
 
 
 def _opened(source: Source) -> Record | Exception:
-    """The record of a run, or why there is none."""
+    """Return the record of a run, or the error of reading it."""
     try:
         return record_of(source.run, **source.options)
     except (DataError, UsageError) as error:
@@ -141,7 +142,7 @@ def _opened(source: Source) -> Record | Exception:
 
 
 def _name(source: Any, run: Record | Exception) -> str:
-    """What names a run, also one whose file cannot be read; empty where nothing does."""
+    """Return the name of a run, from its record or path, else empty."""
     if isinstance(run, Record):
         return run.name
     return Path(source).name if isinstance(source, str | os.PathLike) else ""
@@ -149,11 +150,11 @@ def _name(source: Any, run: Record | Exception) -> str:
 
 @one_at_a_time()
 def fit_rows(records: Sequence[Any], requests: Sequence[Request]) -> list[Row]:
-    """Fit runs in this thread, those of one shape by one compiled computation.
+    """Fit runs in this thread; equal shapes share one compiled computation.
 
     Args:
-        records: a record for each run, or the `DataError` or `UsageError` that says why there is none.
-        requests: for each run what is asked of it: one law and loss, on whatever machines.
+        records: a record for each run, or the `DataError` or `UsageError` raised when it was read.
+        requests: one for each run. All have the same law and loss; the machines may differ.
     """
     rows, problems = dict[int, Row](), dict[int, Problem]()
     for i, (record, request) in enumerate(zip(records, requests, strict=True)):
@@ -169,11 +170,11 @@ def fit_rows(records: Sequence[Any], requests: Sequence[Request]) -> list[Row]:
 
 
 def solved_rows(problems: Sequence[Problem], begins: Sequence[np.ndarray] | None = None) -> list[Row]:
-    """Each of many problems solved for itself and weighed by its noise.
+    """Solve each problem independently and weight its residuals by their noise.
 
     Args:
-        problems: of one engine and one loss.
-        begins: coordinates to start each of them from; None for the start values.
+        problems: problems with the same engine and loss.
+        begins: initial coordinates of each; None for the start values.
     """
     solutions = [None] * len(problems) if alone(problems) else solve_batch(problems, begins)
     rows = []
@@ -186,16 +187,17 @@ def solved_rows(problems: Sequence[Problem], begins: Sequence[np.ndarray] | None
 
 
 def alone(problems: Sequence[Problem]) -> bool:
-    """Whether each is solved as by `fit`: a single one, and those on meshes and joint fits, which no loop solves."""
+    """Return True if `fit` must solve each problem: one problem, joint fits, meshes."""
     return len(problems) == 1 or any(each.residual.engine.needs_mesh or len(each.windows) > 1 for each in problems)
 
 
 def _weighted(
     problem: Problem, solved: tuple[Solution, Any] | None, begin: np.ndarray | None
 ) -> tuple[NoiseWeighted, Misfit]:
-    """The fit weighed by its noise, and its residuals beside that.
+    """Return the weighted fit of one problem, and its misfit.
 
-    A run whose number of half-cycles is in doubt, or whose solution of a chunk is not accurate, is fitted by itself.
+    A run is solved again individually if its number of half-cycles is uncertain or the solution of the chunk is
+    inaccurate.
     """
     if solved is not None:
         solution, sizes = solved
@@ -207,7 +209,7 @@ def _weighted(
             weighted = weigh_by_noise(problem, solution, True)
             if not weighted.went_on:
                 return weighted, worst(problem, [sizes], [0.0], False)
-            # A chunk keeps no residuals of its samples; a fit that went on by a step has evaluated them again.
+            # A chunk keeps no residuals of its samples; a fit that took a further step has evaluated them again.
             if weighted.solution.evaluation.residual.size:
                 return weighted, misfit_of(weighted.problem, weighted.solution, weighted.noises, False)
     weighted = weigh_by_noise(*solve_with_rest(problem, begin), True)
@@ -223,9 +225,10 @@ def _row(weighted: NoiseWeighted, misfit: Misfit) -> Row:
 
 
 def collected(rows: Sequence[Row], sources: tuple[str, ...]) -> BatchFit:
-    """The rows as columns: of runs whose free parameters and uncertain inputs of the rig have the same names.
+    """Collect the rows into columns.
 
-    The root mean square of the residuals is exact where all samples of a run have the same noise.
+    All runs must have the same free parameters and uncertain inputs.
+    The root mean square of the residuals is exact if all samples of a run have the same noise.
 
     Raises:
         UsageError: no run could be fitted.
@@ -237,7 +240,7 @@ def collected(rows: Sequence[Row], sources: tuple[str, ...]) -> BatchFit:
     names, p = problem.names, len(problem.names)
 
     def column(of: Callable[[Any, Any, Any], Any], shape: tuple[int, ...] = (), absent: Any = np.nan) -> np.ndarray:
-        """One quantity of all runs, from problem, weighted fit and covariances; of rejected ones what stands for it."""
+        """Evaluate `of` for each run; rejected runs get `absent`."""
         return np.array(
             [np.full(shape, absent) if row.problem is None else of(row.problem, row.weighted, row.covariances)
              for row in rows]
@@ -293,6 +296,6 @@ def collected(rows: Sequence[Row], sources: tuple[str, ...]) -> BatchFit:
 
 
 def _half_cycles(problem: Problem, *_: Any) -> int:
-    """The count of a run; -1 where it ends in motion."""
+    """Return the number of half-cycles to the stop; -1 without one."""
     count = int(problem.residual.runs[0].half_cycles)
     return -1 if count >= NEVER else count

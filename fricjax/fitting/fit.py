@@ -9,7 +9,7 @@ from ..data import Record, Trace
 from ..data.gather import gather
 from ..errors import UsageError, check_choice
 from ..estimation.loss import AbstractLoss
-from ..oscillator import Oscillator, ready
+from ..oscillator import Oscillator, one_blas_thread, ready
 from ..oscillator.engines import AbstractEngine
 from ..rig import Rig
 from ..show.working import working
@@ -24,6 +24,7 @@ from .solve import Solution
 
 
 @working("Fitting")
+@one_blas_thread()
 def fit(
     data: object,
     oscillator: Oscillator,

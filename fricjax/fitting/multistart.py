@@ -18,7 +18,7 @@ import numpy as np
 
 from ..errors import UsageError
 from ..estimation.space import Parameter
-from ..oscillator import Oscillator, ready
+from ..oscillator import Oscillator, one_blas_thread, ready
 from ..show import Report, Reported, Style, figure, plain, styled
 from ..show.thumbnail import Curve, curves_svg
 from ..show.working import working
@@ -89,6 +89,21 @@ class Multistart(Reported):
             facts.append(("bounds", ", ".join(counts)))
         return dataclasses.replace(report, facts=facts)
 
+    def to_dataframe(self) -> Any:
+        """Return one row per start, in ascending order of chi^2.
+
+        A coefficient has its start value in `<name>_start` and its fitted value in `<name>`.
+        """
+        import pandas as pd
+
+        columns: dict[str, Any] = {"excess": self.excess, "reached": self.reached}
+        for name, ends in self.ends.items():
+            columns |= {f"{name}_start": self.starts[name], name: ends}
+        columns["at_bounds"] = [", ".join(names) for names in self.at_bounds]
+        table = pd.DataFrame(columns).rename_axis("start")
+        table.attrs["units"] = {f"{name}{end}": self.best.units[name] for name in self.ends for end in ("_start", "")}
+        return table
+
     def thumbnails(self) -> Sequence[str]:
         reduced = (self.best.chi2 + self.excess) / self.best.dof
         starts = Curve(np.arange(1, self.excess.size + 1), reduced, points=True)
@@ -126,6 +141,7 @@ class Multistart(Reported):
         return f"Multistart({int(self.reached.sum())} of {self.excess.size} starts reached {self.best!r})"
 
 
+@one_blas_thread()
 def multistart(
     data: object,
     oscillator: Oscillator,

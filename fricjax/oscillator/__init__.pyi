@@ -9,7 +9,7 @@ from .motion import Motion, Start
 from .oscillator import AbstractRelease, ExponentialRelease, Oscillator
 from .outcome import RESULTS, is_successful
 from .program import Program
-from .session import cores, one_at_a_time, ready, waiting
+from .session import cores, one_at_a_time, one_blas_thread, ready, waiting
 from .simulate import final_displacement, simulate, starting_state
 
 __all__ = [
@@ -31,6 +31,7 @@ __all__ = [
     "final_displacement",
     "is_successful",
     "one_at_a_time",
+    "one_blas_thread",
     "ready",
     "restoring",
     "simulate",

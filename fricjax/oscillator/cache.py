@@ -1,8 +1,8 @@
-"""The folder of compiled programs: whose it may be, how large, and entries that are whole or made again.
+"""The folder of compiled programs: owner, size, and complete entries.
 
-What lies in the folder is executed, so nobody else may be able to write there. Each entry begins with a digest of what
-follows: one that a full disk, a kill or a failing disk has damaged is removed when it is read, and its maker compiles
-again and writes it anew. JAX never replaces an entry, and hands damaged ones to XLA; so it is given this store.
+Entries of the folder are executed, so no other user may be able to write there. Each entry begins with a digest of its
+content. A damaged entry (full disk, kill, failing disk) is removed when it is read, and the program is compiled and
+written again. JAX by default never replaces an entry and hands damaged ones to XLA, so this module gives JAX a store.
 """
 
 import contextlib
@@ -18,8 +18,8 @@ from pathlib import Path
 CACHE_VARIABLE = "FRICJAX_CACHE_DIR"
 _OFF = ("", "off", "none", "0")
 _HEAD, _DIGEST = b"fricjax kept program 2\n", 32
-# The programs of all laws together are a few hundred megabytes. What is too much goes when a process begins, and some
-# more with it, so that not each of them has to.
+# The programs of all laws together take a few hundred megabytes. A process that finds more at its start removes entries
+# until 80 % of the limit is left, so that the next processes need not.
 _LARGEST, _KEPT = 1 << 30, 0.8
 # An entry is written in far less than a second; after an hour its writer has been killed.
 _UNFINISHED, _ABANDONED = ".unfinished", 3600.0
@@ -27,13 +27,13 @@ _EVERYBODY = stat.S_IWGRP | stat.S_IWOTH
 
 
 class Store:
-    """Compiled programs of JAX in a folder, each whole or not there; what JAX asks of a cache is `get` and `put`."""
+    """Cache of compiled programs with the interface of JAX (`get`, `put`)."""
 
     def __init__(self, folder: Path) -> None:
         self._path = folder
 
     def get(self, key: str) -> bytes | None:
-        """The program of a key; None where it has to be compiled."""
+        """Return the program of a key, None if it must be compiled."""
         return recall(self._path / f"{key}-kept")
 
     def put(self, key: str, value: bytes) -> None:
@@ -42,7 +42,7 @@ class Store:
 
 
 def recall(place: Path) -> bytes | None:
-    """What was kept in a file; None where there is none, or a damaged one, which is removed."""
+    """Return the content of an entry, or None if missing or damaged."""
     try:
         data = place.read_bytes()
     except OSError:
@@ -51,15 +51,15 @@ def recall(place: Path) -> bytes | None:
     content = data[begin:]
     intact = data[:begin] == _HEAD + _digest(content)
     with contextlib.suppress(OSError):
-        # What was used last is let go last.
+        # The time of last use decides which entries are removed first.
         place.touch() if intact else place.unlink()
     return content if intact else None
 
 
 def keep(place: Path, content: bytes) -> None:
-    """Keep something: all of it or, where the disk is full or not ours, nothing.
+    """Write an entry completely or not at all.
 
-    The digest tells what did not reach the disk, so nobody waits for it.
+    There is no fsync: the digest shows later if the content did not reach the disk.
     """
     # Another process or thread may write the same at the same time.
     scratch = place.with_name(f"{place.name}-{secrets.token_hex(8)}{_UNFINISHED}")
@@ -76,7 +76,7 @@ def _digest(content: bytes) -> bytes:
 
 
 def asked_folder() -> Path | None:
-    """The folder of compiled programs that is asked for, whether it can be used or not; None where it is off."""
+    """Return the folder of compiled programs, None if switched off."""
     named = os.environ.get(CACHE_VARIABLE)
     if named is not None and named.strip().lower() in _OFF:
         return None
@@ -85,7 +85,10 @@ def asked_folder() -> Path | None:
 
 
 def _processor() -> str:
-    """A short name for this kind of processor: in a shared folder, code for another one must not be loaded."""
+    """Return a short name of the processor type.
+
+    Code for one type must not be loaded by another from a shared folder.
+    """
     try:
         lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
         features = next(line for line in lines if line.lower().startswith(("flags", "features")))
@@ -95,7 +98,7 @@ def _processor() -> str:
 
 
 def made(folder: Path) -> bool:
-    """Make the folder of compiled programs, for its user alone; False where it is not there and cannot be made."""
+    """Create a private folder; return True if it is writable."""
     try:
         folder.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
         folder.mkdir(mode=0o700, exist_ok=True)
@@ -105,9 +108,9 @@ def made(folder: Path) -> bool:
 
 
 def distrust(folder: Path) -> str | None:
-    """Why nothing that lies in a folder may be executed, and what to do about it; None where all is well.
+    """Return a reason not to trust a folder, or None.
 
-    The folder must be the user's alone to write to, and nobody else may be able to put another one in its place.
+    Only the user may be able to write to the folder or to replace it.
     """
     if not hasattr(os, "getuid"):
         return None
@@ -118,17 +121,17 @@ def distrust(folder: Path) -> str | None:
         except OSError:
             continue
         if status.st_uid not in owners:
-            return f"{place} belongs to another user, and what lies there is executed; {remedy}."
-        # Where the sticky bit is set, as in /tmp, others may add folders but not replace this one.
+            return f"{place} belongs to another user, and programs there are executed; {remedy}."
+        # With the sticky bit, as in /tmp, others may add folders but not replace this one.
         if status.st_mode & _EVERYBODY and (place == folder or not status.st_mode & stat.S_ISVTX):
-            return f"others can write to {place}, and what lies there is executed; 'chmod go-w {place}', or {remedy}."
+            return f"others can write to {place}, and programs there are executed; 'chmod go-w {place}', or {remedy}."
     return None
 
 
 def prune(folder: Path, largest: int = _LARGEST) -> None:
-    """Let the programs go that were not used for the longest time, where all together are larger than `largest` bytes.
+    """Remove the least recently used programs if the folder exceeds `largest` bytes.
 
-    Another process may do the same at the same time, so that a file may be gone.
+    Another process may remove files at the same time.
     """
     files = []
     for path in folder.iterdir():

@@ -1,47 +1,50 @@
-"""Programs of few kernels, for which the compiler takes two thirds of the time.
+"""Compile marks: programs of few kernels, for shorter compile times.
 
-XLA for the CPU makes of every fused operation of a program a function with a module and passes of its own, at ten to
-twenty milliseconds each, and a fit has 300 to 600 of them. Of a call that is marked as small it makes one function,
-whatever is in it. So operations that follow one another are gathered into such calls, once all derivatives are taken
-and all batches are laid out.
+XLA for the CPU compiles each fused operation of a program as a separate function, in ten to twenty milliseconds, and a
+fit has 300 to 600 of them. XLA compiles a call that is marked as small into one function. This module collects
+consecutive operations into such calls, after differentiation and batching. Compiling then takes two thirds of the time.
 
-What a call may hold is not promised anywhere. It was tried for the versions named here; with others, programs are
-compiled as they are. Three things end the process where another compiler would complain, and are kept away from it:
+XLA documents no rules for the content of a marked call. `enabled` is True only for the versions that were tried; otherwise
+programs are compiled unchanged. Three cases abort the process instead of raising an error, so this module avoids them:
 
-- a call with an argument that nothing in it uses, or of which simplification leaves no use. So arguments pass a
-  barrier, which keeps what is known of them outside, and one number made of all of them is returned.
-- a call of whose results none is wanted. So all of them pass a barrier with that number.
-- an array without elements that is returned.
+- a call with an unused argument, also one that simplification makes unused. Arguments therefore pass an optimisation
+  barrier, and the call returns one number that depends on all of them.
+- a call with unused results only. All results therefore pass a barrier together with that number.
+- a result array without elements.
 """
 
 import functools
 import math
+import os
 import platform
 from collections.abc import Callable, Iterable, Sequence
 from typing import Any, NamedTuple
 
 import jax
+import jaxlib
 import numpy as np
 from jax.experimental.xla_metadata import xla_metadata_call
 from jax.extend import core
 
-# Whether these are a version of JAX and a processor for which the marks are known to do what is said above.
-_TRIED = jax.__version_info__[:2] == (0, 12) and platform.machine() in ("x86_64", "AMD64")
+KERNELS_VARIABLE = "FRICJAX_KERNELS"
+# XLA is part of jaxlib. See "Constraints" in CONTRIBUTING.md before adding a version.
+_TRIED_JAXLIB, _TRIED_MACHINES = ("0.12.0.1",), ("x86_64", "AMD64")
 _MARKS = {"inlineable": "false", "xla_cpu_small_call": "true"}
-# Most operations of a kernel: LLVM's time grows faster than what it is given, and two cores want two kernels.
+# Largest and smallest number of operations in a kernel: the time of LLVM grows faster than linearly, and two cores can
+# compile two kernels at once.
 _MOST, _LEAST = 500, 4
-# Longest arrays of a kernel: XLA shares what is longer among threads, and a kernel has one. With 2048 and more the warm
-# solves of Tanh and Stribeck take a third longer; from 128 to 1024 they are as fast as without kernels.
+# Longest array in a kernel: XLA computes longer ones with several threads, a kernel with one. From 2048 the warm solves
+# of Tanh and Stribeck take a third longer; from 128 to 1024 they take the same time as without kernels.
 _LONGEST = 1024
-# Longest array that is copied for a change of a part of it. Outside of kernels it is changed where it is.
+# Longest array that may be updated in a kernel, which copies it. Outside of kernels XLA updates arrays in place.
 _COPIED = 64
 
-# Sums of long arrays would be handed to a library, which a call cannot hold. Of what LLVM does by default the last
-# level takes it a quarter of its time, and no fit is faster for it.
-OPTIONS = {"xla_cpu_experimental_ynn_fusion_type": "", "xla_backend_optimization_level": 2} if _TRIED else {}
+# The first option keeps long sums out of a library, because a marked call cannot contain a library call. The second one
+# saves a quarter of LLVM's time and makes no fit slower.
+OPTIONS = {"xla_cpu_experimental_ynn_fusion_type": "", "xla_backend_optimization_level": 2}
 
 _CONTROL = ("while", "scan", "cond")
-# Calls that mean nothing but what they call, and the name of that.
+# Calls that can be inlined, with the name of the parameter that holds the called program.
 _CALLS = {
     "jit": "jaxpr",
     "closed_call": "call_jaxpr",
@@ -50,7 +53,7 @@ _CALLS = {
     "custom_vjp_call": "call_jaxpr",
 }
 _PARTIAL = ("dynamic_update_slice", "maybe_set", "copy", "select_if_vmap", "optimization_barrier", "scatter")
-# Sorting, linear algebra of LAPACK, scattering of many rows and calls of the host are not among them.
+# Operations that were tried in kernels. Sorting, LAPACK, scattering of many rows and host callbacks are excluded.
 _NAMES = """
 abs add add_any and argmax argmin asinh atan atan2 atanh broadcast_in_dim cbrt ceil clamp concatenate
 convert_element_type copy cos cosh cumlogsumexp cummax cummin cumprod cumsum div dot_general dynamic_slice
@@ -64,11 +67,23 @@ unvmap_any xor
 _KNOWN = frozenset(_NAMES.split())
 
 
+def enabled() -> bool:
+    """Return True if programs are to be marked.
+
+    FRICJAX_KERNELS decides if it is set: "on" marks programs also with an untried jaxlib, in order to try it.
+    """
+    tried = jaxlib.__version__ in _TRIED_JAXLIB and platform.machine() in _TRIED_MACHINES
+    asked = os.environ.get(KERNELS_VARIABLE, "").strip().lower()
+    return asked not in ("off", "0", "no", "false") if asked else tried
+
+
 def in_few_kernels(function: Callable[..., Any]) -> Callable[..., Any]:
-    """The function, to be compiled with `OPTIONS`; it cannot be differentiated or batched any more.
+    """Collect the operations of a function into marked calls.
+
+    Compile the result with `OPTIONS`. It cannot be differentiated or batched.
 
     Args:
-        function: of pytrees of arrays; returns one.
+        function: maps pytrees of arrays to a pytree of arrays.
 
     Examples:
         >>> import jax.numpy as jnp
@@ -78,8 +93,6 @@ def in_few_kernels(function: Callable[..., Any]) -> Callable[..., Any]:
         >>> bool(jnp.allclose(few(np.arange(3.0))[0], wave(np.arange(3.0))[0]))
         True
     """
-    if not _TRIED:
-        return function
 
     @functools.wraps(function)
     def few(*args: Any) -> Any:
@@ -91,12 +104,12 @@ def in_few_kernels(function: Callable[..., Any]) -> Callable[..., Any]:
 
 
 class _Contents(NamedTuple):
-    """What is in a program, with all that it calls.
+    """Summary of a program and the programs that it calls.
 
     Attributes:
-        size: how many operations.
-        known: whether a kernel can hold them.
-        short: whether none of them is one that a kernel does slower.
+        size: number of operations.
+        known: True if a kernel can contain all of them.
+        short: True if a kernel computes them as fast as XLA does otherwise.
     """
 
     size: int
@@ -117,7 +130,7 @@ class _Pass:
         self._contents: dict[core.Jaxpr, _Contents] = {}
 
     def gathered(self, jaxpr: core.Jaxpr) -> core.Jaxpr:
-        """A program, or a body, whose operations are gathered into kernels."""
+        """Return a program with its operations collected into kernels."""
         inlined = _Inlined(lambda eqn: not self._joins(eqn))
         outvars = inlined.add(jaxpr)
         last = {each: k for k, eqn in enumerate(inlined.eqns) for each in _variables(eqn.invars)}
@@ -135,7 +148,7 @@ class _Pass:
 
         for k, eqn in enumerate(inlined.eqns):
             joins, more = self._joins(eqn), self._of(eqn).size
-            # What needs nothing of the run goes before it.
+            # An operation that does not depend on the open kernel goes before it.
             if (joins and size + more > _MOST) or (not joins and not made.isdisjoint(_variables(eqn.invars))):
                 close(k)
                 size = 0
@@ -153,12 +166,12 @@ class _Pass:
         )
 
     def _joins(self, eqn: Any) -> bool:
-        """Whether an operation is gathered with others."""
+        """Return True if a kernel may contain an operation."""
         size, known, short = self._of(eqn)
         return known and short and size <= _MOST
 
     def _of(self, eqn: Any) -> _Contents:
-        """The contents of an operation."""
+        """Summarise an operation."""
         bodies = list(core.jaxprs_in_params(eqn.params))
         name, plain = eqn.primitive.name, all(_is_plain(atom.aval) for atom in [*eqn.invars, *eqn.outvars])
         if bodies:
@@ -176,7 +189,10 @@ class _Pass:
         return self._contents[jaxpr]
 
     def _with_bodies(self, eqn: Any) -> Any:
-        """An operation; of a loop or a choice with its bodies gathered, but not with what is asked before each turn."""
+        """Collect the bodies of a loop or a branch into kernels.
+
+        The condition of a loop stays as it is.
+        """
         if eqn.primitive.name not in _CONTROL:
             return eqn
         params = {
@@ -188,14 +204,14 @@ class _Pass:
 
 
 class _Inlined:
-    """Operations with those of the functions that they call in place of some of the calls.
+    """List of operations with some of the calls inlined.
 
     Args:
-        whether: which calls are replaced.
+        whether: predicate for the calls to inline.
 
     Attributes:
         eqns: the operations.
-        constants: that these functions bring along, with their values.
+        constants: constants of the inlined functions, with their values.
     """
 
     def __init__(self, whether: Callable[[Any], bool]) -> None:
@@ -205,12 +221,12 @@ class _Inlined:
         self._now: dict[Any, Any] = {}
 
     def add(self, jaxpr: core.Jaxpr) -> list[Any]:
-        """Append those of a function whose arguments are known; what it returns."""
+        """Append the operations of a function and return its results."""
         for eqn in jaxpr.eqns:
             invars = [self._atom(each) for each in eqn.invars]
             inner = _CALLS.get(eqn.primitive.name)
             if inner is None or not self._whether(eqn):
-                # The same function may be called twice, and each time gives other results.
+                # A function that is called twice needs new variables for each call.
                 outvars = [self._new(each) for each in eqn.outvars]
                 self.eqns.append(eqn.replace(invars=invars, outvars=outvars))
                 continue
@@ -234,7 +250,7 @@ def _variables(atoms: Iterable[Any]) -> list[Any]:
 
 
 def _is_plain(aval: Any) -> bool:
-    """Whether something is an array of some real numbers or truth values."""
+    """Return True for a nonempty array of numbers or booleans."""
     return isinstance(aval.dtype, np.dtype) and aval.dtype.kind in "biuf" and 0 not in aval.shape
 
 
@@ -247,7 +263,7 @@ def _holds_bodies(value: Any) -> bool:
 
 
 def _kernel(run: Sequence[Any], results: list[Any], names: Any) -> list[Any]:
-    """Operations as one call, with the barriers before and behind it."""
+    """Return operations as one marked call between two barriers."""
     inside = {each for eqn in run for each in eqn.outvars}
     needed = list(dict.fromkeys(each for eqn in run for each in _variables(eqn.invars) if each not in inside))
     if not needed or not results:
@@ -260,22 +276,24 @@ def _kernel(run: Sequence[Any], results: list[Any], names: Any) -> list[Any]:
     before = barrier.replace(invars=needed, outvars=sealed, **place)
     params = call.params | {"jaxpr": body}
     kernel = call.replace(invars=sealed, outvars=raw, params=params, **place)
-    # The number is wanted by nobody, and JAX takes away what is not: so it passes a barrier with all results, of which
-    # any may turn out to be wanted by nobody either.
+    # JAX removes unused results. The number is unused, and each result may be, so all pass one barrier.
     behind = barrier.replace(invars=raw, outvars=[*results, core.Var(number.aval)], **place)
     return [before, kernel, behind]
 
 
 @functools.cache
 def _patterns() -> tuple[Any, Any]:
-    """A marked call, and a barrier, to be copied."""
+    """Return a marked call and a barrier as templates."""
     call = jax.make_jaxpr(xla_metadata_call(lambda x: x, **_MARKS))(0.0)
     barrier = jax.make_jaxpr(lambda *x: jax.lax.optimization_barrier(x))(0.0, 0.0)
     return call.eqns[0], barrier.eqns[0]
 
 
 def _touch(variables: Sequence[Any]) -> tuple[list[Any], Any]:
-    """Operations that make one number of arrays, of long ones of their first elements, and the number."""
+    """Return operations that reduce arrays to one number, and that number.
+
+    Long arrays contribute their first element.
+    """
     operations, eqns = _operations(), []
 
     def then(name: str, atoms: list[Any], like: Any, **params: Any) -> Any:
@@ -291,7 +309,7 @@ def _touch(variables: Sequence[Any]) -> tuple[list[Any], Any]:
         first = then("slice", [array], array.aval.update(shape=ones), start_indices=zeros, limit_indices=ones)
         return then("reshape", [first], first.aval.update(shape=()))
 
-    # Like ones are added whole where they are short, for each operation costs the compiler as much as another.
+    # Short arrays of the same shape are added as a whole: compile time depends on the number of operations.
     alike: dict[Any, Any] = {}
     for variable in variables:
         each = variable if math.prod(variable.aval.shape) <= _COPIED else scalar(variable)
@@ -309,7 +327,7 @@ def _touch(variables: Sequence[Any]) -> tuple[list[Any], Any]:
 
 @functools.cache
 def _operations() -> dict[str, Any]:
-    """To be copied, by their names: what takes one element of an array, makes it a number, and joins two."""
+    """Return template operations by name: slice, reshape, convert, add, or."""
 
     def each(x: Any) -> Any:
         number = jax.lax.reshape(jax.lax.slice(x, (0,), (1,)), ())

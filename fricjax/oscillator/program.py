@@ -1,12 +1,11 @@
-"""Compiled functions that a later process need not trace: their lowered programs are kept beside the compiled ones.
+"""Compiled functions that a later process need not trace again.
 
-What XLA has compiled JAX keeps by itself, but to know which of it is wanted, each process traces and lowers the
-function anew, which for a bristle law takes longer than its fits. So what was lowered is kept in the same folder, in
-the exchange format of JAX, under a name made of all that it depends on: the source of this package, the versions of
-those that it is built on, and the classes, settings and array shapes of the arguments. Only arguments made of classes
-of this package are known by their names; with a law that somebody else wrote everything is as without a folder, for
-its source may change while its name does not. Whoever changes functions or constants of this package in a running
-process switches the folder off.
+JAX keeps the programs that XLA has compiled. To find one, each process traces and lowers the function again, which for a
+bristle law takes longer than its fits. `Program` therefore keeps the lowered programs as well, in the same folder and in
+the exchange format of JAX. The file name is a digest of everything the program depends on: the source of this package,
+the versions of its dependencies, and the classes, settings and array shapes of the arguments. Programs are kept only if
+all classes of the arguments belong to this package: the source of a class from elsewhere may change under the same name.
+If you change functions or constants of this package in a running process, switch the folder off.
 """
 
 import contextlib
@@ -30,24 +29,27 @@ from jax.core import Tracer
 
 from ..show.working import working
 from .cache import keep, recall
-from .kernels import OPTIONS, in_few_kernels
 from .session import processor, ready, waiting
 
-# A program of a fit holds four to eight hundred mappings of memory, of which a process may have 65,530, and there are
-# three functions. What goes is loaded again in half a second; few sessions see as many laws and shapes.
+try:
+    from . import kernels
+except ImportError:  # the marks are made of experimental names of JAX; without them programs compile as they are
+    kernels = None
+
+# A program of a fit holds 400 to 800 memory mappings, a process may have 65,530, and there are three functions. A dropped
+# program is loaded again in half a second.
 MOST = 24
 
-# Tracing holds the lock of the interpreter, so that threads which trace by turns all have to wait for all of it; one
-# after the other, the first compiles while the next one traces.
+# Tracing holds the lock of the interpreter. One thread traces at a time, so that the first one compiles while the next
+# one traces.
 _TRACING = threading.RLock()
 
 
 @contextlib.contextmanager
 def _tracing() -> Iterator[None]:
-    """Trace, one thread at a time, and without looking for garbage.
+    """Let one thread trace, without garbage collection.
 
-    Tracing makes a million objects that stay until its end, among which there is nothing to collect: looking for it
-    takes a fifth of the time.
+    Tracing makes a million objects that stay until its end, so garbage collection would waste a fifth of the time.
     """
     with _TRACING:
         collects = gc.isenabled()
@@ -60,15 +62,15 @@ def _tracing() -> Iterator[None]:
 
 
 class _Bare(eqx.Module):
-    """A module without fields, to see what equinox keeps of one beside them."""
+    """Module without fields; shows the settings that Equinox adds to each module."""
 
 
 _NOTHING = tuple(map(type, jax.tree.structure(_Bare()).node_data()[1]))
 _PLAIN = (type(None), bool, int, float, str, *_NOTHING)
 _CONTAINERS = (tuple, list, dict, type(None))
-# Of what JAX is set to, what changes the program that a function is traced to.
+# Settings of JAX that change a traced program.
 _SETTINGS = ("jax_enable_x64", "jax_default_matmul_precision", "jax_numpy_dtype_promotion", "jax_random_seed_offset")
-# Under these nothing is kept: they put checks into a program, or run it step by step.
+# Settings that put checks into a program or run it step by step; such programs are not kept.
 _WATCHED = ("jax_debug_nans", "jax_debug_infs", "jax_disable_jit", "jax_enable_checks")
 
 
@@ -76,18 +78,18 @@ _PROGRAMS: "weakref.WeakSet[Program]" = weakref.WeakSet()
 
 
 def forget_programs() -> None:
-    """Let go of all compiled programs of this package, as `jax.clear_caches` does of those of JAX."""
+    """Drop all compiled programs of this package, as `jax.clear_caches` does for JAX."""
     for program in list(_PROGRAMS):
         program.forget()
 
 
 class Shape(NamedTuple):
-    """What arguments must share with others to share a compiled program.
+    """Key of a compiled program: arguments with the same shape share it.
 
     Attributes:
-        structure: of the arguments as a pytree.
-        settings: their leaves that are no arrays, each in its place, with None for those that are.
-        arrays: shape and kind of number of each array.
+        structure: pytree structure of the arguments.
+        settings: leaves that are not arrays, in order, with None for each array.
+        arrays: shape and dtype of each array.
     """
 
     structure: Any
@@ -96,7 +98,7 @@ class Shape(NamedTuple):
 
 
 def split(args: Any) -> tuple[Shape, list[Any]]:
-    """Shape of a pytree, and its arrays."""
+    """Split a pytree into its shape and its arrays."""
     leaves, structure = jax.tree.flatten(args)
     arrays = [leaf for leaf in leaves if _is_array(leaf)]
     settings = tuple([None if _is_array(leaf) else leaf for leaf in leaves])
@@ -104,7 +106,7 @@ def split(args: Any) -> tuple[Shape, list[Any]]:
 
 
 def of_shape(shape: Shape, arrays: Sequence[Any]) -> Any:
-    """The pytree of a shape with some arrays."""
+    """Rebuild a pytree from its shape and arrays."""
     rest = iter(arrays)
     return jax.tree.unflatten(
         shape.structure, [next(rest) if setting is None else setting for setting in shape.settings]
@@ -116,16 +118,16 @@ def _is_array(leaf: Any) -> bool:
 
 
 class Program[*Arguments, Result]:
-    """A function compiled for each shape of its arguments, as `equinox.filter_jit` does, and kept.
+    """Function that is compiled for each shape of its arguments and kept.
 
-    The programs used last are held, `most` of them, so that a process may see any number of shapes.
+    It works as `equinox.filter_jit`, and holds the `most` programs used last.
 
     Args:
-        function: what to compile; its arguments and its result are pytrees.
-        like: from the same arguments a pytree of the structure that the result has, whatever its leaves.
-        most: how many programs are held.
-        kernels: whether operations are gathered into few kernels. Not so for a loop that fills long arrays step by
-            step, which a kernel copies at each.
+        function: the function to compile; its arguments and its result are pytrees.
+        like: maps the same arguments to a pytree with the structure of the result; its leaves are ignored.
+        most: number of programs to hold.
+        kernels: collect operations into few kernels. Use False for a loop that fills long arrays step by step, because
+            a kernel copies such an array at each step.
 
     Examples:
         >>> twice = Program(lambda x: 2 * x, like=lambda x: x)
@@ -148,7 +150,7 @@ class Program[*Arguments, Result]:
         _PROGRAMS.add(self)
 
     def forget(self) -> None:
-        """Let go of what is held."""
+        """Drop the programs that are held."""
         with self._lock:
             self._programs.clear()
 
@@ -159,7 +161,7 @@ class Program[*Arguments, Result]:
         return self._program(shape).of(args, shape, arrays)
 
     def is_compiled(self, *args: *Arguments) -> bool:
-        """Whether a program for such arguments is at hand, so that a call waits for its result alone.
+        """Return True if a program for such arguments is compiled.
 
         Examples:
             >>> Program(lambda x: 2 * x, like=lambda x: x).is_compiled(np.arange(3.0))
@@ -170,9 +172,9 @@ class Program[*Arguments, Result]:
         return known is not None and known.is_compiled
 
     def compile_beside(self, *args: *Arguments) -> None:
-        """Begin to compile for arguments of such shapes, by a thread of its own while the caller goes on.
+        """Start compiling for such arguments in a background thread.
 
-        A call that comes before its end waits for it, and tells what was wrong.
+        A call during compilation waits for its end, and raises its error.
 
         Examples:
             >>> twice = Program(lambda x: 2 * x, like=lambda x: x)
@@ -200,7 +202,7 @@ class Program[*Arguments, Result]:
 
 
 class _Compiled:
-    """A function for one shape of arguments: compiled once, whichever thread comes first."""
+    """Function for one shape of arguments, compiled once by the first thread."""
 
     def __init__(self, function: Callable, like: Callable, kernels: bool) -> None:
         self._function, self._like, self._kernels = function, like, kernels
@@ -231,16 +233,17 @@ class _Compiled:
             return result
 
         flat.__name__ = self._function.__name__
-        if self._kernels:
-            # What XLA refuses to put into a kernel is compiled operation by operation.
+        if self._kernels and kernels is not None and kernels.enabled():
+            # If XLA rejects a kernel, the program is compiled without kernels.
             with contextlib.suppress(jax.errors.JaxRuntimeError):
-                return self._kept(in_few_kernels(flat), args, shape, arrays).compile(OPTIONS)
+                lowered = self._kept(kernels.in_few_kernels(flat), "few kernels", args, shape, arrays)
+                return lowered.compile(kernels.OPTIONS)
             return jax.jit(flat).lower(arrays).compile()
-        return self._kept(flat, args, shape, arrays).compile()
+        return self._kept(flat, "plain", args, shape, arrays).compile()
 
-    def _kept(self, flat: Callable, args: tuple, shape: Shape, arrays: list[Any]) -> Any:
-        """The lowered program, recalled or kept for another time."""
-        place = _place(self._function, shape)
+    def _kept(self, flat: Callable, form: str, args: tuple, shape: Shape, arrays: list[Any]) -> Any:
+        """Return the lowered program, from the folder if possible."""
+        place = _place(self._function, form, shape)
         if place is None:
             return _lowered(flat, arrays)
         likely = jax.tree.structure(self._like(*args))
@@ -251,7 +254,7 @@ class _Compiled:
                 with _tracing():
                     traced = export.export(jax.jit(flat), platforms=["cpu"])(arrays)
             except NotImplementedError:
-                # It calls the host, where only this process knows what to call.
+                # A host callback belongs to this process.
                 return _lowered(flat, arrays)
             if self._structure != likely:
                 raise TypeError(f"{flat.__name__} returns {self._structure}, and its programs are kept as {likely}.")
@@ -272,10 +275,10 @@ def _lowered(flat: Callable, arrays: list[Any]) -> Any:
 
 
 def _bare(traced: export.Exported) -> export.Exported:
-    """A traced program that asks for no LAPACK where it calls none.
+    """Remove the request for LAPACK from a program without LAPACK calls.
 
-    JAX gets that of SciPy ready for whatever was traced for a CPU, and what it imports for it takes as long as the
-    rest of a first fit. So such a program is no longer said to be traced for one, and called all the same.
+    JAX imports the LAPACK of SciPy for each program that was traced for a CPU, which takes as long as the rest of a
+    first fit. This function declares the program as traced for any platform, which prevents the import.
     """
     if b"lapack" in traced.mlir_module_serialized:
         return traced
@@ -283,14 +286,14 @@ def _bare(traced: export.Exported) -> export.Exported:
     return dataclasses.replace(traced, platforms=("any",), disabled_safety_checks=checks)
 
 
-def _place(function: Callable, shape: Shape) -> Path | None:
-    """The file of a traced program; None where it cannot be kept."""
+def _place(function: Callable, form: str, shape: Shape) -> Path | None:
+    """Return the file of a traced program, None if not kept."""
     folder = jax.config.jax_compilation_cache_dir  # pyright: ignore[reportAttributeAccessIssue]
     source = _source()
     watched = any(getattr(jax.config, each) for each in _WATCHED)
     if source is None or not folder or not Path(folder).is_dir() or watched or not _is_ours(function):
         return None
-    # What is kept was traced for the processor.
+    # Programs are traced for the CPU.
     if processor() is None:
         return None
     try:
@@ -300,6 +303,7 @@ def _place(function: Callable, shape: Shape) -> Path | None:
     known = [
         function.__module__,
         function.__qualname__,
+        form,
         source,
         *(str(getattr(jax.config, each)) for each in _SETTINGS),
     ]
@@ -309,10 +313,10 @@ def _place(function: Callable, shape: Shape) -> Path | None:
 
 
 def _names(structure: Any) -> list[str]:
-    """Classes and settings of all nodes of a structure.
+    """List classes and settings of all nodes of a pytree structure.
 
     Raises:
-        TypeError: a class that is not of this package, or a setting that is no plain value.
+        TypeError: a class does not belong to this package, or a setting is not a plain value.
     """
     node = structure.node_data()
     if node is None:
@@ -325,15 +329,15 @@ def _names(structure: Any) -> list[str]:
 
 
 def _is_ours(value: Any) -> bool:
-    """Whether something is a class or a function of this package."""
+    """Return True for a class or a function of this package."""
     return isinstance(value, type | FunctionType) and value.__module__.split(".")[0] == __name__.split(".")[0]
 
 
 def _plain(value: Any) -> str:
-    """The text of a setting made of plain values.
+    """Return a setting as text.
 
     Raises:
-        TypeError: it is made of something else, whose text may not tell all of it.
+        TypeError: the setting contains more than plain values, so its text may be incomplete.
     """
     if isinstance(value, tuple | list):
         return f"({','.join(map(_plain, value))})"
@@ -344,7 +348,7 @@ def _plain(value: Any) -> str:
 
 @functools.cache
 def _source() -> str | None:
-    """A digest of the source of this package and the versions of what it is built on; None where it is in no folder."""
+    """Return a digest of source and dependency versions, None without source folder."""
     from importlib.metadata import version
 
     digest = hashlib.blake2b(digest_size=16)

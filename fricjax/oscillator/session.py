@@ -1,12 +1,13 @@
-"""What a process needs before its first array: JAX in double precision, and a folder that keeps compiled programs.
+"""Process settings: double precision, folder of compiled programs, device, threads.
 
-Compiling takes seconds, loading what an earlier process has compiled a tenth of that. Nothing is set before something
-is computed.
+Compiling takes seconds; loading a program that an earlier process has compiled takes a tenth of that. The package
+changes no setting before its first computation.
 """
 
 import contextlib
 import functools
 import os
+import sys
 import threading
 import warnings
 from collections.abc import Iterator
@@ -14,18 +15,16 @@ from pathlib import Path
 from typing import Any
 
 import jax
-from jax._src import compilation_cache
-from jax.experimental.compilation_cache.compilation_cache import reset_cache
 
 from . import cache
 
 
 def ready() -> None:
-    """Make sure that JAX computes in double precision, and from the first time on keep what it compiles.
+    """Check that JAX computes in double precision, and keep compiled programs.
 
-    In single precision a millimetre is resolved to a tenth of a nanometre at best. The folder of compiled programs is
-    the one named by FRICJAX_CACHE_DIR ("off" for none), else that of the user; one that the user has given to JAX is
-    left as it is.
+    Single precision resolves a millimetre to a tenth of a nanometre at best. The first call sets the folder of compiled
+    programs: the one that FRICJAX_CACHE_DIR names ("off" for none), else the user's cache folder. A folder that the
+    user has given to JAX stays as it is.
 
     Raises:
         RuntimeError: double precision is off; the message says how to switch it on.
@@ -43,23 +42,25 @@ def ready() -> None:
 
 
 def cores() -> int:
-    """How many cores this process may use: fewer than the machine has where it is held to some.
+    """Return the number of cores that this process may use.
 
-    Queues of clusters and `taskset` hold a process to some, and so do the local workers of an archive.
+    Queues of clusters, `taskset` and the local workers of an archive limit a process to some of the cores.
 
     Examples:
         >>> cores() >= 1
         True
     """
-    # What Python 3.13 calls os.process_cpu_count; macOS and Windows hold no process to cores in this way.
+    # os.process_cpu_count needs Python 3.13; macOS and Windows have no such limit.
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def processor() -> Any:
-    """The device that fits compute on: the processor, also where JAX has found a GPU; None where JAX was denied it.
+    """Return the device that computes fits.
 
-    A fit is some hundred steps of small arrays, each waiting for the one before it. On an H100 the first fit took two
-    to three times as long, for its compiler, a warm one twice to four times, and a warm batch of Tanh 35 times.
+    It is the CPU, or None if JAX may not use the CPU.
+
+    A fit is a chain of some hundred steps on small arrays. On an H100 the first fit took two to three times as long as
+    on the CPU because of the compiler, a warm fit two to four times, and a warm batch of Tanh 35 times.
 
     Examples:
         >>> processor().platform
@@ -77,17 +78,17 @@ _THREAD = threading.local()
 
 @contextlib.contextmanager
 def one_at_a_time() -> Iterator[None]:
-    """Work of the host beside other threads that do the same, of which one computes while the others wait for XLA.
+    """Run the Python part of a fit in one thread.
 
-    Of Python only one runs at a time anyway. Left to themselves, threads hand it to each other at each call of NumPy,
-    and two of them take a third longer than one for the same (1000 resampled records: 6.0 s, and in this way 4.6 s).
+    BLAS gets one thread too. Other threads run during `waiting`. Without this lock, threads switch at each call of NumPy, and two of them take a
+    third longer than one for the same work (1000 resampled records: 6.0 s, with the lock 4.6 s).
 
     Examples:
         >>> with one_at_a_time():
         ...     with waiting():
         ...         pass  # a compiled computation, or the compiler
     """
-    with _HOST:
+    with one_blas_thread(), _HOST:
         _THREAD.holds = True
         try:
             yield
@@ -97,9 +98,9 @@ def one_at_a_time() -> Iterator[None]:
 
 @contextlib.contextmanager
 def waiting() -> Iterator[None]:
-    """Let another thread of the host work while this one waits for what holds no lock of the interpreter.
+    """Release the lock of `one_at_a_time` during a wait for compiled code.
 
-    Nobody who waits may hold another lock that somebody at work asks for.
+    Do not hold another lock while waiting: that can deadlock.
 
     Examples:
         >>> with one_at_a_time(), waiting():
@@ -117,9 +118,33 @@ def waiting() -> Iterator[None]:
         _THREAD.holds = True
 
 
+@contextlib.contextmanager
+def one_blas_thread() -> Iterator[None]:
+    """Limit BLAS to one thread.
+
+    Fits solve small systems. A least-squares problem of 2000 x 6 takes 0.09 ms with one thread and up to 24 ms with two
+    on a busy machine, because threads of BLAS wait for one another. threadpoolctl lets the first of several threads
+    that ask set the limit.
+
+    Examples:
+        >>> with one_blas_thread():
+        ...     pass
+    """
+    # SciPy brings a second library. If a fit loads it, the limit applies from the next fit on.
+    with _blas_libraries("scipy.linalg" in sys.modules).limit(limits=1, user_api="blas"):
+        yield
+
+
+@functools.cache
+def _blas_libraries(scipy: bool) -> Any:
+    from threadpoolctl import ThreadpoolController
+
+    return ThreadpoolController()
+
+
 @functools.cache
 def _keep_programs() -> None:
-    """Hand the folder to JAX, once in a process."""
+    """Give the folder of compiled programs to JAX, once in a process."""
     if jax.config.jax_compilation_cache_dir is not None:
         return
     folder = programs_folder()
@@ -129,18 +154,22 @@ def _keep_programs() -> None:
     jax.config.update("jax_compilation_cache_dir", str(folder))
     jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
     jax.config.update("jax_persistent_cache_min_entry_size_bytes", -1)
-    # JAX neither notices damaged programs nor replaces them, so it is given a store that does. What was compiled before
-    # has made up its mind that there is no folder.
-    reset_cache()
-    # JAX has no public way to name another store. Without this line all is kept, but damaged programs stay.
-    if hasattr(compilation_cache, "_cache"):
-        compilation_cache._cache = cache.Store(folder)
+    # JAX has no public way to name another store. If one of these names moves, JAX keeps programs in its own store, which
+    # does not replace damaged ones.
+    with contextlib.suppress(ImportError):
+        from jax._src import compilation_cache
+        from jax.experimental.compilation_cache.compilation_cache import reset_cache
+
+        # A program that was compiled before has made JAX decide that there is no folder.
+        reset_cache()
+        if hasattr(compilation_cache, "_cache"):
+            compilation_cache._cache = cache.Store(folder)
 
 
 def programs_folder() -> Path | None:
-    """Folder of compiled programs, made where it is missing.
+    """Return the folder of compiled programs; create it if needed.
 
-    None where it is off, where it cannot be written to, or, with a warning, where another user might write to it.
+    None if it is off or cannot be written to. None with a warning if another user could write to it.
     """
     folder = cache.asked_folder()
     if folder is None or not cache.made(folder):

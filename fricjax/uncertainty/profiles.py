@@ -1,10 +1,9 @@
-"""The profile likelihood of a parameter: how badly the record is described with it fixed, all others fitted again.
+"""Profile likelihoods: chi^2 with a parameter fixed and all others fitted again.
 
-Where chi^2 is a parabola about the optimum, it crosses ``chi^2_min + 3.84`` at 1.96 standard errors. Where it is not,
-the interval between the crossings is the one to give, and where it never crosses, the record does not bound the
-parameter on that side (Raue et al., Bioinformatics 25, 1923, 2009). A record with coloured noise has squares that say
-less than they seem to; they are counted in units in which the curvature at the optimum gives the standard error of the
-fit, which knows of the colour.
+If chi^2 is a parabola about the optimum, it crosses ``chi^2_min + 3.84`` at 1.96 standard errors. Otherwise the
+interval between the crossings is the right one. Without a crossing the record does not bound the parameter on that
+side (Raue et al., Bioinformatics 25, 1923, 2009). For coloured noise chi^2 is scaled such that its curvature at the
+optimum agrees with the standard error of the fit.
 """
 
 import dataclasses
@@ -19,17 +18,18 @@ from ..estimation.space import LINEAR
 from ..fitting import Fit
 from ..fitting.problem import Problem
 from ..fitting.solve import Solution
-from ..show import Report, Reported, Style, Table, axis_label, figure, interval, scaled, styled, uncertain
+from ..oscillator import one_blas_thread
+from ..show import Cell, Report, Reported, Style, Table, axis_label, figure, interval, scaled, styled, uncertain
 from ..show.thumbnail import Curve, curves_svg
 from ..show.working import working
 from .again import fixed_at, optimum, problem_of, squares
 
 BOUNDED, ONE_SIDED, FLAT, MULTIMODAL = "bounded", "one-sided", "flat", "multimodal"
-# A prior so narrow holds a value to a thousandth of its step on the profile, and leaves the equations well conditioned.
+# Width of the prior that fixes a value, in units of its step on the profile. The equations stay well conditioned.
 _HELD = 1e-3
-# Rounds in which the profile is carried on where it has not crossed, each twice as far.
+# Number of extensions of a profile without a crossing; each doubles its length.
 _ROUNDS = 6
-# Height of the ridge that makes a valley one of its own: that of a standard error, below which nothing differs.
+# Least height of a ridge between two valleys, in chi^2: the rise at one standard error.
 _RIDGE = 1.0
 
 
@@ -38,13 +38,13 @@ class Profile(Reported):
     """The profile of a parameter.
 
     Attributes:
-        name, unit: of the parameter.
-        value, std_error: of the fit.
-        at: values at which it was fixed, in order, shape (n,).
-        excess: twice the logarithm of the ratio of the likelihoods at the optimum and there, shape (n,).
-        others: values of all parameters there, by name, shape (n,) each.
-        std_errors: of all parameters in the fit, by name.
-        interval: where `excess` crosses 3.84; a bound, or inf, where it does not.
+        name, unit: name and unit of the parameter.
+        value, std_error: fitted value and its standard error.
+        at: fixed values in ascending order, shape (n,).
+        excess: twice the logarithm of the likelihood at the optimum over that at each value, shape (n,).
+        others: values of all parameters along the profile, by name, shape (n,) each.
+        std_errors: standard errors of all parameters in the fit, by name.
+        interval: crossings of `excess` with 3.84; a bound or inf on a side without a crossing.
         conclusion: "bounded", "one-sided", "flat" or "multimodal".
 
     Examples:
@@ -70,11 +70,12 @@ class Profile(Reported):
     conclusion: str
 
     def report(self) -> Report:
-        """The interval of the profile beside that of the standard error."""
+        """Return the intervals of the profile and of the standard error."""
         reach = np.sqrt(LIKELIHOOD_DROP) * self.std_error
+        ends = {"profile": self.interval, "standard error": (self.value - reach, self.value + reach)}
+        fitted = {"value": self.value, "std": self.std_error}
         rows = [
-            ["profile", interval(*self.interval), self.unit],
-            ["standard error", interval(self.value - reach, self.value + reach), self.unit],
+            [by, Cell(interval(low, high), low=low, high=high, **fitted), self.unit] for by, (low, high) in ends.items()
         ]
         sentences = {
             BOUNDED: "The record bounds it on both sides.",
@@ -93,9 +94,10 @@ class Profile(Reported):
         return [curves_svg([curve], (self.name, self.unit), ("Excess of chi^2", ""))]
 
     def plot(self, *, style: Style = "screen") -> Any:
-        """The profile with its parabola, and what the other parameters do along it; a matplotlib figure.
+        """Draw the profile, its parabola and the other parameters, in matplotlib.
 
-        Where there are standard errors, these are the unit of both: values differ by a few parts in a million.
+        The axes are in units of the standard errors, if there are any, because the values differ only in their last
+        digits.
 
         Args:
             style: as of :func:`fricjax.show.styled`.
@@ -131,21 +133,22 @@ class Profile(Reported):
 
 
 @working("Profiling")
+@one_blas_thread()
 def profile(fit: Fit, name: str, *, points: int = 16, reach: float = 3.0) -> Profile:
-    """The profile likelihood of a parameter: all others fitted again with it fixed at values about its optimum.
+    """Fit with one parameter fixed at values about its optimum.
 
     Args:
         fit: the fit; not one that was read from a file.
         name: a free parameter.
         points: number of values on each side.
-        reach: distance of the outermost of them in standard errors; where chi^2 has not risen by 3.84 there, the
-            profile goes on, each time twice as far.
+        reach: distance of the outermost values in standard errors. If chi^2 has not risen by 3.84 there, the profile
+            continues, each time to twice the distance.
 
     Returns:
         The profile, its 95 % interval, and the conclusion.
 
     Raises:
-        UsageError: a name that is not free, or a fit without an optimum or from a file.
+        UsageError: the name is not free, or the fit has no optimum or is from a file.
 
     Examples:
         >>> import fricjax as fj
@@ -166,7 +169,7 @@ def profile(fit: Fit, name: str, *, points: int = 16, reach: float = 3.0) -> Pro
     (least,) = squares([problem], [space.coordinates(fitted)])
     variance, std = least.shape.inverse[i, i], fit.std_errors[name] / slope
     bounded = np.isfinite(std) and std > 0 and variance > 0
-    # Where there is no standard error the squares count as they are, and a tenth of the value's scale is a step.
+    # Without a standard error chi^2 is not scaled, and a step is a tenth of the scale of the value.
     unit, step = (variance / std**2, std) if bounded else (1 / max(fit.chi2_reduced, 1.0), 0.1)
     along = least.shape.inverse[:, i] / variance if variance > 0 else np.zeros(len(fitted))
     along[i] = 1.0
@@ -183,11 +186,11 @@ def profile(fit: Fit, name: str, *, points: int = 16, reach: float = 3.0) -> Pro
         wanted = np.concatenate([side * np.linspace(1, 2, points + 1)[1:] * reached[side] for side in open_ends])
         reached |= {side: 2 * reached[side] for side in open_ends}
     values = np.array([np.asarray(solutions[s].derived.values) for s in shifts]) + problem.origins
-    # Where noise is coloured the fit is not at the least squares: distances from the optimum are what is kept.
+    # With coloured noise the fit is not at the least-squares optimum. Keep the distances from the optimum.
     at = values[:, i] + fit.values[name] - values[shifts == 0, i]
     ends, conclusion = conclude(at, rise)
     parameter = problem.parameters[i]
-    # What is fitted in its logarithm is never below zero.
+    # A parameter fitted as a logarithm is never negative.
     lowest = parameter.lower if parameter.kind in LINEAR else max(parameter.lower, 0.0)
     ends = (max(ends[0], lowest), min(ends[1], parameter.upper))
     others = dict(zip(fit.names, values.T, strict=True))
@@ -198,9 +201,10 @@ def profile(fit: Fit, name: str, *, points: int = 16, reach: float = 3.0) -> Pro
 def _fixed_at(
     problem: Problem, solutions: dict[float, Solution], i: int, along: np.ndarray, shifts: np.ndarray
 ) -> dict[float, Solution]:
-    """The solutions with parameter `i` fixed at distances from its optimum, by the distance, within its bounds.
+    """Return solutions with parameter `i` fixed, by its distance from the optimum.
 
-    Each starts from the nearest that is known, for far from the optimum the others do not go on along a straight line.
+    Distances beyond the bounds are left out. Each solution starts from the nearest known one, because far from the
+    optimum the other parameters do not follow a straight line.
     """
     limits, space, p = problem.limits, problem.residual.space, len(along)
     middle = solutions[0.0].y[i]
@@ -218,13 +222,13 @@ def _fixed_at(
 
 
 def conclude(at: np.ndarray, rise: np.ndarray) -> tuple[tuple[float, float], str]:
-    """The interval in which the rise stays below the threshold, and the conclusion."""
+    """Return the interval with a rise below the threshold, and the conclusion."""
     order = np.argsort(at)
     at, rise = at[order], rise[order]
     inside = np.flatnonzero(rise <= LIKELIHOOD_DROP)
     first, last = inside[0], inside[-1]
     ends = [-np.inf, np.inf]
-    # The root of chi^2 is nearly a straight line where it crosses.
+    # The root of chi^2 is nearly a straight line at the crossing.
     root, level = np.sqrt(rise), np.sqrt(LIKELIHOOD_DROP)
     if first > 0:
         ends[0] = float(np.interp(-level, -root[[first - 1, first]], at[[first - 1, first]]))

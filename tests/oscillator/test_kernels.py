@@ -1,11 +1,13 @@
 """Programs of few kernels compute what the functions do, and compile to less."""
 
+import os
 import re
 import subprocess
 import sys
 
 import jax
 import jax.numpy as jnp
+import jaxlib
 import numpy as np
 import pytest
 
@@ -95,6 +97,83 @@ def test_what_xla_refuses_in_a_kernel_is_compiled_without(kept, tmp_path, monkey
     finally:
         jax.config.update("jax_compilation_cache_dir", before)
     assert any(path.name.startswith("fricjax-traced") for path in tmp_path.iterdir()) == kept
+
+
+def waves(x):
+    return jnp.sin(9 * x) * 2 + jnp.cos(x) / 3
+
+
+@pytest.fixture
+def kept(tmp_path, monkeypatch):
+    """Return a function that compiles a program, and returns the bytes that it keeps."""
+    monkeypatch.setattr(program, "_is_ours", lambda _: True)
+    before = jax.config.jax_compilation_cache_dir
+
+    def compile_and_read():
+        folder = tmp_path / str(len(list(tmp_path.iterdir())))
+        folder.mkdir()
+        jax.config.update("jax_compilation_cache_dir", str(folder))
+        np.testing.assert_allclose(Program(waves, lambda x: x)(X), waves(X), rtol=1e-14)
+        return b"".join(path.read_bytes() for path in folder.glob("fricjax-traced-*"))
+
+    yield compile_and_read
+    jax.config.update("jax_compilation_cache_dir", before)
+
+
+MARK = b"xla_cpu_small_call"
+
+
+def test_programs_are_marked_with_the_tried_jaxlib_only(kept, monkeypatch):
+    assert MARK in kept(), "this jaxlib was not tried: see CONTRIBUTING.md, Constraints"
+    monkeypatch.setattr(jaxlib, "__version__", "0.12.1")
+    assert MARK not in kept()
+
+
+@pytest.mark.parametrize(("word", "marked"), [("off", False), ("on", True)])
+def test_the_environment_switches_marks(word, marked, kept, monkeypatch):
+    monkeypatch.setattr(jaxlib, "__version__", jaxlib.__version__ if word == "off" else "0.12.1")
+    monkeypatch.setenv("FRICJAX_KERNELS", word)
+    assert (MARK in kept()) == marked
+
+
+def test_a_program_kept_with_marks_is_not_used_without(tmp_path, monkeypatch):
+    monkeypatch.setattr(program, "_is_ours", lambda _: True)
+    before = jax.config.jax_compilation_cache_dir
+    jax.config.update("jax_compilation_cache_dir", str(tmp_path))
+    try:
+        for word in ("on", "off"):
+            monkeypatch.setenv("FRICJAX_KERNELS", word)
+            Program(waves, lambda x: x)(X)
+    finally:
+        jax.config.update("jax_compilation_cache_dir", before)
+    found = [MARK in path.read_bytes() for path in tmp_path.glob("fricjax-traced-*")]
+    assert sorted(found) == [False, True]
+
+
+MOVED = """
+import os, sys
+import jax, equinox, diffrax  # these may use the names that JAX moves
+import jax.extend.core, jax.experimental.xla_metadata, jax.experimental.compilation_cache.compilation_cache as cache
+if "marks" in sys.argv:
+    sys.modules["jax.extend.core"] = None
+    del jax.extend.core, jax.experimental.xla_metadata.xla_metadata_call
+if "cache" in sys.argv:
+    del cache.reset_cache
+jax.config.update("jax_enable_x64", True)
+import fricjax as fj
+motion = fj.simulate(fj.Oscillator(1.0, 5000.0, 0.0, 9.81, fj.friction.Coulomb(0.1)), 3e-3, jax.numpy.array([0.5]))
+print(float(motion.x[0]))
+"""
+
+
+@pytest.mark.parametrize("moved", ["marks", "cache"])
+def test_a_name_that_jax_moves_is_not_needed(moved, tmp_path):
+    environment = os.environ | {"FRICJAX_CACHE_DIR": str(tmp_path)}
+    environment.pop("JAX_COMPILATION_CACHE_DIR", None)
+    command = [sys.executable, "-W", "error", "-c", MOVED, moved]
+    ran = subprocess.run(command, capture_output=True, text=True, env=environment)
+    assert ran.returncode == 0, ran.stderr
+    assert abs(float(ran.stdout) + 0.1392e-3) < 1e-12
 
 
 BEGIN = """
