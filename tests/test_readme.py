@@ -1,4 +1,4 @@
-"""What the README promises: its first Python example runs by itself, and the automatic check runs its test line."""
+"""The README: one page, an example with its output, lines for CI."""
 
 import os
 import subprocess
@@ -10,22 +10,25 @@ README = (ROOT / "README.md").read_text()
 
 
 def block(language, after=""):
-    """The first fenced block of a language behind a marker."""
+    """Return the first fenced block of a language after a marker."""
     return blocks(README[README.index(after) :], language)[0]
 
 
-def test_the_example_runs_and_finds_the_coefficient():
+def test_it_is_one_page():
+    assert len(README.split()) <= 900
+
+
+def test_the_example_prints_what_is_shown():
     code = block("python")
-    assert len([line for line in code.splitlines() if line.strip()]) <= 20
+    assert len([line for line in code.splitlines() if line.strip()]) <= 12
     environment = os.environ | {"JAX_PLATFORMS": "cpu"}
     done = subprocess.run(
         [sys.executable, "-W", "error", "-c", code], cwd=ROOT, capture_output=True, text=True, env=environment
     )
     assert done.returncode == 0, done.stderr
-    mu, statistical, combined = map(float, done.stdout.splitlines()[-1].split())
-    assert abs(mu - 0.05) < 4 * statistical < 4 * combined
-    # The normal force is known to 0.005/1.89.
-    assert combined >= 0.05 * 0.005 / 1.89
+    # The numerical error consists of rounding errors, which differ between processors.
+    same = lambda text: [line for line in text.splitlines() if not line.startswith("numerics:")]
+    assert same(done.stdout) == same(block("text"))
 
 
 def test_the_commands_are_single_lines():
@@ -37,8 +40,19 @@ def test_the_automatic_check_takes_its_line_from_the_readme(tmp_path):
     (tmp_path / ".ci").mkdir()
     script = tmp_path / ".ci" / "run"
     script.write_bytes((ROOT / ".ci" / "run").read_bytes())
-    (tmp_path / "README.md").write_text("```sh\nfalse\n```\n<!-- test -->\n```sh\n${PYTHON:-none} -c 'exit(7)'\n```\n")
-    environment = os.environ | {"PYTHON": sys.executable}
-    done = subprocess.run(["bash", str(script)], capture_output=True, text=True, env=environment)
-    assert done.returncode == 7, done.stderr
-    assert done.stdout == "+ ${PYTHON:-none} -c 'exit(7)'\n"
+    slow = tmp_path / ".venv" / "bin" / "python"
+    slow.parent.mkdir(parents=True)
+    slow.write_text('#!/bin/sh\necho "slow: $*"\n')
+    slow.chmod(0o755)
+
+    def outcome(code):
+        line = f"${{PYTHON:-none}} -c 'exit({code})'"
+        (tmp_path / "README.md").write_text(f"```sh\nfalse\n```\n<!-- test -->\n```sh\n{line}\n```\n")
+        environment = os.environ | {"PYTHON": sys.executable}
+        done = subprocess.run(["bash", str(script)], capture_output=True, text=True, env=environment)
+        return done.returncode, done.stdout.splitlines()[1:]
+
+    assert outcome(7) == (7, [])
+    code, (line, ran) = outcome(0)
+    assert code == 0 and line == "+ .venv/bin/python -m pytest -n 2 --dist loadfile -m slow"
+    assert ran == "slow: -m pytest -n 2 --dist loadfile -m slow"
