@@ -1,4 +1,4 @@
-"""What XLA compiles, to be counted."""
+"""Counter of XLA compilations."""
 
 import contextlib
 from collections.abc import Iterator
@@ -18,7 +18,7 @@ jax.monitoring.register_event_duration_secs_listener(_note)
 
 @contextlib.contextmanager
 def compilations() -> Iterator[list[str]]:
-    """The list of what XLA compiles inside of the block."""
+    """Yield the list of programs that XLA compiles inside the block."""
     _COMPILED.clear()
     seen: list[str] = []
     yield seen

@@ -1,4 +1,4 @@
-"""Shared ground of the tests: double precision, run-time shape checks of the traced folders, keys, measured files."""
+"""Fixtures and settings: double precision, shape checks, keys, measured files."""
 
 import gc
 import os
@@ -8,10 +8,9 @@ from pathlib import Path
 
 from fricjax.oscillator import cache
 
-# Most of the time goes into compiling. What one worker has compiled serves the other ones, the commands that tests
-# start, and the next run, which compiles what has changed: programs are kept under all that they depend on. They lie
-# beside those of the user, within the same bound, or where the user says; with FRICJAX_CACHE_DIR=off in a folder that
-# goes with the run. Only the first process finds none named. jax reads these variables when it is imported.
+# Most of the time goes into compiling. Workers, the commands that tests start, and later runs share compiled programs
+# in a folder next to the user's cache, or in the one that FRICJAX_CACHE_DIR names; with "off" in a temporary folder.
+# jax reads these variables at import, so the first process sets them.
 _PROGRAMS = None
 if "JAX_COMPILATION_CACHE_DIR" not in os.environ:
     _asked = cache.asked_folder()
@@ -45,13 +44,13 @@ settings.load_profile("fricjax")
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    # Workers take files in the order of collection: xdist would begin with those of most tests, and end with one worker
-    # waiting for the other to check types, which is the longest test.
+    # Workers take files in the order of collection. By default xdist orders files by their number of tests, which would
+    # put the longest test, the type check, at the end.
     config.option.loadscopereorder = False
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """The tests of no folder, among which is the check of types, come first."""
+    """Run the top-level tests first; they include the type check."""
     items.sort(key=lambda item: item.path.parent != ROOT / "tests")
 
 
@@ -60,14 +59,14 @@ def pytest_unconfigure() -> None:
         _PROGRAMS.cleanup()
 
 
-# Each compiled function maps memory, a process may have 65,530 mappings on Linux, and XLA crashes beyond that.
+# Each compiled function maps memory. Linux allows 65,530 mappings in a process, and XLA crashes beyond that.
 _MAPPINGS = Path("/proc/self/maps")
 _MANY_MAPPINGS = 20_000
 
 
 @pytest.fixture(scope="module", autouse=True)
 def _few_mappings() -> Iterator[None]:
-    """Compiled functions are let go at the end of a module once they hold many mappings of memory."""
+    """Drop compiled functions after a module if they hold many memory mappings."""
     yield
     if _MAPPINGS.is_file() and _MAPPINGS.read_bytes().count(b"\n") > _MANY_MAPPINGS:
         from fricjax.oscillator.program import forget_programs
@@ -79,20 +78,20 @@ def _few_mappings() -> Iterator[None]:
 
 @pytest.fixture
 def getkey() -> Callable[[], jax.Array]:
-    """A function that returns a fresh random key at each call, the same sequence in every run."""
+    """Return a function that yields a reproducible sequence of random keys."""
     keys = iter(range(2**31))
     return lambda: jax.random.key(next(keys))
 
 
 @pytest.fixture
 def small_chunks(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Two problems fill a chunk: a few runs are solved as many are, and of an odd number the first alone."""
+    """Set the chunk size to two, so few runs fill several chunks."""
     monkeypatch.setattr("fricjax.fitting.chunks.WIDTH", 2)
 
 
 @pytest.fixture(scope="session")
 def measured_data() -> Callable[[str], Path]:
-    """`measured_data("folder/file")`: the path of a measured run below FRICJAX_DATA, or the test is skipped."""
+    """Return a function that locates a file below FRICJAX_DATA, or skips."""
     folder = Path(os.environ.get("FRICJAX_DATA", ROOT.parent / "shared" / "data"))
 
     def locate(path: str) -> Path:

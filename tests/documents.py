@@ -1,4 +1,4 @@
-"""The code blocks of README and documentation: found in their Markdown, and run as a reader would."""
+"""Code blocks of README and documentation, run as a reader would."""
 
 import ast
 import contextlib
@@ -15,19 +15,19 @@ BLOCK = re.compile(
 
 
 class Ran(NamedTuple):
-    """What blocks left behind: all that they print, and the values that a notebook would show below each."""
+    """Output of code blocks: printed text, and the values of last lines."""
 
     printed: str
     shown: list[Any]
 
 
 def blocks(markdown: str, language: str) -> list[str]:
-    """The fenced blocks of a language, in their order and without what indents them."""
+    """Return the fenced blocks of a language in order, without indentation."""
     return [textwrap.dedent(hit["code"]) for hit in BLOCK.finditer(markdown) if hit["language"] == language]
 
 
 def run(codes: list[str], name: str) -> Ran:
-    """Runs blocks one after the other in one namespace; an error names the block and its line."""
+    """Run blocks in one namespace; errors name block and line."""
     namespace: dict[str, Any] = {"__name__": "__main__"}
     printed, shown = io.StringIO(), []
     with contextlib.redirect_stdout(printed):
@@ -43,7 +43,7 @@ def run(codes: list[str], name: str) -> Ran:
 
 
 def commands(markdown: str) -> list[str]:
-    """The commands in the blocks of a shell, without their remarks and their virtual environment."""
+    """Return the commands of shell blocks, without comments and virtual environment."""
     lines = [line.partition("#")[0] for code in blocks(markdown, "sh") for line in code.splitlines()]
     parts = [part.strip() for line in lines for part in line.split(" && ")]
     return [part.removeprefix(".venv/bin/") for part in parts if part]

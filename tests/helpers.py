@@ -1,4 +1,4 @@
-"""Tables shared by the tests: golden motions, rigs, friction laws, and finite differences."""
+"""Shared tables: golden motions, rigs, friction laws, finite differences."""
 
 import inspect
 import re
@@ -27,11 +27,11 @@ EXPORTED_LAWS: dict[str, Any] = {
     if inspect.isclass(law := getattr(friction, name)) and issubclass(law, AbstractFriction)
     if not inspect.isabstract(law)
 }
-"""Every law that can be used, by its name."""
+"""All concrete laws by name."""
 
 
 class Golden(NamedTuple):
-    """A run whose end is known to twelve digits."""
+    """Run with a final position known to twelve digits."""
 
     name: str
     mass: float
@@ -87,7 +87,7 @@ LAWS = MEMORYLESS | BRISTLE | SLIP
 
 
 def central_differences(f: Callable[[jax.Array], jax.Array], p: jax.Array, step: float) -> tuple[jax.Array, jax.Array]:
-    """Derivatives of `f` along each scaled component, in h and 2h combined to fourth order, and plain ones in h."""
+    """Return derivatives of `f` by fourth-order and by second-order differences."""
     offsets = jnp.concatenate([s * step * jnp.eye(p.size) for s in (1.0, -1.0, 2.0, -2.0)])
     values = jnp.split(jax.lax.map(lambda d: f(p + d), offsets), 4)
     near, far = (values[0] - values[1]) / (2 * step), (values[2] - values[3]) / (4 * step)
@@ -95,9 +95,9 @@ def central_differences(f: Callable[[jax.Array], jax.Array], p: jax.Array, step:
 
 
 def python_in(sentence: str) -> list[str]:
-    """Words of Python in a sentence: arguments with their equals sign, calls, lists, constants.
+    """Find Python syntax in a sentence: keyword arguments, calls, lists, constants.
 
-    What follows an option, such as ``--fix mu=...``, what is quoted, and what belongs into a rig file is none.
+    Values of options such as ``--fix mu=...``, quotations and lines of a rig file do not count.
     """
     left = re.sub(r"--[a-z-]+ \S+|'[^']*'|\w+ = (?:\"[^\"]*\"|\S+)", "", sentence)
     return re.findall(r"\w+=|\w\(\)|\[['\"]|\b(?:True|False|None)\b", left)
@@ -105,7 +105,7 @@ def python_in(sentence: str) -> list[str]:
 
 @contextmanager
 def largest(size: int) -> Iterator[None]:
-    """No file that this process writes may become larger than `size` bytes, as on a disk that is full."""
+    """Limit files of this process to `size` bytes."""
     before = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (size, before[1]))
     try:

@@ -9,7 +9,7 @@ from scipy.integrate import solve_ivp
 
 @dataclasses.dataclass(frozen=True)
 class Decay:
-    """A free decay of a spring-mass with Coulomb and viscous friction, from rest at `x0`."""
+    """Free decay with Coulomb and viscous friction, from rest at `x0`."""
 
     t: np.ndarray
     x: np.ndarray
@@ -49,7 +49,7 @@ def coulomb_viscous(
 
 @dataclasses.dataclass(frozen=True)
 class Machine:
-    """An oscillator in plain numbers and functions; forces in N, the odd ones for positive arguments."""
+    """Oscillator in plain numbers and functions; forces in N for positive arguments."""
 
     mass: float
     damping: float
@@ -61,7 +61,10 @@ class Machine:
 
 @dataclasses.dataclass(frozen=True)
 class Slide:
-    """Motion of a :class:`Machine`, with its reversals; the last one is the stop where `t_stop` is finite."""
+    """Motion of a :class:`Machine` with its reversals.
+
+    The last reversal is the stop if `t_stop` is finite.
+    """
 
     x: np.ndarray
     v: np.ndarray
@@ -71,7 +74,10 @@ class Slide:
 
 
 def slide(machine: Machine, x0: float, v0: float, ts: np.ndarray, *, rtol: float = 1e-12) -> Slide:
-    """Stroke by stroke with DOP853, each reversal located as an event, with the rest condition at each."""
+    """Integrate each half-cycle with DOP853.
+
+    The event function of SciPy locates the reversals; the rest condition is checked at each.
+    """
     x, v = np.full(ts.shape, float(x0)), np.zeros(ts.shape)
     t, y, speed = 0.0, float(x0), float(v0)
     times, points = [], []
@@ -110,7 +116,9 @@ def lugre_motion(
     t: np.ndarray, x0: float, *, mass: float, stiffness: float, damping: float, kinetic: float, static: float,
     v_stribeck: float, sigma: tuple[float, float, float], rtol: float = 1e-11, bent: float = 1.0,
 ) -> np.ndarray:  # fmt: skip
-    """Displacement under LuGre friction (forces `kinetic` and `static` [N]) from rest at `x0`, by LSODA.
+    """Displacement under LuGre friction from rest at `x0`, by LSODA.
+
+    `kinetic` and `static` are forces [N].
 
     The bristles start at `bent` times their deflection after a slow pull.
     """

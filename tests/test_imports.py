@@ -1,4 +1,4 @@
-"""The folders of the package import in one direction only, and the root costs next to nothing."""
+"""Folders import in one direction only, and importing the root is cheap."""
 
 import ast
 import functools
@@ -38,7 +38,7 @@ def module_name(file):
 
 
 def imported(node, file):
-    """Full names of the modules that one import statement reaches; names imported from a module count as well."""
+    """Return the full names of everything that a statement imports."""
     if isinstance(node, ast.Import):
         return [alias.name for alias in node.names]
     base = node.module or ""
@@ -50,14 +50,14 @@ def imported(node, file):
 
 @functools.cache
 def imports(file, *, top_level_only=False):
-    """Every import in a file, or only those that run when the module is loaded."""
+    """Return the imports of a file, optionally those at module level only."""
     tree = ast.parse(file.read_text())
     nodes = list(_loaded(tree.body)) if top_level_only else list(ast.walk(tree))
     return [name for node in nodes if isinstance(node, ast.Import | ast.ImportFrom) for name in imported(node, file)]
 
 
 def _loaded(body):
-    """Statements that run at import: those of functions and of `if TYPE_CHECKING` do not."""
+    """Yield statements that run at import."""
     for node in body:
         if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
             continue
@@ -74,7 +74,7 @@ KNOWN = {module_name(file) for file in FILES}
 
 
 def modules_of_the_package(names):
-    """The longest prefix of each name that is a module of the package."""
+    """Yield for each name the longest prefix that is a module."""
     for name in names:
         parts = name.split(".")
         found = next((".".join(parts[:n]) for n in range(len(parts), 0, -1) if ".".join(parts[:n]) in KNOWN), None)
@@ -135,7 +135,7 @@ def test_heavy_packages_are_imported_inside_functions():
 
 
 def loaded_after(statement):
-    """Names of the modules in memory after a statement in a fresh interpreter, in which nothing may be printed."""
+    """Return the modules that a statement loads in a fresh interpreter, silently."""
     code = f"import sys, io; out = sys.stdout; sys.stdout = io.StringIO(); {statement}\n"
     code += "assert not sys.stdout.getvalue(); out.write(' '.join(sys.modules))"
     done = subprocess.run([sys.executable, "-W", "error", "-c", code], capture_output=True, text=True)
@@ -173,14 +173,15 @@ def test_a_name_misspelt_names_the_nearest():
 
 
 def test_an_engine_with_a_mesh_imports_no_solver():
-    """Its programs may be recalled; who traces one imports diffrax."""
+    """Only tracing needs diffrax; a kept program does not."""
     engine = "import numpy; from fricjax.oscillator.engines.smooth import Smooth\n"
     engine += "Smooth().finer().on_mesh(numpy.arange(2.0), numpy.arange(2.0), 8)"
     assert not loaded_after(engine) & {"diffrax", "optimistix"}
 
 
+@pytest.mark.slow
 def test_a_fit_waits_for_nothing_that_it_does_not_use(tmp_path, monkeypatch):
-    """Nor for a program beside its own: each operation of JAX on the host would be one. Nor for a solver it recalls."""
+    """A fit compiles one program, and a kept program needs no solver."""
     monkeypatch.setenv("FRICJAX_CACHE_DIR", str(tmp_path))
     monkeypatch.delenv("JAX_COMPILATION_CACHE_DIR", raising=False)
     fit = """

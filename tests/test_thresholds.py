@@ -1,4 +1,4 @@
-"""No threshold decides a number: half or twice as large, each leaves ordinary results as they are."""
+"""A factor of two in a threshold leaves ordinary results unchanged."""
 
 import functools
 from pathlib import Path
@@ -26,7 +26,7 @@ def _ar(x, size, memory):
 
 @functools.cache
 def record(name):
-    """One run of each kind of noise, all of the same number of samples, so that their fits share one compilation."""
+    """Return a run with a kind of noise; all share programs."""
     kinds = {
         "white": {"noise": 2e-9},
         "drifting": {"noise": 2e-9, "drift": 1e-6, "quantisation": 5e-9},
@@ -74,14 +74,14 @@ def test_half_or_twice_as_large_it_moves_no_value(monkeypatch, name, factor):
 
 
 def test_far_off_it_is_seen(monkeypatch):
-    """The fits do ask: noise that would need impossible evidence is taken for white, with standard errors too small."""
+    """With an impossible threshold, coloured noise counts as white, with small errors."""
     was = before("coloured").std_errors["mu"]
     monkeypatch.setattr(thresholds, "VERY_STRONG", 1e6)
     assert fitted("coloured").std_errors["mu"] < 0.7 * was
 
 
 def compared():
-    """Whether the damping is that of the rig: both fits by the closed form, so that they are quick."""
+    """Compare a fitted and a known damping, both by the closed form."""
     return fj.compare(record("white"), [MACHINE, MACHINE], [FREE, ("mu", "stiffness")], names=["fitted", "known"])
 
 

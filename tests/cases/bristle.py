@@ -1,4 +1,4 @@
-"""Laws whose internal states follow differential equations."""
+"""Laws with internal states that follow differential equations."""
 
 from fricjax.friction import (
     BlimanSorine,
