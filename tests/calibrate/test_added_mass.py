@@ -1,4 +1,4 @@
-"""The moving mass from two frequencies: the closed form, and the propagation of its uncertainty."""
+"""Moving mass from two frequencies: closed form and uncertainty."""
 
 import math
 

@@ -1,4 +1,4 @@
-"""Modal calibration: a known mode comes back from its receptance, with uncertainties that hold."""
+"""Modal calibration recovers a known mode from its receptance, with correct uncertainties."""
 
 import math
 
@@ -38,7 +38,7 @@ def noisy(seed, relative=0.01):
 
 @pytest.fixture(scope="module")
 def long():
-    """An impact test of 80 s with 1 % of noise on both channels, evaluated."""
+    """Calibrate with an impact test of 80 s, with 1 % noise."""
     test = impact_test(MASS, STIFFNESS, DAMPING, duration=80.0, rate=1e4, noise=0.01, seed=1)
     return calibrate_frf(*receptance(test, BAND))
 
@@ -53,7 +53,7 @@ def test_impact_of_eighty_seconds_finds_the_mode(long):
 def test_peak_picking_agrees_within_its_own_error(long):
     for name, picked in long.peak_picking.items():
         assert picked.value == pytest.approx(TRUTH[name], rel=0.05), name
-    # The force carries noise of its own, 0.3 %, that is common to all lines.
+    # The force has 0.3 % noise, common to all lines.
     for name in ("frequency", "damping_ratio"):
         assert abs(long.peak_picking[name].value - TRUTH[name]) < 4 * long.peak_picking[name].std
 
@@ -73,6 +73,7 @@ def test_noise_free_lines_give_the_mode_exactly():
         assert number.value == pytest.approx(TRUTH[name], rel=1e-10), name
 
 
+@pytest.mark.slow
 def test_standard_uncertainties_are_those_of_repeated_tests():
     found = [calibrate_frf(LINES, noisy(seed)) for seed in range(40)]
     for name, true in TRUTH.items():

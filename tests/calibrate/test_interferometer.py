@@ -1,4 +1,4 @@
-"""The length of a count: by hand, and its uncertainty against Monte Carlo."""
+"""Length of an interferometer count by hand; its uncertainty by Monte Carlo."""
 
 import json
 from typing import Any

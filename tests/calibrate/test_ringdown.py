@@ -1,4 +1,4 @@
-"""Ring-down calibration: what a rig is like without contact comes back from a simulated run of it."""
+"""Ring-down calibration recovers the rig from a simulated run without contact."""
 
 import dataclasses
 import math
@@ -27,7 +27,10 @@ def run(mu=0.0, *, duration=20.0, noise=1e-9, **machine):
 
 @pytest.fixture(scope="module")
 def viscous():
-    """The prototype without contact; the test of the command line looks for quadratic drag as well."""
+    """Calibrate the prototype without contact.
+
+    The test of the command line also searches for quadratic drag.
+    """
     return calibrate_ringdown(run(), drag=False)
 
 
@@ -55,6 +58,7 @@ def test_a_term_that_is_not_there_is_said_to_be_insignificant(viscous):
     assert viscous.aicc["damping"] == 0 < viscous.aicc["damping + dead band"]
 
 
+@pytest.mark.slow
 def test_quadratic_drag_and_cubic_spring_are_found(cubic):
     for number, true in ((cubic.quadratic_drag, 7e-3 / MASS), (cubic.cubic, 4e6 / MASS), (cubic.frequency, FREQUENCY)):
         assert abs(number.value - true) < 4 * number.std < 1e-4 * true
@@ -63,6 +67,7 @@ def test_quadratic_drag_and_cubic_spring_are_found(cubic):
     assert cubic.notes == ()
 
 
+@pytest.mark.slow
 def test_equivalent_damping_is_the_decrement_of_a_run(viscous):
     mu, drag = 1e-4, 7e-2
     band, per_mass = Measured(mu * LOAD / STIFFNESS), Measured(drag / MASS)
@@ -113,8 +118,8 @@ def test_summary_and_plain_data(viscous):
 
 def test_a_term_of_the_wrong_sign_is_told():
     assert Term("drag", Measured(-1.0, 0.1), True).note() == (
-        "The quadratic drag is negative by 10 standard uncertainties, as in no passive rig: the model lacks something. "
-        "It was kept."
+        "The quadratic drag is negative by 10 standard uncertainties, impossible for a passive rig: the model is "
+        "incomplete. It was kept."
     )
     assert Term("k3", Measured(-1.0, 0.1), True).note() == ""
     assert Term("mu", Measured(1.0, 0.5), True).note() == (
@@ -123,7 +128,7 @@ def test_a_term_of_the_wrong_sign_is_told():
 
 
 def stub(aicc, **terms):
-    """What the choice between fits looks at, every standard error being one."""
+    """Stand-in for a fit, with all standard errors equal to one."""
     return SimpleNamespace(values=terms, std_errors=dict.fromkeys(terms, 1.0), optimum_found=True, aicc=aicc)
 
 

@@ -1,4 +1,7 @@
-"""Laws side by side: criteria by their formulas, held-out runs by explicit fits, and the right law first."""
+"""Comparison of friction laws.
+
+The tests check criteria by their formulas, held-out runs by explicit fits, and the ranking of the right law.
+"""
 
 import json
 
@@ -19,7 +22,7 @@ from tests.oracles import coulomb_viscous
 
 LOAD, MU, NOISE = 9.66, 0.02, 1e-9
 RUN = {"mu": MU, "rate": 2500, "samples": 1200, "noise": NOISE}
-# Damping known, damping free, and a damping that is held at a wrong value.
+# Damping known, damping free, and damping fixed at a wrong value.
 FREE = (["mu", "stiffness"], ["mu", "damping", "stiffness"], ["mu", "stiffness"])
 NAMES = ("known", "free", "wrong")
 
@@ -34,7 +37,7 @@ RUNS = [coulomb_run(x0, seed=seed, **RUN) for seed, x0 in enumerate((1.6e-3, 1.7
 
 @pytest.fixture(scope="module")
 def joint():
-    """Two runs, with the damping known and held at a wrong value: fits of one shape."""
+    """Compare known damping with a wrong fixed damping, on two runs."""
     return compare(RUNS, MACHINES[::2], FREE[::2], names=NAMES[::2])
 
 
@@ -70,7 +73,10 @@ def test_criteria_by_their_formulas(joint, single):
 
 
 def closed_form(found, t, own):
-    """The fitted machine from a turning point at its time, position and offset, without this package."""
+    """Displacement of the fitted machine in closed form, without this package.
+
+    `own` holds time, position and offset of the turning point at the start.
+    """
     kin = found.kinematics
     start, x0, offset = own
     settings = {"frequency": kin["natural_frequency"].value, "zeta": kin["damping_ratio"].value}
@@ -80,7 +86,10 @@ def closed_form(found, t, own):
 
 
 def refitted(found, run, own, used):
-    """Sum of squares of a run under a fitted machine, with its own start and offset fitted from `own` on."""
+    """Sum of squares of a run under a fitted machine.
+
+    Start and offset of the run are fitted, from the guess `own`.
+    """
     t, x = np.asarray(RUNS[run].t), np.asarray(RUNS[run].x)
     scale = np.array([1e-6, 1e-8, 1e-8])
 
@@ -115,6 +124,7 @@ def test_the_score_of_a_single_run_predicts_its_last_third(single):
         assert single.row(name).held_out == pytest.approx(expected, rel=0.02)
 
 
+@pytest.mark.slow
 def test_coloured_noise_counts_fewer_samples(single):
     phi = 0.6
     clean = coulomb_run(1.6e-3, **{**RUN, "noise": 1e-15})
@@ -125,10 +135,10 @@ def test_coloured_noise_counts_fewer_samples(single):
         ratios.append(found.n_samples / found.n_effective)
         assert found.inflation >= 3.5 * ratios[-1]
         assert "not white" in found.summary() and "No law describes" not in found.summary()
-        # That noise is larger than stated is no fault of a law either.
+        # No law is rejected because the noise is larger than stated.
         assert found.row("known").chi2_reduced == pytest.approx(1, abs=0.2)
         assert seed or found.row("known").held_out == pytest.approx(1, abs=0.5)
-        # The tests are those of what the noise leaves once it is whitened.
+        # The residual tests apply to the whitened residuals.
         right, wrong = found.row("known").tests, found.row("wrong").tests
         assert right is not None and wrong is not None
         passed += right.failed == ()
@@ -193,7 +203,7 @@ def test_all_laws_see_the_same_samples():
     entered = candidates([RUNS[0]], laws, None, None, {})
     used = [candidate.windows[0].used for candidate in entered if isinstance(candidate.windows, tuple)]
     assert used[0].sum() == used[1].sum() == used[2].sum() > 0
-    # Beside a law that creeps, the rest is left out.
+    # If one of the laws creeps, the time at rest is left out.
     (alone,) = candidates([RUNS[0]], laws[:1], None, None, {})
     assert isinstance(alone.windows, tuple)
     assert used[0].sum() < alone.windows[0].used.sum()
@@ -235,7 +245,7 @@ def test_falling_friction_is_told_from_constant_friction(monkeypatch):
     assert found.ranking == ("Stribeck", "Coulomb")
     assert found.best.values["v_stribeck"] == pytest.approx(5e-3, abs=5 * found.best.std_errors["v_stribeck"])
     assert any(sentence.startswith("Falling friction") for sentence in found.fingerprints)
-    # What the first part leaves open of mu_s and v_stribeck is carried into the prediction of the last strokes.
+    # The prediction of the last strokes includes the uncertainty of mu_s and v_stribeck after the first part.
     score = found.row("Stribeck").held_out
     assert score < 1e-2 * found.row("Coulomb").held_out
     for factor in (0.5, 2.0):

@@ -1,4 +1,7 @@
-"""What decays say of friction: strokes built from the energy that each law takes, without any simulation."""
+"""Signs of a friction law in a decay.
+
+The strokes are built from the energy loss under each law, without simulation.
+"""
 
 import numpy as np
 import pytest
@@ -23,7 +26,7 @@ def window(t, x, seed=0):
 
 
 def strokes(amplitudes, offset=0.0):
-    """Half a cosine from each turning point to the next one on the other side, then rest."""
+    """Join turning points on alternate sides by half cosines, then add rest."""
     points = np.array([(-1) ** i * a for i, a in enumerate(amplitudes)])
     t = np.arange(round((points.size + 1) * HALF * RATE)) / RATE
     i = np.minimum((t / HALF).astype(int), points.size - 2)
@@ -32,7 +35,10 @@ def strokes(amplitudes, offset=0.0):
 
 
 def decay(loss, start, least):
-    """Amplitudes of a decay in which a stroke from a to b costs `loss(a, b)`, in units of the stiffness."""
+    """Amplitudes of a decay with a given loss per stroke.
+
+    A stroke from a to b loses the energy `loss(a, b)`, in units of the stiffness.
+    """
     amplitudes = [start]
     while (a := amplitudes[-1]) > least:
         amplitudes.append(brentq(lambda b: (a**2 - b**2) / 2 - loss(a, b), 0.0, a))
@@ -53,7 +59,7 @@ def test_coulomb_friction_leaves_no_fingerprint(x0):
 
 def test_what_a_contact_returns_at_each_reversal():
     length = 1e-6
-    # Dahl (1968): each reversal gives back 2 F l.
+    # Dahl (1968): each reversal returns an energy of 2 F l.
     dahl = lambda a, b: BAND * (a + b) - 2 * BAND * length
     undamped = Oscillator(PROTOTYPE_MASS, STIFFNESS, 0.0, LOAD, Coulomb(0.02))
     seen = [strokes(decay(dahl, start, 2 * BAND), 2e-6) for start in (1.6e-3, 1.9e-3)]

@@ -1,4 +1,4 @@
-"""Tests of residuals, on sequences whose answer is known by counting or by drawing."""
+"""Residual tests against exact counts and simulated sequences."""
 
 import itertools
 

@@ -1,4 +1,4 @@
-"""Prints how well the energy routes do: ``python -m tests.energy_loss.figures``."""
+"""Print the accuracy of the energy routes: ``python -m tests.energy_loss.figures``."""
 
 import jax
 
@@ -14,7 +14,7 @@ from tests.energy_loss.runs import LOAD, RIG, campaign  # noqa: E402
 
 
 def deviations(found: ForceMap, static: float = 0.05) -> np.ndarray:
-    """Force of the map less the truth, in standard deviations."""
+    """Force of the map minus the true force, in standard deviations."""
     v = found.velocity
     return (found.force - np.sign(v) * LOAD * (0.05 + (static - 0.05) * np.exp(-((v / 5e-3) ** 2)))) / found.std
 

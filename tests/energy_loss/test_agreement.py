@@ -1,4 +1,4 @@
-"""The routes side by side: together under the right law, apart under another."""
+"""All routes agree under the right law and disagree under another."""
 
 import numpy as np
 import pytest
@@ -44,7 +44,7 @@ def test_routes_that_find_nothing_are_named():
 
 
 def test_the_most_precise_route_speaks_for_all():
-    """The routes share their samples: five that agree are no better than the best of them."""
+    """Report the most precise route, since all routes use the same samples."""
     found = compare_routes(runs(fj.friction.Coulomb(MU)), RIG)
     best = min(found.routes, key=lambda route: route.mu.std)
     assert found.mu.value == best.mu.value and found.mu.std >= best.mu.std

@@ -50,6 +50,7 @@ def test_it_is_the_weighted_least_squares_of_scipy():
     assert 0.6 < found.chi2_reduced < 1.4
 
 
+@pytest.mark.slow
 def test_a_campaign_gives_the_stribeck_law():
     found = fit_force_map(
         friction_force_map(campaign(Stribeck(**TRUTH), 1.3e-3, 2e-3, 5), RIG), Stribeck(0.04, 0.08, 2e-3)

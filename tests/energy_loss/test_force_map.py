@@ -1,4 +1,4 @@
-"""The friction force map against the laws that the runs were computed with."""
+"""Friction force map against the laws of the simulated runs."""
 
 import functools
 
@@ -62,6 +62,7 @@ def test_the_mean_over_a_campaign_is_the_coefficient():
     assert np.mean(np.abs(deviation) < 2) >= 0.9
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("noise", [1e-9, 1e-8])
 def test_the_standard_deviations_are_those_of_repeated_runs(noise):
     edges = [0, 2e-3, 5e-3, 1e-2, 5e-2, 0.1]
@@ -79,6 +80,7 @@ def test_a_difference_between_the_directions_goes_into_the_offset_unless_it_is_g
     assert np.all(known.std < 0.01 * pull)
 
 
+@pytest.mark.slow
 def test_known_losses_are_subtracted():
     rig = RIG.replace(damping=0.3, drag=0.5)
     record = run(Coulomb(0.05), 2e-3, rig=rig)
@@ -111,11 +113,12 @@ def test_no_window_reaches_over_a_reversal():
     assert len(half_cycles) == exact.n_half_cycles - 1
     for half_cycle, begin, end in zip(half_cycles, exact.stops[:-1], exact.stops[1:], strict=True):
         assert begin - 1e-7 < half_cycle.t[0] < half_cycle.t[-1] < end + 1e-7
-        # On either side of a reversal the acceleration differs by 2 omega^2 band = 2.4 m/s^2.
+        # The acceleration jumps by 2 omega^2 band = 2.4 m/s^2 at a reversal.
         accelerations = -(omega**2) * (half_cycle.x + half_cycle.direction * band)
         assert smooth(half_cycle, 1e-3).a == pytest.approx(accelerations, abs=2e-3)
 
 
+@pytest.mark.slow
 def test_dense_samples_are_averaged_in_blocks():
     sparse, dense = (friction_force_map(run(Coulomb(0.05), 2e-3, rate=rate), RIG) for rate in (50e3, 400e3))
     assert dense.mu.value == pytest.approx(0.05, rel=1e-5)
@@ -130,7 +133,7 @@ def test_the_report_shows_branches_and_units():
     assert len(found.plot().axes[0].containers) == 4
     plain = found.to_dict()
     assert plain["force"] == found.force.tolist()
-    assert found.to_dataframe()["Friction force [N] std"].tolist() == found.std.tolist()
+    assert found.to_dataframe()["force_std"].tolist() == found.std.tolist()
     assert plain["mu"]["value"] == found.mu.value
 
 

@@ -1,4 +1,4 @@
-"""Measured pendulum swings: the trace and the energy of the half-cycles tell the same friction."""
+"""Measured pendulum swings: trace fit and half-cycle energies give the same friction."""
 
 import os
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""The colour of noise against processes whose coefficients are known, and least squares that count by it."""
+"""Fitted autoregressive noise against known processes, and least squares weighted by it."""
 
 import numpy as np
 import pytest
@@ -42,7 +42,10 @@ def test_coloured_residuals_come_out_white():
 
 @pytest.mark.parametrize("coefficients", [[0.9], [1.6, -0.9], [1.2, -0.5, 0.2]])
 def test_innovations_of_the_whole_run_are_those_of_the_stationary_covariance(coefficients):
-    """The covariance of the process, from its own state space, becomes the identity, also in two stretches."""
+    """Compare whitened rows with the covariance from the state space.
+
+    Whitening must turn that covariance into the identity, also for two separate stretches.
+    """
     order, rows = len(coefficients), 40
     carried = np.vstack([coefficients, np.eye(order)[:-1]]).astype(float)
     kicked = np.outer(np.eye(order)[0], np.eye(order)[0])
@@ -60,7 +63,7 @@ def test_innovations_of_the_whole_run_are_those_of_the_stationary_covariance(coe
 
 
 def test_a_mode_that_the_release_excites_starts_larger_than_it_is_kept_up():
-    """Its first rows would make the innovations of all others seem as much larger."""
+    """Check that the large first rows do not raise the estimated noise."""
     random, process = np.random.default_rng(7), [1.8, -0.95]
     kept_up = np.asarray(lfilter([1.0], [1.0, *-np.array(process)], random.standard_normal(1500)))[500:]
     excited = 300 * 0.95 ** (np.arange(1000) / 2) * np.cos(np.arccos(0.9 / np.sqrt(0.95)) * np.arange(1000))
@@ -90,7 +93,7 @@ def test_a_hum_and_a_drift_are_functions_of_time_beside_the_noise():
     colour = colour_of(run, 1.0, True)
     assert colour is not None and colour.drift and not colour.coefficients.size
     assert colour.lines == pytest.approx((50.02,), abs=2e-3)
-    # What is added to the model to make up for them is their opposite; the drift is told over the whole series.
+    # The amplitudes are those added to the model, hence the minus sign. The drift is given over the whole series.
     assert colour.sizes[0] == pytest.approx(-100 * np.ptp(run.t), abs=0.5)
     assert np.hypot(*colour.sizes[1:]) == pytest.approx(60, abs=0.15)
     residual, _ = whitened(run, colour)
@@ -98,9 +101,10 @@ def test_a_hum_and_a_drift_are_functions_of_time_beside_the_noise():
 
 
 def test_what_functions_take_of_slow_noise_is_made_good():
-    """Sizes of eight functions in the band of a motion, beside a random walk, scatter by the errors its colour tells.
+    """Compare the scatter of eight amplitudes with their standard errors.
 
-    By a process of the residuals alone the errors would be too small by 1.8; of so few rows none tells them to the end.
+    The functions lie in the band of a motion, the noise is a random walk. A process fitted to the
+    residuals alone would give errors too small by a factor of 1.8. With so few rows, no estimate is exact.
     """
     random, rows = np.random.default_rng(4), 160
     t = np.arange(rows) / rows

@@ -1,4 +1,7 @@
-"""The quadratic form of chi^2: inverse, rank, bounds, and the distance that is left, against linear algebra."""
+"""The quadratic model of chi^2 against linear algebra.
+
+The tests cover inverse, rank, bounds and the remaining distance to the optimum.
+"""
 
 import numpy as np
 import pytest
@@ -7,7 +10,7 @@ from fricjax.estimation.covariance import quadratic
 
 FREE = np.zeros(4, bool)
 RNG = np.random.default_rng(8)
-# Columns of very different units, as those of a release time beside a stiffness.
+# Columns with very different units, such as a release time and a stiffness.
 JACOBIAN = RNG.standard_normal((60, 4)) @ np.diag([1e9, 1.0, 1e-6, 1e3])
 RESIDUAL = RNG.standard_normal(60)
 NORMAL, GRADIENT = JACOBIAN.T @ JACOBIAN, JACOBIAN.T @ RESIDUAL
@@ -23,7 +26,10 @@ def test_step_and_inverse_are_those_of_least_squares():
 
 
 def test_the_distance_is_the_root_of_what_the_sum_of_squares_still_loses():
-    """By Pythagoras; and along a single parameter it is the step over the standard error."""
+    """Check the distance by Pythagoras.
+
+    For a single parameter, the distance is the step over the standard error.
+    """
     found = quadratic(GRADIENT, NORMAL, FREE)
     left = RESIDUAL + JACOBIAN @ found.step
     assert found.distance**2 == pytest.approx(RESIDUAL @ RESIDUAL - left @ left, rel=1e-10)
@@ -60,7 +66,10 @@ def test_two_parameters_with_the_same_effect_are_undetermined_and_the_others_are
 
 @pytest.mark.parametrize("rest", [1e-5, 1e-8])
 def test_the_rank_does_not_depend_on_units(rest):
-    """A column that differs from another by a part of 1e-5 is determined, by one of 1e-8 it is not."""
+    """Check when two nearly equal columns are determined.
+
+    A relative difference of 1e-5 between them is enough; 1e-8 is not.
+    """
     jacobian = JACOBIAN.copy()
     jacobian[:, 3] = jacobian[:, 2] + rest * np.linalg.norm(jacobian[:, 2]) * RNG.standard_normal(60)
     for scale in (1e-12, 1.0, 1e12):

@@ -1,4 +1,7 @@
-"""Steps on a quadratic model: against dense solutions, against SciPy's bounded one, and projection in closed form."""
+"""Steps on a quadratic model.
+
+The references are dense solutions, SciPy's bounded least squares, and the closed form of projection.
+"""
 
 import jax
 import jax.numpy as jnp
@@ -13,7 +16,7 @@ from fricjax.estimation.passes import DensePasses, Pass, gather
 from fricjax.estimation.status import CONVERGED
 from tests.fitting.problems import DECAY, T, decay, options_for, solve, status, steps
 
-step_of, gathered = jax.jit(bounded_steps), jax.jit(gather)
+step_of, gathered, solve_restricted = jax.jit(bounded_steps), jax.jit(gather), jax.jit(restricted_solve)
 
 
 def a_pass(seed, p, units=1.0):
@@ -29,13 +32,13 @@ def test_damped_systems_like_dense_ones(p):
     _, jacobian, here = a_pass(p, p, units)
     free = np.random.default_rng(1).random((2, p)) < 0.7
     damping = np.stack([np.full(p, 0.3), np.full(p, 1e-3)])
-    found = restricted_solve(here.normal, jnp.asarray(damping), jnp.asarray(free), -here.gradient[None])
+    found = solve_restricted(here.normal, jnp.asarray(damping), jnp.asarray(free), -here.gradient[None])
+    normal, gradient = jacobian.T @ jacobian, np.asarray(here.gradient)
     for got, use, strength in zip(np.asarray(found), free, damping, strict=True):
-        normal = jacobian.T @ jacobian
         damped = normal + np.diag(strength * np.diag(normal))
         scale = np.sqrt(np.diag(normal))[use]
         matrix = damped[np.ix_(use, use)] / np.outer(scale, scale)
-        expected = np.linalg.solve(matrix, -np.asarray(here.gradient)[use] / scale)
+        expected = np.linalg.solve(matrix, -gradient[use] / scale)
         np.testing.assert_allclose(got[use] * scale, expected, rtol=1e-9, atol=1e-12)
         assert not np.any(got[~use])
 
@@ -64,7 +67,10 @@ def test_within_a_box_the_model_falls_and_reaches_the_bounded_optimum_in_a_few_s
 
 
 def test_meeting_two_bounds_at_once_never_raises_the_model():
-    """Clipping both parameters of this narrow valley to their bounds would end far up its wall."""
+    """Step in a narrow valley in which clipping would raise the model.
+
+    Clipping both parameters to their bounds would end far up the wall of the valley.
+    """
     across = np.array([1.1, -2.0])
     normal = np.outer(across, across) + 1e-3 * np.eye(2)
     here = Pass(jnp.asarray(1.0), jnp.asarray(-normal @ [2.0, 1.1]), jnp.asarray(normal))
@@ -81,7 +87,7 @@ def test_a_parameter_pressed_outward_stays_and_one_pulled_inward_leaves():
 
 
 def drifting(p, args=None):
-    """A decay with an offset and a drift; the data are those of `decay` with both far off."""
+    """Residuals of a decay with offset and drift."""
     return p[0] * jnp.exp(-p[1] * jnp.asarray(T)) + p[2] + p[3] * jnp.asarray(T) - jnp.asarray(DECAY)
 
 
@@ -103,7 +109,11 @@ def test_projection_is_the_pass_at_the_conditional_optimum(y):
 
 
 def test_the_offset_at_the_start_makes_no_difference():
-    """Not even to the number of passes, until its square swallows half of the digits: then one more is taken."""
+    """Vary the starting offset and drift over many orders of magnitude.
+
+    The number of passes stays the same until the square of the offset uses up half of the digits.
+    Then one more pass is needed.
+    """
     starts = [(1.0, 1.0, c, d) for c, d in ((0.4, 0.0), (0.0, 0.0), (-1e3, 50.0), (1e7, -1e6))]
     found = [solve(drifting, start, linear=LINEAR) for start in starts]
     joint = solve(drifting, starts[0])

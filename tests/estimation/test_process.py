@@ -1,4 +1,4 @@
-"""Kalman's filter against the whole covariance matrix of what it filters."""
+"""The Kalman filter against the dense covariance matrix of the same process."""
 
 import numpy as np
 import pytest
@@ -12,7 +12,7 @@ KICKED = np.array([[0.02, 0.05], [0.05, 0.3]])
 
 @pytest.fixture
 def transition() -> StateTransition:
-    """A system that changes on its way: half of the velocity is lost once, and at the end it rests."""
+    """Transition that halves the velocity once and rests at the end."""
     carried, kicked = np.tile(STEP, (ROWS, 1, 1)), np.tile(KICKED, (ROWS, 1, 1))
     carried[30] = np.diag([1.0, 0.5]) @ STEP
     carried[60:], kicked[60:] = np.diag([1.0, 0.0]), 0.0
@@ -20,7 +20,10 @@ def transition() -> StateTransition:
 
 
 def covariance(transition: StateTransition, unit: np.ndarray, kicks: float) -> np.ndarray:
-    """Of the rows: what each kick makes of all later positions, added up, and independent noise of variance one."""
+    """Sum the covariance of the rows over all kicks.
+
+    Each kick moves all later positions. Independent noise of variance one is added.
+    """
     total = np.eye(ROWS)
     for i in range(ROWS):
         reaching, positions = np.eye(2), np.zeros((ROWS, 2))
@@ -42,12 +45,12 @@ def test_the_squares_are_those_of_the_whole_covariance(transition, kicks):
 
 
 def test_the_strength_of_kicks_is_told_by_residuals(transition):
-    """Beside the derivatives of a fit that take some of them away."""
+    """Estimate the strength although a fit absorbs part of the kicks."""
     random, unit = np.random.default_rng(1), np.ones(ROWS)
     root = np.linalg.cholesky(covariance(transition, unit, 4.0))
     slopes = np.column_stack([np.ones(ROWS), np.arange(ROWS) / ROWS])
     found = [kicks_of(3.0 * root @ random.standard_normal(ROWS), slopes, unit, transition) for _ in range(60)]
-    # Its logarithm scatters symmetrically.
+    # The logarithm of the estimates scatters symmetrically.
     assert np.mean(np.log([each.kicks for each in found])) == pytest.approx(np.log(4.0), abs=0.25)
     assert np.mean([each.std for each in found]) == pytest.approx(3.0, rel=0.05)
 

@@ -1,6 +1,10 @@
-"""What a process of noise told from the same record adds to a covariance, against draws of the noise."""
+"""The small-sample term of a covariance against simulated noise.
+
+The term covers the uncertainty of a noise process that is estimated from the same record.
+"""
 
 import numpy as np
+import pytest
 from scipy.signal import lfilter
 
 from fricjax.estimation.autoregression import gram, innovations
@@ -42,7 +46,8 @@ def test_estimates_move_with_the_process_as_by_differences():
     moves = np.array([(after - before) / (2 * step) for before, after in ends])
     np.testing.assert_allclose(added, moves.T @ known @ moves, rtol=1e-3)
 
-    # The scatter of the diagonal: by differences of the covariance, whose size varies as that of n squares besides.
+    # Scatter of the diagonal, from finite differences of the covariance.
+    # Its overall size also scatters like a sum of n squares.
     def diagonal(coefficients: np.ndarray) -> np.ndarray:
         _, along = whitened(run, colour._replace(coefficients=coefficients))
         return np.diag(np.linalg.inv(along.T @ along))
@@ -53,7 +58,8 @@ def test_estimates_move_with_the_process_as_by_differences():
     expected = np.einsum("ip,ij,jp->p", slopes, known, slopes) + 2 / n * np.diag(covariance) ** 2
     np.testing.assert_allclose(scatter, expected, rtol=1e-4)
 
-    # Twice what the estimates move, for the covariance itself is too small by it; and the width of Student's t.
+    # The term counts twice, because the covariance itself is too small by the same amount.
+    # The denominator is the width of Student's t.
     few = expected / np.diag(covariance) ** 2
     assert np.max(few) < 0.5
     told = covariance + small_sample_covariance([(run, colour)], covariance)
@@ -67,7 +73,10 @@ def test_white_noise_adds_nothing():
 
 
 def test_functions_that_are_fitted_besides_take_their_share():
-    """A parameter that is beside the noise in one fit, and among the others in another, leaves them the same errors."""
+    """Fit one function with the noise, then as a parameter.
+
+    Both ways must give the other parameters the same errors.
+    """
     whole = series(drawn(np.random.default_rng(2), 400), (10, 13))
     colour = white(whole, 1.0)._replace(coefficients=RING)
     part = whole._replace(slopes=whole.slopes[:, :3])
@@ -80,8 +89,12 @@ def test_functions_that_are_fitted_besides_take_their_share():
     np.testing.assert_allclose(*found, rtol=1e-6)
 
 
+@pytest.mark.slow
 def test_intervals_hold_for_noise_that_forgets_a_few_times_only():
-    """Without what is added 84 of 100 intervals of 95 % contain the truth."""
+    """Check the coverage of intervals.
+
+    Without the small-sample term, 84 of 100 intervals of 95 % contain the truth.
+    """
     random, scores = np.random.default_rng(3), []
     process = np.array([2 * 0.97 * np.cos(0.02), -(0.97**2)])
     for _ in range(150):

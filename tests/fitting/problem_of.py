@@ -1,4 +1,4 @@
-"""Fits that are built but not solved, for tests that look inside."""
+"""Fit problems that are built but not solved, for tests of internals."""
 
 from typing import Any
 
@@ -9,7 +9,7 @@ from fricjax.fitting.problem import Problem, build_problem
 
 
 def problem_of(data: Record | Trace | list, oscillator: Oscillator, free: tuple[str, ...], **options: Any) -> Problem:
-    """The problem that `fit` solves, for the same arguments."""
+    """Return the problem that `fit` solves for the same arguments."""
     request: dict[str, Any] = {
         "oscillator": oscillator, "free": free, "nuisance": None, "engine": "auto", "start": "first_reversal",
         "bounds": {}, "priors": {}, "tie": {}, "rig": None, "guess": {}, "loss": "squares", **options,

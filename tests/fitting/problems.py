@@ -1,4 +1,4 @@
-"""Classic problems of least squares, and the solver run on them."""
+"""Classic problems of least squares."""
 
 import jax.numpy as jnp
 import numpy as np
@@ -35,12 +35,12 @@ def rosenbrock(p, args=None):
 
 
 def noisy_rosenbrock(p, args=None):
-    """The constant keeps the smallest sum of squares away from zero, as noise does."""
+    """Rosenbrock residuals with a constant, so that the minimum is not zero."""
     return jnp.concatenate([rosenbrock(p), jnp.asarray([0.1, -0.1])])
 
 
 def powell(p, args=None):
-    """Powell's singular function: two directions fade out at the optimum."""
+    """Powell's singular function: two directions vanish at the optimum."""
     return jnp.stack([p[0] + 10 * p[1], 5**0.5 * (p[2] - p[3]), (p[1] - 2 * p[2]) ** 2, 10**0.5 * (p[0] - p[3]) ** 2])
 
 
@@ -72,23 +72,28 @@ EXACT = {
 }
 
 
-def options_for(fn, start, *, lower: object = -np.inf, upper: object = np.inf, floor=0.0, **more):
+def options_for(fn, start, *, args=None, lower: object = -np.inf, upper: object = np.inf, floor=0.0, **more):
     return {
         "lower": jnp.broadcast_to(jnp.asarray(lower, float), start.shape),
         "upper": jnp.broadcast_to(jnp.asarray(upper, float), start.shape),
-        "dof": jnp.asarray(float(max(fn(start).size - start.size, 1))),
+        "dof": jnp.asarray(float(max(fn(start, args).size - start.size, 1))),
         "floor": jnp.asarray(floor),
         **more,
     }
 
 
-def solve(fn, start, *, solver=None, max_steps=200, **options):
+def solve(fn, start, *, args=None, solver=None, max_steps=200, **options):
+    """Solve a problem.
+
+    Calls with the same `fn` and shapes share a compiled program.
+    """
     start = jnp.asarray(start, float)
     return optx.least_squares(
         fn,
         solver or LevenbergMarquardt(max_steps=max_steps),
         start,
-        options=options_for(fn, start, **options),
+        args=args,
+        options=options_for(fn, start, args=args, **options),
         max_steps=max_steps + 1,
         throw=False,
     )

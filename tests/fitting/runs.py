@@ -1,4 +1,4 @@
-"""Noisy decays from the oracles, which no part of the package computes, for the tests of the fit."""
+"""Noisy decays from independent oracles, for the tests of the fit."""
 
 import dataclasses
 import functools
@@ -71,7 +71,7 @@ def noisy(rig: str, law: str, seed: int) -> Trace:
 
 
 def truth(rig: str, law: str, fit: Fit) -> dict[str, float]:
-    """True values of all that `fit` has fitted, its start included."""
+    """True values of all parameters of `fit`, including its start."""
     values = {"mu": RIGS[rig].mu, "damping": PROTOTYPE_DAMPING, "stiffness": STIFFNESS, "sigma0": SIGMA0}
     return {**values, **_start(rig, law, fit), "offset": 0.0}
 
@@ -86,8 +86,8 @@ def _start(rig: str, law: str, fit: Fit) -> dict[str, float]:
 
 
 def turning_point(rig: str, law: str, near: float) -> tuple[float, float]:
-    """Instant and position of the true reversal next to a time."""
-    if law == "Coulomb":  # whose acceleration jumps there
+    """Time and position of the true reversal next to a time."""
+    if law == "Coulomb":  # the acceleration jumps at a reversal
         band = RIGS[rig].mu * RIGS[rig].load / STIFFNESS
         decay = coulomb_viscous(np.zeros(1), X0, frequency=FREQUENCY, zeta=ZETA, dead_band=band)
         nearest = int(np.argmin(np.abs(decay.stops - near)))
@@ -99,7 +99,10 @@ def turning_point(rig: str, law: str, near: float) -> tuple[float, float]:
 
 
 def _state(rig: str, law: str, at: float) -> tuple[float, float]:
-    """True position and velocity at a time, the latter by differences of the finest step that rounding allows."""
+    """True position and velocity at a time.
+
+    The velocity comes from finite differences, with the smallest step that rounding allows.
+    """
     step = 2e-6
     t = np.array([0.0, at - 2 * step, at - step, at, at + step, at + 2 * step])
     x = displacement(RIGS[rig], law, t)[1:]
@@ -111,9 +114,10 @@ def coulomb_run(
     samples: int = 2000, seed: int = 0, noise: float = 1e-9, zeta: float = ZETA, offset: float = 0.0,
     drift: float = 0.0, hold: float = 0.0, scale: float = 1.0,
 ) -> Trace:  # fmt: skip
-    """A Coulomb decay of the prototype of always the same number of samples, so that its fits share one compilation.
+    """Coulomb decay of the prototype.
 
-    `scale` stretches the whole displacement, its noise included.
+    The default number of samples is always the same, so that fits share one compilation.
+    `scale` multiplies the displacement, including its noise.
     """
     t = np.arange(samples) / rate
     band = load / STIFFNESS

@@ -1,4 +1,4 @@
-"""Independent fits of many runs: the same as one by one, each with its own outcome."""
+"""Batch fits against single fits, with a separate outcome for each run."""
 
 import numpy as np
 import pytest
@@ -68,7 +68,10 @@ def test_a_bad_run_does_not_stop_the_others(traces: list[fj.Trace]):
 
 @pytest.mark.usefixtures("small_chunks")
 def test_a_mass_that_stopped_just_before_its_record_ends():
-    """Such a record shows motion to its end, and what a wrong count leaves is far below the dead band."""
+    """Fit a record without a visible rest.
+
+    A wrong number of half-cycles leaves residuals far below the dead band.
+    """
     machine = fj.Oscillator(0.41068, 2574.0, 0.17557, 9.66, fj.friction.Coulomb(0.013441))
     stop = float(np.asarray(fj.simulate(machine, 2.2e-3, np.zeros(1)).t_stop))
     run = fj.synthetic_run(machine, 2.2e-3, rate=4e3, duration=stop + 6e-3, noise=5e-9, seed=1)
@@ -78,6 +81,7 @@ def test_a_mass_that_stopped_just_before_its_record_ends():
     assert abs(batch.values["mu"][0] - 0.013441) < 5 * batch.std_errors["mu"][0]
 
 
+@pytest.mark.slow
 def test_a_run_that_needs_too_many_steps_does_not_stop_the_others(monkeypatch):
     finite, most = mesh._finite, 1500
 
@@ -110,6 +114,7 @@ def test_start_values_may_differ_from_run_to_run(batch: fj.BatchFit, traces: lis
         np.testing.assert_allclose(found.values[name], batch.values[name], atol=1e-2 * batch.std_errors[name].max())
 
 
+@pytest.mark.slow
 def test_more_runs_than_one_computation_holds_compile_nothing_new(traces: list[fj.Trace]):
     many = [coulomb_run(2e-3, seed=i) for i in range(chunks.WIDTH + 3)]
     fj.fit_batch(many[: chunks.WIDTH], SLIDING, MACHINE)
@@ -151,6 +156,7 @@ def test_other_engines(law: str):
     assert found.engine == {"Tanh": "hybrid", "LuGre": "smooth"}[law]
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("small_chunks")
 def test_outliers_count_for_less_under_a_robust_loss(traces: list[fj.Trace]):
     x = np.array(traces[0].x)

@@ -1,4 +1,7 @@
-"""Laws with internal states recover their coefficients from the automatic start; their first state is a nuisance."""
+"""Fits of laws with internal states from the automatic start.
+
+The initial state is a nuisance parameter.
+"""
 
 import functools
 
@@ -19,7 +22,7 @@ FREE = (*MACHINE, "sigma0", "sigma1")
 
 
 def far_off() -> Oscillator:
-    """A machine of which only the mass and the load are right."""
+    """Machine with only the mass and the load right."""
     law = LuGre(3 * RIG.mu, sigma0=20 * SIGMA0, sigma1=SIGMA1 / 30)
     return Oscillator(PROTOTYPE_MASS, 0.8 * STIFFNESS, 4 * PROTOTYPE_DAMPING, RIG.load, law)
 
@@ -52,7 +55,10 @@ def run_of(machine: Oscillator, x0: float, t: np.ndarray, noise: float, seed: in
 
 @pytest.mark.slow
 def test_rate_and_state_is_found_although_its_force_jumps_at_each_reversal():
-    """From far off; over fifty half-cycles a mesh one step finer than the first leaves 1.8 standard errors."""
+    """Start far from the truth.
+
+    Over fifty half-cycles, the second mesh still leaves a numerical error of 1.8 standard errors.
+    """
     law = functools.partial(RateState, a=4e-4, b=2e-4, slip_distance=1e-5)
     machine = Oscillator(PROTOTYPE_MASS, STIFFNESS, PROTOTYPE_DAMPING, 1.89, law(0.01))
     start = Oscillator(PROTOTYPE_MASS, STIFFNESS, 3 * PROTOTYPE_DAMPING, 1.89, law(0.03))
@@ -63,7 +69,7 @@ def test_rate_and_state_is_found_although_its_force_jumps_at_each_reversal():
 
 @pytest.mark.slow
 def test_a_contact_that_rings_on_at_rest_is_found_from_several_runs():
-    """The mesh of the first stage does not fit the ringing of the contact that is found there."""
+    """Fit a contact with ringing that the mesh of the first stage does not resolve."""
     machine = Oscillator(PROTOTYPE_MASS, STIFFNESS, PROTOTYPE_DAMPING, 9.66, Dahl(0.02, sigma0=2e5))
     runs = [run_of(machine, x0, np.arange(1200) / 2e3, 5e-9, i) for i, x0 in enumerate((1.0e-3, 1.4e-3, 1.8e-3))]
     start = Oscillator(PROTOTYPE_MASS, STIFFNESS, PROTOTYPE_DAMPING, 9.66, Dahl(0.04, sigma0=1e6))
@@ -74,21 +80,24 @@ def test_a_contact_that_rings_on_at_rest_is_found_from_several_runs():
 @pytest.mark.slow
 @pytest.mark.parametrize("law", [Dahl(0.04, sigma0=1e6), LuGre(0.04, sigma0=1e6)])
 def test_a_rigid_contact_is_found_to_be_rigid(law):
-    """Coulomb's law is the limit of both; the last stroke of this run is a short one."""
+    """Fit both laws to a Coulomb run, which is their rigid limit.
+
+    The last stroke of the run is short.
+    """
     machine = Oscillator(PROTOTYPE_MASS, STIFFNESS, PROTOTYPE_DAMPING, 9.66, Coulomb(0.02))
     run = run_of(machine, 1.4e-3, np.arange(6000) / 1e4, 1.1e-8, 0)
     start = Oscillator(PROTOTYPE_MASS, STIFFNESS, 2 * PROTOTYPE_DAMPING, 9.66, law)
     found = fit(run, start, (*MACHINE, "sigma0"))
     assert found.status.startswith("at a bound: sigma0.") and found.optimum_found and found.numerical_shift <= 0.1
     assert found.chi2_reduced == pytest.approx(1.0, abs=0.1)
-    assert any("does not tell the contact from a rigid one" in warning for warning in found.warnings)
+    assert any("is consistent with a rigid contact" in warning for warning in found.warnings)
     for name, value in {"mu": 0.02, "damping": PROTOTYPE_DAMPING, "stiffness": STIFFNESS}.items():
         assert abs(found.values[name] - value) < 4 * found.std_errors[name], name
 
 
 @pytest.mark.slow
 def test_elements_are_found_though_the_instants_at_which_they_slip_move_with_them():
-    """A mesh ends its steps there for one set of coefficients only."""
+    """Fit the slip limits although a mesh has steps at the slips of one set only."""
     truth = {"stiffnesses_0": 4e4, "stiffnesses_1": 2e4, "limits_0": 0.02, "limits_1": 0.03}
 
     def machine(wrong: float) -> Oscillator:
@@ -110,7 +119,7 @@ def test_elements_are_found_though_the_instants_at_which_they_slip_move_with_the
 @pytest.mark.slow
 @pytest.mark.parametrize("z0", [0.0, 1.0])
 def test_the_state_at_the_release_is_found(z0):
-    """A relaxed contact, and one that was pulled."""
+    """Fit a relaxed and a pulled contact."""
     t = np.arange(1600) / 20e3
     x = released(t, z0)
     trace = Trace(t, x + 1e-9 * np.random.default_rng(7).standard_normal(t.size), sigma=1e-9)
@@ -123,7 +132,10 @@ def test_the_state_at_the_release_is_found(z0):
 
 
 def released(t: np.ndarray, z0: float) -> np.ndarray:
-    """The motion from rest of a contact whose bristles are bent by `z0` of their steady deflection."""
+    """Displacement after a release from rest with bent bristles.
+
+    `z0` is the initial deflection of the bristles over the steady one.
+    """
     force = RIG.mu * RIG.load
     return lugre_motion(
         t, 2e-3, mass=PROTOTYPE_MASS, stiffness=STIFFNESS, damping=PROTOTYPE_DAMPING, kinetic=force, static=force,
@@ -139,7 +151,10 @@ def test_a_law_without_a_state_has_no_state_at_the_release():
 
 @pytest.mark.parametrize("exponent", [1.0, 1.5])
 def test_second_derivatives_are_finite_at_full_sliding(exponent):
-    """Where a fit of Dahl's law starts, and what a Rosenbrock solver needs for the derivatives of the motion."""
+    """Differentiate at the start of a fit of Dahl's law.
+
+    A Rosenbrock solver needs these derivatives for the derivatives of the motion.
+    """
     limit = jnp.asarray([-RIG.mu * RIG.load / SIGMA0])
 
     def slope(sigma0):

@@ -35,6 +35,7 @@ def test_exact():
     assert not seen
 
 
+@pytest.mark.slow
 def test_hybrid():
     two = machine(Coulomb(0.02) + Coulomb(0.03))
     free, tie = ("friction.0.mu", "damping", "stiffness"), {"friction.1.mu": ("friction.0.mu", 0.5)}
@@ -56,7 +57,10 @@ def test_smooth(law):
 
 
 def two_states() -> tuple[Record, Oscillator]:
-    """A motion under a law of two states, whose coarsest mesh has 3000 steps and whose finest one 10,000."""
+    """Run and machine for a law of two states.
+
+    The coarsest mesh of the fit has 3000 steps, the finest one 10,000.
+    """
     rolling = machine(BlimanSorine(0.014, 0.004, 0.3, 1e-4))
     return synthetic_run(rolling, 1e-3, rate=5e3, duration=1.0, noise=5e-9, seed=0), rolling
 
@@ -71,7 +75,10 @@ def two_states() -> tuple[Record, Oscillator]:
     ids=["LuGre", "BlimanSorine"],
 )
 def test_all_meshes_of_a_fit_share_a_program(made, free):
-    """From the coarsest, of the first stage, to the finest, of the check; it is compiled beside the first."""
+    """Count the programs of a fit, from the coarsest mesh to the check.
+
+    A background thread compiles the program while the first mesh is computed.
+    """
     run, model = made()
     forget_programs()
     with compilations() as seen:

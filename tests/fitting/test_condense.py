@@ -1,4 +1,4 @@
-"""Condensed records say the same as all their samples: sums of squares, gradients and normal matrices."""
+"""Condensed records against all samples: chi^2, gradients and normal matrices."""
 
 from typing import NamedTuple
 
@@ -31,7 +31,10 @@ def condense(every, breaks, margins) -> Samples:
 
 
 def motion(t, p):
-    """A decay without friction, smooth through all its reversals: amplitude, phase, frequency, damping, offset."""
+    """Decay without friction, smooth through all reversals.
+
+    The parameters are amplitude, phase, frequency, damping and offset.
+    """
     return p[0] * jnp.exp(-p[3] * t) * jnp.cos(p[2] * (t - p[1])) + p[4]
 
 
@@ -41,7 +44,10 @@ def with_slopes(t, p):
 
 
 def sums(samples: Samples, p):
-    """chi^2, J'r and J'J at parameters `p`, in float64 over all samples at once."""
+    """Return chi^2, J'r and J'J at parameters `p`.
+
+    The sums run over all samples at once, in float64.
+    """
     x, slopes = (np.asarray(part) for part in with_slopes(samples.t, jnp.asarray(p)))
     r, jacobian = samples.weight * (x - samples.x), samples.weight[:, None] * slopes
     return r @ r, jacobian.T @ r, jacobian.T @ jacobian
@@ -61,7 +67,7 @@ def uneven(n):
 
 
 def masked(n, share=0.8):
-    """A share of the samples taken out at random, and a stretch across a reversal."""
+    """Weights with random gaps and with a gap across a reversal."""
     t = even(n)
     keep = (RNG.uniform(size=n) < share) & ~((t > 1.4) & (t < 1.7))
     return np.where(keep, 1 / NOISE, 0.0)
@@ -71,7 +77,7 @@ RECORDS = {
     "even": record(even(6000)),
     "uneven": record(uneven(6000)),
     "masked": record(even(6000), masked(6000)),
-    "of its own noise each": record(even(6000), 1 / RNG.uniform(2e-9, 9e-9, 6000)),
+    "different noise for each sample": record(even(6000), 1 / RNG.uniform(2e-9, 9e-9, 6000)),
     "noise that changes once": record(even(6000), np.where(even(6000) < 1.3, 2e8, 1e8)),
     "long panels": record(even(150_000)),
     "long uneven panels": record(uneven(80_000)),
@@ -85,7 +91,7 @@ def pair(request) -> tuple[Samples, Samples]:
     return request.param, condense(request.param, REVERSALS, MARGINS)
 
 
-# From far off the optimum to well within the standard errors, which are some parts in a million of the amplitude.
+# From far off the optimum to well within the standard errors, which are some 1e-6 of the amplitude.
 @pytest.mark.parametrize("away", [1e-3, 1e-5, 1e-7])
 def test_sums_of_squares_differ_by_a_constant_and_have_the_same_shape(pair, away):
     every, few = pair
@@ -129,7 +135,11 @@ def test_each_panel_between_reversals_shrinks_to_its_nodes():
 
 
 def test_panels_of_few_samples_are_kept_as_they_are():
-    """Two panels of 29 and 28 samples, before the first reversal and behind the last, and four of fewer."""
+    """Condense a record with six short panels.
+
+    The panels before the first reversal and behind the last one have 29 and 28 samples.
+    The other four have fewer.
+    """
     assert condense(RECORDS["tiny panels"], REVERSALS, MARGINS).t.size == 180 - (29 - DEGREE) - (28 - DEGREE)
     every = RECORDS["no panel at all"]
     few = condense(every, REVERSALS, MARGINS)
@@ -151,7 +161,10 @@ def test_without_breaks_all_is_one_panel():
 
 
 def test_samples_at_one_instant_are_kept_apart_from_panels():
-    """What is not used is moved to the nearest used instant, with no weight: it must not disturb the rule."""
+    """Add samples without weight at the instant of a used sample.
+
+    Unused samples are moved to the nearest used instant. They must not change the result.
+    """
     every = RECORDS["even"]
     weight = np.where(every.t < 0.3, 0.0, every.weight)
     moved = Samples(np.maximum(every.t, 0.3), every.x, weight)
@@ -188,7 +201,10 @@ class TestGaussRule:
         assert rule.project @ noisy == pytest.approx(fitted(rule.nodes), abs=1e-9)
 
     def test_one_degree_more_is_not_integrated(self, place, power):
-        """The residual of the rule at degree 2d is the square of the orthogonal polynomial, which is not zero."""
+        """Integrate the square of the orthogonal polynomial, of degree 2d.
+
+        The integral is positive, but the rule gives zero.
+        """
         rule = gauss_rule(place, power)
         highest = np.prod(place[:, None] - rule.nodes, axis=1) ** 2
         assert power @ highest > 0

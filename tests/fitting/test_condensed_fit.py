@@ -1,4 +1,4 @@
-"""Fits of condensed records against fits of all their samples, by SciPy and by the package itself."""
+"""Fits of condensed records against fits of all samples, also by SciPy."""
 
 from typing import Any, cast
 
@@ -27,7 +27,7 @@ whole = eqx.filter_jit(residual_and_jacobian)
 
 
 def dense(residual) -> tuple[np.ndarray, np.ndarray]:
-    """Values and covariance by SciPy's Gauss-Newton on a residual with its Jacobian, to the last digit."""
+    """Values and covariance of a least-squares fit by SciPy, to rounding."""
 
     def model(part):
         return lambda y: np.asarray(whole(residual, jnp.asarray(y))[part])
@@ -35,7 +35,7 @@ def dense(residual) -> tuple[np.ndarray, np.ndarray]:
     start, jacobian = np.zeros(residual.n_parameters), cast(Any, model(1))
     solution = least_squares(model(0), start, jacobian, method="lm", x_scale="jac", xtol=1e-15, ftol=1e-15, gtol=1e-15)
     y, unit = solution.x, np.linalg.norm(solution.jac, axis=0)
-    for _ in range(2):  # MINPACK stops where chi^2 changes by its rounding, 1e-6 to 1e-5 standard errors away
+    for _ in range(2):  # MINPACK stops at the rounding of chi^2, 1e-6 to 1e-5 standard errors from the optimum
         y = y - np.linalg.lstsq(model(1)(y) / unit, model(0)(y), rcond=None)[0] / unit
     slope, steep = np.asarray(residual.space.slope(jnp.asarray(y))), model(1)(y) / unit
     inverse = np.linalg.inv(steep.T @ steep) / np.outer(unit, unit)
@@ -51,7 +51,7 @@ def masked(run: Trace) -> Trace:
 
 
 def weighted(run: Trace) -> Trace:
-    """The second half of the record twice as noisy."""
+    """Double the noise of the second half of the record."""
     sigma = np.where(np.arange(run.n) < run.n // 2, 1e-9, 2e-9)
     return Trace(run.t, run.x + 1.7e-9 * np.random.default_rng(3).standard_normal(run.n) * (sigma > 1.5e-9), sigma)
 
@@ -74,6 +74,7 @@ def test_estimate_and_covariance_are_those_of_all_samples(run):
     assert found.covariance / np.outer(std, std) == pytest.approx(every[1] / np.outer(std, std), abs=1e-8)
 
 
+@pytest.mark.slow
 def test_a_record_of_high_rate_gives_the_same_with_and_without_condensation(monkeypatch):
     run = coulomb_run(samples=300_000, rate=7.5e5)
     found = fit(run, OSCILLATOR, MACHINE)

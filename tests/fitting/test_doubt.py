@@ -1,4 +1,4 @@
-"""Records that leave their number of half-cycles open: the errors allow for the others."""
+"""Records with an uncertain number of half-cycles, and their standard errors."""
 
 import numpy as np
 import pytest
@@ -49,8 +49,12 @@ def told(found: Fit) -> list[str]:
     return [sentence for sentence in found.warnings if "leaves open" in sentence]
 
 
+@pytest.mark.slow
 def test_errors_are_those_of_the_mixture_of_the_fits_with_each_number(fits):
-    """Each number fitted to its optimum, where the errors above foresee that from the one that was taken."""
+    """Compare predicted standard errors with fits of every number of half-cycles.
+
+    A fit predicts the errors from its own optimum. Here each number is fitted to its optimum.
+    """
     doubtful = [seed for seed, found in enumerate(fits) if told(found)]
     assert len(doubtful) >= 8
     for seed in doubtful[:6]:
@@ -76,6 +80,7 @@ def test_numbers_are_as_probable_as_they_are_often_true(fits):
     assert abs(wrong - expected.sum()) < 3 * np.sqrt(np.sum(expected * (1 - expected)))
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("small_chunks")
 def test_a_batch_says_and_counts_the_same(fits):
     at = next(i for i, found in enumerate(fits) if told(found))

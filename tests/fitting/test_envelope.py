@@ -1,4 +1,4 @@
-"""Start values of a pendulum from its reversals, against motions whose coefficients are known."""
+"""Start values of a pendulum from its reversals, against the true coefficients."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""What cannot be fitted is refused in one clear sentence, which these tests know by its text."""
+"""Errors of `fit`, tested by their message."""
 
 import subprocess
 import sys
@@ -22,15 +22,15 @@ def machine(friction=None):
 USAGE = {
     "mu and load": (
         {"free": ["mu", "normal_force"]},
-        r"mu and normal_force cannot both be free, for they are not identifiable: a trace tells only their product",
+        r"mu and normal_force cannot both be free, for they are not identifiable: the motion depends only on their product",
     ),
     "mass and stiffness": (
         {"free": ["mass", "stiffness", "mu"]},
-        r"mass and stiffness cannot both be free, for they are not identifiable: a trace tells only their ratio",
+        r"mass and stiffness cannot both be free, for they are not identifiable: the motion depends only on their ratio",
     ),
     "quadratic drag and drag": (
         {"oscillator": machine(Coulomb(0.05) + QuadraticDrag(0.1)), "free": ["mu", "drag"]},
-        r"drag cannot be free beside a law with quadratic drag: both are the same force\. Leave one of them out\.",
+        r"drag cannot be free together with a quadratic-drag law: both are the same force\. Leave one of them out\.",
     ),
     "a reference": (
         {"oscillator": machine(Tanh(0.05, 1e-4)), "engine": "diffrax"},
@@ -62,13 +62,13 @@ USAGE = {
     ),
     "mu_s of a tied law": (
         {"free": ["mu", "mu_s"]},
-        r"This law has no mu_s of its own: it is tied to mu\. Give the law one, such as mu_s=0\.1\.",
+        r"This law has no separate mu_s: it is tied to mu\. Set one, such as mu_s=0\.1\.",
     ),
     "only mu_s": (
         {"oscillator": machine(Coulomb(0.05, 0.06)), "free": ["mu_s"]},
         r"mu_s of a Coulomb law is bracketed from stops, not fitted\. Free mu as well\.",
     ),
-    "bounds of what is not free": (
+    "bounds of a fixed parameter": (
         {"bounds": {"damping ": (0, None), "mass": (0, 1)}},
         r"Bounds are given for 'damping ', which is not a free parameter\. Did you mean 'damping'\? Free are mu, ",
     ),
@@ -80,7 +80,7 @@ USAGE = {
         {"bounds": {"damping": 0}},
         r"The bounds of damping must be a lower and an upper value or None, got 0\.",
     ),
-    "prior of what is not free": (
+    "prior of a fixed parameter": (
         {"priors": {"mass": (1, 1)}},
         r"Priors are given for 'mass', which is not a free parameter\.",
     ),
@@ -92,11 +92,11 @@ USAGE = {
         {"priors": {"mu": 0.1}},
         r"The prior of mu must be a mean and a standard deviation, got 0\.1\.",
     ),
-    "tie to what is not free": (
+    "tie to a fixed parameter": (
         {"tie": {"drag": "stifness"}},
         r"Ties are given for 'stifness', which is not a free parameter\. Did you mean 'stiffness'\?",
     ),
-    "tie of what is free": (
+    "tie of a free parameter": (
         {"tie": {"damping": "mu"}},
         r"damping is tied to mu and cannot be free as well\. Take it out of free=\.",
     ),
@@ -152,8 +152,9 @@ def test_wrong_usage(name):
     assert "\n" not in str(caught.value)
 
 
+@pytest.mark.slow
 def test_a_parameter_without_effect_is_refused():
-    """With the static coefficient tied to the dynamic one a Stribeck law does not know its velocity."""
+    """Free v_stribeck while the static coefficient equals the dynamic one."""
     stribeck = machine(Stribeck(0.05, v_stribeck=5e-3))
     with pytest.raises(UsageError, match=r"v_stribeck cannot be fitted: the fitted motion does not depend on it\."):
         fit(RUN, stribeck, ["v_stribeck"], nuisance=["x0"])
@@ -205,7 +206,7 @@ def test_a_release_logged_outside_of_the_record():
 
 
 def test_errors_come_before_any_compilation():
-    """Wrong names are found while they are read; a regularised law is no reason to compile either."""
+    """Refuse a wrong name, also with a regularised law."""
     with pytest.raises(UsageError, match="no coefficient 'sigma0'"):
         fit(RUN, machine(Tanh(0.05, 1e-4)), ["mu", "sigma0"])
 
@@ -229,7 +230,7 @@ T = np.arange(99.0)
 
 @pytest.mark.parametrize("free", [None, 3, OSCILLATOR])
 def test_names_that_are_none(free):
-    with pytest.raises(UsageError, match=r"free= takes the names of what is fitted, as \['mu', 'damping', 'stiffn"):
+    with pytest.raises(UsageError, match=r"free= takes the names of the parameters to fit, such as \['mu', 'dam"):
         fit((T, np.cos(T)), OSCILLATOR, free)
 
 

@@ -1,4 +1,7 @@
-"""A model that is not finite, at the start, midway, or in its derivatives alone: each fit says so, none crashes."""
+"""Fits of models that are not finite.
+
+The fault occurs at the start, midway, or only in the derivatives. Each fit must report it without a crash.
+"""
 
 import html
 from typing import Any, ClassVar
@@ -22,14 +25,14 @@ RUN = coulomb_run()
 START = {"mu": 0.08}
 FAILS_AT_START = "not finite: the model fails at the start values. Check the law's coefficients and the engine."
 STALLED = (
-    "stalled: no step improves the fit although the gradient asks for one. Check bounds and the law, or ask "
+    "stalled: no step improves the fit although the gradient is not zero. Check bounds and the law, or use "
     "multistart() for better start values."
 )
 
 
 @jax.custom_jvp
 def spoiled(mu, wall, rough):
-    """`mu`, NaN below `wall`; below `rough` only its derivative is."""
+    """Return `mu`, or NaN below `wall`; below `rough` only the derivative is NaN."""
     return jnp.where(mu < wall, jnp.nan, mu)
 
 
@@ -40,7 +43,10 @@ def _spoiled_jvp(primals, tangents):
 
 
 class Faulty(Coulomb):
-    """Coulomb friction that fails where its coefficient is small; the closed form takes it for a Coulomb law."""
+    """Coulomb friction that fails for small coefficients.
+
+    The exact engine treats it as a Coulomb law.
+    """
 
     wall: Scalar = eqx.field(converter=scalar, default=0.0)
     rough: Scalar = eqx.field(converter=scalar, default=0.0)
@@ -82,7 +88,7 @@ def test_nan_at_the_start(fault):
 
 
 def test_nan_between_start_and_optimum():
-    """The fit ends at the wall, with finite numbers that nobody must take for an optimum."""
+    """Stop at the wall with finite numbers and without convergence."""
     found = fitted(wall=0.06)
     assert_failed(found, STALLED)
     assert 0.06 <= found.values["mu"] < 0.08
@@ -90,7 +96,7 @@ def test_nan_between_start_and_optimum():
 
 
 def test_nan_just_behind_the_optimum_does_no_harm():
-    """Trials that land behind the wall are taken back like trials that make the fit worse."""
+    """Reject trial steps behind the wall like steps that raise chi^2."""
     plain, found = fitted(), fitted(wall=0.05 - 1e-6)
     assert found.status == "converged"
     assert found.values["mu"] == pytest.approx(plain.values["mu"], abs=1e-3 * plain.std_errors["mu"])
@@ -108,27 +114,30 @@ def test_nan_in_the_derivatives_alone_midway():
 
 
 def test_an_optimum_behind_a_wall_of_bounds_is_at_the_bound():
-    """The same wall, told to the fit as a bound, is no fault."""
+    """Pass the wall as a bound, so that the model stays finite."""
     found = fitted(wall=0.06, bounds={"mu": (0.06, None)})
     assert found.optimum_found and not found.converged
     assert "mu is held at a bound, which may be the reason: widen it." in found.status
     assert found.values["mu"] == 0.06
 
 
+@pytest.mark.slow
 def test_the_hybrid_engine_at_a_start_without_half_cycles():
     machine = Oscillator(PROTOTYPE_MASS, STIFFNESS, PROTOTYPE_DAMPING, 9.66, Coulomb(0.02) + Coulomb(0.03))
     free, tie = ("friction.0.mu", "damping", "stiffness"), {"friction.1.mu": ("friction.0.mu", 0.5)}
     assert_failed(fit(RUN, machine, free, tie=tie, guess={"damping": 1e5}, throw=False), FAILS_AT_START)
 
 
+@pytest.mark.slow
 def test_the_smooth_engine_at_a_start_that_grows_without_bound():
     run, machine = noisy("sliding", "LuGre", 0), oscillator(RIGS["sliding"], "LuGre")
     found = fit(run, machine, (*MACHINE, "sigma0"), guess={"damping": -1e7}, throw=False)
     assert_failed(found, FAILS_AT_START)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("value", [np.nan, np.inf, -2574.0])
 def test_a_start_value_that_cannot_be_is_refused(value):
-    """The stiffness is fitted in its logarithm."""
+    """Refuse start values outside the domain; the fit uses the logarithm of the stiffness."""
     with pytest.raises(UsageError, match=r"The start value of stiffness must be .*, got"):
         fitted(guess={"stiffness": value})

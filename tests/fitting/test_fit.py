@@ -1,4 +1,4 @@
-"""What a fit makes of its options: starts, nuisances, noise modes, priors, bounds, ties, several runs."""
+"""Options of a fit: starts, nuisances, noise modes, priors, bounds, ties, several runs."""
 
 import numpy as np
 import pytest
@@ -70,6 +70,7 @@ class TestStart:
         assert found.values["offset"] == pytest.approx(1e-6 * 0.5 / 12.6, rel=1e-2)
         assert found.predict(drifting.t[300:]) == pytest.approx(np.asarray(drifting.x[300:]), abs=6e-9)
 
+    @pytest.mark.slow
     def test_an_offset_that_is_not_free_is_zero(self, run):
         found = fit(run, machine(), MACHINE, nuisance=["t_release", "x0"])
         assert float(found.runs[0].fixed["offset"]) == 0.0
@@ -114,7 +115,10 @@ class TestResult:
         assert float(plain.oscillator.stiffness) == plain.values["stiffness"]
 
     def test_the_margins_to_another_number_of_half_cycles(self, plain):
-        """Stop and last non-stop of this run: |x| = 79.7 um and 455 um, and a static band of 187.6 um."""
+        """Compare the margins with the closed form.
+
+        The mass stops at |x| = 79.7 um. At the reversal before, |x| is 455 um. The static band is 187.6 um.
+        """
         from tests.oracles import coulomb_viscous
 
         band = 0.05 * LOAD / STIFFNESS
@@ -130,7 +134,7 @@ class TestResult:
             estimates.append([found.values[name] for name in plain.names])
         scatter = np.cov(np.array(estimates).T)
         std = np.sqrt(np.diag(plain.covariance))
-        # A variance from 60 runs is good to 18 %, a correlation near zero to 0.13.
+        # A variance from 60 runs has an error of 18 %, a correlation near zero one of 0.13.
         assert np.sqrt(np.diag(scatter)) / std == pytest.approx(np.ones(6), abs=0.4)
         assert scatter / np.outer(std, std) == pytest.approx(plain.correlation, abs=0.6)
 
@@ -140,7 +144,7 @@ class TestResult:
         assert found.half_cycles == (None,) and found.margins == (None,)
 
     def test_kinematics_need_no_rig(self, run, plain):
-        """Of mass 1 and load 1 everything but the scale comes out the same."""
+        """Fit with mass and load 1, which changes only the scale."""
         bare = fit(run, Oscillator(1.0, 4000.0, 0.0, 1.0, Coulomb(0.1)), MACHINE)
         expected = {
             "natural_frequency": 12.6,
@@ -157,7 +161,7 @@ class TestResult:
 
     @pytest.mark.parametrize("scale", [1e-3, 1e3])
     def test_other_units_of_length_give_the_same_numbers(self, plain, scale):
-        """Stretched motion, and a load stretched with it, are the same problem."""
+        """Scale motion and load by the same factor."""
         found = fit(coulomb_run(scale=scale), machine(load=LOAD * scale), MACHINE)
         assert found.status == "converged"
         for name in MACHINE:
@@ -189,6 +193,7 @@ class TestNoise:
         assert found.sigma_source == "estimated from the record"
         assert found.std_errors["mu"] == pytest.approx(plain.std_errors["mu"], rel=0.1)
 
+    @pytest.mark.slow
     @pytest.mark.parametrize(("dither", "shift"), [(0.0, 6 / 16), (0.0, 10 / 16), (0.015, 8 / 16)])
     def test_a_rest_that_is_rounded_tells_no_more_than_one_sample(self, dither, shift):
         step = 1e-2 / 2**12
@@ -218,9 +223,10 @@ class TestNoise:
         assert plain.aicc == pytest.approx(plain.chi2 + 2 * p + 2 * p * (p + 1) / (n - p - 1))
         assert plain.bic == pytest.approx(plain.chi2 + p * np.log(n))
 
+    @pytest.mark.slow
     def test_what_hardly_changes_the_motion_is_flagged(self):
-        """Without a static excess there is no speed at which it fades."""
-        # With this noise the first mesh is fine enough; a finer one would be a program more.
+        """Fit v_stribeck with almost equal static and dynamic coefficients."""
+        # With this noise the first mesh is fine enough; a finer one would compile another program.
         found = fit(coulomb_run(noise=1e-7), machine(Stribeck(0.02, 0.021, 5e-3)), (*MACHINE, "mu_s", "v_stribeck"))
         assert abs(found.values["mu_s"] - found.values["mu"]) < 4 * found.std_errors["mu_s"]
         assert found.flags["v_stribeck"] == ("hardly determined",) and not found.flags["mu"]
@@ -229,7 +235,10 @@ class TestNoise:
 class TestPriorsAndBounds:
     @pytest.mark.parametrize("share", [0.3, 1.0])
     def test_a_prior_joins_like_a_further_measurement(self, run, plain, share):
-        """In the linear regime mean and covariance are those of the weighted mean (Kalman's update)."""
+        """Compare with Kalman's update.
+
+        For a linear model, it gives mean and covariance with a prior.
+        """
         std = share * plain.std_errors["damping"]
         mean = plain.values["damping"] + 3 * plain.std_errors["damping"]
         found = fit(run, machine(), MACHINE, priors={"damping": (mean, std)})
@@ -292,6 +301,7 @@ class TestSums:
         assert float(second.mu) == pytest.approx(0.5 * float(first.mu))
         assert tied.chi2 == pytest.approx(plain.chi2, abs=0.1)
 
+    @pytest.mark.slow
     def test_two_equal_laws_are_undetermined(self, run):
         two = machine(Coulomb(0.02) + Coulomb(0.03))
         free = ("friction.0.mu", "friction.1.mu", "damping")
@@ -347,7 +357,10 @@ class TestHalfCycles:
         assert found.chi2 == pytest.approx(plain.chi2, abs=1e-3)
 
     def test_static_friction_is_bracketed(self):
-        """The truth lies in the bracket of every run, and what the runs say together is narrower."""
+        """Check that every bracket contains the truth.
+
+        The intersection of all brackets is narrower.
+        """
         rng, mu_s = np.random.default_rng(11), 0.065
         narrow = []
         for x0 in rng.uniform(0.9e-3, 2.6e-3, 12):
@@ -362,8 +375,12 @@ class TestHalfCycles:
         lows, highs = zip(*narrow, strict=True)
         assert min(highs) - max(lows) < 0.02 and max(lows) <= mu_s <= min(highs)
 
+    @pytest.mark.slow
     def test_static_friction_is_bracketed_beside_quadratic_drag(self):
-        """Only one of the summed laws holds the mass, so the bracket is that of this law alone."""
+        """Bracket mu_s for a sum with quadratic drag.
+
+        Only the Coulomb law holds the mass, so its bracket must be the same without drag.
+        """
         alone = fit(coulomb_run(mu_s=0.065), machine(Coulomb(0.05, 0.05)), ("mu", "mu_s", "stiffness"))
         law = Coulomb(0.05, 0.05) + QuadraticDrag(0.0)
         found = fit(coulomb_run(mu_s=0.065), machine(law), ("mu", "mu_s", "stiffness"))
@@ -371,6 +388,7 @@ class TestHalfCycles:
         assert found.intervals["mu_s"][0] <= 0.065 <= found.intervals["mu_s"][1]
 
 
+@pytest.mark.slow
 def test_a_held_frequency_is_warned_of(run, plain):
     held = fit(run, machine(), ("mu", "damping"), throw=False)
     assert any("natural frequency is held fixed" in sentence for sentence in held.warnings)
@@ -378,7 +396,7 @@ def test_a_held_frequency_is_warned_of(run, plain):
 
 
 def test_a_fitted_release_transient_is_named():
-    """A magnet that lets go slowly: the fit from the release says why it is bad."""
+    """Fit from a slow release of the magnet and expect a warning."""
     truth = machine()
     record = synthetic_run(truth, X0, rate=10e3, duration=0.29842, hold=0.01, release_time_constant=1e-3, noise=1e-9)
     found = fit(record, truth, MACHINE, start="release", throw=False)

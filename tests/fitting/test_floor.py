@@ -1,4 +1,4 @@
-"""A deviation on its way through a decay against motions that deviate, and records from a floor that shakes."""
+"""Propagation of deviations through a decay, and records from a vibrating floor."""
 
 import numpy as np
 import pytest
@@ -19,7 +19,7 @@ ROLLING = Oscillator(PROTOTYPE_MASS, 2574.0, PROTOTYPE_DAMPING, 1.89, Coulomb(0.
 
 
 def at_rows(model: Oscillator = MODEL):
-    """A solved run, and instants behind its first reversal."""
+    """Solve a run and return it with instants behind its first reversal."""
     clean = np.asarray(simulate(model, 2e-3, T).x)
     problem = problem_of(Trace(T, clean + 1e-9 * np.random.default_rng(0).standard_normal(T.size)), model, MACHINE)
     solution = solve(problem)
@@ -28,14 +28,15 @@ def at_rows(model: Oscillator = MODEL):
     return problem, solution, first, t
 
 
-# The last stroke of the second law is slow all along, where its friction falls with velocity.
+# The last stroke of the second law is slow throughout, and its friction falls with velocity there.
 STRIBECK = Stribeck(0.05, mu_s=0.065, v_stribeck=5e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("law", "within"), [(Coulomb(0.05), 1e-2), (STRIBECK, 8e-2)], ids=["coulomb", "stribeck"])
 @pytest.mark.parametrize("deviation", [(1.0, 0.0), (0.0, 80.0)], ids=["position", "velocity"])
 def test_a_deviation_goes_on_as_the_motion_deviates(deviation, law, within):
-    """From the middle of a stroke on, through reversals that come late by it, to the stop."""
+    """Follow a deviation from mid-stroke through delayed reversals to the stop."""
     model = Oscillator(PROTOTYPE_MASS, STIFFNESS, PROTOTYPE_DAMPING, 9.66, law)
     problem, solution, first, t = at_rows(model)
     t = t[t > first + 0.02]
@@ -56,7 +57,7 @@ def test_a_deviation_goes_on_as_the_motion_deviates(deviation, law, within):
 
 
 def test_kicks_add_up_as_their_integral_says():
-    """What a kick at each of many instants of the first step makes of the state at its end."""
+    """Sum the effect of kicks at many instants on the state after a step."""
     problem, solution, _, t = at_rows()
     passage = passage_of(problem, solution, 0, t)
     assert passage is not None
@@ -69,8 +70,9 @@ def test_kicks_add_up_as_their_integral_says():
     assert not passage.noise[-1].any()
 
 
+@pytest.mark.slow
 def test_without_friction_a_deviation_swings_as_the_mass_does():
-    """No reversal changes anything, and nowhere is the system but linear."""
+    """Use the frictionless machine, which is linear everywhere."""
     model = Oscillator(PROTOTYPE_MASS, STIFFNESS, PROTOTYPE_DAMPING, 9.66, Coulomb(0.0))
     clean = np.asarray(simulate(model, 2e-3, T).x)
     run = Trace(T, clean + 1e-9 * np.random.default_rng(0).standard_normal(T.size))
@@ -100,20 +102,27 @@ def test_a_floor_that_shakes_is_told_by_the_record():
     densities = [f.noises[0].floor for f in found]
     assert np.exp(np.mean(np.log(densities))) == pytest.approx(FLOOR, rel=0.35)
     assert np.sqrt(np.mean(scores**2)) < 1.6 and np.max(np.abs(scores)) < 5
-    # Standard errors of white noise would be smaller by a factor that no remark could make good.
+    # Standard errors for white noise would be far too small.
     assert all(f.std_errors["mu"] > 10 * f.white_std_errors["mu"] for f in found)
-    assert "is a motion of the mass, shaken by" in found[0].summary()
+    assert "is floor vibration of" in found[0].summary()
 
 
+@pytest.mark.slow
 def test_a_long_rest_does_not_hide_a_floor():
-    """Of two half-cycles a fit explains most, and what it leaves is few rows among those of the rest."""
+    """Detect floor vibration in a record with two half-cycles and a long rest.
+
+    The fit explains most of the two half-cycles. The rest has many more rows than their residuals.
+    """
     found = [fit(shaken(seed, 1.0e-3, 1.25e-3, np.arange(40000) / 2e4), MODEL, MACHINE) for seed in range(6)]
     assert all(f.half_cycles[0] == 2 for f in found)
     assert all(f.noises[0].floor == pytest.approx(FLOOR, rel=0.9) for f in found)
 
 
 def on_strong_floor(seed: int) -> Record:
-    """Rolling on a floor of class VC-C: 12.5 um/s in each third of an octave from 1 to 80 Hz."""
+    """Rolling run on a floor of class VC-C.
+
+    The floor moves with 12.5 um/s in each third of an octave from 1 to 80 Hz.
+    """
     random, rate, n = np.random.default_rng(seed), 5e3, 15000
     frequency = np.fft.rfftfreq(n, 1 / rate)
     inside = (frequency >= 1) & (frequency <= 80)
@@ -126,7 +135,7 @@ def on_strong_floor(seed: int) -> Record:
 
 
 def rests(record: Record) -> np.ndarray:
-    """Means of fifty samples of a rest, in which noise of 5 nm is below 1 nm."""
+    """Means of fifty samples of a rest, with noise below 1 nm."""
     rest = record.segmentation.rest
     assert rest is not None
     resting = record.x[record.t > rest + 0.05]
@@ -139,6 +148,7 @@ def is_true_on_a_floor(record: Record) -> bool:
     return seen and abs(found.values["mu"] - 0.02) < 3 * found.std_errors["mu"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [6, 12])
 def test_a_mass_that_slides_on_in_its_rest_hides_no_floor(seed: int):
     record = on_strong_floor(seed)
@@ -146,8 +156,12 @@ def test_a_mass_that_slides_on_in_its_rest_hides_no_floor(seed: int):
     assert is_true_on_a_floor(record)
 
 
+@pytest.mark.slow
 def test_kicks_that_add_up_are_no_force_that_the_model_lacks():
-    """Neighbouring half-cycles deviate alike, and a drag would explain most of that."""
+    """Fit a run with similar deviations in neighbouring half-cycles.
+
+    A drag would explain most of them.
+    """
     record = on_strong_floor(8)
     assert np.ptp(rests(record)) < 1e-8
     assert is_true_on_a_floor(record)

@@ -1,4 +1,4 @@
-"""Start values from the decay itself, against decays whose coefficients are known."""
+"""Start values from a decay, against its true coefficients."""
 
 import numpy as np
 import pytest
@@ -26,7 +26,7 @@ def guess(trace: Trace, oscillator: Oscillator, *free: str) -> dict[str, float]:
 
 
 def wrong() -> Oscillator:
-    """A machine whose coefficients are far from the truth."""
+    """Machine with coefficients far from the truth."""
     return Oscillator(PROTOTYPE_MASS, 900.0, 3.0, LOAD, Coulomb(0.3))
 
 
@@ -100,7 +100,10 @@ def test_a_single_stroke_still_gives_a_start():
 
 
 def test_with_two_reversals_the_release_tells_the_equilibrium():
-    """Their mean is off by half of what a stroke loses, of which friction is then guessed five times too small."""
+    """Use the release, because the mean of two reversals is a poor equilibrium.
+
+    It is off by half of the loss of a stroke. From it, friction would be guessed five times too small.
+    """
     run = coulomb_run(1e-3)
     assert segment(np.asarray(run.t), np.asarray(run.x)).turning_points.size == 2
     found = guess(run, wrong(), "mu", "damping", "stiffness")

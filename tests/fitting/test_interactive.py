@@ -1,4 +1,4 @@
-"""Sliders without a browser: their values are set, and the picture and the model follow."""
+"""Sliders without a browser: picture and model follow their values."""
 
 import sys
 
@@ -22,13 +22,13 @@ def test_a_moved_slider_moves_the_model(fit):
     panel = fit.interactive()
     assert set(panel.sliders) == {"mu", "damping", "stiffness", "x0"}
     begun = np.isfinite(panel.model)
-    # At the fitted values the model is the record to its noise of a nanometre.
+    # At the fitted values the model is that of the fit.
     np.testing.assert_allclose(panel.model[begun], fit.predict(panel.t[begun]), atol=1e-11)
     before = panel._picture.value
     panel.sliders["mu"].value = 0.08
     assert panel.guess["mu"] == pytest.approx(0.08) and panel._picture.value != before
     assert "rms" in panel._picture.value and "<svg" in panel._picture.value
-    # With the friction of 0.08 the mass stands within its dead band of 0.32 mm about the offset.
+    # With mu = 0.08 the mass stops within the dead band of 0.32 mm about the offset.
     assert float(panel.oscillator.dead_band) == pytest.approx(0.08 * 10 / fit.values["stiffness"])
     rest = panel.model[-1] - fit.values["offset"]
     assert abs(rest) <= float(panel.oscillator.dead_band) and rest != pytest.approx(fit.predict([0.6])[0])

@@ -1,4 +1,4 @@
-"""What other packages get of a fit, and what a fit takes from them."""
+"""Conversion of fits, records and parameters to and from other packages."""
 
 import sys
 
@@ -31,7 +31,7 @@ def test_numbers_of_uncertainties_have_the_covariance_of_the_fit(fit):
     numbers = fit.to_uncertainties()
     covariance = uncertainties.covariance_matrix([numbers[name] for name in fit.names])
     np.testing.assert_allclose(covariance, fit.combined_covariance, rtol=1e-6, atol=1e-30)
-    # The dead band mu N/k with the load taken as exact: against the derivatives by hand.
+    # Dead band mu N/k with an exact load, against derivatives by hand.
     band = numbers["mu"] * 10.0 / numbers["stiffness"]
     i, j = fit.names.index("mu"), fit.names.index("stiffness")
     mu, k, c = fit.values["mu"], fit.values["stiffness"], fit.combined_covariance

@@ -1,4 +1,4 @@
-"""A fit does not know units: displacements, times or weights stretched a millionfold give the same optimum."""
+"""Fits in other units: scaled displacements, times or weights give the same optimum."""
 
 import functools
 
@@ -16,7 +16,10 @@ WEIGHTS = [{"noise": 1e3}, {"noise": 1e-6}]  # noise of a millimetre would hide 
 
 
 def friction(law: str, length: float, time: float):
-    """Widths and slopes that belong to velocities go with these; bristles as stiff as before."""
+    """Friction law in other units.
+
+    Velocity scales change with the units; the stiffness of bristles does not.
+    """
     speed = length / time
     return {
         "Coulomb": Coulomb(RIG.mu),
@@ -26,7 +29,10 @@ def friction(law: str, length: float, time: float):
 
 
 def stretched(law: str, length: float = 1.0, time: float = 1.0, noise: float = 1.0) -> Fit:
-    """The fit of a sliding run in other units: all forces go with the displacement, as the stiffness stays."""
+    """Fit a sliding run in other units.
+
+    All forces scale with the displacement, and the stiffness does not change.
+    """
     trace = noisy("sliding", law, 0)
     x, sigma = length * np.asarray(trace.x), length * noise * RIG.noise
     machine = Oscillator(
@@ -40,7 +46,10 @@ plain = functools.cache(stretched)
 
 
 def back(found: Fit, length: float = 1.0, time: float = 1.0, noise: float = 1.0) -> tuple[np.ndarray, np.ndarray]:
-    """Values and standard errors, of white noise as large as stated, in the units of the run as it was."""
+    """Values and standard errors in the original units.
+
+    The standard errors are those for white noise of the stated size.
+    """
     unit = {"t_release": time, "damping": time, "x0": length, "offset": length, "v0": length / time}
     units = np.array([unit.get(name, 1.0) for name in found.names])
     values, errors = (
@@ -50,12 +59,15 @@ def back(found: Fit, length: float = 1.0, time: float = 1.0, noise: float = 1.0)
 
 
 def at_an_instant_of_the_record(found: Fit) -> np.ndarray:
-    """Position and velocity at a time that the search for reversals chose, as rounding let it."""
+    """Mask of position and velocity at an instant of the record.
+
+    The search for reversals chooses the instant, which depends on rounding.
+    """
     return np.array(["v0" in found.names and name in ("x0", "v0") for name in found.names])
 
 
-# Rounding moves instants by parts in 1e15, hence samples from one side of a margin to the other. The mesh of the
-# smooth engine comes from an adaptive solution, which rounding changes by as much as its error.
+# Rounding moves instants by 1e-15, relatively, so samples may cross a margin. The mesh of the smooth engine comes from
+# an adaptive solution, which rounding changes by as much as its error.
 CLOSE = {"Coulomb": 1e-5, "Tanh": 1e-5, "LuGre": 1e-4}
 
 
@@ -71,7 +83,7 @@ def test_other_units_give_the_same_optimum(law, units):
     assert found.status == plain(law).status == "converged"
     assert found.half_cycles == plain(law).half_cycles
     assert np.max(shift / errors) < CLOSE[law]
-    own = np.array([name != "offset" for name in found.names])  # which is zero within its standard error
+    own = np.array([name != "offset" for name in found.names])  # the offset is zero within its standard error
     assert np.max(shift[own] / np.abs(values[own])) < 1e-8
     assert errors_there == pytest.approx(errors, rel=1e-6)
     assert found.chi2 * units.get("noise", 1.0) ** 2 == pytest.approx(plain(law).chi2, abs=1e-4)

@@ -1,4 +1,4 @@
-"""The residual is smooth: chi^2 along mu is a curve without jitter, and its derivative is its slope."""
+"""Smoothness of chi^2 along mu, and its derivative against its slope."""
 
 from typing import NamedTuple
 
@@ -21,9 +21,10 @@ REACH, POINTS = 1e-4, 201
 
 
 class Curves(NamedTuple):
-    """chi^2 and its derivative with respect to mu at mu (1 + `relative`), shapes (201,) and (201, 2).
+    """chi^2 and its derivative with respect to mu at mu (1 + `relative`).
 
-    The first column belongs to the condensed record, the second to all samples.
+    `relative` has shape (201,), the curves (201, 2). The first column belongs to the condensed record,
+    the second to all samples.
     """
 
     law: str
@@ -35,7 +36,10 @@ class Curves(NamedTuple):
 
 @eqx.filter_jit
 def along_mu(residual, few, y, slope, relative):
-    """chi^2 of the first `few` residuals and of the others; mu is the first parameter, and linear in its coordinate."""
+    """Return chi^2 of the residuals in `few` and of the others, along mu.
+
+    The parameter mu is the first one, and linear in its coordinate.
+    """
     mu = residual.values(y)[0]
 
     def chi2(at):
@@ -46,7 +50,10 @@ def along_mu(residual, few, y, slope, relative):
 
 
 def joined(problem: Problem) -> tuple[Residual, np.ndarray]:
-    """The residual of the condensed record and of all samples at once, and which ones are condensed."""
+    """Join the residuals of the condensed record and of all samples.
+
+    Return the joint residual and a mask of the condensed samples.
+    """
     columns = [(run.t, run.x, run.weight) for run in (problem.condensed.runs[0], problem.residual.runs[0])]
     both = [np.concatenate(pair) for pair in zip(*columns, strict=True)]
     residual = eqx.tree_at(lambda r: (r.runs[0].t, r.runs[0].x, r.runs[0].weight), problem.condensed, both)
@@ -71,17 +78,21 @@ def curves(request) -> Curves:
 
 
 def deviation(curves: Curves, degree: int) -> np.ndarray:
-    """Distance of chi^2 from its least-squares polynomial, for condensed and for all samples, shape (201, 2)."""
+    """Distance of chi^2 from its least-squares polynomial, with shape (201, 2).
+
+    The columns are those of `Curves`.
+    """
     u = curves.relative / REACH
     return np.stack([Chebyshev.fit(u, chi2, degree)(u) - chi2 for chi2 in curves.chi2.T], axis=1)
 
 
+@pytest.mark.slow
 def test_the_scan_reaches_far_beyond_the_standard_error(curves):
     assert np.all(np.ptp(curves.chi2, axis=0) > 1e5)
 
 
-# Here, 500 standard errors of mu alone from the optimum, 5e-17 m of rounding in the motion make 1e-3 in chi^2 = 3e5;
-# 7000 steps of the smooth engine add up to that at the ends of the scan. LuGre's chi^2 has a true cubic part of 3e-2.
+# The ends of the scan are 500 standard errors of mu alone from the optimum, with chi^2 = 3e5. There, 5e-17 m of
+# rounding in the motion change chi^2 by 1e-3, as do 7000 steps of the smooth engine. LuGre has a true cubic of 3e-2.
 LARGEST = {"Coulomb": 1e-4, "Tanh": 1e-3, "LuGre": 3e-3}
 TRUE_DEGREE = {"Coulomb": 2, "Tanh": 2, "LuGre": 4}
 
@@ -102,13 +113,16 @@ def test_the_derivative_is_the_slope(curves):
     error = np.abs(curves.slope[1:-1] - differences) / np.max(np.abs(curves.slope), axis=0)
     print(f"\nlargest error of the derivative relative to the largest slope: {error.max():.1e}")
     assert error.max() < 1e-6
-    # Also point by point, wherever chi^2 changes at all.
+    # Also point by point, except near the optimum, where chi^2 hardly changes.
     steep = np.abs(curves.relative[1:-1]) > 0.05 * REACH
     assert np.max(np.abs(curves.slope[1:-1] / differences - 1)[steep]) < 1e-4
 
 
 def test_condensed_samples_have_their_minimum_where_all_samples_have_it(curves):
-    """Their difference has a slope in mu; the optimum moves by half of that slope over the curvature."""
+    """Compare the optima by the slope of the difference in chi^2.
+
+    The optimum moves by half of this slope over the curvature.
+    """
     away = np.sqrt(np.ptp(curves.chi2[:, 1]))  # the ends of the scan in standard errors of mu alone
     slope = np.ptp(curves.chi2[:, 1] - curves.chi2[:, 0]) / (2 * away)
     print(f"\n{curves.law}: condensed samples move mu alone by {slope / 2:.1e} of its standard error")

@@ -1,4 +1,4 @@
-"""Records that end in the last stroke, from which friction lets the mass go by little."""
+"""Records that end in the last stroke, which begins near the static dead band."""
 
 import numpy as np
 import pytest
@@ -23,7 +23,10 @@ def machine(v_stribeck: float) -> Oscillator:
 @pytest.mark.slow
 @pytest.mark.parametrize("duration", [0.44, 0.455, 0.48])
 def test_the_last_stroke_needs_no_stop(duration: float):
-    """It begins at 0.437 s, at 1.55 times the static dead band, and the mass comes to rest at 0.477 s."""
+    """End the record during or after the last stroke.
+
+    The stroke begins at 0.437 s, at 1.55 times the static dead band. The mass comes to rest at 0.477 s.
+    """
     run = synthetic_run(machine(TRUTH["v_stribeck"]), 1.9e-3, rate=2500.0, duration=duration, noise=5e-9, seed=1)
     found = fit(run, machine(4e-3), list(TRUTH))
     assert found.converged and 0.8 < found.chi2_reduced < 1.2
@@ -36,7 +39,10 @@ def test_the_last_stroke_needs_no_stop(duration: float):
 @pytest.mark.slow
 @pytest.mark.parametrize("v_s", [1e-3, 1e-4])
 def test_a_law_that_creeps_is_fitted_wherever_its_record_ends(v_s: float):
-    """Slow strokes swing on within the dead band at 1e-3 m/s; at 1e-4 m/s the last creep may look like a reversal."""
+    """Fit runs of a creeping law with two velocity scales.
+
+    At 1e-3 m/s, slow strokes continue within the dead band. At 1e-4 m/s, the last creep may look like a reversal.
+    """
     random = np.random.default_rng(2)
     mu, starts = random.uniform(0.005, 0.02, 24), random.uniform(0.5e-3, 3e-3, 24)
 
@@ -50,16 +56,20 @@ def test_a_law_that_creeps_is_fitted_wherever_its_record_ends(v_s: float):
     assert np.all(np.abs(found.values["mu"] - mu) < 4 * found.std_errors["mu"])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("start", ["first_reversal", "release"])
 @pytest.mark.parametrize("engine", ["exact", "hybrid"])
 def test_the_stop_by_the_law_is_read_off_the_turning_points(engine: str, start: str):
-    """As the motion under the law alone has it, which is computed only where that goes on behind the record's stop."""
+    """Compare the stop with the motion under the law alone.
+
+    The package computes this motion only if it continues behind the stop of the record.
+    """
     model = Oscillator(PROTOTYPE_MASS, STIFFNESS, PROTOTYPE_DAMPING, 9.66, Coulomb(0.05))
     problem = problem_of(coulomb_run(), model, ("mu", "stiffness"), engine=engine, start=start)
     residual, seen = problem.residual, set()
     recorded = int(residual.runs[0].half_cycles)
     solution = solve.solve(problem)
-    # Up to where the law does not let the mass begin.
+    # Up to a friction that holds the mass at its start.
     for mu in np.geomspace(0.02, 1.0, 100):
         y = solution.y.copy()
         y[0] = problem.residual.space.coordinates(np.array([mu, *solution.derived.values[1:]]))[0]
@@ -73,8 +83,9 @@ def test_the_stop_by_the_law_is_read_off_the_turning_points(engine: str, start: 
     assert {None, recorded} < seen and len(seen) > 3
 
 
+@pytest.mark.slow
 def test_the_last_turning_points_stand_behind_those_from_the_table():
-    """So the margins of a run that stops after many half-cycles are numbers, those of the closed form."""
+    """Compare the margins of a run of many half-cycles with the exact engine."""
     run = coulomb_run(2e-3, mu=0.02, samples=4000)
     model = Oscillator(PROTOTYPE_MASS, STIFFNESS, PROTOTYPE_DAMPING, 9.66, Coulomb(0.02))
     exact, hybrid = (fit(run, model, ["mu", "stiffness"], engine=engine) for engine in ("exact", "hybrid"))

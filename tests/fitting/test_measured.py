@@ -1,4 +1,4 @@
-"""Real pendulums, recorded by others with encoders: what any fit of them must reach, and what it must admit."""
+"""Fits of published pendulum records, measured with encoders."""
 
 import numpy as np
 import pytest
@@ -11,12 +11,15 @@ SMALL = "multiarm-pendulum/SingleDataFreeSwing_1_Dt_0_0001.mat"
 LARGE = "multiarm-pendulum/SinglePendulumDataForParameterEstimation.mat"
 ROTARY = "rotary-pendulum/data03.txt"
 FREE = ("mu", "damping", "stiffness")
-# Bounds of a coefficient that is left out, so that fits without it share the compilation of those with it.
+# Bounds that exclude a coefficient. Fits with and without it then share one compilation.
 NONE = (0.0, 1e-12)
 
 
 def pendulum(mu: float = 0.1, drag: float = 0.0) -> Oscillator:
-    """Per unit of inertia and load: mu is then the deceleration by dry friction [rad/s^2]."""
+    """Pendulum with unit inertia and load.
+
+    mu is then the deceleration by dry friction [rad/s^2].
+    """
     return Oscillator(1.0, 50.0, 0.0, 1.0, Coulomb(mu), restoring=Pendulum(), drag=drag)
 
 
@@ -48,24 +51,25 @@ def dry_alone(small) -> float:
 
 
 def assert_misses(found: Fit, *parts: str):
-    """The optimum was found, but the residuals are no noise."""
+    """Check that the optimum was found but does not describe the record."""
     assert found.optimum_found and not found.converged
     for part in ("does not describe the record: residuals of ", *parts):
         assert part in found.status, found.status
 
 
 def assert_honest(found: Fit):
-    """Residuals of an encoder are never white; every standard error counts that."""
+    """Check that the fit reports the coloured residuals of an encoder."""
     assert not found.whiteness.white
-    # Up to ten times the noise they are taken for it, and beyond that the status says the same as the sentence.
+    # Residuals of up to ten times the noise are treated as noise. Above that, status and warning report a misfit.
     missed = found.status.startswith("does not describe the record: ")
-    words = "does not describe the run" if missed else "are taken for noise"
+    words = "does not describe the run" if missed else "are treated as slow noise"
     assert any(words in sentence for sentence in found.warnings)
     for name in found.names:
         assert found.std_errors[name] > 10 * found.white_std_errors[name] or "at bound" in found.flags[name], name
-    assert "Were the noise white" in found.summary()
+    assert "Statistical (white noise)" in found.summary()
 
 
+@pytest.mark.slow
 def test_small_swing_with_dry_and_viscous_friction(small_both):
     assert small_both.quantity == "rad"
     assert_misses(small_both, " in motion are 24.7 times the noise of 45.3 urad")
@@ -74,7 +78,7 @@ def test_small_swing_with_dry_and_viscous_friction(small_both):
     assert small_both.values["mu"] == pytest.approx(0.152, rel=0.03)
     assert small_both.values["damping"] == pytest.approx(0.061, rel=0.1)
     assert small_both.values["offset"] == pytest.approx(np.pi, abs=1e-3)
-    # The rest belongs to the window: 23 s of record without the first third of a second.
+    # The window includes the rest: 23 s of record without the first third of a second.
     assert np.isfinite(small_both.residuals).sum() > 0.95 * small_both.residuals.size
     assert_honest(small_both)
 
@@ -83,6 +87,7 @@ def test_small_swing_with_dry_friction_alone(dry_alone):
     assert dry_alone == pytest.approx(0.162, rel=0.01)
 
 
+@pytest.mark.slow
 def test_small_swing_with_viscous_friction_alone_is_as_bad_as_it_is(small, small_both):
     found = fit(small, pendulum(mu=0.0), ("damping", "stiffness"))
     assert found.residual_rms == pytest.approx(2.4e-3, rel=0.1)
@@ -99,6 +104,7 @@ def large_bounded(large) -> Fit:
     return fit(large, pendulum(drag=0.004), (*FREE, "drag"), bounds={"damping": (0, None), "drag": (0, None)})
 
 
+@pytest.mark.slow
 def test_large_swing_with_drag_and_bounded_damping(large_bounded, dry_alone):
     assert large_bounded.residual_rms <= 8.0e-3
     assert large_bounded.residual_rms == pytest.approx(7.4e-3, rel=0.03)
@@ -126,10 +132,11 @@ def test_large_swing_with_viscous_friction_alone_is_as_bad_as_it_is(large):
     assert_honest(found)
 
 
+@pytest.mark.slow
 def test_rotary_pendulum(rotary):
     both = fit(rotary, pendulum(mu=2.0), FREE)
     assert both.converged and both.residual_rms <= 4.6e-3
-    # The hand holds it until 0.4 s, and before the first reversal no sample is used.
+    # A hand holds the pendulum until 0.4 s. No sample before the first reversal is used.
     assert both.origins[0] > 0.4 and np.isnan(both.residuals[: int(1e3 * both.origins[0])]).all()
     assert_honest(both)
     viscous = fit(rotary, pendulum(mu=2.0), FREE, bounds={"mu": NONE})

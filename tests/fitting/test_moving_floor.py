@@ -1,4 +1,4 @@
-"""A floor that moves and was recorded no longer biases the fit."""
+"""Fits on a moving floor with recorded acceleration."""
 
 import numpy as np
 import pytest
@@ -15,7 +15,7 @@ RATE, NOISE = 5e3, 1e-9
 
 @pytest.fixture(scope="module")
 def shaken() -> tuple[fj.Trace, np.ndarray]:
-    """A run on a floor of the vibration class C at 12.6 Hz."""
+    """Run on a floor of vibration class C at 12.6 Hz."""
     random, t = np.random.default_rng(0), np.arange(round(0.45 * RATE)) / RATE
     floor = np.sqrt(3.4e-7 * RATE / 2) * random.standard_normal(t.size)
     x = np.asarray(simulate(SLIDING, 2e-3, t, base_acceleration=floor).x)
@@ -26,7 +26,7 @@ def test_what_the_floor_did_is_taken_out(shaken: tuple[fj.Trace, np.ndarray]):
     trace, floor = shaken
     plain = fj.fit(trace, SLIDING, MACHINE, throw=False)
     found = fit_on_moving_floor(trace, floor, SLIDING, MACHINE)
-    # Without the floor's record the fit sees that it shakes, and knows the less.
+    # Without the floor's record the fit detects the vibration and reports larger errors.
     assert abs(plain.values["mu"] - 0.05) < 4 * plain.std_errors["mu"] and plain.chi2_reduced > 1e3
     assert plain.noises[0].floor > 0 and plain.std_errors["mu"] > 1e3 * found.std_errors["mu"]
     assert abs(found.values["mu"] - 0.05) < 5 * found.std_errors["mu"]

@@ -1,4 +1,4 @@
-"""Fits from many starts: what they find, in which order, and what they say about it."""
+"""Fits from many starts: their optima, their order and their report."""
 
 import functools
 

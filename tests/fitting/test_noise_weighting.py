@@ -1,4 +1,4 @@
-"""Fits of records whose noise is not white, against what is known of that noise."""
+"""Fits of records with coloured noise of known covariance."""
 
 import dataclasses
 
@@ -38,13 +38,16 @@ def fitted(noise: np.ndarray, **settings) -> Fit:
 
 
 def errors(found: Fit) -> np.ndarray:
-    """Distance of the coefficients of the machine from the truth, in standard errors."""
+    """Errors of the machine's coefficients, in standard errors."""
     true = truth("rolling", "Coulomb", found)
     return np.array([(found.values[name] - true[name]) / found.std_errors[name] for name in MACHINE])
 
 
 def assert_same(found: Fit, other: Fit, within: float = 0.1, bars: float = 0.03):
-    """Values that agree to a part of a standard error, and standard errors that agree."""
+    """Check that values and standard errors of two fits agree.
+
+    `within` is the tolerance of the values in standard errors, `bars` the relative one of the standard errors.
+    """
     for name in MACHINE:
         assert abs(found.values[name] - other.values[name]) < within * other.std_errors[name], name
         assert found.std_errors[name] == pytest.approx(other.std_errors[name], rel=bars), name
@@ -61,14 +64,14 @@ def test_white_noise_is_left_to_plain_least_squares():
 
 @pytest.mark.parametrize("rho", [0.9, 0.99])
 def test_standard_errors_are_those_of_the_known_covariance(rho):
-    """Of generalised least squares of all samples, the noise stationary and known."""
+    """Compare with generalised least squares of all samples for known stationary noise."""
     problem = problem_of(Trace(T, X + autoregressive(rho, 3)), MODEL, MACHINE)
     found = concluded_errors(problem)
     jacobian = np.asarray(whole(problem.residual, solve(problem).y)[1])
     window = problem.windows[0]
     used = np.flatnonzero(window.used)
     columns = jacobian[used] * window.sigma[used, None]
-    # Samples that are not used lie at the beginning, or repeat a rounding; none do so here.
+    # Unused samples could lie only at the beginning, because no rounded value repeats here.
     assert np.all(np.diff(used) == 1)
     row = SIZE**2 * rho ** np.arange(used.size)
     scale = np.linalg.norm(columns, axis=0)
@@ -84,20 +87,24 @@ def concluded_errors(problem) -> np.ndarray:
 
 
 def test_a_known_covariance_solves_as_a_toeplitz_matrix_does():
-    """The oracle above, by the whole matrix."""
+    """Check the oracle above against the full matrix."""
     row = 0.9 ** np.arange(50)
     right = np.random.default_rng(0).standard_normal((50, 2))
     assert solve_toeplitz(row, right) == pytest.approx(np.linalg.solve(toeplitz(row), right))
 
 
 def walked(seed: int) -> Fit:
-    """A run to its rest on a random walk; without a rest nobody could tell that from what a model lacks."""
+    """Fit a run with a random walk as noise.
+
+    The run includes a rest. Without one, a random walk cannot be separated from model error.
+    """
     run = coulomb_run(mu=RIG.mu, load=RIG.load, samples=24000, noise=1e-15)
     return fit(
         Trace(run.t, run.x + np.cumsum(5e-9 * np.random.default_rng(seed).standard_normal(run.n))), MODEL, MACHINE
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "fitted", [lambda seed: fitted(autoregressive(0.9, seed)), lambda seed: fitted(autoregressive(0.99, seed)), walked]
 )
@@ -111,8 +118,12 @@ def test_estimates_scatter_by_their_standard_errors(fitted):
     assert all(each.std_errors["mu"] > 2 * each.white_std_errors["mu"] for each in found)
 
 
+@pytest.mark.slow
 def test_on_noise_that_never_forgets_the_fit_lies_in_the_middle_of_the_record():
-    """The level of a random walk tells no offset, whose bar is as large as the walk; any would describe its steps."""
+    """Check the offset under a random walk.
+
+    The mean of a random walk carries no information on the offset, so its standard error is as large as the walk.
+    """
     found = [walked(seed) for seed in range(8)]
     for each in found:
         residuals = each.residuals[np.isfinite(each.residuals)]
@@ -136,17 +147,17 @@ def test_a_hum_is_taken_out():
     (line,) = found.noises[0].lines
     assert line.frequency == pytest.approx(50.03, abs=1e-3)
     assert np.hypot(line.cosine, line.sine) == pytest.approx(1e-6, rel=0.01)
-    # Two sizes and a frequency more are told by the same samples.
+    # The same samples also determine two amplitudes and a frequency.
     assert_same(found, quiet, within=0.2)
     assert found.noises[0].at(T - found.origins[0]) == pytest.approx(hum, abs=2e-8)
-    # The plot shows it on the residuals, with the band of the noise about it.
+    # The plot shows the hum on the residuals, with a band for the noise.
     residuals = found.plot().axes[1]
     assert "[um]" in residuals.get_ylabel() and "about drift and hum" in residuals.get_title(loc="left")
     assert 1e-6 * residuals.lines[-1].get_ydata() == pytest.approx(hum, abs=2e-8)
 
 
 def test_a_strong_hum_over_a_quiet_motion_needs_no_rest():
-    """Most of it is removed within the rows, where these do not show it."""
+    """Remove a hum that is mostly averaged out within the rows."""
     n = T.size // 3
     noise = white(4, 1e-9) + 1e-6 * np.sin(2 * np.pi * 50 * T + 1)
     found = fit(Trace(T[:n], (X + noise)[:n]), MODEL, MACHINE)
@@ -182,7 +193,7 @@ def test_the_number_of_rows_does_not_matter(monkeypatch):
 
 
 def rounded(seed: int, step: float = 1e-5) -> Trace:
-    """A record of a converter of ten bit, with an offset of its own."""
+    """Record of a ten-bit converter with a random offset."""
     shift = np.random.default_rng(seed).uniform(-1e-3, 1e-3)
     return Trace(T, step * np.round((X + shift) / step))
 
@@ -192,36 +203,38 @@ def test_the_error_of_rounding_is_a_function_of_the_reading():
     scores = np.array([errors(each) for each in found])
     assert np.sqrt(np.mean(scores**2, axis=0)) == pytest.approx(1.0, abs=0.4) and np.max(np.abs(scores)) < 4
     assert all(each.converged and each.noises[0].rounding == pytest.approx(1e-5) for each in found)
-    # The rounding would be taken for noise otherwise, and tell as much less.
+    # If the rounding counted as noise, the errors would be larger.
     assert all(each.std_errors["mu"] < 0.6 * each.white_std_errors["mu"] for each in found)
     assert "is rounded to steps of 10 um" in found[0].summary()
 
 
+@pytest.mark.slow
 def test_the_number_of_harmonics_of_the_rounding_does_not_matter(monkeypatch):
     plain = [fit(rounded(seed), MODEL, MACHINE) for seed in range(4)]
     for number in (2, 8):
         monkeypatch.setattr(rows, "_HARMONICS", number)
         for seed, each in enumerate(plain):
-            # The more of the rounding is known, the smaller is what is left of it.
+            # With more harmonics of the rounding, its remainder is smaller.
             assert_same(fit(rounded(seed), MODEL, MACHINE), each, within=2.0, bars=0.6)
 
 
 def test_noise_of_more_than_half_a_step_hides_the_rounding():
     step, noise = 2e-8, white(8)
     trace = Trace(T, step * np.round((X + noise) / step))
-    # Rounding to steps of one deviation adds a twelfth of the variance, independent of the noise: 0.3 standard errors.
+    # Rounding in steps of one standard deviation adds an independent twelfth of the variance: 0.3 standard errors.
     assert_same(fit(trace, MODEL, MACHINE), fitted(noise), within=1.0, bars=0.06)
     assert not fit(trace, MODEL, MACHINE).noises[0].rounding
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("noise", "step", "shows"),
     [
         # Slow noise and a drift hide rounding, though their innovations would not.
         (lambda seed: autoregressive(0.95, seed), 1e-8, False),
-        # Beside a drift that is known it shows.
+        # With a known drift, the rounding is visible.
         (lambda seed: white(seed, 1e-9), 1e-8, True),
-        # Derivatives are no straight line over a step as long as that to the fit beside the drift.
+        # The drift makes the step to the optimum so long that the model is not linear along it.
         (lambda seed: white(seed, 1e-9), 2e-9, False),
         (lambda seed: white(seed, 1e-9), 5e-8, True),
     ],
@@ -238,7 +251,10 @@ def test_rounding_and_drift_and_noise_come_together(noise, step, shows):
 
 
 def test_a_fit_ends_where_its_noise_is_seen_now_in_one_way_now_in_another():
-    """Harmonics of the rounding pass for lines of a hum in every second look, and would for ever."""
+    """End a fit in which two noise models alternate.
+
+    Every second analysis takes the harmonics of the rounding for lines of a hum.
+    """
     machine = Oscillator(PROTOTYPE_MASS, STIFFNESS, PROTOTYPE_DAMPING, 9.66, Coulomb(0.02))
     for seed in range(4):
         run = synthetic_run(machine, 1.5e-3, rate=5e3, duration=0.8, noise=1e-12, seed=seed)
@@ -262,6 +278,7 @@ def test_noise_that_is_only_relative_counts_as_it_is():
     assert_same(found, fitted(noise), within=1e-2, bars=1e-2)
 
 
+@pytest.mark.slow
 def test_runs_of_a_joint_fit_count_by_their_own_noise():
     traces = [Trace(T, X + white(8), sigma=SIZE), Trace(T, X + autoregressive(0.99, 9), sigma=SIZE)]
     joint, first = fit(traces, MODEL, MACHINE), fit(traces[0], MODEL, MACHINE)
@@ -283,12 +300,12 @@ def test_a_batch_counts_by_the_noise_of_each_run():
 
 
 def test_criteria_prefer_the_colour_that_is_there():
-    """Beside the law that is right, one without friction explains less under any noise."""
+    """Compare criteria of the right law and of a law without friction."""
     noise = autoregressive(0.9, 12)
     right = fitted(noise)
     wrong = fit(Trace(T, X + noise), dataclasses.replace(MODEL, friction=Coulomb(0.0)), MACHINE[1:], throw=False)
     assert right.aicc < wrong.aicc and right.bic < wrong.bic
-    # The likelihood of the noise as it is lies far above that of white noise.
+    # The likelihood with the true noise model is far higher than with white noise.
     assert right.aicc < right.chi2 - 1e3
 
 
@@ -303,6 +320,7 @@ def test_a_batch_knows_rounding_and_drift_of_its_runs():
             assert batch.std_errors[name][i] == pytest.approx(alone.std_errors[name], rel=0.03)
 
 
+@pytest.mark.slow
 def test_a_robust_fit_of_noise_that_remembers_knows_nothing_of_rows_beyond_its_bend():
     found = fitted(autoregressive(0.9, 1), loss="huber")
     assert found.converged and abs(found.values["mu"] - RIG.mu) < 5 * found.std_errors["mu"]

@@ -1,4 +1,4 @@
-"""Values that cannot be true are remarked on with the mistake that makes them."""
+"""Warnings about implausible values, with the likely mistake."""
 
 import numpy as np
 import pytest
@@ -12,7 +12,7 @@ from tests.oracles import coulomb_viscous
 
 MODEL = oscillator(RIGS["sliding"], "Coulomb")
 LOAD = RIGS["sliding"].load
-# With a static coefficient of its own.
+# Static and dynamic coefficients are separate parameters.
 APART = Oscillator(PROTOTYPE_MASS, STIFFNESS, PROTOTYPE_DAMPING, LOAD, Coulomb(0.05, 0.05))
 
 
@@ -22,7 +22,7 @@ def remarks(told, word: str) -> list[str]:
 
 @pytest.fixture(scope="module")
 def wrong():
-    """Millimetres read as metres."""
+    """Fit a record in millimetres that was read as metres."""
     return coulomb_run(scale=1e3)
 
 
@@ -46,30 +46,30 @@ def test_the_rows_of_a_batch_are_remarked_on(wrong):
 @pytest.mark.parametrize(
     ("mass", "stiffness", "sentence"),
     [
-        (1e3 * PROTOTYPE_MASS, STIFFNESS, "A mass in g that is given as if in kg"),
-        (PROTOTYPE_MASS, 1e-3 * STIFFNESS, "a stiffness in N/mm as if in N/m."),
-        (PROTOTYPE_MASS, 1e3 * STIFFNESS, "A stiffness in N/m that is given as if in N/mm does this."),
+        (1e3 * PROTOTYPE_MASS, STIFFNESS, "a mass in g entered as kg"),
+        (PROTOTYPE_MASS, 1e-3 * STIFFNESS, "a stiffness in N/mm entered as N/m."),
+        (PROTOTYPE_MASS, 1e3 * STIFFNESS, "Typical cause: a stiffness in N/m entered as N/mm."),
         (PROTOTYPE_MASS, 30 * STIFFNESS, "check stiffness and mass"),
     ],
 )
 def test_a_machine_that_cannot_swing_as_the_record_does_is_remarked_on(mass, stiffness, sentence):
     machine = Oscillator(mass, stiffness, PROTOTYPE_DAMPING * mass / PROTOTYPE_MASS, LOAD, Coulomb(0.05))
-    swings = f"the machine swings at {FREQUENCY * np.sqrt(stiffness / STIFFNESS * PROTOTYPE_MASS / mass):.4g} Hz"
-    (remark,) = remarks(fit(coulomb_run(), machine, MACHINE, throw=False).warnings, "By its stiffness and mass")
-    assert swings in remark and f"the record at {FREQUENCY:.4g} Hz" in remark and sentence in remark
+    swings = f"a natural frequency of {FREQUENCY * np.sqrt(stiffness / STIFFNESS * PROTOTYPE_MASS / mass):.4g} Hz"
+    (remark,) = remarks(fit(coulomb_run(), machine, MACHINE, throw=False).warnings, "Stiffness and mass give")
+    assert swings in remark and f"the record oscillates at {FREQUENCY:.4g} Hz" in remark and sentence in remark
 
 
 def test_times_in_milliseconds_taken_for_seconds_are_remarked_on():
     run = coulomb_run()
     slow = Trace(1e3 * np.asarray(run.t), run.x, sigma=run.sigma)
-    (remark,) = remarks(fit(slow, MODEL, MACHINE, throw=False).warnings, "By its stiffness and mass")
-    assert remark.endswith("Times in ms that are read as s do this.")
+    (remark,) = remarks(fit(slow, MODEL, MACHINE, throw=False).warnings, "Stiffness and mass give")
+    assert remark.endswith("Typical cause: times in ms read as s.")
 
 
 @pytest.mark.parametrize(("mass", "stiffness"), [(PROTOTYPE_MASS, 2 * STIFFNESS), (1.0, 1.0), (PROTOTYPE_MASS, 1.0)])
 def test_a_start_value_twice_off_or_left_open_is_no_mistake(mass, stiffness):
     machine = Oscillator(mass, stiffness, PROTOTYPE_DAMPING, LOAD, Coulomb(0.05))
-    assert not remarks(fit(coulomb_run(), machine, MACHINE).warnings, "By its stiffness and mass")
+    assert not remarks(fit(coulomb_run(), machine, MACHINE).warnings, "Stiffness and mass give")
 
 
 def test_per_unit_of_load_a_coefficient_may_have_any_size():
@@ -77,9 +77,10 @@ def test_per_unit_of_load_a_coefficient_may_have_any_size():
     assert found.values["mu"] > 10 and not remarks(found.warnings, "larger than")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("by", ["quantity", "spring"])
 def test_degrees_taken_for_radians_are_remarked_on(by):
-    """A swing of 5 degrees to each side."""
+    """Fit a swing of 5 degrees to each side, read as radians."""
     run = coulomb_run(scale=5.0 / X0)
     data = Record(run, {"quantity": "rad"}) if by == "quantity" else run
     spring = {} if by == "quantity" else {"restoring": Pendulum()}
@@ -91,9 +92,10 @@ def test_degrees_taken_for_radians_are_remarked_on(by):
 
 @pytest.fixture(scope="module")
 def disagreeing() -> tuple[list[Trace], float, float]:
-    """Two runs of different static friction, and the coefficients that stop and non-stop ask for by the closed form.
+    """Two runs with different static friction, and their limits of the coefficient.
 
-    One mass stops 455 um from the equilibrium, the other moves on at 358 um.
+    One mass stops 455 um from the equilibrium, which gives the lower limit. The other one moves on at 358 um, which
+    gives the upper limit. Both limits come from the closed form.
     """
     points = [
         coulomb_viscous(
@@ -106,6 +108,7 @@ def disagreeing() -> tuple[list[Trace], float, float]:
     return [coulomb_run(2e-3, mu_s=0.125), coulomb_run(1.9e-3, mu_s=0.05, seed=1)], stop, moved_on
 
 
+@pytest.mark.slow
 def test_stops_that_disagree_on_static_friction_are_said_to(disagreeing, tmp_path):
     runs, stop, moved_on = disagreeing
     assert moved_on < stop
@@ -114,7 +117,7 @@ def test_stops_that_disagree_on_static_friction_are_said_to(disagreeing, tmp_pat
     assert np.isnan(found.values["mu_s"])
     assert found.flags["mu_s"] == ("bracketed, not fitted", "differs from stop to stop")
     assert float(found.oscillator.friction.mu_s) == pytest.approx(found.values["mu"])  # type: ignore[attr-defined]
-    assert remarks(found.warnings, f"ask for at least {stop:.4g}, but the mass moved on where it must be below")
+    assert remarks(found.warnings, f"require at least {stop:.4g}, but the mass moved on where it must be below")
     assert np.all(np.isfinite(found.predict(found.times[0])))
     assert "differs from stop to stop" in found.summary()
     assert np.isnan(load_fit(found.save(tmp_path / "fit.json")).values["mu_s"])
@@ -127,6 +130,7 @@ def test_also_where_the_static_coefficient_was_not_asked_for(disagreeing):
     assert "mu_s:        differs from stop to stop, over [" in found.summary()
 
 
+@pytest.mark.slow
 def test_stops_that_agree_are_not_remarked_on():
     found = fit(coulomb_run(mu_s=0.065), APART, ("mu", "mu_s", "damping", "stiffness"))
     assert not remarks(found.warnings, "static coefficient")

@@ -1,4 +1,4 @@
-"""Mean and scatter over runs: against campaigns whose scatter is known, and against the likelihood on a grid."""
+"""Mean and scatter over runs, against simulated campaigns and a likelihood grid."""
 
 import numpy as np
 import pytest
@@ -26,7 +26,7 @@ def test_intervals_cover_as_they_say():
 
 
 def test_the_scatter_is_that_of_the_restricted_likelihood():
-    """The likelihood with the mean integrated out, on a grid of means and scatters."""
+    """Integrate the likelihood over the mean, on a grid."""
     z, u = runs(3)
     scatters, means = np.linspace(1e-5, 4e-3, 400), np.linspace(0.045, 0.055, 2001)
     spread = np.sqrt(u**2 + scatters[:, None] ** 2)
@@ -71,8 +71,12 @@ def test_a_batch_tells_its_population():
         batch.population("my")
 
 
+@pytest.mark.slow
 def test_a_clean_sample_hardly_ever_loses_a_run():
-    """About one in a hundred; of 600 samples a binomial count of mean 6."""
+    """Count wrong outliers in 600 clean samples.
+
+    The rate is about one in a hundred, so the count is binomial with mean 6.
+    """
     for n in (4, 20):
         trimmed = sum(bool(population(*runs(seed, n=n)).outliers) for seed in range(600))
         assert trimmed <= 16, n
@@ -90,9 +94,13 @@ def test_runs_read_in_a_wrong_unit_are_set_aside_and_named():
     assert "over 180 runs" in str(found) and "outliers set aside: runs 3, 50, 77, 180" in str(found)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("n", [6, 12, 60])
 def test_intervals_cover_as_they_say_beside_outliers(n):
-    """A third of the runs, less one, lie ten to a hundred times the scatter off, to one side."""
+    """Displace a third of the runs, less one, to one side.
+
+    They lie off by twenty to a hundred times the scatter.
+    """
     found = []
     for seed in range(300):
         random = np.random.default_rng(1000 + seed)
@@ -107,13 +115,13 @@ def test_intervals_cover_as_they_say_beside_outliers(n):
 
 
 def test_few_runs_that_scatter_keep_all_of_them():
-    """Two near each other and one apart are no reason to drop the third."""
+    """Keep runs that lie apart from two close ones."""
     found = population(np.array([0.05, 0.0501, 0.06, 0.057]), np.full(4, 1e-6))
     assert found.outliers == () and found.runs == 4
 
 
 def test_runs_that_have_not_converged_are_left_out_unless_they_are_asked_for():
-    """Two of four runs have lost a fringe in the middle of a stroke."""
+    """Fit four runs, two of them with a fringe slip in mid-stroke."""
     good = [coulomb_run(x0, seed=i) for i, x0 in enumerate((2e-3, 1.8e-3))]
     slipped = [fj.Trace(run.t, np.where(np.arange(run.n) < 500, run.x, run.x + 316.4e-9)) for run in good]
     batch = fj.fit_batch([*good, *slipped], oscillator(RIGS["sliding"], "Coulomb"), ("mu", "damping", "stiffness"))

@@ -1,4 +1,4 @@
-"""Predictions: inside the record what was fitted, behind its end the motion until the law stops the mass."""
+"""Predictions inside the record and behind its end, until the mass stops."""
 
 import numpy as np
 import pytest
@@ -16,14 +16,17 @@ def machine(friction) -> Oscillator:
 
 
 def cut(law, seconds: float, seed: int = 0) -> Trace:
-    """A run that ends in motion, of as many samples as share their compilation with the standard workloads."""
+    """Run that ends in motion."""
     t = np.arange(round(40e3 * seconds)) / 40e3
     x = np.asarray(simulate(machine(law), X0, t).x)
     return Trace(t, x + 1e-9 * np.random.default_rng(seed).standard_normal(t.size), sigma=1e-9)
 
 
 def test_behind_the_end_of_a_rolling_run_the_mass_stops_where_the_law_stops_it(tmp_path):
-    """The run of 2 s ends in motion; its mass stops at 3.6 s, by the closed form."""
+    """Predict behind the end of a run of 2 s that ends in motion.
+
+    In closed form, the mass stops at 3.6 s.
+    """
     run, machine = noisy("rolling", "Coulomb", 0), oscillator(RIGS["rolling"], "Coulomb")
     found = fit(run, machine, MACHINE)
     assert found.half_cycles == (None,)
@@ -47,13 +50,14 @@ def test_times_may_come_in_any_order_and_from_both_sides_of_the_end():
     assert both[:-1] == pytest.approx(inside, abs=1e-15)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "law",
     [Coulomb(0.05), Stribeck(0.05, 0.065, v_stribeck=5e-3), Tanh(0.05, 1e-4)],
     ids=["Coulomb", "Stribeck", "Tanh"],
 )
 def test_a_sliding_run_cut_in_motion_goes_on_as_its_law_has_it(law):
-    """Each law against the motion of the true machine, which was not cut."""
+    """Compare the prediction of each law with the full motion."""
     found = fit(cut(law, 0.15), machine(law), MACHINE, throw=False)
     later = np.array([0.16, 0.25, 0.3, 0.6, 1.0])
     true = np.asarray(simulate(machine(law), X0, later).x)
@@ -68,14 +72,17 @@ def test_where_the_static_coefficient_is_bracketed_the_middle_of_its_interval_st
 
 
 def test_a_law_that_would_stop_the_mass_inside_the_record_is_remarked_on():
-    """The third reversal lies 0.83 mm from the equilibrium, where a static friction of 0.4 would hold the mass."""
+    """Fit with a static friction of 0.4.
+
+    It would hold the mass at the third reversal, 0.83 mm from the equilibrium.
+    """
     run = cut(Coulomb(0.05), 0.15)
     points = np.asarray(simulate(machine(Coulomb(0.05)), X0, np.array([1.0])).turning_points)
     sticky = fit(run, machine(Coulomb(0.05, 0.4)), MACHINE, throw=False)
     (remark,) = (sentence for sentence in sticky.warnings if "inside the record" in sentence)
-    assert f"lacks {0.4 * LOAD / STIFFNESS - abs(points[3]):.2e} m" in remark
+    assert f"is {0.4 * LOAD / STIFFNESS - abs(points[3]):.2e} m too small" in remark
     assert not any("inside the record" in sentence for sentence in fit(run, machine(Coulomb(0.05)), MACHINE).warnings)
-    # Behind the end such a law stops it at the next reversal.
+    # Behind the end, the law stops the mass at the next reversal.
     assert sticky.predict([0.2, 5.0]) == pytest.approx([points[4], points[4]], abs=2e-8)
 
 

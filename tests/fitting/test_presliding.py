@@ -1,4 +1,4 @@
-"""Start values of a contact, against settlings and decays in closed form."""
+"""Start values of a contact, against creep and decays in closed form."""
 
 import dataclasses
 
@@ -27,7 +27,10 @@ LATE = FORCE / (NOISE**2 / (2 * BAND))
 
 
 def at_rest_after(after, *, turned: float = -0.4 * BAND, length: float = 0.1) -> Window:
-    """A record whose last stroke, a cosine downwards to `turned`, is followed by the displacement `after(t)`."""
+    """Record with a given motion after its last stroke.
+
+    The last stroke is a cosine down to `turned`. The displacement `after(t)` follows.
+    """
     t = np.arange(round((HALF_PERIOD + length) * 20e3)) / 20e3 - HALF_PERIOD
     before = turned + (2 * BAND - turned) * (1 - np.cos(np.pi * t / HALF_PERIOD)) / 2
     x = np.where(t < 0, before, turned + after(np.maximum(t, 0.0)))
@@ -48,7 +51,7 @@ def at_rest_after(after, *, turned: float = -0.4 * BAND, length: float = 0.1) ->
 @pytest.mark.parametrize("sigma0", [3e4, 1e6, 1e7])
 @pytest.mark.parametrize("ratio", [0.02, 0.2])
 def test_a_ringing_tells_stiffness_and_damping(sigma0, ratio):
-    """A swing at the Dahl resonance beside a creep four times its size."""
+    """Add a ringing at the Dahl resonance to a creep four times larger."""
     omega = np.sqrt((STIFFNESS + sigma0) / PROTOTYPE_MASS)
     swing = lambda t: 50e-9 * (1 - np.exp(-ratio * omega * t) * np.cos(omega * t))
     window = at_rest_after(lambda t: swing(t) + 200e-9 * (1 - np.exp(-t / 0.03)))
@@ -58,7 +61,10 @@ def test_a_ringing_tells_stiffness_and_damping(sigma0, ratio):
 
 
 def test_a_spring_back_without_ringing_tells_them_too():
-    """A Dahl contact returns l ln(2/(1 - a/x_d)); here by a first-order creep, that of a strong contact damping."""
+    """Let a Dahl contact return by l ln(2/(1 - a/x_d)).
+
+    Strong contact damping makes the return a first-order creep.
+    """
     sigma0, sigma1 = 1e6, 6e3
     back = FORCE / sigma0 * np.log(2 / (1 - 0.4))
     window = at_rest_after(lambda t: back * (1 - np.exp(-t * sigma0 / sigma1)))
@@ -79,7 +85,10 @@ def test_a_contact_is_as_good_as_rigid_where_all_samples_do_not_show_how_late_it
 
 
 def test_the_rest_nearest_to_the_equilibrium_tells_the_contact():
-    """Elsewhere the contact has begun to yield; here its creep ends elsewhere by as much as from half the stiffness."""
+    """Combine a rest near the equilibrium with one far from it.
+
+    Far from the equilibrium the contact has begun to yield, and its creep is much larger.
+    """
     back = FORCE / 1e6 * np.log(2 / (1 - 0.4))
     near = at_rest_after(lambda t: back * (1 - np.exp(-t * 166.0)))
     far = at_rest_after(lambda t: 8 * back * (1 - np.exp(-t * 166.0)), turned=-0.8 * BAND)
@@ -93,7 +102,10 @@ def test_a_record_that_ends_with_the_motion_tells_nothing_of_the_contact():
 
 
 def test_the_energy_returned_at_each_reversal_tells_the_stiffness():
-    """Turning points of the undamped Dahl map, a' = -x_d + sqrt((a - x_d)^2 + 4 x_d l)."""
+    """Use turning points of the undamped Dahl map.
+
+    The map is a' = -x_d + sqrt((a - x_d)^2 + 4 x_d l).
+    """
     sigma0 = 1e5
     points = [2e-3]
     while len(points) < 6:

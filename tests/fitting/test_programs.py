@@ -1,4 +1,4 @@
-"""What a fit compiles: its model once, in so many instructions, and an engine of its check that tells its error."""
+"""Compiled programs of a fit, their size, and the engine of the numerical check."""
 
 import re
 
@@ -17,10 +17,11 @@ from fricjax.oscillator.program import Shape, split
 from tests.fitting.problem_of import problem_of
 from tests.fitting.runs import MACHINE, RIGS, STIFFNESS, coulomb_run, noisy, oscillator
 from tests.helpers import PROTOTYPE_DAMPING, PROTOTYPE_MASS
+from tests.tiers import cases
 
-# Instructions before optimisation of all that a fit compiles, a tenth above what they were when this was written.
+# Limits of the number of instructions that a fit compiles, before optimisation. They allow a margin of a tenth.
 BUDGETS = {"Coulomb": 2350, "Tanh": 5600, "Stribeck": 6150, "LuGre": 9150}
-# What tests/fitting/test_recovery.py frees, so that both share the compilation.
+# Free parameters as in tests/fitting/test_recovery.py, so that both files share the compilation.
 FREE = {"LuGre": (*MACHINE, "sigma0")}
 
 
@@ -33,7 +34,7 @@ def machine(law: str) -> Oscillator:
 
 
 def watched(monkeypatch) -> dict[str, dict[Shape, str]]:
-    """The programs of fits to come, lowered, by what they do and by the shape of their arguments."""
+    """Record the lowered programs of later fits by name and argument shapes."""
     programs: dict[str, dict[Shape, str]] = {}
 
     def watch(module, attribute: str, name: str) -> None:
@@ -61,9 +62,12 @@ def watched(monkeypatch) -> dict[str, dict[Shape, str]]:
     return programs
 
 
-@pytest.mark.parametrize("law", BUDGETS)
+@pytest.mark.parametrize("law", cases(BUDGETS, ["Coulomb"]))
 def test_a_fit_and_its_check_are_one_program_of_bounded_size(law: str, monkeypatch):
-    """Climb, check and what goes on from there differ in numbers alone; a mesh is found by a program of its own."""
+    """Count programs and instructions of a fit.
+
+    Fit, check and continuation share one program. The mesh needs a separate one.
+    """
     programs = watched(monkeypatch)
     run, free = noisy("rolling", "Coulomb" if law == "Stribeck" else law, 3), FREE.get(law, MACHINE)
     found = fit(run, machine(law), free, throw=False)
@@ -77,7 +81,10 @@ def test_a_fit_and_its_check_are_one_program_of_bounded_size(law: str, monkeypat
 
 @pytest.mark.parametrize("samples", [3_000, 60_000, 250_000])
 def test_a_record_and_its_condensation_share_a_program(samples: int):
-    """The fit goes by the condensed record and is checked by the whole one: of two shapes both would be compiled."""
+    """Check that both have the same shapes.
+
+    The fit uses the condensed record, and its check uses all samples. With different shapes, both would be compiled.
+    """
     problem = problem_of(
         coulomb_run(samples=samples, rate=samples / 0.4), oscillator(RIGS["sliding"], "Coulomb"), MACHINE
     )
@@ -89,8 +96,9 @@ UNCERTAIN = Rig(
 )
 
 
+@pytest.mark.slow
 def test_a_rig_adds_one_program_that_is_compiled_beside_the_solver(monkeypatch):
-    """Were its shape not the one that is expected, a first fit would compile three."""
+    """Expect two programs in a first fit; a wrong shape would add a third."""
     programs = watched(monkeypatch)
     fit(coulomb_run(), UNCERTAIN.oscillator(Coulomb(0.05)), MACHINE, rig=UNCERTAIN)
     assert [len(shapes) for shapes in programs.values()] == [2]
@@ -108,7 +116,10 @@ def test_a_mesh_is_the_same_program_with_a_rig():
 
 
 def test_inputs_of_a_rig_are_looked_at_by_a_small_program():
-    """Stages never move them, so that no solver of so many coordinates is compiled."""
+    """Compare instructions with and without inputs of a rig.
+
+    The stages never move the inputs, so the solver does not include their coordinates.
+    """
     problem = problem_of(coulomb_run(), UNCERTAIN.oscillator(Coulomb(0.05)), MACHINE, rig=UNCERTAIN)
     y = solve.start_coordinates(problem)
 
@@ -122,9 +133,13 @@ def test_inputs_of_a_rig_are_looked_at_by_a_small_program():
     assert instructions(problem.residual, every) < 0.75 * instructions(without_inputs(problem.residual), y)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("nodes", "amplitudes"), [(16, 24), (28, 6), (16, None)], ids=["nodes", "table", "no table"])
 def test_the_check_tells_the_numerical_error_of_an_engine(nodes: int, amplitudes: int | None):
-    """The step to the optimum of another mesh of the same size against that to the optimum of a far finer one."""
+    """Compare the estimated numerical error with the true one.
+
+    The estimate is the step to the optimum of another mesh of the same size, the truth that of a far finer mesh.
+    """
     problem = problem_of(noisy("rolling", "Tanh", 5), machine("Tanh"), MACHINE)
     at = solve.solve_condensed(problem, solve.start_coordinates(problem))
     given = problem.residual.engine

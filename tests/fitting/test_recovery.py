@@ -1,6 +1,6 @@
-"""Synthetic recovery: some runs of each law on each rig, of which the truth is known from an oracle.
+"""Recovery of known coefficients from synthetic runs of each law and rig.
 
-Twenty of each are fitted by ``python experiments/recovery/run.py``.
+The runs come from an oracle. ``python experiments/recovery/run.py`` fits twenty runs of each.
 """
 
 import functools
@@ -18,13 +18,16 @@ SEEDS = {"Coulomb": 20, "Tanh": 20, "LuGre": 5}
 
 @functools.cache
 def fits(rig: str, law: str) -> list[Fit]:
-    """Fits of the runs of a workload from the default start, of which the first compiles."""
+    """Fit the runs of a workload from the default start."""
     free = (*MACHINE, "sigma0") if law == "LuGre" else MACHINE
     return [fit(noisy(rig, law, seed), oscillator(RIGS[rig], law), free) for seed in range(SEEDS[law])]
 
 
 def pulls(rig: str, law: str) -> np.ndarray:
-    """Error of each free parameter, those of the run included, in standard errors; shape (seeds, parameters)."""
+    """Errors of all free parameters in standard errors, with shape (seeds, parameters).
+
+    The parameters include those of the run.
+    """
     rows = []
     for found in fits(rig, law):
         true = truth(rig, law, found)
@@ -60,8 +63,9 @@ def test_numerical_errors_move_no_parameter_by_a_tenth_of_its_standard_error(wor
     assert max(shifts) <= 0.1
 
 
+@pytest.mark.slow
 def test_standard_errors_are_calibrated(workload):
-    """The scatter of the estimates, whitened by the covariance, is chi^2 distributed."""
+    """Whiten the scatter of the estimates and test it against chi^2."""
     (rig, law), total = workload, 0.0
     for found in fits(rig, law):
         true = truth(rig, law, found)
@@ -82,13 +86,16 @@ def test_rolling_friction_is_found_to_ten_parts_in_a_million(law):
 
 @pytest.mark.parametrize("law", LAWS)
 def test_the_bound_of_cramer_and_rao_is_reached_for_sliding_friction(law):
-    """The Fisher matrix of this rig, damping and offset free, gives some 2e-7 at 10 kHz; here it is 20 kHz."""
+    """Compare relative errors of mu with the Fisher matrix of the rig.
+
+    With free damping and offset it gives some 2e-7 at 10 kHz. These runs have 20 kHz.
+    """
     relative = [found.std_errors["mu"] / found.values["mu"] for found in fits("sliding", law)]
     assert min(relative) > 5e-8 and max(relative) < 5e-7
 
 
 def test_it_fits_from_wrong_start_values_all_the_same():
-    """The machine's coefficients are start values that the decay itself replaces."""
+    """Start from wrong coefficients, which the fit replaces by guesses from the decay."""
     reference = fits("sliding", "Coulomb")[0]
     machine = oscillator(RIGS["sliding"], "Coulomb")
     start = Oscillator(machine.mass, 0.5 * machine.stiffness, 3 * machine.damping, 9.66, Coulomb(0.3))

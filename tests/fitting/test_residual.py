@@ -1,4 +1,4 @@
-"""The residual of several runs, against that of each; and the ways in which parameters are fitted."""
+"""Residual of several runs against that of each, and parameter transforms."""
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -21,6 +21,7 @@ def joint(law: str) -> Residual:
 OWN = {"Coulomb": ("t_release", "x0", "offset"), "LuGre": ("x0", "v0", "offset")}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("law", OWN)
 def test_runs_of_one_shape_are_computed_as_each_for_itself(law):
     residual, step = joint(law), 1e-4 * np.arange(3 + 3 * len(OWN[law]))

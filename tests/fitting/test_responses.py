@@ -1,4 +1,4 @@
-"""The response to a force that a model has not, against the difference of two computed motions."""
+"""Response to a missing force, against the difference of two simulated motions."""
 
 import jax.numpy as jnp
 import numpy as np
@@ -19,8 +19,8 @@ def machine(law=None, damping=PROTOTYPE_DAMPING, **more) -> Oscillator:
     return Oscillator(PROTOTYPE_MASS, STIFFNESS, damping, 1.89, Coulomb(0.01) if law is None else law, **more)
 
 
-# Machines with a little of what the model lacks, and how much of the difference its response may leave: the scale of a
-# law that falls, or of a contact that bends, is not known.
+# Machines with a small missing force, and the part of the difference that its response may leave. The tolerance is
+# larger for falling friction and for a contact, because their scale is not known.
 LACKING = {
     "damping": (machine(damping=1.001 * PROTOTYPE_DAMPING), 0.01),
     "drag": (machine(drag=1e-3), 0.01),
@@ -33,11 +33,12 @@ LACKING = {
 
 @pytest.fixture(scope="module")
 def problem():
-    """A problem with the window and the half-cycles of a run of the plain machine."""
+    """Return the problem of a fit of the plain machine."""
     run = synthetic_run(machine(), RELEASE, rate=5e3, duration=0.6, noise=1e-9, seed=1)
     return fit(run, machine(), MACHINE).problem
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", LACKING)
 def test_a_force_moves_the_mass_as_two_simulations_differ(problem, name):
     (window,) = problem.windows
@@ -48,7 +49,7 @@ def test_a_force_moves_the_mass_as_two_simulations_differ(problem, name):
         return np.asarray(simulate(oscillator, x0, ts=t - later).x)
 
     plain = motion(machine())
-    # The response begins at the first reversal, where the motions differ already: by another release.
+    # The response begins at the first reversal. The motions already differ there, as after another release.
     releases = np.stack(
         [motion(machine(), (1 + 1e-6) * RELEASE) - plain, motion(machine(), later=1e-7) - plain], axis=1
     )
@@ -61,7 +62,10 @@ def test_a_force_moves_the_mass_as_two_simulations_differ(problem, name):
 
 
 def _fitted(measured: np.ndarray, columns: np.ndarray) -> tuple[float, float]:
-    """What columns leave of a curve, beside what all but the first leave of it, and the coefficient of the first."""
+    """Fit columns to a curve.
+
+    Return the residual norm over that without the first column, and the coefficient of the first column.
+    """
     columns = columns / np.linalg.norm(columns, axis=0)
     beside = columns[:, 1:] @ np.linalg.lstsq(columns[:, 1:], measured, rcond=None)[0]
     solution = np.linalg.lstsq(columns, measured, rcond=None)[0]

@@ -1,4 +1,4 @@
-"""The rig's uncertain inputs in the combined standard errors, against fits with a changed input."""
+"""Uncertain inputs of a rig, against fits with a changed input."""
 
 from typing import Any
 
@@ -33,7 +33,7 @@ def found():
 def test_half_a_percent_of_the_load_shows_in_mu(found):
     relative = found.combined_std_errors["mu"] / found.values["mu"]
     assert relative >= 5e-3
-    # mu = omega^2 x_d m/N: load and mass in quadrature; frequency and samples add nothing to that.
+    # mu = omega^2 x_d m/N: load and mass add in quadrature; frequency and noise are negligible.
     assert relative == pytest.approx(np.hypot(5e-3, 2e-3), rel=1e-3)
     assert found.std_errors["mu"] / found.values["mu"] < 1e-5
 
@@ -44,7 +44,10 @@ def test_the_damping_scales_with_the_mass(found):
 
 
 def test_first_order_propagation_agrees_with_refits(found):
-    """Each input moved by a part of its uncertainty, both ways: the optimum moves by as much as the covariance says."""
+    """Move each input by a part of its uncertainty, both ways.
+
+    The shift of the optimum must agree with the covariance.
+    """
     share = 0.3
     moved = []
     for name, value in INPUTS.items():
@@ -87,9 +90,13 @@ def test_a_rig_with_other_numbers_is_refused():
         fit(coulomb_run(), machine, FREE, rig=other)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [7, 8])
 def test_a_rig_changes_neither_the_noise_nor_the_standard_errors(seed):
-    """A mass does nothing that free parameters do not; beside a periodic error its rounding passed for noise."""
+    """Compare fits with and without a rig, for a record with a periodic error.
+
+    Free parameters absorb the effect of the mass, so its derivative must not change the noise model by rounding.
+    """
     truth = Oscillator(0.41068, 2574.0, 0.1756, 9.66, Coulomb(0.05, mu_s=0.065))
     record = synthetic_run(
         truth, 2e-3, rate=2e4, duration=0.3, hold=0.02, noise=1e-9, periodic_nonlinearity=(2e-9, 0.7e-9), seed=seed

@@ -1,4 +1,7 @@
-"""What the rig says of its instrument, against closed forms, fits of records read otherwise, and Monte Carlo."""
+"""Uncertainty of the instrument of a rig.
+
+The references are closed forms, fits of changed records, and Monte Carlo.
+"""
 
 from typing import Any
 
@@ -33,8 +36,8 @@ def found() -> Fit:
     return fit(coulomb_run(), FULL.oscillator(Coulomb(0.05)), MACHINE, rig=FULL)
 
 
-# Powers of the displacement scale and of the time scale in what a trace tells under a known mass and load: the dead
-# band is a length, k = m omega^2, c = 2 zeta m omega, and mu = k x_d/N.
+# Powers of the displacement and time scales in the parameters, for known mass and load: the dead band is a length,
+# k = m omega^2, c = 2 zeta m omega, and mu = k x_d/N.
 POWERS = {
     "mu": (1, -2),
     "damping": (0, -1),
@@ -66,7 +69,10 @@ def test_combined_errors_are_the_quadrature_of_all_contributions(found: Fit):
 
 
 def read_otherwise(trace: Trace, source: str, size: float) -> Trace:
-    """What the record would be if the instrument erred by `size` standard uncertainties and were corrected for it."""
+    """Correct a record for an assumed error of the instrument.
+
+    `size` is the error in standard uncertainties.
+    """
     t, x = np.asarray(trace.t), np.asarray(trace.x)
     if source == "displacement_scale":
         x = x * (1 + size * SCALE)
@@ -79,7 +85,7 @@ def read_otherwise(trace: Trace, source: str, size: float) -> Trace:
 
 
 def shift(trace: Trace, machine: Oscillator, source: str) -> dict[str, float]:
-    """Half of what the values move from one standard uncertainty below to one above."""
+    """Change of the values by one standard uncertainty, from central differences."""
     low, high = (fit(read_otherwise(trace, source, size), machine, MACHINE) for size in (-1.0, 1.0))
     return {name: (high.values[name] - low.values[name]) / 2 for name in MACHINE}
 
@@ -91,6 +97,7 @@ def test_a_record_read_otherwise_moves_the_fit_as_told(found: Fit, source: str):
         assert moved == pytest.approx(told, rel=1e-3, abs=0.02 * found.std_errors[name])
 
 
+@pytest.mark.slow
 def test_so_it_does_under_a_law_without_a_closed_form():
     trace, machine = noisy("rolling", "Tanh", 3), oscillator(RIGS["rolling"], "Tanh")
     uncertain = rig(RIGS["rolling"].load, **UNCERTAIN)
@@ -99,18 +106,23 @@ def test_so_it_does_under_a_law_without_a_closed_form():
     for source in SOURCES:
         for name, moved in shift(trace, machine, source).items():
             told = found.contributions[name][source]
-            # To first order: a change of 2e-4 leaves its square.
+            # The budget is of first order; the relative change of 2e-4 leaves a square.
             assert moved == pytest.approx(told, rel=2e-3, abs=0.02 * found.std_errors[name])
 
 
+@pytest.mark.slow
 def test_a_coefficient_that_is_known_makes_a_scale_act_otherwise():
-    """With the stiffness known and the dead band read, mu follows the displacement alone and no clock."""
+    """Fit the mass at a known stiffness.
+
+    Then mu depends on the displacement scale alone, not on the time scale.
+    """
     known = rig(displacement_scale=Measured(1.0, SCALE), mass=Measured(PROTOTYPE_MASS, 1e-3 * PROTOTYPE_MASS))
     trace, free = coulomb_run(), ("mu", "damping", "mass")
     found = fit(trace, known.oscillator(Coulomb(0.05)), free, rig=known)
     assert found.combined_std_errors["mu"] / found.values["mu"] == pytest.approx(SCALE, rel=1e-3)
 
 
+@pytest.mark.slow
 def test_runs_that_are_fitted_together_share_their_instrument():
     traces = [coulomb_run(2e-3, seed=1), coulomb_run(2.4e-3, seed=2)]
     told = fit(traces, FULL.oscillator(Coulomb(0.05)), MACHINE, rig=FULL)
@@ -129,6 +141,7 @@ def test_the_report_says_what_is_most_uncertain(found: Fit):
     assert "uncertainty:" not in fit(coulomb_run(), FULL.oscillator(Coulomb(0.05)), MACHINE).summary()
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("small_chunks")
 def test_a_batch_tells_for_each_run_what_a_fit_tells():
     traces = [coulomb_run(x0, seed=i) for i, x0 in enumerate((2e-3, 1.8e-3, 2.4e-3, 2.2e-3))]
@@ -148,15 +161,19 @@ def test_a_batch_tells_for_each_run_what_a_fit_tells():
     assert np.isnan(combined["mu"][4])
     assert np.array_equal(batch.to_dataframe()["mu_combined_std"], combined["mu"], equal_nan=True)
     mean = batch.population("mu")
-    # Four runs have one load, one wavelength and one clock.
+    # The four runs share load, wavelength and clock.
     assert mean.combined_std / mean.mean == pytest.approx(np.linalg.norm([LOAD, SCALE, 2 * CLOCK]), rel=1e-4)
     assert mean.std < 1e-3 * mean.combined_std
     assert "0.05000(25)" in str(mean)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("workload", "rate"), [("sliding", 5e3), ("rolling", 800.0)])
 def test_nonlinearity_of_any_phase_scatters_mu_as_told(workload: str, rate: float):
-    """Forty runs whose phases are those of their offsets; the standard deviation of a mean square is a fifth of it."""
+    """Compare the scatter of forty runs with the combined standard error.
+
+    The offsets give random phases of the nonlinearity. The mean square has a relative standard deviation of a fifth.
+    """
     bench, runs, samples, amplitude = RIGS[workload], 40, 3840, 2e-9
     machine, random = oscillator(bench, "Coulomb"), np.random.default_rng(5)
     records = [

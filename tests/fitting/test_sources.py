@@ -1,4 +1,4 @@
-"""A run may be given as a path, a table, arrays or a record: the fit is the same, and knows its name."""
+"""Runs given as path, table, arrays or record, and their names."""
 
 import numpy as np
 import pandas as pd
@@ -108,6 +108,7 @@ def test_displacements_without_times_are_refused(name):
         fj.fit(oscillator=SLIDING, free=MACHINE, **given)
 
 
+@pytest.mark.slow
 def test_a_joint_fit_names_its_runs(joint, tmp_path):
     assert joint.sources == joint.labels == ("run0.csv", "run1.csv", "run2.csv")
     report = joint.summary()
@@ -118,6 +119,7 @@ def test_a_joint_fit_names_its_runs(joint, tmp_path):
     assert back.sources == joint.sources and back.summary() == report
 
 
+@pytest.mark.slow
 def test_runs_without_a_name_of_their_own_have_a_number(paths):
     traces = [fj.read(path).trace for path in paths[:2]]
     found = fj.fit([*traces, paths[0], paths[0]], SLIDING, MACHINE)
@@ -156,6 +158,7 @@ def test_a_batch_names_its_files(paths, folder):
         fj.fit_batch("none.csv", SLIDING, MACHINE)
 
 
+@pytest.mark.slow
 def test_comparisons_name_their_files(paths, joint):
     found = fj.compare(paths, [SLIDING], held_out=False)
     assert found.sources == joint.sources and found.to_dict()["sources"] == list(joint.sources)

@@ -1,4 +1,4 @@
-"""How far the way to the optimum is: the stages of growing windows, and the numbers of half-cycles that are fitted."""
+"""Stages of growing windows, and correction of the number of half-cycles."""
 
 import numpy as np
 import pytest

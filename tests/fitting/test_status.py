@@ -1,4 +1,7 @@
-"""A fit has converged only where its model describes the record; all other outcomes have a name and are returned."""
+"""Status of fits.
+
+A fit converges only if its model describes the record. Every other outcome has a name.
+"""
 
 import re
 
@@ -19,13 +22,13 @@ MISFIT = "does not describe the record: residuals of "
 
 
 def altered(change, **settings) -> Trace:
-    """The sliding run with its displacements changed, after the noise."""
+    """Change the displacements of the noisy sliding run."""
     run = coulomb_run()
     return Trace(run.t, change(np.array(run.x)), **{"sigma": NOISE, **settings})
 
 
 def slipped(at: int = 500, size: float = FRINGE, **settings) -> Trace:
-    """A fringe is lost at the sample `at`, in mid-stroke."""
+    """Lose a fringe at sample `at`, in mid-stroke."""
     return altered(lambda x: np.where(np.arange(x.size) < at, x, x + size), **settings)
 
 
@@ -34,18 +37,21 @@ def reversed_in_time() -> Trace:
 
 
 def with_outliers() -> Trace:
-    """Every hundredth sample is 100 um off."""
+    """Displace every hundredth sample by 100 um."""
     return altered(lambda x: x + 1e-4 * (np.arange(x.size) % 100 == 50))
 
 
 def in_motion(found: Fit) -> float:
-    """Root mean square of the residuals before the rest, which is described by every model."""
+    """Root mean square of the residuals before the rest."""
     assert found.problem is not None
     return float(np.sqrt(np.mean(found.residuals[found.problem.windows[0].moving] ** 2)))
 
 
 def assert_named(found: Fit, name: str, *parts: str):
-    """Not converged, though its optimum was found and it was returned: `fit` was not told to keep from raising."""
+    """Check a fit that found its optimum but has not converged.
+
+    `fit` returned it without `throw=False`.
+    """
     assert not found.converged and found.optimum_found
     assert found.status.startswith(name), found.status
     for part in parts:
@@ -59,17 +65,17 @@ def test_a_fringe_slip_has_not_converged():
     assert found.chi2_reduced > 1e3
     assert_named(found, MISFIT, "read it with repair='slips'")
     ((ratio, noise),) = re.findall(r"in motion are ([\d.]+) times the noise of ([\d.]+) nm; ", found.status)
-    # The noise is that seen in the record, which is known to a percent or two.
+    # The noise is estimated from the record, to a percent or two.
     assert float(noise) * 1e-9 == pytest.approx(NOISE, rel=0.03)
     assert float(ratio) == pytest.approx(in_motion(found) / NOISE, rel=0.03)
 
 
 def test_a_record_in_reversed_time_has_not_converged_and_is_recognised():
     found = fit(reversed_in_time(), MODEL, MACHINE)
-    assert_named(found, MISFIT, "its swing grows with time: check the order of the samples.")
-    (sentence,) = (told for told in found.warnings if "The swing grows with time" in told)
-    assert "is the time in reverse, or is the mass driven?" in sentence
-    # The strokes of this run, in the order of this record: 0.53 mm after the rest, and 3.62 mm before its end.
+    assert_named(found, MISFIT, "its amplitude grows with time: check the order of the samples.")
+    (sentence,) = (told for told in found.warnings if "The amplitude grows with time" in told)
+    assert "is the time reversed, or is the mass driven?" in sentence
+    # In the reversed record, the first stroke after the rest has 0.53 mm and the last one 3.62 mm.
     assert not any("grows" in told for told in fit(coulomb_run(), MODEL, MACHINE).warnings)
 
 
@@ -84,24 +90,30 @@ def test_a_bound_next_to_the_optimum_is_named():
     bound = plain.values["damping"] + 2 * plain.std_errors["damping"]
     found = fit(coulomb_run(), MODEL, MACHINE, bounds={"damping": (bound, None)})
     assert found.chi2_reduced < 1.1
-    assert_named(found, "at a bound: damping. Widen the bound, fix what it holds")
+    assert_named(found, "at a bound: damping. Widen the bound, fix this parameter")
 
 
 @pytest.mark.parametrize(("multiple", "described"), [(0.95 * DESCRIBED, True), (1.05 * DESCRIBED, False)])
 def test_the_multiple_of_the_noise_is_what_is_stated(multiple, described):
-    """The same residuals beside a stated noise just above and just below a tenth of them."""
+    """State a noise just above and just below a tenth of the residuals."""
     sigma = in_motion(fit(slipped(), MODEL, MACHINE)) / multiple
     found = fit(slipped(sigma=sigma), MODEL, MACHINE)
     assert in_motion(found) / sigma == pytest.approx(multiple, rel=1e-3)
     assert found.converged == described
-    words = "are taken for noise, a slow one: it may as well be" if described else "does not describe the run"
+    words = (
+        "They are treated as slow noise, but could also be model error." if described else "does not describe the run"
+    )
     assert any(words in told for told in found.warnings)
     assert described != any("does not describe" in told for told in found.warnings)
 
 
 @pytest.mark.parametrize("seed", [7, 55])
 def test_values_that_were_repeated_are_no_noise(seed):
-    """Zeros in the rest were twelve half-cycles, and 6 um of residuals a slow noise: "converged", mu 70 errors off."""
+    """Refuse a record with dropouts and fit the repaired one.
+
+    Without the check, zeros in the rest count as twelve half-cycles, and residuals of 6 um as slow noise.
+    The fit would then converge with mu off by 70 standard errors.
+    """
     t, random = np.arange(10000) / 8e3, np.random.default_rng(seed)
     machine = Oscillator(1.0, 5000.0, 2.5, 9.81, Coulomb(0.043))
     clean = coulomb_viscous(t, 0.5e-3, frequency=11.254, zeta=0.01768, dead_band=0.043 * 9.81 / 5000.0, release=0.2).x
@@ -127,24 +139,28 @@ def test_a_noise_stated_too_small_is_no_misfit():
 
 
 def test_a_record_without_noise_is_described_by_its_model():
-    """What is left is rounding, which is far larger than the noise that its differences show."""
+    """Fit a record without noise.
+
+    The residuals are rounding errors, far larger than the noise that differences of the samples show.
+    """
     t = np.arange(2000) / 5e3
     clean = coulomb_viscous(t, 2e-3, frequency=12.6, zeta=0.0027, dead_band=0.05 * 9.66 / STIFFNESS).x
     found = fit(Trace(t, clean), MODEL, MACHINE)
     assert found.converged and found.residual_rms < 1e-12
 
 
+@pytest.mark.slow
 def test_outliers_are_no_misfit_under_a_robust_loss():
     squares = fit(with_outliers(), MODEL, MACHINE)
-    assert_named(squares, MISFIT, "few samples far from all others hold most of that", "loss='huber'")
+    assert_named(squares, MISFIT, "a few outliers cause most of that", "loss='huber'")
     robust = fit(with_outliers(), MODEL, MACHINE, loss="cauchy")
     assert robust.converged and abs(robust.values["mu"] - 0.05) < 4 * robust.std_errors["mu"]
     assert not any("does not describe" in told for told in robust.warnings)
     clean = fit(coulomb_run(), MODEL, MACHINE)
-    # Outliers, one sample in a hundred, neither inflate its errors nor its criteria as they do those of squares.
+    # With one outlier in a hundred, errors and criteria of the robust fit grow far less than those of least squares.
     assert robust.std_errors["mu"] < 1.2 * robust.white_std_errors["mu"] and not any(robust.flags.values())
     assert robust.aicc < clean.aicc + 0.01 * clean.dof * 2 * 2.385**2 * np.log(1e-4 / NOISE)
-    # The efficiency of this loss is 95 % for normal noise.
+    # For normal noise this loss has an efficiency of 95 %.
     for mode in ("absolute", "scale"):
         told = fit(with_outliers(), MODEL, MACHINE, loss="cauchy", sigma_mode=mode)
         assert told.std_errors["mu"] == pytest.approx(clean.std_errors["mu"] / 0.95**0.5, rel=0.04)
@@ -152,7 +168,7 @@ def test_outliers_are_no_misfit_under_a_robust_loss():
 
 
 def test_of_several_runs_the_one_that_is_not_described_is_named():
-    """In the root mean square of all samples it would not show."""
+    """Check residuals of each run, because the rms of all samples hides a bad one."""
     runs = [coulomb_run(seed=seed) for seed in range(3)]
     found = fit([*runs, slipped(size=45e-9)], MODEL, MACHINE)
     assert found.residual_rms < DESCRIBED * NOISE
@@ -168,7 +184,7 @@ def test_a_batch_says_the_same():
     assert batch.optimum_found.tolist() == [True] * 4
     assert [status.split(":")[0] for status in batch.status] == [found.status.split(":")[0] for found in alone]
     assert batch.status[1] == alone[1].status
-    assert any("The swing grows with time" in told for told in batch.warnings[2]) and not batch.warnings[0]
+    assert any("The amplitude grows with time" in told for told in batch.warnings[2]) and not batch.warnings[0]
     table = batch.to_dataframe()
     assert table["converged"].tolist() == batch.converged.tolist()
     assert "is the time in reverse" in table["warnings"][2]

@@ -1,4 +1,4 @@
-"""Fits on disk, as plain data, and as reports that one reads."""
+"""Fits as files, as plain data and as reports."""
 
 import dataclasses
 import json
@@ -129,7 +129,7 @@ def test_a_fit_that_is_not_finite_claims_no_numerical_accuracy(found):
         ('{"schema": "fricjax.fit/9"}', r"holds no fit of schema fricjax\.fit/7 but 'fricjax\.fit/9'"),
         (
             '{"schema": "fricjax.fit/7"}',
-            r"fit\.json lacks names, values, .*: only files written by fit",
+            r"fit\.json does not hold names, values, .*: only files written by fit",
         ),
     ],
 )
@@ -175,11 +175,11 @@ def test_a_save_that_fails_leaves_nothing(found, tmp_path):
 @pytest.mark.parametrize("part", [np.inf, -np.inf, np.nan])
 def test_a_part_of_the_uncertainty_that_is_not_finite_has_no_share(found, part):
     odd = dataclasses.replace(found, contributions={**found.contributions, "mu": {"mass": part}})
-    assert "largest part of the combined variance: of mu" not in odd.summary()
+    assert "rig inputs:  mu:" not in odd.summary()
     even = dataclasses.replace(
         found, contributions={**found.contributions, "mu": {"mass": 10 * found.std_errors["mu"]}}
     )
-    assert "largest part of the combined variance: of mu mass (99 %)" in even.summary()
+    assert "rig inputs:  mu: mass 99 % of the variance" in even.summary()
 
 
 def test_the_summary_says_what_a_reader_needs(found):
@@ -194,7 +194,7 @@ def test_the_summary_says_what_a_reader_needs(found):
         "4 to the stop; margin to one more",
         "mu_s:        between [",
         "mode scale",
-        f"numerics:    numerical errors move no parameter by more than {found.numerical_shift:.2g} standard errors",
+        f"numerics:    numerical error at most {found.numerical_shift:.2g} standard errors",
     ):
         assert line in text, line
     assert repr(found).startswith("Fit(mu=0.0")
@@ -203,7 +203,7 @@ def test_the_summary_says_what_a_reader_needs(found):
 def test_the_html_report_holds_the_same(found):
     page = found._repr_html_()
     assert page.count("<table") == 3
-    for part in ("stiffness", "at bound", "damping is held at a bound", "dead band", "numerical errors move no"):
+    for part in ("stiffness", "at bound", "damping is held at a bound", "dead band", "numerical error at most"):
         assert part in page, part
 
 

@@ -1,4 +1,4 @@
-"""The verdict on residuals, on noise whose correlation is known."""
+"""Whiteness tests on noise of known correlation."""
 
 import numpy as np
 import pytest
@@ -7,7 +7,7 @@ from fricjax.fitting.noise import Whiteness, whiteness
 
 
 def autoregressive(phi: float, n: int, seed: int) -> np.ndarray:
-    """x[i] = phi x[i-1] + e[i], with unit variance, started in its stationary state."""
+    """Stationary process x[i] = phi x[i-1] + e[i] with unit variance."""
     from scipy.signal import lfilter
 
     rng = np.random.default_rng(seed)

@@ -1,6 +1,6 @@
-"""What every law must do in a motion: move, be differentiated, lose energy; be vectorised, stored and catalogued.
+"""Every law moves, has derivatives, loses energy, and agrees with diffrax.
 
-Each is also integrated by the solvers of diffrax from end to end, and both motions agree.
+It can also be vectorised, stored, restored and found in the catalogue.
 """
 
 import functools
@@ -19,16 +19,17 @@ from fricjax.friction import AbstractFriction, Sum
 from fricjax.oscillator import Oscillator, energy, is_successful, simulate
 from tests.cases.case import LOAD
 from tests.helpers import LAWS
+from tests.tiers import cases
 
 TS = np.linspace(0.0, 0.25, 501)
 X0 = -2e-3
 H = 1e-5
-# One case of each law: the variants of a law differ in numbers, and each law is compiled for itself.
+# One case of each law: variants of a law differ only in numbers, and each law is compiled separately.
 MOVING = list(
     {type(case.law).__name__ + str(case.law.n_states): name for name, case in reversed(LAWS.items())}.values()
 )
 
-pytestmark = pytest.mark.slow
+CORE = ("Coulomb", "Stribeck", "Tanh", "LuGre")
 
 
 def machine_with(law: AbstractFriction) -> Oscillator:
@@ -37,7 +38,7 @@ def machine_with(law: AbstractFriction) -> Oscillator:
 
 @eqx.filter_jit
 def look(law: AbstractFriction, along: AbstractFriction):
-    """A motion, its energies, and its derivative along a direction of the coefficients."""
+    """Return a motion, its energies, and its derivative in a direction."""
 
     def moved(law: AbstractFriction):
         machine = machine_with(law)
@@ -54,7 +55,7 @@ def looked(name: str):
     return look(law, law)
 
 
-@pytest.mark.parametrize("name", MOVING)
+@pytest.mark.parametrize("name", cases(MOVING, CORE))
 def test_it_moves(name: str):
     motion, _, _ = looked(name)
     assert bool(is_successful(motion.result))
@@ -64,14 +65,14 @@ def test_it_moves(name: str):
     assert abs(x[-1]) < 0.99 * abs(X0)
 
 
-@pytest.mark.parametrize("name", LAWS)
+@pytest.mark.parametrize("name", cases(LAWS, CORE))
 def test_its_motion_is_that_of_the_solvers_of_diffrax(name: str):
-    # The motion of the law's own engine is the one that the other tests look at, so that it is compiled once.
+    # The other tests use the same motion of the law's engine, so it is compiled once.
     reference = simulate(machine_with(LAWS[name].law), X0, TS, engine="diffrax")
     np.testing.assert_allclose(reference.x, looked(name)[0].x, rtol=0, atol=1e-9)
 
 
-@pytest.mark.parametrize("name", MOVING)
+@pytest.mark.parametrize("name", cases(MOVING, CORE))
 def test_its_derivative_along_all_coefficients_is_the_difference(name: str):
     law = jax.tree.map(jnp.asarray, LAWS[name].law)
     ends = [look(jax.tree.map(lambda c, s=s: c * (1 + s * H), law), law)[0].x for s in (1, -1)]
@@ -80,7 +81,7 @@ def test_its_derivative_along_all_coefficients_is_the_difference(name: str):
     np.testing.assert_allclose(looked(name)[2], expected, atol=2e-3 * size)
 
 
-@pytest.mark.parametrize("name", MOVING)
+@pytest.mark.parametrize("name", cases(MOVING, CORE))
 def test_energy_is_only_lost(name: str):
     _, found, _ = looked(name)
     case = LAWS[name]

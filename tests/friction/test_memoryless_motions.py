@@ -55,6 +55,7 @@ def test_a_viscous_contact_damps_like_the_machine():
     np.testing.assert_allclose(contact.x, damped.x, rtol=0, atol=1e-11)
 
 
+@pytest.mark.slow
 def test_a_load_dependent_law_is_integrated_in_closed_form():
     law = LoadDependent(0.05, 2 / 3, 5.0, 0.02)
     mu = 0.05 * (N / 5.0) ** (-1 / 3) + 0.02 / N
@@ -75,6 +76,7 @@ class TestAgeing:
     law = Ageing(0.03, 0.0025, 53.6, 0.05)
     breakaway = (0.05 + 0.0025 * np.log(1 + 53.6)) * N / K
 
+    @pytest.mark.slow
     @pytest.mark.parametrize("engine", ["exact", "hybrid"])
     def test_a_start_between_the_static_and_the_breakaway_force_stays(self, engine):
         starts = np.array([0.9, 0.99, 1.01]) * self.breakaway

@@ -101,6 +101,7 @@ def machine(law) -> Oscillator:
     return Oscillator(PROTOTYPE_MASS, STIFFNESS, PROTOTYPE_DAMPING, LOAD, law)
 
 
+@pytest.mark.slow
 @BOTH
 def test_a_force_map_gives_the_curve(kind):
     v = np.concatenate([s * np.geomspace(5e-4, 0.15, 60) for s in (1.0, -1.0)])
@@ -134,6 +135,7 @@ def decay(samples: int, oracle: Callable = smoothest) -> tuple[np.ndarray, np.nd
     return t, motions[0], motions[1]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("kind", "oracle"), [(Spline, smoothest), (MonotoneSpline, monotone)])
 def test_the_motion_is_that_of_an_ode_solver(kind, oracle):
     t, _, expected = decay(3000, oracle)

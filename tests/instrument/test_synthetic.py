@@ -126,6 +126,7 @@ def test_names_and_units_of_other_rigs():
     assert {"friction.0.mu", "friction.1.mu"} <= set(record.meta["coefficients"])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("law", [Tanh(0.01, 1e-3), LuGre(0.01, sigma0=1e5, sigma1=1.0)], ids=["tanh", "lugre"])
 def test_laws_without_a_jump_take_the_same_drive(law):
     oscillator = Oscillator(PROTOTYPE_MASS, 2574.0, PROTOTYPE_DAMPING, 1.89, law)

@@ -10,6 +10,7 @@ from fricjax.friction import AbstractFriction, Coulomb, Stribeck, Tanh
 from fricjax.oscillator import Hybrid, Oscillator, restoring, starting_state
 from fricjax.oscillator.engines.hybrid import Span
 from tests.helpers import PROTOTYPE_DAMPING, PROTOTYPE_MASS
+from tests.tiers import cases
 
 M, K, C = PROTOTYPE_MASS, 2574.0, PROTOTYPE_DAMPING
 NEVER = 10**9
@@ -46,7 +47,7 @@ def samples(engine: Hybrid, machine: Oscillator, start: tuple, count: jax.Array,
     return jax.jvp(run, point, jax.tree.map(lambda value: 0.1 * value, point))
 
 
-@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize("name", cases(CASES, ["Stribeck and drag"]))
 def test_the_table_gives_the_half_cycles_that_are_integrated_one_by_one(name: str):
     machine, start, lowest, highest, half_cycles, unit = CASES[name]
     span, count = Span(np.asarray(lowest), np.asarray(highest)), jnp.asarray(half_cycles)
@@ -63,6 +64,7 @@ def test_the_table_gives_the_half_cycles_that_are_integrated_one_by_one(name: st
     np.testing.assert_allclose(table[1], alone[1], rtol=0, atol=1e-10 * unit)
 
 
+@pytest.mark.slow
 def test_a_start_in_motion_is_not_in_the_table():
     machine, span = rig(Coulomb(0.01), 1.89), Span(np.asarray(8e-4), np.asarray(2.1e-3))
     machine, start = jax.tree.map(jnp.asarray, (machine, (1e-3, 0.12)))

@@ -12,6 +12,7 @@ from fricjax.oscillator.engines.hybrid.collocation import collocate, make_panels
 from fricjax.oscillator.engines.hybrid.frame import Angle, frame_at, phase_rates
 from fricjax.oscillator.engines.hybrid.phase_steps import layer_width
 from tests.helpers import PROTOTYPE_DAMPING, PROTOTYPE_MASS
+from tests.tiers import cases
 
 M, K, C, LOAD = PROTOTYPE_MASS, 2574.0, PROTOTYPE_DAMPING, 9.66
 CASES = {
@@ -31,7 +32,7 @@ def half_cycle(oscillator: Oscillator, turning: jax.Array, steps: int = 28) -> t
     return panels.fractions, *collocate(oscillator, frame, turning - frame.dead_band, panels)
 
 
-@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize("name", cases(CASES, ["Stribeck"]))
 def test_it_solves_the_equation_of_the_phase(name: str):
     machine, turning = CASES[name]
     frame = frame_at(machine, jnp.ones(()), jnp.asarray(turning))
@@ -63,6 +64,7 @@ def test_viscous_damping_and_coulomb_friction_are_exact():
     np.testing.assert_allclose(times[-1], np.pi / damped, rtol=1e-13)
 
 
+@pytest.mark.slow
 def test_derivatives_of_any_order_and_mode():
     turning = jnp.asarray(1e-3)
 

@@ -26,6 +26,7 @@ def test_a_fading_magnet_takes_amplitude_away(tau: float):
     assert amplitude == pytest.approx(1e-3 / np.sqrt(1 + q), rel=1e-6)
 
 
+@pytest.mark.slow
 def test_a_floor_that_shakes_at_resonance():
     ts = np.linspace(0, 0.5, 20_001)
     drive = 0.02
@@ -45,6 +46,7 @@ def test_the_bias_of_a_driven_smoothed_law_is_unknown():
     assert np.isnan(motion.regularisation_bias)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "drive", [{"release": ExponentialRelease(1e-3)}, {"base_acceleration": jnp.zeros(3)}], ids=["release", "floor"]
 )

@@ -10,6 +10,7 @@ from fricjax.instrument import white_acceleration
 from fricjax.oscillator import ExponentialRelease, Oscillator, restoring, simulate
 from tests.compilations import compilations
 from tests.helpers import PROTOTYPE_DAMPING, PROTOTYPE_MASS
+from tests.tiers import cases
 
 STIFFNESS = 2574.0
 OMEGA = 2 * np.pi * 12.6
@@ -24,7 +25,7 @@ def free(damping_ratio: float = 0.0) -> Oscillator:
     return rig(Coulomb(0.0), 0.0, 2 * damping_ratio * PROTOTYPE_MASS * OMEGA)
 
 
-@pytest.mark.parametrize("duration", [2.0, 4.0])
+@pytest.mark.parametrize("duration", cases([2.0, 4.0], [2.0]))
 def test_undriven_rolling_is_exact_to_a_tenth_of_a_nanometre(duration):
     ts = np.arange(int(5e3 * duration)) / 5e3
     ours, exact = (simulate(rig(Coulomb(0.01)), 2e-3, ts, engine=name) for name in ("diffrax", "exact"))
@@ -42,7 +43,7 @@ def test_undriven_rolling_is_exact_to_a_tenth_of_a_nanometre(duration):
     ],
     ids=["stribeck", "static", "drag and cubic spring"],
 )
-@pytest.mark.parametrize("start", [(2e-3, 0.0), (-1e-3, 0.05)])
+@pytest.mark.parametrize("start", cases([(2e-3, 0.0), (-1e-3, 0.05)], [(2e-3, 0.0)]))
 def test_undriven_motion_agrees_with_half_cycles(oscillator, start):
     ts = np.arange(6000) / 2e4
     ours = simulate(oscillator, start[0], ts, v0=start[1], engine="diffrax")
@@ -64,6 +65,7 @@ def test_release_without_friction_has_a_closed_form(tau):
     assert amplitude == pytest.approx(2e-3 / np.sqrt(1 + lag**2), rel=1e-7)
 
 
+@pytest.mark.slow
 @given(mu_s=st.floats(0.02, 0.2), tau=st.floats(5e-4, 3e-3), sign=st.sampled_from([-1.0, 1.0]))
 @settings(max_examples=10)
 def test_friction_delays_the_onset_of_slip(mu_s, tau, sign):
@@ -76,6 +78,7 @@ def test_friction_delays_the_onset_of_slip(mu_s, tau, sign):
     assert np.all(motion.x[:first] == x0)
 
 
+@pytest.mark.slow
 def test_an_aged_contact_slips_late_and_only_once():
     tau, x0, law = 3e-3, 2e-3, Ageing(0.02, 0.002, 100.0, 0.05)
     ts, aged = np.arange(4000) / 2e4, 0.05 + 0.002 * np.log(101)

@@ -10,6 +10,7 @@ from fricjax.friction import Coulomb, QuadraticDrag, Stribeck
 from fricjax.oscillator import Exact, Hybrid, Motion, Oscillator, restoring, simulate
 from tests.helpers import PROTOTYPE_DAMPING, PROTOTYPE_MASS
 from tests.oracles import Machine, Slide, slide
+from tests.tiers import cases
 
 N_CASES = 30
 
@@ -116,7 +117,7 @@ def motions_of(machine: Oscillator, starts: jax.Array, ts: jax.Array, engine: Hy
     return jax.vmap(lambda start: simulate(machine, start[0], ts, v0=start[1], engine=engine))(starts)
 
 
-@pytest.mark.parametrize("name", HYBRID)
+@pytest.mark.parametrize("name", cases(HYBRID, ["sliding"]))
 def test_any_sliding_law_and_spring(name: str):
     machine, plain, starts = HYBRID[name]
     ts = np.linspace(0, 14 * np.pi * np.sqrt(machine.mass / machine.stiffness), 301)[1:]

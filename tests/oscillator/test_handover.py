@@ -47,6 +47,7 @@ class TestCreep:
         np.testing.assert_allclose(motion.friction_force, smooth.friction_force, rtol=0, atol=1e-2 * 0.05 * N)
         assert motion.n_half_cycles >= n - 1 and np.isinf(motion.t_stop) and not np.any(motion.at_rest)
 
+    @pytest.mark.slow
     def test_reversals_after_the_last_sample_do_not_count(self):
         machine = Oscillator(M, K, C, N, Tanh(0.05, 1e-3))
         motion = simulate(machine, 2e-3, TS[TS < 0.1])
@@ -54,6 +55,7 @@ class TestCreep:
         assert np.isfinite(motion.turning_points).sum() == 3
         assert is_successful(motion.result)
 
+    @pytest.mark.slow
     def test_derivatives_through_the_handover(self):
         ts = np.linspace(0, 0.5, 101)[1:]
         point = np.array([0.05, 1e-3, 2e-3, C, K, M])
@@ -67,6 +69,7 @@ class TestCreep:
         jacobian = jax.jit(jax.jacfwd(run))(jnp.asarray(point)).T * point[:, None]
         assert_equal_slopes(jacobian, differences(plain, point, np.full(6, 1e-4)), 2e-6)
 
+    @pytest.mark.slow
     def test_lanes_hand_over_each_for_itself(self):
         x0 = jnp.asarray([5e-6, 5e-4, 2e-3])
 
@@ -78,6 +81,7 @@ class TestCreep:
         for i, one in enumerate(alone):
             np.testing.assert_allclose(together.x[i], one.x, rtol=0, atol=1e-14)
 
+    @pytest.mark.slow
     def test_a_path_gives_the_same_samples_for_any_part_of_them(self):
         machine = Oscillator(M, K, C, N, Tanh(0.05, 1e-3))
         path = Hybrid(28, 16).path(machine, starting_state(machine, 2e-3, 0.0))
@@ -163,6 +167,7 @@ def test_a_start_in_motion_close_to_the_edge(v0: float):
     assert int(motion.n_half_cycles) == expected.times.size
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("hair", [HAIRS[1], HAIRS[6]], ids=str)
 def test_derivatives_of_a_start_by_a_hair(hair: Hair):
     ts = np.linspace(0, 0.1, 41)[1:]

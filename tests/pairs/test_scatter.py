@@ -43,6 +43,7 @@ class TestTheScale:
         assert scale_of(0.0, 0, known=False).factor == np.inf
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("pairs", [5, 10])
 @pytest.mark.parametrize("sides", [(-1.0, 1.0), (1.0,)])
 def test_intervals_of_the_triangle_map_cover_as_they_say(pairs: int, sides: tuple[float, ...]):
@@ -52,6 +53,7 @@ def test_intervals_of_the_triangle_map_cover_as_they_say(pairs: int, sides: tupl
     assert 0.91 <= covered <= 0.985
 
 
+@pytest.mark.slow
 def test_intervals_of_few_pairs_cover_as_they_say():
     made = [scattered(4, seed, 1e-7) for seed in range(150)]
     covered = np.mean([holds(fit_final_displacements(x0, xf, machine(), half_cycles=n)) for x0, xf, n in made])
@@ -68,6 +70,7 @@ def test_noise_that_was_stated_too_small_is_enlarged():
     assert not right.warnings
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("noise", [1e-7, 5e-6])
 def test_no_number_of_half_cycles_is_wrong_in_silence(noise: float):
     """Four pairs leave a dead band open that is not small against their scatter."""

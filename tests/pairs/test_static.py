@@ -49,6 +49,7 @@ def stops(random: np.random.Generator, scatter: float, runs: int = 40) -> tuple[
     return np.array(size), np.array(stopped)
 
 
+@pytest.mark.slow
 def test_the_probit_interval_covers_as_it_says():
     random, covered, tried = np.random.default_rng(1), 0, 0
     while tried < 300:

@@ -9,6 +9,8 @@ import fricjax as fj
 from tests.report.archives import archive
 from tests.report.browser import chromium, press
 
+pytestmark = pytest.mark.slow
+
 # Roles that mean nothing without a name.
 NAMED = {
     *("button", "checkbox", "combobox", "image", "img", "link", "navigation", "region", "search", "searchbox"),

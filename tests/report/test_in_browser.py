@@ -10,6 +10,8 @@ import fricjax as fj
 from tests.report.archives import archive
 from tests.report.browser import chromium, press
 
+pytestmark = pytest.mark.slow
+
 # What a file may call itself, or a column, or a sentence say, to run a script in the page of somebody else.
 HOSTILE = (
     "<img src=x onerror='window.hacked=1'>",

@@ -248,7 +248,7 @@ def test_an_archive_is_shown_from_its_folder(tmp_path):
         (3, UsageError, "A page shows a fit, an archive or another result, not int"),
         ("nowhere", DataError, "There is no file or folder nowhere"),
         (pd.DataFrame({"file": [], "status": []}), DataError, "holds no run"),
-        (pd.DataFrame({"status": ["ok"], "fil": ["a"]}), DataError, "it lacks 'file'. Did you mean 'fil'?"),
+        (pd.DataFrame({"status": ["ok"], "fil": ["a"]}), DataError, "'file' is missing. Did you mean 'fil'?"),
     ],
 )
 def test_what_is_no_result_is_refused(source, kind, words):

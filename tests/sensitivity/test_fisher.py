@@ -189,5 +189,5 @@ def test_what_is_refused(settings, message):
 
 
 def test_without_friction_a_duration_is_needed():
-    with pytest.raises(UsageError, match="does not come to rest by itself here"):
+    with pytest.raises(UsageError, match="never comes to rest here"):
         fisher(prototype(Coulomb(0.0)), 1e-3)

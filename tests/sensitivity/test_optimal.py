@@ -38,6 +38,7 @@ def test_the_information_is_that_of_a_planned_run():
     assert errors == pytest.approx([planned.std_errors[name] / planned.values[name] for name in NAMES], rel=5e-3)
 
 
+@pytest.mark.slow
 def test_chosen_runs_leave_less_than_as_many_others():
     """Against two hundred campaigns of four releases that are spread at random over the same range."""
     targets = {"mu": 3e-8, "damping": 1e-7}
@@ -61,6 +62,7 @@ def test_chosen_runs_leave_less_than_as_many_others():
     assert faster.rate_for_targets == pytest.approx(best.rate_for_targets, rel=1e-6)
 
 
+@pytest.mark.slow
 def test_a_mass_that_never_stops_is_recorded_for_as_long_as_is_said():
     """Its information is that of a cosine that decays, and a shorter record of any machine tells less."""
     swinging, names = prototype(fj.friction.Coulomb(0.0)), ["damping", "stiffness"]

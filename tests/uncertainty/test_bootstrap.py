@@ -52,6 +52,7 @@ def test_records_of_white_noise_are_fitted_by_least_squares_as_the_fit_was(white
     assert white.noises[0].white and np.array_equal(sample.sample, by_squares.sample)
 
 
+@pytest.mark.slow
 def test_noise_that_remembers_scatters_as_the_fit_says_and_not_as_white_noise(coloured):
     sample = fj.uncertainty.bootstrap(coloured, 64)
     assert sample.block[0] > 20
@@ -67,6 +68,7 @@ def test_the_same_seed_gives_the_same_numbers(white):
     assert np.array_equal(first, second) and not np.array_equal(first, other)
 
 
+@pytest.mark.slow
 def test_runs_of_a_joint_fit_are_resampled_together():
     runs = [
         fj.synthetic_run(MACHINE, x0, rate=2e3, duration=0.5, noise=1e-8, seed=i) for i, x0 in enumerate((1e-3, 2e-3))
@@ -80,12 +82,12 @@ def test_runs_of_a_joint_fit_are_resampled_together():
 def test_what_cannot_be_resampled_is_refused(white):
     with pytest.raises(UsageError, match=r"There is no noise 'block'\. Did you mean 'blocks'\?"):
         fj.uncertainty.bootstrap(white, noise="block")
-    with pytest.raises(UsageError, match="Of 10 draws no interval of 95 % can be given"):
+    with pytest.raises(UsageError, match="10 draws are too few for an interval of 95 %"):
         fj.uncertainty.bootstrap(white, 10)
 
 
 def test_noise_that_remembers_has_no_model_to_draw_from(coloured):
-    with pytest.raises(UsageError, match="is one that remembers, which is not drawn from a model"):
+    with pytest.raises(UsageError, match="is correlated and has no simple model"):
         fj.uncertainty.bootstrap(coloured, noise="model")
 
 

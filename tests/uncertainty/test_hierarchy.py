@@ -33,6 +33,7 @@ def test_the_mean_is_distributed_as_student_says(found):
     assert found.divergences == 0 and max(found.r_hat.values()) < 1.02
 
 
+@pytest.mark.slow
 def test_runs_that_are_known_stay_where_they_are(found):
     assert found.runs.mean(axis=(0, 1)) == pytest.approx(VALUES, abs=1e-8)
     assert found.runs.std(axis=(0, 1)) == pytest.approx(ERRORS, rel=0.1)
@@ -49,6 +50,7 @@ def batch():
     return fj.fit_batch(runs, rig.oscillator(fj.friction.Coulomb(0.05)), ["mu", "damping", "stiffness"], rig=rig)
 
 
+@pytest.mark.slow
 def test_no_run_takes_the_error_of_the_rig_away(batch):
     """A load known to 1 % leaves a mean that is known to 1 %, however little the runs scatter."""
     found = fj.uncertainty.hierarchical(batch, mean=fj.Measured(0.05, 0.1), scatter=1e-6)
@@ -56,6 +58,7 @@ def test_no_run_takes_the_error_of_the_rig_away(batch):
     assert list(found.inputs) == ["normal_force"]
 
 
+@pytest.mark.slow
 def test_an_error_of_the_rig_that_runs_show_is_taken_out_of_the_mean(batch):
     """It adds to runs in parts that differ, so that they show it: mean and error are intercept and slope of a line."""
     adds, error = 5e-4 * np.array([0.5, 1.0, 1.5, 2.0]), 1.2
@@ -70,6 +73,7 @@ def test_an_error_of_the_rig_that_runs_show_is_taken_out_of_the_mean(batch):
     assert found.inputs["normal_force"].mean() == pytest.approx(error, abs=5e-3)
 
 
+@pytest.mark.slow
 def test_ranks_of_truths_are_uniform():
     """A short run of experiments/uncertainty/calibration.py, by numbers in place of records."""
     rng = np.random.default_rng(3)

@@ -30,7 +30,7 @@ def test_a_name_takes_the_place_of_what_the_record_shows(fits):
     assert fits["white"].noises[0].memory == 0 < fits["autoregressive"].noises[0].memory
     assert fits["autoregressive"].values["mu"] == pytest.approx(fits["auto"].values["mu"], abs=1e-9)
     assert fits["auto"].std_errors["mu"] > 2 * fits["white"].std_errors["mu"]
-    assert fits["white"].noise == "white" and "taken for white" in fits["white"].summary()
+    assert fits["white"].noise == "white" and "noise model white" in fits["white"].summary()
 
 
 def test_the_likelihood_finds_the_noise(fits):
@@ -78,6 +78,7 @@ def test_a_batch_takes_the_same_names(fits):
         fj.fit_batch([coloured(0)], MACHINE, FREE, noise="whit")
 
 
+@pytest.mark.slow
 def test_the_sandwich_covers_where_the_plain_error_does_not():
     """Least squares of AR(1) noise of 0.9: their scatter over 24 records is that of the robust errors."""
     scores = []
@@ -93,6 +94,7 @@ def test_the_sandwich_covers_where_the_plain_error_does_not():
     assert robust.plot().get_axes()[0].get_xlabel() == "Standard error over that of the fit [1]"
 
 
+@pytest.mark.slow
 def test_beside_the_right_noise_the_sandwich_agrees(fits):
     robust = fj.uncertainty.sandwich(fits["auto"])
     assert not robust.doubted and robust.ratios["mu"] == pytest.approx(1.0, abs=0.35)

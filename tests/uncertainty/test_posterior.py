@@ -37,6 +37,7 @@ def test_a_normal_posterior_has_the_covariance_of_the_fit(fit, posterior):
     assert np.abs(means).max() < 0.15
 
 
+@pytest.mark.slow
 def test_intervals_are_those_of_the_profile(fit, posterior):
     """Both are 1.96 standard errors here; the interval of 2000 draws is known to some three percent of its width."""
     profile = fj.uncertainty.profile(fit, "mu")
@@ -44,6 +45,7 @@ def test_intervals_are_those_of_the_profile(fit, posterior):
     assert posterior.intervals()["mu"] == pytest.approx(profile.interval, abs=0.05 * width)
 
 
+@pytest.mark.slow
 def test_a_prior_is_part_of_the_posterior():
     """Where the record tells hardly more than the prior, their weights add: the closed form of two normal ones."""
     alone = fj.fit(run(1e-6), MACHINE, FREE)
@@ -56,6 +58,7 @@ def test_a_prior_is_part_of_the_posterior():
     assert mean == pytest.approx(alone.values["damping"] + std, abs=0.15 * std)
 
 
+@pytest.mark.slow
 def test_a_bound_cuts_the_posterior(fit):
     low = fit.values["mu"] - 0.5 * fit.std_errors["mu"]
     bounded = fj.uncertainty.posterior(fj.fit(run(), MACHINE, FREE, bounds={"mu": (low, None)}), 200, warmup=150)
@@ -65,6 +68,7 @@ def test_a_bound_cuts_the_posterior(fit):
     assert shift == pytest.approx(0.509, abs=0.2)
 
 
+@pytest.mark.slow
 def test_arviz_takes_the_draws(posterior):
     tree = posterior.to_datatree()
     assert tree["posterior"]["mu"].shape == (4, 500)

@@ -40,6 +40,7 @@ def test_the_profile_is_that_of_fits_without_the_parameter(fit):
         assert fixed.values["damping"] == pytest.approx(damping, abs=1e-3 * fit.std_errors["damping"])
 
 
+@pytest.mark.slow
 def test_a_ridge_is_one_sided_where_a_standard_error_says_bounded():
     """With 20 um of noise a higher and narrower peak of static friction describes the record as well."""
     machine = fj.Oscillator(0.41068, 2574.0, 0.1756, 9.66, fj.friction.Stribeck(0.05, mu_s=0.065, v_stribeck=5e-3))
