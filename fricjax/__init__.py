@@ -1,8 +1,8 @@
 """Friction coefficients from a measured free decay of a spring-mass oscillator.
 
-A mass is pulled aside, released and watched by a displacement interferometer until friction has stopped it. From such
-a record fricjax finds the friction coefficient and the viscous damping, with uncertainties. The root is lazy: a name
-is imported when it is first asked for, so `import fricjax` costs milliseconds. `__init__.pyi` lists the names.
+A mass is pulled aside and released, and a displacement interferometer records its motion until friction stops it. From
+such a record fricjax estimates the friction coefficient and the viscous damping, with uncertainties. The package is
+lazy: a name is imported at its first use, so `import fricjax` takes milliseconds. `__init__.pyi` lists the names.
 """
 
 import lazy_loader as _lazy_loader

@@ -1,7 +1,8 @@
-"""The two kinds of refusal on the host side, before any number reaches traced code.
+"""Errors that fricjax raises before any number reaches traced code.
 
-A record can be unusable (`DataError`), or a question can be put wrongly (`UsageError`). Both are plain `ValueError`s
-whose message names what was wrong, what was got, and the remedy; `nearest` adds the guess at what was meant.
+A `DataError` means that a record is unusable, a `UsageError` that an option, a name or a combination of settings is
+wrong. Both are `ValueError`s. The message names the problem, the value received and the remedy. `nearest` suggests the
+closest known name.
 
 Examples:
     >>> import fricjax as fj
@@ -20,49 +21,49 @@ from typing import Any
 
 
 class DataError(ValueError):
-    """A file or a record that cannot be used as it is. The command line ends with exit code 4."""
+    """An unusable file or record. The command line exits with code 4."""
 
 
 class UsageError(ValueError):
-    """A wrong option, name or combination of settings. The command line ends with exit code 2."""
+    """A wrong option, name or combination of settings; exit code 2."""
 
 
-def needed(what: str, module: str, extra: str, otherwise: str = "") -> Any:
-    """A module of a package that an extra of this one brings, for those who need it.
+def needed(subject: str, module: str, extra: str, otherwise: str = "") -> Any:
+    """Import a module of an optional dependency.
 
     Args:
-        what: who needs it, the subject of the sentence: "run.tdms", "A query".
-        module: its name.
-        extra: the extra by which pip installs it.
-        otherwise: what can be done without it, as "or export the run as .csv".
+        subject: file or feature that needs the module, the subject of the error message: "run.tdms", "A query".
+        module: name of the module.
+        extra: extra of fricjax with which pip installs the package.
+        otherwise: an alternative without the package, such as "or export the run as .csv".
 
     Raises:
-        UsageError: it is not installed; says how to install it.
+        UsageError: the package is not installed; the message says how to install it.
     """
     try:
         return importlib.import_module(module)
     except ImportError as error:
         package, way = module.partition(".")[0], f", {otherwise}" if otherwise else ""
-        raise UsageError(f"{what} needs the package {package}: pip install 'fricjax[{extra}]'{way}.") from error
+        raise UsageError(f"{subject} needs the package {package}: pip install 'fricjax[{extra}]'{way}.") from error
 
 
 def nearest(name: object, options: Iterable[object]) -> str:
-    """Returns `" Did you mean 'x'?"` for the option closest to `name`, or an empty string where none is close."""
+    """Return " Did you mean 'x'?", or "" without a close option."""
     lowered = {str(option).lower(): str(option) for option in options}
     close = difflib.get_close_matches(str(name).lower()[:100], list(lowered), n=1, cutoff=0.5)
     return f" Did you mean '{lowered[close[0]]}'?" if close else ""
 
 
-def check_choice(what: str, name: object, known: Collection[str]) -> None:
-    """Refuse a name that is none of those that are known.
+def check_choice(kind: str, name: object, known: Collection[str]) -> None:
+    """Refuse an unknown name.
 
     Args:
-        what: what it is a name of, "loss".
-        name: the name.
-        known: those that there are.
+        kind: noun for the error message, such as "loss".
+        name: the name to check.
+        known: the valid names.
 
     Raises:
-        UsageError: offers the nearest one, and names all.
+        UsageError: the name is unknown; the message suggests the nearest valid name and lists all of them.
 
     Examples:
         >>> check_choice("loss", "hubert", ("squares", "huber"))
@@ -71,16 +72,16 @@ def check_choice(what: str, name: object, known: Collection[str]) -> None:
         fricjax.errors.UsageError: There is no loss 'hubert'. Did you mean 'huber'? Choose one of squares, huber.
     """
     if name not in known:
-        raise UsageError(f"There is no {what} {brief(name)}.{nearest(name, known)} Choose one of {', '.join(known)}.")
+        raise UsageError(f"There is no {kind} {brief(name)}.{nearest(name, known)} Choose one of {', '.join(known)}.")
 
 
 def suggesting(package: str, get: Callable[[str], Any], names: Sequence[str]) -> Callable[[str], Any]:
-    """The `__getattr__` of a lazy package, which for a name that it does not have says which one may be meant.
+    """Return a `__getattr__` for a lazy package that suggests the nearest name.
 
     Args:
-        package: its name.
-        get: the `__getattr__` that it has.
-        names: those it exports.
+        package: name of the package.
+        get: the original `__getattr__` of the package.
+        names: the exported names.
 
     Examples:
         >>> import fricjax as fj
@@ -94,21 +95,21 @@ def suggesting(package: str, get: Callable[[str], Any], names: Sequence[str]) ->
         try:
             return get(name)
         except AttributeError as error:
-            if name.startswith("__"):  # asked for by Python itself, which expects no answer
+            if name.startswith("__"):  # Python itself probes for such names
                 raise
-            # Python would add a guess of its own to an error that names no object.
+            # Without obj=None Python would append a second suggestion to the message.
             raise AttributeError(f"{package} has no {name!r}.{nearest(name, names)}", name=name, obj=None) from error
 
     return getattr_of_package
 
 
 def quoted(names: Sequence[object], limit: int = 12) -> str:
-    """`'a', 'b' and 3 more`: names for a sentence, long ones and long lists cut."""
+    """Quote names for a sentence, as `'a', 'b' and 3 more`."""
     return first_of((f"'{name if len(str(name)) <= 60 else f'{str(name)[:57]}...'}'" for name in names), limit)
 
 
 def first_of(words: Iterable[object], limit: int = 3) -> str:
-    """`a, b and 3 more`: the first words for a sentence, and how many there are besides."""
+    """Join the first words for a sentence: `a, b and 3 more`."""
     every = list(map(str, words))
     return ", ".join(every[:limit]) + (f" and {len(every) - limit} more" if len(every) > limit else "")
 
@@ -117,8 +118,8 @@ _BRIEF = reprlib.Repr(maxlevel=3, maxstring=80, maxother=80, maxlong=40)
 
 
 def brief(value: object) -> str:
-    """A value as messages show it, however long or deep it is."""
+    """Return a short representation of any value for a message."""
     try:
         return _BRIEF.repr(value)
-    except ValueError:  # more digits than may be turned into decimal ones
+    except ValueError:  # an integer with more digits than Python converts to decimal
         return "a number of thousands of digits"

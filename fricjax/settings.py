@@ -1,7 +1,7 @@
-"""What can be asked for by a name or a number, in one place and without a single import of weight.
+"""Checks of names and numbers that a user passes, without heavy imports.
 
-The package checks by it, and the command line checks by it before it reads a record or imports JAX; so both refuse the
-same things in the same words. Names of parameters are those of a model, see :mod:`fricjax.fitting.names`.
+The package and the command line share these checks, so both give the same messages. The command line runs them before
+it reads a record or imports JAX. Parameter names belong to a model, see :mod:`fricjax.fitting.names`.
 """
 
 import math
@@ -14,14 +14,14 @@ from .errors import UsageError, check_choice
 ENGINES = ("auto", "exact", "hybrid", "smooth", "diffrax")
 LOSSES: tuple[str, ...] = ("squares", "huber", "soft_l1", "cauchy")
 CRITERIA = ("bic", "aicc", "held_out")
-"""What a comparison ranks by."""
+"""Criteria by which a comparison ranks laws."""
 
 
 def check_criterion(criterion: str, held_out: bool) -> None:
-    """Refuse a criterion that does not exist, or of which nothing is computed.
+    """Refuse a criterion that is unknown or will not be computed.
 
     Raises:
-        UsageError: names those that there are.
+        UsageError: the criterion is unknown (the message lists the known ones), or it is "held_out" without `held_out`.
     """
     check_choice("ranking by", criterion, CRITERIA)
     if criterion == "held_out" and not held_out:
@@ -29,40 +29,40 @@ def check_criterion(criterion: str, held_out: bool) -> None:
 
 
 def check_different(names: Sequence[str]) -> None:
-    """Refuse two candidates of one name.
+    """Refuse two candidates with the same name.
 
     Raises:
-        UsageError: names all of them.
+        UsageError: two names are equal; the message lists all names.
     """
     if len(set(names)) < len(names):
         raise UsageError(f"The names {', '.join(names)} are not all different. Give each candidate its own.")
 
 
 def check_scatter(mu_scatter: float) -> None:
-    """Refuse a scatter of mu from run to run that no runs have.
+    """Refuse an impossible scatter of mu from run to run.
 
     Raises:
-        UsageError: one below zero, or of one or more.
+        UsageError: the scatter is negative, or one or more.
     """
     if not 0 <= mu_scatter < 1:
         raise UsageError(f"mu_scatter is a relative standard deviation, zero or more and below 1, got {mu_scatter:g}.")
 
 
 def check_bins(bins: Any) -> None:
-    """Refuse a number of ranges of speed that makes no curve.
+    """Refuse an invalid number of speed bins.
 
     Raises:
-        UsageError: no whole number of at least two.
+        UsageError: `bins` is not an integer of at least two.
     """
     if not isinstance(bins, numbers.Integral) or bins < 2:
         raise UsageError(f"bins must be a whole number of at least 2, or limits in m/s, got {bins!r}.")
 
 
 def check_sampling(rate: float, duration: float | None) -> None:
-    """Refuse samples that nobody can take.
+    """Refuse an invalid sampling rate or duration.
 
     Raises:
-        UsageError: a rate [1/s] or a duration [s] that is no positive number; None is no duration yet.
+        UsageError: the rate [1/s] or the duration [s] is not a positive number. A duration of None is not checked.
     """
     if not (math.isfinite(rate) and rate > 0):
         raise UsageError(f"The rate must be a positive number of samples per second, got {rate}.")
@@ -71,10 +71,10 @@ def check_sampling(rate: float, duration: float | None) -> None:
 
 
 def check_noise(noise: float) -> None:
-    """Refuse noise of no size, with which everything would be known exactly.
+    """Refuse a standard deviation of the noise that is not positive.
 
     Raises:
-        UsageError: no positive number.
+        UsageError: the noise is not a positive number.
     """
     if not noise > 0:
         raise UsageError(f"The noise must be a positive standard deviation in metres, got {noise}.")

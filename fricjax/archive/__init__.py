@@ -1,4 +1,4 @@
-"""Archives of runs: a folder in, one table out, and nothing lost."""
+"""Batch fits of run archives into one resumable table."""
 
 import lazy_loader as _lazy_loader
 

@@ -1,4 +1,4 @@
-"""What became of an archive: one table, and the questions that are asked of it."""
+"""Results of an archive: one table, with queries and summaries."""
 
 import contextlib
 import os
@@ -18,18 +18,18 @@ if TYPE_CHECKING:
 
     from ..fitting.population import Population
 
-# What a spreadsheet takes for a formula, and what it takes away before it looks.
+# First characters of a spreadsheet formula, including whitespace that a spreadsheet strips first.
 _FORMULA = ("=", "+", "-", "@", "\t", "\r")
-_REASONS = 8  # reasons of failures that a summary lists
+_REASONS = 8  # Maximum number of failure reasons in a summary.
 
 
 class Archive(Reported):
-    """The records of a store, as they are when it is opened.
+    """Snapshot of the records of a store.
 
     Attributes:
         path: the folder of the store.
-        table: all rows, a table of Arrow.
-        driver: the process that was at work on the store, as "process 1234 on host"; empty where none was.
+        table: all rows, an Arrow table.
+        driver: the process that was working on the store, as "process 1234 on host"; empty if there was no process.
 
     Examples:
         >>> import fricjax as fj
@@ -59,35 +59,41 @@ class Archive(Reported):
         return self.table.num_rows
 
     def to_dataframe(self) -> "DataFrame":
-        """All rows as a data frame of pandas, one for each run and law, sorted by file; columns as in the table."""
+        """Return all rows as a pandas data frame, sorted by file.
+
+        There is one row for each run and law, with the columns of the table.
+        """
         return self.table.to_pandas()
 
     def failures(self) -> "DataFrame":
-        """The rows that are not ok: file, run, law, status, and why, in a sentence."""
+        """Return the rows that are not ok, with their reasons.
+
+        The columns are file, run, law, status and outcome.
+        """
         table = self.table.select(["file", "run", "friction", "status", "outcome"]).to_pandas()
         return table[table["status"] != "ok"].reset_index(drop=True)
 
     @property
     def counts(self) -> dict[str, int]:
-        """Number of rows of each status."""
+        """Number of rows with each status."""
         statuses = self.table.column("status").to_pylist()
         return {name: statuses.count(name) for name in STATUSES}
 
     def population(self, name: str, by: str | None = None, *, friction: str | None = None) -> Any:
-        """Mean of a coefficient over the runs that are ok, and its scatter from run to run.
+        """Compute the mean of a coefficient over ok runs, and its scatter.
 
         Args:
-            name: a free parameter or one of the kinematics, as "mu".
-            by: a column, as "load": a population for each of its values.
-            friction: the law, where several were fitted.
+            name: a free parameter or a kinematic quantity, such as "mu".
+            by: a column, such as "load"; gives one population for each of its values.
+            friction: the law, required if several were fitted.
 
         Returns:
-            A `Population`, whose numbers of runs count rows of the table; with `by` a mapping of them by value, from
-            which values with fewer than three runs are left out.
+            A `Population`; its run numbers are row numbers of the table. With `by`, a mapping from value to population,
+            without values that have fewer than three runs.
 
         Raises:
-            UsageError: no such column, or several laws and none chosen.
-            DataError: fewer than three runs that count.
+            UsageError: unknown column, or several laws and no choice.
+            DataError: fewer than three valid runs.
         """
         laws = sorted(set(self.table.column("friction").to_pylist()))
         if friction is None and len(laws) > 1:
@@ -107,7 +113,7 @@ class Archive(Reported):
             except DataError:
                 continue
         if not groups:
-            raise DataError(f"No value of {by} has three runs whose {name} counts.")
+            raise DataError(f"No value of {by} has three runs with a valid {name}.")
         return dict(sorted(groups.items()))
 
     def _population(self, name: str, rows: np.ndarray) -> "Population":
@@ -115,7 +121,7 @@ class Archive(Reported):
 
         ok = rows & (np.asarray(self.table.column("status").to_pylist(), object) == "ok")
         value, std, combined = (self._numbers(column) for column in (name, f"{name}_std", f"{name}_combined_std"))
-        # What the inputs of the rig make uncertain is common to all runs: no mean takes it away.
+        # The uncertainty of rig inputs is common to all runs, so it does not average out.
         common = np.sqrt(np.maximum(combined**2 - std**2, 0.0))
         chosen = np.flatnonzero(rows)
         pooled = population(np.where(ok, value, np.nan)[chosen], std[chosen], [np.nan_to_num(common[chosen])])
@@ -134,10 +140,10 @@ class Archive(Reported):
                 )
 
     def query(self, sql: str) -> "DataFrame":
-        """Ask the table by SQL, in which it is called ``runs``; nothing else can be read, and nothing written.
+        """Query the table, named ``runs``, by SQL without access to other data.
 
         Raises:
-            UsageError: SQL that DuckDB refuses, or DuckDB is not installed.
+            UsageError: invalid SQL, or DuckDB is not installed.
         """
         duckdb = needed("A query", "duckdb", "batch")
         shut = {"enable_external_access": "false", "lock_configuration": "true"}
@@ -155,28 +161,28 @@ class Archive(Reported):
                 raise UsageError(f"DuckDB refuses the query ({words[:300]}). The table is called runs.") from error
 
     def to_csv(self, path: str | os.PathLike[str], *, overwrite: bool = False) -> Path:
-        """Write all rows but their pictures as CSV, in which no cell is a formula.
+        """Write all rows as CSV without formulas; omit the sketch columns.
 
         Raises:
-            FileExistsError: there is such a file, and `overwrite` is not given.
-            OSError: it cannot be written.
+            FileExistsError: the file exists and `overwrite` is False.
+            OSError: the file cannot be written.
         """
         pictures = [name for name in self.table.column_names if name.startswith(("sketch_", "reversal_"))]
         return write_csv(self.table.drop_columns(pictures).to_pandas(), path, overwrite=overwrite)
 
     def plot(self, name: str = "mu", against: str = "run", *, style: Style = "screen") -> Any:
-        """A parameter of all runs that are ok with its standard errors, in their order or against a column.
+        """Plot a parameter of all ok runs with standard errors.
 
         Args:
-            name: a free parameter or one of the kinematics.
-            against: a column of numbers, as "load"; "run" is their order in the table.
+            name: a free parameter or a kinematic quantity.
+            against: a numeric column, such as "load"; "run" is the order in the table.
             style: as of :func:`fricjax.show.styled`.
 
         Returns:
             A matplotlib figure.
 
         Raises:
-            UsageError: no such column.
+            UsageError: unknown column.
         """
         from .show import parameter_figure
 
@@ -184,7 +190,7 @@ class Archive(Reported):
         return styled(parameter_figure(self.to_dataframe(), name, against), style)
 
     def report(self) -> Report:
-        """How many rows there are of each status, populations of what was fitted, and why runs failed."""
+        """Summarise status counts, fitted populations and reasons of failures."""
         counts = self.counts
         pairs = Counter(zip(*(self.table.column(name).to_pylist() for name in ("friction", "status")), strict=True))
         laws = sorted({law for law, _ in pairs})
@@ -208,10 +214,12 @@ class Archive(Reported):
 
 
 def open_archive(path: str | os.PathLike[str]) -> Archive:
-    """Open the store that `fricjax.batch` or ``fricjax batch`` has made, also while another driver goes on with it.
+    """Open a store made by `fricjax.batch` or ``fricjax batch``.
+
+    This also works while a batch is running.
 
     Raises:
-        DataError: no store, one of another schema, or a damaged file.
+        DataError: no store, another schema, or a damaged file.
         UsageError: pyarrow is not installed.
 
     Examples:
@@ -225,7 +233,10 @@ def open_archive(path: str | os.PathLike[str]) -> Archive:
 
 
 def results(path: str | os.PathLike[str]) -> "DataFrame":
-    """The table of a store as a data frame; raises as `open_archive`.
+    """Return the table of a store as a data frame.
+
+    Raises:
+        DataError, UsageError: as `open_archive`.
 
     Examples:
         >>> import fricjax as fj
@@ -239,7 +250,10 @@ def results(path: str | os.PathLike[str]) -> "DataFrame":
 
 
 def write_csv(table: "DataFrame", path: str | os.PathLike[str], *, overwrite: bool = False) -> Path:
-    """Write a data frame as CSV, each text that a spreadsheet would take for a formula with a quote before it."""
+    """Write a data frame as CSV with escaped formulas.
+
+    Text that a spreadsheet would evaluate gets a leading quote.
+    """
     from ..show.files import write_text
 
     text = table.copy()
@@ -251,5 +265,5 @@ def write_csv(table: "DataFrame", path: str | os.PathLike[str], *, overwrite: bo
 
 
 def escaped(cell: Any) -> Any:
-    """A cell that no spreadsheet takes for a formula."""
+    """Escape a cell that a spreadsheet would evaluate as a formula."""
     return f"'{cell}" if isinstance(cell, str) and cell.startswith(_FORMULA) else cell

@@ -1,17 +1,19 @@
-"""Workers as jobs of SLURM: a file says what a job asks for, and jobs are handed in and taken back with the batch.
+"""SLURM jobs as workers of a batch, configured by a TOML file.
 
-    workers = 16               # worker processes in all, of one core each
-    per_job = 8                # of them in a job
-    memory = "2 GB"            # of each
-    walltime = "02:00:00"      # of a job
+Jobs are submitted when a batch starts and cancelled when it ends. The keys of the file are:
+
+    workers = 16               # total number of worker processes, one core each
+    per_job = 8                # worker processes per job
+    memory = "2 GB"            # per worker
+    walltime = "02:00:00"      # per job
     queue = "short"
     account = "tribology"
-    interface = "ib0"          # of the network between this machine and the nodes
-    shared = "/scratch/me"     # a folder that all machines see, for keys and compiled programs
+    interface = "ib0"          # network between this machine and the nodes
+    shared = "/scratch/me"     # folder visible to all machines, for keys and compiled programs
     directives = ["--constraint=skylake"]
     prologue = ["module load python/3.12"]
 
-Only `workers`, `memory` and `walltime` have to be there.
+Only `workers`, `memory` and `walltime` are required.
 """
 
 import contextlib
@@ -32,30 +34,30 @@ from ..errors import UsageError, brief, needed
 from .distributed import PRELOAD, check_dask, of_clients
 from .execute import Executor
 
-# Keys that have to be there, with an example of each.
+# Required keys with examples.
 _NEEDED = {"workers": "16", "memory": '"2 GB"', "walltime": '"02:00:00"'}
 _KINDS: dict[Any, Any] = {
     int: (int, "a whole number"),
     str: (str, "a text"),
     tuple[str, ...]: (tuple, "a list of texts"),
 }
-# How a text must be written, and an example.
+# Format of text values, with examples.
 _TEXTS = {"memory": (r"\d+(\.\d+)? ?[KMGT]i?B", "2 GB"), "walltime": (r"(\d+-)?\d+:\d\d(:\d\d)?", "02:00:00")}
 
 
 @dataclasses.dataclass(frozen=True)
 class Slurm:
-    """What is asked of SLURM; the keys of the file.
+    """Settings of SLURM jobs; the keys of the file.
 
     Attributes:
-        workers: worker processes in all, of one core each.
-        memory: of each, as "2 GB".
-        walltime: of a job, as "02:00:00".
-        per_job: worker processes in a job.
-        queue, account: of SLURM; empty for its defaults.
-        interface: of the network between this machine and the nodes; empty for its default.
-        shared: folder that all machines see; empty: the current one.
-        directives: further options of ``sbatch``, as "--constraint=skylake".
+        workers: total number of worker processes, one core each.
+        memory: memory per worker, such as "2 GB".
+        walltime: time limit of a job, such as "02:00:00".
+        per_job: worker processes per job.
+        queue, account: queue and account of SLURM; empty for the defaults.
+        interface: network interface between this machine and the nodes; empty for the default.
+        shared: folder visible to all machines; empty for the current folder.
+        directives: further options of ``sbatch``, such as "--constraint=skylake".
         prologue: lines of the script before the worker starts.
 
     Examples:
@@ -76,10 +78,10 @@ class Slurm:
 
     @classmethod
     def from_toml(cls, path: str | os.PathLike[str]) -> Self:
-        """Read the file.
+        """Read the settings from a TOML file.
 
         Raises:
-            UsageError: no such file, no TOML, an unknown key, a missing one, or a value that it cannot have.
+            UsageError: missing file, invalid TOML, an unknown or a missing key, or an invalid value.
         """
         path = Path(path)
         table = read_toml(path, "SLURM", [field.name for field in dataclasses.fields(cls)], _NEEDED)
@@ -103,32 +105,34 @@ class Slurm:
 
     @property
     def jobs(self) -> int:
-        """How many jobs are handed in."""
+        """Number of jobs to submit."""
         return -(-self.workers // self.per_job)
 
     @property
     def folder(self) -> Path:
-        """The folder that all machines see."""
+        """Folder visible to all machines."""
         return Path(self.shared or ".").expanduser().resolve()
 
 
 def slurm_cluster(settings: Slurm, keys: Path) -> Any:
-    """A `SLURMCluster` of dask-jobqueue, whose workers SLURM will start; its `job_script()` is what each job runs.
+    """Create a `SLURMCluster` of dask-jobqueue.
+
+    Its `job_script()` returns the script of each job.
 
     Args:
-        settings: what is asked of SLURM.
-        keys: a folder that all machines see, for the keys of the connections.
+        settings: settings of the jobs.
+        keys: folder visible to all machines, for the keys of the connections.
 
     Raises:
-        UsageError: dask-jobqueue is not installed, or there is no such interface.
+        UsageError: dask-jobqueue is not installed, or the network interface does not exist.
     """
-    # Its import takes Ctrl-C for itself, and ends the process without a word; who started the batch goes on to decide.
+    # Importing dask_jobqueue replaces the handler of Ctrl-C by a silent exit; restore the handler of the caller.
     handler = signal.getsignal(signal.SIGINT)
     slurm = needed("A cluster", "dask_jobqueue.slurm", "cluster")
     if signal.getsignal(signal.SIGINT) is not handler:
         signal.signal(signal.SIGINT, handler)
     amount, unit = re.fullmatch(r"([\d.]+) ?(\w+)", settings.memory).groups()  # pyright: ignore[reportOptionalMemberAccess]
-    # Where the home of the user is on all machines, the folder of compiled programs is.
+    # By default the cache of compiled programs is in the home folder, which the machines may share.
     programs = [f"export FRICJAX_CACHE_DIR={shlex.quote(str(settings.folder / 'programs'))}"] if settings.shared else []
     try:
         return slurm.SLURMCluster(
@@ -153,13 +157,15 @@ def slurm_cluster(settings: Slurm, keys: Path) -> Any:
 
 
 def slurm(path: str | os.PathLike[str]) -> Executor:
-    r"""An executor by workers that SLURM starts when there are chunks; their jobs are taken back behind the last one.
+    r"""Return an executor with workers that SLURM starts on demand.
+
+    Their jobs are cancelled after the last chunk.
 
     Args:
         path: file of the settings.
 
     Raises:
-        UsageError: it cannot be read or holds wrong settings, a package is missing, or there is no SLURM here.
+        UsageError: the file is missing or invalid, a package is not installed, or SLURM is not available.
 
     Examples:
         >>> from pathlib import Path
@@ -189,6 +195,6 @@ def _started(settings: Slurm) -> Iterator[Any]:
         Client(cluster, set_as_default=False) as client,
     ):
         cluster.scale(settings.workers)
-        # A queue may take hours; Ctrl-C ends the waiting.
+        # Jobs may wait in the queue for hours; Ctrl-C stops waiting.
         client.wait_for_workers(1)
         yield client

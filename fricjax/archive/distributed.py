@@ -1,13 +1,12 @@
-"""Chunks done by Dask: by worker processes of this machine, or by those of a scheduler that runs already.
+"""Execution of chunks by Dask workers, local or of a running scheduler.
 
-A worker gets paths and settings, reads the files itself, and gives rows back; this process alone writes them down.
-So a chunk whose worker is lost is done again by another one, and is written once whatever happens. A chunk that kills
-its workers is taken apart, and each of its files tried while nothing else is at work: one that still kills them has
-failed, and the others are fitted.
+A worker gets paths and settings, reads the files and returns rows. Only this process writes them. If a worker is lost,
+another one repeats its chunk, and each chunk is written exactly once. A chunk that kills its workers is split: each of
+its files runs alone. A file that still kills its worker gets the status failed, and the others are fitted.
 
-Dask passes what it gets as Python objects, and whoever reaches its ports can have anything executed. Between the
-processes of one machine the connections are therefore encrypted by keys that only they have; those of a scheduler are
-as safe as it was set up.
+Dask transmits Python objects: access to its ports allows running arbitrary code. Connections between local processes
+are therefore encrypted with keys known only to them. Connections of a running scheduler are as safe as its
+configuration.
 """
 
 import contextlib
@@ -32,25 +31,26 @@ from .plan import Chunk
 from .work import Done, Work, WorkerDied
 
 PRELOAD = __name__
-"""What workers are started with, `--preload`, so that they are ready before their first chunk."""
-# Chunks that each thread of a worker has, so that it does not wait for the next one; those of a worker that dies are
-# all suspected of it.
+"""Module for the option `--preload` of workers, which makes them ready before their first chunk."""
+# Chunks queued per worker thread, so that it need not wait. If a worker dies, all of its chunks are suspects.
 _AHEAD = 2
-# Workers that may die of a chunk before it is taken apart. Dask allows for three, but each costs seconds.
+# Workers that may die of a chunk before it is split. The default of Dask is three, but each costs seconds.
 _ALLOWED = 1
 _ANSWERS, _STARTS = 10.0, 60.0
-"""Seconds in which a scheduler must answer, and in which it must have a worker."""
+"""Seconds to wait for an answer of a scheduler, and for its first worker."""
 
 
 def workers(number: int) -> Executor:
-    """An executor by worker processes of this machine, which live as long as there are chunks.
+    """Return an executor with local worker processes.
+
+    The processes live as long as there are chunks.
 
     Args:
-        number: of the processes, each of which uses one core; one process alone, without workers, uses all of them.
+        number: number of processes, each using one core. Without workers, a single process uses all cores.
 
     Raises:
-        UsageError: Dask is not installed, the number is not positive, or, when chunks are there, the processes cannot
-            be started.
+        UsageError: Dask is not installed, or the number is not positive; when execution starts, also if the processes
+            cannot be started.
 
     Examples:
         >>> workers(0)
@@ -66,20 +66,22 @@ def workers(number: int) -> Executor:
     if number < 1:
         raise UsageError(f"There must be one worker at least, but workers={number} was given.")
     check_dask()
-    # Each new process imports the main module of this one, and would come here again.
+    # Each new process imports the main module of this one and would start workers again.
     if getattr(multiprocessing.current_process(), "_inheriting", False):
         raise UsageError(_GUARD)
     return of_clients(lambda: _local(number))
 
 
 def scheduler(address: str) -> Executor:
-    """An executor by the workers of a scheduler that runs, wherever they are; all must see the same files.
+    """Return an executor with the workers of a running scheduler.
+
+    All workers must see the same files.
 
     Args:
-        address: of the scheduler, as "tcp://192.168.0.1:8786".
+        address: address of the scheduler, such as "tcp://192.168.0.1:8786".
 
     Raises:
-        UsageError: Dask is not installed, or, when chunks are there, no scheduler or no worker answers.
+        UsageError: Dask is not installed; when execution starts, also if no scheduler or no worker answers.
 
     Examples:
         >>> scheduler("nowhere")
@@ -94,12 +96,12 @@ def scheduler(address: str) -> Executor:
 
 
 def of_clients(connected: Callable[[], AbstractContextManager[Any]]) -> Executor:
-    """An executor by the workers of a client of Dask, which is asked for when there are chunks."""
+    """Return an executor that connects to a Dask client on demand."""
 
     def execute(chunks: Sequence[Chunk], work: Work) -> Generator[tuple[Chunk, Done]]:
         if not chunks:
             return
-        # Workers have another current folder, and no use for the list of all files.
+        # Workers have another current folder, and do not need the list of all files.
         files = None if work.study.files is None else ()
         study = dataclasses.replace(work.study, root=work.study.root.resolve(), files=files)
         with connected() as client:
@@ -114,7 +116,7 @@ def _local(number: int) -> Iterator[Any]:
     from dask import config
     from distributed import Client, LocalCluster
 
-    # Nobody asks these processes anything by HTTP, and they need not answer.
+    # These processes do not need an HTTP interface.
     silent = {f"distributed.{kind}.http.routes": [] for kind in ("scheduler", "worker")}
     with contextlib.ExitStack() as stack:
         stack.enter_context(config.set({"distributed.scheduler.allowed-failures": _ALLOWED, **silent}))
@@ -143,7 +145,7 @@ def _running(address: str) -> Iterator[Any]:
         client = Client(address, timeout=_ANSWERS, set_as_default=False)
     except (OSError, TimeoutError, ValueError) as error:
         raise UsageError(f"No scheduler answers at {address}. Start one: dask scheduler.") from error
-    # That a scheduler has gone is said by this package, once.
+    # This package reports the loss of the scheduler, once.
     with silence_logging_cmgr(logging.CRITICAL), client:
         try:
             client.wait_for_workers(1, timeout=_STARTS)
@@ -156,21 +158,24 @@ def _running(address: str) -> Iterator[Any]:
 
 
 class _Progress:
-    """Chunks on their way: waiting, suspected of having killed workers, and at work."""
+    """Chunks in progress: waiting, suspected of killing workers, and running."""
 
     def __init__(self, client: Any, work: Work, chunks: Sequence[Chunk]) -> None:
         from distributed import as_completed
 
         self._client, self._work = client, work
         self._waiting, self._suspects = deque(chunks), deque[Chunk]()
-        # With each chunk at work whether it is there alone.
+        # Each running chunk, with whether it runs alone.
         self._flying: dict[Any, tuple[Chunk, bool]] = {}
         self._completed = as_completed(loop=client.loop)
         self._name = secrets.token_hex(4)
         self._count = 0
 
     def results(self) -> Iterator[tuple[Chunk, Done]]:
-        """What became of each chunk. After Ctrl-C no further one is begun, and what is at work is still given."""
+        """Yield the result of each chunk.
+
+        After Ctrl-C no further chunk starts, and running chunks are still completed.
+        """
         interrupted: KeyboardInterrupt | None = None
         try:
             while True:
@@ -188,7 +193,7 @@ class _Progress:
                     continue
                 chunk, alone = self._flying.pop(future)
                 done = self._result(future, chunk, alone)
-                # What is given is no longer needed by anybody else.
+                # Release the result on the cluster.
                 del future
                 if done is not None:
                     yield chunk, done
@@ -196,13 +201,13 @@ class _Progress:
                 raise interrupted
         except (OSError, CancelledError) as error:
             raise UsageError(
-                "The scheduler of the workers is gone. What was done is kept: start it, and then this once more."
+                "The scheduler of the workers is gone. Finished chunks are kept: restart it, then repeat this batch."
             ) from error
         finally:
             self._client.cancel(list(self._flying))
 
     def _send(self) -> None:
-        """Send chunks as long as workers have room, and behind all others one by one those that are suspected."""
+        """Send chunks while workers have room, then suspects one by one."""
         room = _AHEAD * max(1, sum(self._client.ncores().values()))
         while self._waiting and len(self._flying) < room:
             self._submit(self._waiting.popleft(), False)
@@ -217,7 +222,7 @@ class _Progress:
         self._completed.add(future)
 
     def _result(self, future: Any, chunk: Chunk, alone: bool) -> Done | None:
-        """What became of a chunk; None where it is tried again."""
+        """Return the result of a chunk, None to try it again."""
         from distributed.scheduler import KilledWorker
 
         try:
@@ -230,27 +235,27 @@ class _Progress:
 
 
 def _do(work: Work, chunk: Chunk) -> Done:
-    """What a worker does."""
+    """Process a chunk in a worker."""
     _in_double_precision()
     return attempt(work, chunk)
 
 
 def dask_setup(worker: Any) -> None:
-    """What Dask calls in a worker that was started with ``--preload fricjax.archive.distributed``.
+    """Prepare a worker started with ``--preload fricjax.archive.distributed``.
 
-    Ctrl-C reaches all processes of a terminal; that of the driver waits for what its workers have begun. Workers of
-    this machine are held to a core each.
+    Dask calls this function. The worker ignores Ctrl-C, which reaches all processes of a terminal; the driver handles
+    it and waits for running chunks. Local workers are bound to one core each.
 
     Args:
-        worker: the worker, which stays as it is.
+        worker: the worker; it is not modified.
 
     Examples:
         >>> dask_setup(None)
     """
     if worker is not None and threading.current_thread() is threading.main_thread():
         signal.signal(signal.SIGINT, signal.SIG_IGN)
-    # The cluster of this machine numbers its workers, and no other does. Their threads and those of XLA, which counts
-    # the cores when it starts, would be as many in each worker as all of them have cores to run on.
+    # Only a local cluster numbers its workers. Without affinity each worker would start as many threads as there are
+    # cores; XLA counts the cores when it starts.
     number = getattr(worker, "name", None)
     if isinstance(number, int) and hasattr(os, "sched_setaffinity"):
         usable = sorted(os.sched_getaffinity(0))
@@ -266,36 +271,36 @@ def _in_double_precision() -> None:
 
 _DIED = (
     "The process that read and fitted it died each time, also while nothing else was at work. It may need more memory "
-    "than there is: try it by itself with fricjax fit."
+    "than there is: try it alone with fricjax fit."
 )
 _GUARD = (
-    "New processes import the script that starts them; put what it does under if __name__ == '__main__':, or use the "
+    "New processes import the script that starts them; put its code under if __name__ == '__main__':, or use the "
     "command fricjax batch."
 )
 
 
 def check_dask() -> None:
-    """Refuse to start where a package is missing.
+    """Check that Dask is installed.
 
     Raises:
-        UsageError: Dask, or what encrypts its connections, is not installed.
+        UsageError: Dask, or the package for encrypted connections, is not installed.
     """
     for module in ("cryptography", "distributed"):
         needed("A batch with workers", module, "batch")
 
 
 def _seen(root: str) -> tuple[str, bool]:
-    """What a worker says of itself: the version of this package, and whether it sees a folder."""
+    """Return a worker's package version, and whether it sees a folder."""
     from .. import __version__
 
     return __version__, Path(root).is_dir()
 
 
 def _check_workers(client: Any, root: Path) -> None:
-    """Refuse workers whose results would not be those of this process.
+    """Check that workers will compute the same results as this process.
 
     Raises:
-        UsageError: one has another version of this package or none, or does not see the runs.
+        UsageError: a worker has another version of this package or no version, or does not see the runs.
     """
     from .. import __version__
 

@@ -1,4 +1,7 @@
-"""From a folder of runs to its archive: what is planned is done, chunk by chunk, and written down as soon as it is."""
+"""Batch fit of a folder of runs into an archive.
+
+Each chunk of files is written as soon as it is done.
+"""
 
 import contextlib
 import os
@@ -22,7 +25,7 @@ type Runs = str | os.PathLike[str] | Iterable[str | os.PathLike[str]] | Study
 type Tell = Callable[[int, int, Mapping[str, int]], None]
 
 FREE = ("mu", "damping", "stiffness")
-"""What is fitted where nobody says: what a decay on a spring determines."""
+"""Default free coefficients, which a decay on a spring determines."""
 
 
 def batch(
@@ -37,33 +40,34 @@ def batch(
     tell: Tell | None = None,
     **study: Any,
 ) -> Archive:
-    """Fit every run of a folder, and keep a record of each in a store that can be gone on with at any time.
+    """Fit all runs of a folder into a resumable store.
 
-    A run that cannot be fitted never stops the others: its row says why. What is in the store already is not fitted
-    again, as long as neither the bytes of its file nor the settings have changed.
+    A run that cannot be fitted never stops the others; its row gives the reason. Results in the store are reused as
+    long as neither the bytes of the file nor the settings have changed.
 
     Args:
         runs: a folder, paths of files, a `study.toml` (see :mod:`fricjax.archive.study_file`), or a `Study`.
-        out: the folder of the store, made where it is missing.
-        oscillator: the machine and its friction law, or several to fit a row each; with a `rig` the machine is that of
-            the rig.
+        out: the folder of the store, created if missing.
+        oscillator: the oscillator with its friction law, or several; each law gets a row. With a `rig`, only the
+            friction law is used.
         free: names of the coefficients to fit.
-        retry_failed: fit again what was rejected or failed.
-        shard: the part of the files that is asked for, as (2, 3) for the second of three; several may share a store.
-        execute: how chunks are done; None: in this process.
-        tell: is called after each chunk with how many files are done, of how many, and the rows of each status.
-        **study: what else a study has: `rig` (or the path of its file), `reading` (options of `fricjax.read` for all
-            files), `include` and `exclude` (patterns of files, as ``["lab_b/**/*.csv"]``), `facts` (templates of paths,
-            as ``["load_{load}N/run_{number}.csv"]``: what they name becomes a column, and a load the normal force [N]),
-            `residuals` (write those of each run as netCDF as well); and of `fit_batch` `nuisance`, `engine`, `start`,
-            `bounds`, `priors`, `tie`, `guess`, `loss` and `noise`.
+        retry_failed: fit rejected and failed runs again.
+        shard: part of the files to process, such as (2, 3) for the second of three; several shards may share a store.
+        execute: executor of chunks; None uses this process.
+        tell: function called after each chunk with the number of finished files, their total number, and the number of
+            rows with each status.
+        **study: further fields of a study: `rig` (or the path of its file), `reading` (options of `fricjax.read` for
+            all files), `include` and `exclude` (patterns of files, such as ``["lab_b/**/*.csv"]``), `facts` (path
+            templates, such as ``["load_{load}N/run_{number}.csv"]``; each fact becomes a column, and a load the normal
+            force [N]), `residuals` (also write the residuals of each run as netCDF). From `fit_batch`: `nuisance`,
+            `engine`, `start`, `bounds`, `priors`, `tie`, `guess`, `loss` and `noise`.
 
     Returns:
         The archive.
 
     Raises:
-        UsageError: no runs, settings that fit no run at all, or a store of something else.
-        OSError: the store cannot be written, as on a full disk; what was done is kept.
+        UsageError: no runs, settings that fit no run, or a store of another study.
+        OSError: the store cannot be written, for example on a full disk; finished chunks are kept.
 
     Examples:
         >>> import fricjax as fj
@@ -84,12 +88,12 @@ def batch(
     else:
         name, asked = "", study_of(runs, oscillator, free, **study)
     if name and (oscillator is not None or study):
-        raise UsageError(f"{name} says what is fitted and how: leave the other arguments out.")
+        raise UsageError(f"{name} already defines the model and its settings: leave the other arguments out.")
     return process(asked, out, retry=retry_failed, shard=shard, execute=execute, tell=tell)
 
 
 run = batch
-"""`batch` as ``fricjax.archive.run``."""
+"""Alias of `batch` as ``fricjax.archive.run``."""
 
 
 def study_of(
@@ -105,10 +109,12 @@ def study_of(
     residuals: bool = False,
     **settings: Any,
 ) -> Study:
-    """The study of runs that are all read in one way and made on one rig; arguments as of `batch`.
+    """Create the study of runs with one reader configuration and one rig.
+
+    Arguments are as in `batch`.
 
     Raises:
-        UsageError: no runs, no machine, or a setting that no study has.
+        UsageError: no runs, no oscillator, or an unknown setting.
     """
     for name in settings:
         if name not in DEFAULTS:
@@ -142,12 +148,14 @@ def process(
     execute: "Executor | None" = None,
     tell: Tell | None = None,
 ) -> Archive:
-    """Do what a study asks for and its store does not have yet; arguments as of `batch`.
+    """Process the files of a study that its store does not contain.
+
+    Arguments are as in `batch`.
 
     Raises:
         UsageError: as `batch`.
         OSError: the store cannot be written.
-        KeyboardInterrupt: after what was at work is written.
+        KeyboardInterrupt: after Ctrl-C, once running chunks are written.
     """
     from ..oscillator import ready
 
@@ -162,14 +170,14 @@ def process(
             _relabel(study, store, planned)
             _do(study, store, planned, execute, tell)
         finally:
-            # Also where the disk is full, for then it is the table that cannot be written, and no part is lost.
+            # Also on a full disk: then only the table cannot be written, and no part is lost.
             with contextlib.suppress(OSError):
                 store.write_table(study.root)
     return open_archive(out)
 
 
 def plan_of(study: Study, out: str | os.PathLike[str], *, retry: bool = False, shard: tuple[int, int] = (1, 1)) -> Plan:
-    """What `process` would do, without a trace of having asked."""
+    """Return the plan of `process` without changing the store."""
     store = Store(out)
     _check(study)
     if store.exists:
@@ -178,7 +186,7 @@ def plan_of(study: Study, out: str | os.PathLike[str], *, retry: bool = False, s
 
 
 def _do(study: Study, store: Store, planned: Plan, execute: "Executor | None", tell: Tell | None) -> None:
-    """Fit what is to be fitted; each chunk is on the disk before the next is reported."""
+    """Fit the planned files; write each chunk before reporting the next."""
     from .execute import in_this_process
     from .work import Work
 
@@ -202,7 +210,7 @@ def _do(study: Study, store: Store, planned: Plan, execute: "Executor | None", t
 
 
 def _relabel(study: Study, store: Store, planned: Plan) -> None:
-    """Records of files that were moved, copied or touched are written down under what they are now."""
+    """Update the records of files that were moved, copied or touched."""
     from .plan import settings_of
 
     moved = []
@@ -216,10 +224,10 @@ def _relabel(study: Study, store: Store, planned: Plan) -> None:
 
 
 def _check(study: Study) -> None:
-    """Refuse settings that fit no run at all.
+    """Reject settings that fit no run.
 
     Raises:
-        UsageError: as `fricjax.fit` words it.
+        UsageError: as in `fricjax.fit`.
     """
     from ..fitting.parameters import shared_leaves
     from ..oscillator.oscillator import leaves_of
@@ -233,7 +241,10 @@ def _check(study: Study) -> None:
 
 
 def place_of(runs: Any) -> tuple[Path, tuple[str, ...] | None]:
-    """The folder that the paths of runs are relative to, and these paths; None for all that the folder holds."""
+    """Return the common folder of runs and their relative paths.
+
+    The paths are None for all runs of a folder.
+    """
     if isinstance(runs, str | os.PathLike):
         path = Path(runs)
         return (path.parent, (path.name,)) if path.is_file() else (path, None)
@@ -247,7 +258,7 @@ def place_of(runs: Any) -> tuple[Path, tuple[str, ...] | None]:
 
 
 def _laws(oscillator: Any, rig: Any, free: Sequence[str]) -> tuple[Law, ...]:
-    """The laws of one oscillator or several, named as on the command line."""
+    """Return the laws of the oscillators, named as on the command line."""
     if oscillator is None:
         if rig is None:
             raise UsageError("batch needs a machine: give an oscillator, or a rig= for a Coulomb law on it.")
@@ -262,7 +273,7 @@ def _laws(oscillator: Any, rig: Any, free: Sequence[str]) -> tuple[Law, ...]:
 
 
 def name_of(oscillator: Any) -> str:
-    """The friction law of an oscillator as the command line calls it, as "coulomb+quadraticdrag"."""
+    """Return the command-line name of the friction law, such as "coulomb+quadraticdrag"."""
     from ..friction.base import law_name
 
     return law_name(oscillator.friction).replace(" ", "").lower()

@@ -1,7 +1,7 @@
-"""Chunks done in this process, without any server: by threads, so that one reads its files while another fits its runs.
+"""Execution of chunks in this process by threads.
 
-An executor is a generator function from chunks and what is done with each: it yields what became of them, in any order,
-with an answer for each chunk, and ends early only where it is closed or interrupted.
+Reading files overlaps with fitting. An executor is a generator function of chunks and their work. It yields the result
+of each chunk, in any order. It ends early only if it is closed or interrupted.
 """
 
 from collections.abc import Callable, Generator, Sequence
@@ -15,15 +15,15 @@ type Executor = Callable[[Sequence[Chunk], Work], Generator[tuple[Chunk, Done]]]
 
 
 def in_this_process(chunks: Sequence[Chunk], work: Work) -> Generator[tuple[Chunk, Done]]:
-    """Do chunks by as many threads as there are cores.
+    """Process chunks by as many threads as there are cores.
 
-    After Ctrl-C no further chunk is begun, and what is at work is still given.
+    After Ctrl-C no further chunk starts, and running chunks are still completed.
     """
     threads, rest = cores(), iter(chunks)
     flying: dict[Future[Done], Chunk] = {}
     with ThreadPoolExecutor(threads) as pool:
         try:
-            # One more than threads, so that none waits for the next; results do not pile up behind a slow disk.
+            # One chunk more than threads keeps them busy; more would let results pile up behind a slow disk.
             while True:
                 for chunk in rest:
                     flying[pool.submit(attempt, work, chunk)] = chunk
@@ -44,7 +44,7 @@ def in_this_process(chunks: Sequence[Chunk], work: Work) -> Generator[tuple[Chun
 
 
 def attempt(work: Work, chunk: Chunk) -> Done:
-    """What became of a chunk, also where the program failed with it: what a worker does, wherever it is."""
+    """Process a chunk; an unexpected error gives failed rows."""
     try:
         return work(chunk)
     except Exception as error:

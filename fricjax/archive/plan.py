@@ -1,8 +1,7 @@
-"""What is to be done: the files of a study, what the store knows of them already, and chunks of the rest.
+"""Plan of a batch: files to fit, files already known, and chunks.
 
-A file is known by its size, its time of modification and its number on the disk, so that a store of thousands of runs
-goes on without reading them. One that looks like another that was fitted, for it was moved, copied or touched, is
-known again by the hash of its bytes.
+A file is identified by its size, modification time and inode, so thousands of known runs need not be read again. A file
+that was moved, copied or touched is recognised by the hash of its bytes.
 """
 
 import dataclasses
@@ -21,15 +20,15 @@ from ..data.read import READERS
 from ..errors import DataError, UsageError
 from .study import Law, Rule, Study, matches
 
-# Bytes of the files of a chunk: what is read of them, and computed of it, must fit into memory.
+# Largest total size of the files of a chunk in bytes, since their data and results must fit into memory.
 _LARGEST = 1 << 25
 _BLOCK = 1 << 20
 LARGEST_FILE = 1 << 36
-"""Bytes of the largest file of a run; one that claims more, for it is full of holes, would be read for hours."""
+"""Largest file of a run in bytes; a sparse file that claims more would take hours to read."""
 
 
 class Signature(NamedTuple):
-    """What tells that a file is as it was: size in bytes, time of modification (ISO, UTC), number on the disk."""
+    """File identity: size in bytes, modification time (ISO, UTC), inode."""
 
     bytes: int
     modified: str
@@ -38,13 +37,13 @@ class Signature(NamedTuple):
 
 @dataclasses.dataclass(frozen=True)
 class Job:
-    """A file that is to be fitted.
+    """File to fit.
 
     Attributes:
-        file: its path relative to the folder of the study.
-        signature: what it looked like when the study was planned.
-        facts: what its path says.
-        laws: indices of the laws that are to be fitted to it.
+        file: path relative to the folder of the study.
+        signature: signature at the time of planning.
+        facts: facts from its path.
+        laws: indices of the laws to fit.
     """
 
     file: str
@@ -55,7 +54,10 @@ class Job:
 
 @dataclasses.dataclass(frozen=True)
 class Chunk:
-    """Files that one worker reads and fits together, for their runs are likely to share compiled computations."""
+    """Files that one worker reads and fits together.
+
+    Their runs are likely to share compiled programs.
+    """
 
     jobs: tuple[Job, ...]
 
@@ -65,12 +67,12 @@ class Chunk:
 
 @dataclasses.dataclass(frozen=True)
 class Known:
-    """What the store has of a file that is as it was, or was moved: nothing is to be fitted.
+    """File with complete results in the store.
 
     Attributes:
         file, signature, facts: as of a `Job`.
         sha256: hash of its bytes.
-        moved: whether its records are of another path or of other times, so that they are to be written anew.
+        moved: whether its records have another path or other times, so that they must be updated.
     """
 
     file: str
@@ -82,13 +84,13 @@ class Known:
 
 @dataclasses.dataclass(frozen=True)
 class Plan:
-    """What is to be done, and what is done.
+    """Plan of the files to fit, with the files already known.
 
     Attributes:
-        chunks: what is to be fitted.
-        known: what was.
-        files: all files of the study, also those of other shards.
-        changed: files with records of other bytes, which are fitted anew.
+        chunks: files to fit.
+        known: files with complete results.
+        files: all files of the study, including those of other shards.
+        changed: files to fit again because their bytes have changed.
     """
 
     chunks: tuple[Chunk, ...]
@@ -98,7 +100,7 @@ class Plan:
 
     @property
     def jobs(self) -> list[Job]:
-        """The files that are to be fitted."""
+        """Files to fit."""
         return [job for chunk in self.chunks for job in chunk.jobs]
 
 
@@ -110,18 +112,17 @@ def plan(
     retry: bool = False,
     store: Path | None = None,
 ) -> Plan:
-    """What is to be done for a study.
+    """Plan the work for a study.
 
     Args:
         study: the study.
-        records: what the store has: `file`, `status`, `settings`, `sha256`, `bytes`, `modified` and `inode` of each
-            row.
-        shard: the part of the files that is asked for, as (2, 3) for the second of three.
-        retry: fit again what was rejected or failed.
-        store: the folder of the store, none of whose files is a run.
+        records: rows of the store with `file`, `status`, `settings`, `sha256`, `bytes`, `modified` and `inode`.
+        shard: part of the files to process, such as (2, 3) for the second of three.
+        retry: fit rejected and failed runs again.
+        store: the folder of the store, which is excluded from the search for runs.
 
     Raises:
-        UsageError: no file, or one that is not below the folder of the study.
+        UsageError: no files, or a file outside the folder of the study.
     """
     files = study.files if study.files is not None else tuple(_files_below(study, store))
     if not files and study.include:
@@ -146,7 +147,7 @@ def plan(
 
 
 class _History:
-    """What the records of a store say, in the ways in which a plan asks for it."""
+    """Index of the records of a store."""
 
     def __init__(self, records: Iterable[Mapping[str, Any]], retry: bool) -> None:
         self.files: dict[str, dict[Signature, str]] = {}
@@ -164,7 +165,7 @@ class _History:
 
 
 def _looked_up(study: Study, file: str, history: _History) -> tuple[Job, Known | None]:
-    """The job of a file, and what is known of it where nothing is to be done."""
+    """Return the job of a file; if complete, also its known results."""
     path = study.root / file
     facts = study.facts_of(file)
     signature = signature_of(path)
@@ -182,7 +183,10 @@ def _looked_up(study: Study, file: str, history: _History) -> tuple[Job, Known |
 
 
 def settings_of(study: Study, law: Law, rule: Rule, facts: Mapping[str, str]) -> str:
-    """The digest of what a run is fitted with; one that cannot be, for its load is none, has one too."""
+    """Return the digest of the settings of a run.
+
+    A run with an invalid load has a digest too.
+    """
     try:
         load = study.load_of(facts, rule)
     except DataError:
@@ -191,7 +195,7 @@ def settings_of(study: Study, law: Law, rule: Rule, facts: Mapping[str, str]) ->
 
 
 class _ById:
-    """Something that is looked up by what it is and not by what is in it, which may have no hash."""
+    """Cache key by identity, for values that cannot be hashed."""
 
     def __init__(self, value: Any) -> None:
         self.value = value
@@ -209,7 +213,7 @@ def _digest(study: _ById, law: _ById, rule: _ById, load: float) -> str:
 
 
 def signature_of(path: Path) -> Signature:
-    """What a file looks like from outside; one that cannot be looked at looks like nothing."""
+    """Return the signature of a file, an empty one if unreadable."""
     try:
         stat = os.stat(path)
     except (OSError, ValueError):
@@ -218,13 +222,19 @@ def signature_of(path: Path) -> Signature:
 
 
 def iso_time(nanoseconds: int) -> str:
-    """A time since 1970 as ISO text in UTC, to the nanosecond, for files are distinguished by it."""
+    """Format nanoseconds since 1970 as ISO text in UTC.
+
+    Nanoseconds are kept, since they identify files.
+    """
     seconds, rest = divmod(nanoseconds, 10**9)
     return f"{time.strftime('%Y-%m-%dT%H:%M:%S', time.gmtime(seconds))}.{rest:09d}Z"
 
 
 def hash_of(path: Path) -> str:
-    """SHA-256 of the bytes of a file, read in blocks; empty where it cannot be read or is too large for a run."""
+    """Return the SHA-256 hash of a file, read in blocks.
+
+    The hash is empty if the file is unreadable or too large for a run.
+    """
     digest = hashlib.sha256()
     try:
         check_regular(path)
@@ -239,7 +249,7 @@ def hash_of(path: Path) -> str:
 
 
 def _files_below(study: Study, store: Path | None) -> Iterator[str]:
-    """The files below the folder of a study that are runs, in the order of their names."""
+    """Yield the runs below the folder of a study, sorted by name."""
     if not study.root.is_dir():
         raise UsageError(f"There is no folder {study.root}. Give the folder that holds the runs, or their paths.")
     suffixes = {*READERS, *(suffix.lower() for suffix in plugins.suffixes())}
@@ -252,12 +262,15 @@ def _files_below(study: Study, store: Path | None) -> Iterator[str]:
 
 
 def _walked(folder: Path | str, place: str, without: str | None) -> Iterator[str]:
-    """Paths of all files below a folder, of slashes; hidden ones and those of the store are left out."""
+    """Yield POSIX paths of all files below a folder.
+
+    Hidden files and the store are skipped.
+    """
     with os.scandir(folder) as entries:
         for entry in entries:
             if entry.name.startswith("."):
                 continue
-            # A link to a folder further up would be walked for ever.
+            # A link to a parent folder would cause infinite recursion.
             if entry.is_dir(follow_symlinks=False):
                 if os.path.realpath(entry.path) != without:
                     yield from _walked(entry.path, f"{place}{entry.name}/", without)
@@ -270,13 +283,16 @@ def _suffix(name: str) -> str:
 
 
 def _chunks(study: Study, jobs: Sequence[Job]) -> Iterator[Chunk]:
-    """Files that are likely to share a shape: of one ending, of like sizes, and asked for the same laws."""
+    """Group files that are likely to share a shape.
+
+    They have the same suffix, the same laws and similar sizes.
+    """
     from ..fitting.chunks import blocks
 
     groups: dict[Any, list[Job]] = {}
     for job in jobs:
         groups.setdefault((_suffix(job.file), job.laws), []).append(job)
-    # A law that is integrated on a mesh is fitted run by run; of its short chunks little is lost with one.
+    # Laws integrated on a mesh are fitted run by run, so smaller chunks cost little and lose less if interrupted.
     parts = 1 if all(law.oscillator.friction.kind == "set-valued" for law in study.laws) else 8
     for group in groups.values():
         by_size = sorted(group, key=lambda job: job.signature.bytes)

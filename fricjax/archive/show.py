@@ -1,4 +1,4 @@
-"""How the columns of an archive's table are shown: their units, and a parameter of all runs in one picture."""
+"""Units of archive columns, and a figure of a parameter over runs."""
 
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
@@ -15,10 +15,12 @@ if TYPE_CHECKING:
 
 
 def parameter_figure(table: "DataFrame", name: str, against: str) -> Any:
-    """The parameter of the rows that are ok with its combined standard errors, laws beside each other.
+    """Plot a parameter of the ok rows with its combined standard errors.
+
+    Each law has its own colour.
 
     Raises:
-        UsageError: a column that holds no numbers.
+        UsageError: a column without numbers.
     """
     for column in (name, against):
         if column != "run" and table[column].dtype.kind not in "fiu":
@@ -41,7 +43,7 @@ def parameter_figure(table: "DataFrame", name: str, against: str) -> Any:
     return drawn
 
 
-# Of the columns that are no parameters; "x" stands for the unit of the displacement.
+# Units of columns that are no parameters; "x" represents the unit of the displacement.
 _PLAIN_UNITS = {
     "residual_rms": "x",
     "sigma": "x",
@@ -55,11 +57,11 @@ _PLAIN_UNITS = {
 
 
 def unit_of(name: str, laws: Sequence[str], quantity: str = "m") -> str:
-    """SI unit of a column by its name.
+    """Return the SI unit of a column.
 
     Args:
-        name: of a parameter, of one of the kinematics, or of another column.
-        laws: friction laws of the table, as on the command line, whose coefficients may be meant.
+        name: name of a parameter, of a kinematic quantity, or of another column.
+        laws: friction laws of the table, named as on the command line; their coefficients are searched.
         quantity: "m", or "rad" for a rotary rig.
     """
     stem = name.split("[")[0].rsplit(".", 1)[-1]
@@ -68,7 +70,7 @@ def unit_of(name: str, laws: Sequence[str], quantity: str = "m") -> str:
 
 
 def _coefficient_units(laws: Sequence[str]) -> dict[str, str]:
-    """Units of the coefficients of the machine and of these laws."""
+    """Return the units of the coefficients of the oscillator and these laws."""
     from .. import friction
     from ..friction.catalogue import CATALOGUE
     from ..oscillator import Oscillator, restoring

@@ -1,11 +1,11 @@
-"""The folder in which the records of an archive lie, and nothing gets lost.
+"""Store: the folder with the records of an archive.
 
-    study.json        what was fitted, and how
-    parts/*.parquet   rows of chunks that are done; written once, never changed
-    table.parquet     all rows, made of the parts at the end of each start
-    runs/KEY.nc       residuals of a run, where they were asked for
+    study.json        models and settings
+    parts/*.parquet   rows of finished chunks; written once, never changed
+    table.parquet     all rows, merged from the parts at the end of each run
+    runs/KEY.nc       optional residuals of a run
 
-Every file appears complete or not at all. A row that is in a part is done; a driver that was killed goes on behind it.
+Files are written atomically. A row in a part is finished; after a crash, the next driver continues from there.
 """
 
 import contextlib
@@ -28,19 +28,19 @@ from .table import REMEMBERED, arrow, joined, of_rows, parts_in
 
 try:
     import fcntl
-except ImportError:  # Windows, where nothing keeps a second driver away
+except ImportError:  # Windows, without locks against a second driver
     fcntl = None
 
 _STUDY, _TABLE, _PARTS, _RUNS = "study.json", "table.parquet", "parts", "runs"
-# Bytes of the largest description of a study.
+# Largest size of study.json in bytes.
 _LARGEST = 10_000_000
-# Seconds after which a lock is asked for again: who only looks whether a driver is at work has it for a moment.
+# Seconds before another attempt to lock; a status query holds the lock only for a moment.
 _GLANCE = 0.05
 _IN_USE = (errno.EWOULDBLOCK, errno.EAGAIN, errno.EACCES)
 
 
 class Store:
-    """The records of an archive in a folder.
+    """Records of an archive in a folder.
 
     Args:
         path: the folder.
@@ -51,14 +51,14 @@ class Store:
 
     @property
     def exists(self) -> bool:
-        """Whether the folder holds a store."""
+        """True if the folder contains a store."""
         return (self.path / _STUDY).is_file()
 
     def description(self) -> dict[str, Any]:
-        """What was fitted, and how.
+        """Read models and settings of the store.
 
         Raises:
-            DataError: no store, or one of another schema.
+            DataError: no store, or another schema.
         """
         file = self.path / _STUDY
         try:
@@ -75,11 +75,11 @@ class Store:
         return described
 
     def begin(self, study: Study) -> None:
-        """Make the folder where there is none, and write down what is fitted.
+        """Create the store if missing and record the study.
 
         Raises:
             UsageError: the folder holds the records of another study.
-            OSError: it cannot be written.
+            OSError: the folder cannot be written.
         """
         asked = self.check(study) if self.exists else study.described()
         if self.exists and asked == {**self.description(), "versions": asked["versions"]}:
@@ -89,7 +89,10 @@ class Store:
         write_text(self.path / _STUDY, json.dumps(asked, indent=1, default=repr) + "\n", overwrite=True)
 
     def check(self, study: Study) -> dict[str, Any]:
-        """What the store holds together with a study, as JSON can hold it.
+        """Merge the description of the store with that of a study.
+
+        Returns:
+            JSON data.
 
         Raises:
             UsageError: the store holds the records of another study.
@@ -105,10 +108,12 @@ class Store:
 
     @contextlib.contextmanager
     def locked(self, shard: tuple[int, int] = (1, 1)) -> Iterator[None]:
-        """Keep other drivers away: all of them, or where this one has a shard those of the same and of no shard.
+        """Lock the store against other drivers.
+
+        A driver of a shard only excludes drivers of the same shard and of all files.
 
         Raises:
-            UsageError: another one is at work, or the folder holds something else.
+            UsageError: another driver is at work, or the folder contains other files.
         """
         entries = [] if not self.path.is_dir() else [e for e in os.listdir(self.path) if not e.startswith(".")]
         if (entries and not self.exists) or (self.path.exists() and not self.path.is_dir()):
@@ -126,33 +131,44 @@ class Store:
             yield
 
     def driver(self) -> str:
-        """The process that is at work on this store, as "process 1234 on host"; empty where none is."""
+        """Return the process that works on this store, empty for none.
+
+        The text has the form "process 1234 on host".
+        """
         if fcntl is None or not (self.path / ".lock").is_file():
             return ""
         with open(self.path / ".lock", encoding="utf-8") as file:
             return file.read(200).strip() if _had(file, fcntl.LOCK_EX) is False else ""
 
     def write_part(self, table: Any, files: Mapping[str, bytes] | None = None) -> None:
-        """Write rows as done; `files` are those of their residuals by key, which are there before the rows are.
+        """Write finished rows, after the files of their residuals.
+
+        Args:
+            table: the rows.
+            files: netCDF files of residuals by key.
 
         Raises:
-            OSError: they cannot be written, and none of the rows is.
+            OSError: the files cannot be written; then no row is written either.
         """
         if files:
             (self.path / _RUNS).mkdir(exist_ok=True)
         for key, bytes_ in (files or {}).items():
             write_bytes(self.path / _RUNS / f"{key}.nc", bytes_, overwrite=True)
-        # Names sort by time; those of two drivers at the same moment differ by chance.
+        # Names sort by time, with a random suffix for simultaneous drivers.
         name = f"{time.time_ns():020d}-{secrets.token_hex(4)}.parquet"
         write_bytes(self.path / _PARTS / name, _parquet(table))
 
     def records(self) -> list[dict[str, Any]]:
-        """Of each row what a plan asks for."""
+        """Return the columns of each row that a plan needs."""
         tables = self._tables(REMEMBERED)
         return [row for _, table in tables for row in table.to_pylist()]
 
     def relabel(self, rows: Sequence[tuple[str, str, Mapping[str, Any]]]) -> None:
-        """Write records anew for files that were moved: hash and settings of each, and its new columns."""
+        """Write updated records for files that were moved.
+
+        Args:
+            rows: hash, settings and new columns of each record.
+        """
         wanted: dict[tuple[str, str], list[Mapping[str, Any]]] = {}
         for sha256, settings, columns in rows:
             wanted.setdefault((sha256, settings), []).append(columns)
@@ -163,7 +179,7 @@ class Store:
             for i, pair in enumerate(pairs):
                 if pair in wanted:
                     at.setdefault(pair, []).append(i)
-            # Several paths may hold the same bytes; their rows differ in nothing else.
+            # Files with the same bytes have equal rows except for these columns.
             for pair, numbers in at.items():
                 named = {row["run"]: row for row in table.take(numbers).to_pylist()}
                 known[pair] = list(named.values())
@@ -174,11 +190,11 @@ class Store:
 
     @property
     def fact_names(self) -> list[str]:
-        """Names of the columns that follow from the paths."""
+        """Names of the columns extracted from paths."""
         return self.description()["fact_names"]
 
     def write_table(self, root: Path | None = None) -> None:
-        """Make the table of all parts, where it is not that already."""
+        """Merge all parts into the table unless it is up to date."""
         with open(self.path / ".table-lock", "a+", encoding="utf-8") as lock:
             if fcntl is not None:
                 with contextlib.suppress(OSError):
@@ -192,7 +208,7 @@ class Store:
                 write_bytes(self.path / _TABLE, _parquet(table), overwrite=True)
 
     def table(self) -> Any:
-        """All rows, those of parts included that the table does not have yet; read without a driver.
+        """Return all rows, including parts not yet merged.
 
         Raises:
             DataError: no store, or a damaged file.
@@ -204,7 +220,7 @@ class Store:
         return joined(tables, facts_in(facts)) if tables else of_rows([])
 
     def _tables(self, columns: Sequence[str] | None) -> list[tuple[str, Any]]:
-        """The table, and behind it the parts that are not in it, from the oldest to the newest."""
+        """Return the table, then unmerged parts from oldest to newest."""
         tables: list[tuple[str, Any]] = []
         if (self.path / _TABLE).is_file():
             tables.append(("", _read(self.path / _TABLE, columns)))
@@ -233,12 +249,15 @@ def _read(path: Path, columns: Sequence[str] | None) -> Any:
     except (OSError, ValueError) as error:
         raise DataError(
             f"{path} cannot be read ({' '.join(str(error).split())[:120]}). Remove it and start again: its runs are "
-            "fitted anew."
+            "fitted again."
         ) from error
 
 
 def _had(file: IO[str], kind: int) -> bool | None:
-    """Whether a lock could be had; None on a disk that knows no locks, as some of networks do."""
+    """Return True if a lock is free, None without support for locks.
+
+    Some network drives do not support locks.
+    """
     assert fcntl is not None
     for patience in (_GLANCE, _GLANCE, 0.0):
         try:
@@ -252,7 +271,7 @@ def _had(file: IO[str], kind: int) -> bool | None:
 
 
 def _lock(file: IO[str], exclusive: bool, store: Path) -> None:
-    """Lock a file as long as this process lives."""
+    """Lock a file for the lifetime of this process."""
     if fcntl is None:
         return
     had = _had(file, fcntl.LOCK_EX if exclusive else fcntl.LOCK_SH)
@@ -273,7 +292,7 @@ def _lock(file: IO[str], exclusive: bool, store: Path) -> None:
 
 
 def _difference(known: Mapping[str, Any], asked: Mapping[str, Any]) -> str:
-    """The first setting that differs, in words; empty where none does that matters."""
+    """Describe the first relevant setting that differs, empty for none."""
     for law, setting in asked["laws"].items():
         if known["laws"].get(law, setting) != setting:
             return f"the law {law} was fitted with other coefficients or free parameters"
@@ -283,7 +302,7 @@ def _difference(known: Mapping[str, Any], asked: Mapping[str, Any]) -> str:
             return f"{name} was {brief(before)}, and is {brief(now)} now"
     if known["rules"] != asked["rules"] or known["calibrated"] != asked["calibrated"]:
         return "its runs were read otherwise, or are of other rigs"
-    # A folder that was moved or copied together with its store is the same.
+    # A folder moved or copied together with its store counts as the same.
     if known["root"] != asked["root"] and os.path.isdir(known["root"]):
         return f"its runs are in {known['root']}, and not in {asked['root']}"
     return ""

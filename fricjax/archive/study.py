@@ -1,7 +1,7 @@
-"""What of an archive is fitted, and how: which files, how each is read, on which rig it was made, and which laws.
+"""Study of an archive: files, readers, rigs, laws and fit settings.
 
-A study is plain data beside its rigs and laws, so that workers elsewhere get it as it is. What matters for the result
-of a run goes into a digest, by which records of other settings are distinguished.
+A study consists of plain data, rigs and laws, so it can be sent to workers unchanged. A digest of all settings that
+affect the result of a run distinguishes its records.
 """
 
 import dataclasses
@@ -22,21 +22,21 @@ if TYPE_CHECKING:
     from ..rig import Rig
 
 SCHEMA = "fricjax.archive/1"
-"""Version of the table's columns and of what is kept of a run; another one asks for new fits."""
+"""Version of the table's columns and of the records; a change requires new fits."""
 
-# A fact in a template, as {load} in "load_{load}N/run_{number}.csv".
+# A fact in a template, such as {load} in "load_{load}N/run_{number}.csv".
 _FACT = re.compile(r"\{([a-z_][a-z_0-9]*)\}")
-# Names of facts that the table has already.
+# Fact that already is a column of the table.
 _LOAD = "load"
 
 
 @dataclasses.dataclass(frozen=True)
 class Law:
-    """A friction law that is fitted to every run.
+    """Friction law that is fitted to every run.
 
     Attributes:
-        name: as on the command line, "coulomb" or "coulomb+quadraticdrag".
-        oscillator: the machine with that law; a rig of a rule replaces the machine.
+        name: name on the command line, such as "coulomb" or "coulomb+quadraticdrag".
+        oscillator: oscillator with that law; for a rule with a rig, only the friction law is used.
         free: names of the free coefficients.
 
     Examples:
@@ -53,13 +53,13 @@ class Law:
 
 @dataclasses.dataclass(frozen=True)
 class Rule:
-    """How the runs of a pattern are read, and on which rig they were made.
+    """Reader options and rig for the files of a pattern.
 
     Attributes:
-        pattern: files it is for, relative to the folder of the study, as "lab_b/**/*.csv".
-        reading: options of `fricjax.read`, and `crop` with the ends of the span that is kept [s].
-        rig: the rig; None: that of the study, or none.
-        rig_name: the name of its file.
+        pattern: pattern of files relative to the folder of the study, such as "lab_b/**/*.csv".
+        reading: options of `fricjax.read`, and `crop` with the limits of the span to keep [s].
+        rig: the rig; None if there is no rig.
+        rig_name: name of its file.
 
     Examples:
         >>> import fricjax as fj
@@ -74,16 +74,19 @@ class Rule:
     rig_name: str = ""
 
     def takes(self, file: str) -> bool:
-        """Whether a file is one of those that the rule is for."""
+        """Return True if the pattern matches a file."""
         return matches(file, self.pattern)
 
 
 def matches(file: str, pattern: str) -> bool:
-    """Whether a path of slashes matches a pattern, in which ``**`` stands for any folders and ``*`` for any name."""
+    """Return True if a POSIX path matches a pattern.
+
+    ``**`` matches any folders and ``*`` any name.
+    """
     return _pattern(pattern).fullmatch(file) is not None
 
 
-# What the signs of a pattern stand for, folders before names.
+# Regular expressions of wildcards, folders before names.
 _SIGNS = {"**/": "(?:.*/)?", "**": ".*", "*": "[^/]*", "?": "[^/]"}
 
 
@@ -95,20 +98,21 @@ def _pattern(pattern: str) -> re.Pattern[str]:
 
 @dataclasses.dataclass(frozen=True)
 class Study:
-    """What is fitted, and how.
+    """Files, models and settings of a batch fit.
 
     Attributes:
-        root: the folder that the paths of the runs are relative to.
-        laws: the friction laws, each of which is fitted to every run.
-        files: the runs, relative to `root`; None: all that `include` finds there.
-        include, exclude: patterns of the files in the folder; without the former all that a reader is known for.
-        rules: how files are read, the first one that takes a file counts; one that takes no file is as none.
-        facts: templates of paths, as "load_{load}N/run_{number}.csv": what they name becomes a column, and a load the
+        root: folder that the paths of the runs are relative to.
+        laws: friction laws, each fitted to every run.
+        files: runs relative to `root`; None for all files that match `include`.
+        include, exclude: patterns of files in the folder; without `include`, all files with a known suffix.
+        rules: reader options and rigs; the first matching rule applies. A file without a matching rule has no options
+            and no rig.
+        facts: path templates, such as "load_{load}N/run_{number}.csv"; each fact becomes a column, and a load the
             normal force [N].
-        settings: keywords of `fricjax.fit_batch` beside those of the machine: `start`, `bounds`, `priors`, ...
-        calibrated: whether mass and load of the laws are those of a real machine; otherwise only runs of rules with a
-            rig have a coefficient of friction.
-        residuals: whether the residuals of every run are written as netCDF.
+        settings: further keywords of `fricjax.fit_batch`: `start`, `bounds`, `priors`, ...
+        calibrated: whether mass and load of the laws are those of a real machine; otherwise only runs with a rig have a
+            coefficient of friction.
+        residuals: whether to write the residuals of every run as netCDF.
 
     Examples:
         >>> import fricjax as fj
@@ -134,24 +138,26 @@ class Study:
     residuals: bool = False
 
     def rule_of(self, file: str) -> Rule:
-        """The rule of a file."""
+        """Return the first rule that matches a file."""
         return next((rule for rule in self.rules if rule.takes(file)), _ANY)
 
     def facts_of(self, file: str) -> dict[str, str]:
-        """What the path of a file says by the first template that it ends like; empty where it is like none."""
+        """Extract facts from a path by the first matching template, else none."""
         return facts_in(self.facts)(file)
 
     @property
     def fact_names(self) -> tuple[str, ...]:
-        """Names of the facts, in the order of the templates, but the load, which is a column already."""
+        """Names of the facts in template order, without the load."""
         names = dict.fromkeys(name for template in self.facts for name in _FACT.findall(template))
         return tuple(name for name in names if name != _LOAD)
 
     def load_of(self, facts: Mapping[str, str], rule: Rule) -> float:
-        """The normal force of a run [N], from its path, its rig or the study's; NaN where none is known.
+        """Return the normal force of a run [N], NaN if unknown.
+
+        It comes from its path, its rig or the study, in this order.
 
         Raises:
-            DataError: what its path names as load is no positive number.
+            DataError: the load in its path is not a positive number.
         """
         if _LOAD in facts:
             try:
@@ -169,11 +175,11 @@ class Study:
         return float(self.laws[0].oscillator.normal_force) if self.calibrated else math.nan
 
     def calibrated_by(self, rule: Rule) -> bool:
-        """Whether coefficients of friction mean something for the runs of a rule."""
+        """Return True if friction coefficients are meaningful for a rule's runs."""
         return self.calibrated or rule.rig is not None
 
     def request(self, law: Law, rule: Rule, load: float) -> "Request":
-        """What is asked of the runs of a rule under a load."""
+        """Return the fit request for a rule's runs under a load."""
         from ..fitting.parameters import Request
 
         rig = rule.rig
@@ -184,7 +190,7 @@ class Study:
         return Request.of(machine, law.free, rig=rig, **{**DEFAULTS, **self.settings})
 
     def digest(self, law: Law, rule: Rule, load: float) -> str:
-        """A name of all settings that matter for the result of a run but the run itself."""
+        """Return a digest of all settings that affect a run's result."""
         from ..fitting.store import plain_fields
 
         rig = None if rule.rig is None else {n: (m.value, m.std) for n, m in rule.rig.numbers().items()}
@@ -195,7 +201,7 @@ class Study:
         return hashlib.sha256(text.encode()).hexdigest()[:32]
 
     def described(self) -> dict[str, Any]:
-        """The study as JSON can hold it, in the store for readers, and for what comes later to be held against."""
+        """Describe the study as JSON data for the store."""
         from ..fitting.store import plain_fields
 
         rules = [
@@ -222,7 +228,7 @@ class Study:
 
 @functools.cache
 def versions() -> Mapping[str, str]:
-    """What a record says of the programs that made it."""
+    """Return the versions of the programs for a record."""
     import platform
 
     import jax
@@ -248,10 +254,12 @@ DEFAULTS: Mapping[str, Any] = {
 
 @functools.cache
 def _template(template: str) -> re.Pattern[str]:
-    """What the end of a path is to look like, each fact being a part of one name.
+    """Compile a template to a regular expression for path ends.
+
+    Each fact is part of one name.
 
     Raises:
-        UsageError: a template without a fact, or with one twice.
+        UsageError: a template without facts, or with a fact twice.
     """
     names = _FACT.findall(template)
     if not names or len(set(names)) < len(names):
@@ -265,7 +273,10 @@ def _template(template: str) -> re.Pattern[str]:
 
 
 def facts_in(templates: Sequence[str]) -> Callable[[str], dict[str, str]]:
-    """What the path of a file says by the first template that it ends like; empty where it is like none."""
+    """Return a function that extracts facts from a path.
+
+    It applies the first matching template; the result is empty if there is no match.
+    """
 
     def facts(file: str) -> dict[str, str]:
         return next((match.groupdict() for each in templates if (match := _template(each).search(file))), {})

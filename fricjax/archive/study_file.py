@@ -1,4 +1,4 @@
-"""A study in a file, `study.toml`: which files, how they are read, on which rigs they were made, which laws are fitted.
+"""Study defined by a file, `study.toml`.
 
     friction = ["coulomb", "coulomb+quadraticdrag"]
     free = ["mu", "damping", "stiffness"]
@@ -14,8 +14,7 @@
     rig = "lab_b.toml"
     reading = { column = "x", time = "t" }
 
-Paths are relative to the file. The names are those of the options of ``fricjax batch``, and what is checked there by
-name and number is checked here by the same code.
+Paths are relative to the file. Keys are the options of ``fricjax batch``, validated by the same code.
 """
 
 import functools
@@ -35,11 +34,11 @@ if TYPE_CHECKING:
 
 
 def read_study(path: str | Path) -> Study:
-    r"""The study that a file describes.
+    r"""Read the study that a file defines.
 
     Raises:
-        UsageError: no such file, no TOML, an unknown field, or a value that does not fit; the sentence names file,
-            field and value.
+        UsageError: missing file, invalid TOML, an unknown key, or an invalid value; the message names file, key and
+            value.
 
     Examples:
         >>> from pathlib import Path
@@ -58,14 +57,17 @@ def read_study(path: str | Path) -> Study:
     except UsageError as error:
         words = str(error)
         if not words.startswith(str(file)):
-            # What the options of the command line are called without their dashes.
+            # Replace the names of command-line options by keys of the file.
             words = f"{file}: {re.sub(r'--([a-z]+)', lambda match: match[1], words)}"
         raise UsageError(words) from error
 
 
 @functools.cache
 def _fields() -> "tuple[type[BaseModel], type[BaseModel]]":
-    """What a study file may hold, and what one of its tables [[runs]]; pydantic is imported when it is asked for."""
+    """Return the models of a study file and of its tables [[runs]].
+
+    pydantic is imported on demand.
+    """
     from pydantic import BaseModel, ConfigDict
 
     class Runs(BaseModel):
@@ -106,7 +108,7 @@ def _fields() -> "tuple[type[BaseModel], type[BaseModel]]":
 
 
 def _checked(file: Path, table: Mapping[str, Any]) -> Any:
-    """The fields of a study file, of the right kinds."""
+    """Validate the types of the fields of a study file."""
     from pydantic import BaseModel, ValidationError
 
     fields, runs = _fields()
@@ -128,10 +130,10 @@ _KINDS = {
 
 
 def _sentence(error: "ValidationError", fields: list[str], of_runs: list[str]) -> str:
-    """The first thing that is wrong, in one sentence."""
+    """Describe the first validation error in one sentence."""
     errors = error.errors()
     first = errors[0]
-    # The branches of a union are places too.
+    # The location also contains the branches of a union.
     branch = re.compile(r".*[\[\]].*|str|float|int")
     place = [part for part in first["loc"] if not (isinstance(part, str) and branch.fullmatch(part))]
     names = [str(part) if isinstance(part, str) else f"[{int(part) + 1}]" for part in place]
@@ -147,7 +149,7 @@ def _sentence(error: "ValidationError", fields: list[str], of_runs: list[str]) -
 
 
 def _study(folder: Path, asked: Any) -> Study:
-    """The study of checked fields."""
+    """Build the study from validated fields."""
     from ..fitting.settings import check_settings
     from ..machine.choose import choose
     from ..rig import Rig
@@ -181,8 +183,8 @@ def _study(folder: Path, asked: Any) -> Study:
 
 
 def _machine(folder: Path, asked: Any) -> dict[str, Any]:
-    """What the machine is described by, as :mod:`fricjax.machine.choose` takes it, but its law."""
-    # A study of several rigs and none of its own is checked with the first of them.
+    """Return the arguments for :mod:`fricjax.machine.choose`, without the law."""
+    # If only rules have rigs, validate the study with the first of them.
     rig = next(runs.rig for runs in asked.runs if runs.rig) if _only_rules(asked) else asked.rig
     texts = {name: getattr(asked, name) for name in ("mass", "stiffness", "normal_force")}
     return {
@@ -196,12 +198,12 @@ def _machine(folder: Path, asked: Any) -> dict[str, Any]:
 
 
 def _only_rules(asked: Any) -> bool:
-    """Whether rules have rigs and the study has none."""
+    """Return True if rules have rigs and the study has no rig."""
     return asked.rig is None and asked.normal_force is None and any(runs.rig for runs in asked.runs)
 
 
 def _settings(asked: Any) -> dict[str, Any]:
-    """The keywords of `fricjax.fit_batch`."""
+    """Return the keywords of `fricjax.fit_batch`."""
     return {
         "nuisance": None if asked.nuisance is None else _texts(asked.nuisance),
         "start": asked.start if isinstance(asked.start, str) else float(asked.start),

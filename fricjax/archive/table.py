@@ -1,7 +1,7 @@
-"""The table of an archive: its columns, rows as a part of it, and how parts become one table.
+"""Table of an archive: columns, rows, and merging of parts.
 
-There is a row for each run and law. Columns for the free parameters differ from law to law; what a row lacks is null.
-The residuals of a run are a file of their own, which says what they are of.
+There is one row for each run and law. The parameter columns depend on the law; missing values are null. The residuals
+of a run are a separate file with the identity of the run in its attributes.
 """
 
 import io
@@ -16,7 +16,7 @@ from ..errors import needed
 from ..show.tables import Variable, dataset
 from .study import SCHEMA
 
-# Names of columns and of the types of Arrow: text, whole number, number, short numbers of a picture.
+# Columns with their Arrow types; a list holds the short series of a picture.
 _BEFORE = dict.fromkeys(("key", "file", "run", "friction", "status", "outcome", "warnings"), "string")
 _AFTER = {
     **dict.fromkeys(("chi2_reduced", "residual_rms", "sigma", "numerical_shift"), "float64"),
@@ -40,27 +40,27 @@ _LAST = {
     **dict.fromkeys(("finished_at", "fricjax", "jax", "python", "host", "worker"), "string"),
 }
 STATUSES = ("ok", "invalid", "rejected", "failed")
-"""What became of a run: fitted and to be trusted, fitted and not, without valid data, or the program failed with it."""
+"""Status of a run: valid fit, fit that should not be trusted, no valid data, or unexpected error."""
 COLUMNS = (*_BEFORE, *_AFTER, *_LAST)
-"""Columns that every table has; those of parameters and of facts stand between them."""
+"""Columns of every table; those of parameters and facts are placed between them."""
 REMEMBERED = ("file", "status", "settings", "sha256", "bytes", "modified", "inode")
-"""Columns that a plan asks for."""
+"""Columns that a plan needs."""
 _PARTS = b"fricjax.parts"
 _FACTS = b"fricjax.facts"
 
 
 def arrow() -> Any:
-    """The package pyarrow.
+    """Import pyarrow.
 
     Raises:
-        UsageError: it is not installed.
+        UsageError: pyarrow is not installed.
     """
     needed("An archive", "pyarrow.parquet", "batch")
     return needed("An archive", "pyarrow", "batch")
 
 
 def of_rows(rows: Sequence[Mapping[str, Any]]) -> Any:
-    """Rows as a table of Arrow, with the columns of their parameters in the order in which they come."""
+    """Convert rows to an Arrow table; parameter columns keep their order."""
     pa = arrow()
     named = dict.fromkeys(name for row in rows for name in row)
     parameters = {name: "float64" for name in named if name not in COLUMNS}
@@ -73,13 +73,15 @@ def of_rows(rows: Sequence[Mapping[str, Any]]) -> Any:
 def joined(
     tables: Sequence[tuple[str, Any]], facts_of: Callable[[str], Mapping[str, str]], root: str | None = None
 ) -> Any:
-    """Parts as one table: of each file and law the newest rows, sorted by file.
+    """Merge parts, keeping the newest rows of each file and law.
+
+    The rows are sorted by file.
 
     Args:
-        tables: the parts with their names, from the oldest to the newest.
-        facts_of: what the path of a file says.
-        root: the folder of the files. Records of one that is gone from there are left out where they are found under
-            another path, for the file was moved.
+        tables: the parts with their names, from oldest to newest.
+        facts_of: function that extracts facts from a path.
+        root: the folder of the files. If a file is missing there and its bytes exist under another path, it was moved,
+            and its records are dropped.
     """
     pa = arrow()
     origin = [number for number, (_, table) in enumerate(tables) for _ in range(table.num_rows)]
@@ -107,7 +109,7 @@ def joined(
 
 
 def parts_in(table: Any) -> list[str]:
-    """Names of the parts that were joined to a table; none for a part itself."""
+    """Return the names of the merged parts, empty for a part."""
     return json.loads((_metadata(table)).get(_PARTS, b"[]"))
 
 
@@ -120,7 +122,7 @@ def _metadata(table: Any) -> Mapping[bytes, bytes]:
 
 
 def _fact_columns(facts: Sequence[Mapping[str, str]]) -> dict[str, list[Any]]:
-    """A column for each fact, of numbers where all of them are some."""
+    """Return a column for each fact, numeric if all values are numbers."""
     columns: dict[str, list[Any]] = {}
     for name in dict.fromkeys(name for row in facts for name in row):
         texts = [row.get(name) for row in facts]
@@ -139,11 +141,11 @@ def _number(text: str | None) -> float | None:
 
 
 def netcdf(row: Mapping[str, Any], samples: Any) -> bytes:
-    """Times, displacements and residuals of a run as netCDF-4.
+    """Return times, displacements and residuals of a run as netCDF-4.
 
     Args:
-        row: its row of the table, of which the attributes are made.
-        samples: a sketch of all its samples.
+        row: row of the run in the table, for the attributes.
+        samples: sketch of all its samples.
 
     Raises:
         UsageError: a package is not installed.

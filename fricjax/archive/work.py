@@ -1,6 +1,6 @@
-"""One chunk of files as rows of the table: read, fitted by as few compiled computations as there are shapes, judged.
+"""Reading and fitting one chunk of files into table rows.
 
-Nothing here raises for a file, whatever it holds: each run has its row, and the row says what became of it.
+Runs of equal shape share a compiled program. No file raises an error here: each run gets a row that gives its outcome.
 """
 
 import dataclasses
@@ -36,11 +36,11 @@ _REJECTED = "rejected: "
 
 
 class Done(NamedTuple):
-    """A chunk that is done.
+    """Result of a chunk.
 
     Attributes:
-        rows: a mapping of columns for each run and law, those that are null left out.
-        residuals: netCDF files by the key of their run, where they were asked for.
+        rows: a mapping of columns for each run and law, without null values.
+        residuals: netCDF files by the key of their run, if requested.
     """
 
     rows: list[dict[str, Any]]
@@ -48,12 +48,12 @@ class Done(NamedTuple):
 
 
 class WorkerDied(RuntimeError):
-    """The process ended that was at work on a file, in words for its row."""
+    """End of a worker process, with the outcome for its row."""
 
 
 @dataclasses.dataclass(frozen=True)
 class _Run:
-    """A run of a file, or what kept it from being read, with the columns that are known by then."""
+    """Run of a file, or its read error, with the known columns."""
 
     job: Job
     record: Record | Exception
@@ -62,7 +62,7 @@ class _Run:
 
 @dataclasses.dataclass(frozen=True)
 class Work:
-    """What a worker does with a chunk, wherever it is.
+    """Work on a chunk, picklable for workers.
 
     Attributes:
         study: the study.
@@ -80,13 +80,13 @@ class Work:
         return done
 
     def failed(self, chunk: Chunk, error: Exception) -> Done:
-        """The rows of a chunk of which a machine made nothing."""
+        """Return failed rows for a chunk that raised an unexpected error."""
         runs = [_Run(job, error, self._columns(job, "")) for job in chunk.jobs]
         pairs = [(self.study.laws[number], run) for run in runs for number in run.job.laws]
         return Done([self._row(law, run, *_outcome(error)) for law, run in pairs], {})
 
     def _read(self, job: Job) -> list[_Run]:
-        """The runs of a file."""
+        """Read the runs of a file."""
         started = time.perf_counter()
         path = self.study.root / job.file
         sha256 = hash_of(path)
@@ -103,14 +103,14 @@ class Work:
         return [_Run(job, record, {**columns, **_facts_of(record), "seconds_read": seconds}) for record in records]
 
     def _columns(self, job: Job, sha256: str) -> dict[str, Any]:
-        """What is known of a file from outside."""
+        """Return the columns known without reading the file."""
         rule = self.study.rule_of(job.file)
         signature = job.signature._asdict()
         measured = {"measured_at": job.signature.modified}
         return {"file": job.file, "run": "", "rig": rule.rig_name, "sha256": sha256, **signature, **measured}
 
     def _fit(self, law: Law, runs: Sequence[_Run], done: Done) -> None:
-        """Fit one law to runs, and add their rows."""
+        """Fit one law to runs and append their rows."""
         started = time.perf_counter()
         outcomes = self._fitted(law, runs)
         seconds = (time.perf_counter() - started) / max(len(runs), 1)
@@ -122,7 +122,7 @@ class Work:
                 done.residuals[row["key"]] = netcdf(row, outcome.residuals)
 
     def _fitted(self, law: Law, runs: Sequence[_Run]) -> "list[_Outcome]":
-        """What became of each run; where the program fails with many, each is tried by itself."""
+        """Fit runs together; after an unexpected error, fit each run alone."""
         try:
             return self._fitted_together(law, runs)
         except Exception as error:
@@ -175,15 +175,18 @@ class Work:
 
 
 def _key(run: _Run, settings: str) -> str:
-    """What a run is known by: the bytes of its file, its name there, and what it was fitted with."""
-    # What could not be read is told apart by its place.
+    """Return the key of a run.
+
+    It is a hash of the bytes of the file, the name of the run and the settings.
+    """
+    # An unreadable file is identified by its path.
     parts = (SCHEMA, run.columns["sha256"] or run.job.file, settings, run.columns["run"])
     return hashlib.sha256("\0".join(parts).encode()).hexdigest()
 
 
 @dataclasses.dataclass
 class _Outcome:
-    """What became of a run: its status and the sentence, and where it was fitted its numbers and residuals."""
+    """Outcome of a run: status, sentence, and, if fitted, columns and residuals."""
 
     status: str
     sentence: str
@@ -192,7 +195,7 @@ class _Outcome:
 
 
 def _outcome(error: Exception) -> tuple[str, str]:
-    """Status and sentence of a run that was not fitted."""
+    """Return status and sentence of a run that was not fitted."""
     if isinstance(error, DataError | UsageError):
         return "rejected", " ".join(str(error).partition("\n")[0].split())
     if isinstance(error, OSError):
@@ -209,16 +212,16 @@ def _outcome(error: Exception) -> tuple[str, str]:
 
 
 def _check_file(study: Study, job: Job) -> None:
-    """Refuse what may be no run of the study, whatever its bytes are.
+    """Reject files that may not be a run of the study.
 
     Raises:
-        DataError: a file that is too large, or that lies elsewhere though only the folder was named.
+        DataError: a file that is too large, or a link to a file outside the folder.
     """
     name = Path(job.file).name
     if job.signature.bytes > LARGEST_FILE:
         size, most = gigabytes(job.signature.bytes), gigabytes(LARGEST_FILE)
         raise DataError(f"{name} has {size}, and at most {most} are expected of a run.")
-    # Its first line may come to stand in the table, and a table is shown to others.
+    # An error message may quote the first line of a file, and the table may be published.
     inside = Path(os.path.realpath(study.root / job.file)).is_relative_to(os.path.realpath(study.root))
     if study.files is None and not inside:
         raise DataError(
@@ -227,11 +230,11 @@ def _check_file(study: Study, job: Job) -> None:
 
 
 def _records(path: Path, rule: Rule) -> list[Record]:
-    """The runs of a file as a rule reads it."""
+    """Read the runs of a file with the options of a rule."""
     options = {"run": "all", **rule.reading}
     span = options.pop("crop", None)
     with warnings.catch_warnings():
-        # What a reader takes for granted is in the record, and in the warnings of its row.
+        # The record and its row already contain the assumptions of the reader.
         warnings.simplefilter("ignore")
         records = read(path, **options)
     records = records if isinstance(records, list) else [records]
@@ -240,7 +243,7 @@ def _records(path: Path, rule: Rule) -> list[Record]:
 
 @one_at_a_time()
 def _facts_of(record: Record | Exception) -> dict[str, Any]:
-    """What is known of a run before it is fitted."""
+    """Return the columns known of a run before its fit."""
     if isinstance(record, Exception):
         return {}
     facts: dict[str, Any] = {
@@ -254,7 +257,7 @@ def _facts_of(record: Record | Exception) -> dict[str, Any]:
         facts["measured_at"] = str(record.meta["measured_at"])
     t, x, known = record.t - record.t[0], record.x, record.mask
     middle = float(np.median(x[known])) if known.any() else 0.0
-    # What is no decay is rejected by the fit in words of its own.
+    # The fit rejects a record that is no decay, with its reason.
     try:
         segmentation = record.segmentation
         middle = equilibrium(segmentation)
@@ -270,13 +273,16 @@ def _facts_of(record: Record | Exception) -> dict[str, Any]:
 
 
 def _outcomes(rows: Sequence[Row], calibrated: Sequence[bool], with_residuals: bool) -> list[_Outcome]:
-    """The columns of fitted runs, as a batch fit has them; coefficients of an unknown machine are left out."""
+    """Return the outcomes of fitted runs.
+
+    Coefficients of an uncalibrated machine are omitted.
+    """
     batch = collected(rows, ("",) * len(rows))
     solved: Any = [(row.problem, row.weighted.solution) for row in rows if row.weighted is not None]
     pictures = sketches(solved)
     residuals = sketches(solved, None) if with_residuals else [None] * len(rows)
     numbers = _numbers(batch)
-    # What is no property of the trace alone.
+    # Parameters that also depend on mass and load, not on the record alone.
     coefficients = [name for name in batch.names if not of_run(name)]
     meaningless = [f"{name}{ending}" for name in coefficients for ending in ("", "_std", "_combined_std")]
     outcomes = []
@@ -290,7 +296,7 @@ def _outcomes(rows: Sequence[Row], calibrated: Sequence[bool], with_residuals: b
 
 
 def _numbers(batch: "BatchFit") -> dict[str, Sequence[Any]]:
-    """The columns of a batch fit."""
+    """Return the columns of a batch fit."""
     frame = batch.to_dataframe()
     columns = {name: frame[name].to_list() for name in frame if name not in ("source", "converged", "status")}
     counts = {name: getattr(batch, name).tolist() for name in ("half_cycles", "iterations", "passes")}

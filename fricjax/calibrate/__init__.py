@@ -1,4 +1,4 @@
-"""Calibration: the rig's mass, stiffness, damping and load, with the uncertainties they were measured with."""
+"""Calibration of the rig: mass, stiffness, damping and displacement scale."""
 
 import lazy_loader as _lazy_loader
 

@@ -1,8 +1,8 @@
 """Modal calibration: moving mass, stiffness and damping from a measured receptance X/F.
 
-A hammer with a force sensor strikes the mass, the interferometer watches, and the ratio of the two spectra is the
-receptance ``X/F = 1/(k - m w^2 + i w c)``. Two methods evaluate it: least squares on all lines of the spectrum, the
-result, and peak picking, its check.
+A hammer with a force sensor strikes the mass, and the interferometer records the displacement. The ratio of the two
+spectra is the receptance ``X/F = 1/(k - m w^2 + i w c)``. Least squares on all lines of the spectrum give the result.
+Peak picking checks it.
 """
 
 import dataclasses
@@ -28,15 +28,17 @@ from .peaks import NAMES, SCALED, pick, picking_error
 
 # Columns of a text table as analysers export them.
 _COLUMNS = {"frequency": "Hz", "real part": "m/N", "imaginary part": "m/N"}
-# Sixteen numbers for the four of a mode, so that what is left over tells the noise.
+# Eight complex lines are sixteen numbers for the four parameters of a mode; the residuals then determine the noise.
 _LEAST_LINES = 8
-# Lines that the half-power bandwidth, 2 zeta f_n, must hold at least; with fewer, leakage broadens the resonance.
+# Minimum number of lines within the half-power bandwidth 2 zeta f_n; with fewer, leakage broadens the resonance.
 _BANDWIDTHS = 5.0
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class ModalCalibration(Reported):
-    """A calibrated mode. The standard uncertainties hold the scatter of the lines and that of the receptance's scale.
+    """Result of a modal calibration.
+
+    The standard uncertainties include the scatter of the lines and the uncertainty of the scale of the receptance.
 
     Attributes:
         mass: moving mass [kg].
@@ -44,14 +46,14 @@ class ModalCalibration(Reported):
         damping: viscous coefficient [N s/m].
         frequency: undamped natural frequency [Hz].
         damping_ratio: fraction of the critical damping [1].
-        peak_picking: the same five by name, by peak picking.
+        peak_picking: the same five quantities by name, from peak picking.
         residual_compliance: compliance of the modes above the band [m/N].
-        noise: standard deviation of the line at the resonance over its size [1].
+        noise: relative standard deviation of the line at the resonance [1].
         duration: length of the record [s].
         lines: frequencies of the spectrum [Hz], shape (n,).
-        receptance: complex X/F that was measured at the lines [m/N], shape (n,).
-        fitted: that of the mode, shape (n,).
-        warnings: what a reader of the numbers must know, in sentences.
+        receptance: measured complex X/F at the lines [m/N], shape (n,).
+        fitted: fitted receptance of the mode [m/N], shape (n,).
+        warnings: warnings, each a sentence or more.
 
     Examples:
         >>> import numpy as np
@@ -79,24 +81,26 @@ class ModalCalibration(Reported):
     warnings: tuple[str, ...]
 
     def rig(self, normal_force: Number, **others: Any) -> Rig:
-        """The rig with the calibrated mass, frequency and damping ratio, whose errors are nearly independent.
+        """Build a rig with the calibrated mass, frequency and damping ratio.
+
+        The errors of these three quantities are nearly independent.
 
         Args:
             normal_force: load on the contact [N].
             **others: further arguments of `Rig`, such as `restoring` or `drag`.
 
         Raises:
-            UsageError: a value that no rig has.
+            UsageError: a value is impossible.
         """
         known = {"mass": self.mass, "frequency": self.frequency, "damping_ratio": self.damping_ratio}
         return Rig(**{**known, "normal_force": normal_force, **others})
 
     def numbers(self) -> dict[str, Measured]:
-        """The five results of least squares by name."""
+        """Results of least squares by name."""
         return {name: getattr(self, name) for name in NAMES}
 
     def report(self) -> Report:
-        """Both methods in one table, and the warnings."""
+        """Report both methods in one table, with the warnings."""
         rows = [(name, number, self.peak_picking[name], UNITS[name]) for name, number in self.numbers().items()]
         title = f"Modal calibration from a record of {spoken(self.duration)}"
         table = Table(("quantity", "least squares", "peak picking", "unit"), rows, title)
@@ -108,10 +112,13 @@ class ModalCalibration(Reported):
         return [curves_svg(sizes, ("Frequency", "Hz"), ("Receptance", "m/N"))]
 
     def plot(self, *, style: Style = "screen") -> Any:
-        """Size and phase of the receptance, measured and of the mode, as a matplotlib figure.
+        """Plot magnitude and phase of the receptance, measured and fitted.
 
         Args:
-            style: as of :func:`fricjax.show.styled`.
+            style: see :func:`fricjax.show.styled`.
+
+        Returns:
+            A matplotlib figure.
         """
         drawing, axes = figure(2, 1, share_x=True, heights=(5, 3))
         top, bottom = axes[:, 0]
@@ -129,17 +136,17 @@ class ModalCalibration(Reported):
 
 
 def read_frf(path: str | Path) -> tuple[np.ndarray, np.ndarray]:
-    """Read a receptance from a text table, as analysers export it.
+    """Read a receptance from a text table, as exported by analysers.
 
     Args:
-        path: a file whose first three columns are frequency, real and imaginary part; delimiter and header are
-            detected, and units stand in the header as in ``Re [um/N]``, else they are Hz and m/N.
+        path: a file with the columns frequency, real part and imaginary part. Delimiter and header are detected. The
+            header may contain units, as in ``Re [um/N]``; the default units are Hz and m/N.
 
     Returns:
         Frequencies [Hz], shape (n,), and the complex receptance [m/N], shape (n,).
 
     Raises:
-        DataError: no such file, no such table, or a unit that does not fit.
+        DataError: the file is missing or contains no such table, or a unit does not fit.
     """
     frequency, real, imaginary = read_table(path, _COLUMNS, what="a receptance").values()
     return frequency, real + 1j * imaginary
@@ -148,22 +155,22 @@ def read_frf(path: str | Path) -> tuple[np.ndarray, np.ndarray]:
 def calibrate_frf(
     frequency: Any, receptance: Any, *, duration: float | None = None, scale_std: float = 0.0
 ) -> ModalCalibration:
-    """Mass, stiffness and damping from a receptance around its resonance.
+    """Estimate mass, stiffness and damping from a receptance around its resonance.
 
     Args:
         frequency: lines of the spectrum [Hz], shape (n,), increasing, n >= 8.
-        receptance: complex displacement over force X/F [m/N], shape (n,), of negative imaginary part.
-        duration: length of the record [s] that the spectrum was computed from; None: one over the spacing of the
-            lines, as without zero padding.
-        scale_std: relative standard uncertainty of the scale of the receptance, that of the force sensor above all. No
-            scatter shows it, and mass, stiffness and damping bear it in full.
+        receptance: complex displacement over force X/F [m/N], shape (n,), with negative imaginary part.
+        duration: length of the record of the spectrum [s]; None: one over the spacing of the lines, which is right
+            without zero padding.
+        scale_std: relative standard uncertainty of the scale of the receptance [1], mainly that of the force sensor. It
+            does not appear in the scatter. Mass, stiffness and damping have this uncertainty in full.
 
     Returns:
-        The calibration by complex least squares, with peak picking beside it.
+        The calibration by complex least squares, and peak picking for comparison.
 
     Raises:
-        DataError: arrays that are no receptance, or one without a resonance well inside the band.
-        UsageError: a duration that is not positive, or a negative scale_std.
+        DataError: the arrays are not a receptance, or there is no resonance well inside the band.
+        UsageError: the duration is not positive, or scale_std is negative.
 
     Examples:
         >>> import fricjax as fj
@@ -190,7 +197,7 @@ def calibrate_frf(
             "5/(2 zeta f_n): leakage falsifies damping, stiffness and mass by more than their uncertainties say. "
             "Record longer, or take frequency and damping ratio from a ring-down."
         )
-    # The scale of the receptance is common to both methods, so that their difference is compared without it.
+    # Both methods have the same scale of the receptance, so the comparison excludes its uncertainty.
     apart = [name for name in NAMES if abs(best[name].value - peaks[name].value) > thresholds.SURE * peaks[name].std]
     if apart:
         warnings.append(
@@ -217,7 +224,7 @@ def calibrate_frf(
 
 
 def _lines(frequency: Any, receptance: Any) -> tuple[np.ndarray, np.ndarray]:
-    """The lines as arrays, or one sentence on what is wrong with them."""
+    """Convert the lines to arrays, and check them."""
     try:
         f, response = np.asarray(frequency, dtype=float), np.asarray(receptance, dtype=complex)
     except (TypeError, ValueError) as error:

@@ -1,4 +1,7 @@
-"""What a count of an interferometer is in metres: the wavelength in the air of the day, and how often light passes."""
+"""Displacement per count of an interferometer.
+
+It follows from the wavelength in air and from the number of passes of the light.
+"""
 
 import dataclasses
 from collections.abc import Mapping, Sequence
@@ -8,10 +11,10 @@ from ..data.units import Unit, unit_of
 from ..errors import UsageError, brief
 from ..instrument.air import EQUATION_STD, refractive_index
 from ..rig.measured import Measured, positive, propagated
-from ..show import Report, Reported, Style, Table, axis_label, figure, parse_uncertain, styled
+from ..show import Cell, Report, Reported, Style, Table, axis_label, figure, parse_uncertain, styled
 from ..show.thumbnail import bars_svg
 
-# The SI unit of each input, or its unit where it is no quantity of the SI, and how it is written as an example.
+# Unit of each input, SI except for the temperature, and an example for messages.
 INPUTS: Mapping[str, tuple[str, str]] = {
     "wavelength": ("m", "632.9908(6) nm"),
     "temperature": ("degC", "20.1(1)"),
@@ -23,14 +26,14 @@ INPUTS: Mapping[str, tuple[str, str]] = {
 
 @dataclasses.dataclass(frozen=True)
 class InterferometerCalibration(Reported):
-    """The length of a count, with what wavelength and air contribute to its uncertainty.
+    """Displacement per count, with the contributions to its uncertainty.
 
     Attributes:
         count: displacement of one count [m].
-        fringe: displacement of one fringe, ``lambda/(2 passes n)`` [m], by which a counter slips.
+        fringe: displacement of one fringe, ``lambda/(2 passes n)`` [m]; slips of the counter are multiples of it.
         index: refractive index of the air [1].
         contributions: relative standard uncertainty of the count from each input and from the equation [1].
-        inputs: what was measured, as it is known in SI units, the temperature in degC.
+        inputs: measured inputs in SI units, the temperature in degC.
 
     Examples:
         >>> import fricjax as fj
@@ -48,19 +51,23 @@ class InterferometerCalibration(Reported):
 
     @property
     def displacement_scale(self) -> Measured:
-        """The input of a rig that says how well lengths are known [1]: one, with the uncertainty of the count."""
+        """Argument `displacement_scale` of a rig [1].
+
+        It is one, with the relative uncertainty of the count.
+        """
         return Measured(1.0, self.count.relative)
 
     @property
     def unit(self) -> str:
-        """The scale by which `fricjax.read` takes counts for a length, as `unit`."""
+        """Argument `unit` of `fricjax.read`, which converts counts to lengths."""
         return f"{1e9 * self.count.value:.9g} nm/count"
 
     def report(self) -> Report:
-        """One row per input, and what to write into the rig and at the reading of a record."""
+        """Report the inputs, and the settings for rig and records."""
+        parts = {name: Cell(f"{1e6 * part:.2g}", contribution=part) for name, part in self.contributions.items()}
         rows = [
-            (name, self.inputs.get(name, ""), INPUTS.get(name, ("", ""))[0].strip("1"), f"{1e6 * part:.2g}")
-            for name, part in self.contributions.items()
+            (name, self.inputs.get(name), INPUTS.get(name, ("", ""))[0].strip("1"), part)
+            for name, part in parts.items()
         ]
         table = Table(("Input", "Value", "Unit", "Contribution in ppm"), rows, "Scale of an interferometer")
         facts = [
@@ -78,7 +85,7 @@ class InterferometerCalibration(Reported):
         return Report([table], facts, warnings=[warning] if exact else [], data=data)
 
     def _parts(self) -> dict[str, float]:
-        """Contributions that are not zero in parts per million, the smallest first."""
+        """Non-zero contributions in parts per million, the smallest first."""
         parts = {name: 1e6 * part for name, part in self.contributions.items() if part}
         return dict(sorted(parts.items(), key=lambda each: each[1]))
 
@@ -87,10 +94,13 @@ class InterferometerCalibration(Reported):
         return [bars_svg([*parts][::-1], [*parts.values()][::-1], "Relative standard uncertainty of a count [ppm]")]
 
     def plot(self, *, style: Style = "screen") -> Any:
-        """What each input adds to the uncertainty of a count, the largest on top, as bars; a matplotlib figure.
+        """Plot the contributions to the uncertainty of a count as bars.
 
         Args:
-            style: as of :func:`fricjax.show.styled`.
+            style: see :func:`fricjax.show.styled`.
+
+        Returns:
+            A matplotlib figure, with the largest contribution on top.
         """
         drawing, axes = figure()
         parts = self._parts() | {"combined": 1e6 * self.count.relative}
@@ -110,21 +120,22 @@ def calibrate_interferometer(
     humidity: Any = 0.5,
     co2: Any = 450e-6,
 ) -> InterferometerCalibration:
-    """The length of a count of an interferometer in air, by Ciddor's equation, with its standard uncertainty.
+    """Calibrate the displacement per count of an interferometer in air.
 
-    Each measured input is a number, a `Measured`, or a text such as `"1013.2(3) hPa"`.
+    The refractive index is computed with Ciddor's equation. Each measured input is a number, a `Measured`, or a text
+    such as `"1013.2(3) hPa"`.
 
     Args:
-        wavelength: of the laser in vacuum [m].
-        passes: how often light goes to the moving mirror and back: 1 single pass, 2 double pass.
-        counts: counts of the electronics in one fringe.
-        temperature: of the air [degC].
-        pressure: of the air [Pa].
+        wavelength: vacuum wavelength of the laser [m].
+        passes: number of round trips of the light to the moving mirror: 1 single pass, 2 double pass.
+        counts: counts of the electronics per fringe.
+        temperature: temperature of the air [degC].
+        pressure: pressure of the air [Pa].
         humidity: relative humidity [1].
         co2: mole fraction of carbon dioxide [1].
 
     Raises:
-        UsageError: a value that is no quantity, or for which the equation does not hold.
+        UsageError: a value is not a quantity, or is outside the range of validity of the equation.
 
     Examples:
         >>> import fricjax as fj
@@ -154,7 +165,7 @@ def calibrate_interferometer(
 
 
 def _measured(name: str, value: Any) -> Measured:
-    """An input in its unit of `INPUTS`."""
+    """Convert an input to its unit in `INPUTS`."""
     wanted, example = INPUTS[name]
     if isinstance(value, Measured):
         return value

@@ -1,8 +1,8 @@
-"""The receptance of one mode, ``X/F = 1/(k - m w^2 + i w c) + r``, fitted to all lines of a spectrum at once.
+"""Fit of one mode to all lines of a receptance.
 
-The residual compliance r stands for the modes above the band. The noise of a line has a constant part, from the
-displacement, and a part in proportion to the receptance, from the force. Both are estimated from the residuals, and fit
-and noise are repeated in turn until they agree.
+The model is ``X/F = 1/(k - m w^2 + i w c) + r``, where the residual compliance r represents the modes above the band.
+The noise of a line has a constant part, from the displacement, and a part proportional to the receptance, from the
+force. Fit and noise estimate are repeated in turn until they agree.
 """
 
 from typing import NamedTuple
@@ -13,7 +13,7 @@ from ..errors import DataError
 from ..rig.measured import Measured
 from .peaks import Mode
 
-# Rounds of fit and noise in turn, each with the weights of the one before.
+# Iterations of fit and noise estimate, each with the weights of the previous one.
 _ROUNDS = 10
 _PARAMETERS = 4
 # Powers of natural frequency, damping ratio and static compliance in each quantity, as in c = 2 zeta k/w.
@@ -24,7 +24,7 @@ _POWERS = {
     "frequency": (1, 0, 0),
     "damping_ratio": (0, 1, 0),
 }
-# Least variance of a line over the square of its receptance: rounding, where a receptance has no noise at all.
+# Smallest relative variance of a line, from rounding, for a receptance without noise.
 _FLOOR = 1e-24
 
 
@@ -32,10 +32,10 @@ class FittedMode(NamedTuple):
     """A fitted mode.
 
     Attributes:
-        logarithms: of natural frequency [Hz], damping ratio [1] and static compliance 1/k [m/N], and then, not as a
-            logarithm, the residual compliance over the static one; shape (4,).
-        covariance: of these, shape (4, 4).
-        constant, relative: standard deviation of the noise of one line, the constant part [m/N] and that in proportion
+        logarithms: logarithms of natural frequency [Hz], damping ratio [1] and static compliance 1/k [m/N], and then
+            the ratio of residual to static compliance (not a logarithm); shape (4,).
+        covariance: covariance of these four, shape (4, 4).
+        constant, relative: standard deviation of the noise of a line, the constant part [m/N] and the part proportional
             to the receptance [1].
         fitted: receptance of the mode at the lines [m/N], shape (n,).
     """
@@ -48,7 +48,7 @@ class FittedMode(NamedTuple):
 
     @property
     def numbers(self) -> Mode:
-        """The mode by the numbers that peak picking gives as well."""
+        """The mode in the quantities of peak picking."""
         natural, ratio, compliance = np.exp(self.logarithms[:3])
         return Mode(float(natural), float(ratio), float(1 / compliance))
 
@@ -58,11 +58,13 @@ class FittedMode(NamedTuple):
         return np.hypot(self.constant, self.relative * np.abs(self.fitted))
 
     def measured(self, name: str, scale_std: float) -> Measured:
-        """One of `NAMES` with its standard uncertainty; a product of powers has the relative one of a sum.
+        """Return one of `NAMES` with its standard uncertainty.
+
+        Each quantity is a product of powers of the parameters, so its relative variance is that of a sum of logarithms.
 
         Args:
-            name: which.
-            scale_std: relative standard uncertainty of the receptance's scale.
+            name: the name.
+            scale_std: relative standard uncertainty of the scale of the receptance.
         """
         weights = np.array([*_POWERS[name], 0])
         relative = np.hypot(np.sqrt(weights @ self.covariance @ weights), weights[2] * scale_std)
@@ -77,14 +79,19 @@ class FittedMode(NamedTuple):
 
 
 def mode_receptance(frequency: np.ndarray, logarithms: np.ndarray) -> np.ndarray:
-    """Receptance [m/N] at frequencies [Hz], shape (n,), for the numbers of `FittedMode.logarithms`."""
+    """Compute the receptance of a mode [m/N].
+
+    Args:
+        frequency: frequencies [Hz], shape (n,).
+        logarithms: the parameters, see `FittedMode.logarithms`.
+    """
     natural, ratio, compliance = np.exp(logarithms[:3])
     r = frequency / natural
     return compliance * (1 / (1 - r**2 + 2j * ratio * r) + logarithms[3])
 
 
 def fit_mode(frequency: np.ndarray, receptance: np.ndarray, start: Mode) -> FittedMode:
-    """Least squares on real and imaginary parts.
+    """Fit a mode by least squares on real and imaginary parts.
 
     Args:
         frequency: lines of the spectrum [Hz], shape (n,).
@@ -92,12 +99,12 @@ def fit_mode(frequency: np.ndarray, receptance: np.ndarray, start: Mode) -> Fitt
         start: start values.
 
     Raises:
-        DataError: no mode describes the receptance.
+        DataError: the fit fails.
     """
     from scipy.optimize import least_squares
 
     def residual(at: np.ndarray, variance: np.ndarray) -> np.ndarray:
-        # Half of the variance of a complex line belongs to its real part, half to its imaginary one.
+        # Half of the variance of a complex line belongs to its real part, half to its imaginary part.
         weighted = (mode_receptance(frequency, at) - receptance) * np.sqrt(2 / variance)
         return np.concatenate([np.real(weighted), np.imag(weighted)])
 
@@ -116,10 +123,11 @@ def fit_mode(frequency: np.ndarray, receptance: np.ndarray, start: Mode) -> Fitt
 
 
 def _noise(power: np.ndarray, size: np.ndarray) -> tuple[float, float]:
-    """Constant and proportional part of the variance, ``E power = constant + relative size``, of greatest likelihood.
+    """Estimate the constant and the proportional part of the variance.
 
-    The power of a complex residual is exponentially distributed, so that its standard deviation is its mean: weighted
-    least squares, with weights from the round before (Fisher scoring).
+    The model is ``E power = constant + relative size``. The power of a complex residual is exponentially distributed,
+    so its standard deviation equals its mean. The maximum likelihood follows from weighted least squares with the
+    weights of the previous iteration (Fisher scoring).
     """
     from scipy.optimize import nnls
 

@@ -1,9 +1,9 @@
-"""Peak picking: natural frequency, damping ratio and stiffness from three points of a receptance.
+"""Peak picking: modal parameters from three points of a receptance.
 
-Near a lightly damped resonance the imaginary part has a minimum at the natural frequency, ``Im = -1/(2 zeta k)``, and
-the real part has its extrema half a bandwidth below and above, at ``f_n (1 -+ zeta)`` (Schmitz and Smith, Machining
-Dynamics). The lines of a spectrum never fall on these points, so that a polynomial through the lines around each one
-says where it lies.
+Near a lightly damped resonance the imaginary part has a minimum at the natural frequency, ``Im = -1/(2 zeta k)``. The
+real part has its extrema half a bandwidth below and above, at ``f_n (1 -+ zeta)`` (Schmitz and Smith, Machining
+Dynamics). The lines of a spectrum do not coincide with these points, so each point is located with a polynomial through
+the lines around it.
 """
 
 from typing import NamedTuple
@@ -13,16 +13,16 @@ import numpy as np
 from ..errors import DataError
 
 NAMES = ("mass", "stiffness", "damping", "frequency", "damping_ratio")
-SCALED = ("mass", "stiffness", "damping")  # these go with one over the scale of the receptance
-# A polynomial goes through the lines that reach this fraction of the extremum, and its top is read from so many points.
+SCALED = ("mass", "stiffness", "damping")  # inversely proportional to the scale of the receptance
+# The polynomial uses the lines above this fraction of the extremum, and its maximum is searched at this many points.
 _AROUND = 0.7
 _FINE = 2001
-# Repeats of the simulated picking; its error is then known to 1/sqrt(2*50), 10 %.
+# Number of simulations; they determine the error of the picking to 1/sqrt(2*50), 10 %.
 _REPEATS = 50
 
 
 class Mode(NamedTuple):
-    """A mode by its natural frequency [Hz], damping ratio [1] and stiffness [N/m], and what follows from them."""
+    """Natural frequency [Hz], damping ratio [1] and stiffness [N/m] of a mode."""
 
     frequency: float
     damping_ratio: float
@@ -39,7 +39,7 @@ class Mode(NamedTuple):
         return self.damping_ratio * self.stiffness / (np.pi * self.frequency)
 
     def numbers(self) -> np.ndarray:
-        """Mass, stiffness, damping, frequency and damping ratio, in the order of `NAMES`, shape (5,)."""
+        """All quantities in the order of `NAMES`, shape (5,)."""
         return np.array([getattr(self, name) for name in NAMES])
 
 
@@ -51,7 +51,7 @@ def pick(frequency: np.ndarray, receptance: np.ndarray) -> Mode:
         receptance: complex X/F [m/N], shape (n,).
 
     Raises:
-        DataError: no resonance within the band, or a receptance of the wrong sign.
+        DataError: there is no resonance within the band, or the receptance has the wrong sign.
     """
     real, imaginary = np.real(receptance), np.imag(receptance)
     lowest = int(np.argmin(imaginary))
@@ -72,11 +72,11 @@ def pick(frequency: np.ndarray, receptance: np.ndarray) -> Mode:
 
 
 def _top(frequency: np.ndarray, values: np.ndarray, peak: int) -> tuple[float, float]:
-    """Place and height of a maximum near line `peak`: a polynomial through the lines around it."""
+    """Position and height of a maximum near line `peak`, from a polynomial."""
     low = np.flatnonzero(values < _AROUND * values[peak])
     first = int(low[low < peak].max(initial=-1)) + 1
     last = int(low[low > peak].min(initial=values.size)) - 1
-    # At least one line to each side, as far as there are lines.
+    # At least one line on each side, within the band.
     first, last = max(min(first, peak - 1), 0), min(max(last, peak + 1), values.size - 1)
     f, y = frequency[first : last + 1] - frequency[peak], values[first : last + 1]
     polynomial = np.polynomial.Polynomial.fit(f, y, min(4, f.size - 1))
@@ -87,13 +87,16 @@ def _top(frequency: np.ndarray, values: np.ndarray, peak: int) -> tuple[float, f
 
 
 def picking_error(frequency: np.ndarray, receptance: np.ndarray, noise: np.ndarray, truth: Mode) -> np.ndarray:
-    """Root mean square error of picked numbers, in the order of `NAMES`, shape (5,): the picking is simulated.
+    """Simulate the root mean square error of peak picking.
 
     Args:
         frequency: lines of the spectrum [Hz], shape (n,).
         receptance: receptance without noise [m/N], shape (n,).
         noise: standard deviation of each complex line [m/N], shape (n,).
-        truth: the numbers that the receptance was computed from.
+        truth: the mode of this receptance.
+
+    Returns:
+        The errors in the order of `NAMES`, shape (5,).
     """
     generator = np.random.default_rng(0)
     drawn = generator.standard_normal((_REPEATS, 2, frequency.size)) * noise / np.sqrt(2)

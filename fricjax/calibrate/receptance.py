@@ -1,4 +1,4 @@
-"""The receptance of an impact test: what the mass does for a force, line by line, and how sure that is."""
+"""Receptance of an impact test, and its uncertainty from force noise."""
 
 import math
 
@@ -7,25 +7,26 @@ import numpy as np
 from ..errors import DataError
 from ..instrument.impact import ImpactTest
 
-# Half a sine exceeds half of its height during two thirds of its length, far above the noise of the sensor.
+# Half a sine exceeds half of its height during two thirds of its duration, far above the noise of the sensor.
 _STRONG = 0.5
 
 
 def receptance(test: ImpactTest, band: tuple[float, float]) -> tuple[np.ndarray, np.ndarray]:
-    """The receptance X/F by Fourier transform, averaged over the blows for least error from noise of displacement.
+    """Compute the receptance X/F of an impact test by Fourier transform.
 
-    ``H1 = sum conj(F) X / sum |F|^2`` (Bendat and Piersol, Random Data). Before, the force is set to zero outside of
-    the blow, where it is nothing but noise.
+    The average over the blows, ``H1 = sum conj(F) X / sum |F|^2``, has the smallest error from noise of the
+    displacement (Bendat and Piersol, Random Data). The force is first set to zero outside the blow, where it is pure
+    noise.
 
     Args:
-        test: the records; each must begin with the mass at rest and last until the motion has died out.
+        test: the records; each must begin with the mass at rest and last until the motion has decayed.
         band: lowest and highest frequency to return [Hz].
 
     Returns:
         Frequencies [Hz], shape (m,), and the complex receptance [m/N], shape (m,).
 
     Raises:
-        DataError: a band that holds no line of the spectrum.
+        DataError: the band contains no line of the spectrum.
     """
     step = float(test.t[1] - test.t[0])
     force = np.fft.rfft(np.where(_blow(test.force), test.force, 0.0))
@@ -39,10 +40,11 @@ def receptance(test: ImpactTest, band: tuple[float, float]) -> tuple[np.ndarray,
 
 
 def force_noise(test: ImpactTest) -> float:
-    """Relative standard uncertainty that noise of the force gives the receptance's scale, alike at all lines.
+    """Compute the relative standard uncertainty of the scale from force noise.
 
-    Below the corner of the pulse's spectrum every line of the force is about the momentum of the blow. Its noise is
-    read from the force outside of the blow. For `scale_std` of the calibration, with that of the sensor itself.
+    The uncertainty is the same at all lines, because below the corner frequency of the pulse every line of the force is
+    about the momentum of the blow. The noise is taken from the force outside the blow. Combine the result with the
+    uncertainty of the force sensor for `scale_std` of the calibration.
 
     Args:
         test: the records.
@@ -54,7 +56,10 @@ def force_noise(test: ImpactTest) -> float:
 
 
 def _blow(force: np.ndarray) -> np.ndarray:
-    """Samples of the blow: those between the first and the last strong force, and a third of them at either end."""
+    """Mask of the samples of the blow.
+
+    They lie between the first and the last strong force, with a margin of a third of this duration on each side.
+    """
     strong = np.flatnonzero(np.abs(force).max(axis=0) > _STRONG * np.abs(force).max())
     margin = (strong[-1] - strong[0]) // 3 + 1
     samples = np.arange(force.shape[1])

@@ -1,13 +1,14 @@
-"""Calibration without contact: frequency and damping from one ring-down, the moving mass from two.
+"""Calibration without contact, from ring-downs.
 
-The rig swings freely with the sample lifted off. Beside the viscous damping of air film and springs there may be air
-drag, quadratic in the velocity, the friction of guides, seen as a residual dead band, and a spring that stiffens. A
-trace knows no mass, so that all of them are estimated per unit mass.
+One ring-down gives frequency and damping, two give the moving mass. The rig swings freely with the sample lifted off.
+In addition to the viscous damping of air film and springs, the model can include air drag (quadratic in the velocity),
+friction of guides (a residual dead band), and a stiffening spring. A trace contains no information on the mass, so all
+of them are estimated per unit mass.
 
-The mass comes from the frequencies without and with a known mass on top. The same spring swings both,
-``k = m w1^2 = (m + dm) w2^2``, so that ``m = dm/(w1^2/w2^2 - 1)``. Frequencies are known to 1e-6 from a ring-down and
-masses to 1e-5 from a balance: this is the best way to the mass, and with it to the stiffness. Leaf springs that carry
-load change their stiffness with it: put the mass where it loads them as before.
+The mass follows from the frequencies without and with a known added mass. The spring is the same,
+``k = m w1^2 = (m + dm) w2^2``, so ``m = dm/(w1^2/w2^2 - 1)``. A ring-down gives the frequency to 1e-6 and a balance the
+mass to 1e-5, so this is the best method for the moving mass and the stiffness. The stiffness of leaf springs depends on
+their load: place the added mass so that this load does not change.
 """
 
 import dataclasses
@@ -31,7 +32,7 @@ from ..rig.quantity import quantity
 from ..rig.rig import Number
 from .ringdown_calibration import TERMS, RingdownCalibration, Term
 
-# A cubic spring starts straight.
+# The fit of a cubic spring starts from a linear one.
 _SPRINGS: Mapping[str, Callable[[], AbstractRestoring]] = {
     "linear": Linear,
     "cubic": lambda: Cubic(0.0),
@@ -40,18 +41,18 @@ _SPRINGS: Mapping[str, Callable[[], AbstractRestoring]] = {
 
 
 def calibrate_added_mass(frequency: Number, frequency_loaded: Number, added_mass: Number) -> Measured:
-    """The moving mass [kg].
+    """Compute the moving mass [kg] from the effect of an added mass.
 
     Args:
         frequency: undamped natural frequency of the bare rig [Hz], as a number, a `Measured` or a text with a unit.
-        frequency_loaded: the same with the mass added [Hz].
-        added_mass: the mass added [kg].
+        frequency_loaded: the same with the added mass [Hz].
+        added_mass: the added mass [kg].
 
     Returns:
         The mass with its standard uncertainty to first order; for a rotary rig the moment of inertia [kg m^2].
 
     Raises:
-        UsageError: a value that is not positive, or a loaded frequency that is not the lower one.
+        UsageError: a value is not positive, or the loaded frequency is not lower.
 
     Examples:
         >>> import fricjax as fj
@@ -66,7 +67,7 @@ def calibrate_added_mass(frequency: Number, frequency_loaded: Number, added_mass
             f"frequency_loaded must be lower than frequency, for mass slows a spring down; got {loaded.value:.9g} Hz "
             f"with and {bare.value:.9g} Hz without the added mass. Perhaps they are swapped."
         )
-    # The difference of the squares is factored, which keeps its digits where the frequencies are close.
+    # Factoring the difference of squares avoids cancellation for close frequencies.
     return propagated(lambda f1, f2, dm: dm * f2**2 / ((f1 - f2) * (f1 + f2)), bare, loaded, added)
 
 
@@ -77,16 +78,16 @@ def calibrate_ringdown(
     drag: bool = True,
     friction: bool = True,
 ) -> RingdownCalibration:
-    """Frequency and damping of a rig from a free decay without contact.
+    """Estimate frequency and damping of a rig from a decay without contact.
 
-    The decay is fitted with viscous damping alone, with all further terms, and with those of the further terms that
-    exceed three standard uncertainties. Akaike's criterion chooses between the fits in which neither drag nor dead band
-    are negative. The noise is taken from the scatter of the residuals, with what memory it shows.
+    Three models are fitted: viscous damping alone, all further terms, and the further terms that exceed three standard
+    uncertainties. Akaike's criterion selects among the fits in which neither drag nor dead band is negative. The noise
+    is estimated from the residuals, including their correlation.
 
     Args:
-        record: the run, given as to :func:`fricjax.fit`; its decay should span a factor of ten or more in amplitude.
-        restoring: restoring force or its name: linear (None), cubic, of which the coefficient is fitted as well, or
-            pendulum.
+        record: the run, in any form that :func:`fricjax.fit` accepts; the amplitude should decay by a factor of ten or
+            more.
+        restoring: restoring force or its name: linear (None), cubic (the coefficient is then fitted too), or pendulum.
         drag: whether to estimate a quadratic drag.
         friction: whether to estimate a residual dead band.
 
@@ -95,8 +96,8 @@ def calibrate_ringdown(
 
     Raises:
         RuntimeError: JAX computes in single precision.
-        UsageError: an unknown restoring force.
-        DataError: a record that cannot be fitted.
+        UsageError: the restoring force is unknown.
+        DataError: the record cannot be fitted.
         FitError: the decay is not that of a free oscillator.
 
     Examples:
@@ -122,7 +123,7 @@ def calibrate_ringdown(
     return RingdownCalibration(
         frequency=_kinematic(fits[kept], "natural_frequency"),
         damping_ratio=_kinematic(fits[kept], "damping_ratio"),
-        # A term that was left out is told as the fit with all of them has it.
+        # The value of a term that was left out comes from the fit with all terms.
         terms=tuple(Term(name, _term(name, fits[kept if name in kept else asked]), name in kept) for name in asked),
         warnings=fits[kept].warnings,
         aicc={title(terms): candidate.aicc - fits[kept].aicc for terms, candidate in fits.items()},
@@ -131,10 +132,10 @@ def calibrate_ringdown(
 
 
 def _fits(record: Record, spring: AbstractRestoring, asked: tuple[str, ...]) -> dict[tuple[str, ...], Fit]:
-    """The fits by their further terms: none of those asked for, all, and the significant ones.
+    """Fit the decay without, with all and with significant further terms.
 
     Raises:
-        FitError: that with all terms is not valid.
+        FitError: the fit with all terms is not valid.
     """
     fits = {terms: _fit(record, spring, terms) for terms in dict.fromkeys(((), asked))}
     full = fits[asked]
@@ -145,10 +146,10 @@ def _fits(record: Record, spring: AbstractRestoring, asked: tuple[str, ...]) -> 
 
 
 def _best(fits: Mapping[tuple[str, ...], Fit]) -> tuple[str, ...]:
-    """Terms of the fit with the lowest criterion among the valid ones in which no term feeds the motion.
+    """Return the terms of the best valid fit with dissipative terms only.
 
     Raises:
-        FitError: there is none.
+        FitError: there is no such fit.
     """
     passive = [
         terms
@@ -163,14 +164,14 @@ def _best(fits: Mapping[tuple[str, ...], Fit]) -> tuple[str, ...]:
 
 
 def _fit(record: Record, spring: AbstractRestoring, terms: Sequence[str]) -> Fit:
-    """The fit of a machine of unit mass under unit load."""
+    """Fit a machine of unit mass under unit load."""
     linear = isinstance(spring, Cubic) and "k3" not in terms
     machine = Oscillator(1.0, 1.0, 0.0, 1.0, Coulomb(0.0), restoring=Linear() if linear else spring)
-    # By its noise a dead band of zero comes out negative in half of all decays.
+    # Because of noise, the estimate of a dead band of zero is negative in half of all decays.
     bounds = {"mu": (None, None)} if "mu" in terms else {}
     guess = {}
     if "k3" in terms:
-        # Half-cycles of amplitude a have w^2 = k + (3/4) k3 a^2 (Duffing, 1918).
+        # A half-cycle of amplitude a has w^2 = k + (3/4) k3 a^2 (Duffing, 1918).
         reversals = record.segmentation
         squares = (np.diff(reversals.turning_points) / 2) ** 2
         slope, stiffness = np.polyfit(squares, (np.pi / np.diff(reversals.turning_times)) ** 2, 1)
@@ -180,7 +181,10 @@ def _fit(record: Record, spring: AbstractRestoring, terms: Sequence[str]) -> Fit
 
 
 def _score(fit: Fit, name: str) -> float:
-    """A term in standard uncertainties; positive where it dissipates, and always for the spring, that may do either."""
+    """Term over its standard uncertainty; positive for dissipation.
+
+    The cubic term does not dissipate, so its score is the absolute value.
+    """
     score = fit.values[name] / fit.std_errors[name]
     return abs(score) if name == "k3" else score
 
@@ -190,7 +194,7 @@ def _kinematic(fit: Fit, name: str) -> Measured:
 
 
 def _term(name: str, fit: Fit) -> Measured:
-    """A further term per unit mass; the dead band as it is."""
+    """Further term per unit mass; the dead band is not scaled."""
     if name == "k3":
         return Measured(fit.values[name], fit.std_errors[name])
     return _kinematic(fit, {"mu": "dead_band", "drag": "drag_rate"}[name])

@@ -1,4 +1,4 @@
-"""The result of a ring-down calibration, and the rig that it makes together with a mass."""
+"""Result of a ring-down calibration."""
 
 import dataclasses
 import math
@@ -16,7 +16,10 @@ from ..show import Report, Reported, Style, Table
 
 
 class Kind(NamedTuple):
-    """A further term of the motion: its title, its field in the result, its units on a linear and a rotary rig."""
+    """Title, field and units of a further term of the motion.
+
+    The units are for a linear and a rotary rig.
+    """
 
     title: str
     field: str
@@ -24,7 +27,7 @@ class Kind(NamedTuple):
     rotary: str
 
 
-# By the names that they have in a fit. Drag and cubic term are per unit mass, so that their units are in no table.
+# By their names in a fit. Drag and cubic term are per unit mass, so other tables do not contain their units.
 TERMS: Mapping[str, Kind] = {
     "mu": Kind("dead band", "dead_band", "m", "rad"),
     "drag": Kind("quadratic drag", "quadratic_drag", "1/m", ""),
@@ -33,7 +36,13 @@ TERMS: Mapping[str, Kind] = {
 
 
 class Term(NamedTuple):
-    """A further term: its name in a fit, its value per unit mass (the dead band as it is), and whether it was kept."""
+    """A further term of the motion.
+
+    Attributes:
+        name: name in a fit.
+        number: value per unit mass; the dead band is not scaled.
+        kept: whether the chosen fit includes the term.
+    """
 
     name: str
     number: Measured
@@ -41,18 +50,18 @@ class Term(NamedTuple):
 
     @property
     def score(self) -> float:
-        """Value over its standard uncertainty."""
+        """Value over standard uncertainty."""
         return self.number.value / self.number.std
 
     def note(self) -> str:
-        """A sentence where the term is not significant, or has the wrong sign; else nothing."""
+        """Sentence about an insignificant or negative term, or an empty string."""
         title, distance = TERMS[self.name].title, f"{abs(self.score):.2g} standard uncertainties"
         fate = "kept" if self.kept else "left out"
         if abs(self.score) < thresholds.SUSPECTED:
             return f"The {title} is not significant, {distance} from zero; it was {fate}."
         if self.score < 0 and self.name != "k3":
             return (
-                f"The {title} is negative by {distance}, as in no passive rig: the model lacks something. "
+                f"The {title} is negative by {distance}, impossible for a passive rig: the model is incomplete. "
                 f"It was {fate}."
             )
         return ""
@@ -60,14 +69,16 @@ class Term(NamedTuple):
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class RingdownCalibration(Reported):
-    """A calibrated decay without contact; standard uncertainties allow for residuals that are not white.
+    """Result of a calibration without contact.
+
+    The standard uncertainties allow for residuals that are not white.
 
     Attributes:
         frequency: undamped natural frequency at small amplitude [Hz].
-        damping_ratio: viscous damping as a fraction of the critical one [1].
-        terms: the further terms that were asked for, those that were left out as the fullest fit gives them.
-        warnings: what a reader of the numbers must know, in sentences.
-        aicc: Akaike's criterion of each fit, less that of the chosen one.
+        damping_ratio: viscous damping as a fraction of the critical damping [1].
+        terms: the requested further terms. The values of terms that were left out come from the fit with all terms.
+        warnings: warnings, each a sentence or more.
+        aicc: Akaike's criterion of each fit, minus that of the chosen one.
         fit: the chosen fit, of a machine of unit mass under unit load.
 
     Examples:
@@ -91,29 +102,35 @@ class RingdownCalibration(Reported):
 
     @property
     def dead_band(self) -> Measured | None:
-        """Residual dead band F/k of the guides' friction [m]; None: not asked for."""
+        """Residual dead band F/k of the guides [m]; None: not requested."""
         return self._number("mu")
 
     @property
     def quadratic_drag(self) -> Measured | None:
-        """Quadratic drag per unit mass [1/m]; None: not asked for."""
+        """Quadratic drag per unit mass [1/m]; None: not requested."""
         return self._number("drag")
 
     @property
     def cubic(self) -> Measured | None:
-        """Cubic coefficient k3 of the spring per unit mass [N/(m^3 kg)]; None: not asked for."""
+        """Cubic coefficient k3 per unit mass [N/(m^3 kg)]; None: not requested."""
         return self._number("k3")
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """A sentence for each term that is not significant or has the wrong sign."""
+        """Sentence for each term that is insignificant or negative."""
         return tuple(note for term in self.terms if (note := term.note()))
 
     def damping_ratio_at(self, amplitude: Any) -> np.ndarray:
-        """Equivalent viscous damping ratio at an amplitude [m], with quadratic drag and residual friction where kept.
+        """Compute the equivalent viscous damping ratio at an amplitude.
 
-        Averaged over a cycle of a linear spring, ``zeta + 4 d A/(3 pi) + 2 x_d/(pi A)`` with the drag d per unit mass
-        and the dead band x_d, from the same loss per cycle (Jacobsen, 1930).
+        The ratio with the same loss per cycle of a linear spring is ``zeta + 4 d A/(3 pi) + 2 x_d/(pi A)``, with the
+        drag d per unit mass and the dead band x_d if they were kept (Jacobsen, 1930).
+
+        Args:
+            amplitude: amplitude A [m], any shape.
+
+        Returns:
+            The damping ratio [1], of the same shape.
         """
         kept = {term.name: term.number.value for term in self.terms if term.kept}
         a = np.asarray(amplitude, dtype=float)
@@ -121,7 +138,9 @@ class RingdownCalibration(Reported):
         return self.damping_ratio.value + quadratic + 2 / math.pi * kept.get("mu", 0.0) / a
 
     def rig(self, mass: Number, normal_force: Number, **others: Any) -> Rig:
-        """The rig with the calibrated frequency and damping ratio, and with quadratic drag and cubic spring where kept.
+        """Build a rig with the calibrated frequency and damping ratio.
+
+        It includes the quadratic drag and the cubic spring if they were kept.
 
         Args:
             mass: moving mass [kg].
@@ -129,7 +148,7 @@ class RingdownCalibration(Reported):
             **others: further arguments of `Rig`.
 
         Raises:
-            UsageError: a value that no rig has.
+            UsageError: a value is impossible.
         """
         moving = positive("mass", "kg", quantity("mass", mass))
         kept = {term.name: term.number for term in self.terms if term.kept and term.name != "mu"}
@@ -139,7 +158,7 @@ class RingdownCalibration(Reported):
         return Rig(**{**known, "mass": moving, "normal_force": normal_force, **others})
 
     def report(self) -> Report:
-        """One row per quantity, a note on each term that is not significant, and the warnings."""
+        """Report the quantities, with notes and warnings."""
         rotary = self.fit.quantity == "rad"
         rows = [("natural frequency", self.frequency, "Hz", ""), ("damping ratio", self.damping_ratio, "", "")]
         data = {"frequency": self.frequency, "damping_ratio": self.damping_ratio}
@@ -161,10 +180,13 @@ class RingdownCalibration(Reported):
         return self.fit.thumbnails()
 
     def plot(self, *, style: Style = "screen") -> Any:
-        """The decay with the chosen fit and its residuals, as a matplotlib figure.
+        """Plot the decay with the chosen fit and its residuals.
 
         Args:
-            style: as of :func:`fricjax.show.styled`.
+            style: see :func:`fricjax.show.styled`.
+
+        Returns:
+            A matplotlib figure.
         """
         return self.fit.plot(style=style)
 

@@ -1,4 +1,4 @@
-"""Which law describes the runs."""
+"""Comparison of friction laws on the same runs."""
 
 import lazy_loader as _lazy_loader
 

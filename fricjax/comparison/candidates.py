@@ -1,4 +1,4 @@
-"""The laws of a comparison: what is free in each, and the part of the records on which all of them can be fitted."""
+"""Candidate laws of a comparison: free coefficients and common samples."""
 
 import dataclasses
 from collections.abc import Mapping, Sequence
@@ -21,7 +21,7 @@ from ..oscillator.oscillator import leaves_of
 from ..settings import check_different
 
 _TABLES = ("bounds", "priors", "tie", "guess")
-# Speeds at which a law is asked for its derivatives [m/s]: those of a decay by decades, and one of the other sign.
+# Speeds at which the derivatives of a law are evaluated [m/s]: those of a decay by decades, and one negative velocity.
 _SPEEDS = (1e-5, 1e-4, 1e-3, 1e-2, 1e-1, -3e-3)
 
 
@@ -30,9 +30,9 @@ class Candidate:
     """A law of a comparison.
 
     Attributes:
-        name: what the rows of the comparison call it.
-        request: its fit as asked for.
-        windows: the fitted part of each record, or why there is none.
+        name: name in the rows of the comparison.
+        request: settings of its fit.
+        windows: the fitted part of each record, or the error that prevents a fit.
     """
 
     name: str
@@ -47,21 +47,21 @@ def candidates(
     names: Sequence[str] | None,
     settings: Mapping[str, Any],
 ) -> list[Candidate]:
-    """The candidates, all of them on the samples that every one of them can be fitted to.
+    """Build the candidates on samples that all of them can fit.
 
     Raises:
-        UsageError: lists that do not fit to each other, or entries that belong to no candidate.
-        DataError: records to which no candidate can be fitted.
+        UsageError: lists have different lengths, or an entry belongs to no candidate.
+        DataError: no candidate can be fitted to the records.
     """
     lists = [tuple(entry) for entry in (map(identifiable_coefficients, oscillators) if free is None else free)]
     laws = [law_name(machine.friction) for machine in oscillators]
     if names is None:
-        # Laws that occur again have a number.
+        # Number the laws that occur several times.
         numbers = [laws[: i + 1].count(law) for i, law in enumerate(laws)]
         names = [law if laws.count(law) == 1 else f"{law} {n}" for law, n in zip(laws, numbers, strict=True)]
-    for entries, what in ((lists, "lists of free coefficients"), (names, "names")):
+    for entries, noun in ((lists, "lists of free coefficients"), (names, "names")):
         if len(entries) != len(oscillators):
-            raise UsageError(f"There are {len(oscillators)} oscillators but {len(entries)} {what}. Give one for each.")
+            raise UsageError(f"There are {len(oscillators)} oscillators but {len(entries)} {noun}. Give one for each.")
     check_different(names)
     _check_tables(settings, oscillators, lists)
     requests = [_request(*pair, settings) for pair in zip(oscillators, lists, strict=True)]
@@ -78,7 +78,7 @@ def candidates(
     entered = []
     for name, request, windows in zip(names, requests, opened, strict=True):
         if isinstance(windows, tuple):
-            # What rounding repeats stays left out for all laws alike.
+            # Samples that repeat by rounding are left out for all laws.
             windows = tuple(
                 dataclasses.replace(window, used=used, moving=window.moving & used, repeated=np.zeros_like(used))
                 for window, used in zip(windows, common, strict=True)
@@ -88,14 +88,15 @@ def candidates(
 
 
 def identifiable_coefficients(oscillator: Oscillator) -> tuple[str, ...]:
-    """The coefficients that a comparison frees by default.
+    """Select the coefficients that a comparison frees by default.
 
-    Those are damping, stiffness, and what the law's force depends on while it slides: without a static coefficient of
-    Coulomb's law, without shapes (numbers without a unit that are no coefficients of friction, such as exponents) and
-    without the width of a regularisation, and without what acts like a coefficient that is free already.
+    These are damping, stiffness, and the coefficients that determine the sliding force of the law. The following are
+    excluded: the static coefficient of Coulomb's law, shapes (numbers without a unit that are not coefficients of
+    friction, such as exponents), the width of a regularisation, and a coefficient with the same effect as another free
+    one.
     """
     leaves, structure = jax.tree.flatten(oscillator)
-    # A little away from the values at hand, which may be special: a law may not depend on v_stribeck where mu_s is mu.
+    # Evaluate near the given values, which may be special: with mu_s = mu a law does not depend on v_stribeck.
     at = [np.asarray(float(leaf) * (1 + 0.01 * i)) for i, leaf in enumerate(leaves)]
     slopes = np.asarray(_slopes(jax.tree.unflatten(structure, at)))
     free = ["damping", "stiffness"]
@@ -112,7 +113,7 @@ def identifiable_coefficients(oscillator: Oscillator) -> tuple[str, ...]:
 
 
 def _slopes_of(oscillator: Oscillator) -> Array:
-    """Derivatives of the friction force and the rates of its states by all leaves of an oscillator, at some speeds."""
+    """Derivatives of the friction force and state rates by all leaves."""
     leaves, structure = jax.tree.flatten(oscillator)
 
     def forces(values: Array, v: Array) -> Array:
@@ -130,7 +131,7 @@ _slopes = Program(_slopes_of, lambda _: 0)
 def _check_tables(
     settings: Mapping[str, Any], oscillators: Sequence[Oscillator], free: Sequence[Sequence[str]]
 ) -> None:
-    """Refuse entries that belong to no candidate."""
+    """Refuse entries of tables that belong to no candidate."""
     known = {name for machine, names in zip(oscillators, free, strict=True) for name in (*_leaf_names(machine), *names)}
     for table in _TABLES:
         for name in settings.get(table) or {}:
@@ -146,7 +147,7 @@ def _leaf_names(oscillator: Oscillator) -> list[str]:
 
 
 def _request(oscillator: Oscillator, free: tuple[str, ...], settings: Mapping[str, Any]) -> Request:
-    """The fit of one candidate, with those entries of the tables that it knows."""
+    """Build the settings of the fit of one candidate."""
     used = dict(settings)
     for table in _TABLES:
         names = _leaf_names(oscillator) if table == "tie" else free

@@ -1,4 +1,7 @@
-"""Which law describes the runs: several laws fitted to the same samples and compared by the same noise."""
+"""Comparison of several laws, fitted to the same samples.
+
+All laws are compared with the same noise model.
+"""
 
 import dataclasses
 from collections.abc import Callable, Sequence
@@ -41,42 +44,44 @@ def compare(
     criterion: str = "bic",
     **settings: Unpack[Settings],
 ) -> Comparison:
-    """Fit several laws to the same runs and say which describes them best.
+    """Fit several laws to the same runs and rank them.
 
-    All laws are fitted to the same samples, those that each of them can be fitted to: beside a law that creeps (Tanh)
-    the rest is left out for all. A law that is far behind is fitted once more, from the coefficients of the best one.
-    The criteria are those for overdispersed data (Burnham and Anderson, Model Selection and Multimodel Inference, 2002,
+    All laws are fitted to the same samples, to which each of them can be fitted. If one law creeps (Tanh), the rest is
+    left out for all laws. A law with a much larger chi2 is fitted again from the coefficients of the best law. The
+    criteria are those for overdispersed data (Burnham and Anderson, Model Selection and Multimodel Inference, 2002,
     section 2.5),
 
         AICc = chi2/c + 2 k + 2 k (k + 1)/(n/tau - k - 1),      BIC = chi2/c + k ln(n/tau),
 
-    with k free parameters and n samples. The noise is what the fit of least chi2 leaves. Where it is white, tau is one
-    and c its reduced chi2 (at least one where the noise is taken at its word). Where it is not, all laws are compared
-    by that noise: chi2/c is the sum of their squares weighted by it, tau the time in samples over which it remembers,
-    reduced chi2 and tests are those of the residuals weighted so, and held-out samples are compared with its size.
-    Where no law describes the runs, tau is the correlation time of the residuals and c tau times their reduced chi2.
+    with k free parameters and n samples. The noise is estimated from the residuals of the fit with the smallest chi2:
+
+    * If it is white, tau is one and c is the reduced chi2 (at least one if the stated noise is absolute).
+    * If it is correlated, all laws are compared with this noise model. Then chi2/c is the sum of squares weighted with
+      it, and tau its correlation time in samples. Reduced chi2 and residual tests use the weighted residuals, and the
+      score of held-out samples is relative to its variance.
+    * If no law describes the runs, tau is the correlation time of the residuals, and c is tau times their reduced chi2.
 
     Args:
         data: a run, or a list of runs, which are fitted jointly; each as for :func:`fricjax.fit`.
-        oscillators: the machine with one law after the other.
-        free: for each oscillator the names of its free coefficients; None for damping, stiffness and all of the law
-            that a decay determines.
-        names: for each oscillator a name; None for that of its law.
+        oscillators: the machine, once with each law.
+        free: names of the free coefficients of each oscillator; None: damping, stiffness, and all coefficients of the
+            law that a decay determines.
+        names: name of each oscillator; None: the name of its law.
         held_out: whether to compute the score of held-out samples (see `fricjax.comparison.cross_validation`).
-        criterion: what to rank by: "bic", "aicc" or "held_out".
-        **settings: as for :func:`fricjax.fit`, but `throw`. An entry of a table, as of `bounds`, counts for those laws
-            that have its coefficient; by the noise model all laws are fitted and compared.
+        criterion: criterion of the ranking: "bic", "aicc" or "held_out".
+        **settings: settings of :func:`fricjax.fit`, except `throw`. An entry of a table such as `bounds` applies to the
+            laws that have the coefficient. The noise model applies to all fits and to the comparison.
 
     Returns:
-        The comparison. A fit that fails is a row that says so.
+        The comparison. A failed fit is a row with a corresponding status.
 
     Raises:
         RuntimeError: JAX computes in single precision.
-        UsageError: arguments that do not fit, or no law that could be fitted.
-        DataError: records that cannot be fitted by any law.
+        UsageError: the arguments are inconsistent, or no law could be fitted.
+        DataError: no law can be fitted to the records.
 
     Examples:
-        Whether the damping of the rig holds: with one parameter less the run is described as well.
+        Check the calibrated damping of the rig: with one parameter less the run is described equally well.
 
         >>> import fricjax as fj
         >>> example = fj.data.example_paths()
@@ -95,9 +100,9 @@ def compare(
         raise UsageError("compare needs a list of oscillators, each the machine with one of the laws.")
     records = records_of(data, settings.get("t"), settings.get("rate"), sigma_mode)
     entered = candidates(records, machines, free, names, settings)
-    # Laws with internal states take the longest, and the others fill the gaps.
+    # Start with the laws with internal states, which take the longest; the others fill the gaps.
     longest_first = sorted(range(len(entered)), key=lambda i: -entered[i].request.oscillator.friction.n_states)
-    # Neither the compiler nor what it has compiled holds the interpreter's lock; one more thread traces meanwhile.
+    # The compiler and compiled code release the interpreter lock; an additional thread traces in the meantime.
     with ThreadPoolExecutor(1 + cores()) as pool:
 
         def side_by_side[S, T](task: Callable[[S], T], of: Sequence[S]) -> list[T]:
@@ -128,7 +133,7 @@ def compare(
 
 
 class _Entry(NamedTuple):
-    """A candidate with its row and its fit, or with the reason why there is none."""
+    """A candidate with its row, and its fit if there is one."""
 
     candidate: Candidate
     row: Row
@@ -138,7 +143,7 @@ class _Entry(NamedTuple):
 
     @property
     def chi2(self) -> float:
-        """Sum of squares; inf without a fit that ended at an optimum."""
+        """Sum of squares; inf unless the fit ended at an optimum."""
         solution = self.solution
         if solution is None or not solution.converged or not np.isfinite(solution.chi2):
             return np.inf
@@ -151,7 +156,7 @@ class _Entry(NamedTuple):
 
 
 def _entry(candidate: Candidate, sigma_mode: str, held_out: bool) -> _Entry:
-    """The fit of a candidate with its row, the criteria but for the held-out score still to come."""
+    """Fit a candidate; of the criteria, only the held-out score is set."""
     request = candidate.request
     row = Row(candidate.name, law_name(request.oscillator.friction), request.free, "")
     try:
@@ -180,9 +185,10 @@ def _entry(candidate: Candidate, sigma_mode: str, held_out: bool) -> _Entry:
 
 
 def _again(entry: _Entry, best: _Entry, fitted: Callable[[Candidate], _Entry]) -> _Entry:
-    """The entry, or where it is far behind and that is better, a second fit from the coefficients of the best one.
+    """Fit a law again from the coefficients of the best one.
 
-    So no law is rejected for a poor start.
+    A law with a much larger chi2 gets this second fit, so no law is rejected because of a poor start. The better of the
+    two entries is returned.
     """
     known = {} if best.fit is None else {name: v for name, v in best.fit.values.items() if np.isfinite(v)}
     request = entry.candidate.request
@@ -195,13 +201,14 @@ def _again(entry: _Entry, best: _Entry, fitted: Callable[[Candidate], _Entry]) -
 
 
 class _ReferenceNoise(NamedTuple):
-    """The noise by which all laws are compared.
+    """The noise with which all laws are compared.
 
     Attributes:
-        n: number of samples; `effective`: of independent ones.
-        scatter: variance of the residuals, in units of the stated noise; `inflation`: that which counts as noise in a
-            sum over all samples, which is larger by the samples that tell as much as one.
-        seen: the rows and the colour of each run's noise, none where it is white or where no law describes the runs.
+        n: number of samples.
+        effective: number of independent samples.
+        scatter: variance of the residuals, in units of the stated noise.
+        inflation: `scatter` times the number of samples per independent sample; it divides a sum over all samples.
+        seen: rows and noise model of each run; empty if the noise is white or if no law describes the runs.
     """
 
     n: int
@@ -212,7 +219,7 @@ class _ReferenceNoise(NamedTuple):
 
 
 def _reference_noise(entries: Sequence[_Entry], absolute: bool) -> _ReferenceNoise:
-    """The noise that the fit of least chi2 leaves."""
+    """Estimate the noise from the fit with the smallest chi2."""
     best = min(
         (entry for entry in entries if entry.fit is not None), key=lambda entry: (entry.chi2, entry.candidate.name)
     )
@@ -224,7 +231,7 @@ def _reference_noise(entries: Sequence[_Entry], absolute: bool) -> _ReferenceNoi
     if seen and misfit_of(problem, seen, absolute) <= thresholds.DESCRIBED:
         time = max(remembered(*run) for run in seen)
     elif seen:
-        # What no law describes is no noise by which laws could be weighted.
+        # If no law describes the runs, the residuals are not noise and cannot weight the laws.
         seen, time = [], max(whiteness(part).correlation_time for part in problem.by_run(evaluation.residual))
     return _ReferenceNoise(problem.n_used, problem.n_used / time, scatter, time * scatter, seen)
 

@@ -1,12 +1,12 @@
-"""How well a fitted law predicts what it was not fitted to: the held-out score.
+"""Held-out score: the prediction of samples outside a fit.
 
-Of several runs each is left out in turn: the coefficients of the machine come from the others, and only the start and
-the offset of the run itself are fitted to it. Of a single run the first part is fitted and the rest is predicted; only
-the number of half-cycles to the stop is that of the record. The score is the mean square of the residuals of the
-held-out samples in units of their noise: one for the right law.
+With several runs, each run is held out in turn. The coefficients of the machine come from the other runs, and only the
+start and the offset of the held-out run are fitted to it. With a single run, its first part is fitted and the rest is
+predicted; only the number of half-cycles to the stop is that of the whole record. The score is the mean square of the
+residuals of the held-out samples in units of their noise. It is one for the right law.
 
-Every such fit starts at the optimum of all samples, where the sums of each run are known, and takes Gauss-Newton steps,
-so that nothing is compiled anew. Most arrive with the first.
+Each of these fits starts at the optimum of all samples, where the sums of each run are known, and takes Gauss-Newton
+steps. Therefore no recompilation is needed. Most fits need a single step.
 """
 
 from collections.abc import Callable, Sequence
@@ -20,22 +20,22 @@ from ..fitting.problem import Problem
 from ..fitting.residual import Residual
 from ..fitting.solve import Solution, checking, evaluate_at
 
-# Part of a single run, to its stop, that is fitted.
+# Fitted fraction of a single run, up to its stop.
 _SHARE = 2 / 3
-# Step in standard errors that may be left, which is a tenth of chi^2, and most steps of a part. A step that gains less
-# than that is the last one too. Laws whose chi^2 differs by two are called equally good.
+# Tolerated step in standard errors, which changes chi^2 by a tenth, and maximum number of steps of a part. A step with
+# a smaller gain is the last one too. Two laws are equally good if their chi^2 differ by less than two.
 _NEAR, _STEPS = 0.3, 8
-# By how much the diagonal of J'J is enlarged, one after the other, where a step makes nothing better: a coefficient
-# that is poorly determined leads out of where the motion is nearly linear; the others need not go less far for it.
+# Relative increases of the diagonal of J'J, tried in turn until a step improves the fit. The step of a poorly
+# determined coefficient can leave the range of a nearly linear motion; the damping hardly shortens the other steps.
 _DAMPING = (0.0, 1e-4, 1e-2, 1.0)
 
 
 class _Part(NamedTuple):
-    """A part of the samples at some coordinates, and the parameters that are fitted to it.
+    """Some of the samples, and the parameters fitted to them.
 
     Attributes:
-        cost, gradient, normal: sums over these samples, as those of an `Evaluation`.
-        free: shape (p,).
+        cost, gradient, normal: sums over these samples, as in an `Evaluation`.
+        free: mask of the fitted parameters, shape (p,).
     """
 
     cost: float
@@ -45,7 +45,10 @@ class _Part(NamedTuple):
 
 
 def held_out_score(problem: Problem, solved: Solution) -> float:
-    """Mean square of the held-out residuals in units of their noise; NaN where nothing can be held out."""
+    """Compute the held-out score.
+
+    It is the mean square of the held-out residuals in units of their noise, or NaN if no samples can be held out.
+    """
     residual = checking(problem.residual, solved.y)
     if len(problem.windows) == 1:
         return _of_a_single_run(problem, solved, residual)
@@ -54,7 +57,7 @@ def held_out_score(problem: Problem, solved: Solution) -> float:
 
 
 def _without_run(problem: Problem, solved: Solution, residual: Residual, run: int) -> float:
-    """Sum of squares of one run, whose own parameters alone are fitted to it."""
+    """Sum of squares of one run, with its start and offset fitted."""
     nuisances = np.isin(np.arange(residual.n_parameters), list(residual.space.places(run).values()))
 
     def parts(seen: Evaluation) -> list[_Part]:
@@ -68,7 +71,7 @@ def _without_run(problem: Problem, solved: Solution, residual: Residual, run: in
 
 
 def _of_a_single_run(problem: Problem, solved: Solution, residual: Residual) -> float:
-    """The score of the last part of a run, predicted from the first."""
+    """Score of the last part of a run, predicted from the first."""
     window = problem.windows[0]
     t, segmentation = np.asarray(window.trace.t), window.segmentation
     end = t[-1] if segmentation.rest is None else segmentation.rest
@@ -90,7 +93,10 @@ def _of_a_single_run(problem: Problem, solved: Solution, residual: Residual) -> 
 
 
 def _only(residual: Residual, samples: np.ndarray) -> Residual:
-    """The residual of these samples of a run alone: weights change, so that nothing is compiled anew."""
+    """Restrict the residual to some samples of a run.
+
+    Only the weights change, so no recompilation is needed.
+    """
     (run,) = residual.runs
     some = np.pad(samples, (0, run.weight.size - samples.size))
     return residual.with_runs(weight=[np.where(some, run.weight, 0.0)])
@@ -103,21 +109,25 @@ def _gauss_newton(
     seen: Evaluation,
     parts: Callable[[Evaluation], list[_Part]],
 ) -> tuple[np.ndarray, Evaluation]:
-    """Coordinates at which no part has a step left that counts, and the evaluation of `residual` there.
+    """Minimise the parts in turn with Gauss-Newton steps.
 
     Args:
         problem: the problem.
-        residual: what is evaluated.
-        y: coordinates to begin from.
-        seen: the evaluation there.
-        parts: those of an evaluation; the later ones go along with each step and are fitted from where it ends.
+        residual: the residual.
+        y: start coordinates.
+        seen: evaluation of `residual` at `y`.
+        parts: function that divides an evaluation into parts. Later parts follow each step of an earlier one, and are
+            then fitted from its end.
+
+    Returns:
+        The coordinates at which no part has a significant step left, and the evaluation there.
     """
     p, limits, dampings = residual.n_parameters, problem.limits, _DAMPING
     for k in range(len(parts(seen))):
         for number in range(_STEPS):
             at, at_bound = parts(seen)[k:], (y[:p] <= limits.lower) | (y[:p] >= limits.upper)
             near = _NEAR * np.sqrt(max(float(seen.chi2) / problem.n_used, 1.0))
-            # One step is always taken: the optimum of all samples has seen those that are held out.
+            # The first step is always taken, because the optimum of all samples depends on those that are held out.
             if (k or number) and _shapes(at[:1], at_bound, 0.0)[0].distance < near:
                 break
             for damping in dampings:
@@ -136,7 +146,7 @@ def _gauss_newton(
 
 
 def _shapes(parts: Sequence[_Part], at_bound: np.ndarray, damping: float) -> list[Quadratic]:
-    """The quadratic form of each part where the steps of those before it end."""
+    """Quadratic model of each part at the end of the previous steps."""
     p, shapes = at_bound.size, []
     step = np.zeros(p)
     for part in parts:

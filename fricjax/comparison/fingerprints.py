@@ -1,14 +1,14 @@
-"""What a decay says of friction before any law is fitted to it.
+"""Fingerprints of friction in a decay, before any law is fitted.
 
-Between two turning points with amplitudes a and a', of mean A, the spring loses
+Between two turning points with amplitudes a and a' and mean amplitude A, the spring loses
 
     (a^2 - a'^2)/2 = x_d (a + a') + (pi/2) (c omega/k) A^2 - 2 x_d l,
 
-where x_d is the dead band, c the damping and l the deflection of a contact that yields before it slides: at each
-reversal the contact gives back what it stored (Dahl, 1968). Friction that falls with velocity works against this as
-more loss at small amplitudes, hence as less damping and as a gain in place of the last term. So a regression of the
-losses on these terms separates Coulomb friction, falling friction and pre-sliding. A contact that yields shows once
-more at the end: the mass does not stay at its last turning point but springs back.
+where x_d is the dead band, c the damping and l the deflection of a contact that yields before it slides. At each
+reversal the contact returns the stored energy (Dahl, 1968). Friction that falls with velocity increases the loss at
+small amplitudes. In the regression this appears as less damping and as a positive last term. Therefore a regression of
+the losses on these terms separates Coulomb friction, falling friction and presliding. A yielding contact also shows at
+the end of the decay: the mass springs back from its last turning point.
 """
 
 from collections.abc import Sequence
@@ -21,18 +21,19 @@ from ..fitting.window import Window, equilibrium, without_ringing
 from ..oscillator import Oscillator
 from ..show import engineering, uncertain
 
-# Part of the damping without contact that its calibration is trusted to.
+# Assumed relative error of the calibrated damping without contact.
 _TRUSTED = 0.05
 
 
 class Losses(NamedTuple):
-    """The regression of the half-cycle losses on dead band, damping and pre-sliding.
+    """Regression of the half-cycle losses on dead band, damping and presliding.
 
     Attributes:
-        dead_band: x_d [m]; `damping`: c [N s/m]; `returned`: 2 x_d l, what each reversal gives back over the stiffness
-            [m^2].
-        plain_damping: c [N s/m] of the regression without the last term: that of Coulomb friction and damping alone.
-        errors: standard errors of these four, by the noise of the turning points or by the scatter where it is larger.
+        dead_band: dead band x_d [m].
+        damping: damping c [N s/m].
+        returned: energy returned by each reversal over the stiffness, 2 x_d l [m^2].
+        plain_damping: damping c [N s/m] of the regression without the last term (Coulomb friction and damping only).
+        errors: standard errors of these four, from the noise of the turning points or, if larger, from the scatter.
     """
 
     dead_band: float
@@ -43,16 +44,19 @@ class Losses(NamedTuple):
 
     @property
     def deflection(self) -> float:
-        """Deflection l of the contact in full sliding [m]."""
+        """Deflection l of the contact during sliding [m]."""
         return self.returned / (2 * self.dead_band)
 
 
 def fingerprints(windows: Sequence[Window], oscillator: Oscillator) -> tuple[str, ...]:
-    """Sentences about falling friction, pre-sliding and spring-back, as far as the runs show them.
+    """Describe falling friction, presliding and spring-back of the runs.
 
     Args:
         windows: the runs.
-        oscillator: the machine; its damping counts as the value without contact.
+        oscillator: the machine; its damping is the value without contact.
+
+    Returns:
+        A sentence or two for each effect that the runs show.
     """
     quantity = windows[0].quantity
     backs = [spring_back(window) for window in windows]
@@ -88,17 +92,20 @@ def fingerprints(windows: Sequence[Window], oscillator: Oscillator) -> tuple[str
 
 
 def regress_losses(windows: Sequence[Window], oscillator: Oscillator) -> Losses | None:
-    """The regression over all runs, each with the shift of its equilibrium; None with too few half-cycles."""
+    """Regress the losses of all runs; None with too few half-cycles.
+
+    Each run has a shift of its equilibrium as a further parameter.
+    """
     runs = [run for run in (_HalfCycles.of(window, oscillator) for window in windows) if run is not None]
     if sum(run.lost.size for run in runs) < 3 + len(runs) + 1:
         return None
     blocks = []
     for i, run in enumerate(runs):
         total = run.before + run.after
-        # The last columns are what a shift of the equilibrium of each run changes.
+        # The last columns are the effects of a shift of the equilibrium, one column per run.
         shifts = (run.sides * total)[:, None] * (np.arange(len(runs)) == i)
         columns = np.column_stack([total, np.pi / 8 * run.omega * total**2, -np.ones_like(total), shifts])
-        # Losses of neighbouring half-cycles share a turning point: made independent and of unit variance.
+        # Losses of neighbouring half-cycles share a turning point; whiten them.
         root = np.linalg.inv(np.linalg.cholesky(run.covariance))
         blocks.append((root @ columns, root @ run.lost))
     matrix, lost = (np.concatenate(column) for column in zip(*blocks, strict=True))
@@ -115,7 +122,7 @@ def regress_losses(windows: Sequence[Window], oscillator: Oscillator) -> Losses 
 
 
 def _least_squares(matrix: np.ndarray, lost: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Solution and its standard errors, inf where the half-cycles do not determine it."""
+    """Solution and its standard errors, inf if it is undetermined."""
     size = np.linalg.norm(matrix, axis=0)
     solution, _, rank, _ = np.linalg.lstsq(matrix / size, lost, rcond=1e-10)
     if rank < size.size:
@@ -129,8 +136,12 @@ def _least_squares(matrix: np.ndarray, lost: np.ndarray) -> tuple[np.ndarray, np
 class _HalfCycles(NamedTuple):
     """Half-cycles of one run.
 
-    Amplitudes before and after each [m], the side of the first, the angular frequency [rad/s], the loss over the
-    stiffness [m^2] and its covariance.
+    Attributes:
+        before, after: amplitudes at the start and the end of each half-cycle [m].
+        sides: sign of the deflection at its start.
+        omega: angular frequency [rad/s].
+        lost: loss over the stiffness [m^2].
+        covariance: covariance of the losses [m^4].
     """
 
     before: np.ndarray
@@ -163,7 +174,10 @@ class _HalfCycles(NamedTuple):
 
 
 def spring_back(window: Window) -> float | None:
-    """How far the mass lies back from its last turning point at rest [m]; None where that is within the noise."""
+    """Distance of the rest position from the last turning point [m].
+
+    It is None if it is within the noise.
+    """
     segmentation = without_ringing(window.segmentation)
     rest, half = segmentation.rest, segmentation.half_period
     if rest is None or not segmentation.turning_points.size:

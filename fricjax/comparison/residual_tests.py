@@ -1,9 +1,9 @@
-"""Do the residuals look like noise? Three tests, each of which sees another kind of failure of a law.
+"""Three tests that the residuals are noise.
 
-Neighbouring residuals correlate where the computed motion is too slow or too fast for a while (`whiteness`); signs come
-in long rows where it lies on one side (Wald and Wolfowitz, Ann. Math. Stat. 11, 1940); and power at the natural
-frequency that stands out of its surroundings is a motion of the mass that the model does not have: wrong damping, or a
-floor that shakes.
+Each test detects a different failure of a law. Neighbouring residuals correlate if the computed motion is too slow or
+too fast for some time (`whiteness`). Signs form long rows if the computed motion stays on one side (Wald and Wolfowitz,
+Ann. Math. Stat. 11, 1940). Excess power at the natural frequency is a motion of the mass that the model does not
+include: wrong damping, or a vibrating floor.
 """
 
 import math
@@ -15,8 +15,8 @@ import numpy as np
 from .. import thresholds
 from ..fitting.noise import Whiteness, whiteness
 
-# Frequencies beside the natural one whose mean power is the background, and the nearest of them in resolutions: the
-# one beside it still shares the power of a line that lies between the two.
+# Number of neighbouring frequencies that determine the background, and distance of the nearest one in units of the
+# resolution. The frequency at distance one is excluded, because it shares the power of a line in between.
 _NEIGHBOURS, _NEAREST = 24, 2
 
 
@@ -24,8 +24,9 @@ class Signs(NamedTuple):
     """Test of Wald and Wolfowitz on the signs of the residuals.
 
     Attributes:
-        rows: number of rows of equal signs; `expected`: its mean for independent signs.
-        score: distance between the two in standard deviations; far below zero where residuals stay on one side.
+        rows: number of rows of equal signs.
+        expected: mean number for independent signs.
+        score: difference in standard deviations; far below zero if residuals stay on one side.
     """
 
     rows: int
@@ -37,7 +38,7 @@ class Resonance(NamedTuple):
     """Power of the residuals at the natural frequency.
 
     Attributes:
-        ratio: power over its mean at the neighbouring frequencies; one for noise.
+        ratio: power over mean power at the neighbouring frequencies; one for noise.
         chance: probability of a larger ratio in white Gaussian noise.
     """
 
@@ -46,7 +47,7 @@ class Resonance(NamedTuple):
 
 
 class ResidualTests(NamedTuple):
-    """The tests of one fit; those of several runs are taken together."""
+    """The tests of one fit, over all its runs."""
 
     whiteness: Whiteness
     signs: Signs
@@ -54,7 +55,7 @@ class ResidualTests(NamedTuple):
 
     @property
     def failed(self) -> tuple[str, ...]:
-        """Names of the tests that noise alone would fail less often than once in a thousand times."""
+        """Names of the failed tests, each with a false-alarm rate of 1/1000."""
         passed = {
             "white": self.whiteness.white,
             "signs": math.erfc(abs(self.signs.score) / math.sqrt(2)) >= thresholds.RARE,
@@ -64,7 +65,7 @@ class ResidualTests(NamedTuple):
 
     @property
     def outcome(self) -> str:
-        """The same in words."""
+        """Outcome of the tests in words."""
         return f"failed: {', '.join(self.failed)}" if self.failed else "passed"
 
 
@@ -72,8 +73,8 @@ def diagnose(times: Sequence[np.ndarray], residuals: Sequence[np.ndarray], frequ
     """Test the residuals of one or several runs.
 
     Args:
-        times: instants of the fitted samples of each run [s], evenly spaced but for gaps.
-        residuals: residuals there in units of the noise.
+        times: times of the fitted samples of each run [s], evenly spaced except for gaps.
+        residuals: residuals at these times in units of the noise.
         frequency: natural frequency [Hz].
     """
     worst = max(map(whiteness, residuals), key=lambda tested: (not tested.white, tested.correlation_time))
@@ -81,7 +82,10 @@ def diagnose(times: Sequence[np.ndarray], residuals: Sequence[np.ndarray], frequ
 
 
 def signs(residuals: Sequence[np.ndarray]) -> Signs:
-    """Rows of equal signs; those of several runs add up. Residuals of exactly zero are left out."""
+    """Count rows of equal signs over all runs.
+
+    Residuals of exactly zero are left out.
+    """
     rows, expected, variance = 0, 0.0, 0.0
     for part in residuals:
         positive = part[part != 0] > 0
@@ -98,9 +102,10 @@ def signs(residuals: Sequence[np.ndarray]) -> Signs:
 
 
 def resonance(times: Sequence[np.ndarray], residuals: Sequence[np.ndarray], frequency: float) -> Resonance:
-    """Power at the natural frequency against that at the nearest frequencies at which white noise is independent.
+    """Compare the power at the natural frequency with that at its neighbours.
 
-    In white Gaussian noise the ratio follows Fisher's distribution with 2 and 2 m degrees of freedom per run.
+    At the neighbouring frequencies white noise is independent. For white Gaussian noise the ratio follows Fisher's
+    distribution with 2 and 2 m degrees of freedom per run, with m neighbours.
     """
     from scipy.stats import f as fisher
 

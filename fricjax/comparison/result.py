@@ -1,4 +1,4 @@
-"""The result of a comparison: what each law came to, which of them comes first, and how that looks."""
+"""Result of a comparison: rows, ranking, report and plot."""
 
 import dataclasses
 from collections.abc import Sequence
@@ -10,28 +10,30 @@ from .. import thresholds
 from ..data.record import listed
 from ..errors import UsageError, nearest
 from ..fitting.result import Fit
-from ..show import Report, Reported, Style, Table, axis_label, display_unit, figure, plain, styled
+from ..show import Cell, Report, Reported, Style, Table, axis_label, display_unit, figure, plain, styled
 from ..show.thumbnail import bars_svg
 from .residual_tests import ResidualTests
 
 
 @dataclasses.dataclass(frozen=True)
 class Row:
-    """What one law came to.
+    """Result of one law.
 
     Attributes:
-        name, law: what the comparison calls it, and the names of its laws.
-        free: coefficients of the machine that were free.
-        status: the outcome of its fit in words; `valid`: converged, as of a `Fit`; `ended`: at an optimum,
-            which a law that contains a better one reaches with coefficients that nothing determines.
-        chi2, n_parameters: sum of squared residuals in units of the noise, and number of free parameters, those of
-            the runs included.
-        chi2_reduced: chi2 per degree of freedom; of the residuals weighed by the noise of the best law where that is
-            not white.
+        name: name in the comparison.
+        law: name of the law, or of the sum of laws.
+        free: free coefficients of the machine.
+        status: outcome of the fit in words.
+        valid: whether the fit converged, as in a `Fit`.
+        ended: whether the fit ended at an optimum. A law that contains a better one ends at an optimum with
+            undetermined coefficients, so it is not `valid`.
+        chi2: sum of squared residuals in units of the noise.
+        n_parameters: number of free parameters, including those of the runs.
+        chi2_reduced: chi2 per degree of freedom; with correlated noise, that of the weighted residuals.
         aicc, bic: criteria of the comparison; smaller is better.
-        held_out: mean square of the held-out residuals in units of the noise, as stated or, where it is not white, as
-            the best law leaves it; one for the right law, NaN where nothing was held out.
-        tests: tests of the residuals, weighed by the noise of the best law where that is not white; None without a fit.
+        held_out: mean square of the held-out residuals in units of the stated noise, or of the noise of the best law if
+            it is not white. It is one for the right law, and NaN if no samples were held out.
+        tests: tests of the residuals, weighted if the noise is correlated; None without a fit.
     """
 
     name: str
@@ -54,13 +56,14 @@ class Comparison(Reported):
     """Laws side by side on the same samples.
 
     Attributes:
-        rows: what each law came to, in the order in which they were given.
-        criterion: what they are ranked by: "bic", "aicc" or "held_out".
-        ranking: their names, best first; laws whose fit found no optimum come last.
-        fits: fits by name; without those that were refused.
-        n_samples: number of fitted samples, the same for all; `n_effective`: how many independent ones they are worth.
-        inflation: variance of the residuals that counts as noise, in units of the stated one (see `compare`).
-        fingerprints: what the decay itself says of friction, in sentences.
+        rows: result of each law, in the given order.
+        criterion: criterion of the ranking: "bic", "aicc" or "held_out".
+        ranking: names of the laws, best first; laws without an optimum come last.
+        fits: fits by name, without rejected ones.
+        n_samples: number of fitted samples, the same for all laws.
+        n_effective: equivalent number of independent samples.
+        inflation: variance c by which chi2 is divided, in units of the stated noise (see `compare`).
+        fingerprints: sentences about the friction, from the decay alone.
 
     Examples:
         >>> import fricjax as fj
@@ -83,19 +86,19 @@ class Comparison(Reported):
 
     @property
     def sources(self) -> tuple[str, ...]:
-        """Name of the file of each run, empty where it has none."""
+        """File name of each run, empty for a run without a file."""
         return self.best.sources
 
     @property
     def best(self) -> Fit:
-        """The fit of the law that comes first."""
+        """Fit of the best law."""
         return self.fits[self.ranking[0]]
 
     def row(self, name: str) -> Row:
-        """What the law of that name came to.
+        """Return the result of the law with this name.
 
         Raises:
-            UsageError: no such law.
+            UsageError: there is no such law.
         """
         for row in self.rows:
             if row.name == name:
@@ -106,18 +109,18 @@ class Comparison(Reported):
         return f"Comparison({' < '.join(self.ranking)} by {self.criterion})"
 
     def report(self) -> Report:
-        """The comparison in its parts."""
+        """Report the table of laws, the conclusion and the fingerprints."""
         rows = [self.row(name) for name in self.ranking]
         least = {name: min(getattr(row, name) for row in rows) for name in ("aicc", "bic")}
         columns = ["Law", "Parameters", "Reduced chi^2", "AICc", "BIC", "Held out", "Residual tests", "Status"]
         cells = [
             [
                 row.name,
-                str(row.n_parameters) if row.tests is not None else "",
-                _number(row.chi2_reduced),
-                _number(row.aicc - least["aicc"]),
-                _number(row.bic - least["bic"]),
-                _number(row.held_out),
+                Cell(str(row.n_parameters) if row.tests is not None else "", n_parameters=row.n_parameters),
+                Cell(_number(row.chi2_reduced), chi2_reduced=row.chi2_reduced),
+                Cell(_number(row.aicc - least["aicc"]), aicc=row.aicc, delta_aicc=row.aicc - least["aicc"]),
+                Cell(_number(row.bic - least["bic"]), bic=row.bic, delta_bic=row.bic - least["bic"]),
+                Cell(_number(row.held_out), held_out=row.held_out),
                 "" if row.tests is None else row.tests.outcome,
                 row.status.split(":")[0],
             ]
@@ -157,7 +160,7 @@ class Comparison(Reported):
         return doubts + [f"{row.name} has not converged, {row.status}" for row in rows if not row.valid]
 
     def _data(self) -> dict[str, Any]:
-        """Everything but the samples."""
+        """All results without the samples."""
         names = ("sources", "criterion", "ranking", "n_samples", "n_effective", "inflation", "fingerprints")
         rows = []
         for row in self.rows:
@@ -178,11 +181,14 @@ class Comparison(Reported):
         return [bars_svg(self.ranking, behind, "BIC above that of the best law")]
 
     def plot(self, run: int = 0, *, style: Style = "screen") -> Any:
-        """Residuals of all laws over time, best on top, and their distance from the best, as a matplotlib figure.
+        """Plot the residuals of all laws over time, the best on top.
 
         Args:
-            run: which run of a joint fit.
-            style: as of :func:`fricjax.show.styled`.
+            run: index of the run of a joint fit.
+            style: see :func:`fricjax.show.styled`.
+
+        Returns:
+            A matplotlib figure; each title gives the difference in BIC from the best law.
         """
         names = [name for name in self.ranking if name in self.fits]
         drawing, axes = figure(len(names), 1, share_x=True)

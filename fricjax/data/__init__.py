@@ -1,6 +1,6 @@
-"""Displacement over time: traces and records, readers and writers, logged preprocessing, the anatomy of a decay.
+"""Traces and records of displacement over time, with readers, writers and preprocessing.
 
-This folder knows time series and units, and no physics of friction.
+This folder handles time series and units. It contains no physics of friction.
 """
 
 import lazy_loader as _lazy_loader

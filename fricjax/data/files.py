@@ -1,7 +1,7 @@
-"""Files that anybody can have written: what is asked before they are opened, and how much may come out of them.
+"""Checks and size limits for files of unknown origin; TOML settings.
 
-A path may lead to nothing, to a pipe that never ends, or to a file of a few kilobytes that declares an array of
-terabytes. Sizes are therefore compared with that of the file before anything is unpacked. Settings are read here too.
+A path may lead to a missing file, to a pipe without end, or to a file of a few kilobytes that declares an array of
+terabytes. The readers therefore compare declared sizes with the file size before they unpack anything.
 """
 
 import os
@@ -15,24 +15,24 @@ from typing import Any
 from ..errors import DataError, UsageError, brief, first_of, nearest, needed
 
 NUMBER = 8
-"""Bytes that a number of any type takes as soon as it is part of a record."""
-# What any file may hold unpacked: 16.7 million numbers. With the copies that a record takes this stays below 1 GB.
+"""Bytes that a number of any type takes in a record."""
+# Unpacked size that any file may have: 16.7 million numbers. With the copies in a record this stays below 1 GB.
 _ALWAYS = 1 << 27
-# What a larger one may hold, as a multiple of its size on disk; traces of measured displacements are packed twofold to
-# fivefold, their times up to tenfold.
+# Unpacked size of a larger file, as a multiple of its size on disk. Measured displacements compress by a factor of 2 to
+# 5, their times up to 10.
 _PACKED = 16
-# What none may hold: 268 million numbers.
+# Unpacked size that no file may exceed: 268 million numbers.
 _LARGEST = 1 << 31
-# Bytes of the largest file of settings, and characters of its longest line; most have a few hundred in all. The time
-# that a dotted key takes grows with the square of its length, so that both together bound the reading to a second.
+# Size of the largest settings file [bytes] and length of its longest line [characters]; most have a few hundred in
+# total. The parsing time of a dotted key grows with the square of its length, so both limits together bound it to 1 s.
 _LARGEST_TOML, _WIDEST_TOML = 100_000, 1_000
 
 
 def check_file(path: Path) -> None:
-    """Refuse a path that leads to no file, or to one that holds nothing.
+    """Refuse a path to a missing or empty file.
 
     Raises:
-        DataError: no such file (the nearest name is offered), a pattern, a folder, a device, or an empty file.
+        DataError: no such file (the message offers the nearest name), a pattern, a folder, a device, or an empty file.
     """
     if os.path.isdir(path):
         raise DataError(_missing(path))
@@ -45,7 +45,7 @@ def check_file(path: Path) -> None:
 
 
 def _missing(path: Path) -> str:
-    """Why a path leads to no file, and what may be meant."""
+    """Explain why there is no file at a path, with a suggestion."""
     if os.path.isdir(path):
         files = sorted(entry for entry in path.iterdir() if entry.is_file() and not entry.name.startswith("."))
         inside = f"; it holds {first_of(files)}" if files else ""
@@ -58,7 +58,7 @@ def _missing(path: Path) -> str:
     if matching:
         return (
             f"{path} is a pattern, not a file; it matches {first_of(matching)}. Name each file, or leave the pattern "
-            "without quotes, so that the shell puts the names in its place."
+            "without quotes, so that the shell replaces it with the names."
         )
     if any(sign in path.name for sign in "*?"):
         return f"There is no file {path}, and none that matches this pattern. Check the folder and the ending."
@@ -70,10 +70,12 @@ def _missing(path: Path) -> str:
 
 
 def check_distinct(paths: Iterable[Path]) -> None:
-    """Refuse a list that leads to one file twice, whose samples would then count twice.
+    """Refuse a list that contains a file twice.
+
+    The samples of that file would count twice.
 
     Raises:
-        UsageError: names the file.
+        UsageError: a file occurs twice; the message names it.
     """
     seen: dict[Path, Path] = {}
     for path in paths:
@@ -84,49 +86,53 @@ def check_distinct(paths: Iterable[Path]) -> None:
 
 
 def allowance(path: Path) -> int:
-    """How many bytes the arrays of a file may have in all."""
+    """Return the largest plausible size of a file's arrays [bytes]."""
     return min(max(_ALWAYS, _PACKED * path.stat().st_size), _LARGEST)
 
 
-def check_size(path: Path, what: str, numbers: int) -> None:
-    """Refuse what is declared larger than a file of this size can hold, before any of it is read.
+def check_size(path: Path, subject: str, numbers: int) -> None:
+    """Refuse an array that is declared too large for its file.
+
+    The check runs before any data are read.
 
     Raises:
-        DataError: names the file, and `what` is declared: "'x'".
+        DataError: the array is too large; the message names the file and the `subject`, such as "'x'".
     """
     if not 0 <= numbers * NUMBER <= allowance(path):
         raise DataError(
-            f"{what} in {path.name} is not read: it is declared to have {gigabytes(numbers * NUMBER)}, more than "
+            f"{subject} in {path.name} is not read: it is declared to have {gigabytes(numbers * NUMBER)}, more than "
             "plausible for a file of this size."
         )
 
 
 def library(path: Path, module: str, extra: str) -> Any:
-    """The module that reads a format, of a package that an extra of this one brings.
+    """Import the module that reads a format, from an optional dependency.
 
     Raises:
-        UsageError: it is not installed; says how to install it.
+        UsageError: it is not installed; the message shows how to install it.
     """
     return needed(path.name, module, extra, "or export the run as .csv")
 
 
 def gigabytes(size: float) -> str:
-    """A size in words, for messages."""
+    """Format a size for messages."""
     return f"{size / 1e9:.3g} GB" if size < 1e15 else "more than a million GB"
 
 
 def check_regular(path: Path, refused: type[ValueError] = DataError) -> None:
-    """Refuses what is no file of the disk without opening it, for opening a pipe or a device may wait for ever.
+    """Refuse a path that is not a regular file, without opening it.
+
+    Opening a pipe or a device could block forever.
 
     Raises:
-        DataError: (or what `refused` says) a pipe, device, socket or folder, or a name that no file can have.
+        DataError: (or `refused`) a pipe, device, socket or folder, or an invalid file name.
         FileNotFoundError: no such file.
         OSError: the path cannot be followed.
     """
     try:
         str(path).encode()
         mode = path.stat().st_mode
-    except ValueError as error:  # a null character, or one half of a pair of UTF-16
+    except ValueError as error:  # a null character, or an unpaired UTF-16 surrogate
         raise refused(f"{ascii(str(path))[:200]} is no name of a file; rename the file.") from error
     if stat.S_ISDIR(mode):
         raise refused(f"{path} is a folder, not a file; name one file in it.")
@@ -135,14 +141,14 @@ def check_regular(path: Path, refused: type[ValueError] = DataError) -> None:
 
 
 def content(path: Path, largest: int, refused: type[ValueError] = DataError) -> bytes:
-    """The bytes of a file that has at most `largest` of them.
+    """Read a file of at most `largest` bytes.
 
     Raises:
-        DataError: (or what `refused` says) no file of the disk, or a larger one.
+        DataError: (or `refused`) not a regular file, or a larger one.
         OSError: it does not exist or cannot be read.
     """
     check_regular(path, refused)
-    # Should the file be exchanged for a pipe at this moment, opening it does not wait.
+    # If the path is replaced by a pipe at this moment, a non-blocking open does not wait.
     with open(path, "rb", opener=lambda name, flags: os.open(name, flags | getattr(os, "O_NONBLOCK", 0))) as file:
         data = file.read(largest + 1) if path.stat().st_size <= largest else b""
         if len(data) > largest or path.stat().st_size > largest:
@@ -152,39 +158,40 @@ def content(path: Path, largest: int, refused: type[ValueError] = DataError) -> 
 
 
 def read_toml(
-    path: Path, what: str, keys: Collection[str] | None = None, required: Mapping[str, str] | None = None
+    path: Path, kind: str, keys: Collection[str] | None = None, required: Mapping[str, str] | None = None
 ) -> dict[str, Any]:
-    """The table of a file of settings in TOML: of a rig, of a study, of a cluster.
+    """Read a settings file in TOML (rig, study or cluster).
 
     Args:
         path: the file.
-        what: it describes, in a word: "rig".
-        keys: those that it may have; None: whoever asks will see to that.
-        required: keys that it must have, each with a value as an example.
+        kind: kind of settings, for messages: "rig".
+        keys: the allowed keys; None: the caller checks them.
+        required: the required keys, each with an example value.
 
     Raises:
-        UsageError: no such file, a larger one, no TOML, an unknown key or one that is missing; names file and key.
+        UsageError: the file is missing, too large or not valid TOML, or has an unknown or missing key; the message
+            names file and key.
     """
     try:
-        # Editors on Windows begin a file with a mark of its encoding, which is no TOML.
+        # Editors on Windows write a byte order mark, which is not valid TOML.
         text = content(path, _LARGEST_TOML, UsageError).decode("utf-8-sig")
         if any(len(line) > _WIDEST_TOML for line in text.splitlines()):
-            raise UsageError(f"{path}: this is no {what} file: a line has more than {_WIDEST_TOML} characters.")
+            raise UsageError(f"{path}: this is no {kind} file: a line has more than {_WIDEST_TOML} characters.")
         table = tomllib.loads(text)
     except FileNotFoundError as error:
         siblings = [entry.name for entry in path.parent.glob("*.toml")] if path.parent.is_dir() else []
-        raise UsageError(f"There is no {what} file '{path}'.{nearest(path.name, siblings)} Check the path.") from error
+        raise UsageError(f"There is no {kind} file '{path}'.{nearest(path.name, siblings)} Check the path.") from error
     except OSError as error:
-        raise UsageError(f"The {what} file '{path}' cannot be read: {error.strerror}.") from error
+        raise UsageError(f"The {kind} file '{path}' cannot be read: {error.strerror}.") from error
     except RecursionError as error:
-        raise UsageError(f"{path}: this is no {what} file: its tables are nested too deeply.") from error
+        raise UsageError(f"{path}: this is no {kind} file: its tables are nested too deeply.") from error
     except UsageError:
         raise
-    except ValueError as error:  # TOML that is none, other encodings, and numbers of thousands of digits
+    except ValueError as error:  # invalid TOML, other encodings, and numbers with thousands of digits
         raise UsageError(f"{path}: this is no valid TOML file: {str(error)[:200]}.") from error
     if keys is not None and (unknown := [key for key in table if key not in keys]):
         hint = f"{nearest(unknown[0], keys)} Known are {', '.join(keys)}."
-        raise UsageError(f"{path}: there is no key {brief(unknown[0])} in a {what} file.{hint}")
+        raise UsageError(f"{path}: there is no key {brief(unknown[0])} in a {kind} file.{hint}")
     for key, example in (required or {}).items():
         if key not in table:
             raise UsageError(f"{path}: '{key}' is missing; add a line such as {key} = {example}.")
@@ -193,10 +200,10 @@ def read_toml(
 
 @contextmanager
 def naming(path: str | Path) -> Iterator[None]:
-    """Puts the name of a file before what is wrong with a value that stands in it.
+    """Add the name of a file to errors about its values.
 
     Raises:
-        UsageError: as what is done under it, with the name.
+        UsageError: any `UsageError` of the block, with the name in front.
     """
     try:
         yield
@@ -206,10 +213,10 @@ def naming(path: str | Path) -> Iterator[None]:
 
 @contextmanager
 def damage(path: Path, kind: str, hint: str = "it is damaged or of another format") -> Iterator[None]:
-    """Turns whatever a library raises while it reads a damaged file into one sentence.
+    """Convert the exceptions of a library for a damaged file to `DataError`.
 
-    What the readers of zip, HDF5 and MATLAB files raise for bytes that they do not expect is not documented, and ranges
-    from zlib.error to RecursionError; only a refusal of this package passes as it is.
+    The exceptions of zip, HDF5 and MATLAB readers for unexpected bytes are not documented and range from zlib.error to
+    RecursionError. The package's own errors pass unchanged.
 
     Raises:
         DataError: the file cannot be read.

@@ -1,4 +1,4 @@
-"""The runs that a function works on, whatever they come as: records, paths, tables, arrays, one or several."""
+"""Convert user input (records, paths, tables, arrays; one or several) to records."""
 
 import os
 import re
@@ -16,22 +16,22 @@ _OPTION = re.compile(r"\b(column|time|unit|time_unit|rate|delimiter|skip_rows|de
 
 
 class Source(NamedTuple):
-    """What a run is read from, and the options of `fricjax.read` for it."""
+    """A source of a run, with the options of `fricjax.read` for it."""
 
     run: Any
     options: dict[str, Any]
 
 
 def gather(data: Any, t: Any = None, rate: float | None = None) -> tuple[Record, ...]:
-    """The records of one run or of several.
+    """Return the records of one or several runs.
 
     Args:
-        data: a run as `fricjax.read` takes it, or a list of such; a record is taken as it is.
-        t: times of displacements that come without, those of all runs or a list of one per run.
-        rate: samples per second, where there are no times.
+        data: a run as `fricjax.read` takes it, or a list of such runs; records are returned unchanged.
+        t: times of displacements without times, common to all runs or a list with one entry per run.
+        rate: samples per second, if there are no times.
 
     Raises:
-        UsageError: an empty list, or something of which no record can be made.
+        UsageError: an empty list, or an object of an unsupported type.
         DataError: a file or table that cannot be read.
     """
     sources = sources_of(data, t, rate)
@@ -42,12 +42,13 @@ def gather(data: Any, t: Any = None, rate: float | None = None) -> tuple[Record,
 
 
 def sources_of(data: Any, t: Any = None, rate: float | None = None) -> list[Source]:
-    """The runs one by one: those of a list, a tuple or an iterator; (t, x) and a list of numbers are one run.
+    """Split the input into runs.
 
-    With `t` or `rate`, the rows of an array are runs.
+    Each entry of a list, a tuple or an iterator is a run. A tuple (t, x) and a list of numbers are one run. With `t`
+    or `rate`, each row of an array is a run.
 
     Raises:
-        UsageError: times of another number of runs.
+        UsageError: the number of times differs from the number of runs.
     """
     bare = t is not None or rate is not None
     several = isinstance(data, Iterator) or (isinstance(data, list | tuple) and not (is_pair(data) or is_numbers(data)))
@@ -67,15 +68,17 @@ def sources_of(data: Any, t: Any = None, rate: float | None = None) -> list[Sour
 
 
 def _has_rows(source: Any) -> bool:
-    """Whether an object is an array of more than one row."""
+    """Return True for an array of more than one row."""
     return is_numbers(source) and not hasattr(source, "columns") and np.ndim(source) == 2 and np.shape(source)[0] > 1
 
 
 def record_of(source: Any, where: str = "", **options: Any) -> Record:
-    """The record of one run, read with options; `where` goes before the message of one that is in memory.
+    """Read the record of one run.
+
+    Error messages about in-memory sources begin with `where`.
 
     Raises:
-        UsageError: something of which no record can be made.
+        UsageError: an object of an unsupported type.
         DataError: a file or table that cannot be read.
     """
     if isinstance(source, Record) and not options:
@@ -85,11 +88,11 @@ def record_of(source: Any, where: str = "", **options: Any) -> Record:
         return read(source, **options)
     except (DataError, UsageError) as error:
         asks = not options and not is_pair(source) and _OPTION.search(str(error)) and "fricjax." not in str(error)
-        # Options belong to read: who fits a file or a table at once is told where to write them.
+        # Functions such as fit take no read options, so show how to pass them to read.
         what = repr(str(source)) if is_file else "table"
         hint = f"Read it first: fricjax.read({what}, ...)." if asks else ""
         first, *rows = str(error).split("\n")
         message = "\n".join([" ".join(filter(None, [first, hint])), *rows])
-        # The readers' own kinds of refusal are made of other things than a sentence.
+        # Subclasses of DataError and UsageError may have constructors with other arguments.
         kind = DataError if isinstance(error, DataError) else UsageError
         raise kind(f"{'' if is_file else where}{message}") from error

@@ -1,6 +1,7 @@
-"""What a record is like, before anything is fitted to it: rate, gaps, noise, amplitude, cycles, release, rest.
+"""Inspection of a record before a fit.
 
-Scales that no friction oscillator has are pointed out, each with the mistake that most often makes them: a wrong unit.
+It reports rate, gaps, noise, amplitude, cycles, release and rest. Warnings name scales that no friction oscillator has,
+together with the usual cause: a wrong unit.
 """
 
 import dataclasses
@@ -16,17 +17,16 @@ from .record import Record
 from .repair import reported_faults
 from .segmentation.decay import Segmentation
 
-REGULAR = 1e-3  # largest deviation of an interval from the median one, relative
-GAP = 1.5  # intervals longer than this many median ones
-# Springs of laboratory rigs bend by millimetres or centimetres, and a pendulum turns over beyond a half-turn to each
-# side.
+REGULAR = 1e-3  # largest relative deviation of an interval from the median interval
+GAP = 1.5  # a gap is an interval longer than this multiple of the median interval
+# Springs of laboratory rigs bend by millimetres or centimetres. A pendulum turns over beyond half a turn to each side.
 _LARGEST_AMPLITUDE, _LARGEST_SWING = 0.5, 2 * math.pi
-# The electronics of fast interferometers count fringes up to some 5 m/s.
+# Fast interferometers count fringes up to about 5 m/s.
 _LARGEST_SPEED = 5.0
 _GRAVITY = 9.80665  # m/s^2
 # Shot noise of a milliwatt of red light, lambda/(4 pi) sqrt(2 h nu/P) = 1.3e-15 m/sqrt(Hz).
 _LEAST_DENSITY = 1e-15
-# Noise relative to the amplitude below which a record is a computed one, without noise but its rounding.
+# Ratio of noise to amplitude below which a record is computed: its only noise is rounding.
 _COMPUTED = 1e-10
 _OF_SEGMENTATION = (
     "noise", "white_noise", "lines", "resolution", "amplitude", "cycles", "n_half_cycles", "open", "half_period",
@@ -36,11 +36,11 @@ _OF_SEGMENTATION = (
 
 @dataclasses.dataclass(frozen=True)
 class Inspection(Reported):
-    """What `inspect` reports: times in s, frequencies in Hz, displacements in `unit` ("m" or "rad").
+    """Result of `inspect`: times in s, frequencies in Hz, displacements in `unit`.
 
-    The fields are those of a `Segmentation`, and of the record: `samples`, `masked`, `duration`, `rate`, whether its
-    samples are `regular`, `gaps` and the `longest_gap`. `record` is what was inspected, and `warnings` are sentences
-    about what is doubtful.
+    The unit is "m" or "rad". The fields include those of a `Segmentation`. Fields of the record are `samples`,
+    `masked`, `duration`, `rate`, `regular` (even spacing), `gaps` and `longest_gap`. `record` is the inspected record,
+    and `warnings` are sentences about doubtful values.
 
     Examples:
         >>> import fricjax as fj
@@ -76,18 +76,24 @@ class Inspection(Reported):
     warnings: tuple[str, ...] = ()
 
     def report(self) -> Report:
-        """The fields in words, and what is doubtful."""
+        """Report the fields in words, with the warnings."""
         data = {name: value for name, value in vars(self).items() if name != "record"}
-        return Report([], _rows(self), warnings=self.warnings, heading="Record", data=data)
+        units = dict.fromkeys(("duration", "longest_gap", "half_period", "release", "first_reversal", "rest"), "s")
+        units |= dict.fromkeys(("noise", "white_noise", "resolution", "amplitude", "rest_position"), self.unit)
+        units |= dict.fromkeys(("rate", "frequency"), "Hz")
+        return Report([], _rows(self), warnings=self.warnings, heading="Record", data=data, units=units)
 
     def thumbnails(self) -> Sequence[str]:
         return self.record.thumbnails()
 
     def plot(self, *, style: Style = "screen") -> Any:
-        """The record with what was found in it: release, reversals, rest, and the spectrum of the rest; in matplotlib.
+        """Plot the record with release, reversals, rest and the rest's spectrum.
 
         Args:
-            style: as of :func:`fricjax.show.styled`.
+            style: see :func:`fricjax.show.styled`.
+
+        Returns:
+            A matplotlib figure.
         """
         return self.record.plot(style=style)
 
@@ -96,7 +102,7 @@ class Inspection(Reported):
 
 
 def inspect(record: Any) -> Inspection:
-    """Inspects a record, or whatever `fricjax.read` makes one of without options.
+    """Inspect a record, or any source that `fricjax.read` accepts without options.
 
     Raises:
         DataError: x is constant, or sampled too sparsely to resolve its half-cycles.
@@ -162,13 +168,13 @@ def _rows(inspection: Inspection) -> list[tuple[str, str]]:
 
 
 def implausible_scale(segmentation: Segmentation, interval: float, *, angular: bool, where: str = "") -> Iterator[str]:
-    """A sentence for each scale of a record that cannot be true.
+    """Yield a warning for each implausible scale of a record.
 
     Args:
-        segmentation: of the record.
+        segmentation: segmentation of the record.
         interval: time between samples [s].
-        angular: whether the displacement is an angle.
-        where: which record, for the sentence: " of run 2".
+        angular: True if the displacement is an angle.
+        where: the record, for the message: " of run 2".
     """
     amplitude, omega = segmentation.amplitude, math.pi / segmentation.half_period
     if angular:

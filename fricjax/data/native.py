@@ -1,6 +1,7 @@
-"""The record as the package itself writes it: arrays beside two texts of JSON, `meta` and `log`, in any of its formats.
+"""The package's own record format.
 
-`encode` and `decode` are the one description of that; the csv, npz and HDF5 writers and readers only carry it.
+A record is stored as arrays and two JSON texts, `meta` and `log`. `encode` and `decode` define these parts; the csv,
+npz and HDF5 writers and readers store them.
 """
 
 import json
@@ -19,7 +20,10 @@ COLUMNS = {"t": "Time", "x": "Displacement", "sigma": "Sigma", "mask": "Used"}
 
 
 def encode(record: Record) -> tuple[dict[str, np.ndarray], dict[str, str]]:
-    """Arrays (`t`, `x`, `mask` and, where known, `sigma`) and texts (`meta`, `log`) of a record."""
+    """Return the arrays and JSON texts of a record.
+
+    The arrays are `t`, `x`, `mask` and, if known, `sigma`; the texts are `meta` and `log`.
+    """
     trace = record.trace
     arrays = {"t": np.asarray(trace.t), "x": np.asarray(trace.x), "mask": np.asarray(trace.mask)}
     if trace.sigma is not None:
@@ -33,7 +37,11 @@ def encode(record: Record) -> tuple[dict[str, np.ndarray], dict[str, str]]:
 
 
 def decode(arrays: dict[str, np.ndarray], texts: dict[str, str], source: str) -> Record:
-    """The record that `encode` took apart; anything else that the file may hold ends in one sentence."""
+    """Restore a record from the parts that `encode` returned.
+
+    Raises:
+        DataError: a part is missing or invalid.
+    """
     for name in ("t", "x", "mask"):
         if name not in arrays:
             raise _damaged(source, f"'{name}' is missing")
@@ -65,7 +73,7 @@ def _json(texts: dict[str, str], name: str, source: str) -> Any:
 
 
 def _meta(texts: dict[str, str], source: str) -> dict[str, Any]:
-    """The plain facts, of which the package itself uses a few."""
+    """Parse the metadata and check the entries that the package uses."""
     meta = _json(texts, "meta", source)
     if not isinstance(meta, dict):
         raise _damaged(source, f"'meta' must be an object, but it is {brief(meta)}")
@@ -87,9 +95,9 @@ def _log(texts: dict[str, str], source: str) -> tuple[Step, ...]:
 
 
 def check_schema(version: Any, source: str) -> None:
-    """Refuses a record that a later version of the package wrote."""
+    """Refuse a record that a later version of the package wrote."""
     text = str(version).strip()
-    # Digits of other scripts are digits as well, and thousands of them make no number.
+    # isdigit() also accepts digits of other scripts, and int() refuses thousands of digits.
     if not (text.isascii() and text.isdigit() and len(text) < 5 and 1 <= int(text) <= SCHEMA):
         raise DataError(
             f"{source} is a fricjax record of schema {text[:20]}, but this version reads up to {SCHEMA}; update."
@@ -97,7 +105,10 @@ def check_schema(version: Any, source: str) -> None:
 
 
 def to_text(record: Record) -> str:
-    """The record as a table of text with commented meta data: any program reads the table, this one restores all."""
+    """Return the record as a text table with metadata in comments.
+
+    Any program can read the table; `restore_text` restores the full record.
+    """
     arrays, texts = encode(record)
     head = {MARK: str(SCHEMA), "sigma": "null", **texts}
     names = ["t", "x", "mask"]
@@ -115,7 +126,7 @@ def to_text(record: Record) -> str:
 
 
 def restore_text(path: Path, lines: list[str]) -> Record | None:
-    """The record that `to_text` wrote, None for any other text."""
+    """Restore the record that `to_text` wrote; return None for other text."""
     if not lines or not lines[0].startswith(TEXT_MARK):
         return None
     head = dict(line[2:].split(": ", 1) for line in lines[:8] if line.startswith("# ") and ": " in line)

@@ -1,7 +1,7 @@
-"""Readers that other packages bring: found by their entry points, loaded when a file has their suffix, never before.
+"""Readers from other packages, found by entry point and loaded on demand.
 
-A package of that kind names a function in the group `fricjax.readers`, by the suffix without its dot. What it does
-wrong, its own file or its own reader, counts as its fault, and no other reader suffers from it.
+Such a package names a function in the group `fricjax.readers`; the entry point's name is the suffix without its dot.
+Errors of a plug-in are reported with its name and do not affect other readers.
 """
 
 import functools
@@ -15,15 +15,17 @@ GROUP = "fricjax.readers"
 
 
 def suffixes() -> list[str]:
-    """The suffixes, with their dots, for which a plug-in is installed; none is loaded."""
+    """Return the suffixes of installed plug-ins, with dots, without loading them."""
     return [f".{_suffix(point)}" for point in _points()]
 
 
 def reader_of(path: Path) -> Callable[..., Any] | None:
-    """The reader that a plug-in has for a file of this suffix; None where there is none.
+    """Return a plug-in's reader for a file with this suffix.
+
+    Returns None if no plug-in is installed for the suffix.
 
     Raises:
-        UsageError: there is one, and it cannot be loaded.
+        UsageError: a plug-in is installed but cannot be loaded.
     """
     faults = []
     for point in _points():
@@ -32,7 +34,7 @@ def reader_of(path: Path) -> Callable[..., Any] | None:
         name = point.dist.name if point.dist is not None else point.value
         try:
             reader = point.load()
-        # Importing runs whatever the package does, down to sys.exit.
+        # An import can run any code of the package, including sys.exit.
         except (Exception, SystemExit) as error:
             faults.append(f"{name} ({type(error).__name__}: {' '.join(str(error).split())[:120]})")
             continue
@@ -50,7 +52,7 @@ def reader_of(path: Path) -> Callable[..., Any] | None:
 def _points() -> Iterable[Any]:
     from importlib.metadata import entry_points
 
-    # Always in the same order, whatever the folders are searched in.
+    # Sort, because the order of entry points depends on the search path.
     return sorted(entry_points(group=GROUP), key=lambda point: (point.name, point.value))
 
 
@@ -59,7 +61,7 @@ def _suffix(point: Any) -> str:
 
 
 def _guarded(reader: Callable[..., Any], name: str) -> Callable[..., Any]:
-    """A reader whose failures become one sentence, with the options of the original."""
+    """Wrap a reader so that its failures become `DataError`; keep its options."""
 
     @functools.wraps(reader)
     def guarded(path: Path, *arguments: Any, **options: Any) -> Any:

@@ -1,4 +1,4 @@
-"""Preparing a record for a fit: each step returns a new record, and says in its log what it did with which numbers."""
+"""Preprocessing steps: each returns a new record and logs its effect."""
 
 import math
 
@@ -12,7 +12,7 @@ from .units import DISPLACEMENT, TIME, factor
 
 
 def segment_record(record: Record) -> Segmentation:
-    """The segmentation of a record's trace, computed once: see `segment`.
+    """Return the segmentation of a record's trace, cached; see `segment`.
 
     Examples:
         >>> import fricjax as fj
@@ -23,7 +23,12 @@ def segment_record(record: Record) -> Segmentation:
 
 
 def crop(record: Record, start: float | None = None, stop: float | None = None) -> Record:
-    """Keeps the samples from `start` to `stop` (times of the record [s], both included; None: the end of the record).
+    """Keep the samples from `start` to `stop`.
+
+    Args:
+        record: the record to crop.
+        start: first time to keep [s], included; None: the start of the record.
+        stop: last time to keep [s], included; None: the end of the record.
 
     Raises:
         UsageError: `stop` is not after `start`.
@@ -52,15 +57,17 @@ def crop(record: Record, start: float | None = None, stop: float | None = None) 
 
 
 def convert_unit(record: Record, unit: str, time_unit: str | None = None) -> Record:
-    """Says in which units the numbers of the record are, where the file did not, and converts them to SI.
+    """Convert a record from the stated units to SI units.
+
+    Use it if the file did not state its units.
 
     Args:
-        record: a record whose numbers are still those of the file.
+        record: a record with values in the units of the file.
         unit: unit of the displacement, such as "um" or "deg"; the noise is converted with it.
         time_unit: unit of the times, None: seconds.
 
     Raises:
-        DataError: a unit that does not fit; examples that do are named.
+        DataError: a unit that does not fit; the message names examples that do.
 
     Examples:
         >>> import numpy as np
@@ -88,7 +95,7 @@ def _scaled(value: float | None, scale: float) -> float | None:
 
 
 def flip_sign(record: Record) -> Record:
-    """Reverses the direction of the displacement.
+    """Reverse the direction of the displacement.
 
     Examples:
         >>> import fricjax as fj
@@ -103,7 +110,7 @@ def flip_sign(record: Record) -> Record:
 
 
 def find_release(record: Record) -> Record:
-    """Determines the instant at which the free motion starts and keeps it as `meta["release_time"]` [s].
+    """Find the start of the free motion; store it as `meta["release_time"]` [s].
 
     Raises:
         DataError: x is constant, or sampled too sparsely.
@@ -121,7 +128,9 @@ def find_release(record: Record) -> Record:
 
 
 def find_first_reversal(record: Record) -> Record:
-    """Determines the first reversal after the release and keeps it as `meta["first_reversal_time"]` [s].
+    """Find the first reversal after the release.
+
+    It is stored as `meta["first_reversal_time"]` [s].
 
     Raises:
         DataError: x is constant, sampled too sparsely, or without any reversal.
@@ -143,7 +152,9 @@ def find_first_reversal(record: Record) -> Record:
 
 
 def find_rest(record: Record) -> Record:
-    """Determines the final rest and keeps it as `meta["rest_time"]` [s] and `meta["rest_position"]`, None while moving.
+    """Find the final rest.
+
+    It is stored as `meta["rest_time"]` [s] and `meta["rest_position"]`; both are None if the record ends in motion.
 
     Raises:
         DataError: x is constant, or sampled too sparsely.
@@ -164,7 +175,7 @@ def find_rest(record: Record) -> Record:
 
 
 def estimate_noise(record: Record) -> Record:
-    """Estimates the white noise from the samples and makes it the trace's `sigma`.
+    """Estimate the white noise from the samples and store it as `sigma`.
 
     Raises:
         DataError: x is constant or sampled too sparsely, or the record is free of noise.
@@ -177,7 +188,7 @@ def estimate_noise(record: Record) -> Record:
     """
     trace, segmentation = record.trace, record.segmentation
     if not segmentation.white_noise > 0:
-        raise DataError("The record shows no noise at all, as a computed one does; give sigma= yourself.")
+        raise DataError("The record has no noise, as if it were computed; give sigma= yourself.")
     noisy = Trace(trace.t, trace.x, segmentation.noise, trace.mask)
     noise, resolution = segmentation.noise, segmentation.resolution
     effect = f"white noise of {noise:.4g} {record.quantity}, resolution {resolution:.4g} {record.quantity}"

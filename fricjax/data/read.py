@@ -1,11 +1,12 @@
-"""One entry for every source of a record: a file is read by its suffix, what is in memory by what it is.
+"""One entry point for all sources of records.
 
-Readers of further formats join through the entry point group `fricjax.readers`: the name of the entry point is the
-suffix without its dot, the object a function `(path, choice, **options)` that gives a record, or a list for all runs.
+`read` selects the reader by file suffix or object type. Other packages add formats through the entry point group
+`fricjax.readers`. The name of the entry point is the suffix without its dot. The object is a function `(path, choice,
+**options)` that returns a record, or a list for all runs.
 
-The example that comes with the package is a synthetic run: a mass of 0.41 kg on leaf springs (12.6 Hz) under a load of
-9.66 N, with mu = 0.02, is kept at 2 mm by a magnet, released, and comes to rest after some thirteen half-cycles; 5 kHz,
-5 nm of noise. `meta["coefficients"]` of the record holds the truth.
+The package contains an example, a synthetic run. A magnet holds a mass of 0.41 kg on leaf springs (12.6 Hz) at 2 mm,
+under a load of 9.66 N, with mu = 0.02. After the release the mass comes to rest within 13 half-cycles. The sample rate
+is 5 kHz and the noise 5 nm. `meta["coefficients"]` of the record holds the true values.
 """
 
 import dataclasses
@@ -35,9 +36,9 @@ READERS = {
     **dict.fromkeys((".uff", ".unv"), ("uff", "read_uff")),
     **dict.fromkeys((".mf4", ".mdf"), ("mdf", "read_mdf")),
 }
-# Options of every file and table.
+# Options of all files and tables.
 _COMMON = tuple(field.name for field in dataclasses.fields(Choice))
-# Done to the record, whatever it is read from.
+# Option that is applied to the record, for all sources.
 _REPAIR = "repair"
 
 
@@ -46,40 +47,40 @@ def read(source: Any, *, run: Literal["all"], **options: Any) -> "list[Record]":
 @overload
 def read(source: Any, **options: Any) -> "Record": ...
 def read(source: Any, **options: Any) -> Any:
-    """Reads a displacement record from a file of any supported format, or from what is in memory.
+    """Read a displacement record from a file or an object in memory.
 
     Args:
-        source: a path, a table, arrays, a trace or a record. Files are texts (`.csv`, `.txt`, `.dat`, `.tsv`, `.asc`,
-            `.lvm`, `.log`, `.prn`, `.tab`), `.npz`, `.mat`, `.h5`, `.hdf5` or `.nc`, with their extras `.xlsx`,
-            `.tdms`, `.parquet`, `.uff`, `.unv` or `.mf4`, or of a format for which a plug-in is installed. Tables are
-            those of pandas or polars (the index is the time where it is named so, or holds dates, durations or decimal
-            numbers), series, dicts, xarray's and structured arrays; units in headers and attributes count. Arrays are
-            times and displacements as a tuple `(t, x)`, or displacements with `rate=` or `t=`; without units they are
-            in seconds and metres.
-        **options: for every file and table
+        source: a path, a table, arrays, a trace or a record. Supported files: text (`.csv`, `.txt`, `.dat`, `.tsv`,
+            `.asc`, `.lvm`, `.log`, `.prn`, `.tab`), `.npz`, `.mat`, `.h5`, `.hdf5` and `.nc`; with optional
+            dependencies `.xlsx`, `.tdms`, `.parquet`, `.uff`, `.unv` and `.mf4`; and the formats of installed plug-ins.
+            Supported tables: pandas and polars tables, series, dicts, xarray and structured arrays. The index of a
+            table is the time if its name says so, or if it holds dates, durations or decimal numbers. Units in headers
+            and attributes are used. Arrays are a tuple `(t, x)`, or displacements with `rate=` or `t=`; without units
+            they are in seconds and metres.
+        **options: for all files and tables
 
             - `column`, `time`: the columns of displacement and time, by name or index (text formats), variable
               (`.npz`, `.mat`: also `"s.signals.values"`, `"cells[0]"`, `"a+b"`) or path (`.h5`: `"/run1/x"`)
-            - `run`: which run of a file that holds several, by number or name; "all" for a list of all, be it of one
-            - `unit`, `time_unit`: their units where the file names none (default m and s), or the scale of what an
-              instrument counts in, as "12.5 um/V"; what contradicts the file is refused
-            - `rate`: samples per second, where there are no times
+            - `run`: number or name of the run in a file with several; "all" returns a list of all runs
+            - `unit`, `time_unit`: the units if the file has none (default m and s), or the scale of the raw values,
+              such as "12.5 um/V"; a unit that contradicts the file is refused
+            - `rate`: samples per second, if there are no times
             - `sigma`: standard deviation of the noise, in the unit of the displacement
             - `sign`: -1 reverses the direction
-            - `repair`: faults of the instrument that are found and repaired: "dropouts", whose samples are masked,
-              and "slips" of a fringe counter, "slips=158.2 nm" with the size of a fringe; both as "dropouts,slips"
+            - `repair`: instrument faults to detect and repair: "dropouts" masks the affected samples, "slips" removes
+              slips of a fringe counter, "slips=158.2 nm" with the fringe size; combine as "dropouts,slips"
 
-            and for text formats `delimiter`, `decimal`, `comment`, `skip_rows`, `header`, `encoding`; for `.mat`
-            files `row` and `cells`. Arrays take all of the former but columns, and `t`, the times; records take
-            `sigma` and `sign`.
+            Text formats also take `delimiter`, `decimal`, `comment`, `skip_rows`, `header` and `encoding`; `.mat`
+            files take `row` and `cells`. Arrays take all common options except the columns, and `t`, the times.
+            Records take `sigma` and `sign`.
 
     Returns:
-        A `Record` in SI units: metres or radians over seconds; a list of them for `run="all"`. Samples without a value
-        are masked and counted in its log.
+        A `Record` in SI units (metres or radians, seconds); a list of records for `run="all"`. Samples without a value
+        are masked and counted in the log.
 
     Raises:
-        DataError: the file is missing, of an unknown format, damaged, or holds no usable record.
-        UsageError: an option is unknown to the format or contradicts another, or no record can be made of the source.
+        DataError: the file is missing, damaged or of an unknown format, or holds no usable record.
+        UsageError: an option is unknown to the format or contradicts another, or the source is of an unsupported type.
 
     Examples:
         >>> import fricjax as fj
@@ -101,7 +102,7 @@ def read(source: Any, **options: Any) -> Any:
 
 
 def _content(source: Any, options: dict[str, Any]) -> Any:
-    """The record of a source as it is, or the records of its runs."""
+    """Return the record of a source, or a list for all runs."""
     if isinstance(source, str | os.PathLike):
         source = Path(source)
         check_file(source)
@@ -112,7 +113,7 @@ def _content(source: Any, options: dict[str, Any]) -> Any:
         reader, kind = memory_reader(source)
     parameters = inspect.signature(reader).parameters
     if "choice" not in parameters:
-        # A plug-in that knows of no runs has one in each file.
+        # A plug-in without the option run= reads one run per file.
         alone = str(options.get("run")).lower() == "all" and "run" not in parameters
         options = {name: value for name, value in options.items() if not (alone and name == "run")}
         _check_options(reader, kind, options)
@@ -122,20 +123,22 @@ def _content(source: Any, options: dict[str, Any]) -> Any:
     of_format = {name: value for name, value in options.items() if name not in _COMMON}
     choice = Choice(**common)
     content = reader(source, choice, **of_format)
-    # A file of the package itself holds one run, and comes back as it was written.
+    # A file in the package's own format holds one run and is restored as it was written.
     return content if isinstance(content, list) or not choice.all_runs else [content]
 
 
 def check(path: Path, options: Collection[str] = ()) -> None:
-    """Refuse, before anything large is imported, what `read` would refuse without looking into the file.
+    """Refuse an unusable path or option before large imports.
+
+    This makes the checks of `read` that do not need the content of the file.
 
     Args:
         path: the file.
-        options: names of the options that are to be used.
+        options: names of the options to use.
 
     Raises:
-        DataError: no such file, one that is empty, or of an unknown format.
-        UsageError: an option that is unknown to the format.
+        DataError: the file is missing, empty or of an unknown format.
+        UsageError: an option is unknown to the format.
     """
     check_file(path)
     if path.suffix.lower() not in READERS or options:
@@ -173,14 +176,14 @@ def _check_options(reader: "Callable[..., Any]", kind: str, options: Collection[
 
 
 class ExamplePaths(NamedTuple):
-    """Where the example lies: `run` for `fricjax.read`, `rig` for `fricjax.Rig.from_toml`."""
+    """Paths of the example: `run` for `fricjax.read`, `rig` for `fricjax.Rig.from_toml`."""
 
     run: Path
     rig: Path
 
 
 def example_paths() -> ExamplePaths:
-    """Paths of the example's record and of its rig file.
+    """Return the paths of the example record and its rig file.
 
     Examples:
         >>> import fricjax as fj

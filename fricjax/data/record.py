@@ -1,7 +1,7 @@
-"""A record is a trace with its history: where it came from, in which units, and every step that has changed it since.
+"""A record: a trace with its source, units and change log.
 
-The trace carries the arrays; the record carries what a reader of a report asks about them. A record is never changed in
-place: each step of preprocessing returns a new one with one more line in its log.
+The trace carries the arrays; the record carries the information for reports. A record is immutable: each preprocessing
+step returns a new record with one more log entry.
 """
 
 import dataclasses
@@ -23,13 +23,15 @@ if TYPE_CHECKING:
     from .trace import Trace
 
 
-# Most runs that a report names: with a dozen the line would be wider than a page.
+# Largest number of runs that a report names; a dozen would be wider than a page.
 _LISTED = 4
 
 
 @dataclasses.dataclass(frozen=True)
 class Step:
-    """One logged step: its name, the parameters it was called with, and what it did, in words and numbers.
+    """One log entry: name, parameters and effect of a step.
+
+    The effect is a text with numbers.
 
     Examples:
         >>> from fricjax.data import Step
@@ -50,15 +52,15 @@ class Step:
 class Record(Reported):
     """A measured or synthetic run.
 
-    It is made of a trace, its facts and its log, or of what makes a trace: `Record(t, x)`, `Record(x=x, rate=5000.0)`.
-    Files, tables and other units are read by `fricjax.read`.
+    Create it from a trace, its metadata and its log, or from arrays: `Record(t, x)`, `Record(x=x, rate=5000.0)`.
+    `fricjax.read` reads files, tables and data in other units.
 
     **Fields:**
 
     - `trace`: times [s] and displacements [m] or angles [rad].
-    - `meta`: plain facts that JSON can hold: `source`, `format`, `columns`, `units` (as found in the source),
-      `quantity` (`"m"` or `"rad"`), `release_time` [s] where it is known, and what later steps add.
-    - `log`: the steps that led here, in order.
+    - `meta`: metadata that JSON can store: `source`, `format`, `columns`, `units` (as found in the source),
+      `quantity` (`"m"` or `"rad"`), `release_time` [s] if known, and the entries that later steps add.
+    - `log`: all steps so far, in order.
 
     Examples:
         >>> import fricjax as fj
@@ -102,12 +104,18 @@ class Record(Reported):
 
     @property
     def x(self) -> np.ndarray:
-        """Displacements [m] or angles [rad], shape (n,); 0 where a sample has no value, for which `mask` is False."""
+        """Displacements [m] or angles [rad], shape (n,).
+
+        Samples without a value are stored as 0; their `mask` is False.
+        """
         return np.asarray(self.trace.x)
 
     @property
     def sigma(self) -> np.ndarray | None:
-        """Standard deviation of the noise of `x`, one number or shape (n,); None where it is not known."""
+        """Standard deviation of the noise of `x`, one number or shape (n,).
+
+        None if unknown.
+        """
         return None if self.trace.sigma is None else np.asarray(self.trace.sigma)
 
     @property
@@ -127,12 +135,14 @@ class Record(Reported):
 
     @property
     def name(self) -> str:
-        """Name of the file or other source of the record, and of its run there; empty where it has none."""
+        """Name of the source and its run; may be empty."""
         return ", ".join(str(self.meta[key]) for key in ("source", "run") if self.meta.get(key))
 
     @functools.cached_property
     def segmentation(self) -> Segmentation:
-        """Hold, release, reversals, rest and noise of the trace, computed when first asked for and kept; see `segment`.
+        """Hold, release, reversals, rest and noise of the trace; see `segment`.
+
+        It is computed at the first access and then cached.
 
         Raises:
             DataError: x is constant, or there are too few samples, altogether or per half-cycle.
@@ -141,7 +151,7 @@ class Record(Reported):
 
     @property
     def release(self) -> float | None:
-        """Time at which the mass was let go [s], where it is logged; otherwise None."""
+        """Time of the release [s] if the record states it; otherwise None."""
         return self.meta.get("release_time")
 
     @property
@@ -151,11 +161,17 @@ class Record(Reported):
 
     @property
     def doubts(self) -> tuple[str, ...]:
-        """What was taken for granted when the record was read, in sentences: a unit that its file does not name."""
+        """Assumptions made while reading, one sentence each: missing units."""
         return tuple(self.meta.get("warnings", ()))
 
     def with_step(self, step: Step, *, trace: "Trace | None" = None, **meta: Any) -> "Record":
-        """Returns the record after `step`: with the new trace (if any), the changed facts, and one more line of log."""
+        """Return a new record after `step`.
+
+        Args:
+            step: the entry to append to the log.
+            trace: the new trace; None: unchanged.
+            **meta: metadata to change.
+        """
         return Record(self.trace if trace is None else trace, {**self.meta, **meta}, (*self.log, step))
 
     def thumbnails(self) -> Sequence[str]:
@@ -163,12 +179,16 @@ class Record(Reported):
         return [curves_svg([curve], ("Time", "s"), (displacement_name(self.quantity), self.quantity))]
 
     def plot(self, *, style: Style = "screen") -> Any:
-        """The trace with hold, release, reversals and rest marked, and the spectrum of its rest; a matplotlib figure.
+        """Plot the trace, its segmentation and the spectrum of the rest.
 
-        Of a record that cannot be segmented, as one that never moves, only the trace is drawn, and the title says why.
+        The figure marks hold, release, reversals and rest. If the record cannot be segmented (for example because the
+        mass never moves), the figure shows only the trace, and its title states the reason.
 
         Args:
-            style: as of :func:`fricjax.show.styled`.
+            style: see :func:`fricjax.show.styled`.
+
+        Returns:
+            A matplotlib figure.
         """
         from .show import record_figure
 
@@ -180,10 +200,10 @@ class Record(Reported):
         return styled(record_figure(self.trace, self.quantity, segmentation, title), style)
 
     def to_dataframe(self) -> Any:
-        """A pandas table with the columns `t`, `x` and `used`; its `attrs` hold their units and the source.
+        """Return a pandas table with the columns `t`, `x` and `used`.
 
-        Samples without a value are NaN. `fricjax.read` takes the table back, without `sigma` and what was masked by
-        hand.
+        Its `attrs` hold the units and the source. Samples without a value are NaN. `fricjax.read` accepts the table,
+        but `sigma` and samples that you masked are lost.
         """
         import pandas as pd
 
@@ -193,10 +213,12 @@ class Record(Reported):
         return table
 
     def to_xarray(self) -> Any:
-        """A data set of xarray with `x` and `used` over `t`; `fricjax.read` takes it back, as it does the table.
+        """Return an xarray dataset with `x` and `used` over `t`.
+
+        `fricjax.read` accepts the dataset, as it does the table of `to_dataframe`.
 
         Raises:
-            UsageError: xarray is not installed; the sentence says how to.
+            UsageError: xarray is not installed; the message shows how to install it.
         """
         x = np.where(~self.mask & (self.x == 0.0), np.nan, self.x)
         variables = {"x": Variable("t", x, self.quantity, "displacement"), "used": Variable("t", self.mask)}
@@ -207,7 +229,7 @@ class Record(Reported):
         return dataset(variables, coordinates, source=self.name, log=[str(step) for step in self.log])
 
     def report(self) -> Report:
-        """Source, size, span, and the log."""
+        """Report source, size, time span and log."""
         facts = [*_facts(self), *(("log", str(step)) for step in self.log)]
         return Report([], facts, heading="Record", data={"meta": self.meta, "log": [str(step) for step in self.log]})
 
@@ -232,12 +254,15 @@ def _facts(record: Record) -> list[tuple[str, str]]:
 
 
 def labels(names: Sequence[str]) -> tuple[str, ...]:
-    """What sentences call each of several runs: its name, and its number where it has none or shares it."""
+    """Return a label for each run.
+
+    The label is the name of the run. Runs without a name or with a shared name get a number.
+    """
     often = Counter(names)
     numbered = (f"run {i} ({name})" if name else f"run {i}" for i, name in enumerate(names))
     return tuple(name if often[name] == 1 and name else number for name, number in zip(names, numbered, strict=True))
 
 
 def listed(sources: Sequence[str]) -> str:
-    """What a report says of the runs it rests on: the first of their labels, and how many more there are."""
+    """Return the first few labels and the number of further runs."""
     return first_of(labels(sources), _LISTED)

@@ -1,4 +1,4 @@
-"""Faults of an instrument that a record shows by itself, reported and repaired: slips of its counter, dropouts."""
+"""Detection and repair of instrument faults: fringe slips and dropouts."""
 
 import numpy as np
 
@@ -11,23 +11,23 @@ from .record import Record, Step
 from .slips import Slip, slips
 from .trace import Trace
 
-# Intervals of a stretch that is evenly spaced: largest deviation from the median one, relative.
+# Largest relative deviation of an interval from the median interval in an evenly spaced stretch.
 _REGULAR = 1e-2
 
 
 def find_slips(record: Record, fringe: float | None = None) -> list[Slip]:
-    """Steps between neighbouring samples that no smooth decay can make: a fringe counter has slipped.
+    """Find fringe counter slips: steps that no smooth decay can make.
 
-    Stretches without gaps are looked at each for itself, and only where samples are evenly spaced. A step is held
-    against what a release, a reversal or a stop does by the samples about it, so that one beside them may go unseen.
+    The search treats each evenly spaced stretch without gaps separately. A slip close to a release, a reversal or a
+    stop may go undetected.
 
     Args:
         record: a record.
-        fringe: size of one fringe, ``lambda/(2 passes)`` [m]; only steps of whole fringes count then. None: of any
-            size.
+        fringe: size of one fringe, ``lambda/(2 passes)`` [m]; only steps by whole fringes count then. None: steps of
+            any size count.
 
     Returns:
-        The slips, in their order: `index` of the first sample after each, its `size` and the `std` of it [m or rad].
+        The slips, in order: `index` of the first sample after each, its `size` and the `std` of the size [m or rad].
 
     Examples:
         >>> import numpy as np
@@ -53,12 +53,14 @@ def find_slips(record: Record, fringe: float | None = None) -> list[Slip]:
 
 
 def repair_slips(record: Record, fringe: float | None = None) -> Record:
-    """Takes out the slips of a fringe counter: from each on, the record is moved back by its size.
+    """Remove the slips of a fringe counter.
+
+    All samples after a slip are shifted back by its size.
 
     Args:
         record: a record.
-        fringe: size of one fringe, ``lambda/(2 passes)`` [m]; slips are then moved back by whole fringes, and without
-            it by the size that the samples tell, whose error stays in the record.
+        fringe: size of one fringe, ``lambda/(2 passes)`` [m]; the shift is then a whole number of fringes. None: the
+            shift is the size estimated from the samples, and its error stays in the record.
 
     Examples:
         >>> import numpy as np
@@ -82,7 +84,9 @@ def repair_slips(record: Record, fringe: float | None = None) -> Record:
 
 
 def find_dropouts(record: Record) -> list[Dropout]:
-    """Runs of equal samples from which the motion departs: the signal was lost, or the converter at its end.
+    """Find dropouts: runs of equal samples while the mass moved elsewhere.
+
+    Causes are a lost signal or a converter at the end of its range.
 
     Returns:
         The dropouts: `start` and `stop` as indices of samples, and the repeated `value` [m or rad].
@@ -102,7 +106,7 @@ def find_dropouts(record: Record) -> list[Dropout]:
 
 
 def mask_dropouts(record: Record) -> Record:
-    """Masks the samples of dropouts, so that no fit sees them.
+    """Mask the samples of dropouts, so that fits ignore them.
 
     Examples:
         >>> import fricjax as fj
@@ -124,11 +128,11 @@ def mask_dropouts(record: Record) -> Record:
 
 
 def repair(record: Record, words: str) -> Record:
-    """The record with the faults repaired that words such as `"dropouts,slips=158.2 nm"` name.
+    """Repair the faults named in a text such as `"dropouts,slips=158.2 nm"`.
 
     Raises:
-        UsageError: as `faults_of` does.
-        DataError: a fringe whose unit does not fit.
+        UsageError: an unknown fault, or an empty text; see `faults_of`.
+        DataError: a fringe with a unit that does not fit.
 
     Examples:
         >>> import fricjax as fj
@@ -136,7 +140,7 @@ def repair(record: Record, words: str) -> Record:
         repair_slips(fringe=1.582e-07): 0 slips taken out
     """
     named = faults_of(words)
-    # Dropouts first: the step at the end of one is no slip.
+    # Repair dropouts first: the step at the end of a dropout is not a slip.
     if "dropouts" in named:
         record = mask_dropouts(record)
     if "slips" in named:
@@ -148,13 +152,13 @@ def repair(record: Record, words: str) -> Record:
 
 
 def reported_faults(record: Record, where: str = "") -> dict[str, str]:
-    """A sentence for each kind of fault that a record shows, by the name of its repair.
+    """Return a sentence for each kind of fault, keyed by its repair.
 
-    Of angles only dropouts are reported: encoders have no fringes, and step at their marks.
+    For angles only dropouts are reported: encoders have no fringes, and they step at their marks.
 
     Args:
         record: a record.
-        where: which one, for the sentence: " of run 2".
+        where: the record, for the sentence: " of run 2".
     """
     sentences = {}
     lost = find_dropouts(record)

@@ -1,4 +1,4 @@
-"""Pictures of a record."""
+"""Figures of a record."""
 
 from typing import Any
 
@@ -13,13 +13,13 @@ _MANY_REVERSALS = 60
 
 
 def record_figure(trace: Any, quantity: str, segmentation: Segmentation | None, title: str) -> Any:
-    """A trace with hold, release, reversals and rest marked, and the spectrum of its rest; without them only the trace.
+    """Plot a trace with its segmentation and the spectrum of its rest.
 
     Args:
         trace: the `Trace`.
         quantity: unit of its displacement, "m" or "rad".
-        segmentation: its segmentation, None where it has none.
-        title: above the picture.
+        segmentation: its segmentation; None: plot only the trace.
+        title: title of the figure.
     """
     t, x, used = (np.asarray(values) for values in (trace.t, trace.x, trace.mask))
     factor, unit = display_unit(float(np.max(np.abs(x), where=used, initial=0.0)), quantity)
@@ -59,7 +59,10 @@ def _mark(axes: Any, t: np.ndarray, segmentation: Segmentation, factor: float) -
 
 
 def _spectrum(axes: Any, frequency: np.ndarray, size: np.ndarray, lines: Any, quantity: str) -> None:
-    """What the instrument and the floor say while the mass rests; a rounded rest that never changes says nothing."""
+    """Plot the spectrum at rest.
+
+    It shows instrument noise and floor vibration. Rounded data that stay constant at rest give no spectrum.
+    """
     factor, unit = display_unit(float(np.max(size)), quantity)
     axes.loglog(frequency, np.maximum(factor * size, 1e-6 * factor * np.max(size) or 1e-300), linewidth=0.8)
     for at, height in lines:

@@ -1,4 +1,4 @@
-"""Small tables of numbers as text, whose first columns have a fixed meaning: receptances, pairs of displacements."""
+"""Small numeric text tables with fixed columns: receptances, pairs of displacements."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -16,17 +16,15 @@ from .units import si_unit
 def read_table(path: str | Path, columns: Mapping[str, str], *, what: str) -> dict[str, np.ndarray]:
     """Read the first columns of a text table in SI units.
 
-    Args:
-        path: the file; delimiter, decimal mark and header are recognised.
-        columns: what the columns hold, in order, and the SI unit of each; units in the header, as in ``x0 [um]``, are
-            converted.
-        what: what the table is, for the messages.
+    The function detects delimiter, decimal mark and header of the file, and converts units in the header, as in
+    ``x0 [um]``. `columns` gives the name and the SI unit of each column, in order. Messages refer to the file by the
+    last argument, such as "a receptance".
 
     Returns:
         Each column by its name in `columns`, shape (rows,).
 
     Raises:
-        DataError: no such file, too few columns, a row that is no number, or a unit that does not fit.
+        DataError: no such file, too few columns, a row that is not numeric, or a unit that does not fit.
     """
     path = Path(path)
     try:
@@ -55,7 +53,7 @@ def read_table(path: str | Path, columns: Mapping[str, str], *, what: str) -> di
 
 
 def _factor(path: Path, unit: str | None, name: str, target: str, what: str) -> float:
-    """What one unit of a column is in SI units; without a unit in its title it is in them already."""
+    """Return the factor from a column's unit to SI."""
     if unit is None:
         return 1.0
     known, expected = si_unit(unit), si_unit(target)

@@ -1,9 +1,8 @@
-"""A trace is displacement over time, as arrays and nothing else.
+"""A trace holds displacement over time as arrays.
 
-It is the border between the host side (files, units, names, logs) and the traced side (jit, vmap, derivatives): a
-`Trace` is a pytree of arrays, so it may be passed into compiled functions, stacked and mapped. Lists and numpy arrays
-are kept as numpy float64, so that no digit is lost while jax still runs in single precision; jax arrays pass as they
-are.
+A `Trace` is a pytree of arrays, so you can pass it into compiled functions, stack it and map over it. Files, units,
+names and logs stay outside of it, in the `Record`. Lists and numpy arrays become numpy float64 arrays, so that no digit
+is lost while jax runs in single precision. Jax arrays are kept unchanged.
 """
 
 from typing import Any
@@ -22,20 +21,20 @@ MINIMUM_SAMPLES = 3
 
 
 class Trace(eqx.Module):
-    """Displacement over time, with its noise and the samples that count.
+    """Displacement over time, with its noise and a mask.
 
     **Arguments:**
 
     - `t`: times [s], shape `(n,)`, finite and strictly increasing; `n >= 3`.
-    - `x`: displacements [m] or angles [rad], shape `(n,)`. Samples that are not finite are masked out and kept as 0.
-    - `sigma`: standard deviation of the noise of `x` [m or rad], one number or shape `(n,)`; None: not known.
+    - `x`: displacements [m] or angles [rad], shape `(n,)`. Samples that are not finite are masked and stored as 0.
+    - `sigma`: standard deviation of the noise of `x` [m or rad], one number or shape `(n,)`; None if unknown.
     - `mask`: shape `(n,)`, True where a sample is used; None: wherever `x` is finite.
-    - `rate`: samples per second, in place of times; the first sample is then at 0 s.
+    - `rate`: samples per second, instead of `t`; the first sample is then at 0 s.
 
-    Of a file, a data frame or an array of xarray, with their units, `fricjax.read(table).trace` is the trace.
+    For files, data frames and xarray arrays with units, use `fricjax.read(table).trace`.
 
-    Raises `DataError` with one sentence where the arrays do not make a trace, and `UsageError` where there are not as
-    many of them as it takes.
+    Raises `DataError` if the arrays do not form a trace, and `UsageError` if `x` is missing or if not exactly one of
+    `t` and `rate` is given.
 
     Examples:
         >>> import numpy as np
@@ -59,7 +58,7 @@ class Trace(eqx.Module):
             raise UsageError(
                 "A trace is made of displacements and either their times or their rate: Trace(t, x) or "
                 "Trace(x=x, rate=5000.0). A file, a data frame or an array of xarray is read by "
-                "fricjax.read, whose record has its trace: fricjax.read(table).trace."
+                "fricjax.read, and fricjax.read(table).trace is its trace."
             )
         x = _floats(x, "x")
         if rate is not None:
@@ -71,7 +70,7 @@ class Trace(eqx.Module):
         mask = isfinite(x) if mask is None else _checked_mask(mask, x) & isfinite(x)
         _check_values(t, sigma)
         self.t, self.sigma, self.mask = t, sigma, mask
-        # Zero for what is not finite: a NaN multiplied by a zero weight would still be NaN in traced code.
+        # A NaN multiplied by a zero weight would still be NaN in traced code, so store zero for such samples.
         if isinstance(x, jax.Array):
             self.x = jnp.where(jnp.isfinite(x), x, jnp.zeros_like(x))
         else:
@@ -94,7 +93,7 @@ class Trace(eqx.Module):
 
 
 def _floats(values: Any, name: str) -> Any:
-    # The casts of numpy and jax drop imaginary parts, and make numbers of dates.
+    # The casts of numpy and jax would drop imaginary parts and turn dates into numbers.
     if getattr(getattr(values, "dtype", None), "kind", "f") in "cmM":
         raise DataError(f"{name} must hold real numbers, but its type is {values.dtype}.")
     if isinstance(values, jax.Array):
@@ -131,7 +130,10 @@ def _checked_mask(mask: Any, x: Any) -> Any:
 
 
 def _check_values(t: Any, sigma: Any) -> None:
-    """Refuses values that make no trace; those of traced arrays cannot be seen."""
+    """Refuse invalid times and sigma.
+
+    The values of traced arrays cannot be checked.
+    """
     if not isinstance(t, Tracer):
         t = np.asarray(t)
         finite = np.isfinite(t)
@@ -152,6 +154,9 @@ def _check_values(t: Any, sigma: Any) -> None:
 
 
 def first_not_later(t: np.ndarray) -> int | None:
-    """Index of the first time that is not later than the one before it; None where all are."""
+    """Return the index of the first time that does not increase.
+
+    Returns None if all times increase.
+    """
     later = t[1:] > t[:-1]
     return None if later.all() else int(np.argmin(later)) + 1

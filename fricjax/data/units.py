@@ -1,8 +1,8 @@
-"""Units at the edge: what a file calls a micrometre or a degree becomes metres, radians and seconds here, once.
+"""Conversion of the units in files and options to SI.
 
-A unit is a product of powers of known symbols, and nothing else is one: its text comes from files that anybody can have
-written, so that it is read by a grammar of its own and never calculated. Records hold only a length or an angle and a
-time, but a row of units is recognised by all of its entries, and a rig has masses, forces and their quotients.
+A unit is a product of powers of known symbols. Unit texts come from files of unknown origin, so a small grammar parses
+them and `eval` is never used. Records need only units of length, angle and time. The other units (mass, force, ...)
+serve to recognise a row of units above a table and to read rig files.
 """
 
 import functools
@@ -17,18 +17,18 @@ EXAMPLES = {"m": "'m', 'mm', 'um' or 'nm'", "rad": "'rad', 'mrad' or 'deg'", "s"
 DISPLACEMENT = ("m", "rad")
 TIME = ("s",)
 LONGEST = 40
-"""Characters of the longest text that can be a unit; "kg m^2/s^2" has ten."""
+"""Length of the longest text that can be a unit, in characters; "kg m^2/s^2" has ten."""
 
 
 class Unit(NamedTuple):
-    """A unit as its factor to SI and the powers of the SI units that it is made of, those of zero left out."""
+    """A unit: factor to SI and non-zero powers of SI units."""
 
     scale: float
     powers: dict[str, int]
 
     @property
     def symbol(self) -> str:
-        """The SI unit, such as `"kg m s^-2"`; empty for a pure number."""
+        """The SI unit, such as `"kg m s^-2"`; empty if dimensionless."""
         return " ".join(name if power == 1 else f"{name}^{power}" for name, power in sorted(self.powers.items()))
 
 
@@ -40,9 +40,9 @@ _PREFIXES = {
 _FORCE, _PRESSURE = {"kg": 1, "m": 1, "s": -2}, {"kg": 1, "m": -1, "s": -2}
 _VOLTAGE = {"kg": 1, "m": 2, "s": -3, "A": -1}
 _ENERGY = {"kg": 1, "m": 2, "s": -2}
-_GRAVITY = 9.80665  # standard acceleration of fall [m/s^2], which defines the kilogram-force
+_GRAVITY = 9.80665  # standard gravity [m/s^2], which defines the kilogram-force
 _POUND = 0.45359237  # [kg], by definition
-# Names that take a prefix, of one letter before a symbol and spelt out before a word.
+# Units that take a prefix: a symbol before a symbol ("mm"), a word before a word ("millimetre").
 _PREFIXED = {
     "m": Unit(1.0, {"m": 1}),
     "s": Unit(1.0, {"s": 1}),
@@ -102,7 +102,7 @@ _SPELT = str.maketrans(
     {"µ": "u", "μ": "u", "\u212b": "Å", "℃": "°C", ".": "*", "·": "*", "⋅": "*", "×": "*", "⁻": "^-"}
     | {digit: f"^{value}" for value, digit in enumerate("⁰¹²³⁴⁵⁶⁷⁸⁹")}
 )
-# A symbol with a power of one digit, or a product in brackets; a one stands only before a quotient.
+# A symbol with a one-digit power, or a product in brackets; "1" is allowed only before a quotient.
 _ITEM = re.compile(
     r"\s*(?P<mark>[*/]?)\s*(?:\((?P<group>[^()]*)\)"
     r"|(?P<name>[^\W\d_]+|°C?|[%‰]|1(?=\s*/))(?:(?:\^|\*\*)(?P<power>[-+]?\d)(?!\d))?)"
@@ -111,16 +111,22 @@ _ITEM = re.compile(
 
 @functools.lru_cache(maxsize=256)
 def unit_of(text: str) -> Unit | None:
-    """The unit that a text such as `"um"`, `"N s/m"` or `"kg m^2"` names, None where it names none."""
+    """Parse a unit such as `"um"`, `"N s/m"` or `"kg m^2"`.
+
+    Returns None if the text is not a unit.
+    """
     if len(text) > LONGEST:
         return None
-    # Superscripts of two signs, as of one over a second, have become two marks of a power.
+    # A two-character superscript, such as that of s⁻¹, has become two power signs.
     unit = _product(text.strip().rstrip(".").translate(_SPELT).replace("^-^", "^-"))
     return unit if unit is not None and 0 < unit.scale < math.inf else None
 
 
 def _product(text: str) -> Unit | None:
-    """Symbols, powers and groups multiplied and divided from left to right; None where something else stands there."""
+    """Multiply and divide symbols, powers and groups from left to right.
+
+    Returns None if the text contains anything else.
+    """
     scale, powers, place = 1.0, Counter[str](), 0
     text = text.strip()
     while place < len(text) or not text:
@@ -138,7 +144,7 @@ def _product(text: str) -> Unit | None:
 
 
 def _symbol(name: str) -> Unit | None:
-    """A unit by its name, with a prefix or without."""
+    """Return the unit with this name, with or without a prefix."""
     if name in _UNPREFIXED:
         return _UNPREFIXED[name]
     for prefix, multiple in _PREFIXES.items():
@@ -149,35 +155,40 @@ def _symbol(name: str) -> Unit | None:
 
 
 def si_unit(unit: str) -> tuple[float, str] | None:
-    """Factor to SI and the SI unit of the quantity: `("um") -> (1e-6, "m")`; None where the text is no unit at all."""
+    """Return factor to SI and SI unit, (1e-6, "m") for "um".
+
+    Returns None if the text is not a unit.
+    """
     known = unit_of(unit)
     return None if known is None else (known.scale, known.symbol)
 
 
-def factor(unit: str, quantities: tuple[str, ...], what: str) -> tuple[float, str]:
-    """Factor from `unit` to SI, and which of `quantities` ("m", "rad", "s") it measures.
+def factor(unit: str, quantities: tuple[str, ...], subject: str) -> tuple[float, str]:
+    """Return the factor from `unit` to SI and its quantity.
+
+    The quantity is the member of `quantities` ("m", "rad", "s") that the unit measures.
 
     Args:
         unit: a unit as written in a header or by the user.
         quantities: the SI units that fit.
-        what: what the unit belongs to, for the message: "the displacement 'x' of run.csv".
+        subject: the quantity with this unit, for the message: "the displacement 'x' of run.csv".
 
     Raises:
-        DataError: the text is no unit, or a unit of something else; examples that fit are named.
+        DataError: the text is not a unit, or the unit does not fit; the message names examples that fit.
     """
     fitting = " or ".join(EXAMPLES[quantity] for quantity in quantities)
     known = si_unit(unit)
     if known is None:
         shown = unit if len(unit) <= LONGEST else f"{unit[:LONGEST]}..."
-        raise DataError(f"'{shown}' is not a known unit, but {what} has it; give one such as {fitting}.")
+        raise DataError(f"'{shown}' is not a known unit, but {subject} has it; give one such as {fitting}.")
     scale, quantity = known
     if quantity not in quantities:
-        raise DataError(f"The unit '{unit}' does not fit {what}; units that fit are {fitting}.")
+        raise DataError(f"The unit '{unit}' does not fit {subject}; units that fit are {fitting}.")
     return scale, quantity
 
 
 def check_rate(rate: Any) -> None:
-    """Refuse what is no rate of samples.
+    """Refuse an invalid sample rate.
 
     Raises:
         UsageError: it is not a number, not positive or not finite.

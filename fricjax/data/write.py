@@ -1,6 +1,7 @@
-"""Writing a record so that reading it gives the same record: arrays to the last bit, facts and log included.
+"""Writing of records.
 
-The file appears complete or not at all, and replaces another one only with `overwrite`.
+Reading the file restores the record exactly, with metadata and log. The file appears only when it is complete, and
+replaces an existing file only with `overwrite`.
 """
 
 import io
@@ -17,20 +18,22 @@ from .record import Record
 
 
 def write(record: Any, path: str | Path, *, overwrite: bool = False) -> Path:
-    """Writes a record as `.csv` (text), `.npz` or `.h5`/`.hdf5` (CF units), never pickled.
+    """Write a record as `.csv` (text), `.npz` or `.h5`/`.hdf5` (CF units).
+
+    Nothing is pickled.
 
     Args:
-        record: what to write; a record, or whatever `fricjax.read` makes one of without options.
-        path: where; the suffix chooses the format.
-        overwrite: replace a file that exists.
+        record: a record, or any source that `fricjax.read` accepts without options.
+        path: the file to write; the suffix selects the format.
+        overwrite: replace an existing file.
 
     Returns:
         The path.
 
     Raises:
-        UsageError: the suffix is none of these, or the folder does not exist.
-        FileExistsError: there is such a file, and `overwrite` is not set.
-        OSError: the file cannot be written, as on a full disk; what was there is as it was.
+        UsageError: an unsupported suffix, or a missing folder.
+        FileExistsError: the file exists, and `overwrite` is not set.
+        OSError: the file cannot be written, for example on a full disk; an existing file is unchanged.
 
     Examples:
         >>> import tempfile

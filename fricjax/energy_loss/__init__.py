@@ -1,4 +1,4 @@
-"""Route 4: friction from the rate of energy loss, by half-cycles and against velocity; and how all routes agree."""
+"""Route 4: friction from energy loss, and the agreement of all routes."""
 
 import lazy_loader as _lazy_loader
 

@@ -1,11 +1,11 @@
-"""The routes side by side on the same runs: where they disagree, the model does not hold.
+"""Comparison of all routes on the same runs.
 
-Each route sees something else of a run: the trace all of it, the pairs only where it starts and ends, the energy its
-losses half-cycle by half-cycle or sample by sample. Under the right law all give the same coefficient.
+Each route uses different information: the whole trace, the displacements at start and end, or the energy loss by
+half-cycles or samples. Under the right law all routes give the same coefficient; a disagreement shows model error.
 
-They see the same samples, so their errors go together, and a mean of them is no better than its best part: what a
-less precise route differs by from one that takes all there is to take is noise of its own (Hausman, Econometrica 46,
-1251, 1978). So the most precise route speaks for all, and the others test it.
+The routes use the same samples, so their errors are correlated and their mean is no better than the most precise route.
+The difference between a less precise route and an efficient one is noise of the former (Hausman, Econometrica 46, 1251,
+1978). The most precise route therefore gives the result, and the others test it.
 """
 
 import dataclasses
@@ -28,20 +28,19 @@ from ..pairs.final_displacement import fit_final_displacements
 from ..pairs.result import RouteFit
 from ..pairs.triangle_map import fit_triangle_map
 from ..rig import Measured, Rig
-from ..show import Report, Reported, Style, Table, figure, plain, styled, uncertain
+from ..show import Cell, Report, Reported, Style, Table, figure, plain, styled, uncertain
 from ..show.thumbnail import Curve, curves_svg
 from .force_map import friction_force_map
 from .half_cycles import half_cycle_friction
 
-# Start value of mu, of the right order only: traces and pairs are both searched for a better one.
+# Start value of mu. Only its order of magnitude matters, because the fits search for better start values.
 _START = 0.01
 
 
 class Route(NamedTuple):
-    """One route's dynamic coefficient and from how many runs it comes.
+    """The dynamic coefficient of one route, and its number of runs.
 
-    The standard error of `mu` is that from the runs alone, widened as Student's interval is where it rests on few
-    residuals.
+    The standard error of `mu` comes from the runs alone. With few residuals it is widened to match Student's interval.
 
     Examples:
         >>> Route("1 traces", mu=Measured(0.05, 1e-6), runs=6).mu
@@ -58,13 +57,13 @@ class Agreement(Reported):
     """The routes on the same runs.
 
     Attributes:
-        routes: coefficient by each route; a route that gave none is in `failures`, with the reason.
-        failures: sentences by name of the route.
-        mu: coefficient of the most precise route; its standard error is enlarged where the others contradict it.
-        chi2: sum of squared distances of the others from it in their standard errors; `dof`: their number.
-        spread: largest relative distance between two routes.
-        tolerance: relative distance that counts as agreement.
-        sources: name of the file of each run, empty where it has none.
+        routes: coefficient of each route that succeeded.
+        failures: error messages by name of the route that failed.
+        mu: coefficient of the most precise route; its standard error is enlarged if the others contradict it.
+        chi2: sum of squared deviations of the others from it, in their standard errors; `dof`: their number.
+        spread: largest relative difference between two routes.
+        tolerance: relative difference that counts as agreement.
+        sources: name of the file of each run; empty without a name.
 
     Examples:
         >>> one, other = Measured(0.05, 1e-6), Measured(0.05001, 1e-5)
@@ -84,12 +83,12 @@ class Agreement(Reported):
 
     @property
     def agree(self) -> bool:
-        """Whether all routes lie within the tolerance."""
+        """True if all routes agree within the tolerance."""
         return len(self.routes) > 1 and self.spread <= self.tolerance
 
     @property
     def conclusion(self) -> str:
-        """What that says of the model, in one sentence."""
+        """The conclusion about the model, in one sentence."""
         if len(self.routes) < 2:
             return "Fewer than two routes gave a number, so the model is not tested."
         spread = f"{len(self.routes)} routes lie within {self.spread:.2g} of each other"
@@ -99,12 +98,12 @@ class Agreement(Reported):
         off = max(self.routes, key=distance)
         if all(distance(route) <= thresholds.SUSPECTED * route.mu.std for route in self.routes):
             return (
-                f"{spread}, more than the tolerance of {self.tolerance:g}, if no more than their own scatter allows: "
+                f"{spread}, more than the tolerance of {self.tolerance:g}, but within their own scatter: "
                 "the runs do not have one coefficient in common. Look at the force map, and record more runs."
             )
         return (
             f"{spread}, more than their standard errors and the tolerance of {self.tolerance:g} allow; farthest is "
-            f"{off.name}. The law, the damping or the release is not what it was taken for: look at the force map."
+            f"{off.name}. The law, the damping or the release differs from the model: look at the force map."
         )
 
     def thumbnails(self) -> Sequence[str]:
@@ -113,10 +112,15 @@ class Agreement(Reported):
         return [curves_svg([means], ("Route, as in the table", ""), ("mu", ""))]
 
     def plot(self, *, style: Style = "screen") -> Any:
-        """The coefficient by each route with its standard error, and the tolerance as a band; a matplotlib figure.
+        """Plot the coefficient by route with its standard error.
+
+        A band shows the tolerance.
 
         Args:
-            style: as of :func:`fricjax.show.styled`.
+            style: see :func:`fricjax.show.styled`.
+
+        Returns:
+            A matplotlib figure.
         """
         drawing, axes = figure()
         names, means = [r.name for r in self.routes], [r.mu for r in self.routes]
@@ -130,9 +134,10 @@ class Agreement(Reported):
         return styled(drawing, style)
 
     def report(self) -> Report:
-        """One row per route; the files, the coefficient, and what the routes say of the model."""
-        rows = [[r.name, r.mu, plain(r.mu.value / self.mu.value - 1, 2), str(r.runs)] for r in self.routes]
-        rows += [[name, None, None, reason] for name, reason in self.failures.items()]
+        """Report one row per route, the files, and the conclusion."""
+        off = {r.name: r.mu.value / self.mu.value - 1 for r in self.routes}
+        rows = [[r.name, r.mu, Cell(plain(off[r.name], 2), difference=off[r.name]), r.runs] for r in self.routes]
+        rows += [[name, None, None, Cell(reason, failure=reason)] for name, reason in self.failures.items()]
         files = [("runs", listed(self.sources))] if any(self.sources) else []
         facts = [*files, ("most precise", uncertain(self.mu.value, self.mu.std)), ("agreement", self.conclusion)]
         table = Table(["Route", "mu", "From the most precise (relative)", "Runs"], rows)
@@ -140,17 +145,17 @@ class Agreement(Reported):
 
 
 def compare_routes(records: Any, rig: Rig, *, tolerance: float = 1e-3) -> Agreement:
-    """The dynamic coefficient of Coulomb friction by every route from the same runs.
+    """Compare the Coulomb coefficients of all routes on the same runs.
 
-    The uncertainties of the rig move all routes together and are left out.
+    The uncertainties of the rig are left out, because they affect all routes alike.
 
     Args:
-        records: runs that come to rest, better with several half-cycles each; each passed as to :func:`fricjax.fit`.
+        records: runs that come to rest, preferably after several half-cycles; each as for :func:`fricjax.fit`.
         rig: the machine, with its damping.
-        tolerance: relative distance that counts as agreement.
+        tolerance: relative difference that counts as agreement.
 
     Raises:
-        UsageError: no records, or no route that gave a number; the sentence names why the first one failed.
+        UsageError: no records, or all routes failed; the message states why the first one failed.
         DataError: a run that cannot be read.
         RuntimeError: JAX computes in single precision.
 
@@ -186,7 +191,10 @@ def compare_routes(records: Any, rig: Rig, *, tolerance: float = 1e-3) -> Agreem
 
 
 def weighted_mean(values: np.ndarray, stds: np.ndarray) -> tuple[float, float, float]:
-    """Mean of independent runs by inverse variance, its standard error as :class:`Route` has it, and chi^2."""
+    """Return the weighted mean of independent runs, its standard error and chi^2.
+
+    The weights are inverse variances. The standard error is defined as in :class:`Route`.
+    """
     known = np.isfinite(values) & np.isfinite(stds) & (stds > 0)
     values, weights = values[known], 1 / stds[known] ** 2
     mean = float(values @ weights / weights.sum())
@@ -196,13 +204,13 @@ def weighted_mean(values: np.ndarray, stds: np.ndarray) -> tuple[float, float, f
 
 
 def _by_trace(records: Sequence[Record], rig: Rig) -> tuple[float, float, int]:
-    """Route 1: every trace by itself, from its first reversal."""
+    """Route 1: fit each trace separately, from its first reversal."""
     machine = rig.oscillator(Coulomb(_START))
     batch = fit_batch(records, machine, ("mu", "stiffness"))
     good = batch.optimum_found & np.isfinite(batch.std_errors["mu"])
     if not good.any():
         raise DataError(f"No trace could be fitted. The first: {batch.status[0]}")
-    # k x_d/N with the rig's stiffness; the fitted one only gives the frequency.
+    # mu = k x_d/N with the rig's stiffness; the fitted stiffness only gives the frequency.
     scale = float(machine.stiffness) / float(machine.normal_force)
     bands, stds = batch.kinematics["dead_band"] * scale, batch.kinematics_std["dead_band"] * scale
     mean, std, _ = weighted_mean(bands[good], stds[good])
@@ -226,7 +234,7 @@ def _of_pairs(fit: RouteFit) -> tuple[float, float, int]:
     return fit.values["mu"], (high - low) / 2 / COVERAGE, fit.x0.size
 
 
-# The energy routes give a mean over all half-cycles or samples, of which the runs used are counted.
+# The energy routes average over all half-cycles or samples; the number of runs is that of the runs used.
 def _by_energy(evaluate: Callable[..., Any]) -> Callable[[Sequence[Record], Rig], tuple[float, float, int]]:
     def mean(records: Sequence[Record], rig: Rig) -> tuple[float, float, int]:
         friction = evaluate(list(records), rig)
@@ -245,7 +253,7 @@ _ROUTES: dict[str, Callable[[Sequence[Record], Rig], tuple[float, float, int]]] 
 
 
 def _moved(records: Sequence[Record]) -> Pairs:
-    """Pairs from the first reversal of those runs in which the mass moves on after it."""
+    """Return the pairs of all runs that move after their first reversal."""
     usable = []
     for record in records:
         try:
@@ -260,5 +268,5 @@ def _moved(records: Sequence[Record]) -> Pairs:
 
 
 def _exact(rig: Rig) -> Rig:
-    """The rig without its uncertainties, which all routes share."""
+    """Return the rig without the uncertainties that all routes share."""
     return rig.replace(**{name: value.value for name, value in rig.numbers().items() if value.std > 0 and name != "k3"})

@@ -1,4 +1,4 @@
-"""Samples of friction force averaged over ranges of speed, each direction and branch apart."""
+"""Averages of the friction force over speed, by direction and branch."""
 
 from typing import NamedTuple
 
@@ -6,17 +6,18 @@ import numpy as np
 
 from .force_samples import ForceSamples
 
-# Samples in a bin from which a parabola replaces the mean: it does not bias a force that curves within the bin.
+# Smallest bin for a parabola instead of a mean. A parabola does not bias a force that curves within the bin.
 ENOUGH = 12
-# Of what longer windows change; with windows half as long again, twice what is left by the fourth power of the length.
+# Ratio of the bias to the change with longer windows. The bias grows with the fourth power of the length, and 1.5^4 - 1
+# is about 4; the factor includes a margin of two.
 BIAS_SHARE = 0.5
 
 
 class Binned(NamedTuple):
-    """Force at the mean speed, mean speed, variance of the force and number of samples in each bin of one record.
+    """The bins of one record: force, mean speed, variance and count.
 
-    A bin is a range of speeds in one direction and one branch, shape (4 ranges,); without samples its variance is
-    infinite.
+    A bin is a range of speeds in one direction and one branch; arrays of shape (4 ranges,). The force is that at the
+    mean speed. The variance is infinite for a bin without samples.
     """
 
     force: np.ndarray
@@ -26,7 +27,10 @@ class Binned(NamedTuple):
 
 
 def binned(samples: ForceSamples, longer: ForceSamples, edges: np.ndarray) -> Binned:
-    """The bins of one record; what longer windows change shows how much of the force the windows smooth away."""
+    """Average the samples of one record in bins.
+
+    The change of the force with `longer` windows measures the bias of smoothing.
+    """
     from scipy.sparse import csr_array
 
     place, ranges = np.searchsorted(edges, samples.speed, side="right") - 1, edges.size - 1
@@ -38,7 +42,7 @@ def binned(samples: ForceSamples, longer: ForceSamples, edges: np.ndarray) -> Bi
     precision = 1 / samples.std() ** 2
     weights = [_weights(samples.speed[group], precision[group]) for group in groups]
     where = np.concatenate(groups), np.repeat(np.arange(bins), [group.size for group in groups])
-    # What the samples weigh in the force and in the mean speed of each bin.
+    # Weights of the samples in the force and in the mean speed of each bin.
     of_force, of_speed = (
         csr_array((np.concatenate([pair[i] for pair in weights]), where), (of_sample.size, bins)) for i in range(2)
     )
@@ -51,7 +55,10 @@ def binned(samples: ForceSamples, longer: ForceSamples, edges: np.ndarray) -> Bi
 
 
 def _weights(speed: np.ndarray, precision: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Weights of samples for the force at their mean speed, from a parabola through them, and for that mean speed."""
+    """Return weights for the force at mean speed, and that speed.
+
+    The force comes from a parabola through the samples.
+    """
     mean = precision / precision.sum()
     if speed.size < ENOUGH:
         return mean, mean
@@ -62,7 +69,10 @@ def _weights(speed: np.ndarray, precision: np.ndarray) -> tuple[np.ndarray, np.n
 
 
 def pooled(records: list[Binned], edges: np.ndarray) -> dict[str, np.ndarray]:
-    """Weighted means over all records of the bins that hold samples, by the names of the fields of a force map."""
+    """Average the non-empty bins over all records, with weights.
+
+    The keys are the fields of a force map.
+    """
     force, speed, variance, count = (np.array(column) for column in zip(*records, strict=True))
     filled = np.flatnonzero(count.sum(axis=0))
     weight = 1 / variance[:, filled]

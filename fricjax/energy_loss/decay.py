@@ -1,8 +1,8 @@
-"""The half-cycles of a record, each by itself: the samples between one reversal and the next.
+"""The half-cycles of a record: the samples between neighbouring reversals.
 
-Friction jumps at every reversal, and the holding magnet may still pull before the first one. What an evaluation by
-energy or force may use are therefore the half-cycles from the first reversal on, none of which knows of its neighbours.
-What is not friction's is taken from the rig, or from a free decay without contact: damping and drag.
+Friction jumps at each reversal, and the holding magnet may still pull before the first one. Evaluations by energy or
+force therefore use the half-cycles after the first reversal, each separately. Losses other than friction (damping and
+drag) come from the rig, or from a free decay without contact.
 """
 
 import dataclasses
@@ -21,12 +21,12 @@ from ..friction import Coulomb
 from ..oscillator import Oscillator
 from ..rig import Rig
 
-# Largest deviation of a sampling interval from the mean one, relative: local polynomials suppose even sampling.
+# Largest relative deviation of a sampling interval from the mean. Local polynomials assume even sampling.
 EVEN = 1e-3
-# Samples per half-cycle; denser ones are averaged in blocks, which loses nothing of friction and bounds the cost of the
-# windows, whose lengths grow with the rate.
+# Samples per half-cycle above which blocks are averaged. This keeps the information on friction and bounds the cost of
+# the windows, which grow with the sample rate.
 DENSE = 2000
-# Samples in a half-cycle: room for two windows of a local polynomial.
+# Fewest samples in a half-cycle: two windows of a local polynomial.
 MINIMUM = 16
 
 
@@ -54,11 +54,11 @@ class HalfCycle:
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Decay:
-    """A record as its half-cycles since the first reversal.
+    """The half-cycles of a record after its first reversal.
 
     Attributes:
-        half_cycles: the last one ends in the stop where there is one.
-        times, points: reversals and stop, where a half-cycle begins or ends: times [s] and positions [m], shape (r,).
+        half_cycles: the half-cycles; the last one may end in the stop.
+        times, points: reversals and stop: times [s] and positions [m], shape (r,).
         point_std: standard uncertainty of `points` from the noise [m], shape (r,).
     """
 
@@ -69,18 +69,18 @@ class Decay:
 
 
 def each_of[T](records: Any, evaluate: Callable[[Any], T]) -> tuple[list[T], tuple[str, ...]]:
-    """What `evaluate` makes of one record or of several; those of several that cannot be used are left out and named.
+    """Evaluate one or several records; skip unusable ones among several.
 
     Args:
-        records: a run, or a list of runs, each passed as to :func:`fricjax.fit`.
-        evaluate: what is made of a record; raises a `DataError` for one that cannot be used.
+        records: a run, or a list of runs, each as for :func:`fricjax.fit`.
+        evaluate: function of a record; raises a `DataError` for an unusable one.
 
     Returns:
-        The results, and a sentence for each record left out.
+        The results, and a sentence for each skipped record.
 
     Raises:
-        UsageError: no run at all, or something of which no record can be made.
-        DataError: a single record that cannot be used, or none of several.
+        UsageError: an empty list, or an object of an unsupported type.
+        DataError: a single record is unusable, or all of several.
     """
     runs = gather(records)
     if len(runs) == 1:
@@ -97,7 +97,7 @@ def each_of[T](records: Any, evaluate: Callable[[Any], T]) -> tuple[list[T], tup
 
 
 def decay(record: Record, least: int = 2) -> Decay:
-    """The half-cycles of a record from its first reversal on.
+    """Split a record into half-cycles after its first reversal.
 
     Raises:
         DataError: uneven sampling, no reversal, or fewer than `least` half-cycles after the first reversal.
@@ -114,16 +114,16 @@ def decay(record: Record, least: int = 2) -> Decay:
         times, points = np.append(times, rest), np.append(points, segmentation.rest_position)
     if times.size <= least:
         raise DataError(
-            f"Half-cycles after the first reversal: {times.size - 1}. At least {least} are needed, one in either "
-            "direction tells friction from the equilibrium; release the mass from farther away."
+            f"Half-cycles after the first reversal: {times.size - 1}. At least {least} are needed, because one in "
+            "each direction separates friction from the equilibrium; release the mass from farther away."
         )
-    # The stated noise, else that of the record; never zero, so that exact motions have weights too.
+    # The stated noise, else that of the record; never zero, so that exact motions have finite weights.
     stated = segmentation.noise if record.sigma is None else float(np.median(record.sigma))
     noise = max(stated, 1e-12 * segmentation.amplitude)
     directions, durations, sizes = np.sign(np.diff(points)).astype(int), np.diff(times), np.abs(np.diff(points))
     ends = zip(times[:-1], times[1:], directions, strict=True)
     half_cycles = tuple(_half_cycle(t, x, step, noise, *end) for end in ends)
-    # Reversals are as uncertain as the windows in which the segmentation fitted them, between their two half-cycles.
+    # The uncertainty of a reversal follows from the window in which the segmentation fitted it.
     before, after = np.append(sizes[0], sizes), np.append(sizes, sizes[-1])
     width = window(np.append(durations, durations[-1]), np.maximum(before, after) / 2, noise, step)
     std = point_std(width, order_for(np.minimum(before, after), noise), noise, step)
@@ -134,10 +134,10 @@ def decay(record: Record, least: int = 2) -> Decay:
 
 
 def _even_step(t: np.ndarray, mask: np.ndarray) -> float:
-    """The sampling interval [s].
+    """Return the sampling interval [s].
 
     Raises:
-        DataError: intervals that differ, or samples left out.
+        DataError: uneven intervals, or masked samples.
     """
     steps = np.diff(t)
     step, worst = float(np.mean(steps)), float(np.max(np.abs(steps - np.mean(steps))))
@@ -157,7 +157,7 @@ def _even_step(t: np.ndarray, mask: np.ndarray) -> float:
 def _half_cycle(
     t: np.ndarray, x: np.ndarray, step: float, noise: float, begin: float, end: float, direction: int
 ) -> HalfCycle:
-    """The samples between two reversals; where they are many, as averages of blocks."""
+    """Return the samples between two reversals, in averages if dense."""
     first, last = np.searchsorted(t, [begin, end])
     size = last - first
     if size < MINIMUM:
@@ -172,14 +172,16 @@ def _half_cycle(
 
 
 def frictionless(rig: Rig, *, damping_known: bool = True) -> Oscillator:
-    """The rig without friction: mass, restoring force, damping and drag.
+    """Return the oscillator of a rig without friction.
+
+    It has mass, restoring force, damping and drag.
 
     Args:
         rig: the rig.
-        damping_known: whether its damping is needed as well.
+        damping_known: True if the rig must state its damping.
 
     Raises:
-        UsageError: no rig, or one without damping although its loss must be separated from that of friction.
+        UsageError: not a rig, or a rig without damping although the viscous loss must be separated from friction.
     """
     if not isinstance(rig, Rig):
         raise UsageError(f"rig must be a fricjax.Rig, got {type(rig).__name__}. Read one with Rig.from_toml(path).")
@@ -192,15 +194,15 @@ def frictionless(rig: Rig, *, damping_known: bool = True) -> Oscillator:
 
 
 def with_losses(rig: Rig, no_contact: Any = None) -> Rig:
-    """The rig with the losses that are not friction.
+    """Return the rig with damping and drag from a run without contact.
 
     Args:
-        rig: mass, restoring force and load; without a `no_contact` run damping and drag as well.
-        no_contact: a free decay without contact, passed as to :func:`fricjax.fit`, from which damping and drag are
-            fitted; the stiffness, which the load on the springs may change, is fitted beside them but not taken over.
+        rig: mass, restoring force and load; without a `no_contact` run also damping and drag.
+        no_contact: a free decay without contact, as for :func:`fricjax.fit`, which gives damping and drag. The load may
+            change the stiffness of the springs, so its stiffness is fitted too but not used. None: return `rig`.
 
     Raises:
-        UsageError: no rig, a rig without damping where no run is passed, or a `no_contact` that is no run.
+        UsageError: not a rig, a rig without damping and no run, or a `no_contact` of an unsupported type.
         DataError: a run without contact that cannot be read.
         FitError: a run without contact that cannot be fitted.
     """

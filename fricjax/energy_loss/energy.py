@@ -1,4 +1,4 @@
-"""The energy of a measured decay and the rate at which it is lost (Fig. 9 of the paper)."""
+"""Energy of a measured decay, and its loss rate (paper, Fig. 9)."""
 
 import dataclasses
 from typing import Any
@@ -15,15 +15,15 @@ from .force_samples import force_samples
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class EnergyLoss:
-    """Energy along a measured decay from the first reversal on; arrays of shape (n,).
+    """Energy of a measured decay after the first reversal; shapes (n,).
 
     Attributes:
         t: times [s].
-        energy: kinetic and potential energy [J], from the equilibrium at `offset`.
-        rate: its rate of change v (m a + R(x)) [W], negative where energy is lost.
+        energy: kinetic and potential energy [J], relative to the equilibrium at `offset`.
+        rate: its rate of change v (m a + R(x)) [W], negative for a loss.
         rate_std: standard deviation of the rate from the noise of the record [W].
         viscous_power, drag_power: loss to damping, c v^2, and to drag, drag |v|^3 [W].
-        friction_power: what is left of the loss [W].
+        friction_power: the remaining loss [W].
         offset: equilibrium position in the record [m].
 
     Examples:
@@ -44,10 +44,13 @@ class EnergyLoss:
     offset: float
 
     def plot(self, *, style: Style = "screen") -> Any:
-        """Energy and loss rates against time, as a matplotlib figure.
+        """Plot energy and loss rates against time.
 
         Args:
-            style: as of :func:`fricjax.show.styled`.
+            style: see :func:`fricjax.show.styled`.
+
+        Returns:
+            A matplotlib figure.
         """
         drawing, axes = figure(2, 1, share_x=True)
         top, bottom = axes[:, 0]
@@ -65,13 +68,13 @@ class EnergyLoss:
 
 
 def energy_of(record: Any, rig: Rig, no_contact: Any = None, *, offset: float | None = None) -> EnergyLoss:
-    """Energy of a record and the rate of its loss.
+    """Compute the energy of a record and its loss rate.
 
     Args:
-        record: a free decay, passed as to :func:`fricjax.fit`.
+        record: a free decay, as for :func:`fricjax.fit`.
         rig: mass, restoring force, damping and drag.
-        no_contact: a run without contact, from which damping and drag are fitted in place of those of the rig.
-        offset: equilibrium position in the record [m]; None: fitted as by `friction_force_map`.
+        no_contact: a run without contact; its damping and drag replace those of the rig.
+        offset: equilibrium position in the record [m]; None: fitted as in `friction_force_map`.
 
     Raises:
         RuntimeError: JAX computes in single precision.

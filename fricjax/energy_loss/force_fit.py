@@ -1,4 +1,4 @@
-"""A friction law fitted to a force map: weighted least squares, without any integration of the motion."""
+"""Weighted least-squares fit of a friction law to a force map."""
 
 import dataclasses
 from collections.abc import Sequence
@@ -23,9 +23,9 @@ from ..pairs.result import coefficient_table
 from ..show import Report, Reported, Style, figure, styled
 from .force_map import ForceMap
 
-# Far more than a fit needs whose start is of the right order.
+# Far more steps than a fit needs from a start value of the right order.
 MAX_STEPS = 200
-# Condition of the scaled normal matrix from which a coefficient counts as undetermined: rounding alone is left of it.
+# Condition of the scaled normal matrix above which a coefficient counts as undetermined, because only rounding remains.
 SINGULAR = 1e13
 
 
@@ -35,13 +35,13 @@ class ForceFit(Reported):
 
     Attributes:
         friction: the fitted law.
-        values, std_errors, units: free coefficients by name, SI; the standard errors are those of the map's standard
-            deviations, infinite where the map does not determine a coefficient.
-        covariance: in the order of the names, shape (p, p).
+        values, std_errors, units: free coefficients by name, SI; the standard errors follow from the standard
+            deviations of the map and are infinite for undetermined coefficients.
+        covariance: covariance matrix in the order of the names, shape (p, p).
         chi2, dof: sum of squared weighted residuals, and degrees of freedom.
         residuals: force of the map minus that of the law [N], shape (n,).
-        force_map: the map that was fitted.
-        converged: converged, and every coefficient determined.
+        force_map: the fitted map.
+        converged: True if the fit converged and determines every coefficient.
         status: the outcome in words.
 
     Examples:
@@ -71,7 +71,7 @@ class ForceFit(Reported):
         return self.chi2 / self.dof
 
     def report(self) -> Report:
-        """One row per free coefficient; law, outcome and scatter."""
+        """Report one row per coefficient, with law, status and scatter."""
         law = law_name(self.friction)
         facts = [
             ("law", f"{law} friction, fitted to a force map"),
@@ -87,10 +87,15 @@ class ForceFit(Reported):
         return self.force_map.thumbnails()
 
     def plot(self, *, style: Style = "screen") -> Any:
-        """The map with the fitted law through it, and the residuals in standard deviations below; in matplotlib.
+        """Plot the map with the fitted law, and the residuals below.
+
+        The residuals are in standard deviations.
 
         Args:
-            style: as of :func:`fricjax.show.styled`.
+            style: see :func:`fricjax.show.styled`.
+
+        Returns:
+            A matplotlib figure.
         """
         drawing, axes = figure(2, 1, share_x=True, heights=(5, 2))
         top, bottom = axes[:, 0]
@@ -114,9 +119,9 @@ def fit_force_map(force_map: ForceMap, friction: AbstractFriction, free: Sequenc
     """Fit a law without internal states to a force map.
 
     Args:
-        force_map: what `friction_force_map` returned.
-        friction: the law, whose coefficients are the start values.
-        free: names of the coefficients to fit; None: all that the law has but an exponent.
+        force_map: a map from `friction_force_map`.
+        friction: the law; its coefficients are the start values.
+        free: names of the coefficients to fit; None: all coefficients of the law except exponents.
 
     Raises:
         RuntimeError: JAX computes in single precision.
@@ -164,9 +169,10 @@ def fit_force_map(force_map: ForceMap, friction: AbstractFriction, free: Sequenc
 
 
 class _Residual(eqx.Module):
-    """Force of the map minus that of the law, in standard deviations, against the free coefficients.
+    """Weighted residuals of the force map as a function of the coefficients.
 
-    Coefficients that must be positive are varied in their logarithm.
+    They are force of the map minus force of the law, in standard deviations. Positive coefficients vary in their
+    logarithm.
     """
 
     friction: AbstractFriction
@@ -178,15 +184,15 @@ class _Residual(eqx.Module):
     std: Float[Array, " n"]
 
     def coordinates(self, values: np.ndarray) -> np.ndarray:
-        """What the solver varies."""
+        """Return the solver's coordinates of the coefficients."""
         return np.where(self.logarithmic, np.log(np.where(self.logarithmic, values, 1.0)), values)
 
     def values(self, y: Float[Array, " p"]) -> Float[Array, " p"]:
-        """The coefficients that coordinates stand for."""
+        """Return the coefficients at coordinates."""
         return jnp.where(self.logarithmic, jnp.exp(jnp.where(self.logarithmic, y, 0.0)), y)
 
     def law(self, y: Float[Array, " p"]) -> AbstractFriction:
-        """The law with these coefficients."""
+        """Return the law with the coefficients at coordinates."""
         leaves, structure = jax.tree.flatten(self.friction)
         for index, value in zip(self.indices, self.values(y), strict=True):
             leaves[index] = value
@@ -198,7 +204,7 @@ class _Residual(eqx.Module):
 
 
 def _free(friction: AbstractFriction, force_map: ForceMap, names: Sequence[str] | None) -> list[Leaf]:
-    """The leaves of the law to fit."""
+    """Select the coefficients of the law to fit."""
     if not isinstance(friction, AbstractFriction):
         raise UsageError(f"friction must be a law such as fricjax.friction.Stribeck(...), got {friction!r}.")
     if friction.n_states:
@@ -206,7 +212,7 @@ def _free(friction: AbstractFriction, force_map: ForceMap, names: Sequence[str] 
             f"{law_name(friction)} friction has internal states, so that it is no function of velocity; fit its "
             "records with fricjax.fit."
         )
-    # The names of coefficients are those that they have in an oscillator, whose other leaves come before them.
+    # The names of coefficients are those in an oscillator, where other coefficients precede those of the law.
     oscillator = Oscillator(1.0, 1.0, 0.0, force_map.normal_force, friction)
     before = len(jax.tree.leaves((oscillator.mass, oscillator.stiffness, oscillator.damping, oscillator.normal_force)))
     of_law = range(before, before + len(jax.tree.leaves(friction)))
@@ -221,7 +227,7 @@ def _free(friction: AbstractFriction, force_map: ForceMap, names: Sequence[str] 
 
 
 def _inverse(normal: np.ndarray) -> np.ndarray:
-    """Inverse of the normal matrix; infinite variances where it is singular."""
+    """Invert the normal matrix; return infinite variances if it is singular."""
     unit = np.sqrt(np.where(np.diag(normal) > 0, np.diag(normal), 1.0))
     scaled = normal / np.outer(unit, unit)
     if not np.all(np.isfinite(scaled)) or np.linalg.cond(scaled) > SINGULAR:

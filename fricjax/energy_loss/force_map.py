@@ -1,8 +1,8 @@
-"""The friction force against velocity, from the rate at which a free decay loses energy (evaluation route 4).
+"""Friction force against velocity from the energy loss (route 4).
 
-Every sample of every half-cycle gives the force that the equation of motion leaves over (see :mod:`.force_samples`).
-Samples of one direction and one branch (the speed still grows, or falls again) are averaged over a range of speeds; a
-difference between the branches is frictional lag, one between the directions is tilt or an asymmetric contact.
+Each sample of each half-cycle gives the residual force of the equation of motion (see :mod:`.force_samples`). The map
+averages it over ranges of speed, separately for each direction and branch (speed growing or falling). A difference
+between the branches is frictional lag. A difference between the directions is tilt or an asymmetric contact.
 """
 
 import dataclasses
@@ -16,39 +16,52 @@ from ..errors import UsageError
 from ..oscillator import ready
 from ..rig import Measured, Rig
 from ..settings import check_bins
-from ..show import Report, Reported, Style, Table, axis_label, display_unit, engineering, figure, styled, uncertain
+from ..show import (
+    Cell,
+    Report,
+    Reported,
+    Style,
+    Table,
+    axis_label,
+    display_unit,
+    engineering,
+    figure,
+    styled,
+    uncertain,
+)
 from ..show.thumbnail import Curve, curves_svg
 from .binning import BIAS_SHARE, binned, pooled
 from .decay import decay, each_of, frictionless, with_losses
 from .force_samples import ForceSamples, force_samples
 
-# Where the lowest range of speeds ends: so many decades below the largest speed.
+# Upper end of the lowest range of speeds, in decades below the largest speed.
 DECADES_BELOW = 2.5
-# Longer windows for the bias of smoothing, which grows with the fourth power of their length.
+# Factor of the longer windows that measure the bias of smoothing, which grows with the fourth power of the length.
 LONGER = 1.5
 _SIDES = {(1, 1): "+ accelerating", (1, -1): "+ decelerating", (-1, 1): "- accelerating", (-1, -1): "- decelerating"}
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class ForceMap(Reported):
-    """Friction force against velocity; arrays of shape (n,), one entry per range, direction and branch.
+    """Friction force against velocity, by direction and branch.
+
+    The arrays have shape (n,), with one entry per range, direction and branch.
 
     Attributes:
         velocity: mean velocity [m/s], with its sign.
-        force: friction force [N], positive where it opposes a positive velocity.
-        std: standard deviation of the force [N], by the noise of the records, the fitted equilibrium and the bias of
-            smoothing.
+        force: friction force [N], positive if it opposes a positive velocity.
+        std: standard deviation of the force [N] due to noise, the fitted equilibrium and the bias of smoothing.
         count: number of samples.
         direction: +1 or -1, the sign of the velocity.
-        branch: +1 where the speed grows, -1 where it falls.
+        branch: +1 for growing speed, -1 for falling speed.
         edges: limits of the ranges of speed [m/s], shape (bins + 1,).
-        mean: friction work divided by path [N], the weighted mean over the records; its uncertainty as
-            that of the forces.
+        mean: friction work divided by path [N], as the weighted mean over the records; its uncertainty has the same
+            contributions as `std`.
         normal_force: load on the contact [N].
-        damping, drag: viscous [N s/m] and quadratic [N s^2/m^2] coefficients of the losses that were subtracted.
+        damping, drag: viscous [N s/m] and quadratic [N s^2/m^2] coefficients of the subtracted losses.
         offsets: equilibrium position in each record used [m].
         quantity: "m", or "rad" for a rotary rig.
-        notes: sentences on records that were left out.
+        notes: sentences about skipped records.
 
     Examples:
         >>> import fricjax as fj
@@ -75,20 +88,25 @@ class ForceMap(Reported):
 
     @property
     def mu(self) -> Measured:
-        """Mean friction force over the load [1], with the uncertainty of the force alone."""
+        """Mean friction force over load [1], without the uncertainty of the rig."""
         return Measured(self.mean.value / self.normal_force, self.mean.std / self.normal_force)
 
     @property
     def _units(self) -> tuple[str, str]:
-        """Of speed and force."""
+        """Units of speed and force."""
         return ("m/s", "N") if self.quantity == "m" else ("rad/s", "N m")
 
     def report(self) -> Report:
-        """One row per entry of the map, and what is said of the entire map."""
+        """Report one row per entry, and a summary of the map."""
         columns = (self.direction.tolist(), self.branch.tolist(), self.velocity, self.force, self.std, self.count)
         speed, force = self._units
         rows = [
-            [_SIDES[side, branch], float(abs(v)), Measured(abs(f), std), int(n)]
+            [
+                Cell(_SIDES[side, branch], direction=side, branch=branch),
+                Cell(float(abs(v)), velocity=v),
+                Cell(Measured(abs(f), std), force=f, force_std=std),
+                int(n),
+            ]
             for side, branch, v, f, std, n in zip(*columns, strict=True)
         ]
         fastest = engineering(float(np.max(np.abs(self.velocity))), speed)
@@ -98,7 +116,8 @@ class ForceMap(Reported):
             ("subtracted", f"damping {self.damping:.6g}, drag {self.drag:.6g} (SI)"),
             ("data", f"{len(self.offsets)} records, {int(self.count.sum())} samples, up to {fastest}"),
         ]
-        table = Table(["Branch", f"Speed [{speed}]", f"Friction force [{force}]", "Samples"], rows)
+        units = {"velocity": speed, "force": force, "force_std": force}
+        table = Table(["Branch", f"Speed [{speed}]", f"Friction force [{force}]", "Samples"], rows, units=units)
         return Report([table], facts, self.notes, heading="Force map", data=vars(self) | {"mu": self.mu})
 
     def thumbnails(self) -> Sequence[str]:
@@ -110,10 +129,15 @@ class ForceMap(Reported):
         return [curves_svg(sides, ("Speed", speed), ("Friction force", force), log_x=True)]
 
     def plot(self, *, style: Style = "screen") -> Any:
-        """Friction force against speed, directions and branches apart, with two standard deviations, in matplotlib.
+        """Plot the friction force against speed with two standard deviations.
+
+        Directions and branches have separate symbols.
 
         Args:
-            style: as of :func:`fricjax.show.styled`.
+            style: see :func:`fricjax.show.styled`.
+
+        Returns:
+            A matplotlib figure.
         """
         drawing, axes = figure(1, 1, heights=(1.5,))
         self.draw(axes[0, 0])
@@ -121,7 +145,11 @@ class ForceMap(Reported):
         return styled(drawing, style)
 
     def draw(self, axes: Any) -> tuple[float, float]:
-        """Draws the map, as `plot` does, and tells the factors from m/s and N to the units of the axes."""
+        """Draw the map as `plot` does.
+
+        Returns:
+            The factors from m/s and N to the units of the axes.
+        """
         speed, force = self._units
         factor_v, unit_v = display_unit(float(np.max(np.abs(self.velocity))), speed)
         factor_f, unit_f = display_unit(abs(self.mean.value), force)
@@ -145,26 +173,26 @@ def friction_force_map(
     offset: float | None = None,
     window: float | None = None,
 ) -> ForceMap:
-    """Friction force against velocity from free decays.
+    """Measure the friction force against velocity in free decays.
 
-    Used are the half-cycles after the first reversal, which the release no longer disturbs.
+    The map uses the half-cycles after the first reversal, which the release does not disturb.
 
     Args:
-        records: a run, or a list of runs of one machine, each passed as to :func:`fricjax.fit`; they are pooled.
+        records: a run, or a list of runs of one machine, each as for :func:`fricjax.fit`; they are pooled.
         rig: mass, restoring force, load, and the damping and drag to subtract.
-        no_contact: a run without contact, from which damping and drag are fitted in place of those of the rig.
-        bins: number of ranges of speed, from rest to the largest speed, or their limits [m/s], increasing.
-        offset: equilibrium position in the records [m]; None: fitted in each record, as the one about which friction is
-            equally large in both directions. The difference between them, as by tilt, then is a part of the offset.
-        window: length of the shortest smoothing window [s], used next to reversals; None: as the noise asks for.
+        no_contact: a run without contact; its damping and drag replace those of the rig.
+        bins: number of ranges of speed, from rest to the largest speed, or their increasing limits [m/s].
+        offset: equilibrium position in the records [m]; None: fitted in each record such that friction is equal in both
+            directions. A difference between the directions, such as by tilt, is then part of the offset.
+        window: length of the shortest smoothing window [s], next to reversals; None: selected from the noise.
 
     Returns:
-        The map. Uncertainties of the rig are not in its standard deviations.
+        The map. Its standard deviations exclude the uncertainties of the rig.
 
     Raises:
         RuntimeError: JAX computes in single precision.
         UsageError: arguments that do not fit, or a rig without damping.
-        DataError: a record that cannot be used: sampled unevenly, or with too few half-cycles.
+        DataError: an unusable record: uneven sampling, or too few half-cycles.
 
     Examples:
         >>> import fricjax as fj
@@ -178,7 +206,7 @@ def friction_force_map(
     records = gather(records)
 
     def evaluate(record: Any) -> tuple[ForceSamples, ForceSamples]:
-        """Forces at every sample, with smoothing windows as they should be and with longer ones."""
+        """Return the forces at all samples, with normal and longer windows."""
         half_cycles = decay(record, 2 if offset is None else 1)
         samples = force_samples(half_cycles, oscillator, offset, window)
         return samples, force_samples(half_cycles, oscillator, samples.offset, window, LONGER)
@@ -200,7 +228,10 @@ def friction_force_map(
 
 
 def _edges(bins: Any, fastest: float) -> np.ndarray:
-    """Limits of the ranges of speed [m/s]: as stated, or from rest in equal ratios to the largest speed."""
+    """Return the limits of the ranges of speed [m/s].
+
+    They are as given, or zero followed by a geometric series up to the largest speed.
+    """
     if np.ndim(bins) == 0:
         check_bins(bins)
         return np.append(0.0, fastest * np.geomspace(10**-DECADES_BELOW, 1 + 1e-12, int(bins)))
@@ -211,7 +242,7 @@ def _edges(bins: Any, fastest: float) -> np.ndarray:
 
 
 def _work_over_path(samples: ForceSamples, longer: ForceSamples) -> Measured:
-    """Friction work divided by the path of one record [N]."""
+    """Return friction work divided by path for one record [N]."""
     share = samples.v / np.sum(samples.speed)
     equilibrium = share @ samples.weights[0] * samples.offset_std
     bias = BIAS_SHARE * (share @ (longer.force - samples.force))
@@ -220,7 +251,7 @@ def _work_over_path(samples: ForceSamples, longer: ForceSamples) -> Measured:
 
 
 def weighted(values: list[Measured]) -> Measured:
-    """Mean of independent values by their inverse variances."""
+    """Return the mean of independent values, weighted by inverse variance."""
     weight = np.array([each.std**-2 for each in values])
     mean = float(weight @ np.array([each.value for each in values]) / weight.sum())
     return Measured(mean, float(weight.sum() ** -0.5))

@@ -1,8 +1,8 @@
-"""Friction force at every sample of a decay: what the equation of motion leaves over.
+"""Friction force at each sample: the residual of the equation of motion.
 
-With E the energy of the oscillator, ``dE/dt = v (m a + R(x))``, so that the rate of energy loss less the losses to
-damping and drag, divided by the speed, is ``-(m a + R(x) + c v + drag v|v|)`` along the motion. The residual is the
-same estimator as the rate of energy loss, without a division that fails near zero velocity.
+With E the energy of the oscillator, ``dE/dt = v (m a + R(x))``. The rate of energy loss, minus the losses to damping
+and drag, divided by the speed, is therefore ``-(m a + R(x) + c v + drag v|v|)`` along the motion. The residual equals
+this estimator and avoids a division that fails near zero velocity.
 """
 
 import dataclasses
@@ -16,23 +16,25 @@ from ..oscillator import Oscillator
 from .decay import Decay
 from .smoothing import Smoothed, smooth
 
-# Of the speed that two half-cycles reach: above it they are compared, away from the reversals, where windows are short.
+# Smallest speed, relative to the speed that two half-cycles share, for their comparison. Above it the windows are long.
 FAST = 0.4
-# Powers of the speed by which friction is described in this comparison, so that a law that depends on speed does not
-# look like a shifted equilibrium.
+# Number of powers of the speed that describe friction in this comparison. They keep the speed dependence of a law apart
+# from a shift of the equilibrium.
 POWERS = 3
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class ForceSamples:
-    """The half-cycles of one record with velocity and friction force; arrays of shape (n,), one after the other.
+    """Velocity and friction force in the half-cycles of one record.
+
+    The arrays have shape (n,) and join the half-cycles.
 
     Attributes:
         smoothed: the half-cycles.
         direction: sign of the velocity in each half-cycle, +1 or -1.
-        accelerating: whether the speed still grows.
+        accelerating: True where the speed grows.
         x, v, a: position from the equilibrium [m], velocity [m/s], acceleration [m/s^2].
-        force: friction force [N], positive where it opposes a positive velocity.
+        force: friction force [N], positive if it opposes a positive velocity.
         weights: derivatives of minus the force with respect to x, v and a.
         offset, offset_std: equilibrium position in the record [m] and its standard uncertainty.
     """
@@ -50,22 +52,31 @@ class ForceSamples:
 
     @property
     def speed(self) -> np.ndarray:
-        """Velocity in the direction of the half-cycle [m/s]; the noise makes it negative next to a reversal."""
+        """Velocity in the direction of the half-cycle [m/s].
+
+        Noise can make it negative next to a reversal.
+        """
         return self.direction * self.v
 
     @property
     def ends(self) -> np.ndarray:
-        """Number of the first sample of each half-cycle, and of all samples."""
+        """Index of the first sample of each half-cycle, and number of samples."""
         return np.cumsum([0, *(part.x.size for part in self.smoothed)])
 
     def std(self, weights: Any = None) -> np.ndarray:
-        """Standard deviation of the force at each sample, or of other weights of x, v and a [N], shape (n,)."""
+        """Return the standard deviation at each sample [N], shape (n,).
+
+        Args:
+            weights: weights of x, v and a; None: those of the force.
+        """
         weights = self.weights if weights is None else weights
         parts = zip(*(np.split(w, self.ends[1:-1]) for w in weights), strict=True)
         return np.concatenate([each.std(part) for each, part in zip(self.smoothed, parts, strict=True)])
 
     def covariance(self, combinations: Any) -> np.ndarray:
-        """Covariance by the noise of the samples of linear combinations of the forces [N^2], shape (c, c).
+        """Return the covariance of linear combinations of the forces [N^2].
+
+        It includes the noise of the samples; shape (c, c).
 
         Args:
             combinations: sparse or dense matrix, shape (n, c).
@@ -76,8 +87,8 @@ class ForceSamples:
         for smoothed, first, last in zip(self.smoothed, self.ends[:-1], self.ends[1:], strict=True):
             rows, parts = combinations[first:last], (w[first:last] for w in self.weights)
             dense = isinstance(rows, np.ndarray)
-            seen = smoothed.response(tuple(w[:, None] * rows if dense else diags_array(w) @ rows for w in parts))
-            total = total + smoothed.half_cycle.noise**2 * (seen.T @ seen)
+            response = smoothed.response(tuple(w[:, None] * rows if dense else diags_array(w) @ rows for w in parts))
+            total = total + smoothed.half_cycle.noise**2 * (response.T @ response)
         return total.toarray() if hasattr(total, "toarray") else np.asarray(total)  # type: ignore[union-attr]
 
 
@@ -88,14 +99,14 @@ def force_samples(
     window: float | None = None,
     lengthened: float = 1.0,
 ) -> ForceSamples:
-    """Friction force along a decay.
+    """Compute the friction force along a decay.
 
     Args:
         decay: the half-cycles.
         oscillator: mass, restoring force, damping and drag.
-        offset: equilibrium position in the record [m]; None: where friction is equally large in both directions, for a
-            constant force acts like a shifted equilibrium and no record tells one from the other.
-        window: length of the shortest smoothing window [s]; None: as the noise asks for.
+        offset: equilibrium position in the record [m]; None: fitted such that friction is equal in both directions,
+            because a constant force and a shifted equilibrium have the same effect on a record.
+        window: length of the shortest smoothing window [s]; None: selected from the noise.
         lengthened: factor on the lengths of all windows.
     """
     # Midpoints of the half-cycles alternate about the equilibrium by the dead band.
@@ -112,7 +123,7 @@ def force_samples(
 
 
 def _about(smoothed: tuple[Smoothed, ...], oscillator: Oscillator, offset: float, std: float) -> ForceSamples:
-    """The forces with the equilibrium at `offset`."""
+    """Return the forces for an equilibrium at `offset`."""
     position, v, a = (np.concatenate([getattr(each, name) for each in smoothed]) for name in "xva")
     x = position - offset
     restoring, slope = jax.jvp(oscillator.restoring_force, (x,), (np.ones_like(x),))
@@ -132,10 +143,11 @@ def _about(smoothed: tuple[Smoothed, ...], oscillator: Oscillator, offset: float
 
 
 def _asymmetry(samples: ForceSamples) -> tuple[float, float]:
-    """Shift of the equilibrium that makes friction equally large in both directions [m], and its standard uncertainty.
+    """Return the shift of the equilibrium with equal friction in both directions.
 
-    Each half-cycle is compared with the next over the upper part of the speeds that both reach. There the force is
-    fitted with powers of the speed, for each branch apart, times the direction, and the shift.
+    The second value is its standard uncertainty; both are in metres. Each half-cycle is compared with the next in the
+    upper part of their common speeds. There the force is fitted by the shift and by powers of the speed, times the
+    direction, separately for each branch.
     """
     speed, std, ends, estimators = samples.speed, samples.std(), samples.ends, []
     for first, middle, last in zip(ends[:-2], ends[1:-1], ends[2:], strict=True):
@@ -154,8 +166,8 @@ def _asymmetry(samples: ForceSamples) -> tuple[float, float]:
         estimators.append(estimator)
     if not estimators:
         raise DataError(
-            "No two half-cycles have enough samples at the same speed to tell friction from the equilibrium; sample "
-            "faster, release the mass from farther away, or give the equilibrium as offset."
+            "No two half-cycles have enough samples at the same speed to separate friction from the equilibrium; "
+            "sample faster, release the mass from farther away, or give the equilibrium as offset."
         )
     precision = [1 / np.sum((estimator * std) ** 2) for estimator in estimators]
     joint = np.average(estimators, axis=0, weights=precision)

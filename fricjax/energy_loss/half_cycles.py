@@ -1,12 +1,12 @@
-"""Friction from the energy that a half-cycle loses, of which only the positions at its reversals need to be known.
+"""Friction from the energy loss in half-cycles, using only the reversal positions.
 
-Between two reversals the potential energy falls by the work of friction and the viscous loss. Of the motion under
-Coulomb and viscous friction on a linear spring the latter is known exactly: with alternating amplitudes a_n and the
-amplitude ratio rho = exp(-pi zeta/sqrt(1 - zeta^2)), ``a_{n+1} = rho a_n - (1 + rho) F/k``, so that
+Between two reversals the potential energy falls by the work of friction and the viscous loss. For Coulomb and viscous
+friction on a linear spring the viscous loss is known exactly. With alternating amplitudes a_n and the amplitude ratio
+rho = exp(-pi zeta/sqrt(1 - zeta^2)), ``a_{n+1} = rho a_n - (1 + rho) F/k``, so that
 
     F_n = k (rho a_n - a_{n+1})/(1 + rho)
 
-is the mean friction force of the half-cycle, and what it leaves of the energy is the viscous loss.
+is the mean friction force of the half-cycle, and the rest of the energy loss is viscous.
 """
 
 import dataclasses
@@ -18,32 +18,35 @@ import numpy as np
 from ..fitting.rig_inputs import contradiction
 from ..oscillator import Oscillator, ready
 from ..rig import Measured, Rig
-from ..show import Report, Reported, Style, Table, axis_label, display_unit, figure, scaled, styled, uncertain
+from ..show import Cell, Report, Reported, Style, Table, axis_label, display_unit, figure, scaled, styled, uncertain
 from ..show.thumbnail import Curve, curves_svg
 from .decay import Decay, decay, each_of, frictionless, with_losses
 from .force_map import weighted
 
-# The equilibrium enters linearly but for the curvature of the restoring force and quadratic drag.
+# Iterations for the equilibrium. It enters linearly, except through a curved restoring force and quadratic drag.
 ROUNDS = 4
-# Step of the derivatives with respect to positions, of the span of the reversals.
+# Step of the derivatives with respect to positions, relative to the span of the reversals.
 STEP = 1e-4
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class HalfCycleFriction(Reported):
-    """Mean friction force of each half-cycle; arrays of shape (n,), those of several records one after another.
+    """Mean friction force of each half-cycle.
+
+    The arrays have shape (n,) and join all records.
 
     Attributes:
         force: mean friction force over the path of the half-cycle [N].
         std: its standard uncertainty from the noise [N].
         swing: length of the path [m].
-        record: number of the record that it belongs to, among those used.
-        mean: weighted mean of the forces [N], with the uncertainty of the noise or of their scatter, the larger one.
+        record: index of its record among those used.
+        mean: weighted mean of the forces [N]; its uncertainty follows from the noise or the scatter, whichever is
+            larger.
         mu: coefficient of friction: mean over load, with the uncertainties of the rig to first order [1].
-        chi2_reduced: scatter of the forces about their weighted means, over what the noise explains; above one the
-            friction changes with amplitude, as it does where it depends on velocity.
+        chi2_reduced: scatter of the forces about their weighted means, relative to the noise. A value above one shows
+            that friction changes with amplitude, for example through the velocity.
         offsets: equilibrium position in each record [m].
-        notes: sentences on records that were left out, and on a rig that cannot swing as they do.
+        notes: sentences about skipped records, and about a rig with a different period.
 
     Examples:
         >>> import fricjax as fj
@@ -64,26 +67,33 @@ class HalfCycleFriction(Reported):
     notes: tuple[str, ...]
 
     def report(self) -> Report:
-        """One row per half-cycle, and what the half-cycles have in common."""
-        cells = zip(self.record.tolist(), 1e3 * self.swing, self.force, self.std, strict=True)
-        rows = [[i, float(swing), Measured(force, std)] for i, swing, force, std in cells]
+        """Report one row per half-cycle, and a summary."""
+        cells = zip(*(of.tolist() for of in (self.record, self.swing, self.force, self.std)), strict=True)
+        rows = [
+            [i, Cell(1e3 * swing, swing=swing), Cell(Measured(force, std), force=force, force_std=std)]
+            for i, swing, force, std in cells
+        ]
         facts = [
             ("mean friction force", uncertain(self.mean.value, self.mean.std, "N")),
             ("coefficient of friction", uncertain(self.mu.value, self.mu.std)),
             ("scatter over noise", f"{self.chi2_reduced:.3g} (reduced chi^2)"),
             ("data", f"{self.force.size} half-cycles in {len(self.offsets)} records"),
         ]
-        table = Table(["Record", "Path [mm]", "Mean friction force [N]"], rows)
+        units = {"swing": "m", "force": "N", "force_std": "N"}
+        table = Table(["Record", "Path [mm]", "Mean friction force [N]"], rows, units=units)
         return Report([table], facts, self.notes, heading="Half-cycles", data=vars(self))
 
     def thumbnails(self) -> Sequence[str]:
         return [curves_svg([Curve(self.swing, self.force, self.std)], ("Path", "m"), ("Mean friction force", "N"))]
 
     def plot(self, *, style: Style = "screen") -> Any:
-        """Mean friction force of each half-cycle against its path, with standard errors; a matplotlib figure.
+        """Plot the mean friction force of each half-cycle against its path.
 
         Args:
-            style: as of :func:`fricjax.show.styled`.
+            style: see :func:`fricjax.show.styled`.
+
+        Returns:
+            A matplotlib figure.
         """
         drawing, axes = figure()
         swing, unit_x = scaled(self.swing, "m")
@@ -100,14 +110,15 @@ class HalfCycleFriction(Reported):
 
 
 def half_cycle_friction(records: Any, rig: Rig, no_contact: Any = None) -> HalfCycleFriction:
-    """Mean friction force of each half-cycle after the first reversal, from the positions at the reversals alone.
+    """Measure the mean friction force of each half-cycle after the first reversal.
 
-    The equilibrium of each record is the one about which the same friction acts in all its half-cycles.
+    The method uses only the positions at the reversals. The equilibrium of each record is fitted such that all its
+    half-cycles have the same friction.
 
     Args:
-        records: a run, or a list of runs of one machine, each passed as to :func:`fricjax.fit`.
+        records: a run, or a list of runs of one machine, each as for :func:`fricjax.fit`.
         rig: restoring force, mass, load, and the damping and drag to subtract.
-        no_contact: a run without contact, from which damping and drag are fitted in place of those of the rig.
+        no_contact: a run without contact; its damping and drag replace those of the rig.
 
     Raises:
         RuntimeError: JAX computes in single precision.
@@ -131,7 +142,7 @@ def half_cycle_friction(records: Any, rig: Rig, no_contact: Any = None) -> HalfC
     chi2 = sum(each.chi2 + ((each.mean.value - joint.value) / each.mean.std) ** 2 for each in balances)
     reduced = float(chi2) / dof
     mean = Measured(joint.value, joint.std * max(reduced, 1.0) ** 0.5)
-    # The rig's inputs are moved by their standard uncertainties one after another (JCGM 100, 5.1).
+    # Shift each input of the rig by its standard uncertainty (JCGM 100, 5.1).
     load = float(rig.normal_force.value)
     mu, variance = mean.value / load, (mean.std / load) ** 2
     for other, scale in rig.shifted():
@@ -153,7 +164,7 @@ def half_cycle_friction(records: Any, rig: Rig, no_contact: Any = None) -> HalfC
 
 
 class _Balance(NamedTuple):
-    """Forces of the half-cycles of one record, their mean, the equilibrium, and the scatter about the mean."""
+    """Forces of one record, their mean, the equilibrium, and chi^2."""
 
     force: np.ndarray
     std: np.ndarray
@@ -163,7 +174,7 @@ class _Balance(NamedTuple):
 
 
 def _balance(decay: Decay, oscillator: Oscillator) -> _Balance:
-    """One friction force and the equilibrium of a record by generalised least squares."""
+    """Fit friction force and equilibrium of a record by generalised least squares."""
     points, step = decay.points, STEP * float(np.ptp(decay.points))
     offset = float(np.mean([points[:-1].mean(), points[1:].mean()]))
     for _ in range(ROUNDS):
@@ -180,7 +191,10 @@ def _balance(decay: Decay, oscillator: Oscillator) -> _Balance:
 
 
 def _solve(y: np.ndarray, std: np.ndarray, oscillator: Oscillator, step: float) -> tuple[np.ndarray, np.ndarray, float]:
-    """Mean force [N] and shift of the equilibrium [m], their covariance, and chi^2: neighbours share a reversal."""
+    """Return mean force [N] and shift of the equilibrium [m], covariance, chi^2.
+
+    The forces of neighbouring half-cycles are correlated, because they share a reversal.
+    """
     force = _forces(y, oscillator)
     slope = (_forces(y + step, oscillator) - _forces(y - step, oscillator)) / (2 * step)
     covariance = _covariance(y, std, oscillator, step)
@@ -188,19 +202,22 @@ def _solve(y: np.ndarray, std: np.ndarray, oscillator: Oscillator, step: float) 
     weights = np.linalg.solve(covariance, basis)
     inverse = np.linalg.inv(basis.T @ weights)
     solution = inverse @ (weights.T @ force)
-    left = force - basis @ solution
-    return solution, inverse, float(left @ np.linalg.solve(covariance, left))
+    residual = force - basis @ solution
+    return solution, inverse, float(residual @ np.linalg.solve(covariance, residual))
 
 
 def _forces(y: np.ndarray, oscillator: Oscillator) -> np.ndarray:
-    """Mean friction force of each half-cycle between reversals at `y` from the equilibrium [N]."""
+    """Return the mean friction force of each half-cycle [N].
+
+    The reversals are at `y` from the equilibrium.
+    """
     omega, zeta = float(oscillator.angular_frequency), float(oscillator.damping_ratio)
     rho, stiffness = np.exp(-np.pi * zeta / np.sqrt(1 - zeta**2)), float(oscillator.stiffness)
     sign = np.sign(y[:-1] - y[1:])
     before, after = sign * y[:-1], -sign * y[1:]
     potential = np.asarray(oscillator.restoring.potential(y, oscillator.stiffness))  # pyright: ignore[reportArgumentType]
     elastic = -np.diff(potential) / (before + after)
-    # Of a linear spring: the energy lost, over the path, less the friction force.
+    # For a linear spring: energy loss over path, minus the friction force.
     viscous = stiffness * ((before - after) / 2 - (rho * before - after) / (1 + rho))
     # Quadratic drag along a harmonic half-cycle, over its path.
     drag = float(oscillator.drag) * (2 / 3) * omega**2 * ((before + after) / 2) ** 2
@@ -208,7 +225,7 @@ def _forces(y: np.ndarray, oscillator: Oscillator) -> np.ndarray:
 
 
 def _covariance(y: np.ndarray, std: np.ndarray, oscillator: Oscillator, step: float) -> np.ndarray:
-    """Covariance of the forces by the uncertainty of the reversals, shape (n, n)."""
+    """Return the covariance of the forces from the reversals, shape (n, n)."""
     moved = [_forces(y + step * unit, oscillator) - _forces(y - step * unit, oscillator) for unit in np.eye(y.size)]
     slopes = np.array(moved).T / (2 * step) * std
     return slopes @ slopes.T

@@ -1,7 +1,7 @@
-"""Coefficients of friction by linear regression of the energy on the work of candidate forces.
+"""Friction coefficients by linear regression of the energy loss.
 
 Along a half-cycle the energy falls by ``sum_j theta_j int phi_j(|v|) |v| dt`` and the known losses. The coefficients
-theta enter linearly, and no acceleration is needed.
+theta of the candidate forces phi enter linearly, and no acceleration is needed.
 """
 
 from collections.abc import Callable
@@ -17,9 +17,9 @@ from .decay import decay, each_of, frictionless, with_losses
 from .force_samples import force_samples
 from .smoothing import Smoothed
 
-# Energies evaluated per half-cycle; their noise is correlated, and the full covariance is used.
+# Energies per half-cycle; the full covariance of their noise is used.
 NODES = 32
-# Shorter windows: energy needs no acceleration, and they bias the velocity less.
+# Factor for shorter windows, which bias the velocity less; energy needs no acceleration.
 SHORTENED = 0.5
 UNITS = {"coulomb": "N", "stribeck": "N", "viscous": "N s/m", "quadratic": "N s^2/m^2"}
 
@@ -31,12 +31,14 @@ def integral_friction(
     *,
     v_stribeck: float | None = None,
 ) -> Estimates:
-    """Coefficients of ``F = coulomb + stribeck exp(-(v/v_stribeck)^2) + viscous |v| + quadratic v^2``.
+    """Fit the coefficients of a friction law that is linear in them.
+
+    The law is ``F = coulomb + stribeck exp(-(v/v_stribeck)^2) + viscous |v| + quadratic v^2``.
 
     Args:
-        records: a run, or a list of runs of one machine, each passed as to :func:`fricjax.fit`.
-        rig: mass, restoring force, and the damping and drag to subtract; the coefficients come on top of them.
-        no_contact: a run without contact, from which damping and drag are fitted in place of those of the rig.
+        records: a run, or a list of runs of one machine, each as for :func:`fricjax.fit`.
+        rig: mass, restoring force, and the damping and drag to subtract; the fitted coefficients add to these.
+        no_contact: a run without contact; its damping and drag replace those of the rig.
         v_stribeck: Stribeck velocity [m/s]; None: without the second term.
 
     Raises:
@@ -83,10 +85,10 @@ def _equation(
     shapes: dict[str, Callable[[np.ndarray], np.ndarray]],
     column: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Work of the candidates up to each node of a half-cycle, energy lost there, and the covariance of the energies.
+    """Return work of the candidates, energy lost, and covariance, at each node.
 
-    All in units of the noise, and without the energy at the start. The last columns are what a shift of the equilibrium
-    of each record changes: the restoring force times the shift, in the `column` of this record.
+    All are in units of the noise and relative to an unknown energy at the start. The last columns are the effect of a
+    shift of the equilibrium of each record, the restoring force times the shift, in the `column` of this record.
     """
     from scipy.integrate import cumulative_simpson
 
@@ -101,9 +103,10 @@ def _equation(
     lost = -(mass * v**2 / 2 + potential)[nodes] - work[:, -1]
     picked = np.eye(x.size)[:, nodes]
     weights = restoring[:, None] * picked, (mass * v)[:, None] * picked, 0 * picked
-    covariance = smoothed.half_cycle.noise**2 * (seen := smoothed.response(weights)).T @ seen
+    response = smoothed.response(weights)
+    covariance = smoothed.half_cycle.noise**2 * response.T @ response
     std = np.sqrt(np.diag(covariance))
-    # The energy at the start is not known: the equations are projected on what does not depend on it.
+    # The energy at the start is unknown, so project the equations on the space that does not depend on it.
     start = (1 / std) / np.linalg.norm(1 / std)
     keep = (np.eye(std.size) - np.outer(start, start)) / std
     columns = np.column_stack([work[:, :-1], restoring[nodes, None] * column])

@@ -1,12 +1,12 @@
-"""The equation of motion in weak form: no derivative of the data, and every coefficient linear.
+"""The weak form of the equation of motion: linear, without derivatives.
 
-Multiplied by a smooth function phi that vanishes with its slope at both ends, and integrated by parts, the motion under
-Coulomb and viscous friction on a linear spring obeys
+Multiply the equation of motion for Coulomb and viscous friction on a linear spring by a smooth function phi that
+vanishes with its slope at both ends, and integrate by parts:
 
     int phi'' x - 2 zeta omega int phi' x + omega^2 int phi x - omega^2 b int phi + (F/m) int phi sgn(v) = 0.
 
-The integrand of the last jumps at the reversals: it is split there, and each part is known in closed form (modulating
-functions: Shinbrot 1957).
+The last integrand jumps at the reversals, so the integral is split there; each part has a closed form. The method is
+that of modulating functions (Shinbrot 1957).
 """
 
 from typing import Any, NamedTuple
@@ -18,16 +18,19 @@ from ..pairs.result import Estimates
 from ..rig import Rig
 from .decay import Decay, decay, each_of, frictionless
 
-# Length of phi in half-cycles: each contains a reversal, without which friction looks like a shifted equilibrium.
+# Length of phi in half-cycles. Each phi must contain a reversal; otherwise friction equals a shift of the equilibrium.
 SUPPORT = 1.25
-# From one phi to the next, likewise. They overlap, which the covariance of the equations knows.
+# Distance between neighbouring phi in half-cycles. They overlap, and the covariance of the equations accounts for it.
 SHIFT = 1 / 8
 # On [-1, 1]. With the fourth power phi'' vanishes at the ends too, so that plain sums of samples are good integrals.
 PHI = np.polynomial.Polynomial([1, 0, -1]) ** 4
 
 
 class _Equations(NamedTuple):
-    """One record: coefficients of (2 zeta omega, omega^2, F/m) and of omega^2 b, right-hand side, and operators."""
+    """The equations of one record.
+
+    `shared` are the coefficients of (2 zeta omega, omega^2, F/m), `of_offset` those of omega^2 b.
+    """
 
     shared: np.ndarray
     of_offset: np.ndarray
@@ -38,13 +41,13 @@ class _Equations(NamedTuple):
 
 
 def weak_form(records: Any, rig: Rig) -> Estimates:
-    """Natural frequency, damping ratio, coefficient of friction and equilibrium, all by linear equations.
+    """Estimate frequency, damping ratio, mu and equilibrium by linear equations.
 
-    Good as a start for any fit: nothing has to be guessed.
+    The estimates need no start values, and are good start values for any fit.
 
     Args:
-        records: a run, or a list of runs of one machine, each passed as to :func:`fricjax.fit`.
-        rig: mass and load, which turn the deceleration into a coefficient of friction.
+        records: a run, or a list of runs of one machine, each as for :func:`fricjax.fit`.
+        rig: mass and load, which convert the deceleration into a coefficient of friction.
 
     Returns:
         natural_frequency [Hz], damping_ratio [1], mu [1], and for each record an offset [m].
@@ -76,15 +79,15 @@ def weak_form(records: Any, rig: Rig) -> Estimates:
     values = inverse @ right
     covariances = []
     for each in records:
-        # Of the equations of one record, by the noise of its samples.
+        # Covariance of the equations of one record from the noise of its samples.
         plain, slope, curvature = each.operators
-        seen = (curvature - values[0] * slope + values[1] * plain) @ diags_array(each.noise)
-        covariances.append((seen @ seen.T).toarray())
+        response = (curvature - values[0] * slope + values[1] * plain) @ diags_array(each.noise)
+        covariances.append((response @ response.T).toarray())
     parts = zip((inverse[:, record == i] for i in range(len(records))), covariances, strict=True)
     covariance = sum(part @ each @ part.T for part, each in parts)
-    left, expected = right - basis @ values, sum(float(np.trace(each)) for each in covariances)
-    chi2 = float(left @ left) / expected * right.size / max(right.size - values.size, 1)
-    # The coefficients one asks for, and their derivatives with respect to those of the equations.
+    residual, expected = right - basis @ values, sum(float(np.trace(each)) for each in covariances)
+    chi2 = float(residual @ residual) / expected * right.size / max(right.size - values.size, 1)
+    # The final coefficients, and their derivatives with respect to those of the equations.
     viscous, square, friction, *pulls = values
     omega, ratio, size = np.sqrt(square), float(oscillator.mass) / float(oscillator.normal_force), values.size
     slopes = np.zeros((size, size))
@@ -101,7 +104,7 @@ def weak_form(records: Any, rig: Rig) -> Estimates:
 
 
 def _equations(decay: Decay) -> _Equations:
-    """The equations of one record: functions shifted along the motion from the first reversal to the end."""
+    """Set up the equations of one record, with shifted phi."""
     t, x = (np.concatenate([getattr(each, name) for each in decay.half_cycles]) for name in "tx")
     noise = np.concatenate([np.full(each.t.size, each.noise) for each in decay.half_cycles])
     half, centre = float(np.median(np.diff(decay.times))), float(np.mean(decay.points))
@@ -118,7 +121,10 @@ def _equations(decay: Decay) -> _Equations:
 
 
 def _operators(t: np.ndarray, middles: np.ndarray, width: float) -> tuple[Any, Any, Any]:
-    """Sparse matrices, shape (rows, n), that integrate the samples times phi and its first two derivatives."""
+    """Return sparse integrals of the samples times phi and its derivatives.
+
+    The matrices have shape (rows, n), for phi and its first two derivatives.
+    """
     from scipy.sparse import csr_array
 
     first, last = np.searchsorted(t, [middles - width, middles + width])

@@ -1,1 +1,1 @@
-"""Least squares with bounds, linear parameters and robust losses: it knows neither records nor oscillators."""
+"""Least squares with bounds, linear parameters and robust losses, independent of oscillators."""

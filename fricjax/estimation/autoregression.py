@@ -1,52 +1,55 @@
-"""Noise that remembers: its process estimated from its values, and the filter that makes innovations of it.
+"""Autoregressive noise: estimate the process and whiten residuals with it.
 
-A value follows from the last few and a fresh innovation,
+Each value is a linear combination of the previous values plus an independent innovation u,
 
     n_i = a_1 n_(i-1) + ... + a_p n_(i-p) + u_i.
 
-Coefficients come from least squares, which unlike those of Yule and Walker stay right for a process that hardly
-forgets; the order from Schwarz's criterion (Brockwell and Davis, Time Series, 1991, 8.7 and 9.3). Values come in
-stretches, of which `starts` gives the number of the first value, that of the first stretch included.
+Least squares estimates the coefficients. Unlike the Yule-Walker equations it stays accurate near a unit root.
+Schwarz's criterion selects the order (Brockwell and Davis, Time Series, 1991, 8.7 and 9.3). The data consist of
+uninterrupted segments; `starts` holds the index of the first value of each segment, including the first segment.
 """
 
 import numpy as np
 
 from .. import thresholds
 
-# Longest memory in rows. A hum that is no line, and a resonance under white noise, take some ten.
+# Highest order. Broad hum, or a resonance under white noise, takes about ten.
 _MOST = 24
-# Rows that an order or a nuisance must have for each of its numbers.
+# Rows required for each coefficient or nuisance parameter.
 _ROWS = 8
-# Standard errors by which a process must differ from one that walks at random to be taken for one with a level. A walk
-# itself seems to by up to 4.4, the more so the more is fitted beside it (Fuller, Introduction to Statistical Time
-# Series, 1996, table 10.A.2).
+# Standard errors by which a process must differ from a random walk to be considered stationary. A true random walk
+# reaches up to 4.4, and more if other functions are fitted with it (Fuller, Introduction to Statistical Time Series,
+# 1996, table 10.A.2).
 _LEVELLED = 5.0
-# By how much a sum of coefficients that is one may differ from it, and what a filter may leave of nothing.
+# Rounding tolerance for a sum of coefficients equal to one, and for a filter output equal to zero.
 ROUNDING = 1e-9
 
 
 def autoregression(left: np.ndarray, starts: np.ndarray) -> tuple[np.ndarray, float]:
-    """Coefficients of the process of the order that Schwarz's criterion chooses, and the criterion.
+    """Fit coefficients and order by Schwarz's criterion; return the criterion too.
 
-    White noise is given up for another only where the evidence is very strong.
+    White noise is rejected only on very strong evidence.
     """
     return process_of(*gram(left, starts, longest_memory(left.size, starts)))
 
 
 def longest_memory(rows: int, starts: np.ndarray) -> int:
-    """The highest order that the longest stretch of rows can determine."""
+    """Return the highest order that the longest segment can determine."""
     return min(_MOST, int(np.max(np.diff(np.append(starts, rows)), initial=0)) // _ROWS)
 
 
 def process_of(sums: np.ndarray, n: int) -> tuple[np.ndarray, float]:
-    """The same from sums of products of `n` values with those before them, shape (most + 1,) * 2."""
+    """Fit coefficients from lagged products of `n` values; return Schwarz's criterion too.
+
+    `sums` has shape (most + 1,) * 2.
+    """
     most = sums.shape[0] - 1
     if n == 0 or not sums[0, 0] > 0:
         return np.zeros(0), np.inf
-    # Values that follow a line or a smooth curve make the lags depend on each other to within rounding.
+    # If the values follow a smooth curve, the lags are collinear to within rounding.
     lags = sums[1:, 1:] + 1e-13 * sums[0, 0] * np.eye(most)
     lower = np.linalg.cholesky(lags) if most else lags
-    # What each further order takes from the sum of squares: one factor serves all orders.
+    # Reduction of the sum of squares by each further order; one factorisation serves all orders.
     along = np.linalg.solve(lower, sums[1:, 0])
     squares = sums[0, 0] - np.concatenate([[0.0], np.cumsum(along**2)])
     criteria = n * np.log(np.maximum(squares, 1e-30 * sums[0, 0]) / n) + np.log(n) * np.arange(most + 1)
@@ -56,7 +59,10 @@ def process_of(sums: np.ndarray, n: int) -> tuple[np.ndarray, float]:
 
 
 def without_level(coefficients: np.ndarray, sums: np.ndarray, n: int) -> np.ndarray:
-    """Coefficients that sum up to one, in which the noise has no level, where theirs is not clearly another."""
+    """Return coefficients constrained to sum to one, unless they clearly do not.
+
+    If they sum to one, the process is a random walk and has no mean level.
+    """
     order = coefficients.size
     if not order:
         return coefficients
@@ -68,7 +74,7 @@ def without_level(coefficients: np.ndarray, sums: np.ndarray, n: int) -> np.ndar
 
 
 def gram(left: np.ndarray, starts: np.ndarray, most: int) -> tuple[np.ndarray, int]:
-    """Sums of products of values up to so many places apart, and how many of each."""
+    """Sum lagged products up to lag `most`; also return the term count."""
     sums, n = np.zeros((most + 1, most + 1)), 0
     for part in np.split(left, starts[1:]):
         if part.size > most:
@@ -77,9 +83,10 @@ def gram(left: np.ndarray, starts: np.ndarray, most: int) -> tuple[np.ndarray, i
 
 
 def _products(part: np.ndarray, most: int) -> np.ndarray:
-    """Sums of products of the values `i` and `j` places before each that has `most` before it, shape (most + 1,) * 2.
+    """Sum lagged products of one segment, shape (most + 1,) * 2.
 
-    Those one place further back are the same sums but for a product at either end.
+    Entry (i, j) sums the products of the values i and j places before each value that has `most` predecessors. Entries
+    (i + 1, j + 1) and (i, j) differ only by one product at each end.
     """
     n, sums = part.size, np.zeros((most + 1, most + 1))
     sums[0] = [part[most:] @ part[most - lag : n - lag] for lag in range(most + 1)]
@@ -91,10 +98,11 @@ def _products(part: np.ndarray, most: int) -> np.ndarray:
 
 
 def innovations(columns: np.ndarray, starts: np.ndarray, coefficients: np.ndarray, excited: float = 1.0) -> np.ndarray:
-    """The columns through the filter that whitens the noise.
+    """Apply the whitening filter of the noise to the columns.
 
-    The first rows of a stretch, which have too few before them, are weighted by what a stationary process makes of
-    them, `excited` times as large; one that is not stationary says nothing of its level, and they are left out.
+    The first rows of a segment have too few predecessors for the filter. They get the weights of a stationary process
+    that starts `excited` times larger. For a non-stationary process they are omitted, since they carry no information
+    about its level.
     """
     order = coefficients.size
     if not order:
@@ -110,10 +118,10 @@ def innovations(columns: np.ndarray, starts: np.ndarray, coefficients: np.ndarra
 
 
 def start_of(coefficients: np.ndarray) -> np.ndarray:
-    """What makes the first values of a stationary process as many innovations, shape (order, order).
+    """Return the matrix that whitens the first values of a stationary process.
 
-    Each is predicted by those before it: by the process of so many coefficients, which follows from that of one more
-    (Durbin's and Levinson's recursion backwards; Brockwell and Davis, 5.2). Where there is no such process: (0, order).
+    Each value is predicted from those before it by the process of one order less (backward Durbin-Levinson recursion;
+    Brockwell and Davis, 5.2). The shape is (order, order), or (0, order) for a process that is not stationary.
     """
     order, a, variance = coefficients.size, coefficients, 1.0
     whitener = np.zeros((order, order))
@@ -127,7 +135,10 @@ def start_of(coefficients: np.ndarray) -> np.ndarray:
 
 
 def excitation(left: np.ndarray, starts: np.ndarray, coefficients: np.ndarray, std: float) -> float:
-    """Size of a process at its start over its stationary one, as of a mode that the release excites; at least one."""
+    """Return the initial size of a process over its stationary size.
+
+    At least one; releasing the oscillator may excite a mode and make the start larger.
+    """
     start, order = start_of(coefficients), coefficients.size
     parts = [part[:order] for part in np.split(left, starts[1:])]
     first = np.concatenate([start[: part.size, : part.size] @ part for part in parts])
@@ -135,6 +146,9 @@ def excitation(left: np.ndarray, starts: np.ndarray, coefficients: np.ndarray, s
 
 
 def spread_of(coefficients: np.ndarray, starts: np.ndarray, rows: int, excited: float = 1.0) -> float:
-    """Sum of the logarithms of the variances of the first values of all stretches over that of the innovations."""
+    """Return the log determinant of the first values' covariance, over all segments.
+
+    The covariance is that for innovations of unit variance.
+    """
     each = -2 * np.log(np.diag(start_of(coefficients)) / excited)
     return float(sum(each[:length].sum() for length in np.diff(np.append(starts, rows))))

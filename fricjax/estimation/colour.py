@@ -1,11 +1,10 @@
-"""The colour of noise, estimated from the residuals of a fit, and least squares that weight residuals by it.
+"""Noise models estimated from residuals, and whitening for generalised least squares.
 
-Noise that remembers makes neighbouring residuals repeat each other, and standard errors that take them for
-independent are too small. Here the noise is a process (:mod:`.autoregression`), or kicks of a
-linear system (:mod:`.process`): residuals and their derivatives go through the filter that makes innovations
-of it before they are squared, and the least squares of what comes out are the generalised ones, with the covariance
-that belongs to them. A drift and the lines of a hum are no process but a function of time, and rounding is one of the
-reading: their size is fitted beside the parameters.
+Correlated noise makes neighbouring residuals similar, and standard errors that assume independence are then too
+small. Here the noise is an autoregressive process (:mod:`.autoregression`) or the response of a linear system to
+white noise (:mod:`.process`). The matching filter turns residuals and their derivatives into independent innovations.
+Least squares of the filtered values are generalised least squares with the appropriate covariance. Drift, hum lines
+and rounding errors are deterministic functions; their amplitudes are fitted together with the parameters.
 """
 
 from typing import NamedTuple
@@ -29,20 +28,23 @@ from .covariance import WEAKEST
 from .hum import lines_of, waves_of
 from .process import StateTransition, filtered
 
-# Rounds in which the parameters and the colour of what they leave converge to a hundredth of a standard error, and in
-# which the restricted likelihood of the colour does.
+# Iterations between parameters and noise model until both converge to a hundredth of a standard error, and
+# iterations of the restricted likelihood.
 _ROUNDS, _RESTRICTED_ROUNDS = 4, 12
 
 
 class Series(NamedTuple):
-    """Residuals of one run in rows that follow each other at one interval of time, in units of their relative noise.
+    """Residuals of one run in equidistant rows, relative to their noise.
+
+    A row is the mean of consecutive samples.
 
     Attributes:
         t: times [s], shape (n,).
-        residual: shape (n,); `slopes`: their derivatives by the coordinates, shape (n, p).
-        unit: what a displacement that all rows share is in each of them, one over the relative noise, shape (n,).
-        starts: number of each row that does not follow on the one before it, the first one included.
-        rounding: functions of the reading that its rounding leaves in the residuals, shape (n, k); k is 0 for none.
+        residual: shape (n,).
+        slopes: derivatives of the residuals with respect to the coordinates, shape (n, p).
+        unit: effect of a unit displacement on each row, one over its relative noise, shape (n,).
+        starts: index of each row that begins a segment, including the first row.
+        rounding: functions that describe the rounding of the reading, shape (n, k); k is 0 for no rounding.
     """
 
     t: np.ndarray
@@ -54,30 +56,33 @@ class Series(NamedTuple):
 
 
 class Colour(NamedTuple):
-    """What the noise of a series is.
+    """Noise model of a series.
 
     Attributes:
-        coefficients: of the process, the nearest first, shape (order,).
+        coefficients: coefficients of the autoregressive process, nearest lag first, shape (order,).
         std: standard deviation of an innovation, in units of the residuals.
-        left: the residuals with the parameters and the functions beside the noise fitted anew, shape (n,).
-        beside: functions that are in the residuals beside the noise, shape (n, k): drift, lines of a hum, rounding.
-        drift: whether a drift is among them, the first; `lines`: frequencies of the hum [Hz].
-        sizes: amplitude of each that is to be added to the residuals to remove it from them, shape (k,).
-        excited: size of the process at its start, where the release may excite it, over its stationary one.
-        kicks: spectral density of kicks that make the noise beside an independent part, in squared units of the latter.
-        spread: sum of the logarithms of the variances of all rows, those before known, over that of an innovation.
-        transition: of the linear system that they kick; None where there are none.
-        sides: kicks that are one standard error weaker or stronger, and the standard deviations beside them.
-        shape: coefficients of the process that the innovations of moving rows still are, for a floor does not shake
-            alike at all frequencies; none where they are white. `shape_std`: deviation of its innovations.
-        last: number of rows that count, from the first on, for behind them kicks have led too far from the motion for
-            a linear system; None for all.
+        left: residuals after fitting the parameters and the deterministic functions, shape (n,).
+        drift: True if the first deterministic function is a drift.
+        lines: frequencies of the hum [Hz].
+        sizes: coefficient of each deterministic function; adding size times function to the residuals removes it,
+            shape (k,).
+        excited: size of the process at its start relative to its stationary size.
+        kicks: spectral density of the white acceleration that drives `transition`, in units of the variance of the
+            independent noise.
+        spread: log determinant of the covariance for innovations of unit variance: sum of the logarithms of the
+            predicted variances of all rows.
+        transition: state transition of the driven linear system; None if there is no such system.
+        sides: pairs (kicks, std) with `kicks` one standard error weaker and stronger.
+        shape: autoregressive coefficients of the remaining innovations of the moving rows, since floor motion is not
+            white at all frequencies; empty if they are white.
+        shape_std: standard deviation of the innovations of that process.
+        last: number of rows to use from the start; later rows deviate too far for a linear system. None for all.
     """
 
     coefficients: np.ndarray
     std: float
     left: np.ndarray
-    beside: np.ndarray
+    beside: np.ndarray  # Deterministic functions, shape (n, k): drift, lines of a hum, rounding.
     drift: bool
     lines: tuple[float, ...]
     sizes: np.ndarray
@@ -92,16 +97,16 @@ class Colour(NamedTuple):
 
     @property
     def waves(self) -> np.ndarray:
-        """Amplitudes of the cosine and the sine of each line, shape (lines, 2)."""
+        """Cosine and sine amplitudes of each line, shape (lines, 2)."""
         first = int(self.drift)
         return self.sizes[first : first + 2 * len(self.lines)].reshape(-1, 2)
 
     def speed(self, t: np.ndarray) -> float:
-        """Speed of the drift over the times of a series."""
+        """Return the speed of the drift over the times of a series."""
         return float(self.sizes[0] / np.ptp(t)) if self.drift else 0.0
 
     def at(self, t: np.ndarray, series: np.ndarray) -> np.ndarray:
-        """Drift and hum at times, which are those of a series or between them."""
+        """Evaluate drift and hum at times within the range of a series."""
         waves = np.zeros(t.size)
         for line, (cosine, sine) in zip(self.lines, self.waves, strict=True):
             waves += cosine * np.cos(2 * np.pi * line * t) + sine * np.sin(2 * np.pi * line * t)
@@ -109,35 +114,35 @@ class Colour(NamedTuple):
 
     @property
     def has_level(self) -> bool:
-        """Whether the noise has a level about which it wanders, unlike a random walk."""
+        """True if the noise has a mean level, unlike a random walk."""
         return abs(1 - float(self.coefficients.sum())) > ROUNDING
 
     @property
     def log_determinant(self) -> float:
-        """Logarithm of the determinant of the covariance of the rows, by the variances of their innovations."""
+        """Log determinant of the covariance of the rows, from the innovation variances."""
         return float(self.left.size * np.log(self.std**2)) + self.spread
 
     @property
     def n_parameters(self) -> int:
-        """How many numbers it has beside the variance; a line has a frequency besides its two sizes."""
+        """Number of parameters besides the variance; each line has three."""
         processes = self.coefficients.size + self.shape.size + (self.shape.size > 0)
         return processes + self.sizes.size + len(self.lines) + (self.transition is not None)
 
 
 def colour_of(series: Series, level: float, drifts: bool, motion: float = 0.0) -> Colour | None:
-    """The colour of what a fit leaves, None for white noise.
+    """Fit a noise model to the residuals; return None for white noise.
 
     Args:
         series: residuals of a fit and their derivatives.
         level: variance of its rows if their samples were independent.
-        drifts: whether a drift may be in the residuals, which is not where the fit has one of its own.
-        motion: frequency of the motion itself [Hz]; a line near it is no hum but what the model lacks.
+        drifts: whether to allow a drift; False if the fit already includes one.
+        motion: frequency of the motion [Hz]; a line near it indicates a model error, not hum.
     """
     n = series.t.size
     alone, criterion = _candidate(series, np.zeros((n, 0)), False, ())
     u = (series.t - series.t.mean()) / max(np.ptp(series.t), np.finfo(float).tiny)
     drift = (u * series.unit)[:, None]
-    # Whatever is more than a process alone has to show by very strong evidence.
+    # Any model beyond a single autoregressive process requires very strong evidence.
     rivals = [(alone, criterion - thresholds.VERY_STRONG)]
     if drifts and (alone.coefficients.size or _shows(alone.left, series.slopes, drift[:, 0])):
         rivals.append(_candidate(series, drift, True, ()))
@@ -155,7 +160,7 @@ def colour_of(series: Series, level: float, drifts: bool, motion: float = 0.0) -
 
 
 def process_of_noise(series: Series, level: float) -> Colour | None:
-    """The same where nothing but a process may be in the residuals."""
+    """Fit a noise model that contains only an autoregressive process."""
     alone, _ = _candidate(series._replace(rounding=series.rounding[:, :0]), np.zeros((series.t.size, 0)), False, ())
     if alone.coefficients.size:
         return _restricted(series, alone)
@@ -164,12 +169,11 @@ def process_of_noise(series: Series, level: float) -> Colour | None:
 
 
 def _restricted(series: Series, colour: Colour) -> Colour:
-    """The same process by its restricted likelihood.
+    """Refit the autoregressive process by restricted likelihood.
 
-    What functions were fitted to noise that remembers took of it is missing in the residuals, and most of it where the
-    motion itself has its power. Products of the noise are expected to be those of the residuals and of what the
-    functions took in the mean, one standard error each: a step of expectation and maximisation (Laird and Ware,
-    Biometrics 38, 963, 1982), with which the coefficients converge.
+    The fitted functions absorb part of the correlated noise, mostly near the frequency of the motion, so the residuals
+    contain too little of it. Each step adds the expected loss back to the lagged products: one standard error along
+    each fitted function. This is expectation maximisation (Laird and Ware, Biometrics 38, 963, 1982).
     """
     columns = np.column_stack([series.slopes, colour.beside])
     scale = np.maximum(np.sqrt(np.mean(columns**2, axis=0)), np.finfo(float).tiny)
@@ -198,10 +202,10 @@ def _restricted(series: Series, colour: Colour) -> Colour:
 
 
 def _least_squares(white: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Sizes of columns behind the first that make it the least, and the combinations of them that are orthonormal.
+    """Regress the first column on the others; return coefficients and orthonormal combinations.
 
-    The columns had a mean square of one before they went through a filter; what this leaves of one but for rounding, as
-    of a constant through that of a random walk, counts.
+    Before filtering the columns had unit mean square. A column that the filter reduces to rounding error is dropped,
+    for example a constant under the filter of a random walk.
     """
     columns = white[:, 1:]
     standard = _orthonormal(columns.T @ columns, ROUNDING**2 * columns.shape[0])
@@ -209,10 +213,10 @@ def _least_squares(white: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _orthonormal(products: np.ndarray, least: float = 0.0) -> np.ndarray:
-    """Combinations of columns, as many as these determine, that are orthonormal, shape (columns, rank).
+    """Return the orthonormal combinations of columns, shape (columns, rank).
 
-    By their products: of long columns a decomposition takes ten times as long, and on busy cores a hundred. A column
-    whose square is not above `least` is none.
+    The normal products suffice; decomposing long columns takes ten times as long. Columns with a square of at most
+    `least` are ignored.
     """
     squares = np.diag(products)
     unit = np.sqrt(np.divide(1.0, squares, out=np.zeros(squares.size), where=squares > least))
@@ -222,17 +226,23 @@ def _orthonormal(products: np.ndarray, least: float = 0.0) -> np.ndarray:
 
 
 def _shows(left: np.ndarray, slopes: np.ndarray, function: np.ndarray) -> bool:
-    """Whether a function of time may explain some of white residuals, which the derivatives do not."""
+    """Return True if a function may explain more than the derivatives do.
+
+    The residuals `left` are white.
+    """
     along = _orthonormal(slopes.T @ slopes).T @ (slopes.T @ function)
     apart = function @ function - along @ along
     explained = (function @ left) ** 2 / max(apart, 1e-9 * (function @ function), np.finfo(float).tiny)
     share = min(explained / max(left @ left, np.finfo(float).tiny), 0.999)
-    # Half the evidence that will be asked for.
+    # Half the evidence required later.
     return bool(-left.size * np.log1p(-share) > thresholds.VERY_STRONG / 2)
 
 
 def _candidate(series: Series, functions: np.ndarray, drift: bool, lines: tuple[float, ...]) -> tuple[Colour, float]:
-    """The colour of a process beside functions of time and the rounding, and Schwarz's criterion."""
+    """Fit a process with deterministic functions; return the model and Schwarz's criterion.
+
+    The functions are those given and the rounding of the series.
+    """
     beside = np.column_stack([functions, series.rounding])
     columns = np.column_stack([series.slopes, beside])
     columns = columns / np.maximum(np.sqrt(np.mean(columns**2, axis=0)), np.finfo(float).tiny)
@@ -255,13 +265,16 @@ def _candidate(series: Series, functions: np.ndarray, drift: bool, lines: tuple[
 
 
 def white(series: Series, level: float) -> Colour:
-    """The colour of white noise with this variance of a row."""
+    """Return the noise model of white noise with row variance `level`."""
     nothing = np.zeros(0)
     return Colour(nothing, float(np.sqrt(level)), series.residual, np.zeros((series.t.size, 0)), False, (), nothing)
 
 
 def whitened(series: Series, colour: Colour) -> tuple[np.ndarray, np.ndarray]:
-    """Innovations of unit variance, and their derivatives by the coordinates, without what other functions explain."""
+    """Return innovations of unit variance and their derivatives.
+
+    The deterministic functions are projected out of both.
+    """
     columns = whitened_columns(np.column_stack([series.residual, series.slopes, colour.beside]), series, colour)
     p = series.slopes.shape[1] + 1
     white = columns[:, :p]
@@ -272,7 +285,7 @@ def whitened(series: Series, colour: Colour) -> tuple[np.ndarray, np.ndarray]:
 
 
 def whitened_columns(columns: np.ndarray, series: Series, colour: Colour) -> np.ndarray:
-    """Columns in the rows of a series, through the filter that makes innovations of unit variance of its noise."""
+    """Whiten columns with the rows of a series to unit innovation variance."""
     if colour.transition is None:
         return innovations(columns, series.starts, colour.coefficients, colour.excited) / colour.std
     white = filtered(columns, series.unit, colour.transition, np.array([colour.kicks]))[0][0] / colour.std
@@ -282,7 +295,7 @@ def whitened_columns(columns: np.ndarray, series: Series, colour: Colour) -> np.
 
 
 def instants(series: Series, colour: Colour) -> np.ndarray:
-    """Times of the rows that are left of a series once it is whitened."""
+    """Return the times of the rows that remain after whitening."""
     order = colour.coefficients.size
     if colour.transition is not None:
         return series.t[: colour.last]
@@ -292,7 +305,7 @@ def instants(series: Series, colour: Colour) -> np.ndarray:
 
 
 def autoregressive(series: Series) -> Colour:
-    """The colour of an autoregression of the residuals as they are, without functions beside it."""
+    """Fit an autoregressive process to the residuals without any deterministic function."""
     coefficients, _ = autoregression(series.residual, series.starts)
     level = float(np.var(innovations(series.residual[:, None], series.starts, coefficients)))
     spread = spread_of(coefficients, series.starts, series.t.size)

@@ -1,9 +1,9 @@
-"""Covariance of a fit: from the normal matrix at the optimum, and from the uncertain inputs of the rig to first order.
+"""Covariance of a fit from its normal matrix and uncertain rig inputs.
 
-The eigenvalues of ``J'J``, its rows and columns scaled to a unit diagonal, give the covariance, the rank and the
-undetermined directions. An input ``b`` with standard uncertainty ``u(b)`` that is fixed moves the optimum by
-``dp/db = -(J'J)^-1 J' dr/db``; its share of the covariance is ``(dp/db) u(b)^2 (dp/db)'`` (JCGM 100, 5.1). The
-inputs are coordinates of the residual like the parameters, so ``J' dr/db`` is a block of the same matrix.
+``J'J``, scaled to a unit diagonal, gives the covariance, the rank and the undetermined directions through its
+eigenvalues. An input ``b`` with standard uncertainty ``u(b)`` that is fixed moves the optimum by
+``dp/db = -(J'J)^-1 J' dr/db``. Its contribution to the covariance is ``(dp/db) u(b)^2 (dp/db)'`` (JCGM 100, 5.1).
+The inputs are coordinates of the residual like the parameters, so ``J' dr/db`` is a block of the same matrix.
 """
 
 from typing import NamedTuple
@@ -11,24 +11,24 @@ from typing import NamedTuple
 import numpy as np
 
 WEAKEST = 1e-13
-"""Eigenvalue, in that of the strongest direction, below which rounding of J'J hides a direction; the least damping ever
-used. Derived: a thousand roundings of double precision."""
+"""Smallest eigenvalue relative to the largest; below it rounding of J'J hides a direction. Also the least damping.
+A thousand roundings of double precision."""
 
 COVERAGE = 1.959963984540054
 """Half-width of a 95 % interval in standard errors."""
 LIKELIHOOD_DROP = 3.841458820694124
-"""Rise of chi^2, twice the fall of log likelihood, at its ends: the 95 % point of chi^2 of one degree of freedom."""
+"""Rise of chi^2 at the ends of a 95 % interval: the 95 % point of chi^2 with one degree of freedom."""
 
 
 class Quadratic(NamedTuple):
-    """Shape of chi^2 about a point, in coordinates.
+    """Quadratic model of chi^2 about a point, in coordinates.
 
     Attributes:
         inverse: inverse of J'J among the movable and determined parameters, zero elsewhere, shape (p, p).
         step: Gauss-Newton step from the point to the minimum, shape (p,).
         undetermined: parameters along a direction that the record does not determine, shape (p,).
         at_bound: parameters at a bound, shape (p,).
-        distance: length of the step in units in which a standard error of unit variance is one.
+        distance: length of the step in standard errors for unit variance.
     """
 
     inverse: np.ndarray
@@ -39,22 +39,22 @@ class Quadratic(NamedTuple):
 
 
 def quadratic(gradient: np.ndarray, normal: np.ndarray, at_bound: np.ndarray) -> Quadratic:
-    """Shape of chi^2 where its gradient is `gradient`, with some parameters at a bound."""
+    """Build the quadratic model of chi^2 from its gradient and normal matrix."""
     p, movable = normal.shape[0], ~at_bound
     size = np.sqrt(np.where(movable, np.diag(normal), 0.0))
     active = np.flatnonzero((size > 0) & np.isfinite(size))
     inverse, undetermined = np.zeros((p, p)), movable.copy()
     undetermined[active] = False
     if active.size and np.all(np.isfinite(normal[np.ix_(active, active)])):
-        # Scaled to a unit diagonal, so that the rank does not depend on the units of the parameters.
+        # A unit diagonal makes the rank independent of the parameters' units.
         unit = size[active]
         eigenvalues, vectors = np.linalg.eigh(normal[np.ix_(active, active)] / np.outer(unit, unit))
         weak = eigenvalues < WEAKEST * eigenvalues[-1]
         strength = np.where(weak, 0.0, 1 / np.where(weak, 1.0, eigenvalues))
         inverse[np.ix_(active, active)] = (vectors * strength) @ vectors.T / np.outer(unit, unit)
-        # A parameter with less than a thousandth of a weak direction takes part in it by rounding alone.
+        # A component below a thousandth of a weak direction comes from rounding.
         undetermined[active] = np.any(np.abs(vectors[:, weak]) > 1e-3, axis=1)
-    # Where the model fails the gradient is not finite, and neither is the distance.
+    # The gradient is not finite if the model fails; then the distance is not finite either.
     with np.errstate(invalid="ignore"):
         step = -inverse @ gradient
         gain = -(step @ gradient)
@@ -84,22 +84,22 @@ class Covariance(NamedTuple):
 def covariance(
     shape: Quadratic, slope: np.ndarray, normal: np.ndarray, variance: float, additional: np.ndarray
 ) -> Covariance:
-    """Covariance at the optimum.
+    """Compute the covariance at the optimum.
 
     Args:
-        shape: the quadratic form of chi^2 there.
+        shape: quadratic model of chi^2 at the optimum.
         slope: derivative of each value with respect to its coordinate, shape (p,).
-        normal: J'J of the parameters and behind them the inputs of the rig, shape (p + inputs, p + inputs).
+        normal: J'J of the parameters followed by the inputs of the rig, shape (p + inputs, p + inputs).
         variance: variance of a residual of unit weight.
-        additional: covariance of the coordinates beside that, shape (p, p).
+        additional: further covariance of the coordinates to add, shape (p, p).
     """
     p = slope.size
-    # Where a fit has gone astray its matrices may be larger than numbers can be.
+    # The matrices of a failed fit may overflow.
     with np.errstate(over="ignore", invalid="ignore"):
         statistical = slope[:, None] * (variance * shape.inverse + additional) * slope
         contributions = -slope[:, None] * (shape.inverse @ normal[:p, p:])
         combined = statistical + contributions @ contributions.T
-    # Inf, for a large number would pass for a standard error.
+    # Use inf, since a large finite number could be mistaken for a standard error.
     lost = shape.undetermined | shape.at_bound
     for matrix in (statistical, combined):
         matrix[lost, :] = matrix[:, lost] = 0.0
@@ -110,7 +110,10 @@ def covariance(
 
 
 def correlation(matrix: np.ndarray) -> np.ndarray:
-    """Correlation matrix of a covariance, shape (p, p); NaN where a parameter is undetermined."""
+    """Return the correlation matrix of a covariance.
+
+    Shape (p, p); NaN for undetermined parameters.
+    """
     std = np.sqrt(np.diag(matrix))
     with np.errstate(invalid="ignore"):
         return matrix / np.outer(std, std)

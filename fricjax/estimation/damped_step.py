@@ -1,8 +1,7 @@
-"""Steps on the quadratic model of a pass: damped, within bounds, and free of the coordinates that need no step.
+"""Damped steps within bounds, and projection of linear coordinates.
 
-All systems have the normal matrix scaled to a unit diagonal, so that units of parameters and residuals drop out.
-Small ones are eliminated in elementwise operations, without a call into LAPACK, which would cost more than the
-arithmetic, several of them side by side along the leading axis.
+All systems scale the normal matrix to a unit diagonal, so the units of parameters and residuals cancel. Small systems
+are eliminated elementwise, in batches along the leading axis; a call into LAPACK would cost more than the arithmetic.
 """
 
 from typing import Any, NamedTuple
@@ -14,18 +13,25 @@ from jaxtyping import Array, Bool, Float
 from .covariance import WEAKEST
 from .passes import Pass
 
-# Largest system that is eliminated here; beyond it a call into LAPACK costs less than the arithmetic.
+# Largest system eliminated here; for larger ones LAPACK is faster.
 _LARGEST_SMALL = 32
-# Part of the cost below which what a projection leaves of it has lost half of its digits.
+# Relative cost after projection below which the difference has lost half of its digits.
 _DIGITS_LOST = 1e-8
-# Part of a Gauss-Newton step that damping may take for the step to be tried undamped.
+# Largest part of a Gauss-Newton step that damping may remove for the step to be tried undamped.
 _TAKEN = 0.5
 
 Systems = Float[Array, "k p"]
 
 
 class Setting(NamedTuple):
-    """The solver's options as arrays: bounds, degrees of freedom, sum of squares by rounding, projected coordinates."""
+    """Solver options as arrays.
+
+    Attributes:
+        lower, upper: bounds, shape (p,).
+        dof: degrees of freedom.
+        floor: sum of squares caused by rounding alone.
+        linear: coordinates to project, shape (p,).
+    """
 
     lower: Float[Array, " p"]
     upper: Float[Array, " p"]
@@ -42,13 +48,13 @@ class Setting(NamedTuple):
 
 
 def units(normal: Float[Array, "p p"]) -> Float[Array, " p"]:
-    """Length of each column of the Jacobian, one for a column of zeros."""
+    """Return the length of each Jacobian column, one for a zero column."""
     diagonal = jnp.diagonal(normal)
     return jnp.sqrt(jnp.where(diagonal > 0, diagonal, 1.0))
 
 
 def eliminate(matrix: Float[Array, "... n n"], right: Float[Array, "... n"]) -> Float[Array, "... n"]:
-    """Solutions of systems, by Gauss-Jordan elimination without pivoting, compiled once for any size."""
+    """Solve systems by Gauss-Jordan elimination without pivoting, with one program per size."""
     n = right.shape[-1]
     index = jnp.arange(n)[:, None]
 
@@ -61,7 +67,9 @@ def eliminate(matrix: Float[Array, "... n n"], right: Float[Array, "... n"]) -> 
 
 
 def restricted_solve(normal: Array, damping: Systems, free: Bool[Array, "k p"], right: Systems) -> Systems:
-    """Solve ``(S^-1 H S^-1 + diag(damping)) S x = S^-1 right`` among the free unknowns, with the units S of H.
+    """Solve damped normal equations for the free unknowns.
+
+    The system is ``(S^-1 H S^-1 + diag(damping)) S x = S^-1 right``, with S the column lengths of H.
 
     Args:
         normal: H, shape (p, p).
@@ -70,7 +78,7 @@ def restricted_solve(normal: Array, damping: Systems, free: Bool[Array, "k p"], 
         right: right-hand sides, shape (k, p).
 
     Returns:
-        x, shape (k, p), zero where it is not free.
+        x, shape (k, p), zero for fixed unknowns.
     """
     unit, p = units(normal), normal.shape[0]
     identity = jnp.eye(p)
@@ -85,11 +93,11 @@ def restricted_solve(normal: Array, damping: Systems, free: Bool[Array, "k p"], 
 def bounded_steps(
     here: Pass, damping: Systems, lower: Float[Array, " p"], upper: Float[Array, " p"]
 ) -> Float[Array, "k p"]:
-    """Low points of damped models within a box, by an active set.
+    """Minimise damped models within a box by an active set.
 
-    A parameter at its bound that the gradient presses outward stays there. The step goes straight to the lowest
-    point of the others; where it meets a bound, that parameter stays at it and the others continue from there. So the
-    model only falls along the way.
+    A parameter at a bound stays there if the gradient presses it outward. The step goes straight to the minimum over
+    the other parameters. If it meets a bound, that parameter is fixed there and the others continue. The model
+    therefore decreases along the whole path.
 
     Args:
         here: cost, gradient and normal matrix at the present point.
@@ -118,19 +126,19 @@ def bounded_steps(
 
 
 def pressed(here: Pass, lower: Float[Array, " p"], upper: Float[Array, " p"]) -> Bool[Array, " p"]:
-    """Parameters that cannot move: at a bound with the gradient pressing outward, or between equal bounds."""
+    """Return the parameters pressed outward at a bound, or between equal bounds."""
     return ((lower >= 0) & (here.gradient > 0)) | ((upper <= 0) & (here.gradient < 0)) | (lower == upper)
 
 
 def project(there: Pass, linear: Bool[Array, " p"]) -> tuple[Pass, Float[Array, " p"], Bool[Array, ""]]:
-    """Move the coordinates in which the residual is linear to their optimum (Golub and Pereyra, 1973).
+    """Move linear coordinates to their optimum (Golub and Pereyra, 1973).
 
-    In them the pass is the exact quadratic model as long as the other columns of the Jacobian do not depend on them,
-    so the pass at the moved point follows in closed form, all but what else it has kept.
+    The quadratic model is exact in coordinates in which the residual is linear, as long as the other columns of the
+    Jacobian do not depend on them. The pass at the moved point then follows in closed form, except for `kept`.
 
     Returns:
-        The pass at the moved point; the move, shape (p,); and whether the cost fell so far that its difference has
-        lost digits which only another pass brings back.
+        The pass at the moved point; the move, shape (p,); and whether cancellation lost so many digits of the cost
+        that the model must be evaluated again.
     """
     weakest = jnp.full((1, linear.size), WEAKEST)
     move = restricted_solve(there.normal, weakest, linear[None], -there.gradient[None])[0]
@@ -144,11 +152,11 @@ class Proposal(NamedTuple):
     """The damped and the Gauss-Newton step from a point, within the bounds.
 
     Attributes:
-        trial: where the step ends that is to be tried.
-        predicted: by how much it should lower the cost.
-        full: the Gauss-Newton step.
-        shortening: its square in the metric of the normal matrix: twice what it should lower the cost by.
-        undamped: whether the trial is the Gauss-Newton step.
+            trial: end point of the step to try.
+            predicted: predicted reduction of the cost.
+            full: the Gauss-Newton step.
+            shortening: its square in the metric of the normal matrix: twice the cost reduction it predicts.
+            undamped: whether the trial is the Gauss-Newton step.
     """
 
     trial: Float[Array, " p"]
@@ -159,10 +167,18 @@ class Proposal(NamedTuple):
 
 
 def propose(y: Array, here: Pass, scale: Array, damping: Array, setting: Setting, trusted: Array) -> Proposal:
-    """Solve for both steps from `y`, whose pass is `here`; `scale` is the largest diagonal of ``J'J`` met so far.
+    """Compute the damped and the undamped step from `y`.
 
-    The trial is the Gauss-Newton step where its shortening is below that which is `trusted`, and damping leaves most of
+    The trial is the Gauss-Newton step if its shortening is below `trusted` and damping would remove less than half of
     it.
+
+    Args:
+        y: present point, shape (p,).
+        here: pass at `y`.
+        scale: largest diagonal of ``J'J`` so far, shape (p,).
+        damping: damping strength.
+        setting: solver options.
+        trusted: shortening below which the quadratic model is trusted.
     """
     relative = jnp.where(setting.linear, 0.0, damping * scale / units(here.normal) ** 2)
     lower, upper = setting.lower - y, setting.upper - y
@@ -170,10 +186,10 @@ def propose(y: Array, here: Pass, scale: Array, damping: Array, setting: Setting
     steps = bounded_steps(here, dampings, lower, upper)
     bends = jnp.sum(steps * (steps @ here.normal), axis=1)
     full, shortening = steps[1], bends[1]
-    # Along a direction that the residual hardly tells damping is what keeps a step short.
+    # Only damping keeps a step short along a direction to which the residual is insensitive.
     size, shortened = jnp.sum((units(here.normal) * jnp.stack([full, full - steps[0]])) ** 2, axis=1)
     undamped = (shortening < trusted) & (shortened < _TAKEN**2 * size)
     step, bend = jnp.where(undamped, full, steps[0]), jnp.where(undamped, shortening, bends[0])
-    # A step that ends at a bound ends there exactly, which adding it to `y` would miss by rounding.
+    # Set the bound exactly; adding the step to `y` would miss it by rounding.
     trial = jnp.where(step <= lower, setting.lower, jnp.where(step >= upper, setting.upper, y + step))
     return Proposal(trial, -(here.gradient @ step + bend / 2), full, shortening, undamped)

@@ -1,36 +1,40 @@
-"""The lines of a hum in the noise of a series: which stand out of its spectrum, and their waves in its rows."""
+"""Hum in the noise of a series: spectral lines and their waves."""
 
 import functools
 from collections.abc import Iterable, Sequence
 
 import numpy as np
 
-# Power of a line over the median of its neighbours, which white noise exceeds at one of 10^9 frequencies.
+# Power of a line relative to the median of its neighbours; white noise exceeds it at one of 10^9 frequencies.
 _LINE = 30.0
-# Frequencies that count as neighbours on either side, those that a line reaches itself under Hann's window, and the
-# most lines that are looked for.
+# Neighbouring frequencies on either side, the half-width of a line under Hann's window, and the maximum number of
+# lines.
 _NEAR, _WIDE, _LINES = 24, 3, 3
-# Steps of Gauss and Newton to the frequency of a line, which begin within a tenth of the resolution.
+# Gauss-Newton steps for the frequency of a line, starting within a tenth of the resolution.
 _TUNINGS = 3
 
 
 def waves_of(t: np.ndarray, unit: np.ndarray, lines: Iterable[float]) -> np.ndarray:
-    """Cosine and sine of each line [Hz] in rows, each a mean over its time, shape (n, 2 lines)."""
+    """Return cosine and sine of each line [Hz], averaged over each row.
+
+    Shape (n, 2 lines).
+    """
     row = _interval(t)
     waves = [np.sinc(line * row) * f(2 * np.pi * line * t) for line in lines for f in (np.cos, np.sin)]
     return np.column_stack(waves) * unit[:, None]
 
 
 def _interval(t: np.ndarray) -> float:
-    """Time from one row to the next, of most of them [s]."""
+    """Return the median time between rows [s]."""
     return float(np.median(np.diff(t)))
 
 
 @functools.lru_cache(maxsize=16)
 def fast_length(n: int) -> int:
-    """The least length of `n` or more of which a Fourier transform is fast: without prime factors above five.
+    """Return the smallest 5-smooth integer of at least `n`.
 
-    SciPy has it too, but its import takes as long as all else that the host does in a first fit.
+    A fast Fourier transform of this length is efficient. `scipy.fft.next_fast_len` is equivalent, but importing SciPy
+    would slow down a first fit.
 
     Examples:
         >>> fast_length(1000), fast_length(1025)
@@ -46,13 +50,13 @@ def _window(n: int) -> np.ndarray:
 
 
 def lines_of(t: np.ndarray, unit: np.ndarray, residual: np.ndarray, motion: float) -> tuple[float, ...]:
-    """Frequencies of the lines that stand out of the spectrum of residuals [Hz], the strongest first.
+    """Detect lines in the spectrum of residuals; return frequencies [Hz], strongest first.
 
     Args:
         t: times of the rows [s], shape (n,).
-        unit: what a unit of the reading is in each of them, shape (n,).
-        residual: of the rows, shape (n,).
-        motion: frequency of the motion [Hz], near which a line is no hum.
+        unit: effect of a unit of the reading on each row, shape (n,).
+        residual: residuals of the rows, shape (n,).
+        motion: frequency of the motion [Hz]; lines near it are ignored.
     """
     left, lines = residual, list[float]()
     if left.size < 4 * _NEAR:
@@ -66,11 +70,14 @@ def lines_of(t: np.ndarray, unit: np.ndarray, residual: np.ndarray, motion: floa
 
 
 def _strongest(t: np.ndarray, left: np.ndarray, motion: float) -> float | None:
-    """Frequency of the strongest line of a series to a part of its resolution, None where none stands out."""
+    """Return the frequency of the strongest line, None if insignificant.
+
+    A parabola through the log power gives the frequency to a fraction of the resolution.
+    """
     size = fast_length(left.size)
     power = np.abs(np.fft.rfft(left * _window(left.size), size)) ** 2
     step = 1 / (size * _interval(t))
-    # What the model lacks of the motion is no hum; the lowest frequencies are those of drifts.
+    # Near the motion a line indicates a model error, and the lowest frequencies are drift.
     apart = np.abs(step * np.arange(power.size) - motion) >= motion / 2
     apart[:_WIDE] = False
     k = int(np.argmax(power * apart))
@@ -80,15 +87,15 @@ def _strongest(t: np.ndarray, left: np.ndarray, motion: float) -> float | None:
     below, at, above = np.log(power[k - 1 : k + 2]) if k + 1 < power.size else (0.0, 1.0, 0.0)
     if below > at:
         return None
-    # Between the frequencies of the transform, by the parabola through the logarithms.
+    # Interpolate by a parabola through the log power.
     aside = 0.5 * (below - above) / (below - 2 * at + above)
     return (k + aside) * step
 
 
 def _tuned(t: np.ndarray, unit: np.ndarray, lines: Sequence[float], left: np.ndarray) -> tuple[list[float], np.ndarray]:
-    """The lines with their frequencies by least squares, and what is left beside them.
+    """Refine line frequencies by least squares; return them and the residual.
 
-    With ``a cos + b sin`` the derivative by the angular frequency is ``t (b cos - a sin)``.
+    With ``a cos + b sin`` the derivative with respect to the angular frequency is ``t (b cos - a sin)``.
     """
     since, tuned = t - t.mean(), np.array(lines)
     resolution = 1 / np.ptp(t)

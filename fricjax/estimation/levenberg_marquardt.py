@@ -1,15 +1,14 @@
-"""Levenberg-Marquardt as an optimistix solver that knows when a fit is finished.
+"""Levenberg-Marquardt as an optimistix solver with a statistical stopping rule.
 
-Residual and Jacobian come from one pass over the model, and only ``J'J`` and ``J'r`` are kept. Damping is
-Marquardt's: each parameter is scaled by the largest diagonal element of ``J'J`` met so far, so that neither the
-units of the residuals nor those of the parameters matter; its strength follows the gain ratio (Nielsen,
-IMM-REP-1999-05). Bounds are an active set. Coordinates in which the residual is linear are not stepped in but solved
-for after every pass (variable projection).
+Each pass over the model yields residual and Jacobian; only ``J'J`` and ``J'r`` are kept. Damping follows Marquardt:
+each parameter is scaled by the largest diagonal element of ``J'J`` so far, so the units of residuals and parameters
+do not matter. The gain ratio controls its strength (Nielsen, IMM-REP-1999-05). Bounds use an active set. Coordinates
+in which the residual is linear are eliminated after every pass (variable projection).
 
-The fit stops by statistics: when the Gauss-Newton step would move the parameters by less than a small part of their
-standard errors, more steps are noise. Beside it stand the three rules of MINPACK for data without noise, put to the
-Gauss-Newton step too, so that a step which damping alone made short never looks like success. A trial that is not
-finite is rejected like one that makes the fit worse.
+The fit stops when the Gauss-Newton step would move the parameters by less than a small fraction of their standard
+errors. The three MINPACK rules cover data without noise. They also use the Gauss-Newton step, so a step that is short
+only because of damping never counts as convergence. A trial that is not finite is rejected like one that makes the
+fit worse.
 """
 
 from collections.abc import Callable
@@ -26,17 +25,17 @@ from .loss import Squares
 from .passes import AbstractPasses, DensePasses, Pass
 from .status import CONVERGED, MAX_STEPS, NOT_FINITE, OUT_OF_STEPS, RUNNING, STALLED, final_status
 
-# Of the first step, as a part of the diagonal of J'J.
+# Initial damping relative to the diagonal of J'J.
 _FIRST_DAMPING = 1e-4
-# Part of the sum of squares below which what a Gauss-Newton step has to gain is scatter. On its scale a residual is as
-# good as linear, and the step is not damped, for another pass is spent on what damping leaves of it. Where the last
-# step gained less than such a part of what was foreseen, the residual is not.
+# If a Gauss-Newton step can gain less than _SCATTER of the sum of squares, the gain is within the scatter. On that
+# scale the residual is nearly linear, so the step is not damped; damping would cost another pass. If the previous step
+# gained less than _FORESEEN of its predicted gain, the residual is not linear, and the step is damped.
 _SCATTER, _FORESEEN = 0.01, 0.75
-# Part of the Gauss-Newton step's gain below which a trial, after rejections, is not worth a pass.
+# Part of the Gauss-Newton gain below which a trial after rejections is not worth a pass.
 _HOPELESS = 1e-6
-# Least factors of the damping after a good step; easing fast just after a rejection runs into the same wall again.
+# Least factors of the damping after a good step; easing quickly after a rejection leads to the next rejection.
 _EASE, _EASE_AFTER_REJECTION = 0.1, 0.5
-# A rejection shows that the residual is rough on this scale; then a hundred times more counts as finished.
+# A rejection shows that the residual is rough on this scale; the tolerances are then a hundred times larger.
 _ROUGH = 100.0
 
 
@@ -57,24 +56,24 @@ class _State(eqx.Module):
 
 
 class LevenbergMarquardt(optx.AbstractLeastSquaresSolver):
-    """Levenberg-Marquardt with Marquardt scaling, Nielsen damping, bounds, projection and a statistical stopping rule.
+    """Levenberg-Marquardt with bounds, variable projection and a statistical stopping rule.
 
     Pass ``options={"lower": ..., "upper": ..., "dof": ..., "floor": ...}``: bounds of shape (p,), the degrees of
-    freedom, and the sum of squares that rounding alone would leave; optionally ``"linear"``: a mask of shape (p,) of
+    freedom, and the sum of squares caused by rounding alone. The optional ``"linear"`` is a mask of shape (p,) of
     coordinates in which the residual is linear while the other columns of the Jacobian do not depend on them. Only
-    unbounded ones are projected.
+    unbounded linear coordinates are projected.
 
-    The solution's `stats` hold `status` (see `status.SENTENCES`), what the pass at the answer left behind
-    (`cost`, `gradient`, `normal`, and what else is `kept`), and `remaining`, the square of the
-    Gauss-Newton step left in standard errors. Auxiliary output of the function is dropped.
+    The `stats` of the solution hold `status` (see `status.SENTENCES`), the pass at the solution (`cost`, `gradient`,
+    `normal`, `kept`), and `remaining`, the square of the remaining Gauss-Newton step in standard errors. Auxiliary
+    output of the function is dropped.
 
     Attributes:
-        passes: how a pass over the model is made.
-        max_steps: largest number of passes; one only evaluates where it is.
-        tolerance: largest step left, in standard errors as the scatter of the residuals gives them.
-        ftol: largest relative change of the sum of squares, actual and to come; also largest size of the residual
-            relative to that at the start, where rounding has it.
-        xtol: largest step left relative to the parameters, in the scaled norm.
+        passes: evaluates cost, gradient and normal matrix.
+        max_steps: maximum number of passes; with 1 the solver only evaluates the start.
+        tolerance: largest remaining step, in standard errors estimated from the scatter of the residuals.
+        ftol: largest relative change of the sum of squares, actual and predicted; also the residual at rounding
+            level, relative to that at the start.
+        xtol: largest remaining step relative to the parameters, in the scaled norm.
         gtol: largest cosine between the residual and a column of the Jacobian.
 
     Raises:
@@ -109,7 +108,7 @@ class LevenbergMarquardt(optx.AbstractLeastSquaresSolver):
     ) -> tuple[Array, _State, None]:
         setting = Setting.of(options)
         there, move, blurred = project(self.passes(fn, state.trial, args), setting.linear)
-        # What another pass has not cleared up is no model of anything.
+        # A pass with too much cancellation, even when repeated, is no usable model.
         reached, finite = state.trial + move, there.finite & ~(blurred & state.repeated)
         reduction = state.accepted.cost - there.cost
         gain = reduction / jnp.where(state.predicted > 0, state.predicted, 1.0)
@@ -118,7 +117,7 @@ class LevenbergMarquardt(optx.AbstractLeastSquaresSolver):
         at = jnp.where(accept, reached, y)
         least = jnp.where(state.growth > 2, _EASE_AFTER_REJECTION, _EASE)
         eased = state.damping * jnp.maximum(least, 1 - (2 * jnp.clip(gain, 0.0, 1.0) - 1) ** 3)
-        # A step that was not damped says nothing of the damping.
+        # The result of an undamped step is no information about the damping.
         kept = state.first | (state.undamped & ~accept)
         damping = jnp.where(kept, state.damping, jnp.where(accept, eased, state.damping * state.growth))
         growth = jnp.where(kept, state.growth, jnp.where(accept, 2.0, state.growth * 2))
@@ -149,7 +148,7 @@ class LevenbergMarquardt(optx.AbstractLeastSquaresSolver):
         state: _State,
         setting: Setting,
     ) -> tuple[Array, Array]:
-        """Status after a pass, and the square of the Gauss-Newton step in standard errors."""
+        """Return the status and the squared Gauss-Newton step in standard errors."""
         loose, unit = jnp.where(accept | state.undamped, 1.0, _ROUGH), units(here.normal)
         variance = (2 * here.cost + setting.floor) / setting.dof
         movable = ~pressed(here, setting.lower - y, setting.upper - y)

@@ -1,9 +1,9 @@
-"""What a residual costs: its square, or less than that where it is far larger than the noise.
+"""Robust losses: quadratic for small residuals, slower growth for outliers.
 
-With ``z = r^2`` a loss ``rho(z)`` makes ``sum rho(r_i^2) / 2`` small. Its gradient weighs each residual by ``rho'(z)``,
-and the curvature along a residual is ``rho'(z) + 2 z rho''(z)`` (Triggs et al., Bundle Adjustment, 2000, 4.3). That
-curvature vanishes or turns negative for outliers; it is kept at a tenth of the weight, so that a fit in which all
-residuals look like outliers at the start still has a positive normal matrix.
+The fit minimises ``sum rho(r_i^2) / 2`` with ``z = r^2``. The gradient weights each residual by ``rho'(z)``. The
+curvature along a residual is ``rho'(z) + 2 z rho''(z)`` (Triggs et al., Bundle Adjustment, 2000, 4.3). For outliers it
+vanishes or turns negative. It is kept at a tenth of the weight, so the normal matrix stays positive even if all
+residuals look like outliers at the start.
 """
 
 import abc
@@ -15,22 +15,25 @@ from jaxtyping import Array, Float
 from ..errors import check_choice
 from ..settings import LOSSES
 
-# Part of its weight that the curvature along a residual keeps at least, see above.
+# Least curvature along a residual as a part of its weight, see above.
 _LEAST_CURVATURE = 0.1
 
 Residuals = Float[Array, " n"]
 
 
 class AbstractLoss(eqx.Module):
-    """Loss of residuals that are in units of their standard deviation."""
+    """Loss of residuals in units of their standard deviation."""
 
     @abc.abstractmethod
     def parts(self, residual: Residuals) -> tuple[Residuals, Residuals, Residuals]:
-        """Loss ``rho``, weight ``rho'`` and curvature ``rho' + 2 z rho''`` of each residual, at ``z = r^2``."""
+        """Return loss, weight and curvature of each residual.
+
+        These are ``rho``, ``rho'`` and ``rho' + 2 z rho''`` at ``z = r^2``.
+        """
 
 
 class Squares(AbstractLoss):
-    """Least squares: every residual counts with its square."""
+    """Least squares: each residual contributes its square."""
 
     def parts(self, residual: Residuals) -> tuple[Residuals, Residuals, Residuals]:
         one = jnp.ones_like(residual)
@@ -38,10 +41,10 @@ class Squares(AbstractLoss):
 
 
 class Huber(AbstractLoss):
-    """Square up to `delta`, straight beyond (Huber, 1964).
+    """Quadratic up to `delta`, linear beyond (Huber, 1964).
 
     Attributes:
-        delta: where a residual begins to be an outlier, in standard deviations.
+        delta: threshold for outliers, in standard deviations.
     """
 
     delta: float = 1.345
@@ -55,10 +58,12 @@ class Huber(AbstractLoss):
 
 
 class SoftL1(AbstractLoss):
-    """Smooth transition from the square to a straight line, ``2 delta^2 (sqrt(1 + z/delta^2) - 1)``.
+    """Smooth transition from quadratic to linear.
+
+    The loss is ``2 delta^2 (sqrt(1 + z/delta^2) - 1)``.
 
     Attributes:
-        delta: where a residual begins to be an outlier, in standard deviations.
+        delta: threshold for outliers, in standard deviations.
     """
 
     delta: float = 1.0
@@ -66,15 +71,17 @@ class SoftL1(AbstractLoss):
     def parts(self, residual: Residuals) -> tuple[Residuals, Residuals, Residuals]:
         root = jnp.sqrt(1 + (residual / self.delta) ** 2)
         weight = 1 / root
-        # z / (root + 1) is delta^2 (root - 1) without its cancellation.
+        # z / (root + 1) equals delta^2 (root - 1) without cancellation.
         return 2 * residual**2 / (root + 1), weight, jnp.maximum(weight**3, _LEAST_CURVATURE * weight)
 
 
 class Cauchy(AbstractLoss):
-    """Logarithm, ``delta^2 ln(1 + z/delta^2)``: outliers lose all influence; start near the optimum.
+    """Logarithmic loss ``delta^2 ln(1 + z/delta^2)``.
+
+    Distant outliers have no influence. Start near the optimum.
 
     Attributes:
-        delta: where a residual begins to be an outlier, in standard deviations.
+        delta: threshold for outliers, in standard deviations.
     """
 
     delta: float = 2.385
@@ -89,10 +96,12 @@ _NAMED = dict(zip(LOSSES, (Squares, Huber, SoftL1, Cauchy), strict=True))
 
 
 def named_loss(loss: str | AbstractLoss) -> AbstractLoss:
-    """The loss of that name with its usual constant; a loss is returned as it is.
+    """Return the loss of that name with its usual constant.
+
+    An instance of `AbstractLoss` is returned unchanged.
 
     Raises:
-        UsageError: no such loss.
+        UsageError: unknown name.
     """
     if isinstance(loss, AbstractLoss):
         return loss

@@ -1,6 +1,6 @@
-"""One pass over the model, and what it leaves behind for the solver: the cost, its gradient and the normal matrix.
+"""Evaluation of the least-squares problem: cost, gradient and normal matrix.
 
-A pass may run over a record in pieces and add up theirs.
+A pass may split a record into chunks and add their contributions.
 """
 
 import abc
@@ -17,10 +17,10 @@ from .loss import AbstractLoss, Squares
 
 
 class Pass(NamedTuple):
-    """What one pass leaves behind: half the sum of losses, its gradient ``J'r`` and normal matrix ``J'J``.
+    """Cost, gradient ``J'r`` and normal matrix ``J'J`` at one point.
 
-    Under a loss other than squares, the gradient is ``J'Wr`` and the normal matrix ``J'CJ`` with the loss's weights
-    and curvatures. What else of it is `kept`, a tree of arrays, the solver hands on.
+    The cost is half the sum of losses. Under a loss other than squares, the gradient is ``J'Wr`` and the normal matrix
+    ``J'CJ`` with the loss's weights and curvatures. `kept` is a tree of arrays that the solver passes through.
     """
 
     cost: Float[Array, ""]
@@ -30,12 +30,15 @@ class Pass(NamedTuple):
 
     @property
     def finite(self) -> Bool[Array, ""]:
-        """Whether all of it is finite; a tangent that is not finite shows in the normal matrix."""
+        """True if cost, gradient and normal matrix are finite.
+
+        A tangent that is not finite shows in the normal matrix.
+        """
         return jnp.isfinite(self.cost) & jnp.all(jnp.isfinite(self.gradient)) & jnp.all(jnp.isfinite(self.normal))
 
 
 def residual_and_jacobian(fn: Callable, y: Float[Array, " p"]) -> tuple[Float[Array, " n"], Float[Array, "n p"]]:
-    """Residual and its Jacobian in one pass of forward mode."""
+    """Compute the residual and its Jacobian in one forward-mode pass."""
 
     def twice(q: Array) -> tuple[Array, Array]:
         r = fn(q)
@@ -46,13 +49,13 @@ def residual_and_jacobian(fn: Callable, y: Float[Array, " p"]) -> tuple[Float[Ar
 
 
 def gather(residual: Float[Array, " n"], jacobian: Float[Array, "n p"], loss: AbstractLoss) -> Pass:
-    """Sums over residuals of one loss; those of several pieces add up to the pass."""
+    """Sum cost, gradient and normal matrix over residuals; chunks are additive."""
     rho, weight, curvature = loss.parts(residual)
     return Pass(jnp.sum(rho) / 2, jacobian.T @ (weight * residual), jacobian.T @ (curvature[:, None] * jacobian))
 
 
 class AbstractPasses(eqx.Module):
-    """How a pass over the model is made.
+    """Evaluation of cost, gradient and normal matrix.
 
     Attributes:
         loss: loss of the residuals.
@@ -62,15 +65,18 @@ class AbstractPasses(eqx.Module):
 
     @abc.abstractmethod
     def __call__(self, fn: Callable, y: Float[Array, " p"], args: PyTree) -> Pass:
-        """Run the model at `y`; ``fn(y, args)`` returns residuals of shape (n,) and something else."""
+        """Evaluate the model at `y`.
+
+        ``fn(y, args)`` returns residuals of shape (n,) and auxiliary output.
+        """
 
     def nothing(self, y: Float[Array, " p"]) -> Pass:
-        """What stands before the first pass."""
+        """Return the placeholder before the first evaluation: infinite cost."""
         return Pass(jnp.asarray(jnp.inf), jnp.zeros(y.size), jnp.full((y.size, y.size), jnp.nan))
 
 
 class DensePasses(AbstractPasses):
-    """The full Jacobian at once, by forward mode.
+    """Dense Jacobian by forward mode.
 
     Attributes:
         loss: loss of the residuals.

@@ -1,13 +1,13 @@
-"""Noise that is a motion: what random kicks make of a linear system, and least squares that count by it.
+"""Noise as the response of a linear system to white acceleration.
 
-Kicks of white acceleration disturb a state, here position and velocity, whose error the system carries on,
+White accelerations ("kicks", k) disturb a state of position and velocity, and the linear system propagates the error,
 
     s_i = F_i s_(i-1) + k_i,   n_i = (position in s_i) + u_i,
 
-with white noise u beside it. The innovations of Kalman's filter are independent, and their squares weighted by their
-variances are those of generalised least squares (Durbin and Koopman, Time Series Analysis by State Space Methods, 2012,
-4.3 and 7.2). The strength of the kicks follows from the residuals by the restricted likelihood, which allows for the
-parameters that are fitted with them (Harville, J. Am. Stat. Assoc. 72, 320, 1977).
+with independent white noise u. The innovations of the Kalman filter are independent. Weighting their squares by
+their variances gives generalised least squares (Durbin and Koopman, Time Series Analysis by State Space Methods, 2012,
+4.3 and 7.2). The restricted likelihood of the residuals determines the strength of the kicks; it accounts for the
+fitted parameters (Harville, J. Am. Stat. Assoc. 72, 320, 1977).
 """
 
 from typing import Any, NamedTuple
@@ -17,23 +17,22 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
-# The first search covers this many decades to either side of kicks that add as much to the variance of the rows as
-# their noise has; each further one covers the two intervals beside the best point of the last, so that three searches
-# of 13 points end at intervals of 7 % in the strength.
+# The first search covers this many decades to either side of kicks that add as much variance as the noise of the rows.
+# Each further search covers the two intervals around the best point, so three searches of 13 points end at intervals
+# of 7 % in the strength.
 _DECADES, _POINTS, _SEARCHES = 6.0, 13, 3
 
-# Rows come in so many, which is a part of what is compiled.
+# Pad to multiples of this many rows so that few shapes are compiled.
 _ROWS = 512
 
 
 class StateTransition(NamedTuple):
-    """How a state gets from each row to the next, the first one included.
+    """Transition of the state to each row, including the first.
 
     Attributes:
         matrix: transition of the state, shape (n, 2, 2).
-        noise: covariance that kicks of unit spectral density add on the way, shape (n, 2, 2).
-        bend: by what the square of a deviation of the position is to be multiplied for the error of this linear system,
-            in each row, shape (n,).
+        noise: covariance added by kicks of unit spectral density, shape (n, 2, 2).
+        bend: factor that turns the square of a position deviation into the error of the linearisation, shape (n,).
     """
 
     matrix: np.ndarray
@@ -42,16 +41,22 @@ class StateTransition(NamedTuple):
 
     @property
     def moving(self) -> int:
-        """Number of rows until the last one before which kicks add anything; those behind it are at rest."""
+        """Number of rows up to the last with added noise.
+
+        Later rows are at rest.
+        """
         kicked = np.flatnonzero(self.noise.any(axis=(1, 2)))
         return int(kicked[-1]) + 1 if kicked.size else 0
 
     def first(self, n: int) -> "StateTransition":
-        """That of the first rows."""
+        """Return the transitions of the first `n` rows."""
         return StateTransition(*(each[:n] for each in self))
 
     def deviations(self) -> np.ndarray:
-        """Variance of the position that kicks of unit spectral density lead to, were nothing measured, shape (n,)."""
+        """Return the position variance from kicks of unit spectral density, shape (n,).
+
+        This is the variance without any measurement.
+        """
         spread, variances = np.zeros((2, 2)), np.empty(self.noise.shape[0])
         for i, (matrix, noise) in enumerate(zip(self.matrix, self.noise, strict=True)):
             spread = matrix @ spread @ matrix.T + noise
@@ -60,14 +65,15 @@ class StateTransition(NamedTuple):
 
 
 class Kicks(NamedTuple):
-    """The strength of kicks.
+    """Strength of the kicks.
 
     Attributes:
-        kicks: their spectral density over the variance of the noise beside them.
-        std: standard deviation of that noise.
-        left: the residuals with the parameters fitted anew, shape (n,).
-        sizes: of the derivatives that are to be added to the residuals to fit the parameters anew, shape (p,).
-        sides: `kicks` and `std` where the kicks are one standard error of their logarithm weaker and stronger.
+        kicks: spectral density relative to the variance of the independent noise.
+        std: standard deviation of the independent noise.
+        left: residuals after refitting the parameters, shape (n,).
+        sizes: coefficients of the derivatives; adding size times derivative to the residuals refits the parameters,
+            shape (p,).
+        sides: pairs (`kicks`, `std`) with the log of the kicks one standard error lower and higher.
     """
 
     kicks: float
@@ -80,20 +86,20 @@ class Kicks(NamedTuple):
 def filtered(
     columns: np.ndarray, unit: np.ndarray, transition: StateTransition, kicks: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Columns of rows through Kalman's filter, and the variances of its innovations, by which they are weighted.
+    """Apply the Kalman filter to columns; return innovations and variances.
 
     Args:
         columns: shape (n, c), in units of the noise of a row.
-        unit: what a unit of position is in each row, shape (n,).
+        unit: effect of a unit of position on each row, shape (n,).
         transition: of the state, which is zero before the first row.
         kicks: spectral densities of the kicks, shape (k,).
 
     Returns:
-        Innovations over the roots of their variances, shape (k, n, c), and these variances, shape (k, n).
+        Innovations divided by their standard deviations, shape (k, n, c), and their variances, shape (k, n).
     """
     n, size = columns.shape[0], -(-columns.shape[0] // _ROWS) * _ROWS
     more = ((0, size - n), (0, 0))
-    # Rows of nothing fill up, so that most records share a compilation.
+    # Zero padding lets most records share a compiled program.
     rows = np.pad(columns, more), np.pad(unit, more[0])
     steps = (np.pad(each, (*more, (0, 0))) for each in (transition.matrix, transition.noise))
     white, variances = _filtered(*rows, *steps, kicks)
@@ -102,9 +108,10 @@ def filtered(
 
 @jax.jit
 def _filtered(columns: Array, unit: Array, matrices: Array, noises: Array, kicks: Array) -> tuple[Array, Array]:
-    """The same for all rows at once, shapes (n, k, c) and (n, k).
+    """Filter padded rows; shapes (n, k, c) and (n, k).
 
-    Written out by components, for of matrices of two by two a compiler makes calls, each of which costs more than all.
+    The 2x2 algebra is written out by components: a compiled call for each small matrix would cost more than the whole
+    arithmetic.
     """
     nothing, alone = jnp.zeros((kicks.size, columns.shape[1])), jnp.zeros(kicks.size)
 
@@ -129,10 +136,17 @@ def _filtered(columns: Array, unit: Array, matrices: Array, noises: Array, kicks
 
 
 def kicks_of(residual: np.ndarray, slopes: np.ndarray, unit: np.ndarray, transition: StateTransition) -> Kicks:
-    """How strong kicks are in residuals, whose derivatives are fitted anew beside them."""
+    """Estimate the strength of kicks in residuals while refitting the parameters.
+
+    Args:
+        residual: shape (n,).
+        slopes: derivatives of the residuals with respect to the parameters, shape (n, p).
+        unit: effect of a unit of position on each row, shape (n,).
+        transition: of the state.
+    """
     scale = np.maximum(np.sqrt(np.mean(slopes**2, axis=0)), np.finfo(float).tiny)
     columns = np.column_stack([residual, slopes / scale])
-    # Kicks that in the mean add as much as the noise has, were nothing measured on the way.
+    # Scale of kicks that add on average as much variance as the noise, if no row were measured.
     added = float(unit**2 @ transition.deviations())
 
     def likelihoods(points: np.ndarray) -> list[tuple[float, float, np.ndarray]]:
@@ -147,7 +161,7 @@ def kicks_of(residual: np.ndarray, slopes: np.ndarray, unit: np.ndarray, transit
         k = int(np.argmin(restricted))
         kicks, best, error = float(points[k]), each[k], _DECADES
         if 0 < k < _POINTS - 1:
-            # Minus twice the likelihood is a parabola about its least value, of curvature 2 over the squared error.
+            # Minus twice the log likelihood is a parabola near its minimum, of curvature 2 over the squared error.
             bend = float(restricted[k - 1] - 2 * restricted[k] + restricted[k + 1])
             curvature = bend / np.log(points[1] / points[0]) ** 2
             error = min(np.sqrt(2 / max(curvature, np.finfo(float).tiny)), _DECADES)
@@ -159,7 +173,10 @@ def kicks_of(residual: np.ndarray, slopes: np.ndarray, unit: np.ndarray, transit
 
 
 def _restricted(white: np.ndarray, variances: np.ndarray) -> tuple[float, float, np.ndarray]:
-    """Minus twice the restricted log likelihood, deviation of the noise, and sizes of the derivatives."""
+    """Return minus twice the restricted log likelihood, noise deviation and coefficients.
+
+    The coefficients are those of the derivatives, shape (p,).
+    """
     sizes, _, rank, singular = np.linalg.lstsq(white[:, 1:], -white[:, 0], rcond=1e-12)
     dof = max(white.shape[0] - int(rank), 1)
     variance = float(np.sum((white[:, 0] + white[:, 1:] @ sizes) ** 2)) / dof

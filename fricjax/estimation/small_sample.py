@@ -1,12 +1,11 @@
-"""What it adds to a covariance that the noise is known from the same record only.
+"""Small-sample correction of a covariance for an estimated noise model.
 
-Generalised least squares with a process of noise that was estimated from their residuals scatter more than those with
-the true one, and the covariance computed with it scatters itself, the more so the fewer correlation times of the noise
-a record has. By how much the estimates move with the errors of the coefficients of the process adds to their
-covariance C (Kackar and Harville, J. Am. Stat. Assoc. 79, 853, 1984), and as much again makes good that C is too small
-by it in the mean (Kenward and Roger, Biometrics 53, 983, 1997). How uncertain C is itself degrees of freedom say
-(Satterthwaite, Biometrics Bull. 2, 110, 1946); an estimate over such a standard error is distributed as Student's t,
-whose standard deviation is sqrt(dof / (dof - 2)) (JCGM 101, 6.4.9).
+Generalised least squares with an estimated noise model scatter more than with the true one. The computed covariance
+scatters too, especially if a record spans few correlation times of the noise. The sensitivity of the estimates to
+errors of the noise coefficients adds to their covariance C (Kackar and Harville, J. Am. Stat. Assoc. 79, 853, 1984).
+C is too small by the same amount on average, so the term is added twice (Kenward and Roger, Biometrics 53, 983, 1997).
+Degrees of freedom describe the uncertainty of C (Satterthwaite, Biometrics Bull. 2, 110, 1946). An estimate divided by
+its standard error then follows Student's t with standard deviation sqrt(dof / (dof - 2)) (JCGM 101, 6.4.9).
 """
 
 from collections.abc import Sequence
@@ -16,18 +15,18 @@ import numpy as np
 from .autoregression import gram
 from .colour import Colour, Series, whitened_columns
 
-# Fewest degrees of freedom that are taken at their word: with two the standard deviation of Student's t is infinite.
+# Fewest degrees of freedom to use; with two the standard deviation of Student's t is infinite.
 _FEWEST = 4.0
-# Standard errors of the coefficients over which derivatives are taken.
+# Step for numerical derivatives, in standard errors of the coefficients.
 _STEP = 1e-3
 
 
 def small_sample_covariance(runs: Sequence[tuple[Series, Colour]], covariance: np.ndarray) -> np.ndarray:
-    """What is to be added to the covariance of coordinates that come from runs with the noise seen in them.
+    """Return the correction to add to the covariance of the coordinates.
 
     Args:
-        runs: rows of each run and their noise.
-        covariance: of the coordinates, were the noise known, shape (p, p).
+        runs: rows of each run and their noise model.
+        covariance: of the coordinates for known noise, shape (p, p).
     """
     variance = np.diag(covariance)
     more, scatter = np.zeros_like(covariance), np.zeros(variance.size)
@@ -41,17 +40,17 @@ def small_sample_covariance(runs: Sequence[tuple[Series, Colour]], covariance: n
 
 
 def covariance_by_noise(series: Series, colour: Colour, covariance: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """What the errors of one noise add to a covariance, and the variances that they give its diagonal.
+    """Return the covariance added by one noise model, and the diagonal's variances.
 
-    With the residuals r and the functions x through the filter of the noise, estimates solve ``x'r = 0``: where the
-    noise changes x'r they move by -C times as much, and C itself by -C d(x'x) C.
+    With whitened residuals r and functions x, estimates solve ``x'r = 0``. A change of the noise model that changes
+    x'r by some amount moves them by -C times that amount, and changes C by -C d(x'x) C.
     """
     p, sides = covariance.shape[0], _sides(series, colour)
     if not sides:
         return np.zeros_like(covariance), np.zeros(p)
     columns = np.column_stack([series.slopes[:, :p], colour.beside])
     white = whitened_columns(columns, series, colour)
-    # What is fitted besides takes its share of each function.
+    # Project out the other fitted functions.
     away = np.linalg.lstsq(white[:, p:], white[:, :p], rcond=1e-12)[0]
     columns = np.column_stack([columns[:, :p] - columns[:, p:] @ away, colour.left])
     changes = []
@@ -60,13 +59,16 @@ def covariance_by_noise(series: Series, colour: Colour, covariance: np.ndarray) 
         changes.append((above[:, :p].T @ above - below[:, :p].T @ below) / errors)
     moves = [-covariance @ change[:, p] for change in changes]
     slopes = [np.diag(covariance @ change[:, :p] @ covariance) for change in changes]
-    # The variance of the innovations scatters besides.
+    # The estimated variance of the innovations also scatters.
     scatter = np.sum(np.square(slopes), axis=0) + 2 / series.t.size * np.diag(covariance) ** 2
     return np.transpose(moves) @ moves, scatter
 
 
 def _sides(series: Series, colour: Colour) -> list[tuple[Colour, Colour, float]]:
-    """Pairs of what the noise may be as well, in independent directions, and how many standard errors lie between."""
+    """Return pairs of perturbed noise models and their distance in standard errors.
+
+    Each pair perturbs one independent direction.
+    """
     if colour.sides:
         (weak, quiet), (strong, loud) = colour.sides
         return [(colour._replace(kicks=weak, std=quiet), colour._replace(kicks=strong, std=loud), 2.0)]
@@ -78,10 +80,10 @@ def _sides(series: Series, colour: Colour) -> list[tuple[Colour, Colour, float]]
 
 
 def _directions(series: Series, colour: Colour) -> np.ndarray:
-    """Independent directions in which the coefficients may be off, one standard error each, shape (k, order).
+    """Return independent one-sigma errors of the coefficients, shape (k, order).
 
-    Their covariance is the inverse of these products over the variance of the innovations. Where the process walks at
-    random they keep their sum.
+    Their covariance is the inverse of the lagged products times the variance of the innovations. For a random walk they
+    keep the sum of the coefficients.
     """
     products, _ = gram(colour.left, series.starts, colour.coefficients.size)
     known = colour.std**2 * np.linalg.pinv(products[1:, 1:], hermitian=True)

@@ -1,8 +1,8 @@
-"""The space in which a fit works, kept apart from the physics: names, transforms, scales and bounds.
+"""Parameter space of a fit: names, transforms, scales and bounds.
 
-Every coordinate is zero at the start value. Quantities that must be positive and may range over decades (mass,
-stiffness, widths) are fitted in their logarithm, the stiffness of a contact in one over its root, in which the
-motion is nearly linear, and all others linearly in units of a typical size.
+Every coordinate is zero at the start value. Positive quantities that may span decades (mass, stiffness, widths) are
+fitted as logarithms. The stiffness of a contact is fitted as its inverse square root, in which the motion is nearly
+linear. All others are linear in units of a typical size.
 """
 
 from collections.abc import Sequence
@@ -14,15 +14,15 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-# Nuisance parameters in which the reading is linear, so that they can be projected out.
+# Nuisance parameters that enter the reading linearly, so that they can be projected out.
 LINEAR = frozenset({"offset", "drift"})
 
 
 class Parameter(NamedTuple):
-    """One free parameter: where it starts, its typical size, and its bounds, all in its own unit.
+    """Free parameter with start value, typical size and bounds, in its unit.
 
-    `fitted_as` says whether the fit works in its value, its logarithm or its inverse root. From the value `rigid` on no
-    record distinguishes a contact from a rigid one.
+    `fitted_as` is "value", "logarithm" or "inverse root". From the value `rigid` on, a record cannot distinguish a
+    contact from a rigid one.
     """
 
     name: str
@@ -41,7 +41,7 @@ class Parameter(NamedTuple):
 
 
 class Tie(NamedTuple):
-    """A leaf that follows a free parameter: leaf = factor * parameter."""
+    """Leaf tied to a free parameter: leaf = factor * parameter."""
 
     leaf: int
     parameter: int
@@ -49,11 +49,11 @@ class Tie(NamedTuple):
 
 
 class ParameterSpace(eqx.Module):
-    """Maps coordinates to values, and puts values into the leaves of a model.
+    """Map from coordinates to parameter values and into a model.
 
     Attributes:
         start, scale: start values and typical sizes, shape (p,).
-        fitted_as: for each parameter whether it is fitted in its value, its logarithm or its inverse root.
+        fitted_as: for each parameter "value", "logarithm" or "inverse root".
         leaves: for each shared parameter the index of its leaf in the model.
         ties: leaves that follow a parameter.
         nuisances: for each run the names of its nuisance parameters, in order after the shared ones.
@@ -84,15 +84,15 @@ class ParameterSpace(eqx.Module):
         )
 
     def values(self, q: Float[Array | np.ndarray, " p"]) -> Float[Array, " p"]:
-        """Values of all parameters at coordinates `q`."""
+        """Return the values of all parameters at coordinates `q`."""
         log, inverse = self._fitted("logarithm"), self._fitted("inverse root")
-        # Both branches of `where` are differentiated, so each must be finite for coordinates of other kinds too.
+        # Both branches of `where` are differentiated, so each must be finite for all coordinates.
         powers = self.start * jnp.exp(jnp.where(log, q, 0.0))
         quotients = self.start / jnp.where(inverse, 1 - q, 1.0) ** 2
         return jnp.where(log, powers, jnp.where(inverse, quotients, self.start + self.scale * q))
 
     def coordinates(self, values: np.ndarray) -> np.ndarray:
-        """Coordinates of values; minus infinity for a zero that is not fitted in its value."""
+        """Return the coordinates of values; -inf for a transformed value of zero."""
         log, inverse = self._fitted("logarithm"), self._fitted("inverse root")
         positive = np.maximum(np.where(log | inverse, values, 1.0), 0.0)
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -101,7 +101,7 @@ class ParameterSpace(eqx.Module):
         return np.where(log | inverse, curved, (values - self.start) / self.scale)
 
     def slope(self, q: Float[Array | np.ndarray, " p"]) -> Float[Array, " p"]:
-        """Derivative of each value with respect to its coordinate."""
+        """Return the derivative of each value with respect to its coordinate."""
         log, inverse, values = self._fitted("logarithm"), self._fitted("inverse root"), self.values(q)
         return jnp.where(log, values, jnp.where(inverse, 2 * values * jnp.sqrt(values / self.start), self.scale))
 
@@ -109,7 +109,7 @@ class ParameterSpace(eqx.Module):
         return np.array([fitted == way for fitted in self.fitted_as])
 
     def model[Model](self, template: Model, values: Float[Array, " p"]) -> Model:
-        """The model, a pytree, with the shared parameters at their values."""
+        """Return the model with the shared parameters set to their values."""
         leaves, structure = jax.tree.flatten(template)
         for position, leaf in enumerate(self.leaves):
             leaves[leaf] = values[position]
@@ -119,15 +119,18 @@ class ParameterSpace(eqx.Module):
 
     @property
     def alike(self) -> bool:
-        """Whether all runs have the same nuisance parameters."""
+        """True if all runs have the same nuisance parameters."""
         return len(set(self.nuisances)) == 1
 
     def places(self, run: Any) -> dict[str, Any]:
-        """Places of the nuisance parameters of one run by name; its number may be traced where the runs are alike."""
+        """Return the indices of one run's nuisance parameters by name.
+
+        `run` may be traced if all runs are alike.
+        """
         before = run * len(self.nuisances[0]) if self.alike else sum(map(len, self.nuisances[:run]))
         names = self.nuisances[0 if self.alike else run]
         return {name: len(self.leaves) + before + i for i, name in enumerate(names)}
 
     def run_values(self, values: Float[Array | np.ndarray, " p"], run: Any) -> dict[str, Any]:
-        """The nuisance parameters of one run by name."""
+        """Return the nuisance parameters of one run by name."""
         return {name: values[place] for name, place in self.places(run).items()}

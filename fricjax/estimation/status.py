@@ -1,6 +1,6 @@
-"""How a run of Levenberg-Marquardt ended.
+"""Outcome of a Levenberg-Marquardt run.
 
-It stands apart from the solver: who recalls one that was compiled needs these and no optimistix.
+This module is separate from the solver, because loading a compiled solver needs these names but not optimistix.
 """
 
 import jax
@@ -11,9 +11,9 @@ from .covariance import WEAKEST
 from .damped_step import Setting, units
 
 MAX_STEPS = 60
-"""Most passes of a run where no other number is asked for."""
+"""Default maximum number of passes."""
 
-# How a run ended, as small integers that arrays can hold, and what each of them means in words.
+# Status codes as small integers that arrays can hold, and their descriptions.
 RUNNING, CONVERGED, AT_BOUND, STALLED, NOT_FINITE, OUT_OF_STEPS, UNDETERMINED = range(7)
 
 SENTENCES = {
@@ -30,8 +30,11 @@ SENTENCES = {
 def final_status(
     status: Int[Array, ""], y: Float[Array, " p"], normal: Float[Array, "p p"], setting: Setting
 ) -> Int[Array, ""]:
-    """Status once the loop has ended: a converged fit may still be at a bound or undetermined."""
-    # A loop that is ended from outside, by optimistix's own limit of steps, leaves the status at RUNNING.
+    """Return the status after the loop.
+
+    A converged fit may still be at a bound or undetermined.
+    """
+    # optimistix ends the loop at its own limit of steps and leaves the status at RUNNING.
     cut_short = jnp.where(jnp.all(jnp.isfinite(y)), OUT_OF_STEPS, NOT_FINITE)
     status = jnp.where(status == RUNNING, cut_short, status)
     movable = setting.lower < setting.upper
@@ -43,7 +46,9 @@ def final_status(
 
 
 def is_determined(normal: Float[Array, "p p"], free: Bool[Array, " p"]) -> Bool[Array, ""]:
-    """Whether every direction among the free parameters shows in the normal matrix, in whatever units.
+    """Return True if the normal matrix determines every free direction.
+
+    The result does not depend on the units of the parameters.
 
     Examples:
         >>> free = jnp.ones(2, bool)
@@ -51,14 +56,14 @@ def is_determined(normal: Float[Array, "p p"], free: Bool[Array, " p"]) -> Bool[
         (True, False)
     """
     unit, identity = units(normal), jnp.eye(free.size)
-    # Rows that are fixed or not finite become those of the identity, whose eigenvalue of one hides none of the others.
+    # Replace rows that are fixed or not finite by rows of the identity; their eigenvalue of one hides no other.
     matrix = jnp.where(free[:, None] & free & jnp.isfinite(normal), normal / (unit[:, None] * unit), identity)
     below = jnp.arange(free.size)[:, None]
 
     def clear_below(k: Array, rows: Array) -> Array:
         return jnp.where(below > k, rows - rows[:, k, None] * rows[k] / rows[k, k], rows)
 
-    # By Sylvester's law of inertia no eigenvalue is smaller than what leaves all pivots positive. LAPACK, which would
-    # tell the eigenvalues, costs a first fit more time than all its steps.
+    # By Sylvester's law of inertia, positive pivots mean that no eigenvalue is below the threshold. LAPACK would return
+    # the eigenvalues, but compiling its call costs a first fit more time than all its steps.
     pivots = jnp.diagonal(jax.lax.fori_loop(0, free.size, clear_below, matrix - WEAKEST * identity))
     return jnp.all(pivots > 0)

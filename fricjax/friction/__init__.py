@@ -1,4 +1,7 @@
-"""Friction laws: one force law per file, all of them modules whose coefficients can be fitted and differentiated."""
+"""Friction laws with coefficients that can be fitted and differentiated.
+
+Each file contains one law.
+"""
 
 import lazy_loader as _lazy_loader
 

@@ -1,4 +1,7 @@
-"""Coulomb friction of a contact that grows stronger while it rests before the release (Rabinowicz; Kato)."""
+"""Coulomb friction with a static coefficient that grows with dwell time.
+
+The contact grows stronger while the mass rests before the release (Rabinowicz 1958; Kato et al. 1972).
+"""
 
 from collections.abc import Mapping
 from typing import ClassVar
@@ -12,17 +15,18 @@ from .kinds import AbstractConstant
 
 
 class Ageing(AbstractConstant):
-    """``F = mu N sgn(v)`` while sliding; at rest up to ``mu_s N``, and before the release more by the dwell time.
+    """Coulomb friction with an ageing static contact.
 
-    The static coefficient has grown to ``mu_s + beta ln(1 + dwell/dwell_scale)`` when the mass is released from rest.
-    At a reversal the contact has no time to age, so that there `mu_s` itself decides whether the mass moves on.
+    While the mass slides, ``F = mu N sgn(v)``. At rest the friction force is at most ``mu_s N``. The dwell time before
+    the release raises the static coefficient to ``mu_s + beta ln(1 + dwell/dwell_scale)``. At a reversal the contact
+    has no time to age, so `mu_s` decides whether the mass moves on.
 
     Attributes:
         mu: dynamic coefficient of friction [1].
         beta: growth of the static coefficient with the logarithm of the dwell time [1].
         dwell: time of rest under load before the release [s].
         mu_s: static coefficient of friction without dwell [1]; at least `mu`; None ties it to `mu`.
-        dwell_scale: dwell time from which the growth is logarithmic [s].
+        dwell_scale: dwell time above which the growth is logarithmic [s].
 
     Examples:
         >>> import numpy as np
@@ -38,12 +42,12 @@ class Ageing(AbstractConstant):
         "beta": not_negative("", "growth of the static coefficient with the logarithm of the dwell time"),
         "dwell": not_negative("s", "time of rest before the release"),
         "mu_s": MU_S,
-        "dwell_scale": positive("s", "dwell time from which the growth is logarithmic"),
+        "dwell_scale": positive("s", "dwell time above which the growth is logarithmic"),
     }
     source: ClassVar[str] = "E. Rabinowicz, Proc. Phys. Soc. 71 (1958); S. Kato, N. Sato, T. Matsubayashi (1972)"
     identifies: ClassVar[str] = (
-        "mu as Coulomb's law; beta not from one trace, only from the initial displacements at which runs after "
-        "different dwell times do or do not break away."
+        "mu as in Coulomb's law; beta not from one trace, but only from runs after different dwell times, by the "
+        "initial displacements at which they do or do not break away."
     )
 
     mu: Scalar = eqx.field(converter=scalar)
@@ -56,7 +60,7 @@ class Ageing(AbstractConstant):
         check_order(self, "mu", "mu_s")
 
     def static_force(self, load: Scalar) -> Scalar:
-        # A fit may carry mu past a mu_s that stays where it is.
+        # A fit may raise mu above a fixed mu_s.
         return (self.mu if self.mu_s is None else jnp.maximum(self.mu, self.mu_s)) * load
 
     def breakaway_force(self, load: Scalar) -> Scalar:

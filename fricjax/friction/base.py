@@ -1,12 +1,12 @@
-"""What a friction law is: a force that resists sliding, possibly with a memory of its own.
+"""Base class of friction laws, and sums of laws.
 
-With the oscillator written as ``m a + c v + drag v|v| + R(x) + F = 0``, a law says what ``F`` is. Three kinds exist,
-and an engine asks only which one it has before it:
+With the equation of motion ``m a + c v + drag v|v| + R(x) + F = 0``, a law defines the friction force ``F``. The engine
+of a simulation depends on the kind of the law. There are three kinds:
 
-* *set-valued* laws (Coulomb, Stribeck) jump at ``v = 0`` and hold the mass at rest while the spring pulls with less
-  than the static friction force;
-* *regularised* laws (Tanh) replace the jump by a steep slope, and therefore creep where the mass would rest;
-* *bristle* laws (LuGre) carry internal states, the deflection of the contact, and stick by means of these.
+* *set-valued* laws (Coulomb, Stribeck) jump at ``v = 0``. They hold the mass at rest while the pull of the spring is
+  smaller than the static friction force;
+* *regularised* laws (Tanh) replace the jump by a steep slope. With them a mass creeps instead of resting;
+* *bristle* laws (LuGre) have internal states, the deflection of the contact. The deflected contact holds the mass.
 """
 
 import abc
@@ -35,13 +35,15 @@ else:
 
 
 def scalar(value: Any) -> Any:
-    """A coefficient as a leaf, the converter of its field: ``mu: float = eqx.field(converter=scalar)``.
+    """Convert a coefficient to a leaf of the module.
+
+    Use it as the converter of a field: ``mu: float = eqx.field(converter=scalar)``.
 
     Args:
-        value: a number, which becomes a float64 array of shape (); tracers and other objects pass unchanged.
+        value: a number, which becomes a float64 array of shape (); tracers and other objects are returned unchanged.
 
     Raises:
-        ValueError: a text.
+        ValueError: the value is a string.
 
     Examples:
         >>> import fricjax as fj
@@ -56,43 +58,48 @@ def scalar(value: Any) -> Any:
 
 
 def scalars(values: Iterable[Any]) -> tuple[Any, ...]:
-    """A list of coefficients as leaves."""
+    """Convert a list of coefficients to leaves of the module."""
     return tuple(scalar(value) for value in values)
 
 
 def power(base: Values, exponent: Scalar) -> Values:
-    """``|base|^exponent`` for an exponent of zero or more, with finite derivatives also where the base is zero."""
-    # The stiff solver takes second derivatives, in which the inverse square of a lower floor would overflow.
+    """Compute ``|base|^exponent`` for a non-negative exponent.
+
+    The derivatives are finite even for a base of zero.
+    """
+    # The stiff solver takes second derivatives; with a smaller floor its inverse square would overflow.
     return jnp.exp(exponent * jnp.log(jnp.maximum(jnp.abs(base), 1e-150)))
 
 
 def signed_power(base: Values, exponent: Scalar) -> Values:
-    """``|base|^exponent sgn(base)`` for an exponent of one or more."""
+    """Compute ``|base|^exponent sgn(base)`` for an exponent of at least one."""
     return base * power(base, exponent - 1.0)
 
 
-# As a number of the host, for an array would cost a program to be made.
+# A NumPy number: a JAX array would have to be compiled.
 UNSCALED: Any = np.float64(np.inf)
-"""The velocity scale of a law that has none."""
+"""Velocity scale of a law without one."""
 
 
 class AbstractFriction(eqx.Module):
-    """A friction law; `load` is the normal force [N] everywhere, `v` the sliding velocity [m/s].
+    """Base class of friction laws.
+
+    In all methods `load` is the normal force [N] and `v` the sliding velocity [m/s].
 
     Attributes:
-        coefficients: what is known of each coefficient: unit, meaning, bounds.
-        source: where the law was published.
-        identifies: which coefficients a free decay identifies, in a sentence or two.
-        set_valued: whether the force jumps at rest, where it holds the mass.
+        coefficients: unit, meaning and bounds of each coefficient.
+        source: publication of the law.
+        identifies: the coefficients that a free decay identifies, in a sentence or two.
+        set_valued: whether the force jumps at zero velocity and holds the mass at rest.
         n_states: number of internal states.
 
     Raises:
-        ValueError: a coefficient outside of its bounds; names it with its value and the bound.
-        TypeError: a number that `coefficients` does not describe.
+        ValueError: a coefficient is outside its bounds; the message names the coefficient, its value and the bound.
+        TypeError: a numerical field has no entry in `coefficients`.
 
     Examples:
-        A law of one's own says what its coefficients are and how it resists steady sliding; this one is set-valued,
-        and a fit takes it like any other.
+        A user-defined law declares its coefficients and its force of steady sliding. This law is set-valued, and `fit`
+        accepts it like any other law.
 
         >>> import equinox as eqx
         >>> import jax.numpy as jnp
@@ -123,10 +130,10 @@ class AbstractFriction(eqx.Module):
 
     @abc.abstractmethod
     def force(self, v: Values, state: State, load: Scalar) -> Values:
-        """Friction force [N], positive where it opposes a positive velocity."""
+        """Friction force [N]; a positive force opposes a positive velocity."""
 
     def force_of(self, v: Values, state: State, rate: State, load: Scalar) -> Values:
-        """The same force where the rates of the internal states are at hand, for laws in which it depends on them."""
+        """Friction force [N] from the known rates of the internal states."""
         return self.force(v, state, load)
 
     @abc.abstractmethod
@@ -135,15 +142,21 @@ class AbstractFriction(eqx.Module):
 
     @abc.abstractmethod
     def steady_state(self, v: Scalar, direction: Scalar, load: Scalar) -> State:
-        """Internal states after long sliding at velocity `v` in the given direction (+1 or -1)."""
+        """Internal states of steady sliding at velocity `v`.
+
+        The direction is +1 or -1; it is needed for a velocity of zero.
+        """
 
     @abc.abstractmethod
     def state_scale(self, load: Scalar) -> State:
-        """Typical size of each internal state, by which an integrator scales it."""
+        """Typical size of each internal state, for scaling by an integrator."""
 
     @abc.abstractmethod
     def sliding_force(self, speed: Values, load: Scalar) -> Values:
-        """Force of steady sliding at `speed` >= 0 [N]; at zero the limit from above."""
+        """Force of steady sliding at `speed` >= 0 [N].
+
+        At zero it is the limit from above.
+        """
 
     @abc.abstractmethod
     def static_force(self, load: Scalar) -> Scalar:
@@ -154,69 +167,93 @@ class AbstractFriction(eqx.Module):
         """Dynamic (kinetic) friction force mu N [N], which sets the dead band."""
 
     def velocity_scale(self) -> Scalar:
-        """Speed over which the sliding force changes fast near rest [m/s]; inf for a law without such a range."""
+        """Speed range near rest in which the sliding force changes fast [m/s].
+
+        It is infinite for a law without such a range.
+        """
         return UNSCALED
 
     @property
     def kind(self) -> Kind:
-        """What an engine asks for: a jump at rest, a smooth force, or internal states."""
+        """Kind of the law, which determines the engines that can integrate it."""
         if self.n_states:
             return "bristle"
         return "set-valued" if self.set_valued else "smooth"
 
     def set_valued_limit(self) -> "AbstractFriction":
-        """The set-valued law that a regularised one tends to; every other law returns itself."""
+        """Limit of a regularised law without regularisation; other laws return themselves."""
         return self
 
     @property
     def stiff(self) -> bool:
-        """Whether an explicit integration in time would have to take far smaller steps than the motion asks for."""
+        """True if explicit integration needs far smaller steps than the motion."""
         return True
 
     @property
     def has_fading_memory(self) -> bool:
-        """Whether an error of the states fades over the travel in which they settle; elements that stick keep it."""
+        """True if an error of the internal states decays during sliding.
+
+        Elements that stick keep such an error.
+        """
         return True
 
     @property
     def n_modes(self) -> int:
-        """How many of the internal states, the last ones, only :meth:`return_map` changes: their rates are zero."""
+        """Number of trailing internal states that only :meth:`return_map` changes.
+
+        Their rates are zero.
+        """
         return 0
 
     @property
     def step_refinement(self) -> int:
-        """How many times finer than usual the law must be integrated: steps of a half-cycle, or error of a step."""
+        """Factor by which the integration must be finer than usual.
+
+        It multiplies the number of steps per half-cycle, or divides the error tolerance of a step.
+        """
         return 1
 
     def breakaway_force(self, load: Scalar) -> Scalar:
-        """Largest force that holds the mass before its release, after it has stood [N]; no less than the static one."""
+        """Largest force that holds the mass before its release [N].
+
+        It is at least the static force, and may depend on the time of rest.
+        """
         return self.static_force(load)
 
     def pulled_state(self, direction: Scalar, load: Scalar) -> State:
-        """Internal states after a slow pull in the given direction (+1 or -1), with which a motion from rest begins."""
-        # A million metres per second leaves dynamic friction alone; infinity would make the derivatives NaN.
+        """Initial internal states of a motion from rest.
+
+        They follow from a slow pull in the given direction (+1 or -1).
+        """
+        # At a million metres per second only dynamic friction remains; infinity would make the derivatives NaN.
         return self.steady_state(jnp.asarray(1e6), direction, load)
 
     def warnings(self, load: float) -> tuple[str, ...]:
-        """What a user should know of these coefficients at this load [N], a sentence or two each; outside of traces."""
+        """Warnings about these coefficients at this load [N].
+
+        Do not call it under a trace of JAX.
+        """
         return ()
 
     def switches(self, v: Scalar, state: State, load: Scalar) -> Values:
-        """Quantities besides the velocity at whose changes of sign the rates of the states have a kink or a jump."""
+        """Quantities that change sign where the rates kink or jump.
+
+        The velocity is not included.
+        """
         return jnp.zeros(0)
 
     def return_map(self, v: Scalar, a: Scalar, state: State, load: Scalar) -> State:
-        """Internal states after a step of an integration: what the integrated ones stand for as the motion goes on.
+        """Correct the internal states after a step of the integration.
 
-        Elements that stick or slip change their mode here, between two steps; other states are what they are. The
-        acceleration `a` [m/s^2] tells how long ago in the step that was.
+        Elements that stick or slip change their mode here, between two steps; other states are unchanged. The
+        acceleration `a` [m/s^2] gives the time since the change within the step.
         """
         return state
 
     def reach(self, load: Scalar) -> State:
-        """Largest size of each internal state that a motion leads to from a smaller one; inf where there is no bound.
+        """Bound on each internal state during a motion; inf without bound.
 
-        A step that is too long for the law, on a mesh that was made for a softer contact, would end beyond.
+        A state beyond the bound shows that a step was too long for the law, for example on a mesh for a softer contact.
         """
         return jnp.full(self.n_states, jnp.inf)
 
@@ -225,10 +262,13 @@ class AbstractFriction(eqx.Module):
 
 
 class Sum(AbstractFriction):
-    """The sum of laws; it jumps where one of them jumps, and strings their internal states together.
+    """Sum of friction laws.
+
+    The sum is set-valued if one of the laws is. Its internal states are those of the laws, one after another.
 
     Attributes:
-        laws: the summands; a fit names their coefficients ``friction.0.mu``, ``friction.1.quadratic_drag`` and so on.
+        laws: the summands. In a fit their coefficients have the names ``friction.0.mu``, ``friction.1.quadratic_drag``
+            and so on.
 
     Examples:
         >>> import numpy as np
@@ -243,7 +283,7 @@ class Sum(AbstractFriction):
 
     coefficients: ClassVar[Mapping[str, Coefficient]] = {}
     source: ClassVar[str] = "Superposition of forces"
-    identifies: ClassVar[str] = "What its laws tell, as far as their forces depend on velocity in different ways."
+    identifies: ClassVar[str] = "the coefficients of its laws, if their forces depend differently on the velocity."
 
     laws: tuple[AbstractFriction, ...]
 
@@ -331,15 +371,15 @@ class Sum(AbstractFriction):
         return functools.reduce(jnp.minimum, (law.velocity_scale() for law in self.laws))
 
     def set_valued_limit(self) -> "Sum":
-        # A sum with memory has no set-valued twin that an engine could integrate.
+        # No engine could integrate a set-valued limit of a sum with internal states.
         return self if self.n_states else Sum(tuple(law.set_valued_limit() for law in self.laws))
 
 
 def laws_of(law: AbstractFriction) -> tuple[AbstractFriction, ...]:
-    """The laws that a sum is made of; of any other the law itself."""
+    """Return the summands of a sum, or the law in a tuple."""
     return law.laws if isinstance(law, Sum) else (law,)
 
 
 def law_name(law: AbstractFriction) -> str:
-    """What reports call a law: "Coulomb + QuadraticDrag"."""
+    """Name of a law in reports, such as "Coulomb + QuadraticDrag"."""
     return " + ".join(type(part).__name__ for part in laws_of(law))

@@ -1,4 +1,7 @@
-"""The model of Bliman and Sorine: friction that depends on the path alone, with a peak as sliding begins."""
+"""Model of Bliman and Sorine (1995).
+
+The friction force depends only on the path and has a peak as sliding begins.
+"""
 
 from collections.abc import Mapping
 from typing import ClassVar
@@ -12,18 +15,21 @@ from .kinds import AbstractBristle
 
 
 class BlimanSorine(AbstractBristle):
-    """``F = N [mu1 z1/l1 - mu2 z2/l2]``, ``dz_i/dt = v - |v| z_i/l_i`` with ``l1 = eta epsilon``, ``l2 = epsilon``.
+    """Bliman-Sorine model with a static peak.
 
-    A fast and strong contact against a slow and weak one: over the travel s from an unstrained state the force is
-    ``N [mu1 (1 - exp(-s/(eta epsilon))) - mu2 (1 - exp(-s/epsilon))]``, with a peak at :meth:`peak_travel` and then
-    a fall to ``(mu1 - mu2) N``. The static force is that peak; behind a reversal the peak stands twice as far above
-    the dynamic force. With mu2 = 0 it is the model of first order, Dahl's law with the length eta epsilon.
+    ``F = N [mu1 z1/l1 - mu2 z2/l2]``, ``dz_i/dt = v - |v| z_i/l_i`` with ``l1 = eta epsilon``, ``l2 = epsilon``.
+
+    The force is the difference of a fast, strong contact and a slow, weak one. After a travel s from an unstrained
+    state it is ``N [mu1 (1 - exp(-s/(eta epsilon))) - mu2 (1 - exp(-s/epsilon))]``. It has a peak at
+    :meth:`peak_travel` and then falls to ``(mu1 - mu2) N``. The static force is this peak. After a reversal the peak is
+    twice as far above the dynamic force. With mu2 = 0 this is the model of first order, Dahl's law with the length
+    eta epsilon.
 
     Attributes:
         mu1: coefficient of the fast contact [1]; the dynamic coefficient of friction is mu1 - mu2.
         mu2: coefficient of the slow contact [1], below mu1.
         eta: length of the fast contact as a fraction of that of the slow one [1], between 0 and 1.
-        epsilon: travel over which the slow contact settles [m].
+        epsilon: travel over which the slow contact reaches its steady force [m].
 
     Examples:
         >>> import numpy as np
@@ -36,14 +42,14 @@ class BlimanSorine(AbstractBristle):
 
     coefficients: ClassVar[Mapping[str, Coefficient]] = {
         "mu1": positive("", "coefficient of the fast contact"),
-        "mu2": not_negative("", "coefficient of the slow contact, which takes off from mu1"),
+        "mu2": not_negative("", "coefficient of the slow contact, which is subtracted from mu1"),
         "eta": fraction("length of the fast contact as a fraction of that of the slow one"),
-        "epsilon": positive("m", "travel over which the slow contact settles"),
+        "epsilon": positive("m", "travel over which the slow contact reaches its steady force"),
     }
     source: ClassVar[str] = "P.-A. Bliman and M. Sorine, Proc. European Control Conference (1995)"
     identifies: ClassVar[str] = (
-        "mu1 - mu2 from the half-cycles; the rest only where epsilon is no small part of them. With mu2 = 0 only the "
-        "product eta epsilon."
+        "mu1 - mu2 from the half-cycles; the other coefficients only if epsilon is not small against them. With "
+        "mu2 = 0 only the product eta epsilon."
     )
     n_states: ClassVar[int] = 2
 
@@ -56,11 +62,14 @@ class BlimanSorine(AbstractBristle):
         check_order(self, "mu2", "mu1", strict=True)
 
     def _per_load(self, deflections: Values) -> Values:
-        """Force per load of two deflections, each as a fraction of that of steady sliding."""
+        """Force per load for deflections as fractions of their steady values."""
         return self.mu1 * deflections[0] - self.mu2 * deflections[1]
 
     def peak_travel(self) -> Scalar:
-        """Travel from an unstrained state to the peak of the force [m], inf for mu2 = 0, where there is none."""
+        """Travel from an unstrained state to the peak force [m].
+
+        It is infinite for mu2 = 0, because there is no peak.
+        """
         excess = jnp.log(self.mu1) - jnp.log(self.eta * self.mu2)
         return self.eta * self.epsilon / (1 - self.eta) * excess
 

@@ -1,4 +1,4 @@
-"""The Bouc-Wen model of hysteresis, in the form without redundant coefficients (Bouc 1967, Wen 1976)."""
+"""Bouc-Wen model of hysteresis, without redundant coefficients (1967, 1976)."""
 
 from collections.abc import Mapping
 from typing import ClassVar
@@ -12,16 +12,19 @@ from .kinds import AbstractDeflection
 
 
 class BoucWen(AbstractDeflection):
-    """``F = mu N zeta``, ``l dzeta/dt = v - |zeta|^n (beta |v| sgn(zeta) + (1 - beta) v)``, ``l = mu N/sigma0``.
+    """Bouc-Wen model of hysteresis.
+
+    ``F = mu N zeta``, ``l dzeta/dt = v - |zeta|^n (beta |v| sgn(zeta) + (1 - beta) v)``, ``l = mu N/sigma0``.
 
     The original coefficients A, beta, gamma, F_c and l are redundant; here A = 1 and beta + gamma = 1. With n = 1 and
-    beta = 1 it is Dahl's law. Small loops under a load below mu N do not close: the contact creeps towards that load.
+    beta = 1 the model is Dahl's law. Small loops under a load below mu N do not close: the contact creeps towards that
+    load.
 
     Attributes:
         mu: dynamic coefficient of friction [1].
-        sigma0: stiffness of the contact before it slides [N/m], whatever the load.
-        n: how suddenly the contact yields [1], 1 or more; large for a bilinear one.
-        beta: share of the loss on the way back [1], between 0.5 and 1: 0.5 unloads along a straight line.
+        sigma0: stiffness of the contact before it slides [N/m], independent of the load.
+        n: sharpness of the yielding [1], 1 or more; large for a bilinear contact.
+        beta: share of the loss during unloading [1], between 0.5 and 1; 0.5: it unloads along a straight line.
 
     Examples:
         >>> import numpy as np
@@ -34,13 +37,13 @@ class BoucWen(AbstractDeflection):
     coefficients: ClassVar[Mapping[str, Coefficient]] = {
         "mu": MU_BRISTLE,
         "sigma0": SIGMA0,
-        "n": Coefficient("", "how suddenly the contact yields", 1.0),
-        "beta": within(0.5, 1.0, "", "share of the loss on the way back; 0.5 unloads along a straight line"),
+        "n": Coefficient("", "sharpness of the yielding", 1.0),
+        "beta": within(0.5, 1.0, "", "share of the loss during unloading; 0.5: it unloads along a straight line"),
     }
     source: ClassVar[str] = "R. Bouc (1967); Y.-K. Wen, J. Eng. Mech. Div. ASCE 102 (1976)"
     identifies: ClassVar[str] = (
-        "mu from the half-cycles; sigma0 from the work that each reversal gives back and from the ringing at rest; "
-        "n and beta only where the length mu N/sigma0 is no small part of the half-cycles."
+        "mu from the half-cycles; sigma0 from the work that each reversal returns and from the ringing at rest; "
+        "n and beta only if the length mu N/sigma0 is not small against the half-cycles."
     )
 
     mu: Scalar = eqx.field(converter=scalar)

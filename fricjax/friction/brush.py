@@ -1,8 +1,9 @@
-"""Brushes: bristles that bend under the sliding surface, slip at a force that falls with speed, and damp their motion.
+"""Brush models of friction.
 
-``dz/dt = v - s sigma0 |v| z/g(v)`` and ``F = sigma0 z + sigma1(v) dz/dt + sigma2 v``, with the deflection z [m], the
-force of steady sliding ``g(v) = N [mu + (mu_s - mu) exp(-(v/v_stribeck)^2)]`` [N], and a share s of bristles that
-slip, in which the laws differ. The stiffness and damping of the bristles do not scale with the load.
+Bristles bend under the sliding surface, slip at a force that falls with speed, and damp their motion:
+``dz/dt = v - s sigma0 |v| z/g(v)`` and ``F = sigma0 z + sigma1(v) dz/dt + sigma2 v``, with the deflection z [m] and the
+force of steady sliding ``g(v) = N [mu + (mu_s - mu) exp(-(v/v_stribeck)^2)]`` [N]. The laws differ in the share s of
+slipping bristles. The stiffness and damping of the bristles do not scale with the load.
 """
 
 import abc
@@ -20,12 +21,12 @@ BRUSH: Mapping[str, Coefficient] = {
     **STRIBECK_CURVE,
     "sigma0": SIGMA0,
     "sigma1": SIGMA1,
-    "v_damping": positive("m/s", "speed over which the damping of the contact fades; none: it does not"),
+    "v_damping": positive("m/s", "speed over which the damping of the contact fades; none: constant damping"),
 }
 
 
 class AbstractBrush(AbstractStribeckCurve):
-    """A brush; its final classes say which share of the bristles slips."""
+    """Base class of brush models; final classes define the slipping share."""
 
     sigma0: AbstractVar[Scalar]
     sigma1: AbstractVar[Scalar]
@@ -63,12 +64,12 @@ class AbstractBrush(AbstractStribeckCurve):
         return jnp.reshape(most / self.sigma0, (1,))
 
     def passive(self, load: float) -> bool:
-        """Whether the coefficients guarantee that no path gives back more work than the bristles have stored.
+        """Return True if no path can return more work than stored.
 
-        With the stored energy ``sigma0 z^2/2`` it is enough that at every speed one of two conditions holds (F_s is
-        the static force): ``sigma1(v) (F_s - g(v))/g(v) <= sigma2``, or ``sigma1(v)^2 |v| <= 4 (sigma1(v) + sigma2)
-        g(v)``. For constant sigma1 the first one decides at high speed, ``sigma2 >= sigma1 (mu_s - mu)/mu``, and is
-        then necessary as well (Barabanov and Ortega, 2000); the second one with sigma2 = 0 is Olsson's (1996).
+        With the stored energy ``sigma0 z^2/2``, one of two conditions at every speed is sufficient (F_s is the static
+        force): ``sigma1(v) (F_s - g(v))/g(v) <= sigma2``, or ``sigma1(v)^2 |v| <= 4 (sigma1(v) + sigma2) g(v)``. For
+        constant sigma1 the first condition is ``sigma2 >= sigma1 (mu_s - mu)/mu`` at high speed, and then it is also
+        necessary (Barabanov and Ortega, 2000). The second condition with sigma2 = 0 is that of Olsson (1996).
         """
         scales = [float(scale) for scale in (self.v_stribeck, self.v_damping) if scale is not None]
         speed = jnp.geomspace(1e-4 * min(scales), 1e2 * max(scales), 4001)
@@ -80,7 +81,7 @@ class AbstractBrush(AbstractStribeckCurve):
 
     @property
     def _least_sigma2(self) -> float:
-        """The viscous coefficient without which fast sliding gives work back [N s/m]."""
+        """Smallest sigma2 for which fast sliding returns no work [N s/m]."""
         if self.mu_s is None or self.v_damping is not None:
             return 0.0
         return float(self.sigma1 * (self.mu_s - self.mu) / self.mu)

@@ -1,7 +1,7 @@
-"""The laws by name, and what each is made of, without their equations: to be asked before JAX is imported.
+"""Catalogue of the friction laws and their coefficients, without imports of JAX.
 
-A misspelt name is so refused at once. `tests/friction/test_catalogue.py` holds this table against the classes: a law
-that is missing here, or differs, fails it.
+With it a misspelt name is refused before JAX is imported. `tests/friction/test_catalogue.py` compares this table with
+the classes.
 """
 
 import dataclasses
@@ -13,16 +13,16 @@ type Kind = Literal["set-valued", "smooth", "bristle"]
 
 @dataclasses.dataclass(frozen=True)
 class Law:
-    """A law as far as its name, its coefficients and its kind go.
+    """Name, kind and coefficients of a law.
 
     Attributes:
         name: name of the class.
         kind: "set-valued", "smooth" or "bristle" (with internal states), see :mod:`fricjax.friction.kinds`.
-        needed: coefficients that must be given.
-        optional: those that are there only where they are given.
-        coefficients: all of them, in the order of the class.
-        falls: whether it is Coulomb's law where no static coefficient is given.
-        lists: whether some of its coefficients are lists of numbers, which no option holds.
+        needed: required coefficients.
+        optional: coefficients that the law has only if they are passed.
+        coefficients: all coefficients, in the order of the class.
+        falls: whether the law is Coulomb's law without a static coefficient.
+        lists: whether some coefficients are lists of numbers, which a command-line option cannot hold.
     """
 
     name: str
@@ -34,12 +34,15 @@ class Law:
     lists: bool = False
 
     def present(self, passed: Collection[str]) -> tuple[str, ...]:
-        """The coefficients that the law has where these are passed."""
+        """Coefficients of the law if these are passed."""
         return tuple(name for name in self.coefficients if name not in self.optional or name in passed)
 
 
 def _law(name: str, kind: Kind, written: str, **more: bool) -> Law:
-    """A law from its coefficients: ``mu`` is needed, ``mu_s?`` optional, ``exponent=`` has a default."""
+    """Build a law from text.
+
+    In the text ``mu`` is required, ``mu_s?`` is optional, and ``exponent=`` has a default.
+    """
     words = written.split()
     names = tuple(word.rstrip("?=") for word in words)
     needed = tuple(word for word in words if word[-1] not in "?=")
@@ -72,19 +75,19 @@ _ALL = (
     _law("Viscous", "smooth", "sigma2"),
 )
 CATALOGUE: Mapping[str, Law] = {law.name.lower(): law for law in _ALL}
-"""All laws by their names in small letters, without their sums."""
+"""All laws by their names in lower case, without sums."""
 
 
 def check_summands(names: Collection[str], *, jumps: bool, remembers: bool) -> None:
-    """Refuse a sum that no engine integrates.
+    """Refuse a sum that no engine can integrate.
 
     Args:
-        names: the laws that are added.
+        names: names of the summands.
         jumps: whether one of them is set-valued.
         remembers: whether one of them has internal states.
 
     Raises:
-        ValueError: names the laws.
+        ValueError: the sum has both; the message names the laws.
     """
     if jumps and remembers:
         raise ValueError(
@@ -93,11 +96,11 @@ def check_summands(names: Collection[str], *, jumps: bool, remembers: bool) -> N
 
 
 def dotted(laws: Collection[Law], passed: Collection[Collection[str]]) -> Iterator[str]:
-    """Names of the coefficients of a law, or of a sum of several, as an oscillator has them.
+    """Yield the full coefficient names of a law or a sum.
 
     Args:
         laws: the law, or the summands.
-        passed: for each of them the names of the coefficients that are passed.
+        passed: for each law the names of the coefficients that are passed.
     """
     for i, (law, names) in enumerate(zip(laws, passed, strict=True)):
         place = "friction" if len(laws) == 1 else f"friction.{i}"
@@ -105,14 +108,14 @@ def dotted(laws: Collection[Law], passed: Collection[Collection[str]]) -> Iterat
 
 
 class Name(NamedTuple):
-    """A coefficient by name: the shortest one that tells it from the others, and the whole one."""
+    """Shortest unique name and full name of a coefficient."""
 
     name: str
     dotted: str
 
 
 def short_names(dotted: Sequence[str]) -> tuple[Name, ...]:
-    """The shortest names for these whole ones."""
+    """Shorten full names as far as they remain unique."""
     last = [name.rsplit(".", 1)[-1] for name in dotted]
     return tuple(
         Name(short if last.count(short) == 1 else full, full) for short, full in zip(last, dotted, strict=True)

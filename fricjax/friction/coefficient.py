@@ -1,4 +1,4 @@
-"""What a coefficient of a model is: its unit, its meaning, and the values that it can have."""
+"""Unit, meaning and bounds of the coefficients of a model."""
 
 import dataclasses
 import math
@@ -13,11 +13,11 @@ class Coefficient(NamedTuple):
 
     Attributes:
         unit: SI unit, empty for a ratio.
-        about: what it is, in a few words.
-        lower, upper: bounds of the values that mean something; fits stay inside.
+        about: meaning, in a few words.
+        lower, upper: bounds of meaningful values; fits stay inside.
         open: whether the lower bound itself is excluded.
-        fitted_as: what fits work in: its "value"; its "logarithm" where it may range over decades; its "inverse
-            root" where the motion follows that, as it follows the time that a stiff contact takes to turn.
+        fitted_as: variable of the fit: the "value"; the "logarithm" if the coefficient can range over decades; the
+            "inverse root" if the motion depends on it, as on the time in which a stiff contact reverses.
 
     Examples:
         >>> import fricjax as fj
@@ -34,13 +34,13 @@ class Coefficient(NamedTuple):
     fitted_as: Literal["value", "logarithm", "inverse root"] = "value"
 
     def admits(self, value: Any) -> bool:
-        """Whether all of these numbers lie inside of the bounds; NaN never does."""
+        """Return True if all numbers are within the bounds; NaN never is."""
         above = np.greater if self.open else np.greater_equal
         return bool(np.all(above(value, self.lower) & np.less_equal(value, self.upper)))
 
     @property
     def demand(self) -> str:
-        """The bounds as the end of a sentence that begins with the name."""
+        """Bounds as a predicate: "must not be negative"."""
         of_unit = f" of {self.unit}" if self.unit else ""
         if math.isfinite(self.upper):
             return f"must lie between {self.lower:g} and {self.upper:g}{' ' * bool(self.unit)}{self.unit}"
@@ -54,11 +54,11 @@ class Coefficient(NamedTuple):
 
 
 def positive(unit: str, about: str) -> Coefficient:
-    """A coefficient above zero that may range over decades, so that fits vary its logarithm.
+    """Describe a positive coefficient, fitted as its logarithm.
 
     Args:
         unit: SI unit, empty for a ratio.
-        about: what it is, in a few words.
+        about: meaning, in a few words.
 
     Examples:
         >>> import fricjax as fj
@@ -69,11 +69,11 @@ def positive(unit: str, about: str) -> Coefficient:
 
 
 def not_negative(unit: str, about: str) -> Coefficient:
-    """A coefficient of zero or more.
+    """Describe a coefficient of zero or more.
 
     Args:
         unit: SI unit, empty for a ratio.
-        about: what it is, in a few words.
+        about: meaning, in a few words.
 
     Examples:
         >>> import fricjax as fj
@@ -84,13 +84,13 @@ def not_negative(unit: str, about: str) -> Coefficient:
 
 
 def within(lower: float, upper: float, unit: str, about: str) -> Coefficient:
-    """A coefficient between two bounds, which it may reach.
+    """Describe a coefficient between two bounds, both included.
 
     Args:
-        lower: the least value, in `unit`.
-        upper: the largest one.
+        lower: smallest value, in `unit`.
+        upper: largest value, in `unit`.
         unit: SI unit, empty for a ratio.
-        about: what it is, in a few words.
+        about: meaning, in a few words.
 
     Examples:
         >>> import fricjax as fj
@@ -101,10 +101,10 @@ def within(lower: float, upper: float, unit: str, about: str) -> Coefficient:
 
 
 def fraction(about: str) -> Coefficient:
-    """A share between zero and one, of which it reaches neither.
+    """Describe a fraction between zero and one, both excluded.
 
     Args:
-        about: what it is, in a few words.
+        about: meaning, in a few words.
 
     Examples:
         >>> import fricjax as fj
@@ -115,7 +115,7 @@ def fraction(about: str) -> Coefficient:
 
 
 MU = not_negative("", "dynamic coefficient of friction")
-MU_BRISTLE = MU._replace(open=True)  # bristles of no strength have no deflection to settle at
+MU_BRISTLE = MU._replace(open=True)  # with mu = 0 bristles have no steady deflection
 MU_S = not_negative("", "static coefficient of friction")
 V_STRIBECK = positive("m/s", "speed over which friction falls from static to dynamic")
 SIGMA0 = positive("N/m", "stiffness of the contact before it slides")._replace(fitted_as="inverse root")
@@ -124,40 +124,40 @@ SIGMA2 = Coefficient("N s/m", "viscous coefficient of the contact")
 
 
 def is_known(*values: Any) -> bool:
-    """Whether all of these are numbers now, and neither absent nor traced."""
+    """Return True if all values are numbers, neither None nor traced."""
     return all(isinstance(value, np.ndarray) for value in values)
 
 
-def check_coefficients(owner: Any, coefficients: Mapping[str, Coefficient], whose: str = "") -> None:
-    """Refuse coefficients outside of their bounds, and numbers of which nothing is known.
+def check_coefficients(owner: Any, coefficients: Mapping[str, Coefficient], suffix: str = "") -> None:
+    """Refuse coefficients that are out of bounds or not described.
 
-    Those that are absent or traced are not looked at.
+    Absent and traced coefficients are not checked.
 
     Args:
-        owner: what has the coefficients as attributes, each a number or a tuple of numbers.
-        coefficients: what is known of each.
-        whose: put behind the name of a coefficient, such as " of Stribeck".
+        owner: object with the coefficients as attributes, each a number or a tuple of numbers.
+        coefficients: description of each coefficient.
+        suffix: text after the name of a coefficient in a message, such as " of Stribeck".
 
     Raises:
-        ValueError: names the coefficient, its value and its bound.
-        TypeError: a number among the fields of `owner` without an entry; names it and what to add.
+        ValueError: a coefficient is out of bounds; the message gives its name, its value and the bound.
+        TypeError: a numerical field of `owner` has no description; the message says how to add one.
     """
     for field in dataclasses.fields(owner):
         numbers = [value for _, value in _named(field.name, getattr(owner, field.name))]
         if field.name not in coefficients and any(is_known(value) for value in numbers):
             raise TypeError(
-                f"{type(owner).__name__} has the coefficient {field.name}, of which nothing is known: "
+                f"{type(owner).__name__} does not describe its coefficient {field.name}: "
                 "add Coefficient(unit, about) for it to `coefficients` of the class."
             )
     for listed, coefficient in coefficients.items():
         for name, value in _named(listed, getattr(owner, listed)):
             if is_known(value) and not coefficient.admits(value):
                 unit = f" {coefficient.unit}" if coefficient.unit and not coefficient.open else ""
-                raise ValueError(f"{name}{whose} {coefficient.demand}, got {value}{unit}.")
+                raise ValueError(f"{name}{suffix} {coefficient.demand}, got {value}{unit}.")
 
 
 def _named(name: str, value: Any) -> list[tuple[str, Any]]:
-    """A coefficient with its name, or each number of a list with its own, as in ``forces_3``."""
+    """List names and values; a tuple gives names such as ``forces_3``."""
     return [(f"{name}_{i}", v) for i, v in enumerate(value)] if isinstance(value, tuple) else [(name, value)]
 
 
@@ -165,7 +165,7 @@ def check_order(owner: Any, lesser: str, greater: str, *, strict: bool = False) 
     """Refuse coefficients in the wrong order.
 
     Raises:
-        ValueError: names both with their values.
+        ValueError: the order is wrong; the message gives both names and values.
     """
     low, high = getattr(owner, lesser), getattr(owner, greater)
     if is_known(low, high) and not np.all(high > low if strict else high >= low):

@@ -1,4 +1,7 @@
-"""Coulomb friction: a constant force against the motion, and a static force that may be larger (Coulomb, 1785)."""
+"""Coulomb friction (Coulomb, 1785).
+
+A constant force opposes the motion, and the static force may be larger.
+"""
 
 from collections.abc import Mapping
 from typing import ClassVar
@@ -12,10 +15,12 @@ from .kinds import AbstractConstant
 
 
 class Coulomb(AbstractConstant):
-    """``F = mu N sgn(v)`` while sliding; at rest anything up to ``mu_s N``.
+    """Coulomb friction with an optional static coefficient.
+
+    While the mass slides, ``F = mu N sgn(v)``. At rest the friction force is at most ``mu_s N``.
 
     The static coefficient decides only whether the mass moves on from a reversal. A trace therefore has no gradient
-    with respect to it: it is bracketed from stops and non-stops, never fitted.
+    with respect to it. The stops and non-stops of a run bracket it, and it is never fitted.
 
     Attributes:
         mu: dynamic coefficient of friction [1].
@@ -33,8 +38,8 @@ class Coulomb(AbstractConstant):
     coefficients: ClassVar[Mapping[str, Coefficient]] = {"mu": MU, "mu_s": MU_S}
     source: ClassVar[str] = "C. A. Coulomb, Theorie des machines simples (1785)"
     identifies: ClassVar[str] = (
-        "mu from two half-cycles on, apart from damping from about five; mu_s only as a bracket from stops and "
-        "non-stops."
+        "mu from at least two half-cycles, and from about five together with damping; mu_s only as a bracket from "
+        "stops and non-stops."
     )
 
     mu: Scalar = eqx.field(converter=scalar)
@@ -44,7 +49,7 @@ class Coulomb(AbstractConstant):
         check_order(self, "mu", "mu_s")
 
     def static_force(self, load: Scalar) -> Scalar:
-        # A fit may carry mu past a mu_s that stays where it is.
+        # A fit may raise mu above a fixed mu_s.
         return (self.mu if self.mu_s is None else jnp.maximum(self.mu, self.mu_s)) * load
 
     def dynamic_force(self, load: Scalar) -> Scalar:

@@ -1,4 +1,4 @@
-"""Dahl's model: friction as the stress-strain curve of a material that yields (Dahl, 1968)."""
+"""Dahl's model: friction as the stress-strain curve of a yielding material (1968)."""
 
 from collections.abc import Mapping
 from typing import ClassVar
@@ -12,15 +12,17 @@ from .kinds import AbstractDeflection
 
 
 class Dahl(AbstractDeflection):
-    """``dF/dt = sigma0 |w|^exponent sgn(w) v`` with ``w = 1 - sgn(v) F/(mu N)``.
+    """Dahl's model of friction with presliding.
+
+    ``dF/dt = sigma0 |w|^exponent sgn(w) v`` with ``w = 1 - sgn(v) F/(mu N)``.
 
     With the exponent 1 the deflection z = F/sigma0 follows ``dz/dt = v - sigma0 |v| z/(mu N)``, and the force changes
-    exponentially over the length mu N/sigma0. An exponent below 1 has no bounded slope at full sliding.
+    exponentially over the length mu N/sigma0. An exponent below 1 would have no bounded slope at full sliding.
 
     Attributes:
         mu: dynamic coefficient of friction [1].
-        sigma0: stiffness of the contact before it slides [N/m], whatever the load.
-        exponent: how the contact yields [1], between 1 and 2: 1 like a ductile material.
+        sigma0: stiffness of the contact before it slides [N/m], independent of the load.
+        exponent: shape of the yielding [1], between 1 and 2; 1: like a ductile material.
 
     Examples:
         >>> import numpy as np
@@ -34,12 +36,12 @@ class Dahl(AbstractDeflection):
     coefficients: ClassVar[Mapping[str, Coefficient]] = {
         "mu": MU_BRISTLE,
         "sigma0": SIGMA0,
-        "exponent": within(1.0, 2.0, "", "how the contact yields; 1 exponentially"),
+        "exponent": within(1.0, 2.0, "", "shape of the yielding; 1: exponential"),
     }
     source: ClassVar[str] = "P. R. Dahl, Aerospace Corporation TOR-0158 (1968); AIAA J. 14 (1976)"
     identifies: ClassVar[str] = (
-        "mu from the half-cycles; sigma0 from the work that each reversal gives back and from the ringing at rest; "
-        "exponent only where the length mu N/sigma0 is no small part of the half-cycles."
+        "mu from the half-cycles; sigma0 from the work that each reversal returns and from the ringing at rest; "
+        "exponent only if the length mu N/sigma0 is not small against the half-cycles."
     )
 
     mu: Scalar = eqx.field(converter=scalar)

@@ -1,4 +1,7 @@
-"""The elasto-plastic bristle model: a brush that is elastic until it is bent far enough (Dupont et al., 2002)."""
+"""Elasto-plastic bristle model (Dupont et al., 2002).
+
+The brush is elastic up to a breakaway deflection.
+"""
 
 from collections.abc import Mapping
 from typing import ClassVar
@@ -12,12 +15,14 @@ from .coefficient import Coefficient, fraction
 
 
 class ElastoPlastic(AbstractBrush):
-    """``dz/dt = v - alpha(z, v) sigma0 |v| z/g(v)``, ``F = sigma0 z + sigma1 dz/dt + sigma2 v``, g as in LuGre.
+    """Elasto-plastic bristle model.
 
-    The share alpha of the bristles that slip is 0 up to the breakaway deflection ``z_ba = breakaway_fraction mu
-    N/sigma0`` and where z and v differ in sign, 1 beyond the deflection ``z_ss = g(v)/sigma0`` of steady sliding, and
-    ``1/2 + 1/2 sin(pi (|z| - (z_ss + z_ba)/2)/(z_ss - z_ba))`` between. Below z_ba the contact is a spring that never
-    drifts, unlike LuGre's.
+    ``dz/dt = v - alpha(z, v) sigma0 |v| z/g(v)``, ``F = sigma0 z + sigma1 dz/dt + sigma2 v``, with g as in LuGre.
+
+    The share alpha of slipping bristles is 0 up to the breakaway deflection ``z_ba = breakaway_fraction mu N/sigma0``,
+    and if z and v differ in sign. It is 1 beyond the deflection ``z_ss = g(v)/sigma0`` of steady sliding, and
+    ``1/2 + 1/2 sin(pi (|z| - (z_ss + z_ba)/2)/(z_ss - z_ba))`` in between. Below z_ba the contact is a spring that
+    never drifts, unlike that of LuGre.
 
     Attributes:
         mu: dynamic coefficient of friction [1].
@@ -28,7 +33,7 @@ class ElastoPlastic(AbstractBrush):
         sigma2: viscous coefficient of the contact [N s/m].
         breakaway_fraction: deflection at which bristles begin to slip as a fraction of mu N/sigma0 [1], between 0
             and 1.
-        v_damping: speed over which the damping fades [m/s], ``sigma1 exp(-(v/v_damping)^2)``; None: it does not.
+        v_damping: speed over which the damping fades [m/s], ``sigma1 exp(-(v/v_damping)^2)``; None: constant damping.
 
     Examples:
         >>> import numpy as np
@@ -45,8 +50,8 @@ class ElastoPlastic(AbstractBrush):
     }
     source: ClassVar[str] = "P. Dupont et al., IEEE Trans. Autom. Control 47 (2002)"
     identifies: ClassVar[str] = (
-        "As LuGre; breakaway_fraction only with sigma0, from the work that each reversal gives back, and from the "
-        "ringing at rest."
+        "breakaway_fraction only together with sigma0, from the work that each reversal returns and from the ringing "
+        "at rest; the other coefficients as in LuGre."
     )
 
     mu: Scalar = eqx.field(converter=scalar)
@@ -64,5 +69,5 @@ class ElastoPlastic(AbstractBrush):
     def slipping(self, v: Scalar, state: State, load: Scalar) -> Values:
         breakaway, steady = self._breakaway(load), self.limit(jnp.abs(v), load) / self.sigma0
         way = jnp.clip((jnp.abs(state) - breakaway) / (steady - breakaway), 0.0, 1.0)
-        # sin^2(pi u/2) is the rise of the docstring, free of rounding at its foot.
+        # sin^2(pi u/2) equals the formula of the docstring, without rounding error near zero.
         return jnp.where(jnp.sign(state) * jnp.sign(v) > 0, jnp.sin(jnp.pi / 2 * way) ** 2, 0.0)

@@ -1,10 +1,13 @@
-"""Elements that stick and slip: springs in parallel, each of them held by a slider that yields at a force of its own.
+"""Elements that stick and slip.
 
-The internal state of an element is the deflection of its spring. While it sticks, the deflection follows the
-displacement of the mass; once its slider yields, the deflection stays at its limit. Such a play operator is a return
-map: over a movement in one direction the deflection is the trial ``z + displacement``, cut off at the limit. So the
-trial deflections are what is integrated, whose rate is just the velocity; the force is read off the cut ones, and at
-the end of each step the trial is returned to what the slider holds. No step can carry a deflection past its limit.
+An element is a spring in series with a slider. The elements are in parallel, and each yields at a different force. The
+internal state of an element is the deflection of its spring. While the element sticks, the deflection follows the
+displacement of the mass. After its slider has yielded, the deflection remains at its limit.
+
+This play operator is a return map: over a movement in one direction the deflection is the trial ``z + displacement``,
+clipped at the limit. The integrator advances the trial deflections, with the velocity as their rate. The force follows
+from the clipped deflections. At the end of each step the trial deflections are clipped, so no step can move a
+deflection past its limit.
 """
 
 import abc
@@ -18,18 +21,21 @@ from .coefficient import Coefficient, fraction, is_known, positive
 from .kinds import AbstractBristle
 from .stribeck_curve import STRIBECK_CURVE, AbstractStribeckCurve
 
-# A slipping element is left this much beyond its limit, so that it does not seem to stick again by rounding.
+# A slipping element stays this far beyond its limit, so that rounding does not make it appear to stick.
 BEYOND = 1 + 1e-9
 
 
 def yielded(trial: Values, limits: Values) -> Values:
-    """Deflections that the sliders allow, from trial ones."""
-    # Less than half of what clip compiles to, whose derivatives share ties between both sides.
+    """Clip trial deflections at the limits of the sliders."""
+    # This compiles to less than half the code of jnp.clip, which shares the derivative at a tie between both sides.
     return jnp.where(trial > limits, limits, jnp.where(trial < -limits, -limits, trial))
 
 
 class AbstractElements(AbstractBristle):
-    """Elements that yield at fixed deflections, whatever the speed: rate-independent friction (Iwan 1966)."""
+    """Elements that yield at fixed deflections (Iwan, 1966).
+
+    The friction does not depend on the speed.
+    """
 
     @abc.abstractmethod
     def springs(self) -> Values:
@@ -37,7 +43,7 @@ class AbstractElements(AbstractBristle):
 
     @abc.abstractmethod
     def sliders(self) -> Values:
-        """Force at which each element yields, per newton of load [1], shape (elements,)."""
+        """Yield force of each element per load [1], shape (elements,)."""
 
     def limits_of_deflection(self, load: Scalar) -> Values:
         """Deflection at which each element yields [m], shape (elements,)."""
@@ -87,9 +93,9 @@ STRIBECK_ELEMENTS: Mapping[str, Coefficient] = {
 
 
 class AbstractStribeckElements(AbstractStribeckCurve):
-    """Elements of which each carries its share of the Stribeck curve g.
+    """Elements that share the force g of the Stribeck curve.
 
-    The shares sum to one, so that the last element has what the others leave.
+    The shares sum to one; the last element has the remaining share.
     """
 
     stiffnesses: AbstractVar[tuple[Scalar, ...]]
@@ -112,7 +118,7 @@ class AbstractStribeckElements(AbstractStribeckCurve):
         return jnp.stack([jnp.asarray(k) for k in self.stiffnesses])
 
     def all_shares(self) -> Values:
-        """Share of each element, the last one included, shape (elements,)."""
+        """Share of each element, including the last one, shape (elements,)."""
         first = jnp.asarray(self.shares, float)
         return jnp.append(first, 1 - jnp.sum(first))
 

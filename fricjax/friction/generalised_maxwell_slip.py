@@ -1,4 +1,7 @@
-"""Generalised Maxwell-slip: elements that stick as springs and slip towards Stribeck's curve (Lampaert 2003)."""
+"""Generalised Maxwell-slip model (Lampaert et al., 2003).
+
+Its elements stick as springs and slip towards a Stribeck curve.
+"""
 
 from collections.abc import Iterable, Mapping
 from typing import Any, ClassVar
@@ -12,28 +15,32 @@ from .elements import STRIBECK_ELEMENTS, AbstractStribeckElements
 
 
 class GeneralisedMaxwellSlip(AbstractStribeckElements):
-    """``F = sum F_i + sigma2 v``; each element sticks, ``dF_i/dt = k_i v``, or slips, ``= sgn(v) C (a_i - F_i/s(v))``.
+    """Generalised Maxwell-slip model.
 
-    An element slips from where ``F_i sgn(v)`` reaches ``a_i g(v)`` until the velocity changes its sign; then all
-    elements stick at once. Here ``s(v) = sgn(v) g(v)``, and ``g(v)`` is the force of steady sliding
-    ``N [mu + (mu_s - mu) exp(-(v/v_stribeck)^2)]``. While they slip, the elements follow it with a lag ``g/C``.
-    Stiffnesses and attraction do not scale with the load.
+    ``F = sum F_i + sigma2 v``. A sticking element follows ``dF_i/dt = k_i v``, a slipping one
+    ``dF_i/dt = sgn(v) C (a_i - F_i/s(v))``.
 
-    The states are the deflections of the springs [m], and the deflections at which they began to slip [m], zero for
-    an element that sticks: whether it does cannot be seen from its force, for that falls below ``a_i g(v)`` as the
-    mass slows down. Modes change between two steps of the integration, and steps end where they change.
+    An element slips when ``F_i sgn(v)`` has reached ``a_i g(v)``. When the velocity changes its sign, all elements
+    stick. Here ``s(v) = sgn(v) g(v)``, and ``g(v) = N [mu + (mu_s - mu) exp(-(v/v_stribeck)^2)]`` is the force of
+    steady sliding. Slipping elements follow it with a lag ``g/C``. Stiffnesses and attraction do not scale with the
+    load.
+
+    The states are the deflections of the springs [m], then the deflections at which they began to slip [m], zero for an
+    element that sticks. The latter are needed because the force does not determine the mode: it falls below
+    ``a_i g(v)`` as the mass slows down. Modes change between two steps of the integration, and a step ends at each
+    change.
 
     Attributes:
         mu: dynamic coefficient of friction [1].
         mu_s: static coefficient of friction [1]; None ties it to `mu`.
         v_stribeck: Stribeck velocity [m/s].
         stiffnesses: stiffness of each element [N/m].
-        shares: shares a_i of all elements but the last, which has the rest [1].
-        attraction: C [N/s], how fast the force of a slipping element tends to its steady value.
+        shares: share a_i of each element but the last [1]; the last element has the remaining share.
+        attraction: C [N/s], the rate at which the force of a slipping element tends to its steady value.
         sigma2: viscous coefficient of the contact [N s/m].
 
     Raises:
-        ValueError: not one share less than stiffnesses, or shares that leave nothing to the last element.
+        ValueError: the number of shares is not one less than that of stiffnesses, or the shares sum to one or more.
 
     Examples:
         >>> import numpy as np
@@ -47,15 +54,15 @@ class GeneralisedMaxwellSlip(AbstractStribeckElements):
 
     coefficients: ClassVar[Mapping[str, Coefficient]] = {
         **STRIBECK_ELEMENTS,
-        "attraction": not_negative("N/s", "how fast slipping elements tend to the force of steady sliding"),
+        "attraction": not_negative("N/s", "rate at which slipping elements tend to the force of steady sliding"),
     }
     source: ClassVar[str] = (
         "V. Lampaert, F. Al-Bender and J. Swevers, Physcon (2003); F. Al-Bender et al., IEEE Trans. Autom. Control 50 "
         "(2005)"
     )
     identifies: ClassVar[str] = (
-        "mu, mu_s and v_stribeck as in Stribeck's law; stiffnesses and shares as in MaxwellSlip; attraction hardly "
-        "where g/C is short against the half-period, and not at all without mu_s; sigma2 only apart from damping."
+        "mu, mu_s and v_stribeck as in Stribeck's law; stiffnesses and shares as in MaxwellSlip; attraction hardly if "
+        "g/C is short against the half-period, and not at all without mu_s; sigma2 never together with damping."
     )
 
     mu: Scalar
@@ -104,15 +111,15 @@ class GeneralisedMaxwellSlip(AbstractStribeckElements):
 
     def return_map(self, v: Scalar, a: Scalar, state: State, load: Scalar) -> State:
         z, slip = jnp.split(state, 2)
-        # An element whose slip the reversal has ended stays where it was then.
+        # If the reversal ends the slip of an element, the element keeps its deflection at the reversal.
         since_reversal = jnp.where(a * v > 0, v / jnp.where(a == 0, 1.0, a), 0.0)
         ends = slip * v < 0
         z = jnp.where(ends, z - since_reversal * self._attracted(v, z, slip, load), z)
-        # The deflection at which an element slips now, and how fast it changes with the speed.
+        # The deflection at which an element slips, and its rate of change.
         limit, change = jax.jvp(lambda w: jnp.sign(v) * self._capacity(w, load) / self.springs(), (v,), (a,))
         excess, approach = jnp.sign(v) * (z - limit), jnp.abs(v) - jnp.sign(v) * change
         begins = ((slip == 0) | ends) & (excess >= 0) & (v != 0)
-        # One that begins to slip did so when the excess was zero, and has stayed where it was then.
+        # An element began to slip when the excess was zero, and has kept its deflection since.
         since = jnp.where(approach > 0, excess / jnp.where(approach > 0, approach, 1.0), 0.0)
         yielded = limit - change * since
         kept = jnp.where(ends, 0.0, slip)

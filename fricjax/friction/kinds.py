@@ -1,4 +1,4 @@
-"""The kinds of laws: set-valued, smooth, and with bristles; what the laws of one kind have in common."""
+"""Base classes for the kinds of laws: set-valued, smooth, and bristle laws."""
 
 import abc
 from typing import ClassVar
@@ -9,7 +9,10 @@ from .base import AbstractFriction, Scalar, State, Values
 
 
 class AbstractMemoryless(AbstractFriction):
-    """A law without internal states: the force is a function of velocity and load alone."""
+    """A law without internal states.
+
+    Its force depends only on velocity and load.
+    """
 
     n_states: ClassVar[int] = 0
 
@@ -24,7 +27,9 @@ class AbstractMemoryless(AbstractFriction):
 
 
 class AbstractBristle(AbstractFriction):
-    """A law with internal states, by whose deflection it holds the mass at rest.
+    """A law with internal states.
+
+    The deflection of the contact holds the mass at rest.
 
     Examples:
         >>> from fricjax.friction import Dahl
@@ -36,7 +41,9 @@ class AbstractBristle(AbstractFriction):
 
 
 class AbstractSetValued(AbstractMemoryless):
-    """A memoryless law with a jump at rest; its zero-velocity limit is at most its static force.
+    """A law without internal states that jumps at zero velocity.
+
+    The limit of its sliding force at zero velocity is at most the static force.
 
     Examples:
         >>> from fricjax.friction import Stribeck
@@ -57,14 +64,16 @@ class AbstractSetValued(AbstractMemoryless):
 
 
 class AbstractConstant(AbstractSetValued):
-    """A set-valued law whose force does not depend on how fast the mass slides."""
+    """A set-valued law with a force that does not depend on speed."""
 
     def sliding_force(self, speed: Values, load: Scalar) -> Values:
         return self.dynamic_force(load) * jnp.ones_like(speed)
 
 
 class AbstractSmooth(AbstractMemoryless):
-    """A memoryless law without a jump: it holds nothing at rest.
+    """A law without internal states and without a jump.
+
+    It does not hold the mass at rest.
 
     Examples:
         >>> from fricjax.friction import Tanh
@@ -79,7 +88,10 @@ class AbstractSmooth(AbstractMemoryless):
 
 
 class AbstractResistance(AbstractSmooth):
-    """What grows with the speed from zero, such as drag: a summand that neither holds nor stops the mass."""
+    """A force that grows with the speed from zero, such as drag.
+
+    It is a summand of other laws, because it neither holds nor stops the mass.
+    """
 
     def dynamic_force(self, load: Scalar) -> Scalar:
         return jnp.zeros_like(load)
@@ -90,17 +102,22 @@ class AbstractResistance(AbstractSmooth):
 
 
 class AbstractDeflection(AbstractBristle):
-    """``F = mu N z/l``, with one internal state, the deflection `z` [m] of the contact between ``-l`` and ``l``.
+    """A law with one internal state, the deflection of the contact.
 
-    Such a contact is a spring that yields: it begins to move with its full stiffness, and tends to a steady deflection
-    at which it slides. How it gets there depends on the path alone and not on how fast the path is travelled.
+    ``F = mu N z/l`` with the deflection `z` [m] between ``-l`` and ``l``.
+
+    Such a contact is a yielding spring. It has its full stiffness at first and tends to a steady deflection at which it
+    slides. The deflection depends only on the path and not on the speed along it.
     """
 
     n_states: ClassVar[int] = 1
 
     @abc.abstractmethod
     def settling_length(self, load: Scalar) -> Scalar:
-        """Deflection l of steady sliding [m], which is also the travel over which the force settles."""
+        """Deflection l of steady sliding [m].
+
+        It is also the travel over which the force reaches its steady value.
+        """
 
     def force(self, v: Values, state: State, load: Scalar) -> Values:
         return self.dynamic_force(load) * (state[0] / self.settling_length(load))

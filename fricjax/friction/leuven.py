@@ -1,4 +1,7 @@
-"""The modified Leuven model: bristles that slip, on a hysteresis of Maxwell-slip elements (Lampaert et al. 2002)."""
+"""Modified Leuven model (Lampaert et al., 2002).
+
+Bristles slip, with the hysteresis of Maxwell-slip elements.
+"""
 
 from collections.abc import Iterable, Mapping
 from typing import Any, ClassVar
@@ -9,36 +12,38 @@ from .base import Scalar, State, Values, scalar, scalars, signed_power
 from .coefficient import SIGMA1, Coefficient, within
 from .elements import BEYOND, STRIBECK_ELEMENTS, AbstractStribeckElements, yielded
 
-# Least part of the force of steady sliding that is taken to lie between the last reversal and steady sliding.
+# Smallest allowed difference between steady sliding and the last reversal, as a fraction of the steady force.
 _ROOM = 0.01
-# How far beyond steady sliding the deflection counts as returning: in steady sliding r is one but for rounding.
+# The deflection counts as returning beyond this excess of r over one; in steady sliding r is one up to rounding.
 _AT_STEADY = 1e-9
 
 
 class Leuven(AbstractStribeckElements):
-    """``F = F_h(z) + sigma1 dz/dt + sigma2 v``, ``dz/dt = v [1 - r |r|^(n-1)]``, ``r = (F_h - F_b)/(s(v) - F_b)``.
+    """Modified Leuven model.
 
-    ``F_h`` is the hysteresis of Maxwell-slip elements that follow the mean deflection z of the bristles, ``F_b`` its
-    value at the last reversal of the velocity, and ``s(v) = sgn(v) g(v)`` the force of steady sliding,
-    ``g(v) = N [mu + (mu_s - mu) exp(-(v/v_stribeck)^2)]``. The elements yield at their shares of the static force.
-    Where sliding friction has meanwhile fallen to ``F_b``, the published ratio has no meaning; so ``F_b`` counts up to
-    99 % of ``g(v)`` only.
+    ``F = F_h(z) + sigma1 dz/dt + sigma2 v``, ``dz/dt = v [1 - r |r|^(n-1)]``, ``r = (F_h - F_b)/(s(v) - F_b)``.
 
-    The states are the deflections of the elements [m], and of the last reversal its force over the stiffness of all
-    elements [m] and the direction of the motion since, as a signed deflection [m].
+    ``F_h`` is the hysteresis force of Maxwell-slip elements that follow the mean deflection z of the bristles. ``F_b``
+    is its value at the last reversal of the velocity. The force of steady sliding is ``s(v) = sgn(v) g(v)`` with
+    ``g(v) = N [mu + (mu_s - mu) exp(-(v/v_stribeck)^2)]``. The elements yield at their shares of the static force. The
+    published ratio r has no meaning if the sliding friction has fallen to ``F_b`` since the reversal, so ``F_b`` is
+    limited to 99 % of ``g(v)``.
+
+    The states are the deflections of the elements [m], then the force at the last reversal over the stiffness of all
+    elements [m], and the direction of the motion since this reversal, as a signed deflection [m].
 
     Attributes:
         mu: dynamic coefficient of friction [1].
         mu_s: static coefficient of friction [1]; None ties it to `mu`.
         v_stribeck: Stribeck velocity [m/s].
         stiffnesses: stiffness of each element [N/m].
-        shares: shares of all elements but the last, which has the rest, in the static force [1].
-        exponent: n [1], at least one: how suddenly sliding begins.
+        shares: share of each element but the last in the static force [1]; the last element has the remaining share.
+        exponent: n [1], at least one; a larger exponent makes sliding begin more suddenly.
         sigma1: damping of the bristles [N s/m].
         sigma2: viscous coefficient of the contact [N s/m].
 
     Raises:
-        ValueError: not one share less than stiffnesses, or shares that leave nothing to the last element.
+        ValueError: the number of shares is not one less than that of stiffnesses, or the shares sum to one or more.
 
     Examples:
         >>> import numpy as np
@@ -54,7 +59,7 @@ class Leuven(AbstractStribeckElements):
 
     coefficients: ClassVar[Mapping[str, Coefficient]] = {
         **STRIBECK_ELEMENTS,
-        "exponent": within(1.0, 100.0, "", "how suddenly sliding begins"),
+        "exponent": within(1.0, 100.0, "", "sharpness of the start of sliding"),
         "sigma1": SIGMA1,
     }
     source: ClassVar[str] = (
@@ -62,9 +67,9 @@ class Leuven(AbstractStribeckElements):
         "(2000)"
     )
     identifies: ClassVar[str] = (
-        "mu, mu_s and v_stribeck as in Stribeck's law; stiffnesses, shares and exponent as far as the last half-cycles "
-        "lie within the range of the elements; sigma1 from the ringing at rest; sigma2 only apart from damping. Fit "
-        "from the release: what the contact remembers of the last reversal is known only there."
+        "mu, mu_s and v_stribeck as in Stribeck's law; stiffnesses, shares and exponent if the last half-cycles lie "
+        "within the range of the elements; sigma1 from the ringing at rest; sigma2 never together with damping. Fit "
+        "from the release, because only there the state of the contact since the last reversal is known."
     )
 
     mu: Scalar
@@ -101,9 +106,9 @@ class Leuven(AbstractStribeckElements):
         return jnp.sum(self.springs() * yielded(state[:-2], self._limits(load)))
 
     def _share_of_steady(self, v: Scalar, state: State, load: Scalar) -> Values:
-        """The part r of the way from the last reversal to steady sliding that the force has gone."""
+        """Progress r of the force from last reversal to steady sliding."""
         force = self._hysteresis(state, load)
-        # Within the step in which the velocity changes its sign the reversal is where the motion is now.
+        # In the step in which the velocity changes sign, the current state is the reversal.
         reversal = jnp.where(state[-1] * v > 0, jnp.sum(self.springs()) * state[-2], force)
         steady = self.limit(jnp.abs(v), load)
         since = jnp.minimum(jnp.sign(v) * reversal, (1 - _ROOM) * steady)
@@ -120,7 +125,7 @@ class Leuven(AbstractStribeckElements):
         return self.force_of(v, state, self.rate(v, state, load), load)
 
     def force_of(self, v: Values, state: State, rate: State, load: Scalar) -> Values:
-        # All elements follow the mean deflection of the bristles, and the first rate is that of them all.
+        # All elements follow the mean deflection of the bristles, so the first rate applies to all of them.
         return self._hysteresis(state, load) + self.sigma1 * rate[0] + self.sigma2 * v
 
     def return_map(self, v: Scalar, a: Scalar, state: State, load: Scalar) -> State:
@@ -130,8 +135,8 @@ class Leuven(AbstractStribeckElements):
         return jnp.append(yielded(state[:-2], BEYOND * self._limits(load)), jnp.stack([reversal, direction]))
 
     def switches(self, v: Scalar, state: State, load: Scalar) -> Values:
-        # Beyond r = 1 the deflection returns while the mass moves on, and an element that has yielded follows it from
-        # there. Within a step it would first take back what the slider has cut off, an error that no estimate sees.
+        # Beyond r = 1 the deflection returns while the mass moves on, and a yielded element follows it from its limit.
+        # Within one step the element would first return from its trial deflection, an error without an estimate.
         returns = 1 + _AT_STEADY - self._share_of_steady(v, state, load)
         return jnp.append(self._limits(load) - jnp.sign(v) * state[:-2], returns)
 

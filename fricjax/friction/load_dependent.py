@@ -1,4 +1,4 @@
-"""Coulomb friction whose coefficient changes with the load, and contacts that stick to one another."""
+"""Coulomb friction with a load-dependent coefficient and with adhesion."""
 
 from collections.abc import Mapping
 from typing import ClassVar
@@ -11,10 +11,12 @@ from .kinds import AbstractConstant
 
 
 class LoadDependent(AbstractConstant):
-    """``F = [mu N (N/reference_load)^(exponent - 1) + adhesion] sgn(v)``.
+    """Coulomb friction that depends on the load, with adhesion.
 
-    The exponent is 1 where the true area of contact grows with the load (Archard's many asperities), and 2/3 for one
-    elastic contact after Hertz, such as a ball on a polymer.
+    ``F = [mu N (N/reference_load)^(exponent - 1) + adhesion] sgn(v)``.
+
+    The exponent is 1 if the true area of contact is proportional to the load (many asperities, Archard), and 2/3 for a
+    single elastic contact (Hertz), such as a ball on a polymer.
 
     Attributes:
         mu: coefficient of friction at the reference load [1], without adhesion.
@@ -38,8 +40,8 @@ class LoadDependent(AbstractConstant):
     }
     source: ClassVar[str] = "J. F. Archard, Proc. R. Soc. A 243 (1957); F. P. Bowden and D. Tabor (1950)"
     identifies: ClassVar[str] = (
-        "mu as Coulomb's law; exponent and adhesion only from runs under several loads, for one load tells no more "
-        "than one force."
+        "mu as in Coulomb's law; exponent and adhesion only from runs under several loads, because one load gives only "
+        "one force."
     )
 
     mu: Scalar = eqx.field(converter=scalar)

@@ -1,4 +1,4 @@
-"""Stribeck friction that falls as a Lorentzian of the speed (Hess and Soom, 1990)."""
+"""Stribeck friction with a Lorentzian fall (Hess and Soom, 1990)."""
 
 from collections.abc import Mapping
 from typing import ClassVar
@@ -13,15 +13,17 @@ from .stribeck_curve import AbstractFalling
 
 
 class Lorentzian(AbstractFalling):
-    """``F = N [mu + (mu_s - mu)/(1 + |v/v_stribeck|^exponent)] sgn(v)``, set-valued at rest up to ``mu_s N``.
+    """Stribeck friction, which falls as a Lorentzian of the speed.
 
-    It falls to the dynamic value far more slowly than :class:`Stribeck`: with the exponent 2 one per cent of the
-    difference is left at ten times the Stribeck velocity.
+    ``F = N [mu + (mu_s - mu)/(1 + |v/v_stribeck|^exponent)] sgn(v)``. At rest the friction force is at most ``mu_s N``.
+
+    The force falls to the dynamic value far more slowly than that of :class:`Stribeck`: with the exponent 2, one per
+    cent of the difference remains at ten times the Stribeck velocity.
 
     Attributes:
         mu: dynamic coefficient of friction [1], reached at speeds far above `v_stribeck`.
-        mu_s: static coefficient of friction [1]; None ties it to `mu`, which leaves Coulomb's law.
-        v_stribeck: Stribeck velocity [m/s], at which half of the difference is gone.
+        mu_s: static coefficient of friction [1]; None ties it to `mu`, which gives Coulomb's law.
+        v_stribeck: Stribeck velocity [m/s], at which half of the difference remains.
         exponent: shape of the fall [1].
 
     Examples:
@@ -41,8 +43,9 @@ class Lorentzian(AbstractFalling):
     }
     source: ClassVar[str] = "D. P. Hess and A. Soom, J. Tribol. 112 (1990)"
     identifies: ClassVar[str] = (
-        "mu less well than Stribeck's law, for the fall has a long tail; mu_s and v_stribeck mostly as (mu_s - mu) "
-        "v_stribeck^2, one by one where v_stribeck is not far below the speeds of the run; exponent hardly ever."
+        "mu less well than in Stribeck's law, because the fall has a long tail; mostly the product (mu_s - mu) "
+        "v_stribeck^2, but mu_s and v_stribeck separately if v_stribeck is not far below the speeds of the run; "
+        "exponent hardly ever."
     )
 
     mu: Scalar = eqx.field(converter=scalar)
@@ -52,7 +55,7 @@ class Lorentzian(AbstractFalling):
 
     def remaining(self, speed: Values) -> Values:
         ratio = speed / self.v_stribeck
-        # At either end the power rule multiplies zero by infinity, and the limits are known.
+        # At both ends the power rule multiplies zero by infinity; insert the known limits.
         regular = (ratio > 0) & (ratio < 1e20)
         fall = jax.nn.sigmoid(-self.exponent * jnp.log(jnp.where(regular, ratio, 1.0)))
         return jnp.where(regular, fall, jnp.where(ratio > 0, 0.0, 1.0))

@@ -1,4 +1,4 @@
-"""The LuGre bristle model: sliding surfaces as brushes that bend, slip and stick (Canudas de Wit et al., 1995)."""
+"""LuGre bristle model (Canudas de Wit et al., 1995)."""
 
 from collections.abc import Mapping
 from typing import ClassVar
@@ -12,11 +12,14 @@ from .coefficient import Coefficient
 
 
 class LuGre(AbstractBrush):
-    """``dz/dt = v - sigma0 |v| z/g(v)``, ``F = sigma0 z + sigma1 dz/dt + sigma2 v``.
+    """LuGre bristle model.
 
-    ``g(v) = N [mu + (mu_s - mu) exp(-(v/v_stribeck)^2)]`` is a force [N]; the stiffness and damping of the bristles
-    do not scale with the load. Under a small oscillating load at rest the contact creeps, for bristles slip however
-    little they are bent. See :meth:`passive` for coefficients that give work back: those of 1995 do.
+    ``dz/dt = v - sigma0 |v| z/g(v)``, ``F = sigma0 z + sigma1 dz/dt + sigma2 v``.
+
+    ``g(v) = N [mu + (mu_s - mu) exp(-(v/v_stribeck)^2)]`` is a force [N]. The stiffness and damping of the bristles do
+    not scale with the load. Under a small oscillating load at rest the contact creeps, because bristles slip at any
+    deflection. Some coefficients, among them those of 1995, return more work than the bristles have stored, see
+    :meth:`passive`.
 
     Attributes:
         mu: dynamic coefficient of friction [1].
@@ -25,7 +28,7 @@ class LuGre(AbstractBrush):
         sigma0: stiffness of the bristles [N/m].
         sigma1: damping of the bristles [N s/m].
         sigma2: viscous coefficient of the contact [N s/m].
-        v_damping: speed over which the damping fades [m/s], ``sigma1 exp(-(v/v_damping)^2)``; None: it does not.
+        v_damping: speed over which the damping fades [m/s], ``sigma1 exp(-(v/v_damping)^2)``; None: constant damping.
 
     Examples:
         >>> import numpy as np
@@ -42,8 +45,9 @@ class LuGre(AbstractBrush):
         "4 (1998)"
     )
     identifies: ClassVar[str] = (
-        "mu, sigma0 from the loss of each reversal and the ringing at rest, sigma1 from its decay; mu_s and v_stribeck "
-        "as in Stribeck's law; sigma2 only apart from damping, so fix one."
+        "mu from the half-cycles; sigma0 from the work that each reversal returns and from the ringing at rest; sigma1 "
+        "from the decay of the ringing; mu_s and v_stribeck as in Stribeck's law; sigma2 never together with damping, "
+        "so fix one of the two."
     )
 
     mu: Scalar = eqx.field(converter=scalar)

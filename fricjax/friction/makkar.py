@@ -1,4 +1,7 @@
-"""A smooth law that imitates the static, Stribeck, Coulomb and viscous parts of friction (Makkar et al., 2005)."""
+"""Smooth law of Makkar et al. (2005).
+
+It imitates static, Stribeck, Coulomb and viscous friction.
+"""
 
 from collections.abc import Mapping
 from typing import ClassVar
@@ -18,9 +21,9 @@ _SOURCE = "C. Makkar, W. E. Dixon, W. G. Sawyer and G. Hu, IEEE/ASME Int. Conf. 
 
 
 class MakkarLimit(AbstractSetValued):
-    """``F = {N [gamma1 (1 - tanh(gamma3 |v|)) + gamma4] + gamma6 |v|} sgn(v)``, set-valued at rest.
+    """Set-valued limit of Makkar's law for large gamma2 and gamma5.
 
-    What Makkar's law tends to as gamma2 and gamma5 grow.
+    ``F = {N [gamma1 (1 - tanh(gamma3 |v|)) + gamma4] + gamma6 |v|} sgn(v)``.
 
     Attributes:
         gamma1, gamma3, gamma4, gamma6: as in :class:`Makkar`.
@@ -33,7 +36,7 @@ class MakkarLimit(AbstractSetValued):
         "gamma6": _GAMMA6,
     }
     source: ClassVar[str] = _SOURCE
-    identifies: ClassVar[str] = "As Stribeck's law beside a viscous one."
+    identifies: ClassVar[str] = "gamma1, gamma3 and gamma4 as in Stribeck's law; gamma6 never together with damping."
 
     gamma1: Scalar = eqx.field(converter=scalar)
     gamma3: Scalar = eqx.field(converter=scalar)
@@ -55,13 +58,15 @@ class MakkarLimit(AbstractSetValued):
 
 
 class Makkar(AbstractSmooth):
-    """``F = N [gamma1 (tanh(gamma2 v) - tanh(gamma3 v)) + gamma4 tanh(gamma5 v)] + gamma6 v``.
+    """Smooth friction law with a Stribeck peak.
 
-    The static coefficient is about ``gamma1 + gamma4``, the dynamic one ``gamma4``. As under :class:`Tanh` the mass
+    ``F = N [gamma1 (tanh(gamma2 v) - tanh(gamma3 v)) + gamma4 tanh(gamma5 v)] + gamma6 v``.
+
+    The static coefficient is about ``gamma1 + gamma4``, the dynamic one ``gamma4``. As with :class:`Tanh`, the mass
     never rests but creeps back to the equilibrium after its last reversal.
 
     Attributes:
-        gamma1: excess of the static over the dynamic coefficient [1]; the published one times the load is a force.
+        gamma1: excess of the static over the dynamic coefficient [1]; the published one includes the load.
         gamma2: inverse of the speed over which the force rises to its static value [s/m]; above `gamma3`.
         gamma3: inverse of the speed over which it falls to its dynamic value [s/m].
         gamma4: dynamic coefficient of friction [1].
@@ -87,8 +92,8 @@ class Makkar(AbstractSmooth):
     }
     source: ClassVar[str] = _SOURCE
     identifies: ClassVar[str] = (
-        "gamma4 as mu of Coulomb's law; gamma1 and gamma3 as mu_s - mu and 1/v_stribeck of Stribeck's; gamma2 and "
-        "gamma5 only from the creep after the last reversal; gamma6 never apart from damping."
+        "gamma4 as mu in Coulomb's law; gamma1 and gamma3 as mu_s - mu and 1/v_stribeck in Stribeck's law; gamma2 and "
+        "gamma5 only from the creep after the last reversal; gamma6 never together with damping."
     )
 
     gamma1: Scalar = eqx.field(converter=scalar)

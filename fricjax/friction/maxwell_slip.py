@@ -1,4 +1,7 @@
-"""Maxwell-slip friction: rate-independent hysteresis with a memory of every reversal (Iwan 1966)."""
+"""Maxwell-slip friction (Iwan, 1966).
+
+It is a rate-independent hysteresis with a memory of every reversal.
+"""
 
 from collections.abc import Iterable, Mapping
 from typing import Any, ClassVar
@@ -12,19 +15,21 @@ from .elements import AbstractElements
 
 
 class MaxwellSlip(AbstractElements):
-    """``F = sum F_i``, ``dF_i/dt = stiffnesses_i v`` while ``|F_i| < limits_i N``, and zero beyond.
+    """Maxwell-slip model.
 
-    From a virgin contact the force rises along a broken line, whose slope falls by ``stiffnesses_i`` at the
-    displacement ``limits_i N/stiffnesses_i``; after a reversal it follows the same line at twice its size (Masing's
-    rule), and an inner loop closes where it began. With ever more elements the line becomes any curve of falling
-    slope. Stiffnesses do not scale with the load.
+    ``F = sum F_i`` with ``dF_i/dt = stiffnesses_i v`` while ``|F_i| < limits_i N``, and zero beyond.
+
+    From a virgin contact the force rises along a piecewise linear curve. At the displacement
+    ``limits_i N/stiffnesses_i`` its slope falls by ``stiffnesses_i``. After a reversal the force follows the same curve
+    at twice its size (Masing's rule), and an inner loop closes at its start. With enough elements the model
+    approximates any curve of falling slope. Stiffnesses do not scale with the load.
 
     Attributes:
         stiffnesses: stiffness of each element [N/m].
-        limits: force at which each element slips, per newton of load [1]; their sum is the coefficient of friction.
+        limits: force at which each element slips, per load [1]; their sum is the coefficient of friction.
 
     Raises:
-        ValueError: no elements, or not as many limits as stiffnesses.
+        ValueError: there are no elements, or the numbers of limits and stiffnesses differ.
 
     Examples:
         >>> import numpy as np
@@ -43,8 +48,8 @@ class MaxwellSlip(AbstractElements):
         "W. D. Iwan, J. Appl. Mech. 33 (1966); F. Al-Bender and J. Swevers, IEEE Control Syst. 28 (2008)"
     )
     identifies: ClassVar[str] = (
-        "The sum of the limits as well as Coulomb's mu; stiffnesses and limits one by one where the elements yield at "
-        "displacements between the resolution and the last half-cycles, else the sums of neighbours."
+        "the sum of the limits as mu in Coulomb's law; stiffnesses and limits separately if the elements yield at "
+        "displacements between the resolution and the last half-cycles, otherwise only the sums of neighbours."
     )
 
     stiffnesses: tuple[Scalar, ...]
@@ -72,11 +77,13 @@ class MaxwellSlip(AbstractElements):
 
 
 class Jenkins(AbstractElements):
-    """``dF/dt = sigma0 v`` while ``|F| < mu N``, and zero beyond: Coulomb's law in series with one spring.
+    """Coulomb's law in series with one spring.
+
+    ``dF/dt = sigma0 v`` while ``|F| < mu N``, and zero beyond.
 
     Attributes:
         mu: dynamic coefficient of friction [1].
-        sigma0: stiffness of the contact before it slides [N/m], whatever the load.
+        sigma0: stiffness of the contact before it slides [N/m], independent of the load.
 
     Examples:
         >>> import numpy as np
@@ -89,7 +96,7 @@ class Jenkins(AbstractElements):
     coefficients: ClassVar[Mapping[str, Coefficient]] = {"mu": MU_BRISTLE, "sigma0": SIGMA0}
     source: ClassVar[str] = "G. M. Jenkins, Brit. J. Appl. Phys. 13 (1962)"
     identifies: ClassVar[str] = (
-        "mu as in Coulomb's law; sigma0 from the energy that each reversal gives back and from the ringing at rest."
+        "mu as in Coulomb's law; sigma0 from the energy that each reversal returns and from the ringing at rest."
     )
     n_states: ClassVar[int] = 1
 

@@ -1,4 +1,4 @@
-"""Quadratic drag: the drag of the surrounding air, quadratic in the velocity."""
+"""Drag of the surrounding air, quadratic in the velocity."""
 
 from collections.abc import Mapping
 from typing import ClassVar
@@ -12,9 +12,11 @@ from .kinds import AbstractResistance
 
 
 class QuadraticDrag(AbstractResistance):
-    """``F = quadratic_drag v|v|``, to be added to a contact law: ``Coulomb(0.01) + QuadraticDrag(7e-3)``.
+    """Quadratic drag, ``F = quadratic_drag v|v|``.
 
-    The oscillator's own `drag` is the same force; a model has one of the two.
+    Add it to a contact law: ``Coulomb(0.01) + QuadraticDrag(7e-3)``.
+
+    The `drag` of the oscillator is the same force; use only one of the two.
 
     Attributes:
         quadratic_drag: coefficient [N s^2/m^2].
@@ -30,7 +32,9 @@ class QuadraticDrag(AbstractResistance):
 
     coefficients: ClassVar[Mapping[str, Coefficient]] = {"quadratic_drag": Coefficient("N s^2/m^2", "force at 1 m/s")}
     source: ClassVar[str] = "Newton's law of resistance, c = rho C_d A/2"
-    identifies: ClassVar[str] = "The drag apart from mu and damping, by its growth with the square of the amplitude."
+    identifies: ClassVar[str] = (
+        "quadratic_drag together with mu and damping, because its force grows with the square of the amplitude."
+    )
 
     quadratic_drag: Scalar = eqx.field(converter=scalar)
 

@@ -1,8 +1,8 @@
-"""Rate-and-state friction: a contact that is stronger the slower it slides and the longer it has been made.
+"""Rate-and-state friction.
 
-Laws of rock mechanics (Dieterich 1979, Ruina 1983), in the form that is regular at rest (Rice, Lapusta and
-Ranjith, 2001). They have no static friction: under any force the contact creeps, by a factor e more slowly for each
-``a N`` that the force lies below ``mu N``.
+The contact is stronger at lower speed and at higher age. The laws come from rock mechanics (Dieterich 1979, Ruina
+1983), here in the form that is regular at rest (Rice, Lapusta and Ranjith, 2001). They have no static friction: the
+contact creeps under any force, more slowly by a factor e for each ``a N`` by which the force is below ``mu N``.
 """
 
 import abc
@@ -18,27 +18,27 @@ from .base import Scalar, State, Values, scalar
 from .coefficient import MU, Coefficient, not_negative, positive
 from .kinds import AbstractBristle
 
-_STEEPEST = 300.0  # the square of its exponential is still a number
+_STEEPEST = 300.0  # the square of its exponential does not overflow
 _TINY = 1e-300
-_SLOWEST = 2e-9  # slowest steady sliding, in reference velocities: with 1 um/s and 10 um a contact of 150 years
+_SLOWEST = 2e-9  # slowest steady sliding over v_reference; with 1 um/s and 10 um the age of the contact is 150 years
 
 RATE_STATE: Mapping[str, Coefficient] = {
     "mu": MU._replace(about="coefficient of friction of steady sliding at v_reference"),
     "a": positive("", "direct effect: rise of the coefficient per e-fold of velocity"),
     "b": not_negative("", "evolution effect: rise of the coefficient per e-fold of age"),
-    "slip_distance": positive("m", "travel over which contacts renew"),
+    "slip_distance": positive("m", "travel over which contacts are renewed"),
     "v_reference": positive("m/s", "velocity to which mu refers"),
 }
 REGULAR = "regular at rest: J. R. Rice et al., J. Mech. Phys. Solids 49 (2001)"
 IDENTIFIES = (
-    "mu and a - b from half-cycles over a wide range of speeds; a and slip_distance apart from b by the reversals; "
-    "v_reference never, it only says to which speed mu refers."
+    "mu and a - b from half-cycles over a wide range of speeds; a and slip_distance separately from b by the "
+    "reversals; v_reference never, because it only states the speed to which mu refers."
 )
 
 
 @jax.custom_jvp
 def arsinh_of_product(ratio: Values, exponent: Values) -> Values:
-    """``arsinh(ratio exp(exponent))`` for exponents that overflow the exponential."""
+    """Compute ``arsinh(ratio exp(exponent))`` without overflow of the exponential."""
     size, bend = jnp.abs(ratio), jnp.exp(-exponent)
     larger = jnp.maximum(jnp.maximum(size, bend), _TINY)
     share = jnp.minimum(size, bend) / larger
@@ -55,11 +55,12 @@ def _slopes(at: tuple[Values, Values], along: tuple[Values, Values]) -> tuple[Va
 
 
 class AbstractRateState(AbstractBristle):
-    """``F = a N arsinh{v/(2 v_reference) exp[(mu + b psi)/a]}`` with the age of the contact ``psi``.
+    """Base class of rate-and-state laws.
 
-    The age ``psi = ln(v_reference theta/slip_distance)`` belongs to the mean life theta [s] of the contacts. The
-    internal state is ``slip_distance psi`` [m]: like the deflection of a bristle it settles over the length by which it
-    is scaled. It does not change its sign with the direction of motion.
+    ``F = a N arsinh{v/(2 v_reference) exp[(mu + b psi)/a]}`` with the age ``psi = ln(v_reference theta/slip_distance)``
+    of the contact and the mean life theta [s] of its junctions. The internal state is ``slip_distance psi`` [m]. Like
+    the deflection of a bristle, it approaches its steady value over the length that scales it. Its sign does not depend
+    on the direction of motion.
     """
 
     mu: AbstractVar[Scalar]
@@ -72,7 +73,7 @@ class AbstractRateState(AbstractBristle):
 
     @abc.abstractmethod
     def ageing(self, speed: Scalar, age: Values) -> Values:
-        """Rate of the internal state [m/s] at that speed [m/s] and age psi."""
+        """Rate of the internal state [m/s] at speed [m/s] and age psi."""
 
     def rate(self, v: Scalar, state: State, load: Scalar) -> State:
         return self.ageing(jnp.abs(v), state / self.slip_distance)
@@ -86,7 +87,7 @@ class AbstractRateState(AbstractBristle):
         return jnp.reshape(-self.slip_distance * jnp.log(ratio), (1,))
 
     def pulled_state(self, direction: Scalar, load: Scalar) -> State:
-        return jnp.zeros(1)  # a pull at the reference velocity
+        return jnp.zeros(1)  # steady state of a pull at the reference velocity
 
     def state_scale(self, load: Scalar) -> State:
         return jnp.reshape(self.slip_distance, (1,))
@@ -96,7 +97,7 @@ class AbstractRateState(AbstractBristle):
         return self.a * load * arsinh_of_product(speed / (2 * self.v_reference), (self.mu + self.b * age) / self.a)
 
     def static_force(self, load: Scalar) -> Scalar:
-        return self.mu * load  # under which it creeps at the reference velocity
+        return self.mu * load  # under this force the contact creeps at the reference velocity
 
     def dynamic_force(self, load: Scalar) -> Scalar:
         return self.mu * load
@@ -106,21 +107,23 @@ class AbstractRateState(AbstractBristle):
 
     @property
     def step_refinement(self) -> int:
-        # From half-cycle to half-cycle the contact ages by many e-folds, and what a step misses stays in the motion.
+        # Between half-cycles the contact ages by many e-folds, and the error of a step remains in the motion.
         return 4
 
 
 class RateState(AbstractRateState):
-    """``F = a N arsinh{v/(2 v_reference) exp[(mu + b psi)/a]}``, ageing ``dtheta/dt = 1 - |v| theta/slip_distance``.
+    """Rate-and-state friction with Dieterich's ageing law.
 
-    Here ``psi = ln(v_reference theta/slip_distance)``; the internal state is ``slip_distance psi`` [m]. At rest a
-    contact grows older (Dieterich's law). It holds nothing for ever: a mass at rest creeps.
+    ``F = a N arsinh{v/(2 v_reference) exp[(mu + b psi)/a]}`` with ``dtheta/dt = 1 - |v| theta/slip_distance``.
+
+    Here ``psi = ln(v_reference theta/slip_distance)``. The internal state is ``slip_distance psi`` [m]. A contact at
+    rest grows older. There is no static friction, so a mass at rest creeps.
 
     Attributes:
         mu: coefficient of friction of steady sliding at `v_reference` [1]; it changes by a - b per e-fold of velocity.
         a: direct effect [1], typically 0.002 to 0.02.
         b: evolution effect [1]; friction falls with velocity where b > a.
-        slip_distance: travel D_c over which contacts renew [m], typically 0.5 to 20 um.
+        slip_distance: travel D_c over which contacts are renewed [m], typically 0.5 to 20 um.
         v_reference: velocity to which mu refers [m/s]; keep it fixed in fits.
 
     Examples:
@@ -147,15 +150,16 @@ class RateState(AbstractRateState):
 
 
 class RateStateSlip(AbstractRateState):
-    """``F`` as :class:`RateState`, slip law ``dtheta/dt = -(|v| theta/slip_distance) ln(|v| theta/slip_distance)``.
+    """Rate-and-state friction with Ruina's slip law.
 
-    A contact changes only while it slides (Ruina's law).
+    The force is that of :class:`RateState`, and the age follows
+    ``dtheta/dt = -(|v| theta/slip_distance) ln(|v| theta/slip_distance)``. A contact changes only while it slides.
 
     Attributes:
         mu: coefficient of friction of steady sliding at `v_reference` [1]; it changes by a - b per e-fold of velocity.
         a: direct effect [1], typically 0.002 to 0.02.
         b: evolution effect [1]; friction falls with velocity where b > a.
-        slip_distance: travel D_c over which contacts renew [m], typically 0.5 to 20 um.
+        slip_distance: travel D_c over which contacts are renewed [m], typically 0.5 to 20 um.
         v_reference: velocity to which mu refers [m/s]; keep it fixed in fits.
 
     Examples:

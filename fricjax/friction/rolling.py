@@ -1,4 +1,7 @@
-"""Rolling friction of a ball, with the hysteresis before it rolls freely (Drutowski 1959, Greenwood and Tabor 1958)."""
+"""Rolling friction of a ball, with the hysteresis before free rolling.
+
+Sources: Drutowski (1959), Greenwood and Tabor (1958).
+"""
 
 from collections.abc import Mapping
 from typing import ClassVar
@@ -12,15 +15,17 @@ from .kinds import AbstractDeflection
 
 
 class Rolling(AbstractDeflection):
-    """``dz/dt = v - |v| z/length``, ``F = mu(N) N z/length`` with ``mu(N) = mu (N/reference_load)^load_exponent``.
+    """Rolling friction with hysteresis at each reversal.
 
-    A ball needs to travel about the radius of its contact before the friction force has changed its sign, far more
-    than a sliding contact does. In the deflection of the contact this is Dahl's law with a length that does not
-    depend on the load. With a loss by elastic hysteresis in a Hertzian contact mu grows as N^(1/3).
+    ``dz/dt = v - |v| z/length``, ``F = mu(N) N z/length`` with ``mu(N) = mu (N/reference_load)^load_exponent``.
+
+    After a reversal a ball travels about the radius of its contact before the friction force changes sign. This is far
+    more than a sliding contact needs. The law is Dahl's law for the deflection of the contact, with a length that does
+    not depend on the load. If elastic hysteresis in a Hertzian contact causes the loss, mu grows as N^(1/3).
 
     Attributes:
         mu: coefficient of rolling friction at the reference load [1].
-        length: travel over which the force settles [m]; about the radius of the contact, 0.05 to 0.2 mm.
+        length: distance over which the force reaches its steady value [m]; about the contact radius, 0.05 to 0.2 mm.
         load_exponent: growth of the coefficient with the load [1]: 0 none, 1/3 elastic hysteresis.
         reference_load: load to which `mu` refers [N]; keep it fixed in fits.
 
@@ -34,14 +39,14 @@ class Rolling(AbstractDeflection):
 
     coefficients: ClassVar[Mapping[str, Coefficient]] = {
         "mu": MU._replace(about="coefficient of rolling friction at the reference load"),
-        "length": positive("m", "travel over which the force settles"),
+        "length": positive("m", "distance over which the force reaches its steady value"),
         "load_exponent": Coefficient("", "growth of the coefficient with the load"),
         "reference_load": positive("N", "load to which mu refers"),
     }
     source: ClassVar[str] = "J. A. Greenwood and D. Tabor (1958); S. K. Drutowski, J. Basic Eng. 81 (1959)"
     identifies: ClassVar[str] = (
-        "mu and length from one decay of half-cycles longer than length; load_exponent from runs at several loads; "
-        "reference_load never, it only says to which load mu refers."
+        "mu and length from one decay with half-cycles longer than length; load_exponent from runs at several loads; "
+        "reference_load never, because it only states the load to which mu refers."
     )
 
     mu: Scalar = eqx.field(converter=scalar)

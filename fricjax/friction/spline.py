@@ -1,8 +1,8 @@
-"""Friction forces that follow no formula: a smooth curve through free values at chosen speeds.
+"""Friction forces without a formula: smooth curves through values at given speeds.
 
-A cubic between neighbouring speeds, in the stretched speed ``s = ln(1 + v/v_1)`` with the first speed ``v_1`` above
-zero as its unit, in which a force that changes over decades of speed changes evenly. Beyond the last speed the force is
-constant.
+Between neighbouring speeds the force is a cubic in the stretched speed ``s = ln(1 + v/v_1)``, where ``v_1`` is the
+first speed above zero. In this variable a force that changes over decades of speed changes evenly. Beyond the last
+speed the force is constant.
 """
 
 import abc
@@ -26,18 +26,20 @@ def _speeds(knots: Iterable[Any]) -> tuple[float, ...]:
 
 
 class AbstractSpline(AbstractSetValued):
-    """A cubic through free values, whose slopes there distinguish one spline from another.
+    """A piecewise cubic through free values.
+
+    The final classes define its slopes at the knots.
 
     Attributes:
         knots: speeds [m/s], increasing from zero.
-        forces: friction force over load at each of them [1]; at zero that with which sliding begins.
+        forces: friction force over load at each knot [1]; the value at zero is that at the start of sliding.
 
     Raises:
-        ValueError: speeds that do not increase from zero, or not one force for each.
+        ValueError: the speeds do not increase from zero, or the number of forces is different.
     """
 
     coefficients: ClassVar[Mapping[str, Coefficient]] = {
-        "forces": not_negative("", "coefficient of friction at one of the speeds")
+        "forces": not_negative("", "coefficient of friction at one of the knots")
     }
 
     knots: AbstractVar[tuple[float, ...]]
@@ -58,25 +60,29 @@ class AbstractSpline(AbstractSetValued):
 
     @classmethod
     def like(cls, law: AbstractFriction, knots: Iterable[float], load: float) -> "AbstractSpline":
-        """The spline through the forces of another law, as a start for a fit.
+        """Return the spline through the forces of another law.
+
+        Use it as the start of a fit.
 
         Args:
-            law: any law; of a regularised one the force without the regularisation.
+            law: any law; a regularised law is evaluated without its regularisation.
             knots: speeds [m/s], increasing from zero.
             load: normal force at which the law is evaluated [N].
         """
         speeds = _speeds(knots)
         forces = law.set_valued_limit().sliding_force(jnp.asarray(speeds), jnp.asarray(float(load)))
-        # The converter of the field takes any list of numbers.
+        # The converter of the field accepts any list of numbers.
         return cls(speeds, np.asarray(forces) / load)  # pyright: ignore[reportCallIssue, reportArgumentType]
 
     @abc.abstractmethod
     def _slopes(self, widths: np.ndarray, rises: Array) -> Array:
-        """Slopes at the knots in the stretched speed, zero at the last one.
+        """Slopes at the knots in the stretched speed.
+
+        The slope at the last knot is zero.
 
         Args:
-            widths: of the intervals between the knots, shape (n - 1,).
-            rises: slopes of the straight lines across them, shape (n - 1,).
+            widths: widths of the intervals between the knots, shape (n - 1,).
+            rises: slopes of the straight lines across the intervals, shape (n - 1,).
         """
 
     def sliding_force(self, speed: Values, load: Scalar) -> Values:
@@ -84,8 +90,8 @@ class AbstractSpline(AbstractSetValued):
         widths, forces = np.diff(ends), jnp.stack(self.forces)
         rises = jnp.diff(forces) / widths
         slopes = self._slopes(widths, rises)
-        # What an interval adds is constant beyond its ends, so that none has to be searched for. A speed just below
-        # zero, as rounding makes it at a reversal, still belongs to the first one.
+        # The contribution of an interval is constant beyond its ends, so no search for the interval is needed. A speed
+        # just below zero, from rounding at a reversal, still belongs to the first interval.
         at = jnp.log1p(speed / self.knots[1])[..., None]
         before, behind = at < np.append(-np.inf, ends[1:-1]), at >= ends[1:]
         way = jnp.where(behind, 1.0, jnp.where(before, 0.0, (at - ends[:-1]) / widths))
@@ -104,14 +110,16 @@ class AbstractSpline(AbstractSetValued):
 
 
 class Spline(AbstractSpline):
-    """``F = N S(|v|) sgn(v)`` with a cubic spline ``S`` of continuous curvature; set-valued at rest up to ``S(0) N``.
+    """Friction law given by a cubic spline with continuous curvature.
 
-    A fit frees the values by number: ``free=["forces_0", "forces_1", ...]``. :meth:`like` makes start values. Speeds
-    that the run does not reach leave their value undetermined; put the last one near its highest speed.
+    ``F = N S(|v|) sgn(v)`` with a cubic spline ``S``. At rest the friction force is at most ``S(0) N``.
+
+    A fit frees the values by number: ``free=["forces_0", "forces_1", ...]``. :meth:`like` gives start values. A value
+    at a speed above the highest speed of the run is undetermined, so put the last knot near this speed.
 
     Attributes:
-        knots: speeds [m/s], increasing from zero; about two for each halving of the speed resolve a Stribeck curve.
-        forces: friction force over load at each of them [1]; at zero that with which sliding begins.
+        knots: speeds [m/s], increasing from zero; about two per factor of two in speed resolve a Stribeck curve.
+        forces: friction force over load at each knot [1]; the value at zero is that at the start of sliding.
 
     Examples:
         >>> import numpy as np
@@ -124,8 +132,8 @@ class Spline(AbstractSpline):
 
     source: ClassVar[str] = "C. de Boor, A Practical Guide to Splines (1978), with the end conditions of a friction law"
     identifies: ClassVar[str] = (
-        "the force from a few times the speed of the first knot up to the highest speed of the run; below, only how "
-        "much work it takes. damping only where it is fixed, for the curve can take any part of it."
+        "the force from a few times the speed of the first knot up to the highest speed of the run; at lower speeds "
+        "only the work of the force. Fix damping, because the curve can absorb any part of it."
     )
 
     knots: tuple[float, ...] = eqx.field(static=True, converter=_speeds)
@@ -136,14 +144,15 @@ class Spline(AbstractSpline):
 
 
 class MonotoneSpline(AbstractSpline):
-    """As :class:`Spline`, but monotone between neighbouring speeds: its slopes are cut down where it would overshoot.
+    """Friction law given by a cubic spline that is monotone between knots.
 
-    Where they are cut its curvature jumps, so that a motion under it takes a mesh three times as fine; its derivatives
-    with respect to the values jump where a cut begins.
+    The law is :class:`Spline` with smaller slopes at knots where the spline would overshoot. The curvature jumps at
+    such a knot, so the motion needs a mesh three times as fine. The derivatives with respect to the values jump when
+    the limit on a slope becomes active.
 
     Attributes:
         knots: speeds [m/s], increasing from zero.
-        forces: friction force over load at each of them [1]; at zero that with which sliding begins.
+        forces: friction force over load at each knot [1]; the value at zero is that at the start of sliding.
 
     Examples:
         >>> import numpy as np
@@ -161,9 +170,9 @@ class MonotoneSpline(AbstractSpline):
     forces: tuple[Scalar, ...] = eqx.field(converter=scalars)
 
     def _slopes(self, widths: np.ndarray, rises: Array) -> Array:
-        beside = jnp.stack([jnp.append(rises[:1], rises), jnp.append(rises, rises[-1:])])
-        # A cubic is monotone if its slopes at both ends are at most three times that of the line between them.
-        lowest, highest = jnp.minimum(jnp.max(beside, axis=0), 0.0), jnp.maximum(jnp.min(beside, axis=0), 0.0)
+        adjacent = jnp.stack([jnp.append(rises[:1], rises), jnp.append(rises, rises[-1:])])
+        # A cubic is monotone if its slopes at both ends are at most three times the slope of the line between them.
+        lowest, highest = jnp.minimum(jnp.max(adjacent, axis=0), 0.0), jnp.maximum(jnp.min(adjacent, axis=0), 0.0)
         return jnp.clip(_smoothest(tuple(widths.tolist())) @ rises, 3 * lowest, 3 * highest)
 
     @property
@@ -173,7 +182,10 @@ class MonotoneSpline(AbstractSpline):
 
 @functools.cache
 def _smoothest(widths: tuple[float, ...]) -> np.ndarray:
-    """Matrix from the rises to the slopes of the spline that starts straight and ends level, shape (n, n - 1)."""
+    """Matrix from rises to slopes, shape (n, n - 1).
+
+    The spline has zero curvature at the first knot and zero slope at the last one.
+    """
     n, h = len(widths) + 1, np.asarray(widths)
     bands, sides = np.eye(n), np.zeros((n, n - 1))
     bands[0, :2], sides[0, 0] = (2, 1), 3

@@ -1,4 +1,7 @@
-"""Stribeck friction: the force falls from its static to its dynamic value as sliding begins (Bo and Pavelescu 1982)."""
+"""Stribeck friction (Bo and Pavelescu, 1982).
+
+The force falls from its static to its dynamic value as sliding begins.
+"""
 
 from collections.abc import Mapping
 from typing import ClassVar
@@ -12,11 +15,13 @@ from .stribeck_curve import AbstractFalling
 
 
 class Stribeck(AbstractFalling):
-    """``F = N [mu + (mu_s - mu) exp(-|v/v_stribeck|^exponent)] sgn(v)``, set-valued at rest up to ``mu_s N``.
+    """Stribeck friction, which falls exponentially with the speed.
+
+    ``F = N [mu + (mu_s - mu) exp(-|v/v_stribeck|^exponent)] sgn(v)``. At rest the friction force is at most ``mu_s N``.
 
     Attributes:
         mu: dynamic coefficient of friction [1], reached at speeds well above `v_stribeck`.
-        mu_s: static coefficient of friction [1]; None ties it to `mu`, which leaves Coulomb's law.
+        mu_s: static coefficient of friction [1]; None ties it to `mu`, which gives Coulomb's law.
         v_stribeck: Stribeck velocity [m/s].
         exponent: shape of the fall [1]: 2 Gaussian, 1 exponential (Tustin).
 
@@ -37,8 +42,8 @@ class Stribeck(AbstractFalling):
     }
     source: ClassVar[str] = "L. C. Bo and D. Pavelescu, Wear 82 (1982); B. Armstrong-Helouvry (1991)"
     identifies: ClassVar[str] = (
-        "mu to parts in 10^8; mu_s and v_stribeck only as (mu_s - mu) v_stribeck^2 where v_stribeck is far below the "
-        "speeds of the run, one by one where it is not; exponent hardly ever."
+        "mu to parts in 10^8; only the product (mu_s - mu) v_stribeck^2 if v_stribeck is far below the speeds of the "
+        "run, otherwise mu_s and v_stribeck separately; exponent hardly ever."
     )
 
     mu: Scalar = eqx.field(converter=scalar)
@@ -48,7 +53,7 @@ class Stribeck(AbstractFalling):
 
     def remaining(self, speed: Values) -> Values:
         ratio = speed / self.v_stribeck
-        # At either end the power rule multiplies zero by infinity, and the limits are known.
+        # At both ends the power rule multiplies zero by infinity; insert the known limits.
         regular = (ratio > 0) & (ratio < 1e20)
         power = jnp.exp(self.exponent * jnp.log(jnp.where(regular, ratio, 1.0)))
         return jnp.where(regular, jnp.exp(-power), jnp.where(ratio > 0, 0.0, 1.0))

@@ -1,4 +1,7 @@
-"""Laws whose force of steady sliding falls from the static to the dynamic one (Stribeck 1902)."""
+"""Laws with a Stribeck curve (Stribeck, 1902).
+
+The force of steady sliding falls from its static to its dynamic value.
+"""
 
 import abc
 from collections.abc import Mapping
@@ -19,7 +22,11 @@ STRIBECK_CURVE: Mapping[str, Coefficient] = {
 
 
 class AbstractFalling(AbstractSetValued):
-    """``F = N [mu + (mu_s - mu) s(|v|)] sgn(v)``; its final classes say how ``s`` falls from one to zero."""
+    """A set-valued law with a Stribeck curve.
+
+    ``F = N [mu + (mu_s - mu) s(|v|)] sgn(v)``, with a function ``s`` that falls from one to zero. The final classes
+    define ``s``.
+    """
 
     mu: AbstractVar[Scalar]
     mu_s: AbstractVar[Scalar | None]
@@ -30,7 +37,7 @@ class AbstractFalling(AbstractSetValued):
 
     @abc.abstractmethod
     def remaining(self, speed: Values) -> Values:
-        """Share of the difference between static and dynamic friction that is left at `speed` >= 0 [m/s]."""
+        """Function s [1] at `speed` >= 0 [m/s]."""
 
     def sliding_force(self, speed: Values, load: Scalar) -> Values:
         static = self.mu if self.mu_s is None else self.mu_s
@@ -47,7 +54,10 @@ class AbstractFalling(AbstractSetValued):
 
 
 class AbstractStribeckCurve(AbstractBristle):
-    """Sliding resists with ``g(v) + sigma2 v``, where ``g(v) = N [mu + (mu_s - mu) exp(-(v/v_stribeck)^2)]``."""
+    """A bristle law with a Stribeck curve.
+
+    The force of steady sliding is ``g(v) + sigma2 v`` with ``g(v) = N [mu + (mu_s - mu) exp(-(v/v_stribeck)^2)]``.
+    """
 
     mu: AbstractVar[Scalar]
     mu_s: AbstractVar[Scalar | None]

@@ -13,10 +13,11 @@ from .kinds import AbstractSmooth
 
 
 class Tanh(AbstractSmooth):
-    """``F = mu N tanh(v/v_s)``.
+    """Coulomb friction without a jump, ``F = mu N tanh(v/v_s)``.
 
-    The mass never rests: after the last reversal it creeps towards the spring's equilibrium with the time constant
-    ``mu N/(k v_s)``. Keep ``v_s`` below the resolution divided by the time that is looked at, or leave the rest out.
+    The mass never rests. After the last reversal it creeps towards the equilibrium of the spring with the time constant
+    ``mu N/(k v_s)``. Choose ``v_s`` below the resolution divided by the duration of the record, or exclude the rest
+    from the fit.
 
     Attributes:
         mu: dynamic coefficient of friction [1].
@@ -37,7 +38,7 @@ class Tanh(AbstractSmooth):
     }
     source: ClassVar[str] = "Regularisation of Coulomb's law, after S. Andersson et al., Tribol. Int. 40 (2007)"
     identifies: ClassVar[str] = (
-        "mu as Coulomb's law; v_s only where it is no artefact, from the creep after the last reversal."
+        "mu as in Coulomb's law; v_s from the creep after the last reversal, unless v_s is only a numerical device."
     )
 
     mu: Scalar = eqx.field(converter=scalar)

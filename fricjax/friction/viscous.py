@@ -1,4 +1,4 @@
-"""Viscous friction of the contact: a lubricating film resists in proportion to the velocity."""
+"""Viscous friction of a lubricated contact, proportional to the velocity."""
 
 from collections.abc import Mapping
 from typing import ClassVar
@@ -11,13 +11,15 @@ from .kinds import AbstractResistance
 
 
 class Viscous(AbstractResistance):
-    """``F = sigma2 v``, to be added to a contact law: ``Coulomb(0.01) + Viscous(2.0)``.
+    """Viscous friction of the contact, ``F = sigma2 v``.
 
-    The oscillator's own `damping` is the same force. Where the machine is calibrated without contact, its damping stays
-    fixed and this is what the contact adds to it; a fit frees one of the two.
+    Add it to a contact law: ``Coulomb(0.01) + Viscous(2.0)``.
+
+    The `damping` of the oscillator is the same force, so a fit can free only one of the two. If the machine is
+    calibrated without contact, keep its damping fixed and free `sigma2`, the contribution of the contact.
 
     Attributes:
-        sigma2: viscous coefficient of the contact [N s/m]; may be negative, the fingerprint of a falling friction law.
+        sigma2: viscous coefficient of the contact [N s/m]; a negative value indicates a falling friction law.
 
     Examples:
         >>> import numpy as np
@@ -31,8 +33,8 @@ class Viscous(AbstractResistance):
     coefficients: ClassVar[Mapping[str, Coefficient]] = {"sigma2": SIGMA2}
     source: ClassVar[str] = "O. Reynolds, Phil. Trans. R. Soc. 177 (1886)"
     identifies: ClassVar[str] = (
-        "sigma2 apart from mu by its growth with the amplitude, from about five half-cycles on; never apart from "
-        "damping, so fix one."
+        "sigma2 together with mu from about five half-cycles, because its loss grows with the amplitude; never "
+        "together with damping, so fix one of the two."
     )
 
     sigma2: Scalar = eqx.field(converter=scalar)

@@ -1,4 +1,4 @@
-"""The interferometer and what it sees: synthetic runs with the imperfections of a real rig."""
+"""Synthetic runs with the imperfections of a real interferometer and rig."""
 
 import lazy_loader as _lazy_loader
 

@@ -1,7 +1,8 @@
-"""The refractive index of moist air, by which a laser's wavelength in vacuum becomes the one that a fringe counts.
+"""Refractive index of moist air.
 
-P. E. Ciddor, Applied Optics 35 (1996) 1566: dry air and water vapour each add to the index as much as they have
-density, which the equation of state of the BIPM (Davis 1992) gives. Coefficients are called as in the paper.
+The index gives the wavelength of a laser in air, and with it the length of a fringe. Source: P. E. Ciddor, Applied
+Optics 35 (1996) 1566. Dry air and water vapour contribute to the index in proportion to their densities, which follow
+from the equation of state of the BIPM (Davis 1992). Coefficients have the names of the paper.
 """
 
 import math
@@ -12,17 +13,17 @@ from .run import number
 EQUATION_STD = 2e-8
 """Standard uncertainty of the equation itself [1]; the paper claims a few parts in 10^8."""
 _ZERO_CELSIUS = 273.15  # [K]
-_GAS_CONSTANT = 8.314510  # [J/(mol K)], of the paper; it cancels but for the water vapour
+_GAS_CONSTANT = 8.314510  # [J/(mol K)], as in the paper; it cancels except for the water vapour
 # Refractivity of standard air (15 degC, 101325 Pa, 450 ppm) and of water vapour (20 degC, 1333 Pa) [um^-2, um^2 ...].
 _K0, _K1, _K2, _K3 = 238.0185, 5792105.0, 57.362, 167917.0
 _VAPOUR, _VAPOUR_CORRECTION = (295.235, 2.6422, -0.032380, 0.004028), 1.022
 # Compressibility (Davis 1992) in K, Pa and degC.
 _A = (1.58123e-6, -2.9331e-8, 1.1043e-10)
 _B, _C, _D, _E = (5.707e-6, -2.051e-8), (1.9898e-4, -2.376e-6), 1.83e-11, -0.765e-8
-# Saturation vapour pressure over water, exp(A T^2 + B T + C + D/T), and how much more of it air takes up.
+# Saturation vapour pressure over water, exp(A T^2 + B T + C + D/T), and its enhancement in air.
 _SATURATION = (1.2378847e-5, -1.9121316e-2, 33.93711047, -6.3431645e3)
 _ENHANCEMENT = (1.00062, 3.14e-8, 5.6e-7)
-# Where the equation holds: each input with its unit, the lowest and the highest value.
+# Range of validity of the equation: unit, lowest and highest value of each input.
 _RANGES = {
     "wavelength": ("m", 300e-9, 1700e-9),
     "temperature": ("degC", -40.0, 100.0),
@@ -40,21 +41,21 @@ def refractive_index(
     humidity: float = 0.5,
     co2: float = 450e-6,
 ) -> float:
-    """The phase refractive index of air by Ciddor's equation (1996).
+    """Compute the phase refractive index of air with Ciddor's equation (1996).
 
     Args:
-        wavelength: of the light in vacuum [m], 300 nm to 1700 nm; by default that of a helium-neon laser.
-        temperature: of the air [degC], -40 to 100.
-        pressure: of the air [Pa], 10 kPa to 140 kPa.
+        wavelength: vacuum wavelength of the light [m], 300 nm to 1700 nm; default: a helium-neon laser.
+        temperature: temperature of the air [degC], -40 to 100.
+        pressure: pressure of the air [Pa], 10 kPa to 140 kPa.
         humidity: relative humidity over water [1], 0 to 1.
         co2: mole fraction of carbon dioxide [1], 0 to 2000 ppm.
 
     Returns:
-        The index [1]; its standard uncertainty is `EQUATION_STD` where that of the inputs is small. At 20 degC 0.1 degC
-        changes it by 1e-7, 100 Pa by 3e-7, a tenth of humidity by 1e-7.
+        The index [1]. With exact inputs its standard uncertainty is `EQUATION_STD`. At 20 degC it changes by 1e-7 for
+        0.1 degC, by 3e-7 for 100 Pa, and by 1e-7 for 0.1 of relative humidity.
 
     Raises:
-        UsageError: a value for which the equation does not hold.
+        UsageError: a value is outside the range of validity of the equation.
 
     Examples:
         >>> from fricjax.instrument import refractive_index
@@ -76,7 +77,7 @@ def refractive_index(
     dry_standard = 1e-8 * (_K1 / (_K0 - wave_number) + _K3 / (_K2 - wave_number))
     dry_standard *= 1 + 0.534e-6 * (1e6 * carbon - 450)
     vapour_standard = 1e-8 * _VAPOUR_CORRECTION * sum(w * wave_number**i for i, w in enumerate(_VAPOUR))
-    # Densities relative to those for which the refractivities are known.
+    # Densities relative to those of the reference refractivities.
     dry = _moles(kelvin, p, water) * (1 - water) * dry_mole / (_moles(288.15, 101325.0, 0.0) * dry_mole)
     vapour = _moles(kelvin, p, water) * water / _moles(293.15, 1333.0, 1.0)
     return 1.0 + dry * dry_standard + vapour * vapour_standard
@@ -103,7 +104,7 @@ def _enhanced(celsius: float, p: float) -> float:
 
 
 def _moles(kelvin: float, p: float, water: float) -> float:
-    """Amount of moist air in a volume [mol/m^3], of which a part `water` is vapour."""
+    """Molar density of moist air [mol/m^3] with vapour fraction `water`."""
     t = kelvin - _ZERO_CELSIUS
     first = _A[0] + _A[1] * t + _A[2] * t**2 + (_B[0] + _B[1] * t) * water + (_C[0] + _C[1] * t) * water**2
     compressibility = 1 - p / kelvin * first + (p / kelvin) ** 2 * (_D + _E * water**2)

@@ -1,8 +1,9 @@
-"""An impact test: a hammer strikes the mass once or several times, and force and displacement are recorded.
+"""Simulated impact test.
 
-The pulse is half a sine, ``F sin(pi t/T)`` for ``0 < t < T``: the sum of two sines, one from the start on and one from
-the end of the pulse on. The response of a linear oscillator to each is known in closed form, so that the simulated
-record has no error of integration.
+A hammer strikes the mass once or several times; force and displacement are recorded. The pulse is half a sine,
+``F sin(pi t/T)`` for ``0 < t < T``. It is the sum of two sines, one that begins at the start and one that begins at the
+end of the pulse. The response of a linear oscillator to each sine has a closed form, so the simulated record has no
+integration error.
 """
 
 import dataclasses
@@ -16,10 +17,10 @@ from .run import positive
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class ImpactTest:
-    """Force and displacement of a test.
+    """Force and displacement of an impact test.
 
     Attributes:
-        t: times from the start of the blow [s], shape (n,).
+        t: times since the start of the blow [s], shape (n,).
         force: force of the hammer [N], shape (hits, n).
         displacement: displacement of the mass [m], shape (hits, n).
 
@@ -54,17 +55,17 @@ def impact_test(
         damping: viscous coefficient [N s/m], below the critical one.
         duration: length of each record [s].
         rate: sampling rate [Hz].
-        peak_force: highest force of the blow [N].
+        peak_force: maximum force of the blow [N].
         pulse: duration of the blow [s].
-        noise: standard deviation of the white noise of either channel, as a fraction of its largest value.
-        hits: number of blows, each recorded by itself.
-        seed: number from which the noise follows.
+        noise: standard deviation of the white noise of each channel, as a fraction of its largest value.
+        hits: number of blows, each with a separate record.
+        seed: seed of the random noise.
 
     Returns:
         The test.
 
     Raises:
-        UsageError: a value that is not positive, or a damping that lets nothing swing.
+        UsageError: a value is not positive, or the damping is not below the critical one.
 
     Examples:
         >>> test = impact_test(0.41, 2574.0, 0.18, duration=1.0, rate=2000.0, hits=3)
@@ -86,7 +87,10 @@ def impact_test(
 
 
 def _ramped_sine(t: np.ndarray, drive: float, mass: float, stiffness: float, damping: float) -> np.ndarray:
-    """Displacement [m] under a force ``sin(drive t)`` of 1 N that begins at t = 0, from rest; zero before."""
+    """Displacement [m] from rest under a force ``sin(drive t)`` of 1 N.
+
+    The force begins at t = 0.
+    """
     omega = math.sqrt(stiffness / mass)
     decay = damping / (2 * mass)
     ringing = math.sqrt(omega**2 - decay**2)

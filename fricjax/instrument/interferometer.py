@@ -1,8 +1,7 @@
-"""The displacement interferometer: what it makes of a true motion.
+"""Imperfections of a displacement interferometer.
 
-The effects act in the order of the light: the instant of sampling, the wavelength, the position of the zero and its
-slow drift, the leakage between the beams, the noise of the electronics, the counter. Each is switched on by a number
-that is not zero and leaves one line in the log of the record.
+The effects act in this order: sampling instant, wavelength, offset and drift of the zero, leakage between the beams,
+electronic noise, counter. A non-zero number switches an effect on. Each effect adds one line to the log of the record.
 """
 
 import dataclasses
@@ -22,17 +21,17 @@ class Interferometer:
 
     Attributes:
         noise: standard deviation of the white noise [m].
-        quantisation: smallest count [m], for example wavelength/2048.
+        quantisation: displacement of one count [m], for example wavelength/2048.
         offset: reading at the equilibrium of the spring [m].
         drift: slow change of the reading [m/s], counted from the first sample.
-        periodic_nonlinearity: amplitudes of first and second order [m]; one number is the first.
+        periodic_nonlinearity: amplitudes of first and second order [m]; a single number is the first order.
         wavelength: vacuum wavelength of the laser [m].
         passes: 1 for a single-pass interferometer, 2 for a double-pass one.
         sampling_jitter: standard deviation of the sampling instants [s].
-        scale_error: relative error of the wavelength [1], with that of the cosine.
+        scale_error: relative error of the wavelength, cosine error included [1].
 
     Raises:
-        UsageError: a value outside of its range; the message names it.
+        UsageError: a value is outside its range; the message names it.
 
     Examples:
         The standard deviation of a reading, with noise and rounding to whole counts:
@@ -69,19 +68,22 @@ class Interferometer:
 
     @property
     def sigma(self) -> float:
-        """Standard deviation of the reading [m]: noise together with rounding to whole counts."""
+        """Standard deviation of the reading [m] from noise and rounding."""
         return float(np.hypot(self.noise, self.quantisation / np.sqrt(12.0)))
 
     def observe(
         self, t: np.ndarray, x: np.ndarray, v: np.ndarray, generators: Mapping[str, np.random.Generator]
     ) -> tuple[np.ndarray, tuple[Step, ...]]:
-        """What the instrument displays of a motion, and one logged step per effect.
+        """Compute the reading of a motion, with a log step per effect.
 
         Args:
             t: sampling times [s], shape (samples,).
             x: true displacement [m], shape (samples,).
             v: true velocity [m/s], shape (samples,).
-            generators: sources of random numbers, `"sampling_jitter"` and `"noise"`.
+            generators: random number generators `"sampling_jitter"` and `"noise"`.
+
+        Returns:
+            The reading [m], shape (samples,), and the log steps.
         """
         steps: list[Step] = []
 
@@ -90,7 +92,7 @@ class Interferometer:
 
         if self.sampling_jitter:
             log("sampling_jitter", f"sampling instants scatter by {self.sampling_jitter:g} s")
-            # To first order in the delay; what is neglected, a dt^2/2, is below 1e-14 m for 50 ns at 10 m/s^2.
+            # To first order in the delay; the neglected term, a dt^2/2, is about 1e-14 m for 50 ns at 10 m/s^2.
             x = x + v * (self.sampling_jitter * generators["sampling_jitter"].standard_normal(x.shape))
         if self.scale_error:
             log("scale_error", f"displacements times 1 {self.scale_error:+g}")
@@ -103,8 +105,8 @@ class Interferometer:
             x = x + self.drift * (t - t[0])
         first, second = pair("periodic_nonlinearity", self.periodic_nonlinearity, "m")
         if first or second:
-            # Leakage between the beams errs with the optical phase: one fringe per half wavelength in a single-pass
-            # interferometer, per quarter in a double-pass one.
+            # The error from leakage between the beams has the period of a fringe: half a wavelength in a single-pass
+            # interferometer, a quarter in a double-pass one.
             fringe = self.wavelength / (2 * self.passes)
             text = f"{first:g} m of first and {second:g} m of second order over fringes of {fringe:g} m"
             log("periodic_nonlinearity", text, "wavelength", "passes")

@@ -1,4 +1,4 @@
-"""What happens to the mass of a synthetic run, as numbers: checked before anything moves."""
+"""Initial conditions and sampling of a synthetic run, with their checks."""
 
 import dataclasses
 import math
@@ -7,13 +7,13 @@ from typing import Any
 
 from ..errors import UsageError
 
-# As many as a trace needs.
+# Minimum number of samples of a trace.
 _FEWEST = 3
 
 
 @dataclasses.dataclass(frozen=True)
 class Run:
-    """What happens to the mass before any instrument looks."""
+    """Motion of the mass and its sampling, without the instrument."""
 
     x0: float
     v0: float
@@ -46,20 +46,20 @@ class Run:
 
 
 def check_seed(seed: Any) -> None:
-    """Refuse what random numbers cannot follow from.
+    """Refuse an invalid seed of random numbers.
 
     Raises:
-        UsageError: no whole number of zero or more.
+        UsageError: the seed is not an integer of zero or more.
     """
     if not isinstance(seed, numbers.Integral) or isinstance(seed, bool) or seed < 0:
         raise UsageError(f"seed must be a whole number, zero or more, got {seed!r}.")
 
 
 def number(name: str, value: Any, unit: str = "") -> float:
-    """The value as a finite float.
+    """Convert the value to a finite float.
 
     Raises:
-        UsageError: it is no single finite number.
+        UsageError: the value is not a single finite number.
     """
     try:
         result = float(value)
@@ -71,10 +71,10 @@ def number(name: str, value: Any, unit: str = "") -> float:
 
 
 def positive(name: str, value: Any, unit: str) -> float:
-    """The value as a float above zero.
+    """Convert the value to a positive float.
 
     Raises:
-        UsageError: it is no finite number above zero.
+        UsageError: the value is not a finite number above zero.
     """
     result = number(name, value, unit)
     if result <= 0:
@@ -83,10 +83,10 @@ def positive(name: str, value: Any, unit: str) -> float:
 
 
 def not_negative(name: str, value: Any, unit: str) -> float:
-    """The value as a float that is zero or more.
+    """Convert the value to a non-negative float.
 
     Raises:
-        UsageError: it is no finite number, or one below zero.
+        UsageError: the value is not a finite number, or it is negative.
     """
     result = number(name, value, unit)
     if result < 0:
@@ -95,10 +95,12 @@ def not_negative(name: str, value: Any, unit: str) -> float:
 
 
 def pair(name: str, value: Any, unit: str) -> tuple[float, float]:
-    """Two numbers that are zero or more; a single one stands for itself and zero.
+    """Convert one or two non-negative numbers to a pair.
+
+    A single number becomes the first of the pair; the second is zero.
 
     Raises:
-        UsageError: neither one number nor two, or one below zero.
+        UsageError: there are not one or two numbers, or one is negative.
     """
     values = tuple(value) if isinstance(value, tuple | list) else (value, 0.0)
     if len(values) != 2:

@@ -1,8 +1,8 @@
-"""Synthetic runs: the record that an interferometer would bring home from a rig whose coefficients are known.
+"""Synthetic runs: simulated interferometer records of a rig with known coefficients.
 
-First the rig moves: the mass is held, released (at once, or as a magnet lets go) and slides to rest on a floor that may
-shake. Then the instrument looks. Every random effect draws from a stream of its own, so that switching one on leaves
-the others as they were, and the same seed gives the same record to the last bit.
+First the motion is simulated: the mass is held, released (at once, or gradually by a magnet), and slides to rest on a
+floor that may vibrate. Then the reading of the instrument is simulated. Each random effect has a separate random
+stream, so switching one effect on does not change the others. The same seed gives the same record to the last bit.
 """
 
 import dataclasses
@@ -22,7 +22,7 @@ from ..show.working import working
 from .interferometer import Interferometer
 from .run import Run, check_seed, number
 
-# The order is part of what a seed means: add new streams at the end.
+# The order determines the random numbers of a seed: add new streams at the end.
 _STREAMS = ("floor", "sampling_jitter", "noise")
 
 
@@ -41,28 +41,29 @@ def synthetic_run(
     floor_acceleration_psd: float = 0.0,
     **instrument: Any,
 ) -> Record:
-    """A record as a displacement interferometer would take it from this oscillator.
+    """Simulate the record of a displacement interferometer.
 
     Args:
-        oscillator: the machine and its friction law: the truth that a fit is to find.
+        oscillator: the machine and its friction law, with the true coefficients.
         x0: displacement at which the mass is held and released [m] ([rad] for a pendulum).
         rate: sampling rate [Hz].
-        duration: length of the record [s], the hold included: rate times duration samples, from 0 s on.
+        duration: length of the record including the hold [s]; the record has rate times duration samples and begins at
+            0 s.
         noise: standard deviation of the white noise [m].
-        seed: number from which all random numbers follow.
+        seed: seed of all random numbers.
         v0: velocity at release [m/s].
-        hold: time at rest at `x0` before the release [s]; the release lies at ``t = hold``.
-        release_time_constant: decay time of the holding magnet's force [s]; 0: it lets go at once.
-        floor_acceleration_psd: one-sided density of the white floor acceleration [(m/s^2)^2/Hz].
+        hold: time at rest at `x0` before the release [s]; the release is at ``t = hold``.
+        release_time_constant: decay time of the force of the holding magnet [s]; 0: instantaneous release.
+        floor_acceleration_psd: one-sided power spectral density of the white floor acceleration [(m/s^2)^2/Hz].
         **instrument: the other fields of :class:`Interferometer`: `quantisation`, `offset`, `drift`,
             `periodic_nonlinearity`, `wavelength`, `passes`, `sampling_jitter`, `scale_error`.
 
     Returns:
-        The record. `trace.sigma` is noise and rounding together (None without both); `meta` holds all that is needed to
-        make the record again, and the true coefficients by name under `"coefficients"`; the log has a step per effect.
+        The record. `trace.sigma` combines noise and rounding (None without both). `meta` contains everything needed to
+        reproduce the record, and the true coefficients by name under `"coefficients"`. The log has one step per effect.
 
     Raises:
-        UsageError: an unknown keyword or a value outside of its range.
+        UsageError: a keyword is unknown, or a value is outside its range.
         RuntimeError: JAX computes in single precision.
 
     Examples:
@@ -75,11 +76,11 @@ def synthetic_run(
     """
     run = Run(x0, v0, rate, duration, hold, release_time_constant, floor_acceleration_psd)
     interferometer = _interferometer(noise, instrument)
-    # By their shortest unambiguous name, as a fit names them.
+    # By their shortest unambiguous names, as in a fit.
     leaves = zip(leaves_of(oscillator), jax.tree.leaves(oscillator), strict=True)
     coefficients = {leaf.name: number(leaf.name, value) for leaf, value in leaves}
     check_seed(seed)
-    # One independent stream per effect: switching one on leaves the others as they were.
+    # One independent stream per effect: switching one effect on does not change the others.
     children = np.random.SeedSequence(int(seed)).spawn(len(_STREAMS))
     generators = {name: np.random.default_rng(child) for name, child in zip(_STREAMS, children, strict=True)}
     t = np.arange(run.samples) / run.rate
@@ -101,7 +102,7 @@ def _interferometer(noise: float, instrument: dict[str, Any]) -> Interferometer:
 def _motion(
     oscillator: Oscillator, run: Run, t: np.ndarray, generator: np.random.Generator
 ) -> tuple[np.ndarray, np.ndarray, tuple[Step, ...]]:
-    """True displacement and velocity at the times of the record, and the steps that led to them."""
+    """True displacement and velocity at the sample times, and log steps."""
     conditions = {"x0": run.x0, "v0": run.v0, "rate": run.rate, "duration": run.duration, "hold": run.hold}
     steps = [Step("motion", conditions, f"{t.size} samples of a release from {run.x0:g} at {run.hold:g} s")]
     floor = release = None
@@ -121,11 +122,14 @@ def _motion(
 def _integrate(
     oscillator: Oscillator, run: Run, ts: np.ndarray, floor: np.ndarray | None, release: ExponentialRelease | None
 ) -> tuple[np.ndarray, np.ndarray]:
-    """The motion by whichever engine can follow it; times before the release mean nothing here."""
+    """Integrate the motion with an engine that can follow it.
+
+    The result before the release has no meaning.
+    """
     drive: dict[str, Any] = {"v0": run.v0, "base_acceleration": floor, "release": release}
     motion = simulate(oscillator, run.x0, ts, **drive)
     if not is_successful(motion.result) and oscillator.friction.set_valued:
-        # What has no half-cycles, such as an overdamped mass, is followed in time.
+        # A motion without half-cycles, such as that of an overdamped mass, needs integration in time.
         motion = simulate(oscillator, run.x0, ts, engine="diffrax", **drive)
     if not is_successful(motion.result):
         raise UsageError(f"The motion could not be computed: {RESULTS[motion.result]}")
@@ -154,21 +158,21 @@ def _meta(
 
 
 def white_acceleration(samples: int, rate: float, density: float, generator: np.random.Generator) -> np.ndarray:
-    """Floor acceleration at the sample times [m/s^2], shape (samples,), white up to half the sampling rate.
+    """Draw white floor acceleration at the sample times [m/s^2], shape (samples,).
 
-    It drives the mass as the force ``-m a_floor``: process noise, of which what it does at one instant is carried on
-    through all later samples, unlike the noise of the interferometer. Over half a period ``H`` a one-sided density
-    ``S`` kicks the amplitude at random by ``sqrt(S H)/(2 omega)``, and a mass without contact swings with the variance
-    ``S/(8 zeta omega^3)`` (Miles, 1954).
+    The acceleration is white up to half the sampling rate and drives the mass with the force ``-m a_floor``. It is
+    process noise: unlike the noise of the interferometer, its effect at one instant persists in all later samples. With
+    the one-sided density ``S``, the amplitude changes at random by ``sqrt(S H)/(2 omega)`` in half a period ``H``, and
+    the variance of a mass without contact is ``S/(8 zeta omega^3)`` (Miles, 1954).
 
-    Between samples the motion takes it as linear, which multiplies its density at the frequency ``f`` by
+    Between samples the simulation interpolates it linearly, which multiplies its density at the frequency ``f`` by
     ``sinc^4(f/rate)``: 1 - 4e-5 at 13 Hz and 5 kHz.
 
     Args:
         samples: number of samples.
         rate: sampling rate [Hz].
         density: one-sided power spectral density [(m/s^2)^2/Hz].
-        generator: source of random numbers.
+        generator: random number generator.
 
     Examples:
         >>> floor = white_acceleration(10000, rate=1000.0, density=2e-6, generator=np.random.default_rng(1))

@@ -1,1 +1,1 @@
-"""From words and numbers to a machine: laws by name, the rig, and which coefficients are free."""
+"""Machines from command-line options: rig, friction law and free coefficients."""

@@ -1,6 +1,6 @@
-"""From words to a machine: the rig's values, the friction law by name, and which coefficients are free.
+"""Machines from command-line options: rig, friction law and free coefficients.
 
-All that can be refused is refused here, by name and number; the oscillator itself is built when it is asked for.
+All names and numbers are checked here. The oscillator itself is built later, on first use.
 """
 
 import dataclasses
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 
 class Bench(Protocol):
-    """A machine in words, but for its friction law; the fields are those of the options of the command line."""
+    """Command-line options of a machine, without the friction law."""
 
     @property
     def rig(self) -> Path | None: ...
@@ -47,7 +47,7 @@ class Bench(Protocol):
 
 
 class Machine(Bench, Protocol):
-    """A machine in words, with its friction law."""
+    """Command-line options of a machine, with the friction law."""
 
     @property
     def friction(self) -> str: ...
@@ -58,14 +58,14 @@ class Choice:
     """The machine that the options describe.
 
     Attributes:
-        arguments: those of its `Rig`.
-        calibrated: whether they are those of a real one; else mass and load are one.
-        laws: its friction law, or the summands of it.
-        coefficients: for each of them its coefficients.
-        values: all coefficients that have a value, by short or dotted name.
-        named: names of the free coefficients; None for all that a decay determines and that are not fixed.
-        fixed: names of the coefficients that are not.
-        placeholder: which of mass and stiffness is free to come from the trace, for it is not known.
+        arguments: arguments of its `Rig`.
+        calibrated: whether the arguments belong to a real rig; otherwise mass and load are one.
+        laws: the friction law, or its summands.
+        coefficients: coefficients of each law.
+        values: all coefficients with a value, by short or dotted name.
+        named: names of the free coefficients; None: all coefficients that a decay determines and that are not fixed.
+        fixed: names of the fixed coefficients.
+        placeholder: "mass" or "stiffness" if it is unknown and must be estimated from the trace, else None.
         engine: name of the engine.
     """
 
@@ -81,7 +81,7 @@ class Choice:
 
     @property
     def model(self) -> Model:
-        """Names and kinds, as far as a fit asks for them."""
+        """Names and kinds that the checks of a fit need."""
         spring = ("k3",) if self.arguments.get("restoring") == "cubic" else ()
         holding = [law.name for law in self.laws if law.kind == "set-valued"]
         remembers = any(law.kind == "bristle" for law in self.laws)
@@ -89,7 +89,7 @@ class Choice:
 
     @property
     def rig(self) -> "Rig | None":
-        """Its calibrated values; None where there are none."""
+        """The calibrated rig, or None."""
         return self._bench if self.calibrated else None
 
     @functools.cached_property
@@ -100,10 +100,10 @@ class Choice:
 
     @functools.cached_property
     def oscillator(self) -> "Oscillator":
-        """The machine with its law.
+        """The oscillator with its friction law.
 
         Raises:
-            UsageError: coefficients outside of their bounds, or an engine that cannot integrate this oscillator.
+            UsageError: a coefficient is out of bounds, or the engine cannot integrate this oscillator.
         """
         import jax
         import numpy as np
@@ -121,7 +121,7 @@ class Choice:
             oscillator = self._bench.oscillator(parts[0] if len(parts) == 1 else Sum(tuple(parts)))
             leaves, names = jax.tree.leaves(oscillator), leaves_of(oscillator)
             for name, value in self.values.items():
-                # A rig knows its own coefficients already, with their uncertainties.
+                # The rig already contains its coefficients, with uncertainties.
                 if name not in UNITS:
                     leaves[find_leaf(name, names).index] = np.asarray(value, dtype=np.float64)
             oscillator = jax.tree.unflatten(jax.tree.structure(oscillator), leaves)
@@ -145,13 +145,13 @@ class Choice:
 
 
 def choose(options: Machine, free: str | None = None, tied: Collection[str] = ()) -> Choice:
-    """The machine of a fit.
+    """Choose the machine of a fit.
 
     Args:
         options: rig, law and fixed coefficients.
-        free: free coefficients as ``mu,damping,mu_s=0.02`` with optional start values; None for those that a decay
-            determines: mu, damping, and the stiffness (or the mass, where only the stiffness is known).
-        tied: coefficients that follow a free one.
+        free: free coefficients as ``mu,damping,mu_s=0.02`` with optional start values. None: mu, damping, and the
+            stiffness (or the mass if only the stiffness is known).
+        tied: coefficients that are tied to a free one.
     """
     fixed = _numbers("--fix", options.fix)
     entries = [[part.strip() for part in word.partition("=")] for word in parsing.words(free)]
@@ -161,7 +161,7 @@ def choose(options: Machine, free: str | None = None, tied: Collection[str] = ()
         if name in named:
             raise UsageError(f"{name} is both fixed and free. Take it out of --fix or of --free.")
     if "k3" in named and "k3" not in starts:
-        # A spring that a fit is to bend begins straight.
+        # The fit of a cubic spring starts from a linear one.
         starts["k3"] = 0.0
     arguments, placeholder = _arguments(options, {**fixed, **starts})
     names = named if free is not None else [n for n in ("mu", "damping", placeholder or "stiffness") if n not in fixed]
@@ -175,12 +175,14 @@ def choose(options: Machine, free: str | None = None, tied: Collection[str] = ()
 
 
 def contenders(options: Bench, laws: Sequence[str], guess: list[str] | None = None) -> list[Choice]:
-    """The same machine with one law after the other; free is all that a decay determines and that is not fixed.
+    """Choose the machines of a comparison, one for each law.
+
+    All coefficients that a decay determines and that are not fixed are free.
 
     Args:
-        options: rig and fixed coefficients; those of a law count for the laws that have them.
-        laws: laws, or sums of them joined by ``+``.
-        guess: start values as ``name=value``, likewise.
+        options: rig and fixed coefficients; each applies to the laws that have the coefficient.
+        laws: laws, or sums of laws joined by ``+``.
+        guess: start values as ``name=value``; each applies to the laws that have the coefficient.
     """
     fixed, starts = _numbers("--fix", options.fix), _numbers("--guess", guess)
     for name in fixed:
@@ -192,7 +194,7 @@ def contenders(options: Bench, laws: Sequence[str], guess: list[str] | None = No
     of_laws = [{name for law in parts for name in law.coefficients} for parts in sums]
     choices = []
     for named, parts, names in zip(laws, sums, of_laws, strict=True):
-        # What only other laws have is none of this one's concern.
+        # Ignore coefficients that only other laws have.
         others = set().union(*of_laws) - names
         shared = {name: value for name, value in values.items() if name.rsplit(".", 1)[-1] not in others}
         falls = any(law.falls for law in parts)
@@ -203,7 +205,7 @@ def contenders(options: Bench, laws: Sequence[str], guess: list[str] | None = No
 
 
 def known(options: Machine) -> Choice:
-    """The machine of a simulation, of which every coefficient must have a value."""
+    """Choose the machine of a simulation, with a value for each coefficient."""
     fixed = _numbers("--fix", options.fix)
     arguments, placeholder = _arguments(options, fixed)
     if placeholder or not (options.rig or options.normal_force):
@@ -212,7 +214,7 @@ def known(options: Machine) -> Choice:
 
 
 def bench(path: Any) -> dict[str, Any]:
-    """The arguments of the rig that a file describes."""
+    """Read and check the arguments of a rig from a file."""
     table = read_table(path)
     with naming(path):
         _check_rig(table)
@@ -234,12 +236,12 @@ def _choice(
     *,
     complete: bool = False,
 ) -> Choice:
-    """The rig with the law of that name and its coefficients, each of which must exist."""
+    """Combine rig, law and coefficients, and check the names."""
     check_choice("engine", options.engine, ENGINES)
     laws = summands(named)
     places = [None] if len(laws) == 1 else range(len(laws))
     numbers = tuple(coefficients(law, i, values, mentioned, complete) for i, law in zip(places, laws, strict=True))
-    # Without the load mu is that of a unit load, which is no coefficient of the contact.
+    # Without the load, mu belongs to a unit load and is not a coefficient of the contact.
     calibrated = bool(options.rig or getattr(options, "normal_force", None))
     choice = Choice(arguments, calibrated, laws, numbers, values, None, (), None, options.engine)
     leaves = choice.model.leaves
@@ -254,7 +256,10 @@ def _numbers(option: str, texts: list[str] | None) -> dict[str, float]:
 
 
 def _arguments(options: Bench, values: Mapping[str, float]) -> tuple[dict[str, Any], str | None]:
-    """The arguments of the rig, and which of mass and stiffness is a placeholder until the trace determines it."""
+    """Return the arguments of the rig, and the name of the placeholder.
+
+    The placeholder is "mass" or "stiffness" if the trace must determine it, else None.
+    """
     named = {name: getattr(options, name) for name in ("mass", "stiffness", "normal_force", "restoring", "drag")}
     known: dict[str, Any] = {name: value for name, value in named.items() if value is not None}
     known |= {name: value for name, value in values.items() if name in UNITS}
@@ -262,13 +267,13 @@ def _arguments(options: Bench, values: Mapping[str, float]) -> tuple[dict[str, A
     if options.rig is not None:
         known = {**bench(options.rig), **replaced(known)}
     elif options.normal_force is None and options.mass is None and options.stiffness is None:
-        # Of unit mass under unit load its stiffness is omega^2, its mu the friction per unit mass.
+        # With unit mass and unit load, the stiffness is omega^2 and mu is the friction per unit mass.
         placeholder = "stiffness"
         known = {"mass": 1.0, "stiffness": 1.0, "normal_force": 1.0, **replaced(known)}
     elif "normal_force" not in known or not {"mass", "stiffness", "frequency"} & set(known):
         raise UsageError("For mu both the load and the mass (or stiffness) are needed: give --normal-force and --mass.")
     elif "mass" not in known:
-        # The trace knows k/m: with one of the two known, the other comes from the frequency.
+        # The frequency of the trace gives k/m: if one of the two is known, the other follows.
         placeholder, known["mass"] = "mass", 1.0
     elif not {"stiffness", "frequency"} & set(known):
         placeholder, known["stiffness"] = "stiffness", 1.0

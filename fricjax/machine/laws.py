@@ -1,23 +1,23 @@
-"""Friction laws as the command line names them, and the coefficients that it gives them."""
+"""Friction laws and their coefficients on the command line."""
 
 from collections.abc import Collection, Mapping
 
 from ..errors import UsageError, nearest
 from ..friction.catalogue import CATALOGUE, Law, Name, check_summands, dotted, short_names
 
-# Where a law asks for a coefficient that nobody gave, a fit begins here; mu and drag are then estimated from the decay.
+# Start values of a fit for required coefficients without a value; mu and drag are then estimated from the decay.
 _STARTS = {"mu": 0.01, "v_s": 1e-4, "quadratic_drag": 0.0}
-# The same for what bends before it slides, where it is free: the record then tells where to begin.
+# The same for free coefficients of presliding; the record then gives a better start value.
 CONTACT = {"sigma0": 1e6, "length": 1e-5}
 
 
 def laws() -> dict[str, Law]:
-    """The friction laws by their names on the command line: those that a few numbers describe."""
+    """Return the laws of the command line by name."""
     return {name: law for name, law in CATALOGUE.items() if not law.lists}
 
 
 def find_law(name: str, known: Mapping[str, Law]) -> Law:
-    """The law of that name among those `known`."""
+    """Return the law of this name among `known`."""
     word = name.strip().lower()
     if word in CATALOGUE and word not in known:
         raise UsageError(f"The law '{word}' is made in Python only, for its coefficients are lists of numbers.")
@@ -27,11 +27,11 @@ def find_law(name: str, known: Mapping[str, Law]) -> Law:
 
 
 def summands(text: str) -> tuple[Law, ...]:
-    """The law, or the laws joined by ``+``."""
+    """Return the law, or the laws joined by ``+``."""
     words = text.split("+")
     if not all(word.strip() for word in words):
-        lacking = f"'{text}' lacks a law beside its +" if len(words) > 1 else "names no law"
-        raise UsageError(f"--friction {lacking}; write for example --friction coulomb+quadraticdrag.")
+        problem = f"'{text}' has no law on one side of its +" if len(words) > 1 else "names no law"
+        raise UsageError(f"--friction {problem}; write for example --friction coulomb+quadraticdrag.")
     parts = tuple(find_law(word, laws()) for word in words)
     kinds = {law.kind for law in parts}
     try:
@@ -44,17 +44,17 @@ def summands(text: str) -> tuple[Law, ...]:
 def coefficients(
     law: Law, index: int | None, values: Mapping[str, float], mentioned: Collection[str], complete: bool
 ) -> dict[str, float]:
-    """The coefficients of a law: those with a value, and start values for those that are free.
+    """Collect the values and start values of the coefficients of a law.
 
     Args:
         law: the law.
-        index: its place in a sum, None where it stands alone.
+        index: position in a sum; None for a single law.
         values: coefficients by short or dotted name.
         mentioned: further coefficients that must exist, such as a free mu_s.
-        complete: refuse coefficients without a value instead of starting somewhere.
+        complete: refuse a coefficient without a value instead of choosing a start value.
 
     Raises:
-        UsageError: a coefficient that is needed.
+        UsageError: a required coefficient has no value.
     """
     chosen: dict[str, float] = {}
     for name in law.coefficients:
@@ -73,7 +73,7 @@ def coefficients(
         elif required:
             chosen[name] = _STARTS[name]
         elif named and name == "mu_s":
-            # With mu_s equal to mu a falling law is Coulomb's, in which nothing tells how it falls: it begins above.
+            # With mu_s = mu a falling law is Coulomb's and has no gradient for the fall, so start above mu.
             chosen[name] = 1.3 * chosen.get("mu", 1.0)
         elif named and name in law.optional:
             raise UsageError(f"{name} is free: give its start value, as in --free {name}=...")
@@ -88,12 +88,12 @@ def coefficients(
 def coefficient_names(
     laws: Collection[Law], named_coefficients: Collection[Collection[str]], spring: Collection[str]
 ) -> tuple[Name, ...]:
-    """The coefficients of an oscillator in the order of its leaves.
+    """Return the coefficients of an oscillator in the order of its leaves.
 
     Args:
-        laws: its law, or the summands of it.
-        named_coefficients: for each of them the names of the coefficients that are given.
-        spring: names of the coefficients of its restoring force besides the stiffness.
+        laws: the law, or its summands.
+        named_coefficients: for each law the names of the coefficients with a value.
+        spring: names of the coefficients of the restoring force other than the stiffness.
     """
     machine = ("mass", "stiffness", "damping", "normal_force")
     return short_names([*machine, *dotted(laws, named_coefficients), *(f"restoring.{name}" for name in spring), "drag"])

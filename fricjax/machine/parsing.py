@@ -1,6 +1,7 @@
-"""Words of the command line as values: ``a,b``, ``a=1,b=2``, ``a=0:1``, ``a=0.17(1)``, ``1:9``, ``2 mm``.
+"""Parsing of command-line values.
 
-What is none is refused by a `UsageError` that names the option and shows how to write it.
+Accepted forms are ``a,b``, ``a=1,b=2``, ``a=0:1``, ``a=0.17(1)``, ``1:9`` and ``2 mm``. For other texts a `UsageError`
+names the option and shows a valid example.
 """
 
 import re
@@ -11,13 +12,13 @@ from ..show.numbers import parse_uncertain
 
 
 def words(texts: Iterable[str] | str | None) -> list[str]:
-    """The comma-separated words of one or several options."""
+    """Split one or several options at commas."""
     texts = [texts] if isinstance(texts, str) else texts or ()
     return [word.strip() for text in texts for word in text.split(",") if word.strip()]
 
 
 def pairs(option: str, texts: Iterable[str] | None, example: str) -> dict[str, str]:
-    """``name=text`` pairs; `option` and `example` word the refusal."""
+    """Parse ``name=text`` pairs; messages contain `option` and `example`."""
     values: dict[str, str] = {}
     for word in words(texts):
         name, equals, text = (part.strip() for part in word.partition("="))
@@ -30,7 +31,7 @@ def pairs(option: str, texts: Iterable[str] | None, example: str) -> dict[str, s
 
 
 def number(what: str, text: str) -> float:
-    """A finite number."""
+    """Parse a finite number."""
     try:
         value = float(text)
     except ValueError as error:
@@ -41,7 +42,7 @@ def number(what: str, text: str) -> float:
 
 
 def span(option: str, text: str) -> tuple[float | None, float | None]:
-    """Two ends as ``low:high``; an end left out is None."""
+    """Parse two ends as ``low:high``; a missing end is None."""
     low, colon, high = (part.strip() for part in text.partition(":"))
     if not colon or not (low or high):
         raise UsageError(f"{option} '{text}' is no span; write low:high, low: or :high.")
@@ -50,7 +51,10 @@ def span(option: str, text: str) -> tuple[float | None, float | None]:
 
 
 def estimate(what: str, text: str) -> tuple[float, float]:
-    """A value with its standard deviation in SI units, as ``0.170(12)`` or ``0.17+/-0.012``."""
+    """Parse a value with its standard deviation in SI units.
+
+    Accepted forms are ``0.170(12)`` and ``0.17+/-0.012``.
+    """
     value, std, unit = parse_uncertain(text) or (0.0, 0.0, "")
     if not std > 0 or unit:
         raise UsageError(f"{what} needs a value with its standard deviation, in SI units, as 0.175(2); got '{text}'.")
@@ -58,7 +62,7 @@ def estimate(what: str, text: str) -> tuple[float, float]:
 
 
 def tied(text: str) -> tuple[str, float]:
-    """A parameter and a factor, as ``mu`` or ``1.3*mu``."""
+    """Parse a parameter with an optional factor, as ``mu`` or ``1.3*mu``."""
     match = re.fullmatch(r"(?:(?P<factor>[^*]+)\*)?\s*(?P<name>[A-Za-z_][\w.\[\]]*)", text.strip())
     if match is None:
         raise UsageError(f"--tie cannot follow '{text}'; write for example --tie mu_s=mu or --tie mu_s=1.3*mu.")
@@ -66,7 +70,7 @@ def tied(text: str) -> tuple[str, float]:
 
 
 def displacement(option: str, text: str) -> float:
-    """A displacement with or without a unit, as ``2e-3`` [m or rad], ``2 mm`` or ``5 deg``."""
+    """Parse a displacement, as ``2e-3``, ``2 mm`` or ``5 deg``."""
     value, std, unit = parse_uncertain(text) or (0.0, -1.0, "")
     if std:
         raise UsageError(f"{option} must be a displacement such as 2e-3 or '2 mm', got '{text}'.")
@@ -82,7 +86,7 @@ def displacement(option: str, text: str) -> float:
 
 
 def per_second(option: str, text: str) -> float:
-    """A number per second, also in thousands or millions, as ``10000``, ``10k`` or ``1.25M``."""
-    # Capital M, for m would be milli.
+    """Parse a number per second, as ``10000``, ``10k`` or ``1.25M``."""
+    # A capital M, because m means milli.
     factor = {"k": 1e3, "M": 1e6}.get(text.strip()[-1:], 1.0)
     return factor * number(option, text.strip().rstrip("kM") if factor > 1 else text)

@@ -1,4 +1,4 @@
-"""Where the energy of a motion is, and where it goes."""
+"""Energy of a motion and its losses."""
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -11,7 +11,9 @@ Samples = Float[Array, " samples"]
 
 
 class Energy(eqx.Module):
-    """Energies [J] and powers [W] along a motion; the powers are losses, positive where energy leaves the oscillator.
+    """Energies [J] and loss powers [W] along a motion.
+
+    Powers are positive if energy leaves the oscillator.
 
     Attributes:
         kinetic: m v^2/2.
@@ -37,21 +39,21 @@ class Energy(eqx.Module):
 
     @property
     def total(self) -> Samples:
-        """Kinetic and potential energy together [J]."""
+        """Sum of kinetic and potential energy [J]."""
         return self.kinetic + self.potential
 
     @property
     def loss_power(self) -> Samples:
-        """All losses together [W]: minus the rate of change of the total energy."""
+        """Sum of all losses [W], minus the rate of the total energy."""
         return self.damping_power + self.drag_power + self.friction_power + self.hysteresis_power
 
 
 def energy(oscillator: Oscillator, motion: Motion) -> Energy:
-    """Energies and loss rates along a motion.
+    """Compute energies and loss powers along a motion.
 
     Args:
-        oscillator: the machine that moved.
-        motion: what :func:`fricjax.simulate` returned for it.
+        oscillator: the oscillator that was simulated.
+        motion: the result of :func:`fricjax.simulate`.
 
     Examples:
         >>> import fricjax as fj

@@ -1,4 +1,4 @@
-"""What a simulation returns: the motion, its turning points, and how it was computed."""
+"""Result of a simulation: motion, turning points and statistics."""
 
 from collections.abc import Sequence
 from typing import Any, NamedTuple
@@ -9,17 +9,17 @@ from jax.core import Tracer
 from jaxtyping import Array, Bool, Float, Int
 
 from ..friction.base import Scalar, State
-from ..show import Report, Reported, Style, Table, axis_label, engineering, figure, scaled, styled
+from ..show import Report, Reported, Style, axis_label, engineering, figure, scaled, styled
 from ..show.tables import Variable, dataset
 from ..show.thumbnail import Curve, curves_svg
 
-_SAMPLED = ("t", "x", "v", "friction_force", "at_rest")
-"""Fields with one entry for each sample."""
-_MANY = 12  # motions beyond which a thumbnail is a blot
+_SAMPLED = {"t": "s", "x": "m", "v": "m/s", "friction_force": "N", "at_rest": ""}
+"""Fields with one entry for each sample, and their SI units."""
+_MANY = 12  # More motions than this make a thumbnail illegible.
 
 
 class Start(NamedTuple):
-    """State of the mass at time zero: position [m], velocity [m/s], internal state of the friction law.
+    """State at time zero: position [m], velocity [m/s], internal friction state.
 
     Examples:
         >>> import numpy as np
@@ -33,28 +33,27 @@ class Start(NamedTuple):
 
 
 class Motion(eqx.Module, Reported):
-    """A simulated motion, sampled at the times asked for.
+    """Simulated motion at the requested times.
 
     Attributes:
         t: times [s].
         x: displacement from the spring's equilibrium [m].
         v: velocity [m/s].
-        friction_force: friction force [N], positive where it opposes a positive velocity; at rest what balances the
-            spring.
-        at_rest: True where a set-valued law holds the mass, or the contact of a law with internal states so that what
-            is left of its ringing is below a tenth of the accuracy asked for.
-        t_stop: time of the final stop [s]; under a law with internal states the end of the last half-cycle, behind
-            which the contact only springs back and rings; inf where the mass does not stop until the last sample (until
-            ever, under a set-valued law), as under regularised laws and where it is driven.
-        turning_points: positions of the start and of the reversals in order [m], the last one the final stop; NaN
-            beyond.
-        n_half_cycles: number of completed half-cycles until the stop, or until the last sample where a law is not
-            set-valued. The ringing of a contact that holds the mass is none. It does not depend on how densely a
-            motion is sampled.
-        regularisation_bias: largest distance to the motion under the set-valued law that a regularised one stands
-            for [m]; zero for every other law, and NaN for a driven motion, whose set-valued twin no engine integrates.
+        friction_force: friction force [N], positive if it opposes a positive velocity; at rest it balances the spring.
+        at_rest: True if friction holds the mass. For a law with internal states it also requires that the remaining
+            vibration of the contact is below a tenth of the requested accuracy.
+        t_stop: time of the final stop [s]; inf if the mass does not stop. For a set-valued law, inf means that the mass
+            never stops; for other laws, that it does not stop before the last sample. Under regularised laws and for
+            driven motions it is always inf. For a law with internal states it is the end of the last half-cycle; later
+            the contact only springs back and vibrates.
+        turning_points: positions of the start, the reversals and the final stop in order [m]; padded with NaN.
+        n_half_cycles: number of completed half-cycles before the stop, or before the last sample for laws that are not
+            set-valued. Vibrations of a contact that holds the mass do not count. The number does not depend on the
+            sampling of the motion.
+        regularisation_bias: largest distance from the motion under the set-valued limit of a regularised law [m];
+            zero for other laws, and NaN for driven motions, for which no engine integrates the set-valued limit.
         engine: name of the engine.
-        result: outcome; its text tells cause and remedy.
+        result: outcome; its text states cause and remedy.
         stats: counts of the integrator.
 
     Examples:
@@ -83,7 +82,7 @@ class Motion(eqx.Module, Reported):
     stats: dict[str, Any]
 
     def report(self) -> Report:
-        """How far the mass went, when it stopped, and how that was computed; of several motions only how many."""
+        """Summarise turning points, stop and engine; a batch reports its shape."""
         if self.x.ndim > 1:
             return Report([], [("motions", str(list(self.x.shape[:-1]))), ("engine", self.engine)], heading="Motion")
         points = np.asarray(self.turning_points)
@@ -110,7 +109,9 @@ class Motion(eqx.Module, Reported):
         return [curves_svg(many[:_MANY], ("Time", "s"), ("Displacement", "m"))]
 
     def plot(self, *, style: Style = "screen") -> Any:
-        """Displacement and friction force against time, as a matplotlib figure; of several motions each.
+        """Plot displacement and friction force against time with matplotlib.
+
+        A batch of motions is drawn into the same axes.
 
         Args:
             style: as of :func:`fricjax.show.styled`.
@@ -131,28 +132,37 @@ class Motion(eqx.Module, Reported):
         return styled(drawing, style)
 
     def _rows(self, *names: str) -> list[np.ndarray]:
-        """Samples of each motion in a row of its own, shape (motions, samples)."""
+        """Return samples with one motion per row, shape (motions, samples)."""
         shape = self.x.shape
         rows = [np.broadcast_to(np.asarray(getattr(self, name)), shape) for name in names]
         return [each.reshape(-1, shape[-1]) for each in rows]
 
     def to_xarray(self) -> Any:
-        """A data set of xarray over `t`; of several motions over the axes `motion_0`, ... and `sample`.
+        """Convert to an xarray data set over `t`.
+
+        A batch has the dimensions `motion_0`, ... and `sample`.
 
         Raises:
-            UsageError: xarray is not installed; the sentence says how to.
+            UsageError: xarray is not installed; the message gives the command to install it.
         """
         before = [f"motion_{i}" for i in range(self.x.ndim - 1)]
         dims = [*before, "sample"] if before else ["t"]
-        units = {"t": "s", "x": "m", "v": "m/s", "friction_force": "N", "at_rest": ""}
         sampled = {name: Variable(dims, np.broadcast_to(getattr(self, name), self.x.shape), unit)
-                   for name, unit in units.items()}  # fmt: skip
+                   for name, unit in _SAMPLED.items()}  # fmt: skip
         variables = {**sampled, "t_stop": Variable(before, self.t_stop, "s", "time of the final stop")}
         variables["n_half_cycles"] = Variable(before, self.n_half_cycles)
         coordinates = {} if before else {"t": variables.pop("t")}
         return dataset(variables, coordinates, engine=self.engine)
 
     def to_dataframe(self) -> Any:
-        """The samples, one row each."""
-        columns = [np.asarray(getattr(self, name)).tolist() for name in _SAMPLED]
-        return Table(_SAMPLED, list(zip(*columns, strict=True))).to_dataframe()
+        """Return the samples as a data frame, one row each.
+
+        A batch has the numbers of its motions in columns `motion_0`, ..., one for each axis.
+        """
+        import pandas as pd
+
+        numbers = {f"motion_{i}": index.ravel() for i, index in enumerate(np.indices(self.x.shape)[:-1])}
+        samples = {name: np.broadcast_to(getattr(self, name), self.x.shape).ravel() for name in _SAMPLED}
+        frame = pd.DataFrame(numbers | samples)
+        frame.attrs["units"] = dict(_SAMPLED)
+        return frame

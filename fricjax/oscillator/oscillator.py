@@ -1,9 +1,9 @@
-"""The equation of motion: a mass on a spring that slides to rest.
+"""Equation of motion of a mass on a spring with friction.
 
-``m a + damping v + drag v|v| + R(x) + F = 0``, with the restoring force ``R`` and the friction force ``F`` chosen
-from :mod:`fricjax.oscillator.restoring` and :mod:`fricjax.friction`. A rotary rig uses the same equation with the
-moment of inertia for the mass and angles for displacements. Coefficients have the shortest name that tells them from
-the others. A floor that shakes, and the force that held the mass, as it dies away, are a `Drive`.
+``m a + damping v + drag v|v| + R(x) + F = 0``, with the restoring force ``R`` from
+:mod:`fricjax.oscillator.restoring` and the friction force ``F`` from :mod:`fricjax.friction`. A rotary rig uses the
+same equation with the moment of inertia as mass and angles as displacements. Each coefficient has the shortest
+unambiguous name. A `Drive` adds floor motion and a decaying holding force.
 """
 
 import abc
@@ -20,28 +20,28 @@ from jaxtyping import Array, Float
 from ..friction.base import AbstractFriction, Scalar, State, Values, law_name, laws_of, scalar
 from ..friction.catalogue import short_names
 from ..friction.coefficient import Coefficient, check_coefficients, not_negative, positive
-from ..show import Report, Reported, Style, Table, axis_label, figure, plain, scaled, styled
+from ..show import Cell, Report, Reported, Style, Table, axis_label, figure, plain, scaled, styled
 from ..show.thumbnail import Curve, curves_svg
 from .restoring import AbstractRestoring, Linear
 
-# Dead bands of a release, and multiples of the speed at which a law changes, up to which its force is drawn.
+# Range of the plotted friction force: dead bands of a typical release, and multiples of the law's velocity scale.
 _RELEASE, _BEYOND = 20, 5
 
 
 class Oscillator(eqx.Module, Reported):
-    """A mass on a spring with viscous damping, quadratic drag and dry friction.
+    """Mass on a spring with viscous damping, quadratic drag and friction.
 
     Attributes:
         mass: moving mass [kg].
         stiffness: slope of the restoring force at the equilibrium [N/m].
-        damping: viscous coefficient c [N s/m]; may be negative, the fingerprint of a falling friction law.
+        damping: viscous coefficient c [N s/m]; a negative value indicates a friction force that falls with speed.
         normal_force: load on the contact [N].
         friction: friction law.
         restoring: form of the restoring force.
         drag: quadratic drag coefficient [N s^2/m^2].
 
     Raises:
-        ValueError: a mass or stiffness that is not positive, a negative normal force, or a friction that is no law.
+        ValueError: a mass or stiffness that is not positive, a negative normal force, or an invalid friction law.
 
     Examples:
         >>> from fricjax.friction import Coulomb
@@ -79,7 +79,7 @@ class Oscillator(eqx.Module, Reported):
         return eqx.tree_pformat(self, short_arrays=False)
 
     def report(self) -> Report:
-        """Coefficients of the machine, its spring and its friction law with units, and what follows from them."""
+        """List all coefficients with units, and derived quantities."""
         parts = (self, self.restoring, *laws_of(self.friction))
         coefficients = [
             (type(part).__name__.lower(), name, getattr(part, name), coefficient.unit)
@@ -87,9 +87,9 @@ class Oscillator(eqx.Module, Reported):
             for name, coefficient in part.coefficients.items()
             if getattr(part, name) is not None
         ]
-        rows = [[of, name, _shown(value), unit] for of, name, value, unit in coefficients]
+        rows = [[of, name, Cell(_shown(value), value=value), unit] for of, name, value, unit in coefficients]
         facts = []
-        # Of many machines at once, and of a traced one, there is nothing to derive.
+        # Derived quantities require a single oscillator with known values.
         if all(map(_single, jax.tree.leaves(self))):
             facts = [
                 ("natural frequency", f"{_shown(self.angular_frequency / (2 * jnp.pi))} Hz"),
@@ -105,7 +105,7 @@ class Oscillator(eqx.Module, Reported):
         return [curves_svg([Curve(*self._characteristic())], ("Velocity", "m/s"), ("Friction force", "N"))]
 
     def plot(self, *, style: Style = "screen") -> Any:
-        """Friction force of steady sliding against velocity, and what holds the mass at rest; a matplotlib figure.
+        """Plot the steady friction force against velocity with matplotlib.
 
         Args:
             style: as of :func:`fricjax.show.styled`.
@@ -119,7 +119,10 @@ class Oscillator(eqx.Module, Reported):
         return styled(drawing, style)
 
     def _characteristic(self) -> tuple[np.ndarray, np.ndarray]:
-        """Velocities [m/s] and friction forces [N] of steady sliding, and between them what rest can ask for."""
+        """Return velocities [m/s] and steady friction forces [N].
+
+        At zero velocity the force jumps between the static friction forces of both directions.
+        """
         reached = float(self.angular_frequency * self.dead_band)
         speeds = [_RELEASE * reached, _BEYOND * float(self.friction.velocity_scale())]
         fastest = max((speed for speed in speeds if np.isfinite(speed)), default=0.0) or 1.0
@@ -140,46 +143,62 @@ class Oscillator(eqx.Module, Reported):
 
     @property
     def dead_band(self) -> Scalar:
-        """Half-width x_d = mu N/k of the band in which dynamic friction balances the spring [m]."""
+        """Half-width x_d = mu N/k of the dead band [m].
+
+        Within it dynamic friction balances the spring.
+        """
         return self.friction.dynamic_force(self.normal_force) / self.stiffness
 
     def restoring_force(self, x: Values) -> Values:
-        """Restoring force R(x) [N]."""
+        """Return the restoring force R(x) [N]."""
         return self.restoring.force(x, self.stiffness)
 
     def hysteresis(self, x: Values) -> Values:
-        """Force of internal friction of the spring [N], which opposes the motion."""
+        """Return the internal friction of the spring [N], opposing the motion."""
         return self.restoring.hysteresis(x, self.stiffness)
 
     def dissipation(self, v: Values) -> Values:
-        """Force of damping and drag together [N], positive where it opposes a positive velocity."""
+        """Return the force of damping and drag [N].
+
+        Positive if it opposes a positive velocity.
+        """
         return (self.damping + self.drag * jnp.abs(v)) * v
 
     def friction_force(self, v: Values, state: State) -> Values:
-        """Friction force of the sliding mass [N], positive where it opposes a positive velocity."""
+        """Return the sliding friction force [N].
+
+        Positive if it opposes a positive velocity.
+        """
         return self.friction.force(v, state, self.normal_force)
 
     def rates(self, x: Scalar, v: Scalar, state: State) -> tuple[Scalar, State]:
-        """Acceleration of the sliding mass [m/s^2] and rates of the internal states of its friction."""
+        """Return the acceleration [m/s^2] and the rates of internal friction states."""
         rate = self.friction.rate(v, state, self.normal_force)
         friction = self.friction.force_of(v, state, rate, self.normal_force)
         return -(self.dissipation(v) + self.restoring_force(x) + friction) / self.mass, rate
 
 
 def _single(value: Any) -> bool:
-    """Whether a coefficient is one number, neither several nor traced."""
+    """Return True for a single, untraced number."""
     return not isinstance(value, tuple | Tracer) and not jnp.shape(value)
 
 
 def _shown(value: Any) -> str:
-    """A coefficient as it is read; of what is no number only its shape."""
+    """Format a coefficient for display; arrays only by their shape."""
     if isinstance(value, tuple):
         return ", ".join(map(_shown, value))
     return plain(float(value)) if _single(value) else f"array{list(jnp.shape(value))}"
 
 
 class Leaf(NamedTuple):
-    """A coefficient of an oscillator: its shortest unambiguous name, its place among the leaves, and what it is."""
+    """Coefficient of an oscillator with its names and leaf index.
+
+    Attributes:
+        name: shortest unambiguous name.
+        dotted: full path.
+        index: position among the leaves.
+        coefficient: unit, range and description.
+    """
 
     name: str
     dotted: str
@@ -198,7 +217,7 @@ class Leaf(NamedTuple):
 
 
 def leaves_of(oscillator: Oscillator) -> tuple[Leaf, ...]:
-    """All coefficients of an oscillator in the order of its leaves."""
+    """Return all coefficients of an oscillator in the order of its leaves."""
     paths = [path for path, _ in jax.tree_util.tree_flatten_with_path(oscillator)[0]]
     dotted = [".".join(_parts(path)) for path in paths]
     pairs = zip(short_names(dotted), paths, strict=True)
@@ -206,7 +225,10 @@ def leaves_of(oscillator: Oscillator) -> tuple[Leaf, ...]:
 
 
 def _parts(path: Sequence) -> list[str]:
-    """The names along a path: laws of a sum are numbered, and so are numbers of a list, as in ``forces_3``."""
+    """Return the names along a path.
+
+    Laws of a sum and elements of a list are numbered, for example ``forces_3``.
+    """
     parts: list[str] = []
     inside_sum = False
     for key in path:
@@ -219,7 +241,10 @@ def _parts(path: Sequence) -> list[str]:
 
 
 def _coefficient(oscillator: Oscillator, path: Sequence) -> Coefficient:
-    """What the model knows of a leaf: the owner of a list of numbers knows it by the name of the list."""
+    """Return the description of a leaf from the object that owns it.
+
+    Elements of a list share the description of the list.
+    """
     named = max(i for i, key in enumerate(path) if hasattr(key, "name"))
     owner: Any = oscillator
     for key in path[:named]:
@@ -228,7 +253,7 @@ def _coefficient(oscillator: Oscillator, path: Sequence) -> Coefficient:
 
 
 class AbstractRelease(eqx.Module):
-    """A holding force that decays from the moment of release.
+    """Holding force that decays from the moment of release.
 
     Examples:
         >>> issubclass(ExponentialRelease, AbstractRelease)
@@ -237,11 +262,14 @@ class AbstractRelease(eqx.Module):
 
     @abc.abstractmethod
     def force(self, t: Scalar, hold: Scalar) -> Scalar:
-        """Remaining force [N] a time `t` [s] after release, where `hold` [N] balanced the spring before it."""
+        """Return the remaining force [N] at time `t` [s] after release.
+
+        Before release `hold` [N] balances the spring.
+        """
 
 
 class ExponentialRelease(AbstractRelease):
-    """An electromagnet whose force dies away as ``exp(-t/time_constant)``.
+    """Electromagnet with a force that decays as ``exp(-t/time_constant)``.
 
     Attributes:
         time_constant: decay time of the force [s]; 0.5 to 3 ms for a small holding magnet.
@@ -259,12 +287,12 @@ class ExponentialRelease(AbstractRelease):
 
 
 class Drive(eqx.Module):
-    """What moves the mass besides its own spring.
+    """External excitation of the mass.
 
     Attributes:
-        t: times at which the acceleration of the floor is known [s], shape (instants,).
-        base_acceleration: that acceleration [m/s^2]; linear between them, None for a floor that stands.
-        release: law by which the force that held the mass decays.
+        t: times of the floor acceleration samples [s], shape (instants,).
+        base_acceleration: floor acceleration [m/s^2], interpolated linearly; None for a fixed floor.
+        release: decay law of the holding force.
     """
 
     t: Float[Array | np.ndarray, " instants"]

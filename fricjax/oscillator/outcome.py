@@ -1,7 +1,6 @@
-"""How a simulation may end.
+"""Outcomes of a simulation.
 
-Only who simulates imports it: with diffrax, from whose outcomes it goes on, a quarter of a second that a fit whose
-programs are kept need not wait for.
+Importing this module imports diffrax, which takes a quarter of a second. A fit with cached programs does not need it.
 """
 
 import diffrax
@@ -9,7 +8,7 @@ import jax
 
 
 class RESULTS(diffrax.RESULTS):  # pyright: ignore[reportGeneralTypeIssues]
-    """Every outcome of a simulation, with cause and remedy.
+    """Outcomes of a simulation with cause and remedy.
 
     Examples:
         >>> print(RESULTS[RESULTS.drag_unsupported])
@@ -31,7 +30,7 @@ class RESULTS(diffrax.RESULTS):  # pyright: ignore[reportGeneralTypeIssues]
 
 
 def is_successful(result: object) -> jax.Array:
-    """Whether a result code stands for success.
+    """Return True if a result code means success.
 
     Examples:
         >>> bool(is_successful(RESULTS.successful)), bool(is_successful(RESULTS.overdamped))

@@ -1,7 +1,7 @@
-"""Restoring forces: what pulls the mass back to its equilibrium.
+"""Restoring forces of the oscillator.
 
-Each is an odd function ``R(x)`` that rises through zero with the slope of the oscillator's stiffness ``k``. A spring
-may also resist every motion by an internal friction that grows with its deflection.
+Each force is an odd function ``R(x)`` with slope ``k``, the oscillator's stiffness, at zero. A spring may also resist
+every motion by internal friction that grows with its deflection.
 """
 
 import abc
@@ -17,18 +17,21 @@ from equinox import AbstractClassVar
 from ..friction.base import Scalar, Values, scalar
 from ..friction.coefficient import Coefficient, check_coefficients, within
 
-# Steps of an arithmetic-geometric mean. Each takes the ratio of both numbers to its root and, once they are near,
-# squares their difference: rounding is reached from a ratio of a million.
+# Steps of the arithmetic-geometric mean. Each step first takes the square root of the ratio and later squares the
+# relative difference; eight reach rounding error from a ratio of a million.
 _MEANS = 8
 
 
 class AbstractRestoring(eqx.Module):
-    """A conservative force ``R(x)`` [N] with its potential energy [J]; `stiffness` is the slope at ``x = 0`` [N/m].
+    """Conservative force ``R(x)`` [N] with its potential energy [J].
+
+    `stiffness` is always the slope at ``x = 0`` [N/m]. The engines work in a transformed coordinate `q`, in which the
+    spring is nearly linear, see :meth:`stretched`.
 
     Attributes:
-        hysteretic: whether the spring resists motion besides; that force has a kink at the equilibrium.
-        stiffens: whether it may pull harder at some deflection than in proportion to it.
-        largest: the largest deflection from which it still pulls back [m].
+        hysteretic: whether the spring also has internal friction; that force has a kink at the equilibrium.
+        stiffens: whether the force may grow faster than the deflection.
+        largest: largest deflection from which the spring still pulls back [m].
     """
 
     coefficients: AbstractClassVar[Mapping[str, Coefficient]]
@@ -41,53 +44,68 @@ class AbstractRestoring(eqx.Module):
 
     @abc.abstractmethod
     def force(self, x: Values, stiffness: Scalar) -> Values:
-        """Restoring force [N], positive where it pulls towards negative x."""
+        """Return the restoring force [N], positive if it pulls towards negative x."""
 
     @abc.abstractmethod
     def potential(self, x: Values, stiffness: Scalar) -> Values:
-        """Potential energy [J], zero at the equilibrium."""
+        """Return the potential energy [J], zero at the equilibrium."""
 
     def hysteresis(self, x: Values, stiffness: Scalar) -> Values:
-        """Force of internal friction [N], not negative; it opposes the motion whatever its direction."""
+        """Return the internal friction force [N], not negative.
+
+        It opposes the motion in both directions.
+        """
         return jnp.zeros_like(x)
 
     def reference(self, x: Values, stiffness: Scalar) -> Values:
-        """Stiffness of the linear spring that stands for this one in half-cycles from `x`; by default the secant."""
+        """Return the stiffness of the equivalent linear spring for half-cycles from `x`.
+
+        The default is the secant stiffness.
+        """
         away = jnp.abs(x) > 0
         x = jnp.where(away, x, 1.0)
         return jnp.where(away, self.force(x, stiffness) / x, stiffness)
 
     def stretched(self, x: Values) -> Values:
-        """Coordinate in which the half-cycles are swings of a linear spring, or nearly so; by default `x` itself."""
+        """Return a coordinate in which half-cycles are nearly harmonic.
+
+        The default is `x`.
+        """
         return x
 
     def unstretched(self, q: Values) -> tuple[Values, Values | float]:
-        """Displacement at that coordinate, and the slope of the coordinate over the displacement there."""
+        """Return the displacement at coordinate `q`, and dq/dx there."""
         return q, 1.0
 
     def remainder(self, x: Values, reference: Values, stiffness: Scalar) -> Values | float:
-        """What the force is besides that of the spring that stands for it, ``R - k_ref q dq/dx`` [N]."""
+        """Return the force in excess of the equivalent spring [N].
+
+        It is ``R - k_ref q dq/dx``.
+        """
         return self.force(x, stiffness) - reference * x
 
     def steepened(self, x: Values) -> Values:
-        """The stretched coordinate over its slope, which has no bound where that vanishes."""
+        """Return the stretched coordinate over its slope, unbounded where the slope vanishes."""
         return x
 
     def unsteepened(self, ratio: Values) -> Values:
-        """Displacement from what :meth:`steepened` gives."""
+        """Invert :meth:`steepened`: return the displacement."""
         return ratio
 
     def spread(self, ratio: Values) -> Values:
-        """Coordinate of a table over what :meth:`steepened` gives, rising; half-cycles are smooth in it."""
+        """Return the table coordinate of a :meth:`steepened` value.
+
+        It rises with the value, and half-cycles are smooth functions of it.
+        """
         return _module(ratio).log(ratio)
 
     def gathered(self, place: Values) -> Values:
-        """The inverse of :meth:`spread`."""
+        """Invert :meth:`spread`."""
         return jnp.exp(place)
 
 
 class Linear(AbstractRestoring):
-    """A linear spring, ``R = k x``."""
+    """Linear spring, ``R = k x``."""
 
     coefficients: ClassVar[Mapping[str, Coefficient]] = {}
 
@@ -99,7 +117,9 @@ class Linear(AbstractRestoring):
 
 
 class Cubic(AbstractRestoring):
-    """A spring that stiffens (k3 > 0) or softens with deflection, ``R = k x + k3 x^3``.
+    """Spring with a cubic term, ``R = k x + k3 x^3``.
+
+    It stiffens for k3 > 0 and softens for k3 < 0.
 
     Attributes:
         k3: cubic coefficient [N/m^3].
@@ -118,14 +138,15 @@ class Cubic(AbstractRestoring):
 
 
 class Pendulum(AbstractRestoring):
-    """A physical pendulum, ``R = k sin x``: x is the angle from hanging [rad] and k the product m g l [N m/rad].
+    """Physical pendulum, ``R = k sin x``.
 
-    In ``q = 2 sin(x/2)`` its energy is that of a linear spring, so that without losses ``q = Q cos(theta)`` and only
-    the lapse of time ``dt/dtheta = 1/(omega cos(x/2))`` is that of an elliptic integral (Jacobi's amplitude).
+    x is the angle from hanging [rad] and k the product m g l [N m/rad]. In ``q = 2 sin(x/2)`` the energy is that of a
+    linear spring. Without losses ``q = Q cos(theta)``, and only the time ``dt/dtheta = 1/(omega cos(x/2))`` is an
+    elliptic integral (Jacobi's amplitude).
     """
 
     coefficients: ClassVar[Mapping[str, Coefficient]] = {}
-    # A milliradian below the top, where no record that shows a decay begins.
+    # A milliradian below the top; no decay record starts above it.
     largest: ClassVar[float] = float(np.pi) - 1e-3
 
     def force(self, x: Values, stiffness: Scalar) -> Values:
@@ -153,16 +174,17 @@ class Pendulum(AbstractRestoring):
         return 2 * _module(ratio).arctan(ratio / 2)
 
     def spread(self, ratio: Values) -> Values:
-        """Logarithm of ``K(m)/K(1 - m)``, the half-period in real time over that in imaginary time.
+        """Return the logarithm of ``K(m)/K(1 - m)``.
 
-        A half-cycle has its singularities where the modulus m is 0, 1 or infinite: at no, at the largest and at an
-        imaginary deflection of 2 i. In this ratio, as a complex number, they all lie on the imaginary axis, so that few
-        entries of a table do for amplitudes from the dead band to the top.
+        This is the ratio of the half-period in real time to that in imaginary time. A half-cycle is singular if the
+        modulus m is 0, 1 or infinite: at zero, at the largest, and at an imaginary deflection of 2i. As a function of
+        the complex ratio all singularities lie on the imaginary axis, so a small table covers amplitudes from the dead
+        band to the top.
         """
         return _log_ratio(ratio) if isinstance(ratio, jax.Array) else np.log(np.divide(*_means(ratio)))
 
     def gathered(self, place: Values) -> Values:
-        # The ratio and its inverse belong to tangents that are inverse to each other.
+        # Reciprocal ratios belong to reciprocal tangents.
         nome = jnp.exp(-jnp.pi * jnp.exp(jnp.abs(place)))
         second = 2 * nome**0.25 * (1 + nome**2 + nome**6)
         fourth = 1 - 2 * nome + 2 * nome**4 - 2 * nome**9
@@ -171,12 +193,15 @@ class Pendulum(AbstractRestoring):
 
 
 def _module(values: Values) -> Any:
-    """NumPy for what is on the host, where each operation of JAX costs more than the arithmetic in it."""
+    """Return NumPy for host values, otherwise jax.numpy.
+
+    JAX operations on host values cost more than their arithmetic.
+    """
     return jnp if isinstance(values, jax.Array) else np
 
 
 def _means(ratio: Values) -> tuple[Any, Any]:
-    """K and K' of a pendulum, both over a common factor: the reciprocals of arithmetic-geometric means."""
+    """Return K and K' up to a common factor by arithmetic-geometric means."""
     xp = _module(ratio)
     long = xp.sqrt(1 + ratio**2 / 4)
     return 1 / _mean(long, xp.ones_like(ratio)), 1 / _mean(long, ratio / 2)
@@ -196,7 +221,10 @@ def _log_ratio(ratio: Any) -> Any:
 
 @_log_ratio.defjvp
 def _log_ratio_jvp(primals: tuple[Any], tangents: tuple[Any]) -> tuple[Any, Any]:
-    """By Legendre's relation ``d(K/K')/dm = pi/(4 m (1 - m) K'^2)``, so that the steps of the means have none."""
+    """Differentiate by Legendre's relation ``d(K/K')/dm = pi/(4 m (1 - m) K'^2)``.
+
+    This avoids differentiating the iterations.
+    """
     (ratio,), (change,) = primals, tangents
     real, imaginary = _means(ratio)
     slope = 2 / (jnp.pi * ratio * (1 + ratio**2 / 4) * real * imaginary)
@@ -204,11 +232,11 @@ def _log_ratio_jvp(primals: tuple[Any], tangents: tuple[Any]) -> tuple[Any, Any]
 
 
 class Structural(AbstractRestoring):
-    """A linear spring whose material loses energy at any speed: ``k x + eta_h k |x| sgn(v)`` (Reid, 1956).
+    """Spring with rate-independent internal loss, ``k x + eta_h k |x| sgn(v)``.
 
-    The stiffness is ``k (1 + eta_h)`` on the way out and ``k (1 - eta_h)`` on the way in, so that without other losses
-    successive turning points have the ratio ``sqrt((1 - eta_h)/(1 + eta_h))``: a constant logarithmic decrement, which
-    in a decay at one frequency cannot be separated from viscous damping. The loss factor is ``2 eta_h/pi``.
+    See Reid (1956). The stiffness is ``k (1 + eta_h)`` on the way out and ``k (1 - eta_h)`` on the way in. Without
+    other losses, successive turning points have the ratio ``sqrt((1 - eta_h)/(1 + eta_h))``. This constant logarithmic
+    decrement cannot be separated from viscous damping in a decay at one frequency. The loss factor is ``2 eta_h/pi``.
 
     Attributes:
         eta_h: ratio of the hysteretic to the elastic force [1].

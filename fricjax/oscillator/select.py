@@ -1,4 +1,4 @@
-"""Choosing an engine for an oscillator."""
+"""Engine selection."""
 
 import dataclasses
 import functools
@@ -17,16 +17,16 @@ from .oscillator import Oscillator
 def select_engine(
     engine: str | AbstractEngine, oscillator: Oscillator, *, accuracy: float = 1e-10, max_half_cycles: int = 512
 ) -> AbstractEngine:
-    """The engine of that name, or for "auto" the fastest one that can integrate the oscillator.
+    """Return the named engine, or for "auto" the fastest suitable one.
 
     Args:
         engine: "auto", "exact", "hybrid", "smooth", "diffrax", or an engine, which is checked and returned.
-        oscillator: what it is to integrate.
-        accuracy: largest error of the displacement aimed at [m].
-        max_half_cycles: number of half-cycles to provide for.
+        oscillator: the oscillator to integrate.
+        accuracy: target for the largest error of the displacement [m].
+        max_half_cycles: capacity for half-cycles.
 
     Raises:
-        ValueError: no such engine, or one that cannot integrate this oscillator; the message says why.
+        ValueError: unknown engine, or one that cannot integrate this oscillator; the message states the reason.
     """
     chosen = engine if isinstance(engine, AbstractEngine) else _named(engine, oscillator, accuracy, max_half_cycles)
     reason = chosen.refusal(oscillator)
@@ -40,10 +40,10 @@ def _named(name: str, oscillator: Oscillator, accuracy: float, max_half_cycles: 
     law = oscillator.friction
     candidates: tuple[str, ...] = (name,)
     if name == "diffrax":
-        # Its own solvers from end to end: the reference, by which the others are tested.
+        # diffrax's own solvers from start to end: the reference for testing the other engines.
         candidates = ("events",) if law.set_valued else ("kvaerno",)
     elif name == "auto":
-        # A drag that is being differentiated counts as present, whatever its value.
+        # A drag that is differentiated counts as present, even if its value is zero.
         without_drag = isinstance(oscillator.drag, np.ndarray)
         candidates = ("exact", "hybrid", "smooth") if without_drag else ("hybrid", "smooth")
     engines = [_made(candidate, accuracy, max_half_cycles, law.step_refinement) for candidate in candidates[:-1]]
@@ -53,7 +53,10 @@ def _named(name: str, oscillator: Oscillator, accuracy: float, max_half_cycles: 
 
 @functools.cache
 def _made(name: str, accuracy: float, max_half_cycles: int, divisor: int) -> AbstractEngine:
-    """The engine of a name; no other is imported, for diffrax takes longer than a fit."""
+    """Create the named engine without importing other engines.
+
+    Importing diffrax takes longer than a fit.
+    """
     if name == "exact":
         from .engines.exact import Exact
 
@@ -73,26 +76,29 @@ def _made(name: str, accuracy: float, max_half_cycles: int, divisor: int) -> Abs
         return smooth
     import diffrax
 
-    # It takes the tolerance of the stages from a controller only where it sees the solver bare.
+    # diffrax takes the tolerance of the stages from a controller only if the solver is not wrapped.
     kvaerno = diffrax.Kvaerno5(scan_kind="lax", root_finder=diffrax.VeryChord(rtol=1e-10, atol=1e-12))
     return dataclasses.replace(smooth, method=kvaerno)
 
 
 def nodes_for(accuracy: float) -> int:
-    """Steps per half-cycle of the hybrid engine for that accuracy [m] of a motion of a few millimetres, even."""
+    """Return the hybrid engine's steps per half-cycle for an accuracy [m].
+
+    The number is even and assumes a motion of a few millimetres.
+    """
     return 2 * max(8, math.ceil(14 * (1e-10 / accuracy) ** (1 / 6)))
 
 
 def concrete(value: Any) -> float | None:
-    """A number where the value is known outside of a trace, else None."""
+    """Return a scalar as a float, or None if traced or batched."""
     return None if isinstance(value, Tracer) or np.ndim(value) else float(value)
 
 
 def half_cycle_capacity(oscillator: Oscillator, duration: float | None, x0: Any, v0: Any) -> int:
-    """How many half-cycles to provide for in a duration [s]: a power of two, so that few shapes are compiled.
+    """Return the half-cycle capacity for a duration [s], a power of two.
 
-    A stiffening spring is at its fastest where the motion from `x0` [m] and `v0` [m/s] may reach. Where the duration or
-    the oscillator is traced or batched the answer is 512.
+    Powers of two limit the number of compiled shapes. For a stiffening spring the bound uses the largest deflection
+    reachable from `x0` [m] and `v0` [m/s]. If the duration or the oscillator is traced or batched, the capacity is 512.
     """
     known = [concrete(v) for v in (oscillator.mass, oscillator.stiffness, x0, v0)]
     if duration is None or any(value is None for value in known):

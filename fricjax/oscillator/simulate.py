@@ -1,4 +1,4 @@
-"""From an oscillator and a start to its motion."""
+"""Simulation of a motion from its start."""
 
 import dataclasses
 import functools
@@ -20,7 +20,8 @@ from .program import Program
 from .select import concrete, half_cycle_capacity, select_engine
 from .session import ready
 
-# Samples up to which motions share a compilation. Beyond, each power of two has its own if it is driven, and else four.
+# Up to this many samples all motions share a compiled program. Beyond, sizes per factor of two: one if driven, else
+# four.
 _LEAST, _SIZES = 2048, 4
 
 
@@ -37,26 +38,26 @@ def simulate(
     base_acceleration: ArrayLike | None = None,
     release: AbstractRelease | None = None,
 ) -> Motion:
-    """The motion of an oscillator that starts at `x0` at time zero.
+    """Simulate an oscillator that starts at `x0` at time zero.
 
-    Every number, and every coefficient of the oscillator, may be differentiated (forward mode) and vmapped.
+    All numeric arguments and all coefficients of the oscillator support forward-mode differentiation and vmap.
 
     Args:
-        oscillator: the machine and its friction law.
+        oscillator: the oscillator with its friction law.
         x0: displacement from the equilibrium at time zero [m].
-        ts: times to sample at, increasing [s], shape (samples,). Before time zero a
-            free motion is continued backwards, and a driven mass is held.
-        v0: velocity at time zero [m/s]. The motion has a kink in `v0` at zero, where the mass starts from rest.
-        state0: internal states of the law at time zero, shape (states,); None stands for those after a slow pull to
-            `x0`, or after long sliding where `v0` is not zero.
-        engine: "auto", "exact", "hybrid", "smooth", an engine, or "diffrax": the solvers of diffrax from end to end, by
-            which the others are tested.
-        accuracy: largest numerical error of the displacement aimed at [m].
-        base_acceleration: floor acceleration at `ts` [m/s^2], linear between them, shape (samples,).
-        release: law of the decaying holding force.
+        ts: increasing sample times [s], shape (samples,). Before time zero a free motion is extrapolated backwards, and
+            a driven mass is held.
+        v0: velocity at time zero [m/s]. The motion has a kink as a function of `v0` at zero, the start from rest.
+        state0: internal states of the law at time zero, shape (states,). None uses the states after a slow pull to
+            `x0`, or after long sliding if `v0` is not zero.
+        engine: "auto", "exact", "hybrid", "smooth", an engine, or "diffrax": the unmodified diffrax solvers, the
+            reference for testing the other engines.
+        accuracy: target for the largest numerical error of the displacement [m].
+        base_acceleration: floor acceleration at `ts` [m/s^2], interpolated linearly, shape (samples,).
+        release: decay law of the holding force.
 
     Returns:
-        The motion; its `result` says whether the integration succeeded.
+        The motion; its `result` states whether the integration succeeded.
 
     Raises:
         RuntimeError: JAX computes in single precision.
@@ -76,11 +77,11 @@ def simulate(
     duration = None if isinstance(times, Tracer) else float(np.asarray(times)[-1])
     x, v = _number("x0", x0), _number("v0", v0)
     capacity = half_cycle_capacity(oscillator, duration, x, v)
-    # Neither a phase nor the shape of a half-cycle is known beforehand where the mass is driven.
+    # The phase and the shape of half-cycles are unknown in advance for a driven mass.
     driven_by = "diffrax" if oscillator.friction.set_valued else "smooth"
     name = driven_by if driven and engine == "auto" else engine
     if base_acceleration is not None:
-        # A floor may reverse the mass more often than its spring does, though hardly from sample to sample.
+        # The floor may reverse the mass more often than the spring does, but hardly between two samples.
         capacity = max(capacity, 2 ** math.ceil(math.log2(times.size)))
     chosen = select_engine(name, oscillator, accuracy=accuracy, max_half_cycles=capacity)
     if driven and not chosen.takes_drive:
@@ -91,15 +92,15 @@ def simulate(
     state = None if state0 is None else _floats(state0)
     limit = _limit_engine(oscillator, capacity)
     if driven:
-        filled, drive = _filled(times, base_acceleration, release)
+        padded, drive = _padded(times, base_acceleration, release)
     elif _is_traced((oscillator, x, v, state, times)):
-        # Whoever traces it compiles it for times of their own.
+        # Under an outer transformation the caller compiles for the given times, so padding is useless.
         return _solve(chosen, limit, oscillator, x, v, state, times, None)
     else:
-        filled, drive = _longer(times, _more(times, _SIZES)), None
-    args = (chosen, limit, oscillator, x, v, state, filled, drive)
+        padded, drive = _pad(times, _padding(times, _SIZES)), None
+    args = (chosen, limit, oscillator, x, v, state, padded, drive)
     motion = _solve(*args) if _is_traced(args) else Motion(engine=chosen.name, **_kept(*jax.tree.map(np.asarray, args)))
-    if filled.size == times.size:
+    if padded.size == times.size:
         return motion
     samples = {name: getattr(motion, name) for name in ("t", "x", "v", "friction_force", "at_rest")}
     return dataclasses.replace(motion, **_first(samples, times.size))
@@ -109,41 +110,45 @@ def _is_traced(values: Any) -> bool:
     return any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves(values))
 
 
-# In one call, for each costs a fifth of a millisecond.
+# One compiled call for all fields, since each call costs 0.2 ms.
 @functools.partial(jax.jit, static_argnums=1)
 def _first(samples: dict[str, Array], count: int) -> dict[str, Array]:
     return {name: values[:count] for name, values in samples.items()}
 
 
-def _more(times: Any, sizes: int = 1) -> int:
-    """How many times are lacking to the next one of few sizes, so many to a factor of two."""
+def _padding(times: Any, sizes: int = 1) -> int:
+    """Return the number of padding samples up to the next compiled size.
+
+    There are `sizes` sizes per factor of two.
+    """
     unit = 2 ** (math.ceil(math.log2(times.size)) - 1) // sizes if times.size > _LEAST else _LEAST
     return -times.size % unit
 
 
-def _filled(times: Any, base_acceleration: ArrayLike | None, release: AbstractRelease | None) -> tuple[Any, Drive]:
-    """Times filled up to one of few sizes, for a driven motion is compiled for each, by repeats of the last; its drive.
+def _padded(times: Any, base_acceleration: ArrayLike | None, release: AbstractRelease | None) -> tuple[Any, Drive]:
+    """Pad the times of a driven motion and build its drive.
 
-    Of repeated instants no path is made: that of the floor goes on evenly behind the last sample.
+    The sample times repeat the last one. The knots of the floor acceleration continue at equal intervals instead, since
+    interpolation requires distinct times.
     """
-    more = _more(times)
-    filled = _longer(times, more)
+    more = _padding(times)
+    padded = _pad(times, more)
     if base_acceleration is None:
-        return filled, Drive(filled, None, release)
+        return padded, Drive(padded, None, release)
     interval = times[-1] - times[-2] if times.size > 1 else 1.0
     xp = jnp if isinstance(times, Tracer) else np
     knots = xp.concatenate([times, times[-1] + interval * xp.arange(1, more + 1)])
-    return filled, Drive(knots, _longer(_floats(base_acceleration), more), release)
+    return padded, Drive(knots, _pad(_floats(base_acceleration), more), release)
 
 
-def _longer(values: Any, more: int) -> Any:
-    """Values with so many repeats of the last."""
+def _pad(values: Any, more: int) -> Any:
+    """Pad values by repeats of the last one."""
     xp = jnp if isinstance(values, jax.Array) else np
     return xp.concatenate([values, xp.repeat(values[-1:], more)])
 
 
 def _limit_engine(oscillator: Oscillator, capacity: int) -> AbstractEngine | None:
-    """The engine for the set-valued law that a regularised one stands for; None where it stands for none."""
+    """Return the engine for a regularised law's set-valued limit, else None."""
     limit = None if oscillator.friction.set_valued else oscillator.friction.set_valued_limit()
     if limit is None or not limit.set_valued:
         return None
@@ -151,7 +156,10 @@ def _limit_engine(oscillator: Oscillator, capacity: int) -> AbstractEngine | Non
 
 
 def _floats(value: ArrayLike) -> Array | np.ndarray:
-    """Double precision; what is not yet an array stays on the host, where a compiled call takes it up at less cost."""
+    """Convert to double precision; keep host values on the host.
+
+    A compiled call accepts host arrays at less cost.
+    """
     return jnp.asarray(value, float) if isinstance(value, jax.Array) else np.asarray(value, float)
 
 
@@ -163,10 +171,12 @@ def _number(name: str, value: ArrayLike) -> Any:
 
 
 def starting_state(oscillator: Oscillator, x0: ArrayLike, v0: ArrayLike, state0: ArrayLike | None = None) -> Start:
-    """Start of a motion; the law's internal states default to those after a slow pull or after long sliding.
+    """Return the start of a motion with default internal states.
+
+    The default states are those after a slow pull to `x0`, or after long sliding if `v0` is not zero.
 
     Args:
-        oscillator: the machine, whose law says how many internal states there are.
+        oscillator: the oscillator; its law determines the number of internal states.
         x0: displacement at time zero [m].
         v0: velocity at time zero [m/s].
         state0: internal states, shape (states,); None for the default.
@@ -217,7 +227,7 @@ def _solved(
     motion = engine.solve(oscillator, start, ts)
     if limit is None:
         return motion
-    # The bias is what the regularisation does to this very motion, so the motion without it is computed as well.
+    # The bias is the distance to the motion without regularisation, so that motion is computed too.
     reference = dataclasses.replace(oscillator, friction=oscillator.friction.set_valued_limit())
     bias = jnp.max(jnp.abs(limit.solve(reference, start._replace(state=jnp.zeros(0)), motion.t).x - motion.x))
     return eqx.tree_at(lambda m: m.regularisation_bias, motion, bias)
@@ -227,7 +237,7 @@ _solve = jax.jit(_solved)
 
 
 def _fields(engine: AbstractEngine, *args: Any) -> dict[str, Any]:
-    """The motion as what is kept between processes: its fields but the name of the engine."""
+    """Return the fields of a motion except the engine's name, for caching."""
     motion = _solved(engine, *args)
     return {name: getattr(motion, name) for name in _NAMES}
 
@@ -239,24 +249,25 @@ def _like(engine: AbstractEngine, *_: Any) -> dict[str, Any]:
 
 
 _NAMES = [each.name for each in dataclasses.fields(Motion) if each.name != "engine"]
-# One motion is computed on the host, for a GPU would wait at each of its steps.
+# A single motion runs on the host; a GPU would synchronise at each of its steps.
 _kept = Program(_fields, _like, kernels=False)
 
 
 def final_displacement(oscillator: Oscillator, x0: ArrayLike, *, engine: str | AbstractEngine = "auto") -> Array:
-    """Where the mass comes to rest after a release from `x0` [m].
+    """Compute the displacement at rest after a release from `x0` [m].
 
-    Vmapped over `x0` it draws the triangle wave of final against initial displacement.
+    Vmapped over `x0` it gives the triangle wave of final against initial displacement.
 
     Args:
-        oscillator: the machine; its friction law must be able to hold the mass.
+        oscillator: the oscillator; its friction law must be able to hold the mass.
         x0: displacement from the equilibrium at release [m].
         engine: as in :func:`simulate`.
 
     Returns:
-        The final displacement [m]; NaN where the mass does not come to rest within the half-cycles provided for, or
-        under a law with internal states within ten thousand half-periods or the steps of the engine. Under such a law
-        it is where the contact holds the mass once what is left of its ringing is far below the accuracy of the engine.
+        The final displacement [m]. NaN if the mass does not come to rest within the capacity for half-cycles, or, for a
+        law with internal states, within ten thousand half-periods or the maximum steps of the engine. Under such a law
+        it is the position at which the contact holds the mass once its remaining vibration is far below the accuracy
+        of the engine.
 
     Raises:
         RuntimeError: JAX computes in single precision.
@@ -290,7 +301,10 @@ def _final(engine: AbstractEngine, oscillator: Oscillator, x0: Array) -> Array:
 
 
 def _half_cycles_to_rest(oscillator: Oscillator, x0: ArrayLike) -> int:
-    """A bound on the number of half-cycles to rest without damping, as a power of two; 512 where it is traced."""
+    """Return an upper bound on the number of half-cycles to rest.
+
+    The bound is a power of two and neglects damping. It is 512 if a value is traced.
+    """
     start, band = concrete(x0), concrete(oscillator.normal_force)
     if start is None or band is None or concrete(oscillator.stiffness) is None:
         return 512

@@ -1,4 +1,4 @@
-"""Routes 2 and 3: coefficients from pairs of initial and final displacement, without a trace."""
+"""Routes 2 and 3: coefficients from initial and final displacements."""
 
 import lazy_loader as _lazy_loader
 

@@ -1,4 +1,4 @@
-"""What the scatter of few residuals is worth, and what a reader of coefficients from pairs must know."""
+"""Uncertainty from few residuals, and warnings for fits to pairs."""
 
 from typing import NamedTuple
 
@@ -10,19 +10,20 @@ from ..show import engineering
 from .displacements import Pairs
 from .unwrapping import OPEN, Unwrapped
 
-# Level at which residuals contradict the noise that was stated, and that of an interval: both conventions.
+# Significance level of a contradiction between residuals and stated noise, and level of an interval: conventions.
 _CONTRADICTED, _LEVEL = 0.05, 0.95
-# Odds of another dead band at which a fit is not valid: one in twenty, as its intervals promise.
+# Odds of another dead band above which a fit is not valid: one in twenty, as for its 95 % intervals.
 _INVALID = 0.05
 
 
 class Scale(NamedTuple):
-    """How uncertain a fit of few residuals is.
+    """Uncertainty scale of a fit with few residuals.
 
     Attributes:
-        factor: by which the standard errors at the stated noise are to be multiplied, inf where no residual is left.
-        half_width: of a 95 % interval in these standard errors.
-        contradicted: whether the stated noise is too small for the residuals.
+        factor: factor on the standard errors for the stated noise; inf if there is neither stated noise nor a degree of
+            freedom.
+        half_width: half-width of a 95 % interval in these standard errors.
+        contradicted: True if the stated noise is too small for the residuals.
     """
 
     factor: float
@@ -31,10 +32,15 @@ class Scale(NamedTuple):
 
 
 def scale_of(chi2: float, dof: int, known: bool) -> Scale:
-    """Scale of the standard errors of a fit of `dof` degrees of freedom, whose noise is `known` or in its residuals.
+    """Return the scale of the standard errors of a fit.
 
-    Stated noise that is too small for the residuals is enlarged to them (Birge's ratio, Phys. Rev. 40, 207, 1932); as
-    its size then comes from few residuals, as where none was stated, the interval is Student's.
+    If the stated noise is too small for the residuals, it is enlarged to match them (Birge's ratio, Phys. Rev. 40, 207,
+    1932). The noise then comes from few residuals, as it does without stated noise, so the interval is Student's.
+
+    Args:
+        chi2: sum of squared weighted residuals.
+        dof: degrees of freedom.
+        known: True if the noise is stated; False if it follows from the residuals.
     """
     from scipy.stats import chi2 as squares
 
@@ -47,21 +53,24 @@ def scale_of(chi2: float, dof: int, known: bool) -> Scale:
 
 
 def student(dof: float) -> float:
-    """Half-width of a 95 % interval in standard errors that come from `dof` degrees of freedom, inf for none."""
+    """Return the half-width of a 95 % interval in standard errors.
+
+    The standard errors have `dof` degrees of freedom; inf for none.
+    """
     from scipy.stats import t
 
     return float(t.ppf((1 + _LEVEL) / 2, dof)) if dof > 0 else np.inf
 
 
 def status_of_counts(counts: Unwrapped) -> str | None:
-    """What is wrong with a fit whose numbers of half-cycles are open; None where they are not."""
+    """Return a status if the numbers of half-cycles are uncertain, else None."""
     if counts.odds <= _INVALID:
         return None
     return "open: the pairs agree with several dead bands. Give the numbers of half-cycles, or add pairs."
 
 
 def count_warnings(pairs: Pairs, counts: Unwrapped) -> list[str]:
-    """Sentences on numbers of half-cycles that the pairs leave open."""
+    """Return warnings about uncertain numbers of half-cycles."""
     warnings = []
     if counts.odds > OPEN:
         warnings.append(
@@ -71,7 +80,7 @@ def count_warnings(pairs: Pairs, counts: Unwrapped) -> list[str]:
         )
     if counts.doubtful:
         warnings.append(
-            f"One half-cycle more or less leads {counts.doubtful} pair(s) as near to their ends, which lie at the edge "
+            f"One half-cycle more or less fits {counts.doubtful} pair(s) equally well: they lie at the edge "
             "of the dead band or alone determine the offset. Give their numbers of half-cycles as half_cycles."
         )
     return warnings
@@ -80,7 +89,7 @@ def count_warnings(pairs: Pairs, counts: Unwrapped) -> list[str]:
 def fit_warnings(
     pairs: Pairs, counts: Unwrapped, predicted: np.ndarray, machine: Oscillator, scale: Scale
 ) -> list[str]:
-    """Sentences on the pairs of a fit; `predicted` are its computed final displacements [m]."""
+    """Return warnings about the pairs; `predicted` are computed finals [m]."""
     warnings = count_warnings(pairs, counts)
     farthest, immobile = float(np.max(np.abs(pairs.xf - predicted))), int(np.sum(counts.half_cycles == 0))
     if np.all(counts.half_cycles < 2):
@@ -89,7 +98,7 @@ def fit_warnings(
             "farther away, or from both sides."
         )
     if immobile:
-        warnings.append(f"In {immobile} pair(s) the mass did not move: they say nothing of mu.")
+        warnings.append(f"In {immobile} pair(s) the mass did not move, so they do not constrain mu.")
     duplicates = pairs.x0.size - np.unique(np.stack([pairs.x0, pairs.xf]), axis=1).shape[1]
     if duplicates:
         warnings.append(

@@ -1,8 +1,8 @@
-"""Pairs of initial and final displacement: taken from records, and checked.
+"""Pairs of initial and final displacement, from records or from the user.
 
-The initial displacement that counts is the one that the free motion starts from. A magnet that lets go slowly, or a
-hand, makes the displacement before the release a bad measure of it; the first reversal is free of that, and as good a
-start as the release: ``a_1`` and the rest position are a pair with one half-cycle less.
+The initial displacement must be the one from which the free motion starts. If a magnet releases slowly, or a hand
+releases the mass, the displacement before the release is biased. The first reversal is free of this bias and is an
+equally good start: the first reversal and the rest position are a pair with one half-cycle less.
 """
 
 from pathlib import Path
@@ -20,12 +20,13 @@ from ..fitting.settings import check_start
 
 
 class Pairs(NamedTuple):
-    """Pairs of displacements in the reading of the instrument.
+    """Pairs of displacements as read from the instrument.
 
     Attributes:
         x0, xf: initial and final displacement [m], shape (pairs,).
-        half_cycles: number of half-cycles between them, shape (pairs,), or None where it is not known.
-        sigma: standard deviation of each final displacement [m], shape (pairs,), with that of the initial one; or None.
+        half_cycles: number of half-cycles between them, shape (pairs,); None if unknown.
+        sigma: standard deviation of each final displacement [m], including that of the initial one, shape (pairs,); or
+            None.
 
     Examples:
         >>> import numpy as np
@@ -40,16 +41,16 @@ class Pairs(NamedTuple):
 
 
 def pairs_of(records: Any, *, start: str = "first_reversal") -> Pairs:
-    """Initial and final displacements of recorded runs, with their numbers of half-cycles.
+    """Return displacement pairs and numbers of half-cycles of recorded runs.
 
     Args:
-        records: runs that come to rest, each passed as to :func:`fricjax.fit`.
-        start: "first_reversal", which no release can bias, or "release": the displacement before the release, or the
-            first sample of a trace that begins with the motion.
+        records: runs that come to rest, each as for :func:`fricjax.fit`.
+        start: "first_reversal", which the release cannot bias, or "release": the displacement before the release, or
+            the first sample of a trace that begins with the motion.
 
     Raises:
         UsageError: no records, or an unknown start.
-        DataError: a run that does not come to rest, or has no reversal to start from.
+        DataError: a run that does not come to rest, or has no reversal as a start.
 
     Examples:
         >>> from fricjax.data import example_paths
@@ -76,8 +77,8 @@ def pairs_of(records: Any, *, start: str = "first_reversal") -> Pairs:
             half_cycles = segmentation.n_half_cycles_after_first_reversal
         else:
             raise DataError(f"There is no reversal in {label} before its rest; take its pair from the release.")
-        # An error of the start is handed on by every half-cycle, a little less of it by damping. The floor keeps exact
-        # synthetic runs finite.
+        # Each half-cycle passes on an error of the start, reduced slightly by damping. The floor keeps the errors of
+        # exact synthetic runs positive.
         sigma = max(float(np.hypot(of_rest, of_start)), 1e-12 * amplitude)
         rows.append((x0, segmentation.rest_position, half_cycles, sigma))
     x0, xf, counts, sigma = (np.array(column) for column in zip(*rows, strict=True))
@@ -85,14 +86,20 @@ def pairs_of(records: Any, *, start: str = "first_reversal") -> Pairs:
 
 
 def _of_mean(segmentation: Segmentation, run: Record, inside: np.ndarray) -> float:
-    """Standard error [m] of a mean over samples, of which the slow part of the noise forgets itself in a half-cycle."""
+    """Return the standard error of a mean over samples [m].
+
+    The correlation time of the slow noise is one half-cycle.
+    """
     samples = max(int(np.sum(run.mask & inside)), 1)
     independent = max(samples / (run.rate * segmentation.half_period), 1.0)
     return float(np.hypot(segmentation.white_noise / samples**0.5, _slow(segmentation) / independent**0.5))
 
 
 def _of_reversal(segmentation: Segmentation, run: Record) -> float:
-    """Standard error [m] of the position of the first reversal, over whose window no slow noise is averaged."""
+    """Return the standard error of the position of the first reversal [m].
+
+    Slow noise does not average out over its window.
+    """
     noise, step = segmentation.white_noise, 1 / run.rate
     swing = abs(float(segmentation.turning_points[0]))
     width = window(segmentation.half_period, swing, segmentation.noise, step)
@@ -100,15 +107,15 @@ def _of_reversal(segmentation: Segmentation, run: Record) -> float:
 
 
 def _slow(segmentation: Segmentation) -> float:
-    """The noise that is not white [m]."""
+    """Return the noise that is not white [m]."""
     return max(segmentation.noise**2 - segmentation.white_noise**2, 0.0) ** 0.5
 
 
 def checked_pairs(x0: Any, xf: Any, half_cycles: Any, sigma: Any) -> Pairs:
-    """Pairs as arrays of equal length.
+    """Check pairs and return them as arrays of equal length.
 
     Raises:
-        UsageError: arrays that do not fit each other, or numbers that cannot be.
+        UsageError: arrays of different lengths, or invalid numbers.
         DataError: values that are not finite.
     """
     initial, final = (np.atleast_1d(np.asarray(values, float)) for values in (x0, xf))
@@ -143,14 +150,16 @@ def checked_pairs(x0: Any, xf: Any, half_cycles: Any, sigma: Any) -> Pairs:
 
 
 def read_pairs(path: str | Path) -> Pairs:
-    r"""Pairs from a text table whose first two columns are initial and final displacement.
+    r"""Read pairs from a text table.
+
+    Its first two columns must be the initial and final displacement.
 
     Args:
-        path: the file; delimiter and header are recognised, and units stand in the header as in ``x0 [um]``, else
-            metres.
+        path: the file; delimiter and header are detected. Units in the header, as in ``x0 [um]``, are used; the default
+            is metres.
 
     Raises:
-        DataError: no such file, no such table, a row that is no number, or a unit that does not fit.
+        DataError: no such file, no such table, a row that is not numeric, or a unit that does not fit.
 
     Examples:
         >>> import pathlib, tempfile

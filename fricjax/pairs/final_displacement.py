@@ -1,8 +1,8 @@
 """Route 2: coefficients from initial and final displacements, without a trace.
 
-With the numbers of half-cycles as data the final displacement is a smooth, nearly linear function of the dynamic
-coefficient. The static coefficient has no gradient there; it lies between the turning points at which the mass stopped
-and those at which it moved on.
+For given numbers of half-cycles the final displacement is a smooth, nearly linear function of the dynamic coefficient.
+It does not depend on the static coefficient, which is bracketed instead: it lies between the turning points at which
+the mass stopped and those at which it moved on.
 """
 
 from collections.abc import Sequence
@@ -41,31 +41,30 @@ def fit_final_displacements(
     """Fit coefficients to pairs of initial and final displacement.
 
     Args:
-        x0: initial displacements in the reading of the instrument [m], shape (pairs,), of any sign and in any order.
-            Those of a slow release are biased; :func:`pairs_of` takes the first reversal instead.
+        x0: initial displacements as read from the instrument [m], shape (pairs,), of any sign and in any order. A slow
+            release biases them; :func:`pairs_of` uses the first reversal instead.
         xf: final displacements [m], shape (pairs,).
-        oscillator: the machine; its coefficients that are not free are taken as exact. Its static coefficient is never
-            used.
-        free: names of the coefficients to fit; "mu_s" asks for the bracket of the static coefficient.
-        nuisance: "offset" where the equilibrium of the instrument is not known; it then needs runs of different
-            numbers of half-cycles or of both signs.
-        half_cycles: number of half-cycles of each pair, shape (pairs,); None: unwrapped from the pairs, for a law that
-            is nearly Coulomb's.
+        oscillator: the machine; its fixed coefficients are taken as exact. Its static coefficient is not used.
+        free: names of the coefficients to fit; "mu_s" requests the bracket of the static coefficient.
+        nuisance: "offset" if the equilibrium position is unknown; this needs runs with different numbers of half-cycles
+            or of both signs.
+        half_cycles: number of half-cycles of each pair, shape (pairs,); None: determined from the pairs, for a law
+            close to Coulomb friction.
         sigma: standard deviation of each final displacement [m], one number or shape (pairs,); None: from the scatter.
         mu_scatter: relative standard deviation of mu from run to run, which scatters a final displacement in
             proportion to its number of half-cycles.
 
     Returns:
-        The fit; in Coulomb laws ``intervals["mu_s"]`` is the bracket of the static coefficient and ``values["mu_s"]``
-        its middle, the upper end infinite where no reversal passed it.
+        The fit. For Coulomb laws ``intervals["mu_s"]`` is the bracket of the static coefficient and ``values["mu_s"]``
+        its middle; the upper end is infinite if no reversal exceeded it.
 
     Raises:
         UsageError: names or arrays that do not fit.
-        DataError: pairs that are not finite, or from which nothing can be determined.
+        DataError: pairs that are not finite, or that determine no coefficient.
         RuntimeError: JAX computes in single precision.
 
     Examples:
-        Final displacements of a machine without damping, whose dead band is 0.2 mm:
+        Final displacements of a machine without damping and with a dead band of 0.2 mm:
 
         >>> import fricjax as fj
         >>> machine = fj.Oscillator(0.4, 2500.0, 0.0, 10.0, fj.friction.Coulomb(0.03))
@@ -76,7 +75,7 @@ def fit_final_displacements(
     ready()
     pairs = checked_pairs(x0, xf, half_cycles, sigma)
     coulomb = sole_coulomb(oscillator.friction) is not None
-    # The static coefficient of a Coulomb law has no gradient: it is bracketed, never fitted.
+    # The final displacements do not depend on the static coefficient of a Coulomb law, so bracket it instead.
     names = [name for name in free if not (coulomb and name.rsplit(".", 1)[-1] == "mu_s")]
     unknown = [name for name in nuisance if name != "offset"]
     if not names:
@@ -86,12 +85,12 @@ def fit_final_displacements(
     if unknown:
         raise UsageError(f"Pairs have no nuisance parameter {unknown[0]!r}; the only one is 'offset'.")
     check_scatter(mu_scatter)
-    # One pair does not tell an offset from friction.
+    # One pair cannot separate an offset from friction.
     offset = None if "offset" in nuisance and pairs.x0.size > 1 else 0.0
     counts = count_half_cycles(pairs.x0, pairs.xf, pairs.half_cycles, decay_ratio(oscillator), offset)
     if not np.any(counts.half_cycles > 0):
         raise DataError(
-            "In none of the pairs did the mass complete a half-cycle: the initial displacements lie in the dead band, "
+            "The mass did not complete a half-cycle in any pair: the initial displacements lie in the dead band, "
             "which gives only a lower bound of the static coefficient. Release from farther away."
         )
     different, parameters = np.unique(np.stack([pairs.x0, pairs.xf]), axis=1).shape[1], len(names) + len(nuisance)
@@ -101,7 +100,7 @@ def fit_final_displacements(
             "initial displacements."
         )
     model, entries = _model(pairs, oscillator, names, tuple(nuisance), counts)
-    # Standard deviations; where they follow from the scatter of the residuals, equal ones of any size.
+    # Standard deviations; if they follow from the scatter of the residuals, start with equal ones of any size.
     unstated = 0.0 if mu_scatter else 1e-3 * counts.dead_band
     of_pairs = np.full(pairs.x0.shape, unstated) if pairs.sigma is None else pairs.sigma
     weight = np.hypot(of_pairs, 2 * np.maximum(counts.half_cycles, 0.5) * counts.dead_band * mu_scatter)
@@ -122,7 +121,7 @@ def _model(
     for leaf in chosen:
         start = flat[leaf.index]
         if leaf.name.rsplit(".", 1)[-1] == "mu":
-            # The unwrapped dead band is far nearer to the optimum than any guess of the user.
+            # The dead band from unwrapping is much nearer to the optimum than a guess of the user.
             start = counts.dead_band * float(oscillator.stiffness) / float(oscillator.normal_force)
         fitted_as = leaf.coefficient.fitted_as
         entries.append(Parameter(leaf.name, leaf.unit, start, abs(start) or 1.0, fitted_as=fitted_as))

@@ -1,4 +1,4 @@
-"""Computed final displacements of a campaign of releases, and their least-squares fit to the measured ones."""
+"""Computed final displacements and their least-squares fit to measured ones."""
 
 from typing import Any, NamedTuple
 
@@ -19,16 +19,16 @@ from ..rig import Measured
 from .diagnostics import Scale, scale_of
 from .displacements import Pairs
 
-# A time by which every motion has come to rest [s].
+# A time after which every motion has come to rest [s].
 _FAR = 1e30
 # Rounding of the computed displacements, relative to the largest initial one.
 _ROUNDING = 1e-13
-# Corrections of the numbers of half-cycles by the fitted law; they settle after one or two.
+# Largest number of corrections of the half-cycle counts by the fitted law; they settle after one or two.
 _ROUNDS = 5
 
 
 class PairModel(eqx.Module):
-    """Computed final displacements as a function of the coordinates of the parameters."""
+    """Computed final displacements as a function of the coordinates."""
 
     oscillator: Oscillator
     space: ParameterSpace
@@ -52,7 +52,7 @@ class PairModel(eqx.Module):
 class _Residual(eqx.Module):
     """Computed minus measured final displacements, in standard deviations.
 
-    A module, so that another campaign with arrays of the same shapes needs no new compilation.
+    It is a module, so that another campaign with the same array shapes does not recompile.
     """
 
     model: PairModel
@@ -64,14 +64,14 @@ class _Residual(eqx.Module):
 
 
 class Solution(NamedTuple):
-    """Where the fit ended.
+    """Result of the fit.
 
     Attributes:
         q: coordinates, shape (p,); `covariance`: of the coordinates, shape (p, p), inf where undetermined.
-        undetermined: coordinates that the data leave open, shape (p,).
+        undetermined: coordinates that the data do not determine, shape (p,).
         chi2, dof: sum of squared weighted residuals and degrees of freedom, at least one.
-        scale: by which the covariance is enlarged, and what that makes of intervals.
-        status: of the solver; `warnings`: in sentences.
+        scale: factor on the standard errors, and width of intervals.
+        status: status of the solver; `warnings`: in sentences.
     """
 
     q: np.ndarray
@@ -85,11 +85,11 @@ class Solution(NamedTuple):
 
     @property
     def converged(self) -> bool:
-        """Whether the optimum was reached and every parameter is determined."""
+        """True if the fit converged and determines every parameter."""
         return self.status == CONVERGED and not self.undetermined.any()
 
     def outcome(self, names: tuple[str, ...]) -> str:
-        """The status in words."""
+        """Return the status in words."""
         if self.status == NOT_FINITE:
             return "not finite: the model fails at the start values. Check the coefficients of the oscillator."
         if self.undetermined.any() or self.status == UNDETERMINED:
@@ -106,14 +106,16 @@ class Solution(NamedTuple):
 def solve_pairs(
     pairs: Pairs, model: PairModel, sigma: np.ndarray, parameters: int, scaled: bool
 ) -> tuple[PairModel, Solution]:
-    """The fit; numbers of half-cycles that were not stated are corrected by one where the fitted law says so.
+    """Fit the pairs; correct the unknown numbers of half-cycles.
+
+    A number changes by one if the fitted law fits better with it.
 
     Args:
         pairs: measured displacements.
-        model: computed ones.
+        model: computed displacements.
         sigma: standard deviations of the final displacements [m], shape (pairs,).
         parameters: number of coordinates.
-        scaled: whether the scale of the residuals is taken from their scatter, which is never below rounding.
+        scaled: True if the noise follows from the scatter of the residuals, which is never below rounding.
     """
     floor = float(np.sum((_ROUNDING * np.max(np.abs(pairs.x0)) / sigma) ** 2))
     for _ in range(_ROUNDS):
@@ -126,7 +128,10 @@ def solve_pairs(
 
 
 def _nearest(model: PairModel, q: np.ndarray, xf: np.ndarray) -> np.ndarray:
-    """For each pair its number of half-cycles, one less or one more: whichever ends nearest to its displacement."""
+    """Return the number of half-cycles nearest to each final displacement.
+
+    The candidates are the present number, one less and one more.
+    """
     rivals = [np.maximum(model.half_cycles + step, 0) for step in (0, -1, 1)]
     ends = [predicted(eqx.tree_at(lambda m: m.half_cycles, model, n), jnp.asarray(q)) for n in rivals]
     away = np.nan_to_num(np.abs(np.asarray(ends) - xf), nan=np.inf)
@@ -134,23 +139,26 @@ def _nearest(model: PairModel, q: np.ndarray, xf: np.ndarray) -> np.ndarray:
 
 
 def _minimise(residual: _Residual, parameters: int, scaled: bool, floor: float) -> Solution:
-    """Least squares from the origin, and what its answer is worth."""
+    """Minimise from the origin; return the solution with its uncertainty."""
     q, stats = jax.tree.map(np.asarray, _least_squares(residual, jnp.zeros(parameters), np.asarray(floor)))
     spare, chi2 = residual.xf.size - parameters, max(2 * float(stats["cost"]), floor if scaled else 0.0)
-    shape = quadratic(stats["gradient"], stats["normal"], np.zeros(parameters, bool))
+    model = quadratic(stats["gradient"], stats["normal"], np.zeros(parameters, bool))
     scale = scale_of(chi2, spare, known=not scaled)
-    unknown = shape.undetermined | (not np.isfinite(scale.factor))
-    covariance = (scale.factor if np.isfinite(scale.factor) else 1.0) ** 2 * shape.inverse
+    unknown = model.undetermined | (not np.isfinite(scale.factor))
+    covariance = (scale.factor if np.isfinite(scale.factor) else 1.0) ** 2 * model.inverse
     covariance[unknown, :] = covariance[:, unknown] = 0.0
     covariance[unknown, unknown] = np.inf
     no_scatter = "As many parameters as pairs: the scatter gives no uncertainty."
     warnings = () if spare or not scaled else (no_scatter,)
-    return Solution(q, covariance, shape.undetermined, chi2, max(spare, 1), scale, int(stats["status"]), warnings)
+    return Solution(q, covariance, model.undetermined, chi2, max(spare, 1), scale, int(stats["status"]), warnings)
 
 
 @eqx.filter_jit
 def _least_squares(residual: _Residual, start: Array, floor: Any) -> tuple[Array, dict[str, Any]]:
-    """Coordinates at the optimum, and what the last pass of the solver has left there: the model is compiled once."""
+    """Return the optimal coordinates and the statistics of the solver.
+
+    The model is compiled once.
+    """
     wide, dof = jnp.full(start.shape, jnp.inf), max(residual.xf.size - start.size, 1)
     options = {"lower": -wide, "upper": wide, "dof": jnp.asarray(float(dof)), "floor": floor}
     solution = optx.least_squares(lambda q, _: residual(q), LevenbergMarquardt(), start, options=options, throw=False)
@@ -159,19 +167,19 @@ def _least_squares(residual: _Residual, start: Array, floor: Any) -> tuple[Array
 
 @eqx.filter_jit
 def predicted(model: PairModel, q: Array) -> Array:
-    """Computed final displacements at the coordinates `q` [m], shape (pairs,)."""
+    """Return computed final displacements at `q` [m], shape (pairs,)."""
     return model(q)
 
 
 def fitted_dead_band(model: PairModel, solution: Solution) -> Measured:
-    """Dead band x_d = mu N/k of the fitted machine [m], with its standard error."""
+    """Return the dead band mu N/k [m] with its standard error."""
 
     def band(q: Array) -> Array:
         return model.space.model(model.oscillator, model.space.values(q)).dead_band
 
     q = jnp.asarray(solution.q)
     slope = np.asarray(jax.jacfwd(band)(q))
-    # An undetermined parameter without influence on the dead band has an infinite variance: 0 inf is not a number.
+    # An undetermined parameter without influence on the dead band has infinite variance, and 0 inf would be NaN.
     used = slope != 0
     variance = slope[used] @ solution.covariance[np.ix_(used, used)] @ slope[used]
     return Measured(float(band(q)), float(np.sqrt(variance)), "m")

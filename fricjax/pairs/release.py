@@ -1,8 +1,9 @@
-"""How the mass was let go: the decay of the holding force, from the samples before the first reversal.
+"""The release: decay of the holding force.
 
-A magnet takes a few milliseconds to let go. That lowers the first amplitude and delays the motion, by 0.3 % and about
-1 ms for a time constant of 1 ms at 12.6 Hz, and biases whatever starts from the initial displacement. A fit from the
-first reversal on does not see it; with the machine known from there, the samples before show how the release went.
+It is fitted to the samples before the first reversal. A magnet takes a few milliseconds to release the mass. This
+lowers the first amplitude and delays the motion: by 0.3 % and about 1 ms for a time constant of 1 ms at 12.6 Hz. It
+biases evaluations that use the initial displacement, but not a fit from the first reversal on. With the machine known
+from such a fit, the earlier samples determine the release.
 """
 
 from typing import Any
@@ -18,7 +19,7 @@ from ..oscillator import ExponentialRelease, simulate
 from .result import Estimates
 
 _UNITS = {"time_constant": "s", "t_release": "s", "x0": "m"}
-# Samples before the first reversal from which three parameters follow with a scatter of their own.
+# Fewest samples before the first reversal that determine three parameters and their scatter.
 _LEAST = 8
 # Start value of the time constant [s]: that of a small electromagnet.
 _TYPICAL = 1e-3
@@ -27,19 +28,19 @@ _ACCURACY = 1e-11
 
 
 def fit_release(data: Any, fit: Fit) -> Estimates:
-    """Time constant of the holding force, moment of the release and displacement at which the mass was kept.
+    """Fit time constant, time and start displacement of a release.
 
     Args:
-        data: the run, passed as to :func:`fricjax.fit`, from before its release or from early in its first half-cycle.
-        fit: its fit from the first reversal on, whose machine and offset are taken as exact.
+        data: the run, as for :func:`fricjax.fit`, from before its release or from early in its first half-cycle.
+        fit: its fit from the first reversal on; machine and offset are taken as exact.
 
     Returns:
         ``time_constant`` [s] of ``exp(-t/time_constant)``, ``t_release`` [s] in the time of the record, and ``x0`` [m],
-        the displacement from the equilibrium at which the mass was kept.
+        the displacement of the held mass from the equilibrium.
 
     Raises:
         UsageError: a law without a jump at rest.
-        DataError: too few samples before the first reversal, or a mass that would not leave its initial displacement.
+        DataError: too few samples before the first reversal, or a mass that would stay at its initial displacement.
 
     Examples:
         >>> import fricjax as fj

@@ -1,4 +1,4 @@
-"""What the routes return: numbers with their uncertainty and what they rest on, all shown in one way."""
+"""Results of the routes: coefficients with their uncertainties and residuals."""
 
 import dataclasses
 from collections.abc import Mapping, Sequence
@@ -9,6 +9,7 @@ import numpy as np
 from ..estimation.covariance import correlation
 from ..rig import Measured
 from ..show import (
+    Cell,
     Report,
     Reported,
     Style,
@@ -25,21 +26,25 @@ from ..show import (
 
 
 def coefficient_table(values: Mapping[str, float], stds: Mapping[str, float], units: Mapping[str, str]) -> Table:
-    """One row per coefficient."""
-    rows = [[name, uncertain(values[name], stds[name], unit)] for name, unit in units.items()]
+    """Return a table with one row per coefficient."""
+    rows = [
+        [name, Cell(uncertain(values[name], stds[name], unit), value=values[name], std=stds[name], unit=unit)]
+        for name, unit in units.items()
+    ]
     return Table(["Parameter", "Value (standard error)"], rows)
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Estimates(Reported):
-    """Coefficients with their uncertainty from the scatter of the data about a regression.
+    """Coefficients of a regression, with uncertainties from its scatter.
 
     Attributes:
         values, std_errors, units: by name, SI.
-        covariance: in the order of the names, shape (p, p): that of the noise, times the reduced chi^2 above one.
-        chi2_reduced: scatter of the data about the regression, over what the noise explains. Uncertain instants of the
-            reversals and forces that the regression does not describe make it larger than one.
-        notes: sentences on records that were left out.
+        covariance: covariance matrix in the order of the names, shape (p, p), from the noise and times the reduced
+            chi^2 if this is above one.
+        chi2_reduced: scatter of the data about the regression, relative to the noise. Uncertain times of the reversals
+            and forces outside of the regression make it larger than one.
+        notes: sentences about skipped records.
 
     Examples:
         >>> import numpy as np
@@ -68,14 +73,17 @@ class Estimates(Reported):
         chi2_reduced: float,
         notes: tuple[str, ...] = (),
     ) -> "Estimates":
-        """Estimates of the names in `units`, in their order; the covariance passed is that of the noise alone."""
+        """Create estimates; `covariance` is that of the noise alone.
+
+        The values are in the order of `units`.
+        """
         covariance = covariance * max(chi2_reduced, 1.0)
         std = np.sqrt(np.diag(covariance))
         by_name, errors = (dict(zip(units, map(float, each), strict=True)) for each in (values, std))
         return cls(by_name, errors, units, covariance, chi2_reduced, notes)
 
     def report(self) -> Report:
-        """The coefficients, their scatter, and the records that were left out."""
+        """Report the coefficients, their scatter, and the skipped records."""
         table = coefficient_table(self.values, self.std_errors, self.units)
         return Report([table], [("reduced chi^2", f"{self.chi2_reduced:.3g}")], self.notes, data=vars(self))
 
@@ -87,21 +95,21 @@ class RouteFit(Reported):
     Attributes:
         route: name of the route.
         names: fitted parameters, in the order of the covariance.
-        values, std_errors, units: by name, SI; a bracketed static coefficient is in `values` with the middle of its
-            interval and has no standard error. Where the stated noise is too small for the residuals, the standard
-            errors are enlarged to them.
-        combined_std_errors: with the uncertainties of the rig, where the route takes one.
-        intervals: 95 % intervals of the combined errors, by Student's t where the noise is that of few residuals; for a
+        values, std_errors, units: by name, SI. A bracketed static coefficient is in `values`, as the middle of its
+            interval, and has no standard error. If the stated noise is too small for the residuals, the standard errors
+            are enlarged to match them.
+        combined_std_errors: standard errors with the uncertainties of the rig, if the route uses a rig.
+        intervals: 95 % intervals of the combined errors, by Student's t if the noise follows from few residuals; for a
             bracketed static coefficient the interval between stops and non-stops.
         covariance: shape (p, p); inf where a parameter is undetermined.
-        flags: what is special about each parameter.
-        converged, status: whether the numbers are valid, and the outcome in words.
-        warnings: what a reader of the numbers must know, in sentences.
+        flags: remarks on each parameter.
+        converged, status: True if the numbers are valid, and the outcome in words.
+        warnings: sentences about limitations of the numbers.
         x0, xf, predicted: initial, final and computed final displacement of each pair [m], shape (pairs,).
         half_cycles: number of half-cycles of each pair, shape (pairs,).
-        sigma: standard deviation of each final displacement [m], shape (pairs,); `sigma_source` says where it is from.
+        sigma: standard deviation of each final displacement [m], shape (pairs,); `sigma_source` names its source.
         chi2, dof: sum of squared weighted residuals and degrees of freedom.
-        extras: further estimates by name; a standard uncertainty that nothing tells is NaN.
+        extras: further estimates by name; an unknown standard uncertainty is NaN.
 
     Examples:
         >>> import fricjax as fj
@@ -153,16 +161,21 @@ class RouteFit(Reported):
         return f"RouteFit({self.route}: {shown}; {self.status})"
 
     def report(self) -> Report:
-        """One row per parameter, bracketed coefficient and further estimate; route, outcome, data and residuals."""
+        """Report one row per estimate, with route, status, data and residuals."""
         rows = []
         for name, value in self.values.items():
-            # A bracketed coefficient has no standard error: its interval says all.
+            # A bracketed coefficient has an interval instead of a standard error.
             std, unit = self.combined_std_errors.get(name), self.units[name]
             shown = "" if std is None else uncertain(value, std, unit)
-            rows.append([name, shown, interval(*self.intervals[name], unit), "; ".join(self.flags[name])])
+            errors = {"std": self.std_errors.get(name, np.nan), "combined_std": np.nan if std is None else std}
+            low, high = self.intervals[name]
+            ends = Cell(interval(low, high, unit), low=low, high=high, unit=unit)
+            rows.append([name, Cell(shown, value=value, **errors), ends, "; ".join(self.flags[name])])
         for name, number in self.extras.items():
             bare = f"{plain(number.value, 4)} {number.unit}".strip()
-            rows.append([name.replace("_", " "), bare if np.isnan(number.std) else str(number), "", ""])
+            numbers = {"value": number.value, "combined_std": number.std, "unit": number.unit or ""}
+            shown = Cell(bare if np.isnan(number.std) else number, **numbers)
+            rows.append([name.replace("_", " "), shown, Cell(""), ""])
         rms = engineering(float(np.sqrt(np.mean(self.residuals**2))), "m")
         facts = [
             ("route", self.route),
@@ -176,10 +189,13 @@ class RouteFit(Reported):
         return Report([table], facts, warnings=self.warnings, heading="Route", data=data)
 
     def plot(self, *, style: Style = "screen") -> Any:
-        """Final against initial displacement with the computed points, and the residuals, as a matplotlib figure.
+        """Plot final against initial displacements, and the residuals.
 
         Args:
-            style: as of :func:`fricjax.show.styled`.
+            style: see :func:`fricjax.show.styled`.
+
+        Returns:
+            A matplotlib figure.
         """
         drawing, axes = figure(2, 1, share_x=True, heights=(5, 2))
         top, bottom = axes[:, 0]

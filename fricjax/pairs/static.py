@@ -1,7 +1,7 @@
-"""The static coefficient: between the deflections at which the mass stopped and those at which it moved on.
+"""The static coefficient from displacements with stops and non-stops.
 
-Deterministic friction gives an interval. Where it scatters from stop to stop, the probability of a stop is a smooth
-step, ``P(stop | |a|) = Phi((x_s - |a|)/s)``, and both x_s and s follow by maximum likelihood.
+Deterministic friction gives an interval. If friction scatters from stop to stop, the probability of a stop is a smooth
+step, ``P(stop | |a|) = Phi((x_s - |a|)/s)``, and maximum likelihood gives x_s and s.
 """
 
 from typing import Any, NamedTuple
@@ -18,12 +18,12 @@ from ..oscillator.engines import AbstractEngine
 from ..oscillator.select import select_engine
 from .unwrapping import capacity_for
 
-# The profile is searched outwards from one scatter beside the static band, 40 steps in this ratio: eight decades.
+# The profile search starts one scatter away from the static band and takes 40 steps in this ratio: eight decades.
 _OUTWARDS, _SEARCHED = 1.6, 40
 
 
 class Bracket(NamedTuple):
-    """Interval of the static coefficient; `lower` and `upper` also as static bands x_s = mu_s N/k [m].
+    """Interval of the static coefficient mu_s and band mu_s N/k [m].
 
     Examples:
         >>> round(Bracket(0.05, 0.07, 2e-4, 2.8e-4).middle, 3)
@@ -37,16 +37,16 @@ class Bracket(NamedTuple):
 
     @property
     def middle(self) -> float:
-        """Middle of the interval; its lower end where no reversal gives an upper one."""
+        """Middle of the interval; its lower end without an upper one."""
         return (self.lower + self.upper) / 2 if np.isfinite(self.upper) else self.lower
 
 
 class Attempts(NamedTuple):
-    """Deflections at which the velocity vanished, and whether the mass stayed.
+    """Displacements with zero velocity, and the outcome at each.
 
     Attributes:
         size: distance from the equilibrium [m], shape (attempts,).
-        stopped: whether the mass stayed there, shape (attempts,).
+        stopped: True where the mass stayed, shape (attempts,).
 
     Examples:
         >>> import numpy as np
@@ -59,7 +59,9 @@ class Attempts(NamedTuple):
 
 
 def attempts(machine: Oscillator, y0: np.ndarray, yf: np.ndarray, half_cycles: np.ndarray) -> Attempts:
-    """All states at rest of the pairs: computed reversals, at which the mass moved on, and measured stops.
+    """Return all states at rest: computed reversals and measured stops.
+
+    The mass moved on from each reversal.
 
     Args:
         machine: the fitted machine.
@@ -68,7 +70,7 @@ def attempts(machine: Oscillator, y0: np.ndarray, yf: np.ndarray, half_cycles: n
         half_cycles: number of half-cycles, shape (pairs,).
 
     Examples:
-        From 0.7 mm with a dead band of 0.2 mm: the release, one reversal, and the stop.
+        From 0.7 mm with a dead band of 0.2 mm: release, one reversal and stop.
 
         >>> import numpy as np
         >>> import fricjax as fj
@@ -84,15 +86,17 @@ def attempts(machine: Oscillator, y0: np.ndarray, yf: np.ndarray, half_cycles: n
 
 
 def reversals_of(machine: Oscillator, x0: np.ndarray, half_cycles: np.ndarray) -> np.ndarray:
-    """Turning points of runs that go on for so many half-cycles, wherever friction would hold the mass.
+    """Return the turning points of runs with given numbers of half-cycles.
+
+    The runs continue even if friction would hold the mass.
 
     Args:
-        machine: the machine, of a set-valued law.
+        machine: the machine, with a set-valued law.
         x0: initial displacements from the equilibrium [m], shape (runs,).
-        half_cycles: their numbers, shape (runs,).
+        half_cycles: their numbers of half-cycles, shape (runs,).
 
     Returns:
-        The initial displacements and behind them the turning points [m], shape (runs, points).
+        The initial displacements followed by the turning points [m], shape (runs, points).
     """
     exact = jax.tree.map(lambda leaf: np.asarray(leaf, float), machine)
     engine = select_engine("auto", exact, max_half_cycles=capacity_for(half_cycles))
@@ -101,7 +105,7 @@ def reversals_of(machine: Oscillator, x0: np.ndarray, half_cycles: np.ndarray) -
 
 @eqx.filter_jit
 def _turning_points(engine: AbstractEngine, machine: Oscillator, x0: Any, half_cycles: Any) -> Any:
-    """Turning points of each run, the initial displacement first, shape (runs, points)."""
+    """Return initial displacement and turning points, shape (runs, points)."""
 
     def points(start: Any, count: Any) -> Any:
         return engine.solve(machine, starting_state(machine, start, 0.0), jnp.zeros(1), count).turning_points
@@ -110,7 +114,9 @@ def _turning_points(engine: AbstractEngine, machine: Oscillator, x0: Any, half_c
 
 
 def bracket(machine: Oscillator, y0: np.ndarray, yf: np.ndarray, half_cycles: np.ndarray) -> Bracket:
-    """Interval that contains the static coefficient of a Coulomb law: above every stop and mu, below every non-stop.
+    """Bracket the static coefficient of a Coulomb law.
+
+    It is above every stop and above mu, and below every non-stop.
 
     Args:
         machine: the fitted machine.
@@ -155,16 +161,16 @@ class Probit(NamedTuple):
 
 
 def probit(size: np.ndarray, stopped: np.ndarray) -> Probit:
-    """Static band and its scatter by maximum likelihood.
+    """Estimate the static band and its scatter by maximum likelihood.
 
     Args:
-        size: deflections at which the velocity vanished [m], shape (attempts,).
-        stopped: whether the mass stayed there, shape (attempts,).
+        size: displacements with zero velocity [m], shape (attempts,).
+        stopped: True where the mass stayed, shape (attempts,).
 
     Raises:
-        UsageError: arrays that do not fit each other.
-        DataError: stops and non-stops that do not overlap, so that no scatter shows; :func:`bracket` then says all. Or
-            stops at larger deflections than non-stops.
+        UsageError: arrays of different lengths.
+        DataError: stops and non-stops do not overlap, so that the data do not show a scatter; use :func:`bracket`. Or
+            stops occur at larger displacements than non-stops.
 
     Examples:
         >>> import numpy as np
@@ -188,8 +194,8 @@ def probit(size: np.ndarray, stopped: np.ndarray) -> Probit:
     def negative(at: np.ndarray) -> float:
         return -_log_likelihood(z, sign, *at)[0]
 
-    # In alpha = x_s/s and beta = 1/s the likelihood is concave: Newton's method in a trust region cannot miss its
-    # maximum, while x_s and s themselves run away from poor starts.
+    # The likelihood is concave in alpha = x_s/s and beta = 1/s, so Newton's method in a trust region converges, while
+    # x_s and s diverge from poor start values.
     beta = 4 / max(float(np.std(z)), 1e-9)
     alpha = beta * float((z[stopped].max() + z[~stopped].min()) / 2)
     optimum = minimize(
@@ -212,7 +218,7 @@ def probit(size: np.ndarray, stopped: np.ndarray) -> Probit:
     stds = np.sqrt(by_centre @ covariance @ by_centre), np.sqrt(covariance[1, 1]) / beta**2
 
     def excess(place: float) -> float:
-        """Fall of the profile likelihood at a static band, beyond that at the end of the interval."""
+        """Return the drop of the profile likelihood minus that of the interval."""
         profile: Any = minimize_scalar(lambda log_beta: negative(np.exp(log_beta) * np.array([place, 1.0])))
         return 2 * (largest + profile.fun) - LIKELIHOOD_DROP
 
@@ -227,12 +233,12 @@ def probit(size: np.ndarray, stopped: np.ndarray) -> Probit:
 
 
 def _log_likelihood(z: np.ndarray, sign: np.ndarray, alpha: float, beta: float) -> tuple[float, np.ndarray, np.ndarray]:
-    """Logarithm of the likelihood of ``P = Phi(alpha - beta z)``, its gradient and the information."""
+    """Return log-likelihood of ``P = Phi(alpha - beta z)``, gradient and information."""
     from scipy.special import log_ndtr
 
     at = sign * (alpha - beta * z)
     logs = log_ndtr(at)
-    # Inverse Mills ratio phi/Phi from logarithms, which does not fail far in the tail.
+    # Inverse Mills ratio phi/Phi from logarithms, which is stable far in the tail.
     mills = np.exp(-(at**2) / 2 - np.log(2 * np.pi) / 2 - logs)
     columns = np.stack([np.ones_like(z), -z], axis=1) * sign[:, None]
     information = columns.T @ ((mills * (mills + at))[:, None] * columns)

@@ -1,15 +1,15 @@
-"""Route 3: coefficients from the shape of the map of final against initial displacement.
+"""Route 3: coefficients from the map of final against initial displacement.
 
-Without damping the map is a triangular wave of period ``4 x_d`` whose amplitude is the static band. With damping its
+Without damping the map is a triangular wave of period ``4 x_d``, and its amplitude is the static band. With damping
 segment n has the slope ``(-1)^n rho^n`` and crosses zero at ``C (rho^-n - 1)`` with ``C = x_d (1 + rho)/(1 - rho)``.
 The mass passes from n to n + 1 half-cycles at ``rho^-n (x_s + C) - C``, where the map jumps by ``(1 + rho)(x_s -
-x_d)``, and the lines of neighbouring segments meet at the height x_d. A line through each segment gives its zero,
-whatever the spacing of the runs.
+x_d)``, and the lines of neighbouring segments meet at the height x_d. A line through each segment gives its zero for
+any spacing of the runs.
 
-So the zeros, all multiples of one dead band on either side of one offset, and the slopes of the lines are fitted
-together by least squares. The scatter of all pairs about their lines is one, and few degrees of freedom make its
-interval Student's; with the uncertainties of the rig these are the effective ones of Welch and Satterthwaite (JCGM 100,
-G.4).
+The zeros, all multiples of one dead band on both sides of one offset, and the slopes of the lines are fitted together
+by least squares. All pairs share one scatter about their lines, and with few degrees of freedom its interval is
+Student's. With the uncertainties of the rig the degrees of freedom are the effective ones of Welch and Satterthwaite
+(JCGM 100, G.4).
 """
 
 import itertools
@@ -25,16 +25,16 @@ from .displacements import Pairs, checked_pairs
 from .result import RouteFit
 from .unwrapping import Unwrapped, amplitude_after, count_half_cycles, decay_ratio, sensitivities
 
-# Different pairs from which a line has a slope of its segment alone.
+# Fewest different pairs in a segment for a separate slope.
 _SLOPED = 3
-# The zeros about which the slopes act follow from the dead band that is fitted; four rounds reach rounding.
+# Iterations: the zeros about which the slopes act depend on the fitted dead band. Four reach rounding.
 _ROUNDS = 4
-# Least scatter that is reported [m]: exact pairs still have a standard error.
+# Smallest reported scatter [m], so that exact pairs have a standard error.
 _ROUNDING = 1e-15
 
 
 class _Fold(NamedTuple):
-    """Pairs folded to one side: distance of the start and alternating end [m], their segment, and the damping."""
+    """Pairs folded to one side: starts, alternating ends [m], segments, damping."""
 
     start: np.ndarray
     end: np.ndarray
@@ -43,7 +43,7 @@ class _Fold(NamedTuple):
 
 
 class _Line(NamedTuple):
-    """Line of one segment by itself: its number, zero [m] and slope."""
+    """Separate line of one segment: its number, zero [m] and slope."""
 
     segment: int
     zero: float
@@ -54,10 +54,10 @@ class _Map(NamedTuple):
     """All lines together.
 
     Attributes:
-        band, offset: dead band and reading at the equilibrium [m].
-        std: standard error of the dead band [m], inf where no scatter determines it; `dof`: what it rests on.
+        band, offset: dead band and equilibrium position [m].
+        std: standard error of the dead band [m], inf without degrees of freedom; `dof`: degrees of freedom.
         predicted: final displacements on the lines [m], shape (pairs,).
-        offset_fixed: whether the offset could not be separated from friction.
+        offset_fixed: True if the offset could not be separated from friction.
     """
 
     band: float
@@ -69,25 +69,27 @@ class _Map(NamedTuple):
 
 
 def fit_triangle_map(x0: Any, xf: Any, rig: Rig, *, half_cycles: Any = None) -> RouteFit:
-    """Fit mu to the period of the triangle map, and bracket mu_s by its edges.
+    """Fit mu to the period of the triangle map; bracket mu_s.
+
+    The edges of the map give the bracket.
 
     Args:
-        x0: initial displacements in the reading of the instrument [m], shape (pairs,), of any sign and in any order.
+        x0: initial displacements as read from the instrument [m], shape (pairs,), of any sign and in any order.
         xf: final displacements [m], shape (pairs,).
         rig: the machine: stiffness or mass and frequency, damping and load, with their uncertainties.
-        half_cycles: number of half-cycles of each pair, shape (pairs,); None: unwrapped from the pairs.
+        half_cycles: number of half-cycles of each pair, shape (pairs,); None: determined from the pairs.
 
     Returns:
-        The fit. Its `extras` hold the dead band, the height at which neighbouring lines meet (x_d again), the jump of
-        the map, and beside them the formulas that neglect damping and spacing: mu from the period and mu_s from the
-        largest final displacement, with the relative bias of the former as the rig's damping explains it.
+        The fit. Its `extras` hold the dead band, the height at which neighbouring lines meet (again x_d) and the jump
+        of the map. They also hold results of formulas that neglect damping and spacing: mu from the period with its
+        relative bias by the rig's damping, and mu_s from the largest final displacement.
 
     Raises:
         UsageError: arrays that do not fit each other.
-        DataError: pairs that are not finite, or that reach no segment behind the first.
+        DataError: pairs that are not finite, or that reach only the first segment.
 
     Examples:
-        Final displacements of a machine without damping, whose dead band is 0.2 mm:
+        Final displacements of a machine without damping and with a dead band of 0.2 mm:
 
         >>> import fricjax as fj
         >>> rig = fj.Rig(mass=0.4, stiffness=2500.0, damping=0.0, normal_force=fj.Measured(10.0, 0.1))
@@ -99,8 +101,7 @@ def fit_triangle_map(x0: Any, xf: Any, rig: Rig, *, half_cycles: Any = None) -> 
     counts, rho = _counts(pairs, rig)
     if not np.any(counts.half_cycles > 0):
         raise DataError(
-            "In none of the pairs did the mass complete a half-cycle, so the map shows no zero. Release from farther "
-            "away."
+            "The mass did not complete a half-cycle in any pair, so the map shows no zero. Release from farther away."
         )
     fitted = _fit_lines(pairs, counts, rho)
     counts = counts._replace(dead_band=fitted.band, offset=fitted.offset)
@@ -109,7 +110,7 @@ def fit_triangle_map(x0: Any, xf: Any, rig: Rig, *, half_cycles: Any = None) -> 
     lines = [_line(fold, int(n)) for n in np.unique(fold.segment) if n > 0]
     per_band = _per_band(rig)
     mu, std = band * per_band, fitted.std * per_band
-    # The rig's inputs, each shifted by its standard uncertainty (JCGM 100, 5.1); the map is linear in displacements.
+    # Shift each input of the rig by its standard uncertainty (JCGM 100, 5.1). The map is linear in displacements.
     shifted = [_fit_lines(pairs, *_counts(pairs, r)).band * scale * _per_band(r) for r, scale in rig.shifted()]
     combined = float(np.hypot(std, float(np.linalg.norm(np.subtract(shifted, mu)))))
     half = student(fitted.dof * (combined / std) ** 4 if 0 < std < np.inf else fitted.dof) * combined
@@ -142,8 +143,8 @@ def fit_triangle_map(x0: Any, xf: Any, rig: Rig, *, half_cycles: Any = None) -> 
         extras={
             "dead_band": Measured(band, fitted.std, "m"),
             **_meetings(lines),
-            # Edges that contradict each other, since a run stopped farther out than one that moved on, are as
-            # uncertain as they differ.
+            # If one run stopped farther out than another moved on, the edges contradict each other; their difference
+            # is then the uncertainty.
             "jump": Measured(
                 (1 + rho) * (sum(static) / 2 - band), (1 + rho) * abs(static[1] - static[0]) / 12**0.5, "m"
             ),
@@ -153,26 +154,29 @@ def fit_triangle_map(x0: Any, xf: Any, rig: Rig, *, half_cycles: Any = None) -> 
 
 
 def _per_band(rig: Rig) -> float:
-    """Coefficient of friction per dead band, k/N [1/m]."""
+    """Return the coefficient of friction per dead band, k/N [1/m]."""
     machine = rig.oscillator(Coulomb(0.0))
     return float(machine.stiffness) / float(machine.normal_force)
 
 
 def _counts(pairs: Pairs, rig: Rig) -> tuple[Unwrapped, float]:
-    """Numbers of half-cycles, and the ratio of successive amplitudes under the damping of the rig."""
+    """Return the numbers of half-cycles and the rig's amplitude ratio."""
     rho = decay_ratio(rig.oscillator(Coulomb(0.0)))
     return count_half_cycles(pairs.x0, pairs.xf, pairs.half_cycles, rho, None if pairs.x0.size > 1 else 0.0), rho
 
 
 def _fit_lines(pairs: Pairs, counts: Unwrapped, rho: float) -> _Map:
-    """Dead band, offset and slopes of the lines by least squares; pairs that did not move say nothing of them."""
+    """Fit dead band, offset and slopes of the lines by least squares.
+
+    Pairs that did not move are left out.
+    """
     moved, band, offset = counts.half_cycles > 0, counts.dead_band, counts.offset
     x0, n = pairs.x0[moved], counts.half_cycles[moved]
     sign = (-1.0) ** n
-    left = pairs.xf[moved] - sign * rho**n * x0
+    shift = pairs.xf[moved] - sign * rho**n * x0
     both = np.stack(sensitivities(x0, n, rho, offset), axis=1)
     fixed = x0.size < 2 or np.linalg.matrix_rank(both, tol=1e-6 * np.linalg.norm(both)) < 2
-    target = left - offset * both[:, 1] if fixed else left
+    target = shift - offset * both[:, 1] if fixed else shift
 
     def lines(band: float, offset: float) -> np.ndarray:
         return np.column_stack([both[:, :1] if fixed else both, *_slopes(x0 - offset, n, band, rho)])
@@ -182,17 +186,20 @@ def _fit_lines(pairs: Pairs, counts: Unwrapped, rho: float) -> _Map:
         band, offset = float(solution[0]), offset if fixed else float(solution[1])
     columns = lines(band, offset)
     unit = np.linalg.norm(columns, axis=0)
-    off = target - columns / unit @ np.linalg.lstsq(columns / unit, target, rcond=None)[0]
+    residual = target - columns / unit @ np.linalg.lstsq(columns / unit, target, rcond=None)[0]
     dof = x0.size - unit.size
     lever = float(np.linalg.inv((columns / unit).T @ (columns / unit))[0, 0] ** 0.5 / unit[0])
-    std = max(float(np.sqrt(off @ off / dof)), _ROUNDING) * lever if dof > 0 else np.inf
+    std = max(float(np.sqrt(residual @ residual / dof)), _ROUNDING) * lever if dof > 0 else np.inf
     predicted = pairs.x0.copy()
-    predicted[moved] = pairs.xf[moved] - off
+    predicted[moved] = pairs.xf[moved] - residual
     return _Map(band, offset, std, dof, predicted, fixed)
 
 
 def _slopes(start: np.ndarray, n: np.ndarray, band: float, rho: float) -> list[np.ndarray]:
-    """For each segment of enough pairs how a slope of its line, about its zero, moves their ends."""
+    """Return the effect of each segment's slope on the final displacements.
+
+    Only segments with enough pairs are included; a slope acts about the zero of its line.
+    """
     return [
         np.where(n == segment, start - np.sign(start) * _zero(int(segment), rho) * band, 0.0)
         for segment in np.unique(n)
@@ -201,7 +208,10 @@ def _slopes(start: np.ndarray, n: np.ndarray, band: float, rho: float) -> list[n
 
 
 def _line(fold: _Fold, segment: int) -> _Line:
-    """Straight line through a segment, with the slope of its pairs where they determine one, else that of damping."""
+    """Fit a straight line to a segment.
+
+    Its slope follows from the pairs if they determine it, else from the damping.
+    """
     chosen = fold.segment == segment
     u, w = fold.start[chosen], fold.end[chosen]
     slope = (-fold.rho) ** segment
@@ -212,12 +222,15 @@ def _line(fold: _Fold, segment: int) -> _Line:
 
 
 def _zero(segment: int, rho: float) -> float:
-    """Zero of a segment in dead bands."""
+    """Return the zero of a segment in dead bands."""
     return float(-amplitude_after(np.asarray(segment), np.asarray(0.0), 1.0, rho) / rho**segment)
 
 
 def _static(fold: _Fold, band: float) -> tuple[float, float]:
-    """Static band between the starts from which the mass made n and more than n half-cycles [m]."""
+    """Return lower and upper bound of the static band [m].
+
+    They follow from the starts with n and with more than n half-cycles.
+    """
     lower, upper = max(band, float(np.max(np.abs(fold.end[fold.segment > 0])))), np.inf
     for n in np.unique(fold.segment):
         beyond = fold.start[fold.segment > n]
@@ -229,7 +242,7 @@ def _static(fold: _Fold, band: float) -> tuple[float, float]:
 
 
 def _meetings(lines: list[_Line]) -> dict[str, Measured]:
-    """Mean height at which the lines of neighbouring segments meet: the dead band once more."""
+    """Return the mean height at which neighbouring lines meet: the dead band."""
     heights = []
     for left, right in itertools.pairwise(lines):
         if right.segment == left.segment + 1 and right.slope != left.slope:
@@ -242,9 +255,9 @@ def _meetings(lines: list[_Line]) -> dict[str, Measured]:
 
 
 def _naive(lines: list[_Line], fold: _Fold, band: float, per_band: float) -> dict[str, Measured]:
-    """The formulas without damping, and what the damping makes the first one err by."""
+    """Return the results of formulas without damping, and their bias."""
     largest = float(np.max(np.abs(fold.end[fold.segment > 0])))
-    # From the first zero to the last; a single one is counted from the equilibrium.
+    # From the first zero to the last; a single zero counts from the equilibrium.
     first, last = (lines[0] if len(lines) > 1 else _Line(0, 0.0, 1.0)), lines[-1]
     half_cycles = last.segment - first.segment
     spacing = (last.zero - first.zero) / half_cycles
@@ -267,7 +280,7 @@ def _warnings(rig: Rig, lines: list[_Line], fitted: _Map) -> list[str]:
         )
     if rig.damping is None and rig.damping_ratio is None:
         warnings.append(
-            "The rig has no damping, so the map is taken for undamped; damping of 0.3 % already biases mu by 3 %."
+            "The rig has no damping, so the map counts as undamped; damping of 0.3 % already biases mu by 3 %."
         )
     if len(lines) == 1:
         warnings.append("The pairs reach one segment only; runs from farther away would check the period.")

@@ -1,12 +1,12 @@
-"""How many half-cycles lie between the initial and the final displacement of each pair.
+"""Unwrapping: the numbers of half-cycles between initial and final displacements.
 
 Under Coulomb and viscous friction the alternating amplitude after n half-cycles is ``a_n = rho^n a_0 - (1 + rho) x_d
-S_n`` with ``S_n = (1 - rho^n)/(1 - rho)``, and the mass stops with ``-x_d < a_n <= x_s``. Without the number n the
-sum of squares over the dead band x_d has as many minima as there are half-cycles, like a periodogram; with it the
-problem is linear. So all dead bands are tried on a grid fine enough to miss no minimum, each with the best n for each
-pair, and scored by the residuals relative to the dead band: the wrong ones scatter evenly, whatever their size. By
-that measure the likelihood of each, its scale left open, is its score to the power of half the degrees of freedom, and
-the sum of the others over that of the best is the odds that the best one is wrong.
+S_n`` with ``S_n = (1 - rho^n)/(1 - rho)``, and the mass stops with ``-x_d < a_n <= x_s``. For a known n the problem is
+linear. For an unknown n the sum of squares over the dead band x_d has as many minima as there are half-cycles, like a
+periodogram. A grid of dead bands, fine enough to find every minimum, is therefore searched with the best n for each
+pair. The score of a dead band is the mean square of the residuals relative to it, because wrong dead bands then scatter
+evenly at any size. With an unknown scale the likelihood is the score to the power of minus half the degrees of freedom.
+The sum of the other likelihoods over the best one gives the odds that the best dead band is wrong.
 """
 
 from typing import NamedTuple
@@ -16,32 +16,33 @@ import numpy as np
 from ..errors import UsageError
 from ..oscillator import Oscillator
 
-# Neighbouring dead bands of the grid differ by this part of the width of a minimum of the sum of squares.
+# Step of the grid of dead bands, relative to the width of a minimum of the sum of squares.
 _STEP = 0.1
-# Smallest dead band that is tried, of the largest start: some two hundred half-cycles.
+# Smallest dead band of the grid, relative to the largest start: about two hundred half-cycles.
 _SMALLEST = 1 / 400
-# A static coefficient above the dynamic one stops the mass up to so many half-cycles earlier.
+# Number of half-cycles that are tried; a static coefficient above the dynamic one stops the mass earlier.
 _EARLIER = 3
-# Numbers and dead band in turns, from the best of the grid; two or three rounds end it.
+# Largest number of alternations between counts and dead band after the grid; two or three suffice.
 _ROUNDS = 8
-# Scores below this, in squares of the largest start, are rounding.
+# Score of rounding, in squares of the largest start.
 _ROUNDING = 1e-26
-# Standard errors from the best dead band within which others change a coefficient by no more than its noise. Half or
-# twice as many changes what is reported as open in less than one campaign of twenty.
+# Standard errors from the best dead band within which another one is the same, because it changes a coefficient only
+# within its noise. Half or twice this number changes the reported status in less than one campaign of twenty.
 _SAME = 5.0
-# Odds at which numbers of half-cycles are reported as open. So few that none of 200 campaigns of four pairs was wrong
-# without a word, at noise that leaves most of them open (tests/pairs/test_scatter.py, experiments/honesty/routes.py).
+# Odds above which numbers of half-cycles are reported as uncertain. With this value no result of 200 campaigns of four
+# pairs was wrong without a warning, at noise that leaves most of them uncertain (tests/pairs/test_scatter.py,
+# experiments/honesty/routes.py).
 OPEN = 1e-3
 
 
 class Unwrapped(NamedTuple):
-    """Number of half-cycles of each pair, and what it rests on.
+    """Number of half-cycles of each pair, with its uncertainty.
 
     Attributes:
         half_cycles: shape (pairs,).
-        dead_band, offset: x_d and the reading at the equilibrium [m].
-        odds: that the pairs belong to quite another dead band; zero where the numbers were stated.
-        doubtful: number of pairs that one half-cycle more or less fits as well, at odds of more than one in a thousand.
+        dead_band, offset: x_d and the equilibrium position [m].
+        odds: odds that the pairs belong to a different dead band; zero if the numbers were given.
+        doubtful: number of pairs that one half-cycle more or less fits similarly, at odds above one in a thousand.
     """
 
     half_cycles: np.ndarray
@@ -52,10 +53,10 @@ class Unwrapped(NamedTuple):
 
 
 def decay_ratio(oscillator: Oscillator) -> float:
-    """Ratio of successive amplitudes under damping alone, ``exp(-pi zeta/sqrt(1 - zeta^2))``.
+    """Return the amplitude ratio by damping, ``exp(-pi zeta/sqrt(1 - zeta^2))``.
 
     Raises:
-        UsageError: an oscillator that does not swing.
+        UsageError: an overdamped oscillator.
     """
     zeta = float(oscillator.damping_ratio)
     if not 0 <= zeta < 1:
@@ -64,23 +65,26 @@ def decay_ratio(oscillator: Oscillator) -> float:
 
 
 def capacity_for(half_cycles: np.ndarray) -> int:
-    """How many half-cycles an engine is to provide for: a power of two, so that few shapes are compiled."""
+    """Return the capacity of an engine for these half-cycles.
+
+    It is a power of two, so that few shapes are compiled.
+    """
     return max(64, 2 ** int(np.ceil(np.log2(half_cycles.max() + 2))))
 
 
 def amplitude_after(n: np.ndarray, a0: np.ndarray, dead_band: float | np.ndarray, rho: float) -> np.ndarray:
-    """Alternating amplitude after `n` half-cycles from `a0` [m]."""
+    """Return the alternating amplitude after `n` half-cycles from `a0` [m]."""
     return rho**n * a0 - (1 + rho) * dead_band * _sum(n, rho)
 
 
 def _sum(n: np.ndarray, rho: float) -> np.ndarray:
-    """(1 - rho^n)/(1 - rho), also for rho = 1."""
+    """Return (1 - rho^n)/(1 - rho), also for rho = 1."""
     loss = -np.log(rho)
     return np.where(loss < 1e-12, n, np.expm1(-n * loss) / np.expm1(-max(loss, 1e-12)))
 
 
 def half_cycles_to_rest(a0: np.ndarray, dead_band: np.ndarray, rho: float) -> np.ndarray:
-    """Half-cycles until the amplitude falls into the dead band."""
+    """Return the half-cycles until the amplitude is in the dead band."""
     loss = -np.log(rho)
     if loss < 1e-12:
         count = (a0 / dead_band - 1) / 2
@@ -93,7 +97,10 @@ def half_cycles_to_rest(a0: np.ndarray, dead_band: np.ndarray, rho: float) -> np
 def count_half_cycles(
     x0: np.ndarray, xf: np.ndarray, half_cycles: np.ndarray | None, rho: float, offset: float | None = None
 ) -> Unwrapped:
-    """Dead band, offset and numbers of half-cycles, the latter as stated or, for None, from the pairs; see `unwrap`."""
+    """Return dead band, offset and numbers of half-cycles.
+
+    The numbers are as given or, for None, determined from the pairs; see `unwrap`.
+    """
     if half_cycles is None:
         return unwrap(x0, xf, rho, offset)
     band, shift, _ = linear_fit(x0, xf, half_cycles, rho, offset)
@@ -102,13 +109,13 @@ def count_half_cycles(
 
 
 def unwrap(x0: np.ndarray, xf: np.ndarray, rho: float, offset: float | None = None) -> Unwrapped:
-    """Dead band, offset and numbers of half-cycles from pairs [m].
+    """Determine dead band, offset and numbers of half-cycles from pairs [m].
 
     Args:
         x0: initial displacements, shape (pairs,).
         xf: final displacements, shape (pairs,).
-        rho: ratio of successive amplitudes under damping alone.
-        offset: of the equilibrium where it is known; None: it is fitted as well.
+        rho: amplitude ratio by damping alone.
+        offset: equilibrium position; None: fitted.
     """
     largest = float(np.max(np.abs(x0)))
     grid = _dead_bands(float(np.max(np.abs(x0 - (offset or 0.0)))))
@@ -123,7 +130,7 @@ def unwrap(x0: np.ndarray, xf: np.ndarray, rho: float, offset: float | None = No
     if dof < 1:
         return best._replace(odds=np.inf, doubtful=x0.size)
     odds = _odds(x0, rho, best, float(score[0]), scores, candidates, offset, dof) if np.isfinite(score[0]) else np.inf
-    # Pairs that one half-cycle more or less fits as well, dead band and offset fitted again.
+    # Count the pairs that one half-cycle more or less fits similarly, with dead band and offset refitted.
     n = best.half_cycles
     rivals = np.concatenate([n + step * np.eye(x0.size, dtype=int) for step in (1, -1)])
     floor = _ROUNDING * largest**2
@@ -134,7 +141,10 @@ def unwrap(x0: np.ndarray, xf: np.ndarray, rho: float, offset: float | None = No
 
 
 def _residue(x0: np.ndarray, xf: np.ndarray, n: np.ndarray, rho: float, offset: float | None) -> float:
-    """Mean square that the best dead band and offset leave, also where these cannot be separated [m^2]."""
+    """Return the mean square residual of the best fit [m^2].
+
+    Dead band and offset need not be separable.
+    """
     sign, columns = (-1.0) ** n, np.stack(sensitivities(x0, n, rho, offset), axis=1)
     moved = xf - sign * rho**n * x0 - columns[:, 1] * (offset or 0.0)
     columns = columns if offset is None else columns[:, :1]
@@ -151,7 +161,10 @@ def _odds(
     offset: float | None,
     dof: int,
 ) -> float:
-    """Odds that the pairs belong to another dead band than the best one by more than its standard error can explain."""
+    """Return the odds that the pairs belong to another dead band.
+
+    It must differ from the best one by more than its standard error can explain.
+    """
     counts, bands, _ = candidates
     score = max(score, _ROUNDING * (float(np.max(np.abs(x0))) / best.dead_band) ** 2)
     slopes = np.stack(sensitivities(x0, best.half_cycles, rho, offset)[: x0.size - dof], axis=1)
@@ -162,7 +175,10 @@ def _odds(
 
 
 def _dead_bands(largest: float) -> np.ndarray:
-    """Dead bands whose neighbours differ by a small part of the width of a minimum, ``x_d^2/largest``."""
+    """Return a grid of dead bands.
+
+    Neighbours differ by a small part of the width of a minimum, ``x_d^2/largest``.
+    """
     bands, band = [], largest
     while band > _SMALLEST * largest:
         bands.append(band)
@@ -178,7 +194,10 @@ def _pick(candidates: tuple[np.ndarray, np.ndarray, np.ndarray], index: int) -> 
 def _scored(
     x0: np.ndarray, xf: np.ndarray, rho: float, bands: np.ndarray, offsets: np.ndarray, offset: float | None
 ) -> tuple[np.ndarray, tuple[np.ndarray, np.ndarray, np.ndarray]]:
-    """Mean squared residuals in dead bands, shape (bands,); counts, dead bands and offsets refined for them."""
+    """Score dead bands by mean squared relative residuals, shape (bands,).
+
+    Returns the scores, and refined counts, dead bands and offsets.
+    """
     n = _best_counts(x0 - offsets[:, None], xf - offsets[:, None], bands[:, None], rho)
     refined, shift, residual = linear_fit(x0, xf, n, rho, offset)
     usable = (refined > 0) & (refined < 2 * bands)
@@ -188,7 +207,10 @@ def _scored(
 
 
 def _best_counts(y0: np.ndarray, yf: np.ndarray, band: np.ndarray, rho: float) -> np.ndarray:
-    """For each dead band and pair the possible number of half-cycles that leads nearest to the final displacement."""
+    """Return the best number of half-cycles for each dead band and pair.
+
+    It leads nearest to the final displacement.
+    """
     a0, side = np.abs(y0), np.sign(y0)
     candidates = np.maximum(half_cycles_to_rest(a0, band, rho) - np.arange(_EARLIER)[:, None, None], 0.0)
     ends = (-1.0) ** candidates * side * amplitude_after(candidates, a0, band, rho)
@@ -199,34 +221,37 @@ def _best_counts(y0: np.ndarray, yf: np.ndarray, band: np.ndarray, rho: float) -
 def linear_fit(
     x0: np.ndarray, xf: np.ndarray, n: np.ndarray, rho: float, offset: float | None
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Dead bands and offsets at fixed numbers of half-cycles by linear least squares, and the residuals [m].
+    """Fit dead bands and offsets for given numbers of half-cycles.
+
+    The fit is linear least squares.
 
     Args:
         x0: initial displacements, shape (pairs,).
         xf: final displacements, shape (pairs,).
         n: numbers of half-cycles, shape (..., pairs).
-        rho: ratio of successive amplitudes under damping alone.
-        offset: of the equilibrium where it is known.
+        rho: amplitude ratio by damping alone.
+        offset: equilibrium position; None: fitted.
 
     Returns:
-        Dead bands and offsets, shape (...,); zero where the pairs do not determine one. Residuals, shape (..., pairs).
+        Dead bands and offsets [m], shape (...,); zero where the pairs do not determine one. Residuals [m], shape (...,
+        pairs).
     """
-    # The normal equations written out: thousands of sets of numbers are fitted at once.
+    # Explicit normal equations, because thousands of sets of numbers are fitted at once.
     sign, (by_band, by_offset) = (-1.0) ** n, sensitivities(x0, n, rho, offset)
-    left = xf - sign * rho**n * x0 - by_offset * (offset or 0.0)
+    shifted = xf - sign * rho**n * x0 - by_offset * (offset or 0.0)
     aa, ab, bb = (np.sum(u * v, -1) for u, v in ((by_band, by_band), (by_band, by_offset), (by_offset, by_offset)))
-    al, bl = np.sum(by_band * left, -1), np.sum(by_offset * left, -1)
+    al, bl = np.sum(by_band * shifted, -1), np.sum(by_offset * shifted, -1)
     if offset is not None:
         band = np.divide(al, aa, out=np.zeros_like(aa), where=aa > 0)
-        return band, np.full(band.shape, offset), left - band[..., None] * by_band
+        return band, np.full(band.shape, offset), shifted - band[..., None] * by_band
     rest = aa * bb - ab**2
     known = rest > 1e-9 * aa * bb
     band = np.divide(al * bb - bl * ab, rest, out=np.zeros_like(rest), where=known)
     shift = np.divide(bl * aa - al * ab, rest, out=np.zeros_like(rest), where=known)
-    return band, shift, left - band[..., None] * by_band - shift[..., None] * by_offset
+    return band, shift, shifted - band[..., None] * by_band - shift[..., None] * by_offset
 
 
 def sensitivities(x0: np.ndarray, n: np.ndarray, rho: float, offset: float | None) -> tuple[np.ndarray, np.ndarray]:
-    """Derivatives of the final displacements with respect to the dead band and to the offset."""
+    """Return derivatives of the final displacements by dead band and offset."""
     side, sign = np.sign(x0 - (offset or 0.0)), (-1.0) ** n
     return -sign * side * (1 + rho) * _sum(n, rho), 1 - sign * rho**n

@@ -1,8 +1,8 @@
-"""One self-contained page of a result: an archive of runs, a fit, or whatever else shows itself by tables and facts.
+"""Self-contained HTML page of a result.
 
-The page is one file of HTML without anything from a network: its numbers, its pictures and the few hundred lines of
-JavaScript that draw them lie in it, and a content security policy lets nothing else run. Python says what is shown and
-how numbers are written; JavaScript sorts, filters and draws.
+The result is an archive of runs, a fit, or any other object with a report. The page is one file and loads no data from
+a network: it contains the numbers, the pictures and a few hundred lines of JavaScript. A content security policy blocks
+all other scripts. Python selects the content and formats the numbers; JavaScript sorts, filters and draws.
 """
 
 import lazy_loader as _lazy_loader

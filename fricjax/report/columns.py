@@ -1,4 +1,4 @@
-"""The columns of a table of runs as the page holds them: compact, with units, and numbers as they are to be read."""
+"""Compact columns of a table of runs, with units and formatted numbers."""
 
 import base64
 import math
@@ -21,33 +21,38 @@ _JUDGEMENT = ("chi2_reduced", "residual_rms", "sigma", "numerical_shift", "half_
 _RECORD = ("quantity", "samples", "rate", "duration", "amplitude", "load", "rig")
 _PROVENANCE = ("key", "engine", "sha256", "bytes", "inode", "settings", "seconds_read", "seconds_fit")
 _PROVENANCE += ("fricjax", "jax", "python", "host", "worker")
-# What the page shows of a run in places of its own, or not at all.
+# Columns that the page shows in other places, or not at all.
 _APART = ("file", "run", "friction", "status", "outcome", "warnings", "noise")
 _CURVES = ("sketch_t", "sketch_x", "sketch_residual", "reversal_t", "reversal_x")
 
 
 def packed(values: Any, kind: str) -> str:
-    """Numbers as base64 of their bytes, little end first; `kind` as NumPy names it, such as "<f8"."""
+    """Encode numbers as base64 of their bytes.
+
+    Args:
+        values: the numbers.
+        kind: data type in NumPy's notation, such as "<f8" (little-endian).
+    """
     return base64.b64encode(np.ascontiguousarray(values, dtype=kind).tobytes()).decode("ascii")
 
 
 def numbers(frame: "DataFrame", name: str) -> np.ndarray:
-    """A column as float64, NaN where a number is missing, and all of it where there is no such column."""
+    """Return a column as float64, with NaN for missing numbers."""
     return np.asarray(frame[name].to_numpy(float, na_value=np.nan)) if name in frame else np.full(len(frame), np.nan)
 
 
 def parameters(frame: "DataFrame") -> list[str]:
-    """Names of the columns that hold a value with its standard error, in their order."""
+    """List the columns that have a column of standard errors."""
     return [name for name in map(str, frame.columns) if f"{name}{STD}" in frame.columns]
 
 
 def columns(frame: "DataFrame", quantity: str) -> list[dict[str, Any]]:
-    """The columns of a table as JSON can hold them; those of curves are left out.
+    """Convert the columns of a table, without curves, to data for JSON.
 
-    Each has its `name`, a `label`, the `unit` of its numbers, a `group` ("run", "parameter", "kinematics", "record",
-    "judgement", "fact" or "provenance"), and `shown` where the table shows it at first. A column of numbers has
-    `values`, packed float64; of parameters also `std` and `text`, the number with its uncertainty. A column of texts
-    has its different `words` and for each row the place `at` which its word stands.
+    Each column has a `name`, a `label`, the `unit` of its numbers, a `group` ("run", "parameter", "kinematics",
+    "record", "judgement", "fact" or "provenance"), and `shown`, which is true if the table shows it at first. A column
+    of numbers has `values`, packed float64. A column of parameters also has `std`, and `text`, the numbers with their
+    uncertainties. A column of texts has its distinct `words`, and `at`, the index of the word of each row.
     """
     laws = sorted(set(frame["friction"].dropna())) if "friction" in frame else []
     names = parameters(frame)
@@ -79,7 +84,10 @@ def _group(name: str, names: Sequence[str]) -> str:
 
 
 def _shown(frame: "DataFrame", name: str, names: Sequence[str]) -> bool:
-    """Whether the table shows a column before its reader chooses: parameters, facts, and what tells runs apart."""
+    """Return True if the table shows a column by default.
+
+    These are parameters, facts, and columns that distinguish runs.
+    """
     group = _group(name, names)
     if group == "parameter":
         return not of_run(name)
@@ -89,7 +97,7 @@ def _shown(frame: "DataFrame", name: str, names: Sequence[str]) -> bool:
 
 
 def _column(frame: "DataFrame", name: str, unit: str) -> dict[str, Any]:
-    """A column of times, numbers or texts."""
+    """Convert a column of times, numbers or texts."""
     import pandas as pd
 
     series: Any = frame[name]
@@ -104,10 +112,10 @@ def _column(frame: "DataFrame", name: str, unit: str) -> dict[str, Any]:
         factor, shown = typical_unit(values, unit)
         column: dict[str, Any] = {"name": name, "label": label, "unit": shown, "kind": "number"}
         if name == "half_cycles":
-            # Of a record that ends in motion no number is known.
+            # The number is unknown if the record ends in motion.
             column["text"] = ["" if n != n else "in motion" if n < 0 else f"{n:.0f}" for n in values]
         return column | {"values": packed(factor * values, "<f8")}
-    # Names of files may hold bytes that are no text, which the strings of pandas refuse and a dictionary does not.
+    # File names can contain bytes that are not text. The strings of pandas refuse them, a dictionary does not.
     texts = ["" if missing else str(each) for each, missing in zip(series, series.isna(), strict=True)]
     place = {word: i for i, word in enumerate(dict.fromkeys(texts))}
     return {
@@ -120,7 +128,10 @@ def _column(frame: "DataFrame", name: str, unit: str) -> dict[str, Any]:
 
 
 def _parameter(frame: "DataFrame", name: str, unit: str) -> dict[str, Any]:
-    """A column of values with their uncertainties: the combined one is read, the statistical one is drawn."""
+    """Convert a column of values with uncertainties.
+
+    The text contains the combined uncertainty, the drawing uses the statistical one.
+    """
     value, std = numbers(frame, name), numbers(frame, f"{name}{STD}")
     combined = numbers(frame, f"{name}{COMBINED if f'{name}{COMBINED}' in frame else STD}")
     factor, shown = typical_unit(value, unit)
@@ -137,6 +148,6 @@ def _parameter(frame: "DataFrame", name: str, unit: str) -> dict[str, Any]:
 
 
 def typical_unit(values: np.ndarray, unit: str) -> tuple[float, str]:
-    """The factor and the unit in which a typical one of many values is read most easily."""
+    """Choose the SI prefix for a typical value; return factor and unit."""
     size = np.abs(values[np.isfinite(values) & (values != 0)])
     return display_unit(float(np.median(size)), unit) if size.size else (1.0, unit)

@@ -1,4 +1,4 @@
-"""What a page says of all runs at once: control limits, reasons of failure, and the counts above the table."""
+"""Summary of all runs: counts, control limits, reasons of failure."""
 
 import re
 from collections import Counter
@@ -17,21 +17,24 @@ from .columns import COMBINED, STD, numbers, parameters, typical_unit
 if TYPE_CHECKING:
     from pandas import DataFrame
 
-# Shewhart's: of runs that are alike three of a thousand lie beyond.
+# Shewhart's control limits: three of a thousand equivalent runs lie outside.
 _SIGMAS = 3.0
-# Of runs under several loads these have no mean.
+# Coefficients without a common mean for runs under several loads.
 _FOLLOW_THE_LOAD = ("dead_band", "friction_deceleration")
-# What differs between two sentences about the same fault: quoted words, paths, numbers.
+# Parts that differ between two sentences about the same fault: quoted words, paths, numbers.
 _PARTICULAR = re.compile(r"'[^']*'|\"[^\"]*\"|\S*[/\\]\S+|(?<![\w.])[-+]?\d[\d.,]*(?:[eE][-+]?\d+)?(?![\w])")
 
 
 class Limits(NamedTuple):
-    """The control chart of a coefficient under one law, in the unit of its column.
+    """Control limits of a coefficient under one law.
+
+    They are in the unit of its column.
 
     Attributes:
-        name: of the coefficient; `law`: the friction law of the runs.
-        mean, low, high: the centre, and three standard deviations on either side of it.
-        sentence: where they come from.
+        name: name of the coefficient.
+        law: friction law of the runs.
+        mean, low, high: mean, and the limits three standard deviations below and above it.
+        sentence: explanation of the limits.
     """
 
     name: str
@@ -43,7 +46,7 @@ class Limits(NamedTuple):
 
 
 def summary(frame: "DataFrame", quantity: str) -> tuple[Report, list[Limits]]:
-    """Counts and populations of a table of runs, and the control limits that follow from the latter."""
+    """Summarise a table of runs; return the report and the control limits."""
     counts = Counter(frame["status"])
     laws = sorted(set(frame["friction"].dropna())) if "friction" in frame else [""]
     rows, limits = [], []
@@ -67,10 +70,10 @@ def summary(frame: "DataFrame", quantity: str) -> tuple[Report, list[Limits]]:
 
 
 def _population(frame: "DataFrame", name: str, law: str, unit: str) -> tuple[list[list[str]], list[Limits]]:
-    """A row of the table of coefficients and the control limits; nothing where fewer than three runs tell."""
+    """Row and control limits of a coefficient; empty for too few runs."""
     values, std = numbers(frame, name), numbers(frame, f"{name}{STD}")
     combined = numbers(frame, f"{name}{COMBINED}")
-    # What the inputs of the rig make uncertain is common to all runs: no mean takes it away.
+    # The uncertainty from the inputs of the rig is common to all runs, so the mean does not reduce it.
     common = np.sqrt(np.maximum(combined**2 - std**2, 0.0))
     factor, shown = typical_unit(values, unit)
     try:
@@ -93,7 +96,7 @@ def _population(frame: "DataFrame", name: str, law: str, unit: str) -> tuple[lis
 
 
 def _different(frame: "DataFrame", name: str) -> str:
-    """The different texts of a column, the most frequent first; of many only some."""
+    """List the most frequent texts of a column."""
     if name not in frame:
         return ""
     words = [str(word) for word in frame[name].dropna().value_counts().index if word != ""]
@@ -101,11 +104,11 @@ def _different(frame: "DataFrame", name: str) -> str:
 
 
 def reasons(frame: "DataFrame") -> tuple[list[dict[str, Any]], np.ndarray]:
-    """The runs that are not ok, in groups of one reason each, the largest first.
+    """Group the failed runs by reason, the largest group first.
 
     Returns:
-        For each group its `status`, its `reason` (a sentence in which dots stand for what differs from run to run) and
-        the number of its `runs`; and for each row of the table the number of its group, -1 where it is ok.
+        For each group its `status`, its `reason` (a sentence in which dots replace the parts that differ from run to
+        run) and the number of its `runs`. For each row of the table the index of its group, -1 if the run is ok.
     """
     outcomes = frame["outcome"] if "outcome" in frame else [None] * len(frame)
     rows = zip(frame["status"], outcomes, frame["file"], strict=True)
@@ -117,7 +120,10 @@ def reasons(frame: "DataFrame") -> tuple[list[dict[str, Any]], np.ndarray]:
 
 
 def _reason(status: str, outcome: object, file: object) -> str:
-    """A sentence without what is its run's alone; of an invalid fit the name before the figures."""
+    """Remove the parts of a sentence that are specific to one run.
+
+    For an invalid fit, keep the text before the numbers.
+    """
     if not isinstance(outcome, str):
         return ""
     if status == "invalid":

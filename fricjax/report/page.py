@@ -1,4 +1,4 @@
-"""The page: what a result shows, as one file of HTML that opens anywhere and loads nothing."""
+"""Page of a result as one HTML file without external resources."""
 
 import base64
 import datetime
@@ -26,15 +26,15 @@ from .source import ENDINGS, kind_of
 if TYPE_CHECKING:
     from pandas import DataFrame
 
-# In the order in which the page runs them.
+# In the order of execution.
 _SCRIPTS = ("dom.js", "data.js", "plot.js", "charts.js", "table.js", "run.js", "main.js")
 _NEEDED = ("file", "status")
-# Digits of a key by which an address names a run; two of a million runs share them once in 10^5 archives.
+# Digits of a key in the address of a run; in one of 10^5 archives of a million runs, two runs share them.
 _KEY = 16
 
 
 class _Content(NamedTuple):
-    """What goes on a page: the title, the report above everything, and a table of runs where there is one."""
+    """Content of a page: title, report and optional table of runs."""
 
     title: str
     report: Report
@@ -43,23 +43,23 @@ class _Content(NamedTuple):
 
 
 def page(source: Any, *, title: str = "") -> str:
-    """A self-contained page of HTML about a result.
+    """Create a self-contained HTML page of a result.
 
-    Of an archive it has the table of runs, to be sorted and filtered, the coefficients against run, load and time with
-    control limits, the reasons of failure, and each run with its fit, residuals, phase plane and the friction of its
-    half-cycles. Of a fit it has the report and the same pictures.
+    The page of an archive shows the table of runs (sortable and with filters), the coefficients against run, load and
+    time with control limits, the reasons of failure, and each run with its fit, residuals, phase plane and friction of
+    its half-cycles. The page of a fit shows the report and the same pictures.
 
     Args:
-        source: a fit, an archive, its table as a data frame, another result with `report()`, or the path of an
-            archive's folder or of a fit that was saved.
-        title: heading of the page; empty: the name of what is shown.
+        source: a fit, an archive, its table as a data frame, another result with `report()`, or the path of the folder
+            of an archive or of a saved fit.
+        title: heading of the page; empty: the name of the source.
 
     Returns:
         The text of the page.
 
     Raises:
-        UsageError: something that is no result.
-        DataError: a path without a result, or a table that lacks a column.
+        UsageError: the source is not a result.
+        DataError: there is no result at the path, or a required column is missing.
 
     Examples:
         >>> import fricjax as fj
@@ -78,7 +78,7 @@ def page(source: Any, *, title: str = "") -> str:
     )
     return string.Template(_asset("page.html")).substitute(
         policy=policy,
-        # A file name may hold bytes that are no text; the page shows them as escapes.
+        # A file name can contain bytes that are not text; the page shows them as escapes.
         title=html.escape(content.title).encode("utf-8", "backslashreplace").decode("utf-8"),
         style=style,
         data=_json(data),
@@ -90,21 +90,21 @@ def page(source: Any, *, title: str = "") -> str:
 
 
 def save(source: Any, path: str | os.PathLike[str], *, title: str = "", overwrite: bool = False) -> Path:
-    """Write the page of a result, whole or not at all.
+    """Write the page of a result atomically.
 
     Args:
-        source: what :func:`page` takes.
-        path: the file, ending in .html.
-        title: heading of the page; empty: the name of what is shown.
-        overwrite: replace a file that exists.
+        source: the result, see :func:`page`.
+        path: the file, with the ending .html or .htm.
+        title: heading of the page; empty: the name of the source.
+        overwrite: replace an existing file.
 
     Returns:
         The path.
 
     Raises:
-        UsageError: something that is no result, or another ending.
-        DataError: a path without a result, or a table that lacks a column.
-        FileExistsError: there is such a file, and `overwrite` is not given.
+        UsageError: the source is not a result, or the ending is wrong.
+        DataError: there is no result at the path, or a required column is missing.
+        FileExistsError: the file exists, and `overwrite` is False.
         OSError: the file cannot be written.
 
     Examples:
@@ -120,7 +120,7 @@ def save(source: Any, path: str | os.PathLike[str], *, title: str = "", overwrit
 
 
 def _content(source: Any) -> _Content:
-    """What is shown of any of the sources."""
+    """Collect the content of a page from any source."""
     if isinstance(source, str | os.PathLike):
         path = Path(source)
         if kind_of(path) == "archive":
@@ -141,11 +141,11 @@ def _content(source: Any) -> _Content:
 
 
 def _of_table(frame: "DataFrame", title: str) -> _Content:
-    """The page of an archive's table."""
+    """Collect the content of a page from the table of an archive."""
     missing = [name for name in _NEEDED if name not in frame]
     if missing:
         hint = nearest(missing[0], map(str, frame.columns))
-        raise DataError(f"A table of runs needs the columns {' and '.join(_NEEDED)}; it lacks {missing[0]!r}.{hint}")
+        raise DataError(f"A table of runs needs the columns {' and '.join(_NEEDED)}; {missing[0]!r} is missing.{hint}")
     if not len(frame):
         raise DataError("The table holds no run: there is nothing to show.")
     report, limits = summary(frame, _quantity(frame))
@@ -153,13 +153,13 @@ def _of_table(frame: "DataFrame", title: str) -> _Content:
 
 
 def _quantity(frame: "DataFrame") -> str:
-    """Unit of the displacement of most runs."""
+    """Unit of the displacement of the majority of the runs."""
     known = list(frame["quantity"].dropna()) if "quantity" in frame else []
     return "rad" if 2 * known.count("rad") > len(known) else "m"
 
 
 def _data(content: _Content) -> tuple[dict[str, Any], list[str]]:
-    """What the scripts read, and the blocks of curves."""
+    """Data for the scripts, and the blocks of curves."""
     from .. import __version__
 
     now = datetime.datetime.now(datetime.UTC)
@@ -186,7 +186,7 @@ def _data(content: _Content) -> tuple[dict[str, Any], list[str]]:
 
 
 def _report(report: Report) -> dict[str, Any]:
-    """The report as texts."""
+    """Convert a report to texts."""
     tables = [
         {"title": table.title, "columns": list(table.columns), "rows": table.cells(), "numeric": table.numeric()}
         for table in report.tables
@@ -197,22 +197,25 @@ def _report(report: Report) -> dict[str, Any]:
 
 
 def _keys(frame: "DataFrame") -> list[str]:
-    """By what an address names each run: the begin of its key, or its number where the keys do not tell runs apart."""
+    """Names of the runs in addresses.
+
+    They are the first digits of the keys, or the row numbers if the keys are not distinct.
+    """
     keys = [str(key)[:_KEY] for key in frame["key"]] if "key" in frame else []
     return keys if len(set(keys)) == len(frame) else [str(i) for i in range(len(frame))]
 
 
 def _json(data: dict[str, Any]) -> str:
-    """JSON in ASCII that no parser of HTML takes for the end of its element."""
+    """Write ASCII JSON that cannot end its HTML element."""
     return json.dumps(data, ensure_ascii=True, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c")
 
 
 def _hash(text: str) -> str:
-    """What a content security policy calls a script or a style by."""
+    """Hash of a script or style for the content security policy."""
     return f"'sha256-{base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()}'"
 
 
 @functools.cache
 def _asset(name: str) -> str:
-    """A file of the page."""
+    """Read a file of the page."""
     return resources.files(__package__).joinpath("assets", name).read_text("utf-8")

@@ -1,4 +1,7 @@
-"""The curves of many runs in few bytes: 16 bits a point, in blocks of runs of which a browser decodes one at a time."""
+"""Compact encoding of the curves of many runs.
+
+A point has 16 bits. Blocks of runs are encoded separately, and a browser decodes one block at a time.
+"""
 
 import base64
 from collections.abc import Iterator, Sequence
@@ -11,20 +14,20 @@ from .columns import numbers, packed, typical_unit
 if TYPE_CHECKING:
     from pandas import DataFrame
 
-# In the order in which they lie in the bytes of a run.
+# In the order of the bytes of a run.
 CURVES = ("t", "x", "residual", "reversal_t", "reversal_x", "speed", "friction")
-# Levels of a point; the one above them stands for a number that is not there.
+# Largest level of a point; the level above it marks a missing number.
 _LEVELS, _MISSING = 65534, 65535
-# A block of so many runs is decoded within milliseconds.
+# Decoding a block of this size takes milliseconds.
 _RUNS_PER_BLOCK = 200
 
 
 class Curves(NamedTuple):
-    """One curve of each run: all their points one after another, and how many of them each run has.
+    """One curve of each run, concatenated.
 
     Attributes:
-        points: shape (points,), NaN where one is missing.
-        sizes: shape (runs,).
+        points: points of all runs, NaN for a missing one, shape (points,).
+        sizes: number of points of each run, shape (runs,).
     """
 
     points: np.ndarray
@@ -32,34 +35,38 @@ class Curves(NamedTuple):
 
     @classmethod
     def of(cls, arrays: Sequence[np.ndarray]) -> "Curves":
-        """The curves of some runs; what is no list counts as an empty one."""
+        """Concatenate the curves of some runs; a scalar is an empty curve."""
         sizes = np.array([np.size(each) if np.ndim(each) else 0 for each in arrays], int)
         kept = [each for each, size in zip(arrays, sizes, strict=True) if size]
         return cls(np.concatenate(kept).astype("f8") if kept else np.empty(0), sizes)
 
     def extremes(self, extreme: np.ufunc) -> np.ndarray:
-        """Of each run the lowest or the highest point that is not missing, by `np.fmin` or `np.fmax`, shape (runs,)."""
+        """Lowest or highest point of each run, shape (runs,).
+
+        Args:
+            extreme: `np.fmin` or `np.fmax`; both ignore missing points.
+        """
         reached, some = np.full(self.sizes.size, np.nan), self.sizes > 0
         begins = np.concatenate([[0], np.cumsum(self.sizes[some])[:-1]]).astype(int)
         reached[some] = extreme.reduceat(self.points, begins) if some.any() else np.nan
         return reached
 
     def times(self, factor: float | np.ndarray) -> "Curves":
-        """The curves with each point multiplied by a factor, or by that of its run."""
+        """Multiply the curves by one factor, or by a factor per run."""
         factors = np.repeat(factor, self.sizes) if np.ndim(factor) else factor
         return Curves(self.points * factors, self.sizes)
 
 
 def pictures(frame: "DataFrame", quantity: str) -> tuple[dict[str, Any], list[str]]:
-    """The curves of all runs of a table.
+    """Encode the curves of all runs of a table.
 
     Args:
         frame: a table with the columns ``sketch_*`` and ``reversal_*``, lists of numbers.
         quantity: unit of the displacement, "m" or "rad".
 
     Returns:
-        What a reader of the bytes must know, and the bytes as base64, one text for each block of runs. The friction of
-        half-cycles is mu where all runs with curves were fitted by Coulomb's law alone, else the dead band.
+        The description of the bytes, and the bytes as base64, one text per block of runs. The friction of half-cycles
+        is mu if all runs with curves were fitted with Coulomb's law alone, else the dead band.
     """
     t, x, residual, reversal_t, reversal_x = (
         Curves.of(list(frame[name]) if name in frame else [np.empty(0)] * len(frame))
@@ -80,7 +87,7 @@ def pictures(frame: "DataFrame", quantity: str) -> tuple[dict[str, Any], list[st
     about = {
         "curves": CURVES,
         "units": {"t": "s", "x": unit_x, "residual": unit_r, "speed": unit_v, "friction": "" if as_mu else unit_b},
-        # A residual times this is in the unit of the displacement.
+        # Factor from the unit of residuals to the unit of displacements.
         "residualUnit": factor_x / factor_r,
         "frictionIsMu": bool(as_mu),
         "noise": packed(factor_r * numbers(frame, "sigma"), "<f4"),
@@ -94,10 +101,11 @@ def pictures(frame: "DataFrame", quantity: str) -> tuple[dict[str, Any], list[st
 
 
 def encoded(curves: Sequence[Curves]) -> list[bytes]:
-    """The curves of each run as bytes: of each the number of points, its lowest and highest value, and its levels.
+    """Encode the curves of each run as bytes.
 
-    Number and limits are a uint32 and two float32, levels are uint16, all of them little end first. Each curve is
-    filled up to a multiple of four bytes. A run whose first curve is empty has no bytes.
+    A curve consists of the number of points (uint32), its lowest and highest value (two float32), and the levels of the
+    points (uint16), all little-endian. It is padded to a multiple of four bytes. A run with an empty first curve has no
+    bytes.
 
     Examples:
         >>> import numpy as np
@@ -110,7 +118,7 @@ def encoded(curves: Sequence[Curves]) -> list[bytes]:
 
 
 def _encoded(curves: Curves) -> Iterator[bytes]:
-    """One curve of each run."""
+    """Encode one curve of each run."""
     low, high = (np.nan_to_num(curves.extremes(which)) for which in (np.fmin, np.fmax))
     scale = np.divide(_LEVELS, high - low, out=np.zeros(low.size), where=high > low)
     levels = np.rint((curves.points - np.repeat(low, curves.sizes)) * np.repeat(scale, curves.sizes))
@@ -122,12 +130,12 @@ def _encoded(curves: Curves) -> Iterator[bytes]:
 
 
 class HalfCycles(NamedTuple):
-    """What the reversals of a run tell of its half-cycles; arrays of shape (half-cycles,).
+    """Half-cycles of a run from its reversals.
 
     Attributes:
-        speed: mean velocity [m/s], with its sign.
-        dead_band: mean friction force over the stiffness [m]: half the width of the band in which such a friction
-            would hold the mass.
+        speed: mean velocity with its sign [m/s], shape (half-cycles,).
+        dead_band: mean friction force over stiffness [m], shape (half-cycles,). This friction would hold the mass in a
+            band of twice this width.
     """
 
     speed: np.ndarray
@@ -135,19 +143,20 @@ class HalfCycles(NamedTuple):
 
 
 def half_cycles_of(times: np.ndarray, positions: np.ndarray, damping_ratio: float) -> HalfCycles:
-    """Friction of the half-cycles between reversals, less the viscous loss, on a linear spring.
+    """Compute the friction of the half-cycles without the viscous loss.
 
-    A shift of the equilibrium adds to the friction one way what it takes away the other way. So the equilibrium is the
-    one about which both are equally large on average; what differs between them by tilt is a part of it.
+    The spring is linear. A shift of the equilibrium increases the friction in one direction and decreases it in the
+    other. Therefore the equilibrium is chosen so that the mean friction is equal in both directions. This removes the
+    effect of a tilt.
 
-    With the amplitudes a_n about the equilibrium, each on its side, and the amplitude ratio
-    ``rho = exp(-pi zeta/sqrt(1 - zeta^2))`` of viscous damping, Coulomb friction gives
-    ``a_{n+1} = rho a_n - (1 + rho) F/k``. What varies with speed or amplitude is not Coulomb's.
+    With the amplitudes a_n about the equilibrium, and the amplitude ratio ``rho = exp(-pi zeta/sqrt(1 - zeta^2))`` of
+    viscous damping, Coulomb friction gives ``a_{n+1} = rho a_n - (1 + rho) F/k``. A variation with speed or amplitude
+    is a deviation from Coulomb friction.
 
     Args:
-        times: of the reversals [s], shape (reversals,).
-        positions: displacement there from about the equilibrium [m], shape (reversals,).
-        damping_ratio: zeta; NaN where the run has none, and then the map is empty.
+        times: times of the reversals [s], shape (reversals,).
+        positions: displacements at the reversals, relative to the approximate equilibrium [m], shape (reversals,).
+        damping_ratio: damping ratio zeta. If it is NaN, the result is empty.
 
     Examples:
         >>> import numpy as np

@@ -1,4 +1,7 @@
-"""The runs of a fit as rows of the table that an archive has, with denser curves, so that one page shows both."""
+"""Runs of a fit as a table like that of an archive.
+
+Therefore the same page shows both. The curves are denser than those of an archive.
+"""
 
 from typing import TYPE_CHECKING, Any
 
@@ -13,12 +16,14 @@ from ..show.thumbnail import sketched
 if TYPE_CHECKING:
     from pandas import DataFrame
 
-# A screen has about as many columns of pixels, each of which shows the highest and the lowest sample in it.
+# About the number of pixel columns of a screen; each column shows its highest and lowest sample.
 _POINTS = 2000
 
 
 def runs_of(fit: Fit) -> "DataFrame":
-    """One row per run of a fit, with the columns of an archive as far as a fit knows them.
+    """Build a table with one row per run of a fit.
+
+    Its columns are those of an archive that a fit can provide.
 
     Examples:
         >>> import fricjax as fj
@@ -44,17 +49,17 @@ def _row(fit: Fit, run: int) -> dict[str, Any]:
     }
     number = f"[{run}]"
     for name in fit.std_errors:
-        # Of the parameters of single runs each row has its number.
+        # Each row contains the parameters of its run.
         if name.endswith(number) or not name.endswith("]"):
             numbers = fit.values[name], fit.std_errors[name], fit.combined_std_errors[name]
             row |= dict(zip(_columns(name.removesuffix(number)), numbers, strict=True))
     for name, estimate in fit.kinematics.items():
         row |= dict(zip(_columns(name), (estimate.value, estimate.std, estimate.std), strict=True))
     t, x = np.asarray(fit.times[run]), np.asarray(fit.runs[run].x)
-    left = fit.residuals_by_run[run]
+    residual = fit.residuals_by_run[run]
     equilibrium = fit.run_parameter("offset", run) + fit.run_parameter("drift", run) * (t - fit.origins[run])
     row |= {
-        "residual_rms": float(np.sqrt(np.nanmean(left**2))) if np.isfinite(left).any() else np.nan,
+        "residual_rms": float(np.sqrt(np.nanmean(residual**2))) if np.isfinite(residual).any() else np.nan,
         "sigma": fit.sigma,
         "half_cycles": -1 if fit.half_cycles[run] is None else fit.half_cycles[run],
         "engine": fit.engine,
@@ -64,17 +69,17 @@ def _row(fit: Fit, run: int) -> dict[str, Any]:
         "duration": float(np.ptp(t)),
         "load": float(fit.oscillator.normal_force),
     }
-    return row | _curves(t, x - equilibrium, left)
+    return row | _curves(t, x - equilibrium, residual)
 
 
 def _columns(name: str) -> tuple[str, str, str]:
     return name, f"{name}_std", f"{name}_combined_std"
 
 
-def _curves(t: np.ndarray, x: np.ndarray, left: np.ndarray) -> dict[str, np.ndarray]:
-    """Samples to be drawn, and the reversals with the stop; without those where the record shows none."""
-    kept = sketched(left, _POINTS)
-    curves = {"sketch_t": t[kept], "sketch_x": x[kept], "sketch_residual": left[kept]}
+def _curves(t: np.ndarray, x: np.ndarray, residual: np.ndarray) -> dict[str, np.ndarray]:
+    """Select samples to draw, the reversals, and the stop."""
+    kept = sketched(residual, _POINTS)
+    curves = {"sketch_t": t[kept], "sketch_x": x[kept], "sketch_residual": residual[kept]}
     try:
         decay = Record(t, x).segmentation
     except DataError:

@@ -1,4 +1,4 @@
-"""What a path names of which a page can be made; said without opening it, and before anything heavy is imported."""
+"""Kind of source at a path, without opening it or heavy imports."""
 
 from pathlib import Path
 from typing import Literal
@@ -6,15 +6,15 @@ from typing import Literal
 from ..errors import DataError
 
 ENDINGS = (".html", ".htm")
-# The settings of an archive, which its folder has from its first start on.
+# The file with the settings of an archive; it exists from the first start.
 _STUDY, _PARTS = "study.json", ("study.json", "table.parquet")
 
 
 def kind_of(path: Path) -> Literal["archive", "fit"]:
-    """Whether a path is the folder of an archive or the file of a fit.
+    """Distinguish the folder of an archive from the file of a fit.
 
     Raises:
-        DataError: neither.
+        DataError: the path is neither.
 
     Examples:
         >>> from pathlib import Path

@@ -1,4 +1,4 @@
-"""The rig: mass, stiffness, damping, load and their standard uncertainties, in memory and in a file."""
+"""The rig: mass, stiffness, damping and load, with standard uncertainties."""
 
 import lazy_loader as _lazy_loader
 

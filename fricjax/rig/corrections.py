@@ -1,7 +1,7 @@
-"""What a real rig does that the oscillator's equation leaves out, in closed form: size and correction of each effect.
+"""Effects of a real rig that the equation of the oscillator omits.
 
-Lengths in m, forces in N, angles in rad, times in s. Each function takes the numbers of one effect and says what it
-does to the coefficient, the equilibrium, the stiffness or the start of the motion.
+Each function gives the size of one effect in closed form: the change of the coefficient, the equilibrium, the stiffness
+or the start of the motion. Lengths are in m, forces in N, angles in rad, times in s.
 
 Examples:
     >>> from fricjax.rig import corrections
@@ -27,8 +27,8 @@ class Tilt(NamedTuple):
     """Friction on a counterface tilted about the transverse axis.
 
     Attributes:
-        uphill: apparent coefficient moving up; `downhill`: moving down.
-        effective: coefficient that a decay shows, which has both: their mean.
+        uphill, downhill: apparent coefficient of the motion up and down [1].
+        effective: mean of both, the coefficient that a decay shows [1].
         shift: displacement of the equilibrium [m].
     """
 
@@ -39,12 +39,19 @@ class Tilt(NamedTuple):
 
 
 def tilt(mu: float, angle: float, normal_force: float, stiffness: float) -> Tilt:
-    """Asymmetric friction of a tilted counterface: ``F = N (mu +- tan)/(1 -+ mu tan)``.
+    """Compute the asymmetric friction of a tilted counterface.
 
-    A free decay is a reversal measurement: the tilt moves the equilibrium and changes mu only in second order.
+    With the tangent of the angle the force is ``F = N (mu +- tan)/(1 -+ mu tan)``. A free decay is a reversal
+    measurement, so the tilt moves the equilibrium and changes mu only in second order.
+
+    Args:
+        mu: coefficient of friction [1].
+        angle: angle of the tilt [rad].
+        normal_force: load on the contact [N].
+        stiffness: stiffness of the spring [N/m].
 
     Raises:
-        UsageError: an angle at which the mass would slide or jam by itself.
+        UsageError: at this angle the mass would slide or jam without a spring force.
     """
     slope = float(np.tan(angle))
     if abs(mu * slope) >= 1 or abs(angle) >= np.pi / 2:
@@ -54,13 +61,14 @@ def tilt(mu: float, angle: float, normal_force: float, stiffness: float) -> Tilt
 
 
 def arcuate_load(amplitude: ArrayLike, frequency: float, leaf_length: float) -> np.ndarray:
-    """Relative excess of the mean friction force over a half-cycle where leaf springs carry the load on an arc.
+    """Compute the relative excess of friction if leaf springs carry the load.
 
-    Fixed and guided leaves of length L drop the load by ``3 y^2/(5 L)``; its vertical acceleration changes the normal
-    force, and over a half-cycle of amplitude A the friction force is larger by ``0.4 omega^2 A^2/(L g)``.
+    Leaves of length L, fixed at one end and guided at the other, lower the load by ``3 y^2/(5 L)`` on an arc. The
+    vertical acceleration changes the normal force. Over a half-cycle of amplitude A the mean friction force is larger
+    by the fraction ``0.4 omega^2 A^2/(L g)``.
 
     Args:
-        amplitude: of the half-cycle [m], any shape.
+        amplitude: amplitude of the half-cycle [m], any shape.
         frequency: natural frequency [Hz].
         leaf_length: length of the leaves [m].
     """
@@ -69,12 +77,19 @@ def arcuate_load(amplitude: ArrayLike, frequency: float, leaf_length: float) -> 
 
 
 def stiffness_under_load(stiffness: float, normal_force: float, leaf_length: float, *, in_tension: bool) -> float:
-    """Stiffness of leaf springs that carry the load along their length: ``k +- (6/5) N/L`` [N/m].
+    """Compute the stiffness of loaded leaf springs, ``k +- (6/5) N/L`` [N/m].
 
-    So the frequency has to be measured in contact, or the stiffness without contact corrected.
+    The leaves carry the load along their length. Measure the frequency in contact, or correct the stiffness that was
+    measured without contact.
+
+    Args:
+        stiffness: stiffness without load [N/m].
+        normal_force: load on the leaves [N].
+        leaf_length: length of the leaves [m].
+        in_tension: whether the load pulls the leaves; otherwise it compresses them.
 
     Raises:
-        UsageError: a load under which the leaves buckle.
+        UsageError: the leaves buckle under this load.
     """
     changed = stiffness + (1.0 if in_tension else -1.0) * 1.2 * normal_force / leaf_length
     if changed <= 0:
@@ -83,16 +98,23 @@ def stiffness_under_load(stiffness: float, normal_force: float, leaf_length: flo
 
 
 def weight_in_air(mass: float, *, gravity: float = GRAVITY, air_density: float = 1.2, density: float = 7900.0) -> float:
-    """Force of a dead weight, less the buoyancy of the air: ``m g (1 - rho_air/rho)`` [N]."""
+    """Compute the weight in air, ``m g (1 - rho_air/rho)`` [N].
+
+    Args:
+        mass: mass of the dead weight [kg].
+        gravity: acceleration of gravity [m/s^2].
+        air_density: density of the air [kg/m^3].
+        density: density of the weight [kg/m^3].
+    """
     return mass * gravity * (1 - air_density / density)
 
 
 class Release(NamedTuple):
-    """What a holding force that decays as ``exp(-t/tau)`` does to a release.
+    """Effect of a holding force that decays as ``exp(-t/tau)`` at release.
 
     Attributes:
-        amplitude_factor: amplitude of the free swing over the displacement before the release, without friction.
-        delay: by which the swing lags an instant release [s].
+        amplitude_factor: amplitude of the free motion over the displacement before the release, without friction [1].
+        delay: delay of the motion against an instantaneous release [s].
         onset: time from the start of the decay to the first slip [s].
     """
 
@@ -102,16 +124,18 @@ class Release(NamedTuple):
 
 
 def release(time_constant: float, frequency: float, x0: float, static_band: float = 0.0) -> Release:
-    """Release by a magnet: amplitude factor ``1/sqrt(1 + (omega tau)^2)`` and delay ``atan(omega tau)/omega``.
+    """Compute the effect of a gradual release by a magnet.
+
+    The amplitude factor is ``1/sqrt(1 + (omega tau)^2)``, the delay ``atan(omega tau)/omega``.
 
     Args:
-        time_constant: of the holding force [s].
+        time_constant: time constant of the holding force [s].
         frequency: natural frequency [Hz].
         x0: displacement before the release [m].
         static_band: half-width of the band in which static friction holds the mass [m].
 
     Raises:
-        UsageError: a displacement inside the static band, from which nothing moves.
+        UsageError: the displacement is within the static band, so the mass would not move.
     """
     if not abs(x0) > static_band >= 0:
         raise UsageError(f"From {x0:g} m nothing moves: static friction holds the mass within {static_band:g} m.")
@@ -123,14 +147,14 @@ def release(time_constant: float, frequency: float, x0: float, static_band: floa
 def with_compliance(
     amplitude: ArrayLike, dead_band: float, holder_stiffness: float, friction_force: float
 ) -> np.ndarray:
-    """Turning point after a half-cycle where pin holder and contact yield before they slip [m].
+    """Compute the next turning point with a compliant holder or contact [m].
 
-    Each reversal gives back ``2 F l`` with the deflection ``l = F/k_t``: ``a' = -x_d + sqrt((a - x_d)^2 + 4 x_d l)``
-    for an undamped half-cycle much longer than l.
+    Pin holder and contact yield before they slip. Each reversal returns the work ``2 F l`` with the deflection
+    ``l = F/k_t``. For an undamped half-cycle much longer than l, ``a' = -x_d + sqrt((a - x_d)^2 + 4 x_d l)``.
 
     Args:
-        amplitude: deflection at which the half-cycle starts [m], any shape.
-        dead_band: x_d [m].
+        amplitude: deflection at the start of the half-cycle [m], any shape.
+        dead_band: dead band x_d [m].
         holder_stiffness: tangential stiffness k_t of holder and contact in series [N/m].
         friction_force: dynamic friction force F [N].
     """

@@ -1,7 +1,7 @@
-"""The arguments of a rig: which of them make one, one sentence for each way in which they do not, and their file.
+"""Arguments of a rig: their checks, and their TOML file.
 
-This is asked before a machine is built of them, and without JAX, which building one takes. The file is TOML with the
-names of `Rig`, each number in SI units or with a unit beside it:
+The checks need no JAX, so they run before a machine is built. The keys of the file are the arguments of `Rig`. Each
+number is in SI units or has a unit:
 
     mass = { value = 410.7, std = 0.3, unit = "g" }
     frequency = "12.600(2) Hz"
@@ -21,13 +21,13 @@ from .quantity import UNITS, quantity
 
 RESTORING = ("linear", "cubic", "pendulum")
 ARGUMENTS = (*UNITS, "restoring")
-# No machine is so large or so small, and squares and products of such numbers still are numbers [SI units].
+# Limits of plausible values [SI units], for which squares and products do not overflow.
 _HUGE, _TINY = 1e60, 1e-60
 _POSITIVE = ("mass", "stiffness", "frequency", "nonlinearity_period")
 # Half the wavelength of a helium-neon laser, 633 nm: one fringe of a single-pass interferometer [m].
 _FRINGE = 316.5e-9
-# Inputs of the reading: the value that each must have, for a record is corrected by what is known of it before it is
-# fitted, and what to do with another.
+# Inputs of the instrument: required value, and the remedy for any other value. Known corrections are applied to the
+# record before the fit.
 READING = {
     "displacement_scale": (1.0, "multiply the displacements of the record by it, and give its standard uncertainty"),
     "time_scale": (1.0, "multiply the times of the record by it, and give its standard uncertainty"),
@@ -46,19 +46,22 @@ _ALTERNATIVES = {
 
 
 def checked(arguments: Mapping[str, Any], restoring: str = "linear") -> dict[str, Measured | None]:
-    """The numbers of a rig in SI units, by name; None for those that it does not have.
+    """Convert the numbers of a rig to SI units and check them.
 
     Args:
-        arguments: the numbers as `Rig` takes them; what is left out or None is not known.
-        restoring: name of the form of the restoring force: one of `RESTORING`, or of any other form.
+        arguments: the numbers in any form that `Rig` accepts; a missing number or None is unknown.
+        restoring: name of the restoring force: one of `RESTORING`, or that of a user-defined class.
+
+    Returns:
+        The numbers by name; None for unknown ones.
 
     Raises:
-        UsageError: a value that no rig has, a unit that does not fit, or two values for one thing.
+        UsageError: a value is impossible, a unit does not fit, or two values describe the same quantity.
     """
     numbers = {name: arguments.get(name) for name in UNITS}
     numbers["drag"] = arguments.get("drag", 0.0)
     periodic = numbers["periodic_nonlinearity"] is not None
-    # An encoder has no fringe, so that a rotary rig must say its period.
+    # An encoder has no fringe, so a rotary rig must give the period.
     if periodic and numbers["nonlinearity_period"] is None and restoring != "pendulum":
         numbers["nonlinearity_period"] = _FRINGE
     values = {name: None if number is None else quantity(name, number) for name, number in numbers.items()}
@@ -81,7 +84,7 @@ def checked(arguments: Mapping[str, Any], restoring: str = "linear") -> dict[str
 
 
 def _check_values(known: Mapping[str, Measured]) -> None:
-    """Refuse a value that no rig has; those that JAX traces are not among the known ones."""
+    """Refuse impossible values; `known` contains no traced ones."""
     for name, number in known.items():
         if max(abs(number.value), number.std) > _HUGE:
             raise UsageError(
@@ -97,10 +100,10 @@ def _check_values(known: Mapping[str, Measured]) -> None:
 
 
 def check_restoring(name: Any) -> None:
-    """Refuse what is no name of a restoring force.
+    """Refuse an unknown restoring force.
 
     Raises:
-        UsageError: names those that there are.
+        UsageError: the name is unknown; the message lists the known names.
     """
     known = ", ".join(RESTORING)
     if not isinstance(name, str):
@@ -110,10 +113,12 @@ def check_restoring(name: Any) -> None:
 
 
 def replaced(values: Mapping[str, Any]) -> dict[str, Any]:
-    """New arguments of a rig together with those that they displace: a stiffness displaces a frequency, and so on.
+    """Add None for each argument that a new one replaces.
+
+    For example, a new stiffness replaces the frequency.
 
     Raises:
-        UsageError: a name that is none of a rig's.
+        UsageError: a name is not an argument of `Rig`.
     """
     for name in values:
         if name not in ARGUMENTS:
@@ -127,19 +132,19 @@ def replaced(values: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def read_table(path: Path) -> dict[str, Any]:
-    """The arguments of `Rig` that a file holds, as they stand there.
+    """Read the arguments of `Rig` from a TOML file, without conversion.
 
     Raises:
-        UsageError: no file, no TOML, an unknown key, or one that is missing; the sentence names file and key.
+        UsageError: the file is missing or is not TOML, or a key is unknown or missing; the message names file and key.
     """
     return read_toml(path, "rig", ARGUMENTS, {"mass": "1.0", "normal_force": "1.0"})
 
 
 def write_table(numbers: Mapping[str, Measured], restoring: str, path: Path, *, overwrite: bool = False) -> Path:
-    """Write the numbers and the restoring force of a rig as TOML; the file appears complete or not at all.
+    """Write the numbers and the restoring force as TOML, atomically.
 
     Raises:
-        UsageError: a restoring force that a file cannot name.
+        UsageError: the restoring force has no name in a file.
     """
     name = restoring.lower()
     if name not in RESTORING:

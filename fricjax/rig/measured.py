@@ -1,4 +1,4 @@
-"""A value with its standard uncertainty, calibrated or determined, and what a formula makes of several of them.
+"""Values with standard uncertainties, and their propagation through a formula.
 
 Uncertainties are propagated to first order (GUM, JCGM 100:2008, 5.1.2).
 """
@@ -15,15 +15,19 @@ from ..show.numbers import uncertain
 
 @dataclasses.dataclass(frozen=True)
 class Measured:
-    """A value with its standard uncertainty (k = 1): an input of a rig, or what a fit or a route has determined.
+    """A value with its standard uncertainty (k = 1).
+
+    It is an input of a rig, or a result.
 
     Attributes:
-        value: best estimate, NaN where there is none; may be traced where a derivative with respect to it is taken.
-        std: standard uncertainty, not negative; zero: exact, inf: undetermined, NaN: not known.
-        unit: of both, empty for a pure number; None: the SI unit that belongs to its place, as to the mass of a rig.
+        value: best estimate, NaN without an estimate. It may be traced, for derivatives with respect to it.
+        std: standard uncertainty, not negative. Zero: exact; inf: undetermined; NaN: unknown.
+        unit: unit of value and uncertainty, empty for a pure number. None: the SI unit of the quantity, such as kg for
+            the mass of a rig.
 
     Raises:
-        UsageError: a value or uncertainty that is no number, a negative uncertainty, or a unit that is no text.
+        UsageError: the value or the uncertainty is not a number, the uncertainty is negative, or the unit is not a
+            string.
 
     Examples:
         >>> import fricjax as fj
@@ -43,7 +47,7 @@ class Measured:
     def __post_init__(self) -> None:
         for field in ("value", "std"):
             number = getattr(self, field)
-            # The value of a tracer is not known yet.
+            # The value of a tracer is unknown.
             if not is_traced(number):
                 object.__setattr__(self, field, _number(field, number))
         if self.std < 0:
@@ -53,12 +57,12 @@ class Measured:
 
     @property
     def is_finite(self) -> bool:
-        """Whether both are finite numbers, as those of a rig must be; a traced value counts as one."""
+        """True if both numbers are finite; a traced value counts as finite."""
         return math.isfinite(self.std) and (is_traced(self.value) or math.isfinite(self.value))
 
     @property
     def relative(self) -> float:
-        """Standard uncertainty as a fraction of the value [1]; infinite for a value of zero."""
+        """Standard uncertainty over the absolute value [1]; infinite for zero."""
         return self.std / abs(self.value) if self.value else (math.inf if self.std else 0.0)
 
     def __repr__(self) -> str:
@@ -68,20 +72,20 @@ class Measured:
         return uncertain(self.value, self.std, unit) if self.std > 0 else f"{self.value:.10g} {unit}".rstrip()
 
     def _asdict(self) -> dict[str, Any]:
-        """The fields by name, as a named tuple gives them; a unit that its place says is left out."""
+        """Fields by name, as in a named tuple; `unit` only if given."""
         fields = {"value": self.value, "std": self.std}
         return fields if self.unit is None else {**fields, "unit": self.unit}
 
 
 def is_traced(value: Any) -> bool:
-    """Whether JAX traces a value; without JAX in memory none is, and it is not loaded to be asked."""
+    """Return True if JAX traces the value, without importing JAX."""
     jax = sys.modules.get("jax")
     return jax is not None and isinstance(value, jax.core.Tracer)
 
 
 def _number(field: str, number: Any) -> float:
-    # A truth value is a number to Python, and a text one to `float`. NumPy's scalars and arrays without dimensions are
-    # told by their own kind and shape, for NumPy is not imported here.
+    # Python treats a bool as a number, and `float` accepts text. NumPy is not imported here, so its scalars and
+    # zero-dimensional arrays are recognised by the attributes dtype and ndim.
     boolean = isinstance(number, bool) or getattr(getattr(number, "dtype", None), "kind", "") == "b"
     single = not boolean and not isinstance(number, str) and getattr(number, "ndim", 0) == 0
     try:
@@ -94,10 +98,10 @@ def _number(field: str, number: Any) -> float:
 
 
 def positive(name: str, unit: str, value: Any) -> Measured:
-    """A number or a `Measured`, refused where it is not finite and larger than zero.
+    """Convert a number to a `Measured`, and check that it is positive.
 
     Raises:
-        UsageError: zero, a negative number, or none at all.
+        UsageError: the value is not a finite number above zero.
     """
     try:
         number = value if isinstance(value, Measured) else Measured(value)
@@ -111,11 +115,11 @@ def positive(name: str, unit: str, value: Any) -> Measured:
 
 
 def propagated(formula: Callable[..., float], *inputs: Measured) -> Measured:
-    """The value of a formula with the combined standard uncertainty of its independent inputs.
+    """Evaluate a formula and the combined standard uncertainty of its result.
 
     Args:
-        formula: takes one float per input and returns one float.
-        inputs: the inputs in SI units, taken as uncorrelated.
+        formula: function of one float per input that returns one float.
+        inputs: the inputs in SI units, assumed to be uncorrelated.
 
     Returns:
         The result in the unit of the formula.
@@ -124,7 +128,7 @@ def propagated(formula: Callable[..., float], *inputs: Measured) -> Measured:
 
     values = np.array([number.value for number in inputs], dtype=float)
     steps = np.diag([number.std for number in inputs])
-    # Half the change between value plus and minus uncertainty stands for the derivative (GUM, 5.1.3, note 2), so that
-    # a formula need not be one that JAX can differentiate.
+    # Half the change between value plus and minus uncertainty replaces the derivative (GUM, 5.1.3, note 2), so JAX need
+    # not differentiate the formula.
     halves = [(formula(*(values + step)) - formula(*(values - step))) / 2 for step in steps]
     return Measured(formula(*values), float(np.linalg.norm(halves)))

@@ -1,7 +1,8 @@
-"""Calibrated numbers as people write them: ``9.66``, ``"410.7(3) g"``, ``{ value = 12.6, std = 0.01, unit = "Hz" }``.
+"""Conversion of calibrated numbers to SI units.
 
-A rig is either linear (kg, N/m, N) or rotary (kg m^2, N m/rad, N m). A quantity with a unit is converted to the SI unit
-of whichever of the two it fits; a bare number is taken as SI.
+Accepted forms are ``9.66``, ``"410.7(3) g"`` and ``{ value = 12.6, std = 0.01, unit = "Hz" }``. A rig is either linear
+(kg, N/m, N) or rotary (kg m^2, N m/rad, N m). A quantity with a unit is converted to the SI unit of the kind of rig
+that it fits. A number without a unit is in SI units.
 """
 
 import math
@@ -15,7 +16,7 @@ from ..show.numbers import LONGEST, NUMBER, parse_uncertain
 from ..show.units import rotary_unit
 from .measured import Measured
 
-# Units of a linear rig; `rotary_unit` has those of a rotary one.
+# Units of a linear rig; `rotary_unit` gives those of a rotary rig.
 UNITS: Mapping[str, str] = {
     "mass": "kg",
     "stiffness": "N/m",
@@ -34,16 +35,16 @@ _KEYS = ("value", "std", "unit")
 
 
 def quantity(name: str, value: Any) -> Measured:
-    """A calibrated input in SI units.
+    """Convert a calibrated input to SI units.
 
     Args:
-        name: which input it is, a key of `UNITS`.
-        value: a number (SI), a `Measured` (SI where it has no unit), a text such as ``"410.7(3) g"`` or
-            ``"9.66 +/- 0.05 N"``, or a mapping with `value` and perhaps `std` (a number, or a text such as
+        name: name of the input, a key of `UNITS`.
+        value: a number (SI), a `Measured` (SI if it has no unit), a text such as ``"410.7(3) g"`` or
+            ``"9.66 +/- 0.05 N"``, or a mapping with `value` and optionally `std` (a number, or a text such as
             ``"0.5 %"``) and `unit`.
 
     Raises:
-        UsageError: text that is no quantity, an unknown key or unit, or a unit that does not fit the input.
+        UsageError: the text is not a quantity, a key or the unit is unknown, or the unit does not fit the input.
     """
     if isinstance(value, Measured):
         return _in_si(name, value.value, value.std, value.unit or "")
@@ -69,13 +70,11 @@ def _from_mapping(name: str, entries: Mapping[str, Any]) -> Measured:
         if key not in _KEYS:
             raise UsageError(f"{name} has no entry {brief(key)}; known are {', '.join(_KEYS)}.{nearest(key, _KEYS)}")
     if "value" not in entries:
-        raise UsageError(
-            f"{name} = {brief(dict(entries))} lacks its value; write {name} = {{ value = ..., std = ... }}."
-        )
+        raise UsageError(f"{name} = {brief(dict(entries))} has no value; write {name} = {{ value = ..., std = ... }}.")
     value, std, unit = _number(name, "value", entries["value"]), entries.get("std", 0.0), entries.get("unit", "")
     if not isinstance(unit, str):
         raise UsageError(f"The unit of {name} must be a text such as {_examples(name)}, got {brief(unit)}.")
-    # As in texts, an uncertainty in percent is one of the value.
+    # As in texts, an uncertainty in percent is relative to the value.
     short = isinstance(std, str) and len(std) <= LONGEST
     relative = re.fullmatch(rf"\s*({NUMBER})\s*%\s*", std) if short else None
     std = float(relative[1]) / 100 * abs(value) if relative else _number(name, "std", std)
@@ -87,7 +86,7 @@ def _number(name: str, key: str, value: Any) -> float:
         raise UsageError(f"The {key} of {name} must be a number, got {brief(value)}.")
     try:
         return float(value)
-    except OverflowError as error:  # TOML has integers of any length
+    except OverflowError as error:  # integers of TOML can have any length
         raise UsageError(f"The {key} of {name} must be finite, got {brief(value)}.") from error
 
 
@@ -99,7 +98,7 @@ def _in_si(name: str, value: Any, std: float, unit: str) -> Measured:
         if read is None:
             comma = " A decimal sign is a point here." if unit.startswith(",") else ""
             raise UsageError(f"{name} has the unknown unit {brief(unit)}; use for example {_examples(name)}.{comma}")
-        # Hz and rad/s have the same dimension, and a factor of 2 pi between them would pass unnoticed.
+        # Hz and rad/s have the same dimension; a factor of 2 pi between them would remain unnoticed.
         if name == "frequency" and "rad" in read.powers:
             raise UsageError(f"frequency counts cycles: give it in Hz, not in '{unit}' (1 Hz is 2 pi rad/s).")
         if not any(_dimension(read) == _dimension(unit_of(si) or Unit(1.0, {})) for si in known):
@@ -119,7 +118,10 @@ def _not_finite(name: str, value: Any) -> str:
 
 
 def _dimension(unit: Unit) -> dict[str, int]:
-    """Powers of the SI units, without the radian, which may be left out: a stiffness is given in N m as in N m/rad."""
+    """Powers of the SI units without the radian.
+
+    The radian is optional: a stiffness is given in N m or in N m/rad.
+    """
     return {name: power for name, power in unit.powers.items() if name != "rad"}
 
 

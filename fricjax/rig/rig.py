@@ -1,12 +1,12 @@
-"""The rig: what is known of the machine before a run, and how well.
+"""The rig: calibrated values of the machine, with standard uncertainties.
 
-A trace alone tells the natural frequency, the damping ratio and the dead band ``x_d = mu N/k``. To turn the dead band
-into a coefficient of friction the load and either the stiffness or the moving mass must come from a calibration, and
-their uncertainties go into that of the coefficient: ``mu = omega^2 x_d m/N``.
+A trace alone determines the natural frequency, the damping ratio and the dead band ``x_d = mu N/k``. The coefficient of
+friction, ``mu = omega^2 x_d m/N``, also needs the load and either the stiffness or the moving mass from a calibration.
+Their uncertainties contribute to that of the coefficient.
 
-What no record shows of its instrument is an input too: by how much all displacements and all times may be wrong in
-proportion, and how large a periodic nonlinearity may be. Their best estimates are one, one and zero, for a record is
-corrected by what is known of it before it is fitted.
+The rig also has inputs for errors of the instrument that a record does not show: the relative errors of all
+displacements and of all times, and a periodic nonlinearity. Their best estimates are one, one and zero, because known
+corrections are applied to the record before the fit.
 """
 
 import dataclasses
@@ -20,7 +20,7 @@ from ..errors import UsageError, nearest
 from ..friction import AbstractFriction
 from ..oscillator import Oscillator
 from ..oscillator.restoring import AbstractRestoring, Cubic, Linear, Pendulum
-from ..show import Report, Reported, Style, Table, axis_label, figure, rotary_unit, styled
+from ..show import Cell, Report, Reported, Style, Table, axis_label, figure, rotary_unit, styled
 from ..show.thumbnail import bars_svg
 from .inputs import READING, check_restoring, checked, read_table, replaced, write_table
 from .measured import Measured
@@ -33,24 +33,27 @@ type Number = float | Measured | str | Mapping[str, Any]
 
 @dataclasses.dataclass(frozen=True, init=False)
 class Rig(Reported):
-    """A machine with its calibrated values, each a `Measured`; SI units, for rotary rigs kg m^2, N m/rad, N m.
+    """A machine with calibrated values.
+
+    Each value is a `Measured` in SI units. For rotary rigs the units are kg m^2, N m/rad and N m.
 
     Attributes:
         mass: moving mass [kg].
         normal_force: load on the contact [N].
-        stiffness: slope of the restoring force at the equilibrium [N/m], or None where the frequency is given.
-        frequency: undamped natural frequency [Hz], or None where the stiffness is given.
-        damping: viscous coefficient [N s/m]; None: not known, zero is the start value.
+        stiffness: slope of the restoring force at the equilibrium [N/m], or None if the frequency is given.
+        frequency: undamped natural frequency [Hz], or None if the stiffness is given.
+        damping: viscous coefficient [N s/m]; None: unknown, with zero as the start value.
         damping_ratio: the same as a fraction of the critical damping [1], or None.
         restoring: form of the restoring force.
         k3: cubic coefficient of a cubic spring [N/m^3], else None.
         drag: quadratic drag coefficient [N s^2/m^2].
-        displacement_scale: true over displayed displacement [1], one: its standard uncertainty is that of wavelength,
-            refractive index, cosine and Abbe error together, in proportion to the displacement. None: exact.
-        time_scale: true over stated time [1], one: with the standard uncertainty of the clock. None: exact.
-        periodic_nonlinearity: error of the reading that is a sine of the displacement [m], zero: its standard
-            uncertainty is that of the reading, A/sqrt(2) for an amplitude A of unknown phase. None: exact.
-        nonlinearity_period: displacement over which it repeats [m], or None without one.
+        displacement_scale: true over displayed displacement [1]. The value is one. The relative standard uncertainty
+            combines wavelength, refractive index, cosine and Abbe error. None: exact.
+        time_scale: true over stated time [1]. The value is one, the standard uncertainty is that of the clock. None:
+            exact.
+        periodic_nonlinearity: sinusoidal error of the reading as a function of the displacement [m]. The value is zero,
+            the standard uncertainty is A/sqrt(2) for an amplitude A of unknown phase. None: exact.
+        nonlinearity_period: period of this error [m], or None.
 
     Examples:
         >>> import fricjax as fj
@@ -104,12 +107,12 @@ class Rig(Reported):
 
         Each number is a float in SI units, a `Measured`, a text such as ``"410.7(3) g"``, or a mapping with `value`,
         `std` and `unit`. `restoring` is one of :mod:`fricjax.oscillator.restoring` or its name: linear, cubic (with
-        `k3`), pendulum. The scales have the value one and the nonlinearity zero, for only their uncertainties act:
-        ``displacement_scale="1 +/- 2e-6"``, ``periodic_nonlinearity="0 +/- 2 nm"``. Where its period is not given, a
-        nonlinearity is that of a single-pass interferometer with a helium-neon laser, 316.5 nm.
+        `k3`), pendulum. The scales must have the value one and the nonlinearity zero, because only their uncertainties
+        have an effect: ``displacement_scale="1 +/- 2e-6"``, ``periodic_nonlinearity="0 +/- 2 nm"``. The default period
+        of the nonlinearity is that of a single-pass interferometer with a helium-neon laser, 316.5 nm.
 
         Raises:
-            UsageError: a value that no rig has, a unit that does not fit, or two values for one thing.
+            UsageError: a value is impossible, a unit does not fit, or two values describe the same quantity.
         """
         numbers = {
             "mass": mass,
@@ -138,34 +141,36 @@ class Rig(Reported):
 
     @classmethod
     def from_toml(cls, path: str | Path) -> "Rig":
-        """The rig described in a TOML file, whose keys are the arguments of `Rig`.
+        """Read a rig from a TOML file.
+
+        The keys of the file are the arguments of `Rig`.
 
         Raises:
-            UsageError: the file is missing or no TOML, or a key or a value does not fit; the sentence names them.
+            UsageError: the file is missing or is not TOML, or a key or a value is invalid; the message names them.
         """
         table = read_table(Path(path))
         with naming(path):
             return cls(**table)
 
     def to_toml(self, path: str | Path, *, overwrite: bool = False) -> Path:
-        """Write the rig to a TOML file in SI units; the file appears complete or not at all.
+        """Write the rig to a TOML file in SI units, atomically.
 
         Args:
             path: the file.
-            overwrite: replace a file that exists.
+            overwrite: replace an existing file.
 
         Returns:
             The path.
 
         Raises:
-            UsageError: the restoring force is not one that a file can name.
-            FileExistsError: there is such a file, and `overwrite` is not given.
-            OSError: the file cannot be written, as on a full disk; what was there is as it was.
+            UsageError: the restoring force has no name in a file.
+            FileExistsError: the file exists, and `overwrite` is False.
+            OSError: the file cannot be written, as on a full disk; an existing file is unchanged.
         """
         return write_table(self.numbers(), type(self.restoring).__name__, Path(path), overwrite=overwrite)
 
     def oscillator(self, friction: AbstractFriction) -> Oscillator:
-        """The rig's oscillator with a friction law; unknown damping starts at zero."""
+        """Build the oscillator with a friction law; unknown damping is zero."""
         value = lambda number: 0.0 if number is None else number.value
         mass = self.mass.value
         stiffness = mass * (2 * math.pi * self.frequency.value) ** 2 if self.frequency else value(self.stiffness)
@@ -175,14 +180,18 @@ class Rig(Reported):
         return Oscillator(mass, stiffness, damping, load, friction, restoring=self.restoring, drag=drag)
 
     def inputs(self) -> dict[str, Measured]:
-        """The values that carry an uncertainty, by name: what a combined standard uncertainty is propagated from."""
+        """Values with an uncertainty, by name.
+
+        They are the inputs of a combined standard uncertainty.
+        """
         return {name: value for name, value in self.numbers().items() if value.std > 0}
 
     def shifted(self) -> Iterator[tuple["Rig", float]]:
-        """The rig with one input after the other larger by its standard uncertainty, for methods of displacements.
+        """Yield the rig with each input increased by its uncertainty in turn.
 
-        Beside each rig stands what the displacements are then to be multiplied by. Neither the clock nor a periodic
-        nonlinearity is among them: the latter scatters a displacement and shows as such.
+        Methods that use displacements alone propagate uncertainties with these rigs. Each rig comes with a factor for
+        the displacements. The clock and the periodic nonlinearity are not included; the latter appears as scatter of
+        the displacements.
         """
         for name, number in self.inputs().items():
             if name == "displacement_scale":
@@ -191,19 +200,19 @@ class Rig(Reported):
                 yield self.with_inputs({name: number.value + number.std}), 1.0
 
     def numbers(self) -> dict[str, Measured]:
-        """Every value that is known, by name."""
+        """Known values by name."""
         return {name: value for name in UNITS if (value := getattr(self, name)) is not None}
 
     def with_inputs(self, values: Mapping[str, Any]) -> "Rig":
-        """The rig with other values of its inputs and the same uncertainties.
+        """Return the rig with other values and the same uncertainties.
 
-        Derivatives pass through: ``jax.jvp(lambda b: rig.with_inputs(b).oscillator(law), ...)``.
+        JAX can differentiate through it: ``jax.jvp(lambda b: rig.with_inputs(b).oscillator(law), ...)``.
 
         Args:
-            values: numbers or tracers by name; each name must be one that the rig holds.
+            values: numbers or tracers by name, for values that the rig has.
 
         Raises:
-            UsageError: a name that the rig does not hold.
+            UsageError: the rig has no value of this name.
         """
         known = self.numbers()
         for name in values:
@@ -213,18 +222,22 @@ class Rig(Reported):
         return dataclasses.replace(self, **changed)
 
     def replace(self, **values: Any) -> "Rig":
-        """The rig with some arguments of `Rig` replaced; a stiffness replaces a frequency and the other way round."""
+        """Return the rig with some arguments of `Rig` replaced.
+
+        A stiffness replaces a frequency and vice versa.
+        """
         return dataclasses.replace(self, **replaced(values))
 
     def report(self) -> Report:
-        """One row per calibrated value: its name, value with uncertainty, unit and relative uncertainty."""
+        """Report each calibrated value with unit and uncertainties."""
         form = type(self.restoring).__name__.lower()
         quantity = "rad" if form == "pendulum" else "m"
         rows = []
         for name, number in self.numbers().items():
-            # Of a value of zero no part is uncertain.
+            # A value of zero has no relative uncertainty.
             spread = f"{100 * number.relative:.2g} %" if number.value else ""
-            rows.append((name, number, rotary_unit(UNITS[name], quantity), spread if number.std > 0 else "exact"))
+            relative = Cell(spread if number.std > 0 else "exact", relative_std=number.relative)
+            rows.append((name, number, rotary_unit(UNITS[name], quantity), relative))
         table = Table(("quantity", "value", "unit", "uncertainty"), rows, f"Rig with {form} restoring force")
         return Report([table], data={**self.numbers(), "restoring": form})
 
@@ -233,10 +246,13 @@ class Rig(Reported):
         return [bars_svg(list(parts), list(parts.values()), _PERCENTAGE)] if parts else []
 
     def plot(self, *, style: Style = "screen") -> Any:
-        """Relative standard uncertainties of the calibrated values as bars, the largest on top; a matplotlib figure.
+        """Plot relative standard uncertainties as bars, the largest on top.
 
         Args:
-            style: as of :func:`fricjax.show.styled`.
+            style: see :func:`fricjax.show.styled`.
+
+        Returns:
+            A matplotlib figure.
         """
         drawing, axes = figure()
         parts = self._percentages()
@@ -246,6 +262,9 @@ class Rig(Reported):
         return styled(drawing, style)
 
     def _percentages(self) -> dict[str, float]:
-        """Relative standard uncertainties [%] of what is uncertain and not zero, the largest first."""
+        """Relative standard uncertainties [%], the largest first.
+
+        Values without an uncertainty, and values of zero, are left out.
+        """
         parts = {name: 100 * number.relative for name, number in self.inputs().items() if number.value}
         return dict(sorted(parts.items(), key=lambda part: -part[1]))

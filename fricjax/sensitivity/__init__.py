@@ -1,4 +1,4 @@
-"""What a run can tell: derivatives of the motion, and the information of a planned run about each coefficient."""
+"""Derivatives of the motion, Fisher information and optimal designs of runs."""
 
 import lazy_loader as _lazy_loader
 

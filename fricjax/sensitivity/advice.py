@@ -1,4 +1,4 @@
-"""Sentences on a planned run: what it does not determine and why, and how another run would determine more."""
+"""Advice on a planned run: undetermined parameters, and a better run."""
 
 import itertools
 from collections.abc import Iterator
@@ -12,22 +12,22 @@ from .information import Information
 from .plan import TAIL
 from .ridge import WORK, ridges_of
 
-# Half-cycles from which a run determines friction beside the offset: one alone shows only its centre.
+# Fewest half-cycles that determine both friction and offset. One half-cycle determines only its centre.
 _FEWEST = 2
-# Initial displacements in dead bands that are worth aiming at.
+# Recommended displacements at release, in dead bands.
 _LEAST_BANDS, _MOST_BANDS = 6.0, 10.0
-# Correlations worth a word, those of friction and damping from where a prior on one pays.
+# Correlations to report; the second one is for friction and damping, and suggests a prior.
 _STRONG, _LOOKS_ALIKE = 0.95, 0.85
-# Standard error over value of a coefficient that is hardly determined.
+# Standard error over value of a poorly determined coefficient.
 _WEAK = 0.3
-# Part of the dead band below which a release that is a little off gives another number of half-cycles.
+# Least distance from another number of half-cycles, as a fraction of the dead band.
 _EDGE = 0.05
-# Least number of samples in a half-cycle.
+# Least number of samples per half-cycle.
 _SAMPLES = 20
 
 
 def errors_of(information: Information) -> Iterator[str]:
-    """What keeps a fit from being valid, with the remedy: parameters without effect and undetermined directions."""
+    """Yield parameters without effect and undetermined directions, with a remedy."""
     for name in information.no_effect:
         kind = name.rsplit(".", 1)[-1]
         if information.motion.half_cycles == 0:
@@ -45,7 +45,7 @@ def errors_of(information: Information) -> Iterator[str]:
 
 
 def warnings_of(information: Information) -> Iterator[str]:
-    """Advice on the run."""
+    """Yield advice on the run."""
     yield from _on_the_stop(information)
     yield from _on_the_record(information)
     yield from _on_ridges(information)
@@ -54,7 +54,7 @@ def warnings_of(information: Information) -> Iterator[str]:
 
 
 def _on_the_stop(information: Information) -> Iterator[str]:
-    """On the number of half-cycles that the release gives, and on a stop that may as well be another one."""
+    """Yield advice on the number of half-cycles and an ambiguous stop."""
     motion, machine, x0 = information.motion, information.oscillator, information.x0
     count, band = motion.half_cycles, float(machine.dead_band)
     if count is None:
@@ -72,7 +72,7 @@ def _on_the_stop(information: Information) -> Iterator[str]:
         yield f"The release is only {abs(x0) / band:.2g} dead bands away ({count} half-cycles). {aim}"
     if motion.like_coulomb or count == 0:
         return
-    # Lengths to which the spring is stretched by the static force, and by itself at the last reversals.
+    # Stretch of the spring under the static force, and at the last reversals.
     static = float(machine.friction.static_force(machine.normal_force) / machine.stiffness)
     pull = np.abs(np.asarray(machine.restoring_force(jnp.asarray(motion.turning_points)))) / float(machine.stiffness)
     margin = min(static - pull[-1], pull[-2] - static)
@@ -85,7 +85,7 @@ def _on_the_stop(information: Information) -> Iterator[str]:
 
 
 def _on_the_record(information: Information) -> Iterator[str]:
-    """On duration and rate."""
+    """Yield advice on duration and rate."""
     stop, half = information.motion.t_stop, np.pi / float(information.oscillator.angular_frequency)
     if np.isfinite(stop) and information.duration < stop:
         about = "about " if information.motion.like_coulomb else ""
@@ -99,7 +99,7 @@ def _on_the_record(information: Information) -> Iterator[str]:
 
 
 def _on_ridges(information: Information) -> Iterator[str]:
-    """On static coefficients and Stribeck velocities that are determined only together."""
+    """Yield advice on correlated static coefficients and Stribeck velocities."""
     for ridge in ridges_of(information):
         related, best = information.correlation_of(ridge.mu_s, ridge.v_stribeck), ridge.best_power(information)
         estimates = [ridge.estimate(information, power) for power in (best, WORK)]
@@ -116,7 +116,7 @@ def _on_ridges(information: Information) -> Iterator[str]:
 
 
 def _on_coefficients(information: Information) -> Iterator[str]:
-    """On coefficients that act almost alike, and on those that the run hardly determines."""
+    """Yield advice on correlated and on poorly determined coefficients."""
     ridges = [{ridge.mu_s, ridge.v_stribeck} for ridge in ridges_of(information)]
     machine = [name for name in information.names if name not in NUISANCES]
     for first, second in itertools.combinations(machine, 2):

@@ -1,8 +1,8 @@
-"""Which releases, and how many of them, determine coefficients as well as is wanted.
+"""Releases and numbers of runs that reach wanted standard errors.
 
-The information of runs adds up, so that n equal runs have standard errors smaller by the root of n (Fedorov, Theory of
-Optimal Experiments, 1972). How much a run tells jumps where its number of half-cycles does, so that the releases are
-gone through and not searched along a slope.
+The information of independent runs adds up, so that the standard errors of n equal runs are smaller by the root of n
+(Fedorov, Theory of Optimal Experiments, 1972). The information of a run jumps with its number of half-cycles, so the
+design compares all given releases and does not search along a gradient.
 """
 
 import dataclasses
@@ -14,22 +14,22 @@ import numpy as np
 
 from ..errors import UsageError, nearest
 from ..oscillator import Oscillator
-from ..show import Report, Reported, Style, Table, axis_label, engineering, figure, scaled, styled
+from ..show import Cell, Report, Reported, Style, Table, axis_label, engineering, figure, scaled, styled
 from .fisher import fisher
 from .information import Information
 
-# Rows of a report.
+# Number of releases in the report.
 _LISTED = 8
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Design(Reported):
-    """Releases by how many runs from each reach what is wanted.
+    """Number of runs that reach the targets, for each release.
 
     Attributes:
         targets: wanted relative standard error of each coefficient, by name.
-        informations: what one run from each release tells, in the order of the releases.
-        runs: number of runs that reach all targets, inf where none do, shape (releases,).
+        informations: information of one run from each release, in the order of the releases.
+        runs: number of runs that reach all targets, inf if no number does, shape (releases,).
 
     Examples:
         >>> import fricjax as fj
@@ -50,32 +50,40 @@ class Design(Reported):
 
     @property
     def best(self) -> Information:
-        """What one run from the release tells that needs the fewest runs; of several the shortest run."""
+        """Information of one run from the best release.
+
+        The best release needs the fewest runs. Among several such releases it has the shortest run.
+        """
         runs = zip(self.runs, self.informations, strict=True)
         return min(runs, key=lambda each: (each[0], each[1].duration))[1]
 
     def relative(self, name: str) -> np.ndarray:
-        """Relative standard error of a coefficient after one run from each release, shape (releases,)."""
+        """Return the relative standard error after one run, shape (releases,)."""
         return np.array([each.std_errors[name] / abs(each.values[name]) for each in self.informations])
 
     def report(self) -> Report:
-        """The releases that need the fewest runs."""
-        rows = []
-        for i in np.argsort(self.runs, kind="stable")[:_LISTED]:
-            each = self.informations[i]
-            cells = [f"{self.relative(name)[i]:.2g}" for name in self.targets]
-            runs = f"{self.runs[i]:.0f}" if np.isfinite(self.runs[i]) else "none reaches it"
-            rows.append([engineering(each.x0, "m", 4), each.motion.half_cycles, f"{each.duration:.3g} s", *cells, runs])
+        """Return the releases in the order of their numbers of runs."""
+        rows, relative = [], {name: self.relative(name) for name in self.targets}
+        for i in np.argsort(self.runs, kind="stable"):
+            each, runs = self.informations[i], self.runs[i]
+            count = math.nan if each.motion.half_cycles is None else each.motion.half_cycles
+            run = [
+                Cell(engineering(each.x0, "m", 4), x0=each.x0),
+                Cell(each.motion.half_cycles, half_cycles=count),
+                Cell(f"{each.duration:.3g} s", duration=each.duration),
+            ]
+            errors = [Cell(f"{of[i]:.2g}", **{f"{name}_relative_std": of[i]}) for name, of in relative.items()]
+            rows.append([*run, *errors, Cell(f"{runs:.0f}" if np.isfinite(runs) else "none reaches it", runs=runs)])
         heads = ["Release", "Half-cycles", "Record", *(f"u({name})/{name}" for name in self.targets), "Runs"]
         wanted = ", ".join(f"{name} to {target:.2g}" for name, target in self.targets.items())
         facts = [("wanted", wanted), ("noise", f"white, {engineering(self.informations[0].noise, 'm')} a sample")]
-        notes = ["The runs are counted by their noise alone: what the rig adds to all of them no number takes away."]
-        data = {"targets": self.targets, "releases": self.releases, "runs": self.runs}
-        data |= {"relative": {name: self.relative(name) for name in self.targets}}
-        return Report([Table(heads, rows, "Releases by the number of runs")], facts, notes, data=data)
+        notes = ["The number of runs depends on their noise alone. The uncertainty of the rig does not average out."]
+        data = {"targets": self.targets, "releases": self.releases, "runs": self.runs, "relative": relative}
+        table = Table(heads, rows, "Releases by the number of runs", {"x0": "m", "duration": "s"}, _LISTED)
+        return Report([table], facts, notes, data=data)
 
     def plot(self, *, style: Style = "screen") -> Any:
-        """Relative standard errors after one run against the release, with the targets; a matplotlib figure.
+        """Draw relative standard errors and targets against the release, in matplotlib.
 
         Args:
             style: as of :func:`fricjax.show.styled`.
@@ -100,21 +108,22 @@ def design(
     names: Sequence[str] | None = None,
     **plan: Any,
 ) -> Design:
-    """Which release determines coefficients with the fewest runs.
+    """Find the number of runs that each release needs.
 
     Args:
-        oscillator: the machine at the values that are expected.
-        x0: displacements at release to look at [m].
-        targets: relative standard error that is wanted of each coefficient, by name.
-        names: coefficients to be fitted, those of the targets among them; None for all that the model has.
-        **plan: `rate`, `duration`, `noise`, `nuisance` and `engine` of the runs, as of :func:`fisher`.
+        oscillator: the machine at the expected values.
+        x0: displacements at release to compare [m].
+        targets: wanted relative standard error of each coefficient, by name.
+        names: coefficients to fit, including those of the targets; None: all coefficients of the model.
+        **plan: `rate`, `duration`, `noise`, `nuisance` and `engine` of the runs, see :func:`fisher`.
 
     Returns:
-        For each release what one run tells, and how many of them reach the targets.
+        The information of one run from each release, and the number of such runs that reach the targets.
 
     Raises:
         RuntimeError: JAX computes in single precision.
-        UsageError: no release, a target that is no positive number or of what is not fitted, or what `fisher` refuses.
+        UsageError: there is no release, a target is not a positive number or not among the names, or `fisher` refuses
+            an argument.
 
     Examples:
         >>> import fricjax as fj

@@ -1,4 +1,4 @@
-"""How the reading depends on each parameter over the course of a run, in comparable numbers."""
+"""Derivatives of the reading with respect to each parameter, over a run."""
 
 import dataclasses
 from collections.abc import Sequence
@@ -12,7 +12,7 @@ from ..fitting.names import NUISANCES, find_leaf
 from ..oscillator import Oscillator
 from ..oscillator.engines import AbstractEngine
 from ..oscillator.oscillator import leaves_of
-from ..show import Report, Reported, Style, Table, axis_label, engineering, figure, plain, scaled, styled
+from ..show import Cell, Report, Reported, Style, Table, axis_label, engineering, figure, plain, scaled, styled
 from .local import local
 
 
@@ -24,8 +24,8 @@ class Curves(Reported):
         names: parameters, in order.
         t: times [s], shape (samples,).
         absolute: dx/d(parameter), metres per SI unit of each, shape (samples, p).
-        relative: the same dimensionless, shape (samples, p): by what part of the release the reading changes where a
-            parameter changes by its own size, or a position of size zero by the release.
+        relative: dimensionless derivatives, shape (samples, p): change of the reading over the release, per relative
+            change of a parameter. A position of zero is relative to the release.
         x0: displacement at release [m].
 
     Examples:
@@ -43,19 +43,21 @@ class Curves(Reported):
     x0: float
 
     def report(self) -> Report:
-        """The largest dimensionless derivative of each parameter, and when it is reached."""
+        """Return the largest dimensionless derivative of each parameter and its time."""
         largest = np.argmax(np.abs(self.relative), axis=0)
         rows = []
         for i, (name, at) in enumerate(zip(self.names, largest, strict=True)):
-            size = plain(float(np.sqrt(np.mean(self.relative[:, i] ** 2))), 3)
-            rows.append([name, plain(float(self.relative[at, i]), 3), engineering(float(self.t[at]), "s", 3), size])
+            peak, t = float(self.relative[at, i]), float(self.t[at])
+            rms = float(np.sqrt(np.mean(self.relative[:, i] ** 2)))
+            cells = Cell(plain(peak, 3), largest=peak), Cell(engineering(t, "s", 3), t=t), Cell(plain(rms, 3), rms=rms)
+            rows.append([name, *cells])
         heads = ["Parameter", "Largest", "At", "Root mean square"]
         facts = [("release", engineering(self.x0, "m", 4)), ("unit", "parts of the release per part of the parameter")]
         data = {name: getattr(self, name) for name in ("names", "t", "absolute", "relative", "x0")}
-        return Report([Table(heads, rows, "Sensitivity over the run")], facts, data=data)
+        return Report([Table(heads, rows, "Sensitivity over the run", {"t": "s"})], facts, data=data)
 
     def plot(self, *, style: Style = "screen") -> Any:
-        """Dimensionless derivatives against time, one below the other; a matplotlib figure.
+        """Draw dimensionless derivatives against time, in matplotlib.
 
         Args:
             style: as of :func:`fricjax.show.styled`.
@@ -73,21 +75,21 @@ class Curves(Reported):
 def curves(
     oscillator: Oscillator, x0: float, ts: ArrayLike, names: Sequence[str], *, engine: str | AbstractEngine = "auto"
 ) -> Curves:
-    """Derivatives of the reading over the course of a run, absolute and dimensionless.
+    """Return derivatives of the reading over a run.
 
     Args:
         oscillator: the machine.
         x0: displacement at release [m].
         ts: times to sample at, increasing [s], shape (samples,).
-        names: coefficients and nuisances, as of :func:`local`.
-        engine: as of :func:`local`.
+        names: coefficients and nuisances, see :func:`local`.
+        engine: see :func:`local`.
 
     Returns:
-        The derivatives against time.
+        The absolute and dimensionless derivatives against time.
 
     Raises:
         RuntimeError: JAX computes in single precision.
-        UsageError: as of :func:`local`.
+        UsageError: see :func:`local`.
 
     Examples:
         >>> import fricjax as fj

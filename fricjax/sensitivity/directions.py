@@ -1,8 +1,9 @@
-"""What a run does not determine, in words: the null space of the information matrix as products, ratios and sums.
+"""Undetermined directions of the information matrix as products, ratios and sums.
 
-Along a null direction several parameters change together and the motion stays as it is. In relative changes such a
-direction has small whole numbers where a product or a ratio is all that counts, and in absolute changes where a sum is.
-The null space has many bases; the one with the fewest parameters in each direction is the one that people talk of.
+Along a null direction several parameters change together without an effect on the motion. If a run determines only a
+product or a ratio, the relative changes along the direction are small integers. If it determines only a sum, the
+absolute changes are. The null space has many bases. This module chooses the one with the fewest parameters in each
+direction, which is the easiest to read.
 """
 
 import itertools
@@ -16,11 +17,11 @@ from ..estimation.space import Parameter
 from ..show import engineering, plain
 
 NO_EFFECT = 1e-12
-"""Part of the strongest parameter's effect below which a parameter has none."""
+"""Smallest effect of a parameter, as a fraction of the strongest one."""
 
-# Part of the largest entry of a direction that is rounding, and the condition from which pivots depend on each other.
+# Rounding error of a direction, as a fraction of its largest entry, and condition of dependent pivots.
 _ROUNDING, _DEPENDENT = 1e-4, 1e6
-# Distance from an integer that still counts as one, and the largest exponent that reads as a law.
+# Tolerance of an integer, and largest exponent of a product.
 _INTEGER, _LARGEST = 1e-3, 6.0
 
 
@@ -28,10 +29,10 @@ class Direction(NamedTuple):
     """A combination of parameters that a run does not determine.
 
     Attributes:
-        names: the parameters that take part.
-        changes: how they change together, in their own units, the first one by its own size; shape (names,).
-        text: the same in words.
-        simple: whether it is a product, a ratio or a sum.
+        names: the parameters of the combination.
+        changes: changes along the direction in SI units, shape (names,); the first one is the size of its parameter.
+        text: the direction in words.
+        simple: True for a product, a ratio or a sum.
 
     Examples:
         >>> import fricjax as fj
@@ -48,13 +49,15 @@ class Direction(NamedTuple):
 
 
 class Spectrum(NamedTuple):
-    """Eigenvalues of the information matrix scaled to a unit diagonal, without the parameters that have no effect.
+    """Spectrum of the information matrix, scaled to a unit diagonal.
+
+    Parameters without an effect are left out.
 
     Attributes:
-        active: parameters that have an effect, shape (p,).
+        active: True for parameters with an effect, shape (p,).
         rank: number of directions that the run determines.
-        condition: ratio of the largest to the smallest singular value of the scaled derivatives; inf where the run
-            leaves a direction undetermined.
+        condition: ratio of the largest to the smallest singular value of the scaled derivatives; inf if the run does
+            not determine a direction.
         null: basis of the undetermined directions in coordinates, shape (directions, p).
     """
 
@@ -65,7 +68,7 @@ class Spectrum(NamedTuple):
 
 
 def spectrum(normal: np.ndarray) -> Spectrum:
-    """The spectrum of a normal matrix ``J'J``, shape (p, p)."""
+    """Return the spectrum of a normal matrix ``J'J``, shape (p, p)."""
     size = np.sqrt(np.diag(normal))
     active = size > NO_EFFECT * size.max(initial=0.0)
     unit = size[active]
@@ -78,13 +81,13 @@ def spectrum(normal: np.ndarray) -> Spectrum:
 
 
 def directions(null: np.ndarray, parameters: Sequence[Parameter]) -> tuple[Direction, ...]:
-    """The undetermined directions of a spectrum, each in words and with as few parameters as possible."""
+    """Return undetermined directions with as few parameters as possible."""
     if not null.size:
         return ()
     strength = np.linalg.norm(null, axis=0)
     candidates = np.flatnonzero(strength > _ROUNDING * strength.max()).tolist()
     dimensionless = {parameter.name for parameter in parameters if not parameter.unit}
-    # Bases in which each of the pivots takes part in one direction alone, with one as its entry.
+    # In each basis every pivot belongs to one direction only, with an entry of one.
     bases = [
         _rounded(np.linalg.solve(null[:, list(pivots)], null))
         for pivots in itertools.combinations(candidates, len(null))
@@ -92,7 +95,7 @@ def directions(null: np.ndarray, parameters: Sequence[Parameter]) -> tuple[Direc
     ]
 
     def effort(basis: np.ndarray) -> tuple[int, int, int]:
-        """How hard it is to read: directions without a simple law, then entries, then those without a unit."""
+        """Return a rank: complex directions, entries, dimensionless entries."""
         read = [_direction(row, parameters) for row in basis]
         used = [name for direction in read for name in direction.names]
         return sum(not d.simple for d in read), len(used), sum(name in dimensionless for name in used)
@@ -106,7 +109,10 @@ def _rounded(basis: np.ndarray) -> np.ndarray:
 
 
 def _simplest(basis: np.ndarray, index: int, parameters: Sequence[Parameter]) -> Direction:
-    """A direction of the basis, with others added or taken away where only that makes it a product, ratio or sum."""
+    """Return a direction of the basis in its simplest form.
+
+    Other directions are added or subtracted if only that makes it a product, a ratio or a sum.
+    """
     factors = itertools.product((0.0, 1.0, -1.0), repeat=len(basis))
     mixed = (np.where(np.arange(len(basis)) == index, 1.0, factor) @ basis for factor in factors)
     read = (_direction(_rounded(row), parameters) for row in mixed)
@@ -114,7 +120,7 @@ def _simplest(basis: np.ndarray, index: int, parameters: Sequence[Parameter]) ->
 
 
 def _direction(row: np.ndarray, parameters: Sequence[Parameter]) -> Direction:
-    """One direction with its words; `row` is in coordinates, that is in sizes of the parameters.
+    """Describe one direction; `row` is in sizes of the parameters.
 
     Parameters without a unit come first.
     """
@@ -134,13 +140,18 @@ def _direction(row: np.ndarray, parameters: Sequence[Parameter]) -> Direction:
 
 
 def _as_product(names: Sequence[str], powers: np.ndarray) -> str | None:
-    """Parameters whose products or ratios alone count; `powers` are those of a common factor that changes nothing."""
+    """Describe parameters of a determined product or ratio.
+
+    Args:
+        names: the parameters.
+        powers: power of a common factor in each, which has no effect on the motion.
+    """
     same = [name for name, power in zip(names, powers, strict=True) if power * powers[0] > 0]
     opposite = [name for name in names if name not in same]
     if np.any(np.abs(powers) != 1):
         if len(names) != 2:
             return None
-        # What changes nothing as s^a and s^b leaves x^b/y^a.
+        # Factors s^a and s^b have no effect, so x^b/y^a is determined.
         exponents = int(abs(powers[1])), int(abs(powers[0]))
         x, y = (name if n == 1 else f"{name}^{n}" for name, n in zip(names, exponents, strict=True))
         return f"{joined(names)} only as {x} {'*' if opposite else '/'} {y}"
@@ -155,7 +166,7 @@ def _as_product(names: Sequence[str], powers: np.ndarray) -> str | None:
 
 
 def _as_trade(parameters: Sequence[Parameter], absolute: np.ndarray) -> str:
-    """Any other combination, by an example of what undoes what."""
+    """Describe any other combination by an example."""
     changes = absolute / 100 * np.sign(absolute[0])
     first, *others = zip(parameters, changes, strict=True)
     lead = f"+1 % of {first[0].name}" if first[0].start else f"{_signed(*first)} of {first[0].name}"
@@ -170,5 +181,5 @@ def _signed(parameter: Parameter, change: float) -> str:
 
 
 def joined(names: Sequence[str]) -> str:
-    """``a``, ``a and b``, ``a, b and c``."""
+    """Join names as ``a``, ``a and b``, ``a, b and c``."""
     return " and ".join([", ".join(names[:-1]), names[-1]]) if len(names) > 1 else names[0]

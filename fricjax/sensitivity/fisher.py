@@ -1,8 +1,9 @@
-"""The Fisher information of a planned run: which coefficients it will determine, and to what standard error.
+"""Fisher information of a planned run, and the expected standard errors.
 
-With white noise of standard deviation ``sigma`` the information matrix is ``J'J/sigma^2``, ``J`` the derivatives of the
-reading, and its inverse bounds the covariance of any unbiased estimate (Cramer and Rao); a fit of the trace reaches it.
-The bound knows nothing of calibration, floor motion or a law that is wrong: these decide the uncertainty of a real run.
+With white noise of standard deviation ``sigma`` the information matrix is ``J'J/sigma^2``, with the derivatives ``J``
+of the reading. Its inverse bounds the covariance of any unbiased estimate (Cramer and Rao), and a fit of the trace
+reaches this bound. The bound does not include calibration, floor motion or a wrong law, which dominate the uncertainty
+of a real run.
 """
 
 import dataclasses
@@ -27,7 +28,7 @@ from .information import Information
 from .plan import Plan, checked_times, plan, planned_motion, planned_times
 from .ridge import combinations
 
-# Room for at least so many samples: the size is part of a program, and runs of one size share their compilation.
+# Least number of samples after padding. Runs of one padded size share a compiled program.
 _FEWEST = 4096
 
 
@@ -43,17 +44,17 @@ def fisher(
     nuisance: Sequence[str] = ("x0", "offset"),
     engine: str | AbstractEngine = "auto",
 ) -> Information:
-    """What a planned run will determine of a machine, before it is made.
+    """Return the information of a planned run about a machine.
 
-    The mass is released from rest at time zero. The number of half-cycles stays at its value, and under a law that
-    creeps the samples after the last reversal are left out, as in a fit.
+    The mass is released from rest at time zero. The number of half-cycles is constant. Under a law that creeps, the
+    samples after the last reversal are left out, as in a fit.
 
     Args:
-        oscillator: the machine at the values that are expected.
+        oscillator: the machine at the expected values.
         x0: displacement at release [m].
         ts: sample times [s], shape (samples,); None for `rate` and `duration`.
-        names: coefficients to be fitted; None for all that the model has (a coefficient of zero is a term that it does
-            not have, except damping), of which a single run never determines all.
+        names: coefficients to fit; None: all coefficients of the model that are not zero, and damping. A single run
+            never determines all of these.
         rate: samples per second.
         duration: length of the record [s]; None: until 50 ms after the stop.
         noise: standard deviation of the white noise of one sample [m].
@@ -62,14 +63,14 @@ def fisher(
         engine: "auto", "exact", "hybrid", "smooth" or an engine.
 
     Returns:
-        The expected standard errors, what is not determined in words, and advice on the run.
+        The expected standard errors, the undetermined directions in words, and advice on the run.
 
     Raises:
         RuntimeError: JAX computes in single precision.
-        UsageError: names or settings that do not fit, or a mass that never stops without a `duration`.
+        UsageError: names or settings are not valid, or the mass never stops and there is no `duration`.
 
     Examples:
-        One half-cycle shows only its centre, several determine friction to parts in ten million:
+        One half-cycle determines only its centre. Several determine friction to 1e-7:
 
         >>> import fricjax as fj
         >>> oscillator = fj.Oscillator(0.41, 2574.0, 0.18, 9.66, fj.friction.Coulomb(0.05))
@@ -115,14 +116,14 @@ def fisher(
 
 
 def _normal(planned: Plan) -> np.ndarray:
-    """The information matrix in coordinates, shape (p, p)."""
+    """Return the information matrix in coordinates, shape (p, p)."""
     residual, run, law = planned.residual, planned.residual.runs[0], planned.oscillator.friction
     count = planned.ts.size
     if not (law.set_valued or law.n_states or residual.engine.needs_mesh):
-        # A regularised law lets the mass creep after its last reversal, and a fit leaves these samples out.
+        # Under a regularised law the mass creeps after its last reversal. A fit leaves these samples out.
         motion = simulate(planned.oscillator, planned.x0, planned.ts[-1:], engine=residual.engine)
         count = int(np.sum(planned.ts <= float(motion.stats["t_handover"])))
-    # Samples without weight fill up to a power of two, so that most runs share one compilation.
+    # Samples of zero weight pad the run to a power of two, so that most runs share one compiled program.
     filler = max(_FEWEST, 2 ** (count - 1).bit_length()) - count
     t, x, weight = (
         np.pad(np.asarray(values)[:count], (0, filler), mode="edge") for values in (run.t, run.x, run.weight)
@@ -144,7 +145,7 @@ def _engine_name(planned: Plan) -> str:
 
 
 def _slopes(planned: Plan) -> dict[str, tuple[float, str, dict[str, float]]]:
-    """Quantities in which the common scale of mass, stiffness and load drops out, with their derivatives."""
+    """Return quantities that need no rig, with their units and derivatives."""
     derived = eqx.filter_jit(derive)(planned.residual, jnp.zeros(len(planned.parameters)))
     rows = zip(UNITS.items(), derived.kinematics, derived.by_value, strict=True)
     return {

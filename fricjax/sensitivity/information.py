@@ -1,4 +1,4 @@
-"""What a planned run will determine: the information matrix with everything that follows from it, and its report."""
+"""Information of a planned run: expected standard errors, correlations and advice."""
 
 import dataclasses
 import functools
@@ -12,27 +12,27 @@ from ..estimation.covariance import correlation
 from ..fitting.names import NUISANCES
 from ..oscillator import Oscillator
 from ..rig import Measured
-from ..show import Report, Reported, Style, Table, axis_label, duration, engineering, figure, styled
+from ..show import Cell, Report, Reported, Style, Table, axis_label, duration, engineering, figure, styled
 from ..show.thumbnail import bars_svg
 from .directions import Direction
 from .plan import PlannedMotion
 
-# Part of a change along an undetermined direction that rounding leaves in a quantity which does not depend on it.
+# Rounding error of the change of a quantity along an undetermined direction, as a fraction of its terms.
 _ROUNDING = 1e-6
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Information(Reported):
-    """What a planned run will determine.
+    """Information of a planned run about its parameters.
 
     Attributes:
         names: coefficients and then nuisances of the run, in the order of all matrices.
         values, units: by name, SI.
         matrix: Fisher information, in the inverse units of the parameters, shape (p, p).
-        inverse: its generalised inverse, shape (p, p); the expected covariance among what is determined.
+        inverse: its generalised inverse, the expected covariance of the determined directions, shape (p, p).
         rank: number of directions among the parameters that the run determines.
         condition: condition number of the derivatives, each scaled to unit length, without those of `no_effect`; inf
-            where a direction is undetermined.
+            if a direction is undetermined.
         singular: undetermined directions, each in words.
         no_effect: parameters on which the motion does not depend at all.
         slopes: quantities that need no rig, each with its value, its unit and its derivatives by name.
@@ -41,8 +41,10 @@ class Information(Reported):
         samples, rate, duration, noise: of the planned record [1], [1/s], [s], [m].
         engine: name of the engine.
         oscillator: the machine.
-        combinations: of a static coefficient and a Stribeck velocity, which a run often determines only together.
-        errors: what keeps a fit from being valid: parameters without effect and undetermined directions, with a remedy.
+        combinations: combinations of a static coefficient and a Stribeck velocity. A run often determines the two only
+            together.
+        errors: reasons in sentences why a fit would not be valid, with a remedy: parameters without effect and
+            undetermined directions.
         warnings: advice on the run, in sentences.
 
     Examples:
@@ -79,7 +81,11 @@ class Information(Reported):
     warnings: tuple[str, ...] = ()
 
     def std_of(self, derivatives: Mapping[str, float]) -> float:
-        """Expected standard error of a quantity with these derivatives by name; inf where it is not determined."""
+        """Return the expected standard error of a quantity; inf if undetermined.
+
+        Args:
+            derivatives: derivative of the quantity with respect to each parameter, by name.
+        """
         slope = np.array([derivatives.get(name, 0.0) for name in self.names])
         for direction in self.singular:
             change = np.array([slope[self.names.index(name)] for name in direction.names]) * direction.changes
@@ -91,7 +97,7 @@ class Information(Reported):
 
     @functools.cached_property
     def std_errors(self) -> dict[str, float]:
-        """Expected standard errors by name; inf where the run does not determine a parameter."""
+        """Expected standard errors by name; inf for an undetermined parameter."""
         return {name: self.std_of({name: 1.0}) for name in self.names}
 
     @property
@@ -101,7 +107,7 @@ class Information(Reported):
 
     @property
     def covariance(self) -> np.ndarray:
-        """Expected covariance, inf where undetermined, shape (p, p)."""
+        """Expected covariance, inf for undetermined parameters, shape (p, p)."""
         matrix, lost = self.inverse.copy(), ~np.isfinite(list(self.std_errors.values()))
         matrix[lost, :] = matrix[:, lost] = 0.0
         matrix[lost, lost] = np.inf
@@ -109,18 +115,21 @@ class Information(Reported):
 
     @property
     def correlation(self) -> np.ndarray:
-        """Expected correlation matrix, shape (p, p); NaN where undetermined."""
+        """Expected correlation matrix, NaN for undetermined parameters, shape (p, p)."""
         matrix, lost = correlation(self.covariance), ~np.isfinite(list(self.std_errors.values()))
         matrix[lost, :] = matrix[:, lost] = np.nan
         return matrix
 
     def correlation_of(self, first: str, second: str) -> float:
-        """Expected correlation of two parameters; NaN where one is undetermined."""
+        """Return the expected correlation of two parameters; NaN if undetermined."""
         return float(self.correlation[self.names.index(first), self.names.index(second)])
 
     @property
     def kinematics(self) -> dict[str, Measured]:
-        """What needs no rig: natural frequency, damping ratio, dead band, and losses per unit mass."""
+        """Natural frequency, damping ratio, dead band, and losses per unit mass.
+
+        These quantities need no rig.
+        """
         return {name: Measured(value, self.std_of(by), unit) for name, (value, unit, by) in self.slopes.items()}
 
     def __repr__(self) -> str:
@@ -128,7 +137,7 @@ class Information(Reported):
         return f"Information(expected standard errors: {errors})"
 
     def report(self) -> Report:
-        """The report in its parts."""
+        """Return the expected errors, the planned run and advice."""
         names = ("names", "values", "units", "std_errors", "covariance", "correlation", "rank", "condition")
         record = ("x0", "samples", "rate", "duration", "noise", "engine")
         data = {
@@ -149,7 +158,7 @@ class Information(Reported):
         return Report(self._tables(), self._facts(), **shown, data=data)
 
     def _tables(self) -> list[Table]:
-        """Parameters, quantities that need no rig, and correlations of what is determined."""
+        """Return the tables of parameters, quantities without a rig, and correlations."""
         rows = []
         for name in self.names:
             value, std, unit = self.values[name], self.std_errors[name], self.units[name]
@@ -169,7 +178,7 @@ class Information(Reported):
         ]
 
     def _facts(self) -> list[tuple[str, str]]:
-        """The remaining lines of the report."""
+        """Return the lines below the tables."""
         band, motion, rest = float(self.oscillator.dead_band), self.motion, "no stop"
         about = "about " if motion.like_coulomb else ""
         if motion.half_cycles is not None:
@@ -192,9 +201,9 @@ class Information(Reported):
         return [bars_svg(shown, shares, "Expected standard error [% of the value]; none: undetermined")]
 
     def plot(self, *, style: Style = "screen") -> Any:
-        """Relative standard errors as bars, and the correlations as a map, as a matplotlib figure.
+        """Draw relative standard errors and the correlations, in matplotlib.
 
-        Nuisances in metres are taken relative to the release; what is undetermined stays empty.
+        Nuisances in metres are relative to the release. Undetermined parameters stay empty.
 
         Args:
             style: as of :func:`fricjax.show.styled`.
@@ -223,8 +232,10 @@ class Information(Reported):
         return styled(drawing, style)
 
 
-def _cells(estimate: Measured) -> list[str]:
-    """Value, standard error and their ratio, empty where they are not finite."""
+def _cells(estimate: Measured) -> list[Cell]:
+    """Return cells for value, standard error and their ratio."""
     value, std, unit = estimate.value, estimate.std, estimate.unit or ""
     texts = [engineering(*pair) if np.isfinite(pair[0]) else "" for pair in ((value, unit, 6), (std, unit, 2))]
-    return [*texts, f"{std / abs(value):.2g}" if value and np.isfinite(std) else ""]
+    ratio = f"{std / abs(value):.2g}" if value and np.isfinite(std) else ""
+    relative = Cell(ratio, relative_std=estimate.relative, unit=unit)
+    return [Cell(texts[0], value=value), Cell(texts[1], std=std), relative]

@@ -1,4 +1,4 @@
-"""Derivatives of a motion with respect to the coefficients of its machine and to the nuisances of its run."""
+"""Derivatives of a motion with respect to coefficients and nuisances."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -24,17 +24,17 @@ def local(
     *,
     engine: str | AbstractEngine = "auto",
 ) -> np.ndarray:
-    """Derivatives of the reading at `ts` of a mass released from rest at `x0`.
+    """Return the derivatives of the reading after a release from rest.
 
-    The number of half-cycles until the stop stays at its value, so these are the derivatives that a fit works with. The
-    static coefficient of a Coulomb law acts through that number alone, and its derivative is zero.
+    The number of half-cycles until the stop is constant, as in a fit. The static coefficient of a Coulomb law changes
+    only that number, so its derivative is zero.
 
     Args:
         oscillator: the machine.
         x0: displacement at release [m].
         ts: times to sample at, increasing [s], shape (samples,).
-        names: coefficients, by their short or dotted names, and nuisances of the run: x0, v0 (of which the motion has
-            a kink at zero), offset, drift, t_release.
+        names: coefficients, by their short or dotted names, and nuisances of the run: x0, v0 (the motion has a kink at
+            v0 = 0), offset, drift, t_release.
         engine: "auto", "exact", "hybrid", "smooth" or an engine.
 
     Returns:
@@ -42,7 +42,7 @@ def local(
 
     Raises:
         RuntimeError: JAX computes in single precision.
-        UsageError: unknown names, times that do not increase, or an engine that cannot integrate this oscillator.
+        UsageError: a name is unknown, the times do not increase, or the engine cannot integrate this oscillator.
 
     Examples:
         In an undamped half-cycle about the dead band ``x_d = mu N/k`` the mass moves from x0 to ``2 x_d - x0``:

@@ -1,11 +1,10 @@
-"""Which runs to make: releases and loads moved along the slope of an optimal design's criterion.
+"""Optimal releases and loads of a series of runs.
 
-The information of runs adds up once the parameters of each run alone are eliminated from it. The criterion is minus the
-logarithm of its determinant (D-optimal), or the logarithm of the largest part of a target that is left as uncertainty
-(c-optimal; Fedorov, Theory of Optimal Experiments, 1972; Pukelsheim, Optimal Design of Experiments, 2006). It is
-smooth in the release and the load as long as the number of half-cycles stays, and jumps where that changes: so one run
-after the other is chosen among releases spread over the range and is then moved along the slope within its segment of
-the map.
+The information of runs adds up after the nuisance parameters of each run are eliminated. The criterion is minus the
+logarithm of its determinant (D-optimal), or the logarithm of the sum of squared ratios of standard errors to targets
+(c-optimal; Fedorov, Theory of Optimal Experiments, 1972; Pukelsheim, Optimal Design of Experiments, 2006). It is smooth
+in the release and the load for a constant number of half-cycles, and jumps with that number. So the design adds one run
+at a time: the best of a grid of releases, then improved along the gradient for the same number of half-cycles.
 """
 
 import dataclasses
@@ -24,16 +23,16 @@ from ..fitting.residual import Residual
 from ..oscillator import Oscillator
 from ..oscillator.oscillator import leaves_of
 from ..settings import check_noise, check_sampling
-from ..show import Report, Reported, Style, Table, axis_label, engineering, figure, scaled, styled
+from ..show import Cell, Report, Reported, Style, Table, axis_label, engineering, figure, scaled, styled
 from .plan import TAIL, plan, planned_motion
 
-# Instants at which a run is looked at: a sum over its samples is an integral, to parts in ten thousand.
+# Number of instants per run. The sum over them replaces that over all samples, to a few parts in ten thousand.
 _INSTANTS = 1024
-# Releases that are looked at, and evaluations of the criterion in which a run is moved along its slope.
+# Number of releases in the grid, and of evaluations of the criterion along the gradient.
 _SPREAD, _EVALUATIONS = 24, 20
-# What a prior of no weight adds to the information in units of the values, so that it can be inverted.
+# Information of a negligible prior, in units of the values, so that the matrix has an inverse.
 _NOTHING = 1e-9
-# Part of its own information that rounding leaves of a coefficient which is not determined.
+# Rounding error of the information of an undetermined coefficient, as a fraction.
 _ROUNDING = 1e-11
 
 
@@ -42,9 +41,10 @@ class Point(NamedTuple):
 
     Attributes:
         x0: displacement at release [m]; `normal_force`: load [N].
-        half_cycles: until it stops; None where it does not stop by itself. `duration`: of the record [s].
-        std_errors: relative standard errors of the targets after this run and those before it, by name.
-        slopes: of the criterion by the logarithm of the release and of the load, where the run was left.
+        half_cycles: number of half-cycles until the stop; None if the mass does not stop.
+        duration: length of the record [s].
+        std_errors: relative standard errors of the targets after this run and all before it, by name.
+        slopes: derivatives of the criterion with respect to the logarithms of release and load at this run.
 
     Examples:
         >>> from fricjax.sensitivity import Point
@@ -62,14 +62,14 @@ class Point(NamedTuple):
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class OptimalRuns(Reported):
-    """Runs in the order in which to make them.
+    """Optimal runs in order.
 
     Attributes:
         targets: wanted relative standard error of each coefficient, by name.
         criterion: "c" or "D".
         points: the runs.
-        reached: whether all targets are met after the last.
-        samples: rate and noise of the runs [1/s], [m].
+        reached: True if all targets are met after the last run.
+        samples: rate [1/s] and noise [m] of the runs.
 
     Examples:
         >>> import fricjax as fj
@@ -87,18 +87,23 @@ class OptimalRuns(Reported):
 
     @property
     def rate_for_targets(self) -> float:
-        """At which these runs reach the targets, as long as the noise of neighbouring samples is white [1/s]."""
+        """Sampling rate for the targets, in white noise [1/s]."""
         last = self.points[-1].std_errors
         return self.samples[0] * max(last[name] / target for name, target in self.targets.items()) ** 2
 
     def report(self) -> Report:
-        """The runs, and what is known after each."""
+        """Return the runs, with the standard errors after each."""
         rows = []
         for number, point in enumerate(self.points, 1):
-            cells = [f"{point.std_errors[name]:.2g}" for name in self.targets]
-            count = "no stop" if point.half_cycles is None else point.half_cycles
-            place = [engineering(point.x0, "m", 4), engineering(point.normal_force, "N", 3), count]
-            rows.append([number, *place, f"{point.duration:.3g} s", *cells])
+            errors = {f"{name}_relative_std": point.std_errors[name] for name in self.targets}
+            cells = [Cell(f"{error:.2g}", **{name: error}) for name, error in errors.items()]
+            count = point.half_cycles
+            place = [
+                Cell(engineering(point.x0, "m", 4), x0=point.x0),
+                Cell(engineering(point.normal_force, "N", 3), normal_force=point.normal_force),
+                Cell("no stop", half_cycles=math.nan) if count is None else Cell(count, half_cycles=count),
+            ]
+            rows.append([number, *place, Cell(f"{point.duration:.3g} s", duration=point.duration), *cells])
         known = [f"then u({name})/{name}" for name in self.targets]
         heads = ["Run", "Release", "Load", "Half-cycles", "Record", *known]
         wanted = ", ".join(f"{name} to {target:.2g}" for name, target in self.targets.items())
@@ -113,10 +118,13 @@ class OptimalRuns(Reported):
             name: getattr(self, name) for name in ("targets", "criterion", "reached", "samples", "rate_for_targets")
         }
         data |= {"points": [point._asdict() for point in self.points]}
-        return Report([Table(heads, rows, "Runs in order")], facts, notes, warnings, data=data)
+        table = Table(heads, rows, "Runs in order", {"x0": "m", "normal_force": "N", "duration": "s"})
+        return Report([table], facts, notes, warnings, data=data)
 
     def plot(self, *, style: Style = "screen") -> Any:
-        """Relative standard errors after each run with their targets, releases, and loads that differ; in matplotlib.
+        """Draw standard errors, targets, releases and loads of the runs, in matplotlib.
+
+        Loads that are all equal are left out.
 
         Args:
             style: as of :func:`fricjax.show.styled`.
@@ -156,18 +164,20 @@ def optimal_runs(
     duration: float | None = None,
     noise: float = 1e-9,
 ) -> OptimalRuns:
-    """Runs that reach targets with the fewest of them, each chosen for what the runs before it leave open.
+    """Find the runs that reach targets, one after the other.
+
+    Each run is the best addition to the runs before it.
 
     Args:
-        oscillator: the machine at the values that are expected.
-        x0: smallest and largest displacement that the rig can release from [m].
-        targets: relative standard error that is wanted of each coefficient, by name.
-        names: coefficients to be fitted, those of the targets among them.
-        load: smallest and largest normal force that runs may have [N]; None: that of the machine.
+        oscillator: the machine at the expected values.
+        x0: smallest and largest displacement at release [m].
+        targets: wanted relative standard error of each coefficient, by name.
+        names: coefficients to fit, including those of the targets.
+        load: smallest and largest normal force [N]; None: that of the machine.
         criterion: "c" for the targets, "D" for all coefficients together.
-        runs: most runs that there may be.
+        runs: largest number of runs.
         rate: samples per second.
-        duration: longest record that there may be [s]; None: each until 50 ms after its stop.
+        duration: longest record [s]; None: each until 50 ms after its stop.
         noise: standard deviation of the white noise of one sample [m].
 
     Returns:
@@ -175,8 +185,8 @@ def optimal_runs(
 
     Raises:
         RuntimeError: JAX computes in single precision.
-        UsageError: ranges, targets, names or a duration that are none, an unknown criterion, or without a duration a
-            mass that never stops.
+        UsageError: ranges, targets, names or the duration are not valid, the criterion is unknown, or the mass never
+            stops and there is no duration.
 
     Examples:
         >>> import fricjax as fj
@@ -227,9 +237,9 @@ class _RunInformation(NamedTuple):
     """Information of one run about its coefficients.
 
     Attributes:
-        matrix: in units of their values, shape (p, p); `slopes`: its derivatives by the logarithms of release and
-            load, shape (p, p, 2).
-        half_cycles, duration: as of a `Point`.
+        matrix: information in units of the values, shape (p, p).
+        slopes: its derivatives with respect to the logarithms of release and load, shape (p, p, 2).
+        half_cycles, duration: see `Point`.
     """
 
     matrix: np.ndarray
@@ -239,7 +249,7 @@ class _RunInformation(NamedTuple):
 
 
 class _Space(NamedTuple):
-    """What all runs of a design have in common."""
+    """Settings that all runs of a design share."""
 
     oscillator: Oscillator
     names: tuple[str, ...]
@@ -248,13 +258,13 @@ class _Space(NamedTuple):
     noise: float
 
     def information(self, x0: float, load: float) -> _RunInformation:
-        """The information of a run."""
+        """Return the information of a run."""
         machine = eqx.tree_at(lambda each: each.normal_force, self.oscillator, np.asarray(load))
         motion = planned_motion(machine, x0)
         end = min(motion.t_stop + TAIL, self.longest)
         if not math.isfinite(end):
-            raise UsageError("The mass does not come to rest by itself here: say with the duration how long to record.")
-        # Samples stand for so many of the run as lie between two of them.
+            raise UsageError("The mass never comes to rest here: say with the duration how long to record.")
+        # Each instant replaces all samples up to the next one, so its noise is smaller.
         noise = self.noise / math.sqrt(self.rate * end / _INSTANTS)
         fixed = () if "normal_force" in self.names else ("normal_force",)
         planned = plan(
@@ -266,7 +276,7 @@ class _Space(NamedTuple):
         value, slopes, alone = map(
             np.asarray, _information(planned.residual, np.array(free), np.array(moved), len(self.names))
         )
-        # Of what the parameters of the run take away altogether rounding is left, which would count as knowledge.
+        # A direction that the nuisances absorb has only rounding errors. Set its information to zero.
         unit = np.sqrt(np.outer(alone, alone))
         sizes, vectors = np.linalg.eigh(value / unit)
         matrix = (vectors * np.where(sizes > _ROUNDING, sizes, 0.0)) @ vectors.T * unit
@@ -275,7 +285,10 @@ class _Space(NamedTuple):
 
 @eqx.filter_jit
 def _information(residual: Residual, free: Any, moved: Any, shared: int) -> Any:
-    """Information about the shared coefficients, those of the run eliminated, and its derivatives."""
+    """Return the information about the coefficients, and its derivatives.
+
+    The nuisances of the run are eliminated. The third result is the information with known nuisances.
+    """
     run = residual.runs[0]
 
     def of(shift: Any) -> Any:
@@ -293,11 +306,11 @@ def _information(residual: Residual, free: Any, moved: Any, shared: int) -> Any:
 
 
 def criterion_of(total: np.ndarray, wanted: np.ndarray, criterion: str) -> tuple[float, np.ndarray]:
-    """The criterion of an information matrix in units of the values, and its derivative by that matrix.
+    """Return the criterion of an information matrix and its derivative.
 
     Args:
-        total: shape (p, p).
-        wanted: relative standard error that is wanted of each coefficient, inf where none is, shape (p,).
+        total: information in units of the values, shape (p, p).
+        wanted: wanted relative standard error of each coefficient, inf without a target, shape (p,).
         criterion: "c" or "D".
 
     Examples:
@@ -308,7 +321,7 @@ def criterion_of(total: np.ndarray, wanted: np.ndarray, criterion: str) -> tuple
     """
     inverse = np.linalg.inv(total)
     if np.linalg.slogdet(total)[0] <= 0 or np.any(np.diag(inverse) <= 0):
-        # Of a direction that no run determines rounding is left, of either sign.
+        # A direction that no run determines has only rounding errors, of either sign.
         return math.inf, np.zeros_like(total)
     if criterion == "D":
         return -float(np.linalg.slogdet(total)[1]), -inverse
@@ -320,7 +333,7 @@ def criterion_of(total: np.ndarray, wanted: np.ndarray, criterion: str) -> tuple
 def _best(
     space: _Space, total: np.ndarray, wanted: np.ndarray, criterion: str, x0: Any, loads: Any
 ) -> tuple[Point, np.ndarray]:
-    """The run that makes the criterion the least, with its information."""
+    """Return the run with the smallest criterion, and its information."""
     from scipy.optimize import minimize
 
     def at(where: np.ndarray) -> tuple[float, np.ndarray, _RunInformation]:
@@ -337,7 +350,7 @@ def _best(
 
     def within(where: np.ndarray) -> tuple[float, np.ndarray]:
         value, slope, run = at(where)
-        # Behind an edge of the map the motion is another one.
+        # Exclude motions with another number of half-cycles.
         return (value, slope) if run.half_cycles == first.half_cycles else (value + 1e3, slope)
 
     moved: Any = minimize(

@@ -1,8 +1,8 @@
-"""A run that has not been made yet: its machine, its samples, its half-cycles, and its residual as a fit would have it.
+"""Planned runs: machine, sample times, half-cycles, and the residual of a fit.
 
-The derivatives of a planned run are those of the fit to come, so the residual, the engines and the frozen mesh of
-:mod:`fricjax.fitting` are taken as they are. The number of half-cycles stays at its value: the motion is smooth on that
-branch, and where a law stops the mass after another number the motion jumps to another one.
+The derivatives of a planned run are those of a later fit. Therefore this module uses the residual, the engines and the
+frozen mesh of :mod:`fricjax.fitting`. The number of half-cycles is constant: the motion depends smoothly on the
+parameters for a constant number, and jumps if the number changes.
 """
 
 import dataclasses
@@ -29,23 +29,22 @@ from ..oscillator.select import half_cycle_capacity, select_engine
 from ..settings import check_sampling
 
 TAIL = 0.05
-"""Time at rest that a record should hold behind the stop [s]."""
+"""Time at rest that a record should include after the stop [s]."""
 
-# Room for at least so many half-cycles, more than most runs have: the size is part of a program, and runs of one size
-# share their compilation.
+# Least capacity for half-cycles, more than most runs have. Runs of one capacity share a compiled program.
 _CAPACITY = 512
 
 
 @dataclasses.dataclass(frozen=True)
 class PlannedMotion:
-    """Where the planned motion reverses and stops.
+    """Reversals and stop of a planned motion.
 
     Attributes:
-        half_cycles: their number until the stop; None where the mass does not stop by itself.
-        t_stop: time of the stop [s], inf for none.
-        turning_points: the start and the reversals in order, the last one the stop [m], shape (half_cycles + 1,).
-        like_coulomb: whether all this is that of a Coulomb law with the same dynamic friction, since the law itself
-            stops the mass only gradually.
+        half_cycles: number of half-cycles until the stop; None if the mass does not stop.
+        t_stop: time of the stop [s], inf without one.
+        turning_points: start, reversals and stop in order [m], shape (half_cycles + 1,).
+        like_coulomb: True if the other values are those of a Coulomb law with the same dynamic friction, because the
+            law of the machine stops the mass only gradually.
     """
 
     half_cycles: int | None
@@ -63,7 +62,7 @@ class Plan:
         x0: displacement at release [m].
         motion: its turning points and its stop.
         parameters: the coefficients and then the nuisances, in order.
-        residual: what a fit would make small, at its start values; the measured displacements are zero.
+        residual: residual of a fit at the start values, with measured displacements of zero.
     """
 
     oscillator: Oscillator
@@ -84,12 +83,15 @@ class Plan:
 
     @property
     def scales(self) -> np.ndarray:
-        """What one unit of each coordinate is: the size of the value, shape (p,)."""
+        """Unit of each coordinate: the size of the value, shape (p,)."""
         return np.array([parameter.scale for parameter in self.parameters])
 
 
 def planned_motion(oscillator: Oscillator, x0: float) -> PlannedMotion:
-    """The turning points of a release from `x0` [m], those of Coulomb's law for a law that is not set-valued."""
+    """Return the motion after a release from `x0` [m].
+
+    A law that is not set-valued is replaced by Coulomb's law.
+    """
     law, load = oscillator.friction, oscillator.normal_force
     band, omega = float(oscillator.dead_band), float(oscillator.angular_frequency)
     if not (band > 0 and x0 != 0):
@@ -98,7 +100,7 @@ def planned_motion(oscillator: Oscillator, x0: float) -> PlannedMotion:
     if not law.set_valued:
         mu = np.asarray(law.dynamic_force(load)) / np.asarray(load)
         twin = eqx.tree_at(lambda o: o.friction, oscillator, Coulomb(mu))
-    # Without damping it takes the longest: each half-cycle then loses two dead bands of amplitude.
+    # Without damping the motion is longest: each half-cycle loses two dead bands of amplitude.
     longest = math.pi / omega * (abs(x0) / (2 * band) + 4)
     motion: Motion = simulate(twin, x0, np.array([2 * longest]))
     stops = math.isfinite(float(motion.t_stop))
@@ -112,23 +114,28 @@ def planned_motion(oscillator: Oscillator, x0: float) -> PlannedMotion:
 
 
 def planned_times(motion: PlannedMotion, rate: float, duration: float | None) -> np.ndarray:
-    """Samples at `rate` [1/s] for a `duration` [s]; None: until 50 ms after the stop.
+    """Return sample times at a rate [1/s].
+
+    Args:
+        motion: the planned motion.
+        rate: samples per second.
+        duration: length of the record [s]; None: until 50 ms after the stop.
 
     Raises:
-        UsageError: a rate or duration that is no positive number, or a mass that never stops.
+        UsageError: the rate or duration is not a positive number, or the mass never stops.
     """
     check_sampling(rate, duration)
     if duration is None and not math.isfinite(motion.t_stop):
-        raise UsageError("The mass does not come to rest by itself here: say with the duration how long to record.")
+        raise UsageError("The mass never comes to rest here: say with the duration how long to record.")
     length = motion.t_stop + TAIL if duration is None else float(duration)
     return np.arange(max(round(length * rate), 2)) / rate
 
 
 def checked_times(ts: ArrayLike) -> np.ndarray:
-    """Sample times as an array.
+    """Convert sample times to an array.
 
     Raises:
-        UsageError: no list of increasing times.
+        UsageError: this is not a list of increasing times.
     """
     times = np.asarray(ts, float)
     if times.ndim != 1 or times.size < 2 or not np.all(np.diff(times) > 0):
@@ -147,27 +154,27 @@ def plan(
     engine: str | AbstractEngine = "auto",
     motion: PlannedMotion | None = None,
 ) -> Plan:
-    """The planned run.
+    """Plan a run.
 
     Args:
-        oscillator: the machine at the values that are expected.
+        oscillator: the machine at the expected values.
         x0: displacement at release [m]; the mass starts from rest at time zero.
         ts: sample times [s], increasing, shape (samples,).
-        names: coefficients; None for all that the model has.
+        names: coefficients; None: all coefficients of the model.
         nuisance: free parameters of the run.
         noise: standard deviation of a sample [m].
-        engine: as in a simulation.
-        motion: turning points, where they are known already.
+        engine: see :func:`fricjax.simulate`.
+        motion: the planned motion; None: it is computed here.
 
     Raises:
-        UsageError: names that do not exist or appear twice, or an engine that cannot integrate this oscillator.
+        UsageError: a name does not exist or appears twice, or the engine cannot integrate this oscillator.
     """
     ready()
     x0, nuisance = float(x0), tuple(nuisance)
     oscillator = jax.tree.map(lambda leaf: np.asarray(leaf, float), oscillator)
     leaves, values = leaves_of(oscillator), jax.tree.leaves(oscillator)
     if names is None:
-        # A coefficient of zero is a term left out, but for damping: a rig may not know it before the run.
+        # A coefficient of zero is a missing term, except damping, which may be unknown before the run.
         shared = [leaf for leaf in leaves if leaf.name == "damping" or float(values[leaf.index]) != 0]
     else:
         shared = [find_leaf(name, leaves) for name in names]
@@ -176,7 +183,7 @@ def plan(
     check_once([*(leaf.name for leaf in shared), *nuisance])
     if not shared and not nuisance:
         raise UsageError("No parameter is named: name at least one coefficient or nuisance parameter.")
-    # The run at its planned values: from rest after a slow pull, released at time zero.
+    # The planned run starts from rest after a slow pull, at time zero.
     run_values = {**dict.fromkeys(NUISANCES, 0.0), "x0": x0, "z0": 1.0}
     sizes = {name: abs(x0) or 1.0 if unit == "m" else 1.0 for name, unit in NUISANCES.items()}
     machine = [(leaf.name, leaf.unit, float(values[leaf.index])) for leaf in shared]
@@ -209,11 +216,11 @@ def plan(
 def _engine(
     engine: str | AbstractEngine, oscillator: Oscillator, kinds: list[str], motion: PlannedMotion, end: float, x0: float
 ) -> AbstractEngine:
-    """The engine; with room for the half-cycles until the stop, or for as many as the record can hold."""
+    """Return an engine with sufficient capacity for the half-cycles of the record."""
     capacity = half_cycle_capacity(oscillator, end, x0, 0.0)
     if motion.half_cycles is not None and not motion.like_coulomb:
         capacity = max(_CAPACITY, 2 ** math.ceil(math.log2(motion.half_cycles + 2)))
-    # At a drag of zero the closed form is chosen, which has no derivative by the drag.
+    # For zero drag "auto" chooses the closed form, which has no derivative with respect to the drag.
     named = "hybrid" if engine == "auto" and "drag" in kinds and oscillator.friction.set_valued else engine
     try:
         return select_engine(named, oscillator, max_half_cycles=capacity)

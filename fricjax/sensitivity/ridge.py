@@ -1,9 +1,9 @@
-"""The Stribeck ridge: of a fall of friction that is over at low speed, a run determines a single combination well.
+"""The Stribeck ridge: combinations of static coefficient and Stribeck velocity.
 
-Where friction falls from static to dynamic far below the speeds of the run, each reversal loses the extra work
-``(mu_s - mu) N (v_stribeck^2/2) (1/|a-| + 1/|a+|)`` (Gaussian fall; ``a-`` and ``a+`` the accelerations before and
-after it) and shifts the motion in time. The mu and the damping of a fit take up part of both; what is left determines
-``mu_s - mu`` times a power of ``v_stribeck`` that follows from the information matrix.
+If friction falls from static to dynamic far below the speeds of the run, each reversal loses the extra work
+``(mu_s - mu) N (v_stribeck^2/2) (1/|a-| + 1/|a+|)`` (Gaussian fall; ``a-`` and ``a+`` are the accelerations before and
+after it) and shifts the motion in time. The mu and the damping of a fit absorb part of both effects. The rest
+determines only ``mu_s - mu`` times a power of ``v_stribeck``, which follows from the information matrix.
 """
 
 from typing import NamedTuple
@@ -20,7 +20,7 @@ WORK = 2.0
 
 
 class Ridge(NamedTuple):
-    """One law that falls from static to dynamic friction: its coefficients by name and their values.
+    """Coefficients of a law that falls from static to dynamic friction.
 
     Attributes:
         mu, mu_s, v_stribeck: names of the coefficients.
@@ -35,24 +35,24 @@ class Ridge(NamedTuple):
     speed: float
 
     def text(self, power: float) -> str:
-        """The combination with that power of the Stribeck velocity."""
+        """Return the combination with that power of the Stribeck velocity, as text."""
         return f"({self.mu_s} - {self.mu}) {self.v_stribeck}^{power:.3g}"
 
     def estimate(self, information: Information, power: float) -> Measured:
-        """The same with its expected standard error."""
+        """Return the combination with its expected standard error."""
         value = self.fall * self.speed**power
         slopes = {self.mu_s: 1 / self.fall, self.mu: -1 / self.fall, self.v_stribeck: power / self.speed}
         return Measured(value, value * information.std_of(slopes), f"(m/s)^{power:.3g}")
 
     def best_power(self, information: Information) -> float:
-        """The power of the combination that the run determines best."""
-        # Where the run leaves a trade of the two open, the combination is what that trade does not change.
+        """Return the power of the combination that the run determines best."""
+        # In an undetermined direction of the two, the combination is constant.
         for direction in information.singular:
             change = dict(zip(direction.names, direction.changes, strict=True))
             if {self.mu_s, self.v_stribeck} <= set(change):
                 fall = change[self.mu_s] - change.get(self.mu, 0.0)
                 return float(-fall / self.fall * self.speed / change[self.v_stribeck])
-        # Otherwise that of the least variance: the regression of the fall on the speed in the expected covariance.
+        # Otherwise it has the least variance: the regression of the fall on the speed in the expected covariance.
         speed = information.names.index(self.v_stribeck)
         among = np.array([(name == self.mu_s) - float(name == self.mu) for name in information.names])
         shared = among @ information.inverse[:, speed]
@@ -60,7 +60,7 @@ class Ridge(NamedTuple):
 
 
 def ridges_of(information: Information) -> tuple[Ridge, ...]:
-    """The laws of which both the static coefficient and the Stribeck velocity are to be fitted."""
+    """Return laws with free static coefficient and Stribeck velocity."""
     flat = jax.tree.leaves(information.oscillator)
     by_path = {leaf.dotted: leaf for leaf in leaves_of(information.oscillator)}
     ridges = []
@@ -75,7 +75,10 @@ def ridges_of(information: Information) -> tuple[Ridge, ...]:
 
 
 def combinations(information: Information) -> dict[str, Measured]:
-    """For each of these laws the combination that the run determines best, and that of the work lost at a reversal."""
+    """Return the best combination of each law, and that of the work.
+
+    The work is the extra work at a reversal, see the module.
+    """
     estimates = {
         ridge.text(power): ridge.estimate(information, power)
         for ridge in ridges_of(information)

@@ -1,10 +1,9 @@
-"""Where to release the mass next, so that its stop tells most of static friction.
+"""The next release for the static coefficient, chosen by the expected stop.
 
-A mass that comes to rest for a moment stays where the spring asks for less than static friction can hold, so each
-reversal asks one question of mu_s: is it above ``|R(a)|/N``? Which questions a run asks follows from its release
-through the turning points, which dynamic friction and damping determine. The best release is that after which the
-expected variance of mu_s is the smallest (Lindley, Ann. Math. Stat. 27, 986, 1956, for a quadratic loss): without
-scatter it halves the interval that is left, where a spread of releases at random would leave it to luck.
+At a reversal the mass stays if the spring force is smaller than static friction. So each reversal tests one question on
+mu_s: is it above ``|R(a)|/N``? The release, dynamic friction and damping determine the turning points, and thus the
+questions of a run. The best release leaves the smallest expected variance of mu_s (Lindley, Ann. Math. Stat. 27, 986,
+1956, for a quadratic loss). Without scatter it halves the interval of mu_s.
 """
 
 import dataclasses
@@ -17,24 +16,24 @@ import numpy as np
 from ..errors import UsageError
 from ..oscillator import Oscillator, ready
 from ..pairs.static import reversals_of
-from ..show import Report, Reported, Style, Table, axis_label, engineering, figure, plain, scaled, styled
+from ..show import Cell, Report, Reported, Style, Table, axis_label, engineering, figure, plain, scaled, styled
 
-# Values of mu_s, and releases, that are looked at: the interval is halved to a few thousandths of what is left of it.
+# Number of values of mu_s and of releases in the search, which resolve a few thousandths of the interval.
 _GRID, _RELEASES = 400, 801
-# Scatters beyond which no stop is expected.
+# Range of static friction about mu_s, in standard deviations of its scatter.
 _FAR = 6.0
-# Outcomes that a report lists.
+# Number of outcomes in the report.
 _LISTED = 4
 
 
 class Outcome(NamedTuple):
-    """What a run may do.
+    """Possible outcome of a run.
 
     Attributes:
-        half_cycles: after which it stops.
-        displacement: where, from the equilibrium [m].
-        probability: how probable that is.
-        value, std: of mu_s after it.
+        half_cycles: number of half-cycles until the stop.
+        displacement: displacement of the stop from the equilibrium [m].
+        probability: probability of the outcome.
+        value, std: mu_s and its standard uncertainty after the outcome.
 
     Examples:
         >>> Outcome(half_cycles=4, displacement=-1.3e-4, probability=0.5, value=0.0575, std=0.0043).half_cycles
@@ -50,14 +49,14 @@ class Outcome(NamedTuple):
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class NextRelease(Reported):
-    """The release that tells most of static friction.
+    """The most informative release for static friction.
 
     Attributes:
-        x0: displacement from the equilibrium to release from [m].
-        value, std: of mu_s before the run, all values of its interval being as probable.
-        expected_std: root of the expected variance after it.
-        outcomes: what it may do, the most probable first.
-        releases, expected: the releases that were looked at [m] and the `expected_std` of each, shape (n,).
+        x0: displacement from the equilibrium at release [m].
+        value, std: mu_s and its standard uncertainty before the run, with equal probability over its interval.
+        expected_std: root of the expected variance after the run.
+        outcomes: possible outcomes of the run, the most probable first.
+        releases, expected: the releases of the search [m] and the `expected_std` of each, shape (n,).
 
     Examples:
         >>> import fricjax as fj
@@ -76,11 +75,18 @@ class NextRelease(Reported):
     expected: np.ndarray
 
     def report(self) -> Report:
-        """The release, what it brings, and what the mass may do."""
+        """Return the release and the possible outcomes."""
         rows = []
-        for each in self.outcomes[:_LISTED]:
-            then = [plain(each.value, 4), f"{100 * each.std / each.value:.2g} %"]
-            rows.append([each.half_cycles, engineering(each.displacement, "m", 4), f"{each.probability:.2f}", *then])
+        for each in self.outcomes:
+            rows.append(
+                [
+                    Cell(each.half_cycles, half_cycles=each.half_cycles),
+                    Cell(engineering(each.displacement, "m", 4), displacement=each.displacement),
+                    Cell(f"{each.probability:.2f}", probability=each.probability),
+                    Cell(plain(each.value, 4), value=each.value),
+                    Cell(f"{100 * each.std / each.value:.2g} %", std=each.std),
+                ]
+            )
         heads = ["Stops after half-cycles", "At", "Probability", "Then mu_s", "Then its uncertainty"]
         relative = lambda std: f"{100 * std / self.value:.2g} %"
         facts = [
@@ -89,10 +95,11 @@ class NextRelease(Reported):
             ("after the run", f"standard uncertainty {relative(self.expected_std)} expected"),
         ]
         data = {field.name: getattr(self, field.name) for field in dataclasses.fields(self)}
-        return Report([Table(heads, rows, "The release that tells most of mu_s")], facts, data=data)
+        table = Table(heads, rows, "The most informative release for mu_s", {"displacement": "m"}, _LISTED)
+        return Report([table], facts, data=data)
 
     def plot(self, *, style: Style = "screen") -> Any:
-        """Expected standard uncertainty of mu_s after a run, against its release; a matplotlib figure.
+        """Draw the expected standard uncertainty of mu_s against the release, in matplotlib.
 
         Args:
             style: as of :func:`fricjax.show.styled`.
@@ -111,33 +118,33 @@ class NextRelease(Reported):
 def next_release(
     oscillator: Oscillator, x0: tuple[float, float], interval: tuple[float, float], *, scatter: float = 0.0
 ) -> NextRelease:
-    """Where to release the mass next, for the static coefficient.
+    """Find the most informative next release for the static coefficient.
 
     Args:
-        oscillator: the machine with the dynamic coefficient and the damping that are known by now.
-        x0: smallest and largest displacement from the equilibrium that the rig can release from [m].
-        interval: of mu_s, as `fit.intervals["mu_s"]` has it; before the first run, guess a wide one above mu.
+        oscillator: the machine with the present estimates of dynamic coefficient and damping.
+        x0: smallest and largest displacement from the equilibrium at release [m].
+        interval: interval of mu_s, e.g. `fit.intervals["mu_s"]`; before the first run, guess a wide one above mu.
         scatter: relative standard deviation of static friction from stop to stop.
 
     Returns:
-        The release, and what is to be expected of it.
+        The release, and its possible outcomes.
 
     Raises:
         RuntimeError: JAX computes in single precision.
-        UsageError: ends that are none, or a law whose static coefficient no stop tells.
+        UsageError: the ends of a range are not valid, or stops do not determine a static coefficient of this law.
 
     Examples:
         >>> import fricjax as fj
         >>> machine = fj.Oscillator(0.4, 2500.0, 0.2, 10.0, fj.friction.Coulomb(0.05))
         >>> print(fj.sensitivity.next_release(machine, (0.5e-3, 2e-3), (0.05, 0.07)).summary())
-        The release that tells most of mu_s
+        The most informative release for mu_s
         Stops after half-cycles  At           Probability  Then mu_s  Then its uncertainty
         ...
     """
     ready()
     if not oscillator.friction.set_valued:
         raise UsageError(
-            f"Under {type(oscillator.friction).__name__} no stop tells a static coefficient. Take Coulomb."
+            f"Under {type(oscillator.friction).__name__} a stop determines no static coefficient. Take Coulomb."
         )
     for name, (low, high), unit in (("x0", x0, " [m]"), ("interval", interval, "")):
         if not 0 < low < high < math.inf:
@@ -163,10 +170,13 @@ def next_release(
 
 
 def _questions(machine: Oscillator, releases: np.ndarray, low: float, high: float) -> tuple[np.ndarray, ...]:
-    """The coefficients that the last reversals ask for, their turning points [m] and numbers, shape (releases, points).
+    """Return the mu_s that would hold the mass at each reversal.
 
-    Earlier ones ask for more than the highest value, and the mass moves on. Where the spring asks for less than the
-    lowest value the mass certainly stays, and what follows does not happen.
+    The reversals are the last ones. At earlier reversals even the highest value would not hold the mass. At the last
+    one the lowest value would.
+
+    Returns:
+        These coefficients, the turning points [m] and their numbers, each of shape (releases, points).
     """
     most = math.ceil(float(releases[-1]) / (2 * float(machine.dead_band))) + 2
     points = reversals_of(machine, releases, np.full(releases.size, most))[:, : most + 1]
@@ -178,10 +188,16 @@ def _questions(machine: Oscillator, releases: np.ndarray, low: float, high: floa
 
 
 def _stops(asked: np.ndarray, mu_s: np.ndarray, scatter: float) -> np.ndarray:
-    """Probability to stop at each reversal for each value of mu_s, shape (releases, points, values)."""
+    """Return the probability of a stop, shape (releases, points, values).
+
+    Args:
+        asked: coefficient that holds the mass, shape (releases, points).
+        mu_s: values of the static coefficient, shape (values,).
+        scatter: relative standard deviation of static friction.
+    """
     from scipy.special import ndtr
 
-    # Where nothing scatters a step stands for the normal distribution.
+    # Without scatter the normal distribution is a step.
     with np.errstate(divide="ignore", invalid="ignore"):
         deviations = (mu_s / asked[:, :, None] - 1) / scatter if scatter else np.inf * (mu_s - asked[:, :, None])
     stays = ndtr(np.where(asked[:, :, None] == 0, np.inf, deviations))

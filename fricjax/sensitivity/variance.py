@@ -1,12 +1,12 @@
-"""Which parameter decides over whole ranges: Sobol's indices, and their bound by exact derivatives.
+"""Global sensitivities: Sobol's indices, and their bounds by exact derivatives.
 
-The first index of a parameter is the part of the variance that it alone explains, the total one the part that is left
-when all others are known (Sobol, Math. Comput. Simul. 55, 271, 2001; by Saltelli's design, from SALib). Derivatives
-cost one pass for all parameters and bound the total index of a parameter of range w,
+The first index of a parameter is the fraction of the variance that it alone explains. The total index is the fraction
+that remains if all other parameters are known (Sobol, Math. Comput. Simul. 55, 271, 2001; by Saltelli's design, from
+SALib). Derivatives need one pass for all parameters and bound the total index of a parameter of range w,
 
     S_T <= E[(df/dx)^2] w^2/(pi^2 V),
 
-(Sobol and Kucherenko, Math. Comput. Simul. 79, 3009, 2009), so that what they call small is small for certain.
+(Sobol and Kucherenko, Math. Comput. Simul. 79, 3009, 2009). A parameter with a small bound is certainly unimportant.
 """
 
 import dataclasses
@@ -20,7 +20,7 @@ import numpy as np
 
 from ..errors import UsageError, needed
 from ..oscillator import ready
-from ..show import Report, Reported, Style, Table, axis_label, figure, styled
+from ..show import Cell, Report, Reported, Style, Table, axis_label, figure, styled
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -29,11 +29,11 @@ class Sobol(Reported):
 
     Attributes:
         names: parameters; `ranges`: lower and upper end of each, SI units.
-        mean, variance: of the quantity over the ranges.
+        mean, variance: mean and variance of the quantity over the ranges.
         first, total: Sobol's indices, shape (p,); `first_errors`, `total_errors`: half-widths of their 95 % intervals.
-        derivatives: mean squares of the derivatives, in units of the quantity over that of each parameter, squared.
-        bounds: upper bounds of the total indices that follow from them, shape (p,).
-        evaluations: number of times the quantity was computed.
+        derivatives: mean squares of the derivatives, in squared units of the quantity over those of each parameter.
+        bounds: upper bounds of the total indices from the derivatives, shape (p,).
+        evaluations: number of evaluations of the quantity.
 
     Examples:
         >>> import fricjax as fj
@@ -55,15 +55,16 @@ class Sobol(Reported):
     evaluations: int
 
     def report(self) -> Report:
-        """The parameters, that of the largest total index first."""
-        rows = []
+        """Return the parameters, the largest total index first."""
+        rows, kinds = [], {"first": (self.first, self.first_errors), "total": (self.total, self.total_errors)}
         for i in np.argsort(-self.total):
-            first, total = (
-                f"{index[i]:.3f} +/- {error[i]:.3f}"
-                for index, error in ((self.first, self.first_errors), (self.total, self.total_errors))
-            )
             low, high = self.ranges[self.names[i]]
-            rows.append([self.names[i], f"{low:g} to {high:g}", first, total, f"{self.bounds[i]:.3g}"])
+            indices = [
+                Cell(f"{index[i]:.3f} +/- {error[i]:.3f}", **{kind: index[i], f"{kind}_error": error[i]})
+                for kind, (index, error) in kinds.items()
+            ]
+            span, bound = Cell(f"{low:g} to {high:g}", low=low, high=high), self.bounds[i]
+            rows.append([self.names[i], span, *indices, Cell(f"{bound:.3g}", bound=bound)])
         heads = ["Parameter", "Range", "First index", "Total index", "Bound by derivatives"]
         facts = [("mean", f"{self.mean:.4g}"), ("standard deviation", f"{math.sqrt(self.variance):.3g}")]
         facts.append(("computed", f"{self.evaluations} times"))
@@ -71,7 +72,7 @@ class Sobol(Reported):
         return Report([Table(heads, rows, "Global sensitivity")], facts, data=data)
 
     def plot(self, *, style: Style = "screen") -> Any:
-        """First and total indices as bars, with the bounds of the latter as marks; a matplotlib figure.
+        """Draw the indices as bars, and the bounds as marks, in matplotlib.
 
         Args:
             style: as of :func:`fricjax.show.styled`.
@@ -97,25 +98,25 @@ def sobol(
     samples: int = 1024,
     seed: int = 0,
 ) -> Sobol:
-    """Global sensitivities of a number that follows from parameters, by batched simulation.
+    """Return global sensitivities of a quantity, by batched simulation.
 
     Args:
-        quantity: takes the parameters by name, in SI units, and returns a number; in terms that JAX can trace, as
-            `fricjax.simulate`.
-        ranges: lower and upper end of each parameter, within which all values are as likely.
-        samples: base of the design, a power of two; the quantity is computed `samples (p + 2)` times.
-        seed: of the design; the same seed gives the same numbers.
+        quantity: function that takes the parameters by name, in SI units, and returns a number. JAX traces it, e.g. a
+            function with `fricjax.simulate`.
+        ranges: lower and upper end of each parameter; all values between them are equally likely.
+        samples: base of the design, a power of two; the quantity is evaluated `samples (p + 2)` times.
+        seed: seed of the design; the same seed gives the same numbers.
 
     Returns:
         The indices, with their errors, and the bounds.
 
     Raises:
         RuntimeError: JAX computes in single precision.
-        UsageError: SALib is not installed, a range or a number of samples that is none, or a quantity that is not
+        UsageError: SALib is not installed, a range or the number of samples is not valid, or the quantity is not
             finite.
 
     Examples:
-        Where a mass stops is decided by friction far more than by damping:
+        The stop of a mass depends on friction far more than on damping:
 
         >>> import numpy as np
         >>> import fricjax as fj
@@ -142,7 +143,7 @@ def sobol(
         return jnp.asarray(quantity(dict(zip(names, point, strict=True))), float).reshape(())
 
     values = np.asarray(jax.jit(jax.vmap(of))(points))
-    # The first of each group of rows is a point of its own, the others share all but one number with it.
+    # The first row of each group is an independent point. The other rows differ from it in one number.
     bases = points[:: len(names) + 2]
     slopes = np.asarray(jax.jit(jax.vmap(jax.jacfwd(of)))(bases))
     if not (np.all(np.isfinite(values)) and np.all(np.isfinite(slopes))):

@@ -1,4 +1,7 @@
-"""How numbers, tables and axes look: one style for summaries, notebooks, reports and the command line."""
+"""Numbers, tables and axes in one style.
+
+Summaries, notebooks, reports and the command line share it.
+"""
 
 import lazy_loader as _lazy_loader
 

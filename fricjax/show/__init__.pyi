@@ -1,10 +1,11 @@
 from .axes import Style, axis_label, figure, save, scaled, styled
 from .numbers import duration, engineering, interval, parse_uncertain, plain, uncertain
 from .report import Report, Reported, plain_data
-from .tables import Table
+from .tables import Cell, Table
 from .units import display_unit, rotary_unit
 
 __all__ = [
+    "Cell",
     "Report",
     "Reported",
     "Style",

@@ -1,7 +1,9 @@
-"""Axes with units: displacement in mm, residuals in nm, time in s, in one quiet style.
+"""Axes with units, in one style.
 
-matplotlib is imported when the first figure is asked for. Figures are made through its object interface, so nothing of
-the user's own plotting state is touched and no display is needed.
+Displacements are shown in mm, residuals in nm, times in s.
+
+matplotlib is imported for the first figure. Figures use its object interface, so the plotting state of the user is not
+changed and no display is needed.
 """
 
 import functools
@@ -22,7 +24,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-# Okabe and Ito's palette: readers who do not see red and green apart can tell these colours.
+# Okabe and Ito's palette: red-green colour-blind readers can distinguish these colours.
 STYLE: dict[str, Any] = {
     "colours": ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000"),
     "line_width": 1.1,
@@ -32,27 +34,27 @@ STYLE: dict[str, Any] = {
     "grid": {"color": "#D9D9D9", "linewidth": 0.6},
 }
 
-_LETTERS = 34  # that fit below axes of one column
+_LETTERS = 34  # number of letters that fit below axes of one column
 
 type Style = str | Mapping[str, Any]
-"""One of `STYLES` by its name, or a mapping as they are."""
+"""Name of one of the `STYLES`, or a mapping with the same keys."""
 STYLES: dict[str, dict[str, Any]] = {
     "screen": {},
     "column": {"width": 85 / 25.4, "font_size": 8.0, "titles": False},
     "page": {"width": 178 / 25.4, "font_size": 8.0, "titles": False},
 }
-"""How a picture is drawn, by name; the widths are those of one and two columns of a journal [in]."""
+"""Styles of a figure by name; "column" and "page" have the width [in] of one and two columns of a journal."""
 
 
 def figure(
     rows: int = 1, columns: int = 1, *, share_x: bool = False, heights: tuple[float, ...] | None = None
 ) -> tuple["Figure", np.ndarray]:
-    """A figure with a grid of styled axes.
+    """Create a figure with a grid of styled axes.
 
     Args:
         rows: number of rows of axes.
         columns: number of columns of axes.
-        share_x: one abscissa for each column.
+        share_x: whether the axes of a column share their abscissa.
         heights: relative heights of the rows; None: equal.
 
     Returns:
@@ -76,12 +78,12 @@ def figure(
 
 @functools.cache
 def _notebook_figure() -> type["Figure"]:
-    """The class of figures that notebooks show by themselves: no window, no pyplot, no global state."""
+    """Return a class of figures that notebooks display without pyplot."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
     class NotebookFigure(Figure):
-        """A figure that draws itself as PNG wherever rich output is understood."""
+        """A figure with a PNG representation for rich output."""
 
         def __init__(self, *args: object, **kwargs: object) -> None:
             super().__init__(*args, **kwargs)  # pyright: ignore[reportArgumentType]
@@ -96,7 +98,7 @@ def _notebook_figure() -> type["Figure"]:
 
 
 def style(axes: "Axes") -> None:
-    """Gives one axes the common colours, line width, grid and font sizes."""
+    """Apply the common colours, line width, grid and fonts to axes."""
     from cycler import cycler
 
     axes.set_prop_cycle(cycler(linewidth=[STYLE["line_width"]]) * cycler(color=STYLE["colours"]))
@@ -109,19 +111,19 @@ def style(axes: "Axes") -> None:
 
 
 def styled(drawing: "Figure", style: Style = "screen") -> "Figure":
-    """A finished figure in the width and the type size of a place where it is printed.
+    """Adapt width and font size of a finished figure for print.
 
     Args:
-        drawing: the figure, which is changed.
-        style: "screen": as it is; "column" and "page": one and two columns of a journal, 85 mm and 178 mm wide in type
-            of 8 pt, without titles, for what these say stands in the caption; or a mapping of `width` [in],
-            `font_size` [pt] and `titles`, each of which may be left out.
+        drawing: the figure; it is changed in place.
+        style: "screen": unchanged. "column" and "page": one and two columns of a journal, 85 mm and 178 mm wide, 8 pt,
+            without titles, because the caption replaces them. Or a mapping with any of the keys `width` [in],
+            `font_size` [pt] and `titles`.
 
     Returns:
         The same figure.
 
     Raises:
-        UsageError: an unknown style, or an unknown key of one.
+        UsageError: the style is unknown, or one of its keys.
 
     Examples:
         >>> from fricjax.show import figure, styled
@@ -139,7 +141,7 @@ def styled(drawing: "Figure", style: Style = "screen") -> "Figure":
     if "width" in settings:
         width, height = drawing.get_size_inches()
         share = settings["width"] / width
-        # A narrow picture keeps more of its height, or its axes would be strips between their labels.
+        # A narrow figure keeps more of its height; otherwise too little space would remain between the labels.
         drawing.set_size_inches(settings["width"], height * share**0.5)
         if settings["width"] < STYLE["width"] / 2:
             _narrow(drawing)
@@ -157,7 +159,7 @@ def styled(drawing: "Figure", style: Style = "screen") -> "Figure":
 
 
 def _narrow(drawing: "Figure") -> None:
-    """Fewer ticks and labels of several lines, for axes that are narrower than what stands below them."""
+    """Reduce the ticks and wrap the labels of narrow axes."""
     from matplotlib.ticker import AutoLocator
 
     for axes in drawing.axes:
@@ -169,7 +171,11 @@ def _narrow(drawing: "Figure") -> None:
 
 
 def axis_label(name: str, unit: str) -> str:
-    """The text beside an axis: `Displacement [mm]`; a bare name where the quantity has no unit.
+    """Compose an axis label, such as `Displacement [mm]`.
+
+    Args:
+        name: name of the quantity.
+        unit: its unit; if empty, the label is the name alone.
 
     Examples:
         >>> from fricjax.show import axis_label
@@ -180,10 +186,10 @@ def axis_label(name: str, unit: str) -> str:
 
 
 def scaled(values: Any, unit: str) -> tuple[np.ndarray, str]:
-    """Values in the unit in which they are read most easily.
+    """Scale values to a unit with a suitable SI prefix.
 
     Args:
-        values: numbers in `unit`, any shape; those that are not finite are left out of the choice.
+        values: numbers in `unit`, any shape; the largest finite value determines the prefix.
         unit: an SI unit as text, e.g. "m".
 
     Returns:
@@ -201,20 +207,20 @@ def scaled(values: Any, unit: str) -> tuple[np.ndarray, str]:
 
 
 def save(figure: "Figure", path: str | os.PathLike[str], *, overwrite: bool = False) -> Path:
-    """Writes a figure; the file appears complete or not at all. The suffix chooses the format.
+    """Write a figure atomically, in the format of the suffix.
 
     Args:
-        figure: what to write.
-        path: the file; `.png`, `.svg`, `.pdf` or another format that matplotlib can write.
-        overwrite: replace a file that exists.
+        figure: the figure.
+        path: the file, with the suffix `.png`, `.svg`, `.pdf` or another format that matplotlib can write.
+        overwrite: replace an existing file.
 
     Returns:
-        The path written.
+        The path.
 
     Raises:
-        ValueError: if the suffix names no picture format; nothing is written.
-        FileExistsError: there is such a file, and `overwrite` is not given.
-        OSError: the file cannot be written; what was there is as it was.
+        ValueError: the suffix names no picture format.
+        FileExistsError: the file exists, and `overwrite` is False.
+        OSError: the file cannot be written; an existing file is unchanged.
 
     Examples:
         >>> import tempfile

@@ -1,6 +1,7 @@
-"""Files that appear complete or not at all, whatever interrupts their writing, and replace others only where asked to.
+"""Atomic writing of files.
 
-What is to be written lies in memory, so that a full disk, a limit or a kill can meet one place only, which is here.
+A file appears complete or not at all, even after an interruption, and replaces another file only on request. The
+content is in memory, so a full disk, a limit or a kill can interrupt the writing only in this module.
 """
 
 import contextlib
@@ -15,13 +16,13 @@ from pathlib import Path
 
 try:
     import fcntl
-except ImportError:  # Windows, where what a killed process leaves stays until somebody removes it
+except ImportError:  # Windows: temporary files of a killed process remain until someone removes them
     fcntl = None
 
-# What a killed process leaves is known by this name, and by nobody holding a lock on it.
+# A temporary file has such a name. It is an orphan of a killed process if no process holds a lock on it.
 _TEMPORARY = re.compile(r"\.fricjax-[0-9a-f]{16}\.tmp")
 _HAS_NO_LINKS = (errno.EPERM, errno.EOPNOTSUPP, errno.ENOSYS, errno.EMLINK, errno.EINVAL, errno.ENOTSUP)
-_NOTHING = "; nothing was written, and what was there is as it was"
+_NOTHING = "; nothing was written, and an existing file is unchanged"
 _REASONS = {
     errno.ENOSPC: f"no space left on its disk{_NOTHING}",
     errno.EDQUOT: f"no space left in the quota of its disk{_NOTHING}",
@@ -36,25 +37,24 @@ _REASONS = {
 
 
 def write_bytes(path: str | os.PathLike[str], content: bytes | memoryview, *, overwrite: bool = False) -> Path:
-    """Write a file, which appears complete or not at all, and is on the disk when this returns.
+    """Write a file atomically and flush it to the disk.
 
-    Where `path` is a symbolic link, the file that it names is written. A file that is replaced hands on its mode and,
-    where the process may do so, its owner and group; a new one gets the mode that the process gives to files. Other
-    processes and threads may write the same file at the same time: without `overwrite` one of them does, and with it
-    the last one stays.
+    A symbolic link is followed. A file that replaces another keeps the mode and, if the process has the permission, the
+    owner and group. A new file gets the default mode of the process. Several processes or threads may write the same
+    file at the same time. Without `overwrite` one of them succeeds, with `overwrite` the last one wins.
 
     Args:
         path: the file; its folder must exist.
-        content: all of it.
-        overwrite: replace a file that exists.
+        content: the complete content.
+        overwrite: replace an existing file.
 
     Returns:
         The path.
 
     Raises:
-        FileExistsError: there is such a file, and `overwrite` is not given.
-        OSError: it cannot be written: no folder, no permission, no space. The error carries `path` as its file name,
-            and nothing has changed.
+        FileExistsError: the file exists, and `overwrite` is False.
+        OSError: the file cannot be written: no folder, no permission, no space. The error has `path` as its file name,
+            and an existing file is unchanged.
     """
     target, existing = Path(os.path.realpath(path)), None
     try:
@@ -65,11 +65,11 @@ def write_bytes(path: str | os.PathLike[str], content: bytes | memoryview, *, ov
         if existing is not None and not overwrite:
             raise FileExistsError(errno.EEXIST, "")
         _remove_orphans(target.parent)
-        # What replaces a file is nobody else's to read until it has the mode of that file.
+        # Nobody else may read a replacement before it has the mode of the file that it replaces.
         with _temporary(target.parent, 0o666 if existing is None else 0o600) as file:
             _fill(file, content, existing)
             _publish(Path(file.name), target, overwrite)
-        # The name is on the disk once its folder is; not every system can write a folder down.
+        # The name reaches the disk with the folder; not every system can flush a folder.
         with contextlib.suppress(OSError):
             folder = os.open(target.parent, os.O_RDONLY)
             try:
@@ -82,48 +82,51 @@ def write_bytes(path: str | os.PathLike[str], content: bytes | memoryview, *, ov
 
 
 def write_text(path: str | os.PathLike[str], text: str, *, overwrite: bool = False) -> Path:
-    """Write a text file in UTF-8 as `write_bytes` does."""
+    """Write a text file in UTF-8 with `write_bytes`."""
     return write_bytes(path, text.encode("utf-8"), overwrite=overwrite)
 
 
 def refused(code: int | None, path: str | os.PathLike[str]) -> OSError:
-    """The error of a file that cannot be written, with a reason that says what to do where that is known."""
+    """Return the error for an unwritable file, with a remedy."""
     known = errno.EIO if code is None else code
     return OSError(known, _REASONS.get(known, os.strerror(known)), str(path))
 
 
 @contextlib.contextmanager
 def _temporary(folder: Path, mode: int) -> Iterator[FileIO]:
-    """An empty file beside the target, locked as long as its process lives; gone at the end unless it was moved."""
+    """Open an empty, locked temporary file in the folder of the target.
+
+    The lock lasts as long as the process lives. The file is removed at the end unless it was moved.
+    """
     while True:
         path = folder / f".fricjax-{secrets.token_hex(8)}.tmp"
-        # The kernel applies the umask to the mode; a process can learn it only by changing it, for all its threads.
+        # The kernel applies the umask to the mode. A process can read the umask only by changing it for all threads.
         file = FileIO(path, "x+", opener=lambda name, flags: os.open(name, flags, mode))
         if fcntl is None:
             break
-        # Some network disks know no locks; there nobody can lock an orphan either, and all stay.
+        # Some network disks have no locks. Orphans cannot be locked there either, so they remain.
         with contextlib.suppress(OSError):
             fcntl.flock(file, fcntl.LOCK_EX)
-        # Before it was locked, another process may have taken it for an orphan.
+        # Another process may have removed the file as an orphan before it was locked.
         if os.fstat(file.fileno()).st_nlink:
             break
         file.close()
     try:
         yield file
     finally:
-        # Before the lock goes, or others might find the file and take it for an orphan.
+        # Remove the file before the lock is released, or another process could treat it as an orphan.
         Path(file.name).unlink(missing_ok=True)
         file.close()
 
 
 def _remove_orphans(folder: Path) -> None:
-    """Remove what killed processes have left in a folder: temporary files on which nobody holds the lock."""
+    """Remove unlocked temporary files that killed processes left in a folder."""
     if fcntl is None:
         return
     with os.scandir(folder) as entries:
         names = [entry.path for entry in entries if _TEMPORARY.fullmatch(entry.name)]
     for name in names:
-        # It may be gone by now, locked, or somebody else's.
+        # The file may have disappeared, be locked, or belong to another user.
         with contextlib.suppress(OSError):
             handle = os.open(name, os.O_RDWR | os.O_NOFOLLOW | os.O_NONBLOCK)
             try:
@@ -134,26 +137,26 @@ def _remove_orphans(folder: Path) -> None:
 
 
 def _fill(file: FileIO, content: bytes | memoryview, existing: os.stat_result | None) -> None:
-    """Write the content down to the disk, with mode and owner of the file that it replaces."""
+    """Write the content, with mode and owner of the replaced file."""
     rest = memoryview(content).cast("B")
     while rest:
         rest = rest[file.write(rest) :]
     if existing is not None and hasattr(os, "fchown"):
-        # Only root may give files away; the group may be one of ours.
+        # Only root may change the owner; the group may be one to which the user belongs.
         for owner in ((existing.st_uid, existing.st_gid), (-1, existing.st_gid)):
             with contextlib.suppress(OSError):
                 os.fchown(file.fileno(), *owner)
                 break
-        # After the owner, whose change takes bits away.
+        # Set the mode after the owner, because a change of owner clears bits of the mode.
         os.fchmod(file.fileno(), stat.S_IMODE(existing.st_mode))
     os.fsync(file.fileno())
     if fcntl is None:
-        # Windows moves no file that is open.
+        # Windows does not move an open file.
         file.close()
 
 
 def _publish(temporary: Path, target: Path, overwrite: bool) -> None:
-    """Give the file its name, in one step that replaces nothing unless asked to."""
+    """Rename the file atomically; replace a file only on request."""
     if not overwrite:
         try:
             os.link(temporary, target)

@@ -1,7 +1,7 @@
-"""Numbers as the field writes them: 0.21452(31) for a value with its standard uncertainty, 12.3 um for a length.
+"""Numbers as text, with standard uncertainties and SI prefixes.
 
-The digits in brackets are the standard uncertainty in units of the last digits shown (GUM 7.2.2), two of them always.
-What was fixed and what the data do not determine is said in words and never printed as a zero uncertainty.
+For example 0.21452(31), or 12.3 um. The two digits in brackets are the standard uncertainty in units of the last digits
+shown (GUM 7.2.2). A fixed or undetermined value is marked with this word, and never printed with a zero uncertainty.
 """
 
 import math
@@ -10,16 +10,16 @@ from decimal import ROUND_HALF_EVEN, Context, Decimal
 
 from .units import display_unit
 
-# The package `uncertainties` writes and reads the same shorthand, but it imports NumPy, which alone would take half of
-# the time in which the command line answers.
+# The package `uncertainties` writes and reads the same shorthand, but it imports NumPy, which would double the start-up
+# time of the command line.
 
-# 1e308 with an uncertainty of 5e-324 has 309 digits before and 325 behind the point, and a saved fit may hold that.
+# 1e308 with an uncertainty of 5e-324 has 309 digits before and 325 after the point, and a saved fit may contain it.
 _ROUNDED = Context(prec=700, rounding=ROUND_HALF_EVEN)
-_SMALLEST_FIXED = -4  # below 1e-4 the leading zeros take longer to count than an exponent to read
+_SMALLEST_FIXED = -4  # below 1e-4 an exponent is easier to read than leading zeros
 
 
 def uncertain(value: float, std: float | None, unit: str = "") -> str:
-    """A value with its standard uncertainty in shorthand.
+    """Write a value with its standard uncertainty in shorthand.
 
     Args:
         value: the estimate.
@@ -30,7 +30,7 @@ def uncertain(value: float, std: float | None, unit: str = "") -> str:
         For example `0.21452(31)`, `120.3(1.2) N/m`, `1.002(34)e-05 m/s`, `0.0100 (fixed)`, `0.0100 (undetermined)`.
 
     Raises:
-        ValueError: if `std` is negative.
+        ValueError: `std` is negative.
 
     Examples:
         >>> from fricjax.show import uncertain
@@ -49,7 +49,7 @@ def uncertain(value: float, std: float | None, unit: str = "") -> str:
 
 
 def plain(value: float, digits: int = 6) -> str:
-    """A bare number with at most `digits` and at least three significant digits.
+    """Write a number with three to `digits` significant digits.
 
     Examples:
         >>> from fricjax.show import plain
@@ -68,7 +68,7 @@ def plain(value: float, digits: int = 6) -> str:
 
 
 def engineering(value: float, unit: str, digits: int = 3) -> str:
-    """A value with an SI prefix and at most `digits` significant digits.
+    """Write a value with an SI prefix and at most `digits` digits.
 
     Examples:
         >>> from fricjax.show import engineering
@@ -79,12 +79,12 @@ def engineering(value: float, unit: str, digits: int = 3) -> str:
         return _with_unit(str(value), unit)
     rounded = float(f"{value:.{digits - 1}e}")
     factor, shown = display_unit(rounded, unit)
-    # Three digits before the point need no exponent, however few of them count.
+    # Three digits before the point need no exponent, even if fewer of them are significant.
     return _with_unit(f"{rounded * factor:.{max(digits, 3)}g}", shown)
 
 
 def interval(low: float, high: float, unit: str = "") -> str:
-    """The two ends of an interval with as many digits as tell them apart.
+    """Write the ends of an interval with enough digits to distinguish them.
 
     Examples:
         >>> from fricjax.show import interval
@@ -100,14 +100,14 @@ def interval(low: float, high: float, unit: str = "") -> str:
 
 
 def duration(seconds: float) -> str:
-    """A span of time as one says it.
+    """Write a duration in seconds, minutes or hours.
 
     Examples:
         >>> from fricjax.show import duration
         >>> duration(3.2e-3), duration(125.0), duration(3780.0)
         ('3.2 ms', '2 min 05 s', '1 h 03 min')
     """
-    # From 59.95 s on three digits would round to a minute.
+    # Above 59.95 s three digits would round to a minute.
     if not math.isfinite(seconds) or abs(seconds) < 59.95:
         return engineering(seconds, "s")
     minutes, rest = divmod(round(seconds), 60)
@@ -118,9 +118,9 @@ def duration(seconds: float) -> str:
 
 
 def _shorthand(value: Decimal, std: Decimal) -> str:
-    """Value and standard uncertainty, rounded at the second digit of the latter."""
+    """Write value and uncertainty, rounded at the second digit of the uncertainty."""
     last = std.adjusted() - 1
-    # Rounding can carry (0.0996 becomes 0.10), and the second digit then stands one place higher.
+    # Rounding can carry (0.0996 becomes 0.10), which moves the second digit up by one place.
     last = std.quantize(Decimal(1).scaleb(last), context=_ROUNDED).adjusted() - 1
     step = Decimal(1).scaleb(last)
     leading = max(value.quantize(step, context=_ROUNDED).adjusted() if value else last, last + 1)
@@ -130,7 +130,7 @@ def _shorthand(value: Decimal, std: Decimal) -> str:
 
 
 def _bracket(value: Decimal, std: Decimal, last: int) -> str:
-    """`value(std)` with the digits down to the power of ten `last`, which is not positive."""
+    """Write `value(std)` with digits down to `10^last`, `last` <= 0."""
     step = Decimal(1).scaleb(last)
     value, std = value.quantize(step, context=_ROUNDED), std.quantize(step, context=_ROUNDED)
     digits = f"{std:f}" if std >= 1 else f"{std.scaleb(-last):.0f}"
@@ -142,8 +142,8 @@ def _with_unit(text: str, unit: str) -> str:
 
 
 NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)"
-# Two numbers and a unit have so many characters at most. Longer texts are refused unread, for the pattern tries every
-# way to divide them.
+# Two numbers and a unit have at most this many characters. Longer texts are refused first, because the pattern would
+# try every way to divide them.
 LONGEST = 120
 _UNCERTAIN = re.compile(
     rf"\s*(?P<value>{NUMBER})(?:\((?P<digits>\d+\.?\d*)\))?(?P<exponent>[eE][-+]?\d+)?"
@@ -152,16 +152,16 @@ _UNCERTAIN = re.compile(
 
 
 def parse_uncertain(text: str) -> tuple[float, float, str] | None:
-    """Read what `uncertain` writes, and the other ways to write a value with its standard uncertainty.
+    """Parse a value with its standard uncertainty and unit.
 
     Args:
         text: such as ``"410.7(3) g"``, ``"9.66 +/- 0.05 N"``, ``"9.66 ± 0.5 % N"`` or ``"2 mm"``. Digits in brackets
-            count the last digits of the value, but those with a point, as in ``120.3(1.2)``, its unit; a percentage is
-            relative to it.
+            are in units of the last digits of the value. With a point, as in ``120.3(1.2)``, they are in the unit of
+            the value. A percentage is relative to the value.
 
     Returns:
-        Value and standard uncertainty, in the unit of the text, and that unit, empty where there is none. An
-        uncertainty that is not written is zero. None where the text is no such number.
+        Value and standard uncertainty, both in the unit of the text, and this unit, which may be empty. A missing
+        uncertainty is zero. None if the text is not such a number.
 
     Examples:
         >>> from fricjax.show import parse_uncertain

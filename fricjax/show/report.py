@@ -1,11 +1,12 @@
-"""One face of all results: tables, facts and sentences, from which text, HTML, plain data and data frames follow.
+"""Reports of results, as text, HTML, plain data and data frames.
 
-A result inherits from `Reported` and says in `report` what it shows. How that looks in a terminal and in a notebook is
-decided here, once.
+A result inherits from `Reported` and returns its tables, facts and sentences from `report`. This module formats all
+reports in the same way for terminals and notebooks.
 """
 
 import abc
 import dataclasses
+import math
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -20,17 +21,18 @@ _LONG = 30  # rows that fill a screen
 
 @dataclasses.dataclass(frozen=True)
 class Report:
-    """What a result shows of itself.
+    """Tables, facts and sentences of a result.
 
     Attributes:
-        tables: the numbers, the most important table first; those without rows are not shown.
-        facts: name and text of each line below the tables, as ("noise", "5 nm (stated)").
-        notes: sentences about the numbers that ask for no action.
-        warnings: what a reader of the numbers must know, in sentences; marked by an exclamation mark.
-        errors: why the numbers cannot be used as they are, in sentences; marked by two.
-        heading: what the facts are about, above them in HTML.
-        data: the numbers with all their digits, by name: `Measured`, arrays, NamedTuples, and mappings and sequences
-            of them, or of what JSON knows.
+        tables: the numbers, the most important table first. Tables without rows are not shown.
+        facts: name and text of each line below the tables, e.g. ("noise", "5 nm (stated)").
+        notes: sentences about the numbers that need no action.
+        warnings: sentences that every reader of the numbers must know, each after an exclamation mark.
+        errors: reasons in sentences why the numbers cannot be used, each after two exclamation marks.
+        heading: subject of the facts, above them in HTML.
+        data: the numbers with all digits, by name: `Measured`, arrays, NamedTuples, types of JSON, and mappings and
+            sequences of these.
+        units: SI units of the numbers in `data`, for the data frame of a report without tables.
 
     Examples:
         >>> from fricjax.show import Report, Table
@@ -52,36 +54,45 @@ class Report:
     errors: Sequence[str] = ()
     heading: str = "Facts"
     data: Mapping[str, Any] = dataclasses.field(default_factory=dict)
+    units: Mapping[str, str] = dataclasses.field(default_factory=dict)
 
     def text(self) -> str:
-        """The report as plain text, a blank line between its parts, without a newline at the end."""
+        """Return plain text without a newline at the end.
+
+        A blank line separates the tables and the lines below them.
+        """
         width = max((len(name) for name, _ in self.facts), default=0) + 2
         lines = [f"{name + ':':<{width}}{text}" for name, text in self.facts]
         lines += [*self.notes, *(f"!! {text}" for text in self.errors), *(f"! {text}" for text in self.warnings)]
         return "\n\n".join(filter(None, [*(table.text() for table in self.tables if table.rows), "\n".join(lines)]))
 
     def html(self) -> str:
-        """The report as an HTML fragment of tables, every text in it escaped."""
+        """Return an HTML fragment of tables; every text is escaped."""
         kinds = {"note": self.notes, "error": self.errors, "warning": self.warnings}
         sentences = [(kind, text) for kind, texts in kinds.items() for text in texts]
         below = Table([self.heading, ""], [*self.facts, *sentences])
         return "".join(table.html() for table in (*self.tables, below) if table.rows)
 
     def to_dict(self) -> dict[str, Any]:
-        """The numbers as plain data: mappings, lists, numbers and texts."""
+        """Return the numbers as mappings, lists, numbers and texts."""
         return {name: plain_data(value) for name, value in self.data.items()}
 
     def to_dataframe(self) -> "DataFrame":
-        """The first table as a data frame of numbers; a column of values with uncertainties gives two.
+        """Return the numbers of the first table as a data frame.
 
-        A report without tables gives its facts.
+        A report without tables gives one row with the values of `data`. The numbers are in SI units.
         """
-        table = self.tables[0] if self.tables else Table(["fact", "text"], self.facts)
-        return table.to_dataframe()
+        if self.tables:
+            return self.tables[0].to_dataframe()
+        import pandas as pd
+
+        frame = pd.DataFrame([{name: math.nan if value is None else value for name, value in self.data.items()}])
+        frame.attrs["units"] = dict(self.units)
+        return frame
 
 
 class Reported(abc.ABC):
-    """A result with that face; it defines `report`, and the rest follows.
+    """Base class of results; a subclass defines `report`.
 
     Examples:
         >>> import dataclasses
@@ -99,39 +110,43 @@ class Reported(abc.ABC):
 
     @abc.abstractmethod
     def report(self) -> Report:
-        """What the result shows of itself."""
+        """Return the tables, facts and sentences of the result."""
 
     def summary(self) -> str:
-        """The result as plain text: tables with units and uncertainties, facts, warnings."""
+        """Return tables with units and uncertainties, facts and warnings as text."""
         return self.report().text()
 
     def to_dict(self) -> dict[str, Any]:
-        """The result as plain data, in SI units."""
+        """Return the result as plain data, in SI units."""
         return self.report().to_dict()
 
     def to_dataframe(self) -> "DataFrame":
-        """The result's first table as a data frame."""
+        """Return the numbers in SI units as a data frame.
+
+        Column names are identifiers. The units are in the column `unit`, or in ``attrs["units"]``, by column, if they
+        are the same in all rows.
+        """
         return self.report().to_dataframe()
 
     def thumbnails(self) -> Sequence[str]:
-        """Small pictures of the result as SVG, below its tables in a notebook and made for it alone."""
+        """Return small SVG pictures to show below the tables in a notebook."""
         return ()
 
     def _repr_html_(self) -> str:
         report, pictures = self.report(), "".join(self.thumbnails())
-        # Below a long table nobody would see them.
-        long = sum(len(table.rows) for table in report.tables) > _LONG
+        # A reader would not see pictures below a long table.
+        long = sum(len(table.cells()) for table in report.tables) > _LONG
         return pictures + report.html() if long else report.html() + pictures
 
 
 def plain_data(value: Any) -> Any:
-    """A value as JSON, YAML and tables know it.
+    """Convert a value to types that JSON, YAML and tables can hold.
 
     Args:
-        value: arrays become lists, dataclasses and NamedTuples mappings of their fields, other sequences lists.
+        value: arrays and sequences become lists, dataclasses and NamedTuples become mappings of their fields.
 
     Returns:
-        Mappings, lists, numbers and texts; numbers that are not finite stay as they are.
+        Mappings, lists, numbers and texts. Infinite numbers and NaN are kept.
 
     Examples:
         >>> import numpy as np

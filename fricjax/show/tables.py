@@ -1,14 +1,14 @@
-"""A small table: column heads, rows of cells, a title. The same table is printed in a terminal and in a notebook.
+"""Tables of results, as text, as HTML and as data frames.
 
-Columns whose cells all begin like a number are right-aligned, so that magnitudes can be compared by eye. Results that
-hold arrays give them with names and units too, as data sets of xarray.
+A column is right-aligned if all its cells begin like a number, so that magnitudes can be compared by eye. Results that
+hold arrays also become data sets of xarray, with names and units.
 """
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from html import escape
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, Self
 
 from ..errors import needed
 from .numbers import plain
@@ -17,8 +17,32 @@ if TYPE_CHECKING:
     from pandas import DataFrame
 
 _NUMERIC = re.compile(r"\s*([-+−±\[]?\.?\d|inf\b|nan\b|undetermined\b|-?$)")
-# A number, a unit or an interval so short stays in one line; a browser would break it at its sign or blank.
+# Cells up to this length stay on one line. A browser would break them at a sign or a blank.
 _UNBROKEN = 28
+
+
+class Cell(str):
+    """The text of a table cell, with the numbers it shows.
+
+    The text may round, scale and combine the numbers. A data frame has the numbers themselves. A float becomes text
+    through `plain`, any other object through `str`.
+
+    Attributes:
+        numbers: numbers in SI units, or texts, by the column of the data frame.
+
+    Examples:
+        >>> from fricjax.show import Cell, uncertain
+        >>> cell = Cell(uncertain(0.214523, 0.000312), value=0.214523, std=0.000312)
+        >>> cell, cell.numbers
+        ('0.21452(31)', {'value': 0.214523, 'std': 0.000312})
+    """
+
+    numbers: Mapping[str, Any]
+
+    def __new__(cls, shown: object, **numbers: Any) -> Self:
+        cell = super().__new__(cls, _text(shown))
+        cell.numbers = numbers
+        return cell
 
 
 @dataclass(frozen=True)
@@ -26,32 +50,41 @@ class Table:
     """Rows under column heads.
 
     Attributes:
-        columns: the heads, with units where the cells carry none, e.g. "Displacement [mm]".
-        rows: one sequence of cells per row, each as long as `columns`; text is shown as it is, a float through
-            `plain`, None as an empty cell, anything else, such as a `Measured`, as its own text.
+        columns: the heads, with units if the cells have no units, e.g. "Displacement [mm]".
+        rows: one sequence of cells per row, each as long as `columns`. None is an empty cell. A float is shown through
+            `plain`, any other object through `str`.
         title: a line above the table; empty: none.
+        units: SI units of columns of the data frame, if they are the same in all rows.
+        limit: number of rows to show; None: all. The data frame always has all rows.
 
     Examples:
         >>> from fricjax.rig import Measured
-        >>> from fricjax.show import Table
-        >>> print(Table(["coefficient", "value"], [["mu", Measured(0.214523, 0.000312)]]))
-        coefficient        value
-        ───────────  ───────────
-        mu           0.21452(31)
+        >>> from fricjax.show import Cell, Table
+        >>> rows = [["mu", Measured(0.214523, 0.000312), Cell("5 nm", noise=5e-9)]]
+        >>> table = Table(["Coefficient", "Value", "Noise"], rows, units={"noise": "m"})
+        >>> print(table)
+        Coefficient        Value  Noise
+        ───────────  ───────────  ─────
+        mu           0.21452(31)   5 nm
+        >>> frame = table.to_dataframe()
+        >>> frame.columns.tolist(), frame["noise"].tolist(), frame.attrs["units"]
+        (['coefficient', 'value', 'std', 'noise'], [5e-09], {'noise': 'm'})
     """
 
     columns: Sequence[str]
     rows: Sequence[Sequence[object]]
     title: str = ""
+    units: Mapping[str, str] = field(default_factory=dict)
+    limit: int | None = None
 
     def __post_init__(self) -> None:
-        """Refuses a row that does not fit the heads."""
+        """Refuse a row that does not fit the heads."""
         for index, row in enumerate(self.rows):
             if len(row) != len(self.columns):
                 raise ValueError(f"Row {index} has {len(row)} cells under {len(self.columns)} columns: {list(row)!r}.")
 
     def text(self) -> str:
-        """The table as aligned plain text, without a newline at the end."""
+        """Return aligned plain text without a newline at the end."""
         cells = [list(self.columns), *self.cells()]
         widths = [max(len(row[i]) for row in cells) for i in range(len(self.columns))]
         lines = [self._line(row, widths) for row in cells]
@@ -59,7 +92,7 @@ class Table:
         return "\n".join(([self.title] if self.title else []) + [lines[0], rule, *lines[1:]])
 
     def html(self) -> str:
-        """The table as an HTML fragment; every cell is escaped."""
+        """Return the table as an HTML fragment; every cell is escaped."""
         styles = ["right" if numeric else "left" for numeric in self.numeric()]
         caption = f"<caption>{escape(self.title)}</caption>" if self.title else ""
         head = _html_row("th", self.columns, styles)
@@ -67,15 +100,21 @@ class Table:
         return f"<table>{caption}<thead>{head}</thead><tbody>{body}</tbody></table>"
 
     def to_dataframe(self) -> "DataFrame":
-        """The cells as they are, with all their digits; a value with its uncertainty takes two columns, `NAME std`."""
+        """Return all numbers in SI units as a data frame.
+
+        A `Cell` fills the columns that it names. Any other cell fills the column of its head, as "r_hat" for "R-hat",
+        and a value with a standard uncertainty `NAME` and `NAME_std`, or `value` and `std`. The units of the table are
+        in ``attrs["units"]``.
+        """
         import pandas as pd
 
-        columns: dict[str, list[object]] = {}
-        for head, cells in zip(self.columns, zip(*self.rows, strict=True), strict=True):
-            columns[head] = [getattr(cell, "value", cell) for cell in cells]
-            if any(hasattr(cell, "std") for cell in cells):
-                columns[f"{head} std".strip()] = [getattr(cell, "std", None) for cell in cells]
-        return pd.DataFrame(columns)
+        rows = [
+            {name: value for pair in zip(self.columns, row, strict=True) for name, value in _numbers(*pair).items()}
+            for row in self.rows
+        ]
+        frame = pd.DataFrame(rows)
+        frame.attrs["units"] = dict(self.units)
+        return frame
 
     def __str__(self) -> str:
         return self.text()
@@ -84,12 +123,11 @@ class Table:
         return self.html()
 
     def cells(self) -> list[list[str]]:
-        """The cells as they are shown."""
-        shown = lambda cell: "" if cell is None else plain(cell) if isinstance(cell, float) else str(cell)
-        return [[shown(cell) for cell in row] for row in self.rows]
+        """Return the texts of the cells to show."""
+        return [[_text(cell) for cell in row] for row in self.rows[: self.limit]]
 
     def numeric(self) -> list[bool]:
-        """For each column whether its cells are numbers, which are aligned to the right."""
+        """Return True for each column of numbers."""
         cells = self.cells()
         return [bool(cells) and all(_NUMERIC.match(row[i]) for row in cells) for i in range(len(self.columns))]
 
@@ -98,8 +136,26 @@ class Table:
         return "  ".join(cell.rjust(width) if right else cell.ljust(width) for cell, width, right in aligned).rstrip()
 
 
+def _text(shown: object) -> str:
+    return "" if shown is None else plain(shown) if isinstance(shown, float) else str(shown)
+
+
+def _numbers(head: str, cell: Any) -> Mapping[str, Any]:
+    """Return the numbers of a cell by their columns."""
+    if cell is None:
+        return {}
+    name = re.sub(r"\W+", "_", head).strip("_").lower()
+    numbers = {name: cell}
+    if isinstance(cell, Cell):
+        numbers = cell.numbers
+    elif hasattr(cell, "std"):
+        numbers = {name: cell.value, "std" if name == "value" else f"{name}_std": cell.std}
+    # An array of one number in an array library becomes that number.
+    return {name: getattr(value, "tolist", lambda value=value: value)() for name, value in numbers.items()}
+
+
 def _html_row(tag: str, cells: Sequence[str], styles: Sequence[str]) -> str:
-    """One row of an HTML table; `tag` is th or td."""
+    """Return a row of an HTML table; `tag` is th or td."""
     nowrap = lambda cell: ";white-space:nowrap" if tag == "td" and len(cell) <= _UNBROKEN else ""
     pairs = zip(cells, styles, strict=True)
     inner = "".join(f'<{tag} style="text-align:{align}{nowrap(cell)}">{escape(cell)}</{tag}>' for cell, align in pairs)
@@ -113,7 +169,7 @@ class Variable(NamedTuple):
         dims: names of its axes.
         values: its numbers, or texts.
         unit: SI unit; empty: none.
-        meaning: what it is, in words.
+        meaning: description in words.
     """
 
     dims: str | Sequence[str]
@@ -123,15 +179,17 @@ class Variable(NamedTuple):
 
 
 def dataset(variables: Mapping[str, Variable], coordinates: Mapping[str, Variable], **facts: Any) -> Any:
-    """A data set of xarray that netCDF can hold: units and meanings as attributes of each variable.
+    """Make a data set of xarray that netCDF can hold.
+
+    Units and meanings become attributes of each variable.
 
     Args:
         variables: the arrays by name.
-        coordinates: those that count along the axes.
-        **facts: attributes of the whole: texts, numbers, and sequences of texts, which become lines.
+        coordinates: the arrays along the axes, by name.
+        **facts: attributes of the data set: texts, numbers, and sequences of texts, which become lines.
 
     Raises:
-        UsageError: xarray is not installed; the sentence says how to.
+        UsageError: xarray is not installed; the message names the package to install.
 
     Examples:
         >>> from fricjax.show.tables import Variable, dataset
@@ -152,6 +210,6 @@ def dataset(variables: Mapping[str, Variable], coordinates: Mapping[str, Variabl
     return xarray.Dataset(
         {name: labelled(each) for name, each in variables.items()},
         {name: labelled(each) for name, each in coordinates.items()},
-        # netCDF knows no truth values.
+        # netCDF has no booleans.
         {name: int(fact) if isinstance(fact, bool) else fact for name, fact in attributes.items()},
     )

@@ -1,7 +1,7 @@
-"""Small pictures beside the tables of a notebook: SVG of a few kilobytes, made when they are shown, without matplotlib.
+"""Small SVG pictures for the tables of a notebook.
 
-Text and axes take the colour of the page's own text; the colours of curves are seen on white and on black, and apart by
-readers who do not see red and green apart.
+They have a few kilobytes and are drawn on display, without matplotlib. Text and axes take the text colour of the page.
+The colours of curves are visible on white and on black, and red-green colour-blind readers can distinguish them.
 """
 
 import itertools
@@ -16,13 +16,13 @@ from .axes import axis_label
 from .numbers import plain
 from .units import display_unit
 
-# Middle tones of Okabe and Ito's blue and orange: their own are too dark for a black page or too pale for a white one.
+# Middle tones of Okabe and Ito's blue and orange. The originals are too dark on black or too pale on white.
 COLOURS = ("#3A93D6", "#E06A1B")
 _WIDTH, _HEIGHT, _LEFT, _RIGHT, _TOP, _BOTTOM = 460, 150, 58, 10, 10, 36
-# Columns into which a curve is divided: of each the lowest and the highest point are drawn, which are all that is seen.
+# A curve is divided into this many columns. Only the lowest and the highest point of each column are visible and drawn.
 _COLUMNS = 200
 _TICKS = 5
-_ROOM = 0.04  # between curves and frame, as part of the axis
+_ROOM = 0.04  # between curves and frame, as a fraction of the axis
 _BAR = 18
 _NAME = 150
 
@@ -31,10 +31,10 @@ class Curve(NamedTuple):
     """A curve of a thumbnail, or points with error bars.
 
     Attributes:
-        x, y: shape (n,); what is not finite leaves a gap.
-        std: half-lengths of error bars, shape (n,); with them, and as `points`, points are drawn and no line.
-        points: whether points are drawn.
-        broad: whether the line is a broad pale one, for another to lie on.
+        x, y: shape (n,); a value that is not finite leaves a gap.
+        std: half-lengths of error bars, shape (n,). With error bars the curve is drawn as points.
+        points: whether to draw points and no line.
+        broad: whether the line is broad and pale, as a background for another curve.
     """
 
     x: Any
@@ -45,13 +45,16 @@ class Curve(NamedTuple):
 
 
 def curves_svg(curves: Iterable[Curve], x: tuple[str, str], y: tuple[str, str], *, log_x: bool = False) -> str:
-    """Curves over one abscissa as an SVG element; empty where there is nothing finite to draw.
+    """Draw curves over one abscissa as an SVG element.
 
     Args:
-        curves: at most two have colours of their own.
+        curves: the curves; at most two have different colours.
         x: name and SI unit of the abscissa.
         y: name and SI unit of the ordinate.
-        log_x: whether the abscissa is logarithmic; what is not positive is left out.
+        log_x: whether the abscissa is logarithmic; points that are not positive are left out.
+
+    Returns:
+        The SVG element, or an empty string if no point is finite.
 
     Examples:
         >>> from fricjax.show.thumbnail import Curve, curves_svg
@@ -65,7 +68,7 @@ def curves_svg(curves: Iterable[Curve], x: tuple[str, str], y: tuple[str, str], 
         return ""
     stacked = lambda name: np.concatenate([np.asarray(getattr(curve, name)) for curve in drawn])
     (factor_x, unit_x), (factor_y, unit_y) = (
-        # Times are read in seconds, as in the plots.
+        # Times are shown in seconds, as in the plots.
         (1.0, unit) if unit == "s" else display_unit(float(np.nanmax(np.abs(stacked(name)))), unit)
         for name, unit in (("x", x[1]), ("y", y[1]))
     )
@@ -80,12 +83,15 @@ def curves_svg(curves: Iterable[Curve], x: tuple[str, str], y: tuple[str, str], 
 
 
 def bars_svg(names: Sequence[str], values: Any, label: str) -> str:
-    """Values as horizontal bars, in the order that they have; empty where none is finite.
+    """Draw values as horizontal bars, in the given order.
 
     Args:
-        names: what stands beside each bar.
-        values: shape (n,), not negative; one that is not finite has a name and no bar.
-        label: what the values are, with their unit.
+        names: label of each bar.
+        values: shape (n,), not negative; a value that is not finite has a label but no bar.
+        label: name and unit of the values.
+
+    Returns:
+        The SVG element, or an empty string if no value is finite.
 
     Examples:
         >>> from fricjax.show.thumbnail import bars_svg
@@ -113,7 +119,7 @@ def bars_svg(names: Sequence[str], values: Any, label: str) -> str:
 
 
 def _finite(curve: Curve, log_x: bool) -> Curve:
-    """The curve as arrays of few points: of each of many columns its lowest and its highest."""
+    """Reduce a curve to the lowest and highest point of each column."""
     x, y = np.asarray(curve.x, float).ravel(), np.asarray(curve.y, float).ravel()
     std = np.zeros(y.size) if curve.std is None else np.nan_to_num(np.asarray(curve.std, float).ravel(), posinf=0.0)
     kept = np.isfinite(x) & (x > 0 if log_x else True)
@@ -128,11 +134,13 @@ def _finite(curve: Curve, log_x: bool) -> Curve:
 
 
 def sketched(values: np.ndarray, points: int) -> np.ndarray:
-    """Indices of the samples that a picture needs: the highest and the lowest one of each few neighbours.
+    """Select the samples that a picture needs.
+
+    The selection contains the highest and the lowest sample of each group of neighbours.
 
     Args:
-        values: shape (n,); NaN where there is none.
-        points: how many indices at most.
+        values: shape (n,); NaN for a missing value.
+        points: maximum number of indices.
 
     Returns:
         Increasing indices, shape (min(n, points),) or fewer.
@@ -152,7 +160,7 @@ def sketched(values: np.ndarray, points: int) -> np.ndarray:
 
 
 class _Axis(NamedTuple):
-    """From values to places [px]."""
+    """Map from values to positions [px]."""
 
     low: float
     high: float
@@ -184,7 +192,7 @@ class _Axis(NamedTuple):
 
 
 def _frame(x: _Axis, y: _Axis, x_label: str, y_label: str) -> str:
-    """Axes, ticks with numbers, and what the axes are."""
+    """Draw axes, ticks with numbers, and axis labels."""
     line = '<path d="{}" stroke="currentColor" stroke-opacity="{}" fill="none"/>'
     parts = [line.format(f"M{_LEFT} {_TOP}V{_HEIGHT - _BOTTOM}H{_WIDTH - _RIGHT}", 0.6)]
     for tick, place in zip(x.ticks(), x.at(x.ticks()).tolist(), strict=True):
@@ -200,7 +208,7 @@ def _frame(x: _Axis, y: _Axis, x_label: str, y_label: str) -> str:
 
 
 def _number(value: float) -> str:
-    """A tick without the zeros of rounding."""
+    """Write the number of a tick without trailing zeros."""
     return f"{value:.6g}" if abs(value) < 1e5 else plain(value, 3)
 
 

@@ -1,7 +1,7 @@
-"""Units as they are shown: SI prefixes (a residual of 5e-9 m is read as 5 nm), and those of rigs that turn.
+"""Units for display: SI prefixes, and units of rotary rigs.
 
-A prefix belongs to the first symbol of a unit and must not stand before a power: 1e-3 N/m is 1 mN/m, but 1e-3 m^2 and
-1e-3 1/s stay as they are.
+A residual of 5e-9 m is shown as 5 nm. A prefix belongs to the first symbol of a unit, and a power takes no prefix:
+1e-3 N/m is 1 mN/m, but 1e-3 m^2 and 1e-3 1/s remain unchanged.
 """
 
 import math
@@ -11,8 +11,8 @@ from collections.abc import Mapping
 _PREFIXES = {-15: "f", -12: "p", -9: "n", -6: "u", -3: "m", 0: "", 3: "k", 6: "M", 9: "G", 12: "T"}
 _PREFIXABLE = re.compile(r"(m|s|g|N|rad|Hz|J|W|Pa|V|A|K)(?![A-Za-z^*²³])")
 
-# On a rotary rig angles stand for displacements, torques for forces and the moment of inertia for the mass. Units are
-# looked up and never calculated: of N/m only the table knows whether it is a stiffness (N m/rad) or a line load.
+# On a rotary rig angles replace displacements, torques replace forces, and the moment of inertia replaces the mass.
+# A table is needed: the unit N/m alone does not say whether it is a stiffness (N m/rad) or a line load.
 ROTARY: Mapping[str, str] = {
     "m": "rad",
     "m/s": "rad/s",
@@ -26,19 +26,19 @@ ROTARY: Mapping[str, str] = {
 
 
 def displacement_name(quantity: str) -> str:
-    """What a record of this quantity shows: a displacement in "m", an angle in "rad"."""
+    """Name of the measured quantity: "Displacement" for "m", "Angle" for "rad"."""
     return "Displacement" if quantity == "m" else "Angle"
 
 
 def rotary_unit(unit: str, quantity: str) -> str:
-    """The unit of a coefficient on the rig whose records measure `quantity`.
+    """Convert the unit of a coefficient to a linear or rotary rig.
 
     Args:
-        unit: its unit on a linear rig, e.g. "N s/m".
-        quantity: "m" for a linear rig, "rad" for a rotary one.
+        unit: unit on a linear rig, e.g. "N s/m".
+        quantity: unit of the displacement: "m" for a linear rig, "rad" for a rotary one.
 
     Returns:
-        The unit on that rig; one that is the same on both comes back unchanged.
+        The unit on that rig. A unit that is the same on both rigs is returned unchanged.
 
     Examples:
         >>> from fricjax.show import rotary_unit
@@ -49,15 +49,15 @@ def rotary_unit(unit: str, quantity: str) -> str:
 
 
 def display_unit(magnitude: float, unit: str) -> tuple[float, str]:
-    """The factor and the unit in which a number of this magnitude is read most easily.
+    """Choose the SI prefix for a number of this magnitude.
 
     Args:
-        magnitude: a typical or the largest value, in `unit`; its sign does not matter.
+        magnitude: a typical value or the largest one, in `unit`; the sign is ignored.
         unit: an SI unit as text, e.g. "m", "N s/m", "kg".
 
     Returns:
         `(factor, shown)`: the value times `factor` is in the unit `shown`, with 1 <= |value * factor| < 1000 as far as
-        there are prefixes. Units that take no prefix, and magnitudes of zero, inf and nan, come back unchanged.
+        the prefixes reach. A unit without prefixes, and a magnitude of zero, inf or nan, are returned unchanged.
 
     Examples:
         >>> from fricjax.show import display_unit
@@ -66,11 +66,11 @@ def display_unit(magnitude: float, unit: str) -> tuple[float, str]:
     """
     if not (math.isfinite(magnitude) and magnitude) or unit == "%":
         return 1.0, unit
-    # The kilogram is the one SI unit with a prefix of its own, to which no second one may be added.
+    # The kilogram already has a prefix, and a second one is not allowed.
     exponent, stem = (3, unit[1:]) if re.match(r"kg(?![A-Za-z^*²³])", unit) else (0, unit)
     if not _PREFIXABLE.match(stem):
         return 1.0, unit
-    # A power of ten takes the higher prefix, whichever way its logarithm was rounded: 1000 s are 1 ks.
+    # An exact power of ten takes the higher prefix (1000 s are 1 ks), whichever way its logarithm is rounded.
     power = 3 * math.floor((math.log10(abs(magnitude)) + exponent) / 3 + 1e-12)
     power = min(max(power, min(_PREFIXES)), max(_PREFIXES))
     return 10.0 ** (exponent - power), _PREFIXES[power] + stem

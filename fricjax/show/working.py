@@ -1,7 +1,8 @@
-"""Progress: what lasts longer than a second says so on stderr, in one line that is rewritten and taken away at the end.
+"""Progress line on stderr for computations that take longer than a second.
 
-Whoever works opens a task; tasks within tasks, in whatever threads, share the line. It is drawn by a thread that lives
-as long as the outermost task, so that nothing is drawn by those who work, and compiled code knows nothing of it.
+The line is rewritten in place and erased at the end. A computation opens a task. Nested tasks, in any thread, share the
+line. A separate thread draws it as long as the outermost task lasts, so neither the computation nor compiled code is
+involved.
 """
 
 import contextlib
@@ -15,15 +16,15 @@ from typing import Any
 
 PROGRESS_VARIABLE = "FRICJAX_PROGRESS"
 _OFF, _ON = ("0", "off", "no", "false"), ("1", "on", "yes", "true")
-# Seconds before the first word: who gets an answer within one wants no line that flickers.
+# Seconds before the line appears: it must not flicker when the result takes less than a second.
 PATIENCE = 1.0
-# Seconds between two lines where one can be drawn over, and where each stays, as in the log of a job.
+# Seconds between two updates: if the line can be overwritten, and if every line remains, as in the log of a job.
 _REDRAWN, _LOGGED = 0.2, 10.0
-# Tasks within tasks that still fit into a line.
+# Number of nested tasks that fit into a line.
 _SHOWN = 3
-# Seconds and parts done before which the time that is left is a guess of no use.
+# Seconds before an estimate of the remaining time is useful.
 _TELLING = 2.0
-# JAX says when it begins to compile only where it keeps what it compiles, which is so from the first fit on.
+# JAX reports the start of a compilation only with a compilation cache, which the first fit switches on.
 _BEGUN, _LOADED = "/jax/compilation_cache/compile_requests_use_cache", "/jax/compilation_cache/cache_hits"
 _COMPILED = "/jax/core/compile/backend_compile_duration"
 
@@ -32,26 +33,26 @@ class Task:
     """A piece of work.
 
     Attributes:
-        text: what is done, as "Fitting".
-        total: number of its parts; None where it has none that could be counted.
-        done: how many of them are done.
-        detail: more of how it goes, as "3 failed".
+        text: description, such as "Fitting".
+        total: number of parts; None if the parts cannot be counted.
+        done: number of finished parts.
+        detail: further information, such as "3 failed".
     """
 
     def __init__(self, text: str, total: int | None = None) -> None:
         self.text, self.total, self.done, self.detail, self.begun = text, total, 0, "", time.perf_counter()
 
     def advance(self, parts: int = 1) -> None:
-        """Count parts that are done."""
+        """Count finished parts."""
         self.done += parts
 
     def words(self) -> str:
-        """What is shown of it."""
+        """Text of the task for the line."""
         count = f"{self.done} of {self.total}" if self.total else ""
         return ": ".join(filter(None, [self.text, ", ".join(filter(None, [count, self.detail]))]))
 
     def left(self, now: float) -> str:
-        """When it will be done, where that can be said."""
+        """Estimate of the remaining time as text, or an empty string."""
         elapsed = now - self.begun
         if not (self.total and 0 < self.done < self.total and elapsed > _TELLING):
             return ""
@@ -59,7 +60,12 @@ class Task:
 
 
 def line_of(tasks: Iterable[Task], compiling: bool, now: float) -> str:
-    """The line of some tasks, the outermost first, at a time of `time.perf_counter`.
+    """Compose the line for nested tasks.
+
+    Args:
+        tasks: the tasks, the outermost first.
+        compiling: whether JAX is compiling.
+        now: time of `time.perf_counter` [s].
 
     Examples:
         >>> from fricjax.show.working import Task, line_of
@@ -77,7 +83,7 @@ def line_of(tasks: Iterable[Task], compiling: bool, now: float) -> str:
 
 
 class _Line:
-    """The line on stderr: which tasks are open, and the thread that draws them."""
+    """The open tasks, and the thread that draws their line on stderr."""
 
     def __init__(self) -> None:
         self.asked: bool | None = None
@@ -88,12 +94,12 @@ class _Line:
         self._drawn, self._heard = 0, False
 
     def on(self) -> bool:
-        """Whether anything is shown: as asked, else on a terminal and in a notebook."""
+        """Return True if the line is shown."""
         asked = from_environment() if self.asked is None else self.asked
         return asked is True or (asked is None and self._redraws())
 
     def _redraws(self) -> bool:
-        """Whether stderr is a terminal or the cell of a notebook, where a line can be drawn over."""
+        """Return True if stderr is a terminal or a notebook."""
         notebook = type(sys.stderr).__module__.startswith("ipykernel")
         with contextlib.suppress(AttributeError, ValueError):  # there is no stderr, or it is closed
             return notebook or (sys.stderr.isatty() and os.environ.get("TERM") != "dumb")
@@ -140,7 +146,7 @@ class _Line:
             sys.stderr.flush()
 
     def erase(self) -> None:
-        """Take the line away, for what others write; it comes again."""
+        """Erase the line for other output; it is drawn again later."""
         with self._lock:
             if self._drawn:
                 blank, self._drawn = " " * self._drawn, 0
@@ -149,12 +155,12 @@ class _Line:
                     sys.stderr.flush()
 
     def _listen(self, to_it: bool) -> None:
-        """Hear of JAX when it compiles, for as long as something is shown; it may be imported meanwhile."""
+        """Register or unregister listeners for compilations, once JAX is imported."""
         monitoring = sys.modules.get("jax.monitoring")
         if to_it == self._heard or not hasattr(monitoring, "unregister_event_duration_listener"):
             return
         self._heard = to_it
-        # Who clears all listeners of JAX clears these as well.
+        # Other code may have cleared all listeners of JAX, and these with them.
         with contextlib.suppress(AssertionError, ValueError):
             if to_it:
                 monitoring.register_event_listener(self._event)  # pyright: ignore[reportOptionalMemberAccess]
@@ -180,14 +186,14 @@ erase = _LINE.erase
 
 @contextlib.contextmanager
 def working(text: str, total: int | None = None) -> Iterator[Task]:
-    """Say that something is being done, for as long as it takes.
+    """Show a progress line during the body of a ``with``.
 
     Args:
-        text: what is done, as "Fitting".
-        total: number of parts, where they can be counted.
+        text: description, such as "Fitting".
+        total: number of parts; None if they cannot be counted.
 
     Returns:
-        The task, to count the parts that are done.
+        The task, which counts the finished parts.
 
     Examples:
         >>> from fricjax.show.working import working
@@ -205,19 +211,21 @@ def working(text: str, total: int | None = None) -> Iterator[Task]:
 
 
 def progress(on: bool | None) -> contextlib.ExitStack:
-    """Switch the progress line of long computations on or off, for good or for the length of a ``with``.
+    """Switch the progress line of long computations on or off.
+
+    The setting is permanent, or lasts for the body of a ``with``.
 
     Args:
-        on: True: show it wherever stderr leads, in a file as a line every ten seconds; False: never; None: on a
-            terminal and in a notebook, unless the environment variable FRICJAX_PROGRESS says "on" or "off".
+        on: True: always show the line (if stderr is a file, a new line every ten seconds). False: never. None: show it
+            on a terminal and in a notebook, unless the environment variable FRICJAX_PROGRESS is "on" or "off".
 
     Returns:
-        A context, at whose end all is as before.
+        A context manager that restores the previous setting at its end.
 
     Examples:
         >>> import fricjax as fj
         >>> with fj.progress(False):
-        ...     pass  # nothing here says how far it is
+        ...     pass  # no progress line
     """
     before, _LINE.asked = _LINE.asked, on
     stack = contextlib.ExitStack()
@@ -226,6 +234,6 @@ def progress(on: bool | None) -> contextlib.ExitStack:
 
 
 def from_environment() -> bool | None:
-    """What the environment variable asks for; None where it asks for nothing."""
+    """Setting of the environment variable; None if it is not set."""
     word = os.environ.get(PROGRESS_VARIABLE, "").strip().lower()
     return True if word in _ON else False if word in _OFF else None

@@ -1,4 +1,4 @@
-"""How sure a result is: the uncertainty budget of the GUM, its check by Monte Carlo, bootstrap and profiles."""
+"""Uncertainty budgets by the GUM, Monte Carlo, bootstrap, profiles and posteriors."""
 
 import lazy_loader as _lazy_loader
 

@@ -1,4 +1,4 @@
-"""A fit solved again: its problem with other displacements, or with a parameter fixed."""
+"""Fits repeated with other displacements, or with a parameter fixed."""
 
 import dataclasses
 from collections.abc import Callable, Sequence
@@ -18,10 +18,10 @@ from ..show.working import working
 
 
 def problem_of(fit: Fit) -> Problem:
-    """The problem of a fit.
+    """Return the least-squares problem of a fit.
 
     Raises:
-        UsageError: a fit that was read from a file, or that found no optimum.
+        UsageError: the fit was read from a file, or found no optimum.
     """
     if fit.problem is None:
         raise UsageError("This fit was read from a file, which does not hold its settings. Fit the record again.")
@@ -31,14 +31,23 @@ def problem_of(fit: Fit) -> Problem:
 
 
 def optimum(fit: Fit) -> np.ndarray:
-    """The fitted values in the time of the runs, in the order of the names, shape (p,)."""
+    """Return the fitted values in the order of the names, shape (p,).
+
+    Times are those of the runs.
+    """
     return np.array([fit.values[name] for name in fit.names]) - problem_of(fit).origins
 
 
 def fixed_at(problem: Problem, parameter: int, value: float, std: float) -> Problem:
-    """The problem with one parameter fixed at a value, to a part of its standard error, by a prior.
+    """Return the problem with one parameter fixed by a narrow prior.
 
-    Taken out of the problem, it would leave one of another shape, which is compiled anew.
+    Without the parameter the problem would have another shape, which JAX would have to compile.
+
+    Args:
+        problem: the problem.
+        parameter: number of the parameter.
+        value: its value.
+        std: standard deviation of the prior.
     """
     mean, weight = (np.array(each) for each in (problem.residual.prior_mean, problem.residual.prior_weight))
     mean[parameter], weight[parameter] = value, 1 / std
@@ -48,12 +57,21 @@ def fixed_at(problem: Problem, parameter: int, value: float, std: float) -> Prob
 
 
 def _of_record(problem: Problem) -> Problem:
-    """The problem without the inputs of a rig: what they contribute is asked of the fit, not of those beside it."""
+    """Return the problem without the inputs of a rig.
+
+    The fit itself already has their contributions.
+    """
     return dataclasses.replace(problem, residual=without_inputs(problem.residual), inputs={})
 
 
 def solved(make: Callable[[int], Problem], count: int, begin: np.ndarray) -> list[Row]:
-    """Many problems solved on all cores, all from coordinates `begin`; each is made by the thread that solves it."""
+    """Solve `count` problems on all cores.
+
+    Args:
+        make: returns the problem of a number; it runs in the thread that solves the problem.
+        count: number of problems.
+        begin: start coordinates of all problems, shape (p,).
+    """
 
     @one_at_a_time()
     def block(place: Sequence[int]) -> list[Row]:
@@ -68,7 +86,7 @@ def solved(make: Callable[[int], Problem], count: int, begin: np.ndarray) -> lis
 
 
 def squares(problems: Sequence[Problem], begins: Sequence[np.ndarray]) -> list[Solution]:
-    """The least squares of many problems, each from its coordinates `begins`."""
+    """Return the least-squares solutions of problems, each from coordinates `begins`."""
     asked = list(map(_of_record, problems))
     if alone(asked):
         return [solve(problem, begin) for problem, begin in zip(asked, begins, strict=True)]

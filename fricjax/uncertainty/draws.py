@@ -1,4 +1,4 @@
-"""What values of a fit's parameters that were drawn tell: their scatter, their intervals, a picture of each."""
+"""Drawn values of the parameters of a fit: scatter, intervals and histograms."""
 
 import abc
 import dataclasses
@@ -14,12 +14,12 @@ from ..show.thumbnail import bars_svg
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class AbstractDraws(Reported):
-    """Drawn values of the parameters of a fit, beside that fit.
+    """Drawn values of the parameters of a fit, and the fit.
 
     Attributes:
         names: free parameters; `units`: by name.
-        sample: draws, of which the last axis is that of the parameters.
-        values, std_errors: those of the fit, by name.
+        sample: draws; the last axis is that of the parameters.
+        values, std_errors: values and standard errors of the fit, by name.
     """
 
     names: tuple[str, ...]
@@ -31,7 +31,7 @@ class AbstractDraws(Reported):
     @property
     @abc.abstractmethod
     def good(self) -> np.ndarray:
-        """The draws that count, shape (n, p)."""
+        """The valid draws, shape (n, p)."""
 
     @property
     def std(self) -> dict[str, float]:
@@ -39,7 +39,7 @@ class AbstractDraws(Reported):
         return dict(zip(self.names, self.good.std(axis=0, ddof=1).tolist(), strict=True))
 
     def intervals(self, level: float = 0.95) -> dict[str, tuple[float, float]]:
-        """Intervals that leave out the same part of the draws at both ends."""
+        """Return intervals with equal fractions of the draws beyond both ends."""
         ends = np.quantile(self.good, [(1 - level) / 2, (1 + level) / 2], axis=0)
         return {name: (float(low), float(high)) for name, low, high in zip(self.names, *ends, strict=True)}
 
@@ -49,7 +49,7 @@ class AbstractDraws(Reported):
         return [bars_svg(self.names, ratios, "Scatter of the draws over the standard error")]
 
     def plot(self, *, style: Style = "screen") -> Any:
-        """Histogram of each parameter with the normal distribution of its standard error; a matplotlib figure.
+        """Draw histograms with the normal distributions of the standard errors, in matplotlib.
 
         Args:
             style: as of :func:`fricjax.show.styled`.

@@ -1,9 +1,10 @@
-"""The uncertainty budget of a fitted value: the noise of its record, the scatter of its runs, each input of the rig.
+"""Uncertainty budgets of fitted values.
 
-How an optimum moves with an input is known from the normal equations there, without fitting again. That motion is
-taken as a power of the input, ``y (x/x_0)^e``, where both have a size: mass, stiffness, load and the coefficients of a
-fit have a common scale that no record shows, so that ``mu = omega^2 x_d m/N`` is such a product, for which the power
-law is exact. Whatever has the value zero enters in proportion.
+A budget has the noise of the record, the scatter from run to run, and the inputs of the rig. The normal equations at
+the optimum give its derivative with respect to each input, without another fit. The budget extends this derivative to
+a power law of the input, ``y (x/x_0)^e``, if both numbers differ from zero, and to a straight line otherwise. Mass,
+stiffness, load and the coefficients of a fit have a common scale that a record does not determine. A value such as
+``mu = omega^2 x_d m/N`` is a product of powers, so the power law is exact for it.
 """
 
 import dataclasses
@@ -34,24 +35,24 @@ def budget(
     scatter: Population | Input | None = None,
     correlations: Correlations | None = None,
 ) -> Budget:
-    """The uncertainty budget of a fitted value.
+    """Return the uncertainty budget of a fitted value.
 
     Args:
-        fit: a fit that was made with `rig`, so that it knows how its values follow each uncertain input.
-        rig: the rig with the uncertainties to count; None: those of the fit's own.
+        fit: a fit made with `rig`; it has the derivatives of its values with respect to each uncertain input.
+        rig: the rig with the uncertainties to propagate; None: the rig of the fit.
         name: a free parameter or one of the kinematics; None: mu, or the first parameter.
-        inputs: what is known better of an input of the rig than its `Measured` tells, by its name: an `Input` with a
-            distribution or degrees of freedom, or a `Budget` of a formula, whose inputs then stand in its place. Where
-            its value differs from that of the fit, the result moves with it.
-        scatter: from run to run: the `Population` of a batch, whose mean and standard error take the place of the value
-            and the noise of this one fit, or an `Input` of value zero that is added to it.
-        correlations: coefficient of correlation of each pair of inputs that are not independent.
+        inputs: more detailed descriptions of inputs of the rig, by name: an `Input` with a distribution or degrees of
+            freedom, or a `Budget` of a formula, which is replaced by its inputs. If a value differs from that of the
+            fit, the result changes accordingly.
+        scatter: scatter from run to run: the `Population` of a batch, with a mean and standard error that replace the
+            value and the noise of this fit, or an `Input` of value zero to add.
+        correlations: correlation coefficient of each pair of inputs that are not independent.
 
     Returns:
         The budget, in SI units.
 
     Raises:
-        UsageError: a name that the fit has not determined, or an input that it does not know.
+        UsageError: the fit has not determined the name, or has no such input.
 
     Examples:
         >>> import fricjax as fj
@@ -85,7 +86,14 @@ def budget(
 def by_powers(
     value: float, slopes: Mapping[str, float], centres: Mapping[str, float], added: tuple[str, ...]
 ) -> Callable[[Mapping[str, Any]], Any]:
-    """A value as a function of its inputs: powers of those with a size, with these slopes, and what is added."""
+    """Return a formula with powers of the inputs.
+
+    Args:
+        value: the value at `centres`.
+        slopes: derivative of the value with respect to each input, by name.
+        centres: value of each input; an input of zero enters linearly.
+        added: names of inputs to add to the result.
+    """
     powers = {key: slope * centres[key] / value for key, slope in slopes.items() if centres[key] and value}
 
     def formula(values: Mapping[str, Any]) -> Any:
@@ -100,7 +108,7 @@ def by_powers(
 
 
 def _fitted(fit: Fit, name: str) -> Measured:
-    """A fitted quantity with its standard error by the noise alone."""
+    """Return a fitted quantity with its standard error from noise."""
     known = {**fit.std_errors, **fit.kinematics}
     if name not in known:
         raise UsageError(f"This fit has no {name!r}.{nearest(name, known)} It has {', '.join(known)}.")
@@ -108,29 +116,33 @@ def _fitted(fit: Fit, name: str) -> Measured:
         fitted = Measured(fit.values[name], fit.std_errors[name], fit.units[name])
     else:
         combined = fit.kinematics[name]
-        # Where the rig decides, what it leaves of the noise is rounding, of a share that no table shows.
+        # If the rig dominates, this difference has rounding errors, but too small for a digit of the budget.
         square = combined.std**2 - sum(part**2 for part in fit.contributions[name].values())
         fitted = dataclasses.replace(combined, std=math.sqrt(max(square, 0.0)))
     if not fitted.is_finite:
-        raise UsageError(f"{name} has no budget, for this fit has not determined it: {fit.status}")
+        raise UsageError(f"{name} has no budget, because this fit has not determined it: {fit.status}")
     return fitted
 
 
 def inputs_of(fit: Fit, rig: Rig | None) -> dict[str, Input]:
-    """The uncertain inputs of a rig, or of that of the fit, by the names that the fit has for them.
+    """Return the uncertain inputs of a rig, by name in the fit.
+
+    Args:
+        fit: the fit.
+        rig: the rig; None: the rig of the fit.
 
     Raises:
-        UsageError: an input of the rig that the fit does not know.
+        UsageError: the fit does not have an input of the rig.
     """
     stated = fit.inputs if rig is None else rig.inputs()
     known: dict[str, Input] = {}
     for name, each in stated.items():
-        # A periodic error is two inputs, for its phase is not known.
+        # A periodic error of unknown phase is two inputs, sine and cosine.
         parts = [key for key in fit.inputs if key == name or key.removesuffix("_sine").removesuffix("_cosine") == name]
         if not parts:
             raise UsageError(
-                f"This fit does not know how its values follow {name}: it was made without a rig in which that is "
-                "uncertain. Fit again with rig=."
+                f"This fit does not know how its values follow {name}: in its rig that input was exact or missing. Fit "
+                "again with rig=."
             )
         known |= {part: Input(each.value, each.std, _unit(fit, name)) for part in parts}
     exact = {name: Input(each.value, 0.0, _unit(fit, name)) for name, each in fit.inputs.items() if name not in known}
@@ -143,10 +155,10 @@ def _unit(fit: Fit, name: str) -> str:
 
 
 def _stated(fit: Fit, inputs: Mapping[str, Any]) -> dict[str, Any]:
-    """Inputs by name, each known to the fit.
+    """Convert given inputs by name.
 
     Raises:
-        UsageError: one that is not.
+        UsageError: the fit does not have such an input.
     """
     for name in inputs:
         if name not in fit.inputs:

@@ -1,12 +1,13 @@
-"""The posterior over runs: a coefficient that scatters from run to run, its mean, and what the rig adds to all runs.
+"""Posterior of a coefficient that scatters from run to run.
 
-Each run has its own coefficient and tells it with its own standard error, and the errors of the rig move all together,
+Each run has its own coefficient and standard error. The errors of the rig change all runs together,
 
     mu_i ~ N(mean, scatter^2),   y_i = mu_i + sum_k c_ik z_k + u_i,   z_k ~ N(0, 1).
 
-The single coefficients are integrated out by hand, for they are normal given the rest: a run is known a thousand times
-as well as runs scatter, and a sampler that moved them would hardly move. They are drawn from that normal afterwards
-(Gelman et al., Bayesian Data Analysis, 2013, 5.4). The sampler is that of :mod:`fricjax.uncertainty.sampling`.
+The coefficients of the runs are integrated out analytically, because they are normal given the rest. A sampler that
+moved them would mix badly: the standard error of a run is about a thousandth of the scatter. They are drawn from their
+conditional normal distribution afterwards (Gelman et al., Bayesian Data Analysis, 2013, 5.4). The sampler is that of
+:mod:`fricjax.uncertainty.sampling`.
 """
 
 import dataclasses
@@ -21,14 +22,13 @@ import numpy as np
 from ..errors import UsageError, nearest, needed
 from ..fitting.batch_result import BatchFit
 from ..rig import Measured
-from ..show import Report, Reported, Style, Table, axis_label, figure, interval, styled, uncertain
+from ..show import Cell, Report, Reported, Style, Table, axis_label, figure, interval, styled, uncertain
 
-# Fewest runs of which a scatter is told, and R-hat of chains that have met, as for the posterior of one fit.
+# Fewest runs for a scatter, and largest R-hat of converged chains, as for the posterior of one fit.
 _FEWEST, _MET = 3, 1.01
-# How wide the priors of mean and scatter are where none are given, in units of the values' own scatter: they then tell
-# nothing.
+# Width of the default priors of mean and scatter, in units of the scatter of the values. Such priors have no effect.
 _WIDE = 100.0
-# The seed of the coefficients of the runs is another one than that of the chains.
+# The coefficients of the runs need another seed than the chains.
 _OTHER_SEED = 1
 
 
@@ -37,13 +37,13 @@ class Hierarchical(Reported):
     """Draws from the posterior of a coefficient over runs.
 
     Attributes:
-        name: of the coefficient; `unit`: of it and its scatter.
+        name: name of the coefficient; `unit`: unit of the coefficient and of its scatter.
         mean, scatter: draws of the population's mean and standard deviation, shape (chains, draws).
-        inputs: draws of the errors of the rig's inputs, in units of their uncertainties, by name, each of that shape.
+        inputs: draws of the errors of the rig's inputs, in units of their uncertainties, by name, of that shape.
         runs: draws of the coefficient of each run, shape (chains, draws, runs).
-        values, std_errors: of the runs as they were fitted, shape (runs,).
+        values, std_errors: fitted values and standard errors of the runs, shape (runs,).
         r_hat, effective: split R-hat and effective number of draws, by name.
-        divergences: number of draws at which the sampler went astray.
+        divergences: number of divergent transitions of the sampler.
 
     Examples:
         >>> import numpy as np
@@ -68,43 +68,52 @@ class Hierarchical(Reported):
 
     @property
     def converged(self) -> bool:
-        """Whether the chains have met, and no draw went astray."""
+        """True if the chains have converged without divergences."""
         return self.divergences == 0 and all(each <= _MET for each in self.r_hat.values())
 
     def _draws(self) -> dict[str, np.ndarray]:
         return {"mean": self.mean, "scatter": self.scatter, **self.inputs}
 
     def intervals(self, level: float = 0.95) -> dict[str, tuple[float, float]]:
-        """Intervals of mean, scatter and errors of inputs that leave out the same part of the draws at both ends."""
+        """Return intervals of mean, scatter and errors of inputs.
+
+        They leave out equal fractions of the draws at both ends.
+        """
         ends = {name: np.quantile(each, [(1 - level) / 2, (1 + level) / 2]) for name, each in self._draws().items()}
         return {name: (float(low), float(high)) for name, (low, high) in ends.items()}
 
     def to_datatree(self) -> Any:
-        """The draws as a DataTree of ArviZ, with the observed values, for its plots and diagnostics."""
+        """Return the draws and the observed values as a DataTree of ArviZ."""
         from_dict = needed("A DataTree", "arviz_base", "bayes").from_dict
         drawn = {self.name: self.mean, f"{self.name}_scatter": self.scatter, f"{self.name}_of_run": self.runs}
         observed = {self.name: self.values}
         return from_dict({"posterior": drawn | self.inputs, "observed_data": observed})
 
     def report(self) -> Report:
-        """Mean, scatter and the errors of the rig's inputs with their intervals."""
+        """Return mean, scatter and errors of the rig's inputs with their intervals."""
         ends, rows = self.intervals(), []
         for name, draws in self._draws().items():
             label = {"mean": f"mean of {self.name}", "scatter": "scatter from run to run"}.get(name, f"error of {name}")
             unit = "its uncertainty" if name in self.inputs else self.unit
-            met = [f"{self.r_hat[name]:.3f}", f"{self.effective[name]:.0f}"]
-            rows.append([label, uncertain(float(draws.mean()), float(draws.std())), unit, interval(*ends[name]), *met])
+            mean, std, (low, high) = float(draws.mean()), float(draws.std()), ends[name]
+            value = Cell(uncertain(mean, std), value=mean, std=std)
+            between = Cell(interval(low, high), low=low, high=high)
+            met = Cell(f"{self.r_hat[name]:.3f}", r_hat=self.r_hat[name])
+            effective = Cell(f"{self.effective[name]:.0f}", effective=self.effective[name])
+            rows.append([label, value, unit, between, met, effective])
         heads = ["Quantity", "Mean (standard deviation)", "Unit", "95 % interval", "R-hat", "Effective draws"]
         chains, draws = self.mean.shape
         facts = [("runs", f"{self.values.size}"), ("draws", f"{chains} chains of {draws}, {self.divergences} diverged")]
-        apart = "The chains have not met: take more draws, or give a prior of the scatter."
+        apart = "The chains have not converged: take more draws, or give a prior of the scatter."
         warnings = [] if self.converged else [apart]
         data = {"intervals": ends, "r_hat": self.r_hat, "effective": self.effective, "divergences": self.divergences}
         data |= {name: {"mean": float(each.mean()), "std": float(each.std())} for name, each in self._draws().items()}
         return Report([Table(heads, rows, "Posterior over runs")], facts, warnings=warnings, data=data)
 
     def plot(self, *, style: Style = "screen") -> Any:
-        """Runs with their errors and the population's mean and scatter; draws of both; a matplotlib figure.
+        """Draw the runs, and mean and scatter of the population, in matplotlib.
+
+        The right half shows the draws of mean and scatter.
 
         Args:
             style: as of :func:`fricjax.show.styled`.
@@ -140,22 +149,22 @@ def hierarchical(
     """Draw mean and scatter of a coefficient over runs from their posterior.
 
     Args:
-        runs: a batch of fits, of which the converged ones count, or values and standard errors, each of shape (runs,).
-            With a batch that was fitted with a rig the errors of its inputs are drawn too, by the priors that the rig
-            states, the same in all runs.
-        name: of the coefficient.
-        mean: prior of the population's mean, as a pair or a `Measured`; None: one that tells nothing.
-        scatter: scale of the half-normal prior of the scatter; None: one that tells nothing.
-        draws: number of draws of each chain, behind `warmup` draws in which the sampler finds its step.
+        runs: a batch of fits, or values and standard errors, each of shape (runs,). Only the converged fits of a batch
+            are used. For a batch that was fitted with a rig, the errors of the rig's inputs are drawn too: from their
+            stated uncertainties, with one error for all runs.
+        name: name of the coefficient.
+        mean: normal prior of the population's mean, as a pair or a `Measured`; None: a flat one.
+        scatter: scale of the half-normal prior of the scatter; None: a flat one.
+        draws: number of draws of each chain after the warm-up.
         chains: number of chains.
-        warmup: draws that are thrown away.
-        seed: of the generator; the same seed gives the same numbers.
+        warmup: number of draws to discard, in which the sampler adapts its step size.
+        seed: seed of the generator; the same seed gives the same numbers.
 
     Returns:
         The draws.
 
     Raises:
-        UsageError: numpyro is not installed, fewer than three runs, or an unknown coefficient.
+        UsageError: numpyro is not installed, there are fewer than three runs, or the coefficient is unknown.
 
     Examples:
         >>> import numpy as np
@@ -170,7 +179,7 @@ def hierarchical(
     if scatter is not None and not scatter > 0:
         raise UsageError(f"The prior of the scatter needs a positive scale, got {scatter:g}.")
     if chains < 2 or draws < 1:
-        raise UsageError("Take two chains at least, to tell whether they have met.")
+        raise UsageError("Take two chains at least, to check their convergence.")
     diagnostics = needed("A posterior", "numpyro.diagnostics", "bayes")
     size = max(float(np.std(y, ddof=1)), float(np.median(u)))
     matrix = np.reshape(list(common.values()), (-1, y.size)).T
@@ -195,7 +204,10 @@ def hierarchical(
 
 
 def _observed(runs: Any, name: str) -> tuple[np.ndarray, np.ndarray, str, dict[str, np.ndarray]]:
-    """Values and standard errors of the runs that count, the unit, and what each input of a rig adds to them."""
+    """Return values, standard errors, unit and contributions of the inputs.
+
+    The arrays have one element per valid run.
+    """
     if not isinstance(runs, BatchFit):
         y, u = (np.asarray(each, float) for each in runs)
         if y.shape != u.shape or y.ndim != 1 or not np.all(u > 0):
@@ -210,14 +222,14 @@ def _observed(runs: Any, name: str) -> tuple[np.ndarray, np.ndarray, str, dict[s
 
 @functools.lru_cache(maxsize=8)
 def _sampler(inputs: int, draws: int, chains: int, warmup: int) -> Any:
-    """The sampler, whose compiled programs serve all data of one size."""
+    """Return a sampler with one compiled program per size of data."""
     import numpyro
     from numpyro import distributions
     from numpyro.infer import MCMC, NUTS
 
     def model(y: Any, u: Any, common: Any, expected: Any, width: Any, scale: Any) -> None:
-        # What the runs show is the mean with the errors of the rig, which stand for each other to parts in a thousand:
-        # the sampler moves what is seen, and the mean is what is left of it.
+        # The runs determine the sum of the mean and the errors of the rig, but hardly the two alone. The sampler moves
+        # the sum, and the mean is the sum minus the errors of the rig.
         level = numpyro.sample("level", distributions.ImproperUniform(distributions.constraints.real, (), ()))
         spread = numpyro.sample("scatter", distributions.HalfNormal(scale))
         z = numpyro.sample("z", distributions.Normal(0.0, 1.0).expand([inputs]).to_event(1))
@@ -232,7 +244,10 @@ def _sampler(inputs: int, draws: int, chains: int, warmup: int) -> Any:
 
 
 def _of_runs(left: np.ndarray, u: np.ndarray, middle: np.ndarray, spread: np.ndarray, seed: int) -> np.ndarray:
-    """Draws of the coefficient of each run, given those of the rest, shape (chains, draws, runs)."""
+    """Draw the coefficient of each run given the population.
+
+    The result has the shape (chains, draws, runs).
+    """
     known, wide = 1 / u**2, 1 / np.maximum(spread, math.sqrt(np.finfo(float).tiny))[:, :, None] ** 2
     weight = known + wide
     normal = np.random.default_rng([seed, _OTHER_SEED]).standard_normal(left.shape)

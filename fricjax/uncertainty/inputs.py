@@ -1,8 +1,8 @@
-"""The inputs of an uncertainty budget: a best estimate, and what is known of its error.
+"""Inputs of an uncertainty budget: best estimates with their uncertainties.
 
-An uncertainty from the scatter of readings (type A) has degrees of freedom; one from a certificate, a resolution or a
-judgement (type B) has a distribution (JCGM 100, 4.2 and 4.3). Monte Carlo draws from these distributions as JCGM 101,
-table 1, assigns them.
+An uncertainty from the scatter of readings (type A) has degrees of freedom. An uncertainty from a certificate, a
+resolution or a judgement (type B) has a distribution (JCGM 100, 4.2 and 4.3). Monte Carlo draws from the distributions
+that JCGM 101 assigns in table 1.
 """
 
 import dataclasses
@@ -34,15 +34,15 @@ class Input:
         value: best estimate, in SI units.
         std: standard uncertainty, in the unit of the value; zero: taken as exact.
         unit: SI unit, for the report.
-        distribution: of the error: "normal", "rectangular", "triangular" or "arcsine", the last for what swings between
-            two ends.
-        degrees_of_freedom: of the standard uncertainty itself; inf: known exactly, as most of type B are taken to be.
-            A standard uncertainty that is itself known to the part r has ``1/(2 r^2)`` (JCGM 100, G.4.2).
+        distribution: distribution of the error: "normal", "rectangular", "triangular" or "arcsine". The last one is
+            that of a quantity that oscillates between two ends.
+        degrees_of_freedom: degrees of freedom of the standard uncertainty; inf: it is exact, the usual assumption for
+            type B. A standard uncertainty with a relative uncertainty r has ``1/(2 r^2)`` (JCGM 100, G.4.2).
         kind: "A" from the scatter of readings, "B" from anything else.
 
     Raises:
-        UsageError: a number that is not finite, a negative uncertainty, less than one degree of freedom, or an unknown
-            distribution or kind.
+        UsageError: a number is not finite, the uncertainty is negative, there is less than one degree of freedom, or
+            the distribution or kind is unknown.
 
     Examples:
         >>> from fricjax.uncertainty import Input
@@ -75,13 +75,14 @@ class Input:
 
     @classmethod
     def of(cls, value: Any, unit: str = "") -> "Input":
-        """The input that a number, a `Measured`, an input or a text stands for.
+        """Convert a number, a `Measured`, an input or a text.
 
-        A text is a number with its standard uncertainty in SI units, ``"9.66 +/- 0.05"`` or ``"9.66(5)"``, behind which
-        may stand ``9 degrees of freedom``, or the name of a distribution: then it is the half-width that is given.
+        A text is a number with its standard uncertainty in SI units, ``"9.66 +/- 0.05"`` or ``"9.66(5)"``. The words
+        ``9 degrees of freedom`` or the name of a distribution may follow. Before the name of a distribution other than
+        normal, the uncertainty is the half-width.
 
         Raises:
-            UsageError: anything else.
+            UsageError: the value is anything else.
         """
         if isinstance(value, cls):
             return value
@@ -100,10 +101,12 @@ class Input:
 
     @classmethod
     def of_readings(cls, readings: Sequence[float], unit: str = "") -> "Input":
-        """The mean of independent readings with its experimental standard deviation (JCGM 100, 4.2).
+        """Return the mean of independent readings (JCGM 100, 4.2).
+
+        The standard uncertainty is the experimental standard deviation of the mean.
 
         Raises:
-            UsageError: fewer than two readings.
+            UsageError: there are fewer than two readings.
         """
         values = np.asarray(readings, float)
         if values.ndim != 1 or values.size < 2:
@@ -113,30 +116,36 @@ class Input:
 
     @classmethod
     def rectangular(cls, value: float, half_width: float, unit: str = "") -> "Input":
-        """An input of which only its two ends are known, ``value +/- half_width`` (JCGM 100, 4.3.7)."""
+        """Return an input between ``value +/- half_width`` (JCGM 100, 4.3.7)."""
         return cls(value, half_width * _WIDTHS["rectangular"], unit, "rectangular")
 
     @classmethod
     def triangular(cls, value: float, half_width: float, unit: str = "") -> "Input":
-        """An input that lies between two ends, nearer to the middle more often (JCGM 100, 4.3.9)."""
+        """Return an input between two ends, most often near the middle.
+
+        JCGM 100, 4.3.9.
+        """
         return cls(value, half_width * _WIDTHS["triangular"], unit, "triangular")
 
     @classmethod
     def arcsine(cls, value: float, half_width: float, unit: str = "") -> "Input":
-        """An input that swings between two ends, as a temperature under control (JCGM 101, 6.4.6)."""
+        """Return an input that oscillates between two ends, e.g. a controlled temperature.
+
+        JCGM 101, 6.4.6.
+        """
         return cls(value, half_width * _WIDTHS["arcsine"], unit, "arcsine")
 
     @property
     def is_normal(self) -> bool:
-        """Whether its errors are drawn from a normal distribution, so that they may be correlated with others."""
+        """True if the errors are normal, so that they may be correlated."""
         return self.distribution == "normal" and math.isinf(self.degrees_of_freedom)
 
     def draw(self, generator: np.random.Generator, draws: int) -> np.ndarray:
-        """Values that the input may have, shape (draws,)."""
+        """Draw values of the input, shape (draws,)."""
         if self.std == 0:
             return np.full(draws, self.value)
         if self.distribution == "normal":
-            # A mean of few readings has Student's distribution, whose standard deviation is larger (JCGM 101, 6.4.9.2).
+            # A mean of few readings has Student's distribution, with a larger standard deviation (JCGM 101, 6.4.9.2).
             finite = math.isfinite(self.degrees_of_freedom)
             errors = generator.standard_t(self.degrees_of_freedom, draws) if finite else generator.normal(size=draws)
             return self.value + self.std * errors

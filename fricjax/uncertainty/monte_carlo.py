@@ -1,4 +1,4 @@
-"""Propagation of distributions by Monte Carlo, and the comparison of a budget with it (JCGM 101:2008)."""
+"""Propagation of distributions by Monte Carlo (JCGM 101:2008)."""
 
 import dataclasses
 import math
@@ -8,33 +8,33 @@ from typing import Any
 import numpy as np
 
 from ..errors import UsageError
-from ..show import Report, Reported, Style, Table, axis_label, figure, styled, uncertain
+from ..show import Cell, Report, Reported, Style, Table, axis_label, figure, styled, uncertain
 from ..show.thumbnail import Curve, curves_svg
 from ..show.working import working
 from .inputs import Input
 
-# Draws that are computed at once: 10 inputs of these take 8 MB.
+# Number of draws per block: 10 inputs take 8 MB.
 _BLOCK = 100_000
-# Parts of which the ends of the interval are looked at, to see how far the draws determine them.
+# Number of parts of the draws, to estimate the standard error of the ends of the interval.
 _PARTS = 20
-# A tolerance of half of the last of two digits of the standard uncertainty is the standard's own (7.9.2).
+# JCGM 101, 7.9.2: the tolerance is half a unit of the second significant digit of the standard uncertainty.
 _DIGITS = 2
-_BINS = 80  # of the histogram beside the table
+_BINS = 80  # of the histogram in the thumbnail
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class MonteCarlo(Reported):
-    """The distribution of a result by drawing its inputs, beside the budget to first order.
+    """The distribution of a result from draws, and its budget.
 
     Attributes:
         draws: number of draws.
-        mean, std: of the results.
-        interval: its ends have the same probability outside.
+        mean, std: mean and standard deviation of the results.
+        interval: probabilistically symmetric interval.
         shortest: shortest interval of the same probability.
-        level: that probability.
+        level: probability of the intervals.
         value, budget_std, budget_interval: result of the budget, its standard uncertainty and its interval.
-        tolerance: half of the last of two digits of the standard uncertainty.
-        difference: larger distance between the ends of `interval` and those of `budget_interval`.
+        tolerance: half a unit of the second significant digit of the standard uncertainty.
+        difference: largest distance between an end of `interval` and the same end of `budget_interval`.
         spread: standard error of the ends of `interval`, from parts of the draws.
         sample: the results in order, shape (draws,).
 
@@ -62,12 +62,19 @@ class MonteCarlo(Reported):
 
     @classmethod
     def of(cls, values: np.ndarray, value: float, std: float, half_width: float, level: float) -> "MonteCarlo":
-        """The outcome of draws of a result, beside value, standard and expanded uncertainty of its budget.
+        """Compare drawn results with a budget.
+
+        Args:
+            values: the results, shape (draws,).
+            value: result of the budget.
+            std: its standard uncertainty.
+            half_width: its expanded uncertainty.
+            level: coverage probability.
 
         Raises:
-            UsageError: too few draws for the intervals, or draws of which some have no result.
+            UsageError: there are too few draws for the intervals, or a result is not finite.
         """
-        # Ten draws beyond each end in each part, below which a quantile is a matter of luck.
+        # A quantile needs ten draws beyond each end in each part.
         if values.size * (1 - level) / 2 < 10 * _PARTS:
             raise UsageError(
                 f"{values.size} draws are too few for intervals of {100 * level:g} %: take "
@@ -77,7 +84,7 @@ class MonteCarlo(Reported):
             lost = int(np.sum(~np.isfinite(values)))
             raise UsageError(
                 f"The formula has no finite result in {lost} of {values.size} draws: an input reaches values that it "
-                "cannot have. Give that input a distribution with ends."
+                "cannot have. Give that input a bounded distribution."
             )
         ends = np.array([(1 - level) / 2, (1 + level) / 2])
         low, high = np.quantile(values, ends)
@@ -102,24 +109,25 @@ class MonteCarlo(Reported):
 
     @property
     def agrees(self) -> bool:
-        """Whether the budget is validated: the ends of both intervals are the same within the tolerance (8.1)."""
+        """True if both intervals agree within the tolerance (8.1)."""
         return self.difference <= self.tolerance
 
     @property
     def stable(self) -> bool:
-        """Whether more draws would change nothing: the ends are known to a fifth of the tolerance (8.2)."""
+        """True if the ends are stable within tolerance/5 (8.2)."""
         return self.spread <= self.tolerance / 5
 
     def report(self) -> Report:
-        """Both intervals, and whether they agree."""
+        """Return both intervals and their comparison."""
         level = f"{100 * self.level:g} %"
-        # With the digits that the tolerance counts, for these decide.
+        # The tolerance determines the number of digits.
         digits = max(-math.floor(math.log10(self.tolerance)), 0) if self.tolerance else 6
-        shown = lambda ends: f"[{ends[0]:.{digits}f}, {ends[1]:.{digits}f}]"
+        value = lambda value, std: Cell(uncertain(value, std), value=value, std=std)
+        ends = lambda low, high: Cell(f"[{low:.{digits}f}, {high:.{digits}f}]", low=low, high=high)
         rows = [
-            ["Monte Carlo", uncertain(self.mean, self.std), shown(self.interval)],
-            ["Monte Carlo, shortest", None, shown(self.shortest)],
-            ["budget", uncertain(self.value, self.budget_std), shown(self.budget_interval)],
+            ["Monte Carlo", value(self.mean, self.std), ends(*self.interval)],
+            ["Monte Carlo, shortest", None, ends(*self.shortest)],
+            ["budget", value(self.value, self.budget_std), ends(*self.budget_interval)],
         ]
         apart = f"the ends of the intervals differ by {self.difference:.2g}"
         tolerated = f"{self.tolerance:.1g}, half of the last of two digits of the uncertainty (JCGM 101, 8)"
@@ -142,14 +150,14 @@ class MonteCarlo(Reported):
         return [curves_svg(curves, ("Result; thin: that of the budget", ""), ("Density", ""))]
 
     def plot(self, *, style: Style = "screen") -> Any:
-        """The distribution of the draws, that of the budget, and both intervals; a matplotlib figure.
+        """Draw both distributions with their intervals, in matplotlib.
 
         Args:
             style: as of :func:`fricjax.show.styled`.
         """
         drawing, axes = figure()
         axis = axes[0, 0]
-        # A hundredth of the draws at each end lies far out and would leave the rest no room.
+        # The outermost draws would compress the rest of the picture.
         low, high = np.quantile(self.sample, [0.001, 0.999])
         axis.hist(self.sample, bins=120, range=(low, high), density=True, color="#B8D4E8", label="Monte Carlo")
         at = np.linspace(low, high, 400)
@@ -159,12 +167,12 @@ class MonteCarlo(Reported):
                 axis.axvline(end, color=colour, linestyle=dashes)
         axis.set_xlabel(axis_label("Result", "SI units"))
         axis.set_ylabel("Probability density")
-        # The ends of the intervals run from top to bottom on both sides of the curve.
+        # Inside the axes the legend would cover the lines of the intervals.
         drawing.legend(loc="outside upper center", ncols=2, fontsize=8)
         return styled(drawing, style)
 
     def _of_budget(self, at: np.ndarray) -> np.ndarray:
-        """Density of the normal distribution that the budget stands for."""
+        """Return the normal density of the budget."""
         return np.exp(-(((at - self.value) / self.budget_std) ** 2) / 2) / (self.budget_std * math.sqrt(2 * math.pi))
 
 
@@ -175,10 +183,10 @@ def simulated(
     draws: int,
     seed: int,
 ) -> np.ndarray:
-    """Results of a formula for values of its inputs that are drawn from their distributions, shape (draws,).
+    """Draw the inputs of a formula and return its results, shape (draws,).
 
     Raises:
-        UsageError: a correlated input that is not normal.
+        UsageError: a correlated input is not normal.
     """
     import jax
 
@@ -191,14 +199,14 @@ def simulated(
                 "from a joint normal distribution (JCGM 101, 6.4.8)."
             )
     generator = np.random.default_rng(seed)
-    # Of a singular matrix, as of two inputs that are one, no Cholesky factor exists, but a square root does.
+    # A singular matrix, e.g. of two equal inputs, has a square root but no Cholesky factor.
     eigenvalues, vectors = np.linalg.eigh(correlation)
     root = vectors * np.sqrt(np.clip(eigenvalues, 0.0, None))
     each = jax.jit(jax.vmap(lambda values: formula(values)))
     results = []
     with working("Drawing inputs", draws) as task:
         for first in range(0, draws, _BLOCK):
-            # All blocks have one size, so that the formula is compiled once.
+            # All blocks have the same size, so that JAX compiles the formula once.
             block = {name: inputs[name].draw(generator, _BLOCK) for name in names}
             if correlated.any():
                 errors = generator.normal(size=(_BLOCK, len(names))) @ root.T
@@ -210,14 +218,17 @@ def simulated(
 
 
 def _tolerance(std: float) -> float:
-    """Half of the last of two significant digits of a standard uncertainty (JCGM 101, 7.9.2)."""
+    """Return half a unit of the second significant digit (JCGM 101, 7.9.2)."""
     if std == 0:
         return 0.0
     return 0.5 * 10.0 ** (math.floor(math.log10(std)) - _DIGITS + 1)
 
 
 def _shortest(ordered: np.ndarray, level: float) -> tuple[float, float]:
-    """Shortest interval that holds a part `level` of results in order (JCGM 101, 7.7.4)."""
+    """Return the shortest interval with a fraction `level` of sorted results.
+
+    JCGM 101, 7.7.4.
+    """
     inside = min(max(round(level * ordered.size), 1), ordered.size - 1)
     first = int(np.argmin(ordered[inside:] - ordered[:-inside]))
     return float(ordered[first]), float(ordered[first + inside])

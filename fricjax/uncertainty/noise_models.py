@@ -1,7 +1,7 @@
-"""One fit under each noise model: what its likelihood says of them, and what they make of a value and its error.
+"""Comparison of the noise models of a fit by likelihood.
 
-The likelihoods are those of the rows by which a fit knows its noise, some forty to a half-cycle, with the parameters
-where that noise has them, so that they can be compared with each other and with nothing else.
+The likelihoods are those of the averaged residuals from which a fit estimates its noise, about forty per half-cycle,
+at the optimum under each noise model. Compare them only with each other.
 """
 
 import dataclasses
@@ -17,7 +17,7 @@ from ..fitting.noise_weighting import NoiseWeighted, weigh_by_noise
 from ..fitting.rows import rows_of
 from ..fitting.settings import NOISE_MODELS
 from ..fitting.solve import solve
-from ..show import Report, Reported, Style, Table, axis_label, figure, plain, styled, uncertain
+from ..show import Cell, Report, Reported, Style, Table, axis_label, figure, plain, styled, uncertain
 from .again import optimum, problem_of
 
 
@@ -25,11 +25,11 @@ class NoiseModelRow(NamedTuple):
     """One fit under one noise model.
 
     Attributes:
-        name: of the model.
-        misfit: minus twice the logarithm of its likelihood, less that of the best model.
-        numbers: how many numbers the model has.
-        aic, bic: criteria of Akaike and Schwarz, less those of the best model.
-        fit: the fit under it.
+        name: name of the model.
+        misfit: minus twice the logarithm of the likelihood, minus that of the best model.
+        numbers: number of parameters of the noise model.
+        aic, bic: criteria of Akaike and Schwarz, minus those of the best model.
+        fit: the fit under the model.
 
     Examples:
         >>> from fricjax.uncertainty import NoiseModelRow
@@ -51,7 +51,7 @@ class NoiseModels(Reported):
 
     Attributes:
         rows: one for each model, the smallest `bic` first.
-        name: the parameter whose value and error are shown.
+        name: the parameter to show with its error.
         described: names of the models under which the fit describes its record.
 
     Examples:
@@ -68,7 +68,7 @@ class NoiseModels(Reported):
 
     @property
     def best(self) -> NoiseModelRow:
-        """The model of the smallest `bic`."""
+        """The model with the smallest `bic`."""
         return self.rows[0]
 
     @property
@@ -77,12 +77,14 @@ class NoiseModels(Reported):
         return tuple(row.name for row in self.rows if row.fit.converged)
 
     def report(self) -> Report:
-        """One row per model: criteria, and the value with its error."""
+        """Return one row per model: criteria, and the value with its error."""
         rows = []
         for row in self.rows:
-            fit, numbers = row.fit, [f"{row.misfit:.1f}", str(row.numbers), f"{row.aic:.1f}", f"{row.bic:.1f}"]
-            shown = uncertain(fit.values[self.name], fit.std_errors[self.name], fit.units[self.name])
-            rows.append([row.name, *numbers, shown, fit.status.split(":")[0]])
+            scores = {name: getattr(row, name) for name in ("misfit", "aic", "bic")}
+            misfit, aic, bic = (Cell(f"{score:.1f}", **{name: score}) for name, score in scores.items())
+            value, std, unit = (of[self.name] for of in (row.fit.values, row.fit.std_errors, row.fit.units))
+            fitted = Cell(uncertain(value, std, unit), value=value, std=std, unit=unit)
+            rows.append([row.name, misfit, row.numbers, aic, bic, fitted, row.fit.status.split(":")[0]])
         heads = ["Noise model", "-2 ln L", "Numbers", "AIC", "BIC", self.name, "Status"]
         notes = [f"{row.name}: {NOISE_MODELS[row.name]}." for row in self.rows]
         data = {
@@ -100,7 +102,9 @@ class NoiseModels(Reported):
         return Report([Table(heads, rows, "Noise models, less the best")], notes=notes, data=data)
 
     def plot(self, *, style: Style = "screen") -> Any:
-        """Value and 95 % interval of the parameter under each model, less that of the best; a matplotlib figure.
+        """Draw the parameter with its interval under each model, in matplotlib.
+
+        Values are relative to the best model, in units of its standard error.
 
         Args:
             style: as of :func:`fricjax.show.styled`.
@@ -118,18 +122,18 @@ class NoiseModels(Reported):
 
 
 def noise_models(fit: Fit, name: str | None = None) -> NoiseModels:
-    """Count a fit by each noise model in turn.
+    """Repeat a fit under each noise model.
 
     Args:
         fit: the fit; not one that was read from a file.
         name: parameter to show; None: mu, or the first one.
 
     Returns:
-        The models, that of the smallest criterion of Schwarz first. Where a model finds nothing of its own in the
-        residuals it is the white one, and is left out.
+        The models, the smallest criterion of Schwarz first. A model that does not differ from white noise for these
+        residuals is left out.
 
     Raises:
-        UsageError: a fit without an optimum, from a file or with a robust loss, or an unknown parameter.
+        UsageError: the fit has no optimum, is from a file or has a robust loss, or the parameter is unknown.
 
     Examples:
         >>> import fricjax as fj
@@ -162,7 +166,10 @@ def noise_models(fit: Fit, name: str | None = None) -> NoiseModels:
 
 
 def _of_size(counted: NoiseWeighted, unit: float) -> tuple[float, int]:
-    """What another size of white noise than the one stated adds to minus twice the likelihood, and its numbers."""
+    """Return the change of -2 ln L by a free noise size.
+
+    The second number is the number of free sizes, 0 or 1.
+    """
     if counted.variance == counted.scatter:
         return 0.0, 0
     gain = 0.0

@@ -1,4 +1,7 @@
-"""The budget of a formula, with exact derivatives; inputs of a formula may be budgets of formulas themselves."""
+"""Uncertainty budgets of formulas, with exact derivatives.
+
+An input of a formula may be the budget of another formula.
+"""
 
 from collections.abc import Callable, Mapping
 from typing import Any
@@ -21,22 +24,22 @@ def propagate(
     unit: str = "",
     correlations: Correlations | None = None,
 ) -> Budget:
-    """The uncertainty budget of a formula.
+    """Return the uncertainty budget of a formula.
 
     Args:
-        formula: takes the inputs by name, each one number, and returns one number; written with arithmetic and
-            `jax.numpy`, for it is differentiated.
+        formula: takes the inputs by name, each one number, and returns one number. JAX differentiates it, so write it
+            with arithmetic and `jax.numpy`.
         inputs: by name, each an `Input`, a `Measured`, a number, a text such as ``"9.66 +/- 0.05"``, or a `Budget`,
-            whose own inputs then stand in its place.
+            which is replaced by its inputs.
         quantity: name of the result.
         unit: its unit.
-        correlations: coefficient of correlation of each pair of inputs that are not independent.
+        correlations: correlation coefficient of each pair of inputs that are not independent.
 
     Returns:
         The budget: value, sensitivities, contributions.
 
     Raises:
-        UsageError: an input that is none, a correlation that cannot be, or a formula that cannot be differentiated.
+        UsageError: an input is not a number, a correlation is impossible, or JAX cannot differentiate the formula.
 
     Examples:
         >>> from fricjax.uncertainty import Input, propagate
@@ -61,7 +64,10 @@ def derived(
     correlations: Correlations | None,
     notes: tuple[str, ...] = (),
 ) -> Budget:
-    """The budget of a formula of one mapping; what budgets among the inputs rest on takes their place."""
+    """Return the budget of a formula with a mapping as argument.
+
+    Budgets among the inputs are replaced by their inputs.
+    """
     import jax
     import jax.numpy as jnp
 
@@ -81,8 +87,8 @@ def derived(
         value, slopes = jax.jit(jax.value_and_grad(composed))(at)
     except (jax.errors.JAXTypeError, TypeError) as error:
         raise UsageError(
-            f"The formula of {quantity} cannot be differentiated: {str(error).splitlines()[0]} Write it of its inputs "
-            "by name, with arithmetic and jax.numpy, for one number."
+            f"The formula of {quantity} cannot be differentiated: {str(error).splitlines()[0]} Write a function of the "
+            "inputs by name that returns one number, with arithmetic and jax.numpy."
         ) from error
     if not all(np.isfinite(float(each)) for each in (value, *slopes.values())):
         raise UsageError(f"The formula of {quantity} or its derivative is not finite at the values of the inputs.")
@@ -92,10 +98,10 @@ def derived(
 
 
 def _correlation(inputs: Mapping[str, Input], pairs: Correlations, nested: Mapping[str, Budget]) -> np.ndarray:
-    """The correlations of the inputs as a matrix, with those that nested budgets have.
+    """Return the correlation matrix of the inputs and of nested budgets.
 
     Raises:
-        UsageError: an unknown name, a coefficient beyond one, or coefficients that contradict one another.
+        UsageError: a name is unknown, a coefficient is beyond one, or the coefficients contradict one another.
     """
     names = list(inputs)
     matrix = np.eye(len(names))
@@ -110,7 +116,7 @@ def _correlation(inputs: Mapping[str, Input], pairs: Correlations, nested: Mappi
             raise UsageError(f"The correlation of {a} and {b} must be between -1 and 1, got {coefficient:g}.")
         i, j = names.index(a), names.index(b)
         matrix[i, j] = matrix[j, i] = coefficient
-    # Rounding may take an eigenvalue of a singular matrix below zero.
+    # Rounding may make an eigenvalue of a singular matrix negative.
     if np.linalg.eigvalsh(matrix)[0] < -1e-12 * len(names):
         raise UsageError("The correlations of the inputs contradict one another: no errors have all of them at once.")
     return matrix

@@ -1,9 +1,9 @@
-"""The bootstrap: how the fitted values scatter over records that the same machine and noise could have given.
+"""Bootstrap: scatter of the fitted values over resampled records.
 
-Blocks of the residuals, drawn with replacement and put back on the fitted motion, keep whatever memory the noise has
-within a block and assume no distribution (Kuensch, Ann. Statist. 17, 1217, 1989). Their length is Carlstein's for an
-autoregression of the correlation time that the residuals have, ``(sqrt(6) r/(1 - r^2))^(2/3) n^(1/3)`` (Ann. Statist.
-14, 1171, 1986).
+Blocks of the residuals are drawn with replacement and added to the fitted motion. They keep the correlation of the
+noise within a block and assume no distribution (Kuensch, Ann. Statist. 17, 1217, 1989). Their length is that of
+Carlstein for an autoregression with the correlation time of the residuals, ``(sqrt(6) r/(1 - r^2))^(2/3) n^(1/3)``
+(Ann. Statist. 14, 1171, 1986).
 """
 
 import dataclasses
@@ -17,13 +17,13 @@ from ..fitting.diagnostics import optimum_found
 from ..fitting.noise import Noise, whiteness
 from ..fitting.problem import Problem, displaced
 from ..fitting.window import Window
-from ..show import Report, Table, interval, plain, uncertain
+from ..show import Cell, Report, Table, interval, plain, uncertain
 from ..show.working import working
 from .again import optimum, problem_of, solved
 from .draws import AbstractDraws
 
 NOISES = ("blocks", "model")
-# Fewest records of which quantiles of 2.5 % are told: one beyond each.
+# Fewest records for quantiles of 2.5 %: one beyond each end.
 _FEWEST = 40
 
 
@@ -34,8 +34,8 @@ class Bootstrap(AbstractDraws):
     Attributes:
         names: free parameters; `units`: by name.
         sample: fitted values, NaN where a fit has no optimum, shape (draws, p).
-        values, std_errors: those of the fit that was resampled, by name.
-        noise: "blocks" or "model"; `block`: length of the blocks in samples, of each run.
+        values, std_errors: values and standard errors of the original fit, by name.
+        noise: "blocks" or "model"; `block`: length of the blocks of each run, in samples.
         failed: number of fits without an optimum.
 
     Examples:
@@ -68,17 +68,19 @@ class Bootstrap(AbstractDraws):
 
     @property
     def bias(self) -> dict[str, float]:
-        """Mean of each value over the draws, less the value of which they were made."""
+        """Mean of each value over the draws, minus the original value."""
         means = zip(self.names, self.good.mean(axis=0).tolist(), strict=True)
         return {name: mean - self.values[name] for name, mean in means}
 
     def report(self) -> Report:
-        """Standard errors of the fit beside the scatter of the draws."""
+        """Return the scatter of the draws and its ratio to the errors."""
         std, bias, rows = self.std, self.bias, []
         for name, (low, high) in self.intervals().items():
             ratio = std[name] / self.std_errors[name] if self.std_errors[name] else math.nan
-            shown = uncertain(self.values[name], std[name])
-            rows.append([name, shown, self.units[name], f"{ratio:.2f}", plain(bias[name], 3), interval(low, high)])
+            value = Cell(uncertain(self.values[name], std[name]), value=self.values[name], std=std[name])
+            compared = [Cell(f"{ratio:.2f}", ratio=ratio), Cell(plain(bias[name], 3), bias=bias[name])]
+            between = Cell(interval(low, high), low=low, high=high)
+            rows.append([name, value, self.units[name], *compared, between])
         heads = ["Parameter", "Value (scatter of the draws)", "Unit", "Scatter/standard error", "Bias", "95 % interval"]
         how = "residuals in blocks" if self.noise == "blocks" else "noise drawn from its model"
         blocks = f" of {', '.join(map(str, self.block))} samples" if self.noise == "blocks" else ""
@@ -93,21 +95,21 @@ class Bootstrap(AbstractDraws):
 
 @working("Resampling")
 def bootstrap(fit: Fit, draws: int = 1000, *, noise: str = "blocks", seed: int = 0) -> Bootstrap:
-    """Fit records that the same machine and noise could have given, many at once.
+    """Fit resampled records, many in parallel.
 
     Args:
         fit: the fit to resample; not one that was read from a file.
         draws: number of records.
-        noise: "blocks": residuals of the fit in blocks; "model": drawn from the noise of the fit where that has no
-            memory, normal with its size, and rounded where the reading is.
-        seed: of the generator; the same seed gives the same numbers.
+        noise: "blocks": residuals of the fit in blocks; "model": normal noise of the size that the fit has found,
+            rounded like the reading. The model needs uncorrelated noise.
+        seed: seed of the generator; the same seed gives the same numbers.
 
     Returns:
-        The fitted values of all draws, beside the fit. Where it found its noise white they are least squares, as it is;
-        else the noise of each record is sought anew.
+        The fitted values of all draws, and the fit. If the fit found white noise, all records are fitted by least
+        squares. Otherwise the noise of each record is estimated again.
 
     Raises:
-        UsageError: a fit without an optimum or from a file, too few draws, or a noise that cannot be drawn.
+        UsageError: the fit has no optimum or is from a file, there are too few draws, or the noise has no simple model.
 
     Examples:
         >>> import fricjax as fj
@@ -120,7 +122,7 @@ def bootstrap(fit: Fit, draws: int = 1000, *, noise: str = "blocks", seed: int =
     problem, values = problem_of(fit), optimum(fit)
     check_choice("noise", noise, NOISES)
     if draws < _FEWEST:
-        raise UsageError(f"Of {draws} draws no interval of 95 % can be given. Take {_FEWEST} at least, better 1000.")
+        raise UsageError(f"{draws} draws are too few for an interval of 95 %. Take {_FEWEST} at least, better 1000.")
     parts = [_split(*each) for each in zip(problem.windows, fit.residuals_by_run, fit.noises, strict=True)]
     blocks = tuple(_block_length(random) for _, random in parts)
     if noise == "model":
@@ -128,12 +130,12 @@ def bootstrap(fit: Fit, draws: int = 1000, *, noise: str = "blocks", seed: int =
             _check_drawable(each, label)
 
     if all(noise.white for noise in fit.noises):
-        # Records of noise that was found to be white are fitted by least squares, as this one was.
+        # The fit found white noise and used least squares. The resampled records are fitted in the same way.
         problem = dataclasses.replace(problem, noise="white")
     measured = displaced(problem)
 
     def resampled(number: int) -> Problem:
-        # Each record has a generator of its own, so that it is the same in whatever order they are made.
+        # Each record has a separate generator, so that the order of the fits does not matter.
         generator = np.random.default_rng([seed, number])
         rows = zip(problem.windows, parts, fit.noises, blocks, strict=True)
         return measured([_drawn(generator, noise, *row) for row in rows])
@@ -151,7 +153,7 @@ def bootstrap(fit: Fit, draws: int = 1000, *, noise: str = "blocks", seed: int =
 
 
 def _split(window: Window, residual: np.ndarray, noise: Noise) -> tuple[np.ndarray, np.ndarray]:
-    """The record without its random noise, and that noise of the used samples."""
+    """Split the record into a smooth part and random noise."""
     t = np.asarray(window.trace.t) - window.origin
     random = (residual - noise.at(t))[window.used]
     known = np.array(window.trace.x)
@@ -168,16 +170,16 @@ def _block_length(random: np.ndarray) -> int:
 
 
 def _check_drawable(noise: Noise, label: str) -> None:
-    """Refuse what has no simple model to draw from.
+    """Refuse noise without a simple model.
 
     Raises:
-        UsageError: says what it is.
+        UsageError: the noise is correlated, of the floor, or jitter.
     """
-    # Of memory only the rows of a fit are known, some forty to a half-cycle, between which it may be shorter.
-    kinds = {"one that remembers": noise.memory, "a floor that shakes": noise.floor, "jitter": noise.jitter}
+    # A fit knows the correlation of averages only, about forty per half-cycle. At shorter lags it is unknown.
+    kinds = {"correlated": noise.memory, "vibration of the floor": noise.floor, "jitter": noise.jitter}
     for kind, is_it in kinds.items():
         if is_it:
-            raise UsageError(f"The noise of {label} is {kind}, which is not drawn from a model. Take noise='blocks'.")
+            raise UsageError(f"The noise of {label} is {kind} and has no simple model. Take noise='blocks'.")
 
 
 def _drawn(
@@ -188,16 +190,16 @@ def _drawn(
     noise: Noise,
     block: int,
 ) -> np.ndarray:
-    """Displacements of a record that could have been measured."""
+    """Return the displacements of a resampled record."""
     known, random = part
     n, x = random.size, known.copy()
     if kind == "blocks":
-        # Blocks go round from the end to the begin, so that each residual is drawn as often as any other.
+        # Blocks continue from the end at the start, so that all residuals are drawn with equal probability.
         starts = generator.integers(0, n, -(-n // block))
         x[window.used] += random[(starts[:, None] + np.arange(block)).ravel()[:n] % n]
         return x
     drawn = generator.normal(size=n)
-    # Rounding is part of the size that the residuals show, and comes anew with the rounding of the sum.
+    # The size of the residuals includes rounding. Remove it here, because the sum is rounded again.
     size = noise.excess * window.sigma[window.used]
     if noise.rounding:
         size = np.sqrt(np.maximum(size**2 - noise.rounding**2 / 12, 0.0))

@@ -1,7 +1,7 @@
-"""The uncertainty budget of a result: which input adds how much, and the interval that follows from all of them.
+"""Uncertainty budgets: the contribution of each input and the expanded uncertainty.
 
-The law of propagation is that of JCGM 100:2008, equation 13, with correlated inputs; effective degrees of freedom are
-those of Welch and Satterthwaite (G.2b), the coverage factor is Student's.
+Uncertainties are propagated by JCGM 100:2008, equation 13, with correlated inputs. The effective degrees of freedom are
+those of Welch and Satterthwaite (G.2b). The coverage factor is that of Student's distribution.
 """
 
 import dataclasses
@@ -13,7 +13,7 @@ import numpy as np
 
 from ..errors import needed
 from ..rig.measured import Measured
-from ..show import Report, Reported, Style, Table, axis_label, figure, interval, plain, styled, uncertain
+from ..show import Cell, Report, Reported, Style, Table, axis_label, figure, interval, plain, styled, uncertain
 from ..show.thumbnail import bars_svg
 from .inputs import Input
 from .monte_carlo import MonteCarlo, simulated
@@ -23,7 +23,7 @@ class Expanded(NamedTuple):
     """An expanded uncertainty.
 
     Attributes:
-        half_width: U, so that ``value +/- U`` holds the quantity with probability `level`.
+        half_width: U; the interval ``value +/- U`` contains the quantity with probability `level`.
         factor: coverage factor k.
         level: coverage probability.
         unit: of U.
@@ -47,16 +47,18 @@ class Expanded(NamedTuple):
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Budget(Reported):
-    """An uncertainty budget; `fricjax.uncertainty.budget` makes that of a fit, `propagate` that of any formula.
+    """An uncertainty budget.
+
+    `fricjax.uncertainty.budget` returns the budget of a fit, `propagate` the budget of any formula.
 
     Attributes:
         quantity, unit: name and SI unit of the result.
         value: the result.
         inputs: by name.
         sensitivities: derivative of the result with respect to each input, by name.
-        correlation: of the errors of the inputs, in the order of `inputs`, shape (n, n).
-        formula: the result of the values of all inputs by name; of arrays of values it is taken one by one.
-        notes: what to know of how the budget was made, in sentences.
+        correlation: correlation matrix of the errors of the inputs, in the order of `inputs`, shape (n, n).
+        formula: function that takes one value of each input, by name, and returns the result.
+        notes: sentences about the assumptions of the budget.
 
     Examples:
         >>> from fricjax.uncertainty import Input, propagate
@@ -87,7 +89,7 @@ class Budget(Reported):
 
     @property
     def contributions(self) -> dict[str, float]:
-        """What one standard uncertainty of each input changes in the result, with its sign."""
+        """Signed change of the result by one standard uncertainty of each input."""
         return {name: self.sensitivities[name] * each.std for name, each in self.inputs.items()}
 
     @property
@@ -98,60 +100,77 @@ class Budget(Reported):
 
     @property
     def measured(self) -> Measured:
-        """The result with its combined standard uncertainty, as an input of something else."""
+        """The result with its combined standard uncertainty."""
         return Measured(self.value, self.std)
 
     @property
     def shares(self) -> dict[str, float]:
-        """Part of the variance that each input has, with half of what it shares with others; they sum to one."""
+        """Fraction of the variance from each input; the fractions sum to one.
+
+        A covariance of two inputs is divided equally between them.
+        """
         parts = np.array(list(self.contributions.values()))
         shares = parts * (self.correlation @ parts) / max(self.std**2, np.finfo(float).tiny)
         return dict(zip(self.inputs, shares.tolist(), strict=True))
 
     @property
     def degrees_of_freedom(self) -> float:
-        """Effective degrees of freedom by Welch and Satterthwaite, who take the inputs as independent."""
+        """Effective degrees of freedom by Welch and Satterthwaite.
+
+        The formula is valid for independent inputs.
+        """
         known = {name: part for name, part in self.contributions.items() if part}
         scatter = sum((part / self.std) ** 4 / self.inputs[name].degrees_of_freedom for name, part in known.items())
         return 1 / scatter if scatter else math.inf
 
     def expanded(self, level: float = 0.95) -> Expanded:
-        """The uncertainty that covers the quantity with probability `level`, by Student's distribution."""
+        """Return the uncertainty that covers the quantity with probability `level`.
+
+        The coverage factor is that of Student's distribution.
+        """
         from scipy.stats import norm, t
 
         freedom = self.degrees_of_freedom
-        # The standard counts whole degrees of freedom, rounded down (G.4.1), so that none is gained by it.
+        # The standard rounds the degrees of freedom down (G.4.1), so that the interval is not too short.
         upper = (1 + level) / 2
         factor = float(norm.ppf(upper) if math.isinf(freedom) else t.ppf(upper, max(np.floor(freedom), 1.0)))
         return Expanded(factor * self.std, factor, level, self.unit)
 
     def monte_carlo(self, draws: int = 1_000_000, *, level: float = 0.95, seed: int = 0) -> MonteCarlo:
-        """The distribution of the result by drawing the inputs, and whether this budget agrees with it (JCGM 101).
+        """Draw the inputs and compare the result with this budget.
+
+        The comparison follows JCGM 101.
 
         Args:
             draws: number of draws.
             level: coverage probability of the intervals.
-            seed: of the generator; the same seed gives the same numbers.
+            seed: seed of the generator; the same seed gives the same numbers.
 
         Raises:
-            UsageError: correlated inputs that are not normal, or too few draws for the intervals.
+            UsageError: correlated inputs are not normal, or there are too few draws for the intervals.
         """
         values = simulated(self.formula, self.inputs, self.correlation, draws, seed)
         return MonteCarlo.of(values, self.value, self.std, self.expanded(level).half_width, level)
 
     def to_uncertainties(self) -> Any:
-        """The result as a number of the package `uncertainties`, which knows from which inputs its error comes.
+        """Return the result as a number of the package `uncertainties`.
+
+        That number carries its derivatives with respect to the inputs.
 
         Raises:
-            UsageError: the package is not installed; the sentence says how to.
+            UsageError: the package is not installed; the message names the package to install.
         """
-        package = needed("A number that knows its errors", "uncertainties", "interchange")
+        package = needed("A number with its errors", "uncertainties", "interchange")
         pairs = [(each.value, each.std) for each in self.inputs.values()]
         errors: Any = dict(zip(self.inputs, package.correlated_values_norm(pairs, self.correlation), strict=True))
         return self.value + sum(self.sensitivities[name] * (x - self.inputs[name].value) for name, x in errors.items())
 
     def report(self, level: float = 0.95) -> Report:
-        """One row per input, the largest share first, and what follows from all of them, at a coverage `level`."""
+        """Return one row per input, largest share first, and the combined result.
+
+        Args:
+            level: coverage probability of the expanded uncertainty.
+        """
         expanded, freedom = self.expanded(level), self.degrees_of_freedom
         facts = [
             (self.quantity, uncertain(self.value, self.std, self.unit)),
@@ -188,14 +207,25 @@ class Budget(Reported):
             each = self.inputs[name]
             freedom = "" if math.isinf(each.degrees_of_freedom) else f", {each.degrees_of_freedom:.3g} d.o.f."
             number = uncertain(each.value, each.std) if each.std else plain(each.value)
-            slope, share = f"{self.sensitivities[name] + 0.0:.3g}", _percent(shares[name])
-            kind = each.distribution + freedom if each.std else "exact"
-            rows.append([name, number, each.unit, each.kind, kind, slope, f"{abs(parts[name]):.2g}", share])
+            law = {"distribution": each.distribution, "degrees_of_freedom": each.degrees_of_freedom}
+            known = [
+                Cell(number, value=each.value, std=each.std),
+                each.unit,
+                each.kind,
+                Cell(each.distribution + freedom if each.std else "exact", **law),
+            ]
+            slope = self.sensitivities[name] + 0.0
+            effect = [
+                Cell(f"{slope:.3g}", sensitivity=slope),
+                Cell(f"{abs(parts[name]):.2g}", contribution=parts[name]),
+                Cell(_percent(shares[name]), share=shares[name]),
+            ]
+            rows.append([name, *known, *effect])
         heads = ["Input", "Value", "Unit", "Type", "Distribution", "Sensitivity", "Contribution", "Share"]
-        return Table(heads, rows, f"Uncertainty budget of {self.quantity}")
+        return Table(heads, rows, f"Uncertainty budget of {self.quantity}", {"contribution": self.unit})
 
     def to_latex(self) -> str:
-        """The table of the report as a LaTeX tabular with the rules of booktabs, and the result below it."""
+        """Return table and result as a LaTeX tabular with booktabs rules."""
         table = self._table()
         head = " & ".join(map(_latex, table.columns))
         rows = [" & ".join(_latex(str(cell)) for cell in row) + r" \\" for row in table.rows]
@@ -210,7 +240,7 @@ class Budget(Reported):
         return [bars_svg(names, [shares[name] for name in names], "Share of the variance [%]")] if names else []
 
     def plot(self, *, style: Style = "screen") -> Any:
-        """Contributions as bars, the largest on top, and the combined uncertainty; a matplotlib figure.
+        """Draw contributions and combined uncertainty as bars, in matplotlib.
 
         Args:
             style: as of :func:`fricjax.show.styled`.
@@ -233,17 +263,17 @@ class Budget(Reported):
         return f"Budget({self.quantity} = {uncertain(self.value, self.std, self.unit)}, {len(self.inputs)} inputs)"
 
 
-# Degrees of freedom beyond which Student's factor has the digits of the normal one.
+# Above these degrees of freedom Student's factor has the digits of the normal one.
 _PLENTY = 1e6
-_DRAWN = 8  # inputs whose shares are drawn beside the table
+_DRAWN = 8  # number of shares in the thumbnail
 
 
 def _percent(share: float) -> str:
-    """A share of the variance; below a hundredth of a percent its size is of no interest."""
+    """Format a share of the variance, at a resolution of 0.01 %."""
     return "0 %" if share == 0 else f"{100 * share:.2g} %" if abs(share) >= 1e-4 else "< 0.01 %"
 
 
 def _latex(text: str) -> str:
-    """Text in which the signs that LaTeX obeys are written out."""
+    """Escape the special characters of LaTeX."""
     signs = {"\\": r"\textbackslash{}", "~": r"\textasciitilde{}", "^": r"\textasciicircum{}"}
     return "".join(signs.get(sign, f"\\{sign}" if sign in "&%$#_{}" else sign) for sign in text)

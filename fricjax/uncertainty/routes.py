@@ -1,7 +1,7 @@
-"""The uncertainty budget of what a route other than the fit of a trace gives, from its rig and its readings.
+"""Uncertainty budgets of routes other than the fit of a trace.
 
-A route is evaluated anew with each input of the rig larger and smaller by its standard uncertainty, which gives its
-sensitivity (JCGM 100, 5.1.3); the scatter of the readings is the standard error that the route states.
+A route is evaluated again with each input of the rig larger and smaller by its standard uncertainty, which gives its
+sensitivity (JCGM 100, 5.1.3). The scatter of the readings is the standard error of the route.
 """
 
 import dataclasses
@@ -26,22 +26,22 @@ SCALE = "displacement_scale"
 def route_budget(
     route: Callable[..., Any], rig: Rig, *readings: Any, name: str = "mu", correlations: Correlations | None = None
 ) -> Budget:
-    """The uncertainty budget of a coefficient that a route gives.
+    """Return the uncertainty budget of a coefficient from a route.
 
     Args:
         route: takes the readings and then the rig, and returns a result with `values` and `std_errors` by name:
             `fricjax.fit_triangle_map`, ``lambda x0, xf, rig: fj.fit_final_displacements(x0, xf, rig.oscillator(law))``,
             or ``lambda run, rig: fj.fit_force_map(fj.friction_force_map(run, rig), law)`` of a record.
-        rig: the rig, whose uncertain inputs count.
-        *readings: what the route takes before the rig: arrays of displacements, or records.
-        name: of the coefficient.
-        correlations: coefficient of correlation of each pair of inputs that are not independent.
+        rig: the rig with its uncertain inputs.
+        *readings: arguments of the route before the rig: arrays of displacements, or records.
+        name: name of the coefficient.
+        correlations: correlation coefficient of each pair of inputs that are not independent.
 
     Returns:
         The budget, in SI units.
 
     Raises:
-        UsageError: a coefficient that the route does not give, or has not determined.
+        UsageError: the route does not return the coefficient, or has not determined it.
 
     Examples:
         >>> import fricjax as fj
@@ -57,7 +57,7 @@ def route_budget(
         raise UsageError(f"This route gives no {name!r}.{nearest(name, known)} It gives {', '.join(known)}.")
     value, noise, unit = float(result.values[name]), float(result.std_errors[name]), result.units[name]
     if not (np.isfinite(value) and np.isfinite(noise)):
-        raise UsageError(f"{name} has no budget, for this route has not determined it from these readings.")
+        raise UsageError(f"{name} has no budget, because this route has not determined it from these readings.")
     slopes: dict[str, float] = {}
     centres: dict[str, float] = {}
     rows: dict[str, Any] = {
@@ -77,7 +77,7 @@ def route_budget(
 def _value(
     route: Callable[..., Any], rig: Rig, readings: tuple[Any, ...], name: str, source: str, value: float
 ) -> float:
-    """What the route gives with an input of the rig at a value."""
+    """Return the coefficient with one input of the rig changed."""
     if source == SCALE:
         readings = tuple(_scaled(each, value) for each in readings)
     else:
@@ -86,7 +86,7 @@ def _value(
 
 
 def _scaled(reading: Any, factor: float) -> Any:
-    """Readings of an instrument whose scale is another one."""
+    """Multiply the displacements of a reading by a factor."""
     if isinstance(reading, Record):
         trace = reading.trace
         sigma = None if trace.sigma is None else trace.sigma * factor

@@ -1,9 +1,9 @@
-"""The posterior: fitted parameters drawn from their distribution given the record, by Hamiltonian Monte Carlo.
+"""Posterior of the parameters of a fit, by Hamiltonian Monte Carlo.
 
 The No-U-Turn sampler of numpyro (Hoffman and Gelman, JMLR 15, 1593, 2014; Phan et al., arXiv:1912.11554) starts at the
-optimum, in coordinates in which the covariance of the fit is the identity, so that where the posterior is normal it
-moves as fast as it can. The prior is flat in the coordinates of the fit: in the value, or in the logarithm of what is
-positive; priors and bounds of the fit are kept.
+optimum. In its coordinates the covariance of the fit is the identity, which makes sampling fast for a nearly normal
+posterior. The prior is flat in the coordinates of the fit: in the value, or in the logarithm of a positive parameter.
+Priors and bounds of the fit are kept.
 """
 
 import dataclasses
@@ -19,14 +19,14 @@ from ..estimation.loss import Squares
 from ..fitting import Fit
 from ..fitting.mesh import with_mesh
 from ..fitting.residual import Residual
-from ..show import Report, Table, interval, uncertain
+from ..show import Cell, Report, Table, interval, uncertain
 from ..show.working import working
 from .again import optimum, problem_of, squares
 from .draws import AbstractDraws
 
-# Fewest draws of a chain of which its convergence can be told.
+# Fewest draws per chain for a check of convergence.
 _FEWEST = 100
-# Largest R-hat of chains that have met (Vehtari et al., Bayesian Anal. 16, 667, 2021).
+# Largest R-hat of converged chains (Vehtari et al., Bayesian Anal. 16, 667, 2021).
 _MET = 1.01
 
 
@@ -37,9 +37,9 @@ class Posterior(AbstractDraws):
     Attributes:
         names: free parameters; `units`: by name.
         sample: draws, shape (chains, draws, p).
-        values, std_errors: those of the fit, by name.
+        values, std_errors: values and standard errors of the fit, by name.
         r_hat: split R-hat of each parameter; `effective`: its effective number of draws.
-        divergences: number of draws at which the sampler went astray; none in a posterior that it can follow.
+        divergences: number of divergent transitions of the sampler; zero for a valid posterior.
 
     Examples:
         >>> import fricjax as fj
@@ -62,22 +62,25 @@ class Posterior(AbstractDraws):
 
     @property
     def converged(self) -> bool:
-        """Whether the chains have met, and no draw went astray."""
+        """True if the chains have converged without divergences."""
         return self.divergences == 0 and all(each <= _MET for each in self.r_hat.values())
 
     def to_datatree(self) -> Any:
-        """The draws as a DataTree of ArviZ, for its plots and diagnostics."""
+        """Return the draws as a DataTree of ArviZ."""
         arviz = needed("A DataTree", "arviz_base", "bayes")
         return arviz.from_dict({"posterior": {name: self.sample[:, :, i] for i, name in enumerate(self.names)}})
 
     def report(self) -> Report:
-        """Mean, standard deviation and interval of each parameter, and how well the chains have met."""
+        """Return mean, standard deviation, interval and convergence of each parameter."""
         std = self.std
         means = dict(zip(self.names, self.good.mean(axis=0).tolist(), strict=True))
         rows = []
-        for name, ends in self.intervals().items():
-            met = [f"{std[name] / self.std_errors[name]:.2f}", f"{self.r_hat[name]:.3f}", f"{self.effective[name]:.0f}"]
-            rows.append([name, uncertain(means[name], std[name]), self.units[name], interval(*ends), *met])
+        for name, (low, high) in self.intervals().items():
+            ratio, r_hat, effective = std[name] / self.std_errors[name], self.r_hat[name], self.effective[name]
+            value = Cell(uncertain(means[name], std[name]), value=means[name], std=std[name])
+            between, compared = Cell(interval(low, high), low=low, high=high), Cell(f"{ratio:.2f}", ratio=ratio)
+            met = [Cell(f"{r_hat:.3f}", r_hat=r_hat), Cell(f"{effective:.0f}", effective=effective)]
+            rows.append([name, value, self.units[name], between, compared, *met])
         heads = ["Parameter", "Mean (standard deviation)", "Unit", "95 % interval"]
         heads += ["Of the standard error", "R-hat", "Effective draws"]
         chains, draws, _ = self.sample.shape
@@ -85,8 +88,8 @@ class Posterior(AbstractDraws):
         warnings = []
         if not self.converged:
             warnings.append(
-                f"The chains have not met (R-hat above {_MET}), or draws have diverged: take more draws, or bound what "
-                "the record leaves open."
+                f"The chains have not converged (R-hat above {_MET}), or draws have diverged: take more draws, or "
+                "bound the parameters that the record does not determine."
             )
         names = ("names", "values", "std_errors", "r_hat", "effective", "divergences", "std", "converged")
         data = {name: getattr(self, name) for name in names} | {"intervals": self.intervals(), "means": means}
@@ -94,10 +97,13 @@ class Posterior(AbstractDraws):
 
 
 def _without_fillers(residual: Residual) -> Residual:
-    """The residual without samples that count for nothing: they share compilations, but here each is paid for often."""
+    """Return the residual without samples of zero weight.
+
+    Such samples make runs of different length share one compiled program, but they would slow down the sampler.
+    """
     runs = [(run, np.asarray(run.weight) > 0) for run in residual.runs]
     kept = (run._replace(t=run.t[at], x=run.x[at], weight=run.weight[at]) for run, at in runs)
-    # Nothing else makes arrays of what a traced function has caught.
+    # A traced function must close over arrays of JAX, not of NumPy.
     caught = lambda leaf: jnp.asarray(leaf) if isinstance(leaf, np.ndarray) else leaf
     return jax.tree.map(caught, residual._replace(runs=tuple(kept)))
 
@@ -108,18 +114,18 @@ def posterior(fit: Fit, draws: int = 500, *, chains: int = 4, warmup: int = 300,
 
     Args:
         fit: the fit; not one that was read from a file.
-        draws: number of draws of each chain, behind `warmup` draws in which the sampler finds its step.
-        chains: number of chains, each with another start about the optimum.
-        warmup: draws that are thrown away.
-        seed: of the generator; the same seed gives the same numbers.
+        draws: number of draws of each chain after the warm-up.
+        chains: number of chains; each has a different start near the optimum.
+        warmup: number of draws to discard, in which the sampler adapts its step size.
+        seed: seed of the generator; the same seed gives the same numbers.
 
     Returns:
-        The draws with R-hat, effective numbers and divergences. Noise that is not white counts by the one factor by
-        which it makes the covariance of the fit larger.
+        The draws with R-hat, effective numbers and divergences. Coloured noise enters as one factor: the factor by
+        which it enlarges the covariance of the fit.
 
     Raises:
-        UsageError: numpyro is not installed, which the sentence says how to do; a fit without an optimum, from a
-            file, with a robust loss or an undetermined parameter.
+        UsageError: numpyro is not installed (the message names the package to install), or the fit has no optimum, is
+            from a file, has a robust loss or an undetermined parameter.
 
     Examples:
         >>> import fricjax as fj
@@ -134,7 +140,7 @@ def posterior(fit: Fit, draws: int = 500, *, chains: int = 4, warmup: int = 300,
     if not isinstance(problem.loss, Squares):
         raise UsageError("A robust loss is no likelihood: fit with loss='squares' for a posterior.")
     if draws < _FEWEST or chains < 2:
-        raise UsageError(f"Take {_FEWEST} draws and two chains at least, to tell whether the chains have met.")
+        raise UsageError(f"Take {_FEWEST} draws and two chains at least, to check the convergence.")
     slope = np.asarray(problem.residual.space.slope(problem.residual.space.coordinates(values)))
     covariance = np.asarray(fit.covariance) / np.outer(slope, slope)
     if not np.all(np.isfinite(covariance)):
@@ -143,7 +149,7 @@ def posterior(fit: Fit, draws: int = 500, *, chains: int = 4, warmup: int = 300,
     (least,) = squares([problem], [problem.residual.space.coordinates(values)])
     sign_white, white = np.linalg.slogdet(least.shape.inverse)
     _, counted = np.linalg.slogdet(covariance)
-    # What the colour of the noise makes of the covariance, as one factor of the squares.
+    # Effect of the colour of the noise on the covariance, as one factor of chi^2.
     unit = math.exp((white - counted) / values.size) if sign_white > 0 else 1.0
     y, root = least.y[: values.size], np.linalg.cholesky(covariance)
     residual, limits = with_mesh(_without_fillers(problem.condensed), y), problem.limits
@@ -154,7 +160,7 @@ def posterior(fit: Fit, draws: int = 500, *, chains: int = 4, warmup: int = 300,
         return jnp.where(inside, unit / 2 * jnp.sum(residual(jnp.clip(at, limits.lower, limits.upper)) ** 2), jnp.inf)
 
     key, start = jax.random.split(jax.random.key(seed))
-    # Loops over half-cycles have derivatives forwards only, and the parameters are few.
+    # Loops over half-cycles have forward derivatives only, which are fast enough for few parameters.
     kernel = infer.NUTS(potential_fn=potential, forward_mode_differentiation=True)
     mcmc = infer.MCMC(
         kernel, num_warmup=warmup, num_samples=draws, num_chains=chains, chain_method="vectorized", progress_bar=False
@@ -163,7 +169,7 @@ def posterior(fit: Fit, draws: int = 500, *, chains: int = 4, warmup: int = 300,
     at = y + np.asarray(mcmc.get_samples(group_by_chain=True)) @ root.T
     space = problem.residual.space
     sample = np.asarray(jax.vmap(jax.vmap(space.values))(jnp.asarray(at))) + problem.origins
-    # Where noise is coloured the fit is not at the least squares.
+    # With coloured noise the fit is not at the least-squares optimum.
     sample += values - np.asarray(space.values(y))
     names = fit.names
     met, effective = diagnostics.split_gelman_rubin(at), diagnostics.effective_sample_size(at)

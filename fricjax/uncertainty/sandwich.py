@@ -1,10 +1,10 @@
-"""Standard errors that trust no noise model: how much the gradient of a fit scatters in its own record.
+"""Robust standard errors that do not depend on a noise model.
 
-Whatever the noise is, the estimate moves by ``H^-1 g``, ``H`` the normal matrix and ``g`` the gradient that the noise
-makes, a sum over rows. Its variance is taken from the rows themselves, with the covariances of those that are near each
-other, which is right for noise that remembers and for noise whose size changes (Newey and West, Econometrica 55, 703,
-1987); up to which lag they count follows from an autoregression of each component (Andrews, Econometrica 59, 817,
-1991). It holds for long records: of a few correlation times it is too small.
+Noise changes the estimate by ``H^-1 g``, with the normal matrix ``H`` and the gradient ``g`` of the noise, a sum over
+rows. The rows themselves give the variance of this sum, with the covariances of neighbouring rows. It is right for
+correlated noise and for noise of varying size (Newey and West, Econometrica 55, 703, 1987). The largest lag follows
+from an autoregression of each component (Andrews, Econometrica 59, 817, 1991). The method needs long records: for a
+record of a few correlation times the errors are too small.
 """
 
 import dataclasses
@@ -21,26 +21,26 @@ from ..fitting.colours import colours_of, least_squares
 from ..fitting.noise_weighting import weigh_by_noise
 from ..fitting.rows import rows_of
 from ..fitting.solve import solve
-from ..show import Report, Reported, Style, Table, axis_label, figure, styled, uncertain
+from ..show import Cell, Report, Reported, Style, Table, axis_label, figure, styled, uncertain
 from .again import optimum, problem_of
 from .resampling import Bootstrap
 
-# Ratio to the standard error of the fit beyond which its noise model is doubted: between them lie nine of ten of the
-# ratios of fits whose noise is as their model says.
+# Above this ratio to the standard error of the fit its noise model is in doubt. With a right noise model nine of ten
+# ratios are between 1/1.5 and 1.5.
 _DOUBTED = 1.5
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Sandwich(Reported):
-    """Robust standard errors beside those of a fit.
+    """Robust standard errors and those of a fit.
 
     Attributes:
         names: free parameters; `units`: by name.
         values, likelihood: values and standard errors of the fit, by name.
-        std_errors: robust ones, by name; inf where the fit has not determined a parameter.
-        covariance: shape (p, p).
-        memory: up to which lag covariances of the gradient count, of each run [s].
-        bootstrap: scatter of the draws of a bootstrap by name, empty where none was given.
+        std_errors: robust standard errors, by name; inf for an undetermined parameter.
+        covariance: robust covariance, shape (p, p).
+        memory: largest lag of the covariances of the gradient, for each run [s].
+        bootstrap: scatter of the draws of a bootstrap, by name; empty without one.
 
     Examples:
         >>> import fricjax as fj
@@ -62,22 +62,24 @@ class Sandwich(Reported):
 
     @property
     def ratios(self) -> dict[str, float]:
-        """Robust standard error over that of the fit, by name; NaN where neither is known."""
+        """Robust standard error over that of the fit; NaN if unknown."""
         pairs = ((name, self.std_errors[name], self.likelihood[name]) for name in self.names)
         return {name: std / known if known and math.isfinite(known) else math.nan for name, std, known in pairs}
 
     @property
     def doubted(self) -> tuple[str, ...]:
-        """Parameters whose robust error is larger than that of the fit by more than chance makes it."""
+        """Parameters with a robust error significantly above that of the fit."""
         return tuple(name for name, ratio in self.ratios.items() if ratio > _DOUBTED)
 
     def report(self) -> Report:
-        """Both standard errors of each parameter, and that of the bootstrap where there is one."""
+        """Return the standard errors of each parameter."""
         ratios, rows = self.ratios, []
         for name in self.names:
-            cells = [uncertain(self.values[name], self.likelihood[name]), self.units[name]]
-            cells += [f"{self.likelihood[name]:.2g}", f"{self.std_errors[name]:.2g}", f"{ratios[name]:.2f}"]
-            rows.append([name, *cells, *([f"{self.bootstrap[name]:.2g}"] if self.bootstrap else [])])
+            value, std, robust = self.values[name], self.likelihood[name], self.std_errors[name]
+            cells = [Cell(uncertain(value, std), value=value), self.units[name], Cell(f"{std:.2g}", std=std)]
+            cells += [Cell(f"{robust:.2g}", robust_std=robust), Cell(f"{ratios[name]:.2f}", ratio=ratios[name])]
+            drawn = [Cell(f"{self.bootstrap[name]:.2g}", bootstrap_std=self.bootstrap[name])] if self.bootstrap else []
+            rows.append([name, *cells, *drawn])
         heads = ["Parameter", "Value", "Unit", "Of the fit", "Robust", "Ratio"]
         heads += ["Bootstrap"] if self.bootstrap else []
         memory = ", ".join(f"{1e3 * each:.3g} ms" for each in self.memory)
@@ -93,7 +95,7 @@ class Sandwich(Reported):
         return Report([Table(heads, rows, "Standard errors")], facts, warnings=warnings, data=data)
 
     def plot(self, *, style: Style = "screen") -> Any:
-        """Robust errors, and those of the bootstrap, over those of the fit as bars; a matplotlib figure.
+        """Draw the ratios to the errors of the fit, in matplotlib.
 
         Args:
             style: as of :func:`fricjax.show.styled`.
@@ -114,20 +116,20 @@ class Sandwich(Reported):
 
 
 def sandwich(fit: Fit, bootstrap: Bootstrap | None = None) -> Sandwich:
-    """Robust standard errors of a fit, right for heteroscedastic and autocorrelated noise.
+    """Return standard errors valid for heteroscedastic and autocorrelated noise.
 
-    They are those of the fit as it was counted: of least squares where its noise is white, and of the squares weighed
-    by its noise where it is not. A fit with ``noise="white"`` so has errors that hold for coloured noise too.
+    They are the errors of the estimate that the fit used: least squares for white noise, and generalised least squares
+    for coloured noise. A fit with ``noise="white"`` thus gets errors that are valid for coloured noise too.
 
     Args:
         fit: the fit; not one that was read from a file.
-        bootstrap: a bootstrap of the same fit, whose scatter is shown beside.
+        bootstrap: a bootstrap of the same fit, to show its scatter too.
 
     Returns:
         Both errors.
 
     Raises:
-        UsageError: a fit without an optimum, from a file, or with a robust loss.
+        UsageError: the fit has no optimum, is from a file, or has a robust loss.
 
     Examples:
         >>> import fricjax as fj
@@ -139,7 +141,7 @@ def sandwich(fit: Fit, bootstrap: Bootstrap | None = None) -> Sandwich:
     """
     problem = problem_of(fit)
     if not isinstance(problem.loss, Squares):
-        raise UsageError("The sandwich is that of least squares: fit with loss='squares'.")
+        raise UsageError("The sandwich estimator is that of least squares: fit with loss='squares'.")
     absolute, p = fit.sigma_mode == "absolute", len(fit.names)
     solution = solve(problem, problem.residual.space.coordinates(optimum(fit)))
     counted = weigh_by_noise(problem, solution, absolute)
@@ -165,9 +167,9 @@ def sandwich(fit: Fit, bootstrap: Bootstrap | None = None) -> Sandwich:
 
 
 def _long_run(gradients: np.ndarray) -> tuple[np.ndarray, int]:
-    """Covariance of the sum of rows of a gradient, shape (p, p), and the lag up to which they count for each other.
+    """Return the covariance of a sum of rows and the largest lag.
 
-    The weights fall linearly with the lag, which keeps the covariance positive.
+    The covariance has the shape (p, p). The weights fall linearly with the lag, which keeps it positive.
     """
     n = gradients.shape[0]
     before, after = gradients[:-1], gradients[1:]
@@ -176,7 +178,7 @@ def _long_run(gradients: np.ndarray) -> tuple[np.ndarray, int]:
     memory = np.clip(memory, -0.97, 0.97)
     size = np.var(after - memory * before, axis=0) ** 2
     weigh = np.divide(1.0, size.clip(np.finfo(float).tiny), where=size > 0, out=np.zeros(size.size))
-    # Each component counts by the inverse square of its own scatter, as their units have nothing in common.
+    # The components have different units, so each is weighted by the inverse square of its variance.
     above = np.sum(weigh * size * 4 * memory**2 / ((1 - memory) ** 6 * (1 + memory) ** 2))
     below = np.sum(weigh * size / (1 - memory) ** 4)
     lag = min(math.ceil(1.1447 * (above / max(below, np.finfo(float).tiny) * n) ** (1 / 3)), n // 4)

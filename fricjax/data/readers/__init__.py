@@ -1,1 +1,1 @@
-"""One reader per format: a function from a path and options to a `Record`, imported only when its format occurs."""
+"""Readers, one per format and imported on demand: path to `Record`."""

@@ -1,4 +1,7 @@
-"""From the columns of a file to its records: units, sign, gaps, and the checks that name file, column and row."""
+"""Conversion of a file's columns to records, with units, sign and checks.
+
+Error messages name file, column and row.
+"""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -19,17 +22,17 @@ if TYPE_CHECKING:
 
 
 def records_of(path: Path, kind: str, sheet: Sheet, choice: Choice, **of_format: Any) -> Record | list[Record]:
-    """The record of a sheet, or those of all its runs where the caller asks for `run="all"`.
+    """Return the record of a sheet, or a list for `run="all"`.
 
     Args:
-        path: the file, named in messages and in `meta`.
+        path: the file, for messages and `meta`.
         kind: the format, for `meta`.
-        sheet: its columns.
+        sheet: the columns of the file.
         choice: the common options.
         of_format: the other options, for the log.
 
     Raises:
-        DataError: as `choose` and `assemble` do.
+        DataError: see `choose` and `assemble`.
     """
     pairs = choose(sheet, choice, path.name)
     wanted = list(dict.fromkeys(column for pair in pairs for column in pair if column is not None))
@@ -43,9 +46,10 @@ def records_of(path: Path, kind: str, sheet: Sheet, choice: Choice, **of_format:
 
 
 class Samples(NamedTuple):
-    """The numbers of one run, before units.
+    """The numbers of one run, before the conversion of units.
 
-    `time` and `times` are None where there is a rate; `place(i)` words where sample `i` stands in the file ("row 17").
+    `time` and `times` are None if a rate is given; `place(i)` describes the position of sample `i` in the file
+    ("row 17").
     """
 
     x: Column
@@ -56,17 +60,17 @@ class Samples(NamedTuple):
 
 
 def assemble(path: Path, kind: str, samples: Samples, choice: Choice, **of_format: Any) -> Record:
-    """Builds the record of a run.
+    """Build the record of a run.
 
     Args:
-        path: the file, named in messages and in `meta`.
+        path: the file, for messages and `meta`.
         kind: the format, for `meta`.
-        samples: what the reader returned.
+        samples: numbers from the reader.
         choice: the common options; units there replace those of the file.
         of_format: the other options, for the log.
 
     Raises:
-        DataError: too few samples, a time that is missing or does not increase, a unit that does not fit.
+        DataError: too few samples, a missing or non-increasing time, or a unit that does not fit.
     """
     from ..trace import MINIMUM_SAMPLES, Trace
 
@@ -82,7 +86,7 @@ def assemble(path: Path, kind: str, samples: Samples, choice: Choice, **of_forma
             "check the column and the rows skipped."
         )
     sigma = None if choice.sigma is None else np.asarray(choice.sigma, dtype=np.float64) * abs(scale)
-    # A long record that is in SI units already is not copied.
+    # A long record that is already in SI units is not copied.
     factor = scale * choice.sign
     trace = Trace(t, values if factor == 1.0 else values * factor, sigma)
     unit = choice.unit or x.unit
@@ -101,7 +105,7 @@ def assemble(path: Path, kind: str, samples: Samples, choice: Choice, **of_forma
 
 
 def with_choice(record: Record, choice: Choice) -> Record:
-    """A record of the package itself with the noise and the direction that the caller chose."""
+    """Apply `sigma` and `sign` to a record in the package's own format."""
     from ..trace import Trace
 
     if choice.sigma is None and choice.sign == 1:
@@ -113,7 +117,7 @@ def with_choice(record: Record, choice: Choice) -> Record:
 
 
 def _plain(options: dict[str, Any]) -> dict[str, Any]:
-    """The options as JSON can hold them."""
+    """Convert the options to values that JSON can store."""
     return {
         key: value.tolist() if hasattr(value, "tolist") else value
         for key, value in options.items()
@@ -122,9 +126,9 @@ def _plain(options: dict[str, Any]) -> dict[str, Any]:
 
 
 def _without_blank_rows(samples: Samples) -> Samples:
-    """Without rows that hold neither value nor time, and without blank displacements at their end.
+    """Remove blank rows, and blank displacements at the end.
 
-    Where runs of unequal length stand side by side, the shorter ones end in such rows.
+    If runs of unequal length stand next to each other, the shorter ones end in such rows.
     """
     values, times = samples.values, samples.times
     blank = np.isnan(values)
@@ -138,7 +142,7 @@ def _without_blank_rows(samples: Samples) -> Samples:
 
 
 def _unit_missing(path: Path, samples: Samples, choice: Choice) -> str:
-    """What is assumed where a title names no unit."""
+    """Return a warning about the assumed unit of a column."""
     time = samples.time
     times, also = "", ""
     if time is not None and time.unit is None and choice.time_unit is None:
@@ -150,7 +154,7 @@ def _unit_missing(path: Path, samples: Samples, choice: Choice) -> str:
 def _times(path: Path, samples: Samples, choice: Choice) -> tuple[np.ndarray, str]:
     size, time, t = samples.values.size, samples.time, samples.times
     if time is None or t is None:
-        # Without either the sheet was refused when its columns were chosen.
+        # `choose` has refused a sheet with neither times nor a rate.
         assert choice.rate is not None
         return np.arange(size) / float(choice.rate), "s"
     if t.size != size:
@@ -174,7 +178,7 @@ def _check_times(where: str, t: np.ndarray, place: Callable[[int], str]) -> None
     i = first_not_later(t)
     if i is not None:
         if i > 1 and t[i] <= t[0]:
-            remedy = "it starts again there, as where one run follows another: write each run to a file of its own."
+            remedy = "it starts again there, as if a second run followed: write each run to a separate file."
         raise DataError(
             f"{where}, {place(i)}: the time is not increasing ({float(t[i])} after {float(t[i - 1])}); {remedy}"
         )

@@ -1,4 +1,4 @@
-"""What the caller chose about a file, whatever its format."""
+"""Options of a file that do not depend on its format."""
 
 import dataclasses
 from typing import Any
@@ -12,7 +12,7 @@ _FAULTS = ("dropouts", "slips")
 
 @dataclasses.dataclass(frozen=True)
 class Choice:
-    """The options of `fricjax.read` that every format takes; see there."""
+    """The options of `fricjax.read` that all formats take; see there."""
 
     column: Any = None
     time: Any = None
@@ -33,21 +33,26 @@ class Choice:
 
     @property
     def takes_all(self) -> bool:
-        """Whether no column or unit is chosen, so that a record of the package itself comes back as it was written."""
+        """True if no column or unit is chosen.
+
+        A record in the package's own format is then restored as it was written.
+        """
         columns_and_units = (self.column, self.time, self.unit, self.time_unit, self.rate)
         return all(value is None for value in columns_and_units) and (self.run is None or self.all_runs)
 
     @property
     def all_runs(self) -> bool:
-        """Whether a list of all runs is asked for, be it of one."""
+        """True if the caller wants a list of all runs."""
         return str(self.run).lower() == "all"
 
 
 def faults_of(words: str) -> dict[str, str | None]:
-    """The faults to repair that words such as `"dropouts,slips=158.2 nm"` name, with the fringe where one is said.
+    """Parse a text such as `"dropouts,slips=158.2 nm"` into faults to repair.
+
+    Returns the fringe size for each named fault, None if not given.
 
     Raises:
-        UsageError: another word, or none at all.
+        UsageError: an unknown fault, or an empty text.
         DataError: a fringe that is neither a length nor an angle.
     """
     named: dict[str, str | None] = {}

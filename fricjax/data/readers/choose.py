@@ -1,4 +1,4 @@
-"""Which columns of a sheet are displacement and time: by name, by number, by run, or by the names the field uses."""
+"""Selection of displacement and time columns by name, number, run or convention."""
 
 import re
 from collections.abc import Sequence
@@ -13,46 +13,46 @@ from .choice import Choice
 from .header import TIME_WORDS, UNSCALED, first_word, measures
 from .sheet import Column, Sheet, folder_of
 
-# Names that say which column is meant even where others could be a displacement as well.
+# Names that identify the displacement even if other columns could be one.
 _PLAINEST = ("x", "displacement")
 _DISPLACEMENT_WORDS = frozenset((
     "x", "y", "q", "displacement", "position", "pos", "disp", "distance", "deflection", "elongation", "theta", "angle",
     "phi", "weg", "auslenkung", "winkel", "deplacement", "déplacement", "angolo", "posizione",
 ))  # fmt: skip
-# Names, or units, of columns that count the rows.
+# Names or units of columns that count the rows.
 _COUNTERS = frozenset((
     "index", "sample", "samples", "n", "no", "no.", "nr", "nr.", "row", "point", "points", "number", "sequence", "i",
     "k", "frame", "step", "#", "",
 ))  # fmt: skip
-_LISTED = 20  # runs that a table of them shows
+_LISTED = 20  # largest number of runs in a table of runs
 _NUMBERED = re.compile(r"(?P<base>.*?[^\d_ ])[_ ]?(?P<number>\d{1,4})")
 
 
 class Pair(NamedTuple):
-    """The columns of one record; `time` is None where the rate gives the times."""
+    """The columns of one record; `time` is None with a rate."""
 
     x: Column
     time: Column | None
 
 
 def choose(sheet: Sheet, choice: Choice, source: str) -> list[Pair]:
-    """The displacements and times that the caller asks for, one pair for each run.
+    """Select displacement and time, one pair for each run.
 
     Args:
         sheet: the columns of the file.
-        choice: what the caller said: `run`, `column`, `time`, `rate`.
+        choice: the options `run`, `column`, `time` and `rate`.
         source: the file, for messages.
 
     Raises:
-        DataError: no numbers, an unknown column or run, several runs and none chosen, several columns that could be the
-            displacement.
+        DataError: no numbers, an unknown column or run, several runs without a choice, or several columns that could be
+            the displacement.
     """
     if sheet.of and not any(column.fault is None for column in sheet.columns):
         raise DataError(f"{source} holds no {sheet.of} of numbers that could be a record.")
     sheet = _with_numbered_runs(sheet)
     runs: list[str | None] = list(sheet.runs)
     if choice.run is not None and not runs and not choice.all_runs:
-        raise DataError(f"{source} holds one run only, but run={choice.run!r} was asked for; leave run= out.")
+        raise DataError(f"{source} holds one run only, but run={choice.run!r} was given; leave run= out.")
     if choice.run is None and len(runs) > 1:
         if choice.column is None or len(_matches(choice.column, sheet.columns)) > 1:
             raise DataError(_question(sheet, choice, source))
@@ -62,27 +62,32 @@ def choose(sheet: Sheet, choice: Choice, source: str) -> list[Pair]:
     return [_pair(sheet, run, choice, source) for run in runs or [None]]
 
 
-def locate(wanted: str | int, columns: Sequence[Column], source: str, what: str) -> Column:
-    """The column called or numbered `wanted`; an unknown one is a `DataError` that offers the nearest name."""
+def locate(wanted: str | int, columns: Sequence[Column], source: str, option: str) -> Column:
+    """Find a column by name or number.
+
+    Raises:
+        DataError: an unknown or ambiguous column; the message offers the nearest name.
+        UsageError: `wanted` is neither a text nor an integer.
+    """
     if isinstance(wanted, bool) or not isinstance(wanted, (str, int)):
-        raise UsageError(f"{what}= must be a name or an index of a column, but it is {wanted!r}.")
+        raise UsageError(f"{option}= must be a name or an index of a column, but it is {wanted!r}.")
     matches = _matches(wanted, columns)
     if len(matches) == 1:
         return matches[0]
     names = _labels(columns)
     if matches:
-        places = " or ".join(f"{what}={i}" for i, column in enumerate(columns) if column in matches)
+        places = " or ".join(f"{option}={i}" for i, column in enumerate(columns) if column in matches)
         raise DataError(f"{source} has {len(matches)} columns '{wanted}'; choose one by its number, {places}.")
     if _is_number(wanted):
-        raise DataError(f"{source} has {len(names)} columns, but {what}={wanted} was asked for (the first is 0).")
+        raise DataError(f"{source} has {len(names)} columns, but {option}={wanted} was given (the first is 0).")
     raise DataError(
-        f"{source} has no column '{str(wanted)[:80]}' (asked for with {what}=).{nearest(wanted, names)} It has "
+        f"{source} has no column '{str(wanted)[:80]}' (given by {option}=).{nearest(wanted, names)} It has "
         f"{quoted(names)}."
     )
 
 
 def _labels(columns: Sequence[Column]) -> list[str]:
-    """What sentences call the columns: their names, or the full titles where names are the same."""
+    """Return the names of columns, or the full titles of equal names."""
     names = [column.name for column in columns]
     return [name if names.count(name) == 1 else column.shown for name, column in zip(names, columns, strict=True)]
 
@@ -92,7 +97,10 @@ def _is_number(wanted: str | int) -> bool:
 
 
 def _matches(wanted: str | int, columns: Sequence[Column]) -> list[Column]:
-    """Columns with this title, else this name, else this name whatever its case, else this number."""
+    """Return the columns with this title, name or number.
+
+    The order of preference is: title, name, title or name in any case, number.
+    """
     text = str(wanted).strip()
     for alike in (
         lambda column: text in (column.shown, column.name.lstrip("/")),
@@ -108,7 +116,10 @@ def _matches(wanted: str | int, columns: Sequence[Column]) -> list[Column]:
 
 
 def _with_numbered_runs(sheet: Sheet) -> Sheet:
-    """The sheet where `t1, x1, t2, x2` are two runs: names that differ by a number, with a time for each number."""
+    """Split columns such as `t1, x1, t2, x2` into numbered runs.
+
+    The names must differ by a number, and each number needs a time.
+    """
     if sheet.runs:
         return sheet
     numbered = [(column, None if column.bare else _NUMBERED.fullmatch(column.name)) for column in sheet.columns]
@@ -125,7 +136,7 @@ def _with_numbered_runs(sheet: Sheet) -> Sheet:
 
 
 def _run(wanted: str | int, runs: list[str], source: str) -> str:
-    """The label of the run that is called, numbered, or else counted (from 1) `wanted`."""
+    """Find a run by label, by number, or by position from 1."""
     text = str(wanted).strip().lower().lstrip("#")
     for alike in (lambda run: run.lower() == text, lambda run: re.findall(r"\d+", run)[-1:] == [text]):
         matches = [run for run in runs if alike(run)]
@@ -139,7 +150,7 @@ def _run(wanted: str | int, runs: list[str], source: str) -> str:
 
 
 def _question(sheet: Sheet, choice: Choice, source: str) -> str:
-    """Which runs there are, as a table below one sentence."""
+    """Return a message about a missing choice, with a table of runs."""
     rows = []
     for run in sheet.runs[:_LISTED]:
         try:
@@ -158,12 +169,15 @@ def _question(sheet: Sheet, choice: Choice, source: str) -> str:
 
 
 def _pair(sheet: Sheet, run: str | None, choice: Choice, source: str) -> Pair:
-    """Displacement and time of one run, with the columns that belong to no run."""
+    """Select displacement and time of a run.
+
+    Columns without a run are shared by all runs.
+    """
     columns = [column for column in sheet.columns if column.run in (run, None)]
 
-    def named(wanted: str | int, what: str) -> Column:
-        # A number counts the columns of the file, whatever run they belong to.
-        return locate(wanted, sheet.columns if _is_number(wanted) else columns, source, what)
+    def named(wanted: str | int, option: str) -> Column:
+        # A number counts the columns of the file, whichever run they belong to.
+        return locate(wanted, sheet.columns if _is_number(wanted) else columns, source, option)
 
     named_time = None if choice.time is None else named(choice.time, "time")
     if choice.column is not None:
@@ -181,14 +195,17 @@ def _pair(sheet: Sheet, run: str | None, choice: Choice, source: str) -> Pair:
 
 
 def _time(columns: Sequence[Column], x: Column, source: str, advice: str) -> Column:
-    """The time that belongs to x: one of its own run or folder before one of the file, else the first bare column."""
+    """Select the time that belongs to x.
+
+    A time of the same run and folder is preferred to a time of the file. Without names, the first column is the time.
+    """
     usable = [column for column in columns if column is not x and column.fault is None]
     times = [column for column in usable if column.is_time]
     folder = folder_of(x.name)
     near = [column for column in times if column.run == x.run and folder_of(column.name) == folder]
     for among in (near, [column for column in times if column.run == x.run], times):
         if among:
-            # A title that is nothing but a time's name comes before one with further words, then one with a unit.
+            # Prefer a title that is just a name of a time, then one with a unit of time.
             return min(among, key=lambda column: (column.last.lower() not in TIME_WORDS, measures(column.unit) != "s"))
     if usable and all(column.bare for column in columns) and columns.index(usable[0]) < columns.index(x):
         return usable[0]
@@ -201,11 +218,11 @@ def _time(columns: Sequence[Column], x: Column, source: str, advice: str) -> Col
 
 
 def _displacement(columns: Sequence[Column], choice: Choice, source: str) -> Column:
-    """The displacement among the columns: by its name, by its unit, or since there is only one."""
+    """Select the displacement by name, by unit, or as the only candidate."""
     bare = all(column.bare for column in columns)
     usable = [column for column in columns if column.fault is None]
     if bare and choice.rate is None and choice.time is None and len(usable) > 1:
-        usable = usable[1:]  # without any names the first column is the time
+        usable = usable[1:]  # without names the first column is the time
     counts_rows = lambda column: not _COUNTERS.isdisjoint((column.name.lower(), (column.unit or "-").lower()))
     candidates = [
         column

@@ -1,4 +1,4 @@
-"""Tables of numbers as text: comma, tab, semicolon or blank separated, with or without titles."""
+"""Text tables of numbers, separated by commas, tabs, semicolons or blanks."""
 
 import dataclasses
 import functools
@@ -34,19 +34,19 @@ def read_csv(
     header: bool | None = None,
     encoding: str | None = None,
 ) -> Record | list[Record]:
-    """Reads a text table; what the options leave open of its dialect is recognised from the file.
+    """Read a text table; missing options are detected from the file.
 
     Options as in `fricjax.read` (columns by title or by index from 0), and
 
-    - `delimiter`: what separates fields: a character, or "tab", "space", "comma", "semicolon".
+    - `delimiter`: field separator: a character, or "tab", "space", "comma", "semicolon".
     - `decimal`: "." or ",".
-    - `comment`: what a comment begins with; by default #, %, ! and //.
-    - `skip_rows`: rows to leave out at the top.
-    - `header`: False where the row before the data holds no titles.
-    - `encoding`: of the text; by default what its byte order mark says, else UTF-8, else Latin-1.
+    - `comment`: start of a comment; by default #, %, ! and //.
+    - `skip_rows`: rows to skip at the top.
+    - `header`: False if the row before the data holds no titles.
+    - `encoding`: of the text; by default by byte order mark, else UTF-8, else Latin-1.
 
     Raises:
-        DataError: no table of numbers, an unknown column or run, a cell that is no number (with its row).
+        DataError: no table of numbers, an unknown column or run, or a cell that is not a number (with its row).
     """
     dialect = Dialect(delimiter, decimal, comment, skip_rows, header)
     text = Text.of(path, encoding)
@@ -58,21 +58,24 @@ def read_csv(
     return records_of(path, "csv", table.sheet(), choice, **vars(dialect), encoding=encoding)
 
 
-_FEW = 4  # columns that are read at once, without asking which are wanted
-# What pandas raises for cells and rows that do not fit.
+_FEW = 4  # tables with at most this many columns are read in one pass, before the selection
+# Exceptions of pandas for cells and rows that do not fit.
 _UNREADABLE = (ValueError, TypeError, OverflowError)
 
 
 @dataclasses.dataclass(frozen=True)
 class TextTable:
-    """A table of numbers in a text file whose layout is known."""
+    """A table of numbers in a text file with a known layout."""
 
     text: Text
     dialect: Dialect
     layout: Layout
 
     def sheet(self) -> Sheet:
-        """The columns; where the line of titles comes again further down, each block of rows is a run."""
+        """Return the columns of the table.
+
+        If the line of titles is repeated further down, each block of rows is a run.
+        """
         layout = self.layout
         columns = [self._column(i) for i in range(len(layout.titles))]
         if not self._is_stacked():
@@ -88,7 +91,7 @@ class TextTable:
         return Sheet(stacked, load, advice=layout.advice)
 
     def has_rows(self, count: int) -> bool:
-        """Whether the table has at least so many rows of numbers."""
+        """Return True if the table has `count` rows of numbers."""
         rows = (line for line in self.text.head[self.layout.first_line :] if self._is_row(line))
         return next(itertools.islice(rows, count - 1, None), None) is not None
 
@@ -102,7 +105,7 @@ class TextTable:
         return Column(title.name, unit, title.run, layout.texts[i], None, fault, not layout.texts[i], key=i)
 
     def _unit_beside(self, i: int) -> str | None:
-        """The unit that the column to the right repeats in each row."""
+        """Return the unit that the next column repeats in each row."""
         if self.layout.kinds[i + 1 : i + 2] != [WORD]:
             return None
         word = split(self.text.head[self.layout.first_line], self.layout.delimiter)[i + 1]
@@ -113,7 +116,7 @@ class TextTable:
         narrow = self._narrow
         values = narrow if set(places) <= set(narrow) else self._read_at_once(places)
         if not values or not self._is_complete(values[places[0]].size, places):
-            # Comments among the rows, words below them, or a row that is wrong: line by line.
+            # Comments between the rows, words below them, or an invalid row: read line by line.
             lines = _trimmed(list(self._numbered_lines()), lambda numbered: self._is_row(numbered[1]))
             self._check(lines, places)
             values = self._parsed_lines([line for _, line in lines], places)
@@ -121,19 +124,22 @@ class TextTable:
 
     @functools.cached_property
     def _narrow(self) -> dict[int, np.ndarray]:
-        """All numbers of a table of few columns; empty where it has more, or a row that does not fit."""
+        """All numbers of a table with few columns.
+
+        It is empty for more columns, or if a row does not fit.
+        """
         places = [i for i, kind in enumerate(self.layout.kinds) if kind in (NUMBER, WATCH)]
         return self._read_at_once(places) if len(places) <= _FEW else {}
 
     def _read_at_once(self, places: list[int]) -> dict[int, np.ndarray]:
-        """The columns where all rows fit, as those of nearly all files do; empty where one does not."""
+        """Read the columns in one pass; empty if a row misfits."""
         first, text = self.layout.first_line, self.text
         if any(line.count('"') % 2 for line in text.head[:first]):
-            return {}  # the parser would take the lines behind an open quote for one
-        # Numbers without gaps and blanks are read in two thirds of the time.
+            return {}  # the parser would join the lines after an open quote
+        # Without the handling of gaps and blanks, reading takes two thirds of the time.
         for gaps in (False, True):
             try:
-                # From a path pandas reads faster than from an open file.
+                # Pandas reads faster from a path than from an open file.
                 file = text.path if text.wide is None else io.BytesIO(text.wide)
                 return self._parsed(file, places, skiprows=first, na_filter=gaps, skipinitialspace=gaps)
             except _UNREADABLE:
@@ -150,12 +156,15 @@ class TextTable:
             ) from error
 
     def _parsed(self, file: Path | IO[bytes], places: list[int], **how: Any) -> dict[int, np.ndarray]:
-        """The columns at `places` as numbers, shape (rows,) each; times of day become seconds."""
+        """Read the columns at `places` as numbers, shape (rows,) each.
+
+        Times of day become seconds.
+        """
         import pandas as pd
 
         layout = self.layout
         clocks = {i for i in places if layout.kinds[i] == WATCH}
-        # Columns of the titles that no row has, as LabVIEW's comments where there are none, may not be named to pandas.
+        # Pandas refuses names of columns that no row has, such as LabVIEW's comment column without comments.
         wanted = sorted(set(places)) if self._is_partly(places) else None
         table = pd.read_csv(
             file,
@@ -174,11 +183,14 @@ class TextTable:
         return {i: seconds_of(table[i]) if i in clocks else table[i].to_numpy(dtype=np.float64) for i in places}
 
     def _is_partly(self, places: list[int]) -> bool:
-        """Whether columns are left out; then pandas does not notice rows of too many fields."""
+        """Return True if some columns are skipped.
+
+        Pandas then does not notice rows with too many fields.
+        """
         return set(places) != set(range(len(self.layout.titles)))
 
     def _is_complete(self, rows: int, places: list[int]) -> bool:
-        """Whether no row has more fields than the table has columns."""
+        """Return True if no row has more fields than columns."""
         layout, most = self.layout, len(self.layout.titles) - 1
         if not self._is_partly(places):
             return True
@@ -192,13 +204,16 @@ class TextTable:
         return not any(self._is_too_long(split(line, layout.delimiter)) for _, line in self._numbered_lines())
 
     def _is_too_long(self, fields: list[str]) -> bool:
-        """Whether a row has fields that belong to no column; a comment at its end may hold delimiters."""
+        """Return True if a row has fields that belong to no column.
+
+        A comment at the end of a row may contain delimiters.
+        """
         beyond = fields[len(self.layout.titles) :]
         comment = self.layout.kinds[-1] in (WORD, BLANK)
         return bool(beyond) and not (comment and all(kind_of(field, ".") != NUMBER for field in beyond))
 
     def _is_stacked(self) -> bool:
-        """Whether the line of titles comes again below the data."""
+        """Return True if the line of titles is repeated below the data."""
         layout, text = self.layout, self.text
         if layout.title_line is None or self._narrow:
             return False
@@ -209,7 +224,10 @@ class TextTable:
             return data.find(title, text.starts[layout.first_line]) >= 0
 
     def _blocks(self) -> list[list[str]]:
-        """The rows below each line of titles; lines before and after them that hold no row are left out."""
+        """Return the rows below each line of titles.
+
+        Other lines before and after the rows are left out.
+        """
         title = (self.layout.title_line or "").strip()
         blocks: list[list[str]] = [[]]
         for _, line in self._numbered_lines():
@@ -220,19 +238,19 @@ class TextTable:
         return [trimmed for block in blocks if (trimmed := _trimmed(block, self._is_row))]
 
     def _is_row(self, line: str) -> bool:
-        """Whether a line holds a number in a column of numbers."""
+        """Return True if a line has a number in a numeric column."""
         fields = split(line, self.layout.delimiter)
         core = [i for i, kind in enumerate(self.layout.kinds) if kind in (NUMBER, WATCH)]
         return any(i < len(fields) and kind_of(fields[i], self.layout.decimal) == self.layout.kinds[i] for i in core)
 
     def _numbered_lines(self) -> Iterator[tuple[int, str]]:
-        """Lines of the body that are neither blank nor comments, with their rows in the file, counted from 1."""
+        """Yield lines of data with their row numbers, counted from 1."""
         for i, line in enumerate(self.text.lines()):
             if i >= self.layout.first_line and self.dialect.holds_data(line):
                 yield i + 1, line
 
     def _check(self, lines: list[tuple[int, str]], places: list[int]) -> None:
-        """Refuses the first row that does not fit."""
+        """Refuse the first row that does not fit."""
         layout, name = self.layout, self.text.path.name
         for row, line in lines:
             fields = split(line, layout.delimiter)
@@ -250,6 +268,6 @@ class TextTable:
 
 
 def _trimmed[T](items: list[T], holds: Callable[[T], bool]) -> list[T]:
-    """The items without those at either end that do not hold."""
+    """Remove the items at either end for which `holds` is False."""
     kept = [i for i, item in enumerate(items) if holds(item)]
     return items[kept[0] : kept[-1] + 1] if kept else []

@@ -1,9 +1,9 @@
-"""The dialect of a text file: what separates its fields, marks its decimals and precedes its data.
+"""The dialect of a text file: delimiter, decimal mark, start of data.
 
-Instruments and spreadsheets write tables in many ways. Whatever the caller does not say is read from the lines
-themselves: the delimiter is the one under which most lines are rows of numbers, equally many; columns of words or of
-times of day may stand among them; the titles are the line of words right above the data, with a line of units below
-it where there is one.
+Instruments and spreadsheets write tables in many ways. Options that the caller does not give are detected from the
+lines. The delimiter is the one that splits most lines into rows of numbers of equal length. Columns of words or times
+of day may occur between them. The titles are the line of words right above the data; a line of units may follow the
+titles.
 """
 
 import dataclasses
@@ -18,13 +18,13 @@ from .titles import advice_of, numbered, titles_of, with_stated_units
 COMMENTS = ("#", "%", "!", "//")
 DELIMITERS = ("\t", ";", "|", ",", " ")
 NAMED = {"tab": "\t", "\\t": "\t", "space": " ", "whitespace": " ", "comma": ",", "semicolon": ";"}
-SNIFFED_LINES = 200  # of the rows, from which the layout is recognised
-WIDEST = 10_000  # fields in a row; a table of more columns than that is no record of runs
+SNIFFED_LINES = 200  # number of rows for the detection of the layout
+WIDEST = 10_000  # largest number of fields in a row
 
 
 @dataclasses.dataclass(frozen=True)
 class Dialect:
-    """How a table of numbers is written; None for what is to be found in the file."""
+    """The format of a text table; options that are None are detected."""
 
     delimiter: str | None = None
     decimal: str | None = None
@@ -41,28 +41,28 @@ class Dialect:
             raise UsageError(f"delimiter and decimal cannot both be {self.delimiter!r}.")
 
     def is_comment(self, line: str) -> bool:
-        """Whether the line is a comment, not data."""
+        """Return True if the line is a comment."""
         return line.lstrip().startswith(COMMENTS if self.comment is None else self.comment)
 
     def holds_data(self, line: str) -> bool:
-        """Whether the line is neither blank nor a comment."""
+        """Return True if the line is neither blank nor a comment."""
         return bool(line.strip()) and not self.is_comment(line)
 
 
 @dataclasses.dataclass(frozen=True)
 class Layout:
-    """Where and how the table stands.
+    """The position and format of a table in a text file.
 
     **Fields:**
 
-    - `delimiter`, `decimal`: between fields, and within numbers.
+    - `delimiter`, `decimal`: field separator and decimal mark.
     - `first_line`: index of the first line of data.
-    - `titles`: of the columns; the names are "column0", ... where there are none.
-    - `texts`: the titles as the file writes them, empty where there are none.
-    - `kinds`: what the columns hold: "number", "clock" (times of day), "word" or "blank".
-    - `title_line`: the line of titles, None where there is none outside of comments.
-    - `thousands`: what sets thousands apart, None for nothing.
-    - `advice`: what the lines above the data say about the rate, for a message.
+    - `titles`: of the columns; named "column0", ... if the file has none.
+    - `texts`: the titles as written in the file, empty if there are none.
+    - `kinds`: the kinds of the columns: "number", "clock" (times of day), "word" or "blank".
+    - `title_line`: the line of titles, None if there is none outside of comments.
+    - `thousands`: the thousands separator, None without one.
+    - `advice`: note on a sample rate in the lines above the data, for a message.
     """
 
     delimiter: str
@@ -82,12 +82,12 @@ class Layout:
 
     @property
     def units(self) -> list[str | None]:
-        """Units of the columns, None where none is named."""
+        """Units of the columns, None if not given."""
         return [title.unit for title in self.titles]
 
 
 def sniff(lines: Sequence[str], dialect: Dialect, source: str) -> Layout:
-    """Finds the layout of a table of numbers in the first lines of a file.
+    """Detect the layout of a table from the first lines.
 
     Raises:
         DataError: no rows of numbers, or rows of too many fields.
@@ -103,7 +103,7 @@ def sniff(lines: Sequence[str], dialect: Dialect, source: str) -> Layout:
     if width > WIDEST:
         raise DataError(f"{source} has rows of {width} fields, but at most {WIDEST} are read; check the delimiter.")
     first, pure, columns = _body(kinds, width)
-    # LabVIEW's last title is Comment: rows have that field only where there is one.
+    # LabVIEW's last title is Comment: only rows with a comment have this field.
     titled = max((len(kinds[i]) for i in content if i < first and i in kinds and set(kinds[i]) == {WORD}), default=0)
     if delimiter != " " and width < titled <= width + 3:
         columns += [BLANK] * (titled - width)
@@ -127,15 +127,16 @@ def sniff(lines: Sequence[str], dialect: Dialect, source: str) -> Layout:
 
 
 def _separators(lines: list[str], dialect: Dialect, source: str) -> tuple[str, str]:
-    """The pair of delimiter and decimal mark under which most lines are rows of numbers of one width.
+    """Find delimiter and decimal mark that give most rows of numbers.
 
-    Where that are fewer than half of the lines, rows that hold words or times of day beside numbers count too.
+    All rows must have the same width. If fewer than half of the lines are such rows, rows that mix numbers with words
+    or times of day count too.
     """
     sample = lines[-SNIFFED_LINES:]
-    # The tab stands for a table of one column too, in which nothing separates.
+    # The tab also stands for a table of one column, which has no delimiter.
     occurring = [mark for mark in DELIMITERS if mark == "\t" or any(mark in line for line in sample)]
     chosen = [] if dialect.delimiter is None else [NAMED.get(dialect.delimiter, dialect.delimiter)]
-    # Between quotes a comma is no delimiter, and may mark decimals.
+    # Between quotes a comma is not a delimiter and may be a decimal mark.
     quoted = any('"' in line for line in sample)
     pairs = [
         (delimiter, decimal)
@@ -152,7 +153,7 @@ def _separators(lines: list[str], dialect: Dialect, source: str) -> tuple[str, s
     if count < 0.5 * len(sample):
         mixed = {pair: [row for row in rows if NUMBER in row] for pair, rows in read.items()}
         other = max(pairs, key=lambda pair: _score(mixed[pair]))
-        # A single column of words with a number among them is a text, not a table, and so is a single row.
+        # A single column of words with some number is a text, not a table; so is a single row.
         if _score(mixed[other])[0] > max(2 * count, 1) and _score(mixed[other])[1] > 1:
             best, count = other, _score(mixed[other])[0]
     if not count:
@@ -164,7 +165,11 @@ def _separators(lines: list[str], dialect: Dialect, source: str) -> tuple[str, s
 
 
 def _score(rows: list[list[str]]) -> tuple[int, int, int]:
-    """How many rows are of one width, whether they are wider than one field, and how few of their fields are words."""
+    """Return the score of rows: count, width class, few words.
+
+    The count is the number of rows with the commonest width. The width class is 1 for one field and 2 for more. The
+    last entry is minus the mean number of words per row.
+    """
     if not rows:
         return 0, 0, 0
     width, count = _commonest_width(rows)
@@ -173,24 +178,33 @@ def _score(rows: list[list[str]]) -> tuple[int, int, int]:
 
 
 def _width(rows: list[list[str]]) -> int:
-    """Fields in most rows that hold numbers: of those without words where there are such."""
+    """Return the number of fields in most rows with numbers.
+
+    Rows without words are preferred.
+    """
     pure = [row for row in rows if _is_pure(row)]
     mixed = [row for row in rows if NUMBER in row]
     return _commonest_width(pure if 2 * len(pure) >= len(mixed) else mixed)[0]
 
 
 def _is_pure(row: list[str]) -> bool:
-    """Whether a row holds numbers and blanks only."""
+    """Return True if a row holds only numbers and blanks."""
     return NUMBER in row and WORD not in row and WATCH not in row
 
 
 def _commonest_width(rows: list[list[str]]) -> tuple[int, int]:
-    """Fields in most rows, of several equally common numbers the largest, and how many rows have so many."""
+    """Return the commonest number of fields and its number of rows.
+
+    The largest one wins a tie.
+    """
     return max(Counter(map(len, rows)).items(), key=lambda item: (item[1], item[0]))
 
 
 def _body(rows: dict[int, list[str]], width: int) -> tuple[int, int, list[str]]:
-    """Index of the first line of data, that of the first line that holds nothing else, and what the columns hold."""
+    """Return the first line of data, the first pure line, kinds.
+
+    A pure line contains only data. The kinds are those of the columns.
+    """
     fitting = {i: row for i, row in rows.items() if len(row) == width and NUMBER in row}
     tail = list(fitting.values())[-SNIFFED_LINES:]
     kinds = [_usual(Counter(row[i] for row in tail)) for i in range(width)]
@@ -199,7 +213,7 @@ def _body(rows: dict[int, list[str]], width: int) -> tuple[int, int, list[str]]:
         i for i, row in fitting.items() if all(field in (kind, BLANK) for field, kind in zip(row, kinds, strict=True))
     ]
     first = pure = (fits or list(fitting))[0]
-    # An oscilloscope writes its settings beside the first rows of numbers.
+    # An oscilloscope writes its settings next to the first rows of numbers.
     order = list(rows)
     for i in reversed(order[: order.index(first)]):
         if i not in fitting or any(rows[i][j] != kinds[j] for j in core):
@@ -209,7 +223,10 @@ def _body(rows: dict[int, list[str]], width: int) -> tuple[int, int, list[str]]:
 
 
 def _usual(count: Counter[str]) -> str:
-    """What a column holds: its commonest kind besides blanks; a column that is all but blank is one of blanks."""
+    """Return the commonest kind of a column besides blanks.
+
+    A column with less than 5 % other entries is blank.
+    """
     blanks, rest = count[BLANK], {kind: n for kind, n in count.items() if kind != BLANK}
     if not rest:
         return BLANK

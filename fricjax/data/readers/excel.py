@@ -1,4 +1,4 @@
-"""Worksheets of Excel: each is a text table with tabs, and several that hold numbers are several runs."""
+"""Excel worksheets, read as tab-separated text; several worksheets are several runs."""
 
 import dataclasses
 import datetime
@@ -19,9 +19,9 @@ from .dialect import Dialect, sniff
 from .sheet import Column, Sheet
 from .text import HEAD, Text
 
-# Bytes of the unpacked parts of a workbook; Excel's own limit of a million rows of ten numbers needs some 400 MB.
+# Size limit of an unpacked workbook [bytes]. A million rows, Excel's own limit, of ten numbers need about 400 MB.
 _LARGEST = 1 << 29
-# A worksheet of fewer rows of numbers holds settings or remarks.
+# A worksheet with fewer rows of numbers holds settings or remarks.
 _FEWEST = 10
 
 
@@ -32,9 +32,9 @@ def read_excel(
     skip_rows: int | None = None,
     header: bool | None = None,
 ) -> Record | list[Record]:
-    """Reads a worksheet of an `.xlsx` file, with the values that Excel has stored for its formulas.
+    """Read a worksheet of an `.xlsx` file, with stored formula values.
 
-    Options as for text, where `run` is the name or number of a worksheet if several hold numbers.
+    Options as for text; `run` is the name or number of a worksheet if several hold numbers.
 
     Raises:
         DataError: a damaged file, or no worksheet with a table of numbers.
@@ -57,7 +57,7 @@ def read_excel(
 
 
 def _joined(sheets: dict[str, Sheet]) -> Sheet:
-    """The worksheets as one sheet, in which each is a run unless there is but one."""
+    """Join the worksheets to one sheet; each of several is a run."""
     if len(sheets) == 1:
         return next(iter(sheets.values()))
     columns = [
@@ -73,7 +73,7 @@ def _joined(sheets: dict[str, Sheet]) -> Sheet:
 
 
 def _worksheets(path: Path) -> dict[str, Text]:
-    """The worksheets with rows, as texts."""
+    """Return the worksheets with rows, as texts."""
     openpyxl = library(path, "openpyxl", "excel")
     try:
         with zipfile.ZipFile(path) as archive:
@@ -90,13 +90,13 @@ def _worksheets(path: Path) -> dict[str, Text]:
         book.close()
     except DataError:
         raise
-    except Exception as error:  # openpyxl raises what its parsers of zip and XML raise
+    except Exception as error:  # openpyxl passes on the exceptions of its zip and XML parsers
         raise DataError(f"{path.name} cannot be read as .xlsx; it is damaged or of another format.") from error
     return {title: Text.cut(path, "utf-8", text[:HEAD], text) for title, text in texts.items() if text.strip()}
 
 
 def _cell(value: Any) -> str:
-    """A cell as a field of a text."""
+    """Return a cell as a field of text."""
     if value is None:
         return ""
     if isinstance(value, datetime.datetime | datetime.time):

@@ -1,4 +1,4 @@
-"""Fields of a line of text, and what each holds: a number, a time of day, a word, or nothing."""
+"""Fields of text lines: number, time of day, word or blank."""
 
 import re
 from collections.abc import Iterable
@@ -7,16 +7,19 @@ import numpy as np
 
 MISSING = ("", "nan", "na", "n/a", "null", "none", "-nan", "1.#qnan", "inf", "-inf", "+inf", "-", "--")
 NUMBER, BLANK, WATCH, WORD = "number", "blank", "clock", "word"
-# Thousands set apart, as in 1,038.4: only where decimals follow, since 1,038 is as well a number with a decimal comma.
+# Thousands separators, as in 1,038.4. Decimals must follow, because 1,038 can also have a decimal comma.
 _GROUPED = {
     ".": re.compile(r"[-+]?\d{1,3}(?P<mark>[,'])\d{3}(?:(?P=mark)\d{3})*\.\d+"),
     ",": re.compile(r"[-+]?\d{1,3}(?P<mark>[.'])\d{3}(?:(?P=mark)\d{3})*,\d+"),
 }
-_LONGEST = 100_000  # characters of a line in which quotes are minded
+_LONGEST = 100_000  # longest line in which quotes are respected [characters]
 
 
 def split(line: str, delimiter: str) -> list[str]:
-    """Fields of a line, stripped of blanks and quotes; a delimiter between quotes does not separate."""
+    """Split a line into fields, stripped of blanks and quotes.
+
+    A delimiter between quotes does not separate.
+    """
     if delimiter == " ":
         fields = line.split()
     elif '"' in line and len(line) < _LONGEST:
@@ -27,7 +30,7 @@ def split(line: str, delimiter: str) -> list[str]:
 
 
 def number(field: str, decimal: str) -> float | None:
-    """The value of a field, NaN where it is left out, None where it is no number."""
+    """Parse a field: NaN if missing, None if not a number."""
     if field.lower() in MISSING:
         return float("nan")
     mark = thousands_in(field, decimal)
@@ -42,13 +45,13 @@ def number(field: str, decimal: str) -> float | None:
 
 
 def thousands_in(field: str, decimal: str) -> str | None:
-    """What sets thousands apart in a field, None where nothing does."""
+    """Return the thousands separator of a field, None without one."""
     match = _GROUPED[decimal].fullmatch(field)
     return None if match is None else match["mark"]
 
 
 def kind_of(field: str, decimal: str) -> str:
-    """What a field holds: a number, a time of day, a word, or nothing."""
+    """Return the kind: number, time of day, word or blank."""
     value = number(field, decimal)
     if value is not None:
         return NUMBER if value == value else BLANK
@@ -64,14 +67,15 @@ _DAY = 86400.0
 
 
 def is_clock(field: str) -> bool:
-    """Whether a field is a time of day, with or without its date."""
+    """Return True for a time of day, with or without date."""
     return len(field) < 40 and CLOCK.fullmatch(field) is not None
 
 
 def seconds_of(fields: Iterable[object]) -> np.ndarray:
-    """Seconds since the midnight before the first one, shape (rows,); NaN where there is no time of day.
+    """Convert times of day to seconds since the first midnight, shape (rows,).
 
-    The date is not read: a decay that passes midnight goes on counting, and none lasts half a day.
+    Fields that are not a time of day become NaN. The date is ignored: a decay that passes midnight keeps counting, and
+    no decay lasts half a day.
     """
     seconds = np.array([_seconds(str(field).strip()) for field in fields], dtype=np.float64)
     known = np.flatnonzero(~np.isnan(seconds))

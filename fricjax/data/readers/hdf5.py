@@ -1,4 +1,4 @@
-"""Records in HDF5 and netCDF-4 files: data sets by path, units from the `units` attribute of the CF conventions."""
+"""Records in HDF5 and netCDF-4 files, with units by the CF conventions."""
 
 import dataclasses
 import functools
@@ -18,17 +18,21 @@ from .sheet import Column, Sheet, array_columns, signal
 
 
 def read_hdf5(path: Path, choice: Choice) -> Record | list[Record]:
-    """Reads two data sets of an HDF5 or netCDF-4 file, or a record that `fricjax.write` put there.
+    """Read two data sets of an HDF5 or netCDF-4 file.
 
-    Options as in `fricjax.read`, where
+    A record that `fricjax.write` stored is restored.
+
+    Options as in `fricjax.read`, with
 
     - `column`: path of the displacement, such as `"/run1/x"`.
-    - `time`: path of the times; by default the dimension scale of the displacement, or a data set beside it called so.
+    - `time`: path of the times; by default the dimension scale of the displacement, or a data set in the same group
+      with the name of a time.
     - `unit`, `time_unit`: by default from the attribute `units`, else from the name.
-    - `run`: which group, where several hold a time of their own.
+    - `run`: the group, if several groups hold a separate time.
 
     Raises:
-        DataError: not such a file, an unknown path (the nearest is offered), a data set that is no vector of numbers.
+        DataError: not such a file, an unknown path (the message offers the nearest), or a data set that is not a vector
+            of numbers.
     """
     with opened(path) as tree:
         mark = tree.attribute(tree.file, MARK)
@@ -46,7 +50,10 @@ def _restore(tree: Tree, mark: Any) -> Record:
 
 
 def _sheet(tree: Tree) -> Sheet:
-    """The data sets as columns; where several groups hold a time of their own, each group is a run."""
+    """Return the data sets as columns.
+
+    If several groups hold a separate time, each group is a run.
+    """
     nodes = {path: node for path, node in tree.data_sets().items() if node.ndim}
     columns = {path: _columns(tree, path, node) for path, node in nodes.items()}
     timed = dict.fromkeys(_folder(path) for path, parts in columns.items() if parts[0].is_time)
@@ -82,20 +89,20 @@ def _values(tree: Tree, node: Any) -> np.ndarray:
 
 
 def cf_unit(units: Any) -> str | None:
-    """The unit that an attribute names; "seconds since 2020-01-01" counts seconds."""
+    """Return the unit in a CF attribute; "seconds since ..." gives "seconds"."""
     return None if units is None else str(units).split(" since ")[0].strip() or None
 
 
 def cf_values(raw: np.ndarray, attribute: Callable[[str], Any], where: str) -> np.ndarray:
-    """Numbers with the missing values, the scale and the offset of the CF conventions applied.
+    """Apply missing values, scale and offset of the CF conventions.
 
     Args:
-        raw: what is stored, of any shape.
-        attribute: gives the attribute of a name, None where there is none.
-        where: what the numbers are, for messages: "'x' in run.nc".
+        raw: the stored numbers, of any shape.
+        attribute: function from a name to the attribute, None if there is none.
+        where: the data, for messages: "'x' in run.nc".
 
     Raises:
-        DataError: a scale or offset that is no number.
+        DataError: a scale or offset that is not a number.
     """
     values = raw.astype(np.float64)
     for name in ("_FillValue", "missing_value"):

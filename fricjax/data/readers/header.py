@@ -1,4 +1,4 @@
-"""What the title of a column says: the name, the unit, and the run that it belongs to.
+"""Column titles: name, unit and run.
 
 Programs of laboratories put the unit in brackets (`Time [s]`), behind a slash (`x / mm`), behind an underscore (`x_mm`)
 or at the end (`Weg mm`), and the run behind the name (`Position (mm) Run #3`) or in front of it (`Latest: Time (s)`).
@@ -10,7 +10,7 @@ from typing import NamedTuple
 from ...errors import DataError
 from ..units import EXAMPLES, factor, si_unit
 
-# What instruments count in: numbers that are a displacement only by a scale, such as 12.5 um/V.
+# Raw units of instruments: such numbers become a displacement only by a scale, such as 12.5 um/V.
 UNSCALED = frozenset((
     "v", "mv", "uv", "volt", "volts", "a", "ma", "count", "counts", "cts", "cnt", "lsb", "digit", "digits", "step",
     "steps", "pulse", "pulses", "tick", "ticks", "inc", "increment", "increments", "fringe", "fringes", "px", "pixel",
@@ -27,7 +27,7 @@ _RUN = re.compile(
 )
 _PREFIX = re.compile(r"(?P<run>[^:()\[\]]{1,60}):\s*(?P<rest>\S.*)")
 _BRACKETS = re.compile(r"\[([^\[\]]*)\]|\(([^()]*)\)")
-# The units that count without a mark, as in `x_mm`: "in", "au" and "h" are rather parts of a name there.
+# Units that count without a mark, as in `x_mm`. There "in", "au" and "h" are more likely parts of a name.
 _PLAIN = frozenset((
     "m", "cm", "mm", "um", "µm", "μm", "nm", "pm", "inch", "micron", "microns", "meter", "metre", "meters", "metres",
     "rad", "mrad", "urad", "µrad", "deg", "degree", "degrees", "°", "arcsec", "s", "ms", "us", "µs", "μs", "ns", "sec",
@@ -35,11 +35,11 @@ _PLAIN = frozenset((
 _COUNTED = {"millis": "ms", "micros": "us", "millis()": "ms", "micros()": "us"}  # clocks of microcontrollers
 # A factor and a unit, as `12.5 um/V`.
 _SCALE = re.compile(r"\s*(?P<number>[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d{1,3})?)?\s*\*?\s*(?P<unit>.*?)\s*")
-_LONGEST = 200  # characters of a title that are read
+_LONGEST = 200  # longest part of a title that is read [characters]
 
 
 class Title(NamedTuple):
-    """A column's title taken apart; unit and run are None where it names none."""
+    """The parts of a column title; unit and run may be None."""
 
     name: str
     unit: str | None = None
@@ -47,9 +47,10 @@ class Title(NamedTuple):
 
 
 def split_title(text: str) -> Title:
-    """Name, unit and run of a title: `Angle, Ch 1+2 (rad) Run #3` is `("Angle, Ch 1+2", "rad", "Run #3")`.
+    """Split a title into name, unit and run.
 
-    Brackets that hold neither a unit nor what a converter counts in stay part of the name, unless they are square.
+    `Angle, Ch 1+2 (rad) Run #3` gives `("Angle, Ch 1+2", "rad", "Run #3")`. Round brackets without a unit or a raw unit
+    stay part of the name.
     """
     text = " ".join(text.strip().strip('"').split())
     if len(text) > _LONGEST:
@@ -61,25 +62,28 @@ def split_title(text: str) -> Title:
 
 
 def measures(unit: str | None) -> str | None:
-    """The SI unit of what a unit of a title measures ("m", "rad", "s", ...); None where it is no unit."""
+    """Return the SI unit of a unit, None if unknown.
+
+    Examples are "m", "rad" and "s".
+    """
     known = None if unit is None else si_unit(unit)
     return None if known is None else known[1]
 
 
 def is_unit(text: str) -> bool:
-    """Whether a text is a unit, or what a converter counts in."""
+    """Return True if a text is a unit or a raw unit."""
     return text.lower() in UNSCALED or si_unit(text) is not None
 
 
 def is_time(name: str, unit: str | None) -> bool:
-    """Whether a column of this name and unit is a time."""
+    """Return True if name and unit are those of a time."""
     kind = measures(unit)
     named = name.lower() in TIME_WORDS or not TIME_WORDS.isdisjoint(_words(name))
     return kind == "s" or (named and (kind is None or unit in ("", None)))
 
 
 def first_word(name: str) -> str:
-    """The first word of a name in small letters: "angle" of "Angle, Ch 1+2"."""
+    """Return the first word in lower case: "angle" of "Angle, Ch 1+2"."""
     words = _words(name)
     return words[0] if words else ""
 
@@ -89,7 +93,7 @@ def _words(name: str) -> list[str]:
 
 
 def _split_run(text: str) -> tuple[str, str | None]:
-    """The title without its run, and the run."""
+    """Split a title into the rest and the run."""
     match = _RUN.search(text)
     if match is not None and (rest := f"{text[: match.start()]} {text[match.end() :]}".strip(" _,:;")):
         return rest, f"{match['word'].capitalize()} {match['number']}"
@@ -115,13 +119,19 @@ def _split_unit(text: str) -> tuple[str, str | None]:
 
 
 def _as_title(name: str) -> str | None:
-    """The unit that is the whole title, as oscilloscopes write `Second, Volt`; a letter alone is rather a name."""
+    """Return the unit if it is the whole title.
+
+    Oscilloscopes write such titles: `Second, Volt`. A single letter is more likely a name.
+    """
     word = name.lower()
     return name if len(word) > 1 and (word in UNSCALED or measures(word) in ("m", "rad")) else None
 
 
 def _follows(name: str, unit: str, *, marked: bool) -> bool:
-    """Whether the last part of a title is a unit: without a mark only one of length or angle, or of a time's name."""
+    """Return True if the last part of a title is a unit.
+
+    Without a mark only units of length or angle count, and units of time after the name of a time.
+    """
     if marked:
         return is_unit(unit)
     if unit.lower() in _PLAIN:
@@ -130,62 +140,68 @@ def _follows(name: str, unit: str, *, marked: bool) -> bool:
 
 
 def scale_of(
-    titled: str | None, chosen: str | None, quantities: tuple[str, ...], what: str, option: str
+    titled: str | None, chosen: str | None, quantities: tuple[str, ...], subject: str, option: str
 ) -> tuple[float, str]:
-    """Factor to SI of a column, and which of `quantities` ("m", "rad", "s") it then measures.
+    """Return the factor of a column to SI, and its quantity.
+
+    The quantity is the member of `quantities` ("m", "rad", "s") that the column then measures.
 
     Args:
-        titled: the unit in the column's title; None where it names none.
-        chosen: the unit, or the scale, that the caller says; None: that of the title, else the first of `quantities`.
+        titled: the unit in the column's title; None without one.
+        chosen: the unit or scale from the caller; None: use that of the title, else the first of `quantities`.
         quantities: the SI units that fit.
-        what: what the unit belongs to, for messages: "the displacement 'x' of run.csv".
-        option: the caller's name for what he says: "unit" or "time_unit".
+        subject: the quantity with this unit, for messages: "the displacement 'x' of run.csv".
+        option: name of the caller's option: "unit" or "time_unit".
 
     Raises:
-        DataError: a unit that is none, one that does not fit, a title in volts or counts without a scale, or a caller
-            who contradicts the title.
+        DataError: an unknown unit, one that does not fit, a title in volts or counts without a scale, or an option that
+            contradicts the title.
     """
     if chosen is None:
         if titled is not None and titled.lower() in UNSCALED:
             raise DataError(
-                f"{_capital(what)} is in {titled}, which only a scale makes a displacement or a time; give it as "
+                f"{_capital(subject)} is in {titled}, which only a scale makes a displacement or a time; give it as "
                 f"{option}='12.5 {_example(quantities)}/{titled}'."
             )
-        return factor(titled or quantities[0], quantities, what)
-    scale, quantity, per = _parsed(chosen, quantities, what)
+        return factor(titled or quantities[0], quantities, subject)
+    scale, quantity, per = _parsed(chosen, quantities, subject)
     if titled is None or (per and _plain(per) == _plain(titled)):
         return scale, quantity
     if titled.lower() in UNSCALED:
         if not per:
             raise DataError(
-                f"{_capital(what)} is in {titled}; give the scale as {option}='12.5 {_example(quantities)}/{titled}', "
-                f"where {option}='{chosen}' was said."
+                f"{_capital(subject)} is in {titled}; give the scale as "
+                f"{option}='12.5 {_example(quantities)}/{titled}' instead of {option}='{chosen}'."
             )
-        raise DataError(f"{_capital(what)} is in {titled}, but {option}='{chosen}' is a scale for {per}.")
+        raise DataError(f"{_capital(subject)} is in {titled}, but {option}='{chosen}' is a scale for {per}.")
     known = si_unit(titled)
     if known is None or known[1] not in quantities or (known == (scale, quantity) and not per):
         return scale, quantity
     raise DataError(
-        f"{_capital(what)} is in {titled} by its title, but {option}='{chosen}' says otherwise: leave {option}= out, "
-        f"or mend the title if that is what is wrong."
+        f"{_capital(subject)} is in {titled} by its title, but {option}='{chosen}' contradicts it: leave {option}= "
+        "out, or correct the title if it is wrong."
     )
 
 
-def _parsed(chosen: str, quantities: tuple[str, ...], what: str) -> tuple[float, str, str]:
-    """Factor, quantity and what it is for ("V" in `12.5 um/V`) of a unit that the caller chose."""
+def _parsed(chosen: str, quantities: tuple[str, ...], subject: str) -> tuple[float, str, str]:
+    """Parse a unit or scale into factor, quantity and raw unit.
+
+    The raw unit is "V" in `12.5 um/V`.
+    """
     match = _SCALE.fullmatch(chosen)
     number, unit = (match["number"], match["unit"]) if match else (None, chosen)
     unit, _, per = unit.rpartition("/") if unit.rpartition("/")[2].strip().lower() in UNSCALED else (unit, "", "")
     if number is not None and not unit.strip():
-        raise DataError(f"'{chosen}' says no unit for {what}; write for example '{chosen} {_example(quantities)}'.")
-    scale, quantity = factor(unit.strip(), quantities, what)
+        example = _example(quantities)
+        raise DataError(f"'{chosen}' has no unit for {subject}; write for example '{chosen} {example}'.")
+    scale, quantity = factor(unit.strip(), quantities, subject)
     if number is not None and not float(number):
-        raise DataError(f"{_capital(what)} cannot have the scale '{chosen}', which is zero.")
+        raise DataError(f"{_capital(subject)} cannot have the scale '{chosen}', which is zero.")
     return (1.0 if number is None else float(number)) * scale, quantity, per.strip()
 
 
 def _plain(unit: str) -> str:
-    """One spelling for what a converter counts in: "v" for V, Volt and volts, "count" for counts."""
+    """Normalise a raw unit: "v" for V, Volt, volts; "count" for counts."""
     return re.sub(r"^volt$", "v", unit.lower().removesuffix("s"))
 
 

@@ -1,4 +1,4 @@
-"""Records in MATLAB files: named variables, fields of structs, Simulink's "structure with time", cells in a row."""
+"""Records in MATLAB files: variables, struct fields, Simulink structures, cell arrays."""
 
 import re
 from collections.abc import Iterator, Sequence
@@ -27,20 +27,20 @@ def read_mat(
     row: int = 0,
     cells: list[int] | None = None,
 ) -> Record | list[Record]:
-    """Reads a record from a `.mat` file of version 5 or 7.3.
+    """Read a record from a `.mat` file (version 4, 5, 7.3).
 
-    Options as in `fricjax.read`, where
+    Options as in `fricjax.read`, with
 
     - `column`: the displacement: a variable (`"x"`), a field (`"run.signals.values"`), a Simulink structure with time
-      (`"Theta1"` alone brings its time along), a cell array (`"Y"`: its cells one after the other; `"Y[0]"`: one), or
-      several of these in a row (`"Y_id+Y_vad"`, or a list).
+      (`"Theta1"` includes its time), a cell array (`"Y"`: its cells joined; `"Y[0]"`: one cell), or several of these
+      joined (`"Y_id+Y_vad"`, or a list).
     - `time`: the times, in the same way.
-    - `row`: which signal of a variable that holds several, from 0.
-    - `cells`: indices of the cells to take, None for all.
-    - `run`: which structure, where several hold a time of their own; signals of Simulink go by their labels.
+    - `row`: the signal of a variable with several, from 0.
+    - `cells`: indices of the cells to read, None for all.
+    - `run`: the structure, if several structures hold a separate time; signals of Simulink have their labels as names.
 
     Raises:
-        DataError: damaged file, unknown name (the nearest is offered), or a variable that holds no numbers.
+        DataError: a damaged file, an unknown name (the message offers the nearest), or a variable without numbers.
     """
     joined = lambda names: "+".join(names) if isinstance(names, list | tuple) else names
     choice = replace(choice, column=joined(choice.column), time=joined(choice.time))
@@ -62,7 +62,10 @@ def read_mat(
 
 
 def _columns(tree: dict[str, Any]) -> list[Column]:
-    """All that could be a signal: variables, fields, signals of Simulink, cells in a row; others with their fault."""
+    """Return all possible signals as columns.
+
+    These are variables, fields, Simulink signals and cell arrays; data of other types have a fault.
+    """
     columns = [column for name, node in tree.items() for column in _walk(name, node)]
     folders = {folder_of(column.name) for column in columns if column.is_time}
     runs = folders if len(folders) > 1 and "" not in folders else set()
@@ -93,7 +96,10 @@ def _walk(name: str, node: Any) -> Iterator[Column]:
 
 
 def _time_series(name: str, node: dict[str, Any]) -> list[Column]:
-    """The signals of Simulink's structure with time, or of an exported timeseries; empty for any other structure."""
+    """Return the signals of a Simulink structure or an exported timeseries.
+
+    The list is empty for any other structure.
+    """
     keys = {key.lower(): key for key in node}
     if "time" not in keys or not {"signals", "data"} & set(keys) or np.size(node[keys["time"]]) == 0:
         return []
@@ -113,14 +119,17 @@ def _time_series(name: str, node: dict[str, Any]) -> list[Column]:
 
 
 def _unit(node: dict[str, Any]) -> str | None:
-    """The unit that a timeseries states."""
+    """Return the unit of a timeseries."""
     about = next((node[key] for key in node if key.lower() == "datainfo"), node)
     units = next((about[key] for key in about if key.lower() == "units"), None) if isinstance(about, dict) else None
     return units.strip() or None if isinstance(units, str) else None
 
 
 def _explicit(tree: dict[str, Any], wanted: str, source: str, what: str) -> Column:
-    """What the caller names by its path, or several in a row; structures with time bring theirs along."""
+    """Return the column for a path, or several joined by "+".
+
+    Structures with time include their time.
+    """
     names = [name.strip() for name in wanted.split("+")]
     if not all(names):
         raise UsageError(f"Variables of a .mat file are chosen by name, but {wanted!r} was given.")
@@ -134,7 +143,7 @@ def _explicit(tree: dict[str, Any], wanted: str, source: str, what: str) -> Colu
 
 
 def _loaded(tree: dict[str, Any], column: Column, row: int, cells: list[int] | None, source: str) -> np.ndarray:
-    """The numbers of a column: one signal of a matrix, or all that its path names, one after the other."""
+    """Load one signal of a matrix, or all parts of a path."""
     path, index = column.key
     names = path.split("+")
     nodes = [_find(tree, name, source, "column") for name in names]
@@ -146,7 +155,7 @@ def _loaded(tree: dict[str, Any], column: Column, row: int, cells: list[int] | N
 
 
 def _find(tree: dict[str, Any], name: str, source: str, what: str) -> Any:
-    """The node that a dotted path such as `a.b[0].c` names."""
+    """Return the node at a dotted path such as `a.b[0].c`."""
     node: Any = tree
     for part in name.split("."):
         match = PART.match(part)
@@ -166,7 +175,10 @@ def _find(tree: dict[str, Any], name: str, source: str, what: str) -> Any:
 
 
 def _vector(node: Any, name: str, row: int, cells: list[int] | None, source: str) -> np.ndarray:
-    """One signal as a vector: the values of a Simulink structure, cells one after the other, or a row of an array."""
+    """Return one signal as a vector.
+
+    It comes from a Simulink structure, joined cells, or a row of an array.
+    """
     for part in ("signals", "values"):
         if isinstance(node, dict) and part in node:
             return _vector(node[part], f"{name}.{part}", row, cells, source)
@@ -188,5 +200,5 @@ def _vector(node: Any, name: str, row: int, cells: list[int] | None, source: str
     # The longer side of a matrix is the time.
     count = min(array.shape) if array.ndim == 2 else 1
     if not 0 <= row < count:
-        raise DataError(f"'{name}' in {source} holds {count} signals, but row={row} was asked for (the first is 0).")
+        raise DataError(f"'{name}' in {source} holds {count} signals, but row={row} was given (the first is 0).")
     return signal(array, row)

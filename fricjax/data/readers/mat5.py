@@ -1,8 +1,9 @@
-"""MATLAB files of version 5, read here because the usual reader crashes the process on damaged ones.
+"""Reader of MATLAB files of version 5.
 
-A file is a row of elements, each with a tag of its type and size. Matrices hold elements in their turn: flags,
-dimensions, a name, and numbers, texts or further matrices; a packed element holds one matrix. Types, sizes and
-dimensions are believed only as far as the bytes are there ("MAT-File Format", The MathWorks, 2019).
+It exists because SciPy's reader crashes the process on some damaged files. A file is a sequence of elements, each with
+a tag for type and size. Matrices contain further elements: flags, dimensions, a name, and numbers, text or further
+matrices. A packed element holds one matrix. Types, sizes and dimensions are accepted only if the bytes exist ("MAT-File
+Format", The MathWorks, 2019).
 """
 
 import math
@@ -27,18 +28,20 @@ _CLASSES = {6: "f8", 7: "f4", 8: "i1", 9: "u1", 10: "i2", 11: "u2", 12: "i4", 13
 _ENCODINGS = {1: "latin-1", 2: "latin-1", 4: "utf-16", 16: "utf-8", 17: "utf-16", 18: "utf-32"}
 _NOT_READ = {_SPARSE: "a sparse matrix", _OBJECT: "an object of a class", _FUNCTION: "a function", _OPAQUE: "an object"}
 _TOO_LARGE = "not read: it is larger than plausible for a file of this size"
-# Matrices of one file that are read; reading a million takes seconds.
+# Largest number of matrices in one file; reading a million takes seconds.
 _PARTS = 200_000
 
 
 class Opaque(NamedTuple):
-    """What is no number, text, structure or cell array, or is not read: what it is, in words that follow "it is"."""
+    """A value that is not read; `kind` follows "it is" in messages."""
 
     kind: str
 
 
 def load_v5(path: Path) -> dict[str, Any]:
-    """Variables by name as arrays, texts, dicts of structs, lists of cells, and `Opaque`.
+    """Read the variables by name: arrays, texts, dicts, lists and `Opaque`.
+
+    Structs become dicts and cell arrays become lists.
 
     Raises:
         DataError: the file is damaged.
@@ -54,7 +57,7 @@ def load_v5(path: Path) -> dict[str, Any]:
             end = place + _TAG + size
             if kind not in (_MATRIX, _PACKED) or end > len(data):
                 raise damaged(path, f"byte {place}")
-            # Of what is too large at least the name is read.
+            # Read at least the name of a variable that is too large.
             cut = min(end, place + left)
             part = data[place:cut] if kind == _MATRIX else _unpacked(data[place + _TAG : cut], left + 1)
             variable = _Variable(path, part, order, parts)
@@ -71,19 +74,22 @@ def load_v5(path: Path) -> dict[str, Any]:
 def _unpacked(data: bytes, most: int) -> bytes:
     unpacking = zlib.decompressobj()
     part = unpacking.decompress(data, most)
-    # Packed data that end early are a damage, which no checksum shows.
+    # Packed data may end early without a checksum error.
     if len(part) < most and not unpacking.eof:
         raise EOFError("a packed part ends early")
     return part
 
 
 def damaged(path: Path, where: str) -> DataError:
-    """The refusal of a file that holds something else at a place than its format demands."""
+    """Return the error for a position with unexpected content."""
     return DataError(f"{path.name} cannot be read as a MATLAB file: {where} does not fit; it is damaged.")
 
 
 class _Variable:
-    """One variable as its bytes, from its tag on; `left` is how many more matrices are read."""
+    """The bytes of one variable, from its tag on.
+
+    `left` is the number of further matrices that may be read.
+    """
 
     def __init__(self, path: Path, data: bytes, order: str, left: int) -> None:
         self._path, self._data, self._order = path, data, order
@@ -92,7 +98,7 @@ class _Variable:
             raise damaged(path, "the beginning of a variable")
 
     def name(self) -> str:
-        """Its name, which stands behind flags and dimensions."""
+        """Return the name, which follows flags and dimensions."""
         place, end = _TAG, len(self._data)
         flags, place = self._flags(place, end)
         if flags & 0xFF != _OPAQUE:
@@ -100,7 +106,7 @@ class _Variable:
         return self._part(place, end, (_INT8, _UTF8))[1].decode("utf-8", "replace")
 
     def matrix(self, place: int, end: int, depth: int) -> Any:
-        """What the matrix between two places holds; its class chooses how the rest is read."""
+        """Read the matrix between two positions, according to its class."""
         self.left -= 1
         if depth > DEEPEST:
             return Opaque(f"nested more than {DEEPEST} deep")
@@ -130,13 +136,16 @@ class _Variable:
         return values != 0 if flags & _LOGICAL else values.astype(_CLASSES[kind])
 
     def _part(self, place: int, end: int, kinds: Any) -> tuple[int, bytes, int]:
-        """Type and data of the element at a place, which must be of one of some types, and the next place."""
+        """Return type and data of an element, and the next position.
+
+        The type must be in `kinds`.
+        """
         if place + _TAG > end:
             raise damaged(self._path, "the end of a variable")
         kind, size = struct.unpack_from(f"{self._order}2I", self._data, place)
         start, following = place + _TAG, 0
         if kind >> 16:
-            # Up to four bytes lie in the tag itself, whose first half then holds size and type.
+            # A small element stores up to four bytes in its tag; the first half of the tag then holds size and type.
             kind, size, start, following = kind & 0xFFFF, kind >> 16, place + 4, start
         if kind not in kinds or start + size > end or (following and size > 4):
             raise damaged(self._path, f"an element of type {kind} and {size} bytes")
@@ -161,7 +170,10 @@ class _Variable:
         return values.reshape(shape, order="F"), place
 
     def _text(self, shape: tuple[int, ...], place: int, end: int) -> str:
-        """The text, of several lines the first; lines lie in the columns of its array."""
+        """Return the text, or its first line.
+
+        Lines are the rows of a character array stored by columns.
+        """
         kind, data, _ = self._part(place, end, _ENCODINGS)
         wide = {"<": "-le", ">": "-be"}[self._order] if _ENCODINGS[kind] in ("utf-16", "utf-32") else ""
         text = data.decode(_ENCODINGS[kind] + wide, "replace")
@@ -181,7 +193,7 @@ class _Variable:
         return matrices
 
     def _structs(self, count: int, place: int, end: int, depth: int) -> Any:
-        """The fields by name; of an array of structs a list of them."""
+        """Return the fields by name, or a list for a struct array."""
         _, data, place = self._part(place, end, (_INT32, _UINT32))
         length = struct.unpack_from(f"{self._order}i", data)[0]
         _, data, place = self._part(place, end, (_INT8, _UTF8))

@@ -1,7 +1,8 @@
-"""MATLAB files, old and new, as one tree: dicts for structs, lists for cells, arrays for numbers, strings for text.
+"""MATLAB files of all versions as one tree.
 
-Files of version 4 and 5 have a format each of their own; version 7.3 files are HDF5 with MATLAB's conventions (reversed
-dimensions, references for cells). Behind this module nobody needs to know which one a file was.
+Structs become dicts, cell arrays lists, numbers arrays and text strings. Versions 4 and 5 have separate formats. Files
+of version 7.3 are HDF5 with MATLAB's conventions (reversed dimensions, references for cells). The tree is the same for
+all.
 """
 
 import struct
@@ -19,7 +20,9 @@ _HDF5 = b"\x89HDF\r\n\x1a\n"
 
 
 def load_tree(path: Path) -> dict[str, Any]:
-    """Variables of a `.mat` file as a tree of dicts, lists, arrays (of which some are complex), strings and `Opaque`.
+    """Read the variables of a `.mat` file as a tree.
+
+    The nodes are dicts, lists, arrays (real or complex), strings and `Opaque`.
 
     Raises:
         DataError: a damaged file, or one of another format.
@@ -32,22 +35,25 @@ def load_tree(path: Path) -> dict[str, Any]:
             variables = _Branches(tree).fields(tree.file["/"], 0)
     else:
         with damage(path, "a MATLAB file"):
-            # The four letters at the beginning are text from version 5 on, and a small number before.
+            # The first four bytes are text from version 5 on, and a small number in version 4.
             variables = load_v4(path) if 0 in head[:4] else load_v5(path)
-    # Workspaces of functions have no name, and what version 7.3 keeps for itself has one that no variable can have.
+    # Function workspaces have no name, and internal variables of version 7.3 have names that are not identifiers.
     return {name: value for name, value in variables.items() if name.isidentifier()}
 
 
 class _Branches:
-    """The nodes of an HDF5 file as MATLAB means them; cells refer to nodes, and may do so in a circle."""
+    """The nodes of an HDF5 file by MATLAB's conventions.
+
+    Cells refer to nodes, possibly in a circle.
+    """
 
     def __init__(self, tree: Tree) -> None:
         self._tree, self._left = tree, MOST
-        # By address what a cell refers to and how many nodes that are, for many may refer to the same.
+        # Value and number of nodes of each reference, by address, because several cells may refer to the same node.
         self._known: dict[Any, tuple[Any, int]] = {}
 
     def of(self, node: Any, depth: int) -> Any:
-        """A struct, a cell array, text, numbers, or why it is none of them."""
+        """Return a struct, cell array, text or numbers, or an `Opaque` node."""
         import h5py
 
         self._left -= 1
@@ -75,7 +81,7 @@ class _Branches:
         return value.T != 0 if attribute("MATLAB_class") == "logical" else value.T
 
     def fields(self, group: Any, depth: int) -> dict[str, Any]:
-        """What lies in a group, by name."""
+        """Return the children of a group by name."""
         children = self._tree.children(group)
         return {name: self.of(child, depth + 1) for name, child in children.items() if not name.startswith("#")}
 
@@ -106,17 +112,17 @@ _LONGEST_NAME = 1000
 
 
 def load_v4(path: Path) -> dict[str, Any]:
-    """Variables by name as arrays, texts and, of sparse matrices, `Opaque`.
+    """Read the variables by name: arrays, texts, and `Opaque` for sparse matrices.
 
     Raises:
         DataError: the file is damaged.
     """
     if path.stat().st_size > allowance(path):
         size = gigabytes(path.stat().st_size)
-        raise DataError(f"{path.name} has {size}; save time and displacement into a file of theirs.")
+        raise DataError(f"{path.name} has {size}; save time and displacement to a separate file.")
     data, place, variables = path.read_bytes(), 0, {}
     while place < len(data):
-        # The type is a number of four decimal digits, of which the first tells the order of bytes.
+        # The type has four decimal digits; the first one encodes the byte order.
         order = "<" if int.from_bytes(data[place : place + 4], "little") < 1000 else ">"
         kind, rows, columns, imaginary, length = struct.unpack_from(f"{order}5i", data, place)
         kind -= 1000 * (order == ">")
@@ -134,7 +140,7 @@ def load_v4(path: Path) -> dict[str, Any]:
 
 
 def _value(parts: np.ndarray, shape: tuple[int, int], kind: int) -> Any:
-    """A matrix of real or complex numbers, the first line of a text, or something else."""
+    """Return a real or complex matrix, a text's first line, or `Opaque`."""
     real = parts[0].reshape(shape, order="F")
     if kind == _TEXT:
         return "".join(map(chr, real[0].astype(np.uint16))) if real.size else ""

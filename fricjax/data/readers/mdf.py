@@ -1,7 +1,7 @@
-"""Records in MDF 4 files, the ASAM standard of measurement in vehicles: channels in groups, each with its own clock.
+"""Records in MDF 4 files, the ASAM standard for vehicle measurements.
 
-Only what is stored is read, and what linear conversions make of it: a conversion may also be a formula of any length,
-which no file of unknown origin gets evaluated.
+Channels are in groups, and each group has a clock. The reader supports stored values and linear conversions. Other
+conversions may be formulas of any length, and files of unknown origin must not run code.
 """
 
 import contextlib
@@ -25,32 +25,32 @@ from .choice import Choice
 from .header import split_title
 from .sheet import Column, Sheet, grouped
 
-# Of the channel: its values are stored, or are the clock of its group, stored or counted.
+# Channel types: stored values, a stored clock of the group, a counted clock.
 _VALUES, _CLOCK, _COUNTED_CLOCK = 0, 2, 3
 _OVER_TIME = 1
-# Whole numbers and floating ones of either order of bytes; the others are texts, streams and dates.
+# Data types of integers and floats in both byte orders; other types are texts, streams and dates.
 _NUMBERS = range(6)
-# Conversions: the value itself, and offset plus factor times the value.
+# Conversions: the stored value, and offset plus factor times the stored value.
 _AS_IT_IS, _LINEAR = 0, 1
-# Blocks of data as they are, and packed by zlib without and with transposition.
+# Data blocks: plain, or packed by zlib without and with transposition.
 _PLAIN, _PACKED = 0, (1, 2)
 
-# The place of the first block after 64 bytes of identification, and how each begins: mark, length, number of links.
+# Position of the first block, after 64 bytes of identification, and the head of a block: mark, length, number of links.
 _FIRST_BLOCK, _BLOCK = 64, struct.Struct("<8sQQ")
-# Blocks that a file may have, and links of each that are followed; lists of data have thousands.
+# Largest number of blocks in a file and of links in each; data lists have thousands of links.
 _BLOCKS, _LINKS = 200_000, 100_000
 
 
 def read_mdf(path: Path, choice: Choice) -> Record | list[Record]:
-    """Reads a channel of an `.mf4` file with the clock of its group.
+    """Read a channel of an `.mf4` file with its group's clock.
 
-    Options as in `fricjax.read`, where
+    Options as in `fricjax.read`, with
 
-    - `column`: a channel by its name, or with its group as "Group 1/x".
-    - `run`: which group, where several have channels of one name.
+    - `column`: name of a channel, with or without its group: "Group 1/x".
+    - `run`: the group, if several have channels of the same name.
 
     Raises:
-        DataError: a damaged file, one of version 3, no channel of numbers, or one that is converted by a formula.
+        DataError: a damaged file, a file of version 3, no numeric channel, or a channel with a formula.
         UsageError: the package asammdf is not installed.
     """
     with path.open("rb") as stream:
@@ -60,17 +60,16 @@ def read_mdf(path: Path, choice: Choice) -> Record | list[Record]:
     if head[8:9] == b"3":
         raise DataError(f"{path.name} is of version {head[8:12].decode('ascii', 'replace')}; convert it to MDF 4.")
     asammdf = library(path, "asammdf", "mdf")
-    # The library prints the tracebacks of what it cannot read, where the numbers of a command go.
     with damage(path, "MDF"):
         _check_links(path)
-        # The library prints the tracebacks of what it cannot read, where the numbers of a command go. It gets a stream,
-        # and not a path, for it unpacks paths elsewhere.
+        # The library prints tracebacks to stdout, which would mix with the output of a command. It gets a stream
+        # instead of a path, because it unpacks paths to another place.
         with path.open("rb") as stream, contextlib.redirect_stdout(io.StringIO()), asammdf.MDF(stream) as file:
             return records_of(path, "mdf", _sheet(path, file), choice)
 
 
 def _check_links(path: Path) -> None:
-    """Refuses blocks that follow one another in a circle, in which the library never comes to an end."""
+    """Refuse blocks linked in a circle, on which the library never returns."""
     with path.open("rb") as stream, mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ) as data:
         waiting, followers = [_FIRST_BLOCK], dict[int, list[int]]()
         while waiting:
@@ -79,7 +78,7 @@ def _check_links(path: Path) -> None:
                 continue
             number = min(_BLOCK.unpack_from(data, place)[2], _LINKS, (len(data) - place - _BLOCK.size) // 8)
             links = struct.unpack_from(f"<{number}Q", data, place + _BLOCK.size)
-            # Of every kind of block the first link leads on, and others may lead back: to the axis of a channel.
+            # In every block the first link leads forward. Other links may lead back, for example to a channel's axis.
             followers[place] = [link for link in links[:1] if link]
             waiting += links
             if len(followers) > _BLOCKS:
@@ -124,7 +123,10 @@ def _column(channel: Any, key: tuple[int, int], filled: bool) -> Column:
 
 
 def _check_data(path: Path, group: Any, channel: Any) -> None:
-    """Refuses a channel that would be read beyond its records, which the library does not look at, and false sizes."""
+    """Refuse a channel outside of its records, and wrong sizes.
+
+    The library does not check this.
+    """
     head, blocks = group.channel_group, list(group.get_data_blocks())
     stored, size = head.samples_byte_nr, sum(block.original_size for block in blocks)
     check_size(path, f"'{channel.name}'", max(head.cycles_nr, size // NUMBER))
@@ -140,7 +142,7 @@ def _check_data(path: Path, group: Any, channel: Any) -> None:
         for block in blocks:
             stream.seek(block.address)
             if block.block_type != _PLAIN and not _unpacks(stream.read(block.compressed_size), block):
-                raise DataError(f"{path.name} holds data packed otherwise than it says; save it without compression.")
+                raise DataError(f"{path.name} has data that contradict their packing; save it without compression.")
 
 
 def _unpacks(packed: bytes, block: Any) -> bool:
@@ -149,7 +151,10 @@ def _unpacks(packed: bytes, block: Any) -> bool:
 
 
 def _values(file: Any, group: int, index: int) -> np.ndarray:
-    """The numbers of a channel with a linear conversion applied; those marked as invalid are NaN."""
+    """Return the numbers of a channel, with a linear conversion applied.
+
+    Invalid samples are NaN.
+    """
     channel = file.groups[group].channels[index]
     stored, invalid = file.get(group=group, index=index, raw=True, samples_only=True)
     values = np.asarray(stored).astype(np.float64)

@@ -1,6 +1,6 @@
-"""From what a program holds in memory to a record: tables, series and arrays are read as files are.
+"""Records from objects in memory: tables, series and arrays.
 
-Whatever it is becomes named columns with units, of which time and displacement are chosen by name and unit as in a text
+Each object becomes named columns with units. Time and displacement are then selected by name and unit, as for a text
 file.
 """
 
@@ -23,10 +23,10 @@ _PLACE = lambda i: f"row {i} (the first is 0)"
 
 
 def memory_reader(source: Any) -> tuple[Callable[..., Any], str]:
-    """The reader of an object in memory, and what messages call its kind.
+    """Return the reader for an object, and its kind for messages.
 
     Raises:
-        UsageError: nothing that a record can be made of, or several runs at once.
+        UsageError: an object of an unsupported type, or several runs at once.
     """
     if isinstance(source, Record | Trace):
         return _read_record, "records"
@@ -48,7 +48,7 @@ def memory_reader(source: Any) -> tuple[Callable[..., Any], str]:
 
 
 def is_pair(source: Any) -> bool:
-    """Whether an object is a tuple of times and displacements."""
+    """Return True for a tuple of times and displacements."""
     return isinstance(source, tuple) and len(source) == 2 and all(map(_is_array, source))
 
 
@@ -59,7 +59,7 @@ def _is_array(source: Any) -> bool:
 
 
 def is_numbers(source: Any) -> bool:
-    """Whether an object is an array, or a list of numbers."""
+    """Return True for an array or a list of numbers."""
     if isinstance(source, list | tuple):
         first: Any = source[0] if source else None
         return isinstance(first, numbers.Number) or (hasattr(first, "__array__") and np.ndim(first) == 0)
@@ -67,7 +67,10 @@ def is_numbers(source: Any) -> bool:
 
 
 def is_table(source: Any) -> bool:
-    """Whether an object has named columns: a table of pandas or polars, a series, a dict, an array of xarray."""
+    """Return True if an object has named columns.
+
+    Examples are tables of pandas or polars, series, dicts and xarray objects.
+    """
     series = hasattr(source, "index") and hasattr(source, "to_numpy")
     labelled = hasattr(source, "coords") and hasattr(source, "dims")
     structured = getattr(getattr(source, "dtype", None), "names", None) is not None
@@ -75,15 +78,15 @@ def is_table(source: Any) -> bool:
 
 
 def _read_record(source: Record | Trace, *, sigma: Any = None, sign: int = 1) -> Record:
-    """A record as it is, or with another noise or direction; a trace becomes one."""
+    """Return a record, with new noise or direction if given."""
     record = source if isinstance(source, Record) else Record(source)
     return with_choice(record, Choice(sigma=sigma, sign=sign))
 
 
 def _read_table(source: Any, choice: Choice) -> Record | list[Record]:
-    """The record of the columns that are the time and the displacement by the rules of files, or those of all runs."""
+    """Read a table by the rules for files."""
     kind, name = type(source).__name__, getattr(source, "attrs", {}).get("source")
-    # The index comes last, so that numbers count the columns of the table.
+    # The index comes last, so that numbers refer to the columns of the table.
     cells = sorted(table_columns(source), key=lambda column: column.is_index)
     columns = [
         Column(column.name, column.unit, column.run, column.header, fault=column.fault, key=i)
@@ -105,7 +108,7 @@ def _read_pair(
     sigma: Any = None,
     sign: int = 1,
 ) -> Record:
-    """Reads times and displacements, in s and m where neither they nor the options have units."""
+    """Read times and displacements; default units are s and m."""
     t, x = (column_of(values, header_of(values, header)) for values, header in zip(source, ("t", "x"), strict=True))
     return _read_arrays(t, x, Choice(unit=unit, time_unit=time_unit, sigma=sigma, sign=sign))
 
@@ -120,11 +123,11 @@ def _read_array(
     sigma: Any = None,
     sign: int = 1,
 ) -> Record:
-    """Reads displacements with their times or rate beside them.
+    """Read displacements with separate times or a rate.
 
     Raises:
-        UsageError: neither or both of `t` and `rate`.
-        DataError: another number of times.
+        UsageError: neither or both of `t` and `rate` are given.
+        DataError: the numbers of times and displacements differ.
     """
     x = column_of(source, header_of(source, "x"))
     if (t is None) == (rate is None):
@@ -139,7 +142,7 @@ def _read_array(
 def _read_arrays(t: Cells | None, x: Cells, choice: Choice) -> Record:
     if t is not None and t.values.size != x.values.size:
         raise DataError(f"There are {t.values.size} times and {x.values.size} displacements; give as many of each.")
-    # Bare numbers are in SI units, of which nothing needs to be said.
+    # Bare numbers are in SI units by definition, so no warning is needed.
     column = Column(x.name, x.unit or (None if choice.unit else "m"))
     time = None if t is None else Column(t.name, t.unit or (None if choice.time_unit else "s"))
     times = None if t is None else floats_of(t, "array")
@@ -148,5 +151,5 @@ def _read_arrays(t: Cells | None, x: Cells, choice: Choice) -> Record:
 
 
 def _of(record: Record, source: str | None) -> Record:
-    """The record with the source that its table names."""
+    """Return the record with the source that its table names."""
     return Record(record.trace, {**record.meta, "source": source}, record.log)

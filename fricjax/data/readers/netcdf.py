@@ -1,7 +1,7 @@
-"""Records in netCDF files: those of version 4 are HDF5 files, those of version 3 are read by SciPy.
+"""Records in netCDF files: version 4 is HDF5, SciPy reads version 3.
 
-Version 3 has no groups and no packing: what lies where is listed at the beginning, and any number of variables may lie
-in one place, so that the bytes that are read are counted.
+Version 3 has neither groups nor packing. Its header lists the position of each variable. Several variables may share a
+position, so the reader limits the number of bytes that it reads.
 """
 
 import dataclasses
@@ -20,18 +20,18 @@ from .choice import Choice
 from .hdf5 import cf_unit, cf_values, read_hdf5
 from .sheet import Column, Sheet, array_columns, signal
 
-# How a file of version 3 begins; the last byte tells apart those whose places have 32 and 64 bits.
+# First bytes of a file of version 3; the last one selects offsets of 32 or 64 bits.
 _VERSIONS = (b"CDF\x01", b"CDF\x02")
 
 
 def read_netcdf(path: Path, choice: Choice) -> Record | list[Record]:
-    """Reads two variables of a netCDF file of version 3 or 4.
+    """Read two variables of a netCDF file of version 3 or 4.
 
-    Options as in `fricjax.read`, where `column` and `time` are names of variables (with their groups in version 4); the
-    time is by default the coordinate variable of the displacement.
+    Options as in `fricjax.read`; `column` and `time` are names of variables (with their groups in version 4). The
+    default time is the coordinate variable of the displacement.
 
     Raises:
-        DataError: a damaged file, an unknown variable, one that is no vector of numbers.
+        DataError: a damaged file, an unknown variable, or one that is not a vector of numbers.
     """
     with path.open("rb") as file:
         head = file.read(4)
@@ -44,13 +44,13 @@ def read_netcdf(path: Path, choice: Choice) -> Record | list[Record]:
     from scipy.io import netcdf_file
 
     with damage(path, "netCDF"), _Metered(path) as stream:
-        # SciPy takes anything that reads, seeks and tells.
+        # SciPy accepts any object with the methods read, seek and tell.
         file = netcdf_file(cast(IO[bytes], stream), "r", mmap=False)
         return records_of(path, "netcdf", _sheet(path, dict(file.variables)), choice)
 
 
 class _Metered(io.FileIO):
-    """A file of which no more bytes are read than are plausible for its size."""
+    """A file that refuses to read implausibly many bytes."""
 
     def __init__(self, path: Path) -> None:
         super().__init__(path)
@@ -59,12 +59,15 @@ class _Metered(io.FileIO):
     def read(self, size: int | None = -1, /) -> bytes:
         data = super().read(size) or b""
         self._read += len(data)
-        check_size(self._path, "What is listed", self._read // NUMBER)
+        check_size(self._path, "The content", self._read // NUMBER)
         return data
 
 
 def _sheet(path: Path, variables: dict[str, Any]) -> Sheet:
-    """The variables as columns; the one that is called as a dimension holds the places along it."""
+    """Return the variables as columns.
+
+    A variable with the name of a dimension holds the coordinates along it.
+    """
     columns = {name: _columns(name, each) for name, each in variables.items() if np.ndim(each.data)}
 
     def complete(name: str, part: Column) -> Column:
@@ -83,7 +86,10 @@ def _columns(name: str, variable: Any) -> list[Column]:
 
 
 def _attribute_of(variable: Any) -> Callable[[str], Any]:
-    """What gives the attributes of a variable: texts decoded, and of several entries the first."""
+    """Return a function that looks up attributes of a variable.
+
+    Texts are decoded; an array is reduced to its first entry.
+    """
     attributes = variable._attributes
 
     def attribute(name: str) -> Any:

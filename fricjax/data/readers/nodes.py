@@ -1,8 +1,8 @@
-"""HDF5 files of unknown origin: what lies in the file itself and is not larger than plausible, and nothing else.
+"""Safe access to HDF5 files of unknown origin.
 
-Only hard links are followed, for soft and external ones lead anywhere, and storage in other files is refused. Sizes are
-declared apart from the data, chunks may be packed a thousandfold, and several may lie in one place; all that is looked
-at before the library reads, since its own buffers grow without a bound.
+Only hard links are followed, because soft and external links can lead anywhere, and external storage is refused. Sizes
+are declared apart from the data, chunks may be packed a thousandfold, and several may share a position. All of this is
+checked before the library reads, because its buffers grow without bound.
 """
 
 import math
@@ -18,26 +18,26 @@ from ...errors import DataError
 from ..files import NUMBER, allowance, damage, gigabytes
 
 DEEPEST = 32
-"""Levels of groups below which nothing is looked for."""
+"""Deepest level of nested groups to search."""
 MOST = 10_000
-"""Groups and data sets that are looked at."""
-# Chunks of one data set: ten million samples in chunks of a hundred. More of them take seconds to be found.
+"""Largest number of groups and data sets."""
+# Largest number of chunks in a data set: ten million samples in chunks of a hundred. Finding more takes seconds.
 _CHUNKS = 200_000
 _DEFLATE, _FLETCHER = 1, 3
-# The library's filters that give back as much as is packed says; n-bit and scale-offset trust their parameters.
+# Filters n-bit and scale-offset: the library trusts their parameters on the unpacked size.
 _UNSAFE_FILTERS = (5, 6)
-# By how much a packed chunk may exceed the unpacked one: a thousandth, and headers.
+# Largest excess of a packed chunk over the unpacked one: a thousandth, plus headers.
 _SLACK = 1024
-_ATTRIBUTE = 64  # entries of the longest attribute that is read
-# How a collection of texts of any length begins: its signature, its version, and three bytes of nothing. Its size
-# follows, and then one text after the other, each behind its number, its references, four bytes and its size.
-# They are looked for where a file begins, for texts are written before long traces; all of a file could take minutes.
+_ATTRIBUTE = 64  # largest number of entries in an attribute
+# First bytes of a collection of variable-length texts: signature, version, and three zero bytes. The size follows, and
+# then the texts. Each text has a head with its number, its references, four bytes and its size. Only the beginning of a
+# file is searched, because texts precede long traces; searching a large file completely could take minutes.
 _SCANNED = 1 << 28
 _HEAP, _HEAP_HEAD, _TEXT_HEAD = b"GCOL\x01\0\0\0", 16, 16
 
 
 class NotRead(DataError):
-    """A data set that is not read, for a `reason` that follows "it is not read: "."""
+    """A data set was refused; `reason` completes "it is not read: "."""
 
     def __init__(self, place: str, reason: str) -> None:
         super().__init__(f"{place} is not read: {reason}.")
@@ -45,11 +45,11 @@ class NotRead(DataError):
 
 
 class Tree:
-    """An open file.
+    """An open HDF5 file.
 
     Attributes:
-        path: where it lies.
-        file: its root group, of h5py.
+        path: path of the file.
+        file: its root group, from h5py.
     """
 
     def __init__(self, path: Path, file: Any) -> None:
@@ -57,10 +57,12 @@ class Tree:
         self._left, self._looked_at, self._heaps_are_sound = allowance(path), 0, False
 
     def children(self, group: Any) -> dict[str, Any]:
-        """Groups and data sets that lie in a group by hard links, by name.
+        """Return the groups and data sets in a group, by name.
+
+        Only hard links are followed.
 
         Raises:
-            DataError: there are more than `MOST` in all.
+            DataError: the file has more than `MOST` nodes in total.
         """
         from h5py import h5l, h5o  # pyright: ignore[reportAttributeAccessIssue]
 
@@ -72,13 +74,16 @@ class Tree:
         return {name: node for name, node in nodes.items() if node is not None}
 
     def referred(self, reference: Any) -> Any:
-        """The group or data set of this file that a reference names; None where it names none."""
+        """Return the node of a reference, None if there is none."""
         from h5py import h5r  # pyright: ignore[reportAttributeAccessIssue]
 
         return _node(h5r.dereference(reference, self.file.id))
 
     def data_sets(self) -> dict[str, Any]:
-        """All data sets by path, such as `"/run1/x"`; each group is visited once."""
+        """Return all data sets by path, such as `"/run1/x"`.
+
+        Each group is visited once.
+        """
         from h5py import Group, h5o  # pyright: ignore[reportAttributeAccessIssue]
 
         data_sets: dict[str, Any] = {}
@@ -99,7 +104,7 @@ class Tree:
         return data_sets
 
     def _refusal(self, node: Any) -> str | None:
-        """Why a data set is not read, None where it is."""
+        """Return why a data set is refused, None if it is readable."""
         import h5py
         from h5py import h5t  # pyright: ignore[reportAttributeAccessIssue]
 
@@ -107,7 +112,7 @@ class Tree:
             return "its data lie in another file, which is not opened"
         if node.dtype.hasobject and h5py.check_ref_dtype(node.dtype) is None:
             return "it holds texts or lists of varying length"
-        # Numbers whose sign or exponent lies elsewhere, as damaged types say, are converted beyond their memory.
+        # A damaged type with sign or exponent at other places would be converted beyond its memory.
         if not node.dtype.hasobject and not h5t.py_create(node.dtype, logical=True).equal(node.id.get_type()):
             return "its numbers are of no usual type"
         chunks = 0 if node.chunks is None else _positions(node) * _bytes(node.chunks, node.dtype)
@@ -117,10 +122,10 @@ class Tree:
         return None if node.chunks is None else _unsafe_chunks(node)
 
     def read(self, node: Any) -> np.ndarray:
-        """The content of a data set.
+        """Return the content of a data set.
 
         Raises:
-            NotRead: it is not to be read.
+            NotRead: the data set is refused.
         """
         reason = self._refusal(node)
         if reason is not None:
@@ -130,7 +135,10 @@ class Tree:
         return value
 
     def attribute(self, node: Any, name: str, default: Any = None) -> Any:
-        """A number or text beside a group or a data set; texts are decoded, and of several entries the first counts."""
+        """Return a numeric or text attribute of a node.
+
+        Texts are decoded; an array is reduced to its first entry.
+        """
         from h5py import h5a  # pyright: ignore[reportAttributeAccessIssue]
 
         if not h5a.exists(node.id, name.encode()):
@@ -144,7 +152,10 @@ class Tree:
         return value.decode("utf-8", "replace") if isinstance(value, bytes) else value
 
     def scale(self, node: Any) -> str | None:
-        """Path of the data set that holds the places along the first dimension, by the convention of netCDF."""
+        """Return the path of the first dimension's coordinates.
+
+        This follows the convention of netCDF.
+        """
         from h5py import h5a  # pyright: ignore[reportAttributeAccessIssue]
 
         if not h5a.exists(node.id, b"DIMENSION_LIST"):
@@ -154,7 +165,10 @@ class Tree:
         return scales[0].name if len(scales) else None
 
     def _check_heaps(self) -> None:
-        """Refuses a file whose texts of any length lie in damaged collections, for over some the library never ends."""
+        """Refuse a file with damaged collections of variable-length texts.
+
+        On some of them the library never returns.
+        """
         if not self._heaps_are_sound:
             with self.path.open("rb") as file:
                 data = file.read(_SCANNED)
@@ -168,7 +182,7 @@ class Tree:
 
 @contextmanager
 def opened(path: Path, kind: str = "HDF5") -> Iterator[Tree]:
-    """The file while the block lasts, in which whatever the library cannot read becomes a `DataError`."""
+    """Open a file as a context; errors of the library become `DataError`."""
     import h5py
 
     with damage(path, kind), h5py.File(path, "r") as file:
@@ -176,7 +190,10 @@ def opened(path: Path, kind: str = "HDF5") -> Iterator[Tree]:
 
 
 def _sound_heap(data: bytes, place: int) -> bool:
-    """Whether the texts of a collection lie in it one after the other; the room behind them has the number zero."""
+    """Return True if the texts of a collection follow each other.
+
+    The free space after them has the number zero.
+    """
     end = place + int.from_bytes(data[place + 8 : place + _HEAP_HEAD], "little")
     place += _HEAP_HEAD
     while place + _TEXT_HEAD <= min(end, len(data)):
@@ -190,7 +207,7 @@ def _sound_heap(data: bytes, place: int) -> bool:
 
 
 def _node(opened: Any) -> Any:
-    """A group or data set by its identifier; None for what is neither."""
+    """Return the group or data set of an identifier, None for others."""
     from h5py import Dataset, Group, h5d, h5g  # pyright: ignore[reportAttributeAccessIssue]
 
     if isinstance(opened, h5d.DatasetID):
@@ -199,17 +216,17 @@ def _node(opened: Any) -> Any:
 
 
 def _bytes(shape: tuple[int, ...], dtype: np.dtype) -> int:
-    """What an array takes as part of a record."""
+    """Return the size of an array in a record [bytes]."""
     return math.prod(shape) * max(dtype.itemsize, NUMBER)
 
 
 def _positions(node: Any) -> int:
-    """How many chunks cover a data set."""
+    """Return the number of chunks that cover a data set."""
     return math.prod(-(-extent // chunk) for extent, chunk in zip(node.shape, node.chunks, strict=True))
 
 
 def _unsafe_chunks(node: Any) -> str | None:
-    """Why the chunks of a data set are not to be unpacked, None where they are what they claim to be."""
+    """Return why chunks must not be unpacked, None if they may."""
     if _positions(node) > _CHUNKS:
         return f"it lies in more than {_CHUNKS} pieces; write it again in larger chunks"
     settings = node.id.get_create_plist()
@@ -227,7 +244,7 @@ def _unsafe_chunks(node: Any) -> str | None:
         at = filters.index(_DEFLATE)
         if set(filters[at + 1 :]) - {_FLETCHER}:
             return "it is packed in an unusual way; write it again with gzip"
-        # A checksum that is taken before the packing is packed as well.
+        # A checksum taken before the packing is packed as well.
         size += 4 * filters[:at].count(_FLETCHER)
         if any(not _unpacks(node, place, at, size) for place in places):
             return "its chunks are not of the size that they claim"
@@ -235,6 +252,9 @@ def _unsafe_chunks(node: Any) -> str | None:
 
 
 def _unpacks(node: Any, place: Any, at: int, size: int) -> bool:
-    """Whether a chunk that is packed by the filter number `at` unpacks to so many bytes."""
+    """Return True if a chunk unpacks to `size` bytes.
+
+    The filter at index `at` has packed it.
+    """
     skipped, packed = node.id.read_direct_chunk(place.chunk_offset)
     return bool(skipped >> at & 1) or len(zlib.decompressobj().decompress(packed, size + 1)) == size

@@ -1,7 +1,7 @@
-"""Archives of numpy arrays, of which every size is known before anything is unpacked; objects are never unpickled.
+"""Safe reader of archives of numpy arrays.
 
-An archive is a zip file whose members are arrays with a header each; both say how long what follows is, and both can
-lie.
+All sizes are checked before anything is unpacked, and objects are never unpickled. An archive is a zip file of arrays,
+each with a header. Both the archive and the header state a length, and both can be wrong.
 """
 
 import math
@@ -24,9 +24,9 @@ from .sheet import Column, Sheet, array_columns, signal
 
 
 def read_npz(path: Path, choice: Choice) -> Record | list[Record]:
-    """Reads two arrays of an `.npz` archive, or a record that `fricjax.write` put there.
+    """Read two arrays of an `.npz` archive, or a record from `fricjax.write`.
 
-    The options are those of `fricjax.read`; units may stand in the names, as in `x_mm`.
+    Options as in `fricjax.read`; names may contain units, as in `x_mm`.
     """
     arrays = load_arrays(path)
     if MARK in arrays and choice.takes_all:
@@ -44,7 +44,7 @@ def read_npz(path: Path, choice: Choice) -> Record | list[Record]:
     return records_of(path, "npz", Sheet(columns, load), choice)
 
 
-# Members, and bytes of the list of members at the end of the archive; numpy takes about 60 for each.
+# Largest number of members, and of bytes in the list of members; numpy takes about 60 bytes for each.
 _MEMBERS, _DIRECTORY = 10_000, 1_000_000
 _END_OF_DIRECTORY = b"PK\x05\x06"
 _PACKINGS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
@@ -54,7 +54,9 @@ _HINT = "it is damaged, of another format, or holds pickled objects, which are r
 
 
 def load_arrays(path: Path) -> dict[str, np.ndarray]:
-    """Arrays by name, in the order of the archive; members that are no arrays are left out.
+    """Return the arrays by name, in the order of the archive.
+
+    Other members are left out.
 
     Raises:
         DataError: no such archive, a damaged one, pickled objects, or more than is plausible for a file of this size.
@@ -72,21 +74,22 @@ def load_arrays(path: Path) -> dict[str, np.ndarray]:
 
 
 def _check_ends(path: Path) -> None:
-    """The beginning and the end of the file, before the list of members is read."""
+    """Check the beginning and the end of the file.
+
+    This precedes the reading of the list of members.
+    """
     with path.open("rb") as file:
         head = file.read(6)
         file.seek(max(0, path.stat().st_size - (1 << 16) - 22))
         tail = file.read()
     if head == b"\x93NUMPY":
         raise DataError(f"{path.name} is a single array, not an archive of named arrays; write it with numpy.savez.")
-    # The comment of the archive, which may follow, has at most 65,535 bytes.
+    # A comment of at most 65,535 bytes may follow.
     end = tail[tail.rfind(_END_OF_DIRECTORY) :]
     if not head.startswith(b"PK") or not end.startswith(_END_OF_DIRECTORY) or len(end) < 22:
         raise DataError(f"{path.name} cannot be read as .npz; {_HINT}.")
     if int.from_bytes(end[12:16], "little") > _DIRECTORY:
-        raise DataError(
-            f"{path.name} has more members than a record; write time and displacement into a file of theirs."
-        )
+        raise DataError(f"{path.name} has more members than a record; write time and displacement to a separate file.")
 
 
 def _check_members(path: Path, members: list[zipfile.ZipInfo]) -> None:
@@ -96,25 +99,25 @@ def _check_members(path: Path, members: list[zipfile.ZipInfo]) -> None:
     for name, count in counts.items():
         if len(name) > _LONGEST_NAME or not name.isprintable():
             raise DataError(
-                f"{path.name} has a member of the name {brief(name)}, which is none of an array; rename it."
+                f"{path.name} has a member of the name {brief(name)}, which is not the name of an array; rename it."
             )
         if count > 1:
-            raise DataError(f"{path.name} has several members '{name}'; write it again with names of their own.")
+            raise DataError(f"{path.name} has several members '{name}'; write it again with unique names.")
     size, allowed = sum(member.file_size for member in members), allowance(path)
     if size > allowed:
         raise DataError(
             f"{path.name} would have {gigabytes(size)} unpacked, but at most {gigabytes(allowed)} are expected of a "
-            "file of this size; write time and displacement into a file of theirs."
+            "file of this size; write time and displacement to a separate file."
         )
     for member in members:
         if member.compress_type not in _PACKINGS:
             raise DataError(
-                f"{path.name}: '{member.filename}' is packed otherwise than numpy does; write it with numpy."
+                f"{path.name}: '{member.filename}' is not packed as numpy packs arrays; write it with numpy."
             )
 
 
 def _array(path: Path, member: zipfile.ZipInfo, file: IO[bytes]) -> np.ndarray:
-    """One array, whose header must promise just what the member holds."""
+    """Read one array; its header must match the size of its member."""
     version = np.lib.format.read_magic(file)
     if version not in _HEADERS:
         raise DataError(f"{path.name}: '{member.filename}' is no plain array but of structure {version}.")
@@ -140,6 +143,6 @@ def _filled(file: IO[bytes], size: int, dtype: Any) -> np.ndarray:
         if not read:
             raise EOFError(f"{size - place} bytes are missing")
         place += read
-    # The checksum is compared when the end is reached.
+    # Reading on to the end makes zipfile compare the checksum.
     file.read(1)
     return np.frombuffer(data, dtype)

@@ -1,4 +1,7 @@
-"""Records in Parquet files: tables whose columns are read one by one; what pandas says of them is data, and no more."""
+"""Records in Parquet files.
+
+Columns are read one by one. Metadata from pandas are treated as plain data.
+"""
 
 import functools
 import mmap
@@ -18,27 +21,27 @@ from .sheet import Column, Sheet
 from .tables import seconds_of
 from .thrift import structure
 
-# Names of a column that tells of each row which run it belongs to, in a table of several runs one below the other.
+# Names of a column with the run of each row, in a table with several runs one below the other.
 _LABELS = frozenset(("run", "trial", "shot", "messung", "lauf", "versuch", "essai"))
-# Bytes of the list of columns; that of a thousand columns in a hundred groups of rows has some ten million.
+# Largest size of the list of columns [bytes]; a thousand columns in a hundred row groups need about ten million.
 _LONGEST_LIST = 1 << 24
-# Numbers of fields, by the definition of the format: of the list, of a group of rows, of a chunk of a column, of the
-# head of a page (bytes of it unpacked and packed).
+# Field numbers in the format definition: of the list, of a row group, of a column chunk, of a page header (its unpacked
+# and packed size).
 _GROUPS, _CHUNKS, _ABOUT = 4, 1, 3
 _PATH, _VALUES, _SIZE, _PACKED_SIZE, _PAGES, _DICTIONARY = 3, 5, 6, 7, 9, 11
 _UNPACKED, _PACKED = 2, 3
-# Runs of one table; each is a span of rows.
+# Largest number of runs in a table; each is a span of rows.
 _MOST_RUNS = 10_000
 
 
 def read_parquet(path: Path, choice: Choice) -> Record | list[Record]:
-    """Reads two columns of a `.parquet` file.
+    """Read two columns of a `.parquet` file.
 
-    Options as in `fricjax.read`, where
+    Options as in `fricjax.read`, with
 
-    - `unit`, `time_unit`: by default from the metadata `units` of a column, from the `attrs` that pandas keeps, or from
-      the name.
-    - `run`: a label of the column that is called "run", where the runs stand one below the other.
+    - `unit`, `time_unit`: by default from the metadata `units` of a column, from the `attrs` that pandas stores, or
+      from the name.
+    - `run`: a label from the column "run", if the runs follow each other in one table.
 
     Raises:
         DataError: a damaged file, or no column of numbers.
@@ -50,7 +53,7 @@ def read_parquet(path: Path, choice: Choice) -> Record | list[Record]:
 
 
 def _sheet(path: Path, file: Any) -> Sheet:
-    """The columns of the table, once for each run where a column tells the runs apart."""
+    """Return the columns of the table, once for each run."""
     units = _units(file.schema_arrow)
     columns = [_column(field, units) for field in file.schema_arrow if field.type.num_fields == 0]
 
@@ -76,9 +79,9 @@ def _sheet(path: Path, file: Any) -> Sheet:
 
 
 def _check_declared(path: Path, name: str) -> None:
-    """Refuses a column that is declared to have more rows, or more bytes unpacked, than plausible, or no pages at all.
+    """Refuse a column with an implausible declared size or without pages.
 
-    A page is unpacked into as much memory as its head says, whatever the list of columns does.
+    The library allocates as much memory as the head of a page declares, regardless of the list of columns.
     """
     with path.open("rb") as stream, mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ) as data:
         length = int.from_bytes(data[-8:-4], "little")
@@ -101,7 +104,7 @@ def _check_declared(path: Path, name: str) -> None:
 
 
 def _units(schema: Any) -> Mapping[str, Any]:
-    """Units by column that pandas has kept of the `attrs` of a table."""
+    """Return units by column from the `attrs` that pandas stores."""
     about = schema.pandas_metadata or {}
     attrs = about.get("attributes") if isinstance(about, dict) else None
     units = attrs.get("units") if isinstance(attrs, dict) else None
@@ -111,7 +114,7 @@ def _units(schema: Any) -> Mapping[str, Any]:
 def _column(field: Any, units: Mapping[str, Any]) -> Column:
     from pyarrow import types
 
-    # What pandas calls an index without a name.
+    # Pandas stores an index without a name under this name.
     header = "index" if field.name.startswith("__index_level_") else field.name
     title = split_title(header)
     about = field.metadata or {}
@@ -126,7 +129,10 @@ def _column(field: Any, units: Mapping[str, Any]) -> Column:
 
 
 def _numbers(column: Any) -> np.ndarray:
-    """A column as numbers, those left out as NaN; dates and durations in seconds."""
+    """Return a column as numbers; missing entries are NaN.
+
+    Dates and durations are in seconds.
+    """
     import pyarrow
 
     if pyarrow.types.is_decimal(column.type):
@@ -136,10 +142,10 @@ def _numbers(column: Any) -> np.ndarray:
 
 
 def _spans(path: Path, file: Any, name: str) -> dict[str, slice]:
-    """Which rows belong to each run, by its label; runs stand one below the other.
+    """Return the rows of each run by its label.
 
     Raises:
-        DataError: rows of one run lie apart, or there are too many of them.
+        DataError: the rows of a run are not contiguous, or there are too many runs.
     """
     _check_declared(path, name)
     labels = file.read([name]).column(name).combine_chunks().dictionary_encode()
@@ -153,6 +159,6 @@ def _spans(path: Path, file: Any, name: str) -> dict[str, slice]:
         raise DataError(f"In {path.name} the rows of one '{name}' lie apart; sort them by run and time.")
     stops = np.append(starts[1:], codes.size)
     labels = [str(labels.dictionary[int(codes[start])].as_py())[:80] for start in starts]
-    # A bare number is called by its column: "run 3".
+    # A bare number is prefixed with the name of its column: "run 3".
     names = [f"{name} {label}" if label.isdecimal() else label for label in labels]
     return {label: slice(int(a), int(b)) for label, a, b in zip(names, starts, stops, strict=True)}

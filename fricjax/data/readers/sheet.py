@@ -1,6 +1,6 @@
-"""What a file holds, before anything is chosen from it: named columns in their order, perhaps of several runs.
+"""The content of a file: named columns, perhaps of several runs.
 
-Every reader describes its file as a `Sheet`; which columns are displacement and time is decided in one place for all.
+Each reader describes its file as a `Sheet`; `choose` selects displacement and time for all formats.
 """
 
 import dataclasses
@@ -13,7 +13,7 @@ import numpy as np
 
 from .header import is_time, split_title
 
-WIDEST = 16  # a matrix with more columns than this is a picture or a table of runs, not a trace beside its time
+WIDEST = 16  # a matrix with more columns is a picture or a table of runs, not a trace with its time
 
 
 @dataclasses.dataclass(frozen=True)
@@ -22,14 +22,14 @@ class Column:
 
     **Fields:**
 
-    - `name`: what it is called, without unit and run: "Position", "/run1/x", "Theta1.signals.values".
-    - `unit`: the unit in its title or attribute; None where there is none.
-    - `run`: label of the run that it belongs to; None: it belongs to the file, as a common time does.
-    - `title`: how the file writes the name; by default the name.
-    - `time`: the column that holds its times, where the format says so (a dimension scale, Simulink's structure).
+    - `name`: the name without unit and run: "Position", "/run1/x", "Theta1.signals.values".
+    - `unit`: the unit in its title or attribute; None if there is none.
+    - `run`: label of its run; None: the column belongs to the whole file, as a common time does.
+    - `title`: the name as written in the file; by default the name.
+    - `time`: the column with its times, if the format defines it (a dimension scale, Simulink's structure).
     - `fault`: why it cannot be a displacement or a time ("holds text"); None for numbers.
-    - `bare`: whether the name is only its number, since the file names no columns.
-    - `key`: what the reader finds its numbers by.
+    - `bare`: True if the name is only its number, because the file names no columns.
+    - `key`: identifier of the column for the reader.
     """
 
     name: str
@@ -43,12 +43,12 @@ class Column:
 
     @property
     def shown(self) -> str:
-        """The title, or the name where there is none."""
+        """The title, or the name if there is no title."""
         return self.title or self.name
 
     @property
     def is_time(self) -> bool:
-        """Whether it is a time by its name or unit."""
+        """True if name or unit are those of a time."""
         return is_time(self.last, self.unit)
 
     @property
@@ -58,17 +58,21 @@ class Column:
 
 
 def folder_of(name: str) -> str:
-    """What holds a column, by its name: "/run1" of "/run1/x", "run" of "run.x"; empty for one at the top."""
+    """Return the folder in a name: "/run1" of "/run1/x", "run" of "run.x".
+
+    It is empty for a column at the top level.
+    """
     return re.sub(r"[/.][^/.]*$", "", name) if re.search(r"[/.]", name.lstrip("/")) else ""
 
 
 @dataclasses.dataclass(frozen=True)
 class Sheet:
-    """The columns of a file, and how their numbers are got.
+    """The columns of a file, with a function that loads their numbers.
 
-    `load` gives the numbers of the columns asked for, each of shape (samples,); `place(i)` words where sample i of a
-    column stands in the file ("row 17"); `advice` is added where times are missing ("its header says 1000 Hz"); `of` is
-    what the format calls a column that may hold anything ("channel"), for the refusal of a file without numbers.
+    `load` returns the numbers of the given columns, each of shape (samples,). `place(i)` describes the position of
+    sample i of a column in the file ("row 17"). `advice` is appended to the message about missing times ("its header
+    says 1000 Hz"). `of` is the format's name for a column that may hold any type of data ("channel"), for the message
+    about a file without numbers.
     """
 
     columns: Sequence[Column]
@@ -79,15 +83,16 @@ class Sheet:
 
     @property
     def runs(self) -> list[str]:
-        """Labels of the runs, in the order of the file: of what has more than a time."""
+        """Labels of the runs with at least one displacement, in file order."""
         values = (column for column in self.columns if column.fault is None and not column.is_time)
         return list(dict.fromkeys(column.run for column in values if column.run is not None))
 
 
 def grouped(groups: Mapping[str, Sequence[Column]]) -> list[Column]:
-    """The columns of a file that keeps them in groups; groups that repeat the name of a signal are runs.
+    """Return the columns of a file with groups.
 
-    Each is called as within its group, and titled with the group in front: "x" of "Run 1/x".
+    Groups that repeat the name of a signal are runs. The name of a column is its name within the group; its title
+    includes the group: "x" and "Run 1/x".
     """
     signals = (column for columns in groups.values() for column in columns if not (column.fault or column.is_time))
     times = Counter(column.name for column in signals)
@@ -102,9 +107,10 @@ def grouped(groups: Mapping[str, Sequence[Column]]) -> list[Column]:
 def array_columns(
     name: str, dtype: np.dtype, shape: tuple[int, ...], key: Any, *, folder: str = "", unit: str | None = None
 ) -> list[Column]:
-    """The column of a named array, its name taken apart; a matrix of few columns is one for each of them.
+    """Return the columns of a named array.
 
-    `folder` is put in front of the name as it is: "/run1/", "run."; `unit` replaces the one in the name.
+    A matrix with few columns gives one for each, any other array one in total. Unit and run are split off from the
+    name. `folder` is put in front of the name: "/run1/", "run."; `unit` replaces the one in the name.
     """
     title = split_title(name)
     name, unit, run = folder + title.name, unit or title.unit, title.run
@@ -115,7 +121,7 @@ def array_columns(
 
 
 def _fault(dtype: np.dtype, shape: tuple[int, ...]) -> str | None:
-    """Why an array cannot be a displacement or a time."""
+    """Return why an array cannot be a displacement or a time."""
     if dtype.kind not in "fiub":
         return {"c": "holds complex numbers", "U": "holds text", "S": "holds text"}.get(dtype.kind, "holds no numbers")
     if 0 in shape:
@@ -124,6 +130,9 @@ def _fault(dtype: np.dtype, shape: tuple[int, ...]) -> str | None:
 
 
 def signal(array: np.ndarray, index: int) -> np.ndarray:
-    """One signal of an array whose longer side is the time, shape (samples,)."""
+    """Return one signal of an array, shape (samples,).
+
+    The longer side of the array is the time.
+    """
     signals = np.atleast_2d(np.squeeze(np.asarray(array)))
     return (signals if signals.shape[0] <= signals.shape[1] else signals.T)[index].astype(np.float64)

@@ -1,6 +1,6 @@
-"""Named columns of tables in memory: their units and numbers, whatever pandas, xarray, pint or NumPy keep them in.
+"""Named columns of tables in memory, from pandas, xarray, pint or numpy.
 
-None of these is imported: their objects are known by what they have.
+The libraries are not imported: objects are recognised by their attributes.
 """
 
 import dataclasses
@@ -14,14 +14,14 @@ from ...errors import DataError, UsageError
 from .fields import number
 from .header import split_title
 
-_SAMPLED = 1000  # cells that show whether a column holds numbers
+_SAMPLED = 1000  # number of cells that decide if a column is numeric
 
 
 @dataclasses.dataclass(frozen=True)
 class Cells:
-    """One column of a table in memory: its header as it stands there, the name and unit in it, and what it holds.
+    """One column of a table: header, name, unit, run and values.
 
-    The index of a table, with `is_index`, may be the time but is no displacement unless asked for.
+    The index of a table (`is_index`) may be the time. It is the displacement only if the caller names it.
     """
 
     header: str
@@ -33,21 +33,21 @@ class Cells:
 
     @property
     def fault(self) -> str | None:
-        """Why it can be neither a displacement nor a time; None where it can."""
+        """The reason why it is neither displacement nor time, or None."""
         if self.values.dtype.kind == "c":
             return "holds complex numbers"
         if self.values.dtype.kind in "fiu":
             return "is empty" if np.all(np.isnan(self.values)) else None
         cells = [_number(cell) for cell in self.values[:_SAMPLED]] if self.values.dtype.kind in "OUT" else []
-        # One word among numbers is reported with its row later; a column of words is none of numbers.
+        # A single word between numbers is reported with its row later; a column of words is excluded here.
         return None if any(cell is not None and cell == cell for cell in cells) else "holds words"
 
 
 def table_columns(source: Any) -> list[Cells]:
-    """The columns of a table, the index first where it may be a time.
+    """Return the columns of a table, a usable index first.
 
     Raises:
-        DataError: headers of several levels, or one that occurs twice.
+        DataError: headers with several levels, or a header that occurs twice.
     """
     if hasattr(source, "coords") and hasattr(source, "dims"):
         variables = source.data_vars if hasattr(source, "data_vars") else {}
@@ -73,12 +73,12 @@ def table_columns(source: Any) -> list[Cells]:
 
 
 def _vectors(named: Mapping[Any, Any]) -> list[Cells]:
-    """The one-dimensional ones of named arrays."""
+    """Return the one-dimensional arrays among named arrays."""
     return [column_of(values, str(name)) for name, values in named.items() if is_vector(values)]
 
 
 def is_vector(values: Any) -> bool:
-    """Whether values are those of one run, also as a single row or column."""
+    """Return True for one run's values, also as single row or column."""
     try:
         return np.ndim(np.squeeze(values)) == 1
     except ValueError:  # rows of different lengths
@@ -86,25 +86,25 @@ def is_vector(values: Any) -> bool:
 
 
 def _index(table: Any, headers: Sequence[Any]) -> list[Cells]:
-    """The index of a pandas table as a column, unless it only counts the rows."""
+    """Return the index of a pandas table, unless it only counts rows."""
     index = getattr(table, "index", None)
     if index is None or getattr(index, "nlevels", 1) > 1 or (index.name is not None and index.name in headers):
         return []
     column = dataclasses.replace(column_of(index, header_of(index, "index")), is_index=True)
     if index.name is None and column.values.dtype.kind == "f":
-        # Nothing but times would be there: a counter of rows has no decimals.
+        # Such an index must be a time, because a row counter has no decimals.
         column = dataclasses.replace(column, unit="s")
     return [column] if index.name is not None or column.unit else []
 
 
 def header_of(values: Any, otherwise: str) -> str:
-    """The header that values carry themselves, as a series does."""
+    """Return the name that values carry, as a series does."""
     name = getattr(values, "name", None)
     return name if isinstance(name, str) and name else otherwise
 
 
 def column_of(values: Any, header: str) -> Cells:
-    """Values with the name and unit that their header, their attributes or they themselves have."""
+    """Return values with name and unit from header, attributes or values."""
     name, unit, run = split_title(header)
     stated = getattr(values, "attrs", {}).get("units")
     stated = stated.get(header) if isinstance(stated, Mapping) else stated
@@ -127,14 +127,17 @@ def _vector(values: Any, name: str) -> np.ndarray:
         first, second = ("a[:, 0]", "a[:, 1]") if array.shape[-1] == 2 else ("a[0]", "a[1]")
         raise UsageError(
             f"Is the array of shape {array.shape} a run or two? Write ({first}, {second}) for times and displacements, "
-            f"or read each for itself, fricjax.read({second}, rate=5000.0)."
+            f"or read each separately, fricjax.read({second}, rate=5000.0)."
         )
     rows = f", or its rows as runs to a fit, fricjax.fit_batch({name}, ..., rate=5000.0)" if array.ndim == 2 else ""
     raise UsageError(f"'{name}' must be one-dimensional, but it has shape {array.shape}; give one run at a time{rows}.")
 
 
 def seconds_of(array: np.ndarray) -> np.ndarray | None:
-    """Durations, or dates from the first one, in seconds, shape (n,); None for anything else."""
+    """Convert durations or dates to seconds, shape (n,).
+
+    Dates count from the first one. Returns None for other types.
+    """
     if array.dtype.kind in "mM":
         return (array - array[:1] if array.dtype.kind == "M" else array) / np.timedelta64(1, "s")
     first = array[0] if array.dtype.kind == "O" and array.size else None
@@ -145,10 +148,10 @@ def seconds_of(array: np.ndarray) -> np.ndarray | None:
 
 
 def floats_of(column: Cells, kind: str) -> np.ndarray:
-    """The numbers of a column; cells left out are NaN.
+    """Return the numbers of a column; missing cells are NaN.
 
     Raises:
-        DataError: complex numbers, or a cell that is no number.
+        DataError: complex numbers, or a cell that is not a number.
     """
     if column.values.dtype.kind == "c":
         raise DataError(
@@ -167,10 +170,10 @@ def floats_of(column: Cells, kind: str) -> np.ndarray:
 
 
 def _number(cell: Any) -> float | None:
-    """The value of a cell, NaN where it is left out, None where it is no number."""
+    """Parse a cell: NaN if missing, None if not a number."""
     if isinstance(cell, str):
         return number(cell.strip(), ".")
-    # The missing values of pandas equal nothing, and are known by the names of their types: pandas is not imported.
+    # Missing values of pandas equal no other value. Recognise them by the type name, because pandas is not imported.
     if cell is None or type(cell).__name__ in ("NAType", "NaTType"):
         return float("nan")
     try:

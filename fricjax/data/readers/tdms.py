@@ -1,4 +1,4 @@
-"""Records in LabVIEW's TDMS files: channels in groups, each perhaps a waveform with its own start and interval."""
+"""Records in LabVIEW's TDMS files, in channels or waveforms."""
 
 import dataclasses
 import logging
@@ -18,22 +18,24 @@ from .tables import seconds_of
 
 
 def read_tdms(path: Path, choice: Choice) -> Record | list[Record]:
-    """Reads a channel of a `.tdms` file, with the times of its waveform or with a channel of times.
+    """Read a channel of a `.tdms` file with its times.
 
-    Options as in `fricjax.read`, where
+    The times come from its waveform or from a channel of times.
 
-    - `column`, `time`: a channel by its name, or with its group as "Run 1/x".
+    Options as in `fricjax.read`, with
+
+    - `column`, `time`: name of a channel, with or without its group: "Run 1/x".
     - `unit`: by default the property `unit_string`, which LabVIEW writes.
-    - `run`: which group, where several have channels of one name.
+    - `run`: the group, if several have channels of the same name.
 
     Raises:
         DataError: a damaged file, or no channel of numbers.
         UsageError: the package nptdms is not installed.
     """
     nptdms = library(path, "nptdms", "tdms")
-    # Of a file that is cut off the library would only say so in its log.
+    # The library reports a truncated file only in its log, so silence the log and check for truncation below.
     library(path, "nptdms.log", "tdms").log_manager.set_level(logging.ERROR)
-    # A stream, and not a path, for beside a path lies an index that may tell of another file.
+    # Pass a stream instead of a path: next to a path the library reads an index file, which may belong to another file.
     with damage(path, "TDMS"), path.open("rb") as stream, nptdms.TdmsFile.open(stream, raw_timestamps=True) as file:
         return records_of(path, "tdms", _sheet(path, file), choice)
 
@@ -46,14 +48,17 @@ def _sheet(path: Path, file: Any) -> Sheet:
     groups = {group.name: [_column(channel) for channel in group.channels()] for group in file.groups()}
 
     def load(wanted: Sequence[Column]) -> list[np.ndarray]:
-        check_size(path, "What is asked for", sum(len(channel) for channel, _ in (column.key for column in wanted)))
+        check_size(path, "The selection", sum(len(channel) for channel, _ in (column.key for column in wanted)))
         return [_values(*column.key) for column in wanted]
 
     return Sheet(grouped(groups), load, of="channel")
 
 
 def _column(channel: Any) -> Column:
-    """A channel, with the times of its waveform where it has an interval; stamps of date and time become seconds."""
+    """Return the column of a channel, with the times of its waveform.
+
+    Time stamps become seconds.
+    """
     dtype = np.dtype(channel.dtype or "O")
     unit = str(channel.properties.get("unit_string", "")).strip()
     [part] = array_columns(channel.name, dtype, (len(channel),), channel.name, unit=unit)
@@ -65,7 +70,7 @@ def _column(channel: Any) -> Column:
 
 
 def _number(value: Any) -> float:
-    """A property as a number, zero where it is none."""
+    """Return a property as a number, zero if it is not numeric."""
     return float(value) if isinstance(value, int | float | np.number) and np.isfinite(value) else 0.0
 
 

@@ -1,4 +1,4 @@
-"""A text file as bytes on disk: its encoding, its first lines, and where in it each of them begins."""
+"""The beginning of a text file: encoding, first lines and offsets."""
 
 import codecs
 import dataclasses
@@ -10,9 +10,9 @@ from typing import IO
 
 from ...errors import DataError, UsageError
 
-# Enough for the preamble of any instrument and some hundred rows; a longer line is no table that a person wrote.
+# Enough for the preamble of any instrument and some hundred rows. A longer line does not come from a table.
 HEAD = 1 << 20
-LINES = 1000  # lines of the head that are kept: the preamble, and far more rows than are needed to know the layout
+LINES = 1000  # lines to keep: the preamble, and far more rows than the layout detection needs
 _MARKS = (
     (codecs.BOM_UTF8, "utf-8-sig"),
     (codecs.BOM_UTF32_LE, "utf-32"),
@@ -30,11 +30,11 @@ class Text:
 
     **Fields:**
 
-    - `path`: the file, named in messages.
+    - `path`: the file, for messages.
     - `encoding`: of the text.
-    - `head`: the first thousand complete lines, as far as they lie in the first megabyte.
-    - `starts`: offset of each of them [bytes of the stream that `open` gives].
-    - `wide`: the text in UTF-8 where the file itself is none: two bytes to a letter, a worksheet; else None.
+    - `head`: the first thousand complete lines within the first megabyte.
+    - `starts`: offset of each of them [bytes of the stream from `open`].
+    - `wide`: the text as UTF-8 if the file is UTF-16, UTF-32 or a worksheet; else None.
     """
 
     path: Path
@@ -45,7 +45,7 @@ class Text:
 
     @classmethod
     def of(cls, path: Path, encoding: str | None = None) -> "Text":
-        """Reads the beginning of a file.
+        """Read the beginning of a file.
 
         Raises:
             DataError: a binary file, or a line of more than a megabyte.
@@ -64,7 +64,7 @@ class Text:
 
     @classmethod
     def cut(cls, path: Path, encoding: str, data: bytes, wide: bytes | None) -> "Text":
-        """The text whose first megabyte is `data`, cut into lines."""
+        """Create the text from its first megabyte, `data`, cut into lines."""
         complete = len(data) < HEAD
         head, starts = [], [0]
         for match in re.finditer(rb"[^\r\n]*(?:\r\n|\r|\n|$)", data):
@@ -79,18 +79,21 @@ class Text:
         return cls(path, encoding, [_LINE_END.sub("", line) for line in head], starts, wide)
 
     def open(self) -> IO[bytes]:
-        """The bytes of the text, in an encoding that writes digits as ASCII does."""
+        """Open the text as bytes, with digits encoded as in ASCII."""
         return self.path.open("rb") if self.wide is None else io.BytesIO(self.wide)
 
     def lines(self) -> Iterator[str]:
-        """All lines, one after the other, without their ends."""
+        """Yield all lines without their line ends."""
         with io.TextIOWrapper(self.open(), encoding=self.encoding, errors="replace", newline=None) as file:
             for line in file:
                 yield line.rstrip("\n")
 
 
 def _encoding(path: Path, data: bytes, wanted: str | None) -> str:
-    """The encoding wanted, else the one that a byte order mark names, else UTF-8 where it fits, else Latin-1."""
+    """Return the encoding: wanted, by byte order mark, UTF-8, or Latin-1.
+
+    The first that applies is used.
+    """
     if wanted is not None:
         try:
             return codecs.lookup(wanted).name
@@ -102,7 +105,7 @@ def _encoding(path: Path, data: bytes, wanted: str | None) -> str:
     if b"\x00" in data:
         even, odd = data[:4096:2].count(0), data[1:4096:2].count(0)
         half = min(len(data), 4096) // 2
-        # Text without a mark, two bytes to a letter: every other byte is zero.
+        # UTF-16 without a byte order mark: every other byte is zero.
         if max(even, odd) > 0.8 * half and min(even, odd) < 0.2 * half:
             return "utf-16-le" if odd > even else "utf-16-be"
         raise DataError(f"{path.name} is binary, not text; its suffix {path.suffix} promises a text table.")

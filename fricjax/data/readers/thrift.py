@@ -1,7 +1,7 @@
-"""Structures of Thrift in its compact protocol, in which Parquet files list their columns and pages.
+"""Parser of Thrift's compact protocol, for the metadata of Parquet files.
 
-Only what they hold is looked at, before a library is trusted with them: pyarrow ends the process where the list of a
-column contradicts itself, and unpacks a page into as much memory as its head asks for.
+The metadata are checked before the library reads them: pyarrow ends the process if the list of a column contradicts
+itself, and it allocates as much memory as the head of a page declares.
 """
 
 from collections.abc import Callable
@@ -9,15 +9,15 @@ from typing import Any
 
 type Structure = dict[int, Any]
 """Values by the number of their field: whole numbers, bytes, lists and structures."""
-_LONGEST = 70  # bits of a number, seven to a byte
+_LONGEST = 70  # longest number in bits, seven per byte
 
 
 def structure(data: Any, place: int) -> tuple[Structure, int]:
-    """The structure that begins at a byte, and where it ends.
+    """Parse the structure at a position; return it and its end.
 
     Raises:
         ValueError: a number without end, or a value of unknown type.
-        IndexError: it goes on beyond the data.
+        IndexError: the structure extends beyond the data.
     """
     fields, number = dict[int, Any](), 0
     while (mark := data[place]) != 0:
@@ -26,7 +26,7 @@ def structure(data: Any, place: int) -> tuple[Structure, int]:
         else:
             number, place = _signed(data, place + 1)
         kind = mark & 15
-        # Truth values stand in the mark itself.
+        # Boolean values are stored in the mark itself.
         fields[number], place = (kind == 1, place) if kind in (1, 2) else _value(data, place, kind)
     return fields, place + 1
 
@@ -73,7 +73,7 @@ def _list(data: Any, place: int) -> tuple[list[Any], int]:
 
 
 _READERS: dict[int, Callable[[Any, int], tuple[Any, int]]] = {
-    # Truth values in lists and bytes; whole numbers of three lengths; a floating number, which nothing asks for.
+    # Booleans in lists and bytes; integers of three lengths; a float, which is skipped because it is never used.
     **dict.fromkeys((1, 2, 3), lambda data, place: (data[place], place + 1)),
     **dict.fromkeys((4, 5, 6), _signed),
     7: lambda data, place: (None, place + 8),

@@ -1,4 +1,4 @@
-"""The titles above a table: the line of words right above the data, with units in it, below it, or in the preamble."""
+"""The titles above a table, with units from the lines around."""
 
 import re
 from collections.abc import Callable, Sequence
@@ -7,7 +7,7 @@ from typing import NamedTuple
 from .fields import BLANK, NUMBER, WORD, kind_of, number, split
 from .header import UNSCALED, Title, is_time, is_unit, measures, split_title
 
-_NEAR = 6  # lines above the data among which titles and units are sought, rules and blank ones not counted
+_NEAR = 6  # number of lines above the data to search for titles and units, without rules and blank lines
 _RULE = re.compile(r"[\s\-=_*+|~.:;,]*[-=_*+~]{2}[\s\-=_*+|~.:;,]*")
 _STATED = ("y_unit_label", "vertical units", "vertical unit", "y units", "y unit", "yunit", "units", "unit", "einheit")
 _RATE = re.compile(
@@ -17,14 +17,14 @@ _RATE = re.compile(
 _INTERVAL = re.compile(
     r"(?:delta_?x|sampl\w+ (?:interval|period))[^\d\n]{0,20}?(\d+(?:[.,]\d+)?(?:[eE][-+]?\d+)?)", re.IGNORECASE
 )
-_PREAMBLE = 20_000  # characters of a preamble in which a rate is sought
+_PREAMBLE = 20_000  # length of the preamble to search for a rate [characters]
 
 
 class Titles(NamedTuple):
-    """What stands above the columns.
+    """The titles above the columns.
 
-    `titles` are taken apart, and named by their numbers where there are none; `texts` is how the file writes them,
-    empty where it does not; `line` the text of their line, None where that is a comment or there is none.
+    `titles` are split into their parts, or numbered if there are none. `texts` are the titles as written in the file,
+    empty if there are none. `line` is the text of their line, None if it is a comment or missing.
     """
 
     titles: list[Title]
@@ -33,22 +33,22 @@ class Titles(NamedTuple):
 
 
 def numbered(width: int) -> Titles:
-    """The titles of columns without any."""
+    """Return numbered titles, for columns without any."""
     return Titles([Title(f"column{i}") for i in range(width)], [""] * width)
 
 
 def titles_of(above: Sequence[str], kinds: list[str], delimiter: str, is_comment: Callable[[str], bool]) -> Titles:
-    """The titles of a table.
+    """Find the titles of a table.
 
     Args:
         above: the lines above the data.
-        kinds: what its columns hold.
-        delimiter: between fields.
-        is_comment: whether a line is a comment; titles may stand in one, if nowhere else.
+        kinds: the kinds of the columns.
+        delimiter: field separator.
+        is_comment: returns True for a comment; titles in comments count only if there are no others.
     """
     lines = [line for line in above if line.strip() and not _RULE.fullmatch(line)]
     rows_above: list[tuple[str, list[str]]] = []
-    # The titles end where a line of another kind begins: a preamble, or the comment of a person.
+    # The titles end at a line of another kind, such as a preamble or a remark.
     for line in reversed([line for line in lines if not is_comment(line)][-_NEAR:]):
         fields = _fields(line, kinds, delimiter)
         if fields is None:
@@ -67,7 +67,7 @@ def titles_of(above: Sequence[str], kinds: list[str], delimiter: str, is_comment
     if not any(units) and all(
         measures(_bare(f)) in ("m", "rad", "s") or _bare(f).lower() in UNSCALED for f in rows[-1]
     ):
-        # No names, only units.
+        # The row has only units, no names.
         return Titles([title._replace(unit=_bare(f)) for title, f in zip(names, rows[-1], strict=True)], rows[-1])
     texts = [text or names[i].name for i, text in enumerate(rows[-1])]
     titles = [
@@ -77,7 +77,10 @@ def titles_of(above: Sequence[str], kinds: list[str], delimiter: str, is_comment
 
 
 def with_stated_units(titles: Titles, preamble: Sequence[str], kinds: list[str]) -> list[Title]:
-    """The titles with the units that a preamble states, as LabVIEW and oscilloscopes do for all but the time."""
+    """Add the units of a preamble to the titles.
+
+    LabVIEW and oscilloscopes write such units for all columns except the time.
+    """
     units: list[str] = []
     for line in preamble:
         key, *words = (word.strip() for word in re.split(r"[:=\t;,]", line.strip("#%!/ ")))
@@ -89,13 +92,16 @@ def with_stated_units(titles: Titles, preamble: Sequence[str], kinds: list[str])
         if kind == NUMBER and not is_time(titles.titles[i].name, titles.titles[i].unit)
     ]
     if not any(titles.texts) and len(values) > 1:
-        values = values[1:]  # without any titles the first of several columns is the time
+        values = values[1:]  # without titles the first of several columns is the time
     stated = dict(zip(values, units, strict=False))
     return [title._replace(unit=title.unit or stated.get(i)) for i, title in enumerate(titles.titles)]
 
 
 def advice_of(preamble: Sequence[str]) -> str:
-    """What a preamble says of the rate, for a message; empty where it says nothing."""
+    """Return a note on the rate in a preamble, for a message.
+
+    It is empty if there is no rate.
+    """
     text = "\n".join(preamble)[-_PREAMBLE:]
     rate, interval = _RATE.search(text), _INTERVAL.search(text)
     if rate is not None:
@@ -105,17 +111,20 @@ def advice_of(preamble: Sequence[str]) -> str:
 
 
 def _fields(line: str, kinds: list[str], delimiter: str) -> list[str] | None:
-    """Fields of a line of titles, one for each column; None where it is none."""
+    """Return the titles in a line, None if it is another line.
+
+    There must be one title for each column.
+    """
     width, fields = len(kinds), split(line, delimiter)
     if len(fields) != width and delimiter == " ":
-        # A unit after a blank is no field of its own; titles may stand apart by several blanks, or by another mark.
+        # A unit after a blank belongs to its title. Titles may be separated by several blanks or by another mark.
         joined = split(re.sub(r"\s+([\[(])", r"_\1", line.strip()), delimiter)
         joined = [field.replace("_[", " [").replace("_(", " (") for field in joined]
         wide = [field for field in re.split(r"\s{2,}", line.strip()) if field]
         others = (split(line, other) for other in "\t;|,")
         fields = next((option for option in (joined, wide, *others) if len(option) == width), fields)
     elif len(fields) != width and len(fields) > 1:
-        # Delimiters at the end of this line or of the rows.
+        # Delimiters at the end of this line or of the rows add empty fields.
         spare = all(kind == BLANK for kind in kinds[len(fields) :])
         fields = [*fields[:width], *([""] * (width - len(fields)) if spare else [])]
     several = width == 1 and re.search(r"[,;|\t]", line) is not None
@@ -126,7 +135,10 @@ def _fields(line: str, kinds: list[str], delimiter: str) -> list[str] | None:
 
 
 def _are_units(fields: list[str]) -> bool:
-    """Whether a row holds units, and perhaps its name, blanks, or numbers as an oscilloscope puts them beside units."""
+    """Return True if a row holds units.
+
+    It may also hold its name, blanks, or numbers, as oscilloscopes write them next to units.
+    """
     known = [is_unit(_bare(field)) for field in fields]
     rest = [field for field, unit in zip(fields, known, strict=True) if not unit]
     return any(known) and all(kind_of(field, ".") != WORD or field.lower() in _STATED for field in rest)

@@ -1,4 +1,4 @@
-"""Records in universal files: data set 58, a function at a point, as modal analysis and its instruments write it."""
+"""Records in universal files (data set 58), the format of modal analysis."""
 
 from collections import Counter
 from collections.abc import Sequence
@@ -16,27 +16,27 @@ from .header import is_unit
 from .sheet import Column, Sheet
 
 _FUNCTION = 58
-# Types of function that are samples over time: "general", which programs write for anything, and "time response".
+# Function types with samples over time: "general", which programs write for any type, and "time response".
 _OVER_TIME = (0, 1)
 _COMPLEX = (5, 6)
-# What is measured, by the code for it [0 is unknown]; of a displacement the name alone says which column is meant.
+# Measured quantity by code; 0 is unknown. A displacement is then identified by its name alone.
 _KINDS = {8: "displacement", 9: "force", 11: "velocity", 12: "acceleration", 13: "excitation", 17: "time"}
 _DIRECTIONS = {1: "+X", 2: "+Y", 3: "+Z", 4: "+RX", 5: "+RY", 6: "+RZ"}
 _DIRECTIONS |= {-code: f"-{name[1:]}" for code, name in _DIRECTIONS.items()}
-# Lengths of the systems of units, by the code in data set 164.
+# Unit of length of each system of units, by the code in data set 164.
 _LENGTHS = {1: "m", 2: "ft", 3: "m", 4: "ft", 5: "mm", 6: "cm", 7: "in", 8: "mm", 10: "mm"}
-# Bytes of a file whose text is taken apart in memory, number by number.
+# Size limit [bytes], because the library parses the whole text in memory.
 _LARGEST = 1 << 28
 
 
 def read_uff(path: Path, choice: Choice) -> Record | list[Record]:
-    """Reads a time response of a universal file, text or binary (data set 58 or 58b).
+    """Read a time response of a universal file, text or binary.
 
-    Options as in `fricjax.read`, where
+    It must be a data set 58 or 58b. Options as in `fricjax.read`, with
 
-    - `column`: what is measured and where, as "displacement 3 +Z".
+    - `column`: quantity, point and direction, as "displacement 3 +Z".
     - `unit`: by default the label of the ordinate, else that of the system of units in data set 164.
-    - `run`: which data set, where several are of one place.
+    - `run`: the data set, if several belong to the same point.
 
     Raises:
         DataError: a damaged file, or no time response in it.
@@ -69,7 +69,7 @@ def _sheet(path: Path, file: Any) -> Sheet:
         columns.append(Column(names[i], unit, run, time=time, fault=fault, key=(i, "data")))
 
     def load(wanted: Sequence[Column]) -> list[np.ndarray]:
-        check_size(path, "What is asked for", sum(heads[column.key[0]]["num_pts"] for column in wanted))
+        check_size(path, "The selection", sum(heads[column.key[0]]["num_pts"] for column in wanted))
         sets = {i: file.read_sets(i) for i in {column.key[0] for column in wanted}}
         return [_values(path, sets[i], what) for i, what in (column.key for column in wanted)]
 
@@ -77,20 +77,20 @@ def _sheet(path: Path, file: Any) -> Sheet:
 
 
 def _name(head: dict[str, Any]) -> str:
-    """What is measured, and the point and the direction of it where they are said."""
+    """Return the measured quantity with point and direction, if known."""
     label = (head.get("ordinate_axis_lab") or "").strip()
     kind = _KINDS.get(head["ordinate_spec_data_type"]) or (label if label.upper() != "NONE" else "") or "signal"
     return " ".join(filter(None, [kind, str(head["rsp_node"] or ""), _DIRECTIONS.get(head["rsp_dir"], "")]))
 
 
 def _label(head: dict[str, Any], axis: str) -> str | None:
-    """The unit of an axis; what is none, as NONE, is left out."""
+    """Return the unit of an axis, None if invalid, such as NONE."""
     text = (head.get(f"{axis}_axis_units_lab") or "").strip()
     return text if text and is_unit(text) else None
 
 
 def _values(path: Path, data: dict[str, Any], what: str) -> np.ndarray:
-    """The numbers of a set, without those that fill its last line."""
+    """Return the numbers of a set without padding at its end."""
     values, number = np.asarray(data[what], dtype=np.float64), data["num_pts"]
     if values.size < number:
         raise DataError(f"{path.name} is damaged: a data set promises {number} samples and holds {values.size}.")

@@ -1,4 +1,4 @@
-"""The segmentation of a free decay into hold, release, half-cycles and rest, and the noise that is left of a record."""
+"""Segmentation of a free decay into hold, release, half-cycles and rest."""
 
 import lazy_loader as _lazy_loader
 

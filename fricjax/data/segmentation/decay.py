@@ -1,10 +1,10 @@
-"""The segmentation of a free decay: hold, release, reversals, rest.
+"""Segmentation of a free decay: hold, release, reversals, rest.
 
-A mass pulled aside and let go swings in half-cycles, each from one state at rest to the next, until friction holds it.
-`segment` reads that from the samples alone, without any law of friction: it needs only that a half-cycle lasts about as
-long as its neighbours, that half-cycles shrink, and that the way into a reversal is never slower than the way out of it
-(nothing but a hand or a magnet pushes). What follows the last half-cycle is rest, also where a residual creep or drift
-goes on; what remains of the record without the half-cycles is its noise.
+A mass that is pulled aside and released swings in half-cycles, each between two states at rest, until friction holds
+it. `segment` finds them without a friction law. It assumes only that a half-cycle lasts about as long as its
+neighbours, that half-cycles shrink, and that the mass never approaches a reversal more slowly than it leaves it, unless
+a hand or a magnet pushes. The time after the last half-cycle is rest, even if a slow creep or drift continues. The
+record without the half-cycles is its noise.
 """
 
 import dataclasses
@@ -19,38 +19,41 @@ from .half_cycles import HalfCycles, find_half_cycles
 from .noise import resolution, typical_interval, white_noise
 from .release import locate_release, locate_rest
 from .reversals import order_for, refine, window
-from .swing import Swing, extremes, smooth, without_spikes, zigzag
+from .swing import PreparedTrace, extremes, smooth, without_spikes, zigzag
 
 MINIMUM_PER_HALF_CYCLE = 8
-SHARES = (0.3, 0.1, 0.03, 0.01, 0.003)  # of the span: half-cycles this large are looked for
-ALIKE = 4  # reversals between which half-cycles last about as long as the one after them
-# Of a half-cycle: one that starts at rest lasts as long as the others, which gives its start within 1 %.
+SHARES = (0.3, 0.1, 0.03, 0.01, 0.003)  # sizes of half-cycles to search for, relative to the span
+ALIKE = 4  # number of last reversals that predict the duration of the next half-cycle
+# Relative tolerance of the duration of a first half-cycle from rest; it then gives the start position within 1 %.
 AS_LONG = 0.05
-RISE_10_TO_90 = 0.5903344706017331  # of a half-cycle of a cosine
+RISE_10_TO_90 = 0.5903344706017331  # duration of the rise from 10 to 90 % of a cosine, in half-cycles
 
 
 @dataclasses.dataclass(frozen=True)
 class Segmentation:
-    """What `segment` returns. Positions in the unit of x (m or rad), times in s.
+    """Result of `segment`: positions in the unit of x, times in s.
+
+    The unit of x is m or rad.
 
     **Fields:**
 
-    - `noise`: standard deviation of all that is not the motion: white, coloured, hum, rounding.
+    - `noise`: standard deviation of everything except the motion: white and coloured noise, hum, rounding.
     - `resolution`: step of quantised data, 0.0 for none.
-    - `release`: time at which the free motion starts: the end of a hold or of a guided motion, else the first sample;
-      `release_position`: position there, None where the motion starts within a half-cycle.
-    - `turning_times`, `turning_points`: the reversals after the release, shape `(r,)`; neither the start of a held mass
-      nor the stop is among them.
-    - `rest`: time of the stop, None where the record ends in motion; `rest_position`: mean position there.
-    - `n_half_cycles`: completed half-cycles since the release, the last one (that ends in the stop) included. In a
-      record that starts within a half-cycle that first, partial one counts.
+    - `release`: start of the free motion: the end of a hold or of a guided motion, or the first sample;
+      `release_position`: position there, None if the record starts within a half-cycle.
+    - `turning_times`, `turning_points`: the reversals after the release, shape `(r,)`; they exclude the start of a held
+      mass and the stop.
+    - `rest`: time of the stop, None if the record ends in motion; `rest_position`: mean position there.
+    - `n_half_cycles`: completed half-cycles since the release, including the last one, which ends in the stop. If the
+      record starts within a half-cycle, this partial half-cycle counts.
     - `amplitude`: half the peak-to-peak motion since the release.
     - `half_period`: median duration of a half-cycle. `cycles`: `n_half_cycles / 2`;
       `frequency`: of the motion [Hz].
-    - `white_noise`: the part of the noise that neighbouring samples do not share.
-    - `lines`: frequency [Hz] and amplitude of each hum that stands out of the spectrum of the rest.
-    - `drift`: slope of x over the rest [1/s], 0.0 where the rest is shorter than a cycle.
-    - `open`: how many half-cycles more or less the record leaves possible, such as `(-1, 1)`; empty where it is sure.
+    - `white_noise`: the white part of the noise.
+    - `lines`: frequency [Hz] and amplitude of each hum line in the spectrum of the rest.
+    - `drift`: slope of x over the rest [1/s], 0.0 if the rest is shorter than a cycle.
+    - `open`: alternative numbers of half-cycles, relative to `n_half_cycles`, such as `(-1, 1)`; empty if the number is
+      certain.
 
     Examples:
         >>> import fricjax as fj
@@ -87,22 +90,22 @@ class Segmentation:
 
     @property
     def n_half_cycles_after_first_reversal(self) -> int:
-        """Completed half-cycles from the first reversal to the rest or the end of the record."""
+        """Completed half-cycles after the first reversal."""
         return max(self.n_half_cycles - 1, 0) if self.turning_times.size else 0
 
     @property
     def first_reversal(self) -> float | None:
-        """Time of the first reversal after the release [s], None where there is none."""
+        """Time of the first reversal after the release [s], None without one."""
         return float(self.turning_times[0]) if self.turning_times.size else None
 
 
 def segment(t: Any, x: Any, sigma: Any = None, mask: Any = None) -> Segmentation:
-    """Finds hold, release, reversals and rest in a trace.
+    """Find hold, release, reversals and rest in a trace.
 
     Args:
         t: times [s], shape `(n,)`, strictly increasing.
         x: displacements [m or rad], shape `(n,)`.
-        sigma: stated noise of x, one number or shape `(n,)`: used only where the samples show none.
+        sigma: stated noise of x, one number or shape `(n,)`; used only if the samples show no noise.
         mask: shape `(n,)`, True where a sample is used; None: all.
 
     Returns:
@@ -122,7 +125,7 @@ def segment(t: Any, x: Any, sigma: Any = None, mask: Any = None) -> Segmentation
         >>> segmentation.n_half_cycles, round(segmentation.rest, 3), round(segmentation.rest_position, 6)
         (1, 1.0, -0.001)
     """
-    # The trace imports JAX, which a record that is refused before does not wait for.
+    # Import late: the trace imports JAX, and a refused record should not wait for it.
     from ..trace import MINIMUM_SAMPLES
 
     t, x = np.asarray(t, dtype=np.float64), np.asarray(x, dtype=np.float64)
@@ -149,24 +152,27 @@ def segment(t: Any, x: Any, sigma: Any = None, mask: Any = None) -> Segmentation
             "are needed to find the reversals; sample faster."
         )
     width = int(per_half_cycle // 16) | 1 if per_half_cycle >= 48 else 1
-    # Noise alone spans ten standard deviations in a long rest, less after smoothing.
+    # Noise alone spans ten standard deviations in a long rest, and less after smoothing.
     visible = max(10.0 * noise / width**0.5, 2.0 * step, 1e-7 * span)
     x = without_spikes(x, max(noise, step), int(per_half_cycle))
-    swing = Swing(t, x, smooth(x, width), noise, step, max(visible, 6.0 * noise), half_period, between)
-    half_cycles = find_half_cycles(swing, visible)
+    trace = PreparedTrace(t, x, smooth(x, width), noise, step, max(visible, 6.0 * noise), half_period, between)
+    half_cycles = find_half_cycles(trace, visible)
     if half_cycles is None:
         raise DataError(f"x is constant within its noise ({noise:.3g}); a decay needs a motion: check the column.")
-    # All of the noise, not only its white part, can be measured now that the motion is known.
-    total, drift, lines = disturbance(swing, half_cycles)
-    # Smoothing takes nothing from noise that is slow.
+    # With the motion known, the full noise can be measured, not only its white part.
+    total, drift, lines = disturbance(trace, half_cycles)
+    # Smoothing does not reduce slow noise.
     slow = 10.0 * float(np.sqrt(max(total**2 - noise**2, 0.0)))
-    swing = dataclasses.replace(swing, noise=total, threshold=max(swing.threshold, slow))
-    segmentation = _refined_segmentation(swing, half_cycles)
+    trace = dataclasses.replace(trace, noise=total, threshold=max(trace.threshold, slow))
+    segmentation = _refined_segmentation(trace, half_cycles)
     return dataclasses.replace(segmentation, white_noise=noise, lines=lines, drift=drift)
 
 
 def _half_period(t: np.ndarray, x: np.ndarray, noise: float, step: float) -> float:
-    """Typical duration of a half-cycle, from the largest ones that the trace holds at least two of."""
+    """Return the typical duration of a half-cycle [s].
+
+    It is measured on the largest half-cycles that occur at least twice.
+    """
     span = float(np.ptp(x))
     finest = max(12.0 * noise, 4.0 * step)
     sizes = [share * span for share in SHARES if share == SHARES[0] or share * span > finest]
@@ -174,15 +180,15 @@ def _half_period(t: np.ndarray, x: np.ndarray, noise: float, step: float) -> flo
     if len(pivots) < 4 and len(sizes) > 1:
         from scipy.ndimage import median_filter
 
-        # Spikes, of which two may stand side by side, are as large as small half-cycles.
+        # Spikes, even two neighbouring ones, can be as large as small half-cycles.
         x = median_filter(x, 5, mode="nearest")
         among = extremes(x, sizes[-1])
         pivots = next((more for size in sizes if len(more := zigzag(x, among, size)) >= 4), pivots)
-        # Extremes that were spikes are gone.
+        # The filter may have removed extremes that were spikes.
         pivots = pivots if np.all(np.diff(x[pivots])) else zigzag(x, among, sizes[0])
     if len(pivots) >= 4:
         return float(np.median(np.diff(t[pivots[1:-1]])))
-    # One or two half-cycles: the time from 10 to 90 % of each, free of the hold before and the rest after it.
+    # One or two half-cycles: use the rise from 10 to 90 % of each, which excludes hold and rest.
     durations = []
     for i, j in itertools.pairwise(sorted(pivots or [int(np.argmin(x)), int(np.argmax(x))])):
         share = (x[i : j + 1] - x[i]) / (x[j] - x[i])
@@ -192,33 +198,33 @@ def _half_period(t: np.ndarray, x: np.ndarray, noise: float, step: float) -> flo
     return float(np.median(durations))
 
 
-def _refined_segmentation(swing: Swing, half_cycles: HalfCycles) -> Segmentation:
-    """Release, reversals and stop refined to a fraction of the noise."""
-    t = swing.t
-    release, times = _release_and_reversals(swing, half_cycles)
+def _refined_segmentation(trace: PreparedTrace, half_cycles: HalfCycles) -> Segmentation:
+    """Refine release, reversals and stop to a fraction of the noise."""
+    t = trace.t
+    release, times = _release_and_reversals(trace, half_cycles)
     rest = position = None
     points, last = np.empty(0), times[-1:] if half_cycles.stopped else np.empty(0)
     times = times[: times.size - last.size]
     if times.size:
-        times, points = _refined(swing, times, release, float(last[0]) if last.size else float(t[-1]))
+        times, points = _refined(trace, times, release, float(last[0]) if last.size else float(t[-1]))
     if last.size:
         begin = float(times[-1]) if times.size else release
-        durations = np.diff(times[-ALIKE:]) if times.size > 1 else np.array([swing.half_period])
-        # An extreme is seen late where the motion ends in it: the clock is better.
+        durations = np.diff(times[-ALIKE:]) if times.size > 1 else np.array([trace.half_period])
+        # An extreme is detected late if the motion ends there, so predict the stop from the period.
         rest, position = locate_rest(
-            swing, begin, begin + float(np.median(durations)) if times.size else float(last[0])
+            trace, begin, begin + float(np.median(durations)) if times.size else float(last[0])
         )
-    moving = swing.x[np.searchsorted(t, release) : None if rest is None else np.searchsorted(t, rest, side="right")]
+    moving = trace.x[np.searchsorted(t, release) : None if rest is None else np.searchsorted(t, rest, side="right")]
     if not moving.size:
         raise DataError(
             "No motion is seen between release and rest, as where spikes hide it: mask them, or crop them off."
         )
     ends = times if rest is None else np.append(times, rest)
-    half_period = float(np.median(np.diff(ends))) if ends.size >= 2 else swing.half_period
+    half_period = float(np.median(np.diff(ends))) if ends.size >= 2 else trace.half_period
     from_rest = times.size > 0 and abs(float(times[0]) - release - half_period) < AS_LONG * half_period
     return Segmentation(
-        noise=swing.noise,
-        resolution=swing.resolution,
+        noise=trace.noise,
+        resolution=trace.resolution,
         release=release,
         turning_times=times,
         turning_points=points,
@@ -228,37 +234,40 @@ def _refined_segmentation(swing: Swing, half_cycles: HalfCycles) -> Segmentation
         amplitude=float(np.ptp([moving.min(), moving.max(), *points])) / 2,
         half_period=half_period,
         open=tuple(number - half_cycles.edges.size + 1 for number in half_cycles.open),
-        release_position=float(np.interp(release, t, swing.smoothed)) if from_rest else None,
+        release_position=float(np.interp(release, t, trace.smoothed)) if from_rest else None,
     )
 
 
-def _release_and_reversals(swing: Swing, half_cycles: HalfCycles) -> tuple[float, np.ndarray]:
-    """Time of the release [s], and instants of the reversals after it, with the stop where there is one."""
+def _release_and_reversals(trace: PreparedTrace, half_cycles: HalfCycles) -> tuple[float, np.ndarray]:
+    """Return the release [s] and the times of the reversals after it.
+
+    If the mass stops, the last time is the stop.
+    """
     edges = half_cycles.edges
-    indices = np.minimum(np.searchsorted(swing.t, edges), swing.t.size - 1)
-    # Before the first large half-cycle, up to its middle, there may be a guided motion or a part of one of any size.
-    # What goes to and fro before that is a hand, or the noise of a hold: half-cycles of a free mass shrink.
-    middle = int(np.mean(indices[:2])) + 1 if edges.size > 1 else swing.t.size
-    # The first samples are hardly smoothed, and no spike is seen in them.
-    begin = max(min(int(0.03 * swing.half_period / swing.interval), middle - 2), 0)
-    early = swing.smoothed[begin:middle]
-    head = [begin + i for i in zigzag(early, extremes(early, swing.threshold), swing.threshold)[:-1]]
+    indices = np.minimum(np.searchsorted(trace.t, edges), trace.t.size - 1)
+    # Before the middle of the first large half-cycle there may be a guided motion or a partial half-cycle of any size.
+    # Earlier oscillations come from a hand or from noise during the hold, because half-cycles of a free mass shrink.
+    middle = int(np.mean(indices[:2])) + 1 if edges.size > 1 else trace.t.size
+    # Smoothing hardly affects the first samples, and spikes are not detected there.
+    begin = max(min(int(0.03 * trace.half_period / trace.interval), middle - 2), 0)
+    early = trace.smoothed[begin:middle]
+    head = [begin + i for i in zigzag(early, extremes(early, trace.threshold), trace.threshold)[:-1]]
     head = head[-2:] or [int(indices[0])]
-    end = [] if half_cycles.stopped else [swing.t.size - 1]
-    release, pivots = locate_release(swing, [*head, *indices[1:].tolist(), *end])
+    end = [] if half_cycles.stopped else [trace.t.size - 1]
+    release, pivots = locate_release(trace, [*head, *indices[1:].tolist(), *end])
     before = [i for i in pivots[1:] if i in head]
-    times = np.concatenate([swing.t[before], edges[1:]])
-    return release, times[times > max(release, swing.t[pivots[0]]) + swing.interval]
+    times = np.concatenate([trace.t[before], edges[1:]])
+    return release, times[times > max(release, trace.t[pivots[0]]) + trace.interval]
 
 
-def _refined(swing: Swing, times: np.ndarray, release: float, end: float) -> tuple[np.ndarray, np.ndarray]:
-    """Instant and position of each reversal between the release and the stop or the end of the record."""
-    at = np.interp(np.concatenate([[release], times, [end]]), swing.t, swing.smoothed)
+def _refined(trace: PreparedTrace, times: np.ndarray, release: float, end: float) -> tuple[np.ndarray, np.ndarray]:
+    """Refine time and position of each reversal between release and stop."""
+    at = np.interp(np.concatenate([[release], times, [end]]), trace.t, trace.smoothed)
     sizes = np.abs(np.diff(at))
     largest, smallest = np.maximum(sizes[:-1], sizes[1:]), np.minimum(sizes[:-1], sizes[1:])
-    local = np.clip(np.diff(times, prepend=release), 0.6 * swing.half_period, 1.5 * swing.half_period)
-    width = window(local, largest / 2, swing.noise, swing.interval)
-    order = order_for(smallest, swing.noise)
-    # From afar only the simplest curve leads to the reversal; its powers of time have minima of their own.
+    local = np.clip(np.diff(times, prepend=release), 0.6 * trace.half_period, 1.5 * trace.half_period)
+    width = window(local, largest / 2, trace.noise, trace.interval)
+    order = order_for(smallest, trace.noise)
+    # Far from the reversal only the simplest curve is safe: higher powers of time add further minima.
     windows = [(np.maximum(width, 0.25 * local), 2), (width, order)]
-    return refine(swing.t, swing.x, times, np.pi / local, windows)
+    return refine(trace.t, trace.x, times, np.pi / local, windows)

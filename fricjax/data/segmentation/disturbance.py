@@ -1,57 +1,60 @@
-"""What is left of a record without its swing: noise of every colour, hum, rounding.
+"""The noise of a record without its motion: coloured noise, hum, rounding.
 
-In the middle of a half-cycle the motion is a polynomial to far below any noise, and a mass at rest moves no more than
-its floor and its instrument drift. What a polynomial leaves of the one, and a straight line of the other, is the noise
-of the record: all of it, where differences of neighbouring samples see only its white part.
+In the middle of a half-cycle the motion is a polynomial to far below the noise. A mass at rest moves only with its
+floor and the drift of its instrument. The residual of a polynomial in the motion and of a straight line in the rest is
+the full noise of the record. Differences of neighbouring samples show only its white part.
 """
 
 import numpy as np
 
 from .half_cycles import HalfCycles
 from .noise import line_fit, median
-from .swing import Swing
+from .swing import PreparedTrace
 
-# Part of a half-cycle that is fitted, and the order of a polynomial that leaves 1e-11 of a half-cosine there.
+# Part of a half-cycle to fit, and the order of a polynomial that leaves a residual of 1e-11 of a half-cosine there.
 CENTRE, ORDER = (0.2, 0.8), 10
-# Half-cycles and samples of each that are evaluated: more would add nothing to the median.
+# Number of half-cycles to evaluate, and of samples in each; more would not improve the median.
 HALF_CYCLES, SAMPLES = 16, 512
-# Stretches of rest in which a line is taken out, in half-periods: a full cycle, so that shaking at the natural
-# frequency is seen and a creep or a drift is not. The first half-period after the stop may still ring.
+# Length of the stretches of rest for the line fits, in half-periods. A full cycle keeps vibration at the natural
+# frequency and removes creep and drift. The first half-period after the stop may still ring and is left out.
 STRETCH, RINGS = 2.0, 1.0
-# A line of the spectrum stands out by this factor in power of its neighbours; so many are named.
+# Smallest ratio in power between a spectral line and its neighbours, and largest number of lines to report.
 LINE, LINES = 30.0, 3
-WIDE, NEAR = 3, 24  # bins that a line fills to either side, and those about it that it is compared with
+WIDE, NEAR = 3, 24  # half-width of a line and of the neighbourhood it is compared with [bins]
 LONGEST = 1 << 17  # samples of a spectrum
 
 
-def disturbance(swing: Swing, half_cycles: HalfCycles) -> tuple[float, float, tuple[tuple[float, float], ...]]:
-    """The noise of a record whose half-cycles are known.
+def disturbance(trace: PreparedTrace, half_cycles: HalfCycles) -> tuple[float, float, tuple[tuple[float, float], ...]]:
+    """Measure the noise of a record with known half-cycles.
 
     Returns:
-        Its standard deviation, the slope of x over the rest [1/s] (0.0 where that is shorter than a cycle), and
-        frequency [Hz] and amplitude of each hum that stands out of the rest.
+        Standard deviation of the noise, slope of x over the rest [1/s] (0.0 if the rest is shorter than a cycle), and
+        frequency [Hz] and amplitude of each hum line in the spectrum of the rest.
     """
     stop = float(half_cycles.edges[-1])
-    parts = [_moving(swing, half_cycles.edges), _resting(swing, stop) if half_cycles.stopped else None]
+    parts = [_moving(trace, half_cycles.edges), _resting(trace, stop) if half_cycles.stopped else None]
     variances = np.array([variance for variance in parts if variance is not None])
-    # The larger one counts, for slow noise hides in the motion and jitter in the rest; of two like ones their mean.
-    total = max(float(np.mean(variances**4) ** (1 / 8)), swing.noise) if variances.size else swing.noise
+    # Slow noise hides in the motion and jitter in the rest, so the larger variance dominates; similar ones average.
+    total = max(float(np.mean(variances**4) ** (1 / 8)), trace.noise) if variances.size else trace.noise
     if not half_cycles.stopped:
         return total, 0.0, ()
-    begin = int(np.searchsorted(swing.t, stop + RINGS * swing.half_period))
-    t, x = swing.t[begin:], swing.x[begin:]
-    long = t.size >= 8 and t[-1] - t[0] >= STRETCH * swing.half_period
-    return total, line_fit(t, x)[0] if long else 0.0, _lines(swing, stop)
+    begin = int(np.searchsorted(trace.t, stop + RINGS * trace.half_period))
+    t, x = trace.t[begin:], trace.x[begin:]
+    long = t.size >= 8 and t[-1] - t[0] >= STRETCH * trace.half_period
+    return total, line_fit(t, x)[0] if long else 0.0, _lines(trace, stop)
 
 
-def _moving(swing: Swing, edges: np.ndarray) -> float | None:
-    """Median over half-cycles of the variance about a polynomial in the middle of each; None for too few samples."""
+def _moving(trace: PreparedTrace, edges: np.ndarray) -> float | None:
+    """Return the median residual variance of polynomials in the half-cycles.
+
+    Returns None if there are too few samples.
+    """
     if edges.size < 3:
         return None
     # The first half-cycle may hold a release.
     chosen = np.unique(np.linspace(1, edges.size - 2, HALF_CYCLES).astype(int))
     durations = np.diff(edges)[chosen]
-    first, last = (np.searchsorted(swing.t, edges[chosen] + part * durations) for part in CENTRE)
+    first, last = (np.searchsorted(trace.t, edges[chosen] + part * durations) for part in CENTRE)
     every = np.maximum(-(-(last - first) // SAMPLES), 1)
     enough = (last - first) // every >= 3 * ORDER
     if not enough.any():
@@ -59,19 +62,22 @@ def _moving(swing: Swing, edges: np.ndarray) -> float | None:
     first, last, every = first[enough], last[enough], every[enough]
     number = int(np.min((last - first) // every))
     places = first[:, None] + every[:, None] * np.arange(number)
-    t, x = swing.t[places], swing.x[places]
+    t, x = trace.t[places], trace.x[places]
     u = 2 * (t - t[:, :1]) / (t[:, -1:] - t[:, :1]) - 1
-    # Evenly spaced, these polynomials are so nearly orthogonal that normal equations lose no digit that counts.
+    # With even spacing these polynomials are nearly orthogonal, so normal equations lose no relevant digit.
     basis = np.polynomial.chebyshev.chebvander(u, ORDER)
     residual = (x - x.mean(axis=1, keepdims=True))[:, :, None]
     residual = residual - basis @ np.linalg.solve(basis.mT @ basis, basis.mT @ residual)
     return float(np.median(np.sum(residual**2, axis=(1, 2)))) / (number - ORDER - 1)
 
 
-def _resting(swing: Swing, stop: float) -> float | None:
-    """Median variance about straight lines through stretches of the rest; None where it is too short."""
-    t, x = swing.t, swing.x
-    begin, length = stop + RINGS * swing.half_period, STRETCH * swing.half_period
+def _resting(trace: PreparedTrace, stop: float) -> float | None:
+    """Return the median residual variance of straight lines through the rest.
+
+    Returns None if the rest is too short.
+    """
+    t, x = trace.t, trace.x
+    begin, length = stop + RINGS * trace.half_period, STRETCH * trace.half_period
     number = int((t[-1] - begin) / length)
     variances = []
     for i in np.unique(np.linspace(0, number - 1, HALF_CYCLES).astype(int)) if number >= 1 else []:
@@ -86,19 +92,21 @@ def _resting(swing: Swing, stop: float) -> float | None:
 
 
 def rest_spectrum(t: np.ndarray, x: np.ndarray, stop: float, half_period: float) -> tuple[np.ndarray, np.ndarray]:
-    """Amplitude spectrum of the rest, without its drift; empty where the rest is shorter than two cycles.
+    """Return the amplitude spectrum of the rest, without its drift.
+
+    It is empty if the rest is shorter than two cycles.
 
     Args:
         t: times [s], shape `(n,)`.
         x: displacements, shape `(n,)`.
-        stop: instant of the stop [s].
+        stop: time of the stop [s].
         half_period: duration of a half-cycle [s].
 
     Returns:
-        Frequencies [Hz] and the amplitudes that a sine there would have (a Hann window's), shape `(k,)` each.
+        Frequencies [Hz] and amplitudes of a sine at each (Hann window), shape `(k,)` each.
 
     Examples:
-        A hum of 3 nm at 50 Hz, 1 s after the start of a record that is at rest from there on:
+        A hum of 3 nm at 50 Hz in a record that is at rest from 1 s on:
 
         >>> import numpy as np
         >>> from fricjax.data import rest_spectrum
@@ -110,10 +118,10 @@ def rest_spectrum(t: np.ndarray, x: np.ndarray, stop: float, half_period: float)
     longest = min(t.size - int(np.searchsorted(t, stop + RINGS * half_period)), LONGEST)
     if longest < 64 or t[-1] - t[-longest] < 2 * STRETCH * half_period:
         return np.empty(0), np.empty(0)
-    # Imported where there is a rest, for it takes longer than a fit.
+    # Import late: the import takes longer than a fit.
     from scipy.fft import prev_fast_len
 
-    # A length with a large prime factor would take thirty times as long.
+    # A length with a large prime factor would take thirty times longer.
     size = int(prev_fast_len(longest, real=True) or longest)
     t, x = t[-size:], x[-size:]
     even = np.linspace(t[0], t[-1], t.size)
@@ -123,12 +131,12 @@ def rest_spectrum(t: np.ndarray, x: np.ndarray, stop: float, half_period: float)
     return np.fft.rfftfreq(t.size, even[1] - even[0]), 2 * np.abs(np.fft.rfft(y)) / weight.sum()
 
 
-def _lines(swing: Swing, stop: float) -> tuple[tuple[float, float], ...]:
-    """The lines that stand out of the spectrum of the rest, the strongest first."""
-    frequency, size = rest_spectrum(swing.t, swing.x, stop, swing.half_period)
+def _lines(trace: PreparedTrace, stop: float) -> tuple[tuple[float, float], ...]:
+    """Return the lines in the spectrum of the rest, strongest first."""
+    frequency, size = rest_spectrum(trace.t, trace.x, stop, trace.half_period)
     power, lines = size**2, []
     for k in np.argsort(power)[::-1][: 8 * LINES].tolist():
-        # A line fills some bins under the window; those beyond are what it stands out of.
+        # The window spreads a line over some bins; compare it with the bins beyond them.
         near = np.concatenate([power[max(k - NEAR, 1) : max(k - WIDE, 1)], power[k + WIDE + 1 : k + NEAR + 1]])
         alone = k >= WIDE and all(abs(k - other) > WIDE for other in lines)
         if alone and near.size >= NEAR // 2 and power[k] > LINE * median(near):

@@ -1,9 +1,9 @@
-"""The half-cycles of a decaying swing, followed by its clock and its decrement.
+"""The half-cycles of a decay, tracked by their period and their decrease.
 
-A threshold on neighbouring samples cannot tell a half-cycle from the noise of an instrument, which is coloured, hums
-and is rounded. What can is the order of a decay: its large half-cycles give the half-period, and the clock goes on from
-there. Every further half-period of the record is searched for the half-cycle that belongs there, a half-cosine in the
-direction whose turn it is; `stop` then says how many of them are motion.
+A threshold on neighbouring samples cannot distinguish a half-cycle from instrument noise, which is coloured, hums and
+is rounded. The regularity of a decay can: the large half-cycles give the half-period, and from there on the period
+predicts each reversal. In every further half-period of the record a half-cosine is fitted in the expected direction.
+`stop` then determines how many of them are motion.
 """
 
 from typing import NamedTuple
@@ -11,24 +11,24 @@ from typing import NamedTuple
 import numpy as np
 
 from . import stop
-from .swing import Swing, extremes, zigzag
+from .swing import PreparedTrace, extremes, zigzag
 
-# A factor of two in either direction changes no count in `tests/data`, and mu by a fraction of its standard error in
-# `experiments/honesty/run.py --thresholds`: no threshold here or in `stop` is tuned closely.
-# Part of the span from which a half-cycle is seen without any clock: far above any noise in which friction is resolved.
+# A factor of two in either direction changes no count in `tests/data`, and changes mu by a fraction of its standard
+# error in `experiments/honesty/run.py --thresholds`. No threshold here or in `stop` is tuned closely.
+# Share of the span above which a half-cycle is accepted without its period; far above any useful noise level.
 SURE = 0.1
-# How far about the predicted reversal it is sought, and how far from there it is believed, in half-periods.
+# Search range about a predicted reversal, and largest accepted deviation from the prediction, in half-periods.
 SOUGHT, BELIEVED = 0.2, 0.12
-# Part of the half-cycle before at which one is taken for the last one by the clock, which then runs on by itself.
+# Size relative to the previous half-cycle below which a half-cycle is the last one that adjusts the prediction.
 TINY = 0.02
-# Half-cycles from the pole on that may last any time, for a hand may lead or hold the mass.
+# Half-cycles from the pole on that may last any time, because a hand may guide or hold the mass.
 STEADY = 3
-# Standard errors within which a period does not depend on the amplitude; durations that can show that it does.
+# Standard errors above which the period depends on the amplitude, and fewest durations that can show this.
 ISOCHRONOUS, DURATIONS = 4.0, 6
-# How many times shorter or longer than the typical half-cycle the small ones may last: those of a pendulum are half as
-# long as from near its top. Convention.
+# Largest ratio between the durations of small and typical half-cycles. A pendulum's small half-cycles last half as long
+# as those from near its top. Convention.
 FOLDS = 4.0
-# Averages per half-cycle from which its size is computed.
+# Averages per half-cycle for the fit of its size.
 PER_HALF_CYCLE = 256
 
 
@@ -37,10 +37,10 @@ class HalfCycles(NamedTuple):
 
     **Fields:**
 
-    - `edges`: instants at which they begin and end [s]: the pole from which the motion starts, the reversals, and the
-      stop where there is one, shape `(n + 1,)`.
-    - `stopped`: whether the mass comes to rest; otherwise the record ends in motion.
-    - `open`: other numbers of half-cycles that the record leaves possible.
+    - `edges`: times between which they lie [s], shape `(n + 1,)`: the pole at the start, the reversals, and the stop if
+      there is one.
+    - `stopped`: True if the mass comes to rest; False if the record ends in motion.
+    - `open`: other possible numbers of half-cycles.
     """
 
     edges: np.ndarray
@@ -48,62 +48,76 @@ class HalfCycles(NamedTuple):
     open: tuple[int, ...]
 
 
-def find_half_cycles(swing: Swing, visible: float) -> HalfCycles | None:
-    """The half-cycles of a record, None where it never moves; the noise left by smoothing spans less than `visible`."""
-    share = max(SURE * float(np.ptp(swing.smoothed)), visible)
-    pivots = zigzag(swing.smoothed, extremes(swing.smoothed, share), share)
+def find_half_cycles(trace: PreparedTrace, visible: float) -> HalfCycles | None:
+    """Find the half-cycles of a record.
+
+    Args:
+        trace: the prepared trace.
+        visible: upper bound of the span of the noise after smoothing.
+
+    Returns:
+        The half-cycles; None if the mass never moves.
+    """
+    share = max(SURE * float(np.ptp(trace.smoothed)), visible)
+    pivots = zigzag(trace.smoothed, extremes(trace.smoothed, share), share)
     if not pivots:
         return None
-    edges = _large(swing, pivots)
+    edges = _detect_large_half_cycles(trace, pivots)
     if edges.size < 2:
         return HalfCycles(edges, False, ())
-    # Of several decays in one record the trend of the durations may lead to none or less.
-    period = float(np.clip(_small_period(swing, edges), swing.half_period / FOLDS, swing.half_period * FOLDS))
+    # If a record holds several decays, the trend of the durations may lead to zero or below.
+    period = float(np.clip(_small_period(trace, edges), trace.half_period / FOLDS, trace.half_period * FOLDS))
     large = edges.size - 1
-    side = float(np.sign(np.subtract(*np.interp(edges[[-1, -2]], swing.t, swing.smoothed))))
-    edges = _by_clock(swing, edges, side, period)
-    size, error, misfit = _sizes(swing, edges, side * (-1.0) ** (np.arange(edges.size - 1) - large + 1))
-    number, stopped, others = stop.find_stop(swing, edges, size, error, misfit, large)
+    side = float(np.sign(np.subtract(*np.interp(edges[[-1, -2]], trace.t, trace.smoothed))))
+    edges = _track_by_period(trace, edges, side, period)
+    size, error, misfit = _half_cycle_amplitudes(trace, edges, side * (-1.0) ** (np.arange(edges.size - 1) - large + 1))
+    number, stopped, others = stop.find_stop(trace, edges, size, error, misfit, large)
     return HalfCycles(edges[: number + 1], stopped, others)
 
 
-def _large(swing: Swing, pivots: list[int]) -> np.ndarray:
-    """Instants of the pole and of the reversals between large half-cycles; missing samples hide none of them."""
-    t = swing.t
+def _detect_large_half_cycles(trace: PreparedTrace, pivots: list[int]) -> np.ndarray:
+    """Return the times of pole and reversals between large half-cycles.
+
+    Reversals within gaps of the samples are filled in.
+    """
+    t = trace.t
     if len(pivots) == 2:
-        # A lone half-cycle: the mass may have been held before, or go on to creep, so that its middle is surest.
+        # A single half-cycle: the mass may be held before it or creep after it, so its middle is most reliable.
         begin, end = pivots
-        way = np.abs(swing.smoothed[begin : end + 1] - swing.smoothed[begin])
+        way = np.abs(trace.smoothed[begin : end + 1] - trace.smoothed[begin])
         middle = float(t[begin + int(np.argmax(way >= 0.5 * way[-1]))])
-        edges = middle + 0.5 * swing.half_period * np.array([-1.0, 1.0])
-        return np.maximum(edges, t[0])[: 2 if edges[1] + stop.SHORTEST_REST * swing.half_period <= t[-1] else 1]
+        edges = middle + 0.5 * trace.half_period * np.array([-1.0, 1.0])
+        return np.maximum(edges, t[0])[: 2 if edges[1] + stop.SHORTEST_REST * trace.half_period <= t[-1] else 1]
     edges = t[pivots[:-1]]
     if edges.size > 1:
-        side = float(np.sign(np.subtract(*swing.smoothed[[pivots[-2], pivots[-3]]])))
-        last = _reversal(swing, float(edges[-1]), swing.half_period, side)
-        # A spike beside a reversal is one of its own, before which no parabola leads.
+        side = float(np.sign(np.subtract(*trace.smoothed[[pivots[-2], pivots[-3]]])))
+        last = _reversal(trace, float(edges[-1]), trace.half_period, side)
+        # A spike near a reversal can appear as a further reversal, and the parabola then leads before the previous one.
         edges[-1] = last if last > edges[-2] else edges[-1]
-    # Near the smallest size some half-cycles are seen and others missed: the clock goes on from the first one missed.
+    # Near the smallest size some half-cycles are detected and others missed. Continue from the first missed one.
     missed = np.flatnonzero(np.diff(edges)[STEADY:] > 2 * np.diff(edges)[STEADY - 1 : -1])
     edges = edges[: STEADY + 1 + int(missed[0])] if missed.size else edges
-    gaps = t[:-1][np.diff(t) > 0.5 * swing.half_period]
+    gaps = t[:-1][np.diff(t) > 0.5 * trace.half_period]
     hidden = np.searchsorted(edges, gaps)
     for i in np.unique(hidden[(hidden > 0) & (hidden < edges.size)])[::-1]:
-        # Extremes alternate, so that an even number of them is missing.
-        missing = 2 * round(float((edges[i] - edges[i - 1]) / swing.half_period - 1) / 2)
+        # Extremes alternate, so the number of missing ones is even.
+        missing = 2 * round(float((edges[i] - edges[i - 1]) / trace.half_period - 1) / 2)
         edges = np.insert(edges, i, np.linspace(edges[i - 1], edges[i], missing + 2)[1:-1])
     return edges
 
 
-def _small_period(swing: Swing, edges: np.ndarray) -> float:
-    """Duration of the half-cycles after those seen [s]: their mean, or the last one's where it varies with the size."""
-    durations = np.diff(edges)[1:] if edges.size > 2 else np.array([swing.half_period])
-    at = np.interp(edges, swing.t, swing.smoothed)
+def _small_period(trace: PreparedTrace, edges: np.ndarray) -> float:
+    """Return the duration of the half-cycles after the detected ones [s].
+
+    It is the mean duration, or the last one if the duration varies with the size.
+    """
+    durations = np.diff(edges)[1:] if edges.size > 2 else np.array([trace.half_period])
+    at = np.interp(edges, trace.t, trace.smoothed)
     weight = np.abs(np.diff(at))[-durations.size :]
     mean = float(np.average(durations, weights=weight**2))
     if durations.size < DURATIONS:
         return mean
-    # The period of a pendulum goes with the square of its amplitude, to first order.
+    # To first order the period of a pendulum depends on the square of its amplitude.
     square = weight**2 - np.average(weight**2, weights=weight**2)
     slope = np.sum(weight**2 * square * durations) / np.sum(weight**2 * square**2)
     residual = durations - mean - slope * square
@@ -111,52 +125,60 @@ def _small_period(swing: Swing, edges: np.ndarray) -> float:
     return float(mean + slope * square[-1]) if abs(slope) > ISOCHRONOUS * slope_error else mean
 
 
-def _by_clock(swing: Swing, edges: np.ndarray, side: float, period: float) -> np.ndarray:
-    """The reversals followed by those that the clock predicts up to the end of the record, each moved to its extreme.
+def _track_by_period(trace: PreparedTrace, edges: np.ndarray, side: float, period: float) -> np.ndarray:
+    """Append the predicted reversals up to the end of the record.
 
-    Where there is no extreme near the prediction, as at rest, the clock is believed.
+    Each is moved to its extreme; without an extreme nearby, as at rest, the prediction is kept.
     """
-    t, x, times = swing.t, swing.smoothed, list(edges)
+    t, x, times = trace.t, trace.smoothed, list(edges)
     places, free_running = np.interp(edges, t, x).tolist(), False
     while times[-1] + period <= t[-1]:
         at, side = times[-1] + period, -side
-        # After a half-cycle this small there is none to be followed, and wiggles at rest must not set the clock.
+        # Below this size half-cycles cannot be tracked, and wiggles at rest must not shift the prediction.
         free_running = free_running or abs(np.interp(at, t, x) - places[-1]) < TINY * abs(places[-1] - places[-2])
         if not free_running:
-            at = _reversal(swing, at, period, side)
+            at = _reversal(trace, at, period, side)
         times.append(at)
         places.append(float(np.interp(at, t, x)))
     return np.array(times)
 
 
-def _reversal(swing: Swing, at: float, period: float, side: float) -> float:
-    """The extreme nearest a predicted instant [s], a maximum for a positive `side`; the prediction for none near."""
-    t, x, reach = swing.t, swing.smoothed, SOUGHT * period
+def _reversal(trace: PreparedTrace, at: float, period: float, side: float) -> float:
+    """Return the extreme nearest a predicted time [s].
+
+    It is a maximum for a positive `side`. Without an extreme nearby, the prediction is returned.
+    """
+    t, x, reach = trace.t, trace.smoothed, SOUGHT * period
     near = slice(*np.searchsorted(t, [at - reach, at + reach]))
     every = (near.stop - near.start) // 128 + 1
     u, y = (t[near][::every] - at) / reach, x[near][::every]
     if u.size < 5:
         return at
     y, square = y - y.mean(), u * u
-    # Least squares of a parabola on times that lie about as far on either side.
+    # Least squares fit of a parabola; the times are spread about evenly on both sides.
     slope = float(u @ y) / float(square.sum())
     square -= square.mean()
     curve = float(square @ y) / float(square @ square)
     shift = -slope / (2 * curve) if side * curve < 0 else np.inf
-    # Friction bends a reversal as hard as the half-cycles on either side are large, so that a parabola comes too late:
-    # by 3/8 of the reach, the ratio of the mean of |u|^3 to twice that of u^2, times their difference over their sum.
+    # With friction the curvature at a reversal is proportional to the half-cycle on each side, so a parabola is late:
+    # by 3/8 of the reach (mean of |u|^3 over twice the mean of u^2), times the sizes' difference over their sum.
     here, before, after = np.interp([at, at - period, at + period], t, x)
     seen = 0.5 - 0.5 * np.cos(np.pi * np.clip((t[-1] - at) / period, SOUGHT, 1.0))
     sizes = abs(here - before), abs(after - here) / seen
-    shift -= 0.375 * np.subtract(*sizes) / max(np.sum(sizes), swing.threshold)
+    shift -= 0.375 * np.subtract(*sizes) / max(np.sum(sizes), trace.threshold)
     return at + reach * shift if abs(shift) * SOUGHT <= BELIEVED else at
 
 
-def _sizes(swing: Swing, edges: np.ndarray, side: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Size of the half-cosine in each half-cycle, its standard error in white noise, and the variance beside it."""
-    cell = int(swing.half_period / swing.interval) // PER_HALF_CYCLE + 1
-    length = swing.t.size // cell * cell
-    t, x = (values[:length].reshape(-1, cell).mean(axis=1) for values in (swing.t, swing.x))
+def _half_cycle_amplitudes(
+    trace: PreparedTrace, edges: np.ndarray, side: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Fit a half-cosine in each half-cycle.
+
+    Returns its size, the standard error of the size for white noise, and the residual variance.
+    """
+    cell = int(trace.half_period / trace.interval) // PER_HALF_CYCLE + 1
+    length = trace.t.size // cell * cell
+    t, x = (values[:length].reshape(-1, cell).mean(axis=1) for values in (trace.t, trace.x))
     places = np.searchsorted(t, edges)
     count = np.diff(places).astype(float)
     used = slice(places[0], places[-1])
@@ -167,7 +189,7 @@ def _sizes(swing: Swing, edges: np.ndarray, side: np.ndarray) -> tuple[np.ndarra
     def sums(values: np.ndarray) -> np.ndarray:
         return np.bincount(number, values, minlength=count.size)
 
-    # Linear regression of x on the half-cosine, in all half-cycles at once.
+    # Linear regression of x on the half-cosine, for all half-cycles at once.
     n = np.maximum(count, 1.0)
     mean_shape, mean_x = sums(shape) / n, sums(x) / n
     h, y = shape - mean_shape[number], x - mean_x[number]
@@ -175,4 +197,4 @@ def _sizes(swing: Swing, edges: np.ndarray, side: np.ndarray) -> tuple[np.ndarra
     resolved = (count >= 4) & (square > 0.02 * count)
     size = np.where(resolved, product / np.where(resolved, square, 1.0), 0.0)
     misfit = np.maximum(sums(y * y) - size * product, 0.0) / n
-    return side * size, swing.noise / np.sqrt(stop.COSINE_VARIANCE * cell * n), misfit
+    return side * size, trace.noise / np.sqrt(stop.COSINE_VARIANCE * cell * n), misfit

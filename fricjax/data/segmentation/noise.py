@@ -1,23 +1,26 @@
-"""How fine a record is: its white noise and the step of its quantisation, read from the samples themselves.
+"""White noise and quantisation step, estimated from the samples.
 
-A smooth motion sampled densely is, over a few neighbouring samples, a polynomial. A divided difference of high order
-removes that polynomial and leaves only noise; its median is deaf to the few samples at reversals and glitches.
-Of a long record evenly spread blocks of neighbouring samples are taken: more of them would add nothing.
+Over a few neighbouring samples a smooth, densely sampled motion is a polynomial. A divided difference of high order
+removes this polynomial and leaves only noise. The median of the differences ignores the few samples at reversals and
+glitches. For long records, evenly spread blocks of neighbouring samples suffice.
 """
 
 import numpy as np
 
-# Of the differences: what is left of the motion only adds to an estimate, so that the smallest counts.
+# Orders of the differences. A remainder of the motion only increases an estimate, so the smallest estimate counts.
 ORDERS = (2, 3, 4, 5, 6, 8)
 NORMAL_MAD = 0.6744897501960817
 """Median absolute deviation of a normal distribution of standard deviation one."""
-ENOUGH = 2**17  # samples, which give the noise to about 1 %
-SOME = 2**11  # samples, enough for the typical time between them
+ENOUGH = 2**17  # samples that give the noise to about 1 %
+SOME = 2**11  # samples that give the typical interval
 BLOCKS = 32
 
 
 def blocks(values: np.ndarray, enough: int = ENOUGH) -> np.ndarray:
-    """Contiguous blocks of a record, shape `(b, m)`: all of a short one as one block, else `enough` samples of it."""
+    """Return contiguous blocks of a record, shape `(b, m)`.
+
+    A short record is one block; otherwise the blocks hold `enough` samples in total.
+    """
     if values.size <= enough:
         return values[None]
     length = enough // BLOCKS
@@ -26,35 +29,39 @@ def blocks(values: np.ndarray, enough: int = ENOUGH) -> np.ndarray:
 
 
 def typical_interval(t: np.ndarray) -> float:
-    """Typical time between samples [s]."""
+    """Return the typical time between samples [s]."""
     return median(np.diff(blocks(t, SOME)))
 
 
 def median(values: np.ndarray) -> float:
-    """The median, the upper one of two; several times faster than that of NumPy, which also looks for NaN."""
+    """Return the median, or the upper median of an even count.
+
+    It is several times faster than numpy's median, which also searches for NaN.
+    """
     half = values.size // 2
     return float(np.partition(values, half, axis=None)[half])
 
 
 def line_fit(t: np.ndarray, x: np.ndarray) -> tuple[float, np.ndarray]:
-    """Slope of the straight line of least squares, and what it leaves of `x`, shape `(n,)`."""
+    """Fit a straight line; return slope and residuals, shape `(n,)`."""
     u, y = t - t.mean(), x - x.mean()
     slope = (u @ y) / (u @ u)
     return float(slope), y - slope * u
 
 
 def resolution(x: np.ndarray) -> float:
-    """Smallest step of quantised data, or 0.0 where the values show no common step.
+    """Return the step of quantised data, or 0.0 for none.
 
-    The values of an encoder lie on a grid: where they are dense, the gaps between them are small multiples of one step
-    (roughly, if a few decimals were written); where they are sparse, exact multiples of a fraction of the smallest gap.
+    The values of an encoder lie on a grid. If they are dense, the gaps between them are small multiples of one step (to
+    rounding, if the file has few decimals). If they are sparse, the gaps are exact multiples of a fraction of the
+    smallest gap.
     """
     x = np.sort(blocks(x), axis=None)
     gaps, rounding = np.diff(x), 1e-11 * max(x[-1] - x[0], x[-1], -x[0])
     levels = 1 + np.count_nonzero(gaps)
     gaps = gaps[gaps > rounding]
     least = gaps.min(initial=np.inf)
-    # Gaps of all sizes down to the rounding are those of noise, not of steps.
+    # Gaps of all sizes down to the rounding come from noise, not from steps.
     if least < 1.5 * rounding:
         return 0.0
     if gaps.size < 10:
@@ -74,7 +81,9 @@ def _on_grid(multiples: np.ndarray, tolerance: float) -> np.ndarray:
 
 
 def white_noise(t: np.ndarray, x: np.ndarray, step: float = 0.0) -> float:
-    """Standard deviation of the white noise of `x`, at least what rounding to `step` causes (`step / sqrt(12)`).
+    """Estimate the standard deviation of the white noise of `x`.
+
+    The result is at least the rounding noise `step / sqrt(12)`.
 
     Args:
         t: times [s], shape `(n,)`, increasing, not necessarily evenly spaced.
@@ -82,22 +91,25 @@ def white_noise(t: np.ndarray, x: np.ndarray, step: float = 0.0) -> float:
         step: the quantisation step of `x`, 0 for none.
 
     Returns:
-        The smallest of the estimates from differences of several orders: what is left of the motion only adds to each.
+        The smallest estimate from differences of several orders. A remainder of the motion only increases an estimate.
     """
     estimates = _estimates(blocks(t) / typical_interval(t), blocks(x))
     return float(max(min(estimates, default=0.0), step / np.sqrt(12.0)))
 
 
 def _estimates(t: np.ndarray, x: np.ndarray) -> list[float]:
-    """Median size of the divided differences of each order, scaled to the standard deviation of one sample."""
+    """Estimate the noise from the divided differences of each order.
+
+    Each estimate is the median size, scaled to the standard deviation of one sample.
+    """
     estimates, differences = [], x
-    # Evenly spaced samples share the weights of the first ones.
+    # Evenly spaced samples share the weights of the first samples.
     even = float(np.ptp(np.diff(t))) < 1e-3
     places = t[:1, : 2 * ORDERS[-1]] if even else t
     weights = np.ones((1, *places.shape))
     for order in range(1, min(ORDERS[-1], x.shape[-1] - 4) + 1):
         differences = np.diff(differences) / (t[:, order:] - t[:, :-order])
-        # Neighbouring weights have opposite signs: in their difference the sizes, all that is needed here, add up.
+        # Neighbouring weights have opposite signs, so their sizes add up in a difference. Only the sizes matter.
         grown = np.zeros((order + 1, places.shape[0], places.shape[1] - order))
         grown[1:] += weights[..., 1:]
         grown[:-1] += weights[..., :-1]

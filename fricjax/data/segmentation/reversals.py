@@ -1,8 +1,8 @@
 """The reversals of a trace, refined to a fraction of its noise.
 
-Dry friction makes the acceleration jump at each reversal, so a trace is not symmetric there: before it the mass
-is braked by spring and friction together, afterwards by their difference. The refinement therefore gives each side its
-own curvature, and shares only the instant and the position at which the velocity vanishes.
+Dry friction makes the acceleration jump at each reversal: before it, spring and friction together brake the mass;
+afterwards only their difference accelerates it. A trace is therefore not symmetric about a reversal. The fit gives each
+side a separate curvature, and both share the time and the position at which the velocity is zero.
 """
 
 from collections.abc import Sequence
@@ -11,29 +11,36 @@ from typing import Any, NamedTuple
 import numpy as np
 
 ITERATIONS = 12
-ROUGHLY = 0.05  # change, in half-widths of the window, at which a fit is good enough to start the next
+ROUGHLY = 0.05  # change, in half-widths of the window, at which the fit moves on to the next window
 IMMATERIAL = 1e-4  # share of the standard error
 TOGETHER = 256  # reversals refined at once, which bounds the memory
-BINS = 128  # averages to which the samples of a window are condensed; less than 1 % of what they hold is lost
-RIDGE = 1e-13  # of the squared norms, so that a side with fewer samples than terms is solved for too
+BINS = 128  # averages per window; less than 1 % of the information is lost
+RIDGE = 1e-13  # relative to the squared norms; makes a side with fewer samples than terms solvable
 
 
 def window(half_period: Any, amplitude: Any, noise: float, interval: float) -> np.ndarray:
-    """Half-width [s] of the fit around an extreme: truncation error and noise in balance, at least eight samples."""
+    """Return the half-width [s] of the fit around an extreme.
+
+    It balances truncation error and noise, and contains at least eight samples.
+    """
     share = np.divide(noise, amplitude, out=np.zeros(np.shape(amplitude)), where=np.asarray(amplitude) > 0)
     width = np.maximum((1440.0 * share) ** (1.0 / 6.0) * half_period / np.pi, 8.0 * interval)
     return np.clip(width, 0.08 * half_period, 0.3 * half_period)
 
 
 def order_for(smallest: Any, noise: float) -> np.ndarray:
-    """Highest power of time on either side of a reversal, by the smaller of the half-cycles that meet there."""
+    """Return the highest power of time in the fit of a reversal.
+
+    It depends on the smaller of the two half-cycles that meet there.
+    """
     return np.where(np.asarray(smallest) > 1e3 * noise, 4, 2)
 
 
 def point_std(width: Any, order: Any, noise: float, interval: float) -> np.ndarray:
-    """Standard error of the position of a reversal: that of the mean of its window times 3/2, or 5/2 of order four.
+    """Return the standard error of the position of a reversal.
 
-    These are the intercepts of least squares of the functions of `refine` with evenly spaced samples.
+    It is the standard error of the mean of its window times 3/2, or times 5/2 for order four. These are the intercepts
+    of least squares for the functions of `refine` with evenly spaced samples.
     """
     return np.where(np.asarray(order) == 4, 2.5, 1.5) * noise / np.sqrt(2 * np.asarray(width) / interval)
 
@@ -42,20 +49,22 @@ def refine(
     t: np.ndarray, x: np.ndarray, guess: Any, omega: Any, windows: Sequence[tuple[Any, Any]], before: str = "moving",
     after: str = "moving",
 ) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
-    """Fits the instants and the positions of reversals, stops or starts near guesses, each on its own.
+    """Fit times and positions of reversals, stops or starts near guesses.
+
+    Each is fitted separately.
 
     Args:
         t: times [s], shape `(n,)`.
         x: displacements, shape `(n,)`.
-        guess: times of the extremes, good to about a third of the first width [s], shape `(k,)`, or one number.
-        omega: angular frequency of the motion [rad/s], as `guess` or the same for all.
-        windows: half-width of a fitted window [s], and the highest power of time on a moving side there, 2, 3 or 4,
-            likewise; each window but the last gives the guess for the next.
-        before: what the mass does before it: `"moving"` or `"still"`.
-        after: what it does afterwards: `"moving"`, `"still"` or `"creeping"`.
+        guess: times of the extremes [s], accurate to about a third of the first width, shape `(k,)`, or one number.
+        omega: angular frequency of the motion [rad/s], shape `(k,)`, or one number.
+        windows: half-width of each window [s] and the highest power of time on a moving side there (2, 3 or 4), each of
+            shape `(k,)` or one number. The result of each window is the guess for the next.
+        before: state of the mass before the extreme: `"moving"` or `"still"`.
+        after: state of the mass after it: `"moving"`, `"still"` or `"creeping"`.
 
     Returns:
-        Times and positions, shape `(k,)`. Where a window holds too few samples or its fit runs away: its guess.
+        Times and positions, shape `(k,)`. If a window has too few samples or its fit diverges, its guess is returned.
     """
     guess, omega = np.broadcast_arrays(*np.atleast_1d(guess, omega))
     time, position = guess.astype(np.float64), np.empty(guess.size)
@@ -70,10 +79,10 @@ def refine(
 
 
 class _Windows(NamedTuple):
-    """The averages around several reversals, shape `(k, bins)`, with times from the guess in half-widths of the window.
+    """Averages around several reversals, shape `(k, bins)`.
 
-    A bin is the average of neighbouring samples. Only what the motion does within a bin is lost, and with it less than
-    one percent of the information on the reversal.
+    Times count from the guess, in half-widths of the window. A bin is the average of neighbouring samples. Only the
+    motion within a bin is lost, and with it less than 1 % of the information on the reversal.
     """
 
     time: np.ndarray
@@ -89,15 +98,15 @@ class _Windows(NamedTuple):
 def _windows(
     t: np.ndarray, x: np.ndarray, guess: np.ndarray, omega: np.ndarray, width: np.ndarray, order: np.ndarray
 ) -> _Windows:
-    """Averages over the samples within `width` of each guess, as even in number as the samples allow."""
-    # The sum over a bin is taken up to the first sample behind it, which the last sample of a record does not have.
+    """Average the samples within `width` of each guess in equal bins."""
+    # A bin is summed up to the first sample after it, which the last sample of a record does not have.
     low, high = np.searchsorted(t[:-1], [guess - width, guess + width])
     size, position = high - low, np.interp(guess, t, x)
     stride = np.maximum(-(-size // BINS), 1)
     bins = np.arange(np.max(-(-size // stride)) + 1)
     edges = low[:, None] + np.minimum(bins * stride[:, None], size[:, None])
     count, first, last = np.diff(edges), edges[:, :-1], np.maximum(edges[:, 1:] - 1, edges[:, :-1])
-    used = slice(0, int(edges.max()) + 1)  # the last of the sums goes on to the end
+    used = slice(0, int(edges.max()) + 1)  # reduceat extends the last sum to the end
     sums = [np.add.reduceat(values[used], edges.ravel()).reshape(edges.shape)[:, :-1] for values in (t, x)]
     means, width, weight = [total / np.maximum(count, 1) for total in sums], width[:, None], np.sqrt(count)
     return _Windows(
@@ -114,7 +123,10 @@ def _windows(
 
 
 def _gauss_newton(near: _Windows, enough: float, before: str, after: str) -> tuple[np.ndarray, np.ndarray]:
-    """Shift of each reversal from its guess in half-widths, and its position; zero and the guess without a fit."""
+    """Return the shift of each reversal, in half-widths, and its position.
+
+    Failed fits return a shift of zero and the guessed position.
+    """
     shift, offset, fitted = np.zeros(near.size.size), np.zeros(near.size.size), near.size >= 4
     active = np.flatnonzero(fitted)
     for _ in range(ITERATIONS if active.size else 0):
@@ -129,7 +141,10 @@ def _gauss_newton(near: _Windows, enough: float, before: str, after: str) -> tup
 
 
 def _step(near: _Windows, shift: np.ndarray, before: str, after: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Change of the shift and position of each reversal by a joint linear fit, and whether it is immaterial."""
+    """Compute one Gauss-Newton step by a joint linear fit.
+
+    Returns the change of the shift, the position, and True where the change is immaterial.
+    """
     basis, slopes = _sides(near, shift, before, after)
     gram = basis @ basis.mT
     norm = np.sqrt(np.diagonal(gram, axis1=1, axis2=2))
@@ -146,16 +161,17 @@ def _step(near: _Windows, shift: np.ndarray, before: str, after: str) -> tuple[n
     change = np.clip(change, -0.25, 0.25)
     remainder = residual - sensitivity * change[:, :, None]
     offset = coefficients[:, :1] + inverse[:, :1] @ (basis @ remainder)
-    # The next change would be of the order of this one squared; one far below the standard error is immaterial.
+    # The next change would be of the order of this one squared; far below the standard error it is immaterial.
     error = np.sqrt(np.mean(remainder**2, axis=1) / np.where(power > 0, power, 1.0))
     immaterial = change**2 < np.maximum(IMMATERIAL * error, 1e-10)
     return change[:, 0], offset[:, 0, 0], immaterial[:, 0]
 
 
 def _sides(near: _Windows, shift: np.ndarray, before: str, after: str) -> tuple[np.ndarray, np.ndarray]:
-    """Weighted functions, shape `(k, functions, bins)`, that are at rest at the reversal, a set per side; their slopes.
+    """Return the weighted basis functions and their slopes.
 
-    Each is averaged over its bin: half the variance of the times there, times the second derivative, is added.
+    The shape is `(k, functions, bins)`. Each side has a set of functions that are at rest at the reversal. To average a
+    function over its bin, half the variance of the times times the second derivative is added.
     """
     time, variance, weight = near.time - shift[:, None], near.variance, near.weight
     sine, cosine = np.sin(0.5 * near.phase * time), np.cos(0.5 * near.phase * time)

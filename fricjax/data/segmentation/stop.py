@@ -1,8 +1,8 @@
-"""Where a decay stops, as the one change in its half-cycles.
+"""The stop of a decay: the change point in its half-cycles.
 
-Up to the stop the half-cosines in the record are those of a decay, ``alpha rho^j - beta``; after it they are what the
-noise alone makes, of whatever colour, and so say themselves how large that is: one change point, by likelihood
-(Hinkley, Biometrika 57, 1970).
+Up to the stop the half-cosines in the record follow a decay, ``alpha rho^j - beta``. After it they come from the noise
+alone, of any colour, and so measure its size. The number of half-cycles before this single change point is estimated by
+likelihood (Hinkley, Biometrika 57, 1970).
 """
 
 import bisect
@@ -11,52 +11,55 @@ import numpy as np
 
 from ... import thresholds
 from .noise import NORMAL_MAD
-from .swing import Swing
+from .swing import PreparedTrace
 
-# Standard errors by which a half-cycle stands out, and how many in a row have to.
+# Standard errors by which a half-cycle stands out, and the number in a row that must stand out.
 STANDS_OUT, TOGETHER = 5.0, 3
-# A half-cycle is no larger than the one before, but for what noise of slow colour adds to it.
+# Largest ratio of a half-cycle to the previous one; slow noise can add to a half-cycle.
 GROWTH = 1.3
-# Half-cycles over which a swing falls below this part of itself, and a hum stays above that.
+# Over this many half-cycles a decay falls below a share FELL of its size, while a hum stays above a share STEADILY.
 HUMS, FELL, STEADILY = 3, 0.75, 0.9
-# Variance beside a half-cosine, as a multiple of the most that the rest has, at which a contact rings.
+# Residual variance of a half-cosine, relative to the largest one at rest, above which the contact rings.
 RINGING = 4.0
-# Part of a half-cycle that is left of it and the next half-period together, below which it is a creep.
+# Ratio of a half-cycle plus its successor to the half-cycle alone, below which the motion is a creep.
 CREPT = 0.35
-# Part of a half-period after the last reversal from which a rest can be told from a reversal.
+# Shortest time after the last reversal that separates a rest from a reversal, in half-periods.
 SHORTEST_REST = 0.25
-# Speed of a creep, as a part of the peak speed of the last half-cycle.
+# Speed of a creep, relative to the peak speed of the last half-cycle.
 CREEP = 0.03
 COSINE_VARIANCE = 0.125
 """Variance of a half-cosine of height one."""
-# Half-cycles from which a prediction is made at least, half-cycles that give its misfit, and how many more than those
-# that stand out are weighed.
+# Fewest half-cycles for a prediction, half-cycles that measure its misfit, and number of candidates beyond those that
+# stand out.
 _FITTED, _MISFITS, _AHEAD = 5, 8, 16
 _FEW = 6  # half-cycles from the end of the record, too few to measure the noise after them
-_FINEST = 2e-8  # of the span: half-cycles below five times this are not looked for
-# Ratios rho that are tried; those above 1, with a negative alpha, are decays that fall faster and faster.
+_FINEST = 2e-8  # relative to the span; half-cycles below five times this size are ignored
+# Trial ratios rho; a ratio above 1, with a negative alpha, is a decay that becomes faster and faster.
 _DECREMENTS = np.exp(-np.concatenate([-np.geomspace(0.05, 1e-4, 10), [0.0], np.geomspace(1e-4, 1.5, 60)]))[:, None]
 
 
 def find_stop(
-    swing: Swing, edges: np.ndarray, size: np.ndarray, error: np.ndarray, misfit: np.ndarray, large: int
+    trace: PreparedTrace, edges: np.ndarray, size: np.ndarray, error: np.ndarray, misfit: np.ndarray, large: int
 ) -> tuple[int, bool, tuple[int, ...]]:
-    """How many of the half-cycles are motion, whether the mass stops after them, and what other numbers are possible.
+    """Return the number of half-cycles, the stop flag, and alternatives.
 
     Args:
-        swing: the record.
-        edges: instants between which half-cycles are looked for [s], shape `(n + 1,)`.
-        size: of the half-cosine in each, positive in the direction whose turn it is, shape `(n,)`.
+        trace: the prepared trace.
+        edges: times between which half-cycles are searched [s], shape `(n + 1,)`.
+        size: size of the half-cosine in each, positive in the expected direction, shape `(n,)`.
         error: its standard error in white noise.
-        misfit: variance beside the half-cosine.
-        large: how many are motion for sure.
+        misfit: residual variance of the half-cosine.
+        large: number of half-cycles that are certainly motion.
+
+    Returns:
+        The number of half-cycles, True if the mass stops after them, and other possible numbers.
     """
-    # A creep or a drift moves the mass as far in the next half-period, and is no half-cycle in the sum of both.
+    # A creep or a drift moves the mass as far in the next half-period, so it cancels in the sum of both.
     pairs = np.append(size[:-1] + size[1:], size[-1])
-    floor = np.maximum(np.maximum(error, swing.resolution / np.sqrt(12)), _FINEST * float(np.ptp(swing.smoothed)))
+    floor = np.maximum(np.maximum(error, trace.resolution / np.sqrt(12)), _FINEST * float(np.ptp(trace.smoothed)))
     scatter = _scatter(pairs, floor, misfit)
     last = _decaying(size, floor, large)
-    # No half-cycle: a creep, that goes on where one ends and is lost in the pair, or the ring of a contact.
+    # Motion that is no half-cycle: a creep, which continues and cancels in the pair, or the ringing of a contact.
     quiet = np.append(np.maximum.accumulate(misfit[::-1])[::-1][1:], 0.0)
     other = (pairs < CREPT * size) | (misfit > np.maximum(COSINE_VARIANCE * size**2, RINGING * quiet))
     while last > large and (
@@ -64,10 +67,10 @@ def find_stop(
     ):
         last -= 1
     if last == size.size:
-        moved = abs(swing.smoothed[-1] - np.interp(edges[-1], swing.t, swing.smoothed))
-        sets_out = moved > max(swing.threshold, STANDS_OUT * scatter[-1])
-        since, period = swing.t[-1] - edges[-1], edges[-1] - edges[-2]
-        # Too soon after the last reversal a stop cannot be told from it, unless the mass is seen on its way again.
+        moved = abs(trace.smoothed[-1] - np.interp(edges[-1], trace.t, trace.smoothed))
+        sets_out = moved > max(trace.threshold, STANDS_OUT * scatter[-1])
+        since, period = trace.t[-1] - edges[-1], edges[-1] - edges[-2]
+        # Too soon after the last reversal a stop looks the same as a reversal, unless the mass has visibly left it.
         if since < SHORTEST_REST * period:
             return size.size if sets_out else size.size - 1, False, ()
         if sets_out and moved / since > CREEP * np.pi / period * abs(size[-1]) / 2:
@@ -79,24 +82,24 @@ def find_stop(
 
 
 def _decaying(size: np.ndarray, floor: np.ndarray, large: int) -> int:
-    """How many half-cycles from the first on go to and fro and shrink."""
+    """Return the number of half-cycles from the first that alternate and shrink."""
     grown = size[large:] > GROWTH * size[large - 1 : -1] + STANDS_OUT * floor[large:]
     wrong = np.flatnonzero(grown | (size[large:] < -STANDS_OUT * floor[large:]))
     if wrong.size:
         return large + int(wrong[0])
-    # A hum at the natural frequency goes to and fro for ever, and does not shrink where the swing did.
+    # A hum at the natural frequency alternates forever, and does not shrink as the decay did.
     if large <= HUMS or size.size < large + 2 * HUMS:
         return size.size
-    level, before = (float(np.mean(size[-n * HUMS :][:HUMS])) for n in (1, 2))
-    hums = size[large - 1] < FELL * size[large - 1 - HUMS] and level > STEADILY * before
-    return large + int(np.argmax(size[large:] < 2 * level)) if hums else size.size
+    recent, earlier = (float(np.mean(size[-n * HUMS :][:HUMS])) for n in (1, 2))
+    hums = size[large - 1] < FELL * size[large - 1 - HUMS] and recent > STEADILY * earlier
+    return large + int(np.argmax(size[large:] < 2 * recent)) if hums else size.size
 
 
 def _scatter(pairs: np.ndarray, floor: np.ndarray, misfit: np.ndarray) -> np.ndarray:
-    """What noise makes of a pair of half-cycles, for each as if those after it were the rest; few measure it badly.
+    """Estimate the noise of each pair of half-cycles from later pairs.
 
-    It is their median size: of a long slow decay most half-cycles after one that is seen are lost in the noise. Where
-    they are too few, it is at most what is left beside them, as if that were slow.
+    It is their median size, which is robust: in a long slow decay most half-cycles after a detected one are below the
+    noise. Near the end, where few pairs are left, the residual variance is a lower bound, as if it were slow noise.
     """
     scatter, after = np.sqrt(2) * floor, []
     few = slice(max(pairs.size - _FEW, 0), None)
@@ -112,16 +115,17 @@ def _scatter(pairs: np.ndarray, floor: np.ndarray, misfit: np.ndarray) -> np.nda
 def _likelihoods(
     size: np.ndarray, pairs: np.ndarray, scatter: np.ndarray, other: np.ndarray, last: int, large: int
 ) -> dict[int, float]:
-    """Logarithm of the likelihood of each number of half-cycles near `last`, up to a constant.
+    """Return the log-likelihood of each number of half-cycles near `last`.
 
-    A half-cycle is as large as the decay predicts, or anything up to the one before where too few predict it. It is
-    seen together with the next one, if there is one, so that a creep or a drift is not taken for it.
+    The values share an unknown constant. A half-cycle is as large as the decay predicts. If too few half-cycles predict
+    it, its size is anything up to the previous one. Each half-cycle is tested together with the next one, if there is
+    one, so that a creep or a drift does not count.
     """
-    # The last half-cycle of all has none after it that could tell it from a creep.
+    # The last half-cycle of all has no successor to distinguish it from a creep.
     first, end = max(last - 1, large, 1), max(min(size.size - 1, last + _AHEAD), last)
     moved = other[last:end] & (size[last:end] > STANDS_OUT * scatter[last:end])
     end = last + int(np.argmax(moved)) if moved.any() else end
-    # Too few after a half-cycle measure the noise badly: those that have more stand for them.
+    # Few half-cycles measure the noise badly, so use the noise of those with more half-cycles after them.
     noise, seen = scatter[np.minimum(np.arange(first, end), max(size.size - _FEW, last))], pairs[first:end]
     at_rest = -0.5 * (seen / noise) ** 2 - np.log(noise)
     if last >= _FITTED + 1:
@@ -134,7 +138,7 @@ def _likelihoods(
 
         moving, ending = log_density(both), log_density(curve[first:end])
     else:
-        # Imported where a decay is that short, for it takes longer than a fit.
+        # Import late: the import takes longer than a fit, and only short decays need it.
         from scipy.special import log_ndtr
 
         height = np.maximum(size[last - 1], STANDS_OUT * noise)
@@ -146,9 +150,12 @@ def _likelihoods(
 
 
 def _prediction(size: np.ndarray, end: int) -> tuple[np.ndarray, float]:
-    """Sizes ``alpha rho^j - beta`` fitted to those seen, but for the first, up to number `end`; and their misfit."""
+    """Fit sizes ``alpha rho^j - beta``, without the first, and extrapolate.
+
+    Returns the sizes up to number `end` and the misfit.
+    """
     j = np.arange(end, dtype=float)
-    # Each counted from where it is largest among those seen, so that none overflows.
+    # Scale each curve to its largest fitted value, so that no power overflows.
     largest = np.where(_DECREMENTS < 1.0, 1, size.size)
     curves = np.where(_DECREMENTS == 1.0, j, np.power(_DECREMENTS, j - largest))
     fitted = slice(1, size.size)

@@ -1,27 +1,28 @@
-"""A trace made ready for the search of its reversals: its samples, smoothed ones, and the scales that matter.
+"""Preparation of a trace, and the search for its extremes.
 
-The extremes between which it swings are found by hysteresis: they are those that a larger move follows.
+A `PreparedTrace` holds the samples, the smoothed samples and the scales of noise and time. An extreme is a reversal if
+a move larger than a threshold follows it.
 """
 
 import dataclasses
 
 import numpy as np
 
-FEW = 256  # extremes that need no thinning out, which bounds the loop of `zigzag` in Python
-# Median deviations from which a sample is a spike, samples in a half-cycle from which that can be said, and the part of
-# a record that spikes may be, each with its neighbours: beyond it they are its noise.
+FEW = 256  # extremes that need no thinning; this bounds the Python loop of `zigzag`
+# Size of a spike in median deviations, fewest samples per half-cycle for the spike test, and largest share of spikes in
+# a record; a larger share is noise.
 SPIKE, DENSE, FEW_SPIKES = 12.0, 48, 0.1
 
 
 @dataclasses.dataclass(frozen=True)
-class Swing:
-    """Samples of a decay with the scales of its noise and its time.
+class PreparedTrace:
+    """Samples of a decay with the scales of noise and time.
 
     **Fields:**
 
-    - `t`, `x`: times [s] and positions of the used samples, shape `(n,)`; `smoothed`: positions with less noise.
-    - `noise`: standard deviation of `x`; `resolution`: step of its quantisation, 0 for none.
-    - `threshold`: the smallest motion before the first large half-cycle that counts as one.
+    - `t`, `x`: times [s] and positions of the used samples, shape `(n,)`; `smoothed`: smoothed positions.
+    - `noise`: standard deviation of `x`; `resolution`: quantisation step, 0 for none.
+    - `threshold`: the smallest motion that counts before the first large half-cycle.
     - `half_period`: typical duration of a half-cycle [s]; `interval`: typical time between samples [s].
     """
 
@@ -35,17 +36,17 @@ class Swing:
     interval: float
 
     def distance(self, begin: int, end: int) -> float:
-        """Distance between two samples."""
+        """Return the distance between two samples."""
         return float(abs(self.smoothed[end] - self.smoothed[begin]))
 
 
 def without_spikes(x: np.ndarray, noise: float, stretch: int) -> np.ndarray:
-    """The record with samples far off their neighbours replaced by the line between those about them.
+    """Replace spikes by linear interpolation between their neighbours.
 
     Args:
         x: positions, shape `(n,)`.
-        noise: standard deviation of a sample at least.
-        stretch: samples of a half-cycle, to whose median deviation one is compared.
+        noise: lower bound of the standard deviation of a sample.
+        stretch: samples per half-cycle; a spike is compared with the median deviation in such a stretch.
     """
     if stretch < DENSE or x.size < 2 * stretch:
         return x
@@ -55,7 +56,7 @@ def without_spikes(x: np.ndarray, noise: float, stretch: int) -> np.ndarray:
     np.abs(off, out=off)
     number = off.size // stretch
     usual = np.median(off[: number * stretch].reshape(number, stretch), axis=1)
-    # A motion that starts or ends within a stretch is curved as in the next one.
+    # A motion that starts or ends within a stretch is as curved as in the next stretch.
     usual = np.maximum(usual, np.maximum(np.append(usual[1:], 0.0), np.insert(usual[:-1], 0, 0.0)))
     bound = SPIKE * np.maximum(usual, noise)
     above = off[: number * stretch].reshape(number, stretch) > bound[:, None]
@@ -69,7 +70,10 @@ def without_spikes(x: np.ndarray, noise: float, stretch: int) -> np.ndarray:
 
 
 def smooth(x: np.ndarray, width: int) -> np.ndarray:
-    """Moving average over `width` samples (made odd), shorter towards both ends; a lone outlier is taken out before."""
+    """Return the moving average over `width` samples (made odd).
+
+    The window shrinks towards both ends. A median of three removes single outliers before.
+    """
     if min(width, x.size) < 3:
         return x
     half = min(width // 2, (x.size - 1) // 2)
@@ -90,10 +94,10 @@ def smooth(x: np.ndarray, width: int) -> np.ndarray:
 
 
 def extremes(x: np.ndarray, threshold: float) -> np.ndarray:
-    """Indices of the local extremes and of both ends, without most of those that no move above `threshold` hangs on.
+    """Return indices of local extremes and both ends, with small details removed.
 
-    A move of at most `threshold` that lies within both its neighbours is a detail of a larger one. All such moves are
-    left out at once, again and again, while that removes many.
+    A move of at most `threshold` that lies within both neighbouring moves is a detail of a larger move. All such moves
+    are removed at once, and this repeats while it removes many. No move above `threshold` is lost.
     """
     rises = x[1:] > x[:-1]
     moves = np.flatnonzero(rises | (x[1:] < x[:-1]))
@@ -112,11 +116,11 @@ def extremes(x: np.ndarray, threshold: float) -> np.ndarray:
 
 
 def zigzag(x: np.ndarray, among: np.ndarray, threshold: float) -> list[int]:
-    """Indices of alternating extremes between which `x` moves by more than `threshold`.
+    """Return indices of alternating extremes with moves of `x` above `threshold`.
 
-    The first is the pole from which the motion starts, the last the farthest point of the half-cycle still open at the
-    end; the ones between are reversals. A trace that never moves by more than `threshold` gives an empty list. `among`
-    holds its `extremes` for this threshold or a smaller one.
+    The first index is the pole from which the motion starts. The last index is the farthest point of the half-cycle
+    that is still incomplete at the end; the others are reversals. The list is empty if no move exceeds `threshold`.
+    `among` contains the `extremes` for this threshold or a smaller one.
     """
     pivots: list[int] = []
     high = low = (float(x[0]), 0)

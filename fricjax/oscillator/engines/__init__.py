@@ -1,4 +1,4 @@
-"""Ways to integrate one oscillator, with one interface; each is imported where it is chosen."""
+"""Engines that integrate an oscillator, with a common interface."""
 
 from .base import AbstractEngine, AbstractPath, Demands
 

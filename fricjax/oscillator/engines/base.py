@@ -1,4 +1,4 @@
-"""The interface of the engines: one oscillator, a start, the times asked for, and out comes the motion."""
+"""Interface of the engines that compute a motion from a start."""
 
 import abc
 from collections.abc import Sequence
@@ -12,15 +12,16 @@ from ..motion import Motion, Start
 from ..oscillator import Oscillator
 
 UNTABLED = 2
-"""Half-cycles before a stop that are integrated each for itself, not read off a table."""
+"""Number of half-cycles before a stop that are integrated individually instead of interpolated in a table."""
 
 
 class Demands(NamedTuple):
-    """What the records of a fit ask of its engine.
+    """Requirements of a fit for its engine.
 
     Attributes:
-        deflections: those of each record from which its half-cycles start, without the last ones before a stop [m].
-        accuracy: error of the motion below which the noise of all samples leaves nothing visible [m].
+        deflections: deflections at the start of the half-cycles of each record [m], without the last ones before a
+            stop.
+        accuracy: error of the motion that is negligible compared with the noise of all samples [m].
         from_rest: whether every motion starts from rest.
     """
 
@@ -30,29 +31,33 @@ class Demands(NamedTuple):
 
 
 class AbstractPath(eqx.Module):
-    """A motion that can be read off at any time; a pytree, so that its tangents can be carried along."""
+    """Motion that can be evaluated at any time; a pytree with tangents."""
 
     @property
     @abc.abstractmethod
     def turning_points(self) -> Float[Array, " turning_points"]:
-        """Displacements of a start at rest and of each reversal [m], NaN behind the last; empty if not recorded."""
+        """Displacements at a start from rest and at each reversal [m].
+
+        Padded with NaN; empty if not recorded.
+        """
 
     @abc.abstractmethod
     def sample(self, ts: Float[Array, " samples"]) -> tuple[Float[Array, " samples"], Float[Array, " samples"]]:
-        """Displacement [m] and velocity [m/s] at `ts` [s] after the start."""
+        """Return displacement [m] and velocity [m/s] at `ts` [s] after the start."""
 
 
 class AbstractEngine(eqx.Module):
-    """A way to integrate the equation of motion.
+    """Method to integrate the equation of motion.
 
-    What shapes the computation is static, and numbers such as a tolerance or a mesh are arrays, so that a second call
-    of the same shape compiles nothing.
+    Fields that determine the structure of the computation are static. Numbers such as a tolerance or a mesh are arrays,
+    so a second call with the same shapes compiles nothing.
 
     Attributes:
-        name: by which :func:`fricjax.simulate` knows it.
-        counted: what the `stats` of its motions tell.
-        needs_mesh: whether the steps of a motion have to be found before its path is a smooth function of it.
-        takes_drive: whether `solve` takes a `drive`: a floor that moves, a holding force that decays.
+        name: name for :func:`fricjax.simulate`.
+        counted: entries of the `stats` of its motions.
+        needs_mesh: whether a path requires a mesh found by an adaptive integration before it is a smooth function of
+            the parameters.
+        takes_drive: whether `solve` accepts a `drive`: floor motion, a decaying holding force.
     """
 
     name: eqx.AbstractClassVar[str]
@@ -63,26 +68,30 @@ class AbstractEngine(eqx.Module):
     @staticmethod
     @abc.abstractmethod
     def refusal(oscillator: Oscillator) -> str | None:
-        """Why such an engine cannot integrate this oscillator, in a sentence; None where it can."""
+        """Return the reason why an oscillator is unsupported, else None."""
 
     @abc.abstractmethod
     def tuned(self, oscillator: Oscillator, demands: Demands) -> "AbstractEngine":
-        """The engine that a fit of an oscillator to records asks for, from what they show."""
+        """Return the engine configured for a fit of these records."""
 
     @abc.abstractmethod
     def finer(self) -> "AbstractEngine":
-        """An engine of the same kind whose numerical error is clearly smaller."""
+        """Return an engine of the same kind with a clearly smaller error."""
 
     def checking(self) -> "AbstractEngine":
-        """An engine that tells the numerical error of this one, of the same shape so that both share a compilation.
+        """Return an engine for estimating the numerical error of this one.
 
-        Its own error is clearly smaller, or of the same size but another one: on another mesh.
+        It has the same shapes, so both share a compiled program. Its error is clearly smaller, or of the same size but
+        independent, for example on another mesh.
         """
         return self.finer()
 
     @abc.abstractmethod
     def path(self, oscillator: Oscillator, start: Start, half_cycles: Int[Array, ""] | None = None) -> AbstractPath:
-        """The motion from time zero, before it is sampled; `half_cycles` as in :meth:`solve`."""
+        """Return the motion from time zero as a path.
+
+        `half_cycles` is as in :meth:`solve`.
+        """
 
     @abc.abstractmethod
     def solve(
@@ -94,14 +103,14 @@ class AbstractEngine(eqx.Module):
     ) -> Motion:
         """Integrate from time zero and sample at `ts` [s].
 
-        `half_cycles`, where given, is the number of half-cycles after which a set-valued law stops the mass, in
-        place of the rest condition: a fit takes this number from the record, which keeps its residual smooth.
+        If `half_cycles` is given, a set-valued law stops the mass after that number of half-cycles, regardless of the
+        rest condition. A fit takes the number from the record, which keeps its residual smooth.
         """
 
     def rest(self, oscillator: Oscillator, start: Start) -> Array:
-        """Where the contact of a law with internal states holds the mass [m].
+        """Return the final displacement under a law with internal states [m].
 
         Raises:
-            ValueError: an engine that does not integrate such laws.
+            ValueError: the engine does not integrate such laws.
         """
         raise ValueError(f"{type(self).__name__} cannot say where a law with internal states stops. Use Smooth.")

@@ -1,12 +1,12 @@
-"""Integration in time of a mass under set-valued friction, driven or free: diffrax with its events and its root finder.
+"""Integration of set-valued friction in time by diffrax with events.
 
-Sliding has a direction, and within it the equation of motion is smooth. diffrax integrates up to the instant at which
-the velocity vanishes, which its root finder locates on the dense output of the last step. There the mass sticks if the
-net pull does not exceed the static friction force, and slides on in the direction of the pull if it does. A mass that
-sticks is held until the pull outgrows that force, which is an event as well. So no step straddles the jump.
+Within one direction of sliding the equation of motion is smooth. diffrax integrates until the velocity vanishes; its
+root finder locates that instant on the dense output of the last step. The mass sticks if the net pull does not exceed
+the static friction force; otherwise it slides in the direction of the pull. A sticking mass is held until the pull
+exceeds that force, which is another event. No step crosses a jump.
 
-It is what a free motion is tested against, since nothing in it is known beforehand: neither the phase nor the shape of
-a half-cycle. For driven motion, which has neither, it is the engine.
+The method makes no assumption about the phase or the shape of half-cycles. It therefore serves as the reference for
+free motions, and as the engine for driven motions.
 """
 
 from typing import Any, ClassVar, NamedTuple
@@ -25,19 +25,19 @@ from ..outcome import RESULTS
 from .base import AbstractEngine, AbstractPath, Demands
 from .smooth.scaled import Scaled, continued
 
-# Tolerance of a step as a share of the accuracy: errors of the steps add up, and samples are read off the dense output,
-# whose error no controller sees. At ten times this share the error of an ordinary decay is a tenth of the accuracy.
+# Tolerance of a step relative to the accuracy. Errors accumulate over steps, and samples come from the dense output,
+# which has no error control. At ten times this value the error of a typical decay is a tenth of the accuracy.
 _SHARE = 0.002
 _FINEST = 1e-14
-# Samples that one integration may fill: without a bound, each of thousands of half-cycles would go through all samples.
+# Samples per integration; without a bound, each of thousands of half-cycles would process all samples.
 _WINDOW = 512
 
 
 class _Phase(NamedTuple):
-    """The mass as it begins to slide in one direction, to stick, or to go on: scaled state, and the samples so far.
+    """Scaled state at the start of a slide or rest, with samples.
 
-    `direction` is +1 or -1, and 0 while the mass sticks; `slid` tells whether it has moved yet, for a contact that has
-    stood holds more.
+    `direction` is +1 or -1, or 0 for a sticking mass. `slid` is True once the mass has moved; before that the contact
+    holds its breakaway force.
     """
 
     tau: Array
@@ -57,16 +57,16 @@ class _Phase(NamedTuple):
 
 
 class _Machine(eqx.Module):
-    """An oscillator in its units of displacement and time, and when friction holds it."""
+    """Oscillator in scaled units, with the condition for sticking."""
 
     scaled: Scaled
 
     def pull(self, tau: Array, x: Array) -> Array:
-        """Net force towards negative x that friction has to balance at rest [N]."""
+        """Return the net force towards negative x that friction must balance [N]."""
         return self.scaled.pull(x) - self.scaled.push(tau)
 
     def excess(self, tau: Array, x: Array, slid: Array) -> Array:
-        """By how much the largest force that holds the mass exceeds the pull, in units of the spring's force."""
+        """Return the holding force minus the pull, relative to the spring's force."""
         oscillator, length = self.scaled.oscillator, self.scaled.length
         law, load = oscillator.friction, oscillator.normal_force
         contact = jnp.where(slid, law.static_force(load), law.breakaway_force(load))
@@ -74,14 +74,14 @@ class _Machine(eqx.Module):
         return (most - jnp.abs(self.pull(tau, x))) / (oscillator.stiffness * length)
 
     def onward(self, tau: Array, x: Array, slid: Array) -> Array:
-        """Where a mass of zero velocity goes: 0 if static friction holds it."""
+        """Return the direction after zero velocity; 0 if static friction holds."""
         spare = self.excess(tau, x, slid)
-        # Without contact, a floor that moves leaves no mass at rest, though its pull may vanish for an instant.
+        # Without friction a moving floor leaves no mass at rest, though the pull may vanish for an instant.
         leaves = (spare < 0) | ((spare == 0) & (self.scaled.floor is not None))
         return jnp.where(leaves, self.away(tau, x), 0.0)
 
     def away(self, tau: Array, x: Array) -> Array:
-        """The direction in which the pull moves the mass."""
+        """Return the direction in which the pull moves the mass."""
         return jnp.where(self.pull(tau, x) > 0, -1.0, 1.0)
 
 
@@ -93,7 +93,7 @@ class _Args(NamedTuple):
 
 
 def _field(tau: Any, y: tuple, args: _Args) -> tuple:
-    """Rates of the scaled displacement and velocity while the mass slides in one direction, or sticks."""
+    """Return the rates of scaled displacement and velocity during one phase."""
     scaled, oscillator = args.machine.scaled, args.machine.scaled.oscillator
     x, v = y[0] * scaled.length, y[1] * scaled.speed
     sliding = oscillator.friction.sliding_force(jnp.maximum(args.direction * v, 0.0), oscillator.normal_force)
@@ -104,20 +104,22 @@ def _field(tau: Any, y: tuple, args: _Args) -> tuple:
 
 
 def _ends(t: Any, y: tuple, args: _Args, **kwargs: Any) -> Array:
-    """What vanishes where a phase ends: the velocity of a slide, the spare force of a rest."""
-    # At the begin of a slide the velocity vanishes too, which is no end.
+    """Return the quantity that vanishes at the end of a phase.
+
+    It is the velocity of a slide and the spare holding force of a rest.
+    """
+    # The velocity also vanishes at the start of a slide, which is not its end.
     forward = jnp.where(t <= args.begin, 1.0, args.direction * y[1])
     return jnp.where(args.direction == 0, args.machine.excess(t, y[0], args.slid), forward)
 
 
 class Events(AbstractEngine):
-    """Slides and rests one after the other, each integrated by diffrax up to its event.
+    """Alternating slides and rests, each integrated by diffrax up to its event.
 
     Attributes:
-        accuracy: largest error of the displacement aimed at [m].
-        max_half_cycles: length of the list of turning points, and most slides of a motion; each may be followed by a
-            rest.
-        max_steps: bound on the number of steps of one slide or rest.
+        accuracy: target for the largest error of the displacement [m].
+        max_half_cycles: maximum number of turning points and slides; each slide may be followed by a rest.
+        max_steps: maximum number of steps of one slide or rest.
 
     Examples:
         >>> import numpy as np
@@ -165,7 +167,7 @@ class Events(AbstractEngine):
         taus = jnp.maximum(ts, 0.0) * scaled.rate
         most = jnp.asarray(jnp.inf if half_cycles is None else half_cycles, float)
         end = jnp.maximum(taus[-1], 1e-9)
-        # Each slide may be followed by a rest, and either may be longer than a window.
+        # Each slide may be followed by a rest, and each may span several windows.
         most_phases = 2 * self.max_half_cycles + 2 * taus.size // _WINDOW + 2
         going = lambda at: (at.tau < end) & (at.phases < most_phases) & (at.count < self.max_half_cycles)
         begun = self._begun(machine, start, taus)
@@ -204,10 +206,11 @@ class Events(AbstractEngine):
         return _Phase(zero, x, v, direction, direction != 0, none, points, stopped, *at, none, none, RESULTS.successful)
 
     def _next(self, machine: _Machine, taus: Array, end: Array, most: Array, at: _Phase) -> _Phase:
-        """The phase that follows one, which is integrated and sampled."""
+        """Integrate and sample one phase; return the next one."""
         tolerance = jnp.maximum(_SHARE * self.accuracy / machine.scaled.length, _FINEST)
-        # What the root finder leaves moves the next half-cycle by its square, for the mass hardly moves at a reversal.
-        # Newton's method gets lost where a slide ends within its first step: the velocity vanishes at both ends of it.
+        # An error of the root moves the next half-cycle only to second order, since the mass hardly moves at a
+        # reversal. Newton's method fails for a slide that ends within its first step: the velocity vanishes at both
+        # ends of it.
         finder = optimistix.Bisection(rtol=1e-10, atol=1e-10)
         width = min(_WINDOW, taus.size)
         first = jnp.clip(jnp.searchsorted(taus, at.tau, side="right") - 1, 0, taus.size - width)
@@ -216,11 +219,11 @@ class Events(AbstractEngine):
         samples = diffrax.SubSaveAt(ts=jnp.clip(window, at.tau, until))
         controller: Any = diffrax.PIDController(rtol=tolerance, atol=tolerance)
         if machine.scaled.floor is not None:
-            # The floor has a kink at each sample; and a step of a mass that sticks would jump over a short slip.
+            # The floor acceleration has a kink at each sample, and a step at rest could jump over a short slip.
             controller = diffrax.ClipStepSizeController(controller, step_ts=window)
         solution: Any = diffrax.diffeqsolve(
             diffrax.ODETerm(_field),
-            # Samples and events are read off the dense output, which that of Dopri8 makes fifty times worse.
+            # Samples and events use the dense output; that of Dopri8 is fifty times less accurate.
             diffrax.Tsit5(),
             at.tau,
             until,
@@ -246,7 +249,7 @@ class Events(AbstractEngine):
             return jax.lax.dynamic_update_slice(so_far, jnp.where(inside, here, before), (first,))
 
         onward = jnp.where(count >= most, 0.0, machine.onward(tau, x, jnp.asarray(True)))
-        # Rounding may leave the pull at the end of a rest just below what holds the mass.
+        # Rounding may leave the pull at the end of a rest just below the holding force.
         direction = jnp.where(ended, jnp.where(moved, onward, machine.away(tau, x)), at.direction)
         return _Phase(
             tau=jnp.where(failed, end, tau),
@@ -255,7 +258,7 @@ class Events(AbstractEngine):
             direction=direction,
             slid=at.slid | moved,
             count=count,
-            # Dropped beyond the list's end; a choice between two lists would copy it for each half-cycle.
+            # Indices beyond the end are dropped; choosing between two lists would copy them at each half-cycle.
             points=at.points.at[jnp.where(ended & moved, count, at.points.size)].set(x, mode="drop"),
             stopped=jnp.where(ended, jnp.where(direction == 0, tau, jnp.inf), at.stopped),
             xs=sampled(at.xs, solution.ys[0][0]),

@@ -1,10 +1,10 @@
-"""Closed-form half-cycles of Coulomb friction with viscous damping and a linear spring.
+"""Closed-form half-cycles for Coulomb friction, viscous damping and a linear spring.
 
-Between two reversals the mass swings about the centre ``s x_d`` that friction has shifted, and each half-cycle
-multiplies the distance to it by ``-rho = -exp(-pi zeta/sqrt(1 - zeta^2))`` in the time ``pi/omega_d``, whatever the
-friction (Feeny and Liang, J. Sound Vib. 195, 1996). In the alternating amplitude ``a_n = (-1)^n s_0 y_n`` of the
-turning points the map is linear, ``a_n = rho^n a_0 - (1 + rho) x_d S_n`` with ``S_n = (1 - rho^n)/(1 - rho)``, so
-the state at any time follows without a loop.
+Between two reversals the mass oscillates about the centre ``s x_d`` shifted by friction. Each half-cycle multiplies the
+distance to it by ``-rho = -exp(-pi zeta/sqrt(1 - zeta^2))`` in the time ``pi/omega_d``, for any friction force (Feeny
+and Liang, J. Sound Vib. 195, 1996). The map of the alternating amplitude ``a_n = (-1)^n s_0 y_n`` of the turning points
+is linear, ``a_n = rho^n a_0 - (1 + rho) x_d S_n`` with ``S_n = (1 - rho^n)/(1 - rho)``. The state at any time therefore
+follows without a loop.
 """
 
 from typing import Any, ClassVar
@@ -26,7 +26,7 @@ from .elementary import relative_expm1, swing
 
 @jax.custom_jvp
 def _without_drag(motion: Array, drag: Scalar) -> Array:
-    """Pass the motion on; its derivative with respect to drag is NaN, for the closed form does not know it."""
+    """Return the motion; its derivative with respect to drag is NaN."""
     return motion
 
 
@@ -37,7 +37,7 @@ def _without_drag_jvp(primals: tuple, tangents: tuple) -> tuple[Array, Array]:
 
 
 class HalfCycles(AbstractPath):
-    """The sequence of half-cycles from a (possibly virtual) turning point: all that the closed form needs.
+    """Sequence of half-cycles from a real or virtual turning point.
 
     Attributes:
         damped_frequency: omega_d [rad/s].
@@ -45,8 +45,8 @@ class HalfCycles(AbstractPath):
         log_decrement: logarithm of the ratio of successive distances to the shifted centre.
         side, amplitude: sign and alternating amplitude of the first turning point [m].
         elapsed: time from that turning point to the start [s].
-        last: number of half-cycles from it to the rest; inf for none, NaN where the closed form does not hold.
-        drag: quadratic drag of the oscillator, of which the closed form knows no derivative.
+        last: number of half-cycles to rest; inf if the mass never rests, NaN if the closed form does not apply.
+        drag: quadratic drag of the oscillator; its derivative is unavailable.
         capacity: number of half-cycles in the list of turning points.
     """
 
@@ -78,12 +78,12 @@ class HalfCycles(AbstractPath):
         return _without_drag(x, self.drag), _without_drag(v, self.drag)
 
     def count_at(self, ts: Array) -> Array:
-        """Number of half-cycles completed at `ts`."""
+        """Return the number of half-cycles completed at `ts`."""
         n = jnp.floor((ts + self.elapsed) / self.half_period)
         return jax.lax.stop_gradient(jnp.clip(n, 0.0, self.last))
 
     def side_of(self, n: Array) -> Array:
-        """Sign of turning point n."""
+        """Return the sign of turning point n."""
         return self.side * jnp.where(n % 2 == 0, 1.0, -1.0)
 
     @property
@@ -98,29 +98,30 @@ class HalfCycles(AbstractPath):
         return jnp.pi / self.damped_frequency
 
     def alternating_amplitude(self, n: Array) -> Array:
-        """Alternating amplitude a_n of turning point n [m]."""
+        """Return the alternating amplitude a_n of turning point n [m]."""
         q = self.log_decrement
         growth = relative_expm1(n * q)
         total = n * growth / relative_expm1(q)
         return (1 + n * q * growth) * self.amplitude - (1 + jnp.exp(q)) * self.dead_band * total
 
     def half_cycles_to_rest(self, static_band: Scalar, breakaway_band: Scalar, moving: Array) -> Array:
-        """Number of half-cycles until |a_n| falls into the static band (inf if never); at least one if in motion.
+        """Return the number of half-cycles until |a_n| is within the static band.
 
-        From rest it takes a deflection beyond the breakaway band for a first one.
+        It is inf if that never happens, and at least one for a mass in motion. From rest, the first half-cycle requires
+        a deflection beyond the breakaway band.
         """
         q = self.log_decrement
         gain = -jnp.expm1(q)
         width = static_band * gain + self.dead_band * (1 + jnp.exp(q))
         undamped = (self.amplitude - static_band) / jnp.where(width > 0, width, jnp.inf)
-        # Without damping the turning points lie on a line, and the formula for a decay divides zero by zero.
+        # Without damping the amplitudes fall linearly, and the formula for a decay becomes 0/0.
         damped = jnp.abs(q) > 1e-9
         q_safe = jnp.where(damped, q, -1.0)
         count = jnp.where(damped, jnp.log1p(undamped * gain) / -q_safe, undamped)
         count = jnp.where((width > 0) & jnp.isfinite(count), jnp.maximum(jnp.ceil(count), 0.0), jnp.inf)
         count = jnp.where(self.amplitude <= static_band, 0.0, count)
         finite = jnp.where(jnp.isfinite(count), count, 0.0)
-        # Rounding may put the count one beside the rest condition itself, which decides.
+        # Rounding may change the count by one; the rest condition decides.
         early = (finite > 0) & (self.alternating_amplitude(finite - 1) <= static_band)
         late = self.alternating_amplitude(finite) > static_band
         count = count - early + late
@@ -129,7 +130,11 @@ class HalfCycles(AbstractPath):
 
 
 def _begin(oscillator: Oscillator, start: Start, capacity: int) -> tuple[HalfCycles, Array]:
-    """Extend the motion back to the turning point that it would have come from, and say whether it was under way."""
+    """Extend the motion back to a virtual turning point.
+
+    Returns:
+        The half-cycles, and whether the mass moves at the start.
+    """
     omega, zeta = oscillator.angular_frequency, oscillator.damping_ratio
     root = jnp.sqrt(1 - zeta**2)
     moving = start.v0 != 0
@@ -156,10 +161,12 @@ def _begin(oscillator: Oscillator, start: Start, capacity: int) -> tuple[HalfCyc
 
 
 class Exact(AbstractEngine):
-    """Closed form for Coulomb friction, viscous damping and a linear spring: no step, no error but rounding.
+    """Closed form for Coulomb friction, viscous damping and a linear spring.
+
+    The only error is rounding.
 
     Attributes:
-        max_half_cycles: length of the list of turning points; the motion itself has no such limit.
+        max_half_cycles: length of the list of turning points; the motion has no such limit.
 
     Examples:
         >>> import fricjax as fj
@@ -186,7 +193,7 @@ class Exact(AbstractEngine):
         return None
 
     def tuned(self, oscillator: Oscillator, demands: Demands) -> "Exact":
-        # It computes no half-cycle that is not asked for, so that all records may share one capacity.
+        # Capacity costs nothing here, so all records share one.
         return Exact(max(Exact().max_half_cycles, self.max_half_cycles))
 
     def finer(self) -> "Exact":
@@ -219,7 +226,7 @@ class Exact(AbstractEngine):
         sliding = -cycles.side_of(n) * oscillator.friction.dynamic_force(oscillator.normal_force)
         outcome: Any = RESULTS.successful
         outcome = RESULTS.where(oscillator.drag == 0, outcome, RESULTS.drag_unsupported)
-        # Extended backwards, a start in motion comes from another place.
+        # The virtual turning point of a start in motion is not its start position.
         points = cycles.turning_points.at[0].set(jnp.where(jnp.isnan(cycles.last), jnp.nan, start.x0))
         return Motion(
             t=ts,

@@ -1,4 +1,4 @@
-"""Motion between nodes: quintic Hermite interpolation of position, velocity and acceleration."""
+"""Quintic Hermite interpolation of a motion between nodes."""
 
 from collections.abc import Iterable
 
@@ -15,16 +15,16 @@ _ROUNDING = 1e-14
 
 
 class Nodes(AbstractPath):
-    """A motion known at nodes; at rest after its end where it has come to rest.
+    """Motion known at nodes; at rest after its end if finished.
 
-    Where the acceleration jumps, at a reversal, a node stands twice, once with the acceleration on either side. Times
-    before the first node continue the first step backwards.
+    At a reversal, where the acceleration jumps, a node appears twice, once with the acceleration of either side. Times
+    before the first node extrapolate the first step.
 
     Attributes:
-        t, x, v, a: time [s], displacement [m], velocity [m/s] and acceleration [m/s^2]; t never falls.
-        rest_position, t_stop: where the motion ends [m], [s].
+        t, x, v, a: time [s], displacement [m], velocity [m/s] and acceleration [m/s^2]; t never decreases.
+        rest_position, t_stop: position [m] and time [s] of the end.
         finished: whether the mass rests there.
-        recorded: its turning points, where they are known.
+        recorded: turning points, if known.
     """
 
     t: Line
@@ -42,7 +42,7 @@ class Nodes(AbstractPath):
 
     @classmethod
     def of(cls, columns: Iterable[Array], rest_position: Array, t_stop: Array, finished: Array) -> "Nodes":
-        """Nodes from t, x, v and a in this order."""
+        """Create nodes from t, x, v and a, in this order."""
         t, x, v, a = columns
         return cls(t, x, v, a, rest_position, t_stop, finished)
 
@@ -50,14 +50,17 @@ class Nodes(AbstractPath):
         return self._read(ts, jnp.searchsorted(jax.lax.stop_gradient(self.t), ts, side="right") - 1)
 
     def sample_in_order(self, ts: Samples) -> tuple[Samples, Samples]:
-        """As :meth:`sample`, for times that never fall: then the few nodes can be sought among the many times."""
+        """Sample as :meth:`sample`, for times in ascending order.
+
+        The few nodes are then searched among the many times, which is faster.
+        """
         first_behind = jnp.searchsorted(ts, jax.lax.stop_gradient(self.t))
         passed = jnp.zeros(ts.size, int).at[first_behind].add(1, mode="drop")
         return self._read(ts, _running_sum(passed) - 1)
 
     def _read(self, ts: Samples, index: Int[Array, " samples"]) -> tuple[Samples, Samples]:
         index = jnp.clip(index, 0, self.t.size - 2)
-        # Twins may differ by rounding.
+        # Twin nodes may differ by rounding.
         begin, end = (jax.lax.stop_gradient(self.t)[at] for at in (index, index + 1))
         index = jnp.where(end - begin > _ROUNDING * end, index, index - 1)
         left = tuple(values[index] for values in (self.x, self.v, self.a))
@@ -69,7 +72,7 @@ class Nodes(AbstractPath):
         return jnp.where(running, value, self.rest_position), jnp.where(running, slope, 0.0)
 
     def joined(self, *others: "Nodes") -> "Nodes":
-        """This motion continued by others; the last one says where it ends."""
+        """Append other motions; the last one defines the end."""
         parts = (self, *others)
         columns = (jnp.concatenate([getattr(part, name) for part in parts]) for name in ("t", "x", "v", "a"))
         last = parts[-1]
@@ -77,7 +80,10 @@ class Nodes(AbstractPath):
 
 
 def _running_sum(values: Array) -> Array:
-    """A loop where one processor makes it as a single kernel, a tree of sums elsewhere."""
+    """Compute a cumulative sum: a loop on a CPU, `cumsum` elsewhere.
+
+    A CPU compiles the loop into a single kernel.
+    """
 
     def loop(values: Array) -> Array:
         def add(total: Array, value: Array) -> tuple[Array, Array]:
@@ -89,7 +95,10 @@ def _running_sum(values: Array) -> Array:
 
 
 def quintic(u: Array, h: Array, left: tuple, right: tuple) -> tuple[Array, Array]:
-    """Value and derivative at the fraction `u` of a step `h`, from value, slope and curvature at both ends."""
+    """Evaluate a quintic and its derivative within a step.
+
+    `u` is the fraction of the step `h`; value, slope and curvature are given at both ends.
+    """
     (x0, v0, a0), (x1, v1, a1) = left, right
     c1, c2 = h * v0, h**2 * a0 / 2
     rise = x1 - x0 - c1 - c2
@@ -110,9 +119,10 @@ def turning_points(
     x0: Float[Array, ""],
     capacity: int,
 ) -> tuple[Float[Array, " turning_points"], Int[Array, ""]]:
-    """Start and reversals in order, NaN beyond them, and the number of reversals.
+    """Find the reversals in sampled motion; return start, reversals and their number.
 
-    A reversal lies where the velocity changes sign between two samples, and its position on the cubic through both.
+    The velocity changes sign between two samples; the position is the extremum of the cubic through both. The list is
+    padded with NaN.
     """
     if ts.shape[0] < 2:
         return jnp.full(capacity + 1, jnp.nan).at[0].set(x0), jnp.zeros((), int)
@@ -129,7 +139,7 @@ def turning_points(
 
 
 def spliced(points: Float[Array, " many"], more: Float[Array, " few"], at: Int[Array, ""]) -> Float[Array, " many"]:
-    """A list of turning points with others put into it from index `at` on."""
+    """Overwrite a list of turning points from index `at` on."""
     index = jnp.arange(points.size) - at
     inside = (index >= 0) & (index < more.size)
     return jnp.where(inside, more[jnp.clip(index, 0, more.size - 1)], points)

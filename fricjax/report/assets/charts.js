@@ -1,8 +1,8 @@
 "use strict";
 
-// A coefficient against run, load and time, with control limits. A chart is a slider: arrow keys go from run to run.
+// A coefficient against run, load and time, with control limits. A chart is a slider: arrow keys select a run.
 
-// Of more runs the bars of the standard errors would cover everything.
+// With more runs the error bars would cover the plot.
 const MOST_BARS = 300;
 const KINDS = {
   ok: { class: "ok", symbol: "dot" },
@@ -10,7 +10,7 @@ const KINDS = {
   invalid: { class: "invalid", symbol: "cross" },
 };
 
-/** The charts, and how they follow the runs that the table shows. */
+/** The charts, updated with the runs that the table shows. */
 class Charts {
   constructor() {
     this.places = ABSCISSAE.map(() => el("div"));
@@ -39,7 +39,7 @@ class Charts {
 
 const label = ({ name, law }) => (law && page.limits.some((other) => other.law !== law) ? `${name}, ${law}` : name);
 
-/** What a coefficient is drawn against: the order of the table, and load and time where they differ from run to run. */
+/** Abscissas of a chart: the order of the table, and load and time if they differ between runs. */
 const ABSCISSAE = (() => {
   const known = (name) => new Set(column[name]?.values.filter(Number.isFinite)).size > 1;
   return [
@@ -52,7 +52,7 @@ const ABSCISSAE = (() => {
 function chart(limit, abscissa, chosen) {
   const ordinate = column[limit.name];
   const drawn = chosen.filter((row) => Number.isFinite(ordinate.values[row]) && Number.isFinite(abscissa.at(row)));
-  // Runs far beyond the limits would press all others into a line: they are drawn at the edge.
+  // Runs far beyond the limits are drawn at the edge; otherwise all others would collapse into a line.
   const reach = limit.high - limit.low;
   const inside = (value) => Math.min(Math.max(value, limit.low - reach), limit.high + reach);
   const outside = drawn.filter((row) => ordinate.values[row] !== inside(ordinate.values[row]));
@@ -85,7 +85,7 @@ function chart(limit, abscissa, chosen) {
   return made;
 }
 
-/** Lets keys and pointer go from point to point of a chart; Enter or a click opens the run. */
+/** Selects points of a chart by keys and pointer; Enter or a click opens the run. */
 function steer(drawing, drawn, across, values, readout, read) {
   const order = [...drawn.keys()].sort((a, b) => across[a] - across[b]);
   const cursor = svg("circle", { class: "cursor", r: 7, visibility: "hidden" });

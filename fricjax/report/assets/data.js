@@ -1,6 +1,6 @@
 "use strict";
 
-// The data of the page: texts as JSON, numbers as base64 of their bytes, which are decoded when they are first used.
+// The data of the page: texts as JSON, numbers as base64 of their bytes, decoded at first use.
 
 const page = JSON.parse(document.getElementById("data").textContent);
 
@@ -21,7 +21,7 @@ class Column {
     this.decoded = {};
   }
 
-  /** Numbers of all rows, NaN where there is none. */
+  /** Numbers of all rows; NaN for a missing number. */
   get values() { return this.numbers("values"); }
 
   /** Standard errors of all rows. */
@@ -37,7 +37,7 @@ class Column {
     return this.decoded.at;
   }
 
-  /** What is read in a row. */
+  /** Text of a row. */
   text(row) {
     if (this.kind === "text") return this.entry.words[this.places[row]];
     const value = this.values[row];
@@ -46,7 +46,7 @@ class Column {
     return number(value);
   }
 
-  /** The same with its unit. */
+  /** Text of a row with its unit. */
   read(row) { return this.withUnit(this.text(row)); }
 
   withUnit(text) {
@@ -54,7 +54,7 @@ class Column {
     return text.includes(" (") ? text.replace(" (", ` ${this.unit} (`) : `${text} ${this.unit}`;
   }
 
-  /** Numbers by which the rows are put in order; what is missing is NaN. */
+  /** Sort keys of the rows; NaN for a missing value. */
   get ranks() {
     if (this.kind !== "text") return this.values;
     if (!this.decoded.ranks) {
@@ -75,7 +75,7 @@ const rows = page.rows ?? 0;
 const reasonOf = page.reasonOf ? new Int32Array(bytes(page.reasonOf)) : [];
 const rowOf = new Map((page.keys ?? []).map((key, row) => [key, row]));
 
-/** The name of a run: its file, and which run of it. */
+/** Name of a run: its file, and the number of the run in the file. */
 const nameOf = (row) => [column.file, column.run].filter(Boolean).map((each) => each.text(row)).filter(Boolean).join(" \u00b7 ");
 
 const addressOf = (row) => `#run=${encodeURIComponent(page.keys[row])}`;
@@ -84,7 +84,7 @@ const noises = page.pictures ? new Float32Array(bytes(page.pictures.noise)) : []
 const fittedFriction = page.pictures ? new Float32Array(bytes(page.pictures.fitted)) : [];
 let block = { index: -1, buffer: null };
 
-/** The curves of a run by name, as arrays of numbers; null where it has none. */
+/** Curves of a run by name, as arrays of numbers; null without curves. */
 function curvesOf(row) {
   const { sizes, runsPerBlock, curves } = page.pictures;
   if (!sizes[row]) return null;

@@ -1,6 +1,6 @@
 "use strict";
 
-// Elements are made of tags, attributes and texts. Nothing of the data is ever read as HTML, so nothing of it can run.
+// Elements are made of tags, attributes and texts. The data are never parsed as HTML, so they cannot execute.
 
 const SVG = "http://www.w3.org/2000/svg";
 
@@ -17,11 +17,11 @@ function fill(element, attributes, children) {
 const el = (tag, attributes = {}, ...children) => fill(document.createElement(tag), attributes, children);
 const svg = (tag, attributes = {}, ...children) => fill(document.createElementNS(SVG, tag), attributes, children);
 
-/** A number with at most so many significant digits; nothing where there is none. */
+/** A number with at most `digits` significant digits; empty for a missing number. */
 function number(value, digits = 6) {
   if (!Number.isFinite(value)) return "";
   const rounded = Number(value.toPrecision(digits));
-  // Below 1e-4 the leading zeros take longer to count than an exponent to read.
+  // Below 1e-4 an exponent is easier to read than leading zeros.
   return rounded !== 0 && Math.abs(rounded) < 1e-4 ? rounded.toExponential() : String(rounded);
 }
 
@@ -31,7 +31,7 @@ const count = (value) => value.toLocaleString("en");
 /** A count with its noun. */
 const counted = (value, noun) => `${count(value)} ${noun}${value === 1 ? "" : "s"}`;
 
-/** A table: texts, or elements, in rows below heads; columns of numbers are aligned to the right. Its caption is heard. */
+/** A table of texts or elements with heads; numbers are aligned right. Its caption is for screen readers. */
 function table(caption, heads, rows, numeric = []) {
   const side = (i) => ({ class: numeric[i] ? "number" : null });
   return el("div", { class: "wide" },
@@ -42,7 +42,7 @@ function table(caption, heads, rows, numeric = []) {
         i ? el("td", side(i), cell) : el("th", { scope: "row", ...side(i) }, cell)))))));
 }
 
-/** Names and texts below one another. */
+/** A list of names and texts. */
 function facts(pairs) {
   return el("dl", {}, pairs.map(([name, text]) => el("div", {}, el("dt", {}, name), el("dd", {}, text))));
 }

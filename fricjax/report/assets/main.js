@@ -1,6 +1,6 @@
 "use strict";
 
-// The page: the report above, the runs below, and one run instead of them where the address names it.
+// The page: the report, and below it the runs, or one run if the address names it.
 
 const main = document.getElementById("content");
 const overview = el("div");
@@ -41,7 +41,7 @@ function build() {
   main.append(overview);
 }
 
-/** Shows what the address names: one run, or all of them. */
+/** Shows the run that the address names, or all runs. */
 function route() {
   const named = /^#run=(.+)$/.exec(location.hash);
   const row = named && rows > 1 ? rowOf.get(decodeURIComponent(named[1])) : undefined;

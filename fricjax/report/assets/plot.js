@@ -1,13 +1,13 @@
 "use strict";
 
-// Plots as SVG: axes with ticks at round numbers, lines, dots and bands. Colours are the style sheet's, by class.
+// Plots as SVG: axes with ticks at round numbers, lines, dots and bands. The style sheet sets colours by class.
 
 const FRAME = { width: 720, height: 270, left: 74, right: 14, top: 12, bottom: 46 };
 const SECOND = 1000;
 const DAY = 86400 * SECOND;
 const SPANS = [SECOND, 10 * SECOND, 60 * SECOND, 600 * SECOND, 3600 * SECOND, 6 * 3600 * SECOND, DAY, 7 * DAY, 30 * DAY,
   91 * DAY, 365.25 * DAY, 3652.5 * DAY];
-// A dot on each side, so that colour is never all that tells two kinds of points apart.
+// Different symbols, so that colour is not the only difference between kinds of points.
 const SYMBOLS = {
   dot: (x, y) => `M${x} ${y}h0`,
   cross: (x, y) => `M${x - 3} ${y - 3}l6 6m0 -6l-6 6`,
@@ -16,7 +16,7 @@ const SYMBOLS = {
   down: (x, y) => `M${x - 4} ${y - 3}h8l-4 7z`,
 };
 
-/** Lowest and highest of the finite numbers in some arrays, with a margin of a part of their span. */
+/** Limits of the finite numbers in some arrays, with a margin relative to their span. */
 function limits(arrays, margin = 0.04) {
   let low = Infinity;
   let high = -Infinity;
@@ -31,7 +31,7 @@ function limits(arrays, margin = 0.04) {
   return [low - more, high + more];
 }
 
-/** Round numbers between two. */
+/** Round numbers between two limits. */
 function ticks(low, high, wanted) {
   const rough = (high - low) / wanted;
   const power = 10 ** Math.floor(Math.log10(rough));
@@ -41,7 +41,7 @@ function ticks(low, high, wanted) {
   return found.map((value) => ({ value, text: number(value, Math.max(3, Math.ceil(Math.log10(Math.abs(high / step) || 1)) + 2)) }));
 }
 
-/** Instants between two, in milliseconds. */
+/** Round times between two limits [ms]. */
 function instants(low, high, wanted) {
   const step = SPANS.find((span) => span >= (high - low) / wanted) ?? SPANS.at(-1);
   const [from, to] = step < 60 * SECOND ? [11, 19] : step < DAY ? [5, 16] : [0, 10];
@@ -107,7 +107,7 @@ function line({ x, y }, across, up) {
   return parts.join("");
 }
 
-/** Symbols in one path; of those that would lie on the same pixel one is drawn. */
+/** Symbols in one path; at most one symbol per pixel. */
 function points({ x, y, symbol }, across, up) {
   const places = new Set();
   for (let i = 0; i < x.length; i++) {
@@ -116,7 +116,7 @@ function points({ x, y, symbol }, across, up) {
   return Array.from(places, (place) => SYMBOLS[symbol](Math.floor(place / 1e4) / 2, (place % 1e4) / 2)).join("");
 }
 
-/** A plot with a title, what its symbols mean, and a sentence below. */
+/** A plot with a title, a legend, and a sentence below. */
 function figure(title, sentence, drawing, legend = []) {
   const id = `figure-${(figure.made = (figure.made ?? 0) + 1)}`;
   fill(drawing, { "aria-labelledby": `${id} ${id}-text` }, []);

@@ -1,9 +1,9 @@
 "use strict";
 
-// One run: what came out, its pictures, and everything that the table holds of it.
+// One run: results, pictures, and all its columns of the table.
 
 const GROUPS = { record: "Record", fact: "Facts", judgement: "Quality of the fit", run: "Run", provenance: "Provenance" };
-// Fewer samples in a half-cycle tell no velocity; of more than the latter, neighbours tell it less well than others.
+// Minimum samples per half-cycle for a velocity, and the number above which differences use more distant samples.
 const [FEWEST, ENOUGH] = [8, 20];
 
 function runView(row, selected) {
@@ -34,7 +34,7 @@ function values(title, row, group) {
   return shown.length ? el("section", {}, el("h3", {}, title), table(title, heads, shown.map((each) => [each.label, each.read(row), each.withUnit(number(each.std[row], 2))]), [false, true, true])) : null;
 }
 
-/** The pictures of a run; a sentence where it has none. */
+/** Pictures of a run, or a sentence if there are none. */
 function figuresOf(row) {
   const curves = curvesOf(row);
   if (!curves) return el("p", {}, "There are no pictures of this run.");
@@ -74,7 +74,7 @@ function phasePlane({ t, x, reversal_t }) {
   const half = (reversal_t.at(-1) - reversal_t[0]) / (reversal_t.length - 1);
   if (!(samples * half >= FEWEST)) return null;
   const step = Math.max(1, Math.floor(samples * half / ENOUGH));
-  // The parabola through three samples has this slope at the middle one.
+  // Slope at the middle sample of the parabola through three samples.
   const v = x.map((_, i) => {
     const [before, after] = [t[i] - t[i - step], t[i + step] - t[i]];
     return ((x[i + step] - x[i]) / after * before + (x[i] - x[i - step]) / before * after) / (before + after);

@@ -1,14 +1,14 @@
 "use strict";
 
-// The table of runs: filtered, sorted, and shown a page at a time, so that any number of runs stays quick and can be read
-// by a screen reader and printed as any other table.
+// The table of runs with filters, sorting and pages. It remains fast with many runs, and a screen reader and a printer
+// can handle it like any other table.
 
-// Columns that the table shows in its first two, or not at all.
+// Columns that the table shows in its first two columns, or not at all.
 const APART = ["key", "file", "run", "status"];
 const STATUSES = ["ok", "invalid", "rejected", "failed"];
 
 class Runs {
-  /** `changed` is called with the rows that are shown, in their order, whenever they change. */
+  /** Calls `changed` with the shown rows, in their order, after each change. */
   constructor(changed) {
     this.changed = changed;
     this.filter = { text: "", statuses: null, reason: -1, range: { name: "", low: NaN, high: NaN } };
@@ -50,7 +50,7 @@ class Runs {
       el("details", {}, el("summary", {}, "Columns"), el("div", { class: "choices" }, choices)));
   }
 
-  /** Shows only the runs of one reason of failure; -1: all. */
+  /** Shows only the runs with one reason of failure; -1: all runs. */
   because(reason) {
     this.filter.reason = reason;
     this.reason.hidden = reason < 0;
@@ -58,7 +58,7 @@ class Runs {
     this.section.scrollIntoView();
   }
 
-  /** Finds the rows that pass the filters and puts them in order. */
+  /** Filters and sorts the rows. */
   select() {
     const words = this.text.value.toLowerCase().split(/\s+/).filter(Boolean);
     const statuses = new Set(this.boxes.filter((box) => box.checked).map((box) => box.value));
@@ -80,7 +80,7 @@ class Runs {
     if (name) {
       const ranks = column[name].ranks;
       const sign = down ? -1 : 1;
-      // What is missing comes last, whichever way the others are sorted; equal ones stay in the order of the table.
+      // Missing values come last in either order; equal values keep the order of the table.
       this.rows.sort((a, b) => (Number.isNaN(ranks[a]) - Number.isNaN(ranks[b])) || sign * (ranks[a] - ranks[b]) || a - b);
     } else this.rows.sort((a, b) => a - b);
     this.first = 0;
@@ -132,7 +132,7 @@ class Runs {
   }
 }
 
-/** Whether a word stands in a text of a row; each different text is searched once. */
+/** Returns a test for a word in the texts of a row; each distinct text is searched once. */
 function matcher(each) {
   const lower = each.entry.words.map((word) => word.toLowerCase());
   const found = new Map();

@@ -1,11 +1,9 @@
-"""Half-cycles read off a table over their amplitude.
+"""Interpolation of half-cycles in a table over their amplitude.
 
-Half-cycles of one law differ only in the turning point from which they start, and they change smoothly with it. So a
-few amplitudes are integrated side by side, at Chebyshev points in the logarithm of the distance between turning point
-and dead band (for a pendulum in a coordinate that has no bound towards the top either), and every half-cycle of a long
-decay is interpolated between them: what was a loop over all of them becomes one over the steps of a single one.
-Interpolated are the ratios to the undisturbed swing of its frame, which
-change little.
+Half-cycles of one law differ only in their starting turning point, and they depend smoothly on it. A few amplitudes are
+integrated in parallel, at Chebyshev points in the logarithm of the distance between turning point and dead band. (For
+a pendulum the coordinate is also unbounded towards the top.) Every half-cycle of a long decay is interpolated between
+them. The interpolated quantities are ratios to the undisturbed oscillation of the frame, which vary little.
 """
 
 from typing import Any, NamedTuple, cast
@@ -22,14 +20,15 @@ from .collocation import Panels, collocate
 from .frame import Angle, Frame, frame_at, is_resolved, motion_at, reference_force, reversal_position, side_of
 from .half_cycles import HalfCycle, RestCondition, Reversal, advance
 
-# Distance from the centre of a table to where it is left, over its reach.
+# Largest distance from the centre of a table relative to its reach.
 _OUTSIDE = 1.05
 
 
 class Span(NamedTuple):
-    """Range of turning points for which a table is made [m], as distances from the equilibrium.
+    """Range of turning points in a table [m], as distances from equilibrium.
 
-    It goes beyond the highest by a `margin`, a part of its length; below the lowest the phase may leap.
+    The table extends beyond `highest` by `margin`, a part of its length. It does not extend below `lowest`, where the
+    phase may leap.
     """
 
     lowest: Array | np.ndarray
@@ -38,9 +37,9 @@ class Span(NamedTuple):
 
 
 class AmplitudeTable(NamedTuple):
-    """Ratio of amplitude to its start, and phase of the undisturbed swing, at the nodes of the half-cycle.
+    """Amplitude ratio and undisturbed phase at the nodes of a half-cycle.
 
-    Both as Chebyshev coefficients in the logarithmic amplitude, shape (degree + 1, nodes).
+    Both are Chebyshev coefficients in the logarithmic amplitude, shape (degree + 1, nodes).
     """
 
     angle: Angle
@@ -51,7 +50,7 @@ class AmplitudeTable(NamedTuple):
 
 
 def _chebyshev(count: int) -> tuple[np.ndarray, np.ndarray]:
-    """Points of the second kind in [-1, 1], and the matrix from values there to coefficients."""
+    """Return Chebyshev points in [-1, 1] and the value-to-coefficient matrix."""
     rank = np.arange(count)
     points = np.cos(np.pi * rank / (count - 1))
     weight = np.where((rank == 0) | (rank == count - 1), 0.5, 1.0)
@@ -60,7 +59,10 @@ def _chebyshev(count: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _polynomials(at: Array, count: int) -> Array:
-    """Chebyshev polynomials T_0 ... T_{count-1}, stacked along a last axis; by recurrence, so also outside [-1, 1]."""
+    """Evaluate the Chebyshev polynomials T_0 ... T_{count-1}, stacked along a last axis.
+
+    The recurrence also works outside [-1, 1].
+    """
 
     def next_one(two: tuple[Array, Array], _: Any) -> tuple[tuple[Array, Array], Array]:
         this, following = two
@@ -71,10 +73,10 @@ def _polynomials(at: Array, count: int) -> Array:
 
 
 def _place(oscillator: Oscillator, centre: Array, reach: Array, deflection: Array) -> Array:
-    """Place of a turning point in the table; all that lie well outside get the place of its end.
+    """Return the position of a turning point in the table, clipped.
 
-    So trial values under which the motion decays too fast still give one, and beyond the end of a record the amplitudes
-    no longer matter, but must not end in a logarithm of zero.
+    Trial values with a fast decay, and amplitudes beyond the end of a record, lie outside the table. Clipping keeps
+    them finite; they do not affect the result.
     """
     spring = oscillator.restoring
     excess = spring.steepened(deflection) - reference_force(oscillator) / oscillator.stiffness
@@ -83,12 +85,12 @@ def _place(oscillator: Oscillator, centre: Array, reach: Array, deflection: Arra
 
 
 def _start(oscillator: Oscillator, frame: Frame, deflection: Array) -> Array:
-    """Amplitude at the start of half-cycles from these distances to the equilibrium."""
+    """Return the initial amplitude of half-cycles from these deflections."""
     return oscillator.restoring.stretched(deflection) - frame.dead_band
 
 
 def make_table(oscillator: Oscillator, span: Span, count: int, panels: Panels) -> AmplitudeTable:
-    """Integrate `count` amplitudes side by side."""
+    """Integrate `count` amplitudes in parallel."""
     band = reference_force(oscillator) / oscillator.stiffness
     between = oscillator.restoring.steepened(jnp.stack([span.lowest, span.highest]))
     ends = jax.lax.stop_gradient(oscillator.restoring.spread(between - band))
@@ -106,9 +108,12 @@ def make_table(oscillator: Oscillator, span: Span, count: int, panels: Panels) -
 def half_cycles_from_table(
     oscillator: Oscillator, table: AmplitudeTable, begin: Reversal, rests: RestCondition, capacity: int
 ) -> tuple[Reversal, tuple[HalfCycle, Array]]:
-    """Half-cycles from a reversal on; their nodes, shape (capacity, nodes), and their next turning points.
+    """Interpolate all half-cycles from a reversal on.
 
-    The loop over them carries only what the next one needs; all their nodes are read off the table behind it at once.
+    The loop carries only the state of the reversals; all nodes are interpolated together afterwards.
+
+    Returns:
+        The last reversal; the nodes of the half-cycles, shape (capacity, nodes), and their next turning points.
     """
     count = table.amplitude.shape[0]
 
@@ -142,34 +147,34 @@ def half_cycles_from_table(
     return end, (nodes, jnp.where(stays, jnp.nan, points))
 
 
-# Half-cycles from which a table over amplitude pays, and its entries per e-fold of amplitude for 1e-2 nm on 2 mm. The
-# number goes with the angle in the complex plane over which the motion stays smooth: a quarter of a turn about the dead
-# band or for a tanh of the speed, half of that for the Gaussian of the speed in a law that falls.
+# Minimum number of half-cycles for a table, and table entries per e-fold of amplitude for an error of 1e-2 nm on 2 mm.
+# The number depends on the sector of the complex plane in which the motion is analytic: a quarter turn about the dead
+# band or for a tanh of the speed, half of that for the Gaussian of the speed in a velocity-weakening law.
 _FEW, _PER_E_FOLD, _PER_E_FOLD_FALLING = 8, 5.0, 9.0
-# The same per unit of the coordinate of a pendulum, for 1e-7 rad of drift over a hundred half-cycles from 3.1 rad on.
+# Entries per unit of the coordinate of a pendulum, for a drift of 1e-7 rad over a hundred half-cycles from 3.1 rad.
 _PER_UNIT = 11.0
-# How far beyond the largest deflection a table reaches, in the coordinate that has no bound at the top of a pendulum.
+# Extension of a table beyond the largest deflection, in the coordinate that is unbounded at the top of a pendulum.
 _BEYOND = 1.1
-# Sizes of a table; laws that fall take the larger one, which most of their records need. Each is compiled for itself,
-# in seconds, and a third of the entries, which are solved side by side, saves no more than a few per cent of a fit:
+# Table sizes; velocity-weakening laws use the larger one, which most of their records need. Each size is compiled
+# separately, in seconds. A smaller table saves only a few per cent of a fit, since entries are solved in parallel:
 # `python experiments/benchmarks/cold.py`.
 _SIZES = (24, 48)
 
 
 def table_for(oscillator: Oscillator, demands: Demands) -> tuple[Span, int] | None:
-    """Range and number of entries of the table that the records of a fit ask for; None where it could serve nothing.
+    """Return range and size of a table for a fit, else None.
 
-    A table is for motions from rest; it has one mesh for all amplitudes, and the kink of a hysteretic spring lies
-    elsewhere at each.
+    A table requires motions from rest. It has one mesh for all amplitudes, so it cannot follow the kink of a hysteretic
+    spring, which moves with the amplitude.
     """
     starts = demands.deflections
     if not demands.from_rest or oscillator.restoring.hysteretic or any(each.size < _FEW for each in starts):
         return None
     band, spring = float(oscillator.dead_band), cast("Any", oscillator.restoring)
     least, highest = min(float(each.min()) for each in starts), max(float(each.max()) for each in starts)
-    # Near the dead band, where the phase leaps, the margin is narrow.
+    # Near the dead band, where the phase leaps, the margin is small.
     lowest = least - 0.2 * max(least - band, 0.0)
-    # With a wrong offset a reading may lie beyond the top itself.
+    # With a wrong offset a reading may exceed the largest deflection.
     ratio = spring.steepened(np.float64(min(highest, spring.largest)))
     highest = spring.unsteepened(np.float64(_BEYOND * float(ratio)))
     span = Span(np.asarray(lowest), np.asarray(highest), np.asarray(0.0))

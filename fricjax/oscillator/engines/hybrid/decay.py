@@ -1,4 +1,4 @@
-"""The half-cycles of a decay, one after the other or most of them off a table."""
+"""Sequence of the half-cycles of a decay, integrated individually or interpolated."""
 
 from collections.abc import Callable
 from typing import NamedTuple
@@ -27,7 +27,13 @@ from .half_cycles import (
 
 
 class Decay(NamedTuple):
-    """Half-cycles in phase: their nodes, their turning points (NaN behind the last), and where they end."""
+    """Half-cycles integrated in phase.
+
+    Attributes:
+        half_cycles: their nodes.
+        turning_points: turning point after each half-cycle [m]; NaN after the last one.
+        end: reversal at the end.
+    """
 
     half_cycles: HalfCycle
     turning_points: Array
@@ -35,17 +41,20 @@ class Decay(NamedTuple):
 
     @property
     def nodes(self) -> Nodes:
-        """The motion so far."""
+        """Motion of the half-cycles so far."""
         columns = (values.reshape(-1) for values in self.half_cycles)
         return Nodes.of(columns, self.end.turning_point, self.end.time, self.end.at_rest)
 
     @property
     def resolved_part(self) -> Nodes:
-        """The motion of a fit, which knows its number of half-cycles; NaN from where the phase does not resolve it."""
+        """Motion for a fit with a known number of half-cycles.
+
+        NaN from the point at which the phase does not resolve it.
+        """
         nodes, resolved = self.nodes, self.end.resolved
         rest = jnp.where(resolved, nodes.rest_position, jnp.nan)
         points = jnp.concatenate([self.half_cycles.x[:1, 0], self.turning_points])
-        # Behind the half-cycles from a table there may be room before the last ones.
+        # There may be a gap between the half-cycles from a table and the last ones.
         made = ~jnp.isnan(points)
         places = jnp.where(made, jnp.cumsum(made) - 1, points.size)
         points = jnp.full_like(points, jnp.nan).at[places].set(points, mode="drop")
@@ -53,12 +62,15 @@ class Decay(NamedTuple):
 
 
 def rest_condition(oscillator: Oscillator, start: Start, half_cycles: Array | None) -> RestCondition:
-    """Whether the mass stays at a turning point: by its law, or because the record says so."""
+    """Return the condition for resting at a turning point.
+
+    It is the law's condition, or a given number of half-cycles.
+    """
     law, load, moving = oscillator.friction, oscillator.normal_force, start.v0 != 0
     static, breakaway = law.static_force(load), law.breakaway_force(load)
 
     def by_law(y: Array, count: Array) -> Array:
-        # A contact that has stood before the start may hold more than one that has just come to a stop.
+        # A contact that has aged before the start may hold more than one that has just stopped.
         holds = jnp.where(count == 0, breakaway, static)
         pull = jnp.abs(oscillator.restoring_force(y)) - oscillator.hysteresis(y)
         return (pull <= holds) & ~(moving & (count == 0))
@@ -69,7 +81,7 @@ def rest_condition(oscillator: Oscillator, start: Start, half_cycles: Array | No
 def one_by_one(
     oscillator: Oscillator, start: Start, fractions: Float[Array, " nodes"], rests: RestCondition, capacity: int
 ) -> Decay:
-    """Each half-cycle integrated for itself, at most `capacity` of them."""
+    """Integrate each half-cycle individually, at most `capacity` of them."""
     entry = enter(oscillator, start)
 
     def attempt(at: Reversal, index: Array) -> Attempt:
@@ -88,11 +100,14 @@ def by_table(
     half_cycles: Array,
     capacity: int,
 ) -> Decay:
-    """The last half-cycles each for itself, those before them from the table; none from a start in motion."""
+    """Interpolate half-cycles in a table, and integrate the last ones individually.
+
+    Requires a start from rest; otherwise it makes no half-cycles.
+    """
     rests = rest_condition(oscillator, start, half_cycles)
     step = _stepper(lambda at, _: half_cycle_by_collocation(oscillator, panels, at), panels.fractions, rests)
 
-    # Near the dead band the phase leaps, which a table over the amplitude does not follow.
+    # Near the dead band the phase leaps, which a table over the amplitude cannot represent.
     def leaves_the_last(y: Array, count: Array) -> Array:
         return count >= half_cycles - UNTABLED
 
@@ -106,10 +121,12 @@ def by_table(
 
 
 def to_rest(decay: Decay, oscillator: Oscillator, start: Start, rests: RestCondition) -> tuple[Nodes, Array, Reversal]:
-    """The motion under a set-valued law, with the half-cycles that had to be integrated in time at its end.
+    """Complete the motion under a set-valued law up to rest.
+
+    The last half-cycles may have to be integrated in time.
 
     Returns:
-        Its nodes, its turning points, NaN behind the last one, and where it ends.
+        The nodes, the turning points, padded with NaN, and the final reversal.
     """
     before = decay.nodes
 
@@ -134,7 +151,7 @@ def _begin(start: Start, rests: RestCondition) -> Reversal:
 def _stepper(
     attempt: Callable[[Reversal, Array], Attempt], fractions: Float[Array, " nodes"], rests: RestCondition
 ) -> Callable[[Reversal, Array], tuple[Reversal, tuple[HalfCycle, Array]]]:
-    """One half-cycle after a reversal, with its next turning point; nothing where the motion is finished."""
+    """Return a scan step for one half-cycle; it does nothing once finished."""
 
     def step(at: Reversal, index: Array) -> tuple[Reversal, tuple[HalfCycle, Array]]:
         def none() -> tuple[Reversal, tuple[HalfCycle, Array]]:

@@ -1,15 +1,14 @@
-"""Half-cycles in phase angle: any memoryless sliding law, drag and restoring force.
+"""Half-cycles in phase angle, for laws without internal states.
 
-Amplitude and time are integrated over the phase of each half-cycle (:mod:`.frame`), on a mesh that is the same for all
-of them. So there is no event to search, no jump to step over, and the derivatives are those of the discrete solution
-itself. At each reversal the rest condition ``|R(y)| <= F_s`` decides whether the mass moves on.
+Amplitude and time are integrated over the phase of each half-cycle (:mod:`.frame`), on the same mesh for all of them.
+No event search is needed, no step crosses a jump, and the derivatives are those of the discrete solution. At each
+reversal the rest condition ``|R(y)| <= F_s`` decides whether the mass moves on.
 
-A half-cycle whose phase does not run evenly forwards is integrated in time: under a set-valued law one that starts by
-a hair (:mod:`.grazing`), under a regularised law all that is left once the mass creeps (:class:`Creeping`).
+A half-cycle with a phase that does not advance steadily is integrated in time. Under a set-valued law this is a
+half-cycle that barely starts (:mod:`.grazing`); under a regularised law it is the final creep (:class:`Creeping`).
 
-Half-cycles of one law differ only in their amplitude. A fit, which knows the range of amplitudes from its record,
-therefore solves a dozen amplitudes side by side (:mod:`.collocation`) and reads the half-cycles off that table
-(:mod:`.amplitude_table`).
+Half-cycles of one law differ only in their amplitude. A fit knows the range of amplitudes from its record. It therefore
+solves a dozen amplitudes in parallel (:mod:`.collocation`) and interpolates the half-cycles (:mod:`.amplitude_table`).
 """
 
 from typing import Any, ClassVar
@@ -30,23 +29,23 @@ from .decay import Decay, by_table, one_by_one, rest_condition, to_rest
 from .half_cycles import RestCondition, enter
 from .phase_steps import layer_width, separatrix_width
 
-# How much another mesh is skewed, and how much wider its table is, for the check.
+# Skew of the mesh and margin of the table in the engine for error estimates.
 _SKEW, _MARGIN = 0.2, 0.05
 
-# Steps of the smooth engine through the creep that follows the half-cycles of a regularised law.
+# Steps of the smooth engine for the creep after the half-cycles of a regularised law.
 _CREEP_STEPS = 1024
-# The creep is integrated a little further than to the last sample, so that rounding cannot leave that out.
+# Relative extension of the creep beyond the last sample, so that rounding cannot exclude it.
 _BEYOND = 1e-12
 
 
 class Creeping(AbstractPath):
-    """Half-cycles, and behind the last one that its phase resolves the motion that the smooth engine gives.
+    """Half-cycles in phase, followed by creep from the smooth engine.
 
     Attributes:
-        half_cycles: their nodes.
+        half_cycles: nodes of the half-cycles.
         oscillator: with a regularised law.
-        start, time: where the half-cycles end: the state there, and the time [s].
-        creeps: False where there is another half-cycle, and the list of them is too short.
+        start, time: state and time [s] at the end of the half-cycles.
+        creeps: False if another half-cycle follows but the capacity is exhausted.
     """
 
     half_cycles: Nodes
@@ -57,7 +56,7 @@ class Creeping(AbstractPath):
 
     @classmethod
     def behind(cls, decay: Decay, oscillator: Oscillator, start: Start) -> "Creeping":
-        """The motion from `start` on, whose half-cycles are those of `decay`."""
+        """Continue the half-cycles of `decay`, which begin at `start`."""
         end = decay.end
         v = jnp.where(end.count == 0, start.v0, 0.0)
         left = Start(end.turning_point, v, jnp.zeros(0))
@@ -71,7 +70,10 @@ class Creeping(AbstractPath):
         return self.half_cycles.joined(self.creep(jnp.max(ts))).sample(ts)
 
     def creep(self, limit: Float[Array, ""]) -> Nodes:
-        """The motion behind the half-cycles until `limit` [s]; no work is done where that lies before them."""
+        """Return the motion after the half-cycles up to `limit` [s].
+
+        No work is done if `limit` lies before their end.
+        """
         before, never = self.half_cycles, jnp.asarray(False)
 
         def integrated() -> Nodes:
@@ -94,11 +96,11 @@ class Hybrid(AbstractEngine):
 
     Attributes:
         nodes: steps per half-cycle, an even number; 28 keep the error below 0.1 nm on a motion of 2 mm.
-        max_half_cycles: bound on the number of half-cycles; a motion with more ends with a code of its own.
-        span: range of turning points for the table of amplitudes, used where the number of half-cycles is given and
-            the motion starts from rest; None integrates each half-cycle for itself.
+        max_half_cycles: maximum number of half-cycles; a longer motion ends with the result `too_many_half_cycles`.
+        span: range of turning points for the table of amplitudes. The table is used if the number of half-cycles is
+            given and the motion starts from rest; None integrates each half-cycle individually.
         amplitudes: number of amplitudes in the table.
-        skew: part by which the mesh is denser at the reversals, and less dense in between, than it is best.
+        skew: relative shift of mesh density towards the reversals, away from the optimum.
 
     Examples:
         A finer engine has half as many steps again:
@@ -132,8 +134,8 @@ class Hybrid(AbstractEngine):
         return Hybrid(self.nodes, self.max_half_cycles, *table, skew)
 
     def checking(self) -> "Hybrid":
-        # With its nodes moved the error of the interpolation between them, which goes with the sixth power of a step,
-        # is three times as large or a third nearly everywhere; a wider table has a larger one.
+        # Shifting the nodes changes the interpolation error, of sixth order in the step, by a factor of three or a
+        # third nearly everywhere; a wider table has a larger error.
         span = None if self.span is None else self.span._replace(margin=np.asarray(_MARGIN))
         return Hybrid(self.nodes, self.max_half_cycles, span, self.amplitudes, np.asarray(_SKEW))
 
@@ -157,7 +159,7 @@ class Hybrid(AbstractEngine):
     ) -> Motion:
         from ...outcome import RESULTS
 
-        codes: Any = RESULTS  # an equinox enumeration, whose members pyright does not know
+        codes: Any = RESULTS  # pyright does not know the members of an equinox enumeration
         decay, rests = self._decay(oscillator, start, half_cycles)
         if oscillator.friction.set_valued:
             nodes, points, end = to_rest(decay, oscillator, start, rests)
@@ -194,7 +196,7 @@ class Hybrid(AbstractEngine):
         )
 
     def _decay(self, oscillator: Oscillator, start: Start, half_cycles: Array | None) -> tuple[Decay, RestCondition]:
-        """The half-cycles in phase, and their condition of rest."""
+        """Return the half-cycles in phase and their rest condition."""
         frame = enter(oscillator, start).frame
         reach = jnp.abs(start.x0) + jnp.abs(start.v0) / frame.angular_frequency
         swing = jnp.hypot(oscillator.restoring.stretched(start.x0), start.v0 / frame.angular_frequency)

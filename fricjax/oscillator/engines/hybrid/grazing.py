@@ -1,9 +1,9 @@
-"""Half-cycles that start so close to the rest that their phase about the static centre leaps.
+"""Half-cycles that barely leave rest, with a leaping phase.
 
-Where the static force lets the mass go by a hair, the motion first creeps out of the dead band and then, as friction
-falls, runs through the greater part of it. Such a half-cycle is integrated in time until the mass begins to slow
-down, and from there in phase again, about the place where it was fastest. From that place on the phase always runs
-forwards, so the reversal lies at ``theta = pi`` here too and no event has to be searched.
+If the pull only just exceeds the static force, the mass first creeps out of the dead band. As friction falls, it then
+accelerates through most of the half-cycle. Such a half-cycle is integrated in time until the mass begins to slow down.
+The rest is integrated in phase about the place of maximum speed. From there the phase always advances, so the reversal
+is again at ``theta = pi`` without an event search.
 """
 
 from typing import Any, NamedTuple
@@ -19,19 +19,22 @@ from .frame import Angle, frame_at, is_resolved, motion_at, reversal_position
 from .half_cycles import Attempt, HalfCycle, RestCondition, Reversal, advance
 from .phase_steps import integrate_phase, layer_width, mesh_fractions
 
-# Half-cycles that are tried so at most: one that starts by a hair is among the last ones before the rest.
+# Maximum number of grazing half-cycles; they occur only just before rest.
 MOST = 3
-# Steps in time until the mass slows down, and steps over the phase from there to the reversal.
+# Time steps until the mass slows down, and phase steps from there to the reversal.
 _STEPS, _PHASES = 160, 32
-# Where damping is strong the phase about the fastest place comes to its end slowly, so the mesh is at least so dense.
+# Upper limit for the layer of the mesh: under strong damping the phase about the fastest place ends slowly.
 _THINNEST = 1e-3
 _TOLERANCE, _ROUNDING = 3e-8, 1e-15
-# A mass leaves an unstable balance as slowly as it starts close to it: the event ends the integration, not a time.
+# Time limit; an unstable balance may take arbitrarily long to leave, so the event ends the integration.
 _FOREVER = 1e9
 
 
 class _Breakaway(NamedTuple):
-    """A start on the side `side`, from which the mass moves with growing speed; units are `length` and 1/`rate`."""
+    """Start on the side `side` with growing speed.
+
+    The units are `length` and 1/`rate`.
+    """
 
     oscillator: Oscillator
     side: Array
@@ -40,11 +43,11 @@ class _Breakaway(NamedTuple):
     rate: Array
 
     def field(self, _: Any, y: tuple[Array, Array]) -> tuple[Array, Array]:
-        """Rates of the way from the start and of the speed."""
+        """Return the rates of distance and speed."""
         return y[1], self.acceleration(*y)
 
     def acceleration(self, way: Array, speed: Array) -> Array:
-        """Growth of the speed."""
+        """Return the acceleration along the motion."""
         u = jnp.maximum(speed, 0.0) * self.length * self.rate
         x = self.side * (self.start - way * self.length)
         pull = self.side * self.oscillator.restoring_force(x) - self.oscillator.hysteresis(x)
@@ -54,7 +57,11 @@ class _Breakaway(NamedTuple):
 
 
 def _break_away(mass: _Breakaway, speed: Array, needed: Array) -> tuple[Array, Array, Array, Array]:
-    """Time, way and speed at the ends of the steps until the mass slows down, and whether it does within them."""
+    """Integrate until the mass slows down.
+
+    Returns:
+        Time, distance and speed at the ends of the steps, and whether the mass slows down within them.
+    """
     import diffrax
 
     slowing = diffrax.Event(lambda t, y, args, **_: args.acceleration(*y) < 0)
@@ -84,7 +91,10 @@ def _break_away(mass: _Breakaway, speed: Array, needed: Array) -> tuple[Array, A
 def _attempt(
     oscillator: Oscillator, x: Array, v: Array, reach: Array, theta: Float[Array, " nodes"], at: Reversal
 ) -> Attempt:
-    """The half-cycle from displacement `x` and velocity `v` on; `theta` are its nodes behind the fastest place."""
+    """Integrate the half-cycle from displacement `x` and velocity `v`.
+
+    `theta` are the phases of its nodes after the place of maximum speed.
+    """
     side = jax.lax.stop_gradient(jnp.where(v == 0, jnp.where(x < 0, -1.0, 1.0), -jnp.sign(v)))
     frame = frame_at(oscillator, side, x)
     mass = _Breakaway(oscillator, side, side * x, reach, frame.angular_frequency)
@@ -108,16 +118,16 @@ def _attempt(
 def grazing_half_cycles(
     oscillator: Oscillator, start: Start, rests: RestCondition, begin: Reversal
 ) -> tuple[Nodes, Array, Reversal]:
-    """The motion from a half-cycle on that its phase does not resolve.
+    """Integrate the motion from an unresolved half-cycle to rest.
 
     Args:
         oscillator: with a set-valued law.
-        start: state at time zero, whose velocity counts if the first half-cycle is the one.
-        rests: whether the mass stays at a turning point.
-        begin: reversal before that half-cycle; nothing is done if that was resolved.
+        start: state at time zero; its velocity applies to the first half-cycle.
+        rests: condition for resting at a turning point.
+        begin: reversal before that half-cycle; if it was resolved, no half-cycle is made.
 
     Returns:
-        Its nodes, its turning points, shape (MOST,), NaN beyond the last one, and where it ends.
+        The nodes; the turning points, shape (MOST,), padded with NaN; and the final reversal.
     """
     reach = jax.lax.stop_gradient(jnp.abs(start.x0) + jnp.abs(start.v0) / oscillator.angular_frequency)
     layer = jnp.minimum(layer_width(oscillator, frame_at(oscillator, jnp.ones(()), reach), reach), _THINNEST)

@@ -1,4 +1,4 @@
-"""Half-cycles one after the other, each integrated over its phase from turning point to turning point."""
+"""Single half-cycles, integrated over phase between turning points."""
 
 from collections.abc import Callable
 from typing import Any, NamedTuple
@@ -15,13 +15,13 @@ from .phase_steps import integrate_phase, phases
 
 
 class Reversal(NamedTuple):
-    """Where one half-cycle ends and the next one begins.
+    """Reversal between two half-cycles.
 
     Attributes:
-        turning_point, time: where and when the mass stands still [m], [s].
+        turning_point, time: position [m] and time [s] of the reversal.
         count: number of half-cycles so far.
-        finished: whether no further one is to be made from here.
-        resolved: False where the next one has been tried and its phase does not run on to its end.
+        finished: whether no further half-cycle follows.
+        resolved: False if the next half-cycle was tried but its phase does not advance to the end.
     """
 
     turning_point: Array
@@ -32,12 +32,12 @@ class Reversal(NamedTuple):
 
     @property
     def at_rest(self) -> Array:
-        """Whether the motion ends here."""
+        """True if the motion ends here."""
         return self.finished & self.resolved
 
 
 class HalfCycle(NamedTuple):
-    """Nodes of a half-cycle: time [s], displacement [m], velocity [m/s], acceleration [m/s^2]."""
+    """Nodes of a half-cycle in SI units: time, displacement, velocity, acceleration."""
 
     t: Array
     x: Array
@@ -45,14 +45,14 @@ class HalfCycle(NamedTuple):
     a: Array
 
 
-# From a turning point and the number of half-cycles before it to whether the mass stays there.
+# Map a turning point and the number of half-cycles before it to whether the mass rests there.
 RestCondition = Callable[[Array, Array], Array]
-# A half-cycle that has been tried: its nodes, its next turning point, and whether the phase resolves it.
+# Result of trying a half-cycle: its nodes, the next turning point, and whether the phase resolves it.
 Attempt = tuple[HalfCycle, Array, Array]
 
 
 class Entry(NamedTuple):
-    """A start inside a half-cycle: its side, frame and phase, and whether the mass moves at all at the start."""
+    """Start within a half-cycle: frame, phase, and whether the mass moves."""
 
     frame: Frame
     theta: Array
@@ -60,7 +60,10 @@ class Entry(NamedTuple):
 
 
 def enter(oscillator: Oscillator, start: Start) -> Entry:
-    """Frame and phase of a start; the phase is unused for a start from rest."""
+    """Return frame and phase of a start.
+
+    The phase of a start from rest is unused.
+    """
     moving = start.v0 != 0
     side = jax.lax.stop_gradient(jnp.where(moving, -jnp.sign(start.v0), jnp.where(start.x0 < 0, -1.0, 1.0)))
     frame = frame_at(oscillator, side, start.x0)
@@ -72,17 +75,20 @@ def enter(oscillator: Oscillator, start: Start) -> Entry:
 def half_cycle_by_steps(
     oscillator: Oscillator, start: Start, entry: Entry, fractions: Float[Array, " nodes"], inside: Any, at: Reversal
 ) -> Attempt:
-    """The half-cycle from a reversal or, where `inside` holds, from a start in motion."""
+    """Integrate the half-cycle from a reversal or from a moving start.
+
+    The latter if `inside` is True.
+    """
     y = at.turning_point
     side = jnp.where(inside, entry.frame.side, side_of(y))
     frame = frame_at(oscillator, side, jnp.where(inside, start.x0, y))
     offset, lag = amplitude_at(oscillator, frame, y), start.v0 / frame.angular_frequency
-    # The inner choice keeps the derivative of the root from an amplitude of zero, which is infinite.
+    # The inner choice avoids the infinite derivative of the root at zero amplitude.
     amplitude = jnp.where(inside, jnp.sqrt(jnp.where(inside, offset**2 + lag**2, 1.0)), offset)
     begin = jnp.where(inside, entry.theta, 0.0)
     passing = None
     if oscillator.restoring.hysteretic:
-        # A node has to lie on the kink at the equilibrium, and only a first integration shows where that is passed.
+        # A node must lie on the kink at the equilibrium; a first integration shows its phase.
         first = integrate_phase(oscillator, frame, amplitude, phases(frame, amplitude, begin, fractions))[0]
         passing = jax.lax.stop_gradient(first[fractions.size // 2])
     theta = phases(frame, passing, begin, fractions)
@@ -91,7 +97,10 @@ def half_cycle_by_steps(
 
 
 def half_cycle_by_collocation(oscillator: Oscillator, panels: Panels, at: Reversal) -> Attempt:
-    """The half-cycle from a reversal, by collocation: the same motion, with cheaper derivatives."""
+    """Integrate the half-cycle from a reversal by collocation.
+
+    The motion is the same, with cheaper derivatives.
+    """
     side = side_of(at.turning_point)
     frame = frame_at(oscillator, side, at.turning_point)
     amplitude = amplitude_at(oscillator, frame, at.turning_point)
@@ -103,7 +112,7 @@ def _attempt(
     oscillator: Oscillator, frame: Frame, angle: Angle, amplitudes: Array, elapsed: Array, time: Array
 ) -> Attempt:
     nodes = HalfCycle(time + elapsed, *motion_at(oscillator, frame, amplitudes, angle))
-    # A half-cycle that a record asks for where friction would hold the mass exists in phase only.
+    # A fit may prescribe a half-cycle although friction would hold the mass; it exists in phase only.
     forced = oscillator.friction.set_valued & (amplitudes[0] <= 0)
     resolved = forced | is_resolved(oscillator, frame, amplitudes, angle)
     return nodes, reversal_position(oscillator, frame, amplitudes[-1]), resolved
@@ -112,9 +121,9 @@ def _attempt(
 def advance(
     at: Reversal, half_cycle: HalfCycle, turning_point: Array, resolved: Any, rests: RestCondition
 ) -> tuple[Reversal, tuple[HalfCycle, Array]]:
-    """The reversal behind a half-cycle that has been tried, its nodes, and its turning point.
+    """Return the reversal after a half-cycle, its nodes and its turning point.
 
-    All stay where they are if it is not to be, or cannot be; the turning point is NaN then.
+    If the motion is finished or the half-cycle is not resolved, the mass stays, and the turning point is NaN.
     """
     resolved = at.resolved & (at.finished | resolved)
     stays = at.finished | ~resolved

@@ -1,7 +1,7 @@
-"""The mesh of a half-cycle in phase, and integration on it by explicit steps of order eight (Prince and Dormand 1981).
+"""Mesh of a half-cycle in phase, and eighth-order Runge-Kutta steps on it.
 
-The phases of all stages are known beforehand, so their sines and cosines are computed side by side. The lapse of time
-follows from the amplitude and drives nothing, so only its quadrature is made.
+The method is that of Prince and Dormand (1981). The phases of all stages are known in advance, so their sines and
+cosines are computed together. Time follows from the amplitude without feedback, so it only requires a quadrature.
 """
 
 from typing import Any
@@ -15,22 +15,22 @@ from ...oscillator import Oscillator
 from ..elementary import once
 from .frame import Angle, Frame, phase_rates
 
-# Part of the points that is spread evenly over the logarithm of the distance from the layer; the rest is even in phase,
-# so that steps in the middle stay short however thin the layer is. Chosen, not derived.
+# Part of the points spread evenly over the logarithm of the distance from the layer; the rest is even in phase, so
+# steps in the middle stay short for any layer. Chosen, not derived.
 _LOGARITHMIC_SHARE = 0.6
-# Newton steps from the reversal on: thirteen reach rounding for the thinnest layer, 1e-9 rad.
+# Newton steps from the reversal; thirteen reach rounding for the thinnest layer, 1e-9 rad.
 _NEWTON_STEPS = 24
-# Slope of the stretched coordinate at which a turning point counts as the unstable equilibrium itself.
+# Slope of the stretched coordinate below which a turning point is regarded as the unstable equilibrium.
 _STEEPEST = 1e-6
 
 _Pair = tuple[Array, Array]
 
 
 def phases(frame: Frame, passing: Array | None, begin: Array, fractions: Array) -> Array:
-    """Phases of the nodes of a half-cycle from the phase `begin` on, shape (nodes,).
+    """Return the phases of a half-cycle's nodes from `begin`, shape (nodes,).
 
-    The middle node lies in the middle. Where the internal friction of a spring has a kink at the equilibrium, it lies
-    there; `passing` is the amplitude with which the mass passes it.
+    The middle node lies in the middle. For a spring with internal friction it lies on the kink at the equilibrium;
+    `passing` is the amplitude at which the mass passes it.
     """
     middle = (begin + jnp.pi) / 2
     if passing is not None:
@@ -41,15 +41,17 @@ def phases(frame: Frame, passing: Array | None, begin: Array, fractions: Array) 
 
 
 def mesh_fractions(steps: int, layer: Array, skew: Any = 0.0) -> Float[Array, " nodes"]:
-    """Fractions of a half-cycle at which its steps end, crowded at both ends where the law changes fast.
+    """Return step ends as fractions of a half-cycle, dense at both ends.
+
+    Near the reversals the friction force changes fast.
 
     Args:
         steps: number of steps, even.
         layer: width of the layer at the reversals [rad], inf for none.
-        skew: part by which the mesh is denser at the reversals than that.
+        skew: relative increase of the density at the reversals.
 
-    The mesh has steps proportional to the distance from the layer near the reversals, and even ones in the middle: in
-    ``share ln(1 + theta/layer)/ln(1 + pi/(2 layer)) + (1 - share) 2 theta/pi`` its points are equidistant.
+    Steps are proportional to the distance from the layer near the reversals, and even in the middle: the points are
+    equidistant in ``share ln(1 + theta/layer)/ln(1 + pi/(2 layer)) + (1 - share) 2 theta/pi``.
     """
     theta, _ = phase_of(jnp.linspace(0.0, 1.0, steps // 2 + 1), layer, skew)
     first = jnp.clip(theta / jnp.pi, 0.0, 0.5).at[-1].set(0.5)
@@ -57,7 +59,10 @@ def mesh_fractions(steps: int, layer: Array, skew: Any = 0.0) -> Float[Array, " 
 
 
 def phase_of(place: Array, layer: Array, skew: Any = 0.0) -> tuple[Array, Array]:
-    """Phase in the first half of a half-cycle at a `place` between 0 and 1 in the mesh, and its slope there."""
+    """Return the phase, and its slope, at a `place` in the mesh.
+
+    `place` runs from 0 to 1 over the first half of a half-cycle.
+    """
     half = jnp.pi / 2
     rank, by_place = place - skew * jnp.sin(jnp.pi * place) / jnp.pi, 1 - skew * jnp.cos(jnp.pi * place)
     width = jax.lax.stop_gradient(jnp.clip(layer, 1e-9, 1e3))
@@ -67,7 +72,7 @@ def phase_of(place: Array, layer: Array, skew: Any = 0.0) -> tuple[Array, Array]
         return _LOGARITHMIC_SHARE / (span * (width + theta)) + (1 - _LOGARITHMIC_SHARE) / half
 
     def closer(_: Any, theta: Array) -> Array:
-        # The rank is concave in theta, so that Newton's steps approach from below without overshooting.
+        # The rank is concave in theta, so Newton's steps converge from below without overshoot.
         value = _LOGARITHMIC_SHARE * jnp.log1p(theta / width) / span + (1 - _LOGARITHMIC_SHARE) * theta / half
         return theta + (rank - value) / rise(theta)
 
@@ -76,27 +81,31 @@ def phase_of(place: Array, layer: Array, skew: Any = 0.0) -> tuple[Array, Array]
 
 
 def layer_width(oscillator: Oscillator, frame: Frame, amplitude: Array) -> Array:
-    """Phase in which the velocity leaves the range where the friction force changes fast [rad]."""
+    """Return the phase interval in which friction changes fast [rad].
+
+    It ends when the velocity exceeds the velocity scale of the law.
+    """
     speed = oscillator.friction.velocity_scale()
     return speed / (frame.angular_frequency * jnp.maximum(amplitude, jnp.finfo(float).tiny))
 
 
 def separatrix_width(oscillator: Oscillator, amplitude: Array) -> Array:
-    """Phase in which a half-cycle leaves the neighbourhood of an unstable equilibrium [rad], inf for a linear spring.
+    """Return the phase interval near an unstable equilibrium [rad].
 
-    The lapse of time has its poles where the slope of the stretched coordinate vanishes. With the slope ``sqrt(1 - Q^2
-    cos^2(theta)/4)`` of a pendulum they lie ``arccosh(2/Q)`` beside the reversals, which is the inverse hyperbolic
-    tangent of the slope there. A slope above one belongs to a spring that stiffens, and has no poles on that side.
+    It is inf for a linear spring. The rate of time has poles at zeros of the slope of the stretched coordinate. With
+    the slope ``sqrt(1 - Q^2 cos^2(theta)/4)`` of a pendulum they lie at a distance of ``arccosh(2/Q)`` from the
+    reversals, which is the inverse hyperbolic tangent of the slope there. A slope above one belongs to a stiffening
+    spring, which has no such poles.
     """
     slope = jnp.asarray(oscillator.restoring.unstretched(amplitude)[1])
-    # Beyond the separatrix there is no half-cycle; its mesh need only be one.
+    # Beyond the separatrix there is no half-cycle; any valid mesh will do.
     return jnp.arctanh(jnp.where(slope > _STEEPEST, jnp.minimum(slope, 1.0), _STEEPEST))
 
 
 def integrate_phase(
     oscillator: Oscillator, frame: Frame, amplitude: Float[Array, ""], theta: Float[Array, " nodes"]
 ) -> tuple[Float[Array, " nodes"], Float[Array, " nodes"]]:
-    """Amplitude and elapsed time at the phases `theta` of a half-cycle."""
+    """Integrate amplitude and elapsed time over the phases `theta`."""
     import diffrax
 
     tableau = diffrax.Dopri8.tableau
@@ -124,6 +133,6 @@ def integrate_phase(
 
 
 def _combined(weights: np.ndarray, values: list[Array]) -> Array:
-    """Weighted sum, without the terms that vanish."""
+    """Return the weighted sum without vanishing terms."""
     terms = (float(weight) * value for weight, value in zip(weights, values, strict=False) if weight)
     return sum(terms, start=jnp.zeros(()))

@@ -1,4 +1,4 @@
-"""Integration in time, and on a mesh over the phase of the half-cycles, for laws without a jump."""
+"""Adaptive and mesh-based integration for laws without a jump."""
 
 from .engine import Smooth
 from .mesh import Mesh

@@ -1,8 +1,9 @@
-"""Integration in time, for laws without a jump: bristle laws, regularised laws and their creep, driven motion.
+"""Integration in time for laws without a jump.
 
-An adaptive integration is a rough function of its parameters, since each choice of steps has its own error. For a
-fit the steps are found once and kept as a mesh in the phase of the half-cycles, and behind the last ones in time: the
-motion is then a smooth function of every coefficient, and its derivatives are exactly those of the discrete solution.
+These are bristle laws and regularised laws with their creep, including driven motion. An adaptive integration is a
+rough function of its parameters, since each choice of steps has a different error. A fit therefore finds the steps once
+and keeps them as a mesh, in the phase of the half-cycles and then in time. The motion is then a smooth function of
+every coefficient, and its derivatives are exactly those of the discrete solution.
 """
 
 import dataclasses
@@ -18,25 +19,26 @@ from ..base import AbstractEngine, Demands
 from ..nodes import Nodes
 from .mesh import Mesh
 
-# What a motion is traced from is imported where it is traced: with diffrax it takes longer than a fit, and a process
-# that recalls its programs needs neither.
+# Modules for tracing are imported when tracing. diffrax takes longer to import than a fit, and a process with cached
+# programs does not need it.
 
-# How much finer a motion is integrated of which only the end is asked for.
+# Accuracy factor for computing only the end of a motion.
 _FINER = 100.0
 
 
 class Smooth(AbstractEngine):
-    """Integration in time with a Rosenbrock solver, and on a mesh over the phase of the half-cycles first.
+    """Adaptive integration in time, or on a mesh in phase and time.
 
     Attributes:
-        accuracy: largest error of the displacement aimed at [m].
-        mesh: ends of the steps for :meth:`path`; :meth:`solve` lets the error estimate choose them.
-        max_steps: bound on the number of steps.
-        max_half_cycles: length of the list of turning points, and most half-cycles of a mesh in phase.
-        still: way on which a contact may still spring back and ring while the mass is taken to be at rest [m]. It is
-            far below the accuracy, for a lightly damped contact creeps under its ringing, hundreds of times as far.
-        method: solver of diffrax for :meth:`solve`, with its own controller; None: Rodas5P where a law is stiff, else
-            Dopri8, by steps that end at reversals.
+        accuracy: target for the largest error of the displacement [m].
+        mesh: ends of the steps for :meth:`path`; :meth:`solve` chooses steps by the error estimate.
+        max_steps: maximum number of steps.
+        max_half_cycles: length of the list of turning points, and maximum number of half-cycles of a mesh in phase.
+        still: distance over which the contact may still spring back and vibrate while the mass counts as resting [m].
+            It is far below the accuracy, since a lightly damped contact creeps hundreds of times further while it
+            vibrates.
+        method: diffrax solver for :meth:`solve`, with PID step control. None selects Rodas5P for stiff laws, else
+            Dopri8, with steps that end at reversals.
 
     Examples:
         >>> print(f"{Smooth(accuracy=1e-10).finer().accuracy:.0e} m")
@@ -52,7 +54,7 @@ class Smooth(AbstractEngine):
     max_steps: int = eqx.field(static=True, default=1_000_000)
     max_half_cycles: int = eqx.field(static=True, default=512)
     still: float | Float[Array | np.ndarray, ""] = 1e-13
-    # Of its fields some are no arrays, so that it shapes the computation.
+    # Static, since some of its fields are not arrays.
     method: eqx.Module | None = eqx.field(static=True, default=None)
 
     def __check_init__(self) -> None:
@@ -80,9 +82,9 @@ class Smooth(AbstractEngine):
         return None
 
     def tuned(self, oscillator: Oscillator, demands: Demands) -> "Smooth":
-        # Its error is some ten times smaller than the accuracy that it is asked for.
+        # The actual error is about ten times smaller than the requested accuracy.
         accuracy = np.asarray(demands.accuracy)
-        # On its mesh a list costs nothing, so that all records may share one capacity.
+        # Capacity costs nothing on a mesh, so all records share one.
         capacity = max(Smooth().max_half_cycles, self.max_half_cycles)
         return Smooth(accuracy, None, self.max_steps, capacity, accuracy)
 
@@ -90,27 +92,30 @@ class Smooth(AbstractEngine):
         return self.at_accuracy(self.accuracy / 10)
 
     def at_accuracy(self, accuracy: Any) -> "Smooth":
-        """The engine without a mesh, for another accuracy [m]."""
+        """Return the engine without a mesh, for another accuracy [m]."""
         return dataclasses.replace(self, accuracy=accuracy, mesh=None)
 
     def on_mesh(self, phases: np.ndarray, times: np.ndarray, size: int) -> "Smooth":
-        """The engine with the steps of `meshed`, in a list with room for `size` of them."""
+        """Return the engine with the steps of `meshed`, padded to `size`."""
         return dataclasses.replace(self, mesh=Mesh.of(phases, times, size))
 
     def path(self, oscillator: Oscillator, start: Start, half_cycles: Int[Array, ""] | None = None) -> Nodes:
-        """The motion from time zero to the end of the mesh, where the mass stays.
+        """Return the motion from time zero to the end of the mesh.
+
+        The mass stays there.
 
         Raises:
-            ValueError: an engine without a mesh, whose steps depend on the parameters.
+            ValueError: an engine without a mesh; its steps would depend on the parameters.
         """
         from . import integration
 
         return integration.path(self, oscillator, start)
 
     def trail(self, oscillator: Oscillator, start: Start, duration: Float[Array, ""]) -> Nodes:
-        """The motion at the ends of the steps that the error estimate chooses, up to `duration` [s].
+        """Integrate up to `duration` [s] with steps chosen by the error estimate.
 
-        It ends earlier where `max_steps` are not enough; unused nodes repeat the last one.
+        The nodes are the ends of the steps. The motion ends earlier if it needs more than `max_steps` steps; unused
+        nodes repeat the last one.
         """
         from . import integration
 
@@ -119,11 +124,10 @@ class Smooth(AbstractEngine):
     def meshed(
         self, oscillator: Oscillator, start: Start, duration: Array, half_cycles: Array | None, capacity: int
     ) -> tuple[Array, Array]:
-        """Phases and times of the steps that the error estimate chooses until `duration` [s], for `Mesh.of`.
+        """Choose phases and times of steps until `duration` [s], for `Mesh.of`.
 
-        Beyond the last one of each list there is inf; not so where `capacity` steps do not lead to the end, and the
-        list is full. The phases end at the last reversal, after `half_cycles` where these are known, and the times
-        where the mass rests.
+        Each list is padded with inf; a list without inf means that `capacity` steps were not enough. The phases end at
+        the last reversal, after `half_cycles` if given. The times end when the mass rests.
         """
         from . import integration
 
@@ -142,9 +146,12 @@ class Smooth(AbstractEngine):
         return integration.solve(self, oscillator, start, ts, drive)
 
     def rest(self, oscillator: Oscillator, start: Start) -> Array:
-        """Where the mass comes to rest [m]; NaN where it still moves after `max_steps` or ten thousand half-periods."""
+        """Return the final displacement of the mass [m].
+
+        NaN if it still moves after `max_steps` steps or ten thousand half-periods.
+        """
         from . import integration
 
-        # A contact may ring for thousands of swings, whose errors add up.
+        # A contact may vibrate for thousands of periods, and the errors add up.
         fine = Smooth(self.accuracy / _FINER, max_steps=self.max_steps, still=self.still)
         return integration.rest(fine, oscillator, start)

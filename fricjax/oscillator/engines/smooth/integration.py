@@ -1,4 +1,4 @@
-"""What the smooth engine integrates: in time with steps that the error estimate chooses, or by the steps of a mesh."""
+"""Integrations behind the smooth engine, adaptive in time or on a mesh."""
 
 from collections.abc import Callable
 from typing import Any, ClassVar, NamedTuple, Protocol, runtime_checkable
@@ -20,19 +20,19 @@ from .rosenbrock import Rodas5P
 from .scaled import Cautious, Scaled, continued, integrate
 from .switching import SecantSteps, SwitchingSolver, step_across
 
-# The way that a mass may still go and count as resting, in tolerances.
+# Remaining distance of a mass that counts as resting, relative to the tolerance.
 _STILL = 0.1
-# Scaled time in which a motion must have come to rest: ten thousand half-periods.
+# Scaled time within which a motion must come to rest: ten thousand half-periods.
 _LONG = 1e4 * np.pi
-# Ringing that shows in a sampled motion, in its accuracy: less is lost in the errors of the steps.
+# Contact vibration that is visible in a sampled motion, relative to its accuracy; less is below the step errors.
 _SHOWS = 0.1
-# How much longer than `still` the way of a mass that rests may be on a mesh that was made for another motion.
+# Factor on `still` for a resting mass on a mesh made for another motion.
 _MOVED = 2.0
 
 
 @runtime_checkable
 class Settings(Protocol):
-    """What of the smooth engine an integration depends on."""
+    """Fields of the smooth engine that an integration depends on."""
 
     name: ClassVar[str]
     counted: ClassVar[tuple[str, ...]]
@@ -45,14 +45,22 @@ class Settings(Protocol):
 
 
 class _Args(NamedTuple):
-    """Arguments of the vector field: the scaled machine; for the log the scaled way from which on ringing shows."""
+    """Arguments of the vector field.
+
+    Attributes:
+        machine: the scaled oscillator.
+        shows: scaled distance above which vibration is visible, for the log.
+    """
 
     machine: Scaled
     shows: Any = None
 
 
 def _field(tau: Any, y: Any, args: _Args) -> tuple:
-    """Rates of the scaled state (x, v, internal states...) in scaled time."""
+    """Return the rates of the scaled state in scaled time.
+
+    The state is (x, v, internal states...).
+    """
     machine = args.machine
     a, states = machine.rates(y[0], y[1], y[2:])
     a = a + machine.push(tau) / (machine.oscillator.mass * machine.speed * machine.rate)
@@ -66,7 +74,7 @@ def path(engine: Settings, oscillator: Oscillator, start: Start) -> Nodes:
     machine = Scaled.of(oscillator, start)
     motion, (x, v, states) = follow_mesh(_plain(oscillator), machine, machine.start(start), engine.mesh)
     place, way = machine.settling(x, v, states)
-    # The mesh was made for other coefficients, with which the way was shorter than here.
+    # The mesh was made for other coefficients, for which the distance was smaller.
     sticks = way * machine.length < _MOVED * engine.still
     position = jnp.where(sticks, place, x) * machine.length
     return eqx.tree_at(lambda n: (n.rest_position, n.finished), motion, (position, jnp.asarray(True)))
@@ -101,7 +109,7 @@ def meshed(
     settings = {"saveat": _ENDS, "stepsize_controller": controller, "max_steps": capacity}
     event = diffrax.Event(rests)
     then = integrate(field, solver, jnp.zeros(()), left, first.end, waiting, event=event, **settings)
-    # Steps that were rejected count too; where most were, the motion grows without bound and needs no more of them.
+    # Rejected steps count too. If most were rejected, the motion grows without bound and more steps would not help.
     short = (then.result == diffrax.RESULTS.max_steps_reached) & jnp.isfinite(then.ts[capacity // 2])
     return first.phases, jnp.where(short & jnp.isinf(then.ts), left, then.ts)
 
@@ -151,7 +159,11 @@ def rest(engine: Settings, oscillator: Oscillator, start: Start) -> Array:
 
 
 def _integrate(engine: Settings, oscillator: Oscillator, start: Start, ts: Array, drive: Drive | None) -> tuple:
-    """The scaled machine, and displacement, velocity, internal states at `ts`, and the solution."""
+    """Integrate in time and sample at `ts`.
+
+    Returns:
+        The scaled oscillator, displacement, velocity, internal states, and the solution.
+    """
     machine = Scaled.of(oscillator, start, drive)
     tau = jnp.maximum(ts, 0.0) * machine.rate
     args = _Args(machine, jnp.asarray(_SHOWS * engine.accuracy / machine.length))
@@ -175,7 +187,7 @@ def _free(
     event: Any = None,
     recorded: int | None = None,
 ) -> Any:
-    """Integration in time with steps chosen by their error.
+    """Integrate in time with steps chosen by their error.
 
     With `recorded`, the length of the list, the solver keeps a log of the reversals.
     """
@@ -189,7 +201,10 @@ def _free(
 def _chosen(
     engine: Settings, machine: Scaled, switching: SwitchingSolver
 ) -> tuple[diffrax.AbstractAdaptiveSolver, Any]:
-    """Solver and controller in time; their steps end where the rates of a law with states have a kink."""
+    """Return solver and controller in time.
+
+    Steps end at the kinks in the rates of a law with internal states.
+    """
     tolerance = _tolerance(engine, machine)
     if engine.method is not None:
         return switching, Cautious(rtol=tolerance, atol=tolerance)
@@ -199,7 +214,7 @@ def _chosen(
 
 
 def _tolerance(engine: Settings, machine: Scaled) -> Array:
-    # Over fifty half-cycles the errors of the steps add up to some thirty times the tolerance.
+    # Over fifty half-cycles the errors of the steps add up to about thirty times the tolerance.
     return jnp.maximum(0.02 * engine.accuracy / machine.length, 1e-14)
 
 
@@ -207,20 +222,22 @@ _ENDS = diffrax.SaveAt(t0=True, steps=True, fn=lambda t, y, args: None)
 
 
 def _record(log: Log, before: tuple, behind: tuple, args: _Args) -> Log:
-    """The log after a step, from time and state at both of its ends."""
+    """Update the log after a step from both of its ends."""
     (t0, y0), (t1, y1) = before, behind
     ends = ((t, y[0], y[1], _field(t, y, args)[1], y[2:]) for t, y in ((t0, y0), (t1, y1)))
     return after_step(log, args.machine, args.shows, *ends)
 
 
 def _resting(field: Callable, tolerance: Any, left: Any, still: Any) -> Callable[..., Array]:
-    """An event: neither speed nor acceleration moves the mass any more, or the contact has all but stopped it.
+    """Return an event for a mass that rests.
+
+    Either speed and acceleration no longer move the mass, or the contact has practically stopped it.
 
     Args:
         field: the vector field of the motion in time.
-        tolerance: that of the integration.
-        left: scaled time in which a standing mass must not show that it moves.
-        still: scaled way that a contact may still spring back and ring.
+        tolerance: tolerance of the integration.
+        left: scaled time during which the motion of a resting mass must stay invisible.
+        still: scaled distance over which the contact may still spring back and vibrate.
     """
 
     def rests(tau: Any, y: tuple, args: Any, **kwargs: Any) -> Array:
@@ -232,16 +249,16 @@ def _resting(field: Callable, tolerance: Any, left: Any, still: Any) -> Callable
 
 
 def _plain(oscillator: Oscillator) -> diffrax.AbstractAdaptiveSolver:
-    """The method that suits a law: implicit where it is stiff."""
+    """Return the solver for a law: implicit if the law is stiff."""
     law = oscillator.friction
     return Rodas5P(modes=law.n_modes) if law.stiff else diffrax.Dopri8(scan_kind="lax")
 
 
 def _switching_quantities(tau: Any, y: tuple, args: _Args) -> Array:
-    """The velocity, and what else the law switches by."""
+    """Return the velocity and the other switching quantities of the law."""
     return jnp.concatenate([jnp.reshape(y[1], (1,)), args.machine.switches(y[1], y[2:])])
 
 
 def _after_switch(tau: Any, y: tuple, before: tuple, args: _Args) -> tuple:
-    """The scaled state from which the next step begins."""
+    """Return the scaled state at the start of the next step."""
     return (*y[:2], *args.machine.mapped(y[0], y[1], y[2:], before[2:]))

@@ -1,4 +1,4 @@
-"""Steps that are given beforehand, in the phase of the half-cycles and behind them in time."""
+"""Prescribed integration steps, in phase and then in time."""
 
 from collections.abc import Callable
 from typing import Any, NamedTuple
@@ -11,13 +11,12 @@ from jaxtyping import Array, Float, Int
 
 
 class Mesh(eqx.Module):
-    """Where the steps of an integration end, over the phase first and then in time.
+    """Ends of integration steps, first in phase and then in time.
 
     Attributes:
-        ends: the phase at which the motion starts and those at which steps end [rad], the mass turns at the multiples
-            of pi; behind them the times from the last one on at which steps end, in radians of the natural frequency;
-            what follows is not used.
-        n_phase, n_time: number of steps over the phase, and in time.
+        ends: start phase and ends of the phase steps [rad], with reversals at multiples of pi; then ends of the time
+            steps relative to the last phase, in radians of the natural frequency; the remainder is padding.
+        n_phase, n_time: number of phase steps and of time steps.
     """
 
     ends: Float[Array | np.ndarray, " ends"]
@@ -26,13 +25,19 @@ class Mesh(eqx.Module):
 
     @classmethod
     def of(cls, phases: np.ndarray, times: np.ndarray, size: int) -> "Mesh":
-        """A mesh with room for `size` ends, from phases and from times, each list with where it begins."""
+        """Create a mesh padded to `size` ends.
+
+        Each list begins with its start.
+        """
         ends = np.concatenate([phases, times[1:]])
         room = np.pad(ends, (0, size - ends.size))
         return cls(room, np.asarray(phases.size - 1), np.asarray(times.size - 1))
 
     def begun_at(self, phase: Array) -> Array:
-        """The ends for a motion that starts at `phase`: the first half-cycle is stretched, the others stay."""
+        """Return the ends for a motion that starts at `phase`.
+
+        Only the first half-cycle is stretched.
+        """
         ends = jnp.asarray(self.ends)
         first = ends[0]
         turn = (jnp.floor(first / jnp.pi) + 1) * jnp.pi
@@ -43,7 +48,7 @@ class Mesh(eqx.Module):
 
 
 class Steps(NamedTuple):
-    """Steps that are given beforehand: where each begins and ends, shape (most,), and how many of them are made."""
+    """Prescribed steps: begins and ends, shape (most,), and their number."""
 
     begins: Array
     ends: Array
@@ -51,14 +56,13 @@ class Steps(NamedTuple):
 
 
 def stepped(field: Callable, solver: Any, steps: Steps, y0: Any, entered: Callable[[Array, Any], tuple]) -> Any:
-    """The states of a motion from `y0` on before the first of given steps and at the end of each, then the last one.
+    """Follow prescribed steps from `y0`; return the state before and after each.
 
-    From the number of a step and the state at the end of the one before, `entered` tells the state at its begin and the
-    arguments of the field.
+    The last state fills the padding. `entered` maps the number of a step and the previous state to the state at its
+    begin and the arguments of the field.
 
-    The steps are those of a solver of diffrax, and so would be the motion by its `StepTo` and `diffeqsolve`; but what
-    that provides for on the way, such as events and the end of a step that rounding has missed, is a sixth of all that
-    a fit of a bristle law compiles.
+    diffrax's `StepTo` and `diffeqsolve` would give the same motion. Their support for events and for missed end points
+    would add a sixth to the compilation of a bristle fit.
     """
     import diffrax
 

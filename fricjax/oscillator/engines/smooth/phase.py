@@ -1,16 +1,17 @@
-"""Integration over the phase of the half-cycles, and behind the last of them in time, by one field for both.
+"""Integration over the phase of half-cycles, and afterwards in time.
 
-It is for laws whose rates have a kink or a jump at each reversal.
+It suits laws with rates that have a kink or a jump at each reversal.
 
-With ``x = s x_d + a cos(theta)`` and ``v = -omega a sin(theta)`` the state is the amplitude a about the place where
-dynamic friction balances the spring, the time, and the internal states of the law; the phase is what is integrated
-over. The sign s, that of friction, is kept with the amplitude, and both change at each reversal: the amplitude by twice
-the dead band. The mass turns where the phase is a multiple of pi, whatever the coefficients are: steps that end there
-once do so for all of them. In time a reversal moves with the coefficients, and a contact that settles within a
-microsecond of it would have to be met by the steps of each anew.
+With ``x = s x_d + a cos(theta)`` and ``v = -omega a sin(theta)`` the state consists of the amplitude a about the
+equilibrium of spring and dynamic friction, the time, and the internal states of the law. The phase is the independent
+variable. The sign s of friction is stored with the amplitude. At each reversal the sign changes, and the amplitude
+changes by twice the dead band. Reversals lie at multiples of pi for all coefficients, so steps that end there once do
+so for any of them. In time, a reversal would move with the coefficients. A contact that settles within a microsecond of
+it would require new steps for each of them.
 
-The phase resolves a motion while the spring pulls clearly more than friction holds. What is left is integrated in time,
-with displacement and velocity in the places of amplitude and time. The law stands once in a program for both.
+The phase resolves a motion as long as the spring pulls clearly harder than friction holds. The rest is integrated in
+time, with displacement and velocity replacing amplitude and time. One vector field serves both, so a program contains
+the law only once.
 """
 
 from typing import Any, NamedTuple
@@ -25,28 +26,33 @@ from .mesh import Mesh, Steps, stepped
 from .scaled import Cautious, Scaled, integrate
 from .switching import SwitchingSolver, step_across
 
-# The pull of the spring at a reversal from which the phase still resolves the next half-cycle, in forces that friction
-# can hold; the least phase velocity; and how near to a reversal a phase counts as there.
+# Smallest pull of the spring at a reversal for which the phase resolves the next half-cycle, relative to the holding
+# force of friction; smallest phase velocity; and tolerance for the phase of a reversal.
 _PULL, _SLOWEST, _AT_REVERSAL = 1.05, 0.1, 1e-12
-# Longest step, for the interpolation between its ends, and how much longer than the one before. Behind a reversal no
-# step is then longer than the way from there, over which the rates of a contact grow: it may become stiffer on a mesh.
+# Longest step, limited by the interpolation between its ends, and largest growth of a step. After a reversal no step is
+# then longer than the distance from it, over which the rates of a contact grow and may become stiffer on a mesh.
 _LONGEST, _GROWTH = 0.25, 1.5
 
 
 class FieldArgs(NamedTuple):
-    """Arguments of the vector field: the machine, and whether it is integrated over its phase or in scaled time."""
+    """Arguments of the vector field.
+
+    Attributes:
+        machine: the scaled oscillator.
+        in_phase: whether the independent variable is the phase or scaled time.
+    """
 
     machine: Scaled
     in_phase: Array
 
 
 class PhaseSolution(NamedTuple):
-    """Where a motion over the phase ended.
+    """End of a motion integrated over the phase.
 
     Attributes:
-        phases: ends of the steps, inf for those that were not needed.
-        end: scaled displacement, velocity and internal states at the last one.
-        elapsed: scaled time until there.
+        phases: ends of the steps, padded with inf.
+        end: final scaled displacement, velocity and internal states.
+        elapsed: scaled time at the end.
     """
 
     phases: Array
@@ -55,9 +61,12 @@ class PhaseSolution(NamedTuple):
 
 
 class Limits(NamedTuple):
-    """How far an integration over the phase goes at most: to a scaled time, and over a number of half-cycles.
+    """Limits of an integration over the phase.
 
-    `capacity` is the largest such number.
+    Attributes:
+        time: scaled time.
+        half_cycles: number of half-cycles.
+        capacity: maximum number of half-cycles.
     """
 
     time: Array
@@ -66,10 +75,10 @@ class Limits(NamedTuple):
 
 
 def follow_mesh(solver: Any, machine: Scaled, y0: tuple, mesh: Mesh) -> tuple[Nodes, tuple]:
-    """The motion from a scaled state over the phases and times of a mesh, and the scaled state in which it ends.
+    """Integrate over a mesh; return nodes and the final scaled state.
 
-    The phases carry no derivatives, so that those of their sines and cosines need not be computed; the state is carried
-    to a phase that stands still instead, by a step of no length.
+    The phases carry no derivatives, which saves differentiating their sines and cosines. Instead a step of zero length
+    moves the state to a phase that does not depend on the parameters.
     """
     begin, first = _in_phase(y0, machine)
     over = FieldArgs(machine, jnp.asarray(True))
@@ -105,12 +114,15 @@ def follow_mesh(solver: Any, machine: Scaled, y0: tuple, mesh: Mesh) -> tuple[No
 def choose_phase_steps(
     solver: Any, machine: Scaled, y0: tuple, tolerance: Any, limits: Limits, capacity: int
 ) -> PhaseSolution:
-    """The steps over the phase that their error chooses, to the `limits` or as far as the phase goes."""
+    """Choose steps over the phase by their error, up to the `limits`.
+
+    The integration ends earlier if the phase no longer advances.
+    """
     begin, first = _in_phase(y0, machine)
     reversals = (jnp.floor(begin / jnp.pi) + 1 + jnp.arange(limits.capacity)) * jnp.pi
     last = reversals[jnp.clip(limits.half_cycles, 1, limits.capacity) - 1]
     chosen = Cautious(rtol=tolerance, atol=tolerance, dtmax=_LONGEST, factormax=_GROWTH)
-    # Elements that stick or slip see that the mass has turned at the end of a step, so one just behind is short.
+    # Sticking and slipping elements detect a reversal at the end of a step, so the step just after it is short.
     behind = reversals + step_across(tolerance)
     controller = diffrax.ClipStepSizeController(chosen, jump_ts=jnp.stack([reversals, behind], axis=1).reshape(-1))
     everywhere = FieldArgs(machine, jnp.asarray(True))
@@ -131,7 +143,7 @@ def choose_phase_steps(
 
 
 def _in_phase(y: tuple, machine: Scaled) -> tuple[Array, tuple]:
-    """Phase, and signed amplitude, scaled time and internal states, from a scaled state in time."""
+    """Convert a scaled state to phase, signed amplitude, time and internal states."""
     x, v = y[:2]
     side = jnp.where(v == 0, jnp.sign(x), -jnp.sign(v))
     away = x - side * machine.band
@@ -139,7 +151,7 @@ def _in_phase(y: tuple, machine: Scaled) -> tuple[Array, tuple]:
 
 
 def _places(s: Any, y: tuple, args: FieldArgs) -> tuple[Array, Array, tuple]:
-    """Scaled displacement, velocity and internal states at a phase, or in time."""
+    """Return scaled displacement, velocity and internal states from the integrated state."""
     machine, in_phase = args
     reach = jnp.abs(y[0])
     x = jnp.where(in_phase, jnp.sign(y[0]) * machine.band + reach * jnp.cos(s), y[0])
@@ -147,23 +159,26 @@ def _places(s: Any, y: tuple, args: FieldArgs) -> tuple[Array, Array, tuple]:
 
 
 def field(s: Any, y: tuple, args: FieldArgs) -> tuple:
-    """Derivatives by the phase of amplitude, time and internal states; by time, of displacement, velocity and states.
+    """Return the derivatives of the scaled state.
 
-    All of it is scaled.
+    In phase: of amplitude, time and internal states. In time: of displacement, velocity and internal states.
     """
     machine, in_phase = args
     x, v, states = _places(s, y, args)
     a, z = machine.rates(x, v, states)
     away = jnp.abs(y[0]) * jnp.cos(s)
     pace = (v**2 - away * a) / y[0] ** 2
-    # Derivatives go forwards, so that those of what is not chosen are not felt.
+    # Forward-mode derivatives of the branch that is not selected have no effect.
     lasts = jnp.where(in_phase, 1 / pace, 1.0)
     first = jnp.where(in_phase, v * (away + a) / (y[0] * pace), v)
     return first, jnp.where(in_phase, lasts, a), *(rate * lasts for rate in z)
 
 
 def _is_resolved(theta: Any, y: tuple, args: FieldArgs) -> Array:
-    """Whether the phase goes on: at a reversal the mass moves back, and in between the phase does not dwell."""
+    """Return True if the phase advances.
+
+    At a reversal the spring must move the mass back; between reversals the phase must not stall.
+    """
     machine = args.machine
     pull = jnp.abs(machine.pull(_places(theta, y, args)[0]))
     reverses = ~_is_reversal(theta) | (pull > _PULL * machine.hold)
@@ -172,14 +187,20 @@ def _is_resolved(theta: Any, y: tuple, args: FieldArgs) -> Array:
 
 
 def switching_quantities(s: Any, y: tuple, args: FieldArgs) -> Array:
-    """What the law switches by, in time the velocity among it; in the phase the steps end at the reversals anyway."""
+    """Return the switching quantities of the law.
+
+    In time they include the velocity; in phase the steps end at the reversals anyway.
+    """
     _, v, states = _places(s, y, args)
     in_time = jnp.where(args.in_phase, 1.0, v)
     return jnp.concatenate([jnp.reshape(in_time, (1,)), args.machine.switches(v, states)])
 
 
 def after_switch(s: Any, y: tuple, before: tuple, args: FieldArgs) -> tuple:
-    """The state from which the next step begins; at a reversal in the phase friction changes sign."""
+    """Return the state at the start of the next step.
+
+    At a reversal in phase the sign of friction changes.
+    """
     machine, in_phase = args
     states = machine.mapped(*_places(s, y, args), before[2:])
     left = jnp.abs(y[0]) - 2 * machine.band
@@ -188,5 +209,5 @@ def after_switch(s: Any, y: tuple, before: tuple, args: FieldArgs) -> tuple:
 
 
 def _is_reversal(theta: Any) -> Array:
-    """Whether a phase is that of a reversal."""
+    """Return True if a phase is that of a reversal."""
     return jnp.abs(jnp.sin(theta)) < _AT_REVERSAL

@@ -1,8 +1,8 @@
-"""Reversals and stop of a motion, recorded while it is integrated.
+"""Reversals and stop of a motion, recorded during integration.
 
-They belong to the motion and not to the samples that someone asks for, so the solver itself looks at each step: where
-the velocity changes sign, the quintic through both ends has the reversal. A contact that holds the mass is a stiff
-spring, on which the mass rings on; such swings are no half-cycles.
+They must not depend on the requested samples, so the solver checks each step. If the velocity changes sign, the quintic
+through both ends of the step gives the reversal. A contact that holds the mass acts as a stiff spring, on which the
+mass vibrates; these oscillations are not half-cycles.
 """
 
 from collections.abc import Callable
@@ -17,21 +17,22 @@ from ..nodes import quintic
 from .scaled import Scaled
 from .switching import AbstractWrapper
 
-# Duration of a swing, as a part of the half-period of the spring, below which the contact swings and not the spring.
+# An oscillation with a shorter duration, relative to the half-period of the spring, is one of the contact.
 _ABRUPT = 0.75
-# Newton steps on the quintic, from where the secant of the velocities puts the reversal.
+# Newton steps on the quintic, starting from the secant of the velocities.
 _NEWTON_STEPS = 3
 
 
 class Log(NamedTuple):
-    """What has been recorded up to a step, scaled.
+    """Record of a motion up to a step, scaled.
 
     Attributes:
-        points: positions of the start and of the ends of the half-cycles, NaN behind them. count: number of
-        half-cycles; `ended`: when the last of them ended, zero for none. last_reversal: time and position of the last
-        reversal, be it of a half-cycle or of a ringing contact. sticking: since when the contact has held the mass, inf
-        while it slides; `still`: since when, besides, nothing of
-            its ringing shows.
+        points: positions of the start and of the ends of the half-cycles, padded with NaN.
+        count: number of half-cycles.
+        ended: time at which the last half-cycle ended, zero for none.
+        last_reversal: time and position of the last reversal, of a half-cycle or of a vibrating contact.
+        sticking: time since which the contact has held the mass, inf while it slides.
+        still: time since which its vibration has also been invisible, inf before.
     """
 
     points: Float[Array, " points"]
@@ -43,24 +44,31 @@ class Log(NamedTuple):
 
 
 def first_log(x: Array, v: Array, capacity: int) -> Log:
-    """The log of a motion from this state; the half-cycle that it is in, if any, has begun some time ago."""
+    """Return the log at the start of a motion.
+
+    A half-cycle in progress counts as begun long ago.
+    """
     begun = jnp.where(v == 0, 0.0, -jnp.inf)
     points, never = jnp.full(capacity + 1, jnp.nan).at[0].set(x), jnp.asarray(jnp.inf)
     return Log(points, jnp.zeros((), int), jnp.zeros(()), (begun, x), never, never)
 
 
 def bending(machine: Scaled) -> Array:
-    """The way on which a contact bends from the strongest pull to one side to that to the other; zero for none."""
+    """Return the elastic travel of a contact between both maximum forces.
+
+    It is zero without an elastic contact.
+    """
     stiffness = machine.contact_stiffness
     bends = stiffness > 0
     return jnp.where(bends, 2 * machine.hold / jnp.where(bends, stiffness, 1.0), 0.0) / machine.length
 
 
 def _rings(machine: Scaled, length: Array, duration: Array) -> Array:
-    """Whether a swing is that of a contact that holds the mass.
+    """Return True for an oscillation of a contact that holds the mass.
 
-    One that is no longer than the contact bends is, for nothing slides, but where the contact is so soft that the mass
-    swings on its own spring all the same. Let go at its strongest pull a contact swings through, up to twice as far.
+    An oscillation within the elastic travel of the contact involves no sliding. The exception is a contact so soft that
+    the mass oscillates on the main spring. Released at its maximum force, a contact overshoots by up to twice that
+    travel.
     """
     bends = bending(machine)
     half_period = jnp.pi / jnp.sqrt(1 + machine.contact_stiffness / machine.oscillator.stiffness)
@@ -69,13 +77,13 @@ def _rings(machine: Scaled, length: Array, duration: Array) -> Array:
 
 
 def after_step(log: Log, machine: Scaled, shows: Array, before: tuple, behind: tuple) -> Log:
-    """The log after a step.
+    """Update the log after a step.
 
     Args:
-        log: the log before it.
-        machine: the scaled machine.
-        shows: scaled way from which on the ringing of a contact shows.
-        before: time, displacement, velocity, acceleration and internal states at the begin of the step.
+        log: the log before the step.
+        machine: the scaled oscillator.
+        shows: scaled distance above which the vibration of a contact is visible.
+        before: time, displacement, velocity, acceleration and internal states at the start of the step.
         behind: the same at its end.
     """
     t0, x0, v0, a0, _ = before
@@ -102,7 +110,10 @@ def after_step(log: Log, machine: Scaled, shows: Array, before: tuple, behind: t
 
 
 def last_log(log: Log, machine: Scaled, x: Array) -> Log:
-    """The log at the end of a motion at `x`: a last half-cycle that crept in without a reversal counts as well."""
+    """Complete the log at the end of a motion at `x`.
+
+    A final half-cycle that creeps to rest without a reversal counts too.
+    """
     stops = jnp.isfinite(log.sticking)
     counts = stops & (jnp.abs(x - log.last_reversal[1]) > 2 * bending(machine))
     count = log.count + counts
@@ -112,12 +123,13 @@ def last_log(log: Log, machine: Scaled, x: Array) -> Log:
 
 
 class ReversalRecorder(AbstractWrapper):
-    """A solver that carries a log along.
+    """Solver that records reversals.
 
     Attributes:
-        solver: the solver that makes the steps. capacity: length of the list of half-cycles. record: from the log, and
-        time and state at both ends of a step, and the arguments of the vector field, to the log
-            behind it.
+        solver: the solver that makes the steps.
+        capacity: maximum number of half-cycles.
+        record: function of the log, time and state at both ends of a step, and the arguments of the vector field;
+            returns the updated log.
     """
 
     solver: Any

@@ -1,12 +1,12 @@
-"""A Rosenbrock method of order five for small stiff systems, as a diffrax solver.
+"""Rosenbrock method of order five for small stiff systems, for diffrax.
 
 Bristle laws are stiff in full sliding (the deflection settles within microseconds) and mild at the reversals. A
-Rosenbrock method copes with both by one linear solve per stage and no iteration. This is Rodas5P (Steinebach,
-BIT Numer. Math. 63,
-2023): eight stages, stiffly accurate, an embedded error estimate of order four and a dense output of order four.
+Rosenbrock method handles both by one linear solve per stage without iteration. This is Rodas5P (Steinebach, BIT Numer.
+Math. 63, 2023): eight stages, stiffly accurate, an embedded error estimate of order four and a dense output of order
+four.
 
-The state is a pytree of scalars, two to four of them. Its Jacobian comes from forward mode, and the linear system is
-eliminated in scalar operations, so that a whole integration stays one compiled loop without a call into LAPACK.
+The state is a pytree of two to four scalars. Forward mode gives its Jacobian. Scalar operations eliminate the linear
+system, so that a whole integration is one compiled loop without calls into LAPACK.
 """
 
 from collections.abc import Callable
@@ -93,9 +93,10 @@ Scalars = list[Array]
 
 
 def factorise(matrix: list[Scalars]) -> list[Scalars]:
-    """Triangular factors of a small matrix without pivoting, the lower ones in place and the pivots inverted.
+    """Factorise a small matrix without pivoting.
 
-    Without pivoting the matrix should be positive definite or dominated by its diagonal.
+    The lower factors replace the matrix, with inverted pivots. The matrix should be positive definite or diagonally
+    dominant.
     """
     a = [list(row) for row in matrix]
     n = len(a)
@@ -111,7 +112,7 @@ def factorise(matrix: list[Scalars]) -> list[Scalars]:
 # Traced once for all right-hand sides.
 @jax.jit
 def substitute(factors: list[Scalars], b: Scalars) -> Scalars:
-    """Solution of the system whose matrix :func:`factorise` took apart, for the right-hand side `b`."""
+    """Solve the system factorised by :func:`factorise` for the right-hand side `b`."""
     n = len(b)
     y = list(b)
     for i in range(n):
@@ -125,13 +126,13 @@ def substitute(factors: list[Scalars], b: Scalars) -> Scalars:
 
 
 def _combine(weights: tuple[float | Array, ...], vectors: list[Scalars], n: int) -> Scalars:
-    """Weighted sum of vectors of n scalars."""
+    """Return the weighted sum of vectors of n scalars."""
     zero = jnp.zeros(())
     return [sum((w * k[i] for w, k in zip(weights, vectors, strict=False)), start=zero) for i in range(n)]
 
 
 class _DenseOutput(diffrax.AbstractLocalInterpolation):
-    """The method's own continuous extension, a quartic through both ends of the step."""
+    """Continuous extension of the method, a quartic through both step ends."""
 
     t0: Any
     t1: Any
@@ -152,10 +153,10 @@ class _DenseOutput(diffrax.AbstractLocalInterpolation):
 
 
 class Rodas5P(diffrax.AbstractAdaptiveSolver):
-    """Rosenbrock method of order 5(4) for a pytree of a few scalars (Steinebach, 2023).
+    """Rosenbrock method of order 5(4) for a few scalars (Steinebach, 2023).
 
     Attributes:
-        modes: how many of them, the last ones, have no rate: the linear system is that of the others.
+        modes: number of trailing scalars without a rate; the linear system omits them.
 
     Examples:
         >>> decay = diffrax.ODETerm(lambda t, y, args: (-1e3 * y[0],))
@@ -186,7 +187,7 @@ class Rodas5P(diffrax.AbstractAdaptiveSolver):
 
 @eqx.filter_jit
 def _step(terms: Any, t0: Any, t1: Any, y0: Any, args: Any, modes: int) -> tuple[Any, Any, dict]:
-    """One step from `t0` to `t1`, in the form that needs no product with the Jacobian (Hairer and Wanner, IV.7)."""
+    """Make one step without products with the Jacobian (Hairer and Wanner, IV.7)."""
     leaves, structure = jax.tree.flatten(y0)
     n, h = len(leaves) - modes, t1 - t0
     leaves, constant = leaves[:n], leaves[n:]
@@ -194,7 +195,7 @@ def _step(terms: Any, t0: Any, t1: Any, y0: Any, args: Any, modes: int) -> tuple
     def pytree(moving: list, rest: list) -> Any:
         return jax.tree.unflatten(structure, [*moving, *rest])
 
-    # As a function of its own it is traced once for all stages.
+    # A separate jitted function is traced once for all stages.
     @jax.jit
     def field(t: Array, y: Scalars) -> Scalars:
         return jax.tree.leaves(terms.vf(t, pytree(y, constant), args))[:n]
@@ -219,10 +220,10 @@ def _step(terms: Any, t0: Any, t1: Any, y0: Any, args: Any, modes: int) -> tuple
 
 
 def _linearise(field: Callable, t: Any, y: Scalars, h: Array) -> tuple[Scalars, Scalars, list[Scalars]]:
-    """Rate, its partial derivative in time, and the factors of ``1/(gamma h) - J`` at (t, y)."""
+    """Return rate, time derivative, and factors of ``1/(gamma h) - J``."""
     n = len(y)
     rate, derivative = jax.linearize(field, t, y)
-    # All directions side by side: that of the time first, then those of the state.
+    # All directions in parallel: first time, then the state.
     along = jnp.identity(n + 1)
     slopes = once(jax.vmap(lambda row: derivative(row[0], list(row[1:])))(along))
     matrix = [[(1 / (_GAMMA * h) if i == j else 0.0) - slopes[i][j + 1] for j in range(n)] for i in range(n)]

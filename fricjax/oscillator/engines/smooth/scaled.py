@@ -1,7 +1,8 @@
-"""A machine in the units in which its motion is integrated.
+"""Oscillator in scaled units for integration.
 
-State and time are scaled by the amplitude, the natural frequency and the law's own deflection, so that one tolerance
-fits every component: with raw bristle deflections of a nanometre beside millimetres none does.
+State and time are scaled by the amplitude, the natural frequency and the deflection scale of the law, so that one
+tolerance suits every component. Unscaled, bristle deflections of nanometres and displacements of millimetres would
+require different ones.
 """
 
 from typing import Any, NamedTuple
@@ -16,26 +17,31 @@ from ...motion import Start
 from ...oscillator import AbstractRelease, Drive, Oscillator
 from ..nodes import Nodes
 
-# How much larger the tolerance of an internal state may be than that of the displacement, at most.
+# Largest ratio of the tolerance of an internal state to that of the displacement.
 _LOOSEST = 1000.0
 _FIRST_STEP = 1e-9
 
 
 class Rates(NamedTuple):
-    """Scaled acceleration, and scaled rate of each internal state."""
+    """Scaled acceleration and scaled rates of the internal states."""
 
     acceleration: Array
     states: tuple[Array, ...]
 
 
 class Scaled(eqx.Module):
-    """An oscillator with the units of displacement [m], of the inverse of time [1/s] and of the internal states.
+    """Oscillator with its units of displacement, inverse time and internal states.
 
-    Motions are tuples of scaled displacement, velocity and internal states; x, v and the states are passed apart.
+    Motions are tuples of scaled displacement, velocity and internal states; methods take x, v and the states
+    separately.
 
     Attributes:
-        floor: acceleration of the floor over scaled time [m/s^2], None where it stands.
-        release, holding: law by which the holding force decays, and what it was [N]; None without one.
+        oscillator: the oscillator in SI units.
+        length: unit of displacement [m].
+        rate: inverse of the unit of time [1/s].
+        state: units of the internal states, shape (states,).
+        floor: acceleration of the floor over scaled time [m/s^2], None for a fixed floor.
+        release, holding: decay law and initial value [N] of the holding force; None without one.
     """
 
     oscillator: Oscillator
@@ -48,7 +54,7 @@ class Scaled(eqx.Module):
 
     @classmethod
     def of(cls, oscillator: Oscillator, start: Start, drive: Drive | None = None) -> "Scaled":
-        """The units for a motion from `start`, and what drives it."""
+        """Choose the units for a motion from `start` with an optional drive."""
         rate = oscillator.angular_frequency
         floor, release = (None, None) if drive is None else (drive.base_acceleration, drive.release)
         reach = jnp.maximum(jnp.maximum(jnp.abs(start.x0), jnp.abs(start.v0) / rate), oscillator.dead_band)
@@ -64,7 +70,7 @@ class Scaled(eqx.Module):
         return cls(oscillator, *units, path, release, holding)
 
     def push(self, tau: Array) -> Array | float:
-        """Force of floor and release on the mass [N]."""
+        """Return the force of floor and release on the mass [N]."""
         force: Array | float = 0.0
         if self.floor is not None:
             force = force - self.oscillator.mass * self.floor.evaluate(tau)
@@ -83,20 +89,21 @@ class Scaled(eqx.Module):
         return self.oscillator.dead_band / self.length
 
     def start(self, start: Start) -> tuple:
-        """The start as a scaled motion."""
+        """Return the start as a scaled motion."""
         y0 = (start.x0 / self.length, start.v0 / self.speed, *(start.state / self.state))
         return jax.tree.map(jnp.asarray, y0)
 
     def rates(self, x: Array, v: Array, states: tuple) -> Rates:
-        """The rates of a free motion."""
+        """Return the rates of a free motion."""
         a, z = self.oscillator.rates(x * self.length, v * self.speed, self._unscaled(states))
         z = z / (self.state * self.rate)
         return Rates(a / (self.speed * self.rate), tuple(z[i] for i in range(len(states))))
 
     def mapped(self, x: Array, v: Array, states: tuple, before: tuple) -> tuple:
-        """The internal states from which the next step begins, by the law's return map and within its reach.
+        """Return the internal states at the start of the next step.
 
-        They were `before` when the step began, which a start may have put beyond that reach.
+        The law's return map is applied and the states are clipped to their reach. A start may exceed the reach, so the
+        states `before` the step extend it.
         """
         law, load = self.oscillator.friction, self.oscillator.normal_force
         most = jnp.maximum(law.reach(load), jnp.abs(self._unscaled(before)))
@@ -105,16 +112,17 @@ class Scaled(eqx.Module):
         return tuple(law.return_map(v * self.speed, a, limited, load) / self.state)
 
     def switches(self, v: Array, states: tuple) -> Array:
-        """What the law switches by besides the velocity."""
+        """Return the switching quantities of the law besides the velocity."""
         load = self.oscillator.normal_force
         return self.oscillator.friction.switches(v * self.speed, self._unscaled(states), load)
 
     def settling(self, x: Array, v: Array, states: tuple) -> tuple[Array, Array]:
-        """Where a contact will hold the mass, and the longest way that the mass can still go; inf where none holds it.
+        """Return where a contact will hold the mass, and its remaining distance.
 
-        A contact of stiffness K holds the mass at ``x + m a/(k + K)``, where a is the acceleration at zero velocity
-        with the same states. About there the mass rings, and while the contact yields, what is left of its energy is
-        spent on a way against the force by which friction is stronger than the spring.
+        The distance is inf if the contact does not hold the mass. A contact of stiffness K holds the mass at
+        ``x + m a/(k + K)``, where a is the acceleration at zero velocity with the same states. The mass vibrates about
+        this point. While the contact yields, the remaining energy is dissipated over a distance by the excess of
+        friction over the pull of the spring.
         """
         ratio = 1 + jnp.maximum(self._stiffness(self._unscaled(states)), 0.0) / self.oscillator.stiffness
         away = self.rates(x, jnp.zeros(()), states).acceleration / ratio
@@ -125,27 +133,27 @@ class Scaled(eqx.Module):
 
     @property
     def contact_stiffness(self) -> Array:
-        """Stiffness of a contact that is not bent [N/m]."""
+        """Stiffness of the unloaded contact [N/m]."""
         return self._stiffness(jnp.zeros(self.oscillator.friction.n_states))
 
     def _stiffness(self, state: Array) -> Array:
-        """Stiffness of the contact with these internal states [N/m]."""
+        """Return the stiffness of the contact with these internal states [N/m]."""
         law, load, still = self.oscillator.friction, self.oscillator.normal_force, jnp.zeros(())
         _, bent = jax.jvp(lambda speed: law.rate(speed, state, load), (still,), (jnp.ones(()),))
         return jax.jvp(lambda z: law.force(still, z, load), (state,), (bent,))[1]
 
     @property
     def hold(self) -> Array:
-        """The largest force that friction holds against [N]."""
+        """Largest force that friction can hold [N]."""
         law, load = self.oscillator.friction, self.oscillator.normal_force
         return jnp.maximum(law.static_force(load), law.dynamic_force(load))
 
     def pull(self, x: Array) -> Array:
-        """Force of the spring [N]."""
+        """Return the force of the spring [N]."""
         return self.oscillator.restoring_force(x * self.length)
 
     def nodes(self, tau: Array, x: Array, v: Array, states: tuple) -> Nodes:
-        """Nodes at scaled times from the motion there, which goes on behind the last one."""
+        """Return nodes at scaled times; the motion continues after the last one."""
         a = jax.vmap(lambda x, v, states: self.rates(x, v, states).acceleration)(x, v, states)
         columns = (tau / self.rate, x * self.length, v * self.speed, a * self.speed * self.rate)
         return Nodes.of(columns, columns[1][-1], columns[0][-1], jnp.asarray(False))
@@ -155,10 +163,10 @@ class Scaled(eqx.Module):
 
 
 def continued(ts: Array, start: Start, acceleration: Array | None, x: Array, v: Array) -> tuple[Array, Array]:
-    """Displacement and velocity at `ts`, from those at time zero and later.
+    """Extend displacement and velocity to times before zero.
 
-    A parabola of that `acceleration` continues a free motion backwards, so that a fit which moves the instant of its
-    start sees a smooth motion. A driven one is that of a mass which was held until time zero: it has none.
+    A free motion continues backwards as a parabola with this `acceleration`, so that a fit may move the start smoothly.
+    A driven motion (`acceleration` None) was held until time zero.
     """
     if acceleration is None:
         return x, jnp.where(ts < 0, 0.0, v)
@@ -167,11 +175,12 @@ def continued(ts: Array, start: Start, acceleration: Array | None, x: Array, v: 
 
 
 def _state_units(oscillator: Oscillator, length: Array) -> Array:
-    """The law's own scales, larger by as much as their errors matter less than those of the displacement.
+    """Return the units of the internal states.
 
-    A contact that settles over the travel l does so within the scaled time sqrt(2 l/a) of a reversal at the amplitude
-    a. A relative error of its state changes the velocity there by that times x_d, the dead band, at amplitudes down
-    to x_d: by sqrt(2 l x_d) over the amplitude of the start. Behind that travel nothing is left of it.
+    They are the law's scales, enlarged if state errors matter less than displacement errors. A contact that settles
+    over the travel l does so within the scaled time sqrt(2 l/a) of a reversal at the amplitude a. A relative error of
+    its state changes the velocity there by that time multiplied by the dead band x_d. At amplitudes down to x_d this is
+    sqrt(2 l x_d), relative to the initial amplitude. After that travel the contact has forgotten the error.
     """
     law, load = oscillator.friction, oscillator.normal_force
     unit = jnp.maximum(law.state_scale(load), jnp.finfo(float).tiny)
@@ -183,12 +192,12 @@ def _state_units(oscillator: Oscillator, length: Array) -> Array:
 
 
 class Cautious(diffrax.PIDController):
-    """Steps chosen by their error, the first of them tiny.
+    """PID step control with a tiny first step.
 
-    At rest a contact of the rate-and-state kind is so stiff that a first step of ordinary size hardly moves the mass,
-    and no error estimate of such a step sees that a true contact gives way. Behind a reversal the steps are small
-    anyway. Of a step that it is given itself, diffrax has the host check the sign, and what calls the host is no
-    program that can be kept.
+    At rest a rate-and-state contact is so stiff that a first step of ordinary size hardly moves the mass, and its error
+    estimate would miss that a true contact yields. After a reversal the steps are small anyway. The first step is not
+    passed to diffrax as `dt0`, because diffrax checks its sign by a host callback, and a program with host callbacks
+    cannot be cached.
     """
 
     def init(
@@ -198,9 +207,9 @@ class Cautious(diffrax.PIDController):
 
 
 def integrate(field: Any, solver: Any, begin: Any, end: Any, y0: tuple, args: Any, **settings: Any) -> Any:
-    """Solution of a scaled motion, differentiable forwards; one that fails says so in its result.
+    """Solve a scaled motion with forward-mode derivatives; failures appear in its result.
 
-    `settings` are those of `diffrax.diffeqsolve`; the first step is the controller's.
+    `settings` are those of `diffrax.diffeqsolve`; the controller chooses the first step.
     """
     how = {"dt0": None, "adjoint": diffrax.ForwardMode(), "throw": False, **settings}
     return diffrax.diffeqsolve(diffrax.ODETerm(field), solver, begin, end, y0=y0, args=args, **how)

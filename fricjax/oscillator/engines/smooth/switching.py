@@ -1,14 +1,14 @@
-"""Steps that land on the reversals of a bristle law, and wherever else its rates have a kink or a jump.
+"""Step control at reversals of bristle laws and other kinks or jumps.
 
-The rate of a bristle contains ``|v|``, which has a kink where the velocity changes sign. A step across the kink costs
-the motion little, for its error is of second order in the step; but the derivatives of the motion lose one order
-more, and no error estimate of the motion sees that. So the estimate is raised for steps in which the velocity, or
-another quantity that a law switches by, changes sign: the controller then closes in on the switch, at the price of a
-few short steps. Elements that stick and slip change their mode only between two steps, so that within a step no stage
-shows the switch; the square of the step, in scaled time, stands for its error then.
+The rate of a bristle contains ``|v|``, which has a kink if the velocity changes sign. A step across the kink hardly
+affects the motion, since its error is of second order in the step. The derivatives of the motion lose one more order,
+which no error estimate of the motion detects. The error estimate is therefore raised for steps in which the velocity,
+or another switching quantity of the law, changes sign. The controller then approaches the switch with a few short
+steps. Elements that stick and slip change mode only between steps, so no stage within a step detects the switch; the
+squared step, in scaled time, then serves as the error.
 
-Left alone a controller would halve its way towards the reversal. The velocities at both ends of a refused step tell
-where it is, so the next step ends there, by the secant.
+By default a controller would halve its steps towards the reversal. The velocities at both ends of a rejected step
+locate it, so the next step ends there by the secant.
 """
 
 from collections.abc import Callable
@@ -20,18 +20,21 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
-# Factor on the error of a step across a switch: with it a controller accepts only steps that are too short for what
-# they miss to be felt in the derivatives; see `step_across`.
+# Factor on the error of a step across a switch. The controller then accepts only steps too short to affect the
+# derivatives; see `step_across`.
 _RAISE = 1e6
 
 
 def step_across(tolerance: Array) -> Array:
-    """A step across a switch that a controller with this tolerance accepts, in scaled time."""
+    """Return an accepted step across a switch, in scaled time.
+
+    The controller has this tolerance.
+    """
     return 0.3 * jnp.sqrt(tolerance / _RAISE)
 
 
 class AbstractWrapper(diffrax.AbstractAdaptiveSolver, diffrax.AbstractWrappedSolver):
-    """A solver whose steps are made by another one, and changed or looked at before they are handed on."""
+    """Solver that modifies or records the steps of another solver."""
 
     solver: eqx.AbstractVar[Any]
 
@@ -45,7 +48,7 @@ class AbstractWrapper(diffrax.AbstractAdaptiveSolver, diffrax.AbstractWrappedSol
 
     @property
     def scan_kind(self) -> Any:
-        """How a wrapped Runge-Kutta solver loops over its stages: diffrax asks for it."""
+        """Stage loop of a wrapped Runge-Kutta solver, which diffrax requires."""
         return self.solver.scan_kind
 
     def order(self, terms: Any) -> int | None:
@@ -56,13 +59,14 @@ class AbstractWrapper(diffrax.AbstractAdaptiveSolver, diffrax.AbstractWrappedSol
 
 
 class SwitchingSolver(AbstractWrapper):
-    """A solver with its error raised where a watched quantity changes sign.
+    """Solver with a raised error if a switching quantity changes sign.
 
     Attributes:
         solver: the solver that makes the steps.
-        quantities: from time, state and the arguments of the vector field to the quantities, shape (switches,).
-        after: from time and state at the end of a step, the state at its begin and the arguments to the state from
-            which the next step begins.
+        quantities: function of time, state and arguments of the vector field; returns the switching quantities, shape
+            (switches,).
+        after: function of time and state at the end of a step, state at its start, and arguments; returns the state at
+            the start of the next step.
     """
 
     solver: Any
@@ -73,26 +77,26 @@ class SwitchingSolver(AbstractWrapper):
         return self.solver.init(terms, t0, t1, y0, args)
 
     def step(self, terms: Any, t0: Any, t1: Any, y0: Any, args: Any, solver_state: Any, made_jump: Any) -> Any:
-        # The return map may have changed the rates since the last stage of the step before.
+        # The return map may have changed the rates since the last stage of the previous step.
         y1, error, dense, state, result = self.solver.step(terms, t0, t1, y0, args, solver_state, True)
         switched = jnp.any(self.quantities(t0, y0, args) * self.quantities(t1, y1, args) < 0)
         raised = jax.tree.map(lambda e: jnp.where(switched, _RAISE * (jnp.abs(e) + (t1 - t0) ** 2), e), error)
-        # A controller compares errors with the size of the state, and infinity with infinity is no number.
+        # A controller compares errors with the size of the state, and inf/inf is NaN.
         finite = jnp.all(jnp.isfinite(jnp.stack(jax.tree.leaves((y1, raised)))))
         y1 = jax.tree.map(lambda end, begin: jnp.where(finite, end, begin), y1, y0)
         raised = jax.tree.map(lambda e: jnp.where(finite, e, jnp.inf), raised)
         return self.after(t1, y1, y0, args), raised, dense, state, result
 
 
-# Of a refused step at most this part is tried next, for a secant of a bad step may hardly shorten it.
+# Largest part of a rejected step to try next, since the secant of a bad step may hardly shorten it.
 _LONGEST = 0.95
 
 
 class SecantSteps(diffrax.AbstractAdaptiveStepSizeController):
-    """A controller that ends a step just before the reversal, and the next one just behind it.
+    """Controller that ends steps just before and just after a reversal.
 
     Attributes:
-        controller: what chooses the steps elsewhere; the velocity is the second component of the state.
+        controller: chooses all other steps; the velocity is the second component of the state.
         last: step that is certainly accepted across a reversal, in scaled time.
     """
 
