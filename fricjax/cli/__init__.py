@@ -1,1 +1,4 @@
-"""The command line: thin commands over the package. Nothing heavy is imported until a command does its work."""
+"""The command line.
+
+Commands are thin layers over the package. Heavy packages are imported only when a command starts its work.
+"""

@@ -1,4 +1,4 @@
-"""``fricjax batch``: every run of a folder, into a store that can be gone on with at any time."""
+"""``fricjax batch``: fit every run of a folder into one table."""
 
 import contextlib
 import dataclasses
@@ -23,51 +23,60 @@ if TYPE_CHECKING:
     from ..archive.execute import Executor
     from ..archive.plan import Plan
 
-_SHOWN = 20  # runs that are listed as not ok
+_SHOWN = 20  # largest number of listed failures
 
 
 @dataclasses.dataclass(frozen=True)
 class Batch:
-    """Which files, which laws, and what is done with them."""
+    """Options for the files, the laws and the store."""
 
     PANEL: ClassVar = "Archive"
 
-    out: Annotated[Path | None, Option(help="Folder of the store; the same one goes on where it ended.")] = None
+    out: Annotated[Path | None, Option(help="Folder of the store (required). An existing store is continued.")] = None
     friction: Annotated[
         list[str] | None,
-        Option(metavar="LAW", help="A law to fit, once for each: a run has a row per law. Default: coulomb."),
+        Option(
+            metavar="LAW",
+            help="A law to fit; repeat it for several laws. Each run has one row per law. Default: coulomb.",
+        ),
     ] = None
     include: Annotated[
-        list[str] | None, Option(metavar="PATTERN", help='Only such files of the folder, as "lab_b/**/*.csv".')
+        list[str] | None,
+        Option(metavar="PATTERN", help='Use only files that match the pattern, such as "lab_b/**/*.csv".'),
     ] = None
-    exclude: Annotated[list[str] | None, Option(metavar="PATTERN", help="None of these files.")] = None
+    exclude: Annotated[list[str] | None, Option(metavar="PATTERN", help="Skip files that match the pattern.")] = None
     facts: Annotated[
         list[str] | None,
-        Option(metavar="TEMPLATE", help="What paths say, as load_{load}N/run_{number}.csv; a load is that of the run."),
+        Option(
+            metavar="TEMPLATE",
+            help="Template of facts in paths, such as load_{load}N/run_{number}.csv. A load applies to its run.",
+        ),
     ] = None
     residuals: Annotated[bool, Option("--residuals", help="Write the residuals of each run as netCDF.")] = False
-    retry_failed: Annotated[bool, Option("--retry-failed", help="Fit again what was rejected or failed.")] = False
-    dry_run: Annotated[bool, Option("--dry-run", help="Say what would be done, and do nothing.")] = False
-    shard: Annotated[str | None, Option(help="The part of the files to do, as 2/3; several may share a store.")] = None
+    retry_failed: Annotated[bool, Option("--retry-failed", help="Fit rejected and failed runs again.")] = False
+    dry_run: Annotated[bool, Option("--dry-run", help="Show the plan and fit no run.")] = False
+    shard: Annotated[
+        str | None, Option(help="Part of the files to fit, such as 2/3. Several parts may share a store.")
+    ] = None
 
 
 @dataclasses.dataclass(frozen=True)
 class Workers:
-    """Who does the work; without any of them this process."""
+    """Options for the processes that fit; the default is this process."""
 
     PANEL: ClassVar = "Workers"
 
-    workers: Annotated[int | None, Option(metavar="N", help="So many processes of this machine.")] = None
+    workers: Annotated[int | None, Option(metavar="N", help="Number of processes on this machine.")] = None
     scheduler: Annotated[
-        str | None, Option(metavar="ADDRESS", help="Those of a scheduler of Dask, as tcp://192.168.0.1:8786.")
+        str | None, Option(metavar="ADDRESS", help="Address of a Dask scheduler, such as tcp://192.168.0.1:8786.")
     ] = None
-    cluster: Annotated[Path | None, Option(metavar="FILE", help="Jobs of SLURM, as a slurm.toml asks for them.")] = None
+    cluster: Annotated[Path | None, Option(metavar="FILE", help="File that describes SLURM jobs (slurm.toml).")] = None
 
     def executor(self) -> "Executor | None":
-        """What does the chunks; None for this process.
+        """Return the executor of the chunks; None for this process.
 
         Raises:
-            UsageError: more than one of the options is there, or what it asks for is not there.
+            UsageError: more than one of the options is given, or the workers are not available.
             DataError: the file cannot be read.
         """
         chosen = [f"--{name}" for name, value in vars(self).items() if value is not None]
@@ -89,7 +98,7 @@ class Workers:
 
 
 def batch(
-    runs: Annotated[list[Path], Argument(help="A folder of runs, the files, or a study.toml.", show_default=False)],
+    runs: Annotated[list[Path], Argument(help="A folder of runs, files, or a study.toml.", show_default=False)],
     batch: Batch,
     workers: Workers,
     fitting: Fitting,
@@ -97,9 +106,9 @@ def batch(
     reading: Reading,
     output: Output,
 ) -> None:
-    """Fit every run of a folder into one table. A broken file stops nothing: its row says why.
+    """Fit every run of a folder into one table.
 
-    The exit code is 1 where some runs are not ok.
+    A broken file does not stop the batch: its row contains the reason. The exit code is 1 if some runs are not ok.
     """
     if batch.out is None:
         raise UsageError("batch needs a folder for its results: add --out results.")
@@ -114,7 +123,7 @@ def batch(
 
     if batch.dry_run:
         planned = plan_of(study, batch.out, retry=batch.retry_failed, shard=shard)
-        finish(output, _plan_data(planned), _plan_text(planned))
+        finish(output, {"schema": "fricjax.plan/1", **_plan_data(planned)}, _plan_text(planned))
         return
     done = total = 0
 
@@ -130,22 +139,22 @@ def batch(
             f"Interrupted. {done} of {total} files are done and kept in {batch.out}; the same command goes on with the "
             "others."
         ) from error
-    finish(output, archive.to_dict(), text_of(archive))
+    finish(output, {"schema": "fricjax.status/1", **archive.to_dict()}, text_of(archive))
     if archive.counts["ok"] < len(archive):
         raise Exit(1)
 
 
 @contextlib.contextmanager
 def _two_interrupts() -> Iterator[None]:
-    """Say at the first Ctrl-C that what is at work is finished first, for that lasts, and how to end at once."""
+    """Finish the files at work after one Ctrl-C; end at the second."""
 
     def announce(*_: Any) -> NoReturn:
         signal.signal(signal.SIGINT, before)
-        tell(sys.stderr, "\nWhat is at work is finished and kept first; Ctrl-C once more ends at once.")
+        tell(sys.stderr, "\nThe files at work are finished and kept first; Ctrl-C once more ends at once.")
         raise KeyboardInterrupt
 
     before = signal.getsignal(signal.SIGINT)
-    # A shell that starts a command with & has it ignore the Ctrl-C that is meant for others.
+    # A command that a shell started with & ignores Ctrl-C, which is meant for other commands.
     if before is not signal.SIG_IGN:
         signal.signal(signal.SIGINT, announce)
     try:
@@ -155,7 +164,7 @@ def _two_interrupts() -> Iterator[None]:
 
 
 def _study(runs: list[Path], batch: Batch, fitting: Fitting, bench: Bench, reading: Reading, output: Output) -> "Study":
-    """What the options ask for; names are checked before anything large is imported."""
+    """Return the study for the options; check names before large imports."""
     from ..archive.study_file import read_study
     from ..fitting.settings import check_settings
     from ..machine.choose import choose
@@ -196,7 +205,7 @@ def _study(runs: list[Path], batch: Batch, fitting: Fitting, bench: Bench, readi
 
 
 def _check_alone(file: Path, batch: Batch, *groups: Any) -> None:
-    """Refuse options that a study file has fields for."""
+    """Refuse options that a study file sets itself."""
     of_study = ("friction", "include", "exclude", "facts", "residuals")
     chosen = [name for name in of_study if getattr(batch, name)]
     for group in groups:
@@ -204,14 +213,14 @@ def _check_alone(file: Path, batch: Batch, *groups: Any) -> None:
         chosen += [field.name for field in fields if getattr(group, field.name) != field.default]
     if chosen:
         option = f"--{chosen[0].replace('_', '-')}"
-        raise UsageError(f"{file} says what is fitted and how: leave {option} out, or write it there.")
+        raise UsageError(f"{file} defines the study: leave {option} out, or write it in the file.")
 
 
 def shard_of(text: str | None) -> tuple[int, int]:
-    """The part that a text as 2/3 asks for.
+    """Parse a part of the files, such as 2/3.
 
     Raises:
-        UsageError: it is no such text, or asks for a part that there is not.
+        UsageError: no such text, or a part that does not exist.
     """
     if text is None:
         return 1, 1
@@ -222,7 +231,7 @@ def shard_of(text: str | None) -> tuple[int, int]:
 
 
 def text_of(archive: "Archive") -> str:
-    """The archive in words: how many of what, and the first runs that are not ok."""
+    """Return a summary of the archive, with the first failures."""
     failures = archive.failures()
     shown = failures.head(_SHOWN)[["file", "run", "status", "outcome"]].to_numpy().tolist()
     lines = [f"{file}{f' [{run}]' if run else ''}: {status}: {outcome}" for file, run, status, outcome in shown]

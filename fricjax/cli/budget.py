@@ -1,4 +1,4 @@
-"""``fricjax budget``: which input of the rig adds how much to the uncertainty of a fitted value."""
+"""``fricjax budget``: uncertainty budget of a fitted value."""
 
 import dataclasses
 import math
@@ -16,42 +16,49 @@ from .targets import PICTURES, check_targets, write_picture
 
 @dataclasses.dataclass(frozen=True)
 class Inputs:
-    """What is known of the inputs."""
+    """Options for the inputs of the budget."""
 
     PANEL: ClassVar = "Inputs"
 
-    rig: Annotated[Path | None, Option(help="Rig file whose uncertainties count in place of the fit's.")] = None
+    rig: Annotated[
+        Path | None, Option(help="Rig file with the uncertainties to use. Default: those stored in the fit.")
+    ] = None
     name: Annotated[str | None, Option(help="Fitted value: mu, damping, dead_band ... Default: mu.")] = None
     input: Annotated[
         list[str] | None,
         Option(
             metavar="NAME=VALUE",
-            help="An input in SI units in place of the rig's, as normal_force='9.66 +/- 0.05 rectangular'.",
+            help="Input that replaces the one of the rig, in SI units: normal_force='9.66 +/- 0.05 rectangular'.",
         ),
     ] = None
     factor: Annotated[
         list[str] | None,
         Option(
             metavar="NAME:INPUT=VALUE",
-            help="A factor of an input with its uncertainty, as arcuate:normal_force='1 +/- 0.001'.",
+            help="Factor of an input with its uncertainty, such as arcuate:normal_force='1 +/- 0.001'.",
         ),
     ] = None
     scatter: Annotated[
         str | None,
-        Option(help="Scatter of the mean from run to run, as '0 +/- 2e-5, 9 degrees of freedom'."),
+        Option(help="Scatter of the mean from run to run, such as '0 +/- 2e-5, 9 degrees of freedom'."),
     ] = None
     level: Annotated[float, Option(help="Coverage probability of the expanded uncertainty.")] = 0.95
-    draws: Annotated[int, Option(help="Draws of the Monte Carlo beside the budget; 0: none.")] = 1_000_000
+    draws: Annotated[int, Option(help="Number of Monte Carlo draws that check the budget; 0 skips the check.")] = (
+        1_000_000
+    )
 
 
 def budget(
-    fit: Annotated[Path, Argument(help="A fit that fricjax fit --out wrote, made with a rig.", show_default=False)],
+    fit: Annotated[Path, Argument(help="Fit written by fricjax fit --out, made with a rig.", show_default=False)],
     inputs: Inputs,
     output: Writing,
     plot: Plot = None,
     latex: Annotated[Path | None, Option(help="Write the table for LaTeX (.tex).", rich_help_panel="Output")] = None,
 ) -> None:
-    """Show the uncertainty budget of a fitted value (GUM), and check it by Monte Carlo (JCGM 101)."""
+    """Show the uncertainty budget of a fitted value.
+
+    The budget follows the GUM. Monte Carlo draws check it (JCGM 101).
+    """
     from ..data.files import check_file
 
     check_targets(output, ("--plot", plot, PICTURES), ("--latex", latex, (".tex",)))
@@ -73,7 +80,8 @@ def budget(
         result = budget_of(loaded, rig, inputs.name, inputs=known, scatter=scatter)
         check = result.monte_carlo(inputs.draws, level=inputs.level) if inputs.draws else None
         report = result.report(inputs.level)
-    data = {**report.to_dict(), "monte_carlo": None if check is None else check.to_dict()}
+    simulated = None if check is None else check.to_dict()
+    data = {"schema": "fricjax.budget/1", **report.to_dict(), "monte_carlo": simulated}
     text = report.text() if check is None else f"{report.text()}\n\n{check.summary()}"
 
     def write() -> dict[str, str]:
@@ -88,28 +96,28 @@ def budget(
 
 
 def _factors(texts: list[str] | None) -> list[tuple[str, str, str]]:
-    """Name, input and value of each factor.
+    """Return name, input and value of each factor.
 
     Raises:
-        UsageError: one that is not of that form.
+        UsageError: a text of another form.
     """
     factors = []
     for words, value in parsing.pairs("--factor", texts, "arcuate:normal_force='1 +/- 0.001'").items():
         name, colon, of = words.partition(":")
         if not (name and colon and of):
-            raise UsageError(f"--factor '{words}' does not say of what: write for example arcuate:normal_force='1(1)'.")
+            raise UsageError(f"--factor '{words}' names no input: write for example arcuate:normal_force='1(1)'.")
         factors.append((name, of, value))
     return factors
 
 
 def _with_factors(fit: Any, rig: Any, stated: dict[str, str], factors: list[tuple[str, str, str]]) -> dict[str, Any]:
-    """The inputs that have factors, each as the budget of a product."""
+    """Return the inputs with factors, each as the budget of a product."""
     from ..uncertainty import Input, propagate
     from ..uncertainty.fitted import inputs_of
 
     known, products = inputs_of(fit, rig), dict[str, Any]()
     for name, of, value in factors:
-        # A name that is none is refused with those of --input, where the budget is made.
+        # The budget refuses unknown names, together with those of --input.
         base = products.get(of) or Input.of(stated.get(of, known.get(of, 1.0)), known[of].unit if of in known else "")
         products[of] = propagate(lambda **values: math.prod(values.values()), {of: base, name: Input.of(value)})
     return products

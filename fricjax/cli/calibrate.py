@@ -1,4 +1,4 @@
-"""``fricjax calibrate``: the numbers of the rig, from a free swing or an impact test, and those of a fringe."""
+"""``fricjax calibrate``: numbers of the rig and of its interferometer."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -25,7 +25,7 @@ Out = Annotated[
 ]
 NormalForce = Annotated[
     str | None,
-    Option(help='Load on the contact for the rig file, as 9.66 or "9.66 +/- 0.05 N".', rich_help_panel=_RIG),
+    Option(help='Load on the contact for the rig file, such as 9.66 or "9.66 +/- 0.05 N".', rich_help_panel=_RIG),
 ]
 
 
@@ -37,12 +37,15 @@ def ringdown(
         str, Option(help="Restoring force: linear, cubic or pendulum.", rich_help_panel=_RIG)
     ] = "linear",
     mass: Annotated[
-        str | None, Option(help='Moving mass for the rig file, as 0.41 or "410.7(3) g".', rich_help_panel=_RIG)
+        str | None, Option(help='Moving mass for the rig file, such as 0.41 or "410.7(3) g".', rich_help_panel=_RIG)
     ] = None,
     normal_force: NormalForce = None,
     out: Out = None,
 ) -> None:
-    """Frequency, damping, quadratic drag and residual friction of a rig that swings without contact."""
+    """Calibrate a rig from a free decay without contact.
+
+    The results are frequency, damping ratio, quadratic drag and residual friction.
+    """
     _check_out(output, out, {"--normal-force": normal_force, "--mass": mass})
     from ..rig.inputs import check_restoring
 
@@ -59,17 +62,17 @@ def ringdown(
         except FitError as error:
             raise InvalidFit(str(error)) from error
     rig = calibration.rig(mass, normal_force) if out is not None and mass and normal_force else None
-    _deliver(output, calibration, rig, out)
+    _deliver(output, "fricjax.ringdown/1", calibration, rig, out)
 
 
 def frf(
     file: Annotated[
-        Path, Argument(help="Table of frequency, real and imaginary part of X/F, in Hz and m/N.", show_default=False)
+        Path, Argument(help="Table of frequency in Hz, and real and imaginary part of X/F in m/N.", show_default=False)
     ],
     output: Writing,
     duration: Annotated[
         float | None,
-        Option(help="Length of the record in s; default: one over the line spacing.", rich_help_panel=_RIG),
+        Option(help="Length of the record in s. Default: one over the line spacing.", rich_help_panel=_RIG),
     ] = None,
     scale_std: Annotated[
         float, Option(help="Relative standard uncertainty of the force sensor.", rich_help_panel=_RIG)
@@ -77,7 +80,10 @@ def frf(
     normal_force: NormalForce = None,
     out: Out = None,
 ) -> None:
-    """Mass, stiffness and damping from a receptance, displacement over force."""
+    """Find mass, stiffness and damping from a measured receptance.
+
+    The receptance is displacement over force as a function of frequency.
+    """
     _check_out(output, out, {"--normal-force": normal_force})
     from ..data.files import check_file
 
@@ -88,33 +94,42 @@ def frf(
 
         calibration = calibrate_frf(*read_frf(file), duration=duration, scale_std=scale_std)
     rig = calibration.rig(normal_force) if out is not None and normal_force else None
-    _deliver(output, calibration, rig, out)
+    _deliver(output, "fricjax.frf/1", calibration, rig, out)
 
 
 def interferometer(
     output: Output,
-    wavelength: Annotated[str, Option(help="Of the laser in vacuum.", rich_help_panel=_LIGHT)] = "632.9908 nm",
+    wavelength: Annotated[
+        str, Option(help="Wavelength of the laser in vacuum.", rich_help_panel=_LIGHT)
+    ] = "632.9908 nm",
     passes: Annotated[
-        int, Option(help="How often light goes to the mirror and back: 1 or 2.", rich_help_panel=_LIGHT)
+        int, Option(help="Number of times the light travels to the mirror and back: 1 or 2.", rich_help_panel=_LIGHT)
     ] = 1,
-    counts: Annotated[float, Option(help="Counts of the electronics in a fringe.", rich_help_panel=_LIGHT)] = 1,
-    temperature: Annotated[str, Option(help='Of the air in degC, as "20.1(1)".', rich_help_panel=_AIR)] = "20",
-    pressure: Annotated[str, Option(help='Of the air, as "1013.2(3) hPa".', rich_help_panel=_AIR)] = "101325 Pa",
-    humidity: Annotated[str, Option(help='Relative humidity, as "45(5) %".', rich_help_panel=_AIR)] = "50 %",
-    co2: Annotated[str, Option(help='Mole fraction of carbon dioxide, as "450(50) ppm".', rich_help_panel=_AIR)] = (
-        "450 ppm"
-    ),
+    counts: Annotated[float, Option(help="Counts of the electronics per fringe.", rich_help_panel=_LIGHT)] = 1,
+    temperature: Annotated[
+        str, Option(help='Temperature of the air in degC, such as "20.1(1)".', rich_help_panel=_AIR)
+    ] = "20",
+    pressure: Annotated[
+        str, Option(help='Pressure of the air, such as "1013.2(3) hPa".', rich_help_panel=_AIR)
+    ] = "101325 Pa",
+    humidity: Annotated[str, Option(help='Relative humidity, such as "45(5) %".', rich_help_panel=_AIR)] = "50 %",
+    co2: Annotated[
+        str, Option(help='Mole fraction of carbon dioxide, such as "450(50) ppm".', rich_help_panel=_AIR)
+    ] = ("450 ppm"),
 ) -> None:
-    """What a count of an interferometer is in metres, in the air of the day (Ciddor 1996)."""
+    """Find the length of one count of an interferometer.
+
+    The refractive index of the air follows Ciddor (1996).
+    """
     from ..calibrate.interferometer import calibrate_interferometer
 
     air = {"temperature": temperature, "pressure": pressure, "humidity": humidity, "co2": co2}
     scale = calibrate_interferometer(wavelength, passes=passes, counts=counts, **air)
-    finish(output, scale.to_dict(), scale.summary())
+    finish(output, {"schema": "fricjax.interferometer/1", **scale.to_dict()}, scale.summary())
 
 
 def _check_out(output: Writing, out: Path | None, needed: dict[str, str | None]) -> None:
-    """Refuse a rig file of which numbers are missing, before any work is done."""
+    """Refuse an incomplete rig file before any work is done."""
     check_targets(output, ("--out", out, (".toml",)))
     from ..rig.quantity import quantity
 
@@ -126,18 +141,18 @@ def _check_out(output: Writing, out: Path | None, needed: dict[str, str | None])
         raise UsageError(f"A rig file needs numbers that this calibration does not give: add {' and '.join(missing)}.")
 
 
-def _deliver(output: Writing, calibration: "Reported", rig: "Rig | None", out: Path | None) -> None:
-    """Write the rig where it was asked for, and show the outcome."""
+def _deliver(output: Writing, schema: str, calibration: "Reported", rig: "Rig | None", out: Path | None) -> None:
+    """Write the rig file if there is one, and show the outcome."""
 
     def write() -> dict[str, str]:
         return {} if rig is None or out is None else {"rig": str(rig.to_toml(out, overwrite=output.force))}
 
-    deliver(output, calibration.to_dict(), calibration.summary(), write)
+    deliver(output, {"schema": schema, **calibration.to_dict()}, calibration.summary(), write)
 
 
 app = typer.Typer(
     name="calibrate",
-    help="Calibrate the rig, from a ring-down or from an impact test, and the counts of its interferometer.",
+    help="Calibrate the rig or its interferometer.",
     no_args_is_help=True,
 )
 app.command("ringdown", epilog=example("calibrate ringdown swing.csv --mass 0.41 --normal-force 9.66 --out rig.toml"))(

@@ -1,4 +1,4 @@
-"""``fricjax compare``: which friction law describes the runs."""
+"""``fricjax compare``: find the friction law that describes the runs."""
 
 import dataclasses
 from pathlib import Path
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 @dataclasses.dataclass(frozen=True)
 class Comparing:
-    """What is compared, and how."""
+    """Options for the comparison."""
 
     PANEL: ClassVar = "Comparison"
 
@@ -25,18 +25,24 @@ class Comparing:
         list[str] | None,
         Option(
             metavar="LAW",
-            help="A law to compare, once for each: coulomb, stribeck, lugre; + adds. Default: coulomb and stribeck. "
-            "fricjax models lists all laws.",
+            help="A law to compare; repeat it for each law: coulomb, stribeck, lugre ... Use + to add laws. "
+            "Default: coulomb and stribeck. fricjax models lists all laws.",
         ),
     ] = None
     guess: Annotated[
         list[str] | None,
-        Option(metavar="NAME=VALUE", help="Start value of a free coefficient, as v_stribeck=0.005."),
+        Option(metavar="NAME=VALUE", help="Start value of a free coefficient, such as v_stribeck=0.005."),
     ] = None
-    criterion: Annotated[str, Option(help="Rank by bic, aicc or held_out.")] = "bic"
-    start: Annotated[str, Option(help="Where the motion starts: first_reversal or release.")] = "first_reversal"
+    criterion: Annotated[str, Option(help="Criterion of the ranking: bic, aicc or held_out.")] = "bic"
+    start: Annotated[str, Option(help="Start of the motion: first_reversal or release.")] = "first_reversal"
     noise: Annotated[str, Option(help=NOISE_HELP)] = "auto"
-    held_out: Annotated[bool, Option("--held-out/--no-held-out", help="Predict runs that were left out.")] = True
+    held_out: Annotated[
+        bool,
+        Option(
+            "--held-out/--no-held-out",
+            help="Test, or do not test, how well each law predicts runs left out of the fit.",
+        ),
+    ] = True
 
 
 def compare(
@@ -47,7 +53,10 @@ def compare(
     output: Writing,
     plot: Plot = None,
 ) -> None:
-    """Compare friction laws on the same runs: criteria, prediction of held-out runs, tests of the residuals."""
+    """Compare friction laws on the same runs.
+
+    The comparison uses information criteria, the prediction of held-out runs, and tests of the residuals.
+    """
     from ..errors import check_choice
     from ..fitting.settings import NOISE_MODELS, check_start
     from ..machine.choose import contenders
@@ -80,14 +89,17 @@ def compare(
             noise=comparing.noise,
             held_out=comparing.held_out,
         )
-    data: dict[str, Any] = {**comparison.to_dict(), "calibrated": calibrated}
+    data: dict[str, Any] = {"schema": "fricjax.compare/1", **comparison.to_dict(), "calibrated": calibrated}
     failed = "" if comparison.best.converged else comparison.best.status
     picture = lambda: write_picture(output, plot, comparison.plot)
     deliver(output, data, _text(comparison, calibrated), picture, failed=failed)
 
 
 def _text(comparison: "Comparison", calibrated: bool) -> str:
-    """The comparison, and the numbers of the law that comes first; without a rig those that need none."""
+    """Return the comparison and the numbers of the best law.
+
+    Without a rig, these are the numbers that need no rig.
+    """
     from ..fitting.show import kinematics_table, parameter_table
 
     table = parameter_table(comparison.best) if calibrated else kinematics_table(comparison.best)

@@ -1,4 +1,4 @@
-"""``fricjax demo``: the main job on the example that comes with the package, and what to type next."""
+"""``fricjax demo``: fit the example of the package."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -21,12 +21,15 @@ def demo(
     output: Writing,
     out: Annotated[Path, Option(help="Folder to write into.")] = Path("fricjax-demo"),
 ) -> None:
-    """Fit the run that comes with fricjax: writes the run, its rig file, the fit and a picture."""
+    """Fit the example run that comes with fricjax.
+
+    The command writes the run, its rig file, the fit and a picture.
+    """
     if out.exists() and not out.is_dir():
         raise UsageError(f"--out '{out}' is a file. Name a folder.")
     if out.is_dir() and any(out.iterdir()) and not output.force:
         raise UsageError(f"The folder '{out}' is not empty. Name another with --out, or add --force to write into it.")
-    # Of a folder that is not there, the nearest one above it must let itself be written to.
+    # The folder may not exist yet: check the nearest folder above it.
     check_folder(next(each for each in (out, *out.absolute().parents) if each.is_dir()), out)
     with working(output, "Fitting the example run"):
         from ..data.read import example_paths
@@ -53,7 +56,7 @@ def demo(
 
 
 def _write(out: Path, run: Path, rig: Path, fit: "Fit", force: bool) -> dict[str, str]:
-    """The four files of the demonstration."""
+    """Write the four files of the demonstration."""
     from ..show import save
     from ..show.files import write_bytes
 
@@ -68,7 +71,7 @@ def _write(out: Path, run: Path, rig: Path, fit: "Fit", force: bool) -> dict[str
 
 
 def _comparison(fit: "Fit", record: "Record") -> str:
-    """Fitted values beside the true ones, which a synthetic run knows."""
+    """Return a table of true and fitted values."""
     from ..show import Table, plain, uncertain
 
     rows = []

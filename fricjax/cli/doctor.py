@@ -1,4 +1,4 @@
-"""``fricjax doctor``: is everything in place, and does it compute what it must?"""
+"""``fricjax doctor``: check the installation."""
 
 import platform
 import time
@@ -28,7 +28,7 @@ _PACKAGES = (
     "matplotlib",
 )
 
-# By extra the packages without which it does nothing.
+# Packages that each extra needs.
 _EXTRAS = {
     "formats": ("openpyxl", "nptdms", "pyarrow", "pyuff", "asammdf"),
     "batch": ("pyarrow", "duckdb", "distributed", "cryptography", "xarray", "h5netcdf"),
@@ -38,16 +38,19 @@ _EXTRAS = {
     "interchange": ("xarray", "uncertainties", "lmfit"),
     "notebooks": ("jupyterlab", "jupytext", "ipywidgets"),
 }
-# A file that the driver of NVIDIA makes, whether JAX can use its card or not.
+# File created by the NVIDIA driver, even if JAX cannot use the card.
 _CARD = Path("/dev/nvidia0")
 
 
 def doctor(output: Output) -> None:
-    """Check the installation: versions, precision, devices, cache, extras, a golden motion and a tiny fit."""
+    """Check the installation.
+
+    The command shows versions, precision, devices, cache and extras. It computes a known motion and a small fit.
+    """
     with working(output, "Checking"):
         prepare(output)
         findings = {"versions": versions(), **platform_facts()}
-        # Whether the cache of compiled programs is of use shows only in what JAX says of it during a computation.
+        # JAX reports the use of the cache of compiled programs only during a computation.
         from jax import monitoring
 
         seen: Counter[str] = Counter()
@@ -57,14 +60,14 @@ def doctor(output: Output) -> None:
     checks["double_precision"] = {"ok": findings["x64"], "detail": "jax computes in 64 bits", "seconds": 0.0}
     healthy = all(check["ok"] for check in checks.values())
     sentence = "All is well." if healthy else "Something is wrong: see the failed checks."
-    data = {**findings, "checks": checks, "healthy": healthy, "verdict": sentence}
+    data = {"schema": "fricjax.doctor/1", **findings, "checks": checks, "healthy": healthy, "verdict": sentence}
     finish(output, data, _text(findings, checks, sentence))
     if not healthy:
         raise Exit(FAULT)
 
 
 def versions() -> dict[str, str]:
-    """Versions of this package, of Python and of what the numbers depend on."""
+    """Return the versions of this package, Python and the numerical packages."""
     from importlib.metadata import PackageNotFoundError, version
 
     from .. import __version__
@@ -79,7 +82,7 @@ def versions() -> dict[str, str]:
 
 
 def platform_facts() -> dict[str, Any]:
-    """Precision, devices and file formats."""
+    """Return precision, devices, file formats and extras."""
     import jax
 
     from ..data.read import READERS
@@ -93,12 +96,16 @@ def platform_facts() -> dict[str, Any]:
 
 
 def missing(extra: str) -> list[str]:
-    """Packages of an extra that are not installed; none of them is imported."""
+    """List the missing packages of an extra, without importing any."""
     return [name for name in _EXTRAS[extra] if find_spec(name) is None]
 
 
 def cache_facts() -> dict[str, Any]:
-    """The folder of compiled programs in use, the number of its files, their size in bytes, and why not to trust it."""
+    """Return facts about the folder of compiled programs.
+
+    The entries are the folder, its number of files, and their size [bytes].
+    Another one, `doubt`, is a reason not to trust the folder, or None.
+    """
     import jax
 
     from ..oscillator.cache import asked_folder, distrust
@@ -113,7 +120,7 @@ def cache_facts() -> dict[str, Any]:
 
 
 def _timed(check: Any) -> dict[str, Any]:
-    """Run a check; whatever it raises counts as failed, in one line."""
+    """Run a check; report an exception as a failure."""
     started = time.perf_counter()
     try:
         ok, detail = check()
@@ -123,13 +130,16 @@ def _timed(check: Any) -> dict[str, Any]:
 
 
 def golden_motion() -> tuple[bool, str]:
-    """A mass of 1 kg on 5000 N/m under mu = 0.1, released at 3 mm: eight half-cycles, and rest at -0.1392 mm."""
+    """Check a motion with a known result.
+
+    A mass of 1 kg on 5000 N/m under mu = 0.1, released at 3 mm, makes eight half-cycles and rests at -0.1392 mm.
+    """
     import numpy as np
 
     from ..friction import Coulomb
     from ..oscillator import Oscillator, simulate
 
-    # In closed form: 3 mm less 8 times 2 mu N/k, and 8 pi sqrt(m/k).
+    # In closed form, the mass rests at 3 mm - 8 (2 mu N/k), after 8 pi sqrt(m/k).
     motion = simulate(Oscillator(1.0, 5000.0, 0.0, 9.81, Coulomb(0.1)), 3e-3, np.array([0.5]))
     x, half_cycles = float(motion.x[0]), int(motion.n_half_cycles)
     ok = abs(x + 1.392e-4) < 1e-12 and half_cycles == 8 and abs(float(motion.t_stop) - 0.355430635053) < 1e-9
@@ -137,7 +147,10 @@ def golden_motion() -> tuple[bool, str]:
 
 
 def tiny_fit() -> tuple[bool, str]:
-    """A short synthetic run whose friction the fit must recover within five standard errors."""
+    """Check a fit of a short synthetic run.
+
+    The fit must recover the friction within five standard errors.
+    """
     from ..fitting import fit
     from ..friction import Coulomb
     from ..instrument import synthetic_run
@@ -147,7 +160,7 @@ def tiny_fit() -> tuple[bool, str]:
     record = synthetic_run(truth, 2e-3, rate=1000.0, duration=0.3, noise=5e-9, seed=1)
     result = fit(record, truth, ("mu", "damping", "stiffness"), throw=False)
     mu, miss = result.values["mu"], abs(result.values["mu"] - 0.02) / result.std_errors["mu"]
-    # Of 300 samples the reduced chi^2 scatters by 0.08.
+    # With 300 samples the reduced chi^2 scatters by 0.08.
     ok = result.converged and miss < 5 and 0.7 < result.chi2_reduced < 1.3
     return ok, f"mu = {mu:.8f} (0.02), off by {miss:.1f} standard errors, {result.status}"
 
@@ -170,13 +183,13 @@ def _text(findings: dict[str, Any], checks: dict[str, Any], sentence: str) -> st
 
 
 def _extra_text(extra: str) -> str:
-    """Whether an extra is there, and how to get what is missing."""
+    """Return the state of an extra, and how to install missing packages."""
     lost = missing(extra)
     return f"without {', '.join(lost)}: pip install 'fricjax[{extra}]'" if lost else "installed"
 
 
 def _devices_text(devices: list[str]) -> str:
-    """The devices, and what to do about a card that is not among them."""
+    """Return the devices, and advice on an unused card."""
     unused = _CARD.exists() and not any("cuda" in device for device in devices)
     remedy = "; there is an NVIDIA card that JAX does not use: pip install 'jax[cuda13]'" if unused else ""
     return ", ".join(devices) + remedy

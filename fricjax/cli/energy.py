@@ -1,4 +1,4 @@
-"""``fricjax energy``: friction from the rate of energy loss, against velocity and in each half-cycle."""
+"""``fricjax energy``: friction from the rate of energy loss."""
 
 from pathlib import Path
 from typing import Annotated
@@ -13,18 +13,19 @@ from .targets import PICTURES, RESULTS, check_targets, write_picture
 
 
 def energy(
-    files: Annotated[list[Path], Argument(help="One run, or several that are pooled.", show_default=False)],
+    files: Annotated[list[Path], Argument(help="One run, or several runs to pool.", show_default=False)],
     reading: Reading,
     output: Writing,
-    rig: Annotated[Path | None, Option(help="Rig file (TOML): mass, stiffness, normal force, damping.")] = None,
-    no_contact: Annotated[
-        Path | None, Option(help="Run without contact, from which damping and drag are fitted.")
-    ] = None,
-    bins: Annotated[int, Option(help="Number of ranges of speed.")] = 24,
+    rig: Annotated[Path | None, Option(help="Rig file (TOML) with mass, stiffness, normal force and damping.")] = None,
+    no_contact: Annotated[Path | None, Option(help="Run without contact, used to fit damping and drag.")] = None,
+    bins: Annotated[int, Option(help="Number of speed bins.")] = 24,
     plot: Plot = None,
     out: Annotated[Path | None, Option(help="Write the result (.json).", rich_help_panel="Output")] = None,
 ) -> None:
-    """Find friction from the rate of energy loss: the force against velocity, and its mean in each half-cycle."""
+    """Find friction from the rate of energy loss.
+
+    The results are the friction force against velocity, and the mean force of each half-cycle.
+    """
     from ..machine.choose import bench
     from ..settings import check_bins
 
@@ -45,10 +46,10 @@ def energy(
 
         machine = Rig(**arguments)
         force_map = friction_force_map(records, machine, free, bins=bins)
-        # The balance of the half-cycles takes off the same losses as the force map.
+        # The half-cycles subtract the same losses as the force map.
         calibrated = machine if free is None else machine.replace(damping=force_map.damping, drag=force_map.drag)
         balance = half_cycle_friction(records, calibrated)
-    data = {"force_map": force_map.to_dict(), "half_cycles": balance.to_dict()}
+    data = {"schema": "fricjax.energy/1", "force_map": force_map.to_dict(), "half_cycles": balance.to_dict()}
     heads = ("Friction force against velocity", "Half-cycles, from their reversals")
     text = "\n\n".join([heads[0], force_map.summary(), heads[1], balance.summary()])
 

@@ -1,4 +1,4 @@
-"""From an exception to what the user reads: one sentence, its kind, and the exit code."""
+"""Failures of commands: a sentence, a kind and an exit code."""
 
 import dataclasses
 import errno
@@ -6,22 +6,32 @@ import errno
 from ..errors import DataError, UsageError
 from .wording import in_options
 
-# Two for wrong usage is the parser's own; 130 is what a shell shows for a process that Ctrl-C ended, 128 + SIGINT.
-FAULT, USAGE, INVALID, REJECTED, INTERRUPTED = 1, 2, 3, 4, 130
-# A file can have thousands of columns, and a sentence that names them all hides its beginning.
+# The parser uses 2 for wrong usage. A shell reports 130 = 128 + SIGINT for a process that Ctrl-C ended.
+DONE, FAULT, USAGE, INVALID, REJECTED, INTERRUPTED = 0, 1, 2, 3, 4, 130
+CODES = {
+    DONE: "The command has done its work.",
+    FAULT: "`batch`: some runs are not ok. `doctor`: a check failed. Any command: a fault of the program.",
+    USAGE: "Wrong usage or configuration, or a file that cannot be written.",
+    INVALID: "`fit`, `compare`, `map`, `calibrate ringdown`: the fit has not converged, or does not describe its "
+    "record. `check`: the run leaves a coefficient of `--free` undetermined.",
+    REJECTED: "A file or record was rejected: missing, unreadable or unusable data.",
+    INTERRUPTED: "Interrupted by Ctrl-C.",
+}
+"""Meaning of each exit code, in Markdown."""
+# Longest sentence in characters. A list of thousands of columns would hide the beginning of the sentence.
 _LONGEST = 2000
 NO_SPACE = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 
 
 @dataclasses.dataclass(frozen=True)
 class Failure:
-    """Why a command ended early.
+    """Reason why a command ended early.
 
     Attributes:
-        message: one sentence; empty where there is nothing to say.
+        message: one sentence, or empty.
         kind: "usage", "data", "fit", "output", "interrupted" or "internal".
-        exit_code: code that the process ends with.
-        hint: what to do next, on a second line.
+        exit_code: exit code of the process.
+        hint: advice on the next step, on a second line.
     """
 
     message: str
@@ -42,20 +52,23 @@ class Failure:
 
 
 class InvalidFit(Exception):
-    """A fit that has not converged, as its status says."""
+    """A fit that has not converged."""
 
 
 class Interrupted(Exception):
-    """Ctrl-C in a command that keeps what it has done, with a sentence about how to go on."""
+    """Ctrl-C in a command that keeps its results so far.
+
+    The message says how to continue.
+    """
 
 
 def failure_of(error: BaseException) -> Failure:
-    """The failure that an exception stands for."""
+    """Return the failure for an exception."""
     if isinstance(error, KeyboardInterrupt) or type(error).__name__ == "Abort":
         return Failure("Interrupted; nothing more was written.", "interrupted", INTERRUPTED)
     if isinstance(error, Interrupted):
         return Failure(_sentence(error), "interrupted", INTERRUPTED)
-    # Errors of the parser are known by what they can do: where typer keeps their classes changes with its versions.
+    # Errors of the parser are recognised by a method: the module of their classes changes with the version of typer.
     if hasattr(error, "format_message"):
         return _of_command_line(error)
     if isinstance(error, InvalidFit):
@@ -63,7 +76,7 @@ def failure_of(error: BaseException) -> Failure:
     if isinstance(error, UsageError):
         return Failure(_sentence(error), "usage", USAGE)
     if isinstance(error, DataError):
-        # A table below the sentence keeps its lines.
+        # Keep the lines of a table below the sentence.
         sentence, newline, table = str(error).partition("\n")
         if "\n" in table:
             return Failure(_sentence(sentence), "data", REJECTED, table)
@@ -85,7 +98,10 @@ def failure_of(error: BaseException) -> Failure:
 
 
 def _of_command_line(error: BaseException) -> Failure:
-    """A wrong command, option or argument, as the parser words it; asking for help without a command says nothing."""
+    """Return the failure for a wrong command, option or argument.
+
+    A call without a command shows the help page and has no message.
+    """
     context = getattr(error, "ctx", None)
     path = context.command_path if context is not None else "fricjax"
     message = " ".join(str(error.format_message()).split())  # type: ignore[attr-defined]
@@ -95,6 +111,6 @@ def _of_command_line(error: BaseException) -> Failure:
 
 
 def _sentence(error: BaseException | str) -> str:
-    """One line, in the words of the command line."""
+    """Return one line that names options instead of Python arguments."""
     sentence = in_options(" ".join(str(error).split()))
     return sentence if len(sentence) <= _LONGEST else f"{sentence[: _LONGEST - 4]} ..."

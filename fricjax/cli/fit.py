@@ -1,4 +1,4 @@
-"""``fricjax fit``: the main job, from files of displacement over time to friction coefficients with uncertainties."""
+"""``fricjax fit``: friction coefficients from files of displacement over time."""
 
 import contextlib
 import dataclasses
@@ -24,48 +24,52 @@ if TYPE_CHECKING:
 
 @dataclasses.dataclass(frozen=True)
 class Fitting:
-    """What is fitted, and how."""
+    """Options for the fit."""
 
     PANEL: ClassVar = "Fit"
 
     free: Annotated[
         str | None,
         Option(
-            help="Free coefficients, with start values where wanted, as mu,damping or mu,mu_s=0.02. "
+            help="Free coefficients, with optional start values, such as mu,damping or mu,mu_s=0.02. "
             "Default: mu,damping,stiffness."
         ),
     ] = None
-    bounds: Annotated[list[str] | None, Option(metavar="NAME=LOW:HIGH", help="Bounds, as damping=0: or mu=0:0.1.")] = (
-        None
-    )
+    bounds: Annotated[
+        list[str] | None, Option(metavar="NAME=LOW:HIGH", help="Bounds, such as damping=0: or mu=0:0.1.")
+    ] = None
     prior: Annotated[
         list[str] | None,
-        Option(metavar="NAME=VALUE", help="Prior knowledge with its standard deviation, as damping=0.175(2)."),
+        Option(metavar="NAME=VALUE", help="Prior value with its standard deviation, such as damping=0.175(2)."),
     ] = None
     tie: Annotated[
-        list[str] | None, Option(metavar="NAME=NAME", help="Coefficient that follows a free one, as mu_s=1.3*mu.")
+        list[str] | None, Option(metavar="NAME=NAME", help="Coefficient that follows a free one, such as mu_s=1.3*mu.")
     ] = None
     nuisance: Annotated[str | None, Option(help="Free parameters of the run: x0,v0,offset,drift,t_release.")] = None
-    start: Annotated[str, Option(help="first_reversal, release, or seconds from the first sample.")] = "first_reversal"
+    start: Annotated[
+        str, Option(help="Start of the fit: first_reversal, release, or seconds from the first sample.")
+    ] = "first_reversal"
     guess: Annotated[
         list[str] | None,
-        Option(metavar="NAME=VALUE", help="Start value in place of the one estimated from the record, as mu=0.012."),
+        Option(metavar="NAME=VALUE", help="Start value, such as mu=0.012. Default: estimated from the record."),
     ] = None
-    loss: Annotated[str, Option(help="squares, or huber, soft_l1, cauchy: outliers count for less.")] = "squares"
+    loss: Annotated[str, Option(help="Loss: squares; or huber, soft_l1, cauchy, which give outliers less weight.")] = (
+        "squares"
+    )
     noise: Annotated[str, Option(help=NOISE_HELP)] = "auto"
 
 
 @dataclasses.dataclass(frozen=True)
 class OneFit(Fitting):
-    """The same of a single fit, which can take the noise in several ways."""
+    """Options for a single fit."""
 
     sigma_mode: Annotated[
-        str, Option(help="absolute: believe the noise; scale: rescale it; estimate: from residuals.")
+        str, Option(help="Use of sigma: absolute (as stated), scale (rescaled), or estimate (from the residuals).")
     ] = "absolute"
 
 
 def fit(
-    files: Annotated[list[Path], Argument(help="One run, or several for a joint fit.", show_default=False)],
+    files: Annotated[list[Path], Argument(help="One run, or several runs for a joint fit.", show_default=False)],
     fitting: OneFit,
     machine: Machine,
     reading: Reading,
@@ -74,7 +78,10 @@ def fit(
     out: Annotated[Path | None, Option(help="Write the fit (.json).", rich_help_panel="Output")] = None,
     save: Save = None,
 ) -> None:
-    """Fit friction and damping to a free decay. Without a rig: natural frequency, damping ratio and dead band."""
+    """Fit friction and damping to a free decay.
+
+    Without a rig, the results are natural frequency, damping ratio and dead band.
+    """
     pictures = [("--plot", path, PICTURES) for path in numbered(plot, len(files))]
     check_targets(output, *pictures, ("--out", out, RESULTS), ("--save", save, RECORDS))
     if save is not None and len(files) > 1:
@@ -92,7 +99,9 @@ def fit(
 
 
 def planned(files: list[Path], fitting: OneFit, machine: Machine, reading: Reading) -> "tuple[Choice, dict[str, Any]]":
-    """The machine, and the keywords of `fricjax.fit`; all is checked that can be without opening the files.
+    """Return the machine and the keywords of `fricjax.fit`.
+
+    The function checks as much as it can without opening the files.
 
     Raises:
         DataError: files that cannot be read.
@@ -109,7 +118,7 @@ def planned(files: list[Path], fitting: OneFit, machine: Machine, reading: Readi
 
 
 def fitted(choice: "Choice", settings: dict[str, Any], records: "list[Record]") -> "Fit":
-    """Build the machine, and fit it to the records."""
+    """Fit the machine to the records."""
     from ..fitting import fit as fit_records
 
     machine = {"engine": choice.engine, "rig": choice.rig}
@@ -117,13 +126,13 @@ def fitted(choice: "Choice", settings: dict[str, Any], records: "list[Record]") 
 
 
 def settings_of(fitting: Fitting) -> dict[str, Any]:
-    """The keywords of `fricjax.fit` and `fricjax.fit_batch` that the options stand for."""
+    """Return the options as keywords of `fricjax.fit` and `fricjax.fit_batch`."""
     bounds = parsing.pairs("--bounds", fitting.bounds, "damping=0:")
     priors = parsing.pairs("--prior", fitting.prior, "damping=0.175(2)")
     ties = parsing.pairs("--tie", fitting.tie, "mu_s=mu")
     guesses = parsing.pairs("--guess", fitting.guess, "mu=0.012")
     start: str | float = fitting.start
-    # A word that is neither a name nor a number is refused with the names, where the fit checks its settings.
+    # The fit refuses a word that is neither a name nor a number.
     with contextlib.suppress(ValueError):
         start = float(start)
     return {
@@ -139,7 +148,10 @@ def settings_of(fitting: Fitting) -> dict[str, Any]:
 
 
 def report(fit: "Fit", choice: "Choice") -> tuple[dict[str, Any], str]:
-    """The fit as data and as text; without a rig what is said of it needs none."""
+    """Return the fit as data and as text.
+
+    Without a rig, the text shows only numbers that need no rig.
+    """
     data = {**fit.to_dict(), "calibrated": choice.rig is not None}
     if choice.rig is not None:
         return data, fit.summary()
@@ -150,7 +162,7 @@ def report(fit: "Fit", choice: "Choice") -> tuple[dict[str, Any], str]:
         sentences.append(
             "The record is an angle, but its restoring force was taken as linear: see --restoring pendulum."
         )
-    # Without a rig mu_s is that of a unit mass under unit load, as mu is.
+    # Without a rig, mu and mu_s belong to a unit mass under unit load.
     lines = [f"{name + ':':<13}{text}" for name, text in facts(fit) if name != "mu_s"]
     lines += [f"! {sentence}" for sentence in sentences]
     hint = "Without a rig there is no mu: give --rig rig.toml, or --mass and --normal-force, to get it."
@@ -160,10 +172,10 @@ def report(fit: "Fit", choice: "Choice") -> tuple[dict[str, Any], str]:
 def write_outcome(
     output: Writing, fit: "Fit", records: "list[Record]", plot: Path | None, out: Path | None, save: Path | None
 ) -> dict[str, str]:
-    """Write the files that were asked for and return them by what they are."""
+    """Write the requested files, and return their paths by kind."""
     from ..data import write
 
-    # A motion that is not finite cannot be drawn.
+    # A motion with NaN or infinity cannot be drawn.
     draws = [functools.partial(fit.plot, i) for i in range(len(records))] if isfinite(fit.residual_rms) else []
     written = write_pictures(output, plot, draws)
     if out is not None:

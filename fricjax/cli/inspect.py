@@ -1,4 +1,7 @@
-"""Before a fit: ``fricjax inspect`` says what a record is like, ``fricjax check`` what a planned run will determine."""
+"""``fricjax inspect`` and ``fricjax check``: steps before a fit.
+
+`inspect` describes a record. `check` computes the expected standard errors of a planned run.
+"""
 
 import dataclasses
 from pathlib import Path
@@ -19,12 +22,15 @@ def inspect(
     output: Writing,
     plot: Plot = None,
 ) -> None:
-    """Show what a record is like: rate, gaps, noise, amplitude, half-cycles, release, rest."""
+    """Describe a record before a fit.
+
+    The command shows rate, gaps, noise, amplitude, half-cycles, release and rest.
+    """
     check_targets(output, ("--plot", plot, PICTURES))
     check_records([file], reading)
     with working(output, f"Inspecting {file.name}"):
         records = read_records([file], reading)
-        # Nothing is computed that takes JAX, so that there is nothing to prepare and little to wait for.
+        # This needs no JAX, and therefore no `prepare`.
         from ..data import inspect as inspect_record
 
         inspections = [inspect_record(record) for record in records]
@@ -37,33 +43,39 @@ def inspect(
         logged = dataclasses.replace(report, facts=[*report.facts, *(("log", step) for step in steps)])
         texts.append(logged.text())
     draw = lambda: write_pictures(output, plot, [record.plot for record in records])
-    deliver(output, data[0] if len(data) == 1 else {"runs": data}, "\n\n".join(texts), draw)
+    outcome = data[0] if len(data) == 1 else {"runs": data}
+    deliver(output, {"schema": "fricjax.inspect/1", **outcome}, "\n\n".join(texts), draw)
 
 
 @dataclasses.dataclass(frozen=True)
 class Planned:
-    """The run, and what is to be fitted to it."""
+    """Options for the planned run and its fit."""
 
     PANEL: ClassVar = "Planned run"
 
-    x0: Annotated[str, Option("--x0", help='Displacement at release, as 2e-3 or "2 mm".', show_default=False)]
+    x0: Annotated[str, Option("--x0", help='Displacement at release, such as 2e-3 or "2 mm".', show_default=False)]
     free: Annotated[
         str | None,
         Option(
-            help="Coefficients to be fitted, with their values where --fix does not give them, as mu=0.01,damping. "
-            "Default: all that the model has."
+            help="Coefficients to fit, with the values that --fix does not give, such as mu=0.01,damping. "
+            "Default: all coefficients of the model."
         ),
     ] = None
     nuisance: Annotated[str, Option(help="Free parameters of the run: x0,v0,offset,drift,t_release.")] = "x0,offset"
-    rate: Annotated[str, Option(help="Samples per second, as 10000 or 10k.")] = "10k"
+    rate: Annotated[str, Option(help="Samples per second, such as 10000 or 10k.")] = "10k"
     duration: Annotated[
-        float | None, Option(help="Length of the record, in s; default: until 50 ms after the stop.")
+        float | None, Option(help="Length of the record in s. Default: until 50 ms after the stop.")
     ] = None
-    noise: Annotated[str, Option(help='White noise of one sample, standard deviation, as 1e-9 or "1 nm".')] = "1nm"
+    noise: Annotated[str, Option(help='White noise of one sample (standard deviation), such as 1e-9 or "1 nm".')] = (
+        "1nm"
+    )
 
 
 def check(run: Planned, machine: Machine, output: Writing, plot: Plot = None) -> None:
-    """Say what a planned run will determine and how well; ends with 3 where a coefficient of --free will not be."""
+    """Compute the expected standard errors of a planned run.
+
+    The exit code is 3 if the run leaves a coefficient of --free undetermined.
+    """
     from ..fitting.names import find_leaf
     from ..fitting.settings import check_nuisance, check_once
     from ..machine.choose import known
@@ -71,7 +83,7 @@ def check(run: Planned, machine: Machine, output: Writing, plot: Plot = None) ->
 
     check_targets(output, ("--plot", plot, PICTURES))
     entries = parsing.words(run.free)
-    # What has a value with --free has it as with --fix: a run that is only planned has nothing to start from.
+    # A value in --free means the same as in --fix, because a planned run needs no start value.
     values = [entry for entry in entries if "=" in entry]
     choice = known(dataclasses.replace(machine, fix=[*(machine.fix or []), *values]))
     names = [entry.partition("=")[0].strip() for entry in entries]
@@ -99,7 +111,7 @@ def check(run: Planned, machine: Machine, output: Writing, plot: Plot = None) ->
             engine=machine.engine,
         )
     picture = lambda: write_picture(output, plot, information.plot)
-    deliver(output, information.to_dict(), information.summary(), picture)
-    # Of coefficients that nobody named it is the answer, and no failure, that a run leaves some open.
+    deliver(output, {"schema": "fricjax.check/1", **information.to_dict()}, information.summary(), picture)
+    # Without --free, undetermined coefficients are a result and not a failure.
     if run.free is not None and information.undetermined:
         raise Exit(3)

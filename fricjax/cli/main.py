@@ -1,16 +1,18 @@
-"""The entry point of ``fricjax``: the list of commands, and one place where every failure becomes a sentence.
+"""Entry point of ``fricjax``: list of commands and handler of failures.
 
-Exit codes: 0 done, 2 wrong usage or configuration, 3 a fit has not converged, 4 data rejected; 1 is left for a fault of
-the program itself. Only the modules of this folder and typer are imported before a command starts to work.
+`fricjax.cli.failure.CODES` lists the exit codes. Only typer and the modules of this folder are imported before a
+command starts its work.
 """
 
 import os
 import sys
 from collections.abc import Sequence
-from typing import NoReturn
+from pathlib import Path
+from typing import Annotated, NoReturn
 
 import typer
 
+from ..errors import UsageError, nearest
 from . import (
     batch,
     budget,
@@ -30,13 +32,15 @@ from .failure import INTERRUPTED, failure_of
 from .options import example, grouped
 from .output import tell, tell_json
 
+SCHEMAS = Path(__file__).with_name("schemas")
+"""Folder of the JSON schemas of all outputs."""
 app = typer.Typer(
     name="fricjax",
     help="Friction coefficients from a measured free decay.\n\nStart with: fricjax demo",
     epilog=example("fit run.csv --rig rig.toml"),
     no_args_is_help=True,
     add_completion=False,
-    # Failures are worded in `run`.
+    # `run` turns failures into sentences.
     pretty_exceptions_enable=False,
     rich_markup_mode="rich",
 )
@@ -61,19 +65,37 @@ app.add_typer(calibrate.app, name="calibrate")
 app.add_typer(models.app, name="models")
 
 
-def _version(asked: bool) -> None:
-    if asked:
+def _version(shown: bool) -> None:
+    if shown:
         from .. import __version__
 
         typer.echo(f"fricjax {__version__}")
         raise typer.Exit
 
 
+def _schema(name: str | None) -> None:
+    if name is not None:
+        paths = {path.stem: path for path in sorted(SCHEMAS.glob("*.json"))}
+        if name not in paths:
+            raise UsageError(f"There is no schema '{name}'.{nearest(name, paths)} Choose one of {', '.join(paths)}.")
+        typer.echo(paths[name].read_text(encoding="utf-8"), nl=False)
+        raise typer.Exit
+
+
 @app.callback()
 def _root(
-    version: bool = typer.Option(
-        False, "--version", callback=_version, is_eager=True, help="Show the version and exit."
-    ),
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Show the version and exit.")
+    ] = False,
+    schema: Annotated[
+        str | None,
+        typer.Option(
+            callback=_schema,
+            is_eager=True,
+            metavar="NAME",
+            help="Show the JSON schema of an output, such as fit, and exit.",
+        ),
+    ] = None,
 ) -> None:
     """Friction coefficients from a measured free decay. Start with: [bold]fricjax demo[/bold]."""
 
@@ -88,26 +110,26 @@ def run(arguments: Sequence[str]) -> int:
         The exit code.
     """
     try:
-        # On its own the parser would word its errors itself, end the process, and know nothing of --json.
+        # In standalone mode the parser would print its errors without regard to --json, and end the process.
         code = app(list(arguments), prog_name="fricjax", standalone_mode=False)
-        if code == INTERRUPTED:  # typer takes Ctrl-C and leaves only its exit code
+        if code == INTERRUPTED:  # typer catches Ctrl-C and returns its exit code
             raise KeyboardInterrupt
-        # What is still in the buffer meets a full disk here, where that is told, and not while Python shuts down.
+        # A full disk must fail here, with a message, and not while Python shuts down.
         sys.stdout.flush()
     except BrokenPipeError:
-        # The reader of our output has gone, as `head` does; that is no failure of ours, and nothing more can be said.
-        # Python flushes stdout once more at its end, and must find something that takes the rest.
+        # The reader of the output has closed it, as `head` does. This is not a failure.
+        # Python flushes stdout once more when it exits: give it a stream that accepts the rest.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
     except (Exception, KeyboardInterrupt) as error:
-        # The words themselves are looked at, for the parser may be what failed.
+        # The options are not available if the parser failed, so search the raw words.
         if "--debug" in arguments and not isinstance(error, KeyboardInterrupt):
             import traceback
 
             tell(sys.stderr, traceback.format_exc().rstrip())
         failure = failure_of(error)
         if "--json" in arguments:
-            tell_json(sys.stdout, failure.to_dict())
+            tell_json(sys.stdout, {"schema": "fricjax.error/1", **failure.to_dict()})
         elif failure.text:
             tell(sys.stderr, failure.text)
         return failure.exit_code
@@ -115,5 +137,5 @@ def run(arguments: Sequence[str]) -> int:
 
 
 def main() -> NoReturn:
-    """Run the command line of this process and end it with the exit code."""
+    """Run the command line of this process and exit with its code."""
     sys.exit(run(sys.argv[1:]))

@@ -1,4 +1,4 @@
-"""``fricjax models``: the catalogue of friction laws, made from the laws themselves."""
+"""``fricjax models``: the catalogue of friction laws, generated from their classes."""
 
 import dataclasses
 import math
@@ -22,7 +22,10 @@ _KINDS = {
 
 
 def models(context: typer.Context, output: Output) -> None:
-    """List the friction laws with their coefficients and units; `models show NAME` shows all of one."""
+    """List the friction laws with their coefficients and units.
+
+    The command fricjax models show NAME describes one law.
+    """
     if context.invoked_subcommand is not None:
         return
     prepare(output)
@@ -32,24 +35,27 @@ def models(context: typer.Context, output: Output) -> None:
     lines = ["Friction laws for --friction; join them with +, as coulomb+quadraticdrag.", ""]
     for entry in entries:
         units = [f"{c['name']} [{c['unit'] or '1'}]" for c in entry["coefficients"]]
-        only = "" if entry["on_command_line"] else "; from Python only, for its coefficients are lists"
+        only = "" if entry["on_command_line"] else "; from Python only, because its coefficients are lists"
         lines += [f"{entry['name']}: {entry['kind']}{only}", f"    {', '.join(units)}", f"    {entry['about']}", ""]
-    lines.append("Of the machine: mass, stiffness, damping, normal_force, drag, and k3 of a cubic spring.")
-    lines.append("All of one law: fricjax models show NAME")
-    finish(output, {"models": entries}, "\n".join(lines))
+    lines.append("Coefficients of the machine: mass, stiffness, damping, normal_force, drag, and k3 of a cubic spring.")
+    lines.append("Details of one law: fricjax models show NAME")
+    finish(output, {"schema": "fricjax.models/1", "models": entries}, "\n".join(lines))
 
 
 def show(
-    name: Annotated[str, Argument(help="Name of a law, as in the list of fricjax models.", show_default=False)],
+    name: Annotated[str, Argument(help="Name of a law, from the list of fricjax models.", show_default=False)],
     output: Output,
 ) -> None:
-    """All of one law: equation, coefficients with bounds, source, engine, and what a decay determines of it."""
+    """Describe one law.
+
+    The page shows equation, coefficients, bounds, source and engine, and which coefficients a free decay determines.
+    """
     chosen = find_law(name, CATALOGUE)
     prepare(output)
     from .. import friction
 
     entry = describe(chosen.name.lower(), getattr(friction, chosen.name))
-    finish(output, entry, _page(entry))
+    finish(output, {"schema": "fricjax.law/1", **entry}, _page(entry))
 
 
 app = typer.Typer(rich_markup_mode="rich")
@@ -58,7 +64,7 @@ app.command("show", epilog=example("models show lugre"))(grouped(show))
 
 
 def describe(name: str, law: Any) -> dict[str, Any]:
-    """A law as data, from its class: what its docstring says, and what it declares of its coefficients."""
+    """Return a law as data, from the docstring of its class."""
     from ..friction.kinds import AbstractConstant
 
     kind = CATALOGUE[name].kind
@@ -112,7 +118,7 @@ def _page(entry: dict[str, Any]) -> str:
             "",
             table.text(),
             "",
-            f"A free decay tells: {entry['identifies']}",
+            f"From a free decay: {entry['identifies']}",
             f"Source: {entry['source']}",
         ]
     )

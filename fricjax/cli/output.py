@@ -1,4 +1,4 @@
-"""What a command says: results as text or JSON on stdout, log and warnings on stderr."""
+"""Output of commands: results on stdout, log and warnings on stderr."""
 
 import contextlib
 import json
@@ -22,16 +22,18 @@ from .wording import in_options
 if TYPE_CHECKING:
     from .options import Output, Writing
 
-# Seconds from which on it is told how long a command took.
+# Commands that take longer than this log their time [s].
 PATIENCE = 2.0
-# Control characters but tab and newline, marks that turn the direction of writing, halves of characters.
+# Control characters except tab and newline, marks that change the direction of writing, surrogates.
 _UNSEEN = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200b-\u200f\u2028-\u202e\u2060-\u206f\ufeff\ud800-\udfff]")
-# Keys of an outcome under which sentences stand.
+# Keys of an outcome that hold sentences.
 _SENTENCES = ("status", "warnings", "error", "notes", "remarks")
+# `Fit.to_dict` writes numbers that are not finite as these texts.
+_NOT_FINITE = ("nan", "inf", "-inf")
 
 
 def _for_json(value: Any) -> Any:
-    """A value as JSON can hold it: arrays become lists, what is not finite becomes null."""
+    """Convert a value for JSON, with null for NaN and infinity."""
     if isinstance(value, Mapping):
         return {str(key): _for_json(item) for key, item in value.items()}
     if isinstance(value, list | tuple | set | frozenset):
@@ -40,20 +42,22 @@ def _for_json(value: Any) -> Any:
         return _for_json(value.tolist())
     if isinstance(value, float):
         return value if math.isfinite(value) else None
+    if isinstance(value, str) and value in _NOT_FINITE:
+        return None
     return value if value is None or isinstance(value, bool | int | str) else str(value)
 
 
 def json_text(value: Mapping[str, Any], *, ascii_only: bool = False) -> str:
-    """A mapping as JSON that every parser accepts and no terminal obeys."""
+    """Return a mapping as strict JSON, with control characters escaped."""
     text = json.dumps(_for_json(value), indent=2, ensure_ascii=ascii_only, allow_nan=False)
     return _UNSEEN.sub(lambda match: f"\\u{ord(match[0]):04x}", text)
 
 
 def tell(stream: TextIO, text: str) -> None:
-    """Write lines of text to a stream, the one way by which text leaves the program.
+    """Write lines of text to a stream.
 
-    Names and cells of files may hold what a terminal would obey, and what its encoding does not know: both are written
-    as escapes.
+    All text leaves the program through this function. Names and cells of files may contain control characters, or
+    characters that the encoding of the stream cannot represent. Both are written as escapes.
     """
     text = visible(text) + "\n"
     if stream is sys.stderr:
@@ -66,7 +70,7 @@ def tell(stream: TextIO, text: str) -> None:
 
 
 def tell_json(stream: TextIO, value: Mapping[str, Any]) -> None:
-    """The same of one JSON object, which stays one in every encoding."""
+    """Write one JSON object to a stream of any encoding."""
     try:
         stream.write(json_text(value) + "\n")
     except UnicodeEncodeError:
@@ -74,23 +78,23 @@ def tell_json(stream: TextIO, value: Mapping[str, Any]) -> None:
 
 
 def visible(text: str) -> str:
-    """Text in which what would move the cursor, change colours or hide itself is an escape that can be seen."""
+    """Return the text with control characters and invisible characters as escapes."""
     return _UNSEEN.sub(lambda match: match[0].encode("unicode_escape", "surrogatepass").decode("ascii"), text)
 
 
 def finish(output: "Output", data: Mapping[str, Any], text: str) -> None:
-    """Tell the outcome on stdout: `data` as JSON where that was asked for, else `text`."""
+    """Print the outcome on stdout: `data` as JSON with ``--json``, else `text`."""
     try:
         if output.json:
             tell_json(sys.stdout, _reworded(data))
         else:
             tell(sys.stdout, in_options(text))
         sys.stdout.flush()
-    # A reader that goes away is no failure, and `run` treats it so.
+    # `run` handles a reader that has closed the pipe.
     except BrokenPipeError:
         raise
     except OSError as error:
-        # What could not be written would be tried again when the process ends.
+        # Python would try to write the rest again when the process ends.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         raise OSError(error.errno, error.strerror, "stdout") from error
 
@@ -104,20 +108,20 @@ def deliver(
     after: str = "",
     failed: str = "",
 ) -> None:
-    """Write the files that were asked for, and show the outcome, also where a file cannot be written.
+    """Write the files and show the outcome, even after a failed write.
 
     Args:
-        output: how it is shown.
-        data: the outcome as JSON can hold it, without its files.
-        text: the same to be read.
-        write: writes the files and returns their paths by what they are.
-        after: text that is true only once the files are there.
+        output: options for the output.
+        data: outcome as plain data, without its files.
+        text: outcome as text.
+        write: writes the files and returns their paths by kind.
+        after: text to add once the files exist.
         failed: status of a fit that has not converged.
 
     Raises:
-        OSError: a file cannot be written; the numbers have been shown.
-        InvalidFit: the fit has not converged; the same.
-        Exit: either, with JSON, for the one object on stdout says so already.
+        OSError: a file cannot be written. The outcome has been shown.
+        InvalidFit: the fit has not converged. The outcome has been shown.
+        Exit: either of the two with ``--json``. The object on stdout contains the error.
     """
     if failed:
         data = {**data, "error": failed, "kind": "fit", "exit_code": INVALID}
@@ -139,7 +143,7 @@ def deliver(
 
 
 def _reworded(value: Any, sentence: bool = False) -> Any:
-    """The same data with its sentences in the words of the command line."""
+    """Return the data with options instead of Python arguments in its sentences."""
     if isinstance(value, Mapping):
         return {key: _reworded(item, key in _SENTENCES) for key, item in value.items()}
     if isinstance(value, list | tuple):
@@ -148,10 +152,13 @@ def _reworded(value: Any, sentence: bool = False) -> Any:
 
 
 def prepare(output: "Output") -> None:
-    """What comes before the first array: double precision on, and every warning of this package a line on stderr."""
+    """Switch on double precision and the display of warnings.
+
+    Each warning of this package becomes a line on stderr. Call this function before the first array is made.
+    """
 
     def show(message: Warning | str, category: Any, filename: str, *_: Any, **__: Any) -> None:
-        # Warnings of the packages that this one is built on concern no user.
+        # Warnings of other packages do not concern the user.
         if not output.quiet and "fricjax" in Path(filename).parts:
             tell(sys.stderr, in_options(f"Warning: {' '.join(str(message).split())}"))
 
@@ -162,16 +169,17 @@ def prepare(output: "Output") -> None:
 
 
 def log(output: "Output", text: str) -> None:
-    """One line on stderr, unless JSON or quiet was asked for."""
+    """Write one line to stderr, unless the output is JSON or quiet."""
     if not (output.json or output.quiet):
         tell(sys.stderr, in_options(text.replace("\n", "\\n")))
 
 
 @contextlib.contextmanager
 def working(output: "Output", text: str) -> Iterator[None]:
-    """Show how the work goes on, and how long it took where that was longer than two seconds.
+    """Show the progress of the work.
 
-    Where stderr is no terminal there is a line now and then, for a job says in its log where it is.
+    The time is logged at the end if it is more than two seconds.
+    If stderr is not a terminal, a line is written from time to time, so that the log of a job shows its progress.
     """
     silent, started = output.json or output.quiet, time.perf_counter()
     with progress(not silent and from_environment() is not False), show_working(text):

@@ -1,4 +1,4 @@
-"""The records that a command names: whether they can be read with its options, asked before any is opened; reading."""
+"""Records named by a command: early checks, and reading."""
 
 import dataclasses
 import warnings
@@ -15,11 +15,11 @@ if TYPE_CHECKING:
 
 
 def check_records(paths: Sequence[Path], reading: Reading) -> None:
-    """Refuse files and options of reading that cannot go together.
+    """Refuse files and reading options that do not fit together.
 
     Args:
-        paths: the records.
-        reading: how they are read.
+        paths: files of the records.
+        reading: options for reading.
 
     Raises:
         DataError: a file that is missing, empty, of an unknown format or named twice, or a unit that does not fit.
@@ -41,7 +41,7 @@ def check_records(paths: Sequence[Path], reading: Reading) -> None:
     options = options_of(reading)
     for path in paths:
         check(path, options)
-    # The constructors refuse what no record has; nothing is kept of them.
+    # These constructors check the values. Their results are not used.
     if options:
         if reading.repair is not None:
             faults_of(reading.repair)
@@ -51,7 +51,7 @@ def check_records(paths: Sequence[Path], reading: Reading) -> None:
 
 
 def options_of(reading: Reading) -> dict[str, Any]:
-    """The options of `fricjax.read`, without those that were left out."""
+    """Return the given options as arguments of `fricjax.read`."""
     options = {field.name: getattr(reading, field.name) for field in dataclasses.fields(reading)}
     options = {name: value for name, value in options.items() if value is not None and name != "crop"}
     if "cells" in options:
@@ -60,13 +60,13 @@ def options_of(reading: Reading) -> dict[str, Any]:
 
 
 def read_records(paths: Sequence[Path], reading: Reading) -> list["Record"]:
-    """The records of the files, all read and cropped with the same options; they must measure the same quantity.
+    """Read and crop the records of all files with the same options.
 
     Raises:
         DataError: a file or record that cannot be used.
         UsageError: options that do not fit the format, or lengths and angles in one fit.
     """
-    # A wrong column is refused here, and cropping takes JAX, which would be waited for in vain.
+    # Reading refuses a wrong column. Cropping imports JAX, which takes seconds: read all files first.
     from ..data import read
 
     records: list[Record] = []
@@ -85,7 +85,7 @@ def read_records(paths: Sequence[Path], reading: Reading) -> list["Record"]:
 
 
 def read_record(path: Path, reading: Reading) -> "Record":
-    """The one record of a file.
+    """Read the single record of a file.
 
     Raises:
         DataError: a file or record that cannot be used.
@@ -98,7 +98,7 @@ def read_record(path: Path, reading: Reading) -> "Record":
 
 
 def warn_of_doubts(records: Sequence["Record"]) -> None:
-    """Warn of what was taken for granted in reading, where the result does not say so itself."""
+    """Warn of assumptions made in reading that the result does not mention."""
     for sentence in dict.fromkeys(sentence for record in records for sentence in record.doubts):
-        # As a warning and not as a line of the log: it is told with --json as well.
+        # A warning is shown with --json too; a line of the log is not.
         warnings.warn(sentence, stacklevel=2)

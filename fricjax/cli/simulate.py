@@ -1,4 +1,4 @@
-"""``fricjax simulate``: the motion of a known machine, as the interferometer would record it."""
+"""``fricjax simulate``: the motion of a known machine, with the instrument."""
 
 import dataclasses
 import math
@@ -17,43 +17,45 @@ if TYPE_CHECKING:
     from ..machine.choose import Choice
     from ..oscillator import Motion, Oscillator
 
-# Seconds at rest at the end of a record whose duration is not given, as the help page says.
+# Default time at rest at the end of a record [s], as stated in the help page.
 _TAIL = 0.05
-# No run is longer, in seconds: it stands for a duration that is not known before the motion.
+# Longest run [s]. It replaces a duration that is unknown before the motion is computed.
 _FOREVER = 1e9
 
 
 @dataclasses.dataclass(frozen=True)
 class Run:
-    """The release, and how long it is watched."""
+    """Options for the release and the record."""
 
     PANEL: ClassVar = "Run"
 
-    x0: Annotated[str, Option("--x0", help='Displacement at release, as 2e-3 or "2 mm".', show_default=False)]
+    x0: Annotated[str, Option("--x0", help='Displacement at release, such as 2e-3 or "2 mm".', show_default=False)]
     rate: Annotated[float, Option(help="Samples per second.")] = 5000.0
     duration: Annotated[
-        float | None, Option(help="Length of the record, in s; default: until 50 ms after the stop.")
+        float | None, Option(help="Length of the record in s. Default: until 50 ms after the stop.")
     ] = None
-    v0: Annotated[float, Option("--v0", help="Velocity at release, in m/s.")] = 0.0
-    hold: Annotated[float, Option(help="Time at rest before the release, in s.")] = 0.0
-    release_time_constant: Annotated[float, Option(help="Decay time of the holding magnet, in s.")] = 0.0
-    floor_acceleration_psd: Annotated[float, Option(help="White floor acceleration, one-sided, in (m/s^2)^2/Hz.")] = 0.0
-    accuracy: Annotated[float, Option(help="Largest numerical error, in m.")] = 1e-10
+    v0: Annotated[float, Option("--v0", help="Velocity at release in m/s.")] = 0.0
+    hold: Annotated[float, Option(help="Time at rest before the release in s.")] = 0.0
+    release_time_constant: Annotated[float, Option(help="Decay time of the holding magnet in s.")] = 0.0
+    floor_acceleration_psd: Annotated[
+        float, Option(help="One-sided spectral density of a white floor acceleration in (m/s^2)^2/Hz.")
+    ] = 0.0
+    accuracy: Annotated[float, Option(help="Largest numerical error in m.")] = 1e-10
 
 
 @dataclasses.dataclass(frozen=True)
 class Instrument:
-    """What the interferometer adds."""
+    """Options for the errors of the interferometer."""
 
     PANEL: ClassVar = "Instrument"
 
-    noise: Annotated[float, Option(help="White noise, standard deviation, in m.")] = 0.0
-    quantisation: Annotated[float, Option(help="Smallest count, in m.")] = 0.0
-    offset: Annotated[float, Option(help="Reading at equilibrium, in m.")] = 0.0
-    drift: Annotated[float, Option(help="Drift of the reading, in m/s.")] = 0.0
-    periodic_nonlinearity: Annotated[float, Option(help="Periodic error of first order, in m.")] = 0.0
-    sampling_jitter: Annotated[float, Option(help="Scatter of the sampling instants, in s.")] = 0.0
-    seed: Annotated[int, Option(help="Number from which all random numbers follow.")] = 0
+    noise: Annotated[float, Option(help="Standard deviation of white noise in m.")] = 0.0
+    quantisation: Annotated[float, Option(help="Smallest count in m.")] = 0.0
+    offset: Annotated[float, Option(help="Reading at equilibrium in m.")] = 0.0
+    drift: Annotated[float, Option(help="Drift of the reading in m/s.")] = 0.0
+    periodic_nonlinearity: Annotated[float, Option(help="Periodic error of first order in m.")] = 0.0
+    sampling_jitter: Annotated[float, Option(help="Standard deviation of the sampling instants in s.")] = 0.0
+    seed: Annotated[int, Option(help="Seed of the random numbers.")] = 0
 
 
 def simulate(
@@ -62,12 +64,12 @@ def simulate(
     instrument: Instrument,
     output: Writing,
     out: Annotated[
-        # In other commands --out writes a result and --save a record; here the record is the result.
+        # In other commands --out writes a result and --save a record. Here the record is the result.
         Path | None, Option("--out", "--save", help="Write the record (.csv, .npz, .h5).", rich_help_panel="Output")
     ] = None,
     plot: Plot = None,
 ) -> None:
-    """Compute the motion of a machine whose coefficients are known, and write it as a record."""
+    """Compute the motion of a known machine as a record."""
     check_targets(output, ("--out", out, RECORDS), ("--plot", plot, PICTURES))
     choice, x0 = _known(run, machine, instrument)
     with working(output, "Simulating"):
@@ -85,7 +87,7 @@ def simulate(
 
 
 def _known(run: Run, machine: Machine, instrument: Instrument) -> "tuple[Choice, float]":
-    """The machine and the displacement at release [m or rad], all numbers of the run and the instrument checked."""
+    """Check all numbers; return the machine and the release [m or rad]."""
     from ..instrument.interferometer import Interferometer
     from ..instrument.run import Run as Numbers
     from ..instrument.run import check_seed
@@ -95,7 +97,7 @@ def _known(run: Run, machine: Machine, instrument: Instrument) -> "tuple[Choice,
     choice, x0 = known(machine), parsing.displacement("--x0", run.x0)
     numbers = dataclasses.asdict(run) | {"x0": x0, "duration": _FOREVER if run.duration is None else run.duration}
     del numbers["accuracy"]
-    # The constructors refuse what no run and no instrument has; nothing is kept of them.
+    # These constructors check the values. Their results are not used.
     Numbers(**numbers)
     interferometer = dataclasses.asdict(instrument)
     check_seed(interferometer.pop("seed"))
@@ -104,7 +106,7 @@ def _known(run: Run, machine: Machine, instrument: Instrument) -> "tuple[Choice,
 
 
 def simulated(run: Run, choice: "Choice", x0: float, instrument: Instrument) -> "tuple[Motion, Record, dict[str, Any]]":
-    """The motion itself, the record of it, and what there is to say about both."""
+    """Return the motion, its record, and facts about both."""
     import numpy as np
 
     from ..instrument import synthetic_run
@@ -134,7 +136,10 @@ def simulated(run: Run, choice: "Choice", x0: float, instrument: Instrument) -> 
 
 
 def _duration(oscillator: "Oscillator", x0: float, run: Run) -> float:
-    """Until the mass rests, and a little longer; without damping it rests the latest."""
+    """Return the time until the mass rests, plus a short tail [s].
+
+    A mass without damping rests last, so the search covers the motion without damping.
+    """
     import numpy as np
 
     from ..oscillator import simulate as integrate
@@ -142,13 +147,11 @@ def _duration(oscillator: "Oscillator", x0: float, run: Run) -> float:
     band, omega = float(oscillator.dead_band), float(oscillator.angular_frequency)
     stop = math.inf
     if oscillator.friction.set_valued and band > 0:
-        # Each half-cycle takes two dead bands off the amplitude, or more; the motion is followed for twice that time.
+        # Each half-cycle reduces the amplitude by two dead bands or more. Follow the motion for twice that time.
         half_cycles = math.hypot(x0, run.v0 / omega) / (2 * band) + 4
         stop = float(integrate(oscillator, x0, np.array([2 * half_cycles * math.pi / omega]), v0=run.v0).t_stop)
     if not math.isfinite(stop):
-        raise UsageError(
-            "Under this law the mass does not come to rest by itself: say with --duration how long to watch."
-        )
+        raise UsageError("Under this law the mass does not come to rest: say with --duration how long to watch.")
     return run.hold + stop + _TAIL
 
 
@@ -156,6 +159,7 @@ def _facts(motion: "Motion", record: "Record", run: Run) -> dict[str, Any]:
     stop = float(motion.t_stop)
     rests = bool(motion.at_rest[-1])
     return {
+        "schema": "fricjax.simulate/1",
         "engine": motion.engine,
         "samples": record.trace.n,
         "rate": run.rate,
@@ -187,7 +191,7 @@ def _text(facts: dict[str, Any], unit: str) -> str:
 
 
 def _picture(motion: "Motion", record: "Record") -> Any:
-    """Displacement and friction force over time."""
+    """Draw displacement and friction force over time."""
     import numpy as np
 
     from ..show import axis_label, display_unit, figure, rotary_unit

@@ -1,4 +1,4 @@
-"""The files that a command is to write: whether they can be, asked before any work is done, and pictures."""
+"""Output files of a command: early checks, and pictures."""
 
 import errno
 import os
@@ -19,7 +19,7 @@ RESULTS = (".json",)
 def write_picture(
     output: "Writing", plot: Path | None, draw: Callable[[], Any], name: str = "picture"
 ) -> dict[str, str]:
-    """Draw and write a picture where one was asked for; its path by its name among the files of the command."""
+    """Write a picture to `plot`, and return its path by name."""
     if plot is None:
         return {}
     from ..show import save
@@ -28,7 +28,7 @@ def write_picture(
 
 
 def write_pictures(output: "Writing", plot: Path | None, draws: Sequence[Callable[[], Any]]) -> dict[str, str]:
-    """A picture of each run where some were asked for, numbered where there are several."""
+    """Write a picture of each run, numbered if there are several."""
     written: dict[str, str] = {}
     for i, path in enumerate(numbered(plot, len(draws))):
         written |= write_picture(output, path, draws[i], "picture" if len(draws) == 1 else f"picture_{i + 1}")
@@ -36,17 +36,17 @@ def write_pictures(output: "Writing", plot: Path | None, draws: Sequence[Callabl
 
 
 def check_targets(output: "Writing", *targets: tuple[str, Path | None, tuple[str, ...]]) -> None:
-    """Refuse, before any work is done, files that could not be written at its end.
+    """Refuse output files that cannot be written, before any work is done.
 
     Args:
-        output: says whether files that exist may be replaced.
-        *targets: for each file the name of its option, its path or None, and the suffixes that it may have.
+        output: options for the output; existing files are replaced only with ``--force``.
+        *targets: for each file the name of its option, its path or None, and the allowed suffixes.
 
     Raises:
-        UsageError: a suffix that does not fit, a folder that does not exist, a file that does, or two in one place.
-        OSError: a folder that cannot be written to.
+        UsageError: a wrong suffix, a missing folder, an existing file, or two options with the same file.
+        OSError: a folder without write permission.
     """
-    # A fit can take minutes, and a name that is wrong is known before.
+    # A fit can take minutes, so check the names before it starts.
     named = [(option, path, suffixes) for option, path, suffixes in targets if path is not None]
     for option, path, suffixes in named:
         if path.suffix.lower() not in suffixes:
@@ -63,10 +63,10 @@ def check_targets(output: "Writing", *targets: tuple[str, Path | None, tuple[str
 
 
 def check_folder(folder: Path, path: Path) -> None:
-    """Refuse to make a path in a folder that cannot be written to.
+    """Refuse a path in a folder without write permission.
 
     Raises:
-        OSError: it cannot.
+        OSError: the folder is not writable.
     """
     if not os.access(folder, os.W_OK):
         from ..show.files import refused
@@ -75,7 +75,7 @@ def check_folder(folder: Path, path: Path) -> None:
 
 
 def numbered(path: Path | None, count: int) -> list[Path]:
-    """One path per run: the path itself, or with a number for each of several; none where no picture is wanted."""
+    """Return one path per run, numbered if there are several runs."""
     if path is None:
         return []
     return [path] if count == 1 else [path.with_stem(f"{path.stem}-{i + 1}") for i in range(count)]

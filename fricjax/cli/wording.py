@@ -1,7 +1,7 @@
-"""Sentences of the package in the words of the command line.
+"""Translation of Python arguments in messages to options of the command line.
 
-The package words its advice for those who call it: ``column=``, ``start='release'``. Whoever typed a command reads the
-options of that command instead. Which these are is taken from their declarations.
+Messages of the package name Python arguments: ``column=``, ``start='release'``. On the command line they name options:
+``--column``, ``--start release``. The options come from the declarations of the command.
 """
 
 import inspect
@@ -9,29 +9,29 @@ import re
 from collections.abc import Iterable, Mapping
 from typing import get_args
 
-# Arguments of the package that their options name otherwise.
+# Arguments of the package with an option of another name.
 _OTHERWISE = {"overwrite": "force", "priors": "prior", "names": "free"}
-# What stays as it is, for it is no advice: words in quotes, steps of a log as they were called, what follows an option.
+# Text to keep: quoted words, calls in a log, and the value after an option.
 _KEPT = r"(?<![\w=])'[^'\n]*'(?!\w)|\b\w+\((?:[^()]|\([^()]*\))*\)|--[a-z][\w-]*(?: \S+)?"
 _VALUE = r"'[^']*'|\"[^\"]*\"|\[[^\]]*\]|\([^)]*\)|[A-Z]\w*\([^)]*\)|[-+\w.]*[-+\w]"
 
-# Of the command that runs, one in a process: sentences come from everywhere, also from warnings, and carry no context.
+# Options of the running command. This is global because messages, also those of warnings, do not know their command.
 _options: dict[str, str] = {}
 
 
 def speak(options: Mapping[str, str]) -> None:
-    """Word sentences from now on with these options, each by the argument that it stands for."""
+    """Set the options for later messages, by argument name."""
     _options.clear()
     _options.update(options)
 
 
 def options_of(parameters: Iterable[inspect.Parameter]) -> dict[str, str]:
-    """The options of a command by the names of its parameters, without those that are no options."""
+    """Return the options of a command by parameter name."""
     options: dict[str, str] = {}
     for parameter in parameters:
         for declared in get_args(parameter.annotation)[1:]:
             if type(declared).__name__ == "OptionInfo":
-                # Of `--held-out/--no-held-out` the first is the one to advise.
+                # Of `--held-out/--no-held-out`, use the first.
                 names = [word.partition("/")[0] for word in declared.param_decls or () if word.startswith("--")]
                 options[parameter.name] = names[0] if names else f"--{parameter.name.replace('_', '-')}"
     return options | {
@@ -40,11 +40,11 @@ def options_of(parameters: Iterable[inspect.Parameter]) -> dict[str, str]:
 
 
 def in_options(sentence: str) -> str:
-    """The sentence with options in place of the arguments of the package, where the command has them."""
+    """Replace arguments of the package by options of the running command."""
     if not _options:
         return sentence
     names = "|".join(sorted(_options, key=len, reverse=True))
-    # The longest name comes first, so that none is taken for the beginning of another.
+    # The longest name comes first, because one name may be the beginning of another.
     pattern = rf"'(?P<quoted>{names})='|(?P<kept>{_KEPT})|(?<![\w.])(?P<name>{names})=(?P<value>{_VALUE})?"
     return re.sub(pattern, _reworded, sentence)
 
@@ -57,7 +57,7 @@ def _reworded(match: re.Match[str]) -> str:
     option, value = _options[match["name"]], match["value"] or ""
     if value in ("True", "False"):
         return option if value == "True" else f"--no-{option.removeprefix('--')}"
-    # Values of the package as one types them: 'release', ['mu', 'damping'], Pendulum().
+    # Convert Python values to words of a shell: 'release', ['mu', 'damping'], Pendulum().
     if value[:1] in ("[", "("):
         value = ",".join(re.findall(r"'([^']*)'", value)) or '""'
     elif value[:1] in ("'", '"'):

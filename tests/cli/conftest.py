@@ -1,4 +1,4 @@
-"""Calling the command line within the process: exit code, stdout and stderr of one command."""
+"""Call commands within the process of the tests."""
 
 import contextlib
 import io
@@ -12,7 +12,7 @@ from fricjax.cli.main import run
 
 
 class Called(NamedTuple):
-    """What a command left behind."""
+    """Exit code, stdout and stderr of a command."""
 
     code: int
     out: str
@@ -20,7 +20,7 @@ class Called(NamedTuple):
 
 
 def call(*arguments: object) -> Called:
-    """Run ``fricjax`` with these words."""
+    """Run `fricjax` with the given words."""
     out, err = io.StringIO(), io.StringIO()
     with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
         code = run([str(argument) for argument in arguments])
@@ -29,7 +29,7 @@ def call(*arguments: object) -> Called:
 
 @pytest.fixture(scope="session", autouse=True)
 def _no_cache() -> Iterator[None]:
-    """Commands must not touch the user's cache, nor leave their wording of warnings behind."""
+    """Keep the user's cache and the display of warnings unchanged."""
     shown = warnings.showwarning
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("FRICJAX_CACHE_DIR", "off")
@@ -39,5 +39,5 @@ def _no_cache() -> Iterator[None]:
 
 @pytest.fixture(scope="session")
 def fricjax() -> Callable[..., Called]:
-    """`fricjax("fit", "run.csv")`: exit code, stdout and stderr."""
+    """Return the function that calls a command: `fricjax("fit", "run.csv")`."""
     return call

@@ -1,4 +1,4 @@
-"""``fricjax batch``, ``status`` and ``query``: what they tell, what they refuse, and how they end."""
+"""`fricjax batch`, `status` and `query`: output, refusals and exit codes."""
 
 import csv
 import json
@@ -12,6 +12,7 @@ import pytest
 import fricjax as fj
 from fricjax.cli.batch import _two_interrupts
 from fricjax.data.read import example_paths
+from tests.tables import check_rows
 
 RUN, RIG = example_paths()
 MACHINE = fj.Rig.from_toml(RIG).oscillator(fj.friction.Coulomb(0.05))
@@ -19,7 +20,7 @@ MACHINE = fj.Rig.from_toml(RIG).oscillator(fj.friction.Coulomb(0.05))
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
-    """Two runs, one of them named like a formula, and a broken one."""
+    """Write two runs, one named like a formula, and a broken one."""
     place = tmp_path_factory.mktemp("archive") / "runs"
     place.mkdir()
     for seed, name in enumerate(("run_0.npz", "=cmd_1.npz")):
@@ -30,7 +31,7 @@ def folder(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def store(folder, fricjax):
-    """The store of that folder."""
+    """Fit the folder and return its store."""
     out = folder.parent / "out"
     assert fricjax("batch", folder, "--rig", RIG, "--out", out).code == 1
     return out
@@ -43,17 +44,17 @@ def test_a_batch_ends_with_one_where_a_run_is_not_ok(folder, store, fricjax):
         and "broken.csv: rejected: " in again.out
         and "coulomb   2        0         1       0" in again.out
     )
-    told = json.loads(fricjax("batch", folder, "--rig", RIG, "--out", store, "--json").out)
-    assert told["counts"] == {"ok": 2, "invalid": 0, "rejected": 1, "failed": 0}
+    called = json.loads(fricjax("batch", folder, "--rig", RIG, "--out", store, "--json").out)
+    assert called["counts"] == {"ok": 2, "invalid": 0, "rejected": 1, "failed": 0}
     good = fricjax("batch", folder, "--include", "*.npz", "--rig", RIG, "--out", folder.parent / "good", "--json")
     assert good.code == 0 and good.err == ""
 
 
 def test_a_dry_run_does_nothing(folder, fricjax):
     out = folder.parent / "dry"
-    told = fricjax("batch", folder, "--rig", RIG, "--out", out, "--dry-run", "--json")
-    assert told.code == 0 and not out.exists()
-    assert json.loads(told.out)["to_do"] == 3
+    called = fricjax("batch", folder, "--rig", RIG, "--out", out, "--dry-run", "--json")
+    assert called.code == 0 and not out.exists()
+    assert json.loads(called.out)["to_do"] == 3
 
 
 def test_status_and_query(store, fricjax, tmp_path):
@@ -69,45 +70,49 @@ def test_status_and_query(store, fricjax, tmp_path):
         assert [row[0] for row in csv.reader(file)] == ["file", "'=cmd_1.npz", "broken.csv", "run_0.npz"]
 
 
-@pytest.mark.parametrize(
-    "sql",
-    [
-        "select * from read_csv('{file}')",
-        "copy runs to '{file}.out'",
-        "attach '{file}.db'",
-        "install httpfs",
-        "set enable_external_access = true",
-        "select * from read_parquet('{file}')",
-    ],
-)
-def test_a_query_reads_the_table_and_nothing_else(store, fricjax, tmp_path, sql):
+QUERIES = [
+    "select * from read_csv('{file}')",
+    "copy runs to '{file}.out'",
+    "attach '{file}.db'",
+    "install httpfs",
+    "set enable_external_access = true",
+    "select * from read_parquet('{file}')",
+]
+WRONG_USAGE = [
+    (["{runs}", "--rig", RIG], "batch needs a folder for its results: add --out results."),
+    (["{runs}s", "--rig", RIG, "--out", "{out}"], "There is no folder or file '{runs}s'. Did you mean 'runs'?"),
+    (["{runs}", "--rig", RIG, "--out", "{out}", "--shard", "3/2"], "--shard '3/2' is no part"),
+    (["{runs}", "--rig", RIG, "--out", "{out}", "--free", "muh"], "no coefficient 'muh'"),
+    (["{runs}", "--rig", RIG, "--out", "{out}", "--facts", "run"], "The template 'run' names no fact"),
+    (["{runs}", "--rig", RIG, "--out", "{runs}"], "exists and holds no archive"),
+    (
+        ["{runs}", "--rig", RIG, "--out", "{store}", "--start", "release"],
+        "start was 'first_reversal', and is 'release' now",
+    ),
+]
+
+
+def test_a_query_reads_only_the_table(store, fricjax, tmp_path):
     secret = tmp_path / "secret.csv"
     secret.write_text("a\nsecret\n")
-    told = fricjax("query", sql.format(file=secret), store)
-    assert told.code == 2 and "secret\n" not in told.out + told.err
-    assert [path.name for path in tmp_path.iterdir()] == ["secret.csv"]
+
+    def check(sql):
+        called = fricjax("query", sql.format(file=secret), store)
+        assert called.code == 2 and "secret\n" not in called.out + called.err
+        assert [path.name for path in tmp_path.iterdir()] == ["secret.csv"]
+
+    check_rows(check, QUERIES)
 
 
-@pytest.mark.parametrize(
-    ("words", "sentence"),
-    [
-        (["{runs}", "--rig", RIG], "batch needs a folder for its results: add --out results."),
-        (["{runs}s", "--rig", RIG, "--out", "{out}"], "There is no folder or file '{runs}s'. Did you mean 'runs'?"),
-        (["{runs}", "--rig", RIG, "--out", "{out}", "--shard", "3/2"], "--shard '3/2' is no part"),
-        (["{runs}", "--rig", RIG, "--out", "{out}", "--free", "muh"], "no coefficient 'muh'"),
-        (["{runs}", "--rig", RIG, "--out", "{out}", "--facts", "run"], "The template 'run' names no fact"),
-        (["{runs}", "--rig", RIG, "--out", "{runs}"], "exists and holds no archive"),
-        (
-            ["{runs}", "--rig", RIG, "--out", "{store}", "--start", "release"],
-            "start was 'first_reversal', and is 'release' now",
-        ),
-    ],
-)
-def test_wrong_usage(folder, store, fricjax, words, sentence):
+def test_wrong_usage(folder, store, fricjax):
     places = {"runs": folder, "out": folder.parent / "never", "store": store}
-    told = fricjax("batch", *(str(word).format(**places) for word in words))
-    assert told.code == 2 and sentence.format(**places) in told.err
-    assert not (folder.parent / "never").exists()
+
+    def check(words, sentence):
+        called = fricjax("batch", *(str(word).format(**places) for word in words))
+        assert called.code == 2 and sentence.format(**places) in called.err
+        assert not (folder.parent / "never").exists()
+
+    check_rows(check, WRONG_USAGE)
 
 
 def test_ctrl_c_says_how_to_go_on(folder, fricjax, monkeypatch):
@@ -119,10 +124,10 @@ def test_ctrl_c_says_how_to_go_on(folder, fricjax, monkeypatch):
 
     out = folder.parent / "interrupted"
     monkeypatch.setattr(execute, "in_this_process", interrupted)
-    told = fricjax("batch", folder, "--rig", RIG, "--out", out)
-    assert told.code == 130
-    assert "Interrupted. 1 of 3 files are done" in told.err or "Interrupted. 2 of 3 files are done" in told.err
-    assert f"kept in {out}; the same command goes on with the others." in told.err
+    called = fricjax("batch", folder, "--rig", RIG, "--out", out)
+    assert called.code == 130
+    assert "Interrupted. 1 of 3 files are done" in called.err or "Interrupted. 2 of 3 files are done" in called.err
+    assert f"kept in {out}; the same command goes on with the others." in called.err
     assert 0 < len(fj.open_archive(out)) < 3
     monkeypatch.undo()
     fricjax("batch", folder, "--rig", RIG, "--out", out)
@@ -131,33 +136,36 @@ def test_ctrl_c_says_how_to_go_on(folder, fricjax, monkeypatch):
 
 def test_a_missing_package_is_one_sentence(store, fricjax, monkeypatch):
     monkeypatch.setitem(sys.modules, "duckdb", None)
-    told = fricjax("query", "select 1", store)
-    assert told.code == 2 and told.err == "Error: A query needs the package duckdb: pip install 'fricjax[batch]'.\n"
+    called = fricjax("query", "select 1", store)
+    assert called.code == 2 and called.err == "Error: A query needs the package duckdb: pip install 'fricjax[batch]'.\n"
     monkeypatch.setitem(sys.modules, "pyarrow.parquet", None)
-    told = fricjax("status", store)
-    assert told.code == 2 and "pip install 'fricjax[batch]'" in told.err
+    called = fricjax("status", store)
+    assert called.code == 2 and "pip install 'fricjax[batch]'" in called.err
 
 
 @pytest.fixture
 def interrupted_by() -> Iterator[Callable[..., Any]]:
-    """`interrupted_by(handler)` sets what Ctrl-C does; tests that were started with & ignore it."""
+    """Return a function that sets the handler of Ctrl-C.
+
+    Ctrl-C is ignored if the tests run in the background.
+    """
     before = signal.getsignal(signal.SIGINT)
     yield lambda handler: signal.signal(signal.SIGINT, handler)
     signal.signal(signal.SIGINT, before)
 
 
-def test_ctrl_c_says_that_what_is_at_work_is_finished_and_the_next_one_ends_at_once(monkeypatch, interrupted_by):
+def test_ctrl_c_finishes_running_work_and_a_second_one_ends_at_once(monkeypatch, interrupted_by):
     interrupted_by(signal.default_int_handler)
-    said = []
-    # Threads of Dask that other tests have left may write to stderr at any time.
-    monkeypatch.setattr("fricjax.cli.batch.tell", lambda stream, text: said.append((stream, text)))
+    printed = []
+    # Threads of Dask from other tests may write to stderr at any time.
+    monkeypatch.setattr("fricjax.cli.batch.tell", lambda stream, text: printed.append((stream, text)))
     with pytest.raises(KeyboardInterrupt), _two_interrupts():
         with pytest.raises(KeyboardInterrupt):
             signal.raise_signal(signal.SIGINT)
-        ((stream, text),) = said
+        ((stream, text),) = printed
         assert stream is sys.stderr and "finished and kept first; Ctrl-C once more ends at once" in text
         signal.raise_signal(signal.SIGINT)
-    assert len(said) == 1
+    assert len(printed) == 1
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
 
 

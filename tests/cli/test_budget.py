@@ -1,4 +1,4 @@
-"""``fricjax budget``: from a saved fit and a rig to the table of the GUM."""
+"""`fricjax budget`: the GUM table of a saved fit and a rig."""
 
 import json
 
@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import fricjax as fj
+from tests.tables import check_rows
 from tests.uncertainty.test_fitted import INPUTS, fitted
 
 
@@ -38,22 +39,24 @@ def test_inputs_factors_and_scatter(fricjax, saved):
     assert found["degrees_of_freedom"] == pytest.approx(9 * (np.linalg.norm(expected) / 1e-2) ** 4, rel=1e-2)
 
 
-@pytest.mark.parametrize(
-    ("words", "sentence"),
-    [
-        (("--input", "load=1"), "'load' is no uncertain input of this fit"),
-        (("--factor", "arcuate:load=1(1)"), "'load' is no uncertain input of this fit"),
-        (("--factor", "arcuate=1(1)"), "--factor 'arcuate' does not say of what"),
-        (("--level", "95"), "--level must be a probability between 0 and 1"),
-        (("--name", "nu"), "This fit has no 'nu'"),
-        (("--input", "mass=heavy"), "'heavy' is no number with its uncertainty in SI units"),
-        (("--draws", "100"), "100 draws are too few"),
-    ],
-)
-def test_what_does_not_fit_is_refused(fricjax, saved, words, sentence):
-    outcome = fricjax("budget", saved, *words)
-    assert outcome.code == 2
-    assert sentence in outcome.err
+REFUSED = [
+    (("--input", "load=1"), "'load' is no uncertain input of this fit"),
+    (("--factor", "arcuate:load=1(1)"), "'load' is no uncertain input of this fit"),
+    (("--factor", "arcuate=1(1)"), "--factor 'arcuate' names no input"),
+    (("--level", "95"), "--level must be a probability between 0 and 1"),
+    (("--name", "nu"), "This fit has no 'nu'"),
+    (("--input", "mass=heavy"), "'heavy' is no number with its uncertainty in SI units"),
+    (("--draws", "100"), "100 draws are too few"),
+]
+
+
+def test_wrong_options_are_refused(fricjax, saved):
+    def check(words, sentence):
+        outcome = fricjax("budget", saved, *words)
+        assert outcome.code == 2
+        assert sentence in outcome.err
+
+    check_rows(check, REFUSED)
 
 
 def test_a_file_that_is_no_fit(fricjax, tmp_path):

@@ -1,4 +1,4 @@
-"""Each command does its job: what it tells, what it writes, and that its JSON is nothing but JSON."""
+"""Each command prints its results, writes its files, and prints pure JSON."""
 
 import json
 import os
@@ -16,7 +16,7 @@ RUN, RIG = example_paths()
 
 @pytest.fixture(scope="module")
 def demo(fricjax, tmp_path_factory):
-    """The demonstration, called once."""
+    """Call the demonstration once."""
     folder = tmp_path_factory.mktemp("demo") / "made"
     return fricjax("demo", "--out", folder, "--json"), folder
 
@@ -24,22 +24,22 @@ def demo(fricjax, tmp_path_factory):
 def test_demo_writes_run_rig_fit_and_picture(demo):
     called, folder = demo
     assert (called.code, called.err) == (0, "")
-    told = json.loads(called.out)
+    report = json.loads(called.out)
     assert sorted(path.name for path in folder.iterdir()) == ["fit.json", "fit.png", "rig.toml", "run.csv"]
-    assert sorted(told["files"].values()) == sorted(str(path) for path in folder.iterdir())
+    assert sorted(report["files"].values()) == sorted(str(path) for path in folder.iterdir())
     assert (folder / "run.csv").read_bytes() == RUN.read_bytes()
     assert (folder / "fit.png").read_bytes().startswith(b"\x89PNG")
-    assert any(command.startswith("fricjax inspect") for command in told["next"])
+    assert any(command.startswith("fricjax inspect") for command in report["next"])
 
 
 def test_demo_finds_the_truth_within_its_uncertainties(demo):
-    told = json.loads(demo[0].out)
-    assert told["converged"]
+    report = json.loads(demo[0].out)
+    assert report["converged"]
     for name in ("mu", "damping", "stiffness"):
-        assert abs(told["values"][name] - told["truth"][name]) < 4 * told["std_errors"][name]
+        assert abs(report["values"][name] - report["truth"][name]) < 4 * report["std_errors"][name]
     relative = Rig.from_toml(RIG).normal_force.relative
-    assert told["combined_std_errors"]["mu"] >= relative * told["values"]["mu"]
-    assert 0.9 < told["chi2_reduced"] < 1.1
+    assert report["combined_std_errors"]["mu"] >= relative * report["values"]["mu"]
+    assert 0.9 < report["chi2_reduced"] < 1.1
 
 
 def test_the_fit_that_demo_writes_can_be_loaded(demo):
@@ -61,7 +61,7 @@ def test_demo_says_what_to_type_next(demo, fricjax):
     assert called.err == ""
 
 
-def test_fit_with_a_rig_tells_and_writes(demo, fricjax, tmp_path):
+def test_fit_with_a_rig_prints_and_writes(demo, fricjax, tmp_path):
     files = {"plot": tmp_path / "fit.svg", "out": tmp_path / "fit.json", "save": tmp_path / "record.npz"}
     words = [word for name, path in files.items() for word in (f"--{name}", path)]
     called = fricjax("fit", RUN, "--rig", RIG, *words)
@@ -73,31 +73,32 @@ def test_fit_with_a_rig_tells_and_writes(demo, fricjax, tmp_path):
     assert np.array_equal(fj.read(files["save"]).trace.x, fj.read(RUN).trace.x)
 
 
-def test_a_rig_file_tells_what_the_instrument_may_err_by(fricjax, tmp_path):
+@pytest.mark.slow
+def test_a_rig_file_holds_errors_of_the_instrument(fricjax, tmp_path):
     rig = tmp_path / "rig.toml"
     rig.write_text(RIG.read_text() + 'displacement_scale = "1 +/- 1e-2"\ntime_scale = "1 +/- 1e-6"\n')
     called = fricjax("fit", RUN, "--rig", rig, "--json")
-    told = json.loads(called.out)
-    parts = told["contributions"]["mu"]
-    assert parts["displacement_scale"] == pytest.approx(1e-2 * told["values"]["mu"], rel=1e-3)
-    assert told["combined_std_errors"]["mu"] == pytest.approx(
-        np.hypot(told["std_errors"]["mu"], np.linalg.norm(list(parts.values())))
+    report = json.loads(called.out)
+    parts = report["contributions"]["mu"]
+    assert parts["displacement_scale"] == pytest.approx(1e-2 * report["values"]["mu"], rel=1e-3)
+    assert report["combined_std_errors"]["mu"] == pytest.approx(
+        np.hypot(report["std_errors"]["mu"], np.linalg.norm(list(parts.values())))
     )
     assert "of mu displacement_scale" in fricjax("fit", RUN, "--rig", rig).out
 
 
-def test_fit_without_a_rig_tells_the_kinematics(fricjax):
+def test_fit_without_a_rig_gives_the_kinematics(fricjax):
     called = fricjax("fit", RUN)
     assert called.code == 0
     assert "natural frequency" in called.out
     assert "dead band" in called.out
     assert "Without a rig there is no mu: give --rig rig.toml" in called.out
-    told = json.loads(fricjax("fit", RUN, "--json").out)
-    assert not told["calibrated"] and not told["warnings"]
+    report = json.loads(fricjax("fit", RUN, "--json").out)
+    assert not report["calibrated"] and not report["warnings"]
     truth = fj.read(RUN).meta["coefficients"]
     band = truth["mu"] * truth["normal_force"] / truth["stiffness"]
     for name, true in (("natural_frequency", 12.6), ("damping_ratio", 0.0027), ("dead_band", band)):
-        found = told["kinematics"][name]
+        found = report["kinematics"][name]
         assert abs(found["value"] - true) < 4 * found["std"], name
 
 
@@ -108,16 +109,17 @@ def test_gaps_are_masked_counted_and_fitted_around(fricjax, tmp_path):
     path = tmp_path / "gaps.csv"
     rows = [f"{float(t)!r},{1e3 * value!r}" for t, value in zip(record.trace.t, x.tolist(), strict=True)]
     path.write_text("\n".join(["Time [s],Displacement [mm]", *rows]))
-    told = json.loads(fricjax("inspect", path, "--json").out)
-    assert told["masked"] == 40
-    assert "40 samples without a value masked in 1 gap" in told["log"][0]
+    report = json.loads(fricjax("inspect", path, "--json").out)
+    assert report["masked"] == 40
+    assert "40 samples without a value masked in 1 gap" in report["log"][0]
     fitted = fricjax("fit", path, "--rig", RIG, "--json")
     assert fitted.code == 0
     assert json.loads(fitted.out)["values"]["mu"] == pytest.approx(0.02, rel=1e-5)
 
 
-def test_a_fit_that_does_not_describe_its_record_ends_with_three_and_is_written_and_marked(fricjax, tmp_path):
-    """A run with a fringe slip: half a wavelength from the middle of a stroke on."""
+@pytest.mark.slow
+def test_a_fit_that_does_not_describe_its_record_ends_with_three(fricjax, tmp_path):
+    """A fringe slip within a half-cycle shifts the rest of the run."""
     run = fj.read(RUN)
     t, x = np.asarray(run.trace.t), np.asarray(run.trace.x)
     path, files = tmp_path / "slip.csv", {name: tmp_path / f"fit.{name}" for name in ("json", "png")}
@@ -131,9 +133,9 @@ def test_a_fit_that_does_not_describe_its_record_ends_with_three_and_is_written_
     found = fj.load_fit(files["json"])
     assert not found.converged and found.status.startswith("does not describe the record")
     assert files["png"].read_bytes().startswith(b"\x89PNG")
-    told = fricjax(*words, "--json", "--force")
-    report = json.loads(told.out)
-    assert (told.code, report["kind"], report["exit_code"], report["converged"]) == (3, "fit", 3, False)
+    as_json = fricjax(*words, "--json", "--force")
+    report = json.loads(as_json.out)
+    assert (as_json.code, report["kind"], report["exit_code"], report["converged"]) == (3, "fit", 3, False)
     assert found.status.endswith("; read it with repair='slips'.")
     assert report["error"] == report["status"] == found.status.replace("repair='slips'", "--repair slips")
     assert report["files"] == {"fit": str(files["json"]), "picture": str(files["png"])}
@@ -146,8 +148,9 @@ def test_a_fit_at_a_bound_ends_with_three(fricjax):
     assert (called.code, report["converged"], report["values"]["damping"]) == (3, False, 0.2)
 
 
+@pytest.mark.slow
 def test_a_fit_without_finite_numbers_is_written_without_a_picture(fricjax, tmp_path):
-    """Overdamped, so that there are no half-cycles."""
+    """An overdamped machine has no half-cycles."""
     words = ("--rig", RIG, "--free", "mu", "--fix", "damping=1e5")
     files = ("--out", tmp_path / "fit.json", "--plot", tmp_path / "fit.png")
     called = fricjax("fit", RUN, *words, *files)
@@ -157,14 +160,14 @@ def test_a_fit_without_finite_numbers_is_written_without_a_picture(fricjax, tmp_
     assert [path.name for path in tmp_path.iterdir()] == ["fit.json"]
 
 
-def test_inspect_tells_and_draws(fricjax, tmp_path):
+def test_inspect_prints_and_draws(fricjax, tmp_path):
     called = fricjax("inspect", RUN, "--plot", tmp_path / "run.png")
     assert called.code == 0
     assert "half-cycles:    13" in called.out
     assert (tmp_path / "run.png").stat().st_size > 10_000
-    told = json.loads(fricjax("inspect", RUN, "--json").out)
-    assert told["n_half_cycles"] == 13
-    assert told["noise"] == pytest.approx(5e-9, rel=0.1)
+    report = json.loads(fricjax("inspect", RUN, "--json").out)
+    assert report["n_half_cycles"] == 13
+    assert report["noise"] == pytest.approx(5e-9, rel=0.1)
 
 
 def test_simulate_reaches_the_golden_stop(fricjax, tmp_path):
@@ -172,16 +175,16 @@ def test_simulate_reaches_the_golden_stop(fricjax, tmp_path):
     called = fricjax(
         "simulate", *machine, "--x0", "3 mm", "--out", tmp_path / "run.h5", "--plot", tmp_path / "x.pdf", "--json"
     )
-    told = json.loads(called.out)
+    report = json.loads(called.out)
     assert called.code == 0
-    assert told["n_half_cycles"] == 8
-    assert told["t_stop"] == pytest.approx(0.355430635053, rel=1e-9)
-    assert told["final_displacement"] == pytest.approx(-1.392e-4, rel=1e-9)
-    assert fj.read(tmp_path / "run.h5").trace.n == told["samples"] == round(told["duration"] * 5000)
+    assert report["n_half_cycles"] == 8
+    assert report["t_stop"] == pytest.approx(0.355430635053, rel=1e-9)
+    assert report["final_displacement"] == pytest.approx(-1.392e-4, rel=1e-9)
+    assert fj.read(tmp_path / "run.h5").trace.n == report["samples"] == round(report["duration"] * 5000)
     assert (tmp_path / "x.pdf").stat().st_size > 0
 
 
-def test_simulate_adds_what_the_instrument_adds(fricjax, tmp_path):
+def test_simulate_adds_noise_and_offset(fricjax, tmp_path):
     words = ("simulate", "--rig", RIG, "--fix", "mu=0.02", "--x0", "2e-3", "--duration", "0.2", "--noise", "5e-9")
     called = fricjax(*words, "--seed", "7", "--offset", "1e-5", "--out", tmp_path / "run.npz")
     assert called.code == 0
@@ -196,22 +199,22 @@ def test_simulate_adds_what_the_instrument_adds(fricjax, tmp_path):
 
 
 def test_models_lists_every_law_with_units(fricjax):
-    told = json.loads(fricjax("models", "--json").out)
-    assert {entry["name"] for entry in told["models"]} >= {"coulomb", "tanh", "stribeck", "lugre", "quadraticdrag"}
-    tanh = next(e for e in told["models"] if e["name"] == "tanh")
+    report = json.loads(fricjax("models", "--json").out)
+    assert {entry["name"] for entry in report["models"]} >= {"coulomb", "tanh", "stribeck", "lugre", "quadraticdrag"}
+    tanh = next(e for e in report["models"] if e["name"] == "tanh")
     assert [(c["name"], c["unit"]) for c in tanh["coefficients"]] == [("mu", ""), ("v_s", "m/s")]
     assert "v_stribeck [m/s]" in fricjax("models").out
 
 
 def test_doctor_is_content_with_a_sound_installation(fricjax):
     called = fricjax("doctor", "--json")
-    told = json.loads(called.out)
+    report = json.loads(called.out)
     assert called.code == 0, called.out
-    assert told["healthy"]
-    assert told["cache"]["folder"] == os.environ["JAX_COMPILATION_CACHE_DIR"]
-    assert told["cache"]["loaded"] + told["cache"]["compiled"] > 0
-    assert ".mat" in told["formats"]
-    assert all(check["ok"] for check in told["checks"].values())
+    assert report["healthy"]
+    assert report["cache"]["folder"] == os.environ["JAX_COMPILATION_CACHE_DIR"]
+    assert report["cache"]["loaded"] + report["cache"]["compiled"] > 0
+    assert ".mat" in report["formats"]
+    assert all(check["ok"] for check in report["checks"].values())
 
 
 def test_doctor_says_what_fails(fricjax, monkeypatch):
@@ -226,7 +229,8 @@ def test_doctor_says_what_fails(fricjax, monkeypatch):
     assert "FAILED: RuntimeError: no luck" in called.out
 
 
-def test_the_example_is_what_its_facts_say():
+@pytest.mark.slow
+def test_the_example_run_agrees_with_its_metadata():
     from fricjax.instrument import synthetic_run
 
     record, rig = fj.read(RUN), Rig.from_toml(RIG)
@@ -268,11 +272,11 @@ def test_the_extras_of_the_doctor_are_those_of_the_package():
         parts = [packages(part) for other in others for part in other.split(",")]
         return {name.replace("-", "_") for name in names}.union(*parts) - {"fricjax"}
 
-    # Those who develop fricjax have their own checks; the formats one by one are in "formats".
+    # Extras for development are left out, and "formats" contains the single formats.
     inner = {"dev", "docs", "peers", "excel", "tdms", "parquet", "uff", "mdf"}
     assert set(doctor._EXTRAS) == set(extras) - inner
     for extra, modules in doctor._EXTRAS.items():
-        # By nbclient and nbmake the tests run notebooks, and "dask[distributed]" asks for the latter.
+        # nbclient and nbmake run notebooks in tests, and "dask[distributed]" needs distributed.
         listed = {"distributed" if name == "dask" else name for name in packages(extra)} - {"nbclient", "nbmake"}
         brought = packages("batch") - {"dask"} | {"distributed"} if extra == "cluster" else set()
         assert set(modules) == listed - brought, extra

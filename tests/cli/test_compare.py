@@ -1,4 +1,4 @@
-"""``fricjax compare``: its table and JSON, and how its options reach the laws that they belong to."""
+"""`fricjax compare`: its table and JSON, and options for each law."""
 
 import json
 
@@ -9,6 +9,7 @@ from fricjax.cli.options import Bench
 from fricjax.data.read import example_paths
 from fricjax.errors import UsageError
 from fricjax.machine.choose import contenders
+from tests.tables import check_rows
 
 RUN, RIG = example_paths()
 
@@ -19,14 +20,14 @@ def test_the_law_of_the_example_run(fricjax, tmp_path):
         "compare", RUN, "--rig", RIG, "--friction", "coulomb", "--no-held-out", "--json", "--plot", picture
     )
     assert (called.code, called.err) == (0, "")
-    told = json.loads(called.out)
-    assert (told["best"], told["calibrated"], told["files"]) == ("coulomb", True, {"picture": str(picture)})
-    assert told["rows"][0]["free"] == ["mu", "damping", "stiffness"]
-    assert told["rows"][0]["tests"]["failed"] == []
+    report = json.loads(called.out)
+    assert (report["best"], report["calibrated"], report["files"]) == ("coulomb", True, {"picture": str(picture)})
+    assert report["rows"][0]["free"] == ["mu", "damping", "stiffness"]
+    assert report["rows"][0]["tests"]["failed"] == []
     assert picture.stat().st_size > 10_000
-    told = fricjax("compare", RUN, "--friction", "coulomb", "--no-held-out", "--quiet")
-    assert told.code == 0
-    assert "Reduced chi^2" in told.out and "natural frequency" in told.out and " mu " not in told.out
+    plain = fricjax("compare", RUN, "--friction", "coulomb", "--no-held-out", "--quiet")
+    assert plain.code == 0
+    assert "Reduced chi^2" in plain.out and "natural frequency" in plain.out and " mu " not in plain.out
 
 
 def test_values_go_to_the_laws_that_have_them():
@@ -51,30 +52,32 @@ def test_without_a_stiffness_the_mass_is_known():
     assert choice.free == ("mu", "damping", "mass")
 
 
-@pytest.mark.parametrize(
-    ("fix", "guess", "laws", "words"),
-    [
-        (["mu=0.1"], ["mu=0.2"], ["coulomb"], "mu is fixed and has a start value"),
-        (["sigma7=1"], None, ["coulomb"], "no coefficient 'sigma7'"),
-        (None, None, ["coulomb", "ratestate"], "RateState friction needs a"),
-        (None, None, ["coulomb", "strybeck"], "no friction law 'strybeck'. Did you mean 'stribeck'?"),
-    ],
-)
-def test_options_that_do_not_fit(fix, guess, laws, words):
-    with pytest.raises(UsageError, match=words):
-        contenders(Bench(rig=RIG, fix=fix), laws, guess)
+REFUSED = [
+    (["mu=0.1"], ["mu=0.2"], ["coulomb"], "mu is fixed and has a start value"),
+    (["sigma7=1"], None, ["coulomb"], "no coefficient 'sigma7'"),
+    (None, None, ["coulomb", "ratestate"], "RateState friction needs a"),
+    (None, None, ["coulomb", "strybeck"], "no friction law 'strybeck'. Did you mean 'stribeck'?"),
+]
+CODES = [
+    (("--friction", "coulomb", "--criterion", "aic"), 2),
+    (("--friction", "nothing"), 2),
+    (("--friction", "coulomb", "--plot", "laws.txt"), 2),
+    (("--friction", "coulomb", "--crop", "0:0.001"), 4),
+]
 
 
-@pytest.mark.parametrize(
-    ("words", "code"),
-    [
-        (("--friction", "coulomb", "--criterion", "aic"), 2),
-        (("--friction", "nothing"), 2),
-        (("--friction", "coulomb", "--plot", "laws.txt"), 2),
-        (("--friction", "coulomb", "--crop", "0:0.001"), 4),
-    ],
-)
-def test_exit_codes(fricjax, words, code):
-    called = fricjax("compare", RUN, "--rig", RIG, "--json", *words)
-    assert called.code == code
-    assert json.loads(called.out)["exit_code"] == code
+def test_options_that_do_not_fit():
+    def check(fix, guess, laws, words):
+        with pytest.raises(UsageError, match=words):
+            contenders(Bench(rig=RIG, fix=fix), laws, guess)
+
+    check_rows(check, REFUSED)
+
+
+def test_exit_codes(fricjax):
+    def check(words, code):
+        called = fricjax("compare", RUN, "--rig", RIG, "--json", *words)
+        assert called.code == code
+        assert json.loads(called.out)["exit_code"] == code
+
+    check_rows(check, CODES)

@@ -1,4 +1,4 @@
-"""`fricjax energy`: friction against velocity and in half-cycles, told, drawn and as JSON."""
+"""`fricjax energy`: friction against velocity, and in half-cycles."""
 
 import json
 import shutil
@@ -12,7 +12,7 @@ RUN, RIG = example_paths()
 TRUTH = fj.read(RUN).meta["coefficients"]
 
 
-def test_energy_tells_and_draws(fricjax, tmp_path):
+def test_energy_prints_and_draws(fricjax, tmp_path):
     files = {"plot": tmp_path / "map.png", "out": tmp_path / "map.json"}
     words = [word for name, path in files.items() for word in (f"--{name}", path)]
     called = fricjax("energy", RUN, "--rig", RIG, "--bins", "10", *words)
@@ -28,12 +28,12 @@ def test_energy_as_json_holds_the_truth(fricjax, tmp_path):
     again = shutil.copy(RUN, tmp_path)
     called = fricjax("energy", RUN, again, "--rig", RIG, "--json")
     assert (called.code, called.err) == (0, "")
-    told = json.loads(called.out)
-    mean = told["half_cycles"]["mean"]
+    report = json.loads(called.out)
+    mean = report["half_cycles"]["mean"]
     assert abs(mean["value"] - TRUTH["mu"] * TRUTH["normal_force"]) < 5 * mean["std"]
-    assert told["half_cycles"]["mu"]["std"] > mean["std"] / TRUTH["normal_force"]
-    assert len(told["force_map"]["offsets"]) == 2
-    assert told["files"] == {}
+    assert report["half_cycles"]["mu"]["std"] > mean["std"] / TRUTH["normal_force"]
+    assert len(report["force_map"]["offsets"]) == 2
+    assert report["files"] == {}
 
 
 def test_energy_needs_a_rig(fricjax):

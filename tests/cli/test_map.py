@@ -1,4 +1,4 @@
-"""``fricjax map``: routes 2 and 3 from a table of pairs and from records."""
+"""`fricjax map`: friction from final displacements, in a table or in records."""
 
 import json
 
@@ -46,7 +46,7 @@ def test_records(fricjax, tmp_path):
 def test_without_a_rig(fricjax, table):
     outcome = fricjax("map", str(table))
     assert outcome.code == 2
-    assert "A map tells mu only with its rig" in outcome.err
+    assert "A map needs its rig to find mu" in outcome.err
 
 
 def test_a_row_that_is_no_pair(fricjax, table):
@@ -56,8 +56,9 @@ def test_a_row_that_is_no_pair(fricjax, table):
     assert "pairs.csv, row 26" in outcome.err and "does not hold 2 numbers" in outcome.err
 
 
+@pytest.mark.slow
 def test_a_map_that_determines_nothing_is_one_json_object_with_its_code(fricjax, table):
-    """Runs of one half-cycle each tell the offset and the dead band only together."""
+    """Runs of one half-cycle leave offset and dead band undetermined."""
     starts = np.array([0.25e-3, 0.3e-3, 0.4e-3, 0.5e-3])
     rows = [f"{1e3 * a:.9f}; {1e6 * b:.9f}" for a, b in zip(starts, campaign(starts)[0], strict=True)]
     table.write_text("\n".join(["x0 [mm]; xf [um]", *rows]))

@@ -1,6 +1,6 @@
-"""What names, paths and numbers tell is refused before anything large is imported, in the words of the options.
+"""Wrong paths, names, numbers and units are refused before any large import.
 
-All refusals are made one after the other in one fresh process, which reports after each which packages it has loaded.
+One fresh process makes all refusals. After each one it reports the large packages that are loaded.
 """
 
 import json
@@ -10,18 +10,19 @@ import sys
 import pytest
 
 from tests.helpers import python_in
+from tests.tables import check_rows
 
 LARGE = ("jax", "jaxlib", "equinox", "diffrax", "scipy", "pandas", "h5py", "matplotlib", "pint")
 _ALL = f"""
 import contextlib, io, json, sys
 from fricjax.cli.main import run
-told = []
+found = []
 for words in json.load(sys.stdin):
     out, err = io.StringIO(), io.StringIO()
     with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
         code = run([*words, "--json"])
-    told.append([code, json.loads(out.getvalue())["error"], err.getvalue(), [n for n in {LARGE} if n in sys.modules]])
-json.dump(told, sys.stdout)
+    found.append([code, json.loads(out.getvalue())["error"], err.getvalue(), [n for n in {LARGE} if n in sys.modules]])
+json.dump(found, sys.stdout)
 """
 RIG = ("--rig", "rig.toml")
 PATHS = [
@@ -45,7 +46,7 @@ PATHS = [
 ]
 NAMES = [
     (("fit", "good.csv", "--friction", "stribek"), "There is no friction law 'stribek'. Did you mean 'stribeck'?", 2),
-    (("fit", "good.csv", "--friction", "coulomb+"), "--friction 'coulomb+' lacks a law beside its +; write for", 2),
+    (("fit", "good.csv", "--friction", "coulomb+"), "--friction 'coulomb+' has no law on one side of its +; write", 2),
     (("fit", "good.csv", "--friction", "coulomb+lugre"), "Coulomb + LuGre adds a set-valued law to one with", 2),
     (("fit", "good.csv", "--friction", "stribeck"), "Stribeck friction without mu_s is Coulomb's law", 2),
     (("fit", "good.csv", "--friction", "dahl", "--free", "mu,stiffness"), "Dahl friction needs sigma0: give it", 2),
@@ -84,7 +85,7 @@ NAMES = [
     (("compare", "good.csv", "--friction", "dahl", "--friction", "dahl"), "are not all different", 2),
     (("map", "good.csv", *RIG, "--free", "my"), "This oscillator has no coefficient 'my'. Did you mean 'mu'?", 2),
     (("map", "good.csv", *RIG, "--start", "relese"), "Choose first_reversal or release.", 2),
-    (("map", "good.csv"), "A map tells mu only with its rig", 2),
+    (("map", "good.csv"), "A map needs its rig to find mu: give --rig,", 2),
     (("energy", "good.csv"), "give --rig rig.toml.", 2),
     (("simulate", *RIG, "--x0", "1e-3"), "Coulomb friction needs mu: give it with --fix mu=...", 2),
     (("simulate", *RIG, "--x0", "1e-3", "--fix", "my=1,mu=1"), "This oscillator has no coefficient 'my'.", 2),
@@ -142,8 +143,8 @@ CASES = [*PATHS, *NAMES, *NUMBERS, *UNITS]
 
 
 @pytest.fixture(scope="module")
-def told(tmp_path_factory):
-    """Exit code, sentence, stderr and loaded packages after each refusal, by its words."""
+def refusals(tmp_path_factory):
+    """Return exit code, sentence, stderr and loaded packages of each refusal."""
     folder = tmp_path_factory.mktemp("refusals")
     files = {
         "good.csv": "t,x\n" + "\n".join(f"{0.01 * i},{(-1) ** i}" for i in range(20)),
@@ -157,22 +158,23 @@ def told(tmp_path_factory):
     for name, text in files.items():
         (folder / name).write_text(text)
     (folder / "other").mkdir()
-    asked = [words for words, *_ in CASES]
+    commands = [words for words, *_ in CASES]
     done = subprocess.run(
-        [sys.executable, "-c", _ALL], input=json.dumps(asked), cwd=folder, capture_output=True, text=True
+        [sys.executable, "-c", _ALL], input=json.dumps(commands), cwd=folder, capture_output=True, text=True
     )
     assert done.returncode == 0, done.stderr
-    return dict(zip(asked, json.loads(done.stdout), strict=True))
+    return dict(zip(commands, json.loads(done.stdout), strict=True))
 
 
-@pytest.mark.parametrize(("words", "sentence", "code"), CASES, ids=[" ".join(words) for words, *_ in CASES])
-def test_a_refusal_says_what_is_wrong_before_anything_large_is_imported(told, words, sentence, code):
-    given, error, err, loaded = told[words]
-    assert sentence in error
-    assert (given, err) == (code, "")
-    assert loaded == []
+def test_refusals_say_what_is_wrong_before_any_large_import(refusals):
+    def check(words, sentence, code):
+        given, error, err, loaded = refusals[words]
+        assert sentence in error
+        assert (given, err, loaded) == (code, "", [])
+
+    check_rows(check, CASES)
 
 
-@pytest.mark.parametrize("words", [words for words, *_ in CASES], ids=" ".join)
-def test_no_refusal_speaks_python(told, words):
-    assert not python_in(told[words][1])
+def test_no_refusal_speaks_python(refusals):
+    python = {words: python_in(error) for words, (_, error, *_) in refusals.items()}
+    assert not {words: found for words, found in python.items() if found}

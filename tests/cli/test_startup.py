@@ -1,20 +1,19 @@
-"""Asking for help must cost next to nothing, and a process must end with the code that the command gives."""
+"""Help and refusals need few imports; processes end with the right code."""
 
 import json
 import subprocess
 import sys
 
-import pytest
-
 from fricjax.data.read import example_paths
 
 _HEAVY = ("jax", "numpy", "pandas", "scipy", "matplotlib", "equinox", "pint", "h5py")
-_HELP = """
+# Prints exit code and loaded packages after each command; commands are separated by a plus sign.
+_LOADED = """
 import sys
 from fricjax.cli.main import run
-code = run(sys.argv[1:])
-print([name for name in {heavy} if name in sys.modules])
-sys.exit(code)
+for words in " ".join(sys.argv[1:]).split("+"):
+    code = run(words.split())
+    print("loaded", code, *[name for name in {heavy} if name in sys.modules])
 """
 
 
@@ -22,31 +21,35 @@ def python(code: str, *arguments: str) -> subprocess.CompletedProcess:
     return subprocess.run([sys.executable, "-c", code, *arguments], capture_output=True, text=True, check=False)
 
 
-@pytest.mark.parametrize(
-    "words", [("--help",), ("fit", "--help"), ("demo", "--help"), ("report", "--help"), ("--version",)]
-)
-def test_help_imports_nothing_heavy(words):
-    done = python(_HELP.format(heavy=_HEAVY), *words)
+def loaded(heavy, *commands):
+    """Run commands in one fresh process; return stdout, stderr and report."""
+    done = python(_LOADED.format(heavy=heavy), "+".join(commands))
     assert done.returncode == 0, done.stderr
-    assert done.stdout.rstrip().endswith("[]")
+    return done, [line for line in done.stdout.splitlines() if line.startswith("loaded ")]
 
 
-@pytest.mark.parametrize("command", ["fit", "inspect", "compare", "energy", "calibrate ringdown"])
-def test_a_column_that_is_not_there_is_refused_without_jax(command, tmp_path):
+def test_help_imports_nothing_heavy():
+    commands = ("--help", "fit --help", "demo --help", "report --help", "--version")
+    _, reports = loaded(_HEAVY, *commands)
+    assert reports == ["loaded 0"] * len(commands)
+
+
+def test_a_column_that_is_not_there_is_refused_without_jax(tmp_path):
     run = tmp_path / "run.csv"
     run.write_text("t [s],x [um]\n" + "".join(f"{i / 100},{i}\n" for i in range(20)))
-    rig = ["--rig", str(example_paths()[1])] if command == "energy" else []
-    done = python(_HELP.format(heavy=("jax", "equinox")), *command.split(), str(run), "--column", "y", *rig)
-    assert done.returncode == 4
-    assert "run.csv has no column 'y' (asked for with --column)" in done.stderr
-    assert done.stdout.rstrip().endswith("[]")
+    commands = [
+        f"{command} {run} --column y{f' --rig {example_paths()[1]}' if command == 'energy' else ''}"
+        for command in ("fit", "inspect", "compare", "energy", "calibrate ringdown")
+    ]
+    done, reports = loaded(("jax", "equinox"), *commands)
+    assert reports == ["loaded 4"] * len(commands)
+    assert done.stderr.count("run.csv has no column 'y' (given by --column)") == len(commands)
 
 
 def test_a_report_of_nothing_is_refused_before_numpy(tmp_path):
-    done = python(_HELP.format(heavy=_HEAVY), "report", str(tmp_path / "fit.json"))
-    assert done.returncode == 4
+    done, reports = loaded(_HEAVY, f"report {tmp_path / 'fit.json'}")
+    assert reports == ["loaded 4"]
     assert "There is no file or folder" in done.stderr
-    assert done.stdout.rstrip().endswith("[]")
 
 
 def test_a_process_ends_with_the_exit_code_and_pure_json():

@@ -1,4 +1,4 @@
-"""What commands write replaces nothing unasked, and a disk without space costs neither old files nor new numbers."""
+"""Commands replace files only with --force, and survive a full disk."""
 
 import errno
 import json
@@ -15,9 +15,10 @@ from fricjax.cli.failure import failure_of
 from fricjax.cli.main import app
 from fricjax.data.read import example_paths
 from fricjax.show import files
+from tests.tables import check_rows
 
 RUN, RIG = example_paths()
-# No input is there: what is refused is refused before anything is read.
+# The inputs do not exist: a refusal comes before any input is read.
 WRITING = {
     "inspect": [("none.csv", "--plot", "old.png")],
     "check": [("--x0", "2 mm", "--plot", "old.png")],
@@ -43,7 +44,7 @@ OLD = ("old.png", "old.json", "old.npz", "old.toml", "old.tex", "old.html", "old
 
 @pytest.fixture
 def folder(tmp_path, monkeypatch):
-    """A folder in which every name is taken."""
+    """Return a folder in which all names are in use."""
     for name in OLD:
         (tmp_path / name).write_text("old")
     monkeypatch.chdir(tmp_path)
@@ -54,14 +55,16 @@ def contents(folder) -> dict[str, str]:
     return {path.name: path.read_text() for path in folder.iterdir()}
 
 
-@pytest.mark.parametrize(("command", "words"), [(name, words) for name, each in WRITING.items() for words in each])
-def test_a_file_that_exists_is_refused_before_any_work(fricjax, folder, command, words):
-    called = fricjax(*command.split(), *words)
-    assert called.code == 2
-    assert "add --force" in called.err.lower() and "Traceback" not in called.err
-    told = json.loads(fricjax(*command.split(), *words, "--json").out)
-    assert (told["kind"], told["exit_code"]) == ("usage", 2)
-    assert contents(folder) == dict.fromkeys(OLD, "old")
+def test_a_file_that_exists_is_refused_before_any_work(fricjax, folder):
+    def check(command, words):
+        called = fricjax(*command.split(), *words)
+        assert called.code == 2
+        assert "add --force" in called.err.lower() and "Traceback" not in called.err
+        report = json.loads(fricjax(*command.split(), *words, "--json").out)
+        assert (report["kind"], report["exit_code"]) == ("usage", 2)
+        assert contents(folder) == dict.fromkeys(OLD, "old")
+
+    check_rows(check, [(command, words) for command, each in WRITING.items() for words in each])
 
 
 def test_every_command_that_writes_is_tried_above():
@@ -71,7 +74,7 @@ def test_every_command_that_writes_is_tried_above():
 
     options = {name: {each.name for each in found.params} for name, found in leaves(typer.main.get_command(app))}
     writing = {name for name, found in options.items() if found & {"out", "plot", "save", "csv"}}
-    # A store is gone on with, and what it has of a run is kept.
+    # A batch continues an existing store.
     assert writing - {"batch"} == set(WRITING)
     assert {name for name, found in options.items() if "force" in found} == set(WRITING)
 
@@ -91,13 +94,13 @@ def test_without_space_the_numbers_are_told_and_the_old_file_stays(fricjax, fold
     called = fricjax(*words)
     assert called.code == 2
     assert called.err == (
-        "Error: 'old.png' cannot be used: no space left on its disk; nothing was written, and what was there is as it "
-        "was.\n"
+        "Error: 'old.png' cannot be used: no space left on its disk; nothing was written, and an existing file is "
+        "unchanged.\n"
     )
     assert called.out == fricjax("inspect", RUN).out
-    told = fricjax(*words, "--json")
-    report = json.loads(told.out)
-    assert (told.code, told.err, report["kind"], report["exit_code"]) == (2, "", "output", 2)
+    as_json = fricjax(*words, "--json")
+    report = json.loads(as_json.out)
+    assert (as_json.code, as_json.err, report["kind"], report["exit_code"]) == (2, "", "output", 2)
     assert report["error"] == called.err.removeprefix("Error: ").strip()
     assert (report["files"], report["samples"]) == ({}, json.loads(fricjax("inspect", RUN, "--json").out)["samples"])
     assert contents(folder) == dict.fromkeys(OLD, "old")
@@ -123,7 +126,7 @@ def test_a_folder_that_cannot_be_written_to_is_refused_before_any_work(fricjax, 
     assert not list(tmp_path.iterdir())
 
 
-@pytest.mark.skipif(not Path("/dev/full").exists(), reason="has no device that is full")
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="this system has no /dev/full")
 def test_an_output_that_is_full_is_told_so():
     with open("/dev/full", "w") as out:
         words = [sys.executable, "-c", "from fricjax.cli.main import main; main()", "models"]
