@@ -7,11 +7,12 @@ import pytest
 
 
 def check_rows(check: Callable[..., object], rows: Mapping[Any, Any] | Iterable[Any]) -> None:
-    """Call `check` with each row and report all that fail.
+    """Call `check` with each row and report all failures.
 
     The rows of a mapping are its values, and its keys name them in the report. A row that is a tuple is unpacked into
     the arguments of `check`.
     """
+    __tracebackhide__ = True
     named = rows.items() if isinstance(rows, Mapping) else ((row, row) for row in rows)
     failures = []
     for name, row in named:

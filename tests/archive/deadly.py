@@ -1,4 +1,4 @@
-"""Work that kills the process that does it, for files of a certain name or once, and work that is slow."""
+"""Kinds of work that kill their process or take long."""
 
 import os
 import signal
@@ -9,7 +9,7 @@ from fricjax.archive.work import Work
 
 
 class Deadly(Work):
-    """Kills its worker at each file whose name begins with "deadly"."""
+    """Kill the worker at each file named "deadly..."."""
 
     def __call__(self, chunk):
         if any(Path(job.file).name.startswith("deadly") for job in chunk.jobs):
@@ -18,7 +18,10 @@ class Deadly(Work):
 
 
 class Unlucky(Work):
-    """Kills its worker the first time that a file is at work: what its folder of runs remembers."""
+    """Kill the worker once.
+
+    A file next to the folder of runs marks that this has happened.
+    """
 
     def __call__(self, chunk):
         mark = self.study.root.parent / "killed"
@@ -29,7 +32,7 @@ class Unlucky(Work):
 
 
 class Slow(Work):
-    """Takes its time for all chunks but those of text, of which others are at work when one is done."""
+    """Sleep in each chunk without a text file."""
 
     def __call__(self, chunk):
         if not any(job.file.endswith(".csv") for job in chunk.jobs):
@@ -38,7 +41,7 @@ class Slow(Work):
 
 
 def compiled(work, chunk):
-    """Statuses of a chunk, and how many compiled functions are found kept and how many are made."""
+    """Return statuses of a chunk; count loaded and compiled programs."""
     import jax
 
     from fricjax.archive.execute import attempt

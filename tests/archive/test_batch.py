@@ -1,4 +1,4 @@
-"""From a folder to a table: each run has its row, nothing is fitted twice, nothing is lost."""
+"""A batch fits each run of a folder once."""
 
 import os
 import platform
@@ -16,7 +16,7 @@ FREE = ["mu", "damping", "stiffness"]
 
 @pytest.fixture
 def folder(tmp_path):
-    """Five runs of which two are broken, under two loads."""
+    """Write five runs under two loads; two of them are broken."""
     place = tmp_path / "runs"
     for load, seeds in ((10, (0, 1)), (12, (2,))):
         (place / f"load_{load}N").mkdir(parents=True)
@@ -34,7 +34,7 @@ def batch(folder, out, **settings):
 
 
 class Watched:
-    """An executor that remembers which files it was given."""
+    """Executor that records the names of its files."""
 
     def __init__(self):
         self.files = []
@@ -56,7 +56,7 @@ def test_every_run_has_its_row(folder, tmp_path):
         "load_12N/run_2.npz": "ok",
     }
     good = rows[rows["status"] == "ok"]
-    # The load of the path is the machine's: with that of the study mu would be a fifth too large.
+    # The path sets the load of the machine; the load of the study would make mu a fifth too large.
     assert np.all(np.abs(good["mu"] - 0.05) < 5 * good["mu_std"])
     assert good["load"].tolist() == [10.0, 10.0, 12.0]
     assert rows["number"].tolist() == [0, 1, 7, 8, 2]
@@ -74,10 +74,10 @@ def test_every_run_has_its_row(folder, tmp_path):
 def test_rows_are_those_of_fit_batch(folder, tmp_path):
     rows = fj.batch(folder / "load_10N", tmp_path / "out", MACHINE, FREE, include=["*.npz"]).to_dataframe()
     rows = rows[rows["status"] == "ok"]
-    told = fj.fit_batch([folder / "load_10N" / f"run_{i}.npz" for i in (0, 1)], MACHINE, FREE).to_dataframe()
-    shared = [name for name in told if name in rows and told[name].dtype.kind == "f"]
+    expected = fj.fit_batch([folder / "load_10N" / f"run_{i}.npz" for i in (0, 1)], MACHINE, FREE).to_dataframe()
+    shared = [name for name in expected if name in rows and expected[name].dtype.kind == "f"]
     assert len(shared) > 20
-    assert all(np.array_equal(rows[name], told[name], equal_nan=True) for name in shared)
+    assert all(np.array_equal(rows[name], expected[name], equal_nan=True) for name in shared)
 
 
 def test_nothing_is_fitted_twice(folder, tmp_path):
@@ -92,7 +92,7 @@ def test_nothing_is_fitted_twice(folder, tmp_path):
     assert rows["number"].tolist() == [0, 1, 7, 8, 3] and len(rows) == len(first)
 
 
-def test_a_changed_file_is_fitted_anew(folder, tmp_path):
+def test_a_changed_file_is_fitted_again(folder, tmp_path):
     batch(folder, tmp_path / "out")
     other = fj.synthetic_run(MACHINE, 2e-3, rate=2e3, duration=0.6, noise=1e-9, seed=9)
     fj.write(other, folder / "load_10N" / "run_0.npz", overwrite=True)
@@ -102,12 +102,17 @@ def test_a_changed_file_is_fitted_anew(folder, tmp_path):
     assert len(archive) == 5 and archive.counts["ok"] == 3
 
 
-def test_other_settings_are_refused_and_other_laws_added(folder, tmp_path):
+def test_other_settings_are_refused(folder, tmp_path):
     batch(folder, tmp_path / "out")
     with pytest.raises(UsageError, match=r"records of another study: start was 'first_reversal', and is 'release' now"):
         batch(folder, tmp_path / "out", start="release")
     with pytest.raises(UsageError, match="the law coulomb was fitted with other coefficients or free parameters"):
         fj.batch(folder, tmp_path / "out", MACHINE, ["mu", "stiffness"], facts=["load_{load}N/run_{number}.*"])
+
+
+@pytest.mark.slow
+def test_other_laws_are_added(folder, tmp_path):
+    batch(folder, tmp_path / "out")
     law = fj.Oscillator(0.4, 2500.0, 0.2, 10.0, fj.friction.QuadraticDrag(0.0) + fj.friction.Coulomb(0.05))
     both = fj.batch(
         folder, tmp_path / "out", [MACHINE, law], FREE, facts=["load_{load}N/run_{number}.*"], include=["**/*.npz"]
@@ -147,6 +152,6 @@ def test_settings_that_no_study_has_are_refused(folder, tmp_path):
     ):
         batch(folder, tmp_path / "out", residual=True)
     study = fj.archive.Study(folder, (fj.archive.Law("coulomb", MACHINE, tuple(FREE)),))
-    with pytest.raises(UsageError, match="The study says what is fitted and how: leave the other arguments out"):
+    with pytest.raises(UsageError, match="The study already defines the model and its settings: leave"):
         fj.archive.run(study, tmp_path / "out", noise="white")
     assert not (tmp_path / "out").exists()

@@ -1,4 +1,4 @@
-"""What is asked of SLURM: the script of a job, and a batch by jobs that a stand-in for ``sbatch`` starts here."""
+"""SLURM jobs: script, settings, and a batch with a substitute for `sbatch`."""
 
 import gc
 import os
@@ -13,6 +13,7 @@ import pytest
 import fricjax as fj
 from fricjax.archive.cluster import Slurm, slurm, slurm_cluster
 from fricjax.errors import UsageError
+from tests.tables import check_rows
 
 SETTINGS = """
 workers = 4
@@ -26,7 +27,7 @@ shared = "{shared}"
 directives = ["--constraint=skylake"]
 prologue = ["module load python/3.12"]
 """
-# It keeps the script, as the real one does, and starts it in a session of its own, which `scancel` ends.
+# Like the real one, it keeps the script and starts it in a new session, which `scancel` ends.
 SBATCH = """#!/bin/sh
 cp "$1" {folder}/job.sh
 setsid sh {folder}/job.sh > {folder}/job.out 2>&1 < /dev/null &
@@ -37,20 +38,26 @@ SCANCEL = "#!/bin/sh\necho $1 >> {folder}/cancelled\nkill -- -$1\n"
 
 @pytest.fixture
 def settings(tmp_path):
-    """A file of settings whose folder for all machines is a new one."""
+    """Write a file of settings with a new shared folder."""
     file = tmp_path / "slurm.toml"
     file.write_text(SETTINGS.format(shared=tmp_path / "shared"))
-    yield file
-    # Files of keys that dask-jobqueue leaves open are let go here, and not in a test that takes warnings for errors.
+    return file
+
+
+@pytest.fixture
+def started(settings):
+    """Provide settings for a test that starts a cluster."""
+    yield settings
+    # dask-jobqueue leaves its key files open; collect them here, before a test turns the warning into an error.
     gc.collect()
 
 
-def test_the_script_of_a_job(settings, tmp_path):
-    asked = Slurm.from_toml(settings)
-    with slurm_cluster(asked, tmp_path) as cluster:
+def test_the_script_of_a_job(started, tmp_path):
+    given = Slurm.from_toml(started)
+    with slurm_cluster(given, tmp_path) as cluster:
         script = cluster.job_script()
     lines = script.splitlines()
-    assert asked.jobs == 2
+    assert given.jobs == 2
     for option in ("-J fricjax", "-p short", "-A tribology", "-n 1", "--cpus-per-task=2", "--mem=4G", "-t 02:00:00"):
         assert f"#SBATCH {option}" in lines
     assert lines.index("#SBATCH --constraint=skylake") < lines.index("module load python/3.12")
@@ -58,24 +65,26 @@ def test_the_script_of_a_job(settings, tmp_path):
     worker = lines[-1]
     assert re.search(r"dask_worker tls://127\.0\.0\.1:\d+ .*--nthreads 1 .*--nworkers 2 ", worker)
     assert "--preload fricjax.archive.distributed" in worker
-    # The keys lie where the nodes find them, and nobody else reads them.
+    # The nodes find the keys in a private folder.
     (key,) = re.findall(r"--tls-key (\S+)", worker)
     assert key.startswith(str(tmp_path))
 
 
-def test_jobs_leave_ctrl_c_to_who_started_the_batch(settings, tmp_path, monkeypatch):
+@pytest.mark.slow
+def test_jobs_leave_the_handler_of_ctrl_c(started, tmp_path, monkeypatch):
     for name in [name for name in sys.modules if name.partition(".")[0] == "dask_jobqueue"]:
         monkeypatch.delitem(sys.modules, name)
     handler = signal.getsignal(signal.SIGINT)
-    with slurm_cluster(Slurm.from_toml(settings), tmp_path):
+    with slurm_cluster(Slurm.from_toml(started), tmp_path):
         assert signal.getsignal(signal.SIGINT) is handler
 
 
-def test_jobs_are_asked_for_from_any_thread(settings, tmp_path):
-    """Where the package is imported already: only the main thread may set what Ctrl-C does."""
+@pytest.mark.slow
+def test_jobs_are_started_from_any_thread(started, tmp_path):
+    """Only the main thread may set the handler of Ctrl-C."""
 
     def script() -> str:
-        with slurm_cluster(Slurm.from_toml(settings), tmp_path) as cluster:
+        with slurm_cluster(Slurm.from_toml(started), tmp_path) as cluster:
             return cluster.job_script()
 
     script()
@@ -83,7 +92,8 @@ def test_jobs_are_asked_for_from_any_thread(settings, tmp_path):
         assert "#SBATCH -J fricjax" in pool.submit(script).result()
 
 
-def test_a_batch_by_jobs(settings, tmp_path, monkeypatch):
+@pytest.mark.slow
+def test_a_batch_by_jobs(started, tmp_path, monkeypatch):
     commands = tmp_path / "commands"
     commands.mkdir()
     for name, text in (("sbatch", SBATCH), ("scancel", SCANCEL)):
@@ -91,38 +101,42 @@ def test_a_batch_by_jobs(settings, tmp_path, monkeypatch):
         (commands / name).chmod(stat.S_IRWXU)
     monkeypatch.setenv("PATH", f"{commands}:{os.environ['PATH']}")
     monkeypatch.setenv("PYTHONPATH", os.getcwd())
-    settings.write_text(settings.read_text().replace("workers = 4", "workers = 2"))
+    started.write_text(started.read_text().replace("workers = 4", "workers = 2"))
     machine = fj.Oscillator(0.4, 2500.0, 0.2, 10.0, fj.friction.Coulomb(0.05))
     (tmp_path / "runs").mkdir()
     for seed in (0, 1):
         run = fj.synthetic_run(machine, 2e-3, rate=2e3, duration=0.6, noise=1e-9, seed=seed)
         fj.write(run, tmp_path / "runs" / f"run_{seed}.npz")
-    archive = fj.batch(tmp_path / "runs", tmp_path / "out", machine, execute=slurm(settings))
+    archive = fj.batch(tmp_path / "runs", tmp_path / "out", machine, execute=slurm(started))
     assert archive.counts["ok"] == 2
     assert str(os.getpid()) not in set(archive.to_dataframe()["worker"])
     assert (commands / "cancelled").read_text().strip().isdecimal()
-    # Of the keys nothing is left.
+    # The keys are removed.
     assert set(os.listdir(tmp_path / "shared")) <= {"programs"}
 
 
-@pytest.mark.parametrize(
-    ("change", "words"),
-    [
-        ('queue = "short"', "que = 'short'|there is no key 'que' in a SLURM file. Did you mean 'queue'"),
-        ("workers = 4", "|'workers' is missing; add a line such as workers = 16"),
-        ("workers = 4", "workers = 0|'workers' must be one at least, but it is 0"),
-        ("workers = 4", "workers = true|'workers' must be a whole number, but it is True"),
-        ('"2 GB"', "\"much\"|'memory' is 'much'; write it as memory = \"2 GB\""),
-        ('"02:00:00"', "\"2 hours\"|'walltime' is '2 hours'; write it as walltime = \"02:00:00\""),
-        ('["--constraint=skylake"]', "\"--constraint=skylake\"|'directives' must be a list of texts"),
-        ("workers = 4", "workers = |this is no valid TOML file"),
-    ],
-)
-def test_wrong_settings_are_told(settings, change, words):
-    text, _, sentence = words.partition("|")
-    settings.write_text(settings.read_text().replace(change, text))
-    with pytest.raises(UsageError, match=rf"slurm\.toml:? .*{re.escape(sentence)}"):
-        slurm(settings)
+CHANGES = [
+    ('queue = "short"', "que = 'short'|there is no key 'que' in a SLURM file. Did you mean 'queue'"),
+    ("workers = 4", "|'workers' is missing; add a line such as workers = 16"),
+    ("workers = 4", "workers = 0|'workers' must be one at least, but it is 0"),
+    ("workers = 4", "workers = true|'workers' must be a whole number, but it is True"),
+    ('"2 GB"', "\"much\"|'memory' is 'much'; write it as memory = \"2 GB\""),
+    ('"02:00:00"', "\"2 hours\"|'walltime' is '2 hours'; write it as walltime = \"02:00:00\""),
+    ('["--constraint=skylake"]', "\"--constraint=skylake\"|'directives' must be a list of texts"),
+    ("workers = 4", "workers = |this is no valid TOML file"),
+]
+
+
+def test_wrong_settings_are_refused(settings):
+    content = settings.read_text()
+
+    def check(change, words):
+        text, _, sentence = words.partition("|")
+        settings.write_text(content.replace(change, text))
+        with pytest.raises(UsageError, match=rf"slurm\.toml:? .*{re.escape(sentence)}"):
+            slurm(settings)
+
+    check_rows(check, CHANGES)
 
 
 def test_no_slurm_and_no_file(settings, tmp_path, monkeypatch):

@@ -1,4 +1,4 @@
-"""A scheduler and its workers as separate processes, over loopback: the same rows, whatever dies."""
+"""Workers over loopback give the same rows, even if processes die."""
 
 import contextlib
 import dataclasses
@@ -23,15 +23,15 @@ from tests.archive.deadly import Deadly, Slow, Unlucky, compiled
 ROOT = Path(__file__).resolve().parents[2]
 MACHINE = fj.Oscillator(0.4, 2500.0, 0.2, 10.0, fj.friction.Coulomb(0.05))
 FREE = ["mu", "damping", "stiffness"]
-# What differs from one process to the next.
+# Columns that differ between processes.
 PASSING = ["seconds_read", "seconds_fit", "finished_at", "host", "worker"]
-# One death is enough to take a chunk apart.
+# A single death splits a chunk.
 ENVIRONMENT = {**os.environ, "PYTHONPATH": str(ROOT), "DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES": "0"}
 
 
 @pytest.fixture(scope="module")
 def runs(tmp_path_factory):
-    """Six runs and two broken ones."""
+    """Write six runs and two broken ones."""
     folder = tmp_path_factory.mktemp("archive") / "runs"
     folder.mkdir()
     for seed in range(6):
@@ -44,7 +44,7 @@ def runs(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def expected(runs, tmp_path_factory):
-    """The rows of this process."""
+    """Return the rows computed in this process."""
     return rows(fj.batch(runs, tmp_path_factory.mktemp("alone") / "out", MACHINE, FREE))
 
 
@@ -59,7 +59,7 @@ def dask(*words, **environment):
 
 
 def end(process):
-    """Ended in good order or, where that takes long on a busy machine, at once: how a worker ends is not asked here."""
+    """Terminate a process, and kill it if that takes too long."""
     process.terminate()
     try:
         process.wait(timeout=20)
@@ -70,7 +70,7 @@ def end(process):
 
 @contextlib.contextmanager
 def cluster(folder, workers):
-    """The address of a scheduler with workers that are started again where they die, and its process."""
+    """Start a scheduler and workers that restart; yield its address and process."""
     file = folder / "scheduler.json"
     local = ("--host", "127.0.0.1", "--no-dashboard")
     started = [dask("scheduler", "--port", "0", "--scheduler-file", str(file), *local)]
@@ -90,8 +90,9 @@ def address(tmp_path_factory):
         yield where
 
 
+@pytest.mark.slow
 def test_workers_elsewhere_give_the_rows_of_this_process(runs, expected, address, tmp_path, monkeypatch):
-    # Their current folder is another one.
+    # The workers have another current folder.
     monkeypatch.chdir(runs.parent)
     archive = fj.batch("runs", tmp_path / "out", MACHINE, FREE, execute=scheduler(address))
     pd.testing.assert_frame_equal(rows(archive), expected)
@@ -100,11 +101,12 @@ def test_workers_elsewhere_give_the_rows_of_this_process(runs, expected, address
 
 
 def by(address, kind):
-    """An executor whose workers do work of another kind."""
+    """Return an executor with another kind of work."""
     execute = scheduler(address)
     return lambda chunks, work: execute(chunks, kind(work.study))
 
 
+@pytest.mark.slow
 def test_a_chunk_whose_worker_dies_is_done_again_and_written_once(runs, expected, address, tmp_path):
     (runs.parent / "killed").unlink(missing_ok=True)
     archive = fj.batch(runs, tmp_path / "out", MACHINE, FREE, execute=by(address, Unlucky))
@@ -114,6 +116,7 @@ def test_a_chunk_whose_worker_dies_is_done_again_and_written_once(runs, expected
     assert len(pd.concat(parts)) == len(expected)
 
 
+@pytest.mark.slow
 def test_a_file_that_kills_its_worker_has_failed_and_the_others_are_fitted(runs, expected, address, tmp_path):
     names = [runs / name for name in ("run_0.npz", "run_1.npz")]
     deadly = tmp_path / "runs" / "deadly.npz"
@@ -130,11 +133,12 @@ def test_a_file_that_kills_its_worker_has_failed_and_the_others_are_fitted(runs,
     assert table["mu"]["run_0.npz"] == expected.set_index("file")["mu"]["run_0.npz"]
 
 
+@pytest.mark.slow
 def test_a_scheduler_that_dies_loses_nothing_that_was_done(runs, expected, tmp_path, capfd):
     with cluster(tmp_path, 1) as (where, process):
         left = by(where, Slow)
         kill = lambda *_: process.kill()
-        with pytest.raises(UsageError, match=r"The scheduler of the workers is gone\. What was done is kept: start it"):
+        with pytest.raises(UsageError, match=r"The scheduler of the workers is gone\. Finished chunks are kept"):
             fj.batch(runs, tmp_path / "out", MACHINE, FREE, execute=left, tell=kill)
     assert capfd.readouterr().err == ""
     done = fj.open_archive(tmp_path / "out").to_dataframe()
@@ -142,8 +146,9 @@ def test_a_scheduler_that_dies_loses_nothing_that_was_done(runs, expected, tmp_p
     pd.testing.assert_frame_equal(rows(fj.batch(runs, tmp_path / "out", MACHINE, FREE)), expected)
 
 
+@pytest.mark.slow
 def test_a_worker_that_joins_compiles_nothing(runs, expected, address, tmp_path):
-    """What others have compiled for these runs lies in the folder that all share."""
+    """All workers share a folder of compiled programs."""
     from distributed import Client
 
     study = Study(runs, (Law("coulomb", MACHINE, tuple(FREE)),), ("run_0.npz", "run_1.npz"))
@@ -171,9 +176,10 @@ def place(dask_worker):
     return dask_worker.name, sorted(os.sched_getaffinity(0))
 
 
-@pytest.mark.skipif(not hasattr(os, "sched_setaffinity"), reason="this system holds no process to a core")
-def test_workers_of_this_machine_are_as_many_as_asked_for_and_have_a_core_each():
-    """Two would otherwise share all cores with the threads of the other, and be hardly faster than one."""
+@pytest.mark.slow
+@pytest.mark.skipif(not hasattr(os, "sched_setaffinity"), reason="this system cannot bind a process to a core")
+def test_workers_of_this_machine_have_a_core_each():
+    """Without separate cores, the threads of two workers would compete."""
     usable = sorted(os.sched_getaffinity(0))
     with distributed._local(3) as client:
         places = dict(client.run(place).values())
@@ -189,8 +195,8 @@ def test_no_scheduler(runs, tmp_path, monkeypatch):
 
 
 @dataclasses.dataclass
-class Said:
-    """A client whose workers say something of themselves."""
+class Client:
+    """Client with given answers of its workers."""
 
     answers: dict
 
@@ -201,6 +207,6 @@ class Said:
 def test_workers_that_would_give_other_results_are_refused():
     refuse = distributed._check_workers
     with pytest.raises(UsageError, match=r"tcp://a:1 has fricjax 0\.0\.1, and this is"):
-        refuse(Said({"tcp://a:1": ("0.0.1", True)}), Path("runs"))  # pyright: ignore[reportArgumentType]
+        refuse(Client({"tcp://a:1": ("0.0.1", True)}), Path("runs"))  # pyright: ignore[reportArgumentType]
     with pytest.raises(UsageError, match=r"tcp://a:1 does not see runs\. Put the runs where all workers find them"):
-        refuse(Said({"tcp://a:1": (fj.__version__, False)}), Path("runs"))  # pyright: ignore[reportArgumentType]
+        refuse(Client({"tcp://a:1": (fj.__version__, False)}), Path("runs"))  # pyright: ignore[reportArgumentType]

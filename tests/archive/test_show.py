@@ -1,4 +1,4 @@
-"""Columns of an archive have the units of what they hold, also beside an axis."""
+"""Columns and axes of an archive have the right units."""
 
 import pandas as pd
 import pytest
@@ -21,7 +21,7 @@ def test_units_are_those_of_the_law_and_of_the_rig():
 
 @pytest.mark.parametrize("quantity, load, damping", [("m", "N", "N s/m"), ("rad", "N m", "N m s/rad")])
 def test_axes_name_their_units(quantity, load, damping):
-    # A run that was rejected tells no quantity.
+    # A rejected run has no quantity.
     table = pd.DataFrame(
         {
             "friction": "coulomb",

@@ -1,4 +1,4 @@
-"""The store keeps what is done, whatever ends a driver, and reads nothing that is half written."""
+"""The store keeps finished runs and ignores half-written files."""
 
 import errno
 import os
@@ -21,7 +21,7 @@ LAW = Law("coulomb", MACHINE, ("mu", "damping", "stiffness"))
 
 @pytest.fixture
 def study(tmp_path):
-    """A study of eight files that nobody reads."""
+    """Write eight files that no test reads."""
     folder = tmp_path / "runs"
     folder.mkdir()
     for number in range(8):
@@ -30,7 +30,7 @@ def study(tmp_path):
 
 
 def made_up(job, work, status="ok"):
-    """A row as a worker makes it."""
+    """Return a row like that of a worker."""
     (row,) = work.failed(Chunk((job,)), ValueError("made up")).rows
     return {**row, "status": status, "mu": 0.05, "sha256": hash_of(work.study.root / job.file)}
 
@@ -42,7 +42,7 @@ def one_by_one(chunks, work):
 
 
 def until(end):
-    """An executor that something ends after three files."""
+    """Return an executor that raises `end` after three files."""
 
     def execute(chunks, work):
         for number, done in enumerate(one_by_one(chunks, work)):
@@ -58,9 +58,9 @@ def test_what_is_done_is_kept(study, tmp_path, end):
     with pytest.raises(type(end)):
         process(study, tmp_path / "out", execute=until(end))
     assert len(fj.open_archive(tmp_path / "out")) == 3
-    told = []
-    archive = process(study, tmp_path / "out", execute=one_by_one, tell=lambda *words: told.append(words[:2]))
-    assert told == [(number, 5) for number in range(1, 6)]
+    progress = []
+    archive = process(study, tmp_path / "out", execute=one_by_one, tell=lambda *words: progress.append(words[:2]))
+    assert progress == [(number, 5) for number in range(1, 6)]
     assert archive.to_dataframe()["number"].tolist() == list(range(8))
 
 
@@ -102,7 +102,7 @@ def test_a_table_that_is_gone_is_made_of_its_parts(study, tmp_path):
     assert before.astype(str).equals(after.astype(str))
 
 
-def test_failed_runs_are_tried_again_where_that_is_asked_for(study, tmp_path):
+def test_failed_runs_are_tried_again_on_request(study, tmp_path):
     def failing(chunks, work):
         for chunk in chunks:
             statuses = ["failed" if job.file == "run_3.csv" else "ok" for job in chunk.jobs]
@@ -200,10 +200,10 @@ def test_populations_by_a_column_weigh_runs_by_their_errors(tmp_path):
     store.begin(Study(tmp_path, (LAW,)))
     store.write_part(of_rows(rows))
     archive = fj.open_archive(store.path)
-    told = archive.population("mu", by="load")
-    assert list(told) == [1.0, 2.0] and told[1.0].runs == 32
-    assert abs(told[1.0].mean - 0.1) < 5 * told[1.0].std and abs(told[2.0].mean - 0.2) < 5 * told[2.0].std
-    # What is common to all runs is not averaged away.
-    assert told[1.0].std < 3e-4 and told[1.0].combined_std > 4.8e-3
+    found = archive.population("mu", by="load")
+    assert list(found) == [1.0, 2.0] and found[1.0].runs == 32
+    assert abs(found[1.0].mean - 0.1) < 5 * found[1.0].std and abs(found[2.0].mean - 0.2) < 5 * found[2.0].std
+    # Errors common to all runs do not average out.
+    assert found[1.0].std < 3e-4 and found[1.0].combined_std > 4.8e-3
     files = archive.to_dataframe()["file"].to_list()
-    assert [int(files[row].partition(".")[0]) % 10 for row in told[1.0].left_out] == [0] * 8
+    assert [int(files[row].partition(".")[0]) % 10 for row in found[1.0].left_out] == [0] * 8

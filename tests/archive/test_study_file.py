@@ -1,4 +1,4 @@
-"""`study.toml`: what it says is what is fitted, and what is wrong in it is told by file, field and value."""
+"""`study.toml` sets up a study; errors name file, field and value."""
 
 import pytest
 
@@ -6,13 +6,14 @@ import fricjax as fj
 from fricjax.archive.study_file import read_study
 from fricjax.data.read import example_paths
 from fricjax.errors import UsageError
+from tests.tables import check_rows
 
 RIG = example_paths().rig.read_text()
 
 
 @pytest.fixture
 def written(tmp_path):
-    """A function that writes a study beside two rigs, and gives its path."""
+    """Return a function that writes a study next to two rigs."""
     (tmp_path / "a.toml").write_text(RIG)
     (tmp_path / "b.toml").write_text(RIG.replace("9.66", "5.0"))
 
@@ -59,36 +60,38 @@ def test_without_a_rig_of_the_study_those_of_the_rules_count(written):
     assert study.calibrated_by(study.rule_of("a/1.csv")) and not study.calibrated_by(study.rule_of("c/1.csv"))
 
 
-@pytest.mark.parametrize(
-    ("text", "words"),
-    [
-        (
-            "rig = 'a.toml'\nfrictoin = 'coulomb'",
-            r"study.toml: there is no key 'frictoin' in a study file. Did you mean 'friction'\?",
-        ),
-        ("[[runs]]\nrig = 'b.toml'", r"study.toml: 'runs\[1\].pattern' is missing"),
-        ("[[runs]]\npattern = '**'\nrgi = 'b.toml'", r"no key 'runs\[1\].rgi' in a study file. Did you mean 'rig'\?"),
-        ("friction = 3", "study.toml: 'friction' must be a text in quotes or a list, got 3"),
-        ("guess = { mu = 'much' }", "study.toml: 'guess.mu' must be a number, got 'much'"),
-        ("friction = 'strybeck'", r"study.toml: There is no friction law 'strybeck'. Did you mean 'stribeck'\?"),
-        (
-            "friction = 'stribeck'\nrig = 'a.toml'",
-            "study.toml: Stribeck friction without mu_s .* give it with fix mu_s",
-        ),
-        ("free = ['muh', 'stiffness']", "study.toml: This oscillator has no coefficient 'muh'"),
-        ("bounds = { damping = 'low' }", "study.toml: bounds.damping 'low' is no span"),
-        ("rig = 'c.toml'", "There is no rig file '.*c.toml'"),
-        ("start = 'relaese'", "study.toml: There is no start 'relaese'. Did you mean 'release'"),
-        ("friction = [", "study.toml: this is no valid TOML file"),
-    ],
-)
-def test_what_is_wrong_is_told(written, text, words):
-    with pytest.raises(UsageError, match=words):
-        read_study(written(text))
+REFUSED = [
+    (
+        "rig = 'a.toml'\nfrictoin = 'coulomb'",
+        r"study.toml: there is no key 'frictoin' in a study file. Did you mean 'friction'\?",
+    ),
+    ("[[runs]]\nrig = 'b.toml'", r"study.toml: 'runs\[1\].pattern' is missing"),
+    ("[[runs]]\npattern = '**'\nrgi = 'b.toml'", r"no key 'runs\[1\].rgi' in a study file. Did you mean 'rig'\?"),
+    ("friction = 3", "study.toml: 'friction' must be a text in quotes or a list, got 3"),
+    ("guess = { mu = 'much' }", "study.toml: 'guess.mu' must be a number, got 'much'"),
+    ("friction = 'strybeck'", r"study.toml: There is no friction law 'strybeck'. Did you mean 'stribeck'\?"),
+    (
+        "friction = 'stribeck'\nrig = 'a.toml'",
+        "study.toml: Stribeck friction without mu_s .* give it with fix mu_s",
+    ),
+    ("free = ['muh', 'stiffness']", "study.toml: This oscillator has no coefficient 'muh'"),
+    ("bounds = { damping = 'low' }", "study.toml: bounds.damping 'low' is no span"),
+    ("rig = 'c.toml'", "There is no rig file '.*c.toml'"),
+    ("start = 'relaese'", "study.toml: There is no start 'relaese'. Did you mean 'release'"),
+    ("friction = [", "study.toml: this is no valid TOML file"),
+]
+
+
+def test_errors_are_refused(written):
+    def check(text, words):
+        with pytest.raises(UsageError, match=words):
+            read_study(written(text))
+
+    check_rows(check, REFUSED)
 
 
 def test_a_study_file_stands_alone(written, tmp_path):
-    with pytest.raises(UsageError, match="says what is fitted and how: leave the other arguments out"):
+    with pytest.raises(UsageError, match="already defines the model and its settings: leave the other arguments out"):
         fj.batch(written("rig = 'a.toml'"), tmp_path / "out", rig=tmp_path / "a.toml")
     with pytest.raises(UsageError, match=r"There is no study file '.*studdy.toml'. Did you mean 'study.toml'"):
         fj.batch(tmp_path / "studdy.toml", tmp_path / "out")

@@ -1,4 +1,4 @@
-"""One chunk of files: each run has its row with its own reason, and its residuals are those of a fit by itself."""
+"""Each run of a chunk gets its row, reason and residuals."""
 
 import os
 
@@ -16,7 +16,10 @@ RUNS = [fj.synthetic_run(MACHINE, 2e-3, rate=2e3, duration=0.6, noise=1e-9, seed
 
 @pytest.fixture
 def folder(tmp_path):
-    """Two files of one run each, and one of two of which the second never moves."""
+    """Write two files of one run, and one of two runs.
+
+    The second run of the last file is constant.
+    """
     place = tmp_path / "runs"
     place.mkdir()
     for number in (0, 1):

@@ -73,7 +73,7 @@ def test_what_a_contact_returns_at_each_reversal():
 
 def test_friction_that_falls_with_velocity():
     gain, fall = 0.006 * LOAD / STIFFNESS, (5e-3 / (2 * np.pi * 12.6)) ** 2 / 2
-    # Extra work around each reversal where friction falls as exp(-(v/v_s)^2).
+    # Extra work around each reversal, because friction falls as exp(-(v/v_s)^2).
     stribeck = lambda a, b: BAND * (a + b) + gain * fall * (1 / (a - BAND) + 1 / (b + BAND))
     seen = strokes(decay(stribeck, 1.9e-3, 2 * BAND))
     (sentence,) = fingerprints([seen], MACHINE)

@@ -43,7 +43,7 @@ def test_the_chance_of_a_resonance_is_uniform_in_noise():
 def test_a_motion_at_the_natural_frequency_is_seen_below_the_noise():
     hidden = 0.3 * np.sin(2 * np.pi * FREQUENCY * T + 1.0)
     tests = diagnose([T], [noise(5) + hidden], FREQUENCY)
-    # Its power is n a^2/4 of a mean of one: 1500 * 0.3^2/4.
+    # The power relative to the mean is n a^2/4 = 1500 * 0.3^2/4.
     assert tests.resonance.ratio == pytest.approx(1 + 1500 * 0.09 / 4, rel=0.5)
     assert "resonance" in tests.failed
     assert diagnose([T], [noise(5)], FREQUENCY).failed == ()

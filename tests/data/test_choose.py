@@ -1,4 +1,4 @@
-"""What is chosen from a file, what is asked back, and what is told of what was taken for granted."""
+"""Choices of columns, units and scales; refusals; warnings about assumed units."""
 
 import json
 
@@ -9,8 +9,9 @@ import scipy.io
 from fricjax.data import inspect, read
 from fricjax.data.readers.header import scale_of
 from fricjax.errors import DataError
+from tests.cli.conftest import call
+from tests.tables import check_rows
 
-from ..cli.conftest import call
 from .test_laboratory import MM, PAIRS, T, X, lines, row, rows
 
 
@@ -32,17 +33,18 @@ SCALES = {
 }
 
 
-@pytest.mark.parametrize("name", SCALES)
-def test_scale(name):
-    found, given, expected = SCALES[name]
-    scale, quantity = scale_of(found, given, ("m", "rad"), "the displacement 'x'", "unit")
-    assert scale == pytest.approx(expected, rel=1e-14)
-    assert quantity == "m"
+def test_scale():
+    def check(found, given, expected):
+        scale, quantity = scale_of(found, given, ("m", "rad"), "the displacement 'x'", "unit")
+        assert scale == pytest.approx(expected, rel=1e-14)
+        assert quantity == "m"
+
+    check_rows(check, SCALES)
 
 
 CONTRADICTIONS = {
-    "other unit": ("m", "micron", "'x' is in m by its title, but unit='micron' says otherwise: leave unit= out"),
-    "other quantity": ("m", "deg", "is in m by its title, but unit='deg' says otherwise"),
+    "other unit": ("m", "micron", "'x' is in m by its title, but unit='micron' contradicts it: leave unit= out"),
+    "other quantity": ("m", "deg", "is in m by its title, but unit='deg' contradicts it"),
     "volts": ("V", None, "is in V, which only a scale makes a displacement or a time; give it as unit='12.5 mm/V'"),
     "unit for volts": ("V", "mm", "is in V; give the scale as unit='12.5 mm/V'"),
     "scale for something else": ("mV", "12.5 um/V", "is in mV, but unit='12.5 um/V' is a scale for V"),
@@ -52,19 +54,20 @@ CONTRADICTIONS = {
 }
 
 
-@pytest.mark.parametrize("name", CONTRADICTIONS)
-def test_contradictions(name):
-    found, given, sentence = CONTRADICTIONS[name]
-    with pytest.raises(DataError) as caught:
-        scale_of(found, given, ("m", "rad"), "the displacement 'x'", "unit")
-    assert sentence in str(caught.value)
+def test_contradictions():
+    def check(found, given, sentence):
+        with pytest.raises(DataError) as caught:
+            scale_of(found, given, ("m", "rad"), "the displacement 'x'", "unit")
+        assert sentence in str(caught.value)
+
+    check_rows(check, CONTRADICTIONS)
 
 
 def test_a_contradiction_ends_the_command(tmp_path):
     path = written(tmp_path / "run.csv", "Time [s],Displacement [m]", zip(T, X, strict=True))
     called = call("inspect", path, "--unit", "micron")
     assert called.code == 4
-    assert "'Displacement' of run.csv is in m by its title, but --unit micron says otherwise" in called.err
+    assert "'Displacement' of run.csv is in m by its title, but --unit micron contradicts it" in called.err
 
 
 ASKED = {
@@ -75,12 +78,13 @@ ASKED = {
 }
 
 
-@pytest.mark.parametrize("name", ASKED)
-def test_what_is_asked_back(tmp_path, name):
-    title, sentence = ASKED[name]
-    with pytest.raises(DataError) as caught:
-        read(written(tmp_path / "run.csv", title))
-    assert sentence in str(caught.value)
+def test_what_is_asked_back(tmp_path):
+    def check(title, sentence):
+        with pytest.raises(DataError) as caught:
+            read(written(tmp_path / "run.csv", title))
+        assert sentence in str(caught.value)
+
+    check_rows(check, ASKED)
 
 
 def test_a_rate_in_the_preamble_is_offered(tmp_path):
@@ -98,18 +102,28 @@ UNUSABLE = {
 }
 
 
-@pytest.mark.parametrize("kind", UNUSABLE)
-def test_the_time_never_stands_in_for_the_displacement(tmp_path, kind):
-    np.savez(tmp_path / "run.npz", t=T, x=UNUSABLE[kind])
-    with pytest.raises(DataError, match=r"'x' in run\.npz (holds|is) .*, so it is no displacement"):
-        read(tmp_path / "run.npz")
+def test_the_time_never_stands_in_for_the_displacement(tmp_path):
+    def check(values):
+        np.savez(tmp_path / "run.npz", t=T, x=values)
+        with pytest.raises(DataError, match=r"'x' in run\.npz (holds|is) .*, so it is no displacement"):
+            read(tmp_path / "run.npz")
+
+    check_rows(check, UNUSABLE)
 
 
-@pytest.mark.parametrize("value", [X + 1j * X, "text", np.zeros((0, 0)), scipy.sparse.csc_array(np.diag(X))])
-def test_nor_in_matlab(tmp_path, value):
-    scipy.io.savemat(tmp_path / "run.mat", {"t": T, "x": value})
-    with pytest.raises(DataError, match=r"'x' in run\.mat .*, so it is no displacement"):
-        read(tmp_path / "run.mat")
+def test_nor_in_matlab(tmp_path):
+    def check(value):
+        scipy.io.savemat(tmp_path / "run.mat", {"t": T, "x": value})
+        with pytest.raises(DataError, match=r"'x' in run\.mat .*, so it is no displacement"):
+            read(tmp_path / "run.mat")
+
+    values = {
+        "complex": X + 1j * X,
+        "text": "text",
+        "empty": np.zeros((0, 0)),
+        "sparse": scipy.sparse.csc_array(np.diag(X)),
+    }
+    check_rows(check, values)
 
 
 def test_a_unit_that_is_not_there_is_told_everywhere(tmp_path):

@@ -1,4 +1,4 @@
-"""What is said of a path that leads to no file that can be read."""
+"""A path without a readable file is refused with a hint."""
 
 import pytest
 
@@ -7,6 +7,7 @@ from fricjax.archive.study_file import read_study
 from fricjax.data.files import check_distinct, check_file
 from fricjax.errors import DataError, UsageError
 from fricjax.rig import Rig
+from tests.tables import check_rows
 
 
 @pytest.fixture
@@ -18,24 +19,26 @@ def folder(tmp_path):
     return tmp_path
 
 
-@pytest.mark.parametrize(
-    ("name", "sentence"),
-    [
-        ("rum3.csv", "Did you mean 'run"),
-        ("none/run.csv", "for there is no folder"),
-        (".", "is a folder, not a file; name one record in it; it holds "),
-        ("deeper", "is a folder, not a file; name one record in it."),
-        ("run*.csv", "is a pattern, not a file; it matches "),
-        ("run[34].csv", "run3.csv, "),
-        ("run[9]x.csv", "Did you mean 'run"),
-        ("x?.csv", "and none that matches this pattern."),
-        ("empty.csv", "empty.csv is empty: it holds no data at all."),
-    ],
-)
-def test_what_is_wrong_and_what_to_type(folder, name, sentence):
-    with pytest.raises(DataError) as caught:
-        check_file(folder / name)
-    assert sentence in str(caught.value)
+HINTS = [
+    ("rum3.csv", "Did you mean 'run"),
+    ("none/run.csv", "for there is no folder"),
+    (".", "is a folder, not a file; name one record in it; it holds "),
+    ("deeper", "is a folder, not a file; name one record in it."),
+    ("run*.csv", "is a pattern, not a file; it matches "),
+    ("run[34].csv", "run3.csv, "),
+    ("run[9]x.csv", "Did you mean 'run"),
+    ("x?.csv", "and none that matches this pattern."),
+    ("empty.csv", "empty.csv is empty: it holds no data at all."),
+]
+
+
+def test_what_is_wrong_and_what_to_type(folder):
+    def check(name, sentence):
+        with pytest.raises(DataError) as caught:
+            check_file(folder / name)
+        assert sentence in str(caught.value)
+
+    check_rows(check, HINTS)
 
 
 def test_only_some_of_many_files_are_named(folder):
@@ -55,22 +58,25 @@ def test_one_file_counts_once(folder, monkeypatch):
 
 SETTINGS = {"rig": Rig.from_toml, "study": read_study, "SLURM": Slurm.from_toml}
 NOT_SETTINGS = {
-    "absent": (None, "There is no {what} file '.*settings.toml'. Did you mean 'setting.toml'"),
-    "wide": ("# " + "x" * 1000, "settings.toml: this is no {what} file: a line has more than 1000 characters"),
+    "absent": (None, "There is no {kind} file '.*settings.toml'. Did you mean 'setting.toml'"),
+    "wide": ("# " + "x" * 1000, "settings.toml: this is no {kind} file: a line has more than 1000 characters"),
     "large": ("#\n" * 60_000, "settings.toml has 0.00012 GB, but at most 0.0001 GB are expected"),
-    "deep": ("mass = " + "[\n" * 5000, "settings.toml: this is no {what} file: its tables are nested too deeply"),
-    "dotted": (".".join("a" * 400) + " = 1", "settings.toml: there is no key 'a' in a {what} file"),
+    "deep": ("mass = " + "[\n" * 5000, "settings.toml: this is no {kind} file: its tables are nested too deeply"),
+    "dotted": (".".join("a" * 400) + " = 1", "settings.toml: there is no key 'a' in a {kind} file"),
     "binary": ("\udcff\udcfe", "settings.toml: this is no valid TOML file: 'utf-8' codec"),
     "unfinished": ("mass = ", "settings.toml: this is no valid TOML file: Invalid value"),
 }
 
 
-@pytest.mark.parametrize("what", SETTINGS)
-@pytest.mark.parametrize("kind", NOT_SETTINGS)
-def test_files_of_settings_are_refused_alike(tmp_path, what, kind):
-    text, sentence = NOT_SETTINGS[kind]
+def test_files_of_settings_are_refused_alike(tmp_path):
     (tmp_path / "setting.toml").touch()
-    if text is not None:
-        (tmp_path / "settings.toml").write_bytes(text.encode("utf-8", "surrogateescape"))
-    with pytest.raises(UsageError, match=sentence.format(what=what)):
-        SETTINGS[what](tmp_path / "settings.toml")
+    path = tmp_path / "settings.toml"
+
+    def check(kind, text, sentence):
+        path.unlink(missing_ok=True)
+        if text is not None:
+            path.write_bytes(text.encode("utf-8", "surrogateescape"))
+        with pytest.raises(UsageError, match=sentence.format(kind=kind)):
+            SETTINGS[kind](path)
+
+    check_rows(check, {(kind, name): (kind, *row) for kind in SETTINGS for name, row in NOT_SETTINGS.items()})

@@ -1,5 +1,6 @@
-"""Formats of archives: each gives the record that was put into it, its runs and units, or says why it cannot."""
+"""Each binary format returns its runs and units, or a clear refusal."""
 
+import itertools
 import sys
 import warnings
 from typing import Any
@@ -16,6 +17,7 @@ from nptdms import ChannelObject, TdmsWriter
 
 from fricjax.data import Record, read
 from fricjax.errors import DataError, UsageError
+from tests.tables import check_rows
 
 N = 40
 T = np.arange(N) / 2000
@@ -29,7 +31,7 @@ def same(record, rel=1e-13):
 
 
 def write_tdms(path, groups):
-    """Groups of channels: name, numbers and properties of each."""
+    """Write groups of channels, each with name, numbers and properties."""
     with TdmsWriter(path) as writer:
         for group, channels in groups.items():
             writer.write_segment([ChannelObject(group, *channel) for channel in channels])
@@ -44,7 +46,7 @@ def write_uff(path, binary, sets=1, **changes):
         "orddenom_spec_data_type": 0,
     }  # fmt: skip
     with warnings.catch_warnings():
-        # pyuff leaves the files that it writes to the collector.
+        # pyuff leaves its files open until garbage collection.
         warnings.simplefilter("ignore", ResourceWarning)
         for _ in range(sets):
             pyuff.UFF(str(path)).write_sets(pyuff.prepare_58(**given | changes), "add")
@@ -83,7 +85,7 @@ def test_a_waveform_of_labview(tmp_path):
 
 def test_stamps_of_labview(tmp_path):
     stamps = np.datetime64("2024-01-01T10:00:00.000000") + (1e6 * T).astype("timedelta64[us]")
-    words = ("who", ["a"] * N)
+    words = ("operator", ["a"] * N)
     write_tdms(tmp_path / "run.tdms", {"Run": [("Time", stamps), ("x [um]", 1e6 * X), words]})
     record = read(tmp_path / "run.tdms")
     assert record.x == pytest.approx(X) and record.t == pytest.approx(T, abs=2e-9)
@@ -142,12 +144,15 @@ def test_parquet_holds_durations_decimals_and_gaps(tmp_path):
     assert record.x[record.mask] == pytest.approx(np.delete(X, 5), abs=1e-15)
 
 
-@pytest.mark.parametrize("packing", ["none", "snappy", "gzip", "zstd", "lz4"])
-@pytest.mark.parametrize("options", [{"data_page_version": "2.0"}, {"row_group_size": 7, "data_page_size": 8}], ids=str)
-def test_parquet_of_any_packing(tmp_path, packing, options):
+def test_parquet_of_any_packing(tmp_path):
     table = pa.table({"t [s]": T, "x [m]": X, "state": ["ok"] * N, "several": [[1.0, 2.0]] * N})
-    parquet.write_table(table, tmp_path / "run.parquet", compression=packing, **options)
-    assert same(read(tmp_path / "run.parquet"))
+
+    def check(packing, options):
+        parquet.write_table(table, tmp_path / "run.parquet", compression=packing, **options)
+        assert same(read(tmp_path / "run.parquet"))
+
+    layouts = [{"data_page_version": "2.0"}, {"row_group_size": 7, "data_page_size": 8}]
+    check_rows(check, itertools.product(["none", "snappy", "gzip", "zstd", "lz4"], layouts))
 
 
 def test_runs_one_below_the_other(tmp_path):
@@ -217,24 +222,28 @@ def test_mdf_of_version_3(tmp_path):
         read(tmp_path / "run.mdf")
 
 
-@pytest.mark.parametrize(
-    ("suffix", "module", "extra"),
-    [
-        ("tdms", "nptdms", "tdms"),
-        ("parquet", "pyarrow.parquet", "parquet"),
-        ("uff", "pyuff", "uff"),
-        ("mf4", "asammdf", "mdf"),
-    ],
-)
-def test_a_missing_extra(tmp_path, monkeypatch, suffix, module, extra):
-    (tmp_path / f"run.{suffix}").write_bytes(b"MDF     4.10    " + bytes(100))
-    monkeypatch.setitem(sys.modules, module, None)
-    with pytest.raises(UsageError, match=rf"needs the package \w+: pip install 'fricjax\[{extra}\]'"):
-        read(tmp_path / f"run.{suffix}")
+EXTRAS = [
+    ("tdms", "nptdms", "tdms"),
+    ("parquet", "pyarrow.parquet", "parquet"),
+    ("uff", "pyuff", "uff"),
+    ("mf4", "asammdf", "mdf"),
+]
 
 
-@pytest.mark.parametrize("suffix", ["tdms", "nc", "parquet", "uff", "mf4"])
-def test_damaged_files(tmp_path, suffix):
-    (tmp_path / f"run.{suffix}").write_bytes(b"garbage" * 100)
-    with pytest.raises(DataError, match=rf"run.{suffix} (cannot be read as|holds no time response)"):
-        read(tmp_path / f"run.{suffix}")
+def test_a_missing_extra(tmp_path, monkeypatch):
+    def check(suffix, module, extra):
+        (tmp_path / f"run.{suffix}").write_bytes(b"MDF     4.10    " + bytes(100))
+        monkeypatch.setitem(sys.modules, module, None)
+        with pytest.raises(UsageError, match=rf"needs the package \w+: pip install 'fricjax\[{extra}\]'"):
+            read(tmp_path / f"run.{suffix}")
+
+    check_rows(check, EXTRAS)
+
+
+def test_damaged_files(tmp_path):
+    def check(suffix):
+        (tmp_path / f"run.{suffix}").write_bytes(b"garbage" * 100)
+        with pytest.raises(DataError, match=rf"run.{suffix} (cannot be read as|holds no time response)"):
+            read(tmp_path / f"run.{suffix}")
+
+    check_rows(check, ["tdms", "nc", "parquet", "uff", "mf4"])

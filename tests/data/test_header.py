@@ -1,6 +1,4 @@
-"""Titles of columns as programs of laboratories write them: name, unit, run."""
-
-import pytest
+"""Column titles of laboratory programs are split into name, unit and run."""
 
 from fricjax.data.readers.header import is_time, split_title
 
@@ -40,24 +38,22 @@ TITLES = {
 }
 
 
-@pytest.mark.parametrize("text", TITLES)
-def test_titles(text):
-    assert split_title(text) == TITLES[text]
+TIMES = {
+    ("Time", None): True,
+    ("Elapsed time", "s"): True,
+    ("Zeit", "ms"): True,
+    ("X_Value", None): True,
+    ("frequency", "Hz"): False,
+    ("Time of flight", "mm"): False,
+    ("anything", "us"): True,
+    ("timer", None): False,
+    ("x", None): False,
+}
 
 
-@pytest.mark.parametrize(
-    ("name", "unit", "time"),
-    [
-        ("Time", None, True),
-        ("Elapsed time", "s", True),
-        ("Zeit", "ms", True),
-        ("X_Value", None, True),
-        ("frequency", "Hz", False),
-        ("Time of flight", "mm", False),
-        ("anything", "us", True),
-        ("timer", None, False),
-        ("x", None, False),
-    ],
-)
-def test_times(name, unit, time):
-    assert is_time(name, unit) is time
+def test_titles():
+    assert {text: split_title(text) for text in TITLES} == TITLES
+
+
+def test_times():
+    assert {pair: is_time(*pair) for pair in TIMES} == TIMES

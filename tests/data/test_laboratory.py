@@ -1,21 +1,25 @@
-"""Files as programs of laboratories write them, each with what a user would type first.
+"""Files in the layouts of laboratory programs.
 
-One decay, computed stroke by stroke in closed form, is written in the manner of each program.
+Each file holds a decay under Coulomb friction, computed stroke by stroke in closed form. It is read with the options
+that a user would type.
 """
 
+import itertools
 import json
+import shlex
 
 import numpy as np
 import pytest
 import scipy.io
 
-from ..cli.conftest import call
+from tests.cli.conftest import call
+from tests.tables import check_rows
 
 RATE, OMEGA, DEAD_BAND, X0 = 200.0, 2 * np.pi * 4.0, 1.2e-4, 2e-3
 
 
 def decay(x0=X0, count=500, band=DEAD_BAND):
-    """Times and positions of Coulomb's oscillator: arcs about the dead band's ends, then rest."""
+    """Return times and positions of a decay under Coulomb friction."""
     t, half = np.arange(count) / RATE, np.pi / OMEGA
     x, start, from_ = np.full(count, np.nan), 0.0, x0
     while abs(from_) > band:
@@ -41,14 +45,14 @@ def row(*values, digits=6, delimiter=",", decimal="."):
 
 
 def two_runs(title, first, second, **how):
-    """Two runs of unequal length side by side: the shorter one ends in blanks."""
+    """Return two runs side by side; the shorter one ends in blanks."""
     longer = max(len(first[0]), len(second[0]))
     cells = [[*run[0], *[None] * (longer - len(run[0]))] for run in (first, second) for run in ((run[0],), (run[1],))]
     return [title, *(row(*values, **how) for values in zip(*cells, strict=True))]
 
 
 def clock(seconds):
-    """A time of day just before midnight."""
+    """Return a time of day just before midnight."""
     whole = 86398.0 + seconds
     hours, rest = divmod(whole % 86400.0, 3600.0)
     return f"{int(hours):02d}:{int(rest // 60):02d}:{rest % 60:06.3f}"
@@ -60,7 +64,7 @@ FIRST = (LATER, 1e3 * SHORTER)
 
 
 def rows(**how):
-    """The decay in s and mm, a row to each sample."""
+    """Return one row for each sample, in s and mm."""
     return [row(*pair, **how) for pair in PAIRS]
 
 
@@ -141,7 +145,7 @@ TEXTS = {
     ),
     "words below": ("run.csv", lines("t [s],x [mm]", *rows(), ",", ",", "End of data"), ""),
     "remarks among rows": ("run.csv", lines("t [s],x [mm]", "# note", *rows(), "# end"), ""),
-    "unit beside the value": ("run.csv", lines("Time (s),Reading,Unit", *(row(*pair, "mm") for pair in PAIRS)), ""),
+    "unit next to the value": ("run.csv", lines("Time (s),Reading,Unit", *(row(*pair, "mm") for pair in PAIRS)), ""),
     "sample numbers": (
         "run.csv",
         lines("Index,Displacement [mm]", *(f"{i},{b:.6f}" for i, b in enumerate(MM))),
@@ -151,39 +155,41 @@ TEXTS = {
 
 
 def inspected(path, words=""):
-    """What `fricjax inspect` tells of a file."""
-    import shlex
-
+    """Call `fricjax inspect` on a file."""
     return call("inspect", path, *shlex.split(words), "--json")
 
 
 def agrees(called, *, unit="m", scale=1.0):
     assert called.code == 0, called.out
-    told = json.loads(called.out)
-    assert told["unit"] == unit
-    assert told["samples"] == T.size
-    assert told["rate"] == pytest.approx(RATE, rel=1e-6)
-    assert told["amplitude"] == pytest.approx(scale * (X0 - DEAD_BAND), rel=0.03)
-    assert told["half_period"] == pytest.approx(np.pi / OMEGA, rel=0.01)
-    return told
+    found = json.loads(called.out)
+    assert found["unit"] == unit
+    assert found["samples"] == T.size
+    assert found["rate"] == pytest.approx(RATE, rel=1e-6)
+    assert found["amplitude"] == pytest.approx(scale * (X0 - DEAD_BAND), rel=0.03)
+    assert found["half_period"] == pytest.approx(np.pi / OMEGA, rel=0.01)
+    return found
 
 
-@pytest.mark.parametrize("program", TEXTS)
-def test_text_of_a_program(tmp_path, program):
-    name, content, words = TEXTS[program]
-    path = tmp_path / name
-    path.write_bytes(content.encode("latin-1"))
-    told = agrees(inspected(path, words), unit="rad" if "tabs" in program else "m")
-    assert told["warnings"] == []
+def test_text_of_a_program(tmp_path):
+    def check(program):
+        name, content, words = TEXTS[program]
+        path = tmp_path / name
+        path.write_bytes(content.encode("latin-1"))
+        found = agrees(inspected(path, words), unit="rad" if "tabs" in program else "m")
+        assert found["warnings"] == []
+
+    check_rows(check, list(TEXTS))
 
 
-@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16", "utf-16-le", "latin-1"])
-@pytest.mark.parametrize("end", ["\n", "\r\n", "\r"])
-def test_encodings_and_ends_of_lines(tmp_path, encoding, end):
+def test_encodings_and_ends_of_lines(tmp_path):
     path = tmp_path / "run.txt"
-    micrometres = (row(a, 1e3 * b, delimiter="\t") for a, b in PAIRS)
-    path.write_bytes(lines("Zeit [s]\tWeg [µm]", *micrometres, end=end).encode(encoding))
-    agrees(inspected(path))
+    micrometres = [row(a, 1e3 * b, delimiter="\t") for a, b in PAIRS]
+
+    def check(encoding, end):
+        path.write_bytes(lines("Zeit [s]\tWeg [µm]", *micrometres, end=end).encode(encoding))
+        agrees(inspected(path))
+
+    check_rows(check, itertools.product(["utf-8", "utf-8-sig", "utf-16", "utf-16-le", "latin-1"], ["\n", "\r\n", "\r"]))
 
 
 def structure(values, label):
@@ -214,17 +220,19 @@ MATLAB = {
 }
 
 
-@pytest.mark.parametrize("kind", MATLAB)
-def test_matlab(tmp_path, kind):
-    variables, words = MATLAB[kind]
-    scipy.io.savemat(tmp_path / "run.mat", variables)
-    agrees(inspected(tmp_path / "run.mat", words), unit="rad" if kind == "structure" else "m")
+def test_matlab(tmp_path):
+    def check(kind):
+        variables, words = MATLAB[kind]
+        scipy.io.savemat(tmp_path / "run.mat", variables)
+        agrees(inspected(tmp_path / "run.mat", words), unit="rad" if kind == "structure" else "m")
+
+    check_rows(check, list(MATLAB))
 
 
 def test_simulink_names_its_signals(tmp_path):
     scipy.io.savemat(tmp_path / "run.mat", {**MATLAB["Simulink, five signals"][0]})
-    told = json.loads(inspected(tmp_path / "run.mat", "--column pos").out)
-    assert told["exit_code"] == 4 and "'torque', 'position', 'speed'" in told["error"]
+    found = json.loads(inspected(tmp_path / "run.mat", "--column pos").out)
+    assert found["exit_code"] == 4 and "'torque', 'position', 'speed'" in found["error"]
 
 
 def workbook(path, **sheets):

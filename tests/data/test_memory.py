@@ -1,6 +1,7 @@
-"""What is in memory becomes the same record as the file that holds it, or is refused in one sentence."""
+"""Tables and arrays in memory give the same record as files."""
 
 import datetime
+import warnings
 from decimal import Decimal
 from pathlib import Path
 
@@ -12,6 +13,7 @@ import pytest
 import fricjax as fj
 from fricjax.data.gather import gather
 from fricjax.errors import DataError, UsageError
+from tests.tables import check_rows
 
 N = 400
 T = np.arange(N) / 500.0
@@ -21,7 +23,10 @@ NUMBERS = pd.DataFrame({"Time [ms]": MS, "Displacement [um]": UM})
 
 
 class Labelled:
-    """As much of an xarray.DataArray as is looked at; the package itself is none of the dependencies."""
+    """The attributes of an xarray.DataArray that the readers use.
+
+    xarray is not a dependency of the package.
+    """
 
     dims = ("time",)
 
@@ -60,7 +65,7 @@ STEPS = np.round(2.0 * np.arange(N)).astype(int)
 TABLES = {
     "table": NUMBERS,
     "columns in another order": NUMBERS[["Displacement [um]", "Time [ms]"]],
-    "table beside other columns": NUMBERS.assign(note="a", valid=True, empty=np.nan),
+    "table with other columns": NUMBERS.assign(note="a", valid=True, empty=np.nan),
     "index of times": NUMBERS.set_index("Time [ms]"),
     "series with times": NUMBERS.set_index("Time [ms]")["Displacement [um]"],
     "series of both": (NUMBERS["Time [ms]"], NUMBERS["Displacement [um]"]),
@@ -73,12 +78,14 @@ TABLES = {
 }
 
 
-@pytest.mark.parametrize("name", TABLES)
-def test_a_table_gives_the_record_of_its_file(name, from_file):
-    record = fj.read(TABLES[name])
-    assert np.array_equal(record.t, from_file.t) and np.array_equal(record.x, from_file.x)
-    assert np.array_equal(record.mask, from_file.mask)
-    assert record.quantity == "m" and record.name == ""
+def test_a_table_gives_the_record_of_its_file(from_file):
+    def check(name):
+        record = fj.read(TABLES[name])
+        assert np.array_equal(record.t, from_file.t) and np.array_equal(record.x, from_file.x)
+        assert np.array_equal(record.mask, from_file.mask)
+        assert record.quantity == "m" and record.name == ""
+
+    check_rows(check, list(TABLES))
 
 
 ARRAYS = {
@@ -94,11 +101,14 @@ ARRAYS = {
 }
 
 
-@pytest.mark.parametrize("name", ARRAYS)
-def test_arrays_are_in_seconds_and_metres(name, recwarn):
-    record = fj.read(ARRAYS[name])
-    assert np.array_equal(record.t, T * (500 if name == "integers" else 1)) and np.array_equal(record.x, X)
-    assert not recwarn
+def test_arrays_are_in_seconds_and_metres():
+    def check(name):
+        with warnings.catch_warnings(record=True) as caught:
+            record = fj.read(ARRAYS[name])
+        assert np.array_equal(record.t, T * (500 if name == "integers" else 1)) and np.array_equal(record.x, X)
+        assert not caught
+
+    check_rows(check, list(ARRAYS))
 
 
 CLOCKS = {
@@ -108,18 +118,19 @@ CLOCKS = {
 }
 
 
-@pytest.mark.parametrize("name", CLOCKS)
-def test_dates_and_durations_are_times(name):
-    index = CLOCKS[name]
-    for source in (
-        pd.Series(X, index),
-        pd.DataFrame({"x": X}, index),
-        pd.DataFrame({"when": index, "x": X}),
-        (index, X),
-        {"clock": np.array(index), "x": X},
-    ):
-        record = fj.read(source)
-        assert np.array_equal(record.t, STEPS / 1000.0) and np.array_equal(record.x, X)
+def test_dates_and_durations_are_times():
+    def check(index):
+        for source in (
+            pd.Series(X, index),
+            pd.DataFrame({"x": X}, index),
+            pd.DataFrame({"when": index, "x": X}),
+            (index, X),
+            {"clock": np.array(index), "x": X},
+        ):
+            record = fj.read(source)
+            assert np.array_equal(record.t, STEPS / 1000.0) and np.array_equal(record.x, X)
+
+    check_rows(check, CLOCKS)
 
 
 def test_dates_of_the_standard_library():
@@ -173,7 +184,7 @@ REFUSED = {
         r"fricjax\.fit\(x, \.\.\., rate=5000\.0\)\.$",
     ),
     "both": (X, {"rate": 1.0, "t": T}, UsageError, "needs either their rate or their times"),
-    "no times beside a series": (pd.Series(X), {}, DataError, "Series has no time for 'x'; give rate="),
+    "series without times": (pd.Series(X), {}, DataError, "Series has no time for 'x'; give rate="),
     "two rows": (SQUARE, {}, UsageError, r"shape \(2, 400\) a run or two\? Write \(a\[0\], a\[1\]\) for times and dis"),
     "two columns": (SQUARE.T, {"rate": 1.0}, UsageError, r"run or two\? Write \(a\[:, 0\], a\[:, 1\]\) for times"),
     "three columns": (np.ones((N, 3)), {}, UsageError, r"'x' must be one-dimensional, but it has shape \(400, 3\)"),
@@ -231,12 +242,13 @@ REFUSED = {
 }
 
 
-@pytest.mark.parametrize("name", REFUSED)
-def test_refused_in_words(name):
-    source, options, kind, sentence = REFUSED[name]
-    with pytest.raises(kind, match=sentence) as caught:
-        fj.read(source, **options)
-    assert "\n" not in str(caught.value)
+def test_refused_in_words():
+    def check(source, options, kind, sentence):
+        with pytest.raises(kind, match=sentence) as caught:
+            fj.read(source, **options)
+        assert "\n" not in str(caught.value)
+
+    check_rows(check, REFUSED)
 
 
 def test_one_run_or_several(file, from_file):

@@ -1,4 +1,4 @@
-"""Readers of other packages: found by entry points, loaded only for their suffix, blamed for what they break."""
+"""Plug-in readers are found by entry points and loaded on demand."""
 
 import sys
 
@@ -29,7 +29,7 @@ fails = lambda path: 1 / 0
 
 @pytest.fixture
 def installed(tmp_path, monkeypatch):
-    """What installs a distribution with entry points into a folder of the path, as pip does."""
+    """Return a function that installs a distribution with entry points, like pip."""
     site = tmp_path / "site"
     site.mkdir()
     monkeypatch.syspath_prepend(site)
@@ -99,5 +99,5 @@ def test_a_plug_in_that_ends_the_process_does_not(installed, run):
 
 def test_own_suffixes_ask_for_no_plug_in(installed, run, monkeypatch):
     installed("fricjax-csv", "import no_such_module", csv="read")
-    monkeypatch.setattr("importlib.metadata.entry_points", lambda **_: pytest.fail("plug-ins were looked for"))
+    monkeypatch.setattr("importlib.metadata.entry_points", lambda **_: pytest.fail("plug-ins were searched"))
     assert read(run("csv"), column=1, time=0, unit="um").trace.n == 6

@@ -1,4 +1,4 @@
-"""Each step of preparation does one thing, leaves the old record alone, and says what it did."""
+"""Each preparation step returns a new record and logs its effect."""
 
 import json
 
@@ -102,7 +102,7 @@ def test_noise_becomes_sigma(record):
     assert noisy.trace.sigma == pytest.approx(NOISE, rel=0.1)
     assert noisy.meta["noise"] == float(noisy.trace.sigma)
     computed = coulomb_viscous(np.arange(0, 1, 1e-4), 2e-3, frequency=12.6, zeta=0.0, dead_band=3e-4)
-    with pytest.raises(DataError, match="shows no noise at all"):
+    with pytest.raises(DataError, match="has no noise"):
         estimate_noise(Record(Trace(computed.t, computed.x)))
 
 

@@ -1,4 +1,4 @@
-"""Every format gives the same record, and says clearly where it cannot."""
+"""Text, NumPy, MATLAB and HDF5 files give the same record."""
 
 import re
 
@@ -9,6 +9,7 @@ import scipy.io
 
 from fricjax.data import read
 from fricjax.errors import DataError, UsageError
+from tests.tables import check_rows
 
 T = np.arange(6) * 0.5e-3
 X = np.array([2.0, 1.5, 1.0, 0.25, -0.5, -1.125]) * 1e-3
@@ -68,19 +69,24 @@ DIALECTS = {
 
 
 @pytest.mark.parametrize("suffix", ["csv", "txt"])
-@pytest.mark.parametrize("name", DIALECTS)
-def test_dialects(tmp_path, name, suffix):
-    text, options = DIALECTS[name]
+def test_dialects(tmp_path, suffix):
     path = tmp_path / f"run.{suffix}"
-    path.write_bytes(text.encode())
-    assert same(read(path, **options))
+
+    def check(text, options):
+        path.write_bytes(text.encode())
+        assert same(read(path, **options))
+
+    check_rows(check, DIALECTS)
 
 
-@pytest.mark.parametrize("encoding", ["latin-1", "utf-8-sig", "utf-16"])
-def test_encodings(tmp_path, encoding):
+def test_encodings(tmp_path):
     path = tmp_path / "run.csv"
-    path.write_bytes(table(header="Time [ms],x [µm]", t_scale=1e3, x_scale=1e6).encode(encoding))
-    assert same(read(path))
+
+    def check(encoding):
+        path.write_bytes(table(header="Time [ms],x [µm]", t_scale=1e3, x_scale=1e6).encode(encoding))
+        assert same(read(path))
+
+    check_rows(check, ["latin-1", "utf-8-sig", "utf-16"])
 
 
 def test_degrees_become_radians(tmp_path):
@@ -125,21 +131,21 @@ def test_between_quotes_a_comma_marks_decimals(tmp_path):
     assert np.asarray(record.trace.x) == pytest.approx(1e-3 + 1e-6 * np.arange(50))
 
 
-# What the file holds, the options, and what the message says.
+# Text of the file, options, and part of the message.
 BAD_TEXT = {
     "word in the data": ("t,x\n0,1\n1,2\n2,oops\n3,4\n", {}, "run.csv, row 4, column 'x': 'oops' is not a number"),
     "word in the time": ("t,x\n0,1\n\n# note\n1,2\nlate,3\n3,4\n", {}, "row 6, column 't': 'late' is not a number"),
     "NaN in the time": ("t,x\n0,1\n1,2\nnan,3\n3,4\n", {}, "column 't', row 4: the time is nan"),
     "time goes back": ("t,x\n0,1\n2,2\n1.5,3\n3,4\n", {}, "row 4: the time is not increasing (1.5 after 2.0)"),
     "time repeats": ("0,1\n1,2\n1,3\n3,4\n", {}, "row 3: the time is not increasing (1.0 after 1.0)"),
-    "runs below each other": ("t,x\n0,1\n1,2\n2,3\n0,1\n1,2\n", {}, "it starts again there, as where one run"),
+    "runs below each other": ("t,x\n0,1\n1,2\n2,3\n0,1\n1,2\n", {}, "it starts again there, as if a second run"),
     "volts": ("Second,Volt\n0,1\n1,2\n2,3\n", {}, "'Volt' of run.csv is in Volt, which only a scale makes"),
     "rate in the preamble": ("# unit: um\n# rate: 10000 Hz\n1\n2\n3\n4\n", {}, "it says 10000 Hz"),
     "too many fields": ("t,x\n0,1\n1,2\n2,3,4\n3,4\n", {}, "row 4: 3 fields, but 2 were expected"),
     "two samples": ("t,x\n0,1\n1,2\n", {}, "holds 2 usable samples in 'x', but a trace needs at least 3"),
     "no time": ("1\n2\n3\n4\n", {}, "has no time for 'column0'; give rate="),
     "unknown column": ("time,displacement\n0,1\n1,2\n2,3\n", {"column": "displacment"}, "Did you mean 'displacement'"),
-    "unknown time": ("time,x\n0,1\n1,2\n2,3\n", {"time": "tine"}, "with time=). Did you mean 'time'"),
+    "unknown time": ("time,x\n0,1\n1,2\n2,3\n", {"time": "tine"}, "(given by time=). Did you mean 'time'"),
     "index too large": ("0,1\n1,2\n2,3\n", {"column": 5}, "has 2 columns, but column=5"),
     "ambiguous": ("t,a,b\n0,1,1\n1,2,2\n2,3,3\n", {}, "several columns that could be the displacement ('a', 'b')"),
     "unfit unit": ("t,x [kg]\n0,1\n1,2\n2,3\n", {}, "The unit 'kg' does not fit the displacement 'x' of run.csv"),
@@ -155,33 +161,43 @@ BAD_TEXT = {
 }
 
 
-@pytest.mark.parametrize("name", BAD_TEXT)
-def test_bad_text(tmp_path, name):
-    text, options, message = BAD_TEXT[name]
+def test_bad_text(tmp_path):
     path = tmp_path / "run.csv"
-    path.write_text(text)
-    with pytest.raises(DataError, match=re.escape(message)):
-        read(path, **options)
+
+    def check(text, options, message):
+        path.write_text(text)
+        with pytest.raises(DataError, match=re.escape(message)):
+            read(path, **options)
+
+    check_rows(check, BAD_TEXT)
 
 
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        ({"colum": "x"}, "colum= is no option for .csv files. Did you mean 'column='"),
-        ({"rate": 0}, "rate must be a positive number"),
-        ({"rate": 5, "time": "t"}, "either time= .* or rate="),
-        ({"sign": 2}, "sign must be 1 or -1"),
-        ({"decimal": "x"}, "decimal must be"),
-        ({"skip_rows": -1}, "skip_rows must not be negative"),
-        ({"delimiter": ",", "decimal": ","}, "cannot both be"),
-        ({"encoding": "klingon"}, "no known text encoding"),
-    ],
-)
-def test_wrong_options(tmp_path, options, message):
+WRONG_OPTIONS = [
+    ({"colum": "x"}, "colum= is no option for .csv files. Did you mean 'column='"),
+    ({"rate": 0}, "rate must be a positive number"),
+    ({"rate": 5, "time": "t"}, "either time= .* or rate="),
+    ({"sign": 2}, "sign must be 1 or -1"),
+    ({"decimal": "x"}, "decimal must be"),
+    ({"skip_rows": -1}, "skip_rows must not be negative"),
+    ({"delimiter": ",", "decimal": ","}, "cannot both be"),
+    ({"encoding": "klingon"}, "no known text encoding"),
+]
+
+
+def refused(path, error, rows):
+    """Check that a file is refused with the options of each row."""
+
+    def check(options, message):
+        with pytest.raises(error, match=message):
+            read(path, **options)
+
+    check_rows(check, {message: (options, message) for options, message in rows})
+
+
+def test_wrong_options(tmp_path):
     path = tmp_path / "run.csv"
     path.write_text(table(header="t,x"))
-    with pytest.raises(UsageError, match=message):
-        read(path, **options)
+    refused(path, UsageError, WRONG_OPTIONS)
 
 
 def test_missing_and_unknown_files(tmp_path):
@@ -232,7 +248,7 @@ def test_bad_npz(tmp_path):
 
 
 def simulink():
-    """Simulink's "structure with time": a struct of time and signals.values."""
+    """Return Simulink's "structure with time": time and signals.values."""
     return {"time": T[:, None], "signals": {"values": X[:, None], "dimensions": 1.0, "label": "x"}, "blockName": "m/x"}
 
 
@@ -269,7 +285,10 @@ CHOICES = {
 
 
 def save_hdf5(path, variables):
-    """A file of version 7.3 as MATLAB lays it out: a block of text, reversed dimensions, references for cells."""
+    """Write a file of version 7.3 in the layout of MATLAB.
+
+    It has a leading block of text, reversed dimensions, and references for cells.
+    """
     with h5py.File(path, "w", userblock_size=512) as file:
         heap = file.create_group("#refs#")
         for name, value in variables.items():
@@ -308,9 +327,11 @@ def mat(request, tmp_path):
     return path
 
 
-@pytest.mark.parametrize("name", CHOICES)
-def test_mat(mat, name):
-    assert same(read(mat, **CHOICES[name]))
+def test_mat(mat):
+    def check(options):
+        assert same(read(mat, **options))
+
+    check_rows(check, CHOICES)
 
 
 def test_some_cells(mat):
@@ -320,33 +341,29 @@ def test_some_cells(mat):
     assert rate.trace.x == pytest.approx([*X[2:4], *X[:2]])
 
 
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        ({"column": "Theta"}, r"has no column 'Theta' .* Did you mean 'Theta1'"),
-        ({"column": "Theta1.signal.values"}, "Did you mean 'signals'"),
-        ({"column": "run"}, "is a structure; name one of its fields: .*clock"),
-        ({"column": "label"}, "'label' in run.mat holds text, so it is no displacement"),
-        ({"column": "Y_a[4]", "time": "t"}, r"'Y_a' has 2 cells, but column= asks for \[4\]"),
-        ({"column": "both", "time": "t", "row": 3}, "holds 2 signals, but row=3"),
-        ({"column": "Y_a", "time": "Time_a", "cells": [7]}, "has 2 cells, but cells= asks for 7"),
-        ({"column": "Y_a", "time": "t"}, "'t' has 6 samples and 'Y_a' has 4"),
-        ({"column": "Y_a+Y_a", "time": "Time_a+Time_a"}, "the time is not increasing"),
-    ],
-)
-def test_bad_choices_in_mat(mat, options, message):
-    with pytest.raises(DataError, match=message):
-        read(mat, **options)
+BAD_CHOICES = [
+    ({"column": "Theta"}, r"has no column 'Theta' .* Did you mean 'Theta1'"),
+    ({"column": "Theta1.signal.values"}, "Did you mean 'signals'"),
+    ({"column": "run"}, "is a structure; name one of its fields: .*clock"),
+    ({"column": "label"}, "'label' in run.mat holds text, so it is no displacement"),
+    ({"column": "Y_a[4]", "time": "t"}, r"'Y_a' has 2 cells, but column= asks for \[4\]"),
+    ({"column": "both", "time": "t", "row": 3}, "holds 2 signals, but row=3"),
+    ({"column": "Y_a", "time": "Time_a", "cells": [7]}, "has 2 cells, but cells= asks for 7"),
+    ({"column": "Y_a", "time": "t"}, "'t' has 6 samples and 'Y_a' has 4"),
+    ({"column": "Y_a+Y_a", "time": "Time_a+Time_a"}, "the time is not increasing"),
+]
 
 
-@pytest.mark.parametrize(
-    "content", [b"garbage" * 100, b"MATLAB 5.0 MAT-file".ljust(124) + b"\x00\x01IM" + b"\xff" * 80]
-)
-def test_a_damaged_mat_file(tmp_path, content):
+def test_bad_choices_in_mat(mat):
+    refused(mat, DataError, BAD_CHOICES)
+
+
+def test_a_damaged_mat_file(tmp_path):
     path = tmp_path / "run.mat"
-    path.write_bytes(content)
-    with pytest.raises(DataError, match="cannot be read as a MATLAB file"):
-        read(path)
+    for content in (b"garbage" * 100, b"MATLAB 5.0 MAT-file".ljust(124) + b"\x00\x01IM" + b"\xff" * 80):
+        path.write_bytes(content)
+        with pytest.raises(DataError, match="cannot be read as a MATLAB file"):
+            read(path)
 
 
 # --- HDF5
@@ -390,19 +407,17 @@ def test_one_pair_needs_no_names(tmp_path):
     assert same(read(tmp_path / "run.nc"))
 
 
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        ({"column": "/run3/x"}, r"has no column '/run3/x' \(asked for with column=\). Did you mean '/run\dx?/x'"),
-        ({"column": "/image", "rate": 5}, r"has no column '/image' .* Did you mean '/image\[\d\]'"),
-        ({"column": "/scaled/axis"}, "has no time for '/scaled/axis'"),
-        ({}, r"run.h5 holds 2 runs; choose one with run=1, or run='all'"),
-        ({"column": "/run1/x", "unit": "kg"}, "'kg' does not fit"),
-    ],
-)
-def test_bad_hdf5(hdf5, options, message):
-    with pytest.raises(DataError, match=message):
-        read(hdf5, **options)
+BAD_HDF5 = [
+    ({"column": "/run3/x"}, r"has no column '/run3/x' \(given by column=\). Did you mean '/run\dx?/x'"),
+    ({"column": "/image", "rate": 5}, r"has no column '/image' .* Did you mean '/image\[\d\]'"),
+    ({"column": "/scaled/axis"}, "has no time for '/scaled/axis'"),
+    ({}, r"run.h5 holds 2 runs; choose one with run=1, or run='all'"),
+    ({"column": "/run1/x", "unit": "kg"}, "'kg' does not fit"),
+]
+
+
+def test_bad_hdf5(hdf5):
+    refused(hdf5, DataError, BAD_HDF5)
 
 
 def test_damaged_hdf5(tmp_path):

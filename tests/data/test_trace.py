@@ -1,4 +1,4 @@
-"""A trace keeps its digits, checks itself once, and passes through compiled code."""
+"""A trace keeps all digits, checks its arrays, supports jit and vmap."""
 
 import jax
 import jax.numpy as jnp
@@ -8,6 +8,7 @@ import pytest
 from fricjax.data import Trace
 from fricjax.data.record import listed
 from fricjax.errors import DataError
+from tests.tables import check_rows
 
 T = [0.0, 0.1, 0.25, 0.3]
 
@@ -34,26 +35,28 @@ def test_missing_samples_are_masked_and_held_at_zero():
     assert both.x[2] == 3.0
 
 
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (([[0.0, 1.0, 2.0]], [[1.0, 2.0, 3.0]]), r"t must be one-dimensional, but it has shape \(1, 3\)"),
-        ((T, [1.0, 2.0, 3.0]), "t has 4 samples and x has 3"),
-        (([0.0, 1.0], [1.0, 2.0]), "at least 3 samples, but only 2"),
-        (([0.0, np.nan, 2.0], [1.0, 2.0, 3.0]), "t must be finite, but sample 1 is nan"),
-        (([0.0, 2.0, 1.5], [1.0, 2.0, 3.0]), r"increase strictly, but sample 2 is 1.5 s after 2.0 s"),
-        (([0.0, 1.0, 1.0], [1.0, 2.0, 3.0]), r"increase strictly, but sample 2 is 1.0 s after 1.0 s"),
-        ((T, T, -1.0), "sigma must be positive and finite, but it is -1"),
-        ((T, T, [1.0, 1.0, 0.0, 1.0]), r"it is 0 \(entry 2\)"),
-        ((T, T, [1.0, 1.0]), "sigma must be one number or one per sample"),
-        ((T, T, None, [1, 1, 0, 1]), "mask must be boolean"),
-        ((T, T, None, [True]), "mask must have one entry per sample"),
-        ((T, ["a", "b", "c", "d"]), "x must hold real numbers"),
-    ],
-)
-def test_what_is_no_trace_is_refused_in_words(arguments, message):
-    with pytest.raises(DataError, match=message):
-        Trace(*arguments)
+REFUSED = [
+    (([[0.0, 1.0, 2.0]], [[1.0, 2.0, 3.0]]), r"t must be one-dimensional, but it has shape \(1, 3\)"),
+    ((T, [1.0, 2.0, 3.0]), "t has 4 samples and x has 3"),
+    (([0.0, 1.0], [1.0, 2.0]), "at least 3 samples, but only 2"),
+    (([0.0, np.nan, 2.0], [1.0, 2.0, 3.0]), "t must be finite, but sample 1 is nan"),
+    (([0.0, 2.0, 1.5], [1.0, 2.0, 3.0]), r"increase strictly, but sample 2 is 1.5 s after 2.0 s"),
+    (([0.0, 1.0, 1.0], [1.0, 2.0, 3.0]), r"increase strictly, but sample 2 is 1.0 s after 1.0 s"),
+    ((T, T, -1.0), "sigma must be positive and finite, but it is -1"),
+    ((T, T, [1.0, 1.0, 0.0, 1.0]), r"it is 0 \(entry 2\)"),
+    ((T, T, [1.0, 1.0]), "sigma must be one number or one per sample"),
+    ((T, T, None, [1, 1, 0, 1]), "mask must be boolean"),
+    ((T, T, None, [True]), "mask must have one entry per sample"),
+    ((T, ["a", "b", "c", "d"]), "x must hold real numbers"),
+]
+
+
+def test_what_is_no_trace_is_refused_in_words():
+    def check(arguments, message):
+        with pytest.raises(DataError, match=message):
+            Trace(*arguments)
+
+    check_rows(check, REFUSED)
 
 
 def test_a_trace_is_built_and_used_under_jit():

@@ -1,4 +1,4 @@
-"""Units against pint, which knows them from elsewhere, and texts that are none."""
+"""Units agree with pint, and other texts are refused."""
 
 import itertools
 
@@ -7,9 +7,11 @@ import pytest
 
 from fricjax.data.readers.header import split_title
 from fricjax.data.units import _PREFIXED, _PREFIXES, _UNPREFIXED, factor, si_unit, unit_of
+from fricjax.errors import DataError
+from tests.tables import check_rows
 
 REGISTRY = pint.UnitRegistry()
-# Names that pint does not have, or has for something else, as gigaradian for the German degree.
+# Names unknown to pint, or with another meaning there: "Grad" is its gigaradian and the German word for a degree.
 OURS = {
     "Grad",
     "Nm",
@@ -40,13 +42,15 @@ def of_pint(text):
     return base.magnitude, {symbols[name]: power for name, power in base.unit_items()}
 
 
-@pytest.mark.parametrize("name", [*sorted({*_UNPREFIXED, *_PREFIXED} - OURS), *QUOTIENTS])
-def test_a_unit_is_what_pint_says(name):
-    found = unit_of(name)
-    scale, powers = of_pint(name)
-    assert found is not None
-    assert found.scale == pytest.approx(scale, rel=1e-14)
-    assert found.powers == powers
+def test_a_unit_is_what_pint_says():
+    def check(name):
+        found = unit_of(name)
+        scale, powers = of_pint(name)
+        assert found is not None
+        assert found.scale == pytest.approx(scale, rel=1e-14)
+        assert found.powers == powers
+
+    check_rows(check, [*sorted({*_UNPREFIXED, *_PREFIXED} - OURS), *QUOTIENTS])
 
 
 def test_prefixes_are_those_of_pint():
@@ -58,48 +62,43 @@ def test_prefixes_are_those_of_pint():
     assert si_unit("millimetre") == (1e-3, "m") and si_unit("microseconds") == (1e-6, "s")
 
 
-@pytest.mark.parametrize(
-    ("text", "expected"),
-    [
-        ("µm", (1e-6, "m")),
-        ("μm", (1e-6, "m")),
-        ("micron", (1e-6, "m")),
-        ("°", (0.017453292519943295, "rad")),
-        ("deg", (0.017453292519943295, "rad")),
-        ("Grad", (0.017453292519943295, "rad")),
-        ("arcsec", (4.84813681109536e-06, "rad")),
-        ("inch", (0.0254, "m")),
-        ("msec", (1e-3, "s")),
-        ("Sek.", (1.0, "s")),
-        ("s.", (1.0, "s")),
-        ("min", (60.0, "s")),
-        ("m²", (1.0, "m^2")),
-        ("s⁻¹", (1.0, "s^-1")),
-        ("N·s/m", (1.0, "kg s^-1")),
-        ("N.m", (1.0, "kg m^2 s^-2")),
-        ("Nm", (1.0, "kg m^2 s^-2")),
-        ("g", (1e-3, "kg")),
-        ("%", (0.01, "")),
-    ],
-)
-def test_units_as_people_write_them(text, expected):
-    found = si_unit(text)
-    assert found is not None
-    assert found == (pytest.approx(expected[0], rel=1e-14), expected[1])
+WRITTEN = {
+    "µm": (1e-6, "m"),
+    "μm": (1e-6, "m"),
+    "micron": (1e-6, "m"),
+    "°": (0.017453292519943295, "rad"),
+    "deg": (0.017453292519943295, "rad"),
+    "Grad": (0.017453292519943295, "rad"),
+    "arcsec": (4.84813681109536e-06, "rad"),
+    "inch": (0.0254, "m"),
+    "msec": (1e-3, "s"),
+    "Sek.": (1.0, "s"),
+    "s.": (1.0, "s"),
+    "min": (60.0, "s"),
+    "m²": (1.0, "m^2"),
+    "s⁻¹": (1.0, "s^-1"),
+    "N·s/m": (1.0, "kg s^-1"),
+    "N.m": (1.0, "kg m^2 s^-2"),
+    "Nm": (1.0, "kg m^2 s^-2"),
+    "g": (1e-3, "kg"),
+    "%": (0.01, ""),
+}
+OTHER_TEXTS = [
+    "counts", "", "-", "x", "5", "1", "t", "m^^2", "m/", "/m", "m^99", "m^1.5", "(m", "m)", "((m))", "9**9**9**9**9 m",
+    "m_s", "m\0", "_", "m" * 41, "furlong", "m" + " m" * 20, "fm^9 fm^9 fm^9 fm^9 fm^9", "0.1 um",
+]  # fmt: skip
 
 
-@pytest.mark.parametrize(
-    "text",
-    ["counts", "", "-", "x", "5", "1", "t", "m^^2", "m/", "/m", "m^99", "m^1.5", "(m", "m)", "((m))", "9**9**9**9**9 m",
-     "m_s", "m\0", "_", "m" * 41, "furlong", "m" + " m" * 20, "fm^9 fm^9 fm^9 fm^9 fm^9", "1", "0.1 um"],
-)  # fmt: skip
-def test_other_texts_are_no_units(text):
-    assert si_unit(text) is None
+def test_units_as_people_write_them():
+    found = {text: si_unit(text) for text in WRITTEN}
+    assert found == {text: (pytest.approx(scale, rel=1e-14), unit) for text, (scale, unit) in WRITTEN.items()}
+
+
+def test_other_texts_are_no_units():
+    assert {text: si_unit(text) for text in OTHER_TEXTS} == dict.fromkeys(OTHER_TEXTS)
 
 
 def test_what_is_refused_is_shown_in_brief():
-    from fricjax.errors import DataError
-
     with pytest.raises(DataError) as caught:
         factor("m" * 5000, ("m",), "the displacement 'x' of run.csv")
     assert len(str(caught.value)) < 200 and "..." in str(caught.value)

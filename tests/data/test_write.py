@@ -1,4 +1,4 @@
-"""What is written comes back to the last bit, and nothing half-written is ever left."""
+"""Records are read back bit for bit, and no half-written file remains."""
 
 import json
 from typing import Any
@@ -109,7 +109,7 @@ def test_where_nothing_can_be_written(record, tmp_path):
     with pytest.raises(UsageError, match="There is no folder"):
         write(record, tmp_path / "none" / "run.csv")
     with pytest.raises(DataError, match="cannot be written as JSON"):
-        write(Record(record.trace, {"what": object()}), tmp_path / "run.csv")
+        write(Record(record.trace, {"key": object()}), tmp_path / "run.csv")
     assert not list(tmp_path.iterdir())
 
 

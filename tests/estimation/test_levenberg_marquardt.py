@@ -55,7 +55,7 @@ def test_a_linear_problem_is_done_after_one_step():
     found = solve(line, (0.0, 0.0))
     slope, intercept = np.polyfit(T, LINE, 1)
     assert np.asarray(found.value) == pytest.approx([intercept, slope], rel=1e-4)
-    # The first pass measures the start; the damping of the first step leaves a last small one.
+    # The first pass measures the start. The first step is damped, so a small second one follows.
     assert steps(found) <= 3
 
 

@@ -1,6 +1,7 @@
-"""The paper's figures and numbers: golden ends, the triangle wave, the sawtooth under damping, energies, files."""
+"""Figures and numbers of the paper: stops, maps, energies and files."""
 
 import csv
+import itertools
 import json
 import subprocess
 import sys
@@ -10,6 +11,7 @@ import numpy as np
 import pytest
 
 from tests.helpers import FIG_2_V, FIG_2_X, GOLDEN, SAMPLE_TIMES
+from tests.tables import check_rows
 
 pytestmark = pytest.mark.slow
 
@@ -20,7 +22,7 @@ FORCE, STIFFNESS = 0.981, 5000.0
 LIMIT = FORCE / STIFFNESS
 PRINTED = {"figure_2": -0.139e-3, "figure_3": 0.176e-3}
 ENDS = {"figure_2": (-0.1392e-3, 8, 0.355430635053), "figure_3": (0.1772e-3, 3, 0.133286488145)}
-# The damping ratio of the prototype, and its dead band at mu = 0.05 and 9.66 N.
+# Damping ratio of the prototype, and its dead band at mu = 0.05 and 9.66 N.
 PROTOTYPE_DAMPING_RATIO, PROTOTYPE_BAND = 0.0027, 0.05 * 9.66 / 2574.0
 
 
@@ -29,7 +31,7 @@ def run(*arguments):
 
 
 class Output:
-    """What the command left: its folder, its numbers and its text."""
+    """Folder, numbers and text of the command."""
 
     def __init__(self, folder, numbers, text):
         self.folder, self.numbers, self.text = folder, numbers, text
@@ -69,7 +71,7 @@ def test_golden_ends(found):
 
 
 @pytest.mark.parametrize("figure", ENDS)
-def test_free_vibrations_end_where_the_paper_says(found, figure):
+def test_free_vibrations_end_at_the_printed_position(found, figure):
     final, half_cycles, t_stop = ENDS[figure]
     assert found.ours(figure, "final displacement xf") == pytest.approx(final, rel=1e-9)
     assert found.ours(figure, "half-cycles") == half_cycles
@@ -103,25 +105,29 @@ def test_the_map_is_a_triangle_wave(found):
     np.testing.assert_allclose(found.column("figure_4", "Final displacement [m]"), wave, rtol=0, atol=1e-7 * LIMIT)
 
 
-@pytest.mark.parametrize("zeta", [0.0, 0.01, 0.1])
-@pytest.mark.parametrize("ratio", [1.0, 1.3, 2.5])
-def test_edges_widths_slopes_and_jumps(found, zeta, ratio):
+def test_edges_widths_slopes_and_jumps(found):
     table = {head: np.array(values, float) for head, values in found.columns("damped_map").items()}
-    chosen = (table["Damping ratio"] == zeta) & (table["mu_s/mu"] == ratio)
-    n = table["Half-cycles"][chosen]
-    assert n.tolist() == list(range(1, n.size + 1))
-    assert n.size >= 3
-    rho, static = np.exp(-np.pi * zeta / np.sqrt(1 - zeta**2)), ratio * LIMIT
-    width = rho**-n * ((1 + rho) * LIMIT + (1 - rho) * static)
-    np.testing.assert_allclose(table["Edge [m]"][chosen], static + np.cumsum(width) - width, rtol=1e-7)
-    np.testing.assert_allclose(table["Width [m]"][chosen], width, rtol=1e-7)
-    np.testing.assert_allclose(table["Slope"][chosen], (-rho) ** n, rtol=1e-7)
-    np.testing.assert_allclose(table["Jump [m]"][chosen], (1 + rho) * (static - LIMIT), rtol=1e-7, atol=1e-7 * LIMIT)
-    amplitude = found.ours("damped_map", f"damping {zeta:.0%}, mu_s/mu {ratio:g}: amplitude")
-    assert amplitude == pytest.approx(static, rel=1e-9)
+
+    def check(zeta, ratio):
+        chosen = (table["Damping ratio"] == zeta) & (table["mu_s/mu"] == ratio)
+        n = table["Half-cycles"][chosen]
+        assert n.tolist() == list(range(1, n.size + 1))
+        assert n.size >= 3
+        rho, static = np.exp(-np.pi * zeta / np.sqrt(1 - zeta**2)), ratio * LIMIT
+        width = rho**-n * ((1 + rho) * LIMIT + (1 - rho) * static)
+        np.testing.assert_allclose(table["Edge [m]"][chosen], static + np.cumsum(width) - width, rtol=1e-7)
+        np.testing.assert_allclose(table["Width [m]"][chosen], width, rtol=1e-7)
+        np.testing.assert_allclose(table["Slope"][chosen], (-rho) ** n, rtol=1e-7)
+        np.testing.assert_allclose(
+            table["Jump [m]"][chosen], (1 + rho) * (static - LIMIT), rtol=1e-7, atol=1e-7 * LIMIT
+        )
+        amplitude = found.ours("damped_map", f"damping {zeta:.0%}, mu_s/mu {ratio:g}: amplitude")
+        assert amplitude == pytest.approx(static, rel=1e-9)
+
+    check_rows(check, itertools.product([0.0, 0.01, 0.1], [1.0, 1.3, 2.5]))
 
 
-def test_synthetic_trials_spread_as_the_scatter_of_mu_says(found):
+def test_synthetic_trials_spread_by_the_scatter_of_mu(found):
     x0, final, mu = (
         found.column("figure_6", head)
         for head in ("Effective initial displacement [m]", "Final displacement [m]", "Coefficient of friction")
@@ -177,7 +183,7 @@ def test_friction_energy_rate_is_the_friction_force_times_speed(found):
 
 
 def test_every_closed_form_is_met(found):
-    """All but statistics of scattered releases and the samples' largest values, which the tests above judge."""
+    """Compare all quantities without statistics or maxima of samples."""
     loose = ("spread", "by route 2", "largest loss rate", "over all time", "FER over speed")
     numbers = [n for rows in found.numbers.values() for n in rows if not any(word in n["quantity"] for word in loose)]
     assert len(numbers) > 90
@@ -185,19 +191,22 @@ def test_every_closed_form_is_met(found):
         assert n["ours"] == pytest.approx(n["reference"], rel=1e-9, abs=1e-15), n["quantity"]
 
 
-@pytest.mark.parametrize("study", STUDIES)
-def test_each_study_leaves_a_picture_a_table_and_a_section(found, study):
-    assert (found.folder / f"{study}.png").read_bytes().startswith(b"\x89PNG")
-    assert (found.folder / f"{study}.png").stat().st_size > 10_000
-    columns = found.columns(study)
-    columns.pop("Release", None)
-    assert np.all(np.isfinite(np.array(list(columns.values()), dtype=float)))
+def test_each_study_leaves_a_picture_a_table_and_a_section(found):
     page = (found.folder / "paper.md").read_text()
-    assert f"({study}.png)" in page
-    assert f"({study}.csv)" in page
-    for number in found.numbers[study]:
-        assert f"| {number['quantity']} |" in page
-        assert number["quantity"] in found.text
+
+    def check(study):
+        assert (found.folder / f"{study}.png").read_bytes().startswith(b"\x89PNG")
+        assert (found.folder / f"{study}.png").stat().st_size > 10_000
+        columns = found.columns(study)
+        columns.pop("Release", None)
+        assert np.all(np.isfinite(np.array(list(columns.values()), dtype=float)))
+        assert f"({study}.png)" in page
+        assert f"({study}.csv)" in page
+        for number in found.numbers[study]:
+            assert f"| {number['quantity']} |" in page
+            assert number["quantity"] in found.text
+
+    check_rows(check, STUDIES)
 
 
 def test_one_study_alone(tmp_path):

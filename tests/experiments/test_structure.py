@@ -1,4 +1,4 @@
-"""How easy the package is to read stays what it is: the script that counts it is asked."""
+"""Counts of imports, helpers, comments and words stay within limits."""
 
 import ast
 from collections import Counter

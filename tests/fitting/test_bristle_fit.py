@@ -69,7 +69,10 @@ def test_rate_and_state_is_found_although_its_force_jumps_at_each_reversal():
 
 @pytest.mark.slow
 def test_a_contact_that_rings_on_at_rest_is_found_from_several_runs():
-    """Fit a contact with ringing that the mesh of the first stage does not resolve."""
+    """Fit a contact that rings at rest.
+
+    The mesh of the first stage does not resolve the ringing.
+    """
     machine = Oscillator(PROTOTYPE_MASS, STIFFNESS, PROTOTYPE_DAMPING, 9.66, Dahl(0.02, sigma0=2e5))
     runs = [run_of(machine, x0, np.arange(1200) / 2e3, 5e-9, i) for i, x0 in enumerate((1.0e-3, 1.4e-3, 1.8e-3))]
     start = Oscillator(PROTOTYPE_MASS, STIFFNESS, PROTOTYPE_DAMPING, 9.66, Dahl(0.04, sigma0=1e6))
@@ -97,7 +100,10 @@ def test_a_rigid_contact_is_found_to_be_rigid(law):
 
 @pytest.mark.slow
 def test_elements_are_found_though_the_instants_at_which_they_slip_move_with_them():
-    """Fit the slip limits although a mesh has steps at the slips of one set only."""
+    """Fit the elements of a Maxwell-slip law.
+
+    The steps of a mesh end at the slips of one set of coefficients only.
+    """
     truth = {"stiffnesses_0": 4e4, "stiffnesses_1": 2e4, "limits_0": 0.02, "limits_1": 0.03}
 
     def machine(wrong: float) -> Oscillator:

@@ -1,4 +1,4 @@
-"""A second fit of the same shape compiles nothing, whatever the engine."""
+"""Fits of the same shape compile only once, with every engine."""
 
 import threading
 
@@ -75,8 +75,9 @@ def two_states() -> tuple[Record, Oscillator]:
     ids=["LuGre", "BlimanSorine"],
 )
 def test_all_meshes_of_a_fit_share_a_program(made, free):
-    """Count the programs of a fit, from the coarsest mesh to the check.
+    """Count the programs of a fit with several meshes.
 
+    The meshes range from the coarse one of the first stage to the fine one of the check.
     A background thread compiles the program while the first mesh is computed.
     """
     run, model = made()

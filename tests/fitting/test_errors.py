@@ -22,11 +22,13 @@ def machine(friction=None):
 USAGE = {
     "mu and load": (
         {"free": ["mu", "normal_force"]},
-        r"mu and normal_force cannot both be free, for they are not identifiable: the motion depends only on their product",
+        r"mu and normal_force cannot both be free, for they are not identifiable: "
+        r"the motion depends only on their product",
     ),
     "mass and stiffness": (
         {"free": ["mass", "stiffness", "mu"]},
-        r"mass and stiffness cannot both be free, for they are not identifiable: the motion depends only on their ratio",
+        r"mass and stiffness cannot both be free, for they are not identifiable: "
+        r"the motion depends only on their ratio",
     ),
     "quadratic drag and drag": (
         {"oscillator": machine(Coulomb(0.05) + QuadraticDrag(0.1)), "free": ["mu", "drag"]},

@@ -29,7 +29,10 @@ def machine(law):
 
 
 def problem(engine: str):
-    """Return a problem with one run and priors; the exact one also has a rig."""
+    """Return a problem with one run and priors.
+
+    The problem of the exact engine also has a rig.
+    """
     if engine == "exact":
         return problem_of(coulomb_run(), RIG.oscillator(Coulomb(0.05)), ("mu", "damping"), priors=PRIORS, rig=RIG)
     law = Coulomb(0.05) if engine == "hybrid" else Tanh(0.05, 1e-2)

@@ -32,7 +32,10 @@ STALLED = (
 
 @jax.custom_jvp
 def spoiled(mu, wall, rough):
-    """Return `mu`, or NaN below `wall`; below `rough` only the derivative is NaN."""
+    """Return `mu`, or NaN below `wall`.
+
+    Below `rough`, only the derivative is NaN.
+    """
     return jnp.where(mu < wall, jnp.nan, mu)
 
 
@@ -138,6 +141,6 @@ def test_the_smooth_engine_at_a_start_that_grows_without_bound():
 @pytest.mark.slow
 @pytest.mark.parametrize("value", [np.nan, np.inf, -2574.0])
 def test_a_start_value_that_cannot_be_is_refused(value):
-    """Refuse start values outside the domain; the fit uses the logarithm of the stiffness."""
+    """Refuse a stiffness without a logarithm, which the fit uses."""
     with pytest.raises(UsageError, match=r"The start value of stiffness must be .*, got"):
         fitted(guess={"stiffness": value})

@@ -1,4 +1,4 @@
-"""Options of a fit: starts, nuisances, noise modes, priors, bounds, ties, several runs."""
+"""Options of a fit: start, nuisances, noise, priors, bounds, ties, several runs."""
 
 import numpy as np
 import pytest
@@ -105,7 +105,7 @@ class TestResult:
     def test_correlation_and_covariance_belong_together(self, plain):
         assert np.diag(plain.correlation) == pytest.approx(np.ones(6))
         assert np.sqrt(np.diag(plain.covariance)) == pytest.approx([plain.std_errors[n] for n in plain.names])
-        assert plain.correlation[0, 1] < -0.5  # friction and damping both take the motion away
+        assert plain.correlation[0, 1] < -0.5  # friction and damping both cause decay
 
     def test_without_a_rig_the_combined_errors_are_the_statistical_ones(self, plain):
         assert plain.combined_std_errors == plain.std_errors

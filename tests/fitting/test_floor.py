@@ -57,7 +57,7 @@ def test_a_deviation_goes_on_as_the_motion_deviates(deviation, law, within):
 
 
 def test_kicks_add_up_as_their_integral_says():
-    """Sum the effect of kicks at many instants on the state after a step."""
+    """Integrate the effect of kicks on the state after a step."""
     problem, solution, _, t = at_rows()
     passage = passage_of(problem, solution, 0, t)
     assert passage is not None
@@ -109,7 +109,7 @@ def test_a_floor_that_shakes_is_told_by_the_record():
 
 @pytest.mark.slow
 def test_a_long_rest_does_not_hide_a_floor():
-    """Detect floor vibration in a record with two half-cycles and a long rest.
+    """Detect floor vibration with two half-cycles and a long rest.
 
     The fit explains most of the two half-cycles. The rest has many more rows than their residuals.
     """

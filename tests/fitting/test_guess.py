@@ -100,9 +100,10 @@ def test_a_single_stroke_still_gives_a_start():
 
 
 def test_with_two_reversals_the_release_tells_the_equilibrium():
-    """Use the release, because the mean of two reversals is a poor equilibrium.
+    """Use the release to find the equilibrium.
 
-    It is off by half of the loss of a stroke. From it, friction would be guessed five times too small.
+    The mean of two reversals is off by half of the loss of a stroke.
+    With it, the guess of friction would be five times too small.
     """
     run = coulomb_run(1e-3)
     assert segment(np.asarray(run.t), np.asarray(run.x)).turning_points.size == 2

@@ -1,4 +1,4 @@
-"""Fits in other units: scaled displacements, times or weights give the same optimum."""
+"""Fits with scaled displacements, times or weights have the same optimum."""
 
 import functools
 

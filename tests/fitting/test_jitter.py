@@ -21,7 +21,7 @@ REACH, POINTS = 1e-4, 201
 
 
 class Curves(NamedTuple):
-    """chi^2 and its derivative with respect to mu at mu (1 + `relative`).
+    """chi^2 and its derivative in mu at mu (1 + `relative`).
 
     `relative` has shape (201,), the curves (201, 2). The first column belongs to the condensed record,
     the second to all samples.
@@ -36,7 +36,7 @@ class Curves(NamedTuple):
 
 @eqx.filter_jit
 def along_mu(residual, few, y, slope, relative):
-    """Return chi^2 of the residuals in `few` and of the others, along mu.
+    """chi^2 of the residuals in `few` and of the others.
 
     The parameter mu is the first one, and linear in its coordinate.
     """

@@ -1,4 +1,4 @@
-"""Records that end in the last stroke, which begins near the static dead band."""
+"""Records that end in a last stroke from near the dead band."""
 
 import numpy as np
 import pytest
@@ -85,7 +85,7 @@ def test_the_stop_by_the_law_is_read_off_the_turning_points(engine: str, start: 
 
 @pytest.mark.slow
 def test_the_last_turning_points_stand_behind_those_from_the_table():
-    """Compare the margins of a run of many half-cycles with the exact engine."""
+    """Compare the margins of a long run with the exact engine."""
     run = coulomb_run(2e-3, mu=0.02, samples=4000)
     model = Oscillator(PROTOTYPE_MASS, STIFFNESS, PROTOTYPE_DAMPING, 9.66, Coulomb(0.02))
     exact, hybrid = (fit(run, model, ["mu", "stiffness"], engine=engine) for engine in ("exact", "hybrid"))

@@ -66,8 +66,8 @@ def test_nothing_is_lacking_from_the_right_model_and_with_what_was_lacking_it_is
 def test_a_quiet_rest_makes_no_shaken_floor_of_what_is_lacking(duration):
     """Do not explain a missing drag by floor vibration.
 
-    Floor vibration can explain any motion, but the rest shows none.
-    If it did here, the fit would converge with mu off by 12 standard errors.
+    Floor vibration can explain any motion, but here the rest excludes it.
+    With floor vibration, the fit would converge with mu off by 12 standard errors.
     """
     truth = machine(Coulomb(0.02), drag=2.0)
     record = synthetic_run(truth, 1e-3, rate=1e3, duration=duration, noise=5e-9, seed=0)
@@ -103,7 +103,7 @@ def test_few_half_cycles_do_not_tell_a_shaken_floor_from_what_is_lacking(truth, 
 @pytest.mark.usefixtures("small_chunks")
 @pytest.mark.parametrize("duration", [0.3, 1.5])
 def test_a_long_rest_hides_nothing_that_the_motion_shows(duration):
-    """Compare residuals with the noise during the motion, not over the whole record.
+    """Compare residuals with the noise during the motion only.
 
     In motion the residuals are 26 times the noise, over the whole record 10 times.
     With the latter, the fit would converge with mu off by 17 standard errors.
@@ -126,7 +126,7 @@ def remembering(record: Trace, seed: int) -> Trace:
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(3))
 def test_standard_errors_allow_for_a_drag_that_is_not_fitted(seed):
-    """Include the effect of a small drag in the standard error of mu.
+    """Include a small drag in the standard error of mu.
 
     The drag is hidden by noise. It moves mu by tens of standard errors for white noise.
     """

@@ -23,9 +23,9 @@ def cut(law, seconds: float, seed: int = 0) -> Trace:
 
 
 def test_behind_the_end_of_a_rolling_run_the_mass_stops_where_the_law_stops_it(tmp_path):
-    """Predict behind the end of a run of 2 s that ends in motion.
+    """Predict the stop behind the end of a record.
 
-    In closed form, the mass stops at 3.6 s.
+    The run of 2 s ends in motion. In closed form, the mass stops at 3.6 s.
     """
     run, machine = noisy("rolling", "Coulomb", 0), oscillator(RIGS["rolling"], "Coulomb")
     found = fit(run, machine, MACHINE)

@@ -51,7 +51,7 @@ def at_rest_after(after, *, turned: float = -0.4 * BAND, length: float = 0.1) ->
 @pytest.mark.parametrize("sigma0", [3e4, 1e6, 1e7])
 @pytest.mark.parametrize("ratio", [0.02, 0.2])
 def test_a_ringing_tells_stiffness_and_damping(sigma0, ratio):
-    """Add a ringing at the Dahl resonance to a creep four times larger."""
+    """Add ringing at the Dahl resonance to a fourfold creep."""
     omega = np.sqrt((STIFFNESS + sigma0) / PROTOTYPE_MASS)
     swing = lambda t: 50e-9 * (1 - np.exp(-ratio * omega * t) * np.cos(omega * t))
     window = at_rest_after(lambda t: swing(t) + 200e-9 * (1 - np.exp(-t / 0.03)))

@@ -1,4 +1,4 @@
-"""Compiled programs of a fit, their size, and the engine of the numerical check."""
+"""Compiled programs of a fit, and the engine of its numerical check."""
 
 import re
 
@@ -98,7 +98,10 @@ UNCERTAIN = Rig(
 
 @pytest.mark.slow
 def test_a_rig_adds_one_program_that_is_compiled_beside_the_solver(monkeypatch):
-    """Expect two programs in a first fit; a wrong shape would add a third."""
+    """Expect two programs in a first fit.
+
+    If the compiled shape were wrong, there would be three.
+    """
     programs = watched(monkeypatch)
     fit(coulomb_run(), UNCERTAIN.oscillator(Coulomb(0.05)), MACHINE, rig=UNCERTAIN)
     assert [len(shapes) for shapes in programs.values()] == [2]

@@ -95,7 +95,7 @@ def test_the_bound_of_cramer_and_rao_is_reached_for_sliding_friction(law):
 
 
 def test_it_fits_from_wrong_start_values_all_the_same():
-    """Start from wrong coefficients, which the fit replaces by guesses from the decay."""
+    """Replace wrong start values of the machine by guesses from the decay."""
     reference = fits("sliding", "Coulomb")[0]
     machine = oscillator(RIGS["sliding"], "Coulomb")
     start = Oscillator(machine.mass, 0.5 * machine.stiffness, 3 * machine.damping, 9.66, Coulomb(0.3))

@@ -93,7 +93,7 @@ def test_a_rig_with_other_numbers_is_refused():
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", [7, 8])
 def test_a_rig_changes_neither_the_noise_nor_the_standard_errors(seed):
-    """Compare fits with and without a rig, for a record with a periodic error.
+    """Compare fits with and without a rig under a periodic error.
 
     Free parameters absorb the effect of the mass, so its derivative must not change the noise model by rounding.
     """

@@ -95,7 +95,7 @@ def test_a_bound_next_to_the_optimum_is_named():
 
 @pytest.mark.parametrize(("multiple", "described"), [(0.95 * DESCRIBED, True), (1.05 * DESCRIBED, False)])
 def test_the_multiple_of_the_noise_is_what_is_stated(multiple, described):
-    """State a noise just above and just below a tenth of the residuals."""
+    """State a noise just above or below a tenth of the residuals."""
     sigma = in_motion(fit(slipped(), MODEL, MACHINE)) / multiple
     found = fit(slipped(sigma=sigma), MODEL, MACHINE)
     assert in_motion(found) / sigma == pytest.approx(multiple, rel=1e-3)
@@ -168,7 +168,10 @@ def test_outliers_are_no_misfit_under_a_robust_loss():
 
 
 def test_of_several_runs_the_one_that_is_not_described_is_named():
-    """Check residuals of each run, because the rms of all samples hides a bad one."""
+    """Check the residuals of each run.
+
+    The root mean square of all samples would hide one bad run.
+    """
     runs = [coulomb_run(seed=seed) for seed in range(3)]
     found = fit([*runs, slipped(size=45e-9)], MODEL, MACHINE)
     assert found.residual_rms < DESCRIBED * NOISE
@@ -187,7 +190,7 @@ def test_a_batch_says_the_same():
     assert any("The amplitude grows with time" in told for told in batch.warnings[2]) and not batch.warnings[0]
     table = batch.to_dataframe()
     assert table["converged"].tolist() == batch.converged.tolist()
-    assert "is the time in reverse" in table["warnings"][2]
+    assert "is the time reversed" in table["warnings"][2]
     robust = fit_batch([with_outliers(), slipped()], MODEL, MACHINE, loss="cauchy")
     assert robust.converged[0] and robust.std_errors["mu"][0] < 1.2 * robust.white_std_errors["mu"][0]
 

@@ -1,4 +1,7 @@
-"""Machines, coefficients and motions that the tests of bristle laws share, so that each law is compiled once."""
+"""Machines and motions for the tests of bristle laws.
+
+The tests share them, so that each law is compiled once.
+"""
 
 from collections.abc import Mapping
 

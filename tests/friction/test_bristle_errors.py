@@ -1,4 +1,4 @@
-"""Coefficients that a bristle law cannot have are refused in one sentence."""
+"""Error messages for impossible coefficients of bristle laws."""
 
 import pytest
 

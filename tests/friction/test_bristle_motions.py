@@ -1,4 +1,7 @@
-"""Motions under every law with internal states against SciPy, to a tenth of a nanometre, and their derivatives."""
+"""Motions and derivatives under every law with internal states against SciPy.
+
+The tolerance of the motions is a tenth of a nanometre.
+"""
 
 import jax
 import jax.numpy as jnp

@@ -1,4 +1,4 @@
-"""LuGre and elasto-plastic brushes: which bristles slip, whether work comes back, and what rests."""
+"""LuGre and elasto-plastic brushes: slip, passivity and rest."""
 
 import jax
 import jax.numpy as jnp
@@ -53,7 +53,7 @@ def test_fading_damping():
 
 
 def jump(law: LuGre | ElastoPlastic, v: float, load: float) -> float:
-    """Force in a leap from slow sliding to `v`."""
+    """Force after a jump from slow sliding to `v`."""
     slow = law.steady_state(jnp.asarray(1e-9), jnp.asarray(1.0), jnp.asarray(load))
     return float(law.force(jnp.asarray(v), slow, jnp.asarray(load)))
 
@@ -80,11 +80,11 @@ def test_constant_damping_is_passive_from_the_bound_of_barabanov_and_ortega(sigm
 
 @pytest.mark.parametrize(("times", "passive"), [(0.99, True), (20.0, False)])
 def test_fading_damping_is_passive_where_it_fades_soon(times: float, passive: bool):
-    # sigma1 v_damping <= 4 sqrt(2 e) mu N is enough.
+    # A sufficient condition is sigma1 v_damping <= 4 sqrt(2 e) mu N.
     sigma1 = times * 4 * np.sqrt(2 * np.e) * 0.2 / 0.05
     law = LuGre(0.1, 0.15, 5e-3, sigma0=1e4, sigma1=sigma1, v_damping=0.05)
     assert law.passive(2.0) is passive
-    # The power taken in less the growth of the energy sigma0 z^2/2, for all deflections that slow sliding can reach.
+    # Absorbed power minus the growth of the energy sigma0 z^2/2, for all deflections that slow sliding can reach.
     v, bend = (grid.ravel() for grid in np.meshgrid(np.geomspace(1e-4, 10, 200), np.linspace(-3e-5, 3e-5, 101)))
     force = jax.vmap(lambda v, z: law.force(v, z, LOAD))(jnp.asarray(v), jnp.asarray(bend)[:, None])
     rate = jax.vmap(lambda v, z: law.rate(v, z, LOAD))(jnp.asarray(v), jnp.asarray(bend)[:, None])[:, 0]

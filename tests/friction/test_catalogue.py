@@ -1,4 +1,4 @@
-"""The table of laws that is asked before JAX is imported says what the classes say, law by law."""
+"""The table of laws, which works without JAX, against the classes."""
 
 import dataclasses
 from typing import Any, get_origin
@@ -20,7 +20,10 @@ CLASSES = {name.lower(): law for name, law in EXPORTED_LAWS.items() if name != "
 
 
 def kind(law: Any) -> str:
-    """What an engine asks for; the number of states of some laws is that of their elements, but never none."""
+    """Return the kind of a law as an engine distinguishes it.
+
+    A list law has as many states as elements, and at least one.
+    """
     if law.n_states != 0:
         return "bristle"
     return "set-valued" if law.set_valued else "smooth"
@@ -48,7 +51,10 @@ def parts_of(name: str) -> tuple[Any, ...]:
 
 
 def entries(name: str) -> list[Any]:
-    """The entries of a law or of its summands, for those that the command line can name."""
+    """Entries of a law, or of the terms of a sum.
+
+    The list is empty for laws that the command line cannot name.
+    """
     found = [CATALOGUE.get(type(part).__name__.lower()) for part in parts_of(name)]
     return found if all(entry is not None and not entry.lists for entry in found) else []
 
@@ -56,7 +62,7 @@ def entries(name: str) -> list[Any]:
 @pytest.mark.parametrize("spring", [Linear(), Cubic(1e6)])
 @pytest.mark.parametrize("name", [name for name in LAWS if entries(name)])
 def test_names_of_coefficients_are_those_of_the_oscillator(name, spring):
-    """By what is given of each law, against the leaves of the oscillator itself."""
+    """Compare names from the given coefficients with the leaves of the oscillator."""
     given = [
         [field.name for field in dataclasses.fields(part) if getattr(part, field.name) is not None]
         for part in parts_of(name)

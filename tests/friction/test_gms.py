@@ -51,7 +51,7 @@ def test_stiff_elements_are_coulomb_friction():
     sharp = coulomb_viscous(
         TS, 2e-3, frequency=float(omega) / (2 * np.pi), zeta=float(C / (2 * M * omega)), dead_band=band
     ).x
-    # Each reversal gives energy in proportion to the deflection back, and that shifts the time by its root.
+    # Each reversal returns an energy proportional to the deflection, and shifts the time by its square root.
     sharp_mu = {**VALUES, "mu_s": VALUES["mu"]}
     mild, stiff = (np.max(np.abs(motion(**sharp_mu, factor=s) - sharp)) for s in (1e2, 1e4))
     assert stiff < 1e-6
@@ -87,7 +87,7 @@ def test_elements_slip_with_their_share_and_stick_together_when_the_velocity_cha
     pulled = jnp.asarray([1.5 * share[0], 0.5 * share[1], 0.0, 0.0])
     state = contact.return_map(v, REST, pulled, LOAD)
     np.testing.assert_allclose(state, [share[0], 0.5 * share[1], share[0], 0.0], rtol=1e-12)
-    # The force does not change as the mode does, for the overshoot was never felt.
+    # The force does not change with the mode, because the overshoot does not contribute to it.
     np.testing.assert_allclose(contact.force(v, pulled, LOAD), contact.force(v, state, LOAD), rtol=1e-12)
     slower = contact.return_map(v / 2, REST, state, LOAD)
     np.testing.assert_array_equal(slower, state)

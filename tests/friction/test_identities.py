@@ -1,4 +1,4 @@
-"""Laws with internal states that are the same law in other words, or have a closed form."""
+"""Laws with internal states against equivalent laws and closed forms."""
 
 import jax
 import jax.numpy as jnp
@@ -31,7 +31,7 @@ def test_dahl_in_other_words(name: str, coefficients: dict[str, float]):
 
 @pytest.mark.slow
 def test_half_cycles_of_dahl():
-    # Each reversal gives 2 F_d l back: a' = -x_d + sqrt((a - x_d)^2 + 4 x_d l), for strokes far longer than l.
+    # Each reversal returns 2 F_d l: a' = -x_d + sqrt((a - x_d)^2 + 4 x_d l), for strokes far longer than l.
     machine = Oscillator(ROLLING.mass, ROLLING.stiffness, 0.0, ROLLING.normal_force, Dahl(MU, SIGMA0))
     found = simulate(machine, X0, np.linspace(0, 0.3, 3001))
     band = float(machine.dead_band)
@@ -43,7 +43,7 @@ def test_half_cycles_of_dahl():
 
 
 def strain(law, travel: np.ndarray, start: jax.Array, direction: float) -> np.ndarray:
-    """Force along a path of increasing travel in one direction, by RK4 in small steps."""
+    """Force along a path in one direction, by RK4 in small steps."""
     sign = jnp.asarray(direction)
 
     def step(state, h):

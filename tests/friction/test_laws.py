@@ -1,4 +1,4 @@
-"""What every friction law must do, whatever its formula."""
+"""Properties of every friction law."""
 
 import equinox as eqx
 import jax
@@ -60,7 +60,7 @@ def test_states_stand_still_in_the_steady_state_and_follow_a_mirrored_motion(cas
         state = case.law.steady_state(jnp.asarray(speed), jnp.asarray(1.0), LOAD_ARRAY)
         rate = case.law.rate(jnp.asarray(speed), state, LOAD_ARRAY)
         assert state.shape == rate.shape == case.law.state_scale(LOAD_ARRAY).shape == (n,)
-        # Elements that slip are integrated as if they stuck; what they do next is told by the return map.
+        # Slipping elements are integrated as if they stuck. The return map then corrects their states.
         v, a = jnp.asarray(speed), jnp.zeros(())
         now, later = (case.law.return_map(v, a, z, LOAD_ARRAY) for z in (state, state + rate))
         np.testing.assert_allclose(later - now, 0.0, atol=1e-12 * speed)

@@ -1,4 +1,4 @@
-"""The modified Leuven model against an event-driven integration, closed forms and its limits."""
+"""Modified Leuven model against event-driven integration, closed forms and its limits."""
 
 import jax
 import jax.numpy as jnp
@@ -48,14 +48,21 @@ def test_derivatives_agree_with_differences_of_the_event_driven_motion():
 
 @pytest.mark.parametrize("changes", [{}, {"exponent": 1.0, "mu": 0.01, "mu_s": 0.012}])
 def test_elements_that_creep_back_do_so_from_their_limits(changes: dict[str, float]):
-    """Of what a step would first give back of the deflection that a slider has cut off no error estimate knows."""
+    """Start the creep of elements at their limits.
+
+    A slider cuts off the deflection at the limit. A step from a larger deflection would cause an error that
+    the error estimate does not include.
+    """
     values = {**VALUES, **changes}
     found = motion(**values, accuracy=1e-12)
     np.testing.assert_allclose(found, reference(**values), rtol=0, atol=2e-13)
 
 
 def forces_along(law: Leuven, x: np.ndarray) -> np.ndarray:
-    """Hysteresis force at the positions `x` of a slow movement from a virgin contact, by RK4."""
+    """Hysteresis force at positions `x` of a slow movement, by RK4.
+
+    The contact is initially virgin.
+    """
 
     def move(z, step):
         v = jnp.sign(step)
@@ -70,7 +77,7 @@ def forces_along(law: Leuven, x: np.ndarray) -> np.ndarray:
 
 
 def test_one_element_and_an_exponent_of_one_are_dahls_curve():
-    # From a virgin contact dz/dx = 1 - z/l; from the reversal at F_b on, the distance to the new limit falls with l'.
+    # From a virgin contact dz/dx = 1 - z/l. After the reversal at F_b, the distance to the new limit decays with l'.
     law, force, length = Leuven(0.1, stiffnesses=(1e4,)), 0.2, 0.2 / 1e4
     out = np.linspace(0, 2 * length, 2001)
     back = out[-1] - np.linspace(0, 3 * length, 3001)

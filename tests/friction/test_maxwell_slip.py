@@ -18,13 +18,16 @@ ONE = jnp.ones(())
 
 
 def elements(n: int, mu: float) -> tuple[np.ndarray, np.ndarray]:
-    """Stiffnesses that sum to 1e5 N/m, and limits that sum to `mu`; no two elements yield together."""
+    """Stiffnesses with the sum 1e5 N/m and limits with the sum `mu`.
+
+    Each element yields at a different deflection.
+    """
     stiffnesses, limits = np.geomspace(3, 1, n), np.arange(1, n + 1.0)
     return 1e5 * stiffnesses / stiffnesses.sum(), mu * limits / limits.sum()
 
 
 def forces_along(law, x: np.ndarray, state: jax.Array) -> np.ndarray:
-    """Friction force at the positions `x`, moved to one after the other."""
+    """Friction force at the positions `x` of a path."""
 
     def move(z, step):
         z = law.return_map(jnp.sign(step), 0 * ONE, z + step * law.rate(ONE, z, ONE), ONE)
@@ -68,7 +71,7 @@ def test_derivatives_agree_with_differences_of_the_event_driven_motion():
 
 
 def test_jenkins_half_cycles():
-    # Each reversal gives 2 F_d l back: a' = -x_d + sqrt((a - x_d)^2 + 4 x_d l), undamped.
+    # Each reversal returns 2 F_d l: a' = -x_d + sqrt((a - x_d)^2 + 4 x_d l), undamped.
     mu, load, sigma0 = 0.05, 9.66, 1e6
     machine = Oscillator(M, K, 0.0, load, Jenkins(mu, sigma0))
     points = np.abs(simulate(machine, 2e-3, np.linspace(0, 0.18, 7201)).turning_points[:5])
@@ -97,7 +100,7 @@ def test_a_closed_loop_obeys_masing():
     inner = np.concatenate([back[:41], back[40] + 2e-6 * steps, back[40] + 2e-6 * (1 - steps), back[40:]])
     force = forces_along(law, np.concatenate([outwards, inner]), jnp.zeros(5))
     np.testing.assert_allclose(force[:100], virgin(outwards[1:]), rtol=1e-12)
-    # Each branch is the virgin curve at twice its size, and the inner loop leaves no trace.
+    # Each branch is the virgin curve at twice its size, and the inner loop has no effect afterwards.
     np.testing.assert_allclose(force[101:141], virgin(np.full(1, reach)) - 2 * virgin(reach * steps[1:41]), atol=1e-9)
     np.testing.assert_allclose(force[-61:], virgin(np.full(1, reach)) - 2 * virgin(reach * steps[40:]), atol=1e-9)
 
@@ -121,7 +124,7 @@ def test_a_fit_finds_stiffnesses_and_limits():
     start = MaxwellSlip(tuple(1.05 * stiffnesses), tuple(limits * [1.05, 0.95]))
     fit = fj.fit(fj.Trace(ts, x + noise, 1e-9), Oscillator(M, K, C, 1.89, start), free=list(truth), start="release")
     assert fit.converged
-    # Which element is called the first has no meaning, and rounding may exchange them on the way.
+    # The order of the elements is arbitrary, and rounding may exchange them during the fit.
     first = 0 if fit.values["stiffnesses_0"] > fit.values["stiffnesses_1"] else 1
     for name, value in truth.items():
         kind, number = name.split("_")

@@ -1,4 +1,4 @@
-"""Laws without memory against their published formulas, and what they refuse."""
+"""Laws without memory against published formulas, and their error messages."""
 
 import jax
 import jax.numpy as jnp

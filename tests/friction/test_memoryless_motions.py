@@ -1,4 +1,4 @@
-"""Motions under laws without memory, against ODE solvers and the rest conditions that they state."""
+"""Motions under laws without memory, against ODE solvers and rest conditions."""
 
 import jax
 import jax.numpy as jnp
@@ -71,7 +71,10 @@ def test_a_load_dependent_law_is_integrated_in_closed_form():
 
 
 class TestAgeing:
-    """With mu_s N/k = 0.188 mm, and 0.226 mm after a dwell of 53.6 s."""
+    """Ageing contact with mu_s N/k = 0.188 mm.
+
+    After a dwell of 53.6 s the static band is 0.226 mm.
+    """
 
     law = Ageing(0.03, 0.0025, 53.6, 0.05)
     breakaway = (0.05 + 0.0025 * np.log(1 + 53.6)) * N / K
@@ -86,7 +89,7 @@ class TestAgeing:
 
     @pytest.mark.parametrize("engine", ["exact", "hybrid"])
     def test_at_reversals_and_in_motion_the_contact_has_no_age(self, engine):
-        # From here the first reversal lies between the two bands, and the mass moves on.
+        # With this start the first reversal lies between the two bands, and the mass moves on.
         start = 0.115 * N / K
         fresh = simulate(machine(Coulomb(0.03, 0.05)), start, TS, engine="exact")
         assert 0.05 * N / K < abs(fresh.turning_points[1]) < self.breakaway

@@ -1,4 +1,7 @@
-"""Friction takes energy out: whatever path is traced, the work it does on the mover is bounded by what was stored."""
+"""Passivity of friction laws.
+
+On any path, the work of friction on the mass is at most the stored energy.
+"""
 
 import jax
 import jax.numpy as jnp
@@ -10,7 +13,10 @@ from tests.helpers import LAWS
 
 
 def extracted_work(law, v: np.ndarray, dt: float, z0: jax.Array) -> float:
-    """Largest work [J] that a law gives back along a history of velocities, by RK4 on the internal states."""
+    """Largest work [J] that a law returns along a history of velocities.
+
+    RK4 integrates the internal states.
+    """
     load = jnp.asarray(LOAD)
 
     def step(carry, pair):
@@ -40,7 +46,7 @@ def test_no_more_work_comes_back_than_the_bristles_store(name):
 
 
 def test_the_lugre_coefficients_of_1995_give_work_back():
-    # sigma2 < sigma1 (F_s - F_c)/F_c: jumping from slow to fast motion extracts work in proportion to the speed.
+    # With sigma2 < sigma1 (F_s - F_c)/F_c, a jump from slow to fast motion extracts work proportional to the speed.
     law = LAWS["LuGre not passive"].law
     load, jump = jnp.asarray(LOAD), jnp.asarray(1.0)
     slow = law.steady_state(jnp.asarray(1e-9), jnp.asarray(1.0), load)

@@ -29,7 +29,7 @@ def test_a_leap_of_velocity_shows_the_direct_effect(kind: type):
 
 
 def test_evolution_over_a_slip():
-    # psi tends to -ln(v/v0): by the slip law exponentially over D_c, by the ageing law theta = D_c/v does.
+    # psi tends to -ln(v/v0), exponentially over D_c under the slip law. Under the ageing law, theta = D_c/v does.
     slip, ageing = (kind(0.3, 0.01, 0.015, 1e-5) for kind in (RateStateSlip, RateState))
     v, state = jnp.asarray(1e-3), jnp.asarray([0.4e-5])
     assert float(slip.rate(v, state, LOAD)[0]) == pytest.approx(-1e-3 * (np.log(1e3) + 0.4), rel=1e-12)

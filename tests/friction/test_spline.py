@@ -1,4 +1,4 @@
-"""Splines through free forces, against those of SciPy, and fitted to maps and motions of other laws."""
+"""Spline friction laws against SciPy, and fits to other laws."""
 
 import functools
 from collections.abc import Callable
@@ -31,13 +31,19 @@ def stretched(speed: np.ndarray) -> np.ndarray:
 
 
 def smoothest(forces: np.ndarray) -> CubicSpline:
-    """Of continuous curvature, straight at the first speed and level at the last."""
+    """Cubic spline with free first and clamped last end.
+
+    The curvature is zero at the first speed, the slope at the last.
+    """
     level = np.zeros(np.shape(forces)[1:])
     return CubicSpline(stretched(KNOTS), forces, bc_type=((2, level), (1, level)))  # pyright: ignore[reportArgumentType]
 
 
 def monotone(forces: np.ndarray) -> CubicHermiteSpline:
-    """With the slopes of the smoothest one, those between 0 and 3 times that of both neighbouring lines."""
+    """Monotone spline with limited slopes of the smoothest one.
+
+    The slopes are limited to between 0 and 3 times those of both neighbouring secants.
+    """
     knots = stretched(KNOTS)
     slopes, lines = smoothest(forces).derivative()(knots), np.diff(forces) / np.diff(knots)
     for i, slope in enumerate(slopes):
@@ -124,7 +130,7 @@ def test_a_force_map_gives_the_curve(kind):
 
 @functools.cache
 def decay(samples: int, oracle: Callable = smoothest) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Times, and the motions under Stribeck's law and under the spline through FORCES."""
+    """Times, and motions under Stribeck's law and a spline through FORCES."""
     t = np.arange(samples) * 0.3 / samples
     curve = oracle(FORCES)
     laws = (stribeck, lambda u: LOAD * float(curve(stretched(u))))

@@ -1,4 +1,4 @@
-"""The refractive index of air: the values of the paper and of NIST, and another equation altogether."""
+"""Refractive index of air against published values and another equation."""
 
 import math
 
@@ -35,7 +35,10 @@ def test_the_values_of_nist(temperature, pressure, humidity, expected):
 
 
 def edlen(wavelength, celsius, pressure, vapour):
-    """Edlen's equation as Birch and Downs brought it up to date, Metrologia 30 (1993) 155 and 31 (1994) 315."""
+    """Updated Edlen equation.
+
+    Birch and Downs, Metrologia 30 (1993) 155 and 31 (1994) 315.
+    """
     s = (1e-6 / wavelength) ** 2
     standard = 1e-8 * (8342.54 + 2406147 / (130 - s) + 15998 / (38.9 - s))
     dense = (1 + 1e-8 * (0.601 - 0.00972 * celsius) * pressure) / (1 + 0.0036610 * celsius)
@@ -46,7 +49,7 @@ def edlen(wavelength, celsius, pressure, vapour):
 @pytest.mark.parametrize("celsius", [15, 20, 25])
 @pytest.mark.parametrize("humidity", [0.0, 0.6])
 def test_the_other_equation_agrees_in_a_laboratory(wavelength, celsius, humidity):
-    # Magnus' formula, good to 0.1 % of the vapour pressure.
+    # Magnus' formula, with an error of 0.1 % of the vapour pressure.
     vapour = humidity * 611.2 * math.exp(17.62 * celsius / (243.12 + celsius))
     for pressure in (90e3, 101325, 105e3):
         ours = refractive_index(wavelength, temperature=celsius, pressure=pressure, humidity=humidity)

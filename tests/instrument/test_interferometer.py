@@ -1,4 +1,4 @@
-"""Each effect of the instrument against its formula, and the order in which they act."""
+"""Effects of the instrument against their formulas, and their order."""
 
 from typing import Any
 

@@ -1,4 +1,4 @@
-"""Synthetic runs: reproducible, told in full by their record, and refused in one sentence where they make no sense."""
+"""Synthetic runs: reproducibility, metadata, effects and error messages."""
 
 import inspect
 import json
@@ -133,7 +133,7 @@ def test_laws_without_a_jump_take_the_same_drive(law):
     released: dict[str, Any] = {"duration": 0.3, "noise": 0.0, "hold": 0.02, "release_time_constant": 1e-3}
     shaken = run(oscillator, floor_acceleration_psd=3.4e-4, **released).trace.x
     sharp, still = (run(floor_acceleration_psd=density, **released).trace.x for density in (3.4e-4, 0.0))
-    # The same shaking carries all of them along: they differ by their contact, not by the kicks.
+    # The same floor moves all of them. They differ by their contacts, not by the floor motion.
     assert np.abs(sharp - still).max() > 2e-5
     assert np.abs(shaken - sharp).max() < 3e-6
 
@@ -141,7 +141,7 @@ def test_laws_without_a_jump_take_the_same_drive(law):
 @given(factor=st.floats(0.1, 10.0), seed=st.integers(0, 100))
 @settings(max_examples=10)
 def test_only_ratios_of_forces_show(factor, seed):
-    """m, k, c and N times a common factor: the same displacement, also when the run is driven."""
+    """Scale m, k, c and N of a driven run."""
     scaled = Oscillator(
         factor * PROTOTYPE_MASS, factor * 2574.0, factor * PROTOTYPE_DAMPING, factor * 1.89, Coulomb(0.01)
     )
@@ -152,7 +152,7 @@ def test_only_ratios_of_forces_show(factor, seed):
 @given(factor=st.floats(0.2, 5.0), seed=st.integers(0, 100))
 @settings(max_examples=10)
 def test_lengths_scale_with_the_load(factor, seed):
-    """x0, N, noise and floor acceleration times a factor: so is the displacement."""
+    """Scale x0, N, noise, floor acceleration and displacement by one factor."""
     wide = Oscillator(PROTOTYPE_MASS, 2574.0, PROTOTYPE_DAMPING, factor * 1.89, Coulomb(0.01))
     keywords = {"seed": seed, "release_time_constant": 1e-3}
     one = run(noise=1e-9, floor_acceleration_psd=3.4e-7, **keywords).trace.x

@@ -1,4 +1,4 @@
-"""From the options to an oscillator and its free coefficients."""
+"""Oscillator and free coefficients from command-line options."""
 
 import math
 

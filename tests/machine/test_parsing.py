@@ -1,4 +1,4 @@
-"""Words of the command line as values."""
+"""Parsing of command-line words."""
 
 import pytest
 from hypothesis import given

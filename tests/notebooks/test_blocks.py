@@ -1,4 +1,4 @@
-"""The code blocks of README, documentation and CONTRIBUTING: each is run, or excepted by name."""
+"""Run the code blocks of README, documentation and CONTRIBUTING, with named exceptions."""
 
 import re
 import shlex
@@ -22,16 +22,23 @@ LEGIBLE = 8.0
 """Smallest text of a picture in points: 12 pixels where the 7 inches of its width are shown as 800."""
 
 EXCEPTED = {
-    "-m venv .venv": "an environment of its own; the automatic check makes one by this line",
-    "pip install": "asks the package index",
+    "-m venv .venv": "makes an environment; the automatic check runs this line",
+    "pip install": "needs the package index",
     "pre-commit install": "changes the checkout's git",
     "-m pytest": "is this run",
     "mkdocs build": "tests/notebooks/test_pages.py builds the documentation",
-    "--cluster slurm.toml": "asks for SLURM; tests/archive/test_cluster.py has a stand-in for it",
+    "--cluster slurm.toml": "needs SLURM; tests/archive/test_cluster.py has a stand-in for it",
 }
-# What ends otherwise than with 0, as the page says.
+RIG = """\
+mass = "410.68(10) g"
+stiffness = "2574(2) N/m"
+normal_force = "1.890(5) N"
+damping = 0.1756
+"""
+"""The rig of the runs in the laboratory."""
+# Commands with a documented exit code other than 0.
 CODES = {"fricjax inspect sheet.csv": 4}
-# Processes are started by tests/archive/test_distributed.py; here it is read what is asked for.
+# These options start processes, as tests/archive/test_distributed.py does. Here the commands run with --dry-run.
 WITH_OTHERS = ("--workers", "--scheduler")
 
 
@@ -52,7 +59,10 @@ def test_the_blocks_of_a_page_run(path, tmp_path, monkeypatch):
 
 
 class Files(NamedTuple):
-    """Writes files that the commands of the pages name, as a laboratory would: of known coefficients, with units."""
+    """Writer of the files that the commands of the pages name.
+
+    The files have columns with units, as in a laboratory.
+    """
 
     folder: Path
 
@@ -67,7 +77,10 @@ class Files(NamedTuple):
 
 @pytest.fixture(scope="module")
 def laboratory(tmp_path_factory):
-    """A folder with the files that the pages name: runs as those of README's Python blocks, which share programs."""
+    """Folder with the files that the pages name.
+
+    The runs are similar to those of README's Python blocks, so that both share programs.
+    """
     files = Files(tmp_path_factory.mktemp("laboratory"))
 
     def made(mu=0.05, x0=2e-3, seed=1, load=1.89, rate=5000.0):
@@ -94,7 +107,11 @@ def laboratory(tmp_path_factory):
 def test_the_commands_of_a_page_run(path, laboratory, tmp_path, monkeypatch):
     monkeypatch.chdir(shutil.copytree(laboratory, tmp_path / "here"))
     monkeypatch.setenv("FRICJAX_CACHE_DIR", "off")
-    for command in documents.commands(path.read_text()):
+    text = path.read_text()
+    # A page that calibrates its rig writes this file itself.
+    if "--out rig.toml" not in text:
+        Path("rig.toml").write_text(RIG)
+    for command in documents.commands(text):
         if any(words in command for words in EXCEPTED):
             continue
         program, *words = shlex.split(command)

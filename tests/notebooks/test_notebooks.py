@@ -1,4 +1,4 @@
-"""The notebooks run from top to bottom and find the truth they made; each is the image of its py:percent source."""
+"""Notebooks run, find their true values, and agree with their py:percent source."""
 
 import re
 from pathlib import Path
@@ -11,7 +11,7 @@ from nbclient import NotebookClient
 FOLDER = Path(__file__).parents[2] / "notebooks"
 NOTEBOOKS = sorted(FOLDER.glob("*.ipynb"))
 
-# What a notebook must have found, as a cell that runs behind its last one.
+# Assertions on the results of each notebook, run as a cell behind its last one.
 FOUND = {
     "01_first_fit": """
         assert abs(fit.values["mu"] / 0.05 - 1) < 1e-5
@@ -61,8 +61,8 @@ FOUND = {
     """,
     "08_sensitivity_and_design": """
         for name, std in zip(names, jnp.sqrt(jnp.diag(covariance))):
-            # Two nuisances more can only make the errors larger, and do not by much.
-            assert 1 <= told.std_errors[name] / std < 2, name
+            # Two more nuisances make the errors slightly larger.
+            assert 1 <= information.std_errors[name] / std < 2, name
         assert interval[0] < 0.0637 < interval[1] and interval[1] - interval[0] < 0.01
         h = 1e-6 * values[0]
         central = (displacement(values.at[0].add(h)) - displacement(values.at[0].add(-h))) / (2 * h)
@@ -76,14 +76,14 @@ FOUND = {
     "10_on_a_gpu": """
         assert x.dtype == np.float64 and x.shape == (count, ts.size)
         assert largest < 1e-12
-        # A thousand at once cost each of them less than one alone does.
+        # In the largest batch, a run takes less time than a single run.
         assert all(seconds[3] / sizes[3] < seconds[0] for seconds in taken.values())
     """,
 }
 
 
 def text_of(path):
-    """Source of the first cell, and of all text."""
+    """Return the source of the first cell and of all text cells."""
     cells = [cell.source for cell in nbformat.read(path, as_version=4).cells if cell.cell_type == "markdown"]
     return cells[0], "\n".join(cells)
 

@@ -1,4 +1,4 @@
-"""The documentation: it builds without a warning and a network, and has every public name."""
+"""Documentation: build without warnings or network, and every public name."""
 
 import os
 import re
@@ -16,7 +16,7 @@ from tests.documents import ROOT
 
 @pytest.fixture(scope="module")
 def site(tmp_path_factory):
-    """The documentation as `mkdocs build --strict` writes it, with the code of its pages not run."""
+    """Documentation from `mkdocs build --strict`, without running the code of its pages."""
     folder = tmp_path_factory.mktemp("site")
     environment = os.environ | {"FRICJAX_PAGES_RUN": "false", "NO_MKDOCS_2_WARNING": "1"}
     command = [sys.executable, "-m", "mkdocs", "build", "--strict", "--site-dir", str(folder)]
@@ -27,7 +27,7 @@ def site(tmp_path_factory):
 
 
 class Links(HTMLParser):
-    """The anchors of a page, what it links to, and what a browser loads with it."""
+    """Anchors and links of a page, and the files it loads."""
 
     def __init__(self, path):
         super().__init__()
@@ -47,6 +47,7 @@ def read(site):
     return {path: Links(path) for path in sorted(site.rglob("*.html"))}
 
 
+@pytest.mark.slow
 def test_every_link_leads_somewhere(site, read):
     broken = []
     for path, page in read.items():
@@ -69,7 +70,7 @@ def test_no_page_needs_a_network(site, read):
 
 
 def public_names(module):
-    """What a module exports, by its full name, and what its modules export."""
+    """Yield the full names of all exports, including those of submodules."""
     for name in getattr(module, "__all__", ()):
         value = getattr(module, name)
         if isinstance(value, ModuleType):

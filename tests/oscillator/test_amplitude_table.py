@@ -1,4 +1,4 @@
-"""Half-cycles read off a table over their amplitude, against the same integrated one by one."""
+"""Half-cycles from a table over amplitude, against half-cycles integrated one by one."""
 
 import equinox as eqx
 import jax
@@ -21,7 +21,7 @@ def rig(law: AbstractFriction, load: float, **options) -> Oscillator:
 
 
 PENDULUM = Oscillator(0.01, 0.5, 2e-4, 0.4, Coulomb(0.02), drag=5e-5, restoring=restoring.Pendulum())
-# Machine, start, smallest turning point that is left, largest one, half-cycles to the stop, unit of length [m].
+# Machine, start, smallest and largest turning points of the table, half-cycles to the stop, unit of length [m].
 CASES = {
     "Coulomb": (rig(Coulomb(0.01), 1.89), (2e-3, 0.0), 1e-4, 2.1e-3, 80, 1.0),
     "Coulomb, ends in motion": (rig(Coulomb(0.01), 1.89), (2e-3, 0.0), 8e-4, 2.1e-3, NEVER, 1.0),
@@ -38,7 +38,10 @@ CASES = {
 
 @eqx.filter_jit
 def samples(engine: Hybrid, machine: Oscillator, start: tuple, count: jax.Array, ts: jax.Array) -> tuple:
-    """Positions at `ts`, and their change where every coefficient and the position at the start grow by a tenth."""
+    """Positions at `ts` and their derivatives in one direction.
+
+    In this direction, every coefficient and the initial position grow by a tenth.
+    """
 
     def run(at: Oscillator, x0: jax.Array) -> jax.Array:
         return engine.path(at, starting_state(at, x0, start[1]), count).sample(ts)[0]
@@ -51,11 +54,11 @@ def samples(engine: Hybrid, machine: Oscillator, start: tuple, count: jax.Array,
 def test_the_table_gives_the_half_cycles_that_are_integrated_one_by_one(name: str):
     machine, start, lowest, highest, half_cycles, unit = CASES[name]
     span, count = Span(np.asarray(lowest), np.asarray(highest)), jnp.asarray(half_cycles)
-    # Cases of Coulomb's law differ in numbers alone, and share their programs.
+    # Cases of Coulomb's law differ only in numbers and share their programs.
     capacity = 128 if name.startswith(("Coulomb", "stop")) else 16
     ts = jnp.linspace(0, (10 if half_cycles == NEVER else half_cycles + 2) * np.pi * np.sqrt(float(
         machine.mass / machine.stiffness)), 1001)  # fmt: skip
-    # As arrays, all of them are arguments of one program.
+    # Arrays are arguments, so that all cases share one program.
     machine, start = jax.tree.map(jnp.asarray, (machine, start))
     alone = samples(Hybrid(48, capacity), machine, start, count, ts)
     table = samples(Hybrid(48, capacity, span, 24), machine, start, count, ts)

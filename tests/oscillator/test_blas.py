@@ -1,4 +1,4 @@
-"""Fits run with one BLAS thread, and leave the user's limit as it was."""
+"""Fits run with one BLAS thread and restore the user's limit."""
 
 import numpy as np
 import pytest

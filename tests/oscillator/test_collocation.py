@@ -1,4 +1,4 @@
-"""Half-cycles by collocation, against what has a closed form and against SciPy."""
+"""Half-cycles by collocation, against closed forms and SciPy."""
 
 import jax
 import jax.numpy as jnp
@@ -42,7 +42,7 @@ def test_it_solves_the_equation_of_the_phase(name: str):
         lambda theta, y: np.asarray(rates(theta, y)), (0, np.pi), [float(amplitudes[0]), 0.0], method="DOP853",
         t_eval=np.minimum(np.pi * np.asarray(fractions), np.pi), rtol=1e-13, atol=1e-18, max_step=np.pi / 300,
     )  # fmt: skip
-    # On a mesh that is made for 0.1 nm; at the end of the half-cycle collocation is more accurate than on the way.
+    # The mesh is made for 0.1 nm. Collocation is more accurate at the end of the half-cycle than inside.
     speed = turning * frame.angular_frequency
     np.testing.assert_allclose(amplitudes, found.y[0], rtol=0, atol=1e-11)
     np.testing.assert_allclose(
@@ -53,7 +53,10 @@ def test_it_solves_the_equation_of_the_phase(name: str):
 
 
 def test_viscous_damping_and_coulomb_friction_are_exact():
-    """One half-cycle multiplies the distance to the shifted centre by -exp(-pi lambda/omega_d)."""
+    """Compare with the closed form of a half-cycle.
+
+    It multiplies the distance to the shifted centre by -exp(-pi lambda/omega_d).
+    """
     machine = Oscillator(M, K, C, LOAD, Coulomb(0.02))
     decay = C / (2 * M)
     damped = np.sqrt(K / M - decay**2)

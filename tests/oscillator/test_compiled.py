@@ -1,8 +1,8 @@
-"""Hot loops stay one compiled kernel each: no call into a library, no dispatch per operation.
+"""Hot loops are compiled as single kernels, without library calls.
 
-XLA for the CPU compiles a loop as a whole, and marks the call of it, only where its body is small and calls nothing. A
-loop that goes but a few times over whole arrays, such as the quasilinear steps, gains nothing from that: it is a loop
-so that its body is compiled once.
+XLA for the CPU compiles a loop as one marked call only if its body is small and calls no function. A loop with a few
+passes over whole arrays, such as the quasilinear steps, gains nothing from that. It is a loop so that its body is
+compiled once.
 """
 
 import re
@@ -20,7 +20,7 @@ from tests.tiers import cases
 
 SPAN = Span(np.asarray(3e-4), np.asarray(2.1e-3))
 FEW = 5
-# The programs are read, not run: what LLVM would make of each kernel takes half the time and does not show.
+# The tests read the programs and do not run them. Optimisation by LLVM would double the time without any effect here.
 UNTOUCHED = {"xla_backend_optimization_level": 0}
 MESH = Mesh.of(np.linspace(0, 20, 201), np.linspace(0, 2, 21), 221)
 CASES = {
@@ -52,7 +52,10 @@ def compiled(name: str, derivatives: bool) -> str:
 
 
 def loops(text: str) -> tuple[int, int]:
-    """How many loops there are, and how many of them go more than a few times or until something happens."""
+    """Count all loops and the long ones.
+
+    A loop is long if it has more than a few passes or an unknown number.
+    """
     lines = [line for line in text.splitlines() if " while(" in line]
     counts = [re.search(r'known_trip_count":{"n":"(\d+)"', line) for line in lines]
     return len(lines), sum(count is None or int(count[1]) > FEW for count in counts)

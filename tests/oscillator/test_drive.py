@@ -1,4 +1,4 @@
-"""Motion that is driven: a holding force that fades, and a floor that moves."""
+"""Driven motion: a fading holding force and a moving floor."""
 
 import jax.numpy as jnp
 import numpy as np
@@ -16,7 +16,7 @@ DAMPED = Oscillator(1.0, OMEGA**2, 2 * ZETA * OMEGA, 1.0, Tanh(0.0, 1e-3))
 def test_a_fading_magnet_takes_amplitude_away(tau: float):
     ts = np.linspace(0, 0.3, 601)
     motion = simulate(FRICTIONLESS, 1e-3, ts, release=ExponentialRelease(tau))
-    # m x'' + k x = k x0 exp(-t/tau): an oscillation less by 1/sqrt(1 + (omega tau)^2), and a transient.
+    # m x'' + k x = k x0 exp(-t/tau): an oscillation smaller by 1/sqrt(1 + (omega tau)^2), and a transient.
     q = (OMEGA * tau) ** 2
     transient = q / (1 + q) * np.exp(-ts / tau)
     swing = np.cos(OMEGA * ts) / (1 + q) + OMEGA * tau / (1 + q) * np.sin(OMEGA * ts)

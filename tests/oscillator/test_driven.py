@@ -1,4 +1,7 @@
-"""Integration in time with events under set-valued friction, driven and free, against closed forms and theory."""
+"""Event-driven integration in time under set-valued friction.
+
+The tests compare driven and free motions with closed forms and theory.
+"""
 
 import numpy as np
 import pytest
@@ -21,7 +24,7 @@ def rig(friction, normal_force=1.89, damping=PROTOTYPE_DAMPING, **further) -> Os
 
 
 def free(damping_ratio: float = 0.0) -> Oscillator:
-    """No contact: a flexure that only damping slows down."""
+    """Flexure without contact, slowed only by damping."""
     return rig(Coulomb(0.0), 0.0, 2 * damping_ratio * PROTOTYPE_MASS * OMEGA)
 
 
@@ -30,7 +33,7 @@ def test_undriven_rolling_is_exact_to_a_tenth_of_a_nanometre(duration):
     ts = np.arange(int(5e3 * duration)) / 5e3
     ours, exact = (simulate(rig(Coulomb(0.01)), 2e-3, ts, engine=name) for name in ("diffrax", "exact"))
     assert np.abs(ours.x - np.asarray(exact.x)).max() < 1e-10
-    # At the very instant of a turn rounding decides whether the mass already rests.
+    # At the instant of a reversal, rounding decides whether the mass already rests.
     assert np.count_nonzero(ours.at_rest != np.asarray(exact.at_rest)) <= 1
 
 
@@ -99,7 +102,7 @@ def test_before_time_zero_a_free_motion_is_continued_as_by_the_closed_form(start
     ours, exact = (
         simulate(rig(Coulomb(0.01)), start[0], ts, v0=start[1], engine=name) for name in ("diffrax", "exact")
     )
-    # The jerk is below omega^3 x0, of which (2e-4 s)^3/6 are 1.4 nm; holding the mass would leave 200 nm and 10 um.
+    # The jerk is below omega^3 x0. Its effect in 2e-4 s is at most 1.4 nm. A held mass would be off by 200 nm or 10 um.
     assert np.abs(ours.x - np.asarray(exact.x)).max() < 2e-9
     assert np.array_equal(ours.at_rest, exact.at_rest)
 
@@ -127,7 +130,7 @@ def test_before_the_release_the_mass_is_held():
 @given(push=st.floats(0.2, 3.0))
 @settings(max_examples=15)
 def test_a_steady_floor_is_a_shifted_equilibrium(push):
-    """In a frame of constant acceleration the spring is longer by m a/k and everything else as before."""
+    """Compare a constantly accelerated floor with an equilibrium shifted by m a/k."""
     ts = np.arange(3000) / 5e3
     shift = PROTOTYPE_MASS * push / STIFFNESS
     ours = simulate(rig(Coulomb(0.02), 9.66), 1e-3, ts, base_acceleration=np.full(ts.shape, push))
@@ -145,7 +148,10 @@ def test_a_resting_mass_slips_when_the_floor_pulls_hard_enough():
 
 
 def test_sinusoidal_floor_gives_the_response_of_the_flexure():
-    """Without contact the steady answer to a sin(W t) is -a/(omega^2 - W^2 + 2i zeta omega W)."""
+    """Compare with the steady response without contact.
+
+    For a floor acceleration a sin(W t) it is -a/(omega^2 - W^2 + 2i zeta omega W).
+    """
     ts, drive = np.arange(40_000) / 1e4, 2 * np.pi * 20.0
     x = simulate(free(0.1), 0.0, ts, base_acceleration=0.5 * np.sin(drive * ts)).x
     answer = -0.5 / (OMEGA**2 - drive**2 + 2j * 0.1 * OMEGA * drive)
@@ -160,12 +166,15 @@ def test_floor_motion_makes_the_flexure_swing_as_miles_says():
     floor = white_acceleration(samples, rate, density, np.random.default_rng(5))
     x = simulate(free(ratio), 0.0, np.arange(samples) / rate, base_acceleration=floor, accuracy=1e-8).x
     miles = density / (8 * ratio * OMEGA**3)
-    # 400 s hold about 1600 independent values of x^2, hence 2.5 % of scatter (one standard deviation).
+    # 400 s contain about 1600 independent values of x^2, so the standard deviation is 2.5 %.
     assert np.var(x[2000:]) == pytest.approx(miles, rel=0.1)
 
 
 def test_floor_motion_kicks_each_half_cycle():
-    """Turning points of the sliding mass scatter by sqrt(S H)/(2 omega) in each half-cycle, independently."""
+    """Compare the scatter of turning points with sqrt(S H)/(2 omega) per half-cycle.
+
+    The kicks of different half-cycles are independent.
+    """
     density, rate, runs, half = 3.4e-7, 5e3, 12, np.pi / OMEGA
     oscillator, band = rig(Coulomb(0.001), damping=0.0), 0.001 * 1.89 / STIFFNESS
     kicks = []
@@ -182,7 +191,10 @@ def test_floor_motion_kicks_each_half_cycle():
 
 
 def turning_amplitudes(motion) -> np.ndarray:
-    """|x| at the reversals, by a parabola from the sample before each, good to a fraction of a nanometre."""
+    """Return |x| at the reversals.
+
+    A parabola from the sample before each reversal gives it to a fraction of a nanometre.
+    """
     t, x, v = (np.asarray(part) for part in (motion.t, motion.x, motion.v))
     i = np.flatnonzero(v[:-1] * v[1:] < 0)
     a = (v[i] - v[i - 1]) / (t[i] - t[i - 1])

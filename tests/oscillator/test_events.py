@@ -1,4 +1,7 @@
-"""The half-cycle engines against an event-driven DOP853 integration at a relative tolerance of 1e-12."""
+"""Half-cycle engines against event-driven integration.
+
+The reference is DOP853 with a relative tolerance of 1e-12.
+"""
 
 import equinox as eqx
 import jax
@@ -137,7 +140,7 @@ def test_more_nodes_bring_the_hybrid_engine_closer():
     machine, plain, starts = HYBRID["sliding"]
     ts = np.linspace(0, 0.2, 301)[1:]
     expected = slide(plain, *starts[0], ts)
-    # The second engine is that of the motions above, and so its program.
+    # The second engine and its program are those of the motions above.
     engines = Hybrid(nodes=12, max_half_cycles=32), Hybrid(max_half_cycles=32)
     found = [motions_of(machine, jnp.asarray(starts), jnp.asarray(ts), engine).x[0] for engine in engines]
     errors = [float(np.max(np.abs(x - expected.x))) for x in found]

@@ -1,4 +1,4 @@
-"""Runs whose end is known to twelve digits, by every engine."""
+"""Golden runs with rest positions known to twelve digits, by every engine."""
 
 import equinox as eqx
 import jax
@@ -86,7 +86,7 @@ def test_final_displacement_agrees_with_the_motion(engine: str):
     assert float(final) == pytest.approx(case.final, rel=1e-8)
 
 
-# Displacement [mm] of the smoothed law at the exact stop and 0.1, 1 and 10 s later; it creeps home with x_d/v_s.
+# Displacement [mm] of the smoothed law at the exact stop and 0.1, 1 and 10 s later. It creeps back with x_d/v_s.
 CREEP = {
     1e-2: (0.0223, -0.0003, 0, 0),
     3e-3: (-0.0860, -0.0164, 0, 0),

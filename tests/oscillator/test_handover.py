@@ -1,4 +1,7 @@
-"""Half-cycles that the hybrid engine integrates in time: creep under a regularised law, and starts by a hair."""
+"""Half-cycles that the hybrid engine integrates in time.
+
+The cases are creep under a regularised law and starts barely outside the static band.
+"""
 
 from typing import Any, NamedTuple
 
@@ -96,7 +99,10 @@ class TestCreep:
 
 
 class Hair(NamedTuple):
-    """A Stribeck law and a start above its static band by the given fraction."""
+    """Stribeck law with a start barely outside the static band.
+
+    `excess` is the relative distance from the band.
+    """
 
     exponent: float
     v_stribeck: float
@@ -122,7 +128,7 @@ class Hair(NamedTuple):
 
 
 def motion_of(p: Any, exponent: Any, ts: Any, engine: Any, v0: Any = 0.0) -> Motion:
-    """The motion for values as those of a `Hair`."""
+    """Motion for values in the order of `Hair.values`."""
     machine = Oscillator(p[6], p[5], p[4], N, Stribeck(p[0], p[1], p[2], exponent))
     return simulate(machine, p[3], ts, v0=v0, engine=engine)
 
@@ -209,7 +215,10 @@ def test_heavy_drag_takes_the_first_half_cycle_in_time():
 
 
 def differences(f: Any, point: np.ndarray, steps: np.ndarray) -> np.ndarray:
-    """Derivatives along each component in units of its value, to fourth order in the relative steps."""
+    """Derivatives along each component, in units of its value.
+
+    The error is of fourth order in the relative steps.
+    """
 
     def along(direction: np.ndarray, h: float) -> np.ndarray:
         return (f(point * (1 + h * direction)) - f(point * (1 - h * direction))) / (2 * h)

@@ -1,4 +1,7 @@
-"""Forward-mode derivatives of a motion, across reversals and the stop, against central differences."""
+"""Forward-mode derivatives of a motion against central differences.
+
+The motions include reversals and the stop.
+"""
 
 from collections.abc import Callable
 from typing import NamedTuple
@@ -18,7 +21,7 @@ M, K, C, N = PROTOTYPE_MASS, 2574.0, PROTOTYPE_DAMPING, 9.66
 
 
 class Case(NamedTuple):
-    """A machine built from named numbers, in a motion of at least eight half-cycles."""
+    """Machine from named numbers, with at least eight half-cycles."""
 
     build: Callable[..., Oscillator]
     values: dict[str, float]
@@ -27,7 +30,7 @@ class Case(NamedTuple):
     zero: tuple[str, ...] = ()
     at_rest: bool = True  # whether the run includes the stop
     step: float = 1e-5
-    sharp: AbstractEngine | None = None  # engine of the differences, where another one is quieter
+    sharp: AbstractEngine | None = None  # engine of the differences, if another one has less numerical noise
 
 
 def coulomb(mass, stiffness, damping, normal_force, mu, mu_s):
@@ -77,7 +80,7 @@ LOOSE = {"mu_s", "v_stribeck"}
 
 
 class Trace(NamedTuple):
-    """The sampled motion as a function of the named numbers, each in units of its value."""
+    """Sampled motion as a function of relative changes of the named numbers."""
 
     build: Callable[..., Oscillator]
     names: tuple[str, ...]
@@ -96,8 +99,8 @@ class Trace(NamedTuple):
         return simulate(self.build(**values), x0, self.ts, v0=v0, engine=self.engine)
 
 
-# Cases that differ in numbers alone share these programs. One direction at a time: the Jacobian of a long loop compiles
-# for seconds when its directions are batched.
+# Cases that differ only in numbers share these programs. They take one direction at a time, because the batched
+# Jacobian of a long loop takes seconds to compile.
 pushed = eqx.filter_jit(lambda run, p, tangent: jax.jvp(lambda q: run(q), (p,), (tangent,)))
 positions = eqx.filter_jit(lambda run, p: run(p).x)
 

@@ -1,4 +1,4 @@
-"""Programs of few kernels compute what the functions do, and compile to less."""
+"""Programs of few kernels have the results of their functions."""
 
 import os
 import re
@@ -65,7 +65,10 @@ def test_constants_decide_how_long_something_takes_and_no_result(constant, facto
 
 
 def kernels(function) -> int:
-    """How many functions the compiler makes for a program: its operations that lie in no marked call, and the calls."""
+    """Count the functions that the compiler generates for a program.
+
+    These are the marked calls and all fusions outside of them.
+    """
     text = jax.jit(function).lower(X).compile(OPTIONS).as_text() or ""
     bodies = dict(re.findall(r"^(?:ENTRY )?%([\w.\-]+) \(.*?\{\n(.*?)^\}", text, re.MULTILINE | re.DOTALL))
     marked = set(re.findall(r"to_apply=%([\w.\-]+), frontend_attributes=\{[^}]*xla_cpu_small_call", text))
@@ -105,7 +108,7 @@ def waves(x):
 
 @pytest.fixture
 def kept(tmp_path, monkeypatch):
-    """Return a function that compiles a program, and returns the bytes that it keeps."""
+    """Return a function that compiles a program and returns its cached bytes."""
     monkeypatch.setattr(program, "_is_ours", lambda _: True)
     before = jax.config.jax_compilation_cache_dir
 
@@ -182,13 +185,13 @@ from fricjax.oscillator.kernels import OPTIONS, in_few_kernels
 """
 WITHOUT_USE = """
 def f(x, k, c):
-    # Of k and of c simplification leaves nothing.
+    # Simplification removes k and c.
     y = jnp.where(jnp.full(3, True), jnp.sin(x) * 2 + 1, k * x)
     return jnp.cos(y) - 0 * jnp.floor(jnp.isnan(c) * 0), y[:0] * k
 """
 UNWANTED = """
 def f(x, k, c):
-    # The first result of the kernel is wanted by a sorting alone, and that by nobody; k is used by halves.
+    # Only a sort uses the first result of the kernel, and the result of the sort is unused. Only half of k is used.
     y, z = jnp.sin(x) * 2 + 1, jnp.cos(x) * jnp.stack([k, 3.0])[1] + c
     jnp.sort(y)
     return jnp.sort(z), z
@@ -201,6 +204,6 @@ print(jax.jit(in_few_kernels(f)).lower(*x).compile(OPTIONS)(*x)[0].shape)
 
 @pytest.mark.parametrize("function", [WITHOUT_USE, UNWANTED], ids=["arguments without use", "a result without use"])
 def test_what_xla_does_not_expect_of_a_kernel_does_not_end_the_process(function):
-    """Nor do arrays without elements."""
+    """Compile unused arguments, unused results and empty arrays."""
     ended = subprocess.run([sys.executable, "-c", BEGIN + function + END], capture_output=True, text=True, check=False)
     assert (ended.returncode, ended.stdout.strip()) == (0, "(3,)"), ended.stderr

@@ -1,4 +1,7 @@
-"""The map from initial to final displacement: a triangle wave for equal coefficients, a sawtooth for unequal ones."""
+"""Map from initial to final displacement.
+
+It is a triangle wave for equal coefficients and a sawtooth for unequal ones.
+"""
 
 import jax
 import jax.numpy as jnp
@@ -28,7 +31,10 @@ def final(x0, zeta, ratio, dead_band=DEAD_BAND):
 
 
 def edges(zeta: float, ratio: float) -> tuple[np.ndarray, float]:
-    """Initial displacements at which one more half-cycle sets in, and the factor of decay per half-cycle."""
+    """Initial displacements at the onset of one more half-cycle.
+
+    Also return the decay factor per half-cycle.
+    """
     rho = np.exp(-np.pi * zeta / np.sqrt(1 - zeta**2))
     n, xs = np.arange(EDGES), ratio * DEAD_BAND
     if zeta == 0:

@@ -21,7 +21,7 @@ PLAIN = Machine(1.0, DAMPING, lambda x: K * np.sin(x), lambda speed: FRICTION, F
 
 def test_a_table_is_over_the_ratio_of_the_periods():
     ratio = jnp.geomspace(1e-5, 300, 25)
-    # The complements m and 1 - m, neither of which may come from the other by subtraction.
+    # The complements m and 1 - m, both without cancellation.
     m, rest = (ratio / 2) ** 2 / (1 + (ratio / 2) ** 2), 1 / (1 + (ratio / 2) ** 2)
     expected = np.log(ellipkm1(np.asarray(rest)) / ellipkm1(np.asarray(m)))
     np.testing.assert_allclose(SPRING.spread(ratio), expected, rtol=0, atol=1e-14)

@@ -1,4 +1,4 @@
-"""Integration over the phase of the half-cycles, against integration in time at a hundredth of the error."""
+"""Integration over phase against integration in time, which is more accurate."""
 
 import jax
 import jax.numpy as jnp
@@ -35,7 +35,7 @@ def machine(law: friction.AbstractFriction, scale: float = 1.0) -> Oscillator:
     return Oscillator(PROTOTYPE_MASS, scale * STIFFNESS, PROTOTYPE_DAMPING, LOAD, law)
 
 
-# Meshes, machines, starts and times are arguments, and all lists of times are equally long: a law is compiled once.
+# Meshes, machines, starts and times are arguments, and all lists of times have one length. Each law compiles once.
 @jax.jit
 def _meshed(oscillator: Oscillator, x0: float, v0: float, half_cycles: int) -> tuple[jax.Array, jax.Array]:
     start = starting_state(oscillator, x0, v0)
@@ -88,9 +88,10 @@ def test_a_motion_may_start_anywhere_in_its_swing(x0, v0):
 
 @pytest.mark.parametrize(("name", "error"), [("LuGre", ACCURACY), ("RateState", ACCURACY), ("Jenkins", 4 * ACCURACY)])
 def test_a_mesh_still_fits_when_the_motion_has_moved(name, error):
-    """A part in a thousand moves the reversals by far more than the time in which the contact gives way.
+    """Change the motion by a thousandth.
 
-    Where an element begins to slip moves in the phase as well.
+    This moves the reversals by far more than the time in which the contact yields.
+    The phase at which an element begins to slip moves too.
     """
     made, moved, ts = machine(LAWS[name]), machine(LAWS[name], 1.001), np.linspace(0, 0.19, TIMES)
     found = on(mesh(made, 3e-4, -0.14), moved, 3.003e-4, -0.1402, ts)
@@ -98,7 +99,10 @@ def test_a_mesh_still_fits_when_the_motion_has_moved(name, error):
 
 
 def behind_coulomb(made: float, sigma0: float) -> tuple[float, float]:
-    """How far Dahl's law is from Coulomb's, on a mesh made for another stiffness; and the delay at a slow reversal."""
+    """Compare Dahl's law with Coulomb's, on a mesh for another stiffness.
+
+    Return the largest distance and the delay at a slow reversal.
+    """
     law, ts = friction.Coulomb(0.05), np.linspace(0, 0.19, TIMES)
     soft, stiff = (machine(friction.Dahl(0.05, sigma0=value)) for value in (made, sigma0))
     rigid = np.asarray(simulate(machine(law), 2e-3, ts, accuracy=1e-12).x)
@@ -113,14 +117,20 @@ def test_a_stiff_contact_is_late_by_the_root_of_its_deflection():
 
 
 def test_a_contact_may_become_stiffer_on_its_mesh():
-    """Else a fit of a rigid contact finds a wall on its way there."""
+    """Raise the stiffness on a given mesh.
+
+    A fit of a rigid contact does the same.
+    """
     found, delay = behind_coulomb(1e11, 1e14)
     assert found < 10 * delay + ACCURACY
 
 
 @pytest.mark.parametrize("law", [friction.Dahl, friction.LuGre])
 def test_no_contact_runs_away_on_a_mesh_made_for_a_softer_one(law):
-    """The last stroke of this run is a short one, in which a deflection too large would pull the mass back."""
+    """Integrate a run with a short last stroke.
+
+    Too large a deflection would pull the mass back there.
+    """
     ts, start = np.linspace(0, END, TIMES), (1.8e-3, 0.0)
     steps = mesh(machine(law(0.04, sigma0=1e12)), *start, half_cycles=6)
     rigid = np.asarray(simulate(machine(friction.Coulomb(0.04)), start[0], ts, accuracy=1e-12).x)

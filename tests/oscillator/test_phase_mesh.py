@@ -1,4 +1,4 @@
-"""The mesh of a half-cycle in phase: its ends, its symmetry, and its steps where the law changes fast."""
+"""Mesh of a half-cycle in phase: ends, symmetry and small steps."""
 
 import jax
 import jax.numpy as jnp
@@ -25,7 +25,7 @@ def test_a_mesh_rises_from_end_to_end_and_is_symmetric(steps: int, layer: float,
 def test_the_layer_is_resolved_and_the_middle_is_even(layer: float):
     theta = np.pi * np.asarray(mesh_fractions(32, jnp.asarray(layer)))
     steps = np.diff(theta)[:16]
-    # The points are equidistant in the sum of a logarithm and a straight line, so its share bounds each step.
+    # The points are equidistant in the sum of a logarithm and a straight line, so each term bounds the steps.
     span = np.log1p(np.pi / 2 / layer)
     rank = 0.6 * np.log1p(theta[:17] / layer) / span + 0.4 * theta[:17] / (np.pi / 2)
     np.testing.assert_allclose(np.diff(rank), 1 / 16, rtol=1e-9)

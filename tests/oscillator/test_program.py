@@ -1,4 +1,4 @@
-"""Programs that are kept: traced once for all processes, held in a bounded number, and never mistaken for another."""
+"""Cached programs: one trace for all processes, bounded number, no mix-up."""
 
 import os
 import subprocess
@@ -17,7 +17,7 @@ from fricjax.oscillator import Exact, Hybrid, Oscillator, Program, Start, simula
 from fricjax.oscillator.program import forget_programs
 
 ONE, TWO = np.ones(3), np.ones(4)
-# A class of the package to put anything into.
+# Class of the package that can hold any values.
 holding: Any = Start
 
 
@@ -30,7 +30,7 @@ def folder(tmp_path):
 
 
 def counted(factor: float = 2.0) -> tuple[Callable[..., Any], list[int]]:
-    """A function that notes each of its traces, in a process that has not compiled it."""
+    """Return a new function and the list of its traces."""
     traces: list[int] = []
 
     def doubled(start: Any) -> Any:
@@ -196,7 +196,7 @@ def test_a_program_that_calls_lapack_does_so_from_its_file_too(folder):
 
 
 def test_fits_compute_on_the_processor_wherever_else_arrays_are_made():
-    """The second of two devices stands for a GPU: JAX makes its arrays there."""
+    """Use the second of two CPU devices to represent a GPU."""
     code = """
 import jax
 jax.config.update("jax_enable_x64", True)

@@ -1,4 +1,4 @@
-"""Symmetries and balances that hold for every machine."""
+"""Symmetries and balances of every machine."""
 
 from typing import Any
 
@@ -18,7 +18,7 @@ ENGINES = {"exact": Exact(32), "hybrid": Hybrid(max_half_cycles=32)}
 
 
 def run(name: str, p: Any, x0, v0, ts: np.ndarray = TS):
-    """Mass, stiffness, damping, load, mu, mu_s/mu."""
+    """Simulate with `p` = mass, stiffness, damping, load, mu, mu_s/mu."""
     law = Coulomb(p[4], p[4] * p[5]) if name == "exact" else Stribeck(p[4], p[4] * p[5], 0.02)
     machine = Oscillator(p[0], p[1], p[2], p[3], law)
     return simulate(machine, x0, ts, v0=v0, engine=ENGINES[name])

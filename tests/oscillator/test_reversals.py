@@ -1,4 +1,4 @@
-"""What a motion of the smooth engine reports of itself does not depend on the samples that are asked for."""
+"""Half-cycles, reversals and stop of the smooth engine for any requested samples."""
 
 import jax
 import jax.numpy as jnp
@@ -17,7 +17,7 @@ LAWS = {
     "springs back slowly": LuGre(0.05, sigma0=1e5, sigma1=2 * np.sqrt(1e5 * M)),
     "soft": Dahl(0.05, sigma0=2e4),
 }
-# The contact is bent by 1 % of a stroke at most, so that the mass makes the half-cycles of Coulomb's law.
+# The contact bends by at most 1 % of a stroke, so the mass makes as many half-cycles as under Coulomb's law.
 HALF_CYCLES = 5
 SAMPLINGS = [np.linspace(0, 0.5, n) for n in (2, 21, 5001)]
 
@@ -36,14 +36,14 @@ def test_half_cycles_and_stop_are_those_of_the_motion(law):
         np.testing.assert_allclose(motion.turning_points, found[0].turning_points, rtol=0, atol=1e-13)
         assert float(motion.t_stop) == pytest.approx(float(found[0].t_stop), abs=1e-11)
         assert np.isfinite(motion.turning_points).sum() == HALF_CYCLES + 1
-    # A contact that bends delays each reversal by about sqrt(2 l/a), l its bending of some tens of micrometres.
+    # The contact delays each reversal by about sqrt(2 l/a), with a deflection l of some tens of micrometres.
     assert float(found[0].t_stop) == pytest.approx(float(rigid.t_stop), rel=0.04)
     reversals = found[0].turning_points[: HALF_CYCLES + 1]
     np.testing.assert_allclose(reversals, rigid.turning_points[: HALF_CYCLES + 1], rtol=0, atol=8e-5)
 
 
 def test_reversals_and_stop_against_scipy():
-    """Its velocity by differences of the dense solution, its roots by Brent's method."""
+    """Compare with roots of the velocity from SciPy's dense solution."""
     sigma = (1e5, 2 * np.sqrt(1e5 * M), 0.0)
 
     def oracle(times):
@@ -60,7 +60,10 @@ def test_reversals_and_stop_against_scipy():
 
 @pytest.mark.parametrize("law", [LAWS["rings"], LAWS["springs back slowly"]], ids=["rings", "springs back slowly"])
 def test_the_mass_is_at_rest_where_it_no_longer_moves(law):
-    """From where it is called so on, it stays there within some accuracies of 0.1 nm; before, it does not."""
+    """Compare `at_rest` with the distance to the final position.
+
+    Samples at rest are within 0.5 nm of the final position. Some earlier sample is farther away.
+    """
     ts = np.linspace(0.15, 1.5, 2701)
     motion, final = simulate(machine(law), 2e-3, ts), float(final_displacement(machine(law), 2e-3))
     first = int(np.argmax(motion.at_rest))
@@ -98,7 +101,7 @@ def test_a_law_that_creeps_never_stops():
 
 
 def test_derivatives_of_stop_and_reversals():
-    """By the stiffness, against differences."""
+    """Compare derivatives in the stiffness with differences."""
     ts = jnp.asarray([0.3])
 
     def told(stiffness):
@@ -118,7 +121,10 @@ def test_the_list_holds_as_many_half_cycles_as_it_can():
 
 class TestFinalDisplacement:
     def test_a_contact_that_rings_for_long_is_waited_for(self):
-        """SciPy's motion after 8 s, in which the ringing decays by exp(-20)."""
+        """Compare with SciPy after 8 s.
+
+        The ringing has then decayed by exp(-20).
+        """
         law = LuGre(0.05, sigma0=1e5, sigma1=2.0)
         plain = {"mass": M, "stiffness": K, "damping": C, "kinetic": 0.05 * N, "static": 0.05 * N}
         late = lugre_motion(np.array([0.0, 8.0]), 2e-3, **plain, v_stribeck=1e-3, sigma=(1e5, 2.0, 0.0), rtol=1e-11)

@@ -13,12 +13,15 @@ from fricjax.oscillator import Oscillator, Rodas5P, simulate
 
 
 def stiff(t, y, rate):
-    """Prothero and Robinson's problem: the solution (sin t, cos t), held there by `rate`."""
+    """Stiff problem of Prothero and Robinson.
+
+    The solution is (sin t, cos t), and `rate` is the stiffness.
+    """
     return (-rate * (y[0] - jnp.sin(t)) + jnp.cos(t), -rate * y[0] * (y[1] - jnp.cos(t)) - jnp.sin(t))
 
 
 def nonlinear(t, y, _):
-    """A pair with the solution exp(sin t^2), exp(cos t^2)."""
+    """Nonlinear pair with the solution exp(sin t^2), exp(cos t^2)."""
     return (2 * t * y[0] * jnp.log(y[1]), -2 * t * y[1] * jnp.log(y[0]))
 
 

@@ -1,4 +1,4 @@
-"""Closing in on the reversals of a bristle law: few refused steps, and only tiny ones across a reversal."""
+"""Steps of the smooth engine to the reversals of a bristle law."""
 
 import jax.numpy as jnp
 import numpy as np
@@ -21,6 +21,6 @@ def test_steps_end_at_the_reversals():
 
 
 def test_few_steps_are_refused():
-    # The controller alone halves its way towards each reversal, with more than forty refused steps.
+    # The step controller alone would bisect towards each reversal, with more than forty rejected steps.
     motion = simulate(MACHINE, 2e-3, np.array([0.0, END]))
     assert int(motion.stats["num_rejected_steps"]) < 30 * 7

@@ -1,4 +1,4 @@
-"""What was compiled once is not compiled again in the next process, and nobody else's settings are touched."""
+"""Compilation cache across processes, and unchanged settings of the user."""
 
 import itertools
 import json
@@ -36,7 +36,10 @@ print(json.dumps({"imported": imported, "at": at, **counts}))
 
 
 def ran(**variables):
-    """A fresh process, with these environment variables and none of the tests' own."""
+    """Run the script in a new process with the given environment variables.
+
+    The JAX and fricjax variables of the tests are removed.
+    """
     kept = {name: value for name, value in os.environ.items() if not name.startswith(("JAX_", "FRICJAX_"))}
     return subprocess.run(
         [sys.executable, "-c", SCRIPT], env={**kept, **variables}, capture_output=True, text=True, check=True
@@ -44,20 +47,20 @@ def ran(**variables):
 
 
 def told(**variables):
-    """What it tells of its cache."""
+    """Report of the script on its cache."""
     return json.loads(ran(**variables).stdout)
 
 
 @pytest.fixture(scope="module")
 def filled(tmp_path_factory):
-    """A folder of compiled programs, and what the process told that made it."""
+    """Folder of compiled programs, and report of the process that filled it."""
     folder = tmp_path_factory.mktemp("programs")
     return folder, told(FRICJAX_CACHE_DIR=str(folder))
 
 
 @pytest.fixture
 def programs(filled, tmp_path):
-    """A copy of it."""
+    """Copy of the filled folder."""
     return shutil.copytree(filled[0], tmp_path / "programs")
 
 
@@ -111,7 +114,7 @@ def test_nothing_is_loaded_from_where_others_can_write(programs):
     [
         (0o700, 0o700, None, None),
         (0o755, 0o755, None, None),
-        (0o1777, 0o700, None, None),  # as /tmp: others may add, and not replace
+        (0o1777, 0o700, None, None),  # like /tmp: others may add files, but not replace them
         (0o700, 0o720, None, "others can write to"),
         (0o700, 0o702, None, "others can write to"),
         (0o700, 0o1777, None, "others can write to"),

@@ -1,4 +1,7 @@
-"""Differentiating sgn(v) in a stepping loop loses what happens at a reversal; the engines here do not."""
+"""Derivatives across reversals.
+
+A stepping loop with sgn(v) loses the contribution of each reversal. The engines of the package include it.
+"""
 
 import jax
 import jax.numpy as jnp
@@ -15,7 +18,7 @@ STEP = 5e-6
 
 
 def naive(omega: jax.Array, times: np.ndarray) -> jax.Array:
-    """RK4 with constant steps through ``a = -omega^2 x - F sgn(v)`` of a unit mass."""
+    """Integrate ``-omega^2 x - F sgn(v)`` by RK4 with constant steps."""
 
     def rate(y: jax.Array) -> jax.Array:
         return jnp.stack([y[1], -(omega**2) * y[0] - FORCE * jnp.sign(y[1])])

@@ -1,4 +1,4 @@
-"""The front door: which engine is chosen, what is refused, and in which words."""
+"""`simulate`: choice of the engine and error messages."""
 
 import subprocess
 import sys
@@ -26,7 +26,7 @@ from fricjax.oscillator import (
 from fricjax.oscillator.select import select_engine
 
 TS = np.linspace(0, 0.3, 31)
-OUTCOMES: Any = RESULTS  # an equinox enumeration, whose members and texts pyright does not know
+OUTCOMES: Any = RESULTS  # an equinox enumeration; pyright does not know its members and texts
 RIG = (1.0, 5000.0, 1.0, 9.81)
 
 
@@ -184,7 +184,7 @@ def test_vmap_equals_a_loop(engine: str):
         return simulate(jax.tree.unflatten(structure, values), x, TS, engine=engine)
 
     used = [i for i, leaf in enumerate(leaves) if leaf != 0]
-    # One lane per start, and one per leaf and factor, in which only that leaf differs from the machine.
+    # One lane per start, and one per leaf and factor. In the latter, only that leaf differs from the machine.
     lanes = [([*leaves], x) for x in x0]
     lanes += [([leaf * (f if i == j else 1) for j, leaf in enumerate(leaves)], x0[1]) for i in used for f in factor]
     stacked = [jnp.stack([lane[j] for lane, _ in lanes]) for j in range(len(leaves))]

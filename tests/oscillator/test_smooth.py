@@ -1,4 +1,7 @@
-"""The smooth engine against SciPy on the standard rolling runs: 2 mm, 12.6 Hz, 1.89 N."""
+"""Smooth engine against SciPy on rolling runs.
+
+The runs start at 2 mm, with 12.6 Hz and a load of 1.89 N.
+"""
 
 import numpy as np
 import pytest

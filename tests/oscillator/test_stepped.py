@@ -1,4 +1,4 @@
-"""Steps that end at given instants, against the same solvers under diffrax's own loop."""
+"""Steps to given instants, against the same solvers in diffrax's loop."""
 
 import diffrax
 import jax
@@ -39,7 +39,7 @@ def test_states_and_their_derivatives_are_those_of_diffrax(solver):
     both = (jax.jvp(f, (stiffness,), (along,)) for f in (ours, lambda value: by_diffrax(solver, value)))
     for found, expected in zip(*both, strict=True):
         for values, reference in zip(found, expected, strict=True):
-            # Behind the last step its end is repeated.
+            # The end of the last step is repeated.
             np.testing.assert_allclose(values, np.r_[reference, [reference[-1]] * 2], rtol=1e-13, atol=1e-15)
 
 

@@ -1,4 +1,4 @@
-"""Structural damping: a spring that is stiffer on the way out than on the way in."""
+"""Structural damping: a spring that is stiffer outwards than inwards."""
 
 import jax
 import jax.numpy as jnp
@@ -20,7 +20,10 @@ def machine(eta_h, mu: float = 0.05, damping: float = PROTOTYPE_DAMPING) -> Osci
 
 
 def alone(t: np.ndarray, eta_h: float) -> np.ndarray:
-    """Without any other loss: quarter swings with k (1 - eta_h) inwards and k (1 + eta_h) outwards."""
+    """Motion in closed form, without any other loss.
+
+    Quarter swings have the stiffness k (1 - eta_h) inwards and k (1 + eta_h) outwards.
+    """
     slow, fast = (np.sqrt(STIFFNESS * (1 + s * eta_h) / PROTOTYPE_MASS) for s in (-1, 1))
     half = np.pi / 2 / slow + np.pi / 2 / fast
     n = np.floor(t / half)
@@ -31,7 +34,7 @@ def alone(t: np.ndarray, eta_h: float) -> np.ndarray:
 
 
 def by_events(eta_h: float, mu: float) -> np.ndarray:
-    """The motion by SciPy, in pieces that end at reversals and where the spring has its kink."""
+    """Motion by SciPy, in pieces between reversals and kinks of the spring."""
     found, t, y, s = np.full(T.shape, X0), 0.0, np.array([X0, 0.0]), 1.0
     while True:
         if y[1] == 0 and STIFFNESS * (1 - eta_h) * abs(y[0]) <= mu * LOAD:
@@ -48,7 +51,10 @@ def by_events(eta_h: float, mu: float) -> np.ndarray:
 
 
 def _piece(t: float, y: np.ndarray, s: float, eta: float, friction: float):
-    """Motion towards -s until the equilibrium or a reversal; the spring has the stiffness k (1 + eta)."""
+    """Motion towards -s until the equilibrium or a reversal.
+
+    The spring has the stiffness k (1 + eta).
+    """
 
     def field(_, y):
         return [y[1], -(STIFFNESS * (1 + eta) * y[0] + PROTOTYPE_DAMPING * y[1] - s * friction) / PROTOTYPE_MASS]

@@ -1,4 +1,7 @@
-"""Campaigns of releases under Coulomb and viscous friction, by the half-cycle map in plain Python."""
+"""Campaigns of releases, from the half-cycle map in plain Python.
+
+The friction is Coulomb and viscous.
+"""
 
 import numpy as np
 
@@ -17,7 +20,7 @@ def machine(mu: float = 0.03, mu_s: float | None = None, damping: float = DAMPIN
 
 
 def released(y0: float, band: float = BAND, static: float = BAND, rho: float = DAMPED) -> tuple[float, list[float]]:
-    """Final displacement and all turning points of one release, the first being the release itself."""
+    """Final displacement and turning points of a release, including the release."""
     side, a = np.sign(y0), abs(y0)
     points = [a]
     while a > static:

@@ -1,4 +1,4 @@
-"""Route 2 against the half-cycle map, on pairs with and without known numbers of half-cycles."""
+"""Route 2 against the half-cycle map, also with unknown numbers of half-cycles."""
 
 import jax
 import numpy as np
@@ -27,7 +27,10 @@ def test_exact_pairs_give_mu_offset_and_counts_to_rounding():
 
 
 def test_the_slope_by_mu_is_that_of_the_map():
-    """With sigma given the standard error is sigma over the norm of (1 + rho) S_n N/k."""
+    """Compare the standard error with its closed form.
+
+    For a given sigma, it is sigma over the norm of (1 + rho) S_n N/k.
+    """
     xf, counts = campaign(STARTS)
     found = fit_final_displacements(STARTS, xf, machine(), nuisance=(), sigma=1e-9)
     slopes = (1 + DAMPED) * (1 - DAMPED**counts) / (1 - DAMPED) * LOAD / STIFFNESS
@@ -43,7 +46,7 @@ def test_damping_is_found_beside_mu():
 
 @pytest.mark.slow
 def test_standard_errors_are_honest():
-    """Over many campaigns the errors of mu, in standard errors, have a unit variance."""
+    """Check for unit variance of mu in standard errors over many campaigns."""
     random, xf = np.random.default_rng(0), campaign(STARTS, offset=3e-6)[0]
     pulls = []
     for _ in range(60):
@@ -61,7 +64,7 @@ def test_standard_errors_are_honest():
     offset=st.floats(-1e-5, 1e-5),
 )
 def test_any_campaign_is_unwrapped(seed: int, mu: float, excess: float, offset: float):
-    """Pairs of both signs, in any order, whatever the static friction."""
+    """Use pairs of both signs, in any order, with any static friction."""
     random, band = np.random.default_rng(seed), mu * LOAD / STIFFNESS
     x0 = random.uniform(1.5, 12, 24) * band * random.choice([-1.0, 1.0], 24)
     xf = np.array([released(x - offset, band, excess * band)[0] + offset for x in x0])
@@ -109,7 +112,10 @@ def test_pairs_from_the_first_reversal_do_not_feel_the_release(time_constant: fl
 @pytest.mark.parametrize("start", ["first_reversal", "release"])
 @pytest.mark.parametrize("memory", [0.0, 0.8])
 def test_the_stated_errors_of_pairs_are_those_that_noise_makes(memory: float, start: str):
-    """White noise and an autoregression, over forty seeds; each pair against that of the motion without noise."""
+    """Compare noisy pairs with the pair of the motion without noise.
+
+    The noise is white or autoregressive, with forty seeds.
+    """
     clean = fj.synthetic_run(machine(MU), 2e-3, rate=2e3, duration=0.6, seed=0, hold=0.1)
     truth = pairs_of(fj.Record(clean.t, clean.x, sigma=1e-12), start=start)
     count = int(np.asarray(truth.half_cycles)[0])
@@ -142,7 +148,7 @@ def test_a_second_fit_compiles_nothing():
 
 
 class TestWhatCannotBe:
-    """Each gets one sentence, or a remark that cannot be overlooked."""
+    """Error messages and warnings for pairs that cannot be fitted."""
 
     def test_arrays_that_do_not_fit(self):
         with pytest.raises(UsageError, match=r"equal length, got shapes \(3,\) and \(2,\)"):
@@ -202,13 +208,13 @@ RIG = fj.Rig(mass=MASS, stiffness=fj.Measured(STIFFNESS, 0.01 * STIFFNESS), damp
 
 
 class TestTriangleMap:
-    """Route 3: zeros, edges, heights and jumps of the map."""
+    """Tests of route 3: zeros, edges, heights and jumps of the map."""
 
     def test_zeros_give_mu_whatever_the_spacing(self):
         xf, _ = campaign(STARTS, offset=3e-6, static=1.1 * BAND)
         found = fit_triangle_map(STARTS, xf, RIG)
         assert found.values["mu"] == pytest.approx(MU, rel=1e-9)
-        # A stiffer spring also makes the given damping a smaller part of the critical one.
+        # A stiffer spring also makes the given damping a smaller fraction of critical damping.
         assert found.combined_std_errors["mu"] == pytest.approx(0.01 * MU, rel=1e-2)
         exact = RIG.replace(stiffness=STIFFNESS, displacement_scale=fj.Measured(1.0, 2e-3))
         assert fit_triangle_map(STARTS, xf, exact).combined_std_errors["mu"] == pytest.approx(2e-3 * MU, rel=1e-6)

@@ -1,4 +1,4 @@
-"""The decay of the holding force, from the first half-cycle of simulated runs."""
+"""Decay of the holding force, from the first half-cycle of simulated runs."""
 
 import numpy as np
 import pytest

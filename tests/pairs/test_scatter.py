@@ -1,4 +1,4 @@
-"""Error bars of few pairs: what they cover, and what is said where the pairs leave something open."""
+"""Coverage of the intervals of few pairs, and warnings about ambiguous pairs."""
 
 import numpy as np
 import pytest
@@ -14,7 +14,10 @@ RIG = Rig(mass=MASS, stiffness=STIFFNESS, damping=DAMPING, normal_force=LOAD)
 
 
 def scattered(pairs: int, seed: int, noise: float, sides=(-1.0, 1.0)) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Pairs of a campaign of random releases, and their numbers of half-cycles."""
+    """Simulate a campaign of random releases.
+
+    Return its pairs and their numbers of half-cycles.
+    """
     random = np.random.default_rng([pairs, seed])
     x0 = random.uniform(1.2, 12, pairs) * BAND * random.choice(sides, pairs) + 3e-6
     xf, counts = campaign(x0, offset=3e-6, static=1.1 * BAND)
@@ -27,7 +30,10 @@ def holds(found: RouteFit) -> bool:
 
 class TestTheScale:
     def test_the_interval_of_a_mean_of_three_is_student_s(self):
-        """From the textbook: 4.303 standard errors for two degrees of freedom, 1.96 for very many."""
+        """Compare with textbook quantiles.
+
+        The 95 % point is 4.303 standard errors for two degrees of freedom, and 1.96 for very many.
+        """
         assert student(2) == pytest.approx(4.302653, rel=1e-6)
         assert student(1e9) == pytest.approx(norm.ppf(0.975), rel=1e-6)
         assert student(0) == np.inf
@@ -47,7 +53,10 @@ class TestTheScale:
 @pytest.mark.parametrize("pairs", [5, 10])
 @pytest.mark.parametrize("sides", [(-1.0, 1.0), (1.0,)])
 def test_intervals_of_the_triangle_map_cover_as_they_say(pairs: int, sides: tuple[float, ...]):
-    """Of 300 campaigns 95 % with a standard deviation of 1.3 %; weights from the scatter of each line held in 75 %."""
+    """Check the coverage of 95 % intervals over 300 campaigns.
+
+    The coverage has a standard deviation of 1.3 %. Weights from the scatter of each line would give a coverage of 75 %.
+    """
     made = [scattered(pairs, seed, 1e-7, sides) for seed in range(300)]
     covered = np.mean([holds(fit_triangle_map(x0, xf, RIG, half_cycles=counts)) for x0, xf, counts in made])
     assert 0.91 <= covered <= 0.985
@@ -73,7 +82,7 @@ def test_noise_that_was_stated_too_small_is_enlarged():
 @pytest.mark.slow
 @pytest.mark.parametrize("noise", [1e-7, 5e-6])
 def test_no_number_of_half_cycles_is_wrong_in_silence(noise: float):
-    """Four pairs leave a dead band open that is not small against their scatter."""
+    """Warn about every wrong number of half-cycles from four pairs."""
     told, wrong = 0, 0
     for seed in range(200):
         x0, xf, counts = scattered(4, seed, noise)
@@ -83,14 +92,17 @@ def test_no_number_of_half_cycles_is_wrong_in_silence(noise: float):
         wrong += not np.array_equal(found.half_cycles, counts)
         assert said or np.array_equal(found.half_cycles, counts)
     assert told >= wrong
-    # Five micrometres leave most campaigns of four pairs open, and a tenth of one hardly a third.
+    # With a noise of 5 um most campaigns of four pairs are ambiguous, with 0.1 um hardly a third.
     assert (told < 80) == (noise < 1e-6) and (noise < 1e-6 or wrong > 10)
 
 
 @pytest.mark.parametrize("beyond", [1e-9, 1e-6])
 def test_a_pair_at_the_edge_of_the_dead_band_is_told(beyond: float):
-    """From where the mass makes a further half-cycle by a hair, both numbers end in the same place."""
-    # Backwards from a stop at the edge through four half-cycles.
+    """Release the mass where it barely makes one more half-cycle.
+
+    Both numbers of half-cycles then end at the same position.
+    """
+    # Go back from a stop at the edge through four half-cycles.
     edge = BAND
     for _ in range(4):
         edge = (edge + (1 + DAMPED) * BAND) / DAMPED

@@ -1,4 +1,7 @@
-"""Tables of runs as an archive has them, made from closed forms: Coulomb and viscous friction on a linear spring."""
+"""Tables of runs as in an archive, from closed forms.
+
+The runs have Coulomb and viscous friction on a linear spring.
+"""
 
 import hashlib
 
@@ -16,7 +19,7 @@ REJECTED = (
 
 
 def decay(mu, load, x0, n=256):
-    """Times, displacements and reversals of a decay, half-cycle by half-cycle, with the stop as the last one."""
+    """Times, displacements and reversals of a decay, including the stop."""
     band = mu * load / STIFFNESS
     rho = np.exp(-np.pi * DAMPING_RATIO / np.sqrt(1 - DAMPING_RATIO**2))
     points = [x0]
@@ -33,7 +36,10 @@ def decay(mu, load, x0, n=256):
 
 
 def archive(runs=60, *, seed=0, broken=0.1):
-    """A table with the columns of an archive; a tenth of the runs cannot be fitted, or not be trusted."""
+    """Table with the columns of an archive.
+
+    A share `broken` of the runs cannot be fitted or is unreliable.
+    """
     generator = np.random.default_rng(seed)
     rows = [_row(i, generator, generator.random() < broken) for i in range(runs)]
     return pd.DataFrame(rows)

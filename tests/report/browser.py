@@ -1,4 +1,7 @@
-"""A browser without a screen that opens pages from disk: Debian's Chromium, or the test is skipped with the reason."""
+"""Headless browser for pages on disk.
+
+It is Debian's Chromium. Without it, the test is skipped with a reason.
+"""
 
 import contextlib
 import importlib.util
@@ -13,7 +16,10 @@ BROWSER, DRIVER = "/usr/bin/chromium", "/usr/bin/chromedriver"
 
 @contextlib.contextmanager
 def chromium(*, dark: bool = False, width: int = 1280, height: int = 900) -> Iterator[Any]:
-    """A driver of a fresh browser; selenium is given both paths, so that it never looks for a driver to fetch."""
+    """Start a new browser and yield its driver.
+
+    Both paths are passed to selenium, so that it never downloads a driver.
+    """
     for path in (BROWSER, DRIVER):
         if not shutil.which(path):
             pytest.skip(f"there is no {path}: on Debian `apt install chromium chromium-driver` brings it")
@@ -26,7 +32,7 @@ def chromium(*, dark: bool = False, width: int = 1280, height: int = 900) -> Ite
     options.binary_location = BROWSER
     for argument in ("--headless=new", "--no-sandbox", "--disable-dev-shm-usage", f"--window-size={width},{height}"):
         options.add_argument(argument)
-    # Every request to a network fails, so that a page that needs one shows it.
+    # Every network request fails, which reveals pages that need one.
     options.add_argument("--host-resolver-rules=MAP * ~NOTFOUND")
     options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
     driver = webdriver.Chrome(options=options, service=Service(DRIVER))
@@ -39,7 +45,7 @@ def chromium(*, dark: bool = False, width: int = 1280, height: int = 900) -> Ite
 
 
 def press(driver: Any, *keys: str) -> None:
-    """Press keys, as a reader does: letters, or the codes that WebDriver has for the others."""
+    """Press keys: letters, or WebDriver's codes for other keys."""
     from selenium.webdriver.common.action_chains import ActionChains
 
     actions = ActionChains(driver)

@@ -1,4 +1,4 @@
-"""Whether everybody can use the page: names that a screen reader says, contrast, the way of the Tab key, paper."""
+"""Accessibility of the page: names for screen readers, contrast, Tab order, print."""
 
 import base64
 import itertools
@@ -11,12 +11,12 @@ from tests.report.browser import chromium, press
 
 pytestmark = pytest.mark.slow
 
-# Roles that mean nothing without a name.
+# Roles that need a name.
 NAMED = {
     *("button", "checkbox", "combobox", "image", "img", "link", "navigation", "region", "search", "searchbox"),
     *("slider", "spinbutton", "table", "textbox", "columnheader"),
 }
-# WCAG 2.2, 1.4.3 and 1.4.11: text, and what one must see of a picture or of a control.
+# Minimal contrast of text and of graphics or controls: WCAG 2.2, 1.4.3 and 1.4.11.
 TEXT, GRAPHIC = 4.5, 3.0
 CONTRASTS = """
 const channels = (colour) => colour.match(/[\\d.]+/g).map(Number);
@@ -42,7 +42,7 @@ for (const each of document.querySelectorAll('body *')) {
 }
 return seen;
 """
-# What the eye needs besides: headings in their order, heads of tables, nothing that jumps the queue of the Tab key.
+# Scripts for the levels of headings, tables without heads or captions, the focused element, and text sizes.
 LEVELS = """return [...document.querySelectorAll('h1, h2, h3')].filter((each) => each.checkVisibility())
     .map((each) => Number(each.tagName[1]))"""
 BARE = """return document.querySelectorAll('th:not([scope]), table:not(:has(caption)), '
@@ -69,7 +69,7 @@ def address(table, tmp_path_factory):
 
 
 def views(table, address):
-    """The page of all runs, and that of one."""
+    """Return the page of all runs and that of one run."""
     yield address
     yield f"{address}#run={table['key'][table['mu'].first_valid_index()][:16]}"
 
@@ -108,7 +108,7 @@ def test_everything_can_be_told_from_what_is_behind_it(table, address, dark):
             faint = {
                 (kind, name, tag, round(ratio, 2))
                 for kind, name, tag, ratio in seen
-                # The pale broad line of the record carries a dark one; the bars only repeat what the table says.
+                # A dark line lies on the pale broad line of the record. The bars only repeat numbers of the table.
                 if ratio < (TEXT if kind == "text" else GRAPHIC) and name not in ("measured", "bars")
             }
             assert faint == set()

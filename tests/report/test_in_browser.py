@@ -1,4 +1,4 @@
-"""The page as its reader meets it, in a browser: sorting, filtering, opening runs, and that no text of a file runs."""
+"""Pages in a browser: sorting, filtering, opening runs, and hostile texts."""
 
 import json
 
@@ -12,7 +12,7 @@ from tests.report.browser import chromium, press
 
 pytestmark = pytest.mark.slow
 
-# What a file may call itself, or a column, or a sentence say, to run a script in the page of somebody else.
+# Names of files or columns, or texts, that try to run a script in the page.
 HOSTILE = (
     "<img src=x onerror='window.hacked=1'>",
     "</script><script>window.hacked=1</script>",
@@ -35,7 +35,7 @@ def frame():
 
 @pytest.fixture(scope="module")
 def folder(frame, tmp_path_factory):
-    """A page of an archive and one of a fit."""
+    """Folder with a page of an archive and one of a fit."""
     made = tmp_path_factory.mktemp("pages")
     fj.report.save(frame, made / "archive.html", title=HOSTILE[1])
     machine = fj.Oscillator(0.4, 2500.0, 0.2, 10.0, fj.friction.Coulomb(0.05))
@@ -54,7 +54,7 @@ def browser():
 
 @pytest.fixture
 def page(browser, folder):
-    """A function that opens a page afresh, and the driver."""
+    """Function that opens a page and returns the driver."""
 
     def opened(name="archive.html"):
         browser.get("about:blank")
@@ -79,7 +79,7 @@ def head(driver, name):
 
 
 def cells(driver, name):
-    """The texts of a column of the table of runs."""
+    """Texts of a column of the table of runs."""
     script = """const heads = [...document.querySelectorAll('.runs thead th')].map((each) => each.textContent);
         const at = heads.findIndex((each) => each.startsWith(arguments[0]));
         return [...document.querySelectorAll('.runs tbody tr')].map((row) => row.children[at].textContent);"""
@@ -227,7 +227,7 @@ def test_the_policy_stops_what_a_page_would_let_in(browser, page):
     with pytest.raises(Exception, match="TrustedHTML"):
         driver.execute_script("document.body.innerHTML = '<b>x</b>'")
     assert driver.execute_script("return fetch('https://example.org').then(() => 'sent', () => 'refused')") == "refused"
-    browser.get_log("browser")  # the refusals, which are meant
+    browser.get_log("browser")  # discard the expected refusals
 
 
 @pytest.mark.parametrize("name", ["fit.html", "joint.html"])

@@ -1,4 +1,4 @@
-"""What is on a page: numbers as they are, reasons in groups, limits that hold, and nothing that a parser could obey."""
+"""Content of a page: exact numbers, grouped reasons, limits, harmless texts."""
 
 import base64
 import hashlib
@@ -22,7 +22,7 @@ SCRIPTS = [path for path in resources.files("fricjax.report").joinpath("assets")
 
 
 class Parsed(html.parser.HTMLParser):
-    """Elements of a page with their attributes, and the text of its scripts and its style."""
+    """Elements of a page with attributes, and text of scripts and style."""
 
     def __init__(self, text):
         super().__init__()

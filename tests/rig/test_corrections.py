@@ -1,4 +1,4 @@
-"""Corrections of a rig against integrations and quadratures of the effects themselves."""
+"""Corrections of a rig against integrations and quadratures."""
 
 import numpy as np
 import pytest
@@ -13,7 +13,10 @@ M = K / OMEGA**2
 
 
 def test_tilt_moves_the_equilibrium_and_hardly_mu():
-    """1 mrad: 3.8 um and 1e-6; 10 mrad: 38 um and 1e-4."""
+    """Check shift and relative change of mu.
+
+    They are 3.8 um and 1e-6 for 1 mrad, and 38 um and 1e-4 for 10 mrad.
+    """
     for angle, shift, change in ((1e-3, 3.76e-6, 1.1e-6), (1e-2, 37.6e-6, 1.1e-4)):
         found = corrections.tilt(MU, angle, N, K)
         assert found.shift == pytest.approx(shift, rel=0.01)
@@ -21,7 +24,10 @@ def test_tilt_moves_the_equilibrium_and_hardly_mu():
 
 
 def test_a_tilted_stroke_swings_about_the_two_forces():
-    """Half-cycles under the two forces have the turning points of the effective force about the shifted equilibrium."""
+    """Compare turning points under two forces with those of the effective force.
+
+    The latter are about the shifted equilibrium.
+    """
     found = corrections.tilt(MU, 5e-3, N, K)
     band, y = found.effective * N / K, 1e-3
     down = y - 2 * (y - found.downhill * N / K)
@@ -74,7 +80,7 @@ def test_a_slow_release_makes_a_smaller_and_later_swing():
 
 
 def test_a_yielding_holder_gives_back_work():
-    """Dahl's law integrated over one stroke from rest under full deflection."""
+    """Integrate Dahl's law over one stroke from rest under full deflection."""
     force, sigma0, y = MU * N, 1e6, 1.5e-3
     band, deflection = force / K, force / sigma0
 

@@ -1,4 +1,4 @@
-"""A calibrated number: what it accepts, how it reads, and the units in which it may be written."""
+"""Calibrated numbers: accepted values, text and units."""
 
 import pytest
 from hypothesis import given
@@ -84,7 +84,7 @@ def test_written_quantities_are_converted_to_si(name, written, value, std):
             {"value": 1.0, "sdt": 0.1},
             "mass has no entry 'sdt'; known are value, std, unit. Did you mean 'std'?",
         ),
-        ("mass", {"std": 0.1}, "mass = {'std': 0.1} lacks its value; write mass = { value = ..., std = ... }."),
+        ("mass", {"std": 0.1}, "mass = {'std': 0.1} has no value; write mass = { value = ..., std = ... }."),
         ("mass", {"value": "1"}, "The value of mass must be a number, got '1'."),
         (
             "mass",

@@ -1,4 +1,4 @@
-"""The rig: its oscillator, its file, its refusals, and derivatives with respect to what was calibrated."""
+"""Rig: oscillator, file, error messages, and derivatives in the calibrated values."""
 
 import math
 
@@ -264,8 +264,8 @@ def test_plain_data_and_a_data_frame_hold_all_digits():
     assert data["restoring"] == "cubic"
     frame = rig.to_dataframe().set_index("quantity")
     assert frame.loc["k3", "value"] == 1e7
-    assert frame.loc["k3", "value std"] == 1e5
-    assert frame.loc["drag", "uncertainty"] == "exact"
+    assert frame.loc["k3", "std"] == 1e5
+    assert frame.loc["drag", "relative_std"] == 0
     pendulum = Rig(mass=1, stiffness=1, normal_force=1, restoring="pendulum").to_dataframe()
     assert list(pendulum["unit"]) == ["kg m^2", "N m/rad", "N m", "N m s^2/rad^2"]
 

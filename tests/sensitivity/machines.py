@@ -1,4 +1,4 @@
-"""The prototype of the paper with its two contacts, as planned runs have it."""
+"""Prototype of the paper with its two contacts."""
 
 from fricjax.friction.base import AbstractFriction
 from fricjax.oscillator import Oscillator

@@ -1,4 +1,4 @@
-"""The next release and the number of runs, by campaigns of an oracle that knows nothing of the package."""
+"""Next release and number of runs, against campaigns of an independent oracle."""
 
 import numpy as np
 import pytest
@@ -15,7 +15,10 @@ WANTED = 0.02
 
 
 def answers(machine, x0, mu_s):
-    """The largest coefficient that held the mass and the smallest that did not, of a run by the oracle."""
+    """Limits of mu_s from a run of the oracle.
+
+    They are the largest coefficient that was needed to hold the mass, and the smallest that was exceeded.
+    """
     frequency, zeta = float(machine.angular_frequency) / (2 * np.pi), float(machine.damping_ratio)
     points = coulomb_viscous(
         np.zeros(1), x0, frequency=frequency, zeta=zeta, dead_band=MU * BAND, static_band=mu_s * BAND
@@ -25,7 +28,7 @@ def answers(machine, x0, mu_s):
 
 
 def runs_needed(machine, mu_s, choose):
-    """Number of runs until the interval of mu_s has a standard uncertainty of 2 %."""
+    """Number of runs to a standard uncertainty of mu_s of 2 %."""
     low, high = MU, 1.6 * MU
     for runs in range(1, 1000):
         held, moved = answers(machine, choose(low, high), mu_s)
@@ -42,7 +45,7 @@ def test_chosen_releases_need_less_than_half_of_the_runs_of_a_uniform_spread():
     found = {}
 
     def best(low, high):
-        # Campaigns that begin alike ask the same questions.
+        # Campaigns with the same beginning choose the same releases.
         key = (round(low, 6), round(high, 6))
         if key not in found:
             found[key] = fj.sensitivity.next_release(machine, RANGE, (low, high)).x0
@@ -53,7 +56,7 @@ def test_chosen_releases_need_less_than_half_of_the_runs_of_a_uniform_spread():
     spread = np.array([runs_needed(machine, mu_s, lambda *_: rng.uniform(*RANGE)) for mu_s in truths])
     print(f"runs for mu_s to 2 %: {chosen.mean():.2f} chosen, {spread.mean():.2f} spread uniformly")
     assert chosen.mean() <= 0.5 * spread.mean()
-    # An interval of 46 % of its middle is halved until 7 % are left: three times.
+    # Three halvings reduce the interval from 46 % to less than 7 % of its middle.
     assert chosen.max() <= 4
 
 
@@ -76,7 +79,7 @@ def test_scatter_leaves_less_to_be_told():
 
 @pytest.mark.slow
 def test_the_expected_variance_is_that_of_simulated_answers():
-    """Over values of mu_s drawn from the interval, by the oracle's runs from the chosen release."""
+    """Simulate runs from the chosen release for random values of mu_s."""
     machine, interval = prototype(fj.friction.Coulomb(MU)), (MU, 1.5 * MU)
     best = fj.sensitivity.next_release(machine, RANGE, interval)
     drawn = np.random.default_rng(1).uniform(*interval, 4000)
@@ -93,7 +96,7 @@ def test_runs_add_their_information():
     one = fj.sensitivity.fisher(machine, 1e-3, names=["mu", "damping", "stiffness"])
     needed = max(one.std_errors["mu"] / MU / 4e-8, one.std_errors["damping"] / one.values["damping"] / 1e-6) ** 2
     assert plan.runs[1] == np.ceil(needed)
-    # Of one half-cycle nothing is known but its centre, however often it is repeated.
+    # One half-cycle gives only its centre, even if it is repeated many times.
     assert plan.runs[0] == np.inf and plan.best.x0 == 2e-3
     assert "none reaches it" in plan.summary()
 

@@ -1,4 +1,4 @@
-"""Null directions in words, from null spaces that are known; the basis that is handed in is mixed up first."""
+"""Null directions in words, from known null spaces with a mixed basis."""
 
 import numpy as np
 import pytest
@@ -71,7 +71,10 @@ def test_the_spectrum_of_a_matrix_that_is_known():
 
 
 def test_the_scale_and_the_load_of_a_machine():
-    """A trace sees y'' + 2 zeta omega y' + omega^2 (y + x_d sgn y') = 0: two freedoms among five coefficients."""
+    """Find two null directions among five coefficients.
+
+    A trace depends only on y'' + 2 zeta omega y' + omega^2 (y + x_d sgn y') = 0.
+    """
     found = fisher(prototype(Coulomb(0.05)), 1e-3)
     assert found.names == ("mass", "stiffness", "damping", "normal_force", "mu", "x0", "offset")
     assert found.rank == 5 and set(found.undetermined) == set(found.names[:5])
@@ -82,7 +85,7 @@ def test_the_scale_and_the_load_of_a_machine():
     for direction in found.singular:
         relative = direction.changes / [found.values[name] for name in direction.names]
         np.testing.assert_allclose(np.abs(relative / relative[0]), 1.0, rtol=1e-5)
-    # What needs no rig is determined all the same, to parts in ten million.
+    # The kinematic quantities need no rig and are still determined.
     assert {name for name, each in found.kinematics.items() if each.std < 1e-4 * each.value} == {
         "natural_frequency",
         "damping_ratio",

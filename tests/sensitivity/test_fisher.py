@@ -1,4 +1,4 @@
-"""Expected standard errors against the golden Cramer-Rao bounds of the prototype, and the advice that follows."""
+"""Expected standard errors against published Cramer-Rao bounds, and warnings."""
 
 import numpy as np
 import pytest
@@ -42,7 +42,7 @@ def relative(found):
 
 
 def among(found, names):
-    """Relative standard error of mu where these parameters alone are free: a part of the information matrix."""
+    """Relative standard error of mu if only these parameters are free."""
     index = [found.names.index(name) for name in names]
     part = found.matrix[np.ix_(index, index)]
     return np.sqrt(np.linalg.inv(part)[0, 0]) / found.values["mu"]
@@ -59,7 +59,7 @@ def test_bounds_of_sliding(mu, x0, half_cycles, bounds):
         assert among(found, ["mu", "mass", *STATE]) == pytest.approx(bounds[2], rel=PRINTED)
         assert not found.singular
         return
-    # A cell without a number: of one half-cycle only the centre x_d + offset is seen, and the release beside it.
+    # A cell without a number: one half-cycle gives only the centre x_d + offset and the release.
     assert found.undetermined == ("mu", "x0", "offset")
     (direction,) = found.singular
     shift = SLIDING * mu / STIFFNESS
@@ -75,7 +75,10 @@ def test_cells_without_motion_determine_no_friction(mu, x0):
 
 
 def test_a_bound_from_differences_of_an_integration():
-    """The cell of 0.02 and 0.5 mm once more, by SciPy's DOP853 at shifted parameters and nothing of the package."""
+    """Compute one bound without the package.
+
+    It is the cell of mu = 0.02 and 0.5 mm, from SciPy's DOP853 at shifted parameters.
+    """
     mu, x0, mass, damping = 0.02, 0.5e-3, PROTOTYPE_MASS, PROTOTYPE_DAMPING
     t = np.arange(0.0, 3 * np.pi / np.sqrt(STIFFNESS / mass) + TAIL, 1e-4)
 
@@ -85,7 +88,7 @@ def test_a_bound_from_differences_of_an_integration():
         moved = slide(oracle, x0, 0.0, np.maximum(t - release, 0.0))
         return moved.x + offset
 
-    # Shifts that move the trace by a nanometre or so: differences of them are exact to a part in ten thousand.
+    # Shifts that move the trace by about a nanometre. Their differences have a relative error of 1e-4.
     shifts = {"mu": 1e-5 * mu, "mass": 1e-5 * mass, "damping": 1e-3 * damping, "x0": 1e-9, "offset": 1e-9}
     shifts["release"] = 1e-7
     base = {"mu": mu, "mass": mass, "damping": damping, "x0": x0, "release": 0.0, "offset": 0.0}
@@ -113,7 +116,10 @@ def test_bounds_of_rolling(mu, half_cycles, bounds, related):
 
 
 def test_the_error_of_one_coefficient_is_that_of_its_column():
-    """With mu alone it is noise/|dx/dmu|, in closed form (1 - cos) N/k in the first half-cycle, undamped."""
+    """Compare the error of mu alone with noise/|dx/dmu|.
+
+    In the first half-cycle and without damping, dx/dmu = (1 - cos) N/k.
+    """
     machine = prototype(Coulomb(0.05))
     omega = float(machine.angular_frequency)
     ts = np.linspace(0.0, 0.9 * np.pi / omega, 200)
@@ -156,14 +162,17 @@ def test_the_stribeck_ridge(speed, static, stribeck, related):
     assert 2e-8 < found.std_errors["mu"] < 4e-8
     work = found.combinations["(mu_s - mu) v_stribeck^2"]
     assert work.value == pytest.approx(0.015 * speed**2)
-    # The best combination is better known than that with any other power, in particular than the fall alone.
+    # The best combination has a smaller error than that with any other power, and than the fall alone.
     best = min(each.std / each.value for each in found.combinations.values())
     assert best <= min(work.std / work.value, found.std_of({"mu_s": 1.0, "mu": -1.0}) / 0.015)
     assert any("mu_s and v_stribeck correlate" in text for text in found.warnings) == (related < -0.95)
 
 
 def test_a_stop_that_hangs_by_a_hair():
-    """Undamped, a_n = x0 - 2 n x_d: after two half-cycles 2 % of x_d are left above the static band of 1.3 x_d."""
+    """Warn about a stop that is uncertain.
+
+    Undamped, a_n = x0 - 2 n x_d. After two half-cycles, a_n is only 2 % of x_d above the static band of 1.3 x_d.
+    """
     machine = Oscillator(1.0, 1000.0, 0.0, 10.0, Coulomb(0.05, 0.065))
     found = fisher(machine, 5.32 * 0.5e-3, names=["mu", "mass"], rate=200.0)
     assert found.motion.half_cycles == 3

@@ -1,4 +1,4 @@
-"""Derivatives of a motion against central differences of simulations, and against the closed form of a half-cycle."""
+"""Derivatives of a motion against central differences and a closed form."""
 
 import jax
 import numpy as np
@@ -23,7 +23,7 @@ LAWS = {
 
 
 def moved(oscillator, name, change, engine):
-    """Reading at the times with one coefficient, or one number of the run, changed."""
+    """Reading after a change of one coefficient or number of the run."""
     leaves, structure = jax.tree.flatten(oscillator)
     index = {leaf.name: leaf.index for leaf in leaves_of(oscillator)}
     if name in index:

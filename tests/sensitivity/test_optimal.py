@@ -1,4 +1,4 @@
-"""Designs along the slope of their criterion, against finite differences and releases that were not chosen."""
+"""Optimal designs against finite differences and random releases."""
 
 import numpy as np
 import pytest
@@ -40,7 +40,7 @@ def test_the_information_is_that_of_a_planned_run():
 
 @pytest.mark.slow
 def test_chosen_runs_leave_less_than_as_many_others():
-    """Against two hundred campaigns of four releases that are spread at random over the same range."""
+    """Compare with two hundred campaigns of four random releases."""
     targets = {"mu": 3e-8, "damping": 1e-7}
     best = fj.sensitivity.optimal_runs(MACHINE, RANGE, targets, NAMES, runs=4)
     assert not best.reached and "do not reach the targets" in best.summary()
@@ -52,11 +52,11 @@ def test_chosen_runs_leave_less_than_as_many_others():
         inverse = np.linalg.inv(sum(known[i] for i in rng.integers(0, 40, 4)))
         spread.append(np.linalg.norm([np.sqrt(inverse[i, i]) / target for i, target in enumerate(targets.values())]))
     assert chosen < 1.02 * np.min(spread) and chosen < 0.85 * np.median(spread)
-    # One more run brings less than the one before it.
+    # Each run lowers the error.
     errors = [point.std_errors["damping"] for point in best.points]
     assert errors == sorted(errors, reverse=True)
     assert best.plot().get_axes()[-1].get_xlabel() == "Run"
-    # The same runs with more samples per second reach the targets, and of the fewest there is none to spare.
+    # The same runs with more samples per second reach the targets, with no run to spare.
     faster = fj.sensitivity.optimal_runs(MACHINE, RANGE, targets, NAMES, runs=4, rate=1.001 * best.rate_for_targets)
     assert faster.reached and len(faster.points) == 4
     assert faster.rate_for_targets == pytest.approx(best.rate_for_targets, rel=1e-6)
@@ -64,14 +64,17 @@ def test_chosen_runs_leave_less_than_as_many_others():
 
 @pytest.mark.slow
 def test_a_mass_that_never_stops_is_recorded_for_as_long_as_is_said():
-    """Its information is that of a cosine that decays, and a shorter record of any machine tells less."""
+    """Compare a frictionless mass with a decaying cosine.
+
+    For every machine, a shorter record has less information.
+    """
     swinging, names = prototype(fj.friction.Coulomb(0.0)), ["damping", "stiffness"]
     with pytest.raises(UsageError, match="say with the duration how long to record"):
         fj.sensitivity.optimal_runs(swinging, RANGE, {"damping": 1e-6}, names)
     best = fj.sensitivity.optimal_runs(swinging, RANGE, {"damping": 1e-6}, names, runs=1, duration=4.0)
     (point,) = best.points
     assert (point.half_cycles, point.duration, point.x0) == (None, 4.0, RANGE[1]) and "no stop" in best.summary()
-    # Of a cosine that decays, with its amplitude unknown: the weighted variance of the time.
+    # For a decaying cosine of unknown amplitude, the information is the weighted variance of the time.
     rate_of_decay = PROTOTYPE_DAMPING / (2 * PROTOTYPE_MASS)
     t = (np.arange(40_000) + 0.5) / 10_000
     weight = (RANGE[1] * np.exp(-rate_of_decay * t) / 1e-9) ** 2 / 2

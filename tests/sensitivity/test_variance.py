@@ -1,4 +1,4 @@
-"""Global sensitivities against closed forms, against each other, and the course of derivatives against differences."""
+"""Global sensitivities against closed forms, and derivative curves against differences."""
 
 import jax.numpy as jnp
 import numpy as np
@@ -21,7 +21,10 @@ def found():
 
 
 def test_ishigami(found):
-    """Its indices and the means of its squared derivatives in closed form (Ishigami and Homma, 1990)."""
+    """Compare with the closed forms of the Ishigami function.
+
+    The forms are its indices and mean squared derivatives (Ishigami and Homma, 1990).
+    """
     a, b = 7.0, 0.1
     variance = a**2 / 8 + b * np.pi**4 / 5 + b**2 * np.pi**8 / 18 + 0.5
     alone = np.array([0.5 * (1 + b * np.pi**4 / 5) ** 2, a**2 / 8, 0.0]) / variance
@@ -43,7 +46,10 @@ def test_the_bound_by_derivatives_holds(found):
 
 
 def test_of_small_ranges_the_indices_are_those_of_the_first_order():
-    """A decay is then a line in its parameters: shares of the squares of slopes times ranges, by `local`."""
+    """Compare with shares of squared slopes times ranges, by `local`.
+
+    In small ranges, a decay is linear in its parameters.
+    """
     ts = np.array([0.0, 0.31])
     ranges = {"mu": (0.05, 0.05001), "damping": (0.17, 0.1705)}
 
@@ -62,7 +68,7 @@ def test_curves_are_differences_of_readings():
     found = fj.sensitivity.curves(machine, 1e-3, ts, ["mu", "x0", "offset"])
     readings = [np.asarray(fj.simulate(prototype(fj.friction.Coulomb(mu)), 1e-3, ts).x) for mu in (0.05005, 0.04995)]
     assert found.relative[:, 0] == pytest.approx((readings[0] - readings[1]) / 2e-3 / 1e-3, abs=1e-6)
-    # One part in a thousand of the release, or a millionth of a metre of offset, is as much of the reading.
+    # A change of x0 and a change of the offset by the same amount move the first reading equally.
     assert found.relative[0, 1] == found.relative[0, 2] == pytest.approx(1.0)
     assert found.plot().get_axes()[-1].get_xlabel() == "Time [ms]" and "Sensitivity over the run" in found.summary()
 

@@ -1,4 +1,4 @@
-"""Figures leave matplotlib's global state alone and files appear whole or not at all."""
+"""Figures keep matplotlib's global state, and files are complete or absent."""
 
 import subprocess
 import sys
@@ -102,7 +102,7 @@ def test_matplotlib_is_imported_on_demand():
 @pytest.mark.parametrize(("name", "millimetres"), [("column", 85), ("page", 178)])
 def test_a_style_is_the_width_and_type_of_a_journal(tmp_path, name, millimetres):
     made, axes = picture()
-    axes[0, 0].set_title("what the caption says")
+    axes[0, 0].set_title("text of the caption")
     assert styled(made, name) is made
     assert made.get_size_inches()[0] * 25.4 == pytest.approx(millimetres)
     assert axes[0, 0].get_title() == "" and axes[1, 0].xaxis.label.get_fontsize() == 8

@@ -1,4 +1,4 @@
-"""A file is the old one or the new one, whole, whatever happens; and nobody's file goes unasked."""
+"""Atomic writing of files, and protection of existing ones."""
 
 import errno
 import os

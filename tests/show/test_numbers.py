@@ -1,4 +1,4 @@
-"""Numbers read back as they were: the shorthand is parsed by an independent library."""
+"""Numbers as text, read back also by an independent library."""
 
 import math
 

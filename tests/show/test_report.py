@@ -1,4 +1,4 @@
-"""A result says what it shows, and its text, HTML, plain data and data frame follow."""
+"""Text, HTML, plain data and data frames of a report."""
 
 import dataclasses
 import math
@@ -10,7 +10,9 @@ import pytest
 from fricjax.rig import Measured
 from fricjax.show import Report, Reported, Table, plain_data
 
-TABLE = Table(["Parameter", "Value", ""], [["mu", Measured(0.214523, 0.000312), "1"], ["mass", Measured(9.5), "kg"]])
+TABLE = Table(
+    ["Parameter", "Value", "Unit"], [["mu", Measured(0.214523, 0.000312), "1"], ["mass", Measured(9.5), "kg"]]
+)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -36,8 +38,8 @@ def full(**changes):
 
 def test_text_has_tables_facts_and_marked_sentences():
     assert full().summary().split("\n") == [
-        "Parameter        Value",
-        "─────────  ───────────  ──",
+        "Parameter        Value  Unit",
+        "─────────  ───────────  ────",
         "mu         0.21452(31)  1",
         "mass               9.5  kg",
         "",
@@ -71,9 +73,14 @@ def test_numbers_come_back_with_all_their_digits():
         "names": ["mu", "mass"],
     }
     frame = full().to_dataframe()
-    assert list(frame.columns) == ["Parameter", "Value", "Value std", ""]
-    assert frame["Value"].tolist() == [0.214523, 9.5]
-    assert frame["Value std"].tolist() == [0.000312, 0.0]
+    assert list(frame.columns) == ["parameter", "value", "std", "unit"]
+    assert frame["value"].tolist() == [0.214523, 9.5]
+    assert frame["std"].tolist() == [0.000312, 0.0]
+
+
+def test_a_report_without_tables_has_a_frame_of_its_data():
+    frame = full(tables=[], data={"noise": 5e-9, "rest": None}).to_dataframe()
+    assert frame["noise"].tolist() == [5e-9] and np.isnan(frame["rest"][0])
 
 
 class Pair(NamedTuple):

@@ -2,9 +2,11 @@
 
 from html.parser import HTMLParser
 
+import numpy as np
 import pytest
 
-from fricjax.show import Table
+from fricjax.rig import Measured
+from fricjax.show import Cell, Table
 
 
 def test_text_is_aligned():
@@ -20,8 +22,22 @@ def test_text_is_aligned():
 
 
 def test_text_columns_are_left_aligned():
-    lines = Table(["what"], [["a"], ["long"]]).text().split("\n")
-    assert lines == ["what", "────", "a", "long"]
+    lines = Table(["name"], [["a"], ["long"]]).text().split("\n")
+    assert lines == ["name", "────", "a", "long"]
+
+
+def test_a_frame_holds_the_numbers_of_the_cells():
+    rows = [
+        ["mu", Measured(0.2, 0.1), Cell("12 nm", noise=np.float64(1.2e-8), runs=2), Cell("no stop", stop=float("nan"))]
+    ]
+    rows += [["k", Measured(2.5e3), None, Cell(7, stop=7)]]
+    table = Table(["Name", "At R-hat", "Noise", "Stop"], rows, units={"noise": "m"}, limit=1)
+    assert table.cells() == [["mu", "0.20(10)", "12 nm", "no stop"]]
+    frame = table.to_dataframe()
+    assert list(frame) == ["name", "at_r_hat", "at_r_hat_std", "noise", "runs", "stop"]
+    assert frame["noise"][0] == 1.2e-8 and np.isnan(frame["noise"][1]) and np.isnan(frame["stop"][0])
+    assert frame["at_r_hat"].tolist() == [0.2, 2500.0] and frame["at_r_hat_std"].tolist() == [0.1, 0.0]
+    assert frame.attrs["units"] == {"noise": "m"}
 
 
 def test_a_row_that_does_not_fit_is_refused():

@@ -1,4 +1,4 @@
-"""Thumbnails hold the extremes of what they show in few bytes, without matplotlib, whatever a result holds."""
+"""Thumbnails: extremes of curves in few bytes, without matplotlib."""
 
 import re
 import subprocess
@@ -15,7 +15,7 @@ TIME, PATH = ("Time", "s"), ("Displacement", "m")
 
 
 def places(picture):
-    """Points of all lines of a picture, from its text."""
+    """Parse the points of all lines from the text of a picture."""
     lines = [path.get("d") for path in ElementTree.fromstring(picture).iter("{http://www.w3.org/2000/svg}path")]
     curves = [line for line in lines if line and "L" in line]
     return [np.array([point.split() for point in re.split("[ML]", curve) if point], float) for curve in curves]
@@ -28,7 +28,7 @@ def test_a_spike_of_one_sample_in_a_million_is_seen_in_few_bytes():
     picture = curves_svg([Curve(t, x)], TIME, PATH)
     (line,) = places(picture)
     assert len(picture) < 10_000 and "Displacement [um]" in picture and "Time [s]" in picture
-    # SVG counts downwards; the axis has room of four percent on both sides of its 9 um.
+    # SVG coordinates point downwards. The axis has a margin of four percent on both sides of its 9 um.
     low, high = line[:, 1].max(), line[:, 1].min()
     assert line[np.argmin(line[:, 1]), 0] == pytest.approx(58 + 392 * (1.23456 / 10 + 0.04) / 1.08, abs=0.2)
     unit = (low - high) / 9

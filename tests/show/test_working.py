@@ -1,4 +1,4 @@
-"""Progress: nothing within the first second, one line that is rewritten and taken away, and no thread left behind."""
+"""Progress: a delayed line that is rewritten and removed, and its thread."""
 
 import io
 import os
@@ -18,13 +18,13 @@ from fricjax.show.working import Task, line_of, working
 
 
 class Terminal(io.StringIO):
-    """A stream that says it is a terminal."""
+    """Stream that reports to be a terminal."""
 
     def isatty(self):
         return True
 
     def screen(self):
-        """What stands in the line at the end, carriage returns obeyed."""
+        """Return the final text of the line, with carriage returns applied."""
         shown = ""
         for part in self.getvalue().split("\r"):
             shown = part + shown[len(part) :]
@@ -34,7 +34,7 @@ class Terminal(io.StringIO):
 @pytest.fixture
 def terminal(monkeypatch):
     stream = Terminal()
-    # Between a fixture and its test pytest puts back its own stderr.
+    # Pytest restores its stderr between a fixture and its test.
     monkeypatch.setattr(module, "sys", types.SimpleNamespace(stderr=stream, modules=sys.modules))
     monkeypatch.setattr(module, "PATIENCE", 0.05)
     monkeypatch.setattr(module, "_REDRAWN", 0.01)
@@ -143,7 +143,7 @@ def test_compiling_is_named_as_such_while_jax_compiles_and_no_longer(terminal):
 
 
 def test_a_compilation_of_jax_is_seen(tmp_path):
-    # In a process of its own, with nothing kept, on a terminal: what is compiled takes longer than its patience.
+    # A new process with an empty cache on a terminal. Compilation takes longer than the reduced patience.
     code = """
 import jax, jax.numpy as jnp
 jax.config.update("jax_enable_x64", True)

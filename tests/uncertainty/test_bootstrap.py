@@ -1,4 +1,4 @@
-"""The scatter of resampled fits against standard errors, for white noise and for noise that remembers."""
+"""Scatter of resampled fits against standard errors, for white and coloured noise."""
 
 import dataclasses
 
@@ -16,7 +16,7 @@ from tests.fitting.runs import coulomb_run
 FREE = ("mu", "damping", "stiffness")
 MACHINE = fj.Oscillator(0.41068, 2574.0, 0.1756, 9.66, fj.friction.Coulomb(0.05))
 DRAWS = 256
-# Five standard errors of a standard deviation of so many draws.
+# Five standard errors of a standard deviation from this number of draws.
 NEAR = 5 / np.sqrt(2 * DRAWS)
 
 
@@ -27,7 +27,7 @@ def white():
 
 @pytest.fixture(scope="module")
 def coloured():
-    """A record so long that its noise is known well, and holds many blocks."""
+    """Fit of a long record with coloured noise and many blocks."""
     run = fj.synthetic_run(MACHINE, 2e-3, rate=2e4, duration=0.4, noise=0.0, seed=0)
     shocks = 2e-8 * np.random.default_rng(5).normal(size=len(run))
     noise = np.asarray(lfilter([1.0], [1.0, -0.9], shocks))
@@ -40,13 +40,16 @@ def test_the_scatter_is_the_standard_error(white, noise):
     assert sample.failed == 0
     for name in FREE:
         assert sample.std[name] == pytest.approx(white.std_errors[name], rel=NEAR)
-        # The standard error of a mean of so many draws is a sixteenth of one.
+        # The standard error of the mean is smaller by the square root of the number of draws.
         assert abs(sample.bias[name]) < 5 * white.std_errors[name] / np.sqrt(DRAWS)
     assert sample.covariance.shape == (len(white.names),) * 2
 
 
 def test_records_of_white_noise_are_fitted_by_least_squares_as_the_fit_was(white):
-    """What a draw shows of colour by chance, one in some hundred does, is no more sought in it than in the fit."""
+    """Fit the draws by least squares if the fit found white noise.
+
+    About one draw in a hundred looks coloured by chance.
+    """
     sample = fj.uncertainty.bootstrap(white, 40)
     by_squares = fj.uncertainty.bootstrap(fj.fit(coulomb_run(), MACHINE, FREE, noise="white"), 40)
     assert white.noises[0].white and np.array_equal(sample.sample, by_squares.sample)
@@ -56,8 +59,8 @@ def test_records_of_white_noise_are_fitted_by_least_squares_as_the_fit_was(white
 def test_noise_that_remembers_scatters_as_the_fit_says_and_not_as_white_noise(coloured):
     sample = fj.uncertainty.bootstrap(coloured, 64)
     assert sample.block[0] > 20
-    # Computed records of this noise scatter by 0.92 of these standard errors and by 4.5 of white ones; of the scatter
-    # blocks of such a length lose some tenth, and 64 draws know it to nine percent.
+    # Simulated records of this noise scatter by 0.92 of these standard errors and by 4.5 of those for white noise.
+    # Blocks of this length lose about a tenth of the scatter, and 64 draws determine it to nine percent.
     for name in FREE:
         assert 0.6 < sample.std[name] / coloured.std_errors[name] < 1.2
         assert sample.std[name] > 2.5 * coloured.white_std_errors[name]
@@ -92,7 +95,10 @@ def test_noise_that_remembers_has_no_model_to_draw_from(coloured):
 
 
 def test_the_problem_of_a_resampled_record_is_that_of_a_record_measured_so(white):
-    """All that times and weights give is shared; what is left is what building the problem anew gives."""
+    """Compare a displaced problem with one built from the changed record.
+
+    The displaced problem reuses everything that depends only on times and weights.
+    """
     problem = white.problem
     (window,) = problem.windows
     x = np.asarray(window.trace.x) + 1e-9 * np.random.default_rng(3).normal(size=window.trace.n)

@@ -1,4 +1,4 @@
-"""The budget of a fit against fits with shifted inputs, and against the formula of the coefficient."""
+"""Budget of a fit against fits with shifted inputs and a formula."""
 
 from typing import Any
 
@@ -37,7 +37,7 @@ def fit(rig):
 
 
 def refitted(rig, name, shift):
-    """The same record with one input larger by `shift`."""
+    """Fit the same record with one input larger by `shift`."""
     record, scale = coulomb_run(), 1.0 + shift
     if name == "displacement_scale":
         return fitted(rig, fj.Record(record.t, scale * record.x, record.sigma))
@@ -47,26 +47,26 @@ def refitted(rig, name, shift):
 
 
 def check_sensitivities(fit, name, ends, step, size):
-    """The sensitivities to an input against fits with the input larger and smaller by a step."""
+    """Compare sensitivities to an input with differences of two fits."""
     value = lambda fit, quantity: {**fit.values, "dead_band": fit.kinematics["dead_band"].value}[quantity]
     for quantity in ("mu", "damping", "dead_band"):
         budget = fj.uncertainty.budget(fit, name=quantity)
         slope = (value(ends[0], quantity) - value(ends[1], quantity)) / (2 * step)
-        # Beside what the slope is of, for of a sensitivity that is none there is rounding.
+        # The absolute tolerance covers rounding, for sensitivities of zero.
         assert budget.sensitivities[name] == pytest.approx(slope, rel=1e-5, abs=1e-7 * abs(budget.value / size))
 
 
 @pytest.mark.parametrize("name", [name for name in INPUTS if name != "stiffness"])
 def test_the_sensitivity_is_that_of_fits_with_shifted_inputs(rig, fit, name):
-    # A step whose square is below what is asked for, and whose effect is above the rounding of a fit.
+    # The square of the step is below the tolerance, and its effect is above the rounding of a fit.
     step = 1e-3 * INPUTS[name].value if "scale" not in name else INPUTS[name].std
     check_sensitivities(fit, name, [refitted(rig, name, step), refitted(rig, name, -step)], step, INPUTS[name].value)
 
 
 def test_a_drag_of_zero_may_be_uncertain():
-    """No exact engine knows how a motion follows a drag, so another is taken where its derivative is asked for."""
+    """Differentiate in a drag of zero, which the exact engine cannot do."""
     rig = fj.Rig(**INPUTS, drag=fj.Measured(0.0, 5e-3))
-    # What the drag leaves in the residuals must stay below the noise, by which a fit weighs its samples.
+    # The effect of the drag on the residuals must stay below the noise, because the fit weights samples by it.
     step = 2e-4
     ends = [fitted(rig.with_inputs({"drag": change})) for change in (step, -step)]
     check_sensitivities(fitted(rig), "drag", ends, step, 1.0)
@@ -80,14 +80,20 @@ def test_the_budget_is_the_combined_standard_error(fit):
 
 
 def test_far_from_the_rig_the_result_follows_the_exact_law(fit):
-    """``mu = omega^2 x_d m/N`` for inputs that are wrong by a tenth, where a straight line is off by a hundredth."""
+    """Use ``mu = omega^2 x_d m/N`` for inputs off by a tenth.
+
+    A linear extrapolation would be wrong by a hundredth.
+    """
     budget = fj.uncertainty.budget(fit, inputs={"mass": Input(1.1 * PROTOTYPE_MASS, 1e-3), "normal_force": 0.9 * 9.66})
     other = fitted(fj.Rig(**{**INPUTS, "mass": 1.1 * PROTOTYPE_MASS, "normal_force": 0.9 * 9.66}))
     assert budget.value == pytest.approx(other.values["mu"], rel=1e-7)
 
 
 def test_monte_carlo_has_the_mean_of_a_ratio(fit):
-    """The load in the denominator makes mu larger by the square of its relative uncertainty, here 10 %."""
+    """Check the bias of mu by an uncertain load in the denominator.
+
+    It is the square of the relative uncertainty, here of 10 %.
+    """
     check = fj.uncertainty.budget(fit, inputs={"normal_force": Input(9.66, 0.966)}).monte_carlo(400_000)
     assert check.mean / check.value - 1 == pytest.approx(0.1**2 + 3 * 0.1**4, abs=6e-4)
     assert not check.agrees
@@ -117,7 +123,10 @@ def test_the_scatter_of_runs_takes_the_place_of_the_noise(fit):
 
 
 def test_stiffness_and_load_as_in_the_reference():
-    """Relative budgets of representative inputs: 1.14e-2 by stiffness and load, 5.8e-4 by the ratio of masses."""
+    """Compare relative budgets of representative inputs.
+
+    They are 1.14e-2 with stiffness and load, and 5.8e-4 with the ratio of masses.
+    """
     parts = {"stiffness": 1e-2, "load": 5e-3, "model": 2e-3, "arcuate": 1e-3, "compliance": 5e-4, "reading": 6e-5}
     first = propagate(
         lambda stiffness, load, model, arcuate, compliance, reading: (

@@ -1,4 +1,4 @@
-"""The posterior over runs against its closed form, against ranks of drawn truths, and what it refuses."""
+"""Posterior over runs against its closed form and ranks of drawn truths."""
 
 import dataclasses
 import importlib
@@ -25,7 +25,10 @@ def found():
 
 
 def test_the_mean_is_distributed_as_student_says(found):
-    """With flat priors of mean and scatter: t with n - 2 degrees of freedom (Gelman et al., 3.2, for that prior)."""
+    """Compare with Student's t with n - 2 degrees of freedom.
+
+    This holds for flat priors of mean and scatter (Gelman et al., 3.2, for that prior).
+    """
     n = VALUES.size
     scale = np.sqrt(np.sum((VALUES - VALUES.mean()) ** 2) / (n * (n - 2)))
     expected = VALUES.mean() + scale * student(n - 2).ppf([0.1, 0.5, 0.9])
@@ -43,7 +46,7 @@ def test_runs_that_are_known_stay_where_they_are(found):
 
 @pytest.fixture(scope="module")
 def batch():
-    """Four runs of a rig whose load is known to 1 %."""
+    """Four runs of a rig with a load uncertainty of 1 %."""
     machine = fj.Oscillator(0.4, 2500.0, 0.2, 10.0, fj.friction.Coulomb(0.05))
     runs = [fj.synthetic_run(machine, 2e-3, rate=2e3, duration=0.6, noise=1e-9, seed=seed) for seed in range(4)]
     rig = fj.Rig(mass=0.4, stiffness=2500.0, normal_force="10 +/- 0.1", damping=0.2)
@@ -52,7 +55,10 @@ def batch():
 
 @pytest.mark.slow
 def test_no_run_takes_the_error_of_the_rig_away(batch):
-    """A load known to 1 % leaves a mean that is known to 1 %, however little the runs scatter."""
+    """Keep the load uncertainty of 1 % in the mean.
+
+    The mean has an uncertainty of 1 % even if the runs scatter little.
+    """
     found = fj.uncertainty.hierarchical(batch, mean=fj.Measured(0.05, 0.1), scatter=1e-6)
     assert found.mean.std() == pytest.approx(0.01 * 0.05, rel=0.1)
     assert list(found.inputs) == ["normal_force"]
@@ -60,7 +66,10 @@ def test_no_run_takes_the_error_of_the_rig_away(batch):
 
 @pytest.mark.slow
 def test_an_error_of_the_rig_that_runs_show_is_taken_out_of_the_mean(batch):
-    """It adds to runs in parts that differ, so that they show it: mean and error are intercept and slope of a line."""
+    """Estimate an error of the rig that affects runs differently.
+
+    Mean and error are then intercept and slope of a line.
+    """
     adds, error = 5e-4 * np.array([0.5, 1.0, 1.5, 2.0]), 1.2
     shown = dataclasses.replace(
         batch,
@@ -75,7 +84,7 @@ def test_an_error_of_the_rig_that_runs_show_is_taken_out_of_the_mean(batch):
 
 @pytest.mark.slow
 def test_ranks_of_truths_are_uniform():
-    """A short run of experiments/uncertainty/calibration.py, by numbers in place of records."""
+    """Run experiments/uncertainty/calibration.py briefly, with numbers for records."""
     rng = np.random.default_rng(3)
     truths = calibration.truths_of(12, rng)
     values = truths[:, :1] + truths[:, 1:] * rng.standard_normal((12, 6))

@@ -1,4 +1,7 @@
-"""Noise models by name and robust standard errors, against noises that are known and the scatter of many fits."""
+"""Noise models by name and robust standard errors.
+
+The references are known noise and the scatter of many fits.
+"""
 
 import numpy as np
 import pytest
@@ -14,7 +17,7 @@ T = np.arange(6000) / 4e3
 
 
 def coloured(seed):
-    """AR(1) noise of 0.9 on a decay of some 35 half-cycles."""
+    """Decay of some 35 half-cycles with AR(1) noise of coefficient 0.9."""
     rng = np.random.default_rng(seed)
     clean = np.asarray(fj.simulate(MACHINE, rng.uniform(1.5e-3, 2.5e-3), T).x)
     return T, clean + lfilter([1.0], [1.0, -0.9], 20e-9 * rng.standard_normal(T.size))
@@ -38,7 +41,7 @@ def test_the_likelihood_finds_the_noise(fits):
     assert models.best.name in ("autoregressive", "coloured")
     by_name = {row.name: row for row in models.rows}
     assert by_name["white"].bic > 1000 and by_name["autoregressive"].bic == models.best.bic == 0
-    # Whatever a fit was counted by, the models are the same.
+    # The models do not depend on the noise model of the fit.
     again = fj.uncertainty.noise_models(fits["white"])
     assert [row.name for row in again.rows] == [row.name for row in models.rows]
     assert again.best.fit.values["mu"] == pytest.approx(models.best.fit.values["mu"], abs=1e-9)
@@ -52,7 +55,7 @@ def test_of_white_noise_the_white_model_is_the_best():
 
 
 def test_the_likelihood_of_a_process_is_that_of_its_covariance():
-    """Minus twice the logarithm for AR(1) rows, by the full covariance matrix."""
+    """Compare -2 log L of AR(1) rows with the full covariance matrix."""
     from fricjax.estimation.colour import Series, autoregressive, process_of_noise, whitened
 
     rng, n = np.random.default_rng(1), 400
@@ -80,7 +83,10 @@ def test_a_batch_takes_the_same_names(fits):
 
 @pytest.mark.slow
 def test_the_sandwich_covers_where_the_plain_error_does_not():
-    """Least squares of AR(1) noise of 0.9: their scatter over 24 records is that of the robust errors."""
+    """Compare the scatter of 24 least-squares fits with robust errors.
+
+    The noise is AR(1) with coefficient 0.9.
+    """
     scores = []
     for seed in range(24):
         fit = fj.fit(coloured(seed), MACHINE, FREE, noise="white")
@@ -88,7 +94,7 @@ def test_the_sandwich_covers_where_the_plain_error_does_not():
         off = fit.values["mu"] - MU
         scores.append([off / fit.std_errors["mu"], off / robust.std_errors["mu"]])
     plain, sandwich = np.sqrt(np.mean(np.square(scores), axis=0))
-    # The root of a mean of 24 squares scatters by 14 %.
+    # The root mean square of 24 values has a standard deviation of 14 %.
     assert plain > 2.2 and 0.6 < sandwich < 1.5
     assert robust.doubted and "does not hold" in robust.summary()
     assert robust.plot().get_axes()[0].get_xlabel() == "Standard error over that of the fit [1]"

@@ -1,4 +1,4 @@
-"""Draws from the posterior against the covariance where it is normal, against a prior, and against a profile."""
+"""Posterior draws against the covariance, a prior and a profile."""
 
 import numpy as np
 import pytest
@@ -39,7 +39,10 @@ def test_a_normal_posterior_has_the_covariance_of_the_fit(fit, posterior):
 
 @pytest.mark.slow
 def test_intervals_are_those_of_the_profile(fit, posterior):
-    """Both are 1.96 standard errors here; the interval of 2000 draws is known to some three percent of its width."""
+    """Compare with the profile interval, which is 1.96 standard errors here.
+
+    The interval of 2000 draws has an error of some three percent of its width.
+    """
     profile = fj.uncertainty.profile(fit, "mu")
     width = profile.interval[1] - profile.interval[0]
     assert posterior.intervals()["mu"] == pytest.approx(profile.interval, abs=0.05 * width)
@@ -47,7 +50,10 @@ def test_intervals_are_those_of_the_profile(fit, posterior):
 
 @pytest.mark.slow
 def test_a_prior_is_part_of_the_posterior():
-    """Where the record tells hardly more than the prior, their weights add: the closed form of two normal ones."""
+    """Compare with the closed form for a normal likelihood and prior.
+
+    Record and prior have equal weights.
+    """
     alone = fj.fit(run(1e-6), MACHINE, FREE)
     std = alone.std_errors["damping"]
     value = alone.values["damping"] + 2 * std
@@ -63,7 +69,7 @@ def test_a_bound_cuts_the_posterior(fit):
     low = fit.values["mu"] - 0.5 * fit.std_errors["mu"]
     bounded = fj.uncertainty.posterior(fj.fit(run(), MACHINE, FREE, bounds={"mu": (low, None)}), 200, warmup=150)
     assert bounded.sample[:, :, 0].min() >= low
-    # Of a normal distribution cut at half a standard deviation below its middle the mean is 0.51 above it.
+    # The mean of a normal distribution rises by 0.51 standard deviations if it is cut at half of one below the mean.
     shift = (bounded.sample[:, :, 0].mean() - fit.values["mu"]) / fit.std_errors["mu"]
     assert shift == pytest.approx(0.509, abs=0.2)
 

@@ -1,4 +1,4 @@
-"""Profiles against fits in which the parameter is not free at all, and verdicts on curves of known shape."""
+"""Profiles against fits with a fixed parameter, and verdicts on known curves."""
 
 import dataclasses
 
@@ -30,7 +30,7 @@ def test_a_parabola_has_the_interval_of_its_standard_error(fit, name):
 
 
 def test_the_profile_is_that_of_fits_without_the_parameter(fit):
-    """With mu fixed in the machine, and so out of the problem, chi^2 and the other parameters are the same."""
+    """Compare chi^2 and the other parameters with fits at fixed mu."""
     profile = fj.uncertainty.profile(fit, "mu", points=3)
     machine = fit.oscillator
     for at, excess, damping in zip(profile.at, profile.excess, profile.others["damping"], strict=True):
@@ -42,14 +42,17 @@ def test_the_profile_is_that_of_fits_without_the_parameter(fit):
 
 @pytest.mark.slow
 def test_a_ridge_is_one_sided_where_a_standard_error_says_bounded():
-    """With 20 um of noise a higher and narrower peak of static friction describes the record as well."""
+    """Profile mu_s under 20 um of noise.
+
+    A higher and narrower peak of static friction then describes the record equally well.
+    """
     machine = fj.Oscillator(0.41068, 2574.0, 0.1756, 9.66, fj.friction.Stribeck(0.05, mu_s=0.065, v_stribeck=5e-3))
     run = fj.synthetic_run(machine, 2e-3, rate=20e3, duration=0.4, noise=2e-5, seed=1)
     fit = fj.fit(run, machine, ("mu", "mu_s", "v_stribeck"))
     profile = fj.uncertainty.profile(fit, "mu_s")
     assert profile.conclusion == "one-sided"
     assert fit.values["mu_s"] + 1.96 * fit.std_errors["mu_s"] < 0.08 < profile.at[-1]
-    # A bound holds it too, by other means.
+    # A fit with a bound must give the same chi^2.
     held = fj.fit(run, machine, ("mu", "mu_s", "v_stribeck"), bounds={"mu_s": (0.07, 0.0701)})
     assert held.values["mu_s"] == pytest.approx(0.07)
     assert held.chi2 - fit.chi2 == pytest.approx(float(np.interp(0.07, profile.at, profile.excess)), abs=0.02)

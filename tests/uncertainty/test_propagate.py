@@ -1,4 +1,4 @@
-"""Budgets against the worked examples of the GUM and of its supplement 1, and against draws."""
+"""Budgets against examples of the GUM and its supplement 1, and draws."""
 
 import math
 
@@ -14,7 +14,7 @@ from fricjax.uncertainty import Input, propagate
 
 
 def end_gauge():
-    """JCGM 100:2008, H.1: calibration of an end gauge by comparison with a standard, lengths in nm."""
+    """Calibration of an end gauge by comparison (JCGM 100:2008, H.1), in nm."""
     inputs = {
         "standard": Input(50_000_623.0, 25.0, degrees_of_freedom=18),
         "difference": Input(215.0, 9.7, degrees_of_freedom=25.6),
@@ -45,7 +45,7 @@ def test_the_end_gauge_of_the_gum():
 
 
 def impedance(formula, name):
-    """JCGM 100:2008, H.2: resistance, reactance and impedance, whose readings are correlated."""
+    """Resistance, reactance and impedance from correlated readings (JCGM 100:2008, H.2)."""
     inputs = {"V": Input(4.9990, 0.0032), "I": Input(19.661e-3, 0.0095e-3), "phase": Input(1.04446, 0.00075)}
     correlations = {("V", "I"): -0.36, ("V", "phase"): 0.86, ("I", "phase"): -0.65}
     return propagate(formula, inputs, quantity=name, unit="Ohm", correlations=correlations)
@@ -71,7 +71,7 @@ def test_the_correlated_readings_of_the_gum(formula, value, std):
 
 
 def test_four_normal_inputs_of_the_supplement():
-    """JCGM 101:2008, 9.2.2: u = 2.0, and 95 % lie within 3.92."""
+    """Compare with JCGM 101:2008, 9.2.2: u = 2.0, interval 3.92."""
     budget = propagate(lambda a, b, c, d: a + b + c + d, {name: Input(0.0, 1.0) for name in "abcd"})
     check = budget.monte_carlo()
     assert budget.std == pytest.approx(2.0)
@@ -80,7 +80,10 @@ def test_four_normal_inputs_of_the_supplement():
 
 
 def test_four_rectangular_inputs_of_the_supplement():
-    """JCGM 101:2008, 9.2.3: the first-order interval is 3.92, that of the distributions 3.88."""
+    """Compare with JCGM 101:2008, 9.2.3.
+
+    The first-order interval is 3.92, that of the distributions 3.88.
+    """
     inputs = {name: Input.rectangular(0.0, math.sqrt(3)) for name in "abcd"}
     check = propagate(lambda a, b, c, d: a + b + c + d, inputs).monte_carlo()
     assert check.std == pytest.approx(2.0, abs=0.005)
@@ -89,7 +92,10 @@ def test_four_rectangular_inputs_of_the_supplement():
 
 
 def test_one_dominant_rectangular_input_of_the_supplement():
-    """JCGM 101:2008, 9.2.4: u = 10.1, the shortest interval is 17.0, and the budget of 19.8 is not validated."""
+    """Compare with JCGM 101:2008, 9.2.4.
+
+    u = 10.1, and the shortest interval is 17.0. The interval of the budget, 19.8, is not validated.
+    """
     inputs = {name: Input.rectangular(0.0, math.sqrt(3)) for name in "abc"}
     inputs["d"] = Input.rectangular(0.0, 10 * math.sqrt(3))
     budget = propagate(lambda a, b, c, d: a + b + c + d, inputs)
@@ -113,7 +119,7 @@ def test_draws_have_the_standard_uncertainty_of_their_distribution(shape):
 
 def test_readings_are_drawn_from_student():
     drawn = Input.of_readings([1.0, 2.0, 3.0, 4.0]).draw(np.random.default_rng(1), 400_000)
-    # JCGM 101, 6.4.9.4: u^2 (n - 1)/(n - 3) has no finite value to compare with for four readings, quantiles do.
+    # The variance of JCGM 101, 6.4.9.4, u^2 (n - 1)/(n - 3), scatters too much for four readings. Quantiles do not.
     from scipy.stats import t
 
     scale = math.sqrt(5 / 3 / 4)

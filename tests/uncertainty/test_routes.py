@@ -1,4 +1,4 @@
-"""Budgets of routes against closed forms and against the combined errors that a route works out by itself."""
+"""Budgets of routes against closed forms and their combined errors."""
 
 import numpy as np
 import pytest
@@ -12,7 +12,10 @@ RIG = fj.Rig(mass=0.4, stiffness="2500 +/- 25", damping=0.0, normal_force="10 +/
 
 
 def test_of_a_map_without_damping_mu_is_a_product():
-    """mu = k x_d/N: relative sensitivities of one and minus one."""
+    """Check the relative sensitivities of mu = k x_d/N.
+
+    They are one and minus one.
+    """
     budget = route_budget(fj.fit_triangle_map, RIG, *PAIRS)
     mu = budget.value
     assert budget.sensitivities["stiffness"] == pytest.approx(mu / 2500, rel=1e-3)
@@ -30,7 +33,10 @@ def test_of_pairs_the_rig_counts_which_the_route_takes_for_exact():
 
 
 def test_of_an_energy_loss_the_scale_of_the_reading_counts():
-    """Force over load: m x'' and k x grow with the scale, so that mu does in proportion."""
+    """Check that mu is proportional to the displacement scale.
+
+    mu is a force over the load, and the forces m x'' and k x are proportional to the scale.
+    """
     rig = fj.Rig(mass=0.4, stiffness=2500.0, damping=0.2, normal_force="10 +/- 0.1", displacement_scale="1 +/- 0.002")
     machine = rig.oscillator(fj.friction.Coulomb(0.05))
     run = fj.synthetic_run(machine, 2e-3, rate=2e3, duration=0.6, noise=1e-9, seed=0)

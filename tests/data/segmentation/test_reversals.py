@@ -1,4 +1,4 @@
-"""Positions of reversals scatter as much as is told, and so do the friction forces that are made of them."""
+"""Reversals and their friction forces scatter by their standard errors."""
 
 import numpy as np
 import pytest
@@ -14,7 +14,7 @@ T = np.arange(round(0.5 * RATE)) / RATE
 
 @pytest.mark.parametrize("noise", [1e-9, 5e-6])
 def test_the_position_of_a_turn_scatters_by_its_standard_error(noise):
-    """Fourth powers of time where strokes are a thousand times the noise, second ones where they are not."""
+    """Half-cycles far above the noise need fourth powers of time."""
     decay = coulomb_viscous(T, 2e-3, frequency=FREQUENCY, zeta=0.0027, dead_band=BAND)
     turns, points, half = decay.stops[:3], decay.points[:3], decay.half_period
     sizes = np.abs(np.diff(np.concatenate([[2e-3], decay.points[:4]])))
@@ -32,13 +32,14 @@ def test_the_position_of_a_turn_scatters_by_its_standard_error(noise):
             for i in range(300)
         ]
     )
-    told = point_std(width, order, noise, 1 / RATE)
+    expected = point_std(width, order, noise, 1 / RATE)
     assert set(order) == ({4} if noise < 1e-7 else {2})
-    assert np.std(found - points, axis=0) == pytest.approx(told, rel=0.13)
+    assert np.std(found - points, axis=0) == pytest.approx(expected, rel=0.13)
 
 
+@pytest.mark.slow
 def test_the_forces_of_half_cycles_scatter_by_their_standard_errors():
-    """Without the mean of its rest a stop would count for as little as a reversal."""
+    """With the mean of its rest, a stop outweighs a reversal."""
     mass, stiffness, load, mu = 0.41068, 2574.0, 9.66, 0.05
     damping = 2 * 0.0027 * np.sqrt(mass * stiffness)
     rig = fj.Rig(mass=mass, stiffness=stiffness, damping=damping, normal_force=load)
