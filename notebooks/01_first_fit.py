@@ -16,9 +16,9 @@
 #
 # **How large is the friction of this contact, and how sure can one be?**
 #
-# A mass on a leaf spring is pulled aside by 2 mm, let go, and slides to rest on a counterface while a laser
-# interferometer watches. This notebook takes one such run from its file to a coefficient of friction with its
-# uncertainty.
+# We pull a mass on a leaf spring aside by 2 mm and let it go. It slides on a counterface until it comes to rest, while
+# a laser interferometer records its displacement. In this notebook we take one such run from its file to a coefficient
+# of friction with its uncertainty.
 
 # %%
 from pathlib import Path
@@ -33,9 +33,9 @@ import fricjax as fj
 # %% [markdown]
 # ## The run
 #
-# No interferometer is at hand here, so a run is made up, with what a real one suffers from: 1 nm of noise, counts of
-# 0.31 nm, a periodic error of 2 nm, and a magnet that takes a millisecond to let go. It is written to a file and read
-# back like any other; the file could as well be your own.
+# There is no interferometer at hand, so we simulate a run with the imperfections of a real one: 1 nm of noise, a
+# resolution of 0.31 nm, a periodic error of 2 nm, and a magnet that needs a millisecond to let go. We write the run to
+# a file and read it back, just as you would read your own file.
 
 # %%
 truth = fj.Oscillator(
@@ -61,9 +61,9 @@ record = fj.read(path)
 record.plot()
 
 # %% [markdown]
-# Read the picture from left to right: the magnet holds, lets go, the mass swings to and fro, and stops where the
-# spring can no longer overcome friction. Release, reversals and rest were found in the samples alone, without a
-# model. What else can be said of the record before anything is fitted to it:
+# Read the picture from left to right. The magnet holds the mass and lets it go. The mass oscillates, and it stops when
+# the spring can no longer overcome friction. fricjax detects the release, the reversals and the rest from the samples
+# alone, without a model. `inspect` summarises the record before any fit:
 
 # %%
 fj.data.inspect(record)
@@ -71,29 +71,30 @@ fj.data.inspect(record)
 # %% [markdown]
 # ## The model
 #
-# Dry friction takes the same step off the amplitude in each half-cycle, which is why the reversals lie on a straight
-# line; viscous damping takes a fraction. With mass $m$, damping $c$, stiffness $k$ and normal force $N$,
+# Dry friction reduces the amplitude by the same amount in each half-cycle, so the reversals lie on a straight line.
+# Viscous damping reduces it by a constant fraction. With mass $m$, damping $c$, stiffness $k$ and normal force $N$,
+# the equation of motion is
 #
 # $$m\ddot{x} + c\dot{x} + kx + \mu N\,\mathrm{sgn}(\dot{x}) = 0.$$
 #
-# A trace alone tells $\mu N/k$. The coefficient $\mu$ needs the numbers of the rig, each with its standard
-# uncertainty:
+# A trace alone determines only the ratio $\mu N/k$. To obtain the coefficient $\mu$ itself, we need the properties of
+# the rig, each with its standard uncertainty:
 
 # %%
 rig = fj.Rig(
     mass="410.68(4) g",
-    stiffness="2574(2) N/m",  # a start value: the fit finds it from the frequency and the mass
+    stiffness="2574(2) N/m",  # a start value: the fit determines it from frequency and mass
     normal_force="9.66 +/- 0.5 % N",
-    periodic_nonlinearity="0 +/- 1.5 nm",  # of the interferometer: its amplitude over the square root of two
+    periodic_nonlinearity="0 +/- 1.5 nm",  # standard uncertainty: amplitude over the square root of two
 )
 rig
 
 # %% [markdown]
 # ## The fit
 #
-# Free are the dynamic coefficient, the damping and the stiffness; `rig.oscillator` gives the machine with a law of
-# friction, whose values are only where the fit begins. The motion before the first reversal is left out, for there
-# the magnet still pulls.
+# We free the coefficients of friction, the damping and the stiffness. `rig.oscillator` combines the rig with a
+# friction law; the values of the free parameters are only start values. The fit leaves out the motion before the first
+# reversal, because the magnet still pulls there.
 
 # %%
 start = rig.oscillator(fj.friction.Coulomb(mu=0.1, mu_s=0.1))
@@ -104,11 +105,13 @@ fit.plot()
 fit
 
 # %% [markdown]
-# How to read the first line: `0.05000(25)` is the value with its combined standard uncertainty in the last two
-# digits; the column beside it is what the noise of the record alone would leave, some parts in ten million. The line
-# `uncertainty` says whose fault the rest is: of mu the normal force, of damping the interferometer. A longer record
-# would help neither. Static friction has no gradient in a Coulomb law: it is bracketed, by the reversal at which the
-# mass stayed and the last one at which it did not.
+# How do we read the first line? `0.05000(25)` is the value with its combined standard uncertainty in the last two
+# digits. The next column is the standard error from the noise of the record alone, a few parts in ten million. The
+# line `rig inputs` names the main source of the rest: the normal force for mu, and the interferometer for the damping.
+# A longer record would reduce neither of them.
+#
+# In a Coulomb law the motion has no gradient with respect to static friction. The fit brackets it instead, between the
+# reversal at which the mass stayed and the last reversal at which it slid on.
 
 # %%
 low, high = fit.intervals["mu_s"]
@@ -116,12 +119,13 @@ print(f"mu   = {fj.show.uncertain(fit.values['mu'], fit.combined_std_errors['mu'
 print(f"mu_s lies between {low:.4f} and {high:.4f}, true 0.065")
 
 # %% [markdown]
-# The line `noise` says that the residuals are 1.6 times as large as the noise that was stated. What is more is that
-# periodic error, two nanometres on two millimetres, which the lower picture shows as soon as the mass moves.
+# The line `noise` reports residuals 1.6 times as large as the stated noise. The excess is the periodic error, two
+# nanometres on two millimetres. The lower panel shows it as soon as the mass moves. The periodic error also causes the
+# warning about the contact; without this error in the simulation, the warning disappears.
 #
-# ## What goes wrong
+# ## A common mistake
 #
-# The same fit from the release on, as if the magnet had let go at once:
+# We repeat the fit, but start it at the release, as if the magnet had let go at once:
 
 # %%
 naive = fj.fit(
@@ -135,15 +139,15 @@ naive.plot()
 
 # %%
 off, good = (abs(each.values["mu"] / 0.05 - 1) for each in (naive, fit))
-print(f"mu is {off:.1e} off, {off / good:.0f} times as far as before")
+print(f"relative error of mu: {off:.1e}, {off / good:.0f} times as large as before")
 print(naive.status)
 
 # %% [markdown]
-# Nothing of this is visible in the upper half of the picture, and everything in the lower one: look at the residuals
-# first. The status says the same in words, with the remedy.
+# The upper panel shows no sign of this error, but the lower panel shows it clearly. Always look at the residuals
+# first. The status describes the same problem in words, with the remedy.
 #
 # ## Next
 #
-# - Your own file, in units and formats of its own: [A pendulum of one's own](02_own_pendulum.ipynb).
-# - Other ways from a run to the same coefficient: [Four routes](03_routes.ipynb).
-# - Where the 0.5 % come from and what to do about it: [Uncertainty budget](07_uncertainty_budget.ipynb).
+# - Read your own file, with its units and format: [Your own pendulum](02_own_pendulum.ipynb).
+# - Obtain the same coefficient in other ways: [Four routes](03_routes.ipynb).
+# - Find the sources of the 0.5 %, and reduce it: [Uncertainty budget](07_uncertainty_budget.ipynb).

@@ -12,14 +12,14 @@
 # ---
 
 # %% [markdown]
-# # A pendulum of one's own
+# # Your own pendulum
 #
 # **I have a file from a student lab: angles of a pendulum, from a coarse encoder. What is the friction of its
 # bearing?**
 #
-# Files of laboratories have preambles, semicolons, decimal commas and units of their own, encoders have steps, and
-# zeros drift. This notebook goes from such a file to the friction, with each thing that can go wrong on the way and
-# what is said about it.
+# Laboratory files have preambles, semicolons, decimal commas and unusual units. Encoders have a finite resolution, and
+# their zeros drift. In this notebook we go from such a file to the friction of the bearing. On the way we make the
+# usual mistakes and read the messages that explain them.
 
 # %%
 from pathlib import Path
@@ -28,22 +28,22 @@ from tempfile import TemporaryDirectory
 import jax
 import numpy as np
 
-jax.config.update("jax_enable_x64", True)  # JAX computes in single precision unless it is told
+jax.config.update("jax_enable_x64", True)  # the default of JAX is single precision
 
 import fricjax as fj
 
 # %% [markdown]
-# The next cell makes the file, and may be skipped: a pendulum with dry friction in its bearing, viscous damping, and
-# air drag that goes with the square of the speed; an encoder of 1024 counts per turn, whose zero is 1.3° off and
-# drifts.
+# The next cell makes the file; you may skip it. It simulates a pendulum with dry friction in its bearing, viscous
+# damping, and air drag that grows with the square of the speed. The encoder has 1024 counts per turn. Its zero is 1.3°
+# off and drifts.
 
 # %%
 truth = fj.Oscillator(
-    mass=8.2e-3,  # of a pendulum the moment of inertia [kg m^2]
+    mass=8.2e-3,  # moment of inertia of the pendulum [kg m^2]
     stiffness=0.42,  # m g l [N m/rad]
     damping=2e-4,  # [N m s/rad]
     drag=1.5e-4,  # [N m s^2/rad^2]
-    normal_force=0.05,  # load times radius of the journal [N m]
+    normal_force=0.05,  # load times journal radius [N m]
     friction=fj.friction.Coulomb(mu=0.12),
     restoring=fj.restoring.Pendulum(),
 )
@@ -64,18 +64,18 @@ path.write_text(preamble + "\n".join(rows).replace(".", ","))
 print("\n".join(path.read_text().splitlines()[:9]))
 
 # %% [markdown]
-# ## Reading it
+# ## Reading the file
 #
-# Delimiter, decimal comma, preamble and units are found; of the two columns that could be meant the one with an angle
-# is taken. `fj.read` without options is enough.
+# `fj.read` needs no options here. It detects the delimiter, the decimal comma, the preamble and the units. Two columns
+# could contain the motion; it chooses the one with an angle.
 
 # %%
 record = fj.read(path)
 record.plot()
 
 # %% [markdown]
-# What a file leaves open is asked for, and what contradicts it is refused. Here are four ways to ask for the wrong
-# thing, each with its answer:
+# If the file leaves something open, the error message names the option to pass. If an option contradicts the file,
+# `fj.read` refuses it. Here are four wrong calls, each with its message:
 
 # %%
 for options in ({"column": "Angel"}, {"unit": "rad"}, {"column": "Encoder voltage"}, {"skip_rows": 7}):
@@ -85,7 +85,7 @@ for options in ({"column": "Angel"}, {"unit": "rad"}, {"column": "Encoder voltag
         print(f"{options}\n    {error}")
 
 # %% [markdown]
-# The voltage of the encoder tells the angle too, once its scale is given:
+# The voltage of the encoder also gives the angle, once we pass its scale:
 
 # %%
 fj.read(path, column="Encoder voltage", unit="72 deg/V")
@@ -93,8 +93,8 @@ fj.read(path, column="Encoder voltage", unit="72 deg/V")
 # %% [markdown]
 # ## A look before the fit
 #
-# The table holds what the samples say by themselves: how regular the clock is, that the encoder has steps of 6 mrad,
-# how many half-cycles there are, and where the pendulum stands at last.
+# The table summarises the samples without a model: the regularity of the clock, the encoder steps of 6 mrad, the
+# number of half-cycles, and the final position of the pendulum.
 
 # %%
 fj.data.inspect(record)
@@ -102,8 +102,8 @@ fj.data.inspect(record)
 # %% [markdown]
 # ## First try: a linear spring
 #
-# The moment of inertia takes the place of the mass; it and the load are known, the rest is free. Where values of a
-# law are free, those given are only the begin.
+# The moment of inertia plays the role of the mass. We know it and the load, and free the other parameters. The values
+# of the free parameters are only start values.
 
 
 # %%
@@ -120,12 +120,14 @@ print(linear.status)
 print(*linear.warnings, sep="\n")
 
 # %% [markdown]
-# The fit misses the record, and says so in its status; the reversals tell which term is missing. A pendulum is no
-# linear spring: from 70° its period is a tenth longer. The other warning is about the zero, which drifts.
+# The fit does not describe the record, and its status says so. One warning names the missing term, which fricjax
+# infers from the reversals. A pendulum is not a linear spring: released at 70°, its period is a tenth longer. Another
+# warning concerns the zero, which drifts.
 #
-# ## Second try: a pendulum, in air
+# ## Second try: a pendulum in air
 #
-# Drag that goes with the square of the speed is freed as well, for this pendulum swings through a quarter of a turn.
+# This pendulum swings fast, through more than a quarter of a turn. We therefore also free the drag, which grows with
+# the square of the speed.
 
 # %%
 fit = fj.fit(record, pendulum(fj.restoring.Pendulum()), free=["mu", "damping", "drag", "stiffness"])
@@ -135,21 +137,21 @@ fit.plot()
 fit
 
 # %% [markdown]
-# What is left is the staircase of the encoder, whose steps were recognised and count in the errors, and a drift of
-# the zero, which counts as well. Both results beside the truth, which only a made-up file can tell:
+# The residuals now show only the staircase of the encoder and the drift of its zero. The fit recognises both, and its
+# standard errors include them. Because we made the file, we can compare both fits with the truth:
 
 # %%
 true = 0.12
 for name, each in (("linear", linear), ("pendulum", fit)):
     mu = fj.show.uncertain(each.values["mu"], each.std_errors["mu"])
-    print(f"{name:<8} mu = {mu}, {100 * (each.values['mu'] / true - 1):+.1f} % off")
+    print(f"{name:<8} mu = {mu}, error {100 * (each.values['mu'] / true - 1):+.1f} %")
 
 # %% [markdown]
-# Try it without drag: the fit converges, mu comes out a seventh too low, and its error bar says 2 %. The residuals,
-# 3.7 times as large as the noise, are what gives it away.
+# Try the fit without drag. It converges, but mu comes out a tenth too low, with an error bar of 2 %. Only a warning
+# and the residuals, 1.8 times as large as the noise, show that the model is incomplete.
 #
-# The deceleration by friction in the second table needs no rig. Times the moment of inertia it is the torque of the
-# bearing, and `propagate` carries the uncertainties of both along:
+# The second table contains the deceleration by friction, which needs no rig. Its product with the moment of inertia is
+# the friction torque of the bearing. `propagate` combines the uncertainties of both:
 
 # %%
 torque = fj.uncertainty.propagate(
@@ -170,6 +172,6 @@ print(torque.summary())
 #
 # ## Next
 #
-# - Several runs and other ways to read them: [Four routes](03_routes.ipynb).
-# - A law that is not Coulomb's: [Choosing a friction law](04_choosing_a_law.ipynb).
-# - A folder full of such files: [An archive](06_archive.ipynb).
+# - Evaluate several runs in different ways: [Four routes](03_routes.ipynb).
+# - Fit a law other than Coulomb's: [Choosing a friction law](04_choosing_a_law.ipynb).
+# - Fit a folder full of such files: [An archive](06_archive.ipynb).

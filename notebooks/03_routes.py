@@ -16,9 +16,9 @@
 #
 # **The fit of the trace gives a coefficient of friction. Do other ways of reading the same runs agree with it?**
 #
-# A wrong model can fit a trace well. It is much less likely to get four different readings of the runs right: the
-# whole trace, only where each run starts and ends, the triangles these pairs draw, and the energy that is lost. Where
-# they disagree, the model does not hold.
+# A wrong model can fit a trace well. It is much less likely to agree with four different evaluations of the same runs.
+# These use the whole trace, the start and end of each run, the triangle map of these pairs, and the energy loss. If
+# the four routes disagree, the model is wrong.
 
 # %%
 import jax
@@ -33,8 +33,8 @@ from fricjax.show import axis_label, figure
 # %% [markdown]
 # ## The runs
 #
-# A dozen releases of one machine, from 1.1 mm to 2.6 mm, made up with 5 nm of noise. Static friction is a third
-# larger than dynamic friction.
+# We simulate a dozen releases of one rig, from 1.1 mm to 2.6 mm, with 5 nm of noise. Static friction is a third larger
+# than dynamic friction.
 
 # %%
 rig = fj.Rig(mass="410.68(4) g", stiffness="2574(2) N/m", normal_force="9.66 +/- 0.5 % N", damping="0.1756(20) N s/m")
@@ -63,33 +63,34 @@ right.legend(loc="upper left", ncols=2, fontsize=8)
 drawing
 
 # %% [markdown]
-# On the right is what the second and third route look at. The farther the mass is pulled, the more half-cycles it
-# makes, and where it ends runs up and down in triangles: a line per number of half-cycles. The lines are a dead band
-# $x_d = \mu N/k$ wide and high, from which $\mu$ follows. They break off where static friction, larger than dynamic
-# friction, holds the mass early: from these edges follows $\mu_s$.
+# The right panel shows the data for the second and third route. The farther we pull the mass, the more half-cycles it
+# makes. Its final displacement rises and falls in triangles, with one line per number of half-cycles. The half-width
+# $x_d = \mu N/k$ of the dead band sets the width and height of these lines, so they determine $\mu$. Static friction
+# is larger than dynamic friction and holds the mass early. The lines therefore break off, and their ends determine
+# $\mu_s$.
 #
-# ## All at once
+# ## All routes at once
 
 # %%
 agreement = fj.compare_routes(runs, rig)
 agreement
 
 # %% [markdown]
-# Four routes, one coefficient. The standard errors are those of the noise; that of the normal force, 0.5 %, is common
-# to all of them and cannot make them differ. Each of them by itself:
+# The four routes give the same coefficient. Their standard errors include only the noise. The uncertainty of the
+# normal force, 0.5 %, is common to all routes and cannot make them differ. We now look at each route in turn.
 #
-# ## Route 1, the traces
+# ## Route 1: the traces
 #
-# Runs of so few half-cycles hardly tell damping from friction, so the damping is that of the rig.
+# Runs with so few half-cycles hardly distinguish damping from friction, so we use the damping of the rig.
 
 # %%
 fj.fit_batch(runs, truth, free=["mu", "stiffness"])
 
 # %% [markdown]
-# ## Routes 2 and 3, where the runs begin and end
+# ## Routes 2 and 3: the start and end of the runs
 #
-# `pairs_of` takes the first reversal for the begin, which a slow release cannot bias. The pairs also tell static
-# friction: each stop says "at least", each reversal that was passed "at most".
+# `pairs_of` takes the first reversal as the start, because a slow release cannot bias it. The pairs also bracket
+# static friction. Each stop gives a lower bound, and each reversal that the mass passed gives an upper bound.
 
 # %%
 pairs = fj.pairs_of(runs)
@@ -101,35 +102,36 @@ third = fj.fit_triangle_map(pairs.x0, pairs.xf, rig, half_cycles=pairs.half_cycl
 low, high = second.intervals["mu_s"]
 print(f"pairs:        mu = {fj.show.uncertain(second.values['mu'], second.std_errors['mu'])}")
 print(f"triangle map: mu = {fj.show.uncertain(third.values['mu'], third.std_errors['mu'])}")
-print(f"static friction lies between {low:.5f} and {high:.5f}, true 0.0665")
+print(f"mu_s lies between {low:.5f} and {high:.5f}, true 0.0665")
 
 # %% [markdown]
-# A dozen runs hold static friction to within a few percent. [Sensitivity and design](08_sensitivity_and_design.ipynb)
-# shows how to choose releases so that three runs are enough.
+# A dozen runs determine static friction to within a few percent.
+# [Sensitivity and design](08_sensitivity_and_design.ipynb) shows how to choose the releases so that three runs are
+# enough.
 #
-# ## Route 4, the energy
+# ## Route 4: the energy
 #
-# Potential and kinetic energy fall by the work of friction. Sample by sample that gives the friction force against
-# velocity, without a law: the picture in which one would see a Stribeck curve.
+# Potential and kinetic energy fall by the work of friction. From this we obtain the friction force against velocity,
+# sample by sample and without a friction law. A Stribeck curve would be visible in this picture.
 
 # %%
 force_map = fj.friction_force_map(runs, rig, bins=12)
 force_map.plot()
 
 # %% [markdown]
-# ## When they disagree
+# ## When the routes disagree
 #
-# The same runs, evaluated with a damping that is a tenth too small, as if the rig had been calibrated in a draught.
-# Each route puts the missing loss down to friction in its own way, and no two of them alike:
+# We evaluate the same runs with a damping that is a tenth too small, as if the rig had been calibrated in a draught.
+# Each route attributes the missing loss to friction in a different way, so the coefficients disagree:
 
 # %%
 doubtful = fj.compare_routes(runs, rig.replace(damping=0.16))
 doubtful
 
 # %% [markdown]
-# A wrong law, a slow release or a drag that was left out shows in the same way.
+# A wrong law, a slow release or a neglected drag shows up in the same way.
 #
 # ## Next
 #
-# - Which law does describe such runs: [Choosing a friction law](04_choosing_a_law.ipynb).
-# - Many runs, quickly: [Many runs at once](05_many_at_once.ipynb).
+# - Find the law that describes such runs: [Choosing a friction law](04_choosing_a_law.ipynb).
+# - Fit many runs quickly: [Many runs at once](05_many_at_once.ipynb).

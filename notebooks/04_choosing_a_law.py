@@ -16,8 +16,8 @@
 #
 # **Is the friction of my contact Coulomb's, or something else? And would I notice?**
 #
-# A law is chosen by what it leaves unexplained. This notebook looks at the residuals of two runs under several laws:
-# one in which friction falls as the mass moves faster, and one in which the contact bends before it slides.
+# We choose a law by the residuals that it leaves. This notebook examines two runs under several laws. In the first run
+# friction falls as the mass moves faster. In the second the contact bends before it slides.
 
 # %%
 import jax
@@ -29,9 +29,10 @@ import fricjax as fj
 from fricjax.show import axis_label, figure
 
 # %% [markdown]
-# ## What the laws say
+# ## The laws
 #
-# Friction force against speed under four of the laws that come with the package (`fricjax models` lists all of them):
+# The plot shows the friction force against speed for four of the laws in the package (`fricjax models` lists all of
+# them):
 
 # %%
 load = 9.66  # N
@@ -52,7 +53,7 @@ drawing
 # %% [markdown]
 # ## First contact: friction that falls with speed
 #
-# A run is made up with the dashed curve, and fitted by two laws. Only the residuals can tell them apart:
+# We simulate a run with the dashed curve and fit two laws to it. Only the residuals distinguish them:
 
 # %%
 rig = fj.Rig(mass="410.68(4) g", stiffness="2574(2) N/m", normal_force="9.66 +/- 0.5 % N", damping="0.1756(20) N s/m")
@@ -68,15 +69,16 @@ comparison = fj.compare(run, candidates, free, held_out=False)
 comparison.plot()
 
 # %% [markdown]
-# Under Coulomb's law a pattern is left that swings with the mass; under Stribeck's only noise. The same in numbers:
+# The residuals of Coulomb's law follow the oscillation. Those of Stribeck's law are only noise. The table gives the
+# numbers:
 
 # %%
 comparison
 
 # %% [markdown]
-# BIC weighs how well a law describes the run against how many coefficients it takes; ten more than the smallest is
-# decisive. Below the table stand the fingerprints, which ask no law at all: the half-cycles lose more at small
-# amplitudes, where the mass is slow.
+# BIC weighs the quality of the fit against the number of coefficients. A difference of ten from the smallest BIC is
+# decisive. The fingerprints below the table need no law. Here the half-cycles lose more at small amplitudes, at which
+# the mass is slow.
 
 # %%
 best = comparison.best
@@ -86,8 +88,8 @@ for name, true in {"mu": 0.05, "mu_s": 0.06, "v_stribeck": 10e-3}.items():
 # %% [markdown]
 # ## Second contact: it bends before it slides
 #
-# In the LuGre law the contact is a brush of stiff bristles. The mass hardly notices while it slides, but at rest it
-# rings on the bristles, far below what one sees in the trace:
+# The LuGre law describes the contact as a brush of stiff bristles. They hardly affect the sliding mass. After the
+# stop, however, the mass rings on the bristles, with an amplitude far too small to see in the full trace:
 
 # %%
 bristles = fj.friction.LuGre(mu=0.05, mu_s=0.06, v_stribeck=10e-3, sigma0=2e5, sigma1=60.0)
@@ -116,11 +118,15 @@ second.plot()
 second
 
 # %% [markdown]
-# The ringing gives the bristles away: its frequency tells their stiffness, its decay their damping.
+# The ringing reveals the bristles: its frequency gives their stiffness, and its decay gives their damping.
 #
-# Three rules. Take the law with the smallest BIC, but only if its residual tests pass: a law can be the best of a bad
-# lot. Do not free what no run can tell; [Sensitivity and design](08_sensitivity_and_design.ipynb) shows beforehand
-# what that is. And where two laws are equally good, give the result of the simpler one, and say so.
+# Three rules help to choose a law:
+#
+# 1. Take the law with the smallest BIC, but only if its residual tests pass. The best of several laws can still be
+#    wrong.
+# 2. Do not free coefficients that no run can determine. [Sensitivity and design](08_sensitivity_and_design.ipynb)
+#    finds them before the measurement.
+# 3. If two laws are equally good, give the result of the simpler one, and say so.
 #
 # ## On the command line
 #
@@ -130,5 +136,5 @@ second
 #
 # ## Next
 #
-# - Many runs at once: [Many runs at once](05_many_at_once.ipynb).
-# - No law of the package fits: [A friction law of one's own](09_own_law.ipynb).
+# - Fit many runs in one call: [Many runs at once](05_many_at_once.ipynb).
+# - Write a law that is not in the package: [Your own friction law](09_own_law.ipynb).

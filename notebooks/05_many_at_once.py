@@ -16,8 +16,8 @@
 #
 # **Where does the mass stop, for a thousand releases? And what do the runs of a whole campaign say together?**
 #
-# A simulation is a function of numbers, and JAX makes of a function of one number one of many: `jax.vmap`. No loop,
-# no batch dimension to keep track of, and one compiled program. For fits of many measured runs there is
+# A simulation is a function of numbers. `jax.vmap` turns it into a function of arrays, without a loop or a batch
+# dimension to keep track of, and `jax.jit` compiles it into one program. To fit many measured runs, use
 # `fj.fit_batch`.
 
 # %%
@@ -33,12 +33,12 @@ jax.config.update("jax_enable_x64", True)  # nanometres on millimetres need doub
 import fricjax as fj
 from fricjax.show import axis_label, figure
 
-FAST = os.environ.get("FRICJAX_NOTEBOOKS") == "fast"  # the tests run every notebook: fewer runs, the same steps
+FAST = os.environ.get("FRICJAX_NOTEBOOKS") == "fast"  # the tests run fewer runs through the same steps
 
 # %% [markdown]
-# ## Where does the mass stop?
+# ## Final displacements
 #
-# One release is one call. `jax.vmap` maps it over an array, `jax.jit` compiles it:
+# One call computes one release. `jax.vmap` maps the function over an array, and `jax.jit` compiles it:
 
 # %%
 rig = fj.Rig(mass="410.68(4) g", stiffness="2574(2) N/m", normal_force="9.66 +/- 0.5 % N", damping="0.1756(20) N s/m")
@@ -53,9 +53,9 @@ def final(x0):
 
 x0 = jnp.linspace(0.0, 3e-3, 1000)
 final(x0).block_until_ready()  # the first call compiles
-begin = time.perf_counter()
+start = time.perf_counter()
 xf = final(x0).block_until_ready()
-print(f"{x0.size} releases in {1e3 * (time.perf_counter() - begin):.1f} ms")
+print(f"{x0.size} releases in {1e3 * (time.perf_counter() - start):.1f} ms")
 
 drawing, axes = figure()
 axes[0, 0].plot(1e3 * x0, 1e3 * xf)
@@ -63,8 +63,8 @@ axes[0, 0].set(xlabel=axis_label("Initial displacement", "mm"), ylabel=axis_labe
 drawing
 
 # %% [markdown]
-# Any leaf of the machine can be mapped over as well, for an oscillator is a tree of numbers. Coefficients of friction
-# from 0.03 to 0.07 against releases, as a map: two nested `vmap`.
+# An oscillator is a pytree of numbers, so we can map over any of its parameters as well. Two nested `vmap` compute a
+# map of the final displacement, for coefficients of friction from 0.03 to 0.07 and a range of releases:
 
 
 # %%
@@ -87,8 +87,8 @@ drawing
 # %% [markdown]
 # ## A campaign
 #
-# Runs of one machine whose friction is not the same from run to run: it scatters by 1 %, as contacts do. They are
-# made up one after another, from different releases.
+# We simulate the runs of one rig, from different releases. The coefficient of friction scatters by 1 % from run to
+# run, as it does in real contacts.
 
 # %%
 generator = np.random.default_rng(5)
@@ -108,8 +108,8 @@ axes[0, 0].set(xlabel=axis_label("Time", "s"), ylabel=axis_label("Displacement",
 drawing
 
 # %% [markdown]
-# `fit_batch` fits each by itself, on all cores, with one compiled program. A run that cannot be fitted stops nothing:
-# its row says why. One such is put among them.
+# `fit_batch` fits the runs independently, on all cores, with one compiled program. A run that it cannot fit does not
+# stop the others, and its row gives the reason. We add one such run.
 
 # %%
 broken = fj.Record(t=runs[0].t[:200], x=runs[0].x[:200])
@@ -126,19 +126,20 @@ axes[0, 0].legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2, fontsize
 drawing
 
 # %% [markdown]
-# Every run is right to within its noise, which is far smaller than the marks; what scatters is the contact. The mean,
-# its standard error, and the scatter from run to run with its interval:
+# Every fit agrees with the truth within its noise, which is far smaller than the markers. The visible scatter is that
+# of the contact. `population` estimates the mean with its standard error, and the scatter from run to run with its
+# interval:
 
 # %%
 population = batch.population("mu")
 print(population)
 
 # %% [markdown]
-# The combined standard error of the mean holds the 0.5 % of the normal force: that is the same in all runs, and no
-# mean takes it away. The numbers of each run, for anything else, are in `batch.to_dataframe()`.
+# The combined standard error of the mean includes the 0.5 % of the normal force. This uncertainty is common to all
+# runs, so averaging does not reduce it. `batch.to_dataframe()` returns the values of each run for further analysis.
 #
 # ## Next
 #
-# - The runs are files: [An archive](06_archive.ipynb).
-# - Derivatives in place of `vmap`: [Sensitivity and design](08_sensitivity_and_design.ipynb).
-# - More at once than a processor likes: [On a GPU](10_on_a_gpu.ipynb).
+# - Fit runs that are stored in files: [An archive](06_archive.ipynb).
+# - Differentiate the simulation: [Sensitivity and design](08_sensitivity_and_design.ipynb).
+# - Compute even larger batches: [On a GPU](10_on_a_gpu.ipynb).

@@ -16,8 +16,8 @@
 #
 # **I have a folder of runs, in several formats, some of them broken. What is the friction under each load?**
 #
-# `fj.batch` fits every file of a folder and keeps a row for each in one table, whatever became of it. The table can
-# be asked by SQL, gone on with after an interruption, and handed on as one page of HTML.
+# `fj.batch` fits every file in a folder. It keeps one row per file in a table, also for files that it cannot fit. You
+# can query the table with SQL, resume after an interruption, and share the results as one HTML page.
 
 # %%
 import os
@@ -32,14 +32,14 @@ jax.config.update("jax_enable_x64", True)  # nanometres on millimetres need doub
 import fricjax as fj
 from fricjax.show import axis_label, figure
 
-FAST = os.environ.get("FRICJAX_NOTEBOOKS") == "fast"  # the tests run every notebook: fewer runs, the same steps
+FAST = os.environ.get("FRICJAX_NOTEBOOKS") == "fast"  # the tests run fewer runs through the same steps
 
 # %% [markdown]
 # ## A folder
 #
-# The next cell makes one, and may be skipped: three loads, for each some runs in CSV, NPZ and HDF5. The load stands
-# in the names of folders, as it does in laboratories. The coefficient falls a little with the load, and scatters by
-# half a percent from run to run.
+# The next cell makes the folder; you may skip it. There are three loads, each with runs in CSV, NPZ and HDF5. The
+# names of the folders contain the load, as is common in laboratories. The coefficient falls a little with the load,
+# and it scatters by half a percent from run to run.
 
 # %%
 temporary = TemporaryDirectory()
@@ -57,8 +57,8 @@ for load, mu in true.items():
         fj.write(run, folder / f"load_{load:g}N" / f"run_{number:02d}.{('csv', 'npz', 'h5')[number % 3]}")
 
 # %% [markdown]
-# And what every archive holds besides: an empty file, a text that is no run, a run that was stopped too early, and
-# one whose title says mm where the numbers are micrometres.
+# We add four bad files of the kind found in every archive: an empty file, a text that is not a run, a run that was
+# stopped too early, and a run with mm in its header but numbers in micrometres.
 
 # %%
 (folder / "load_4N" / "run_90.csv").write_text("")
@@ -69,9 +69,10 @@ wrong = [f"{t:.6f},{1e6 * x:.4f}" for t, x in zip(run.t, run.x, strict=True)]
 print(*sorted(str(path.relative_to(folder)) for path in folder.rglob("run_*")), sep="\n")
 
 # %% [markdown]
-# ## All of them
+# ## All files
 #
-# `facts` says what the names of files tell; a `load` is the normal force of the run.
+# `facts` is a pattern that extracts values from the names of the files. The value `load` is the normal force of the
+# run.
 
 # %%
 machine = rig.oscillator(fj.friction.Coulomb(0.04))
@@ -80,26 +81,26 @@ archive = fj.batch(folder, results, machine, rig=rig, facts=["load_{load}N/run_{
 archive.plot("mu", against="load")
 
 # %% [markdown]
-# One run stands out by a thousand, and so would every picture of an archive begin. But first the table:
+# One run is a factor of a thousand above the others. We explain it below; first the table:
 
 # %%
 archive
 
 # %% [markdown]
-# What was rejected says why, in a sentence; and what was fitted but looks odd says that too.
+# Each rejected file has a sentence with the reason. A run that was fitted but looks odd has a warning.
 
 # %%
-whole = {"white-space": "normal", "text-align": "left"}  # sentences in full
+whole = {"white-space": "normal", "text-align": "left"}  # show sentences in full
 archive.failures()[["file", "outcome"]].style.set_properties(**whole)
 
 # %%
 archive.query("select file, warnings from runs where warnings <> ''").style.set_properties(**whole)
 
 # %% [markdown]
-# ## Questions
+# ## Queries
 #
-# A population for each load: mean, standard error with that of the rig, and scatter from run to run. The run in the
-# wrong unit cannot belong to the others and is set aside.
+# `population` gives the mean for each load, its standard error including that of the rig, and the scatter from run to
+# run. It sets the run in the wrong unit aside as an outlier.
 
 # %%
 populations = archive.population("mu", by="load")
@@ -107,8 +108,8 @@ for load, population in populations.items():
     print(f"{load:4g} N: {population}")
 
 # %% [markdown]
-# The table is called `runs` in SQL, and every column of it can be asked for: values, uncertainties, residuals, facts
-# from the names, the hash of the file, versions.
+# In SQL the table is called `runs`. You can query every column: values, uncertainties, residuals, facts from the
+# names, the hash of the file, and versions.
 
 # %%
 archive.query("""
@@ -128,19 +129,20 @@ axes[0, 0].legend(loc="upper right", fontsize=8)
 drawing
 
 # %% [markdown]
-# ## Going on
+# ## Resuming
 #
-# The store is gone on with at any time. Nothing is fitted again unless its file or the settings have changed; after
-# an interruption, a full disk or a new file the same call does what is left:
+# The same call resumes the work at any time: after an interruption, a full disk or a new file. It fits a file again
+# only if the file or the settings have changed:
 
 # %%
 again = fj.batch(folder, results, machine, rig=rig, facts=["load_{load}N/run_{number}.*"])
 print(again)
 
 # %% [markdown]
-# ## A page to hand on
+# ## A page to share
 #
-# One file without a network, with all runs, their pictures, and the reasons of failure:
+# `fj.report.save` writes all runs, their pictures and the reasons of failure to one HTML file. The page needs no
+# network:
 
 # %%
 page = fj.report.save(archive, Path(temporary.name) / "archive.html")
@@ -158,5 +160,5 @@ print(f"{page.name}, {page.stat().st_size / 1e6:.1f} MB")
 #
 # ## Next
 #
-# - What the uncertainty of such a mean is made of: [Uncertainty budget](07_uncertainty_budget.ipynb).
-# - Which release to choose for the next run: [Sensitivity and design](08_sensitivity_and_design.ipynb).
+# - Break down the uncertainty of such a mean: [Uncertainty budget](07_uncertainty_budget.ipynb).
+# - Choose the release of the next run: [Sensitivity and design](08_sensitivity_and_design.ipynb).

@@ -16,9 +16,8 @@
 #
 # **My coefficient of friction has an uncertainty. What is it made of, is it true, and what would make it smaller?**
 #
-# The numbers of the rig, the noise of the record, and the shape of the problem each have a part in it. This notebook
-# takes them apart in five ways: a budget by the GUM, its check by Monte Carlo, a profile, a bootstrap and a
-# posterior.
+# The uncertainty comes from the properties of the rig, the noise of the record, and the model, which is not linear. We
+# analyse it in five ways: a budget by the GUM, its check by Monte Carlo, a profile, a bootstrap and a posterior.
 
 # %%
 import os
@@ -30,12 +29,12 @@ jax.config.update("jax_enable_x64", True)  # nanometres on millimetres need doub
 import fricjax as fj
 from fricjax.uncertainty import Input
 
-FAST = os.environ.get("FRICJAX_NOTEBOOKS") == "fast"  # the tests run every notebook: fewer draws, the same steps
+FAST = os.environ.get("FRICJAX_NOTEBOOKS") == "fast"  # the tests take fewer draws through the same steps
 
 # %% [markdown]
 # ## A run and its fit
 #
-# A coarse instrument this time, 0.2 um of noise, so that the noise has a part in the result.
+# This time the instrument is coarse. Its noise of 0.2 um contributes to the uncertainty of the result.
 
 # %%
 rig = fj.Rig(mass="410.68(4) g", stiffness="2574(2) N/m", normal_force="1.891(2) N")
@@ -45,9 +44,9 @@ fit = fj.fit(record, rig.oscillator(fj.friction.Coulomb(0.01)), free=["mu", "dam
 fit.plot()
 
 # %% [markdown]
-# ## Whose fault is it?
+# ## The contributions
 #
-# Each bar is what one input adds to the uncertainty of $\mu$.
+# Each bar is the contribution of one input to the uncertainty of $\mu$.
 
 # %%
 budget = fj.uncertainty.budget(fit)
@@ -57,14 +56,14 @@ budget.plot()
 budget
 
 # %% [markdown]
-# The normal force is a deadweight on a lever, which nobody knows better than its parts. A formula takes its place, in
-# which each part has a distribution of its own; its inputs then stand in the table.
+# The normal force comes from a dead weight on a lever, and we know it only through these parts. We replace the single
+# number by a formula, in which each part has a separate distribution. The budget then lists the parts.
 
 # %%
 weight = {
     "dead_weight": Input(0.19275, 2e-5, "kg"),  # calibrated
     "gravity": Input(9.8107, 1e-4, "m/s^2"),
-    "lever": Input.rectangular(1.0, 1e-3),  # a tolerance: anywhere between two ends
+    "lever": Input.rectangular(1.0, 1e-3),  # a tolerance: any value between two limits
 }
 load = fj.uncertainty.propagate(
     lambda dead_weight, gravity, lever: dead_weight * gravity * lever, weight, quantity="normal force", unit="N"
@@ -73,24 +72,25 @@ better = fj.uncertainty.budget(fit, inputs={"normal_force": load})
 better.plot()
 
 # %%
-print(f"mu = {fj.show.uncertain(budget.value, budget.std)} with the weight as one number")
+print(f"mu = {fj.show.uncertain(budget.value, budget.std)} with the normal force as one number")
 print(f"mu = {fj.show.uncertain(better.value, better.std)} with its parts, true 0.02")
 print(f"expanded uncertainty {better.expanded()}")
 
 # %% [markdown]
-# ## Is the budget true?
+# ## Is the budget correct?
 #
-# A budget takes everything for straight lines. Drawing all inputs from their distributions does not (JCGM 101):
+# A budget linearises the model. Monte Carlo draws all inputs from their distributions instead, and does not linearise
+# (JCGM 101):
 
 # %%
 draws = better.monte_carlo(20_000 if FAST else 1_000_000)
 draws.plot()
 
 # %% [markdown]
-# ## Is the optimum round?
+# ## Is the optimum parabolic?
 #
-# The standard errors of a fit take the record for a parabola about its optimum. A profile looks: $\mu$ is held at
-# values about its optimum, everything else is fitted again, and what the record thinks of that is drawn.
+# The standard errors of a fit assume that $\chi^2$ is a parabola about the optimum. A profile tests this assumption.
+# It holds $\mu$ at values around the optimum, fits all other parameters again, and plots the excess of $\chi^2$.
 
 # %%
 profile = fj.uncertainty.profile(fit, "mu", points=5 if FAST else 16)
@@ -100,20 +100,20 @@ profile.plot()
 profile
 
 # %% [markdown]
-# ## Would another record say the same?
+# ## Would another record agree?
 #
-# The bootstrap makes records that the same machine could have given, by shuffling the residuals in blocks, and fits
-# each of them. Their scatter is the standard error, without any formula.
+# The bootstrap makes records that the same machine could have given: it shuffles the residuals in blocks. It then fits
+# each new record. The scatter of the results is an estimate of the standard error that needs no formula.
 
 # %%
 bootstrap = fj.uncertainty.bootstrap(fit, draws=40 if FAST else 1000)
 bootstrap
 
 # %% [markdown]
-# ## And in the way of Bayes
+# ## The Bayesian posterior
 #
-# Draws from the posterior distribution of all parameters at once, by the No-U-Turn sampler (extra `bayes`). R-hat
-# should be near one, the number of divergences zero.
+# The No-U-Turn sampler draws from the joint posterior distribution of all parameters (extra `bayes`). R-hat should be
+# close to one, and the number of divergences should be zero.
 
 # %%
 short = {"draws": 100, "chains": 2, "warmup": 100} if FAST else {}
@@ -124,7 +124,9 @@ posterior.plot()
 posterior
 
 # %% [markdown]
-# ## All of them
+# ## All standard errors
+#
+# We print the standard error of mu from each method:
 
 # %%
 spread = {
@@ -137,12 +139,11 @@ for name, std in spread.items():
     print(f"{name:<10} {std:.2e}")
 
 # %% [markdown]
-# Four ways, one answer: for this record the standard error of the fit can be believed, and the budget with it. They
-# part where a parameter is badly determined, such as a Stribeck velocity from a single run; then the profile is the
-# one to show.
+# The four methods agree. For this record we can trust the standard error of the fit, and the budget with it. The
+# methods differ if a parameter is poorly determined, such as a Stribeck velocity from a single run. In that case, show
+# the profile.
 #
 # ## Next
 #
-# - How to choose the run so that the noise has less to say: [Sensitivity and
-# design](08_sensitivity_and_design.ipynb).
-# - Scatter from run to run: [Many runs at once](05_many_at_once.ipynb).
+# - Choose the run so that the noise matters less: [Sensitivity and design](08_sensitivity_and_design.ipynb).
+# - Estimate the scatter from run to run: [Many runs at once](05_many_at_once.ipynb).

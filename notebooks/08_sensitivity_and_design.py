@@ -14,11 +14,11 @@
 # %% [markdown]
 # # Sensitivity and design
 #
-# **From where should I release the mass, and what will the run tell, before I have made it?**
+# **From where should I release the mass, and how much will the run reveal, before I make it?**
 #
-# The simulated motion can be differentiated, through every reversal and the stop. The derivative with respect to a
-# coefficient is the shape that an error of it would leave in the record; from these shapes follows what a run will
-# tell, and which run tells most.
+# JAX differentiates the simulated motion through every reversal and the stop. The derivative with respect to a
+# coefficient is the change that a small error of this coefficient would leave in the record. From these derivatives we
+# compute how precisely a run determines each coefficient, and which release is best.
 
 # %%
 import dataclasses
@@ -33,10 +33,11 @@ import fricjax as fj
 from fricjax.show import axis_label, figure
 
 # %% [markdown]
-# ## The shapes
+# ## Derivatives of the motion
 #
-# `jax.jacfwd` gives all derivatives of a function at once, in forward mode. Here they are of a motion, with respect
-# to the coefficient of friction, the damping and the stiffness, each drawn relative to its largest value:
+# `jax.jacfwd` computes all derivatives of a function at once, in forward mode. Here we differentiate the displacement
+# with respect to the coefficient of friction, the damping and the stiffness. The lower panel shows each derivative
+# relative to its largest value:
 
 # %%
 rig = fj.Rig(mass="410.68(4) g", stiffness="2574(2) N/m", normal_force="9.66 +/- 0.5 % N", damping="0.1756(20) N s/m")
@@ -59,18 +60,19 @@ axes[0, 0].plot(ts, 1e3 * x)
 axes[0, 0].set_ylabel(axis_label("Displacement", "mm"))
 for name, slope, dashes in zip(names, slopes.T, ("-", "--", ":"), strict=True):
     axes[1, 0].plot(ts, slope / jnp.max(jnp.abs(slope)), dashes, label=name, linewidth=1.5)
-axes[1, 0].set(xlabel=axis_label("Time", "s"), ylabel="Derivative over its largest value")
+axes[1, 0].set(xlabel=axis_label("Time", "s"), ylabel="Derivative / largest value")
 axes[1, 0].legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=3, fontsize=8)
 drawing
 
 # %% [markdown]
-# Stiffness shifts the phase, so its shape is a quarter of a period off the others. Friction and damping both take the
-# amplitude down and look alike; what tells them apart is that friction stops the mass.
+# Stiffness shifts the phase, so its derivative is a quarter of a period out of phase with the others. Friction and
+# damping both reduce the amplitude, and their derivatives look alike. They differ because friction stops the mass.
 #
-# ## From shapes to standard errors
+# ## From derivatives to standard errors
 #
-# With white noise $\sigma$ in each sample and the shapes as columns of $J$, the covariance that a fit will have is
-# $\sigma^2 (J^\top J)^{-1}$, the inverse of the Fisher information. In three lines:
+# Let each sample have white noise of standard deviation $\sigma$, and let the derivatives be the columns of $J$. A fit
+# will then have the covariance $\sigma^2 (J^\top J)^{-1}$, the inverse of the Fisher information. Three lines compute
+# it:
 
 # %%
 noise = 5e-9  # m
@@ -79,23 +81,24 @@ for name, value, std in zip(names, values, jnp.sqrt(jnp.diag(covariance)), stric
     print(f"{name:<10} {fj.show.uncertain(float(value), float(std))}")
 
 # %% [markdown]
-# `fj.sensitivity.fisher` does the same with everything around it: scaling, the nuisances of a run, undetermined
-# directions in words, and advice.
+# `fj.sensitivity.fisher` computes the same and adds the details. It scales the parameters, includes the nuisance
+# parameters of a run, describes undetermined directions in words, and gives advice.
 
 # %%
-told = fj.sensitivity.fisher(machine, 2.6e-3, np.asarray(ts), names, noise=noise)
-told.plot()
+information = fj.sensitivity.fisher(machine, 2.6e-3, np.asarray(ts), names, noise=noise)
+information.plot()
 
 # %%
-told
+information
 
 # %% [markdown]
-# Nothing was measured yet, and it is known that a run will tell $\mu$ to parts in ten million, that friction and
-# damping can be exchanged for each other to some degree, and that the load, not the record, will limit the result.
-# The standard errors are a little larger than those of the three lines: the run's own displacement and offset are to
-# be found as well.
+# Nothing has been measured yet, but we already know three things. A run will determine $\mu$ to parts in ten million.
+# Friction and damping can replace each other to some degree. The load, and not the record, will limit the result. The
+# standard errors are a little larger than those of the three lines, because `fisher` also estimates the initial
+# displacement and the offset of the run.
 #
-# Asked for everything at once, it says what no run can tell: a trace knows only ratios and products.
+# If we free all parameters at once, `fisher` reports those that no run can determine. A trace depends only on ratios
+# and products of them:
 
 # %%
 print(*fj.sensitivity.fisher(machine, 2.6e-3, noise=noise).errors, sep="\n")
@@ -103,8 +106,8 @@ print(*fj.sensitivity.fisher(machine, 2.6e-3, noise=noise).errors, sep="\n")
 # %% [markdown]
 # ## Which release?
 #
-# Larger releases tell more, though not in every case, for the stop has its part. `design` takes a target, a relative
-# standard error, and counts the runs it takes from each release.
+# Larger releases usually give more information, but not in every case, because the stop matters too. `design` takes a
+# target, a relative standard error, and computes the number of runs needed from each release.
 
 # %%
 plan = fj.sensitivity.design(
@@ -118,12 +121,12 @@ plan
 # %% [markdown]
 # ## Static friction
 #
-# A stop tells only that static friction was more than what the spring asked for there, and each reversal that was
-# passed that it was less. The next release is best where both outcomes are as probable. Three of them in a row, the
-# first without knowing more than a range:
+# A stop shows that static friction exceeds the force of the spring at that point. Each reversal that the mass passes
+# shows that static friction is smaller than the force there. The next release is best if both outcomes are equally
+# probable. We make three such releases in a row and begin with a wide range for $\mu_s$:
 
 # %%
-truth = rig.oscillator(fj.friction.Coulomb(mu=0.05, mu_s=0.0637))  # which the experimenter does not know
+truth = rig.oscillator(fj.friction.Coulomb(mu=0.05, mu_s=0.0637))  # unknown to the experimenter
 start = rig.oscillator(fj.friction.Coulomb(mu=0.05, mu_s=0.065))
 interval = (0.05, 0.08)
 for seed in range(3):
@@ -139,5 +142,5 @@ best.plot()
 # %% [markdown]
 # ## Next
 #
-# - A law of one's own is differentiated like any other: [A friction law of one's own](09_own_law.ipynb).
-# - What remains when the run is made: [Uncertainty budget](07_uncertainty_budget.ipynb).
+# - Differentiate a law that you have written: [Your own friction law](09_own_law.ipynb).
+# - Analyse the uncertainty after the run: [Uncertainty budget](07_uncertainty_budget.ipynb).

@@ -12,12 +12,12 @@
 # ---
 
 # %% [markdown]
-# # A friction law of one's own
+# # Your own friction law
 #
-# **My contact follows none of the laws of the package. How do I fit my own?**
+# **My contact does not follow any law of the package. How do I fit my own?**
 #
-# A law is a class with its coefficients and one function: the force at a sliding speed. This notebook writes one in
-# 15 lines, tests it against an independent solver, and fits it.
+# A law is a class with coefficients and one method: the force at a sliding speed. In this notebook we write a law in
+# 15 lines, test it against an independent solver, and fit it.
 
 # %%
 import equinox as eqx
@@ -34,18 +34,18 @@ from fricjax.show import axis_label, figure
 # %% [markdown]
 # ## The law
 #
-# Where sliding is a matter of thermally activated hops, as in the models of Prandtl and Eyring, friction grows with
-# the logarithm of the speed. Coulomb's law would be flat, Stribeck's falls:
+# In models of thermally activated sliding, such as those of Prandtl and Eyring, friction grows with the logarithm of
+# the speed. For comparison we plot Coulomb's law, which is constant, and Stribeck's law, which falls:
 
 
 # %%
 class Activated(AbstractSetValued):
-    """``F = mu N [1 + b asinh(v/v_0)]``: friction by thermal activation grows with the logarithm of the speed."""
+    """Thermally activated friction, ``F = mu N [1 + b asinh(v/v_0)]``."""
 
     coefficients = {
         "mu": not_negative("", "coefficient of friction at rest"),
         "b": positive("", "growth of friction with the logarithm of the speed"),
-        "v_0": positive("m/s", "speed from which on it grows"),
+        "v_0": positive("m/s", "speed above which friction grows"),
     }
     mu: float = eqx.field(converter=scalar)
     b: float = eqx.field(converter=scalar)
@@ -65,10 +65,10 @@ axes[0, 0].legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=3, fontsize
 drawing
 
 # %% [markdown]
-# What the class says is used: names and units stand in reports, `positive` keeps a fit from negative values, and a
-# wrong value is refused with a sentence. `AbstractSetValued` says that the mass stays at rest as long as the spring
-# pulls with less than the force at the begin of sliding; there are kinds for smooth laws and for laws with internal
-# states.
+# The package uses the definitions of the class. Names and units appear in reports, `positive` keeps a fit from
+# negative values, and a wrong value raises an error that explains it. The base class `AbstractSetValued` means that
+# the mass stays at rest while the spring pulls with less than the force at the beginning of sliding. There are other
+# base classes for smooth laws and for laws with internal states.
 
 # %%
 try:
@@ -77,10 +77,10 @@ except ValueError as error:
     print(error)
 
 # %% [markdown]
-# ## Is it right?
+# ## A test against another solver
 #
-# The package integrates it by half-cycles in phase angle. The same motion by diffrax, from end to end in time, shares
-# nothing with that but the class above:
+# The package integrates the motion by half-cycles in phase angle. diffrax integrates it in time, from beginning to
+# end. The two computations share only the class above:
 
 # %%
 rig = fj.Rig(mass="410.68(4) g", stiffness="2574(2) N/m", normal_force="9.66 +/- 0.5 % N", damping="0.1756(20) N s/m")
@@ -99,8 +99,8 @@ drawing
 # %% [markdown]
 # ## A fit
 #
-# A law of one's own is fitted like any other: gradients, reversals, uncertainties and warnings included. It starts
-# far away.
+# You fit your own law like any other; gradients, reversals, uncertainties and warnings are included. We start the fit
+# far from the true values.
 
 # %%
 run = fj.synthetic_run(machine, 2.6e-3, rate=5000.0, duration=0.45, hold=0.02, noise=5e-9, seed=2)
@@ -116,13 +116,13 @@ for name, true in {"mu": 0.05, "b": 0.05, "v_0": 5e-3}.items():
     print(f"{name:<4} {fj.show.uncertain(fit.values[name], fit.std_errors[name], fit.units[name])}, true {true}")
 
 # %% [markdown]
-# And would one have noticed with Coulomb's law? `fj.compare` takes laws of one's own beside those of the package:
-# `fj.compare(run, [machine, rig.oscillator(fj.friction.Coulomb(0.05))])`.
+# Would we have noticed an error with Coulomb's law? `fj.compare` accepts your own laws together with those of the
+# package: `fj.compare(run, [machine, rig.oscillator(fj.friction.Coulomb(0.05))])`.
 #
-# To give a law to others, put it into `fricjax/friction/`, with the paper it comes from; CONTRIBUTING says which two
-# tables it is then entered in, and all tests of laws run it against every oracle.
+# To contribute a law, put it into `fricjax/friction/` and cite the paper it comes from. CONTRIBUTING names the two
+# tables to which you add it. All tests of laws then run it against every oracle.
 #
 # ## Next
 #
-# - Which law describes the runs: [Choosing a friction law](04_choosing_a_law.ipynb).
-# - Very many motions: [On a GPU](10_on_a_gpu.ipynb).
+# - Find the law that describes your runs: [Choosing a friction law](04_choosing_a_law.ipynb).
+# - Simulate very many motions: [On a GPU](10_on_a_gpu.ipynb).

@@ -18,8 +18,8 @@
 #
 # **I have a GPU. Will it make this faster?**
 #
-# For a single fit no; for a hundred thousand motions yes. This notebook measures it on whatever it finds, also where
-# that is only a processor, and shows from which number on it pays.
+# For a single fit, no; for a hundred thousand motions, yes. This notebook measures the speed on the devices that it
+# finds, even if there is only a CPU. It shows from which batch size a GPU is faster.
 
 # %%
 import os
@@ -34,27 +34,28 @@ jax.config.update("jax_enable_x64", True)  # also on a GPU: nanometres on millim
 import fricjax as fj
 from fricjax.show import axis_label, duration, figure
 
-FAST = os.environ.get("FRICJAX_NOTEBOOKS") == "fast"  # the tests run every notebook: smaller batches, the same steps
+FAST = os.environ.get("FRICJAX_NOTEBOOKS") == "fast"  # the tests run smaller batches through the same steps
 
 # %% [markdown]
-# ## What is there
+# ## The devices
 #
-# JAX takes a GPU where it finds one and is installed for it (`pip install 'jax[cuda13]'` for those of NVIDIA);
-# otherwise it computes on the processor. Nothing in this notebook changes with that.
+# JAX uses a GPU if there is one and if you have installed its support (`pip install 'jax[cuda13]'` for NVIDIA).
+# Otherwise it computes on the CPU. The code in this notebook is the same in both cases.
 
 # %%
 devices = {device.platform: device for device in [*jax.devices("cpu"), *jax.devices()]}
 for platform, device in devices.items():
-    print(f"{platform}: {device.device_kind}, {len(jax.devices(platform))} of them")
+    print(f"{platform}: {len(jax.devices(platform))} x {device.device_kind}")
 if set(devices) == {"cpu"}:
-    print("There is no GPU here, or JAX does not know of it. All that follows runs on the processor.")
+    print("JAX has found no GPU. This notebook runs on the CPU.")
 
 # %% [markdown]
-# ## How many at once
+# ## Batches of releases
 #
-# Final displacements of a batch of releases, all in one compiled call, on each device. `jax.device_put` moves the
-# releases there, and the computation follows its data; `with jax.default_device(device):` does the same for arrays
-# that are made within. JAX returns before it has computed, so one waits for the result before one reads the clock.
+# We compute the final displacements of a batch of releases in one compiled call, on each device. `jax.device_put`
+# moves the releases to a device, and the computation follows its data. `with jax.default_device(device):` has the same
+# effect for arrays that are created inside the block. JAX returns before the computation has finished, so we wait for
+# the result before we read the clock.
 
 # %%
 rig = fj.Rig(mass="410.68(4) g", stiffness="2574(2) N/m", normal_force="9.66 +/- 0.5 % N", damping="0.1756(20) N s/m")
@@ -68,13 +69,13 @@ def final(x0):
 
 
 def seconds_for(function, x0):
-    """Shortest of three calls, the one that compiles left out."""
+    """Return the shortest time of three calls, after one that compiles."""
     function(x0).block_until_ready()
     times = []
     for _ in range(3):
-        begin = time.perf_counter()
+        start = time.perf_counter()
         function(x0).block_until_ready()
-        times.append(time.perf_counter() - begin)
+        times.append(time.perf_counter() - start)
     return min(times)
 
 
@@ -94,24 +95,33 @@ drawing
 for platform, seconds in taken.items():
     best = int(np.argmin(np.array(seconds) / sizes))
     per_release = duration(seconds[best] / sizes[best])
-    print(f"{platform}: one in {duration(seconds[0])}, {sizes[best]} at once in {per_release} each")
+    print(f"{platform}: {duration(seconds[0])} for one release, {per_release} each in a batch of {sizes[best]}")
 
 # %% [markdown]
-# The curve falls as long as a call costs more than what it computes, and is flat where the device is full. On
-# an NVIDIA H100 beside 16 cores one release took 133 us, and 11 us on the cores; a thousand at once took 0.1 us each on
-# either; a million took 0.2 ns each on the GPU, which still had room, and 24 ns on the cores. Traces gain more:
-# 20,000 of 400 samples took 0.4 ms, and 53 ms on the cores.
+# The time per release falls as long as the overhead of a call exceeds the computation. It is constant once the device
+# is full. We compared an NVIDIA H100 with 16 CPU cores:
 #
-# Three things decide what a GPU gives. The steps of a loop are started one by one from the host, some eight
-# microseconds each where we looked, whether for one motion or for ten thousand: engines with few steps gain most, the
-# closed form (Coulomb) and half-cycles (Stribeck, laws of one's own), and integration in time with ten thousand steps
-# (LuGre) pays from about a thousand motions on. Double precision is a sixty-fourth as fast as single on GPUs for
-# games, and half as fast on those for computing. And samples take memory: 5000 of them for 100,000 motions are 4 GB,
-# so ask for what is needed, the final displacement, the reversals, or every tenth sample.
+# | | H100 | 16 cores |
+# |---|---|---|
+# | one release | 133 us | 11 us |
+# | each of 1000 releases | 0.1 us | 0.1 us |
+# | each of 1,000,000 releases | 0.2 ns | 24 ns |
+# | 20,000 traces of 400 samples | 0.4 ms | 53 ms |
+#
+# At a million releases the GPU was not yet full. Three things determine the gain from a GPU:
+#
+# - **Steps.** The host starts the steps of a loop one by one. Each step took about eight microseconds in our
+#   measurements, for one motion or ten thousand. Engines with few steps therefore gain most: the closed form (Coulomb)
+#   and half-cycles (Stribeck, your own laws). Integration in time needs ten thousand steps (LuGre); a GPU pays off
+#   from about a thousand motions.
+# - **Precision.** Double precision runs at 1/64 of the speed of single precision on GPUs for games, and at half the
+#   speed on GPUs for computing.
+# - **Memory.** 5000 samples of 100,000 motions take 4 GB. Compute only the quantities that you need: the final
+#   displacement, the reversals, or every tenth sample.
 #
 # ## Whole motions
 #
-# The same for traces, whose samples are the larger part of the work:
+# We repeat the measurement for traces, in which the samples are the larger part of the work:
 
 # %%
 ts = jnp.linspace(0.0, 0.4, 400)
@@ -126,7 +136,8 @@ for platform, device in devices.items():
     )
 
 # %% [markdown]
-# The devices agree to far below the noise of any instrument, which is worth a look whenever a computation moves:
+# The devices agree far below the noise of any instrument. Check this whenever you move a computation to another
+# device:
 
 # %%
 on_each = [np.asarray(final(jax.device_put(np.linspace(0.1e-3, 3e-3, 1000), device))) for device in devices.values()]
@@ -136,14 +147,14 @@ print(f"largest difference between devices: {largest:.1e} m")
 # %% [markdown]
 # ## Fits
 #
-# `fj.fit`, `fj.fit_batch`, `fj.compare` and bootstraps compute on the processor, also where JAX has found a GPU, so
-# there is nothing to set. They work on condensed records, some hundred samples for each run, in steps that wait for
-# each other: on the H100 a first fit took two to three times as long as on the cores beside it (LuGre 42 s, and 13 s),
-# a fit after it two to four times, and a batch up to 35 times.
+# `fj.fit`, `fj.fit_batch`, `fj.compare` and bootstraps compute on the CPU, even if JAX has found a GPU. You need not
+# set anything. They work on condensed records with a few hundred samples per run, and each step waits for the one
+# before, so a GPU is slower. On the H100 a first fit took two to three times as long as on the 16 cores (LuGre: 42 s
+# and 13 s). A later fit took two to four times as long, and a batch up to 35 times.
 #
-# For archives that take hours there are several processes: `fricjax batch runs --out results --workers 8`.
+# For archives that take hours, use several processes: `fricjax batch runs --out results --workers 8`.
 #
 # ## Next
 #
-# - Maps over coefficients and releases: [Many runs at once](05_many_at_once.ipynb).
-# - Back to the begin: [A first fit](01_first_fit.ipynb).
+# - Map over coefficients and releases: [Many runs at once](05_many_at_once.ipynb).
+# - Return to the beginning: [A first fit](01_first_fit.ipynb).

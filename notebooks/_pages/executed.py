@@ -1,4 +1,7 @@
-"""The code blocks of a page: what they print and draw, run once and kept until the page or the package changes."""
+"""Run the code blocks of a page, and cache their outputs.
+
+The cache is valid until the blocks or the package change.
+"""
 
 import base64
 import hashlib
@@ -18,22 +21,22 @@ ROOT = Path(__file__).resolve().parents[2]
 BLOCK = re.compile(r"^(?P<indent> *)```python(?P<hidden> hidden)?\n(?P<code>.*?)^(?P=indent)```$", re.DOTALL | re.M)
 FENCED = re.compile(r"^ *(`{3,}).*?^ *\1$", re.DOTALL | re.M)
 COLOUR = re.compile(r"\x1b\[[0-9;]*m")
-PATIENCE = 900  # seconds for one block: the first fit of a law compiles, and the machine may be busy
+TIMEOUT = 900  # seconds per block: the first fit of a law compiles, and the machine may be busy
 
 
 class Failed(Exception):
-    """A block has raised; the message names it and the error."""
+    """A code block has failed; the message shows block and error."""
 
 
 def codes(markdown: str) -> list[str]:
-    """The Python blocks of a page, in their order."""
+    """Return the Python blocks of a page in their order."""
     return [textwrap.dedent(found["code"]).strip() for found in BLOCK.finditer(markdown)]
 
 
 def outputs(codes: list[str], store: Path) -> list[list[NotebookNode]]:
-    """What each block shows: one list of outputs for each, as notebooks hold them.
+    """Return the outputs of each block as notebook outputs.
 
-    The blocks of a page are run in one kernel, one after the other, in a folder of their own.
+    All blocks of a page run one after the other in the same kernel, in a new temporary folder.
     """
     kept = store / f"{_fingerprint(codes)}.ipynb"
     if not codes:
@@ -42,13 +45,13 @@ def outputs(codes: list[str], store: Path) -> list[list[NotebookNode]]:
         notebook = nbformat.v4.new_notebook(cells=[nbformat.v4.new_code_cell(code) for code in codes])
         with tempfile.TemporaryDirectory() as folder:
             place = {"metadata": {"path": folder}}
-            # Kernels warn that they talk over TCP, as those of Jupyter do; the build has no secrets.
+            # Kernels warn that they communicate over TCP, as all Jupyter kernels do; the build has no secrets.
             quiet = ["--log-level=ERROR"]
             client = NotebookClient(
-                notebook, timeout=PATIENCE, resources=place, extra_arguments=quiet, coalesce_streams=True
+                notebook, timeout=TIMEOUT, resources=place, extra_arguments=quiet, coalesce_streams=True
             )
             try:
-                # How far a fit is concerns who waits for it, and no reader.
+                # Readers of the page need no progress bars.
                 client.execute(env=os.environ | {"FRICJAX_PROGRESS": "off"})
             except CellExecutionError as error:
                 raise Failed(f"a code block fails.\n{COLOUR.sub('', str(error))}") from error
@@ -59,7 +62,7 @@ def outputs(codes: list[str], store: Path) -> list[list[NotebookNode]]:
 
 
 def _fingerprint(codes: list[str]) -> str:
-    """A name for these blocks under this state of the package."""
+    """Hash the blocks and the source of the package."""
     parts = [*codes, *(path.read_text() for path in sorted((ROOT / "fricjax").rglob("*.py*")) if path.suffix != ".pyc")]
     return hashlib.sha256("\0".join(parts).encode()).hexdigest()[:24]
 
@@ -70,13 +73,13 @@ def with_outputs(
     picture: Callable[[bytes], str],
     kept: Callable[[str], str],
 ) -> str:
-    """A page with the outputs of its blocks below them, and without those blocks that are hidden.
+    """Insert the outputs below the blocks, and remove the hidden blocks.
 
     Args:
         markdown: the page.
-        shown: outputs of each of its Python blocks.
-        picture: stores a PNG and tells its path.
-        kept: stores HTML and tells what stands for it.
+        shown: outputs of each Python block of the page.
+        picture: stores a PNG and returns its path.
+        kept: stores HTML and returns a placeholder for it.
     """
     rest = iter(shown)
 

@@ -1,4 +1,4 @@
-"""Signatures of modules of equinox: their fields are arguments, as those of dataclasses are."""
+"""Signatures of Equinox modules, built from their fields as for dataclasses."""
 
 from collections.abc import Iterator
 from typing import Any
@@ -12,10 +12,13 @@ def _of_dataclasses(name: str) -> ExprName:
 
 
 class Fields(griffe.Extension):
-    """Tells griffe that what derives from `equinox.Module` is a dataclass, which it does not see in the source."""
+    """Mark subclasses of `equinox.Module` as dataclasses.
+
+    griffe cannot see in the source that they are dataclasses.
+    """
 
     def on_package(self, *, pkg: griffe.Module, **kwargs: Any) -> None:
-        """Marks the classes before griffe makes the signatures of dataclasses."""
+        """Mark the classes before griffe builds the signatures of dataclasses."""
         for cls in _classes(pkg):
             if not _is_equinox(cls):
                 continue

@@ -1,4 +1,4 @@
-"""What the build adds to the pages: tutorials, reference, outputs of code, formulas, navigation."""
+"""MkDocs hooks that add tutorials, reference, outputs, formulas and navigation."""
 
 import html
 import itertools
@@ -20,7 +20,7 @@ STORE = ROOT / "build" / "pages"
 TUTORIALS = sorted((ROOT / "notebooks").glob("[0-9][0-9]_*.py"))
 FORMULA = re.compile(r'<(span|div) class="arithmatex">\\[(\[](.*?)\\[)\]]</\1>', re.DOTALL)
 PLACE = re.compile(r"<p>@@html (\d+)@@</p>")
-# Pages that name everything would be the first answer to every search.
+# These pages contain so many words that they would lead the results of every search.
 UNSEARCHED = "---\nsearch:\n  exclude: true\n---\n\n"
 CARDS = "<!-- tutorials -->"
 _html: list[str] = []
@@ -28,7 +28,7 @@ _cards: list[str] = []
 
 
 def on_config(config: MkDocsConfig) -> MkDocsConfig:
-    """Fills the navigation: each notebook is a tutorial, each public module a page of the reference."""
+    """Add the tutorials and the pages of the reference to the navigation."""
     tutorials = [f"{path.stem}.md" for path in TUTORIALS]
     modules: list = ["reference/index.md", *(f"reference/{module.name}.md" for module in reference.modules()[1:])]
     filled = {"Tutorials": tutorials, "Reference": modules}
@@ -37,7 +37,7 @@ def on_config(config: MkDocsConfig) -> MkDocsConfig:
 
 
 def on_files(files: Files, config: MkDocsConfig) -> Files:
-    """Adds the pages that are made, and runs the code of all pages, some side by side."""
+    """Add the generated pages, and run all page code in parallel."""
     made = {f"{path.stem}.md": _tutorial(path) for path in TUTORIALS}
     _cards[:] = [_card(name, text) for name, text in made.items()]
     made["changes.md"] = UNSEARCHED + (ROOT / "CHANGELOG.md").read_text()
@@ -53,7 +53,7 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
 
 
 def _outputs(uri: str, markdown: str) -> list[list]:
-    """What the code of a page shows."""
+    """Return the outputs of the code blocks of a page."""
     try:
         return executed.outputs(executed.codes(markdown), STORE) if _runs(uri) else []
     except executed.Failed as failure:
@@ -61,9 +61,12 @@ def _outputs(uri: str, markdown: str) -> list[list]:
 
 
 def _tutorial(path: Path) -> str:
-    """The Markdown of a notebook, with a link to the notebook itself; links between notebooks lead to their pages."""
+    """Convert a notebook to Markdown, with a link for its download.
+
+    Links to other notebooks become links to their pages.
+    """
     cells = jupytext.read(path).cells
-    # Blocks within the text are to be read: as `py` they look the same, and are not run.
+    # Blocks within the text must not run. As `py` they look the same.
     parts = [
         f"```python\n{cell.source}\n```" if cell.cell_type == "code" else cell.source.replace("```python", "```py")
         for cell in cells
@@ -71,11 +74,11 @@ def _tutorial(path: Path) -> str:
     text = "\n\n".join(parts)
     text = re.sub(r"\]\((\d\d_\w+)\.(?:ipynb|py)", r"](\1.md", text)
     title, rest = text[text.index("# ") :].split("\n", 1)
-    return f"{title}\n\n[The notebook itself]({path.stem}.ipynb){{ download .notebook }}\n{rest}"
+    return f"{title}\n\n[Download the notebook]({path.stem}.ipynb){{ download .notebook }}\n{rest}"
 
 
 def _card(name: str, text: str) -> str:
-    """What the front page says of a tutorial: its title, and the question with which it begins."""
+    """Format the front-page entry of a tutorial: title and question."""
     title, *paragraphs = (" ".join(part.split()) for part in text.split("\n\n") if part.strip())
     first = next(part for part in paragraphs if part[0] not in "[#`!")
     question = re.match(r"\*\*(.+?)\*\*", first)
@@ -84,12 +87,15 @@ def _card(name: str, text: str) -> str:
 
 
 def _runs(uri: str) -> bool:
-    """Whether the code of a page is run: that of the reference is run by the tests of the package's examples."""
+    """Return True if the build runs the code of a page.
+
+    The tests of the package run the examples of the reference.
+    """
     return not uri.startswith(("reference/", "changes", "contributing"))
 
 
 def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Files) -> str:
-    """Puts what the code blocks print and draw below them, and leaves out those that are hidden."""
+    """Insert the outputs of the code blocks, and remove the hidden blocks."""
     if not _runs(page.file.src_uri):
         return markdown
     markdown = markdown.replace(CARDS, f'<div class="grid cards" markdown>\n\n{"\n".join(_cards)}\n</div>')
@@ -106,13 +112,16 @@ def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Fil
 
 
 def _kept(text: str) -> str:
-    """A place for HTML that the Markdown of the page must not touch."""
+    """Store HTML that Markdown must not change, and return its placeholder."""
     _html.append(text)
     return f"@@html {len(_html) - 1}@@"
 
 
 def on_page_content(content: str, page: Page, config: MkDocsConfig, files: Files) -> str:
-    """Formulas become MathML, which browsers show without a script; HTML of outputs goes to its places."""
+    """Convert formulas to MathML, and insert the stored HTML of outputs.
+
+    Browsers show MathML without a script.
+    """
     content = FORMULA.sub(lambda found: _mathml(found[2], found[1]), content)
     return PLACE.sub(lambda found: f'<div class="output">{_html[int(found[1])]}</div>', content)
 

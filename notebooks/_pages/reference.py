@@ -1,7 +1,7 @@
-"""The reference: a page for each public module, with an entry for each name that the stubs export.
+"""Reference pages for the public modules, from the names in the stubs.
 
-A stub (``__init__.pyi``) says which names a folder exports and from where; they are followed to where the object is
-defined, which is what mkdocstrings reads.
+A stub (``__init__.pyi``) lists the names that a folder exports, with the module of each. We follow each name to the
+definition of the object, because mkdocstrings reads the definition.
 """
 
 import ast
@@ -17,7 +17,13 @@ ROWS = "| name | |\n|---|---|\n"
 
 @dataclasses.dataclass(frozen=True)
 class Public:
-    """A public object: what users call it, where it is defined, and the first paragraph of its docstring."""
+    """A public object.
+
+    Attributes:
+        name: full name that users import.
+        definition: full name of the definition.
+        summary: first paragraph of the docstring.
+    """
 
     name: str
     definition: str
@@ -26,7 +32,14 @@ class Public:
 
 @dataclasses.dataclass(frozen=True)
 class Module:
-    """A module: its name, the first paragraph of its docstring, and what its stub exports beside modules."""
+    """A public module.
+
+    Attributes:
+        name: full name.
+        summary: first paragraph of the docstring.
+        objects: exported objects, without modules.
+        has_stub: True if the module is a folder with a stub.
+    """
 
     name: str
     summary: str
@@ -36,7 +49,7 @@ class Module:
 
 @functools.cache
 def modules() -> list[Module]:
-    """The package and all its public modules, in the order of their names."""
+    """Return the package and all its public modules, sorted by name."""
     return sorted(_from("fricjax"), key=lambda module: module.name)
 
 
@@ -56,7 +69,7 @@ def _file(name: str) -> Path:
 
 @functools.cache
 def _exports(name: str) -> dict[str, str]:
-    """Names that the stub of a folder exports, each with the module from which it comes."""
+    """Map each name in the stub of a folder to its module."""
     stub = _file(name).with_suffix(".pyi")
     nodes = ast.parse(stub.read_text()).body if stub.exists() else []
     imports = [node for node in nodes if isinstance(node, ast.ImportFrom)]
@@ -64,7 +77,10 @@ def _exports(name: str) -> dict[str, str]:
 
 
 def _is_module(name: str, own: str) -> bool:
-    """Whether an exported name is a module; a function may have the name of its file."""
+    """Return True if an exported name is a module.
+
+    A function may have the same name as its file.
+    """
     source = _exports(name)[own]
     if source != name:
         return _exports(source).get(own) == source
@@ -76,20 +92,20 @@ def _public(name: str, own: str) -> Public:
     while own in _exports(source):
         source = _exports(source)[own]
     body = ast.parse(_file(source).read_text()).body
-    # Of a function with several signatures the last one has the docstring.
+    # If a function has several signatures, the last one has the docstring.
     nodes = [node for node in body if isinstance(node, ast.FunctionDef | ast.ClassDef) and node.name == own]
     return Public(f"{name}.{own}", f"{source}.{own}", _summary(nodes[-1]) if nodes else "")
 
 
 def _summary(node: ast.Module | ast.FunctionDef | ast.ClassDef) -> str:
-    """The first paragraph of a docstring, as a cell of a table of Markdown holds it."""
+    """Format the first docstring paragraph as a Markdown table cell."""
     paragraph = (ast.get_docstring(node) or "").split("\n\n")[0]
     return " ".join(paragraph.split()).replace("|", r"\|").replace("``", "`")
 
 
 @functools.cache
 def names() -> dict[str, list[str]]:
-    """All names of each object, by its definition, the shortest first."""
+    """Map each definition to all names of the object, shortest first."""
     found = collections.defaultdict(list)
     for public in sorted(
         (public for module in modules() for public in module.objects), key=lambda each: len(each.name)
@@ -99,7 +115,10 @@ def names() -> dict[str, list[str]]:
 
 
 def index() -> str:
-    """The first page: what stands in `fricjax` itself, the modules, and entries of what no module has."""
+    """Write the first page: the names in `fricjax`, and the modules.
+
+    It also contains the entries of objects that no other module exports.
+    """
     package, *rest = modules()
     objects = [f"| [`{public.name}`][{public.name}] | {public.summary} |" for public in package.objects]
     below = [f"| [`{module.name}`]({module.name}.md) | {module.summary} |" for module in rest]
@@ -110,7 +129,7 @@ def index() -> str:
     return "\n\n".join(
         (
             f"# Reference\n\n{promise}",
-            "## What one types most",
+            "## Main names",
             ROWS + "\n".join(sorted(objects)),
             "## All modules",
             ROWS + "\n".join(below),
@@ -120,17 +139,20 @@ def index() -> str:
 
 
 def page(module: Module) -> str:
-    """The page of a module: what it is about, and an entry for each of its names."""
+    """Write the page of a module, with an entry for each name."""
     if not module.has_stub:
         return f"# `{module.name}`\n\n::: {module.name}\n    options:\n      show_root_heading: false\n"
-    # What others derive from is looked for last.
+    # Base classes come last.
     ordered = sorted(module.objects, key=lambda public: (".Abstract" in public.name, public.name))
     entries = [_entry(public) for public in ordered]
     return f"# `{module.name}`\n\n{module.summary}\n\n{'\n'.join(entries)}"
 
 
 def _entry(public: Public) -> str:
-    """What mkdocstrings makes an entry of; each name of the object is an anchor that pages may link to."""
+    """Write the directive from which mkdocstrings makes an entry.
+
+    Each name of the object is an anchor for links from other pages.
+    """
     first, *_ = known = names()[public.definition]
     anchors = "".join(f"[](){{#{name}}}\n" for name in known if name != public.definition)
     options = f'heading: "{first}"\n      toc_label: "{public.name.rpartition(".")[2]}"'

@@ -82,9 +82,9 @@ def test_ringdown_prints_and_writes_a_rig(fricjax, decay, tmp_path):
     assert rig.damping_ratio == Measured(**report["damping_ratio"])
 
 
-def test_a_rig_file_needs_more_numbers_than_a_calibration_gives(fricjax, decay, tmp_path):
+def test_a_rig_file_needs_more_numbers_than_a_calibration_gives(fricjax, table, tmp_path):
     for command, missing in (("frf", "--normal-force"), ("ringdown", "--normal-force and --mass")):
-        called = fricjax("calibrate", command, decay, "--out", tmp_path / "rig.toml")
+        called = fricjax("calibrate", command, table, "--out", tmp_path / "rig.toml")
         assert called.code == 2
         assert called.err.startswith(
             "Error: A rig file needs numbers that this calibration does not give: add " + missing

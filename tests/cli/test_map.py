@@ -32,6 +32,7 @@ def test_a_table_of_pairs(fricjax, table, tmp_path):
     assert (tmp_path / "map.png").stat().st_size > 10_000
 
 
+@pytest.mark.slow
 def test_records(fricjax, tmp_path):
     files = []
     for i, x0 in enumerate((0.9e-3, 1.3e-3, 1.9e-3)):

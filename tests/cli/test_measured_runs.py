@@ -17,6 +17,7 @@ def test_small_swing_of_a_pendulum(fricjax, measured_data):
     assert report["std_errors"]["mu"] > 10 * report["white_std_errors"]["mu"]
 
 
+@pytest.mark.slow
 def test_degrees_without_a_time_column(fricjax, measured_data):
     path = measured_data("rotary-pendulum/data03.txt")
     called = fricjax("fit", path, "--rate", "1000", "--unit", "deg")

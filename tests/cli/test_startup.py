@@ -60,9 +60,8 @@ def test_a_process_ends_with_the_exit_code_and_pure_json():
 
 
 def test_a_reader_that_goes_away_is_no_failure():
-    command = (
-        f'{sys.executable} -c "from fricjax.cli.main import main; main()" models | head -n 1; echo ${{PIPESTATUS[0]}}'
-    )
+    main = "from fricjax.cli.main import main; main()"
+    command = f'{sys.executable} -c "{main}" calibrate interferometer | head -n 1; echo ${{PIPESTATUS[0]}}'
     done = subprocess.run(["bash", "-c", command], capture_output=True, text=True, check=False)
     assert done.stdout.split()[-1] == "0"
     assert "Traceback" not in done.stderr

@@ -129,7 +129,7 @@ def test_a_folder_that_cannot_be_written_to_is_refused_before_any_work(fricjax, 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="this system has no /dev/full")
 def test_an_output_that_is_full_is_told_so():
     with open("/dev/full", "w") as out:
-        words = [sys.executable, "-c", "from fricjax.cli.main import main; main()", "models"]
+        words = [sys.executable, "-c", "from fricjax.cli.main import main; main()", "calibrate", "interferometer"]
         ran = subprocess.run(words, stdout=out, stderr=subprocess.PIPE, text=True)
     assert (ran.returncode, ran.stderr.count("\n")) == (2, 1), ran.stderr
     assert ran.stderr == "Error: 'stdout' cannot be used: No space left on device.\n"
