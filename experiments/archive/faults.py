@@ -1,4 +1,4 @@
-"""What goes wrong in a laboratory: ways to break a run, with the reason that an archive must give for each."""
+"""Faults of laboratory runs, with the status and reason required for each."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -14,10 +14,10 @@ class Fault(NamedTuple):
     """A way to break a run.
 
     Attributes:
-        ending: of the file.
-        write: writes it, broken.
-        status: what the table must call the run.
-        reason: a regular expression for the sentence that it must give.
+        ending: ending of the file.
+        write: function that writes the broken file.
+        status: required status of the run in the table.
+        reason: regular expression for the reason in the table.
     """
 
     ending: str
@@ -32,7 +32,7 @@ def _cut(path: Path, t: np.ndarray, x: np.ndarray) -> None:
 
 
 def _damaged(path: Path, t: np.ndarray, x: np.ndarray) -> None:
-    """One bad sector in the middle of the file."""
+    """Overwrite 512 bytes in the middle, like one bad sector."""
     hdf5(path, t, x)
     data = bytearray(path.read_bytes())
     middle = len(data) // 2
@@ -45,7 +45,7 @@ def _volts(path: Path, t: np.ndarray, x: np.ndarray) -> None:
 
 
 def _with(change: Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]], format: str) -> Writer:
-    """A sound file of a run that was changed."""
+    """Return a writer of an intact file of a changed run."""
     return lambda path, t, x: FORMATS[format][1](path, *change(t, x))
 
 
@@ -54,18 +54,18 @@ def _held(t: np.ndarray, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _twice(t: np.ndarray, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """A buffer that was written twice."""
+    """Repeat 100 samples in the middle, as in a buffer fault."""
     middle = t.size // 2
     return tuple(np.concatenate([values[:middle], values[middle - 100 :]]) for values in (t, x))  # pyright: ignore
 
 
 def _kicked(t: np.ndarray, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The interferometer lost twenty fringes while the mass moved."""
+    """Shift the later samples by 20 fringes, as after a lost count."""
     return t, x + np.where(np.arange(t.size) > t.size // 3, 20 * 316e-9, 0.0)
 
 
 def _short(t: np.ndarray, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The recorder ran out before the first reversal."""
+    """Cut the run before the first reversal."""
     moving = int(np.argmax(np.abs(x - x[0]) > 0.3 * np.ptp(x)))
     return t[:moving], x[:moving]
 
@@ -85,4 +85,4 @@ FAULTS: dict[str, Fault] = {
     "too short": Fault("npz", _with(_short, "npz"), "rejected", "holds no reversal"),
     "fringes lost": Fault("h5", _with(_kicked, "HDF5"), "invalid", "does not describe the record.* fringe slips"),
 }
-"""By name."""
+"""Faults by name."""

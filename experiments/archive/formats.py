@@ -1,4 +1,7 @@
-"""The formats of an archive: each writes times [s] and displacements [m] as some program of a laboratory does."""
+"""Writers of the file formats in an archive.
+
+Each writes times [s] and displacements [m] in the way of a laboratory program.
+"""
 
 import io
 from collections.abc import Callable, Iterable
@@ -14,7 +17,7 @@ type Writer = Callable[[Path, np.ndarray, np.ndarray], object]
 
 
 def rows(t: np.ndarray, x: np.ndarray, pattern: str) -> str:
-    """A line to each sample."""
+    """Format one line for each sample."""
     return "".join([pattern % pair for pair in zip(t.tolist(), x.tolist(), strict=True)])
 
 
@@ -64,7 +67,7 @@ def _packed(path: Path, t: np.ndarray, x: np.ndarray) -> None:
 
 
 def hdf5(path: Path, t: np.ndarray, x: np.ndarray) -> None:
-    """Packed chunks with checksums, which tell where one is damaged."""
+    """Write compressed chunks with checksums, which reveal damage."""
     with h5py.File(path, "w") as file:
         for name, values, unit in (("time", t, "s"), ("displacement", 1e6 * x, "um")):
             node = file.create_dataset(name, data=values, chunks=(1000,), compression="gzip", fletcher32=True)
@@ -108,7 +111,7 @@ def _own(path: Path, t: np.ndarray, x: np.ndarray) -> None:
     fj.write((t, x), path)
 
 
-# Ending and writer of each format; a workbook takes so long to write and to read that few of an archive are any.
+# Ending and writer of each format. Workbooks are slow to write and read, so an archive has few of them.
 FORMATS: dict[str, tuple[str, Writer]] = {
     "comma": ("csv", _comma),
     "German Excel": ("csv", _german),

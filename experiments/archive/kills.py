@@ -1,8 +1,10 @@
-"""Drivers killed at random moments: `python experiments/archive/kills.py [--kills 20] [--runs 192]`.
+"""Kill `fricjax batch` at random moments and check its table.
 
-`fricjax batch` gets SIGKILL at a moment drawn by chance, until as many have hit it at work, and then ends by itself.
-The table must be that of an uninterrupted driver, row for row but for timings, and no run may have two records.
-Then one writes to a disk that is too small for all rows, and goes on when there is room.
+Usage: `python experiments/archive/kills.py [--kills 20] [--runs 192]`.
+
+The driver gets SIGKILL at random moments until the given number of kills has hit a working driver. Then it runs to its
+end. Its table must equal that of an uninterrupted driver, row for row except for timings, and no run may have two
+records. Afterwards a driver writes to a disk that is too small for all rows and continues when there is room.
 """
 
 import argparse
@@ -55,17 +57,17 @@ def rows(out: Path) -> list[dict]:
 
 
 def twice(out: Path) -> int:
-    """Runs with more than one record."""
+    """Count surplus records of runs."""
     keys = [key for part in parts(out) for key in pyarrow.parquet.read_table(part, columns=["key"])["key"].to_pylist()]
     return len(keys) - len(set(keys))
 
 
 def killed(folder: Path, out: Path, kills: int) -> list[int]:
-    """Kill drivers at work; how many parts there were at each kill."""
+    """Kill working drivers and return the number of parts at each kill."""
     seen, begun = [], time.perf_counter()
     while len(seen) < kills and time.perf_counter() - begun < LONGEST * 4:
         driver, before = started(folder, out), len(parts(out))
-        # Half of the moments are those at which something has just appeared in the store.
+        # Half of the kills follow directly on a new part in the store.
         if random.random() < 0.5:
             while driver.poll() is None and len(parts(out)) == before:
                 time.sleep(0.002)
@@ -77,19 +79,19 @@ def killed(folder: Path, out: Path, kills: int) -> list[int]:
             driver.communicate()
             seen.append(len(parts(out)))
         else:
-            # It came to its end: the next one begins anew.
+            # The driver has ended. The next one starts from an empty store.
             assert driver.returncode == 1, driver.communicate()[1]
             shutil.rmtree(out)
     return seen
 
 
 def full(folder: Path, out: Path, expected: list[dict]) -> str:
-    """A store on a disk of too few bytes, and the same one after there is room."""
+    """Fill a small disk with a store, then complete it elsewhere."""
     place = folder / "small"
     place.mkdir()
     done = subprocess.run(["mount", "-t", "tmpfs", "-o", "size=300k", "tmpfs", str(place)], capture_output=True)
     if done.returncode:
-        return "full disk: not tried, for a tmpfs cannot be mounted here"
+        return "full disk: not tried, because a tmpfs cannot be mounted here"
     try:
         driver = started(folder, place / "out")
         told = driver.communicate()[1].strip().splitlines()

@@ -1,10 +1,10 @@
-"""Drivers and workers killed at moments drawn by chance, and started again: is anything lost, or done twice?
+"""Kill drivers and workers at random, restart them, and compare the table.
 
     python experiments/archive/lost.py [--kills 20] [--runs 200] [--workers 2] [--seed 1]
 
-Each round starts `fricjax batch --workers 2` on a new store, kills the driver, a worker or both by SIGKILL at a moment
-between the first worker and the usual end, starts it again until it ends, and holds the table against that of a batch
-without kills: row for row, but for times, hosts and processes. No row may be in the parts twice.
+Each round starts `fricjax batch --workers 2` on a new store. It kills the driver, a worker or both by SIGKILL between
+the start of the first worker and the usual end. Then it restarts the driver until it ends. The table must equal that of
+a batch without kills, row for row except for times, hosts and processes. No row may be in the parts twice.
 """
 
 import argparse
@@ -26,13 +26,13 @@ sys.path.insert(0, str(ROOT))
 from experiments.archive.make import make  # noqa: E402
 from experiments.archive.run import table_of, words  # noqa: E402
 
-# What differs from one time to the next.
+# Columns that differ between repetitions.
 PASSING = ["seconds_read", "seconds_fit", "finished_at", "host", "worker"]
 VICTIMS = ("driver", "worker", "both")
 
 
 def workers_of(process: subprocess.Popen) -> list[psutil.Process]:
-    """The worker processes of a driver: those of its descendants that hold JAX."""
+    """List the worker processes of a driver: descendants that have loaded JAX."""
     try:
         descendants = psutil.Process(process.pid).children(recursive=True)
         return [each for each in descendants if each.memory_info().rss > 200e6]
@@ -46,14 +46,17 @@ def started(folder: Path, out: Path, workers: int) -> subprocess.Popen:
 
 
 def ended(process: subprocess.Popen) -> None:
-    """Wait for an end that must be a good one."""
+    """Wait until a process ends and check its exit code."""
     _, told = process.communicate(timeout=600)
     if process.returncode != 1:
         raise RuntimeError(f"ended with {process.returncode}: {told}")
 
 
 def killed(folder: Path, out: Path, workers: int, victim: str, delay: float, chance: random.Random) -> str:
-    """Kill a driver, a worker or both after a delay from when the first worker is there; what was killed."""
+    """Kill a driver, a worker or both after the first worker appears.
+
+    `delay` is the time from the first worker to the kill [s]. Returns the names of the killed processes.
+    """
     process, names = started(folder, out, workers), []
     while process.poll() is None and not workers_of(process):
         time.sleep(0.02)
@@ -81,7 +84,7 @@ def rows_of(out: Path) -> pd.DataFrame:
 
 
 def twice(out: Path) -> int:
-    """How many runs were written down more than once."""
+    """Count runs that are recorded more than once."""
     keys = pd.concat([pd.read_parquet(part, columns=["key", "run"]) for part in (out / "parts").glob("*.parquet")])
     return int(keys.duplicated().sum())
 
@@ -111,10 +114,10 @@ def main() -> int:
             wrong += not same or bool(doubled)
             print(
                 f"{number + 1:3}: {what:18} killed after {delay:5.1f} s, {done:4} rows before the second start; table "
-                f"{'the same' if same else 'ANOTHER'}, {doubled} rows twice",
+                f"{'the same' if same else 'DIFFERENT'}, {doubled} rows twice",
                 flush=True,
             )
-    print(f"{options.kills} kills, {wrong} with another table or rows twice")
+    print(f"{options.kills} kills, {wrong} with a different table or rows twice")
     return bool(wrong)
 
 

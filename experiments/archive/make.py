@@ -1,10 +1,10 @@
-"""Makes an archive of runs in mixed formats, one in twenty of them broken, and writes the truth beside it.
+"""Make an archive of runs in mixed formats and its true values.
 
     python experiments/archive/make.py FOLDER [--runs 1000] [--seed 1]
 
-FOLDER/runs holds the files by load and lubricant, FOLDER/rig.toml the machine, and FOLDER/truth.csv a row to each file:
-its coefficients, format and noise, and of a broken one the fault, the status that it must get and the reason as a
-regular expression.
+One run in twenty is broken. FOLDER/runs holds the files by load and lubricant, FOLDER/rig.toml the machine, and
+FOLDER/truth.csv one row for each file: coefficients, format and noise. The row of a broken file also gives its fault,
+the required status, and the required reason as a regular expression.
 """
 
 import argparse
@@ -30,7 +30,7 @@ LUBRICANTS = ("dry", "oil", "grease")
 
 
 def drawn(random: np.random.Generator) -> Truth:
-    """A run by chance."""
+    """Draw a random run."""
     rate = float(random.choice(RATES))
     return Truth(
         load=float(random.choice(LOADS)),
@@ -44,7 +44,7 @@ def drawn(random: np.random.Generator) -> Truth:
 
 
 def add_run(folder: Path, number: int, random: np.random.Generator) -> dict[str, Any]:
-    """Write one run of an archive; its row in the table of truths."""
+    """Write one run and return its row of true values."""
     truth, lubricant, fault = drawn(random), str(random.choice(LUBRICANTS)), ""
     status, reason = "ok", ""
     if number % BROKEN_EVERY == 0:
@@ -66,7 +66,7 @@ def add_run(folder: Path, number: int, random: np.random.Generator) -> dict[str,
 
 
 def make(folder: Path, runs: int = 1000, seed: int = 1) -> None:
-    """Make the whole archive, in a folder that is empty or not there."""
+    """Make the whole archive in a folder that is empty or missing."""
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "rig.toml").write_text(rig_file())
     random = np.random.default_rng(seed)

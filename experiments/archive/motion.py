@@ -1,7 +1,7 @@
-"""True motions of a rig in closed form, and what an interferometer adds to them; nothing of the package is used.
+"""True motions of a rig in closed form, with interferometer noise.
 
-Under Coulomb's friction the mass swings about one end of the dead band until it turns, then about the other one, each
-time for half a damped period, and stays where it turns within the band.
+This module does not use fricjax. Under Coulomb friction the mass swings about one end of the dead band for half a
+damped period, then about the other end, and so on. It stays at the first reversal within the band.
 """
 
 import math
@@ -14,17 +14,23 @@ STIFFNESS, OMEGA, DAMPING_RATIO = 2574.0, 2 * math.pi * 12.6, 0.0027
 MASS = STIFFNESS / OMEGA**2
 DAMPING = 2 * DAMPING_RATIO * math.sqrt(STIFFNESS * MASS)
 LOADS = (1.89, 9.66)
-"""Of one machine: stiffness [N/m], natural frequency [rad/s], damping ratio, mass [kg], damping [N s/m], loads [N]."""
+"""Loads [N]. Above: stiffness [N/m], natural frequency [rad/s], damping ratio, mass [kg], damping [N s/m]."""
 
 
 def rig_file() -> str:
-    """The machine as calibrated: without error, for the truth of the runs is what counts here."""
+    """Return the rig file of the machine, without calibration errors.
+
+    The true values of the runs must not depend on such errors.
+    """
     machine = {"mass": MASS, "stiffness": STIFFNESS, "damping": DAMPING, "normal_force": LOADS[0]}
     return "".join(f"{key} = {value!r}\n" for key, value in machine.items())
 
 
 class Truth(NamedTuple):
-    """What happens in a run under a load [N]: release from `x0` [m] at `hold` [s]; how it is sampled."""
+    """True values of a run under a load [N], with its sampling.
+
+    The mass is released from `x0` [m] at `hold` [s].
+    """
 
     load: float
     mu: float
@@ -40,7 +46,7 @@ class Truth(NamedTuple):
 
 
 def free_decay(truth: Truth) -> np.ndarray:
-    """Displacements about the equilibrium [m] at the times of a run, shape (samples,)."""
+    """Compute displacements about the equilibrium [m] of a run, shape (samples,)."""
     decay = DAMPING / (2 * MASS)
     omega = math.sqrt(OMEGA**2 - decay**2)
     band, half = truth.mu * truth.load / STIFFNESS, math.pi / omega
@@ -60,11 +66,11 @@ def free_decay(truth: Truth) -> np.ndarray:
 
 
 WHITE, STEP, MEMORY = 5e-9, 10e-9, 0.8
-"""Standard deviation of the noise [m], step of a converter [m], and how much of a sample's noise the next one keeps."""
+"""Standard deviation of the noise [m], step of a converter [m], and correlation of the noise of adjacent samples."""
 
 
 def measured(truth: Truth, random: np.random.Generator) -> np.ndarray:
-    """What the interferometer displays: the motion about some zero of its own, with noise of a kind."""
+    """Add a random zero point and noise, like an interferometer."""
     x = free_decay(truth) + random.uniform(-50e-6, 50e-6)
     noise = WHITE * random.standard_normal(truth.samples)
     if truth.noise == "coloured":

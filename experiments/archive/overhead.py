@@ -1,9 +1,9 @@
-"""What Dask costs beside the work: chunks whose work is nothing but a row of usual size to each run.
+"""Measure the overhead of Dask without fits.
 
     python experiments/archive/overhead.py [--runs 6400] [--workers 1]
 
-Prints time and computing of the driver per run, from the first chunk that comes back to the last; a fit takes some ten
-milliseconds.
+The work of each chunk only returns one row of the usual size for each run. The script prints elapsed and CPU time of
+the driver per run, from the first returned chunk to the last. For comparison, a fit takes some ten milliseconds.
 """
 
 import argparse
@@ -27,7 +27,7 @@ CHUNK, POINTS = 32, 256
 
 
 class Idle(Work):
-    """Rows with pictures as of a fit, and no fit."""
+    """Return rows with plots as of a fit, without fitting."""
 
     def __call__(self, chunk: Chunk) -> Done:
         picture = {name: np.zeros(POINTS) for name in ("sketch_t", "sketch_x", "sketch_residual")}

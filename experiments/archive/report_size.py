@@ -1,9 +1,10 @@
-"""How long the page of an archive takes to be made, how large it is, and when a browser shows its first row.
+"""Measure size and speed of the HTML page of an archive.
 
     python experiments/archive/report_size.py [--runs 20000]
 
-The table is computed in closed form (tests/report/archives.py), so that only the page is measured. The browser is
-Debian's Chromium without a screen; where it is not installed the page alone is measured.
+Prints the time to make the page, its size, and the time until a browser shows its first row. The table comes from a
+closed form (tests/report/archives.py), so that only the page is measured. The browser is Debian's Chromium in headless
+mode. Without it only the page is measured.
 """
 
 import argparse
@@ -18,21 +19,21 @@ from fricjax import report
 from tests.report.archives import archive
 from tests.report.browser import chromium
 
-# Milliseconds from the request to the end of the page's scripts, and the number of rows in its table by then.
+# Milliseconds from the request to the end of the page's scripts, and the number of table rows at that time.
 _LOADED = "return performance.getEntriesByType('navigation')[0].loadEventEnd"
 _ROWS = "return document.querySelectorAll('table.runs tbody tr').length"
-# What a reader does, with the time that the page needs until it is ready for the next thing.
+# Actions of a reader. Each is timed until the page is ready for the next one.
 _ACTIONS = {
     "sorted by mu": "[...document.querySelectorAll('.runs th button')].find((b) => b.textContent === 'mu').click()",
     "filtered by text": "const box = document.getElementById('find'); box.value = '00123';"
     "box.dispatchEvent(new Event('input'))",
-    # The page follows its address later; asked at once, it does now.
+    # The page follows its address with a delay. Calling route() avoids the delay.
     "one run opened": "location.hash = addressOf(123); route(); document.body.offsetHeight",
 }
 
 
 def measure(runs: int, path: Path) -> None:
-    """Prints the figures of a page of so many runs."""
+    """Print the figures of a page with a given number of runs."""
     table = archive(runs)
     started, busy = time.perf_counter(), time.process_time()
     report.save(table, path, overwrite=True)

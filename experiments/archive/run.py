@@ -1,10 +1,10 @@
-"""Makes the archive, processes it by `fricjax batch`, and holds the table against the truth.
+"""Make an archive, process it by `fricjax batch`, and check the table.
 
     python experiments/archive/run.py [FOLDER] [--runs 1000] [--workers N]
 
-Prints how many good runs were fitted and how far off they are in standard errors, how many broken ones have the status
-and the reason that they must have, the exit code, the time, the seconds of computing of all processes, and the largest
-memory of any; ends with 1 where something is not as it must be.
+Prints the number of fitted good runs and their errors in standard errors, the number of broken runs with the correct
+status and reason, the exit code, the elapsed time, the CPU time of all processes, and the largest memory of a process.
+The exit code is 1 if a check fails.
 """
 
 import argparse
@@ -29,11 +29,11 @@ FRICJAX = [sys.executable, "-c", "from fricjax.cli.main import main; main()"]
 FACTS = "load_{load}N/{lubricant}/{number}.*"
 FREE = ("mu", "damping", "stiffness")
 ERRORS, SHARE, GIGABYTES = 5.0, 0.999, 1.5
-"""Standard errors within which so many of the good runs must be, and memory of one process."""
+"""A share `SHARE` of the good runs must lie within `ERRORS` standard errors; memory limit of one process [GB]."""
 
 
 def words(folder: Path, out: Path, *further: str) -> list[str]:
-    """The command."""
+    """Return the command as a list of words."""
     return [*FRICJAX, "batch", str(folder / "runs"), "--rig", str(folder / "rig.toml"), "--facts", FACTS,
             "--out", str(out), *further]  # fmt: skip
 
@@ -45,7 +45,7 @@ def table_of(out: Path) -> pd.DataFrame:
 
 
 def judged(truth: pd.DataFrame, table: pd.DataFrame) -> dict[str, Any]:
-    """The figures of the table beside the truth."""
+    """Compare the table with the true values."""
     both = truth.merge(table, on="file", how="left", suffixes=("_true", ""))
     good, broken = both[both["fault"] == ""], both[both["fault"] != ""]
     off = np.abs([(good[name] - good[f"{name}_true"]) / good[f"{name}_std"] for name in FREE])
@@ -73,7 +73,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("folder", type=Path, nargs="?")
     parser.add_argument("--runs", type=int, default=1000)
-    parser.add_argument("--workers", type=int, help="processes beside this one; without, all in the driver")
+    parser.add_argument("--workers", type=int, help="number of worker processes; default: all work in the driver")
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as scratch:
         folder = options.folder or Path(scratch)

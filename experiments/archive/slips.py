@@ -1,9 +1,12 @@
-"""How surely slips of a fringe counter are found, and what one costs: synthetic runs with slips at known places.
+"""Detection rate of fringe-counter slips, and their effect on mu.
 
-Run `python experiments/archive/slips.py [--seeds 200]`. The runs have white, coloured (neighbours correlate by 0.9),
-wandering (a random walk) and rounded noise, rates of 1 to 20 kHz, 8 to 20 Hz, and five slips of one to five times six
-standard deviations of the second difference of their noise. Clean runs must show none. With `FRICJAX_DATA` the measured
-pendulums are looked at too, as if their angles were lengths. Last, what one slip of 158.2 nm does to mu.
+Usage: `python experiments/archive/slips.py [--seeds 200]`.
+
+Synthetic runs have slips at known places. Their noise is white, coloured (adjacent samples correlate by 0.9), wandering
+(a random walk) or rounded. Rates are 1 to 20 kHz, frequencies 8 to 20 Hz. Each run has five slips of one to five times
+six standard deviations of the second difference of its noise. Runs without slips must give no detection. With
+`FRICJAX_DATA` the measured pendulums are checked as well, with angles treated as lengths. The last table gives the
+effect of one slip of 158.2 nm on mu.
 """
 
 import argparse
@@ -26,13 +29,20 @@ from tests.oracles import coulomb_viscous  # noqa: E402
 
 NOISES = ("white", "coloured", "wandering", "rounded")
 SLIPS, FEWEST, APART = 5, 6.0, 40
-# Beside a kink of the motion, in samples, and samples of a half-cycle, where no motion is smooth.
+# The motion is not smooth within BESIDE samples of a kink, nor with COARSE samples per half-cycle or fewer.
 BESIDE, COARSE = 16, 100
 FRINGE = 158.2e-9
 
 
 class Run(NamedTuple):
-    """Samples without slips, and with them; their first samples, and whether each lies where the motion is smooth."""
+    """Samples of a run without and with slips.
+
+    Attributes:
+        t: times [s].
+        clean, slipped: displacements [m] without and with slips.
+        places: index of the first sample after each slip.
+        smooth: True for each slip at which the motion is smooth.
+    """
 
     t: np.ndarray
     clean: np.ndarray
@@ -77,14 +87,14 @@ def coloured(white: np.ndarray, noise: str) -> np.ndarray:
 
 
 def count(seeds: int) -> Counter[tuple[str, str]]:
-    """Slips by noise and by what became of them."""
+    """Count slips by noise and outcome."""
     counts: Counter[tuple[str, str]] = Counter()
     for noise in NOISES:
         for seed in range(seeds):
             run = make(seed, noise)
             counts[noise, "false on clean"] += len(slips(run.clean)) + len(dropouts(run.t, run.clean))
             found = {slip.index for slip in slips(run.slipped)}
-            counts[noise, "false beside slips"] += len(found - set(run.places.tolist()))
+            counts[noise, "false next to slips"] += len(found - set(run.places.tolist()))
             for place, smooth in zip(run.places.tolist(), run.smooth, strict=True):
                 where = "smooth" if smooth else "elsewhere"
                 counts[noise, where] += 1
@@ -98,7 +108,7 @@ def measured(folder: Path) -> None:
     several = "multiarm-pendulum/SinglePendulumDataForParameterEstimation.mat"
     cells = (*(f"Y_id[{i}]" for i in range(4)), *(f"Y_vad[{i}]" for i in range(2)))
     sources += [(several, {"column": cell, "unit": "rad", "rate": 1000.0}) for cell in cells]
-    print("\nmeasured                                           samples  told  steps if lengths  dropouts")
+    print("\nmeasured                                           samples  warn  steps if lengths  dropouts")
     for file, options in sources:
         record = fj.read(folder / file, **options)
         told = [sentence for sentence in fj.data.inspect(record).warnings if "Read it with" in sentence]
@@ -114,7 +124,7 @@ def cost() -> None:
     jax.config.update("jax_enable_x64", True)
     machine = {"mass": 0.41068, "stiffness": 2574.0, "damping": 0.1756, "normal_force": 1.89}
     oscillator = fj.Oscillator(**machine, friction=fj.friction.Coulomb(0.01))
-    print(f"\none slip of {1e9 * FRINGE:.1f} nm    error of mu, and standard error    repaired              told")
+    print(f"\none slip of {1e9 * FRINGE:.1f} nm    error of mu, and standard error    repaired              warned")
     for noise in (2e-10, 2e-9, 5e-9):
         for place in (0.3, 0.9, 1.6):
             run = fj.synthetic_run(oscillator, 2e-3, rate=5000.0, duration=3.5, noise=noise, seed=1, hold=0.05)
@@ -134,10 +144,10 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seeds", type=int, default=200)
     counts = count(parser.parse_args().seeds)
-    print("noise       false: clean  beside slips   found where smooth   elsewhere (reversals, few samples)")
+    print("noise       false: clean    near slips   found where smooth   elsewhere (reversals, few samples)")
     for noise in NOISES:
         smooth, elsewhere = (f"{counts[noise, f'found {w}']}/{counts[noise, w]}" for w in ("smooth", "elsewhere"))
-        alarms = f"{counts[noise, 'false on clean']:12} {counts[noise, 'false beside slips']:13}"
+        alarms = f"{counts[noise, 'false on clean']:12} {counts[noise, 'false next to slips']:13}"
         print(f"{noise:11} {alarms} {smooth:>20} {elsewhere:>11}")
     if "FRICJAX_DATA" in os.environ:
         measured(Path(os.environ["FRICJAX_DATA"]))

@@ -1,11 +1,12 @@
-"""How fast an archive is: `python experiments/archive/throughput.py [--runs 256] [--many 20000] [--for-workers 0]`.
+"""Measure the speed of archives.
 
-Files of 10,000 samples in HDF5 are fitted with Coulomb's law from files to the table, in turn with `fit_batch` on the
-same displacements as an array, compiled programs at hand; the best of each counts, for other work on the machine makes
-either slower. With `--for-workers N`, so many files are also fitted by one worker process and by two, in turn, with
-all that it takes to start and end them. Then a folder of many small files is planned, and a store that is finished is
-started again; there the fits are replaced by copies of one row, for what is asked is the time of all that surrounds
-them.
+Usage: `python experiments/archive/throughput.py [--runs 256] [--many 20000] [--for-workers 0]`.
+
+The script fits HDF5 files of 10,000 samples under Coulomb's law, from files to the table. In turn it calls `fit_batch`
+on the same displacements as an array. Programs are compiled beforehand. The best time of each counts, because other
+load on the machine only slows both down. With `--for-workers N`, one and two worker processes also fit N files in turn;
+these times include start and end of the workers. Then the script plans a folder of many small files and restarts a
+finished store. There a copy of one row replaces each fit, so that only the overhead is measured.
 """
 
 import argparse
@@ -35,7 +36,7 @@ ROUNDS = 4
 
 
 def made(folder: Path, runs: int) -> np.ndarray:
-    """Files of runs, and their displacements."""
+    """Write files of runs and return their displacements."""
     folder.mkdir()
     x = []
     for seed in range(runs):
@@ -63,8 +64,8 @@ def throughput(place: Path, runs: int) -> None:
     for name, seconds in (("fit_batch on an array", arrays), ("files to table", files)):
         print(f"{name:<22} {1e3 * min(seconds) / runs:7.2f} ms/run  {runs / min(seconds):7.1f} runs/s")
     pairs = ", ".join(f"{array / file:.2f}" for file, array in zip(files, arrays, strict=True))
-    print(f"share of fit_batch     {min(arrays) / min(files):7.2f}  (in turn: {pairs}; asked for: 0.60)")
-    print(f"memory at most         {resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6:7.2f} GB (asked for: 1.5)")
+    print(f"share of fit_batch     {min(arrays) / min(files):7.2f}  (in turn: {pairs}; target: 0.60)")
+    print(f"memory at most         {resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6:7.2f} GB (target: 1.5)")
 
 
 def by_workers(place: Path, runs: int) -> None:
@@ -77,11 +78,11 @@ def by_workers(place: Path, runs: int) -> None:
     one, two = zip(*((timed(lambda: by(1)), timed(lambda: by(2))) for _ in range(2)), strict=True)
     print(f"\n{runs} runs, {os.cpu_count()} cores, load {os.getloadavg()[0]:.1f}")
     print(f"one worker             {min(one):7.2f} s")
-    print(f"two workers            {min(two):7.2f} s, {min(one) / min(two):.2f} times as fast  (asked for: 1.7)")
+    print(f"two workers            {min(two):7.2f} s, {min(one) / min(two):.2f} times as fast  (target: 1.7)")
 
 
 class Copies:
-    """An executor that fits one file, and gives its row for every other one."""
+    """Executor that fits one file and copies its row for the others."""
 
     def __init__(self) -> None:
         self.row = None
@@ -105,10 +106,10 @@ def many(place: Path, files: int) -> None:
         file.write_bytes(content)
     study = Study(folder, (Law("coulomb", MACHINE, FREE),), facts=("day_{day}/run_{number}.csv",))
     print(f"\n{files} files")
-    print(f"plan                   {timed(lambda: plan_of(study, place / 'all')):7.2f} s  (asked for: 5)")
+    print(f"plan                   {timed(lambda: plan_of(study, place / 'all')):7.2f} s  (target: 5)")
     print(f"records and table      {timed(lambda: process(study, place / 'all', execute=Copies())):7.2f} s")
     resume = timed(lambda: process(study, place / "all", execute=Copies()))
-    print(f"resume, nothing to do  {resume:7.2f} s  (asked for: 3)")
+    print(f"resume, nothing to do  {resume:7.2f} s  (target: 3)")
     print(f"table as a data frame  {timed(lambda: fj.archive.results(place / 'all')):7.2f} s")
     size = sum(file.stat().st_size for file in (place / "all").rglob("*.parquet"))
     print(f"store                  {size / 1e6:7.1f} MB")

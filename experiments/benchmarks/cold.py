@@ -1,11 +1,11 @@
-"""What a person waits for: the first fits of a fresh process, with nothing compiled yet and with all of it kept.
+"""Time the first fits of a fresh process, before and after compilation.
 
-Three runs, released at 1, 2 and 3 mm, are fitted one after the other under each law (of some only the first fit
-counts); then they are fitted as a batch, and under four laws that are compared; and, where FRICJAX_DATA names their
-folder, a measured pendulum is fitted from the command line. Each job has two processes of its own: one with an empty
-folder of compiled programs and one with what the first has left there. Printed are the seconds of the import and of
-each fit, the programs that each fit compiled or loaded, and the seconds that JAX spent on tracing and compiling.
-Nothing else should run beside it.
+Under each law three runs, released at 1, 2 and 3 mm, are fitted one after the other. For some laws only the first fit
+counts. The runs are then fitted as a batch, and compared under four laws. If FRICJAX_DATA names the folder of the
+measured pendulums, one of them is fitted from the command line. Each job runs in two processes: the first finds an
+empty folder of compiled programs, the second finds the programs that the first has stored. The script prints the
+seconds of the import and of each fit, the number of programs that each fit compiled or loaded, and the seconds that JAX
+spent on tracing and compiling. Run nothing else at the same time.
 
     python experiments/benchmarks/cold.py [--only tanh,lugre] [--json FILE]
 """
@@ -23,9 +23,9 @@ from typing import Any
 
 RELEASES, RATE, DURATION = (1e-3, 2e-3, 3e-3), 5e3, 2.0
 MACHINE = ("mu", "damping", "stiffness")
-# Seconds in all that a job may take with nothing compiled and with everything kept; None where none are set.
+# Largest total seconds of a job with an empty and with a filled cache. None: no limit.
 LAWS = {"coulomb": (3.0, 3.0), "tanh": (7.0, 3.0), "stribeck": (8.0, 3.0), "lugre": (12.0, 3.0), "dahl": (12.0, 3.0)}
-# The laws with the largest programs among the others, of which the first fit counts; elements come in pairs.
+# The other laws with large programs. Only the first fit counts. Elements come in pairs.
 OTHERS = ("maxwell-slip", "elasto-plastic", "rate-state", "bliman-sorine", "gms", "leuven")
 ASKED = {
     **LAWS,
@@ -64,13 +64,16 @@ def machine(law: str) -> Any:
 
 
 def free(law: str) -> tuple[str, ...]:
-    if law in ("maxwell-slip", "bliman-sorine"):  # the law knows friction by other names
+    if law in ("maxwell-slip", "bliman-sorine"):  # these laws have other names for the coefficients
         return MACHINE[1:]
     return (*MACHINE, "sigma0") if law in ("lugre", "dahl") else MACHINE
 
 
 def make_runs(folder: Path) -> None:
-    """Write the runs of each law, and byte code, so that the processes that are timed compile nothing else."""
+    """Write the runs of each law, and the byte code of fricjax.
+
+    The timed processes then have no byte code to compile.
+    """
     import jax
     import numpy as np
 
@@ -79,7 +82,7 @@ def make_runs(folder: Path) -> None:
 
     import fricjax as fj
 
-    # As pip does for what it installs, so that no process compiles the source of this package, 0.2 s of each.
+    # pip also compiles installed packages. Without byte code each process would need 0.2 s more.
     compileall.compile_dir(Path(fj.__file__).parent, quiet=1)
     t = np.arange(round(RATE * DURATION)) / RATE
     for law in (*LAWS, *OTHERS):
@@ -90,7 +93,7 @@ def make_runs(folder: Path) -> None:
 
 
 def in_a_fresh_process(job: str, folder: Path) -> dict[str, Any]:
-    """What this process, which has computed nothing yet, takes for a job."""
+    """Measure a job in this process, which has computed nothing yet."""
     begin = time.perf_counter()
     import jax
 
@@ -133,7 +136,7 @@ def in_a_fresh_process(job: str, folder: Path) -> dict[str, Any]:
 
 
 def timed(job: str, folder: Path, cache: Path) -> dict[str, Any]:
-    """The same from outside, with the programs in `cache`."""
+    """Run a job in a new process, with compiled programs in `cache`."""
     kept = {name: value for name, value in os.environ.items() if not name.startswith("JAX_")}
     environment = kept | {"FRICJAX_CACHE_DIR": str(cache)}
     if job == "pendulum":
@@ -145,7 +148,7 @@ def timed(job: str, folder: Path, cache: Path) -> dict[str, Any]:
     done = subprocess.run(command, env=environment, capture_output=True, text=True)
     whole = time.perf_counter() - begin
     if job == "pendulum":
-        # A fit that does not describe its record ends with 3, and one it describes with 0.
+        # Exit code 0: the fit describes the record; 3: it does not.
         if done.returncode not in (0, 3):
             raise RuntimeError(done.stderr)
         return {"whole": whole}
@@ -157,7 +160,7 @@ def timed(job: str, folder: Path, cache: Path) -> dict[str, Any]:
 def line(job: str, kind: str, found: dict[str, Any], asked: float | None) -> str:
     seconds = found.get("seconds", [found["whole"]])
     total = sum(seconds[:1]) if job in ("compare", *OTHERS) else sum(seconds)
-    asked_for = "" if asked is None else f"{asked:6.0f}  {'' if total <= asked else 'short'}"
+    asked_for = "" if asked is None else f"{asked:6.0f}  {'' if total <= asked else 'slow'}"
     if job == "pendulum":
         return f"{job:15}{kind:8}{total:8.1f}{asked_for}"
     each, programs = (" + ".join(values) for values in ([f"{s:.2f}" for s in seconds], map(str, found["programs"])))
@@ -180,7 +183,7 @@ def main() -> None:
         parser.error(f"--only takes {', '.join(ASKED)}.")
     if "FRICJAX_DATA" not in os.environ:
         wanted = [job for job in wanted if job != "pendulum"]
-    print(f"{'job':15}{'cache':8}{'seconds':>8}{'asked':>6}{'import':>16}{'tracing':>9}{'compiling':>11}   each")
+    print(f"{'job':15}{'cache':8}{'seconds':>8}{'limit':>6}{'import':>16}{'tracing':>9}{'compiling':>11}   each")
     rows = []
     with tempfile.TemporaryDirectory() as scratch:
         make_runs(Path(scratch))

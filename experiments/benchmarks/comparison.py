@@ -1,4 +1,7 @@
-"""Each workload run by us and by its peers in turns, and judged: time, passes, optimum, memory."""
+"""Compare fricjax with its peers on each workload.
+
+The methods run in turns. The comparison covers time, model solves, optimum and memory.
+"""
 
 import dataclasses
 from collections.abc import Iterator
@@ -12,7 +15,7 @@ from peers.least_squares import Outcome
 from peers.pool import Pool
 from record import Record, save
 
-# At least so many times faster than that peer.
+# Required ratio of the peer's time to ours.
 TARGETS = {
     ("rolling", "numba RK4"): 12.0,
     ("rolling", "stock optimistix"): 15.0,
@@ -37,21 +40,21 @@ FITS = {
     "archive (Tanh)": ("tanh", (*OURS, "numba RK4", "stock optimistix", "stock optimistix, one by one")),
 }
 FORWARD = ("map", "sliding")
-# A fit reaches the optimum when its chi^2 lies no further than this above the lowest that anyone found.
+# A fit reaches the optimum if its chi^2 is at most this far above the lowest of all methods.
 OPTIMUM = 0.1
 
 
 @dataclasses.dataclass(frozen=True)
 class Scale:
-    """How much of everything.
+    """Sizes of all workloads.
 
     Attributes:
-        duration: of the records [s].
-        runs, stock_runs: of an archive, and those of them that the stock peers get.
-        displacements, event_displacements: of the map, and those of them that the event-driven peer gets.
-        samples: of the long records.
+        duration: duration of the records [s].
+        runs, stock_runs: number of runs of an archive, and number of them for the stock peers.
+        displacements, event_displacements: number of releases of the map, and number of them for the event-driven peer.
+        samples: numbers of samples of the long records.
         repeats: rounds of timing.
-        fresh: whether to measure cold times and memory, each in a process of its own.
+        fresh: measure cold times and memory, each in a new process.
     """
 
     duration: float = 2.0
@@ -71,14 +74,15 @@ QUICK = Scale(
 
 @dataclasses.dataclass(frozen=True)
 class Row:
-    """One method on one workload.
+    """Results of one method on one workload.
 
     Attributes:
         seconds: median warm time, scaled to the whole workload.
-        passes: model solves of a fit, the mean over runs; of ours passes over model and Jacobian.
-        excess: how far chi^2 lies above the lowest found, the largest over runs.
+        passes: model solves of a fit, mean over runs; for fricjax passes over model and Jacobian.
+        excess: chi^2 minus the lowest chi^2 of all methods, largest over runs.
         reached: share of the runs that reach the optimum.
-        peak: memory [MB]; cold: process start to first result [s]; None where not measured.
+        peak: memory [MB]; None if not measured.
+        cold: time from process start to first result [s]; None if not measured.
     """
 
     workload: str
@@ -92,13 +96,13 @@ class Row:
 
 
 def compare(workload: str, scale: Scale, folder: Path) -> list[Row]:
-    """All methods on one workload."""
+    """Run all methods on one workload."""
     rows = forward(workload, scale) if workload in FORWARD else fits(workload, scale, folder)
     return list(rows)
 
 
 def fits(workload: str, scale: Scale, folder: Path) -> Iterator[Row]:
-    """Fits of one record or of an archive."""
+    """Fit one record or an archive by all methods."""
     law, methods = FITS[workload]
     records = _records(workload, law, scale)
     few = records[: scale.stock_runs]
@@ -133,13 +137,13 @@ def _records(workload: str, law: str, scale: Scale) -> list[Record]:
 
 
 def _chi2(records: list[Record], found: list[Outcome]) -> np.ndarray:
-    """By the reference solution; infinite where a fit returned no number."""
+    """Evaluate chi^2 by the reference solution; infinite for fits without a number."""
     judged = [workloads.chi2(record, outcome.values) for record, outcome in zip(records, found, strict=True)]
     return np.nan_to_num(np.array(judged), nan=np.inf)
 
 
 def forward(workload: str, scale: Scale) -> Iterator[Row]:
-    """Simulations: the map of final displacements, and one solve of `sliding`."""
+    """Simulate the map of final displacements or one `sliding` motion."""
     counts = {"fricjax": scale.displacements, "DOP853": scale.event_displacements}
     timed = measure.race({name: jobs.displacements(workload, name, n) for name, n in counts.items()}, scale.repeats)
     for name, n in counts.items():
@@ -149,7 +153,7 @@ def forward(workload: str, scale: Scale) -> Iterator[Row]:
 
 
 def long(scale: Scale, folder: Path) -> list[Row]:
-    """Our fit of ever longer records of the same motion."""
+    """Fit records of the same motion with more and more samples."""
     rows = []
     for n in scale.samples:
         record = workloads.record("coulomb", rate=n / scale.duration, duration=scale.duration)

@@ -1,14 +1,16 @@
-"""What each engine gains over diffrax's own solvers on the same equation: ``python experiments/benchmarks/engines.py``.
+"""Compare the engines with diffrax's own solvers on the same equations.
 
-The exact and the hybrid engine are held against slides and rests by diffrax's events and root finder, the Rosenbrock
-method of the smooth engine against Kvaerno5, each with the error that it is asked for. Both are warm, one after the
-other in the same process, and so is their derivative with respect to the coefficient of friction. An engine that gains
-less than 1.5 times would have no reason to be there.
+Usage: `python experiments/benchmarks/engines.py`.
 
-What an engine is for is the fit. So two laws are fitted as well: by the package with the hybrid engine, with all of its
-checks, standard errors and report, and by Levenberg and Marquardt's method on the same residuals of the same record,
-whose motions and derivatives are those of diffrax. Both free the same five parameters; diffrax starts a percent from
-the truth, the package from what it reads off the record.
+The peers of the exact and the hybrid engine are diffrax's events and root finder for slides and rests. The peer of the
+smooth engine, a Rosenbrock method, is Kvaerno5. Each solver runs at its own error tolerance. Both run warm, one after
+the other in the same process, and so do their derivatives with respect to the coefficient of friction. An engine must
+be at least 1.5 times faster to justify its code.
+
+Engines serve fits, so the script also fits two laws. fricjax uses the hybrid engine with all its checks, standard
+errors and report. The peer is Levenberg and Marquardt's method on the same residuals of the same record, with motions
+and derivatives from diffrax. Both free the same five parameters. The peer starts within a percent of the truth, fricjax
+from its automatic guess.
 """
 
 import time
@@ -48,7 +50,7 @@ def motion(law: Callable, engine: str) -> Callable:
 
 
 def timed(function: Callable) -> tuple[float, np.ndarray]:
-    """Shortest time of a warm call [s], and what it gives."""
+    """Return the shortest time of a warm call [s] and its result."""
     at = jnp.asarray(MU)
     value = jax.block_until_ready(function(at))
     spans = []
@@ -77,7 +79,10 @@ def main() -> None:
 
 
 def fit_by_diffrax(law: Callable, x: np.ndarray) -> Callable[[], jax.Array]:
-    """The fit of mu, damping, stiffness, start and offset to a record, by diffrax and optimistix alone."""
+    """Build a fit by diffrax and optimistix alone.
+
+    The free parameters are mu, damping, stiffness, start and offset.
+    """
 
     def residual(q: jax.Array, data: jax.Array) -> jax.Array:
         mu, damping, stiffness, x0 = TRUTH * q[:4]

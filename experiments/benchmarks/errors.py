@@ -1,4 +1,7 @@
-"""The largest numerical error of every engine and every peer on each workload, against the reference."""
+"""Largest numerical error of each engine and peer on each workload.
+
+Errors refer to the reference solutions.
+"""
 
 import importlib
 from collections.abc import Iterator
@@ -19,12 +22,12 @@ PEERS = {
     "lugre": ("CVODES", "odeint"),
 }
 NAMES = {"coulomb": "rolling-exact", "tanh": "rolling", "lugre": "rolling-lugre"}
-# Corners of the archives: friction and initial displacement.
+# Extreme runs of the archives: coefficient of friction [1] and initial displacement [m].
 CORNERS = ((0.005, 0.5e-3), (0.005, 3e-3), (0.02, 0.5e-3), (0.02, 3e-3))
 
 
 def table(duration: float) -> Iterator[tuple[str, str, float]]:
-    """Workload, method, and error [nm]."""
+    """Yield workload, method, and error [nm]."""
     for law, name in NAMES.items():
         for method, error in _errors(workloads.record(law, duration=duration)):
             yield name, method, error
@@ -48,7 +51,10 @@ def _errors(record: Record) -> Iterator[tuple[str, float]]:
 
 
 def exact(record: Record) -> np.ndarray:
-    """The reference at the true values [m]; for Tanh DOP853 itself, not the loop that stands in for it."""
+    """Compute the reference at the true values [m].
+
+    For Tanh this is DOP853 itself, without the faster numba loop.
+    """
     if record.law == "tanh":
         return reference.tanh(record.t, record.truth)
     return reference.displacement(record.law, record.t, record.truth, record.half_cycles)
@@ -64,7 +70,7 @@ def _sliding() -> Iterator[tuple[str, str, float]]:
 def _map() -> Iterator[tuple[str, str, float]]:
     x0 = np.linspace(0.01e-3, 3e-3, 100)
     band = dop853.PAPER.static / dop853.PAPER.stiffness
-    # Undamped: every half-cycle takes 2 x_d from the amplitude, until what is left holds.
+    # Without damping each half-cycle reduces the amplitude by 2 x_d, until the mass stays.
     strokes = np.ceil(np.maximum(x0 - band, 0) / (2 * band) - 1e-9)
     truth = (-1) ** strokes * (x0 - 2 * band * strokes)
     yield "map", "exact", _nm(ours.final_displacements(x0), truth)

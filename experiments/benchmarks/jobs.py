@@ -1,4 +1,4 @@
-"""What each method is to do for each workload, as a function that is called again and again."""
+"""Jobs of each method for each workload, as functions for repeated calls."""
 
 import importlib
 from collections.abc import Callable
@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from record import load
 
-# Name of each method in the table, and its module.
+# Module of each method, by its name in the table.
 METHODS = {
     "fricjax": "ours",
     "fricjax, solve only": "ours",
@@ -26,7 +26,10 @@ Job = Callable[[], Any]
 
 
 def fits(method: str, path: Path) -> Job:
-    """Fits of all records in a file; returns a list of outcomes. A pool of processes is to be closed by its user."""
+    """Build a job that fits all records in a file.
+
+    The job returns a list of outcomes. If it is a pool of processes, the caller must close it.
+    """
     from peers.pool import Pool
 
     module, records = importlib.import_module(METHODS[method]), load(path)
@@ -40,7 +43,10 @@ def fits(method: str, path: Path) -> Job:
 
 
 def displacements(workload: str, method: str, count: int) -> Job:
-    """The map of `count` final displacements, or one forward solve of `sliding`; returns an array [m]."""
+    """Build a job that returns displacements [m].
+
+    It computes the map of `count` final displacements or one forward solve of `sliding`.
+    """
     module = importlib.import_module(METHODS[method])
     if workload == "map":
         x0 = np.linspace(0.01e-3, 3e-3, count)

@@ -1,8 +1,8 @@
-"""A process that lives long: fits of records that all have another length, and what they leave behind in memory.
+"""Memory and compiled programs of a process that fits many lengths.
 
 Records of 500 to 20,000 samples with 4 to 120 half-cycles are cut from Coulomb decays and fitted one after the other.
-Printed are the compiled programs, the memory and its mappings after every tenth of the fits; a picture shows them over
-the fits. A kernel allows a process some 65,530 mappings, and each program takes a few.
+After every tenth of the fits the script prints the number of compiled programs, the memory and its mappings. A plot
+shows all three over the fits. A kernel allows a process some 65,530 mappings, and each program takes a few.
 
     python experiments/benchmarks/lengths.py [--fits 2000] [--plot lengths.png]
 """
@@ -25,12 +25,12 @@ SAMPLES, HALF_CYCLES = (500, 20_000), (4, 120)
 
 
 def record(random: np.random.Generator, samples: int) -> fj.Trace:
-    """A run of so many samples, by the closed form of Coulomb friction with viscous damping."""
-    # A record must show a half-cycle in some samples.
+    """Make a run by the closed form of Coulomb and viscous friction."""
+    # Each half-cycle has at least 20 samples.
     strokes = random.integers(HALF_CYCLES[0], min(HALF_CYCLES[1], samples // 20) + 1)
     duration = strokes / (2 * FREQUENCY)
     t = np.arange(samples) * duration / samples
-    # A third of the amplitude is lost within the record, so that it ends in motion.
+    # The amplitude falls by a third within the record, so the record ends in motion.
     release, rho = 2e-3, np.exp(-np.pi * 0.0007)
     band = 0.15 * release / strokes
     n = np.floor(2 * FREQUENCY * t)
@@ -43,7 +43,7 @@ def record(random: np.random.Generator, samples: int) -> fj.Trace:
 
 
 def state() -> tuple[int, int]:
-    """Mappings of this process, and its memory [MB]."""
+    """Return the number of memory mappings and the memory [MB]."""
     return len(Path("/proc/self/maps").read_text().splitlines()), int(
         Path("/proc/self/statm").read_text().split()[1]
     ) * resource.getpagesize() // 2**20

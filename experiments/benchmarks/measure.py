@@ -1,4 +1,4 @@
-"""Times in turns, and fresh processes for cold times and peak memory."""
+"""Timing in turns, and new processes for cold times and peak memory."""
 
 import json
 import statistics
@@ -12,21 +12,27 @@ from typing import Any, NamedTuple
 from jobs import Job
 
 WORKER = Path(__file__).with_name("worker.py")
-# Least time of a turn [s].
+# Shortest time of a turn [s].
 TURN = 0.02
-# A method that has taken this long [s] is not asked again.
+# No further calls after this total time of a method [s].
 PATIENCE = 60.0
 
 
 class Timed(NamedTuple):
-    """Median time of one call [s] and what the last one returned."""
+    """Median time of one call [s] and result of the last call."""
 
     seconds: float
     result: Any
 
 
 class Fresh(NamedTuple):
-    """A process of its own: time to the first result [s], times of the calls after it [s], peak memory [MB]."""
+    """Measurements of a new process.
+
+    Attributes:
+        cold: time to the first result [s].
+        warm: times of the later calls [s].
+        peak: peak memory [MB].
+    """
 
     cold: float
     warm: list[float]
@@ -34,10 +40,10 @@ class Fresh(NamedTuple):
 
 
 def race(jobs: Mapping[str, Job], repeats: int) -> dict[str, Timed]:
-    """Call the jobs in turns, A B A B ..., so that all see the same machine; the first round only warms them.
+    """Call jobs in turns and return their times and results.
 
-    Of a short job a turn is several calls: the first one behind another job finds its code and data no longer at hand,
-    and would be all that is timed.
+    The order is A B A B ... All jobs thus see the same state of the machine. The first round only warms up. A turn of a
+    short job has several calls, because its first call after another job finds the caches cold.
     """
     times: dict[str, list[float]] = {name: [] for name in jobs}
     results = {name: job() for name, job in jobs.items()}
@@ -50,7 +56,7 @@ def race(jobs: Mapping[str, Job], repeats: int) -> dict[str, Timed]:
 
 
 def _turn(job: Job) -> tuple[Any, list[float]]:
-    """What the last call returned, and the time of each call [s]."""
+    """Return the last result and the time of each call [s]."""
     result, times = None, []
     while sum(times) < TURN:
         begin = time.perf_counter()
@@ -60,10 +66,12 @@ def _turn(job: Job) -> tuple[Any, list[float]]:
 
 
 def fresh(workload: str, method: str, of: Path | str, calls: int = 1) -> Fresh:
-    """One job in a new interpreter, on the records of a file or for a number of displacements.
+    """Run one job in a new interpreter.
+
+    `of` is a file of records or a number of displacements.
 
     Raises:
-        RuntimeError: it failed; the message is what it said.
+        RuntimeError: the job failed; the message contains its error output.
     """
     begin = time.monotonic()
     command = [sys.executable, str(WORKER), workload, method, str(of), str(calls)]

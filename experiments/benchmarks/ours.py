@@ -1,4 +1,4 @@
-"""Our side: the same jobs by the package, each as a user would call it."""
+"""The jobs by fricjax, each called as a user would call it."""
 
 import os
 from collections.abc import Callable
@@ -28,7 +28,7 @@ SLIDING = fj.Oscillator(MASS, STIFFNESS, DAMPING, 9.66, fj.friction.Stribeck(0.0
 
 
 def machine(law: str, p: dict[str, float]) -> fj.Oscillator:
-    """The prototype rig with given values."""
+    """Build the prototype rig with given values."""
     friction = {
         "coulomb": lambda: fj.friction.Coulomb(p["mu"]),
         "tanh": lambda: fj.friction.Tanh(p["mu"], V_S),
@@ -38,7 +38,7 @@ def machine(law: str, p: dict[str, float]) -> fj.Oscillator:
 
 
 def parts(record: Record) -> tuple[fj.Trace, dict[str, Any]]:
-    """A bare trace, and what is to be fitted to it from where."""
+    """Return a bare trace and the settings of its fit."""
     run = [name for name in record.names if name in ("x0", "offset")]
     free = [name for name in record.names if name not in run]
     guess = {name: record.start[name] for name in record.names}
@@ -47,14 +47,20 @@ def parts(record: Record) -> tuple[fj.Trace, dict[str, Any]]:
 
 
 def fit(record: Record) -> Outcome:
-    """The whole call: checks, noise, segmentation, fit, check by another solution, covariance and report."""
+    """Fit a record by the whole call.
+
+    It includes checks, noise, segmentation, fit, check by another solution, covariance and report.
+    """
     measured, how = parts(record)
     found = fj.fit(measured, **how, throw=False)
     return Outcome({name: found.values[name] for name in record.names}, found.passes)
 
 
 def solver(records: list[Record]) -> Callable[[], list[Outcome]]:
-    """Levenberg-Marquardt from the standard start, and the check by another solution, on posed problems."""
+    """Build a job that only solves problems built beforehand.
+
+    It runs Levenberg-Marquardt from the standard start, and the check by another solution.
+    """
     problems = [_posed(record) for record in records]
     if len(problems) == 1:
         return lambda: [_outcome(records[0], *solve_with_rest(problems[0]))]
@@ -83,7 +89,7 @@ def _outcome(record: Record, problem: Problem, solved: Solution) -> Outcome:
 
 
 def fit_all(records: list[Record]) -> list[Outcome]:
-    """An archive in one call, each run from its own start."""
+    """Fit an archive in one call, each run from its standard start."""
     measured, how = zip(*map(parts, records), strict=True)
     names = records[0].names
     guess = {name: np.array([each["guess"][name] for each in how]) for name in names}
@@ -95,12 +101,12 @@ def fit_all(records: list[Record]) -> list[Outcome]:
 
 
 def simulate(record: Record, engine: str = "auto") -> np.ndarray:
-    """Displacement [m] with the true values, at the default accuracy."""
+    """Simulate the displacement [m] at the true values, with default accuracy."""
     return np.asarray(fj.simulate(machine(record.law, record.truth), record.x0, record.t, engine=engine).x)
 
 
 def sliding(ts: np.ndarray) -> np.ndarray:
-    """Displacement [m] of the `sliding` workload, to 1e-10 m."""
+    """Simulate the `sliding` workload [m], to 1e-10 m."""
     return np.asarray(fj.simulate(SLIDING, X0, ts, engine="hybrid", accuracy=1e-10).x)
 
 
@@ -108,5 +114,5 @@ _final = jax.jit(jax.vmap(lambda x0: fj.final_displacement(PAPER, x0)))
 
 
 def final_displacements(x0: np.ndarray) -> np.ndarray:
-    """The triangle wave of final against initial displacement [m]."""
+    """Compute the triangle wave of final displacements [m]."""
     return np.asarray(_final(jnp.asarray(x0)))

@@ -1,4 +1,4 @@
-"""A record with the truth behind it, and its file for worker processes."""
+"""A record with its true values, and its file for worker processes."""
 
 import dataclasses
 from pathlib import Path
@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 from rig import DAMPING, SIGMA0, STIFFNESS
 
-# The standard start, as factors of the truth; x0 starts at the first sample, the offset at zero.
+# The standard start, in units of the true values. x0 starts at the first sample, the offset at zero.
 START = {"mu": 0.8, "damping": 1.2, "stiffness": 1.0005}
 
 
@@ -18,7 +18,7 @@ class Record:
         law: "coulomb", "tanh" or "lugre".
         t, x: evenly spaced times [s] and measured displacements [m], shape (n,).
         mu, x0: true coefficient of friction [1] and initial displacement [m].
-        half_cycles: number of half-cycles to the rest under Coulomb friction; a million where it is not reached.
+        half_cycles: number of half-cycles to the rest under Coulomb friction; a million if the record ends in motion.
     """
 
     law: str
@@ -30,7 +30,7 @@ class Record:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Free parameters."""
+        """Names of the free parameters."""
         extra = ("sigma0", "x0") if self.law == "lugre" else ("x0", "offset")
         return ("mu", "damping", "stiffness", *extra)
 
@@ -40,7 +40,7 @@ class Record:
 
     @property
     def start(self) -> dict[str, float]:
-        """The standard start values, those of the parameters that stay fixed included."""
+        """Standard start values, also of the fixed parameters."""
         known = self.truth | {"x0": float(self.x[0])}
         return {name: value * START.get(name, 1.0) for name, value in known.items()}
 
@@ -50,7 +50,7 @@ def truth(mu: float, x0: float) -> dict[str, float]:
 
 
 def save(records: list[Record], path: Path) -> Path:
-    """Write records that share their law and their times."""
+    """Write records with a common law and common times."""
     columns = {name: [getattr(r, name) for r in records] for name in ("x", "mu", "x0", "half_cycles")}
     np.savez(path, law=records[0].law, t=records[0].t, **columns)  # pyright: ignore[reportArgumentType]
     return path

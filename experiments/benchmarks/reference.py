@@ -1,7 +1,7 @@
-"""Reference solutions, from no engine of the package: closed form for Coulomb, SciPy at tight tolerance for the others.
+"""Reference solutions that use no engine of fricjax.
 
-The Runge-Kutta loop in numba stands in for DOP853 where a thousand runs are computed or judged; with 48 steps per
-sample the two agree to two picometres.
+Coulomb has a closed form. The other laws use SciPy at tight tolerance. For archives of a thousand runs a Runge-Kutta
+loop in numba replaces DOP853. With 48 steps per sample the two agree to two picometres.
 """
 
 import math
@@ -16,7 +16,10 @@ Parameters = Mapping[str, float]
 
 
 def displacement(law: str, t: np.ndarray, p: Parameters, half_cycles: int) -> np.ndarray:
-    """What the instrument reads [m], shape (n,); `half_cycles` is the number to the rest under Coulomb friction."""
+    """Compute the reading of the instrument [m], shape (n,).
+
+    `half_cycles` is the number to the rest under Coulomb friction.
+    """
     if law == "coulomb":
         return p["offset"] + coulomb(t, p, half_cycles)
     if law == "tanh":
@@ -25,7 +28,10 @@ def displacement(law: str, t: np.ndarray, p: Parameters, half_cycles: int) -> np
 
 
 def half_cycles(p: Parameters, duration: float) -> int:
-    """Number of half-cycles to the rest within a duration [s] under Coulomb friction; a million where it moves on."""
+    """Count half-cycles to the rest within a duration [s], under Coulomb friction.
+
+    A million means that the mass still moves at the end.
+    """
     rate, omega = _decay(p)
     band, y, n = p["mu"] * LOAD / p["stiffness"], abs(p["x0"]), 0
     while y > band:
@@ -34,7 +40,7 @@ def half_cycles(p: Parameters, duration: float) -> int:
 
 
 def coulomb(t: np.ndarray, p: Parameters, half_cycles: int) -> np.ndarray:
-    """Stroke by stroke a damped cosine about the shifted centre."""
+    """Compute damped cosines about the shifted centre, one per half-cycle."""
     rate, omega = _decay(p)
     half, y, begin = math.pi / omega, p["x0"], 0.0
     x, stroke = np.empty_like(t), 0
@@ -51,13 +57,13 @@ def coulomb(t: np.ndarray, p: Parameters, half_cycles: int) -> np.ndarray:
 
 
 def _decay(p: Parameters) -> tuple[float, float]:
-    """Decay rate and damped angular frequency [1/s]."""
+    """Return decay rate [1/s] and damped angular frequency [rad/s]."""
     rate = p["damping"] / (2 * MASS)
     return rate, math.sqrt(p["stiffness"] / MASS - rate**2)
 
 
 def tanh(t: np.ndarray, p: Parameters) -> np.ndarray:
-    """The regularised law by DOP853."""
+    """Integrate the regularised law by DOP853."""
     force = p["mu"] * LOAD
 
     def rates(_t: float, y: np.ndarray) -> tuple[float, float]:
@@ -67,7 +73,7 @@ def tanh(t: np.ndarray, p: Parameters) -> np.ndarray:
 
 
 def lugre(t: np.ndarray, p: Parameters) -> np.ndarray:
-    """LuGre after a slow pull, by LSODA with every state in its own scale."""
+    """Integrate LuGre after a slow pull by LSODA, with scaled states."""
     force, sigma0, sigma1 = p["mu"] * LOAD, p["sigma0"], SIGMA1
     length, speed, bristle = p["x0"], abs(p["x0"]) * math.sqrt(p["stiffness"] / MASS), force / sigma0
 

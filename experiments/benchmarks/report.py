@@ -1,4 +1,4 @@
-"""What was measured as text tables and as a picture."""
+"""Measurements as text tables and as a plot."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -13,13 +13,13 @@ HEAD += ("Above optimum ours / peer", "Optimum ours / peer", "Peak ours / peer [
 
 
 def pairs(rows: Sequence[Row]) -> list[tuple[Row, Row]]:
-    """Each of our rows with each peer's on the same workload."""
+    """Pair each row of fricjax with each peer on the same workload."""
     mine = [row for row in rows if row.method in OURS]
     return [(a, b) for a in mine for b in rows if b.workload == a.workload and b.method not in OURS]
 
 
 def ratios(rows: Sequence[Row]) -> fj.show.Table:
-    """Ours against every peer."""
+    """Tabulate fricjax against each peer."""
     cells = []
     for a, b in pairs(rows):
         least = TARGETS.get((a.workload, b.method))
@@ -39,7 +39,7 @@ def ratios(rows: Sequence[Row]) -> fj.show.Table:
                 _both(a.cold, b.cold, "{:.1f}"),
             )
         )
-    meaning = "Times: warm medians in turns; ratio: how many times faster than the peer; solve only: without posing"
+    meaning = "Times: warm medians in turns; ratio: time of the peer over ours; solve only: problems built beforehand"
     return fj.show.Table(HEAD, cells, meaning)
 
 
@@ -48,7 +48,7 @@ def _both(ours: float | None, peer: float | None, form: str) -> str:
 
 
 def long(rows: Sequence[Row]) -> fj.show.Table:
-    """Time and memory of long records, with the growth from one to the next."""
+    """Tabulate long records: time, its growth, and memory."""
     cells = []
     for before, row in zip((None, *rows), rows, strict=False):
         growth = f"{row.seconds / before.seconds:.2f}" if before else ""
@@ -58,13 +58,13 @@ def long(rows: Sequence[Row]) -> fj.show.Table:
 
 
 def errors(found: Sequence[tuple[str, str, float]]) -> fj.show.Table:
-    """Numerical errors."""
+    """Tabulate numerical errors."""
     cells = [(workload, method, f"{error:.2g}") for workload, method, error in found]
     return fj.show.Table(("Workload", "Engine or peer", "Largest error [nm]"), cells)
 
 
 def plot(rows: Sequence[Row], path: Path) -> Path:
-    """Ratios as bars on a logarithmic axis, with a mark at what is asked for."""
+    """Plot ratios as bars on a logarithmic axis, and mark targets."""
     shown = pairs(rows)[::-1]
     picture, axes = fj.show.figure()
     picture.set_figheight(1.0 + 0.3 * len(shown))

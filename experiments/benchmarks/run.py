@@ -1,9 +1,10 @@
-"""Our engines against five peers in one run: ratios, passes, optimum, numerical errors, peak memory, cold and warm.
+"""Compare the engines of fricjax with five peers.
 
     python experiments/benchmarks/run.py [--quick] [--only NAME] [--json FILE] [--plot FILE] [--repeats N] [--warm]
 
-Needs the extra "peers" (numba, casadi). The whole takes about an hour on two cores, most of it the peers' cold fits of
-archives; each workload is told on standard error as soon as it is measured.
+Prints ratios of times, model solves, optima, numerical errors, peak memory, and cold and warm times. Needs the extra
+"peers" (numba, casadi). A full run takes about an hour on two cores, mostly for the peers' cold fits of archives. The
+results of each workload also go to standard error as soon as they are measured.
 """
 
 import argparse
@@ -20,10 +21,10 @@ WORKLOADS += ("long", "errors")
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--quick", action="store_true", help="short records, few runs and repeats, nothing cold")
+    parser.add_argument("--quick", action="store_true", help="short records, few runs and repeats, no cold times")
     parser.add_argument("--only", default="", help="part of the names of the workloads to run")
     parser.add_argument("--json", type=Path, help="write all figures here")
-    parser.add_argument("--plot", type=Path, help="write a picture of the ratios here")
+    parser.add_argument("--plot", type=Path, help="write a plot of the ratios here")
     parser.add_argument("--repeats", type=int, help="rounds of timing")
     parser.add_argument("--warm", action="store_true", help="no cold times and no memory, which need fresh processes")
     options = parser.parse_args()
@@ -36,7 +37,7 @@ def main() -> None:
 
 def measured(options: argparse.Namespace) -> dict[str, Any]:
     """Run, print the tables, and return all figures as plain data."""
-    # Worker processes import this file: what is heavy is imported only here.
+    # Worker processes import this file, so heavy imports come only here.
     import errors
     import report
     from comparison import QUICK, TARGETS, Scale, compare, long

@@ -1,6 +1,8 @@
-"""One job in a process of its own: prints when the first result was there, the times after it, and the peak memory.
+"""Run one job in a new process.
 
-python worker.py WORKLOAD METHOD FILE CALLS
+    python worker.py WORKLOAD METHOD FILE CALLS
+
+Prints the time of the first result, the times of the later calls, and the peak memory.
 """
 
 import json
@@ -22,7 +24,7 @@ def main(workload: str, method: str, path: str, calls: str) -> None:
         begin = time.perf_counter()
         job()
         warm.append(time.perf_counter() - begin)
-    # Read before the pool closes: a process that has ended tells nothing.
+    # Read this before the pool closes: an ended process has no status.
     peak = sum(peak_memory(pid) for pid in ("self", *(str(child.pid) for child in active_children())))
     if isinstance(job, Pool):
         job.close()
@@ -30,7 +32,10 @@ def main(workload: str, method: str, path: str, calls: str) -> None:
 
 
 def peak_memory(pid: str) -> float:
-    """Largest resident memory of a process so far [MB]; getrusage would count that of its parent before it began."""
+    """Read the largest resident memory of a process so far [MB].
+
+    getrusage would include the memory of the parent process before the fork.
+    """
     status = Path(f"/proc/{pid}/status").read_text()
     return int(status.split("VmHWM:")[1].split()[0]) / 1e3
 

@@ -1,9 +1,9 @@
-"""How often a comparison of laws finds the law that made the runs.
+"""Count how often a comparison ranks the true law first.
 
-A campaign is a few runs of the prototype rig with 5 nm of noise, released from different positions; coefficient of
-friction and positions scatter by a percent from one campaign to the next. Every campaign is compared under all laws,
-and the table counts which of them comes first. "Right" is the true law or one that contains it: Stribeck, Dahl and
-LuGre contain Coulomb's law, LuGre contains Dahl's.
+A campaign is a few runs of the prototype rig with 5 nm of noise, released from different positions. Coefficient of
+friction and positions scatter by a percent between campaigns. Each campaign is compared under all laws, and the table
+counts the laws that rank first. "Right" is the true law or a law that contains it: Stribeck, Dahl and LuGre contain
+Coulomb's law, LuGre contains Dahl's.
 
     python experiments/compare/run.py [--laws coulomb,stribeck,dahl,lugre] [--truths ...] [--campaigns 50] [--runs 3]
 """
@@ -35,7 +35,10 @@ CONTAINING = {
 
 
 def machine(law: str, mu: float, wrong: float = 1.0) -> fj.Oscillator:
-    """The rig under one law; `wrong` is a factor on the coefficients from which a fit starts."""
+    """Build the rig under one law.
+
+    `wrong` multiplies the start values of some coefficients.
+    """
     laws = fj.friction
     friction = {
         "coulomb": lambda: laws.Coulomb(mu),
@@ -47,7 +50,7 @@ def machine(law: str, mu: float, wrong: float = 1.0) -> fj.Oscillator:
 
 
 def campaign(truth: str, number: int, runs: int) -> list[fj.Record]:
-    """The runs of one campaign."""
+    """Make the runs of one campaign."""
     scatter = 1 + 0.01 * np.random.default_rng(number).uniform(-1, 1, 1 + runs)
     true = machine(truth, MU * scatter[0])
     starts = [x0 * part for x0, part in zip(POSITIONS[:runs], scatter[1:], strict=True)]
@@ -58,7 +61,7 @@ def campaign(truth: str, number: int, runs: int) -> list[fj.Record]:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--laws", default="coulomb,stribeck,dahl,lugre", help="laws to compare")
-    parser.add_argument("--truths", default="", help="laws that make the runs; default: those to compare")
+    parser.add_argument("--truths", default="", help="laws that make the runs; default: the compared laws")
     parser.add_argument("--campaigns", type=int, default=50, help="campaigns per true law")
     parser.add_argument("--first", type=int, default=0, help="number of the first campaign, which is its seed")
     parser.add_argument("--runs", type=int, default=3, choices=(1, 2, 3), help="runs per campaign")

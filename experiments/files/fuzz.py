@@ -1,8 +1,10 @@
-"""Damages sound files of every format a few thousand times over and counts how reading them ends.
+"""Damage intact files of every format at random and read them.
 
-Run `python experiments/files/fuzz.py --mutations 10000 [--only v5.mat] [--first 0]`. Every end but "read" and the
-package's own two refusals is a fault, as are more than 5 s and 1 GB; the table names the mutations, and `--keep FOLDER`
-writes them there. The files are read in a process of its own, which is started anew where one kills it.
+Usage: `python experiments/files/fuzz.py --mutations 10000 [--only v5.mat] [--first 0]`.
+
+Each file must be read or refused by one of the two error classes of fricjax. Every other outcome is a fault, and so are
+more than 5 s and 1 GB. The table lists the faulty mutations, and `--keep FOLDER` writes them there. A separate process
+reads the files. If a file kills it, a new process continues with the next file.
 """
 
 import argparse
@@ -24,19 +26,19 @@ from experiments.files.mutate import mutated  # noqa: E402
 from experiments.files.outcome import Outcome, attempt, limit_memory  # noqa: E402
 from experiments.files.seeds import SEEDS, write_seeds  # noqa: E402
 
-_PATIENCE = 60.0  # seconds without a word from the process that reads
+_PATIENCE = 60.0  # seconds without output of the reading process
 type Line = list[Any]
-"""Number of the file, how it ended, words, seconds and gigabytes."""
+"""Number of the file, outcome, message, seconds and gigabytes."""
 
 
 def jobs(names: list[str], mutations: int, first: int) -> list[tuple[str, int]]:
-    """Seed and number of each mutation."""
+    """List seed file and number of each mutation."""
     share = -(-mutations // len(names))
     return [(name, number) for name in names for number in range(first, first + share)]
 
 
 def work(folder: Path, files: list[tuple[str, int]], start: int) -> None:
-    """Reads the files from one on and prints a line for each."""
+    """Read the files from index `start` and print one line each."""
     seeds = {name: (folder / "seeds" / name).read_bytes() for name in {name for name, _ in files}}
     for name in seeds:
         attempt(folder / "seeds" / name)
@@ -49,7 +51,7 @@ def work(folder: Path, files: list[tuple[str, int]], start: int) -> None:
 
 
 def supervised(folder: Path, count: int, arguments: list[str]) -> list[Line]:
-    """Outcomes of all files, whatever becomes of the process that reads them."""
+    """Collect the outcomes of all files, also after crashes of the reader."""
     lines: list[Line] = []
     while len(lines) < count:
         command = [sys.executable, __file__, *arguments, "--worker", str(folder), str(len(lines))]
@@ -61,7 +63,12 @@ def supervised(folder: Path, count: int, arguments: list[str]) -> list[Line]:
 
 
 def _followed(worker: subprocess.Popen, lines: list[Line]) -> str:
-    """Takes up what a process tells until it ends or tells nothing more; how it ended."""
+    """Append output lines of a worker process until it ends.
+
+    The worker is killed if it prints nothing for `_PATIENCE` seconds.
+
+    Returns how the process ended.
+    """
     assert worker.stdout is not None
     waiting, rest = selectors.DefaultSelector(), b""
     waiting.register(worker.stdout, selectors.EVENT_READ)

@@ -1,8 +1,9 @@
-"""Reads some three hundred files that were made to do harm, and tells how each ends.
+"""Read some three hundred malicious files and print each outcome.
 
-Run `python experiments/files/hostile.py`, perhaps with the names of some kinds (`bombs`). Each must be read or refused
-by the sentence expected, within 5 s and 1 GB; nothing may be executed or written elsewhere, for which a folder stands
-watch.
+Usage: `python experiments/files/hostile.py`, optionally with names of kinds (`bombs`).
+
+Each file must be read, or refused by the expected sentence, within 5 s and 1 GB. No file may execute code or write to
+another place. The script checks this by listing its working folder.
 """
 
 import os
@@ -35,7 +36,10 @@ FILES: dict[str, dict[str, Hostile]] = {
 
 
 def verdict(folder: Path, name: str, hostile: Hostile) -> tuple[str, str]:
-    """How reading the file ends, with what differs from what is expected; empty where nothing does."""
+    """Read a file and compare the outcome with the expected one.
+
+    Returns the outcome and the difference. The difference is empty if the outcome is as expected.
+    """
     build, expected = hostile
     path = folder / name
     build(path)

@@ -1,4 +1,4 @@
-"""Archives of numpy arrays that are none, lie about their sizes, or hold objects."""
+"""Damaged or malicious numpy archives: false sizes, pickled objects, other content."""
 
 import io
 import json
@@ -67,12 +67,15 @@ def _cut(end: float) -> Callable[[Path], object]:
 
 
 def _directory(offset: int, code: str, value: int) -> Callable[[bytearray], object]:
-    """Sets a number in the first entry of the list of members."""
+    """Return a change of a number in the first directory entry."""
     return lambda data: struct.pack_into(code, data, data.index(b"PK\x01\x02") + offset, value)
 
 
 def _own(**changes: Any) -> Callable[[Path], object]:
-    """A record of the package's own with arrays exchanged; None leaves one out."""
+    """Write a fricjax record with some arrays replaced.
+
+    None removes an array.
+    """
 
     def write_it(path: Path) -> None:
         with np.load(write(record(), path)) as archive:
@@ -104,11 +107,11 @@ ARCHIVES: dict[str, Hostile] = {
     "bits.npz": (_changed(lambda data: data.__setitem__(slice(200, 220), bytes(20))), REFUSED),
     "checksum.npz": (_changed(_directory(16, "<I", 1)), REFUSED),
     "claims.npz": (_changed(_directory(24, "<I", 0xFFFFFFF0)), "would have 4.29 GB"),
-    "method.npz": (_changed(_directory(10, "<H", 99)), "packed otherwise"),
+    "method.npz": (_changed(_directory(10, "<H", 99)), "not packed as numpy"),
     "locked.npz": (_changed(_directory(8, "<H", 1)), REFUSED),
     "offset.npz": (_changed(_directory(42, "<I", 0x7FFFFFFF)), REFUSED),
-    "bz2.npz": (_with("x.npy", X, method=zipfile.ZIP_BZIP2), "packed otherwise"),
-    "lzma.npz": (_with("x.npy", X, method=zipfile.ZIP_LZMA), "packed otherwise"),
+    "bz2.npz": (_with("x.npy", X, method=zipfile.ZIP_BZIP2), "not packed as numpy"),
+    "lzma.npz": (_with("x.npy", X, method=zipfile.ZIP_LZMA), "not packed as numpy"),
     "huge.npz": (_described("(1000000000000,)"), PROMISES),
     "product.npz": (_described("(4294967296, 4294967296)"), PROMISES),
     "bytes.npz": (_with("x.npy", np.zeros(2**25, "u1")), "more than a record"),

@@ -1,4 +1,7 @@
-"""TDMS, netCDF, Parquet, universal and MDF files that lie about their sizes, run in circles, or hold formulas."""
+"""Malicious TDMS, netCDF, Parquet, universal and MDF files.
+
+They have false sizes, circular references or formulas.
+"""
 
 import json
 import struct
@@ -14,7 +17,7 @@ _SECRET = "__import__('os').system('touch PWNED')"
 
 
 def _changed(name: str, old: bytes, new: bytes, count: int = 1) -> Callable[[Path], object]:
-    """A sound file in which some bytes are others."""
+    """Write an intact file and replace some of its bytes."""
 
     def write_it(path: Path) -> None:
         SEEDS[name](path)
@@ -61,7 +64,7 @@ def _mdf(formula: str) -> Callable[[Path], object]:
 
 
 def _circle(path: Path) -> None:
-    """A group of channels that is followed by itself."""
+    """Write a group of channels that refers to itself as successor."""
     SEEDS["raster.mf4"](path)
     data = bytearray(path.read_bytes())
     place = data.index(b"##CG")
@@ -70,7 +73,7 @@ def _circle(path: Path) -> None:
 
 
 def _endless(path: Path) -> None:
-    """Packed data that swell to a hundred times what they claim."""
+    """Write packed data that grow to a hundred times their claimed size."""
     import zlib
 
     SEEDS["packed.mf4"](path)
@@ -83,7 +86,7 @@ def _endless(path: Path) -> None:
 
 
 def _swelling(path: Path) -> None:
-    """A page that unpacks to 480 MB, under a list of columns that knows of 320 bytes."""
+    """Write a page that unpacks to 480 MB but claims 320 bytes."""
     import pyarrow as pa
     from pyarrow import parquet
 
@@ -106,7 +109,7 @@ def _swelling(path: Path) -> None:
     place = len(data) - 8 - struct.unpack("<I", data[-8:-4])[0]
     footer = data[place:-8]
     assert varint(count) in footer
-    # As many digits for a smaller number, so that nothing moves.
+    # The smaller number keeps its number of digits, so that all offsets stay.
     for size in {count, *_sizes(footer, 8 * count)}:
         digits = len(varint(size))
         small = bytes([2 * N | 128, *[128] * (digits - 2), 0])
@@ -115,7 +118,7 @@ def _swelling(path: Path) -> None:
 
 
 def _sizes(footer: bytes, least: int) -> set[int]:
-    """Whole numbers of a footer that are as large as the data, and a thousandth more at most."""
+    """Find integers in a footer from `least` to 0.1 % above it."""
     found = set()
     for place in range(len(footer)):
         value = shift = 0
@@ -149,11 +152,11 @@ FORMATS: dict[str, Hostile] = {
     "sets.uff": (lambda path: path.write_bytes(b"    -1\n    58\n    -1\n" * 20_000), "cannot be read as"),
     "circle.mf4": (_circle, "its blocks follow one another in a circle"),
     "formula.mf4": (_mdf(_SECRET), "no displacement"),
-    "bomb.mf4": (_endless, "cannot be read as MDF|packed otherwise than it says"),
+    "bomb.mf4": (_endless, "cannot be read as MDF|contradict their packing"),
     "cycles.mf4": (_changed("raster.mf4", struct.pack("<Q", N), _HUGE), "declared to have"),
 }
 FORMAT_BOMBS: dict[str, Hostile] = {
     "swelling.parquet": (_swelling, "declared to have"),
     "zeros.parquet": (_parquet({}, 3 * 10**7, t=np.zeros(3 * 10**7), x=np.zeros(3 * 10**7)), "declared to have"),
 }
-"""What unpacks to far more than its file has."""
+"""Files that unpack to far more than their size."""

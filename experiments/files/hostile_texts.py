@@ -1,4 +1,4 @@
-"""Text files that hope for trouble: headers with units that calculate, rigs, saved fits, and files that are none."""
+"""Malicious text files: unit expressions, rigs, saved fits and special files."""
 
 import copy
 import functools
@@ -13,7 +13,7 @@ from typing import Any
 from experiments.files.seeds import RIG, fit
 
 type Hostile = tuple[Callable[[Path], object], str]
-"""What writes the file, and a regular expression for the sentence that refuses it; empty: it is read."""
+"""Writer of the file, and regular expression of the expected error; empty if the file can be read."""
 
 UNKNOWN = "is not a known unit|does not fit|only a scale makes"
 UNITS = [
@@ -59,7 +59,7 @@ RIGS: dict[str, Hostile] = {
     "ragged.toml": (_mass("[[1], [1, 2]]"), _NUMBER),
     "true.toml": (_mass("true"), _NUMBER),
     "date.toml": (_mass("1979-05-27"), _NUMBER),
-    "table.toml": (_mass("{ std = 1 }"), "lacks its value"),
+    "table.toml": (_mass("{ std = 1 }"), "has no value"),
     "value_text.toml": (_mass('{ value = "1" }'), _NUMBER),
     "value_huge.toml": (_mass("{ value = 1" + "0" * 500 + " }"), _NUMBER),
     "std_list.toml": (_mass("{ value = 1, std = [1] }"), _NUMBER),
@@ -92,7 +92,7 @@ def _document() -> dict[str, Any]:
 
 
 def _edited(place: str, *value: Any) -> Callable[[Path], object]:
-    """A saved fit with one entry exchanged, or left out where there is no value."""
+    """Write a saved fit with one entry replaced or removed."""
 
     def write(path: Path) -> None:
         document = copy.deepcopy(_document())
@@ -117,8 +117,8 @@ EDITS: list[tuple[str, tuple[Any, ...], str]] = [
     ("values.mu", ([1.0],), "'values.mu' must be a number"),
     ("values.mu", (10**400,), "'values.mu' must be a number"),
     ("values.mu", (True,), "'values.mu' must be a number"),
-    ("values.mu", (), "'values' lacks 'mu'"),
-    ("values.more", (1.0,), "'units' lacks 'more'"),
+    ("values.mu", (), "'values' has no entry 'mu'"),
+    ("values.more", (1.0,), "'units' has no entry 'more'"),
     ("std_errors.mu", (-1.0,), "is negative"),
     ("std_errors.mu", (None,), "'std_errors.mu' must be a number"),
     *(
@@ -143,7 +143,7 @@ EDITS: list[tuple[str, tuple[Any, ...], str]] = [
     ("dof", (10**30,), "'dof' must be a whole number"),
     ("status", (None,), "'status' must be a text"),
     ("quantity", ("furlong",), "'quantity'"),
-    ("kinematics.dead_band", ({"value": 1.0},), "lacks its entry 'std'"),
+    ("kinematics.dead_band", ({"value": 1.0},), "has no entry 'std'"),
     ("kinematics.dead_band.more", (1,), "has an entry 'more'"),
     ("kinematics", ([],), "'kinematics' must be an object"),
     ("contributions.mu", ([1],), "must be an object"),
@@ -162,7 +162,7 @@ EDITS: list[tuple[str, tuple[Any, ...], str]] = [
     ("oscillator.friction", (None,), "must be an object"),
     ("samples.engine_used", ({"type": "Linear"},), "'engine_used.type' must be a Engine"),
     ("samples.engine_used.max_half_cycles", ("9" * 9999,), "must be a whole number"),
-    ("samples", ([],), "lacks residuals"),
+    ("samples", ([],), "does not hold residuals"),
     ("samples.residuals", ([1.0],), "differ in number"),
     ("samples.residuals", (["text"],), "must be a number|must be a list"),
     ("samples.times", ([[]],), "differ in number"),
@@ -171,7 +171,7 @@ EDITS: list[tuple[str, tuple[Any, ...], str]] = [
     ("samples.runs.0.t", ([[1.0]],), "differ in number"),
     ("samples.runs.0.fixed", (["x"],), "must be an object"),
     ("samples.origins", ([1.0, 2.0],), "'origins' has 2 entries"),
-    ("chi2", (), "lacks chi2"),
+    ("chi2", (), "does not hold chi2"),
 ]
 
 FITS: dict[str, Hostile] = {

@@ -1,4 +1,7 @@
-"""HDF5 and MATLAB files that lead elsewhere, in circles or too deep, or promise what they do not hold."""
+"""Malicious HDF5 and MATLAB files.
+
+They have links to other places, circles, too many levels, or less content than they claim.
+"""
 
 import struct
 import zipfile
@@ -17,7 +20,7 @@ from experiments.files.seeds import SEEDS, N, T, X, record
 from fricjax.data import write
 
 REFUSED = "cannot be read as (HDF5|a MATLAB file)"
-# Beside the times nothing is left that could be a displacement.
+# No data set except the times can be a displacement.
 NONE = "no displacement|has 40 samples"
 
 
@@ -30,7 +33,7 @@ def _hdf5(build: Callable[[h5py.File], object], **options: Any) -> Callable[[Pat
 
 
 def _beside(build: Callable[[h5py.File], object]) -> Callable[[Path], object]:
-    """Something beside a sound time."""
+    """Write intact times together with other content."""
     return _hdf5(lambda file: (file.create_dataset("t", data=T), build(file)))
 
 
@@ -44,7 +47,10 @@ def _matlab73(build: Callable[[h5py.File], object]) -> Callable[[Path], object]:
 
 
 def _cells(file: h5py.File, depth: int, per_level: int) -> None:
-    """Cells that hold the same cell several times over, level by level; depth zero: they hold themselves."""
+    """Build nested cells that refer to the same cell several times.
+
+    With depth zero the cells refer to themselves.
+    """
     node = file.create_dataset("x", (per_level,), dtype=h5py.ref_dtype)
     node[:] = [node.ref] * per_level
     for i in range(depth):
@@ -78,13 +84,13 @@ def _double_gzip(file: h5py.File) -> None:
 
 
 def _swelling(file: h5py.File, size: int) -> None:
-    """A chunk that claims to hold a few numbers and unpacks to `size` bytes."""
+    """Write a chunk of a few claimed numbers and `size` real bytes."""
     node = file.create_dataset("x", (N,), "f8", chunks=(N,), compression="gzip")
     node.id.write_direct_chunk((0,), zlib.compress(bytes(size), 9))
 
 
 def _too_short(file: h5py.File) -> None:
-    """A chunk shorter than the checksum that the library takes away."""
+    """Write a chunk shorter than its checksum."""
     node = file.create_dataset("x", (N,), "f8", chunks=(N,), fletcher32=True)
     node.id.write_direct_chunk((0,), b"1")
 
@@ -106,7 +112,7 @@ def _own(**attributes: Any) -> Callable[[Path], object]:
 
 
 def _heap(change: Callable[[bytearray, int], object]) -> Callable[[Path], object]:
-    """A record of the package's own whose texts lie in a damaged collection."""
+    """Write a fricjax record with texts in a damaged heap."""
 
     def write_it(path: Path) -> None:
         data = bytearray(write(record(), path).read_bytes())
@@ -195,7 +201,10 @@ def _element(kind: int, data: bytes) -> bytes:
 
 
 def _matrix(kind: int, shape: tuple[int, ...], content: bytes, name: bytes = b"x") -> bytes:
-    """A variable of a version 5 file: its flags, dimensions and name, and what it holds."""
+    """Build a variable of a version 5 file.
+
+    It has flags, dimensions, name and content.
+    """
     head = _element(6, struct.pack("<2I", kind, 0)) + _element(5, struct.pack(f"<{len(shape)}i", *shape))
     return _element(14, head + _element(1, name) + content)
 
@@ -207,12 +216,15 @@ def _v5(*parts: bytes) -> Callable[[Path], object]:
 
 
 def matlab_of(kind: int, text: bytes) -> Callable[[Path], object]:
-    """A version 5 file with a variable of a class that holds a text: 16 are handles of functions, 17 objects."""
+    """Write a version 5 file with a variable of class `kind`.
+
+    The variable contains a text. Class 16 is a function handle, class 17 an object.
+    """
     return _v5(_matrix(kind, (1, 1), _matrix(4, (1, len(text)), _element(2, text))))
 
 
 def _nested(levels: int) -> bytes:
-    # From the inside out would copy what is inside each time.
+    # Building from the inside out would copy the inner part at each level.
     inner = _matrix(6, (1, 1), _element(9, bytes(8)), b"")
     size, heads = len(inner), []
     for _ in range(levels):
@@ -284,12 +296,12 @@ def save_kinds(path: Path) -> None:
 
 
 def _long_line(field: str) -> Callable[[Path], object]:
-    """A text of fifty million fields in its first line."""
+    """Write a text of fifty million fields in one line."""
     return lambda path: path.write_text(field * 50_000_000)
 
 
 def _zipped(name: str, size: int) -> Callable[[Path], object]:
-    """An archive of one part, which is nothing but zeros."""
+    """Write an archive of one member full of zeros."""
 
     def write_it(path: Path) -> None:
         with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive, archive.open(name, "w") as part:

@@ -1,9 +1,11 @@
-"""Commands killed while they write: `python experiments/files/kills.py [--kills 20]`.
+"""Kill commands while they write, and check their files.
 
-Each command runs in a folder in which its files lie already, and gets SIGKILL as soon as some change of the folder is
-seen: the first, second, ... of all that it makes, drawn by chance. Each file must then be the old one or the new one to
-the last byte. The table counts the kills after which all files were old, all were new, some were old and some new, or
-one was neither; and those that left a temporary file, which the next run must remove.
+Usage: `python experiments/files/kills.py [--kills 20]`.
+
+Each command runs in a folder that already has its output files. It gets SIGKILL at a random change of the folder: the
+first, the second, and so on. Each file must then equal the old or the new one to the last byte. The table counts kills
+after which all files were old, all were new, some were old and some new, or one was neither. It also counts kills that
+left a temporary file. The next run must remove such files.
 """
 
 import argparse
@@ -28,7 +30,7 @@ jax.config.update("jax_enable_x64", True)
 
 RUN, RIG = map(str, example_paths())
 LAUNCH = [sys.executable, "-c", "from fricjax.cli.main import main; main()"]
-# The words of each command, and the files that it writes.
+# Arguments of each command, and names of its output files.
 COMMANDS = {
     "demo": (["demo", "--out", "."], ["run.csv", "rig.toml", "fit.json", "fit.png"]),
     "fit": (
@@ -49,8 +51,8 @@ COMMANDS = {
         ["force.png", "force.json"],
     ),
     "check": (
-        ["check", "--rig", RIG, "--friction", "coulomb", "--fix", "mu=0.02", "--x0", "2 mm", "--plot", "told.png"],
-        ["told.png"],
+        ["check", "--rig", RIG, "--friction", "coulomb", "--fix", "mu=0.02", "--x0", "2 mm", "--plot", "check.png"],
+        ["check.png"],
     ),
     "map": (["map", "{pairs}", "--rig", RIG, "--plot", "map.png"], ["map.png"]),
     "compare": (
@@ -58,30 +60,30 @@ COMMANDS = {
         ["laws.png"],
     ),
 }
-# Else a PDF says when it was made, and no two are the same.
+# Without a fixed date each PDF contains its time of creation.
 SAME_DATE = {**os.environ, "SOURCE_DATE_EPOCH": "0"}
 OLD = b"the old file\n" * 1000
 
 
 def free_decay(folder: Path) -> Path:
-    """The record that `calibrate` reads."""
+    """Write the record for `calibrate`."""
     machine = fj.Oscillator(0.41, 2574.0, 0.175, 1.0, fj.friction.Coulomb(0.0))
     return fj.write(fj.synthetic_run(machine, 2e-3, rate=2e3, duration=5.0, noise=5e-9, seed=2), folder / "free.npz")
 
 
 def pairs_of_displacements(folder: Path) -> Path:
-    """The table that `map` reads."""
+    """Write the table for `map`."""
     band = 0.02 * 9.66 / 2574.0
     x0 = np.linspace(1.1e-3, 2e-3, 12)
     table = folder / "pairs.csv"
-    # Each half-cycle takes two dead bands, until the mass stays.
+    # Each half-cycle reduces the amplitude by two dead bands, until the mass stays.
     xf = [float((-1) ** round(n) * (x - 2 * n * band)) for x in x0 for n in [np.ceil((x / band - 1) / 2)]]
     table.write_text("x0 [m],xf [m]\n" + "".join(f"{a!r},{b!r}\n" for a, b in zip(x0.tolist(), xf, strict=True)))
     return table
 
 
 def state(folder: Path) -> frozenset:
-    """What lies in a folder: names, files and sizes."""
+    """Return names, files, sizes and times of the entries of a folder."""
     found = set()
     with os.scandir(folder) as entries:
         for entry in entries:
@@ -94,7 +96,10 @@ def state(folder: Path) -> frozenset:
 
 
 def run(words: list[str], folder: Path, most: float = math.inf) -> int:
-    """Run the command to its end, or until a number of changes of the folder was seen; how many there were."""
+    """Run a command, or kill it after `most` changes of the folder.
+
+    Returns the number of changes.
+    """
     process = subprocess.Popen(
         [*LAUNCH, *words, "--force", "--quiet"],
         cwd=folder,
@@ -107,7 +112,7 @@ def run(words: list[str], folder: Path, most: float = math.inf) -> int:
         found = state(folder)
         changes += found != seen
         seen = found
-        # Looking all the time would take the core from the command that still computes.
+        # Polling without pause would slow down the command while it computes.
         time.sleep(0.0 if changes else 2e-3)
     if changes >= most:
         process.send_signal(signal.SIGKILL)
@@ -118,7 +123,7 @@ def run(words: list[str], folder: Path, most: float = math.inf) -> int:
 
 
 def killed(words: list[str], names: list[str], kills: int, seed: int, scratch: Path) -> dict[str, int]:
-    """What was found after each of the kills."""
+    """Count outcomes over all kills of a command."""
     folder = Path(tempfile.mkdtemp(dir=scratch))
     run(words, folder)
     changes = run(words, folder)

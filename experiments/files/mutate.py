@@ -1,4 +1,4 @@
-"""Changes of a sound file as damage and malice make them: bits, bytes, pieces, numbers, words, parts of a structure."""
+"""Random changes of an intact file: bits, bytes, numbers, words, structure."""
 
 import io
 import json
@@ -21,7 +21,7 @@ _VALUES: list[Any] = [
 
 
 def mutated(name: str, content: bytes, seed: int) -> bytes:
-    """The content with one to three changes that the seed alone chooses."""
+    """Apply one to three changes that depend only on name and seed."""
     chance = random.Random(f"{name} {seed}")
     for _ in range(chance.choice((1, 1, 2, 3))):
         content = _changed(name, content, chance)
@@ -65,7 +65,7 @@ def _bytes(content: bytes, chance: random.Random) -> bytes:
 
 
 def _zipped(content: bytes, chance: random.Random) -> bytes:
-    """An archive with one member changed and packed soundly again."""
+    """Change one member of an archive and compress it correctly."""
     try:
         with zipfile.ZipFile(io.BytesIO(content)) as archive:
             members = {name: archive.read(name) for name in archive.namelist()}
@@ -82,7 +82,7 @@ def _zipped(content: bytes, chance: random.Random) -> bytes:
 
 
 def _repacked(content: bytes, chance: random.Random) -> bytes:
-    """A MATLAB file whose first variable is unpacked, changed and packed again."""
+    """Change the first variable of a MATLAB file and compress it."""
     if len(content) < 136:
         return content
     size = struct.unpack_from("<I", content, 132)[0]
@@ -95,7 +95,7 @@ def _repacked(content: bytes, chance: random.Random) -> bytes:
 
 
 def _json(content: bytes, chance: random.Random) -> bytes:
-    """A document with one of its parts exchanged, left out or added."""
+    """Replace, remove or add one part of a JSON document."""
     try:
         document = json.loads(content)
     except (ValueError, RecursionError):

@@ -1,4 +1,4 @@
-"""What becomes of one file: read, refused in the package's own words, or something that must not be."""
+"""Outcome of reading one file: read, refused by fricjax, or a fault."""
 
 import contextlib
 import os
@@ -15,13 +15,20 @@ from fricjax.errors import DataError, UsageError
 from fricjax.friction import Coulomb
 
 SECONDS, GIGABYTES = 5.0, 0.75
-"""What a file may take at most: time of computing, and memory beside the quarter of a GB of the package itself."""
-_PATIENCE = 30.0  # seconds after which what neither computes nor ends is given up
+"""Limits for a file: CPU time, and memory in addition to the quarter of a GB of fricjax."""
+_PATIENCE = 30.0  # seconds after which a reader that only waits is stopped
 _LONGEST_SENTENCE = 2000
 
 
 class Outcome(NamedTuple):
-    """How it ended: "read", the name of the exception, or what was exceeded; and the words that go with it."""
+    """Outcome of reading one file.
+
+    Attributes:
+        end: "read", the name of an exception, or the name of a fault such as "slow".
+        words: message of the exception.
+        seconds: CPU time.
+        gigabytes: largest additional memory.
+    """
 
     end: str
     words: str
@@ -30,12 +37,12 @@ class Outcome(NamedTuple):
 
     @property
     def sound(self) -> bool:
-        """Whether it is one of the ends that a file may have."""
+        """Return True if this outcome is allowed."""
         return self.end in ("read", "DataError", "UsageError")
 
 
 def use(path: Path) -> None:
-    """Reads a file and looks at what it holds, as a user would."""
+    """Read a file and call all methods that print it."""
     if path.suffix == ".toml":
         rig = Rig.from_toml(path)
         rig.summary(), rig.oscillator(Coulomb(0.1))
@@ -48,7 +55,7 @@ def use(path: Path) -> None:
 
 
 def attempt(path: Path) -> Outcome:
-    """The outcome of one file, with the time of computing that it took and the memory that was added at most."""
+    """Read one file and measure its CPU time and additional memory."""
     _forget_peak()
     begin, before = time.process_time(), _peak()
     end, words = "read", ""
@@ -61,7 +68,7 @@ def attempt(path: Path) -> Outcome:
         wanted = UsageError if path.suffix == ".toml" else DataError
         if not isinstance(error, wanted) or path.name not in words:
             end = "wrong words"
-        # Below the sentence stand the runs of a file that holds several.
+        # A file with several runs lists them below the sentence.
         sentence, _, runs = words.partition("\n")
         if (runs and " runs; " not in sentence) or max(len(sentence), len(runs)) > _LONGEST_SENTENCE:
             end = "no sentence"
@@ -78,7 +85,10 @@ def attempt(path: Path) -> Outcome:
 
 
 class _TooSlow(BaseException):
-    """No `Exception`, so that nobody takes it for damage of the file."""
+    """Time limit exceeded.
+
+    It is no `Exception`, so that no reader treats it as damage of the file.
+    """
 
 
 @contextlib.contextmanager
@@ -103,7 +113,7 @@ def _forget_peak() -> None:
 
 
 def _peak() -> float:
-    """Largest memory of the process since it was forgotten [GB]."""
+    """Read the largest memory since the last reset [GB]."""
     try:
         status = Path("/proc/self/status").read_text()
         return int(status.split("VmHWM:")[1].split()[0]) / 1e6
@@ -112,7 +122,10 @@ def _peak() -> float:
 
 
 def limit_memory(extra: float) -> None:
-    """Lets the process map so many more gigabytes than now, so that a bomb fails before the machine does."""
+    """Limit the address space to `extra` GB more than now.
+
+    A file that unpacks without limit then fails before the machine runs out of memory.
+    """
     state = Path("/proc/self/statm")
     if state.is_file():
         pages = int(state.read_text().split()[0]) * os.sysconf("SC_PAGE_SIZE")

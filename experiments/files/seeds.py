@@ -1,4 +1,7 @@
-"""One sound file of every format that the package reads, small enough for a change to hit what matters."""
+"""One intact file of every format that fricjax reads.
+
+The files are small, so that a random change often hits an important byte.
+"""
 
 import dataclasses
 import json
@@ -39,7 +42,7 @@ def record() -> Record:
 
 
 def fit() -> Fit:
-    """A fit as one of a short record would look, made without fitting."""
+    """Build a fit of a short record without fitting."""
     numbers = {"mu": 0.05, "x0": 1e-3}
     stds = {"mu": 1e-5, "x0": 1e-9}
     given: dict[str, Any] = {
@@ -122,7 +125,7 @@ GERMAN = [(t, str(x).replace(".", ",")) for t, x in PAIRS]
 
 
 def _logger(path: Path) -> None:
-    """Times of day, a word in each row, and titles with a unit."""
+    """Write times of day, words in each row, and column units."""
     rows = (f"2024-03-05 14:23:{i:02}.5,{x},ok\n" for i, x in PAIRS)
     path.write_text("Logger 5\n\nTime,x [mm],state\n" + "".join(rows))
 
@@ -171,7 +174,7 @@ def _universal(path: Path, binary: int) -> None:
     )  # fmt: skip
     path.unlink(missing_ok=True)
     with warnings.catch_warnings():
-        # pyuff leaves the files that it writes to the collector.
+        # pyuff does not close the files that it writes.
         warnings.simplefilter("ignore", ResourceWarning)
         pyuff.UFF(str(path)).write_sets(data, "add")
 
@@ -213,11 +216,11 @@ SEEDS: dict[str, Callable[[Path], object]] = {
     "rig.toml": lambda path: path.write_text(RIG),
     "fit.json": lambda path: fit().save(path),
 }
-"""By name, what writes the file."""
+"""Writers of the files, by name."""
 
 
 def write_seeds(folder: Path) -> dict[str, bytes]:
-    """The content of every seed, written into a folder."""
+    """Write all seed files into a folder and return their contents."""
     folder.mkdir(parents=True, exist_ok=True)
     for name, build in SEEDS.items():
         build(folder / name)

@@ -1,7 +1,7 @@
-"""How long reading takes: `python experiments/files/times.py`.
+"""Measure the time of reading: `python experiments/files/times.py`.
 
-Prints the time of a table of a million rows beside that of pandas, read in turn; the memory of one of ten million; and
-the time after which a command refuses a file that is missing and a law that is misspelt.
+Prints the time of fricjax and of pandas for a table of a million rows, read in turn. Prints also the memory for ten
+million rows, and the time in which a command refuses a missing file and a misspelt law.
 """
 
 import subprocess
@@ -29,7 +29,7 @@ REFUSALS = {
 
 
 def write(path: Path, rows: int) -> None:
-    """A table of times and displacements."""
+    """Write a table of times and displacements."""
     with path.open("w") as file:
         file.write("Time [s],Displacement [m]\n")
         for start in range(0, rows, ROWS):
@@ -39,7 +39,7 @@ def write(path: Path, rows: int) -> None:
 
 
 def seconds(call: Callable[[], object]) -> float:
-    """Time of one call."""
+    """Measure the time of one call [s]."""
     begin = time.perf_counter()
     call()
     return time.perf_counter() - begin

@@ -1,9 +1,10 @@
-"""Fits of pendulums of any swing: do they end at the true optimum, at once, and with an error that noise drowns?
+"""Check fits of pendulums with small and large swings.
 
-Forty simulated pendulums with dry friction, damping and drag at random (first swing 0.3 to 3.05 rad, 20 to 260
-half-cycles, 2 mrad of noise, 100 Hz) are fitted from the default start and, for comparison, from the truth; then one
-that starts near the top, and, where FRICJAX_DATA names their folder, measured ones. Printed are one line per fit and
-how many of them do not keep what a fit of a pendulum is to keep.
+A fit must end at the true optimum, in few stages, and with a numerical error far below the noise. Forty simulated
+pendulums have random dry friction, damping and drag (first swing 0.3 to 3.05 rad, 20 to 260 half-cycles, 2 mrad of
+noise, 100 Hz). Each is fitted from the default start and, for comparison, from the truth. Further fits cover a pendulum
+that starts near the top and, if FRICJAX_DATA names their folder, measured pendulums. The script prints one line per fit
+and the number of broken requirements.
 
     FRICJAX_DATA=... python experiments/honesty/pendulums.py [--count 40] [--only simulated|top|measured]
 """
@@ -25,10 +26,10 @@ import fricjax as fj  # noqa: E402
 
 NOISE, RATE = 2e-3, 100.0
 FREE = ("mu", "damping", "drag", "stiffness")
-# What a fit is to keep: chi^2 above that from the truth, range of the reduced one, numerical error in standard errors,
-# stages, and seconds once compiled.
+# Limits for a fit: chi^2 minus that of the fit from the truth, range of the reduced chi^2, numerical error in standard
+# errors, stages, and seconds of a compiled fit.
 WORSE, RANGE, SHIFT, STAGES, SECONDS = 1e-3, (0.95, 1.05), 0.1, 3, 0.5
-# Residuals [rad] and stages with which the fits of measured pendulums ended before there was an envelope of reversals.
+# Residuals [rad] and stages of fits of the measured pendulums without the envelope of reversals.
 BEFORE = {
     ("small swing", "viscous"): (2.2080e-3, 2),
     ("small swing", "dry"): (5.6035e-4, 4),
@@ -47,7 +48,10 @@ BEFORE = {
 
 
 class Swing(NamedTuple):
-    """A pendulum with its record; friction, damping and drag per unit inertia."""
+    """A pendulum with its record.
+
+    Friction, damping and drag are per unit inertia.
+    """
 
     stiffness: float
     friction: float
@@ -67,14 +71,17 @@ def pendulum(stiffness: float, friction: float, damping: float, drag: float) -> 
 
 
 def swings(count: int) -> Iterator[Swing]:
-    """Pendulums at random: the loss of the first half-cycle is shared out so that it makes the number wanted."""
+    """Draw random pendulums with a given number of half-cycles.
+
+    Random shares divide the loss between friction, damping and drag.
+    """
     random = np.random.default_rng(7)
     for _ in range(count):
         x0, n = random.uniform(0.3, 3.05), np.exp(random.uniform(np.log(20), np.log(260)))
         stiffness = random.uniform(20.0, 60.0)
         shares = random.dirichlet([2.0, 1.0, 1.0])
         omega, height = np.sqrt(stiffness), 2 * np.sin(x0 / 2)
-        # Each alone would take the swing down to a tenth within n half-cycles.
+        # Each loss alone would reduce the swing to a tenth within n half-cycles.
         friction = shares[0] * stiffness * height**2 / 2 / (n * x0)
         damping, drag = shares[1] * 2 * omega * np.log(10) / (np.pi * n), shares[2] * 9 * 0.75 / (n * height)
         yield Swing(stiffness, friction, damping, drag, x0, round(1.1 * n * np.pi / omega + 2.0))
@@ -90,7 +97,7 @@ def record(swing: Swing, seed: int, rate: float = RATE, noise: float = NOISE) ->
 
 
 def judged(swing: Swing, trace: fj.Trace) -> tuple[str, list[str]]:
-    """A line about the fit of a simulated pendulum, and what it does not keep."""
+    """Fit a simulated pendulum; return a line and its failed checks."""
     start = pendulum(50.0, 0.1, 0.0, 0.0)
     begin = time.perf_counter()
     fj.fit(trace, start, FREE, throw=False)

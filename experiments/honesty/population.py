@@ -1,9 +1,9 @@
-"""Is the scatter from run to run that of friction, or of the noise within the runs?
+"""Separate scatter of friction between runs from noise within runs.
 
-Campaigns of 50 runs of one machine under noise that remembers, fitted by `fit_batch`: once with the same coefficient in
-all runs, once with one that scatters by a percent from run to run. Printed are how many of the 95 % intervals of the
-scatter contain the true one, how many of those of the mean do, and how many the intervals of white noise would have
-been, for comparison; and how many runs were set aside as outliers.
+Each campaign has 50 runs of one machine under correlated noise, fitted by `fit_batch`. All runs have the same
+coefficient of friction, or it scatters by a percent from run to run. The script prints the share of 95 % intervals of
+the scatter that contain the true scatter, the same share for the mean, and, for comparison, the share for intervals
+that assume white noise. It also prints the number of outliers.
 
     python experiments/honesty/population.py [--campaigns 200] [--only "AR,narrow"]
 """
@@ -37,7 +37,14 @@ KINDS: dict[str, Noise] = {
 
 
 class Campaign(NamedTuple):
-    """Whether the intervals of one campaign contain the true scatter and mean, and those of white noise the scatter."""
+    """Results of one campaign.
+
+    Attributes:
+        scatter, mean: True if the interval contains the true value.
+        as_white: True if the interval of the scatter under white noise contains the true value.
+        outliers: number of runs treated as outliers.
+        not_converged: number of fits with another status than "converged".
+    """
 
     scatter: bool
     mean: bool

@@ -1,7 +1,7 @@
-"""Records as instruments write them: the motion of two rigs, and everything that is added to it on the way to a file.
+"""Records as instruments write them: motions of two rigs with disturbances.
 
-Release, offset and phase of the clock are random in each record. The kinds in `TUNED` were looked at while thresholds
-were chosen; those in `ASIDE` were not.
+Release, offset and phase of the clock are random in each record. The kinds in `TUNED` served to choose thresholds. The
+kinds in `ASIDE` did not.
 """
 
 import math
@@ -17,16 +17,19 @@ from fricjax.instrument import white_acceleration
 STIFFNESS, FREQUENCY, DAMPING_RATIO = 2574.0, 12.6, 0.0027
 MASS = STIFFNESS / (2 * math.pi * FREQUENCY) ** 2
 DAMPING = 2 * DAMPING_RATIO * math.sqrt(STIFFNESS * MASS)
-FLOOR = 3.4e-11  # (m/s^2)^2/Hz, of a floor of class VC-C less 40 dB
+FLOOR = 3.4e-11  # (m/s^2)^2/Hz, 40 dB below a floor of class VC-C
 SHAKEN, RECORDED = "floor motion", "floor motion, recorded"
-FULL_SCALE = 10e-3  # of the converters that round to so many bits [m]
+FULL_SCALE = 10e-3  # full scale of the converters [m]
 
 Noise = Callable[["Rig", np.ndarray, np.ndarray, np.random.Generator], np.ndarray]
 Whitened = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
 
 
 class Rig(NamedTuple):
-    """A machine with its law, what is fitted to it, and how its runs are sampled; the last part of a run is rest."""
+    """A machine with its law, its free parameters and its sampling.
+
+    The last part of a run is rest.
+    """
 
     name: str
     oscillator: fj.Oscillator
@@ -40,9 +43,12 @@ class Rig(NamedTuple):
 
 
 class Run(NamedTuple):
-    """A record, and the truth behind it: half-cycles from the first reversal to the stop.
+    """A record with its true values.
 
-    On a floor that shakes its acceleration at the samples is known as well.
+    Attributes:
+        t, x: times [s] and displacements [m].
+        half_cycles: true number of half-cycles from the first reversal to the stop.
+        floor: acceleration of a shaken floor at the samples [m/s^2], or None.
     """
 
     t: np.ndarray
@@ -69,7 +75,7 @@ def white(size: float) -> Noise:
 
 
 def share(part: float) -> Noise:
-    """White noise of a part of the amplitude."""
+    """White noise of a fraction of the amplitude."""
     return lambda rig, t, x, random: x + part * np.ptp(x) / 2 * random.standard_normal(t.size)
 
 
@@ -87,14 +93,17 @@ def random_walk(step: float) -> Noise:
 
 
 def hum(frequency: float, size: float) -> Noise:
-    """A sine of any phase over 1 nm of white noise."""
+    """A sine of random phase over 1 nm of white noise."""
     return lambda rig, t, x, random: (
         x + (size * np.sin(2 * np.pi * (frequency * t + random.uniform())) + 1e-9 * random.standard_normal(t.size))
     )
 
 
 def narrow(frequency: float, size: float, lasts: float = 0.08) -> Noise:
-    """Noise through a resonance that rings for so long, over 1 nm of white noise."""
+    """Narrow-band noise over 1 nm of white noise.
+
+    A resonance with a decay time of `lasts` [s] filters white noise.
+    """
 
     def add(rig: Rig, t: np.ndarray, x: np.ndarray, random: np.random.Generator) -> np.ndarray:
         step = t[1] - t[0]
@@ -107,7 +116,10 @@ def narrow(frequency: float, size: float, lasts: float = 0.08) -> Noise:
 
 
 def mode(size: float) -> Noise:
-    """A structural mode of 60 to 300 Hz, excited at the release, decaying at one percent, over 1 nm of white noise."""
+    """A decaying structural mode over 1 nm of white noise.
+
+    The release excites it at 60 to 300 Hz, with a damping ratio of one percent.
+    """
 
     def add(rig: Rig, t: np.ndarray, x: np.ndarray, random: np.random.Generator) -> np.ndarray:
         omega = 2 * np.pi * random.uniform(60, 300)
@@ -123,7 +135,7 @@ def drift(speed: float) -> Noise:
 
 
 def bits(number: int, size: float) -> Noise:
-    """Rounding to the steps of a converter, after white noise of a size."""
+    """Rounding to the steps of a converter, after white noise."""
     step = FULL_SCALE / 2**number
     return lambda rig, t, x, random: step * np.round((x + size * random.standard_normal(t.size)) / step)
 
@@ -138,14 +150,14 @@ def in_steps(step: float, speed: float, noise: Noise) -> Noise:
 
 
 def jitter(size: float) -> Noise:
-    """Samples taken at times that are off, over 1 nm of white noise."""
+    """Sampling at inexact times, over 1 nm of white noise."""
     return lambda rig, t, x, random: (
         x + np.gradient(x, t) * size * random.standard_normal(t.size) + 1e-9 * random.standard_normal(t.size)
     )
 
 
 def outliers(part: float, size: float) -> Noise:
-    """Some samples far off, over 5 nm of white noise."""
+    """Some samples with large errors, over 5 nm of white noise."""
     return lambda rig, t, x, random: (
         x
         + 5e-9 * random.standard_normal(t.size)
@@ -190,7 +202,10 @@ def independent(size: float) -> Whitened:
 
 
 def remembered(rho: float, size: float) -> Whitened:
-    """Innovations of an autoregressive process of this size, which for `rho` of one is that of a step."""
+    """Innovations of an autoregressive process.
+
+    `size` is its standard deviation, or for `rho` of one the standard deviation of a step.
+    """
 
     def whitened(t: np.ndarray, x: np.ndarray, columns: np.ndarray) -> np.ndarray:
         innovations = columns - rho * np.concatenate([np.zeros((1, columns.shape[1])), columns[:-1]])
@@ -212,9 +227,9 @@ def clocked(size: float) -> Whitened:
     return lambda t, x, columns: columns / np.hypot(1e-9, size * np.gradient(x, t))[:, None]
 
 
-# What turns the derivatives of a record into those of independent samples of unit variance, where that is known: their
-# information is then the inverse of the Cramer-Rao bound. A share of the amplitude is a size that differs from run to
-# run, rounding makes no noise of any known law, and the loss for outliers gives up a twentieth.
+# Whitening of the derivatives of a record to independent samples of unit variance. Their information matrix is then the
+# inverse of the Cramer-Rao bound. Some kinds are missing: a share of the amplitude differs in size from run to run, and
+# rounding has no known noise law. With outliers the robust loss is a twentieth less efficient.
 KNOWN: dict[str, Whitened] = {
     "white 1 nm": independent(1e-9),
     "white 20 nm": independent(20e-9),
@@ -232,8 +247,8 @@ KNOWN: dict[str, Whitened] = {
 }
 
 
-# What a record does not show of its own instrument, by its standard uncertainty: the phase of a nonlinearity of 5 nm is
-# not known, and the others are as large as those of a poor encoder, so that they dwarf the noise.
+# Instrument errors that a record does not reveal, as standard uncertainties. The phase of the nonlinearity of 5 nm is
+# unknown. The other errors are those of a poor encoder and exceed the noise by far.
 INPUTS: dict[str, dict[str, fj.Measured]] = {
     "nonlinearity 5 nm": {"periodic_nonlinearity": fj.Measured(0.0, 5e-9 / math.sqrt(2))},
     "displacement scale 1e-4": {"displacement_scale": fj.Measured(1.0, 1e-4)},
@@ -243,7 +258,10 @@ FRINGE = 316.5e-9  # m
 
 
 def read_with(rig: Rig, kind: str, seed: int) -> Run:
-    """A run under 1 nm of white noise whose instrument errs by something drawn from what is known of it."""
+    """Simulate a run with a random instrument error.
+
+    The noise is white, of 1 nm. The error follows the standard uncertainty of the instrument.
+    """
     random, inputs = np.random.default_rng([3, seed]), INPUTS[kind]
     errors = {name: given.std * random.standard_normal() for name, given in inputs.items()}
     clock = 1 + errors.get("time_scale", 0.0)
@@ -256,11 +274,12 @@ def read_with(rig: Rig, kind: str, seed: int) -> Run:
 
 
 def motion(rig: Rig, random: np.random.Generator, floor: float = 0.0) -> Run:
-    """A run without noise: released from 1 to 2.6 mm on either side, about any equilibrium, at any instant.
+    """Simulate a run without noise.
 
-    On a floor that shakes, its acceleration is white, of a power spectral density in (m/s^2)^2/Hz.
+    It is released from 1 to 2.6 mm on either side, about a random equilibrium, at a random instant. `floor` is the
+    power spectral density of a white floor acceleration [(m/s^2)^2/Hz].
     """
-    # From 1 mm on the first reversal is followed by two half-cycles, the fewest that tell friction from the offset.
+    # From 1 mm, two half-cycles follow the first reversal. Fewer would not separate friction from the offset.
     x0 = random.choice([-1, 1]) * random.uniform(1.0e-3, 2.6e-3)
     t, offset = rig.t + random.uniform() / rig.rate, random.uniform(-1e-3, 1e-3)
     if not floor:
@@ -274,7 +293,10 @@ def motion(rig: Rig, random: np.random.Generator, floor: float = 0.0) -> Run:
 
 
 def record(rig: Rig, kind: str, seed: int) -> Run:
-    """A run with its noise; the same seed gives the same motion under every noise."""
+    """Simulate a run with noise.
+
+    The same seed gives the same motion under every noise.
+    """
     clean = motion(rig, np.random.default_rng([1, seed]), FLOOR if kind in (SHAKEN, RECORDED) else 0.0)
     noise = {**TUNED, **ASIDE}[kind]
     return clean._replace(x=noise(rig, clean.t, clean.x, np.random.default_rng([2, seed])))

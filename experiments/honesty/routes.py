@@ -1,10 +1,11 @@
-"""Error bars of routes 2 to 4, of the agreement and of the probability of a stop, over many campaigns.
+"""Error bars of routes 2 to 4 over many campaigns.
 
-Releases of the prototype rig (mu = 0.05, damping ratio 0.27 %) from 1.2 to 12 dead bands, to both sides or to one, with
-an offset and a scatter of 0.1 um of each final displacement. Printed are the share of the 95 and 68 % intervals of mu
-that hold the truth, the standard deviation of the errors in standard errors as normal scores of their Student
-distribution, how many campaigns were reported as open, and how many were given wrong numbers of half-cycles in silence.
-Campaigns whose numbers are reported as open are left out of the intervals.
+The prototype rig (mu = 0.05, damping ratio 0.27 %) is released from 1.2 to 12 dead bands, to both sides or to one, with
+an offset and a scatter of 0.1 um of each final displacement. The script prints the share of the 95 and 68 % intervals
+of mu that contain the truth, and the standard deviation of the errors in standard errors, as normal scores of their
+Student distribution. It also prints the number of campaigns that report open numbers of half-cycles, and the number of
+campaigns with wrong numbers of half-cycles and no report. Campaigns with open numbers do not count in the intervals.
+The same table covers the mean of all routes and the probability of a stop.
 
     python experiments/honesty/routes.py [--campaigns 400] [--only pairs|stated|energy|agreement|probit]
 """
@@ -42,7 +43,13 @@ SIZES = (4, 6, 8, 12, 16, 24, 40)
 
 
 class Outcome(NamedTuple):
-    """One campaign: its error in normal scores, whether it was reported as open, and whether its numbers were wrong."""
+    """Result of one campaign.
+
+    Attributes:
+        score: error in normal scores.
+        is_open: the campaign reports open numbers of half-cycles.
+        wrong: the numbers are wrong and the campaign does not report it.
+    """
 
     score: float
     is_open: bool
@@ -50,7 +57,7 @@ class Outcome(NamedTuple):
 
 
 def released(y0: float, static: float = BAND) -> tuple[float, int]:
-    """Final displacement and number of half-cycles by the half-cycle map."""
+    """Return final displacement and number of half-cycles by the half-cycle map."""
     side, a, n = np.sign(y0), abs(y0), 0
     while a > static:
         a, n = DAMPED * a - (1 + DAMPED) * BAND, n + 1
@@ -58,7 +65,7 @@ def released(y0: float, static: float = BAND) -> tuple[float, int]:
 
 
 def campaign(pairs: int, seed: int, sides: Sequence[float]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Initial and final displacements and numbers of half-cycles."""
+    """Draw initial and final displacements and numbers of half-cycles."""
     random = np.random.default_rng([pairs, seed])
     y0 = random.uniform(1.2, 12, pairs) * BAND * random.choice(sides, pairs)
     offset, static = random.uniform(-3e-6, 3e-6), BAND * random.uniform(1, 1.3)
@@ -67,12 +74,15 @@ def campaign(pairs: int, seed: int, sides: Sequence[float]) -> tuple[np.ndarray,
 
 
 def score(error: float, std: float, dof: float) -> float:
-    """An error in standard errors of `dof` degrees of freedom, as the normal error of the same probability."""
+    """Convert an error to the normal score of the same probability.
+
+    The error is in standard errors of a Student distribution with `dof` degrees of freedom.
+    """
     return float(norm.ppf(np.clip(t.cdf(error / std, dof), 1e-300, 1 - 1e-16)))
 
 
 def by_pairs(route: int, sides: Sequence[float], known: bool, stated: float | None, job: tuple[int, int]) -> Outcome:
-    """One campaign of pairs by route 2 or 3."""
+    """Fit one campaign of pairs by route 2 or 3."""
     x0, xf, counts = campaign(*job, sides)
     numbers = counts if known else None
     if route == 2:
@@ -94,7 +104,7 @@ def _score(fit: RouteFit) -> float:
 
 
 def recorded(noise: float, runs: int, seed: int) -> list[fj.Record]:
-    """Records of the same machine from different releases."""
+    """Simulate records of the same machine from different releases."""
     random = np.random.default_rng([runs, seed])
     machine = RIG.oscillator(fj.friction.Coulomb(MU))
     how = {"rate": 5e3, "duration": 0.4, "noise": noise, "offset": 3e-6}
@@ -105,19 +115,22 @@ def recorded(noise: float, runs: int, seed: int) -> list[fj.Record]:
 
 
 def by_agreement(noise: float, job: tuple[int, int]) -> Outcome:
-    """The mean of all routes on the same records."""
+    """Combine all routes on the same records."""
     fit = compare_routes(recorded(noise, *job), RIG)
     return Outcome((fit.mu.value - MU) / fit.mu.std, False, False)
 
 
 def by_energy(noise: float, job: tuple[int, int]) -> Outcome:
-    """Route 4, from the reversals of records."""
+    """Apply route 4 to the reversals of records."""
     fit = half_cycle_friction(recorded(noise, *job), RIG)
     return Outcome((fit.mu.value - MU) / fit.mu.std, False, False)
 
 
 def by_stops(job: tuple[int, int]) -> Outcome:
-    """The static band from stops whose static friction scatters by 15 % of the dead band."""
+    """Estimate the static band from stops with scattered static friction.
+
+    The scatter is 15 % of the dead band.
+    """
     random, size, stopped = np.random.default_rng(job), [], []
     for a in random.uniform(1.31, 12, job[0]) * BAND:
         while True:
@@ -136,7 +149,7 @@ def by_stops(job: tuple[int, int]) -> Outcome:
 
 
 def report(name: str, one: Callable[[tuple[int, int]], Outcome], sizes: Sequence[int], campaigns: int) -> None:
-    """One line for each size of a campaign."""
+    """Print one line for each size of a campaign."""
     with ProcessPoolExecutor() as pool:
         for pairs in sizes:
             outcomes = list(pool.map(one, [(pairs, seed) for seed in range(campaigns)], chunksize=25))

@@ -1,24 +1,26 @@
-"""Is the friction right, and is "converged" true, on records as instruments write them?
+"""Check friction and the status "converged" on realistic records.
 
-For every kind of noise and either rig, records with a random release, offset and phase are fitted as a user would. A
-row tells how often the number of half-cycles is right, or cannot be told: where another number was taken, the fit with
-the true one is no worse by more than odds of 400 to 1, for residuals as correlated as they are. A record of one
-half-cycle behind its first reversal is rightly refused. The error of mu is given in units of the scatter that fits with
-the true number of half-cycles have over the same records.
+For every kind of noise and both rigs, records with random release, offset and phase are fitted as a user would fit
+them. A row of the table counts records with the right number of half-cycles, and records with an open number. The
+number is open if the fit with the true number is worse by odds of at most 400 to 1, given the correlation of the
+residuals. A refusal is right for a record with at most one half-cycle after its first reversal. Errors of mu are in
+units of the scatter of fits with the true number of half-cycles over the same records.
 
     python experiments/honesty/run.py [--runs 100] [--rig sliding] [--only "white,AR"]
     python experiments/honesty/run.py --bars [--runs 200]
     python experiments/honesty/run.py --inputs [--runs 60]
     python experiments/honesty/run.py --thresholds [--runs 5]
 
-With `--bars` a row tells instead how often the intervals of mu, damping and stiffness contain the truth, the standard
-deviation of the errors in standard errors, the largest of them that has converged, and the standard errors over the
-Cramer-Rao bound of that noise where it is known. Records that are refused or end in another status are counted.
-With `--inputs` the instrument errs, in each record anew, by what only the rig knows: a row tells how often the combined
-intervals contain the truth, the standard deviation of the errors in combined and in statistical standard errors, and
-how large the combined standard errors are.
-With `--thresholds` the thresholds of segmentation and noise are halved and doubled instead, one after the other, and a
-row tells by how many standard errors that changes mu at most.
+With `--bars` a row gives the share of intervals of mu, damping and stiffness that contain the truth, the standard
+deviation of the errors in standard errors, the largest error of a converged fit, and the ratio of the standard errors
+to the Cramer-Rao bound of that noise, if known. It also counts refused records and fits with another status.
+
+With `--inputs` each record has a random instrument error that only the rig describes. A row gives the share of combined
+intervals that contain the truth, the standard deviation of the errors in combined and in statistical standard errors,
+and the size of the combined standard errors.
+
+With `--thresholds` each threshold of segmentation and noise is halved and doubled in turn. A row gives the largest
+change of mu in standard errors.
 """
 
 import argparse
@@ -46,7 +48,7 @@ from fricjax.fitting.solve import checking, solve  # noqa: E402
 
 ODDS = 2 * math.log(400)
 BOUNDED = 10  # records of a kind for which the Cramer-Rao bound is computed
-TOO_FEW = 2  # half-cycles behind the first reversal, from which friction and the offset can both be told
+TOO_FEW = 2  # half-cycles after the first reversal that friction and offset require
 THRESHOLDS = {
     half_cycles: ("SURE", "SOUGHT", "BELIEVED", "TINY", "ISOCHRONOUS", "PER_HALF_CYCLE"),
     stop: ("STANDS_OUT", "RINGING", "CREPT", "SHORTEST_REST", "CREEP", "OPEN"),
@@ -56,7 +58,14 @@ THRESHOLDS = {
 
 
 class Outcome(NamedTuple):
-    """One record: the fit as a user gets it and the one with the true number, each None where it was refused."""
+    """Fits of one record, each None if refused.
+
+    Attributes:
+        run: the record.
+        fit: fit as a user gets it.
+        true: fit with the true number of half-cycles.
+        refusal: error message of the refusal.
+    """
 
     run: Run
     fit: fj.Fit | None
@@ -65,14 +74,17 @@ class Outcome(NamedTuple):
 
     @property
     def right(self) -> bool:
-        """Whether the number is the true one, or the record was refused that holds too few to tell friction."""
+        """Return True if the number is right or a refusal is justified.
+
+        A refusal is justified if the record has too few half-cycles to determine friction.
+        """
         if self.fit is None:
             return self.run.half_cycles < TOO_FEW
         return self.fit.half_cycles[0] == self.run.half_cycles
 
     @property
     def open(self) -> bool:
-        """Whether the record cannot tell the number that was taken from the true one."""
+        """Return True if fitted and true number describe the record equally well."""
         if self.fit is None or self.true is None or self.right:
             return self.right
         variance = max(self.true.chi2_reduced, 1e-300) * max(self.true.whiteness.correlation_time, 1.0)
@@ -84,7 +96,10 @@ class Outcome(NamedTuple):
 
 
 def fitted(rig: Rig, run: Run, kind: str) -> fj.Fit:
-    """The fit as a user gets it; one who records the acceleration of the floor makes use of it."""
+    """Fit a record as a user would.
+
+    If the acceleration of the floor is recorded, the fit uses it.
+    """
     trace, settings = fj.Trace(run.t, run.x), {"loss": loss_for(kind), "throw": False}
     if kind == RECORDED:
         return fit_on_moving_floor(trace, run.floor, rig.oscillator, rig.free, **settings)
@@ -110,13 +125,16 @@ def outcome(rig: Rig, run: Run, kind: str) -> Outcome:
 
 
 def fit_with_true_number(rig: Rig, run: Run, loss: str) -> fj.Fit:
-    """The fit of a record of which the number of half-cycles is known; it is posed on what is before the stop."""
+    """Fit a record with its known number of half-cycles.
+
+    The problem covers only the samples before the stop.
+    """
     problem = posed(rig, run, loss)
     return concluded(problem, solve(problem), "absolute", False)
 
 
 def posed(rig: Rig, run: Run, loss: str, guess: dict[str, float] | None = None) -> Problem:
-    """The problem with the true number of half-cycles."""
+    """Build the problem with the true number of half-cycles."""
     settings = {"nuisance": None, "engine": "auto", "start": "first_reversal", "bounds": None, "priors": None}
     request = Request.of(rig.oscillator, list(rig.free), tie=None, rig=None, guess=guess, loss=loss, **settings)
     return with_counts(build_problem([fj.Trace(run.t, run.x)], request), (run.half_cycles,))
@@ -139,7 +157,7 @@ def row(kind: str, outcomes: list[Outcome], truth: float) -> str:
 
 def table(rig: Rig, runs: int, wanted: list[str]) -> None:
     truth = float(rig.oscillator.friction.mu)
-    for title, kinds in (("looked at while tuning", TUNED), ("kept aside", ASIDE)):
+    for title, kinds in (("used for tuning", TUNED), ("not used for tuning", ASIDE)):
         print(f"\n{rig.name}, {runs} records a row, kinds {title}; worst error of mu in units of its scatter")
         print(
             f"{'':26s}{'right':>5s}{'open':>7s}{'wrong':>8s}{'refused':>9s}{'converged':>11s}{'scatter':>12s}"
@@ -156,7 +174,10 @@ def table(rig: Rig, runs: int, wanted: list[str]) -> None:
 
 
 def bound(rig: Rig, run: Run, found: fj.Fit, kind: str) -> np.ndarray:
-    """Cramer-Rao bound of the coefficients of the machine, were the noise known; NaN where that has no known law."""
+    """Compute the Cramer-Rao bound of the free coefficients under the true noise.
+
+    It is NaN for kinds without a known noise law.
+    """
     if kind not in KNOWN:
         return np.full(len(rig.free), np.nan)
     problem = posed(rig, run, "squares", {name: float(found.values[name]) for name in rig.free})
@@ -177,9 +198,9 @@ def derivatives(residual: Residual, y: jax.Array) -> jax.Array:
 
 
 def bars(rig: Rig, runs: int, wanted: list[str]) -> None:
-    """How well the intervals hold."""
+    """Print coverage and size of the intervals."""
     truth = true_values(rig)
-    for title, kinds in (("looked at while tuning", TUNED), ("kept aside", ASIDE)):
+    for title, kinds in (("used for tuning", TUNED), ("not used for tuning", ASIDE)):
         print(f"\n{rig.name}, {runs} records a row, kinds {title}; each for {', '.join(rig.free)}")
         print(
             f"{'':26s}{'refused':>8s}{'other':>6s}{'cover 95 %':>17s}{'cover 68 %':>17s}{'sd of z':>16s}"
@@ -217,7 +238,7 @@ def true_values(rig: Rig) -> dict[str, float]:
 
 
 def inputs(rig: Rig, runs: int, wanted: list[str]) -> None:
-    """How well the combined intervals hold where the instrument errs."""
+    """Print coverage of the combined intervals under instrument errors."""
     truth, machine = true_values(rig), rig.oscillator
     numbers = {name: float(getattr(machine, name)) for name in ("mass", "stiffness", "damping", "normal_force")}
     print(f"\n{rig.name}, {runs} records a row; each for {', '.join(rig.free)}")
@@ -266,7 +287,7 @@ def fits(rig: Rig, runs: int, wanted: list[str]) -> list[fj.Fit]:
 
 
 def sensitivity(rig: Rig, runs: int, wanted: list[str]) -> None:
-    """What half and twice each threshold change."""
+    """Print changes of mu if thresholds are halved or doubled."""
     plain = fits(rig, runs, wanted)
     print(f"\n{rig.name}, {len(plain)} records; largest change of mu in its standard errors, as residuals scatter")
     for module, names in THRESHOLDS.items():

@@ -1,9 +1,9 @@
-"""Recovery of the coefficients of every law from its own noisy runs, from the automatic start.
+"""Recover the coefficients of every law from noisy runs.
 
-Each law slides on the prototype: 0.41 kg on 2574 N/m, 20 kHz, 1 nm. The start values that it is given are off by a
-factor of three in all that a record must tell by itself. Prints for each coefficient its truth, the mean and the worst
-error of the runs in standard errors, and what the fit says of it; and the seconds of the first fit, which with
-FRICJAX_CACHE_DIR=off compiles all that it needs.
+Each law slides on the prototype: 0.41 kg on 2574 N/m, 20 kHz, 1 nm. The fit has the automatic start. Its initial
+coefficients are wrong by a factor of three, if the record determines them. The script prints for each coefficient its
+true value, the mean and the largest error over the runs in standard errors, and the flags of the fit. It also prints
+the seconds of the first fit, which with FRICJAX_CACHE_DIR=off include all compilation.
 
     python experiments/laws/recover.py [--seeds 5] [--only Dahl LuGre]
 """
@@ -38,7 +38,7 @@ class Run(NamedTuple):
 
 
 class Workload(NamedTuple):
-    """A law with its coefficients, those that are free, its run, and from where that is fitted."""
+    """A law with coefficients, free names, run and start."""
 
     law: Callable[..., Any]
     truth: dict[str, Any]
@@ -172,12 +172,12 @@ WORKLOADS = {
     ),
     "Rolling": Workload(fj.friction.Rolling, {"mu": 0.05, "length": 5e-5}, (*MACHINE, "length"), SLIDING),
 }
-# What a record must tell by itself, and is therefore given wrongly; the rest is given as it is.
+# A record determines these coefficients, so the fit starts from wrong values. The others start from the truth.
 TOLD = ("mu", "mu_s", "sigma0", "sigma1", "length", "epsilon", "mu1", "stiffnesses", "limits", "gamma4", "forces")
 
 
 class Row(NamedTuple):
-    """What became of one coefficient over the seeds."""
+    """Errors and flags of one coefficient over the seeds."""
 
     name: str
     truth: float
@@ -187,7 +187,10 @@ class Row(NamedTuple):
 
 
 def oscillator(work: Workload, wrong: float = 1.0) -> fj.Oscillator:
-    """The machine with the law, with what the record tells off by a factor."""
+    """Build the machine with the law.
+
+    `wrong` multiplies the coefficients that the record determines.
+    """
     given = {name: _times(value, wrong) if name in TOLD else value for name, value in work.truth.items()}
     damping = DAMPING * (wrong if "damping" in work.free else 1.0)
     return fj.Oscillator(MASS, STIFFNESS, damping, work.run.load, work.law(**given))
@@ -198,7 +201,10 @@ def _times(value: float | tuple[float, ...], factor: float) -> Any:
 
 
 def _named(truth: dict[str, Any]) -> dict[str, float]:
-    """Values by the names under which they are fitted, those of elements with their number."""
+    """Return values by the names of their parameters.
+
+    Names of elements end with their index.
+    """
     lists = {
         f"{name}_{i}": each for name, value in truth.items() if isinstance(value, tuple) for i, each in enumerate(value)
     }
@@ -206,7 +212,7 @@ def _named(truth: dict[str, Any]) -> dict[str, float]:
 
 
 def traces(work: Workload, seeds: int) -> list[fj.Trace]:
-    """Noisy records of one motion."""
+    """Simulate noisy records of one motion."""
     run = work.run
     t = np.arange(round(run.duration * run.rate)) / run.rate
     clean = np.asarray(fj.simulate(oscillator(work), run.x0, t, accuracy=1e-12).x)
@@ -244,7 +250,7 @@ def report(name: str, work: Workload, seeds: int) -> None:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--seeds", type=int, default=5, help="runs of each law")
-    parser.add_argument("--only", nargs="+", default=list(WORKLOADS), help="names of the laws to recover, all without")
+    parser.add_argument("--only", nargs="+", default=list(WORKLOADS), help="names of the laws to recover; default: all")
     options = parser.parse_args()
     print("law, coefficient           truth      mean     worst   flags (errors in standard errors)")
     for name in options.only:

@@ -1,10 +1,10 @@
 """Accuracy and speed of every law against SciPy.
 
-For each law: the error of `fj.simulate` against an independent reference, its time once compiled, and the time of the
-faster of SciPy's odeint and Radau on the same law, each at the loosest tolerance that keeps to 0.1 nm. Laws that hold
-the mass by a jump, which these cannot integrate, are restarted at each reversal. Beside it, unasked, stands the fastest
-way that knows more of the law than its equation: restarts at the reversals, or a closed form between two switches. The
-right-hand sides for SciPy are plain Python numbers.
+For each law the table gives the error of `fj.simulate` against an independent reference, its time once compiled, and
+the time of the faster of SciPy's odeint and Radau on the same law, each at the loosest tolerance that keeps 0.1 nm.
+These two cannot integrate laws that hold the mass by a jump. For such laws the integration restarts at each reversal.
+The last columns give, for information, the fastest method that uses more than the equation of the law: restarts at the
+reversals, or a closed form between two switches. The right-hand sides for SciPy are in plain Python numbers.
 
     python experiments/laws/run.py [--only Dahl LuGre] [--json out.json] [--quick]
 """
@@ -31,11 +31,11 @@ import numpy as np  # noqa: E402
 import fricjax as fj  # noqa: E402
 from experiments.laws.workloads import X0, Peer, Workload, workloads  # noqa: E402
 
-# What is asked for: error [nm], and time of SciPy over ours.
+# Requirements: largest error [nm], and smallest ratio of SciPy's time to ours.
 ERROR, RATIO = 0.1, 20.0
-# Least time of a turn [s]: the first call behind another job finds its code and data no longer at hand.
+# Shortest time of a turn [s]. The first call after another job finds the caches cold.
 TURN = 0.02
-# The search for the tolerance of one way of SciPy may take five times this [s], or the time of the best way so far.
+# The search for a tolerance may take five times this [s], or five times the best method so far.
 PATIENCE = 10.0
 TOLERANCES = (1e-6, 1e-7, 1e-8, 1e-9, 1e-10, 1e-11, 1e-12)
 HEADS = ("law", "motion", "engine", "error [nm]", "time [ms]", "SciPy", "rtol", "error [nm]", "time [ms]", "ratio", "")
@@ -43,7 +43,14 @@ HEADS += ("knowing more", "time [ms]", "ratio")
 
 
 class Peered(NamedTuple):
-    """One way at the tolerance that it needed: its name, that tolerance, its error [nm], and how to go it."""
+    """A SciPy method at its tolerance.
+
+    Attributes:
+        name: name of the method.
+        rtol: loosest sufficient relative tolerance.
+        error: error at this tolerance [nm].
+        solve: function that runs the method.
+    """
 
     name: str
     rtol: float
@@ -52,7 +59,7 @@ class Peered(NamedTuple):
 
 
 class Row(NamedTuple):
-    """One law: errors [nm], times [ms], and the time of SciPy over ours."""
+    """Results of one law: errors [nm], times [ms], names of methods."""
 
     law: str
     motion: str
@@ -80,7 +87,10 @@ class Row(NamedTuple):
 
 
 def in_turns(jobs: Sequence[Callable[[], object]], repeats: int) -> list[float]:
-    """Median time of one call of each [ms], in turns, since machines have slow minutes; of short ones several calls."""
+    """Return the median time of one call of each job [ms].
+
+    Jobs run in turns, because the speed of a machine varies. A turn of a short job has several calls.
+    """
     times: list[list[float]] = [[] for _ in jobs]
     for _ in range(repeats):
         for job, taken in zip(jobs, times, strict=True):
@@ -97,9 +107,12 @@ def nanometres(found: np.ndarray, expected: np.ndarray) -> float:
 
 
 def loosest(peer: Peer, ts: np.ndarray, expected: np.ndarray, limit: float) -> tuple[Peered, float] | None:
-    """The loosest tolerance that keeps to the error and its time [s]; nothing where none does in five times `limit`."""
+    """Find the loosest sufficient tolerance and its time [s].
+
+    Returns None if no tolerance keeps the error limit within five times `limit` [s].
+    """
     try:
-        # A tolerance that is too loose may run away.
+        # The solution may diverge if the tolerance is too loose.
         with alarm(5 * limit), np.errstate(all="ignore"):
             for rtol in TOLERANCES:
                 begin = time.perf_counter()
@@ -113,7 +126,7 @@ def loosest(peer: Peer, ts: np.ndarray, expected: np.ndarray, limit: float) -> t
 
 @contextlib.contextmanager
 def alarm(limit: float) -> Iterator[None]:
-    """Leave the block with a TimeoutError after that time [s]."""
+    """Leave the block with a TimeoutError after `limit` [s]."""
 
     def ring(_signal: int, _frame: object) -> None:
         raise TimeoutError
@@ -127,7 +140,7 @@ def alarm(limit: float) -> Iterator[None]:
 
 
 def fastest(peers: Sequence[Peer], ts: np.ndarray, expected: np.ndarray) -> Peered | None:
-    """The fastest way to 0.1 nm; nothing where none keeps to it in time."""
+    """Find the fastest method that keeps 0.1 nm, or None."""
     best, least = None, PATIENCE
     for peer in peers:
         found = loosest(peer, ts, expected, least)
@@ -177,8 +190,8 @@ def main() -> None:
         show(cells(rows[-1]))
     held = {row.law for row in rows if row.holds}
     missed = dict.fromkeys(row.law for row in rows if row.law not in held)
-    print(f"\nAsked for: error at most {ERROR} nm, and SciPy at least {RATIO:g} times slower, on one of the motions.")
-    print(f"Held by {len(held)} of {len(held) + len(missed)}; not by: {'; '.join(missed) or 'none'}.")
+    print(f"\nRequired: error at most {ERROR} nm, and SciPy at least {RATIO:g} times slower, on one of the motions.")
+    print(f"Met by {len(held)} of {len(held) + len(missed)}; not by: {'; '.join(missed) or 'none'}.")
     if options.json:
         derived = ("ratio", "other_ratio", "holds")
         told = [row._asdict() | {name: getattr(row, name) for name in derived} for row in rows]

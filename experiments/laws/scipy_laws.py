@@ -1,4 +1,7 @@
-"""Laws with internal states for SciPy, from the published formulas in plain numbers."""
+"""Laws with internal states for SciPy, in plain Python numbers.
+
+They follow the published formulas.
+"""
 
 from collections.abc import Callable, Mapping, Sequence
 from math import asinh, exp, inf, log, pi, sin
@@ -45,7 +48,10 @@ def elasto_plastic(p: Mapping[str, float], load: float) -> Law:
 
 
 def _proportional(strength: float, length: float, rate: Callable[[float, float, float], float]) -> Law:
-    """F = strength zeta with the relative deflection zeta; `rate(v, zeta, d)` is dz/dt with z = length zeta."""
+    """Build the law F = strength zeta with the relative deflection zeta.
+
+    `rate(v, zeta, d)` is dz/dt with z = length zeta.
+    """
     return Law(lambda v, z, d: (strength * z[0], rate(v, z[0], d) / length), (1.0,), lambda d: (d,))
 
 
@@ -84,7 +90,7 @@ def bliman_sorine(p: Mapping[str, float], load: float) -> Law:
 
 
 def _rate_state(p: Mapping[str, float], load: float, ageing: Callable[[float, float], float]) -> Law:
-    """State ln(v0 theta/D_c), pulled at v0."""
+    """Build a law with the state ln(v0 theta/D_c), pulled at v0."""
     mu, a, b, v0 = p["mu"], p["a"], p["b"], p["v_reference"]
 
     def act(v: float, psi: Sequence[float], d: float) -> tuple[float, float]:
@@ -104,7 +110,10 @@ def rate_state_slip(p: Mapping[str, float], load: float) -> Law:
 
 
 def maxwell_slip(p: Mapping[str, Any], load: float) -> Law:
-    """Forces of elements, each of which stands still at its limit; no step ends where one yields."""
+    """Build a law of elements with force limits.
+
+    The force of an element is constant at its limit. Integration steps do not end where an element yields.
+    """
     limits, stiffnesses = tuple(load * limit for limit in p["limits"]), tuple(p["stiffnesses"])
 
     def act(v: float, forces: Sequence[float], d: float) -> tuple[float, ...]:
@@ -135,8 +144,8 @@ LAWS: dict[str, Callable[[Mapping[str, Any], float], Law]] = {
 def reference(
     law_name: str, parameters: Mapping[str, float], machine: Machine, x0: float, ts: np.ndarray, **how: Any
 ) -> np.ndarray:
-    """Displacement [m] at `ts` [s] under one of :data:`LAWS`, with the coefficients that have no default here.
+    """Compute the displacement [m] at `ts` [s] under one of :data:`LAWS`.
 
-    `how` may give `rtol` and `method` of :func:`restarted`.
+    All coefficients without a default here are required. `how` may give `rtol` and `method` of :func:`restarted`.
     """
     return restarted(LAWS[law_name](parameters, machine.normal_force), machine, x0, ts, **how)

@@ -1,6 +1,6 @@
-"""Laws without internal states for SciPy, from the published formulas in plain numbers.
+"""Laws without internal states for SciPy, in plain Python numbers.
 
-Each is a force [N] against the speed, and the force that holds the mass at rest.
+They follow the published formulas. Each gives the force [N] at a speed, and the force that holds the mass at rest.
 """
 
 from bisect import bisect_right
@@ -15,17 +15,20 @@ from experiments.laws.scipy_motion import Law
 
 
 def memoryless(sliding: Callable[[float], float], static: float = 0.0) -> Law:
-    """`sliding` is the force [N] at a speed of zero or more [m/s]; `static` holds the mass at rest [N]."""
+    """Build a law without internal states.
+
+    `sliding` is the force [N] at a speed of zero or more [m/s]. `static` is the force that holds the mass at rest [N].
+    """
 
     def act(v: float, _z: Sequence[float], d: float) -> tuple[float]:
-        # A step may end beyond the reversal that bounds it.
+        # A trial step may end beyond the reversal.
         return (d * sliding(max(d * v, 0.0)),)
 
     return Law(act, static=static)
 
 
 def constant(kinetic: float, static: float | None = None, viscous: float = 0.0, drag: float = 0.0) -> Law:
-    """Coulomb friction, with what an oil and the air add."""
+    """Build Coulomb friction with optional viscous and quadratic drag."""
     return memoryless(lambda u: kinetic + (viscous + drag * u) * u, kinetic if static is None else static)
 
 
@@ -43,19 +46,28 @@ def tanh_law(kinetic: float, v_s: float) -> Law:
 
 
 def makkar(load: float, g1: float, g2: float, g3: float, g4: float, g5: float, g6: float) -> Law:
-    """Makkar et al. (2005) with g1 and g4 per load."""
+    """Build the law of Makkar et al. (2005).
+
+    g1 and g4 are per load.
+    """
     return memoryless(lambda u: load * (g1 * (tanh(g2 * u) - tanh(g3 * u)) + g4 * tanh(g5 * u)) + g6 * u)
 
 
 def smoothest(knots: Sequence[float], forces: Sequence[float]) -> CubicSpline:
-    """Of continuous curvature in ln(1 + v/knots_1), straight at the first speed and level at the last."""
+    """Build a spline with continuous curvature in ln(1 + v/knots_1).
+
+    It is straight at the first speed and level at the last.
+    """
     stretched = np.log1p(np.asarray(knots) / knots[1])
     ends: Any = ((2, 0.0), (1, 0.0))
     return CubicSpline(stretched, forces, bc_type=ends)
 
 
 def monotone(knots: Sequence[float], forces: Sequence[float]) -> CubicHermiteSpline:
-    """With the slopes of the smoothest one, those between 0 and 3 times that of both neighbouring lines (Hyman)."""
+    """Build a monotone spline from the smoothest one.
+
+    Slopes are limited to between 0 and 3 times the smaller slope of the neighbouring lines (Hyman).
+    """
     curve = smoothest(knots, forces)
     slopes, lines = curve.derivative()(curve.x), np.diff(forces) / np.diff(curve.x)
     near = np.array([lines[[max(i - 1, 0), min(i, lines.size - 1)]] for i in range(slopes.size)])
@@ -65,7 +77,10 @@ def monotone(knots: Sequence[float], forces: Sequence[float]) -> CubicHermiteSpl
 
 
 def spline(load: float, curve: CubicSpline | CubicHermiteSpline, unit: float) -> Law:
-    """A cubic in ln(1 + v/unit), constant beyond its last knot; its coefficients as plain numbers, for speed."""
+    """Build a law from a cubic spline in ln(1 + v/unit).
+
+    It is constant beyond the last knot. Coefficients are plain numbers, for speed.
+    """
     knots, pieces, last = curve.x.tolist(), curve.c.T.tolist(), float(curve(curve.x[-1]))
 
     def sliding(u: float) -> float:

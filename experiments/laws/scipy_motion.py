@@ -1,7 +1,7 @@
-"""Motions of a mass on a spring by SciPy, under a law in plain Python numbers.
+"""Motions of a mass on a spring by SciPy.
 
-Within a stroke, from one reversal to the next, the direction of motion is known, so that no rate has a kink or a jump.
-`restarted` therefore integrates stroke by stroke; `direct` integrates across the reversals, as one would at first.
+Laws are in plain Python numbers. From one reversal to the next the direction of motion is known, so that no rate has a
+kink or a jump. `restarted` integrates from reversal to reversal. `direct` integrates across the reversals in one call.
 """
 
 from collections.abc import Callable, Sequence
@@ -21,13 +21,15 @@ class Machine(NamedTuple):
 
 
 class Law(NamedTuple):
-    """A law at a given load; `d` is the direction of motion (+1 or -1), and 0 at a standstill.
+    """A law at a given load.
+
+    `d` is the direction of motion: +1, -1, or 0 at rest.
 
     Attributes:
-        act: from v, the internal states z and d to the force, which opposes a positive v, and the rates of the states.
+        act: function of v, the internal states z and d; returns the force, which opposes a positive v, and state rates.
         scale: size of each state.
-        pulled: from a direction to the states after a slow pull.
-        static: force that holds a mass at rest beside that of the states [N].
+        pulled: function of a direction; returns the states after a slow pull.
+        static: force that holds a mass at rest in addition to the forces of the states [N].
     """
 
     act: Callable[[float, Sequence[float], float], tuple[float, ...]]
@@ -37,7 +39,7 @@ class Law(NamedTuple):
 
 
 def _start(machine: Machine, law: Law, x0: float) -> tuple[np.ndarray, np.ndarray]:
-    """State at time zero, and the size of each of its components."""
+    """Return the state at time zero, and the size of its components."""
     scale = [abs(x0), abs(x0) * np.sqrt(machine.stiffness / machine.mass), *law.scale]
     return np.array([x0, 0.0, *law.pulled(float(np.sign(x0)))]), np.array(scale)
 
@@ -45,15 +47,20 @@ def _start(machine: Machine, law: Law, x0: float) -> tuple[np.ndarray, np.ndarra
 def restarted(
     law: Law, machine: Machine, x0: float, ts: np.ndarray, *, rtol: float = 1e-12, method: str = "LSODA"
 ) -> np.ndarray:
-    """Displacement [m] at `ts` [s] after a release at rest from `x0` [m], to which the contact was pulled slowly.
+    """Integrate from reversal to reversal.
+
+    The mass is released at rest from `x0` [m]. Before the release the contact was pulled there slowly.
 
     Args:
         law: the law at the machine's load.
         machine: the oscillator.
         x0: displacement at time zero, not zero.
-        ts: increasing times from zero on, shape (samples,).
+        ts: increasing times [s] from zero on, shape (samples,).
         rtol: relative tolerance; also the absolute one, in units of the amplitude and of the size of the states.
-        method: LSODA, Radau or another one of SciPy's.
+        method: a method of `solve_ivp`, such as LSODA or Radau.
+
+    Returns:
+        Displacement [m] at `ts`, shape (samples,).
     """
     y, scale = _start(machine, law, x0)
     x, t = np.full(ts.shape, float(x0)), 0.0
@@ -77,9 +84,10 @@ def restarted(
 def direct(
     law: Law, machine: Machine, x0: float, ts: np.ndarray, *, rtol: float = 1e-12, method: str = "odeint"
 ) -> np.ndarray:
-    """As `restarted`, but in one call across all reversals, by odeint or one of the methods of solve_ivp.
+    """Integrate as `restarted`, but in one call across all reversals.
 
-    It cannot integrate a law that holds the mass at rest by a jump.
+    `method` is odeint or a method of solve_ivp. Laws that hold the mass at rest by a jump cannot be integrated this
+    way.
     """
     y0, scale = _start(machine, law, x0)
     field = _field(law, machine, None)
@@ -96,7 +104,10 @@ def _demand_success(solution: Any) -> None:
 
 
 def _field(law: Law, machine: Machine, direction: float | None) -> Callable[[float, np.ndarray], Any]:
-    """Rates of x, v and the states in a given direction, or in that of the velocity."""
+    """Return a function for the rates of x, v and the states.
+
+    Without a direction it uses the sign of the velocity.
+    """
     mass, stiffness, damping, _ = machine
     act = law.act
 

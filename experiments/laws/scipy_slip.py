@@ -1,7 +1,8 @@
-"""Event-driven motions under laws whose elements stick and slip, which no part of the package computes.
+"""Event-driven motions under laws with elements that stick and slip.
 
-Under Maxwell-slip friction the oscillator is linear between two events, an element that yields or a reversal, so
-every piece of the motion is a damped wave in closed form, and the events are its crossings.
+This module does not use fricjax. Under Maxwell-slip friction the oscillator is linear between two events: an element
+that yields, or a reversal. Each piece of the motion is thus a damped wave in closed form, and its crossings are the
+events.
 """
 
 import dataclasses
@@ -13,7 +14,10 @@ from scipy.optimize import brentq
 
 @dataclasses.dataclass(frozen=True)
 class Wave:
-    """A damped wave about a rest position, from displacement `x` and velocity `v` at time zero."""
+    """A damped wave about a rest position.
+
+    `x` and `v` are displacement and velocity at time zero.
+    """
 
     rest: float
     x: float
@@ -33,11 +37,11 @@ class Wave:
         return np.exp(-self.decay * t) * (by_cos * np.cos(phase) + by_sin * np.sin(phase))
 
     def time_of(self, goal: float, latest: float) -> float:
-        """When the displacement passes `goal` before `latest`."""
+        """Find the time at which the displacement passes `goal`, before `latest`."""
         return float(brentq(lambda t: float(self.position(t)) - goal, 0.0, latest, xtol=1e-16, rtol=1e-15))  # type: ignore[arg-type]
 
     def reversal(self) -> float:
-        """Time until the velocity vanishes next."""
+        """Return the time of the next zero of the velocity."""
         y, slope = self.x - self.rest, (self.v + self.decay * (self.x - self.rest)) / self.omega
         by_cos, by_sin = slope * self.omega - self.decay * y, -y * self.omega - self.decay * slope
         if self.v == 0:
@@ -49,7 +53,10 @@ def maxwell_slip(
     ts: np.ndarray, x0: float, *, mass: float, stiffness: float, damping: float, stiffnesses: np.ndarray,
     forces: np.ndarray,
 ) -> np.ndarray:  # fmt: skip
-    """Displacement at `ts` after a slow pull to `x0`, with elements that yield at `forces` [N]."""
+    """Compute the displacement at `ts` after a slow pull to `x0`.
+
+    The elements yield at `forces` [N].
+    """
     x, v, t = float(x0), 0.0, 0.0
     held, direction = np.sign(x0) * np.asarray(forces, float), -np.sign(x0)
     sticking = np.ones(held.size, bool)
@@ -61,7 +68,7 @@ def maxwell_slip(
         wave = Wave(rest, x, v, decay, np.sqrt(k / mass - decay**2))
         end, event = wave.reversal(), -1
         for i in np.flatnonzero(sticking):
-            # Within a stroke the displacement is monotone, so each element yields at one crossing.
+            # Within a half-cycle the displacement is monotone, so each element yields at most once.
             goal = x + (direction * forces[i] - held[i]) / stiffnesses[i]
             if direction * (wave.position(end) - goal) > 0:
                 end, event = wave.time_of(goal, end), i
@@ -78,15 +85,19 @@ def maxwell_slip(
 
 
 def event_driven(ts: np.ndarray, y: np.ndarray, law: "GMSContact | LeuvenContact", rtol: float) -> np.ndarray:
-    """First component at `ts` of a motion whose rates change where one of the law's watched quantities falls to zero.
+    """Integrate a motion between switches of a law.
 
-    The law gives ``rates(y)``, ``watched(y)`` (positive between two events) and ``change(y)``, which takes up the new
-    mode of the elements at an event. Components are scaled by ``law.scale``.
+    The law gives ``rates(y)``, ``watched(y)`` and ``change(y, which)``. The watched quantities are positive between two
+    events. At an event one of them falls to zero, and ``change`` sets the new mode of the elements. Components are
+    scaled by ``law.scale``.
+
+    Returns:
+        First component of the motion at `ts`.
     """
     found, t = np.full(ts.shape, y[0]), 0.0
     while t < ts[-1]:
         events = [_falling(law, i) for i in range(law.watched(y).size)]
-        # A trial step may run away before it is refused.
+        # A trial step may diverge before it is refused.
         with np.errstate(all="ignore"):
             piece = solve_ivp(
                 lambda _t, u: law.rates(u * law.scale) / law.scale, (t, ts[-1] + 1e-3), y / law.scale,
@@ -109,7 +120,10 @@ def _falling(law: "GMSContact | LeuvenContact", i: int):
 
 
 class GMSContact:
-    """Elements after Lampaert (2003) on a mass with a spring: y holds x, v and the force of each element."""
+    """Elements after Lampaert (2003) on a mass with a spring.
+
+    The state y holds x, v and the force of each element.
+    """
 
     def __init__(
         self, x0: float, *, mass: float, stiffness: float, damping: float, kinetic: float, static: float,
@@ -146,7 +160,10 @@ class GMSContact:
 
 
 class LeuvenContact:
-    """The modified Leuven model (Lampaert 2002): y holds x, v and the force of each element of the hysteresis."""
+    """The modified Leuven model (Lampaert 2002).
+
+    The state y holds x, v and the force of each element of the hysteresis.
+    """
 
     def __init__(
         self, x0: float, *, mass: float, stiffness: float, damping: float, kinetic: float, static: float,
@@ -171,7 +188,7 @@ class LeuvenContact:
         return np.concatenate([[y[1], -resisting / self.mass], np.where(self.yielded, 0.0, self.stiffnesses * creep)])
 
     def watched(self, y: np.ndarray) -> np.ndarray:
-        # In steady sliding the bristles stand still up to rounding, and the elements stay where they are.
+        # In steady sliding the bristles stop up to rounding, and the elements keep their state.
         onwards = self.direction * self.creep(y) + 1e-9 * self.scale[1] if self.yielded.any() else 1.0
         room = np.where(self.yielded, 1.0, self.forces - self.direction * y[2:])
         return np.concatenate([[self.direction * y[1], onwards], room])
@@ -183,7 +200,7 @@ class LeuvenContact:
         if which < 2:
             self.yielded = np.zeros(self.forces.size, bool)
         else:
-            # Elements that have crept back together come to their limits again at the same time.
+            # Elements that left their limits together reach them again at the same time.
             at_limit = self.direction * y[2:] >= (1 - 1e-9) * self.forces
             at_limit[which - 2] = True
             self.yielded |= at_limit

@@ -1,4 +1,4 @@
-"""Every law with its coefficients, in the package and as SciPy integrates it, and the motions that are asked for."""
+"""Every law in fricjax and in SciPy, with its motions."""
 
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
@@ -16,7 +16,15 @@ X0 = 2e-3
 
 
 class Run(NamedTuple):
-    """A release on the prototype machine from `X0`: load [N], coefficient of friction, duration [s], samples per s."""
+    """A release on the prototype machine from `X0`.
+
+    Attributes:
+        name: name of the motion.
+        load: normal force [N].
+        mu: coefficient of friction.
+        duration: duration [s].
+        rate: sampling rate [1/s].
+    """
 
     name: str
     load: float
@@ -33,19 +41,19 @@ class Run(NamedTuple):
 
 
 class Peer(NamedTuple):
-    """A way to integrate with SciPy: its name, and from times and a relative tolerance to displacements."""
+    """A SciPy method: name, and displacements for times and a relative tolerance."""
 
     name: str
     solve: Callable[[np.ndarray, float], np.ndarray]
 
 
 class Workload(NamedTuple):
-    """A law of the package with its name, its motion and the ways to integrate it without the package.
+    """A law of fricjax with its motion and its SciPy methods.
 
     Attributes:
-        peers: odeint and Radau, as one would call them at first; where they cannot, those that know the reversals.
-        others: ways that need to know more of the law: where it switches, or a closed form between two switches.
-        reference: the motion to which the errors of all are taken.
+        peers: plain odeint and Radau, or restarted methods if these two cannot integrate the law.
+        others: methods that use more of the law: its switches, or a closed form between two switches.
+        reference: reference motion for all errors.
     """
 
     law: str
@@ -69,12 +77,15 @@ def _peer(name: str, way: Callable[..., np.ndarray], law: Law, run: Run, method:
 
 
 def _by(name: str, law: Law, run: Run, friction: Any) -> Workload:
-    """The ways of an ordinary differential equation; a law that holds the mass by a jump needs its reversals."""
+    """Build the methods of an ordinary differential equation.
+
+    A law that holds the mass by a jump needs restarts at its reversals.
+    """
     methods = ("LSODA", "DOP853", "Radau")
     knowing = tuple(_peer(f"{method}, restarted", restarted, law, run, method) for method in methods)
     plain = tuple(_peer(method, direct, law, run, method) for method in ("odeint", "Radau"))
     peers, others = (knowing, ()) if law.static else (plain, knowing)
-    # LSODA at this tolerance agrees with Radau to some picometres, in a tenth of its time.
+    # At this tolerance LSODA agrees with Radau to some picometres, and takes a tenth of its time.
     return Workload(name, friction, run, peers, others, lambda ts: restarted(law, run.machine, X0, ts, rtol=1e-12))
 
 
@@ -93,7 +104,10 @@ def _events(friction: Any, run: Run, contact: Callable[[], GMSContact | LeuvenCo
 
 
 def _slip(name: str, friction: Any, run: Run, stiffnesses: Sequence[float], limits: Sequence[float]) -> Workload:
-    """Elements that yield, whose motion between two events is a damped wave in closed form."""
+    """Build the methods of elements that yield.
+
+    Between two events their motion is a damped wave in closed form.
+    """
 
     def solve(ts: np.ndarray, _rtol: float = 0.0) -> np.ndarray:
         return maxwell_slip(ts, X0, **_RIG, stiffnesses=np.array(stiffnesses), forces=run.load * np.array(limits))
@@ -166,6 +180,6 @@ def _of_elements(run: Run) -> list[Workload]:
 
 
 def workloads() -> list[Workload]:
-    """Every law on both motions."""
+    """List every law on both motions."""
     kinds = (_memoryless, _of_states, _of_elements)
     return [work for kind in kinds for pair in zip(kind(SLIDING), kind(ROLLING), strict=True) for work in pair]

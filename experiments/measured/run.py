@@ -1,6 +1,7 @@
-"""Fits of measured pendulum decays: residuals, friction and damping per unit of inertia, and what the fit says of them.
+"""Fit measured pendulum decays.
 
-The runs are not part of the repository; the environment variable FRICJAX_DATA names the folder that holds them.
+Prints residuals, friction and damping per unit of inertia, the status, and the warnings of each fit. The runs are not
+part of the repository. The environment variable FRICJAX_DATA names the folder that holds them.
 
     FRICJAX_DATA=... python experiments/measured/run.py
 """
@@ -31,7 +32,7 @@ FILES = {
 
 
 class Model(NamedTuple):
-    """What is free, and how it is bounded."""
+    """Free parameters and their bounds."""
 
     free: tuple[str, ...]
     bounds: dict[str, tuple[float | None, float | None]] = {}  # noqa: RUF012

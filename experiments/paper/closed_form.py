@@ -1,8 +1,9 @@
-"""The half-cycle map in plain Python: the reference, which knows nothing of fricjax's engines.
+"""The half-cycle map in plain Python, as reference for fricjax.
 
-Between reversals the mass swings about the centre that friction has shifted by x_d = mu N/k, and each half-cycle of
-duration pi/omega_d multiplies its distance to that centre by -rho, rho = exp(-pi zeta/sqrt(1 - zeta^2)). The
-alternating amplitude obeys ``a' = rho a - (1 + rho) x_d`` until it is at most x_s = mu_s N/k.
+Between reversals the mass swings about the centre that friction has shifted by x_d = mu N/k. Each half-cycle has the
+duration pi/omega_d and multiplies the distance to that centre by -rho, rho = exp(-pi zeta/sqrt(1 - zeta^2)). The
+alternating amplitude obeys ``a' = rho a - (1 + rho) x_d`` until it is at most x_s = mu_s N/k. The map uses no engine of
+fricjax.
 """
 
 import math
@@ -12,7 +13,7 @@ from fricjax import Oscillator
 
 
 class Rest(NamedTuple):
-    """Where and when a mass came to rest [m, s], and after how many half-cycles."""
+    """Rest position [m], time of the stop [s], and number of half-cycles."""
 
     x: float
     time: float
@@ -45,21 +46,21 @@ class HalfCycleMap(NamedTuple):
         return math.pi / (self.omega * math.sqrt(1 - self.damping_ratio**2))
 
     def rest(self, x0: float) -> Rest:
-        """The end of a release from x0 [m]."""
+        """Compute the end of a release from x0 [m]."""
         a, n = abs(x0), 0
         while a > self.static_band:
             a, n = self.rho * a - (1 + self.rho) * self.dead_band, n + 1
         return Rest(math.copysign(1.0, x0) * (-1) ** n * a, n * self.half_period, n)
 
     def edge(self, n: int) -> float:
-        """Initial displacement above which the mass makes more than n half-cycles [m]."""
+        """Initial displacement [m] above which more than n half-cycles occur."""
         edge = self.static_band
         for _ in range(n):
             edge = (edge + (1 + self.rho) * self.dead_band) / self.rho
         return edge
 
     def slope(self, n: int) -> float:
-        """Slope of the map where the mass makes n half-cycles."""
+        """Slope of the map for releases with n half-cycles."""
         return (-self.rho) ** n
 
     @property
@@ -69,7 +70,7 @@ class HalfCycleMap(NamedTuple):
 
 
 def of(machine: Oscillator) -> HalfCycleMap:
-    """The map of a machine under Coulomb friction."""
+    """Build the map of a machine under Coulomb friction."""
     m, k, c = float(machine.mass), float(machine.stiffness), float(machine.damping)
     law, load = machine.friction, machine.normal_force
     dynamic, static = float(law.dynamic_force(load)), float(law.static_force(load))

@@ -1,7 +1,7 @@
-"""What all studies of the paper share: its machines, the outcome of a study, and how outcomes are written.
+"""Machines of the paper, and results of studies.
 
-Text extraction from the paper has lost every digit 0 and the stiffness of the simulation. With mu = 0.1 and m = 1 kg
-the printed final displacements and the axis of Fig. 4 leave k = 5000 N/m and g = 9.81 m/s^2.
+The text extracted from the paper has no digit 0 and no stiffness of the simulation. With mu = 0.1 and m = 1 kg the
+printed final displacements and the axis of Fig. 4 imply k = 5000 N/m and g = 9.81 m/s^2.
 """
 
 import csv
@@ -23,31 +23,31 @@ PROTOTYPE_MASS = PROTOTYPE_STIFFNESS / (2 * math.pi * PROTOTYPE_FREQUENCY) ** 2
 def oscillator(
     mass: float, stiffness: float, damping_ratio: float, load: float, mu: Any, mu_s: Any = None
 ) -> fj.Oscillator:
-    """A machine given by its damping ratio [1], under Coulomb friction."""
+    """Build a machine from its damping ratio [1], under Coulomb friction."""
     damping = 2 * damping_ratio * math.sqrt(stiffness * mass)
     return fj.Oscillator(mass, stiffness, damping, load, fj.friction.Coulomb(mu, mu_s))
 
 
 def simulated_machine(damping_ratio: float = 0.0, mu: float = MU, mu_s: float | None = None) -> fj.Oscillator:
-    """The machine of the paper's simulations."""
+    """Build the machine of the paper's simulations."""
     return oscillator(MASS, STIFFNESS, damping_ratio, LOAD, mu, mu_s)
 
 
 def prototype(load: float, mu: Any) -> fj.Oscillator:
-    """The machine of the paper's experiments, from its impact test."""
+    """Build the machine of the paper's experiments, from its impact test."""
     return oscillator(PROTOTYPE_MASS, PROTOTYPE_STIFFNESS, PROTOTYPE_DAMPING_RATIO, load, mu)
 
 
 @dataclasses.dataclass(frozen=True)
 class Number:
-    """One number of ours beside the one that it should be.
+    """A number of fricjax with its reference.
 
     Attributes:
-        quantity: what it is.
+        quantity: name of the quantity.
         unit: SI unit of all values.
         ours: computed by fricjax.
         reference: from the closed form.
-        printed: as the paper prints it, its zeros restored; None where it prints none.
+        printed: as the paper prints it, with its zeros restored; None if the paper prints none.
     """
 
     quantity: str
@@ -59,13 +59,13 @@ class Number:
 
 @dataclasses.dataclass(frozen=True)
 class Study:
-    """What one study came to.
+    """Results of one study.
 
     Attributes:
         title: a heading.
-        note: what was assumed and what is to be seen.
-        numbers: ours beside the paper's.
-        columns: what the picture shows, under names with units; all of one length.
+        note: assumptions, and the main observation.
+        numbers: numbers of fricjax with their references.
+        columns: data of the plot, by names with units; all of one length.
         picture: a matplotlib figure.
     """
 
@@ -77,7 +77,7 @@ class Study:
 
 
 def write(study: Study, name: str, folder: Path) -> list[Path]:
-    """Write picture and columns; the files written."""
+    """Write plot and columns, and return the paths of both files."""
     table = folder / f"{name}.csv"
     with table.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)

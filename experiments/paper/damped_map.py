@@ -1,6 +1,7 @@
-"""The map under damping and static friction: wider segments, smaller slopes, and a jump at each edge.
+"""The map under damping and static friction.
 
-With x_s above x_d the triangle wave of Fig. 4 becomes a sawtooth: its distances give mu, its height mu_s.
+Segments are wider, slopes are smaller, and each edge has a jump. With x_s above x_d the triangle wave of Fig. 4 becomes
+a sawtooth: its distances give mu, its height mu_s.
 """
 
 import itertools
@@ -30,16 +31,16 @@ class Sawtooth(NamedTuple):
 
 
 def study() -> Study:
-    """All combinations of damping and static friction."""
+    """Combine all damping ratios and ratios of static friction."""
     found = [_sawtooth(zeta, ratio) for zeta, ratio in itertools.product(DAMPING_RATIOS, RATIOS)]
     numbers = [number for each in found for number in _numbers(each)]
     rows = np.concatenate([_rows(each) for each in found])
     heads = ("Damping ratio", "mu_s/mu", "Half-cycles", "Edge [m]", "Width [m]", "Slope", "Jump [m]")
     note = (
         "The machine of Fig. 2 with damping ratios of 0, 1 and 10 % and with mu_s/mu of 1, 1.3 and 2.5. Segment n "
-        "is where the mass makes n half-cycles; edges are found by bisection in the map. Damping stretches the "
+        "is the range of n half-cycles; edges are found by bisection in the map. Damping stretches the "
         "abscissa and leaves the amplitude mu_s N/k. Equal coefficients give a continuous map, unequal ones a jump "
-        "at each edge, and where mu_s exceeds 2 mu the undamped mass never stops near the equilibrium. Widths and "
+        "at each edge. If mu_s exceeds 2 mu, the undamped mass never stops near the equilibrium. Widths and "
         "slopes are those of the first and the last whole segment; all others are in the data."
     )
     columns: dict[str, Any] = dict(zip(heads, rows.T, strict=True))
@@ -53,7 +54,7 @@ def _sawtooth(zeta: float, ratio: float) -> Sawtooth:
 
 
 def _rows(saw: Sawtooth) -> np.ndarray:
-    """One row for each whole segment, which begins at one edge and ends at the next."""
+    """Return one row for each segment between two edges."""
     x0, below, above, slope = (values[:-1] for values in saw.edges)
     n = np.arange(1, x0.size + 1)
     same = np.ones(x0.size)

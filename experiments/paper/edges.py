@@ -1,6 +1,7 @@
-"""Edges of the map from initial to final displacement, found by bisection in fricjax's map itself.
+"""Edges of the map from initial to final displacement, by bisection.
 
-From one segment to the next the mass makes one more half-cycle and the slope of the map changes its sign.
+The bisection uses fricjax's map. From one segment to the next the mass makes one more half-cycle, and the slope of the
+map changes its sign.
 """
 
 from typing import NamedTuple
@@ -18,9 +19,9 @@ class Edges(NamedTuple):
     """All edges in a range, in order.
 
     Attributes:
-        x0: where they lie [m].
-        below, above: final displacement just before and just after each [m].
-        slope: of the segment that begins at each [1].
+        x0: initial displacements of the edges [m].
+        below, above: final displacement just before and just after each edge [m].
+        slope: slope of the segment that begins at each edge [1].
     """
 
     x0: np.ndarray
@@ -30,7 +31,10 @@ class Edges(NamedTuple):
 
 
 def find(machine: fj.Oscillator, x0: np.ndarray) -> Edges:
-    """Edges between the displacements of a grid, which must be finer than the segments."""
+    """Find edges between the displacements of a grid.
+
+    The grid must be finer than the segments.
+    """
     low, high = _bisect(machine, x0[:-1], x0[1:])
     below, falling = displacement_and_slope(machine, low)
     above, rising = displacement_and_slope(machine, high)
@@ -40,7 +44,7 @@ def find(machine: fj.Oscillator, x0: np.ndarray) -> Edges:
 
 @jax.jit
 def displacement_and_slope(machine: fj.Oscillator, x0: jax.Array) -> tuple[jax.Array, jax.Array]:
-    """The map and its exact derivative."""
+    """Return the map and its exact derivative."""
 
     def one(x: jax.Array) -> tuple[jax.Array, jax.Array]:
         return jax.jvp(lambda s: fj.final_displacement(machine, s, engine="exact"), (x,), (jnp.ones(()),))

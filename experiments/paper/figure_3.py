@@ -3,7 +3,7 @@
 import free_vibration
 from common import Study
 
-REMARK = "The last stroke ends without crossing zero."
+REMARK = "The last half-cycle ends without crossing zero."
 
 
 def study() -> Study:

@@ -1,4 +1,4 @@
-"""Fig. 4: final against initial displacement, the triangle wave of Coulomb friction."""
+"""Fig. 4: final against initial displacement, a triangle wave."""
 
 from typing import Any
 
@@ -15,7 +15,7 @@ X0 = np.linspace(0.0, 3e-3, 3001)
 
 
 def study() -> Study:
-    """The map, and its period and amplitude as read from its peaks."""
+    """Compute the map, and read its period and amplitude from its peaks."""
     machine = simulated_machine()
     final = jax.vmap(lambda x0: fj.final_displacement(machine, x0))(jnp.asarray(X0))
     peaks = edges.find(machine, X0[::50])

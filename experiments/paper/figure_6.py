@@ -1,7 +1,7 @@
-"""Fig. 6: final against initial displacement in three trials with sliding UHMWPE, as a synthetic experiment.
+"""Fig. 6: final against initial displacement, as a synthetic experiment.
 
-The paper does not print the coefficient. A triangle wave is seen between 0.25 and 1 mm only if its period, 15 mm times
-mu, is at most about that range: mu = 0.05 is taken.
+The figure shows three trials with sliding UHMWPE. The paper does not print the coefficient of friction. A triangle wave
+is visible between 0.25 and 1 mm only if its period, 15 mm times mu, is at most about that range. Hence mu = 0.05.
 """
 
 from typing import Any
@@ -15,12 +15,12 @@ import fricjax as fj
 
 LOAD, MU, TRIALS, SEED = 9.66, 0.05, 3, 6
 NOMINAL = np.linspace(0.25e-3, 1.0e-3, 31)
-# From release to release: of mu, as polymers on metal repeat; of the start [m], as the magnet lets go.
+# Scatter between releases: of mu, typical of polymers on metal, and of the start [m], from the magnet.
 MU_SCATTER, X0_SCATTER = 0.02, 3e-6
 
 
 def study() -> Study:
-    """Three trials, and how far they spread about the map."""
+    """Simulate three trials and their spread about the map."""
     normal = np.random.default_rng(SEED).standard_normal((2, TRIALS, NOMINAL.size))
     mu, x0 = MU * (1 + MU_SCATTER * normal[0]), NOMINAL + X0_SCATTER * normal[1]
     final = np.asarray(released(mu.ravel(), x0.ravel())).reshape(mu.shape)
@@ -32,12 +32,12 @@ def study() -> Study:
         "Final displacement [m]": final.ravel(),
     }
     note = (
-        f"Prototype with N = {LOAD} N; mu = {MU} is our choice, for the paper prints none. Each release has its own mu "
-        f"({100 * MU_SCATTER:g} % standard deviation) and its own effective start ({1e6 * X0_SCATTER:g} um). After n "
-        "half-cycles mu scatters the final displacement by 2 n xd times its relative scatter: what spreads the repeats "
-        "of Fig. 6 is the repeatability of mu. The spread is a statistic of 45 releases, good to about 10 %, and its "
-        "closed form is of first order and leaves out the folds at the peaks. The mu of each trial is fitted to "
-        "its 31 pairs, whose scatter leaves it uncertain by about 0.4 %."
+        f"Prototype with N = {LOAD} N; mu = {MU} is our choice, because the paper prints none. Each release has "
+        f"another mu ({100 * MU_SCATTER:g} % standard deviation) and effective start ({1e6 * X0_SCATTER:g} um). After "
+        "n half-cycles the final displacement scatters by 2 n xd times the relative scatter of mu. The spread of "
+        "the repeats in Fig. 6 thus comes from the repeatability of mu. The spread is a statistic of 45 releases, good "
+        "to about 10 %. Its closed form is of first order and neglects the folds at the peaks. The mu of each trial is "
+        "fitted to its 31 pairs and has a standard error of about 0.4 %."
     )
     title = "Figure 6: synthetic experiment, sliding UHMWPE on anodized aluminium"
     return Study(title, note, _numbers(final), columns, _picture(final))
@@ -46,7 +46,7 @@ def study() -> Study:
 @jax.jit
 @jax.vmap
 def released(mu: Any, x0: Any) -> jax.Array:
-    """Final displacement [m] of one release."""
+    """Compute the final displacement [m] of one release."""
     return fj.final_displacement(prototype(LOAD, mu), x0)
 
 
@@ -66,7 +66,10 @@ def _numbers(final: np.ndarray) -> tuple[Number, ...]:
 
 
 def _fitted(final: np.ndarray) -> float:
-    """Coefficient of one trial from its nominal starts and from how releases scatter."""
+    """Fit mu of one trial to its nominal starts.
+
+    The fit includes the scatter between releases.
+    """
     machine = prototype(LOAD, 0.8 * MU)
     found = fj.fit_final_displacements(NOMINAL, final, machine, nuisance=(), sigma=X0_SCATTER, mu_scatter=MU_SCATTER)
     return found.values["mu"]

@@ -1,4 +1,7 @@
-"""Fig. 7: free vibration of the flexure alone and with a steel sphere rolling in the contact."""
+"""Fig. 7: free vibration without contact and with a rolling sphere.
+
+The sphere is of steel. Without contact only the flexure moves.
+"""
 
 from typing import Any
 
@@ -14,7 +17,7 @@ STROKES = 100
 
 
 def study() -> Study:
-    """Both motions."""
+    """Simulate both motions."""
     contact, alone = prototype(LOAD, MU), prototype(0.0, MU)
     rolling, free = (fj.simulate(machine, X0, TIMES) for machine in (contact, alone))
     end, decay = closed_form.of(contact).rest(X0), closed_form.of(alone).rho

@@ -1,6 +1,7 @@
-"""Fig. 9: energy against time and rate of energy loss against velocity, without and with friction and damping.
+"""Fig. 9: energy against time, and its loss rate against velocity.
 
-The paper prints a damping ratio of 1 %, but lets the rate grow from friction only to damping only, as 10 % does.
+There are four cases, with and without friction and damping. The paper prints a damping ratio of 1 %. But in its figure
+the rate grows from friction only to damping only, which requires 10 %.
 """
 
 import math
@@ -26,16 +27,16 @@ BOTH = "friction and damping"
 
 
 def study() -> Study:
-    """All four cases."""
+    """Simulate all four cases."""
     machines = {name: simulated_machine(*numbers) for name, numbers in CASES.items()}
     motions = {name: fj.simulate(machine, X0, TIMES) for name, machine in machines.items()}
     energies = {name: fj.energy(machine, motions[name]) for name, machine in machines.items()}
     rate = friction_energy_rate(motions, energies)
     note = (
         "The machine of Fig. 2 from x0 = 3 mm. The damping ratio is 10 %: with the printed 1 % damping alone would "
-        "lose less than friction alone below 0.69 m/s, a speed never reached. FER is the loss with both less the "
+        "lose less than friction alone below 0.69 m/s, a speed never reached. FER is the loss with both minus the "
         "loss of the motion without contact at the same speed; FER over speed is the friction force. Largest rates "
-        "and integrals are those of samples 10 us apart, of which the data hold every tenth."
+        "and integrals are those of samples 10 us apart; the data hold every tenth of them."
     )
     columns: dict[str, Any] = {"Time [s]": TIMES[TENTH]}
     for name in CASES:
@@ -49,7 +50,10 @@ def study() -> Study:
 
 
 def friction_energy_rate(motions: Mapping[str, fj.Motion], energies: Mapping[str, Any]) -> np.ndarray:
-    """Loss rate with both, less that of the motion without friction at the same speed [W]."""
+    """Compute the loss rate of friction from the motion with both [W].
+
+    It is the loss rate with friction and damping minus that of the motion without friction at the same speed.
+    """
     quarter = slice(0, int(np.argmax(np.abs(np.asarray(motions["damping"].v)))) + 1)
     speed = np.abs(np.asarray(motions["damping"].v))[quarter]
     viscous = np.asarray(energies["damping"].loss_power)[quarter]

@@ -12,7 +12,10 @@ TIMES = np.arange(5001) * 1e-4
 
 
 def study(title: str, x0: float, printed: float, remark: str) -> Study:
-    """The release from `x0` [m], of which the paper prints the final displacement [m]."""
+    """Simulate the release from `x0` [m].
+
+    `printed` is the final displacement in the paper [m].
+    """
     machine = simulated_machine()
     motion = fj.simulate(machine, x0, TIMES)
     end = closed_form.of(machine).rest(x0)

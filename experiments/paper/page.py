@@ -1,4 +1,7 @@
-"""The page that lists each number of the paper beside ours, as Markdown and as text tables."""
+"""The page that compares the numbers of the paper with fricjax.
+
+It exists as Markdown and as text tables.
+"""
 
 from collections.abc import Mapping, Sequence
 
@@ -7,23 +10,23 @@ from common import Number, Study
 import fricjax as fj
 
 HEAD = ("Quantity", "Unit", "Paper prints", "Closed form", "fricjax", "fricjax - paper", "fricjax - closed form")
-INTRODUCTION = """# The paper's figures, computed anew
+INTRODUCTION = """# The figures of the paper, computed by fricjax
 
 Lomascolo, Ziegert and Schmitz, *Displacement-based measurement of static and dynamic coefficients of friction*. The
-text at hand has lost its digits 0 and the stiffness of the simulation: k = 5000 N/m and g = 9.81 m/s^2 are what its
-other numbers leave. "Closed form" is the half-cycle map in plain Python. The printed final displacements lie within
+available text has no digit 0 and no stiffness of the simulation. Its other numbers imply k = 5000 N/m and
+g = 9.81 m/s^2. "Closed form" is the half-cycle map in plain Python. The printed final displacements lie within
 0.0015 mm of it, but no limiting displacement gives both of them to all printed digits. Figures 1, 5 and 8 are a sketch,
 photographs and a design.
 """
 
 
 def markdown(studies: Mapping[str, Study]) -> str:
-    """The whole page."""
+    """Format the whole page."""
     return "\n".join([INTRODUCTION, *(_section(name, study) for name, study in studies.items())])
 
 
 def table(study: Study) -> fj.show.Table:
-    """The numbers of one study."""
+    """Tabulate the numbers of one study."""
     return fj.show.Table(HEAD, [_cells(number) for number in study.numbers], study.title)
 
 
@@ -38,7 +41,7 @@ def _line(cells: Sequence[str]) -> str:
 
 
 def _cells(number: Number) -> tuple[str, ...]:
-    """Lengths in mm, as in the paper."""
+    """Format one number, with lengths in mm as in the paper."""
     factor, unit = (1e3, "mm") if number.unit == "m" else (1.0, number.unit)
     printed = number.printed
     return (

@@ -1,4 +1,7 @@
-"""Releases of both machines, with static friction and without: half-cycles, rest position and time of the stop."""
+"""Half-cycles, rest positions and stop times of both machines.
+
+The releases are with and without static friction.
+"""
 
 from typing import Any, NamedTuple
 
@@ -56,7 +59,7 @@ LATE = np.array([20.0])
 
 
 def study() -> Study:
-    """All releases."""
+    """Simulate all releases."""
     motions = [fj.simulate(release.machine(), release.x0, LATE) for release in RELEASES]
     numbers = [number for pair in zip(RELEASES, motions, strict=True) for number in _numbers(*pair)]
     columns = {

@@ -1,8 +1,9 @@
-"""The figures and numbers of the paper, computed by fricjax: images, tables, and a page that compares the numbers.
+"""Compute the figures and numbers of the paper.
 
     python experiments/paper/run.py [--out FOLDER] [--json FILE] [--only NAME]
 
-Figures 1, 5 and 8 of the paper are a sketch, a photograph and a design, and are left out.
+Writes images, tables, and a page that compares the numbers. Figures 1, 5 and 8 of the paper are a sketch, a photograph
+and a design, and are left out.
 """
 
 import argparse

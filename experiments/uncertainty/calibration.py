@@ -1,10 +1,10 @@
-"""Whether the posterior over runs is one: simulation-based calibration.
+"""Simulation-based calibration of the posterior over runs.
 
     python experiments/uncertainty/calibration.py [--campaigns 200]
 
 Each campaign draws mean and scatter from their priors, makes six runs with that scatter, fits them and draws from the
 posterior. The ranks of the true values among the draws are uniform if, and only if, model, sampler and standard errors
-are right together (Talts et al., arXiv:1804.06788, 2018); their histograms are printed with chi^2.
+are all correct (Talts et al., arXiv:1804.06788, 2018). The script prints their histograms with chi^2.
 """
 
 import argparse
@@ -19,14 +19,17 @@ from scipy.stats import chi2  # noqa: E402
 import fricjax as fj  # noqa: E402
 
 RUNS, BINS = 6, 10
-# Prior of the mean and its standard deviation, and scale of that of the scatter: a contact of polymer on steel.
+# Prior mean and standard deviation of the mean, and scale of the prior of the scatter, for polymer on steel.
 MEAN, WIDTH, SCALE = 0.02, 5e-4, 3e-4
-# Draws are thinned until they are independent, so that a rank counts independent numbers.
+# Thinning makes the draws independent, as the test of uniform ranks requires.
 DRAWS, THINNED = 400, 99
 
 
 def ranks(values, errors, truths, draws=DRAWS, thinned=THINNED):
-    """Ranks from 0 to `thinned` of the true mean and scatter of each campaign among its draws, shape (campaigns, 2)."""
+    """Return ranks of the true mean and scatter among the draws.
+
+    Ranks are from 0 to `thinned`, with shape (campaigns, 2).
+    """
     found = []
     for y, u, true in zip(values, errors, truths, strict=True):
         prior = {"mean": (MEAN, WIDTH), "scatter": SCALE, "draws": draws, "chains": 2, "warmup": draws}
@@ -38,7 +41,7 @@ def ranks(values, errors, truths, draws=DRAWS, thinned=THINNED):
 
 
 def chi_square(found, bins=BINS, thinned=THINNED):
-    """Counts of ranks in bins, and the probability of a chi^2 as large if they are uniform."""
+    """Count ranks in bins and compute the p-value of uniform ranks."""
     counts = np.histogram(found, bins=bins, range=(-0.5, thinned + 0.5))[0]
     expected = found.size / bins
     return counts, float(chi2.sf(np.sum((counts - expected) ** 2 / expected), bins - 1))

@@ -1,11 +1,11 @@
-"""How true the error bars are, and how long they take.
+"""Coverage of the error bars, and their computing time.
 
     python experiments/uncertainty/run.py [--campaigns 500]
 
-Coverage: each campaign draws a machine, its noise and what its calibration is off by; the parts of the campaigns are
-printed in whose intervals of 95 and 68 % the true mu lies, beside those of standard errors that take the noise for
-white and the rig for exact. Fits of one record that say that they do not describe it count there as all others do; a
-second line leaves them out. Times are those of warm calls; let nothing else run.
+Each campaign draws a machine, its noise and the errors of its calibration. The script prints the share of campaigns
+with intervals of 95 and 68 % that contain the true mu. For comparison it prints the same shares for standard errors
+that assume white noise and an exact rig. Fits of one record count with every status. A second line counts only
+converged fits. Times are those of warm calls. Run nothing else at the same time.
 """
 
 import argparse
@@ -25,7 +25,7 @@ MASS, STIFFNESS, LOAD, DAMPING, MU = 0.41068, 2574.0, 1.89, 0.1756, 0.02
 FREE = ["mu", "damping", "stiffness"]
 RUN = {"rate": 5e3, "duration": 2.0}
 RUNS_OF_A_CAMPAIGN = 6
-# Half-widths of intervals of 95 and 68 % in standard errors.
+# Half-widths of intervals of 95 and 68 %, in standard errors.
 WIDE, NARROW = 1.959964, 0.994458
 # Floor motion of class VC-C [m/s], and the length of a record on it [s].
 VC_C, SHAKEN = 12.5e-6, 3.0
@@ -42,14 +42,20 @@ def record(rng, mu=MU, noise=5e-9):
 
 
 def coloured(rng):
-    """AR(1) noise of 0.9 whose shocks are 20 nm."""
+    """Simulate a run with AR(1) noise of 0.9.
+
+    The shocks have a standard deviation of 20 nm.
+    """
     run = record(rng, noise=0.0)
     noise = np.asarray(lfilter([1.0], [1.0, -0.9], 20e-9 * rng.standard_normal(len(run))))
     return fj.Record(run.t, run.x + noise)
 
 
 def vibration(rng, samples, rate):
-    """Acceleration of a floor of class VC-C: 12.5 um/s rms in each third of an octave from 1 to 80 Hz [m/s^2]."""
+    """Draw the acceleration of a floor of class VC-C [m/s^2].
+
+    Class VC-C is 12.5 um/s rms in each third of an octave from 1 to 80 Hz.
+    """
     frequency = np.fft.rfftfreq(samples, 1 / rate)
     inside = (frequency >= 1) & (frequency <= 80)
     width = (2 ** (1 / 6) - 2 ** (-1 / 6)) * frequency[inside]
@@ -60,7 +66,10 @@ def vibration(rng, samples, rate):
 
 
 def shaken(rng):
-    """A run on such a floor, recorded into its rest, which is what tells a floor from a wrong law."""
+    """Simulate a run on a floor of class VC-C.
+
+    The record includes the rest, which separates floor motion from a wrong law.
+    """
     t = np.arange(int(RUN["rate"] * SHAKEN)) / RUN["rate"]
     floor = vibration(rng, t.size, RUN["rate"])
     motion = fj.simulate(machine(), rng.uniform(1.5e-3, 2.5e-3), t, base_acceleration=floor)
@@ -68,7 +77,10 @@ def shaken(rng):
 
 
 def covered(values, stds, plain, truth=MU, quantiles=(WIDE, NARROW)):
-    """Parts of the campaigns that the intervals hold the truth in, by honest and by plain standard errors."""
+    """Compute the percentage of intervals that contain the truth.
+
+    `stds` are the reported and `plain` the plain standard errors.
+    """
     off = np.abs(np.asarray(values) - truth)
     return [100 * np.mean(off <= q * np.asarray(each)) for each in (stds, plain) for q in quantiles]
 
@@ -82,7 +94,10 @@ def by_record(make, campaigns, rng):
 
 
 def by_calibration(campaigns, rng):
-    """Stiffness and load are measured once, and off by their standard uncertainties; the moving mass is fitted."""
+    """Fit under calibration errors of stiffness and load.
+
+    Each campaign draws them from their standard uncertainties. The moving mass is fitted.
+    """
     values, stds, plain = [], [], []
     for _ in range(campaigns):
         seen = {name: 1 + std * rng.standard_normal() for name, std in SPREAD.items()}
@@ -101,7 +116,7 @@ def by_calibration(campaigns, rng):
 
 
 def by_scatter(campaigns, rng):
-    """Runs whose mu scatters by 1 %, and the mean of a campaign of six."""
+    """Average campaigns of six runs; mu scatters by 1 %."""
     runs = [record(rng, MU * (1 + 0.01 * rng.standard_normal())) for _ in range(campaigns * RUNS_OF_A_CAMPAIGN)]
     fits = fj.fit_batch(runs, machine(), FREE)
     by_campaign = (each.reshape(campaigns, -1) for each in (fits.values["mu"], fits.std_errors["mu"]))

@@ -1,6 +1,7 @@
-"""Peer: Coulomb and viscous friction in closed form, written by hand in numba, with SciPy's Levenberg-Marquardt.
+"""Peer: Coulomb and viscous friction in closed form, in numba.
 
-The number of half-cycles to the rest is given to it as found in the record: left to itself it sticks in local minima.
+The fit uses SciPy's Levenberg-Marquardt. The number of half-cycles to the rest is an input. Without it the fit sticks
+in local minima.
 """
 
 import math
@@ -15,7 +16,10 @@ from peers.least_squares import Outcome, minimise
 
 @numba.njit(fastmath=True)
 def displacement(t, half_cycles, mu, damping, stiffness, x0, offset):
-    """Half-cycles of equal duration, found from the time: one cosine and one exponential per sample."""
+    """Compute half-cycles of equal duration from the time.
+
+    Each sample takes one cosine and one exponential.
+    """
     rate, band = damping / (2 * MASS), mu * LOAD / stiffness
     omega = math.sqrt(stiffness / MASS - rate * rate)
     lag, half = math.atan(rate / omega), math.pi / omega
@@ -24,7 +28,7 @@ def displacement(t, half_cycles, mu, damping, stiffness, x0, offset):
     y, side, sign = x0, math.copysign(1.0, x0), 1.0
     for n in range(strokes):
         centre[n] = side * band + offset
-        # The cosine runs on from stroke to stroke and the exponential decays from the release: undo both.
+        # Cosine and exponential continue from the release across half-cycles: undo both.
         factor[n] = sign * (y - side * band) / math.cos(lag) * math.exp(rate * half * n)
         y = side * band - math.exp(-rate * half) * (y - side * band)
         side, sign = -side, -sign
@@ -45,11 +49,14 @@ def residual(t, measured, half_cycles, mu, damping, stiffness, x0, offset):
 
 
 def simulate(record: Record) -> np.ndarray:
-    """Displacement [m] with the true values."""
+    """Simulate the displacement [m] at the true values."""
     p = record.truth
     return displacement(record.t, record.half_cycles, *(p[name] for name in record.names))
 
 
 def fit(record: Record) -> Outcome:
-    """Fit mu, damping, stiffness, x0 and offset; the model is smooth to rounding, so small differences do."""
+    """Fit mu, damping, stiffness, x0 and offset by small differences.
+
+    The model is smooth to rounding.
+    """
     return minimise(lambda p: residual(record.t, record.x, record.half_cycles, *p), record, difference=1e-7)

@@ -1,6 +1,7 @@
-"""Peer: the closed form of Coulomb and viscous friction with its derivatives, written out by hand in numba.
+"""Peer: the closed form with hand-written derivatives, in numba.
 
-One pass over the samples gives the displacement and how it moves with every parameter, where differences need six.
+The law is Coulomb and viscous friction. One pass over the samples gives the displacement and its derivatives by all
+parameters. Finite differences need six passes.
 """
 
 import math
@@ -16,9 +17,10 @@ from peers.least_squares import Outcome, minimise
 
 @numba.njit(fastmath=True)
 def slopes(t, half_cycles, mu, damping, stiffness, x0, offset):
-    """Derivatives of the displacement by mu, damping, stiffness, x0 and offset, shape (n, 5).
+    """Compute derivatives of the displacement, shape (n, 5).
 
-    The mass stands still where one half-cycle passes into the next, so that the moving border adds nothing.
+    The columns are mu, damping, stiffness, x0 and offset. The moving border between two half-cycles adds nothing,
+    because the velocity vanishes there.
     """
     rate, band = damping / (2 * MASS), mu * LOAD / stiffness
     omega = math.sqrt(stiffness / MASS - rate * rate)
@@ -59,7 +61,7 @@ def slopes(t, half_cycles, mu, damping, stiffness, x0, offset):
 
 
 def fit(record: Record) -> Outcome:
-    """Fit mu, damping, stiffness, x0 and offset with the derivatives at hand."""
+    """Fit mu, damping, stiffness, x0 and offset by these derivatives."""
     return minimise(
         lambda p: residual(record.t, record.x, record.half_cycles, *p),
         record,

@@ -1,6 +1,7 @@
-"""Peer: CVODES through CasADi, with its forward sensitivities as the Jacobian of least_squares.
+"""Peer: CVODES through CasADi, with forward sensitivities as Jacobian.
 
-Every state is in its own scale. The Jacobian is integrated less tightly than the residual: it only steers.
+The fit uses SciPy's least_squares. Every state has its own scale. The Jacobian only steers the steps, so its tolerance
+is looser than that of the residual.
 """
 
 import functools
@@ -18,7 +19,10 @@ STEERING = 1e-6
 
 
 def equations(law: str) -> tuple[Any, Any, Any]:
-    """States x/x0, v/x0 [80/s] and z/(F_c/sigma0), parameters in the order of the record's names, and the rates."""
+    """Return states, parameters and rates as CasADi expressions.
+
+    The states are x/x0, v/x0 [80/s] and z/(F_c/sigma0). The parameters have the order of the record's names.
+    """
     lugre = law == "lugre"
     y, p = ca.SX.sym("y", 3 if lugre else 2), ca.SX.sym("p", 5)
     x0, force, speed = p[4] if lugre else p[3], p[0] * LOAD, 80 * y[1]
@@ -31,10 +35,10 @@ def equations(law: str) -> tuple[Any, Any, Any]:
     return y, p, ca.vertcat(speed, pull, *rest)
 
 
-# Kept, since building the integrators takes a while.
+# Building the integrators takes a while, so they are cached.
 @functools.cache
 def integrators(law: str, samples: int, step: float) -> tuple[Any, Any]:
-    """The solver of the states, and that of their five sensitivities."""
+    """Build the solver of the states and that of their five sensitivities."""
     y, p, rates = equations(law)
     options = {"max_num_steps": 10**6, "disable_internal_warnings": True}
 
@@ -47,19 +51,22 @@ def integrators(law: str, samples: int, step: float) -> tuple[Any, Any]:
 
 
 def prepared(record: Record) -> tuple[Any, Any, np.ndarray]:
-    """Both solvers and the scaled state at the release."""
+    """Return both solvers and the scaled state at the release."""
     start = np.array([1.0, 0.0, 1.0] if record.law == "lugre" else [1.0, 0.0])
     return *integrators(record.law, record.t.size, float(record.t[1])), start
 
 
 def displacement(record: Record, p: np.ndarray) -> np.ndarray:
-    """Displacement [m] without offset, shape (n,)."""
+    """Compute the displacement [m] without offset, shape (n,)."""
     states, _, start = prepared(record)
     return p[record.names.index("x0")] * np.asarray(states(x0=start, p=p)["xf"])[0]
 
 
 def slopes(record: Record, p: np.ndarray, x: np.ndarray) -> np.ndarray:
-    """Derivatives of the displacement `x` at `p` by the parameters, shape (n, 5)."""
+    """Compute derivatives of the displacement by the parameters, shape (n, 5).
+
+    `x` is the displacement at the parameters `p`.
+    """
     _, sensitivities, start = prepared(record)
     at = record.names.index("x0")
     # Seeds of the size of the parameters make the sensitivities of order one, as the tolerances expect.
@@ -73,7 +80,7 @@ def slopes(record: Record, p: np.ndarray, x: np.ndarray) -> np.ndarray:
 
 
 def simulate(record: Record) -> np.ndarray:
-    """Displacement [m] with the true values."""
+    """Simulate the displacement [m] at the true values."""
     return displacement(record, np.array([record.truth[name] for name in record.names]))
 
 

@@ -1,4 +1,7 @@
-"""Peer: SciPy's solve_ivp (DOP853) stroke by stroke, each reversal an event, with the rest condition there."""
+"""Peer: SciPy's DOP853 from reversal to reversal.
+
+Each reversal is an event of solve_ivp. The rest condition is checked there.
+"""
 
 import math
 from collections.abc import Callable
@@ -13,7 +16,12 @@ RTOL = {"map": 2e-8, "sliding": 3e-8}
 
 
 class Slider(NamedTuple):
-    """A machine with set-valued friction: forces [N] while sliding at a speed and at rest."""
+    """A machine with set-valued friction.
+
+    Attributes:
+        sliding: friction force [N] at a speed [m/s].
+        static: largest friction force at rest [N].
+    """
 
     mass: float
     stiffness: float
@@ -29,7 +37,7 @@ SLIDING = Slider(
 
 
 def displacement(machine: Slider, x0: float, ts: np.ndarray, rtol: float) -> np.ndarray:
-    """Displacement [m] after a release from `x0`, shape (n,)."""
+    """Compute the displacement [m] after a release from `x0`, shape (n,)."""
     x, begin, y = np.full(ts.shape, x0), 0.0, x0
     while machine.stiffness * abs(y) > machine.static and begin <= ts[-1]:
         stroke = _stroke(machine, y, rtol, dense=True)
@@ -41,7 +49,7 @@ def displacement(machine: Slider, x0: float, ts: np.ndarray, rtol: float) -> np.
 
 
 def final_displacement(machine: Slider, x0: float, rtol: float) -> float:
-    """Where the mass comes to rest [m]."""
+    """Compute the rest position [m]."""
     y = x0
     while machine.stiffness * abs(y) > machine.static:
         y = _stroke(machine, y, rtol, dense=False).y[0, -1]
@@ -49,17 +57,17 @@ def final_displacement(machine: Slider, x0: float, rtol: float) -> float:
 
 
 def final_displacements(x0: np.ndarray) -> np.ndarray:
-    """The triangle wave of the `map` workload [m]."""
+    """Compute the triangle wave of the `map` workload [m]."""
     return np.array([final_displacement(PAPER, x, RTOL["map"]) for x in x0.tolist()])
 
 
 def sliding(ts: np.ndarray) -> np.ndarray:
-    """Displacement [m] of the `sliding` workload."""
+    """Compute the displacement [m] of the `sliding` workload."""
     return displacement(SLIDING, X0, ts, RTOL["sliding"])
 
 
 def _stroke(machine: Slider, y: float, rtol: float, *, dense: bool):
-    """From rest at `y` to the next reversal."""
+    """Integrate from rest at `y` to the next reversal."""
     m, k, c, side = machine.mass, machine.stiffness, machine.damping, -math.copysign(1.0, y)
     sliding = machine.sliding
 

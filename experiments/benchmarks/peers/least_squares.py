@@ -1,4 +1,7 @@
-"""SciPy's least_squares in scaled coordinates, as every peer but the stock one uses it."""
+"""SciPy's least_squares in scaled coordinates, for most peers.
+
+Only the stock peer has another solver.
+"""
 
 from collections.abc import Callable
 from typing import Any, NamedTuple
@@ -12,7 +15,7 @@ TYPICAL = {"offset": 1e-6}
 
 
 class Outcome(NamedTuple):
-    """Fitted values by name, and how many times the model was solved for them."""
+    """Fitted values by name, and the number of model solves."""
 
     values: dict[str, float]
     solves: int
@@ -26,13 +29,13 @@ def minimise(
     jacobian: Callable[[np.ndarray], np.ndarray] | None = None,
     ftol: float = 1e-8,
 ) -> Outcome:
-    """Levenberg-Marquardt from the standard start, each parameter in units of its start value.
+    """Run Levenberg-Marquardt from the standard start, in scaled parameters.
 
     Args:
-        residual: of the parameters in SI units, in the order of the record's names.
-        record: gives the start.
-        difference: step of the finite differences in those units.
-        jacobian: derivatives of the residual by the parameters in SI units, (n, p), if the peer has them.
+        residual: function of the parameters in SI units, in the order of the record's names.
+        record: record with the standard start.
+        difference: step of the finite differences, in units of the start values.
+        jacobian: derivatives of the residual by the parameters in SI units, shape (n, p); None: finite differences.
         ftol: relative change of chi^2 at which to stop.
     """
     start = np.array([record.start[name] for name in record.names])

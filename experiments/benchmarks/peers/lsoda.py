@@ -1,6 +1,7 @@
-"""Peer: SciPy's odeint (LSODA) with right-hand side and Jacobian in numba, and least_squares.
+"""Peer: SciPy's odeint (LSODA) with numba functions, and least_squares.
 
-Every state is in its own scale, and the finite differences step wide enough to stand out of the integrator's error.
+numba compiles the right-hand side and its Jacobian. Every state has its own scale. The steps of the finite differences
+are larger than the error of the integrator.
 """
 
 import math
@@ -43,7 +44,10 @@ def lugre_slopes(_t, y, spring, viscous, pull, bristle, ratio):
 
 
 def displacement(law: str, t: np.ndarray, p: dict[str, float]) -> np.ndarray:
-    """Displacement [m] without offset, shape (n,), from the states x/x0, v/x0 and z/(F_c/sigma0)."""
+    """Compute the displacement [m] without offset, shape (n,).
+
+    The states are x/x0, v/x0 and z/(F_c/sigma0).
+    """
     force, x0 = p["mu"] * LOAD, p["x0"]
     common = (p["stiffness"] / MASS, p["damping"] / MASS, force / MASS / x0)
     system: tuple[Any, ...]
@@ -59,7 +63,7 @@ def displacement(law: str, t: np.ndarray, p: dict[str, float]) -> np.ndarray:
 
 
 def simulate(record: Record) -> np.ndarray:
-    """Displacement [m] with the true values."""
+    """Simulate the displacement [m] at the true values."""
     return displacement(record.law, record.t, record.truth)
 
 

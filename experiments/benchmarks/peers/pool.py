@@ -1,4 +1,7 @@
-"""Fits of an archive by one peer in one process per core, kept alive so that only the fits are timed."""
+"""Fits of an archive by one peer, in one process per core.
+
+The processes stay alive, so that only the fits are timed.
+"""
 
 import importlib
 import os
@@ -30,7 +33,10 @@ def _fit_some(peer: str, runs: list[int]) -> list[Outcome]:
 
 @contextmanager
 def _environment(**settings: str) -> Iterator[None]:
-    """What new processes see; they read it when they import numpy."""
+    """Set environment variables for new processes.
+
+    The processes read them at the import of numpy.
+    """
     before = dict(os.environ)
     os.environ.update(settings)
     try:
@@ -43,7 +49,8 @@ def _environment(**settings: str) -> Iterator[None]:
 class Pool:
     """Workers that hold the records of a file.
 
-    Fresh interpreters, because a fork of a process that runs JAX may hang; one thread each, so that they do not fight.
+    Workers are new interpreters, because a fork of a process that runs JAX may hang. Each has one thread, so that
+    workers do not compete for cores.
     """
 
     def __init__(self, path: Path, peer: str, runs: int) -> None:

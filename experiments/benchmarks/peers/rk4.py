@@ -1,6 +1,7 @@
-"""Peer: the regularised law by a Runge-Kutta loop of fourth order, written by hand in numba, with SciPy.
+"""Peer: the regularised law by a fourth-order Runge-Kutta loop in numba.
 
-The reversal passes in microseconds, so the loop needs 16 steps per sample to stay below a tenth of the noise.
+The fit uses SciPy. A reversal takes microseconds, so the loop needs 16 steps per sample to stay below a tenth of the
+noise.
 """
 
 import math
@@ -22,7 +23,10 @@ def acceleration(x, v, spring, viscous, friction):
 
 @numba.njit(fastmath=True)
 def displacement(t, substeps, mu, damping, stiffness, x0, offset):
-    """Classical fourth order with equal steps; the samples must be evenly spaced."""
+    """Integrate by the classical fourth-order method with equal steps.
+
+    The samples must be evenly spaced.
+    """
     spring, viscous, friction = stiffness / MASS, damping / MASS, mu * LOAD / MASS
     h = (t[1] - t[0]) / substeps
     x, v = x0, 0.0
@@ -48,11 +52,14 @@ def residual(t, measured, mu, damping, stiffness, x0, offset):
 
 
 def simulate(record: Record) -> np.ndarray:
-    """Displacement [m] with the true values."""
+    """Simulate the displacement [m] at the true values."""
     p = record.truth
     return displacement(record.t, SUBSTEPS, *(p[name] for name in record.names))
 
 
 def fit(record: Record) -> Outcome:
-    """Fit mu, damping, stiffness, x0 and offset; differences stay above the ripple that the equal steps leave."""
+    """Fit mu, damping, stiffness, x0 and offset.
+
+    The finite differences exceed the ripple of the equal steps.
+    """
     return minimise(lambda p: residual(record.t, record.x, *p), record, difference=1e-5)

@@ -1,6 +1,7 @@
-"""Peer: optimistix's Levenberg-Marquardt over diffrax's Tsit5, both as they come, alone or under vmap.
+"""Peer: optimistix's Levenberg-Marquardt over diffrax's Tsit5, unmodified.
 
-The parameters are in units of their start values, since the stock solver damps all of them alike.
+It runs on one record or under vmap. The parameters are in units of their start values, because the stock solver damps
+all of them alike.
 """
 
 from typing import Any
@@ -18,19 +19,19 @@ from rig import LOAD, MASS, NOISE, V_S  # noqa: E402
 
 from peers.least_squares import TYPICAL, Outcome  # noqa: E402
 
-# With rtol 1e-8 most fits of the archive miss the optimum: the steps chatter with the parameters.
+# With rtol 1e-8 most fits of the archive miss the optimum, because the steps vary erratically with the parameters.
 RTOL, ATOL = 1e-9, 1e-13
 FIT_TOLERANCE = 1e-4
 
 
 def rates(_t: Any, y: jax.Array, p: jax.Array) -> jax.Array:
-    """Rates of displacement and velocity under the regularised law."""
+    """Compute rates of displacement and velocity under the regularised law."""
     mu, damping, stiffness = p[:3]
     return jnp.stack([y[1], -(stiffness * y[0] + damping * y[1] + mu * LOAD * jnp.tanh(y[1] / V_S)) / MASS])
 
 
 def displacement(t: jax.Array, p: jax.Array) -> jax.Array:
-    """Displacement with offset [m], shape (n,)."""
+    """Compute the displacement with offset [m], shape (n,)."""
     found = diffrax.diffeqsolve(
         diffrax.ODETerm(rates),  # pyright: ignore[reportArgumentType]
         diffrax.Tsit5(),
@@ -53,7 +54,7 @@ def residual(q: jax.Array, args: tuple[jax.Array, ...]) -> jax.Array:
 
 
 def solve(t: jax.Array, x: jax.Array, start: jax.Array, scale: jax.Array) -> tuple[jax.Array, jax.Array]:
-    """Fitted parameters, and the number of steps."""
+    """Return fitted parameters and the number of steps."""
     solver = optx.LevenbergMarquardt(rtol=FIT_TOLERANCE, atol=FIT_TOLERANCE)
     found = optx.least_squares(residual, solver, start / scale, (t, x, scale), max_steps=200, throw=False)
     return found.value * scale, found.stats["num_steps"]
@@ -64,7 +65,7 @@ many = jax.jit(jax.vmap(solve, in_axes=(None, 0, 0, 0)))
 
 
 def simulate(record: Record) -> np.ndarray:
-    """Displacement [m] with the true values."""
+    """Simulate the displacement [m] at the true values."""
     p = jnp.array([record.truth[name] for name in record.names])
     return np.asarray(jax.jit(displacement)(jnp.asarray(record.t), p))
 
@@ -76,14 +77,14 @@ def fit(record: Record) -> Outcome:
 
 
 def fit_all(records: list[Record]) -> list[Outcome]:
-    """Fit all records at once."""
+    """Fit all records in one vmapped call."""
     start, scale = map(np.array, zip(*map(coordinates, records), strict=True))
     found, steps = many(records[0].t, np.array([r.x for r in records]), start, scale)
     return [outcome(*row) for row in zip(records, found, steps, strict=True)]
 
 
 def coordinates(record: Record) -> tuple[np.ndarray, np.ndarray]:
-    """Start and typical size of the parameters."""
+    """Return start and typical size of the parameters."""
     start = np.array([record.start[name] for name in record.names])
     return start, np.array([record.start[name] or TYPICAL[name] for name in record.names])
 
